@@ -1,0 +1,116 @@
+"""The base of every typed setting, and the YAML reader that gives errors a user can act on.
+
+Each room declares its own settings beside its code; `onboard/config.py` puts a car's together.
+"""
+
+import difflib
+import json
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+from typing_extensions import override
+
+
+class Settings(BaseModel):
+    """Frozen and strict: an unknown key, a wrong type or an impossible value is an error."""
+
+    model_config = ConfigDict(
+        strict=True,
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+    )
+
+
+class SettingsError(Exception):
+    """The user's mistake: names file, field, value and what is allowed, one line each."""
+
+
+SettingsT = TypeVar("SettingsT", bound=Settings)
+
+
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """PyYAML keeps the last of two equal keys; in a car that hides a mistake."""
+
+    @override
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.MarkedYAMLError(
+                    problem=f"key {key!r} stands twice", problem_mark=node.start_mark
+                )
+        return super().construct_mapping(node, deep)
+
+
+def load_settings(path: Path, schema: type[SettingsT]) -> SettingsT:
+    """Read the YAML file at `path` as a `schema`.
+
+    Raises:
+        SettingsError: the file is missing, not YAML, or does not fit; the message has one line
+            per mistake.
+    """
+    try:
+        tree = yaml.load(path.read_text(encoding="utf-8"), _UniqueKeyLoader)  # noqa: S506 (a SafeLoader)
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+    return parse_settings(tree if tree is not None else {}, schema, str(path))
+
+
+def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> SettingsT:
+    """Validate an already parsed `tree`; `origin` names it in errors.
+
+    Raises:
+        SettingsError: as in `load_settings`.
+    """
+    try:
+        # JSON mode lets a list stand for a tuple and a string for an enum, and nothing else.
+        return schema.model_validate_json(json.dumps(tree, default=str))
+    except ValidationError as error:
+        lines = [_explain(dict(item), schema) for item in error.errors(include_url=False)]
+        raise SettingsError("\n".join(f"{origin}: {line}" for line in lines)) from error
+
+
+def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
+    field = ".".join(str(part) for part in error["loc"]) or "(the whole file)"
+    if error["type"] == "missing":
+        return f"{field}: is required and missing"
+    if error["type"] == "extra_forbidden":
+        return f"{field}: unknown key (given {error['input']!r}){_hint(error['loc'], schema)}"
+    return f"{field}: {error['msg']} (given {error['input']!r})"
+
+
+def _hint(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
+    """Name the keys allowed where `location` ends, the nearest one first."""
+    allowed = _fields_at(location[:-1], schema)
+    if not allowed:
+        return ""
+    near = difflib.get_close_matches(str(location[-1]), allowed, n=1, cutoff=0.5)
+    suggestion = f"; did you mean {near[0]}?" if near else ""
+    return f"; allowed: {', '.join(sorted(allowed))}{suggestion}"
+
+
+def _fields_at(location: tuple[int | str, ...], schema: type[BaseModel]) -> list[str]:
+    model: type[BaseModel] = schema
+    for part in location:
+        if part in model.model_fields:
+            inner = _model_in(model.model_fields[str(part)].annotation)
+            if inner is None:
+                return []
+            model = inner
+    return list(model.model_fields)
+
+
+def _model_in(annotation: object) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in getattr(annotation, "__args__", ()):
+        found = _model_in(argument)
+        if found is not None:
+            return found
+    return None
