@@ -1,0 +1,81 @@
+"""Canonical octet encoding rules (ITU-T X.696): the few primitives that IEEE 1609.2 is made of."""
+
+
+class Malformed(ValueError):  # noqa: N818 (what the bytes are)
+    """The bytes are not what they should be."""
+
+
+def length_of(size: int) -> bytes:
+    """Encode a length determinant (X.696, 8.6)."""
+    if size < 0x80:
+        return bytes((size,))
+    width = (size.bit_length() + 7) // 8
+    return bytes((0x80 | width,)) + size.to_bytes(width, "big")
+
+
+def octets(data: bytes) -> bytes:
+    """Encode an OCTET STRING of open size: length, then content."""
+    return length_of(len(data)) + data
+
+
+def unsigned(value: int) -> bytes:
+    """Encode an INTEGER that is not negative and has no upper bound (X.696, 10.3)."""
+    return octets(value.to_bytes((value.bit_length() + 7) // 8 or 1, "big"))
+
+
+class Reader:
+    """Takes bytes off the front of `data`; every shortage raises `Malformed`."""
+
+    __slots__ = ("data", "position")
+
+    def __init__(self, data: bytes, position: int = 0) -> None:
+        self.data = data
+        self.position = position
+
+    def take(self, size: int) -> bytes:
+        """Return the next `size` bytes."""
+        end = self.position + size
+        taken = self.data[self.position : end]
+        if len(taken) != size:
+            raise Malformed(f"ends after {len(self.data)} bytes, {end} needed")
+        self.position = end
+        return taken
+
+    def byte(self) -> int:
+        """Return the next byte."""
+        position = self.position
+        if position >= len(self.data):
+            raise Malformed(f"ends after {position} bytes, one more needed")
+        self.position = position + 1
+        return self.data[position]
+
+    def integer(self, size: int) -> int:
+        """Return the next `size` bytes as an unsigned integer."""
+        return int.from_bytes(self.take(size), "big")
+
+    def length(self) -> int:
+        """Return a length determinant, which canonical encoding keeps as short as it can be."""
+        first = self.byte()
+        if first < 0x80:
+            return first
+        size = self.integer(first & 0x7F)
+        if length_of(size)[0] != first or size < 0x80:
+            raise Malformed(f"length {size} in {first & 0x7F} bytes is not canonical")
+        return size
+
+    def octets(self) -> bytes:
+        """Return an OCTET STRING of open size."""
+        return self.take(self.length())
+
+    def unsigned(self) -> int:
+        """Return an INTEGER without upper bound."""
+        content = self.octets()
+        if not content or (content[0] == 0 and len(content) > 1):
+            raise Malformed("an integer with no byte, or with one too many")
+        return int.from_bytes(content, "big")
+
+    def finish(self) -> None:
+        """Insist that nothing is left."""
+        left = len(self.data) - self.position
+        if left:
+            raise Malformed(f"{left} bytes left over")

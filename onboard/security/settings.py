@@ -1,0 +1,29 @@
+"""What a user may set about signatures and pseudonyms."""
+
+from pathlib import Path
+
+from pydantic import Field, SecretStr
+
+from onboard.settings import Settings
+
+
+class PlateDigestSettings(Settings):
+    """How a plate becomes a communication ID; equal in all cars of one trial."""
+
+    community_key: SecretStr = Field(default=SecretStr("onboard-open-community"), min_length=16)
+    """Shared by all cars of a trial. The default is public: it keeps plates out of sight of a
+    casual listener and no more."""
+    epoch_s: float = Field(default=300.0, ge=10.0, le=86_400.0)
+    """How long an ID lives, in seconds. Epochs begin at multiples of it since 1970 (UTC), so that
+    all cars change at once."""
+    scrypt_log2_n: int = Field(default=14, ge=1, le=20)
+    """Work for one derivation, as a power of two: 14 takes 16 MiB and about 35 ms."""
+
+
+class SecuritySettings(Settings):
+    """How messages are secured."""
+
+    keys_folder: Path | None = None
+    """The folder that `onboard keys` wrote for this car. Without one, messages go out as 1609.2
+    unsecured data, and nothing that comes in is verified."""
+    plate_digest: PlateDigestSettings = PlateDigestSettings()

@@ -1,0 +1,68 @@
+"""The communication ID: computable by whoever sees the plate, different in every epoch."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.security.plate_digest import PlateDigest, normalised
+from onboard.security.settings import PlateDigestSettings
+
+CHEAP = PlateDigestSettings(scrypt_log2_n=1)
+EPOCH_BEGIN_S = 1_700_000_100.0
+
+
+def test_two_cars_agree_on_what_they_see():
+    written, read = PlateDigest(CHEAP), PlateDigest(CHEAP)
+    assert written.car_id("abc-01 23", EPOCH_BEGIN_S) == read.car_id("ABC0123", EPOCH_BEGIN_S)
+
+
+def test_a_look_alike_character_is_forgiven():
+    digest = PlateDigest(CHEAP)
+    assert digest.car_id("7OI X", EPOCH_BEGIN_S) == digest.car_id("701X", EPOCH_BEGIN_S)
+
+
+def test_the_id_holds_for_one_epoch_and_changes_at_its_end():
+    digest = PlateDigest(CHEAP)
+    first = digest.car_id("ABC123", EPOCH_BEGIN_S)
+    ends_at = digest.epoch_ends_at(EPOCH_BEGIN_S)
+    assert ends_at == EPOCH_BEGIN_S + 300.0
+    assert digest.car_id("ABC123", math.nextafter(ends_at, 0)) == first
+    assert digest.car_id("ABC123", ends_at) != first
+    assert digest.epoch_ends_at(ends_at) == ends_at + 300.0
+
+
+def test_another_community_has_other_ids():
+    ours = PlateDigest(CHEAP)
+    theirs = PlateDigest(CHEAP.model_copy(update={"community_key": _secret("another community!")}))
+    assert ours.car_id("ABC123", EPOCH_BEGIN_S) != theirs.car_id("ABC123", EPOCH_BEGIN_S)
+
+
+def _secret(key: str):
+    return PlateDigestSettings.model_validate({"community_key": key}, strict=False).community_key
+
+
+def test_the_key_does_not_show_when_settings_are_printed():
+    assert "open-community" not in repr(PlateDigestSettings())
+
+
+@given(plate=st.text(min_size=1), utc_s=st.floats(min_value=0, max_value=4e9))
+def test_every_plate_has_an_id_of_eight_bytes_or_is_refused(plate, utc_s):
+    digest = PlateDigest(CHEAP)
+    try:
+        text = normalised(plate)
+    except ValueError:
+        with pytest.raises(ValueError, match="letters or digits"):
+            digest.car_id(plate, utc_s)
+        return
+    assert len(digest.car_id(plate, utc_s)) == 8
+    assert normalised(text) == text
+    assert utc_s < digest.epoch_ends_at(utc_s) <= utc_s + 300.0 + 1e-6
+
+
+def test_a_derivation_is_done_once_an_epoch(monkeypatch):
+    digest = PlateDigest(CHEAP)
+    first = digest.car_id("ABC123", EPOCH_BEGIN_S)
+    monkeypatch.setattr("hashlib.scrypt", lambda *_, **__: pytest.fail("derived again"))
+    assert digest.car_id("abc 123", EPOCH_BEGIN_S + 299) == first

@@ -1,0 +1,40 @@
+"""Unsecured 1609.2 data: nothing vouches for it, and its bytes are still the standard's."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.security.security import NotTrusted, Security
+
+BSM_PSID = 0x20
+
+
+def test_the_wrap_is_three_bytes_for_a_short_payload():
+    assert Security(utc_offset_s=0).secure(b"\x00\x14\x01\x00", BSM_PSID, now=0.0) == bytes.fromhex(
+        "03 80 04 00140100"
+    )
+
+
+@given(payload=st.binary(max_size=70_000), psid=st.integers(0, 2**28))
+def test_what_was_wrapped_is_opened(payload, psid):
+    security = Security(utc_offset_s=1.7e9)
+    opened = security.open(security.secure(payload, psid, now=1.0), psid, now=1.1)
+    assert (opened.payload, opened.signer_id, opened.generation_utc_s) == (payload, None, None)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        pytest.param("", id="nothing"),
+        pytest.param("03 80", id="no length"),
+        pytest.param("03 80 05 00140100", id="one byte short"),
+        pytest.param("03 80 03 00140100", id="one byte over"),
+        pytest.param("03 80 8104 00140100", id="length not canonical"),
+        pytest.param("02 80 04 00140100", id="protocol version 2"),
+        pytest.param("03 82 04 00140100", id="encrypted data"),
+    ],
+)
+def test_anything_else_is_malformed(data):
+    with pytest.raises(NotTrusted) as refused:
+        Security(utc_offset_s=0).open(bytes.fromhex(data), BSM_PSID, now=0.0)
+    assert refused.value.reason == "malformed"
