@@ -12,6 +12,8 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 from typing_extensions import override
 
+from onboard.errors import UserError
+
 
 class Settings(BaseModel):
     """Frozen and strict: an unknown key, a wrong type or an impossible value is an error."""
@@ -25,8 +27,8 @@ class Settings(BaseModel):
     )
 
 
-class SettingsError(Exception):
-    """The user's mistake: names file, field, value and what is allowed, one line each."""
+class SettingsError(UserError):
+    """Names file, field, value and what is allowed, one line each."""
 
 
 SettingsT = TypeVar("SettingsT", bound=Settings)

@@ -1,0 +1,76 @@
+"""A silent sensor is shown as lost, within its limit, and recovers by itself."""
+
+import pytest
+
+from onboard.freshness import SensorWatch
+from onboard.observations import Sensor, SensorBack, SensorLost
+
+
+@pytest.fixture
+def watch() -> SensorWatch:
+    return SensorWatch({Sensor.SPEED: 0.8, Sensor.CAMERA: 1.0}, now=100.0)
+
+
+def test_a_sensor_that_never_spoke_is_lost_after_its_limit(watch: SensorWatch) -> None:
+    assert watch.get_timer() == pytest.approx(100.8)
+
+    watch.handle_timer(100.8)
+
+    assert watch.next_event() == SensorLost(100.8, Sensor.SPEED, silent_s=None, reason="silent")
+    assert watch.next_event() is None
+    assert watch.lost == {Sensor.SPEED}
+
+
+def test_each_sample_renews_the_limit(watch: SensorWatch) -> None:
+    watch.receive_sample(Sensor.SPEED, 100.7)
+    watch.receive_sample(Sensor.CAMERA, 100.7)
+
+    watch.handle_timer(101.4)
+
+    assert watch.next_event() is None
+    assert watch.get_timer() == pytest.approx(101.5)
+
+
+def test_it_is_said_once_that_a_sensor_is_lost_and_how_long_it_was_silent(
+    watch: SensorWatch,
+) -> None:
+    watch.receive_sample(Sensor.SPEED, 100.5)
+    watch.receive_sample(Sensor.CAMERA, 101.5)
+
+    watch.handle_timer(101.5)
+    watch.handle_timer(101.6)
+
+    assert watch.next_event() == SensorLost(101.5, Sensor.SPEED, silent_s=1.0, reason="silent")
+    assert watch.next_event() is None
+    assert watch.get_timer() == pytest.approx(102.5), "only the camera is waited for"
+
+
+def test_the_first_sample_after_a_loss_brings_it_back(watch: SensorWatch) -> None:
+    watch.handle_timer(100.8)
+    watch.next_event()
+
+    watch.receive_sample(Sensor.SPEED, 130.0)
+
+    assert watch.next_event() == SensorBack(130.0, Sensor.SPEED)
+    assert watch.lost == frozenset()
+    assert watch.get_timer() == pytest.approx(101.0)
+
+
+def test_a_room_may_know_of_a_loss_before_the_limit(watch: SensorWatch) -> None:
+    watch.receive_sample(Sensor.CAMERA, 100.2)
+
+    watch.receive_loss(Sensor.CAMERA, "frozen", 100.4)
+    watch.receive_loss(Sensor.CAMERA, "frozen", 100.5)
+
+    lost = watch.next_event()
+    assert isinstance(lost, SensorLost)
+    assert lost.reason == "frozen"
+    assert lost.silent_s == pytest.approx(0.2)
+    assert watch.next_event() is None
+
+
+def test_a_sensor_that_the_car_does_not_have_is_never_lost(watch: SensorWatch) -> None:
+    watch.receive_loss(Sensor.POSITION, "unplugged", 100.1)
+    watch.receive_sample(Sensor.POSITION, 100.2)
+
+    assert watch.next_event() is None

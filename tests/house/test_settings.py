@@ -1,0 +1,94 @@
+"""A mistake in a YAML file is told with file, field, value and what is allowed."""
+
+from enum import StrEnum
+from pathlib import Path
+
+import pytest
+from pydantic import Field
+
+from onboard.settings import Settings, SettingsError, load_settings
+
+
+class Colour(StrEnum):
+    RED = "red"
+    BLUE = "blue"
+
+
+class Wheel(Settings):
+    radius_m: float = Field(gt=0.0)
+    colour: Colour = Colour.RED
+
+
+class Cart(Settings):
+    seed: int = 0
+    wheels: tuple[Wheel, ...] = ()
+
+
+@pytest.fixture
+def yaml_file(tmp_path: Path) -> Path:
+    return tmp_path / "cart.yaml"
+
+
+def complaint(yaml_file: Path, text: str) -> str:
+    yaml_file.write_text(text)
+    with pytest.raises(SettingsError) as error:
+        load_settings(yaml_file, Cart)
+    return str(error.value)
+
+
+def test_a_good_file_becomes_a_frozen_value(yaml_file: Path) -> None:
+    yaml_file.write_text("seed: 3\nwheels: [{radius_m: 1, colour: blue}]\n")
+
+    assert load_settings(yaml_file, Cart) == Cart(
+        seed=3, wheels=(Wheel(radius_m=1.0, colour=Colour.BLUE),)
+    )
+
+
+def test_an_empty_file_is_all_defaults(yaml_file: Path) -> None:
+    yaml_file.write_text("")
+
+    assert load_settings(yaml_file, Cart) == Cart()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("sead: 3", "sead: unknown key (given 3); allowed: seed, wheels; did you mean seed?"),
+        ("seed: three", "seed: Input should be a valid integer (given 'three')"),
+        ("seed: 1.5", "seed: Input should be a valid integer"),
+        ("wheels: [{}]", "wheels.0.radius_m: is required and missing"),
+        (
+            "wheels: [{radius_m: -1}]",
+            "wheels.0.radius_m: Input should be greater than 0 (given -1)",
+        ),
+        ("wheels: [{radius_m: .nan}]", "wheels.0.radius_m: Input should be a finite number"),
+        (
+            "wheels: [{radius_cm: 1}]",
+            "wheels.0.radius_cm: unknown key (given 1); allowed: colour, radius_m; did you mean",
+        ),
+        (
+            "wheels: [{radius_m: 1, colour: pink}]",
+            "wheels.0.colour: Input should be 'red' or 'blue' (given 'pink')",
+        ),
+        ("seed: 1\nseed: 2", "key 'seed' stands twice"),
+        ("seed: [", "not YAML"),
+        (
+            "just a sentence",
+            "(the whole file): Input should be an object (given 'just a sentence')",
+        ),
+    ],
+)
+def test_a_mistake_is_named(yaml_file: Path, text: str, told: str) -> None:
+    message = complaint(yaml_file, text)
+
+    assert told in message
+    assert message.startswith(str(yaml_file))
+
+
+def test_every_mistake_is_named_at_once(yaml_file: Path) -> None:
+    assert len(complaint(yaml_file, "sead: 1\nseed: x\n").splitlines()) == 2
+
+
+def test_a_missing_file_is_named(yaml_file: Path) -> None:
+    with pytest.raises(SettingsError, match=r"cart\.yaml: cannot be read: No such file"):
+        load_settings(yaml_file, Cart)
