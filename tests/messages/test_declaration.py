@@ -1,0 +1,144 @@
+"""A message is declared once; everything else is read from the declaration."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated, Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.messages.declaration import Code, DecodeError, Layout, Number, Octets, Wire
+
+
+class Weather(Enum):
+    DRY = 1
+    WET = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """As many kinds of field as there are, none of them on a byte boundary."""
+
+    count: Annotated[int, Wire(3)]
+    speed_m_s: Annotated[float | None, Number(13, 0.02, "m/s", highest=8190, unavailable=8191)]
+    offset_m: Annotated[float, Number(11, 0.1, "m", lowest=-1000, highest=1000)]
+    name: Annotated[bytes, Octets(24)]
+    weather: Annotated[Weather | int, Code(5, Weather)]
+
+
+LAYOUT = Layout(Sample)
+SAMPLE = Sample(5, 27.78, -3.2, b"abc", Weather.WET)
+
+
+def samples() -> st.SearchStrategy[Sample]:
+    """Every message that the declaration allows, at the resolution of the wire."""
+
+    def values(wire: Wire) -> st.SearchStrategy[Any]:
+        if isinstance(wire, Number):
+            codes = st.integers(wire.lowest, wire.highest)
+            if wire.unavailable is not None:
+                codes |= st.just(wire.unavailable)
+            return codes.map(lambda code: wire.from_raw(code & (1 << wire.bits) - 1))
+        return st.integers(0, (1 << wire.bits) - 1).map(wire.from_raw)
+
+    return st.builds(Sample, **{name: values(wire) for name, wire in LAYOUT.wires.items()})
+
+
+def test_the_bits_follow_one_another_most_significant_first() -> None:
+    # 101 | 0010101101101 (1389) | 11111100000 (-32) | 'a' 'b' 'c' | 00010
+    bits = "101_0010101101101_11111100000_011000010110001001100011_00010"
+    assert LAYOUT.encode(SAMPLE) == int(bits, 2).to_bytes(7)
+    assert LAYOUT.size_bytes == 7
+
+
+@given(samples())
+def test_whatever_the_declaration_allows_comes_back(sample: Sample) -> None:
+    assert LAYOUT.decode(LAYOUT.encode(sample)) == sample
+
+
+@given(st.binary(min_size=7, max_size=7))
+def test_whatever_arrives_is_read_to_the_bit_or_refused(data: bytes) -> None:
+    try:
+        sample = LAYOUT.decode(data)
+    except DecodeError:
+        return
+    assert LAYOUT.encode(sample) == data
+    assert set(LAYOUT.as_dict(sample)) == set(LAYOUT.wires)
+
+
+@pytest.mark.parametrize("size", range(7))
+def test_a_truncated_message_is_too_short(size: int) -> None:
+    with pytest.raises(DecodeError, match=r"too_short: \d bytes instead of 7"):
+        LAYOUT.decode(LAYOUT.encode(SAMPLE)[:size])
+
+
+def test_a_longer_message_has_trailing_bytes() -> None:
+    with pytest.raises(DecodeError) as refusal:
+        LAYOUT.decode(LAYOUT.encode(SAMPLE) + b"\0")
+    assert refusal.value.reason == "trailing_bytes"
+
+
+def test_a_measurement_beyond_the_range_is_sent_as_its_end() -> None:
+    fast = Sample(0, 400.0, -1e9, b"abc", 0)
+    assert LAYOUT.decode(LAYOUT.encode(fast)) == Sample(0, 8190 * 0.02, -100.0, b"abc", 0)
+    assert LAYOUT.wires["speed_m_s"].to_raw(float("inf")) == 8190
+
+
+def test_an_unavailable_measurement_stays_unavailable() -> None:
+    unknown = Sample(0, None, 0.0, b"abc", Weather.DRY)
+    assert LAYOUT.decode(LAYOUT.encode(unknown)) == unknown
+
+
+@pytest.mark.parametrize(
+    ("field", "sample"),
+    [
+        ("count", Sample(8, 0.0, 0.0, b"abc", 1)),
+        ("count", Sample(-1, 0.0, 0.0, b"abc", 1)),
+        ("speed_m_s", Sample(0, float("nan"), 0.0, b"abc", 1)),
+        ("offset_m", Sample(0, 0.0, None, b"abc", 1)),  # type: ignore[arg-type]
+        ("name", Sample(0, 0.0, 0.0, b"ab", 1)),
+        ("weather", Sample(0, 0.0, 0.0, b"abc", 32)),
+    ],
+)
+def test_what_cannot_be_carried_is_our_mistake_and_names_the_field(
+    field: str, sample: Sample
+) -> None:
+    with pytest.raises(ValueError, match=rf"^Sample\.{field}: "):
+        LAYOUT.encode(sample)
+
+
+def test_a_code_of_a_later_version_survives_reading_and_printing() -> None:
+    later = LAYOUT.decode(LAYOUT.encode(Sample(0, 0.0, 0.0, b"abc", 9)))
+    assert later.weather == 9
+    assert LAYOUT.as_dict(later)["weather"] == "unknown_9"
+    assert LAYOUT.encode(later) == LAYOUT.encode(Sample(0, 0.0, 0.0, b"abc", 9))
+
+
+def test_printing_gives_what_json_can_hold() -> None:
+    assert LAYOUT.as_dict(SAMPLE) == {
+        "count": 5,
+        "speed_m_s": 27.78,
+        "offset_m": -3.2,
+        "name": "616263",
+        "weather": "wet",
+    }
+
+
+def test_the_documentation_is_the_declaration() -> None:
+    assert LAYOUT.table().splitlines()[2:] == [
+        "| count | 3 | count | 0 to 7 |  |",
+        "| speed_m_s | 13 | m/s | 0 to 163.8 by 0.02 | 8191 |",
+        "| offset_m | 11 | m | -100 to 100 by 0.1 |  |",
+        "| name | 24 | bytes | 3 bytes |  |",
+        "| weather | 5 | code | 1 dry, 2 wet |  |",
+    ]
+
+
+def test_a_message_is_whole_bytes() -> None:
+    @dataclass(frozen=True)
+    class Odd:
+        count: Annotated[int, Wire(7)]
+
+    with pytest.raises(TypeError, match="Odd is 7 bits long, not whole bytes"):
+        Layout(Odd)

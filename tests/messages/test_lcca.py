@@ -1,0 +1,132 @@
+"""The five messages of a warning group on the wire."""
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.messages.declaration import DecodeError, Number, Wire
+from onboard.messages.lcca import (
+    LAYOUTS,
+    VERSION,
+    Join,
+    LccaMessage,
+    Leave,
+    LeaveReason,
+    Reply,
+    Update,
+    Warn,
+    as_dict,
+    decode,
+    encode,
+)
+
+A, B, C = b"car-aaaa", b"car-bbbb", b"car-cccc"
+
+EXAMPLES: list[tuple[LccaMessage, str]] = [
+    (
+        Join(B, B, 1, A, 7, A, 258),
+        "01 01" + B.hex() + B.hex() + "0001" + A.hex() + "0007" + A.hex() + "0102",
+    ),
+    (
+        Reply(A, A, 1, B, 7, 99, 20.0),
+        # 20.0 m/s is 1000 steps of 0.02; 13 bits, then 3 reserved: 1000 << 3 = 0x1f40
+        "01 02" + A.hex() + A.hex() + "0001" + B.hex() + "0007 0063 1f40",
+    ),
+    (
+        Leave(B, A, 2, A, LeaveReason.NOT_AHEAD),
+        "01 03" + B.hex() + A.hex() + "0002" + A.hex() + "02",
+    ),
+    (
+        Update(B, B, 1, B, 5, 2, A, -1, 99),
+        "01 04" + B.hex() + B.hex() + "0001" + B.hex() + "0005 0002" + A.hex() + "ffff 0063",
+    ),
+    (
+        Warn(C, A, 3, A, 6, 2, 1, 7.5, 0.042, 2),
+        "01 05" + C.hex() + A.hex() + "0003" + A.hex() + "0006 0002 0001 4b 002a 02",
+    ),
+]
+
+
+def messages() -> st.SearchStrategy[Any]:
+    """Whatever the declarations allow."""
+
+    def values(wire: Wire) -> st.SearchStrategy[Any]:
+        if isinstance(wire, Number):
+            codes = st.integers(wire.lowest, wire.highest)
+            codes |= st.just(wire.lowest if wire.unavailable is None else wire.unavailable)
+            return codes.map(lambda code: wire.from_raw(code & (1 << wire.bits) - 1))
+        return st.integers(0, (1 << wire.bits) - 1).map(wire.from_raw)
+
+    return st.one_of(
+        st.builds(layout.message, **{name: values(wire) for name, wire in layout.wires.items()})
+        for layout in LAYOUTS.values()
+    )
+
+
+@pytest.mark.parametrize(
+    ("message", "wire"), EXAMPLES, ids=lambda value: getattr(value, "kind", "")
+)
+def test_the_bytes_are_the_declared_ones(message: LccaMessage, wire: str) -> None:
+    assert encode(message).hex() == bytes.fromhex(wire).hex()
+    assert decode(bytes.fromhex(wire)) == message
+
+
+@pytest.mark.parametrize(
+    ("message", "wire"), EXAMPLES, ids=lambda value: getattr(value, "kind", "")
+)
+def test_every_truncated_twin_is_too_short(message: LccaMessage, wire: str) -> None:
+    data = bytes.fromhex(wire)
+    for size in range(len(data)):
+        with pytest.raises(DecodeError) as refusal:
+            decode(data[:size])
+        assert refusal.value.reason == "too_short"
+    with pytest.raises(DecodeError) as refusal:
+        decode(data + b"\0")
+    assert refusal.value.reason == "trailing_bytes"
+
+
+@given(messages())
+def test_whatever_is_sent_is_read_again(message: LccaMessage) -> None:
+    assert decode(encode(message)) == message
+
+
+@given(st.binary(max_size=64), st.sampled_from(sorted(LAYOUTS)))
+def test_garbage_is_refused_and_never_breaks_printing(data: bytes, code: int) -> None:
+    for garbage in (data, bytes((VERSION, code)) + data):
+        try:
+            message = decode(garbage)
+        except DecodeError:
+            continue
+        assert as_dict(message)
+        assert encode(message) == garbage
+
+
+def test_another_version_is_not_guessed_at() -> None:
+    data = bytearray(encode(EXAMPLES[0][0]))
+    data[0] = 2
+    with pytest.raises(DecodeError) as refusal:
+        decode(bytes(data))
+    assert refusal.value.reason == "unknown_version"
+
+
+def test_an_unknown_type_is_not_guessed_at() -> None:
+    with pytest.raises(DecodeError) as refusal:
+        decode(bytes((VERSION, 77)) + bytes(30))
+    assert refusal.value.reason == "unknown_type"
+
+
+def test_a_reason_of_a_later_version_survives() -> None:
+    later = Leave(B, A, 2, A, 200)
+    assert decode(encode(later)) == later
+    assert as_dict(later)["reason"] == "unknown_200"
+
+
+def test_a_warning_overtakes_everything_else() -> None:
+    assert Warn.user_priority == 7
+    assert all(
+        layout.message.user_priority < 7
+        for layout in LAYOUTS.values()
+        if layout.message is not Warn
+    )
