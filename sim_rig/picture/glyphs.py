@@ -1,0 +1,96 @@
+"""Characters as masks, from the shipped fonts: one text, one row, tight around its ink."""
+
+from functools import cache, lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+FONT_FOLDER = Path(__file__).parent / "fonts"
+CAP_HEIGHT_PX = 96
+"""Height of a capital letter in every mask; whoever draws scales it from there."""
+
+Mask = npt.NDArray[np.uint8]
+"""(h, w), 255 where there is ink."""
+
+
+def font_names() -> list[str]:
+    """The shipped fonts, by file stem."""
+    return sorted(path.stem for path in FONT_FOLDER.glob("*.ttf"))
+
+
+@cache
+def _font(name: str) -> ImageFont.FreeTypeFont:
+    """The font at the size that makes a capital letter `CAP_HEIGHT_PX` high."""
+    path = FONT_FOLDER / f"{name}.ttf"
+    if not path.is_file():
+        raise ValueError(f"no font {name!r}; there are {', '.join(font_names())}")
+    trial = ImageFont.truetype(path, 200)
+    top, bottom = trial.getbbox("H")[1::2]
+    return ImageFont.truetype(path, 200 * CAP_HEIGHT_PX / (bottom - top))
+
+
+@lru_cache(maxsize=4096)
+def glyph(font: str, character: str) -> Mask:
+    """Mask of one character, `CAP_HEIGHT_PX` high (a little cut where it hangs lower), tight in x.
+
+    Raises:
+        ValueError: no such font.
+    """
+    face = _font(font)
+    left, _, right, _ = face.getbbox(character)
+    top = face.getbbox("H")[1]
+    image = Image.new("L", (max(1, int(right - left)), CAP_HEIGHT_PX))
+    ImageDraw.Draw(image).text((-left, -top), character, font=face, fill=255)
+    return np.asarray(image, dtype=np.uint8)
+
+
+def text_row(
+    text: str,
+    font: str,
+    *,
+    spacing: float = 0.12,
+    cell: float | None = None,
+    weight_px: int = 0,
+) -> Mask:
+    """Mask of `text` in one row, `CAP_HEIGHT_PX` high.
+
+    Args:
+        text: characters of the font; a space takes 0.3 of the cap height.
+        font: a name of `font_names()`.
+        spacing: between characters, as a share of the cap height.
+        cell: if given, every character sits in the middle of a cell of this share of the cap
+            height, as dies of equal width stamp it.
+        weight_px: strokes grow (or, negative, shrink) by this many pixels on either side.
+
+    Raises:
+        ValueError: no such font.
+    """
+    gap_px = round(spacing * CAP_HEIGHT_PX)
+    pieces: list[Mask] = []
+    for character in text:
+        mask = (
+            np.zeros((CAP_HEIGHT_PX, round(0.3 * CAP_HEIGHT_PX)), np.uint8)
+            if character == " "
+            else glyph(font, character)
+        )
+        if cell is not None and character.isalnum():
+            mask = _centred(mask, round(cell * CAP_HEIGHT_PX))
+        pieces += [mask, np.zeros((CAP_HEIGHT_PX, gap_px), np.uint8)]
+    row = np.hstack(pieces[:-1]) if pieces else np.zeros((CAP_HEIGHT_PX, 1), np.uint8)
+    if weight_px:
+        size = 2 * abs(weight_px) + 1
+        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+        grow = cv2.dilate if weight_px > 0 else cv2.erode
+        row = np.asarray(grow(row, kernel), np.uint8)
+    return row
+
+
+def _centred(mask: Mask, width_px: int) -> Mask:
+    """`mask` in the middle of `width_px` columns, squeezed if it is wider."""
+    if mask.shape[1] > width_px:
+        return np.asarray(cv2.resize(mask, (width_px, mask.shape[0])), np.uint8)
+    left = (width_px - mask.shape[1]) // 2
+    return np.pad(mask, ((0, 0), (left, width_px - mask.shape[1] - left)))

@@ -1,0 +1,261 @@
+"""The texture of a plate: what it looks like from straight ahead in even light.
+
+A `PlateFormat` is one country's (or one imagined) design in millimetres; `draw_plate` paints a text
+on it. Perspective, light and lens come later and are others' work.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from sim_rig.picture.glyphs import Mask, text_row
+
+Picture = npt.NDArray[np.uint8]
+"""(h, w, 3), BGR."""
+Bgr = tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A coloured rectangle: a country band, a sticker, a frame's bar."""
+
+    x_mm: float
+    y_mm: float
+    w_mm: float
+    h_mm: float
+    bgr: Bgr
+
+
+@dataclass(frozen=True, slots=True)
+class SmallText:
+    """Print that is not part of the number: a state, a dealer, a date."""
+
+    text: str
+    x_mm: float
+    """Centre."""
+    y_mm: float
+    """Centre."""
+    h_mm: float
+    w_mm: float
+    """At most."""
+    font: str
+    bgr: Bgr
+
+
+@dataclass(frozen=True, slots=True)
+class Hole:
+    """A bolt, or the hole for one."""
+
+    x_mm: float
+    y_mm: float
+    r_mm: float
+    bgr: Bgr
+
+
+@dataclass(frozen=True, slots=True)
+class NumberRow:
+    """Where one row of the number stands and how it is written."""
+
+    x_mm: float
+    """Centre."""
+    y_mm: float
+    """Centre."""
+    h_mm: float
+    """Of a character."""
+    w_mm: float
+    """Of the row at most; a longer text is squeezed."""
+    groups: tuple[int, ...]
+    """Characters a group; what is left over belongs to the last."""
+    separator: str = " "
+    """Between groups: a character of the font, or `|` for a coloured mark."""
+    mark_bgr: Bgr = (60, 60, 200)
+    stretch: float = 1.0
+    """Width of a character over the font's own."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlateFormat:
+    """One design of plate."""
+
+    name: str
+    width_mm: float
+    height_mm: float
+    font: str
+    rows: tuple[NumberRow, ...]
+    ground_bgr: Bgr = (235, 238, 240)
+    ink_bgr: Bgr = (25, 22, 20)
+    spacing: float = 0.12
+    cell: float | None = None
+    weight_px: int = 0
+    border_mm: float = 0.0
+    corner_mm: float = 8.0
+    patches: tuple[Patch, ...] = ()
+    small_texts: tuple[SmallText, ...] = ()
+    holes: tuple[Hole, ...] = ()
+
+    @property
+    def width_m(self) -> float:
+        """Outer width."""
+        return self.width_mm / 1000
+
+    @property
+    def height_m(self) -> float:
+        """Outer height."""
+        return self.height_mm / 1000
+
+
+_DIN = "osp-din"
+EU = PlateFormat(
+    name="eu",
+    width_mm=520,
+    height_mm=110,
+    font="barlow-semi-condensed-500",
+    rows=(NumberRow(x_mm=283, y_mm=55, h_mm=75, w_mm=440, groups=(3,), stretch=1.05),),
+    border_mm=4,
+    patches=(Patch(0, 0, 45, 110, (150, 60, 10)),),
+    small_texts=(SmallText("EU", 22, 85, 20, 32, _DIN, (240, 240, 240)),),
+)
+US = PlateFormat(
+    name="us",
+    width_mm=305,
+    height_mm=152,
+    font="routed-gothic-narrow",
+    rows=(NumberRow(x_mm=152, y_mm=82, h_mm=68, w_mm=275, groups=(3,), stretch=0.85),),
+    ink_bgr=(90, 40, 30),
+    weight_px=3,
+    small_texts=(SmallText("LIBERTY", 152, 22, 20, 140, "overpass-600", (60, 40, 190)),),
+    holes=tuple(Hole(x, y, 4, (120, 120, 120)) for x in (62, 243) for y in (14, 138)),
+)
+BR = PlateFormat(
+    name="br",
+    width_mm=400,
+    height_mm=130,
+    font="roadgeek-2014-c",
+    rows=(NumberRow(200, 80, 63, 360, groups=(3,), separator="·", stretch=1.3),),
+    ground_bgr=(190, 192, 190),
+    weight_px=2,
+    border_mm=3,
+    small_texts=(SmallText("BR CIDADE", 200, 27, 16, 190, "overpass-600", (30, 30, 30)),),
+)
+FORMATS = {plate_format.name: plate_format for plate_format in (EU, US, BR)}
+
+
+def draw_plate(text: str, plate_format: PlateFormat, px_per_mm: float = 1.0) -> Picture:
+    """The plate with `text` (no separators, A-Z and 0-9), BGR.
+
+    Raises:
+        ValueError: the format's font is not shipped.
+    """
+    width_px = max(1, round(plate_format.width_mm * px_per_mm))
+    height_px = max(1, round(plate_format.height_mm * px_per_mm))
+    plate = np.empty((height_px, width_px, 3), np.uint8)
+    plate[:] = plate_format.ground_bgr
+    if plate_format.border_mm:
+        line_px = max(1, round(plate_format.border_mm * px_per_mm))
+        corner = (width_px - line_px // 2 - 1, height_px - line_px // 2 - 1)
+        cv2.rectangle(plate, (line_px // 2,) * 2, corner, plate_format.ink_bgr, line_px)
+    for patch in plate_format.patches:
+        top_left = (round(patch.x_mm * px_per_mm), round(patch.y_mm * px_per_mm))
+        bottom_right = (
+            round((patch.x_mm + patch.w_mm) * px_per_mm) - 1,
+            round((patch.y_mm + patch.h_mm) * px_per_mm) - 1,
+        )
+        cv2.rectangle(plate, top_left, bottom_right, patch.bgr, cv2.FILLED)
+    for small in plate_format.small_texts:
+        _paint(
+            plate,
+            text_row(small.text, small.font),
+            (small.x_mm * px_per_mm, small.y_mm * px_per_mm),
+            (small.w_mm * px_per_mm, small.h_mm * px_per_mm),
+            small.bgr,
+        )
+    rest = text
+    for row in plate_format.rows:
+        is_last = row is plate_format.rows[-1]
+        share = rest if is_last else rest[: sum(row.groups)]
+        rest = rest[len(share) :]
+        _paint_number(plate, share, row, plate_format, px_per_mm)
+    for hole in plate_format.holes:
+        centre = (round(hole.x_mm * px_per_mm), round(hole.y_mm * px_per_mm))
+        cv2.circle(plate, centre, round(hole.r_mm * px_per_mm), hole.bgr, cv2.FILLED, cv2.LINE_AA)
+    return plate
+
+
+def split_groups(text: str, sizes: tuple[int, ...]) -> list[str]:
+    """`text` cut into groups of `sizes`, and one more with what is left over.
+
+    >>> split_groups("ABC1234", (3,))
+    ['ABC', '1234']
+    """
+    groups = []
+    for size in sizes:
+        groups.append(text[:size])
+        text = text[size:]
+    return [group for group in [*groups, text] if group]
+
+
+def _paint_number(
+    plate: Picture, text: str, row: NumberRow, plate_format: PlateFormat, px_per_mm: float
+) -> None:
+    groups = split_groups(text, row.groups)
+    marked = row.separator == "|"
+    written = ("  " if marked else row.separator).join(groups)
+    mask = text_row(
+        written,
+        plate_format.font,
+        spacing=plate_format.spacing,
+        cell=plate_format.cell,
+        weight_px=plate_format.weight_px,
+    )
+    stretched_px = mask.shape[1] / mask.shape[0] * row.h_mm * row.stretch * px_per_mm
+    width_px = min(stretched_px, row.w_mm * px_per_mm)
+    centre = (row.x_mm * px_per_mm, row.y_mm * px_per_mm)
+    height_px = row.h_mm * px_per_mm
+    left, _ = _paint(
+        plate, mask, centre, (width_px, height_px), plate_format.ink_bgr, keep_aspect=False
+    )
+    if marked:
+        for column in _gaps(mask, len(groups) - 1):
+            x_px = round(left + column / mask.shape[1] * width_px)
+            half = max(1, round(0.07 * height_px))
+            y_px = round(centre[1])
+            cv2.rectangle(
+                plate,
+                (x_px - half, y_px - 3 * half),
+                (x_px + half, y_px + 3 * half),
+                row.mark_bgr,
+                -1,
+            )
+
+
+def _gaps(mask: Mask, count: int) -> list[float]:
+    """Middles of the `count` widest runs of empty columns, in columns."""
+    inked = np.flatnonzero(mask.any(axis=0))
+    widths = np.diff(inked)
+    widest = np.argsort(widths)[::-1][:count]
+    return [float(inked[index] + widths[index] / 2) for index in widest]
+
+
+def _paint(
+    plate: Picture,
+    mask: Mask,
+    centre_px: tuple[float, float],
+    size_px: tuple[float, float],
+    bgr: Bgr,
+    *,
+    keep_aspect: bool = True,
+) -> tuple[int, int]:
+    """Blend `bgr` onto `plate` under `mask`, scaled to `size_px` (w, h); gives its top left."""
+    height_px = max(1, round(size_px[1]))
+    wanted = mask.shape[1] / mask.shape[0] * height_px if keep_aspect else size_px[0]
+    width_px = max(1, round(min(wanted, size_px[0])))
+    scaled = cv2.resize(mask, (width_px, height_px), interpolation=cv2.INTER_AREA)
+    x_px = round(centre_px[0] - width_px / 2)
+    y_px = round(centre_px[1] - height_px / 2)
+    left, top = max(0, x_px), max(0, y_px)
+    region = plate[top : max(top, y_px + height_px), left : max(left, x_px + width_px)]
+    share = scaled[top - y_px :, left - x_px :][: region.shape[0], : region.shape[1], None] / 255.0
+    region[:] = (region * (1 - share) + np.asarray(bgr) * share + 0.5).astype(np.uint8)
+    return x_px, y_px
