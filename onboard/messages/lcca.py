@@ -20,7 +20,7 @@ CarId = bytes
 """Eight bytes: the digest of a plate, see `onboard/security/plate_digest.py`."""
 
 _CarId = Annotated[CarId, Octets(64)]
-_GroupNumber = Annotated[int, Wire(16)]
+_GroupNumber = Annotated[int, Number(16, 1, "", lowest=1, highest=65535)]
 _Sequence = Annotated[int, Wire(16)]
 _Speed = Annotated[float | None, Number(13, 0.02, "m/s", highest=8190, unavailable=8191)]
 
@@ -33,7 +33,11 @@ class LeaveReason(Enum):
     NOT_AHEAD = 2
     """The camera no longer shows that car ahead."""
     FOLLOWS_ANOTHER = 3
-    """The car behind has joined another car."""
+    """Another car ahead has been joined."""
+    NO_ANSWER = 4
+    """The car ahead no longer answers."""
+    LEADER_SILENT = 5
+    """The car ahead answers, but has no news from its leader."""
 
 
 @dataclass(frozen=True, slots=True)

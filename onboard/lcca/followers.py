@@ -1,0 +1,44 @@
+"""The warning list: who follows this car."""
+
+from onboard.messages.lcca import CarId
+
+
+class Followers:
+    """Each follower is on the list until it leaves or is not heard for `lifetime_s`.
+
+    One car can be directly behind, but more may be listed for a while: one that cut in and the one
+    behind it, or one that misread a plate. Being warned for nothing is the smaller harm.
+    """
+
+    def __init__(self, lifetime_s: float) -> None:
+        self._lifetime_s = lifetime_s
+        self._until: dict[CarId, float] = {}
+
+    def __len__(self) -> int:
+        return len(self._until)
+
+    @property
+    def ids(self) -> tuple[CarId, ...]:
+        """In the order of their joining."""
+        return tuple(self._until)
+
+    def hear(self, car_id: CarId, now: float) -> bool:
+        """That car asks to follow, or still does. Returns whether nobody did before."""
+        was_empty = not self._until
+        self._until[car_id] = now + self._lifetime_s
+        return was_empty
+
+    def remove(self, car_id: CarId) -> bool:
+        """That car follows no longer. Returns whether it was the last one."""
+        return self._until.pop(car_id, None) is not None and not self._until
+
+    def expire(self, now: float) -> bool:
+        """Drop those not heard for too long. Returns whether the last one was among them."""
+        gone = [car_id for car_id, until in self._until.items() if until <= now]
+        for car_id in gone:
+            del self._until[car_id]
+        return bool(gone) and not self._until
+
+    def get_timer(self) -> float | None:
+        """When the next follower would expire."""
+        return min(self._until.values(), default=None)

@@ -1,0 +1,159 @@
+"""Who repeats an update or a warning, without anybody's position.
+
+The LCCA paper mentions such a scheme and leaves it out; this one is ours.
+
+Going out. Every message tells where its sender stands in the group. So each car knows how many cars
+behind itself its radio has lately been heard to reach (taking radio as symmetric), and names that
+`reach` in what it sends. The car that far behind repeats at once, naming its own reach. The others
+that heard it wait, those nearer to the named one shorter, and stay silent once a car at least as
+far behind as themselves has repeated. A car without followers never repeats. While the named ones
+hear, the copies are those of a shortest path down the group, and there is no way to do with fewer.
+
+Getting there (warnings only). A warned car brings the refreshing of its membership forward and
+names the warning in it, so the acknowledgement is a message that was due anyway. A car repeats the
+warning to a follower that owes it one, a bounded number of times.
+"""
+
+from dataclasses import dataclass, field
+
+from onboard.lcca.followers import Followers
+from onboard.lcca.settings import LccaSettings
+from onboard.messages.lcca import CarId, Update, Warn
+
+EventId = tuple[CarId, int]
+"""Who started it, and its count there."""
+
+_LATELY = 3.0
+"""For how many refreshings of its membership a car once heard counts as within reach."""
+
+_REMEMBERED = 32
+"""Acknowledgements kept, of warnings known here or not yet."""
+
+
+def event_of(message: Update | Warn) -> EventId:
+    """Return what all copies of one message share."""
+    return message.event_origin_id, message.event_sequence
+
+
+class Reach:
+    """How far behind in the group the radio reaches."""
+
+    def __init__(self, settings: LccaSettings) -> None:
+        self._lifetime_s = _LATELY * settings.refresh_s
+        self._heard: dict[CarId, tuple[int, float]] = {}
+
+    def hear(self, car_id: CarId, distance: int, now: float) -> None:
+        """A car of the own group, `distance` > 0 cars behind, was heard."""
+        self._heard[car_id] = (distance, now)
+
+    def distance(self, now: float) -> int:
+        """Return how many cars behind the farthest car lately heard drives; 0 if there is none."""
+        horizon = now - self._lifetime_s
+        self._heard = {car: heard for car, heard in self._heard.items() if heard[1] >= horizon}
+        return max((distance for distance, _ in self._heard.values()), default=0)
+
+
+@dataclass(slots=True)
+class Known:
+    """A message on its way through the group, as this car knows it."""
+
+    message: Update | Warn
+    """The copy that came, or the original."""
+    heard_at: float
+    distance: int
+    """To the sender of the best copy: the one least far ahead."""
+    repeat_at: float | None
+    """When it is this car's turn, if nobody farther behind repeats before."""
+    check_at: float | None
+    """When the followers' acknowledgements are to be there."""
+    repeats_left: int
+    owing: set[CarId] = field(default_factory=set)
+    """Followers that have not acknowledged."""
+
+
+class Forwarding:
+    """Decides when this car repeats what it knows."""
+
+    def __init__(self, settings: LccaSettings, followers: Followers) -> None:
+        self._settings = settings
+        self._followers = followers
+        self._known: dict[EventId, Known] = {}
+        self._acknowledged: dict[EventId, set[CarId]] = {}
+
+    def knows(self, message: Update | Warn) -> bool:
+        """Whether a copy came before."""
+        return event_of(message) in self._known
+
+    def originate(self, message: Update | Warn, now: float) -> None:
+        """This car starts the message, and sends its first copy now."""
+        self._learn(message, 0, None, now)
+
+    def receive(self, message: Update | Warn, distance: int, now: float) -> None:
+        """A first copy from a car `distance` ahead."""
+        self._learn(message, distance, now + self._wait_s(message.reach, distance), now)
+
+    def receive_again(self, message: Update | Warn, distance: int, now: float) -> None:
+        """Another copy, from a car `distance` ahead, or as far behind if that is negative."""
+        known = self._known[event_of(message)]
+        if known.repeat_at is None:
+            return
+        if distance <= 0:
+            known.repeat_at = None
+        elif distance < known.distance:
+            known.distance = distance
+            known.repeat_at = now + self._wait_s(message.reach, distance)
+
+    def acknowledge(self, event: EventId, follower: CarId) -> None:
+        """That follower has the warning, whether or not we have it."""
+        self._acknowledged.setdefault(event, set()).add(follower)
+        if event in self._known:
+            self._known[event].owing.discard(follower)
+        while len(self._acknowledged) > _REMEMBERED:
+            del self._acknowledged[next(iter(self._acknowledged))]
+
+    def get_timer(self) -> float | None:
+        """When a copy may be due."""
+        due = [at for known in self._known.values() for at in (known.repeat_at, known.check_at)]
+        return min((at for at in due if at is not None), default=None)
+
+    def due(self, now: float) -> list[Known]:
+        """Return what this car is to repeat now; each is said once."""
+        return [
+            known
+            for known in self._known.values()
+            if any((self._has_turn(known, now), self._lacks_answer(known, now)))
+        ]
+
+    def _has_turn(self, known: Known, now: float) -> bool:
+        if known.repeat_at is None or now < known.repeat_at:
+            return False
+        known.repeat_at = None
+        return bool(known.owing) if isinstance(known.message, Warn) else len(self._followers) > 0
+
+    def _lacks_answer(self, known: Known, now: float) -> bool:
+        if known.check_at is None or now < known.check_at:
+            return False
+        known.owing.intersection_update(self._followers.ids)
+        if not known.owing or known.repeats_left == 0:
+            known.check_at = None
+            return False
+        known.check_at = now + self._settings.acknowledge_s
+        known.repeats_left -= 1
+        return True
+
+    def _learn(
+        self, message: Update | Warn, distance: int, repeat_at: float | None, now: float
+    ) -> None:
+        event = event_of(message)
+        owing = set(self._followers.ids) - self._acknowledged.get(event, set())
+        check_at = now + self._settings.acknowledge_s if isinstance(message, Warn) else None
+        self._known[event] = Known(
+            message, now, distance, repeat_at, check_at, self._settings.warn_repeats, owing
+        )
+        horizon = now - 2 * self._settings.event_lifetime_s
+        self._known = {key: old for key, old in self._known.items() if old.heard_at >= horizon}
+
+    def _wait_s(self, reach: int, distance: int) -> float:
+        """The named car none, the one beyond it half a slot, the one before it a slot, and on."""
+        slots = abs(reach - distance) - (0.5 if distance > reach else 0.0)
+        return slots * self._settings.slot_s

@@ -1,0 +1,436 @@
+"""One car's part in its warning group (LCCA, section 3): the core without I/O.
+
+What this file does is to put the parts together: `lookout` says whom to follow, `membership` asks,
+`place` numbers, `followers` lists who asked us, `forwarding` carries messages on, and `transitions`
+alone decides the state. Where the paper is silent or the radio is not as kind as it assumes,
+docs/decisions says what was chosen.
+"""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from onboard.lcca.events import Neighbour, Transition, WarningRaised
+from onboard.lcca.followers import Followers
+from onboard.lcca.forwarding import EventId, Forwarding, Known, Reach, event_of
+from onboard.lcca.lookout import Lookout
+from onboard.lcca.membership import Membership
+from onboard.lcca.place import Place
+from onboard.lcca.settings import LccaSettings
+from onboard.lcca.transitions import Event, State, next_state
+from onboard.messages.lcca import CarId, Join, LccaMessage, Leave, LeaveReason, Reply, Update, Warn
+from onboard.observations import Discarded, HardBrake
+
+__all__ = ["Neighbour", "WarningGroup"]
+
+_SEQUENCES = 1 << 16
+_NO_EVENT: EventId = (bytes(8), 0)
+
+
+class WarningGroup:
+    """REGULAR, LEADER or MEMBER; joins, answers, warns and is warned."""
+
+    def __init__(self, settings: LccaSettings, own_id: CarId, rng: np.random.Generator) -> None:
+        """Start alone. `rng` spreads what many cars would send at once."""
+        self._settings = settings
+        self._own_id = own_id
+        self._own_ids: tuple[CarId, ...] = (own_id,)
+        self._renaming_until: float | None = None
+        self._state = State.REGULAR
+        self._place = Place(own_id, settings.loop_memory_s, int(rng.integers(_SEQUENCES)))
+        self._lookout = Lookout(settings)
+        self._membership = Membership(settings, self._lookout, rng)
+        self._followers = Followers(settings.membership_lifetime_s)
+        self._reach = Reach(settings)
+        self._forwarding = Forwarding(settings, self._followers)
+        self._event_sequence = int(rng.integers(_SEQUENCES))
+        self._to_acknowledge: deque[EventId] = deque()
+        self._outbox: list[LccaMessage] = []
+        self._events: deque[Transition | WarningRaised | Discarded] = deque()
+
+    @property
+    def state(self) -> State:
+        """What this car is."""
+        return self._state
+
+    @property
+    def leader_id(self) -> CarId:
+        """The leader of the own group; a car that is REGULAR leads itself."""
+        return self._place.leader_id
+
+    @property
+    def group_number(self) -> int:
+        """1 unless MEMBER."""
+        return self._place.number
+
+    @property
+    def predecessor_id(self) -> CarId | None:
+        """The car that this one follows."""
+        return self._membership.predecessor
+
+    @property
+    def followers(self) -> tuple[CarId, ...]:
+        """The warning list."""
+        return self._followers.ids
+
+    def receive_speed(self, speed_m_s: float, now: float) -> None:
+        """The own speed, from the car's bus."""
+        self._lookout.receive_speed(speed_m_s, now)
+
+    def receive_neighbour(self, ahead: Neighbour | None, now: float) -> None:
+        """What one camera frame shows ahead in the own lane; `None`: no car."""
+        self._lookout.receive_neighbour(ahead, now)
+        self._membership.receive_frame(self._own_ids, now)
+        self._join_if_due(now)
+
+    def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
+        """The own car brakes hard: warn everybody behind in the group."""
+        if self._state is State.REGULAR:
+            return
+        warn = Warn(
+            sender_id=self._own_id,
+            leader_id=self._place.leader_id,
+            number=self._place.number,
+            event_origin_id=self._own_id,
+            event_sequence=self._next_event_sequence(),
+            reach=self._reach.distance(now),
+            origin_number=self._place.number,
+            deceleration_m_s2=brake.deceleration_m_s2,
+            age_s=max(now - brake.stamp_s, 0.0),
+            hops=1,
+        )
+        self._outbox.append(warn)
+        self._forwarding.originate(warn, now)
+
+    def set_own_id(self, car_id: CarId, now: float) -> None:
+        """The own plate's digest has changed, as everybody's does at about this time.
+
+        Messages to the previous ID are taken for `rename_s` more.
+        """
+        self._own_ids = (car_id, self._own_id)
+        self._own_id = car_id
+        self._renaming_until = now + self._settings.rename_s
+        self._place.rename(car_id)
+        self._membership.rename(now)
+
+    def receive_message(self, message: LccaMessage, now: float) -> None:
+        """A message from the air, whoever it is for."""
+        if message.sender_id in self._own_ids:
+            self._discard("own_echo", message, now)
+            return
+        distance = message.number - self._place.number
+        if distance > 0 and message.leader_id == self._place.leader_id:
+            self._reach.hear(message.sender_id, distance, now)
+        match message:
+            case Join():
+                self._receive_join(message, now)
+            case Reply():
+                self._receive_reply(message, now)
+            case Leave():
+                self._receive_leave(message, now)
+            case Update():
+                self._receive_update(message, now)
+            case Warn():
+                self._receive_warn(message, now)
+
+    def messages_to_send(self, now: float) -> list[LccaMessage]:  # noqa: ARG002 (the verb of all cores)
+        """Take what is to be sent, the most urgent first."""
+        out = sorted(self._outbox, key=lambda message: -message.user_priority)
+        self._outbox.clear()
+        return out
+
+    def get_timer(self) -> float | None:
+        """When `handle_timer` wants to be called."""
+        wishes = (
+            self._membership.get_timer(),
+            self._followers.get_timer(),
+            self._forwarding.get_timer(),
+            self._renaming_until,
+        )
+        return min((at for at in wishes if at is not None), default=None)
+
+    def handle_timer(self, now: float) -> None:
+        """Do what has become due."""
+        if self._renaming_until is not None and now >= self._renaming_until:
+            self._own_ids, self._renaming_until = (self._own_id,), None
+        if self._followers.expire(now):
+            self._happen(Event.UNFOLLOWED, "expired", now)
+        reason = self._membership.lapse(now)
+        if reason is not None:
+            self._leave(reason, now)
+        self._join_if_due(now)
+        self._forward_if_due(now)
+
+    def next_event(self) -> Transition | WarningRaised | Discarded | None:
+        """Take the oldest event."""
+        return self._events.popleft() if self._events else None
+
+    # Following the car ahead
+
+    def _join_if_due(self, now: float) -> None:
+        join = self._membership.next_join(now)
+        if join is None:
+            return
+        heard = self._to_acknowledge.popleft() if self._to_acknowledge else _NO_EVENT
+        self._outbox.append(
+            Join(self._own_id, self._place.leader_id, self._place.number, *join, *heard)
+        )
+        if self._to_acknowledge:
+            self._membership.hurry(now, even_if_fresh=True)
+
+    def _receive_reply(self, reply: Reply, now: float) -> None:
+        followed = self._membership.predecessor
+        if reply.to_id not in self._own_ids:
+            if reply.to_id == followed:
+                self._membership.hurry(now, even_if_fresh=False)
+            return
+        refusal = self._membership.refusal(reply, now)
+        if refusal is not None:
+            self._discard(refusal, reply, now)
+            return
+        joins = reply.sender_id != followed
+        place = (reply.leader_id, reply.number + 1)
+        circle = self._place.closes_circle(*place, reply.beat, self._own_ids, now)
+        if circle and (joins or place != self._place.as_pair()):
+            self._discard("loop", reply, now)
+        if circle and joins:
+            return
+        news = not circle and self._place.is_news(reply.leader_id, reply.beat)
+        self._membership.receive_reply(reply, news=news, now=now)
+        if joins and followed is not None and self._renaming_until is None:
+            self._send_leave(followed, LeaveReason.FOLLOWS_ANOTHER)
+        if not circle:
+            before = self._place.as_pair()
+            self._move(place, reply.beat, Event.JOINED if joins else None, "answered", now)
+            self._announce(before, now)
+
+    def _leave(self, reason: LeaveReason, now: float) -> None:
+        if self._membership.predecessor is not None:
+            self._send_leave(self._membership.predecessor, reason)
+        self._membership.leave(now)
+        self._to_acknowledge.clear()
+        before = self._place.as_pair()
+        self._place.lead(self._own_id)
+        event = Event.LEFT_LEADING if self._followers else Event.LEFT_ALONE
+        self._happen(event, reason.name.lower(), now)
+        self._announce(before, now)
+
+    def _send_leave(self, to_id: CarId, reason: LeaveReason) -> None:
+        place = self._place
+        self._outbox.append(Leave(self._own_id, place.leader_id, place.number, to_id, reason))
+
+    def _move(
+        self, place: tuple[CarId, int], beat: int, event: Event | None, cause: str, now: float
+    ) -> None:
+        """Take a place as a member; without an `event` of its own it may mean a new number."""
+        before = self._place.as_pair()
+        self._place.take(*place, beat, now)
+        if event is None and before != place:
+            event = Event.RENUMBERED
+        if event is not None:
+            self._happen(event, cause, now)
+
+    # Being followed
+
+    def _receive_join(self, join: Join, now: float) -> None:
+        if join.to_id not in self._own_ids:
+            return
+        if join.sender_id in (self._membership.predecessor, self._place.leader_id):
+            self._discard("loop", join, now)
+        else:
+            if self._followers.hear(join.sender_id, now):
+                self._happen(Event.FOLLOWED, "join", now)
+            heard = (join.heard_origin_id, join.heard_sequence)
+            if heard != _NO_EVENT:
+                self._forwarding.acknowledge(heard, join.sender_id)
+        self._outbox.append(
+            Reply(
+                sender_id=self._own_id,
+                leader_id=self._place.leader_id,
+                number=self._place.number,
+                to_id=join.sender_id,
+                sequence=join.sequence,
+                beat=self._place.next_beat(),
+                speed_m_s=self._lookout.speed_at(now),
+            )
+        )
+
+    def _receive_leave(self, leave: Leave, now: float) -> None:
+        if leave.to_id in self._own_ids and self._followers.remove(leave.sender_id):
+            self._happen(Event.UNFOLLOWED, "leave", now)
+
+    # Telling those behind
+
+    def _announce(self, before: tuple[CarId, int], now: float) -> None:
+        """Send an update if our place has changed and somebody is behind to follow the change."""
+        place = self._place
+        leader_before, number_before = before
+        shift = number_before - place.number
+        renamed = self._renaming_until is not None and shift == 0
+        if before == place.as_pair() or renamed or not self._followers:
+            return
+        update = Update(
+            sender_id=self._own_id,
+            leader_id=place.leader_id,
+            number=place.number,
+            event_origin_id=self._own_id,
+            event_sequence=self._next_event_sequence(),
+            reach=self._reach.distance(now),
+            previous_leader_id=leader_before,
+            shift=shift,
+            beat=place.beat,
+        )
+        self._outbox.append(update)
+        self._forwarding.originate(update, now)
+
+    def _receive_update(self, update: Update, now: float) -> None:
+        place = self._place
+        shifted = place.number - update.shift
+        if self._forwarding.knows(update):
+            if update.leader_id == place.leader_id:
+                self._forwarding.receive_again(update, place.number - update.number, now)
+            self._discard("duplicate", update, now)
+            return
+        number = update.number + 1 if self._is_from_predecessor(update) else shifted
+        refusal = self._update_refusal(update, number, now)
+        if refusal is not None:
+            self._discard(refusal, update, now)
+            return
+        if place.is_news(update.leader_id, update.beat):
+            self._membership.receive_news(now)
+        before = place.as_pair()
+        self._move((update.leader_id, number), update.beat, None, "update", now)
+        if before == (update.previous_leader_id, number + update.shift):
+            self._forwarding.receive(update, number - update.number, now)
+            self._forward_if_due(now)
+        else:  # Those behind stand to us as before, but not to the sender: tell them ourselves.
+            self._announce(before, now)
+
+    def _update_refusal(self, update: Update, number: int, now: float) -> str | None:
+        """Return why an update is not for us; `number` is ours if it is."""
+        place, leader_id = self._place, update.leader_id
+        if self._state is State.REGULAR:
+            return "not_in_group"
+        if self._is_from_predecessor(update):
+            if (leader_id, number) == place.as_pair():
+                return "up_to_date"
+        elif place.leader_id != update.previous_leader_id:
+            return "up_to_date" if place.leader_id == leader_id else "other_group"
+        elif number <= update.number:
+            return "from_behind"
+        elif place.leader_id == leader_id and not place.is_news(leader_id, update.beat):
+            return "up_to_date"
+        circle = place.closes_circle(leader_id, number, update.beat, self._own_ids, now)
+        return "loop" if circle else None
+
+    def _receive_warn(self, warn: Warn, now: float) -> None:
+        distance = self._place.number - warn.number
+        if self._is_from_predecessor(warn):
+            distance = 1
+        if warn.event_origin_id in self._own_ids:
+            refusal: str | None = "own_echo"
+        elif self._forwarding.knows(warn):
+            refusal = "duplicate"
+            self._receive_warn_again(warn, distance, now)
+        else:
+            refusal = self._warn_refusal(warn, distance)
+        if refusal is not None:
+            self._discard(refusal, warn, now)
+            return
+        self._events.append(
+            WarningRaised(
+                stamp_s=now,
+                origin_id=warn.event_origin_id,
+                sequence=warn.event_sequence,
+                origin_number=warn.origin_number,
+                group_number=self._place.number,
+                leader_id=self._place.leader_id,
+                deceleration_m_s2=warn.deceleration_m_s2,
+                age_s=warn.age_s,
+                hops=warn.hops,
+            )
+        )
+        self._acknowledge(event_of(warn), now)
+        self._forwarding.receive(warn, distance, now)
+        self._forward_if_due(now)
+
+    def _warn_refusal(self, warn: Warn, distance: int) -> str | None:
+        """Return why a warning is not for us (LCCA: from ahead, in the same group)."""
+        if warn.age_s > self._settings.event_lifetime_s:
+            return "stale"
+        if self._state is State.REGULAR:
+            return "not_in_group"
+        if self._is_from_predecessor(warn):
+            return None
+        if warn.leader_id != self._place.leader_id:
+            return "other_group"
+        return "from_behind" if distance <= 0 else None
+
+    def _receive_warn_again(self, warn: Warn, distance: int, now: float) -> None:
+        if self._is_from_predecessor(warn):
+            self._acknowledge(event_of(warn), now)
+        elif warn.leader_id != self._place.leader_id:
+            return
+        self._forwarding.receive_again(warn, distance, now)
+
+    def _acknowledge(self, event: EventId, now: float) -> None:
+        """Name the warning in the next join, and send that soon."""
+        if event not in self._to_acknowledge:
+            self._to_acknowledge.append(event)
+        self._membership.hurry(now, even_if_fresh=True)
+
+    def _forward_if_due(self, now: float) -> None:
+        for known in self._forwarding.due(now):
+            copy = self._copy(known, now)
+            if copy is not None:
+                self._outbox.append(copy)
+
+    def _copy(self, known: Known, now: float) -> Update | Warn | None:
+        """Return what to repeat, from where we stand now; `None` if it is no longer ours to."""
+        message = known.message
+        is_own = message.event_origin_id in self._own_ids
+        if self._state is not State.MEMBER and not is_own:
+            return None
+        reach = self._reach.distance(now)
+        if isinstance(message, Update):
+            if message.leader_id != self._place.leader_id:
+                return None
+            return replace(message, sender_id=self._own_id, number=self._place.number, reach=reach)
+        age_s = message.age_s + (now - known.heard_at)
+        if age_s > self._settings.event_lifetime_s:
+            return None
+        return replace(
+            message,
+            sender_id=self._own_id,
+            leader_id=self._place.leader_id,
+            number=self._place.number,
+            reach=reach,
+            age_s=age_s,
+            hops=message.hops if is_own else min(message.hops + 1, 255),
+        )
+
+    def _is_from_predecessor(self, message: LccaMessage) -> bool:
+        return message.sender_id == self._membership.predecessor
+
+    def _next_event_sequence(self) -> int:
+        self._event_sequence = (self._event_sequence + 1) % _SEQUENCES
+        return self._event_sequence
+
+    def _happen(self, event: Event, cause: str, now: float) -> None:
+        before, self._state = self._state, next_state(self._state, event)
+        self._events.append(
+            Transition(
+                stamp_s=now,
+                event=event,
+                state_before=before,
+                state=self._state,
+                leader_id=self._place.leader_id,
+                group_number=self._place.number,
+                cause=cause,
+            )
+        )
+
+    def _discard(self, reason: str, message: LccaMessage, now: float) -> None:
+        detail = f"{message.kind} from {message.sender_id.hex()}"
+        self._events.append(Discarded(now, "lcca", reason, detail))

@@ -1,0 +1,101 @@
+"""Where a car stands in its group, and why no misread plate can make a group a circle.
+
+If A followed B and B followed A, each would number itself behind the other, without end. Distance
+vector routing knows the problem and its cure: the *feasibility condition* of DUAL and Babel
+(RFC 8966, section 2.4) with the sequence numbers of DSDV. The leader counts its replies, and each
+reply hands down the newest count (*beat*) that its sender has seen. For each leader, a car
+remembers the newest beat and the smallest number that it has had under it. It takes a new place
+under that leader only from a newer beat, or from a car whose number is smaller than that. News that
+came from the car itself, through those behind it, is never newer and its number never smaller.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from onboard.messages.lcca import CarId
+
+_MODULUS = 1 << 16
+
+
+def is_newer(beat: int, than: int) -> bool:
+    """Compare two counts that wrap at 16 bits (serial number arithmetic, RFC 1982)."""
+    return 0 < (beat - than) % _MODULUS < _MODULUS // 2
+
+
+@dataclass(slots=True)
+class _Best:
+    """The best place that this car has had under one leader."""
+
+    beat: int
+    number: int
+    forget_at: float
+
+
+class Place:
+    """Leader, number and beat of one car."""
+
+    def __init__(self, own_id: CarId, memory_s: float, beat: int) -> None:
+        """Stand alone. `beat` is where the own count starts."""
+        self.leader_id = own_id
+        self.number = 1
+        self._memory_s = memory_s
+        self._own_beat = beat
+        self._best: dict[CarId, _Best] = {}
+
+    def as_pair(self) -> tuple[CarId, int]:
+        """Leader and number."""
+        return self.leader_id, self.number
+
+    @property
+    def beat(self) -> int:
+        """The newest beat known of the own leader."""
+        best = self._best.get(self.leader_id)
+        return self._own_beat if best is None or self.number == 1 else best.beat
+
+    def next_beat(self) -> int:
+        """Return the beat for a reply: a leader counts, a member hands on."""
+        if self.number == 1:
+            self._own_beat = (self._own_beat + 1) % _MODULUS
+        return self.beat
+
+    def lead(self, own_id: CarId) -> None:
+        """Stand at the head of what follows."""
+        self._own_beat = (self._own_beat + 1) % _MODULUS
+        self.leader_id = own_id
+        self.number = 1
+
+    def rename(self, own_id: CarId) -> None:
+        """Lead under another ID, if this car leads."""
+        if self.number == 1:
+            self.leader_id = own_id
+
+    def is_news(self, leader_id: CarId, beat: int) -> bool:
+        """Whether `beat` is the first or a newer one of that leader."""
+        best = self._best.get(leader_id)
+        return best is None or is_newer(beat, best.beat)
+
+    def closes_circle(
+        self, leader_id: CarId, number: int, beat: int, own_ids: Iterable[CarId], now: float
+    ) -> bool:
+        """Whether taking `number` under that leader might mean following oneself."""
+        if leader_id in own_ids:
+            return True
+        best = self._best.get(leader_id)
+        if best is None or best.forget_at <= now or is_newer(beat, best.beat):
+            return False
+        return beat != best.beat or number > best.number
+
+    def take(self, leader_id: CarId, number: int, beat: int, now: float) -> None:
+        """Stand at `number` under that leader, after `closes_circle` said no."""
+        best = self._best.get(leader_id)
+        if best is None or best.forget_at <= now or is_newer(beat, best.beat):
+            best = self._best[leader_id] = _Best(beat, number, 0.0)
+        best.number = min(best.number, number)
+        self.leader_id, self.number = leader_id, number
+        self._remember(now)
+
+    def _remember(self, now: float) -> None:
+        """Keep the present leader's record; drop those of leaders long gone."""
+        self._best[self.leader_id].forget_at = now + self._memory_s
+        for leader_id in [key for key, best in self._best.items() if best.forget_at <= now]:
+            del self._best[leader_id]

@@ -1,0 +1,253 @@
+"""A road of warning groups in virtual time: cars in lanes, and the air between them.
+
+The cars' cores are the real ones and their messages go through the real codec. A car is given what
+its camera and its bus would say, never where it is.
+"""
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import count
+
+import networkx as nx
+import numpy as np
+
+from onboard.lcca.events import Neighbour, Transition, WarningRaised
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.settings import LccaSettings
+from onboard.messages.lcca import CarId, LccaMessage, Warn, decode, encode
+from onboard.observations import Discarded, HardBrake
+
+FRAME_S = 0.1
+CAMERA_RANGE_M = 120.0
+
+
+def car_id(name: str, epoch: int = 0) -> CarId:
+    """The ID under which the car of that name is known."""
+    return f"{name:_<6}{epoch:02d}".encode()
+
+
+@dataclass(frozen=True)
+class Air:
+    """What happens to a message between two cars."""
+
+    reach_m: float = 300.0
+    loss: float = 0.0
+    delay_s: float = 0.002
+    jitter_s: float = 0.0
+    """Up to this much more, drawn for each reception: overtaking included."""
+
+
+@dataclass
+class Car:
+    name: str
+    group: WarningGroup
+    lane: int
+    position_m: float
+    speed_m_s: float
+    epoch: int = 0
+    misread_as: CarId | None = None
+    has_camera: bool = True
+    has_bus: bool = True
+    has_radio: bool = True
+    said: list[Transition | WarningRaised | Discarded] = field(default_factory=list)
+    wakes_at: float | None = None
+
+    @property
+    def warnings(self) -> list[WarningRaised]:
+        return [event for event in self.said if isinstance(event, WarningRaised)]
+
+    @property
+    def transitions(self) -> list[Transition]:
+        return [event for event in self.said if isinstance(event, Transition)]
+
+    @property
+    def discarded(self) -> list[str]:
+        return [event.reason for event in self.said if isinstance(event, Discarded)]
+
+
+@dataclass(frozen=True)
+class Transmission:
+    at: float
+    sender: str
+    message: LccaMessage
+
+
+class Road:
+    """Cars, each with a camera frame and a speed sample every `FRAME_S`, and the air."""
+
+    def __init__(self, air: Air | None = None, settings: LccaSettings | None = None, seed: int = 0):
+        self.air = air or Air()
+        self.settings = settings or LccaSettings()
+        self.now = 0.0
+        self.cars: dict[str, Car] = {}
+        self.sent: list[Transmission] = []
+        self.drops: Callable[[Transmission, str], bool] = lambda transmission, receiver: False
+        """A test's own way to lose a message on its way to a receiver."""
+        self._rng = np.random.default_rng(seed)
+        self._agenda: list[tuple[float, int, Callable[[], None]]] = []
+        self._order = count()
+
+    # The road
+
+    def add(self, name: str, position_m: float, lane: int = 0, speed_m_s: float = 20.0) -> Car:
+        rng = np.random.default_rng(self._rng.integers(1 << 32))
+        group = WarningGroup(self.settings, car_id(name), rng)
+        car = self.cars[name] = Car(name, group, lane, position_m, speed_m_s)
+        self._at(self.now + float(self._rng.uniform(0.0, FRAME_S)), lambda: self._frame(car))
+        return car
+
+    def add_row(self, names: str, gap_m: float = 20.0, lane: int = 0) -> list[Car]:
+        """One car for each letter, the first one ahead."""
+        return [self.add(name, -gap_m * i, lane) for i, name in enumerate(names)]
+
+    def remove(self, name: str) -> None:
+        del self.cars[name]
+
+    def ahead_of(self, car: Car) -> Car | None:
+        """The next car in the lane, if the camera sees that far."""
+        ahead = [
+            other
+            for other in self.cars.values()
+            if other.lane == car.lane and 0 < other.position_m - car.position_m < CAMERA_RANGE_M
+        ]
+        return min(ahead, key=lambda other: other.position_m, default=None)
+
+    def air_graph(self) -> nx.Graph:
+        """Who hears whom."""
+        graph = nx.Graph()
+        graph.add_nodes_from(self.cars)
+        graph.add_edges_from(
+            (a.name, b.name)
+            for a in self.cars.values()
+            for b in self.cars.values()
+            if a is not b and abs(a.position_m - b.position_m) <= self.air.reach_m
+        )
+        return graph
+
+    # Time
+
+    def run(self, duration_s: float) -> None:
+        until = self.now + duration_s
+        while self._agenda and self._agenda[0][0] <= until:
+            at, _, action = heapq.heappop(self._agenda)
+            self.now = at
+            action()
+        self.now = until
+
+    def do(self, car: Car, action: Callable[[float], None]) -> None:
+        """Let something happen in a car's core, and see to what it wants then."""
+        action(self.now)
+        self._serve(car)
+
+    def brake(self, name: str, deceleration_m_s2: float = 6.0) -> None:
+        car = self.cars[name]
+        self.do(
+            car,
+            lambda now: car.group.receive_hard_brake(
+                HardBrake(now, deceleration_m_s2, "test"), now
+            ),
+        )
+
+    def change_ids(self) -> None:
+        """Everybody's digest changes."""
+        for car in self.cars.values():
+            self.change_id(car)
+
+    def change_id(self, car: Car) -> None:
+        car.epoch += 1
+        self.do(car, lambda now: car.group.set_own_id(car_id(car.name, car.epoch), now))
+
+    def warns(self) -> list[Transmission]:
+        return [entry for entry in self.sent if isinstance(entry.message, Warn)]
+
+    def _at(self, at: float, action: Callable[[], None]) -> None:
+        heapq.heappush(self._agenda, (at, next(self._order), action))
+
+    def _is_here(self, car: Car) -> bool:
+        return self.cars.get(car.name) is car
+
+    def _frame(self, car: Car) -> None:
+        if not self._is_here(car):
+            return
+        self._at(self.now + FRAME_S, lambda: self._frame(car))
+        if car.has_bus:
+            car.group.receive_speed(car.speed_m_s, self.now)
+        if car.has_camera:
+            car.group.receive_neighbour(self._seen_by(car), self.now)
+        self._serve(car)
+
+    def _seen_by(self, car: Car) -> Neighbour | None:
+        ahead = self.ahead_of(car)
+        if ahead is None:
+            return None
+        return Neighbour(
+            # The plate is digested with the observer's own epoch, as in the car.
+            car.misread_as or car_id(ahead.name, car.epoch),
+            ahead.position_m - car.position_m,
+            car.speed_m_s - ahead.speed_m_s,
+        )
+
+    def _serve(self, car: Car) -> None:
+        for message in car.group.messages_to_send(self.now):
+            self._send(car, message)
+        while (event := car.group.next_event()) is not None:
+            car.said.append(event)
+        timer = car.group.get_timer()
+        if timer is not None and (car.wakes_at is None or timer < car.wakes_at):
+            car.wakes_at = timer
+            self._at(max(timer, self.now), lambda: self._wake(car, timer))
+
+    def _wake(self, car: Car, timer: float) -> None:
+        if not self._is_here(car) or car.wakes_at != timer:
+            return
+        car.wakes_at = None
+        car.group.handle_timer(self.now)
+        self._serve(car)
+
+    def _send(self, car: Car, message: LccaMessage) -> None:
+        if not car.has_radio:
+            return
+        transmission = Transmission(self.now, car.name, message)
+        self.sent.append(transmission)
+        data = encode(message)
+        for other in self.cars.values():
+            if other is car or abs(other.position_m - car.position_m) > self.air.reach_m:
+                continue
+            lost = self._rng.uniform() < self.air.loss or self.drops(transmission, other.name)
+            delay_s = self.air.delay_s + float(self._rng.uniform(0.0, self.air.jitter_s))
+            if not lost:
+                self._at(self.now + delay_s, lambda other=other: self._deliver(other, data))
+
+    def _deliver(self, car: Car, data: bytes) -> None:
+        if self._is_here(car) and car.has_radio:
+            car.group.receive_message(decode(data), self.now)
+            self._serve(car)
+
+
+def places(road: Road) -> dict[str, tuple[str, int]]:
+    """Every car's own opinion: (leader's name, number)."""
+    names = {car_id(car.name, car.epoch): car.name for car in road.cars.values()}
+    return {
+        car.name: (names.get(car.group.leader_id, "?"), car.group.group_number)
+        for car in road.cars.values()
+    }
+
+
+def true_places(road: Road) -> dict[str, tuple[str, int]]:
+    """The oracle: who leads whom, read off the road.
+
+    A car follows the next car ahead if the gap is below the safety distance of 0.55 m for each
+    km/h of its own speed. (Tests keep gaps out of the hysteresis.)
+    """
+    graph = nx.DiGraph()
+    graph.add_nodes_from(road.cars)
+    for car in road.cars.values():
+        ahead = road.ahead_of(car)
+        if ahead is not None and ahead.position_m - car.position_m < car.speed_m_s * 3.6 * 0.55:
+            graph.add_edge(ahead.name, car.name)
+    out = {}
+    for component in nx.weakly_connected_components(graph):
+        row = list(nx.topological_sort(graph.subgraph(component)))
+        out |= {name: (row[0], number) for number, name in enumerate(row, start=1)}
+    return out
