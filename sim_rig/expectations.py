@@ -1,0 +1,191 @@
+"""What a scenario expects, as a timeline, each entry with the check that a run log must pass.
+
+An entry's `check` yields one sentence for each thing that did not come as expected.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from onboard.observations import Sensor
+from onboard.settings import Settings
+from sim_rig.names import CarName, Seconds
+from sim_rig.run_log import Record, RunLog
+
+
+class StateExpected(Settings):
+    """A car has a place in its group by a time, and keeps it as long as is said."""
+
+    what: Literal["state"]
+    car: CarName
+    by_s: Seconds
+    until_s: Seconds | None = None
+    """Until when nothing of it may change; only the one moment `by_s` if left out."""
+    state: Literal["regular", "leader", "member"]
+    group_number: int | None = Field(default=None, ge=1)
+    leader: CarName | None = None
+
+    def cars_named(self) -> Iterator[str]:
+        """Every car this entry speaks of."""
+        yield self.car
+        if self.leader is not None:
+            yield self.leader
+
+    def check(self, log: RunLog) -> Iterator[str]:
+        """Compare the last transition until `by_s`, and all until `until_s`."""
+        before = list(log.of(self.car, "transition", until_s=self.by_s))
+        if before:
+            yield from self._compare(log, before[-1], self.by_s)
+        elif self.state != "regular":
+            yield f"{self.car} is still regular at {self.by_s:g} s, not {self.state}"
+        if self.until_s is not None:
+            for record in log.of(self.car, "transition", self.by_s, self.until_s):
+                yield from self._compare(log, record, log.at_s(record))
+
+    def _compare(self, log: RunLog, record: Record, at_s: float) -> Iterator[str]:
+        found = f"at {at_s:.2f} s {self.car} is {record['state']}"
+        if record["state"] != self.state:
+            yield f"{found}, not {self.state}"
+            return
+        if self.group_number is not None and record["group_number"] != self.group_number:
+            yield f"{found} with number {record['group_number']}, not {self.group_number}"
+        leader = log.name(record["leader_id"])
+        if self.leader is not None and leader != self.leader:
+            yield f"{found} led by {leader}, not {self.leader}"
+
+
+class WarningExpected(Settings):
+    """A car brakes, once or several times; some are warned in time, others are not."""
+
+    what: Literal["warning"]
+    braking: CarName
+    at_s: tuple[Seconds, ...] = Field(min_length=1)
+    """Each time that its brake is applied."""
+    window_s: float = Field(default=3.0, gt=0.0, le=60.0)
+    """How long what follows belongs to one braking."""
+    within_s: Mapping[CarName, float] = {}
+    """Who is warned, and how long after the brake is applied at the latest."""
+    not_warned: tuple[CarName, ...] = ()
+    discarded: Mapping[CarName, str] = {}
+    """Who hears it and drops it, and for which reason."""
+
+    def cars_named(self) -> Iterator[str]:
+        """Every car this entry speaks of."""
+        yield self.braking
+        yield from self.within_s
+        yield from self.not_warned
+        yield from self.discarded
+
+    def check(self, log: RunLog) -> Iterator[str]:
+        """Look for the warnings that have the braking car as origin, after each braking."""
+        for at_s in self.at_s:
+            yield from self._check_one(log, at_s)
+
+    def _check_one(self, log: RunLog, at_s: float) -> Iterator[str]:
+        brake = f"{self.braking} braking at {at_s:g} s"
+        for car, limit_s in self.within_s.items():
+            delays_s = [log.at_s(record) - at_s for record in self.warnings(log, car, at_s)]
+            if not delays_s:
+                yield f"{car} is not warned of {brake}"
+            elif delays_s[0] > limit_s:
+                yield f"{car} is warned of {brake} after {delays_s[0]:.3f} s, not {limit_s:g} s"
+        for car in self.not_warned:
+            if any(self.warnings(log, car, at_s)):
+                yield f"{car} is warned of {brake}, and must not"
+        for car, reason in self.discarded.items():
+            if not any(log.of(car, "discarded", at_s, at_s + self.window_s, reason=reason)):
+                yield f"{car} discards nothing as {reason} upon {brake}"
+
+    def warnings(self, log: RunLog, car: str, at_s: float) -> Iterator[Record]:
+        """The warnings that `car` raised because of the braking at `at_s`."""
+        for record in log.of(car, "warning", at_s, at_s + self.window_s):
+            if log.name(record["origin_id"]) == self.braking:
+                yield record
+
+
+class QuietExpected(Settings):
+    """Some cars raise no warning at all for a while."""
+
+    what: Literal["quiet"]
+    cars: tuple[CarName, ...] = Field(min_length=1)
+    from_s: Seconds
+    until_s: Seconds
+
+    def cars_named(self) -> Iterator[str]:
+        """Every car this entry speaks of."""
+        yield from self.cars
+
+    def check(self, log: RunLog) -> Iterator[str]:
+        """Look for any warning."""
+        for car in self.cars:
+            for record in log.of(car, "warning", self.from_s, self.until_s):
+                yield f"at {log.at_s(record):.2f} s {car} raises a warning, and must not"
+
+
+class SensorExpected(Settings):
+    """A sensor is shown as lost, or as back, in time."""
+
+    what: Literal["sensor_lost", "sensor_back"]
+    car: CarName
+    sensor: Sensor
+    from_s: Seconds
+    """When it fails, or works again."""
+    within_s: float = Field(gt=0.0, le=60.0)
+
+    def cars_named(self) -> Iterator[str]:
+        """Every car this entry speaks of."""
+        yield self.car
+
+    def check(self, log: RunLog) -> Iterator[str]:
+        """Look for the first such report from then on."""
+        reports = log.of(self.car, self.what, self.from_s, sensor=self.sensor.value)
+        first = next(reports, None)
+        if first is None:
+            yield f"{self.car} never reports {self.what} of its {self.sensor}"
+        elif log.at_s(first) - self.from_s > self.within_s:
+            yield (
+                f"{self.car} reports {self.what} of its {self.sensor}"
+                f" {log.at_s(first) - self.from_s:.2f} s after {self.from_s:g} s,"
+                f" later than {self.within_s:g} s"
+            )
+
+
+class CountExpected(Settings):
+    """How often something is seen in the traces of some cars together."""
+
+    what: Literal["sent", "received", "discarded"]
+    cars: tuple[CarName, ...] = Field(min_length=1)
+    message: str | None = None
+    """The type of message, for `sent` and `received`."""
+    reason: str | None = None
+    """For `discarded`."""
+    from_s: Seconds
+    until_s: Seconds
+    at_least: int = Field(default=0, ge=0)
+    at_most: int | None = Field(default=None, ge=0)
+
+    def cars_named(self) -> Iterator[str]:
+        """Every car this entry speaks of."""
+        yield from self.cars
+
+    def check(self, log: RunLog) -> Iterator[str]:
+        """Count."""
+        wanted = {"message": self.message, "reason": self.reason}
+        fields = {name: value for name, value in wanted.items() if value is not None}
+        count = sum(
+            1
+            for car in self.cars
+            for _ in log.of(car, self.what, self.from_s, self.until_s, **fields)
+        )
+        what = " ".join([self.what, *fields.values()])
+        if count < self.at_least:
+            yield f"{what}: {count} times by {', '.join(self.cars)}, at least {self.at_least}"
+        if self.at_most is not None and count > self.at_most:
+            yield f"{what}: {count} times by {', '.join(self.cars)}, at most {self.at_most}"
+
+
+Expectation = Annotated[
+    StateExpected | WarningExpected | QuietExpected | SensorExpected | CountExpected,
+    Field(discriminator="what"),
+]

@@ -1,0 +1,1 @@
+"""The radio: a unit at the end of each car's UDP wire, and the air between the units."""

@@ -1,0 +1,96 @@
+"""The air between the radio units, without I/O: the same for live and for virtual runs."""
+
+import heapq
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations, count
+
+import networkx as nx
+import numpy as np
+
+from sim_rig.radio.settings import AirSettings
+from sim_rig.roads.road import CarState
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Delivery:
+    """One copy of a frame on its way to one receiver."""
+
+    at_s: float
+    order: int
+    """Frames that arrive together arrive as they were sent."""
+    sender: str = field(compare=False)
+    receiver: str = field(compare=False)
+    user_priority: int = field(compare=False)
+    wsm: bytes = field(compare=False)
+
+
+class Air:
+    """Carries each frame to everybody in reach of its sender, late, lost or twice."""
+
+    def __init__(
+        self,
+        settings: AirSettings,
+        cars_at: Callable[[float], Mapping[str, CarState]],
+        units: list[str],
+        rng: np.random.Generator,
+    ) -> None:
+        """Join `units`, the cars that have a radio; `cars_at(now)` says where they are."""
+        self._settings = settings
+        self._cars_at = cars_at
+        self._units = units
+        self._rng = rng
+        self._order = count()
+        self._in_flight: list[Delivery] = []
+        self._linked: nx.Graph[str] | None = None
+        if settings.neighbours is not None:
+            self._linked = nx.Graph()
+            for one, others in settings.neighbours.items():
+                self._linked.add_edges_from((one, other) for other in others)
+
+    def reach_graph(self, now: float) -> "nx.Graph[str]":
+        """Who hears whom now; a node for each unit."""
+        graph: nx.Graph[str] = nx.Graph()
+        graph.add_nodes_from(self._units)
+        pairs = combinations(self._units, 2)
+        graph.add_edges_from(pair for pair in pairs if self._hears(*pair, now))
+        return graph
+
+    def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
+        """The unit of `sender` transmits a frame."""
+        for receiver in self._units:
+            if receiver != sender and self._hears(sender, receiver, now):
+                for at_s in self._arrivals(now):
+                    delivery = Delivery(
+                        at_s, next(self._order), sender, receiver, user_priority, wsm
+                    )
+                    heapq.heappush(self._in_flight, delivery)
+
+    def wsms_to_deliver(self, now: float) -> list[Delivery]:
+        """The copies that have arrived by now, in order."""
+        arrived: list[Delivery] = []
+        while self._in_flight and self._in_flight[0].at_s <= now:
+            arrived.append(heapq.heappop(self._in_flight))
+        return arrived
+
+    def get_timer(self) -> float | None:
+        """When the next copy arrives."""
+        return self._in_flight[0].at_s if self._in_flight else None
+
+    def _hears(self, one: str, other: str, now: float) -> bool:
+        if self._linked is not None:
+            return bool(self._linked.has_edge(one, other))
+        cars = self._cars_at(now)
+        reach_m = self._settings.reach_m
+        return reach_m is not None and cars[one].distance_m(cars[other]) <= reach_m
+
+    def _arrivals(self, now: float) -> list[float]:
+        """When one receiver gets its copies: none, one or two of them."""
+        settings = self._settings
+        # Always the same number of draws a copy: settings change fates, not the fates of others.
+        lost, twice, held, *jitter = self._rng.random(5)
+        if lost < settings.loss:
+            return []
+        at_s = now + settings.delay_s + (settings.hold_back_s if held < settings.reordering else 0)
+        copies = 2 if twice < settings.duplication else 1
+        return [at_s + share * settings.jitter_s for share in jitter[:copies]]

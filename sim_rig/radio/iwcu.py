@@ -1,0 +1,84 @@
+"""The radio unit at the end of a car's UDP wire: datagrams to and from WSMs on the air.
+
+As ITRI's unit does in the paper (section 4): a datagram holds one WSM, its IP precedence is the
+user priority (IP_TOS = priority << 5). One socket for each car's unit, one air behind them.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable
+
+from sim_rig.radio.air import Air, Delivery
+
+_LARGEST = 65_535
+_TOS_ROOM = socket.CMSG_SPACE(1)
+
+
+class RadioUnits:
+    """All units of a run, on 127.0.0.1."""
+
+    def __init__(
+        self,
+        air: Air,
+        clock: Callable[[], float],
+        on_air: Callable[[str, bytes, int], None],
+        on_delivery: Callable[[Delivery], None],
+    ) -> None:
+        """`clock` gives the time in which `air` thinks."""
+        self._air = air
+        self._clock = clock
+        self._on_air = on_air
+        self._on_delivery = on_delivery
+        self._sockets: dict[str, socket.socket] = {}
+        self._car_ports: dict[str, int] = {}
+        self._timer: asyncio.TimerHandle | None = None
+
+    def add(self, car: str, car_port: int) -> int:
+        """Open the unit of `car`, whose daemon listens on `car_port`; return the unit's port."""
+        unit = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        unit.bind(("127.0.0.1", 0))
+        unit.setblocking(False)
+        unit.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
+        self._sockets[car] = unit
+        self._car_ports[car] = car_port
+        asyncio.get_running_loop().add_reader(unit, self._receive, car, unit)
+        return int(unit.getsockname()[1])
+
+    def close(self) -> None:
+        """Switch all units off."""
+        if self._timer is not None:
+            self._timer.cancel()
+        for unit in self._sockets.values():
+            asyncio.get_running_loop().remove_reader(unit)
+            unit.close()
+
+    def _receive(self, car: str, unit: socket.socket) -> None:
+        while True:
+            try:
+                wsm, ancillary, _flags, _address = unit.recvmsg(_LARGEST, _TOS_ROOM)
+            except BlockingIOError:
+                break
+            user_priority = next((data[0] >> 5 for _, _, data in ancillary), 0)
+            self._on_air(car, wsm, user_priority)
+            self._air.receive_wsm(car, wsm, user_priority, self._clock())
+        self._step()
+
+    def _step(self) -> None:
+        now = self._clock()
+        for delivery in self._air.wsms_to_deliver(now):
+            self._on_delivery(delivery)
+            self._hand_over(delivery)
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        at = self._air.get_timer()
+        if at is not None:
+            self._timer = asyncio.get_running_loop().call_later(at - now, self._step)
+
+    def _hand_over(self, delivery: Delivery) -> None:
+        unit = self._sockets[delivery.receiver]
+        try:
+            unit.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, delivery.user_priority << 5)
+            unit.sendto(delivery.wsm, ("127.0.0.1", self._car_ports[delivery.receiver]))
+        except (BlockingIOError, ConnectionRefusedError):
+            pass  # A daemon that is not there hears nothing, as on a real desk.

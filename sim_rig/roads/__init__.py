@@ -1,0 +1,1 @@
+"""Who drives where: every source of movement answers one question, `Road.cars_at`."""

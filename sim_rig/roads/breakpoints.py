@@ -1,0 +1,49 @@
+"""The road as a scenario writes it down: speed and lane at breakpoints."""
+
+from collections.abc import Mapping
+
+from typing_extensions import override
+
+from sim_rig.breakpoints import Course
+from sim_rig.roads.road import CarState, Road
+from sim_rig.scenario import Scenario, ScenarioCar
+
+
+class BreakpointRoad(Road):
+    """Exact at every moment, in any order of moments: nothing is stepped."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._cars = {
+            name: _Drive(car, scenario.lane_width_m) for name, car in scenario.cars.items()
+        }
+        self._at_s = -1.0
+        self._states: Mapping[str, CarState] = {}
+
+    @override
+    def cars_at(self, at_s: float) -> Mapping[str, CarState]:
+        if at_s != self._at_s:
+            self._states = {name: drive.state(at_s) for name, drive in self._cars.items()}
+            self._at_s = at_s
+        return self._states
+
+
+class _Drive:
+    """One car's way."""
+
+    def __init__(self, car: ScenarioCar, lane_width_m: float) -> None:
+        self._car = car
+        self._speed_m_s = Course(car.speed_m_s)
+        self._lane = Course(car.lane)
+        self._lane_width_m = lane_width_m
+        self._start_m = car.start_m - self._speed_m_s.integral(0.0)
+
+    def state(self, at_s: float) -> CarState:
+        return CarState(
+            front_m=self._start_m + self._speed_m_s.integral(at_s),
+            lateral_m=(self._lane.value(at_s) - 1) * self._lane_width_m,
+            speed_m_s=self._speed_m_s.value(at_s),
+            acceleration_m_s2=self._speed_m_s.slope(at_s),
+            length_m=self._car.length_m,
+            width_m=self._car.width_m,
+            height_m=self._car.height_m,
+        )

@@ -1,0 +1,161 @@
+"""A scenario: who drives how, what the radio is like, what breaks, and what must come of it.
+
+The YAML files in `scenarios/` are data. The schema is strict: an unknown key, a wrong type, a car
+that is not there or a time out of order is an error that names file, field and value.
+"""
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, StringConstraints
+
+from onboard.lcca.settings import LccaSettings
+from onboard.settings import Settings, SettingsError, load_settings
+from sim_rig.expectations import Expectation
+from sim_rig.faults import Fault, PlateMisread
+from sim_rig.names import CarName, PlateText, Seconds
+from sim_rig.radio.settings import AirSettings
+
+SCENARIOS = Path(__file__).with_name("scenarios")
+"""The scenarios that come with the rig."""
+
+
+def _points(value: object) -> object:
+    """One number stands for a quantity that never changes; YAML's lists are tuples here."""
+    if isinstance(value, int | float):
+        return ((0.0, value),)
+    if isinstance(value, list):
+        return tuple(tuple(point) if isinstance(point, list) else point for point in value)
+    return value
+
+
+def _in_order(
+    breakpoints: tuple[tuple[Seconds, float], ...],
+) -> tuple[tuple[Seconds, float], ...]:
+    for (sooner, _), (later, _) in pairwise(breakpoints):
+        if later <= sooner:
+            raise ValueError(f"breakpoints must grow in time, and {later:g} s follows {sooner:g} s")
+    return breakpoints
+
+
+SpeedCourse = Annotated[
+    tuple[tuple[Seconds, Annotated[float, Field(ge=0.0, le=70.0)]], ...],
+    Field(min_length=1),
+    BeforeValidator(_points),
+    AfterValidator(_in_order),
+]
+"""Speed at breakpoints, linear in between: `20.0`, or `[[0, 20.0], [10, 20.0], [12, 8.0]]`."""
+LaneCourse = Annotated[
+    tuple[tuple[Seconds, Annotated[float, Field(ge=0.0, le=9.0)]], ...],
+    Field(min_length=1),
+    BeforeValidator(_points),
+    AfterValidator(_in_order),
+]
+"""Lane at breakpoints, 1 the rightmost; in between the car drifts from one to the other."""
+Sentence = Annotated[str, StringConstraints(pattern=r"^[A-Z].{10,}[.]$")]
+
+
+class ScenarioCar(Settings):
+    """One car on the road."""
+
+    plate: PlateText | None = None
+    """What the cars behind can read."""
+    tag_id: int | None = Field(default=None, ge=0, le=49)
+    """An AR tag in the place of the plate, as on the paper's model cars."""
+    equipped: bool = True
+    """Whether it runs `onboard`; otherwise it is only seen."""
+    start_m: float
+    """Its front bumper when the scenario begins, along the road."""
+    lane: LaneCourse
+    speed_m_s: SpeedCourse
+    length_m: float = Field(default=4.5, gt=1.0, le=20.0)
+    width_m: float = Field(default=1.8, gt=0.5, le=3.0)
+    height_m: float = Field(default=1.5, gt=0.5, le=4.0)
+    colour: Literal["green", "red", "blue", "yellow", "white", "grey"] = "grey"
+
+    @property
+    def identity(self) -> str:
+        """The text that this car is known by: its plate, or `TAG<n>`."""
+        return self.plate if self.plate is not None else f"TAG{self.tag_id}"
+
+
+class Scenario(Settings):
+    """One story, from the first second to what must have come of it."""
+
+    title: Sentence
+    seed: int = Field(ge=0)
+    duration_s: float = Field(gt=0.0, le=600.0)
+    cars: Mapping[CarName, ScenarioCar] = Field(min_length=1)
+    lane_width_m: float = Field(default=3.5, gt=2.0, le=6.0)
+    radio: AirSettings
+    lcca: LccaSettings = LccaSettings()
+    """Of every car."""
+    faults: tuple[Fault, ...] = ()
+    expect: tuple[Expectation, ...]
+
+    @property
+    def equipped(self) -> list[str]:
+        """The cars that run `onboard`."""
+        return [name for name, car in self.cars.items() if car.equipped]
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios that come with the rig."""
+    return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))
+
+
+def load_scenario(name: str) -> Scenario:
+    """Read a scenario by its name, or by the path of a file.
+
+    Raises:
+        SettingsError: there is none, or it does not fit the schema; one line per mistake.
+    """
+    path = SCENARIOS / f"{name}.yaml"
+    if not path.is_file():
+        path = Path(name)
+        if not path.is_file():
+            known = ", ".join(scenario_names())
+            raise SettingsError(f"{name}: no such scenario or file; scenarios: {known}")
+    scenario = load_settings(path, Scenario)
+    mistakes = [f"{path}: {mistake}" for mistake in _mistakes(scenario)]
+    if mistakes:
+        raise SettingsError("\n".join(mistakes))
+    return scenario
+
+
+def _mistakes(scenario: Scenario) -> Iterator[str]:
+    """What no field shows by itself: who is spoken of must be there, and known apart."""
+    for field, name in _names_used(scenario):
+        if name not in scenario.cars:
+            yield f"{field}: no such car (given {name!r}); cars: {', '.join(scenario.cars)}"
+    seen: dict[str, str] = {}
+    for name, car in scenario.cars.items():
+        if (car.plate is None) == (car.tag_id is None):
+            yield f"cars.{name}: exactly one of plate and tag_id"
+        elif car.identity in seen:
+            yield f"cars.{name}: has the identity of {seen[car.identity]} (given {car.identity!r})"
+        seen[car.identity] = name
+    for index, entry in enumerate(scenario.expect):
+        silent = [name for name in entry.cars_named() if name not in scenario.equipped]
+        for name in silent:
+            if name in scenario.cars:
+                yield f"expect.{index}: {name!r} is not equipped and tells nothing"
+    for index, fault in enumerate(scenario.faults):
+        if fault.until_s <= fault.from_s:
+            yield f"faults.{index}.until_s: must be after from_s (given {fault.until_s:g})"
+
+
+def _names_used(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Every place that names a car, and the name."""
+    for index, fault in enumerate(scenario.faults):
+        yield f"faults.{index}.car", fault.car
+        if isinstance(fault, PlateMisread):
+            yield f"faults.{index}.of", fault.of
+    for index, entry in enumerate(scenario.expect):
+        for name in entry.cars_named():
+            yield f"expect.{index}", name
+    for name, neighbours in (scenario.radio.neighbours or {}).items():
+        for other in (name, *neighbours):
+            yield f"radio.neighbours.{name}", other

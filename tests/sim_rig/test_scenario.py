@@ -1,0 +1,86 @@
+"""A mistake in a scenario is told with file, field and value; the rig's own have none."""
+
+from pathlib import Path
+
+import pytest
+
+from onboard.settings import SettingsError
+from sim_rig.scenario import Scenario, load_scenario, scenario_names
+
+GOOD = """
+title: Two cars drive one behind the other and nothing happens.
+seed: 1
+duration_s: 10
+radio: {reach_m: 300}
+cars:
+  green: {plate: AB123CD, start_m: 30, lane: 1, speed_m_s: [[0, 15], [5, 10]]}
+  red: {tag_id: 7, start_m: 0, lane: 1, speed_m_s: 15}
+expect:
+  - {what: state, car: red, by_s: 5, state: member, leader: green}
+"""
+
+
+def load(tmp_path: Path, text: str) -> Scenario:
+    path = tmp_path / "story.yaml"
+    path.write_text(text)
+    return load_scenario(str(path))
+
+
+def test_a_constant_stands_for_one_breakpoint(tmp_path: Path) -> None:
+    scenario = load(tmp_path, GOOD)
+
+    assert scenario.cars["red"].speed_m_s == ((0.0, 15.0),)
+    assert scenario.cars["green"].speed_m_s == ((0.0, 15.0), (5.0, 10.0))
+    assert [car.identity for car in scenario.cars.values()] == ["AB123CD", "TAG7"]
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "told"),
+    [
+        ("seed: 1", "sead: 1", "sead: unknown key (given 1)"),
+        ("seed: 1", "", "seed: is required and missing"),
+        ("title: Two", "title: two", "title: String should match pattern"),
+        ("speed_m_s: 15}", "speed_m_s: fast}", "cars.red.speed_m_s: Input should be a valid array"),
+        ("speed_m_s: 15}", "speed_m_s: -1}", "cars.red.speed_m_s.0.1: Input should be greater"),
+        ("[5, 10]", "[0, 10]", "cars.green.speed_m_s: Value error, breakpoints must grow in time"),
+        ("lane: 1,", "lain: 1,", "cars.green.lain: unknown key (given 1)"),
+        ("reach_m: 300", "", "radio: Value error, exactly one of reach_m and neighbours"),
+        ("{reach_m: 300}", "{neighbours: {blue: [red]}}", "radio.neighbours.blue: no such car"),
+        ("car: red", "car: rad", "expect.0: no such car (given 'rad'); cars: green, red"),
+        ("what: state", "what: stat", "expect.0: Input tag 'stat' found using 'what' does not"),
+        ("state: member", "state: boss", "state: Input should be 'regular', 'leader' or 'member'"),
+        ("tag_id: 7", "plate: AB123CD", "cars.red: has the identity of green (given 'AB123CD')"),
+        ("tag_id: 7", "tag_id: 7, plate: X1", "cars.red: exactly one of plate and tag_id"),
+        ("tag_id: 7,", "tag_id: 7, equipped: false,", "expect.0: 'red' is not equipped"),
+        (
+            "expect:",
+            "faults: [{what: ecu_stopped, car: red, from_s: 3, until_s: 2}]\nexpect:",
+            "faults.0.until_s: must be after from_s (given 2)",
+        ),
+        (
+            "expect:",
+            "faults: [{what: ecu_gone, car: red, from_s: 3, until_s: 4}]\nexpect:",
+            "faults.0: Input tag 'ecu_gone'",
+        ),
+        ("duration_s: 10", "duration_s: .inf", "duration_s:"),
+    ],
+)
+def test_a_mistake_names_file_field_and_value(
+    tmp_path: Path, good: str, bad: str, told: str
+) -> None:
+    assert good in GOOD
+    with pytest.raises(SettingsError) as error:
+        load(tmp_path, GOOD.replace(good, bad, 1))
+
+    assert told in str(error.value)
+    assert str(error.value).startswith(f"{tmp_path / 'story.yaml'}: ")
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(SettingsError, match=r"fig5: no such scenario or file; .*fig4"):
+        load_scenario("fig5")
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_the_scenarios_of_the_rig_have_no_mistake(name: str) -> None:
+    assert load_scenario(name).expect
