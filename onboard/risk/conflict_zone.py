@@ -1,0 +1,132 @@
+"""Where two cars on crossing or merging paths touch, in terms of how far each has come.
+
+`s_a_m` and `s_b_m` are the positions of the cars' centres along their own paths, 0 where the paths
+meet (figure 1). For every position of car A there is one interval of positions of car B in which
+the two rectangles overlap; that interval, for all of A's positions, is the zone.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from onboard.risk.trajectory import Array
+
+NEARLY_PARALLEL_RAD = np.deg2rad(5.0)
+"""Paths that differ by less do not cross; they share a lane or run side by side."""
+
+NEARLY_ORTHOGONAL = 1e-9
+"""Cosine below which the zone is a rectangle."""
+
+
+@dataclass(frozen=True, slots=True)
+class CarSize:
+    """Bumper to bumper and side to side; arrays broadcast over pairs."""
+
+    length_m: Array
+    width_m: Array
+
+
+class ConflictZone(Protocol):
+    """What the collision probability needs to know of a crossing."""
+
+    positions: int
+    """At how many of A's positions the interval must be looked at."""
+
+    def extent_m(self) -> tuple[Array, Array]:
+        """Return A's first and last position with any overlap."""
+
+    def interval_m(self, s_a_m: Array) -> tuple[Array, Array]:
+        """Return B's first and last position that overlap with A at `s_a_m`, inside the extent."""
+
+
+@dataclass(frozen=True, slots=True)
+class XCrossing:
+    """Two straight paths that cross at `angle_rad` between the headings, 90 degrees or any other.
+
+    Two rectangles overlap unless one of their four side directions separates them (separating
+    axis theorem); each direction gives one band of the (s_a, s_b) plane, together a hexagon, at a
+    right angle the rectangle of section III-C.
+    """
+
+    a: CarSize
+    b: CarSize
+    angle_rad: Array
+
+    @property
+    def positions(self) -> int:
+        """Two suffice where the interval does not depend on A's position."""
+        return 2 if bool(np.all(np.abs(np.cos(self.angle_rad)) < NEARLY_ORTHOGONAL)) else 17
+
+    def extent_m(self) -> tuple[Array, Array]:
+        """Return A's first and last position with any overlap."""
+        half = self._half_extent_m(self.a, self.b)
+        return -half, half
+
+    def interval_m(self, s_a_m: Array) -> tuple[Array, Array]:
+        """Return B's first and last position that overlap with A at `s_a_m`."""
+        half = self._half_extent_m(self.b, self.a)
+        cosine = np.cos(self.angle_rad)
+        slope = np.where(np.abs(cosine) < NEARLY_ORTHOGONAL, np.inf, cosine)
+        along_a, along_b = self._reach_m(self.a, self.b), self._reach_m(self.b, self.a)
+        with np.errstate(invalid="ignore"):
+            one, other = (s_a_m - along_a) / slope, (s_a_m + along_a) / slope
+        one = np.where(np.isinf(slope), -np.inf, one)
+        other = np.where(np.isinf(slope), np.inf, other)
+        low = np.maximum(-half, np.maximum(np.minimum(one, other), s_a_m * cosine - along_b))
+        high = np.minimum(half, np.minimum(np.maximum(one, other), s_a_m * cosine + along_b))
+        return low, high
+
+    def _half_extent_m(self, own: CarSize, other: CarSize) -> Array:
+        sine, cosine = np.abs(np.sin(self.angle_rad)), np.abs(np.cos(self.angle_rad))
+        own_across = own.length_m * sine + own.width_m * cosine
+        result: Array = 0.5 * (other.width_m + own_across) / sine
+        return result
+
+    def _reach_m(self, own: CarSize, other: CarSize) -> Array:
+        """Half the sum of both cars' lengths as seen along `own`'s path."""
+        sine, cosine = np.abs(np.sin(self.angle_rad)), np.abs(np.cos(self.angle_rad))
+        result: Array = 0.5 * (own.length_m + other.length_m * cosine + other.width_m * sine)
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class YCrossing:
+    """B's path joins A's straight one at `angle_rad` and goes on in A's lane (figure 1b).
+
+    Before the junction B stands at the angle, behind it B is in line with A. Only the first
+    `merged_m` behind the junction count: what follows is car following, not a crossing.
+    """
+
+    a: CarSize
+    b: CarSize
+    angle_rad: Array
+    merged_m: Array
+
+    positions = 65
+
+    def extent_m(self) -> tuple[Array, Array]:
+        """Return A's first and last position with any overlap."""
+        low, high = self._before.extent_m()
+        return np.minimum(low, -self._half_sum_m), np.maximum(high, self.merged_m)
+
+    def interval_m(self, s_a_m: Array) -> tuple[Array, Array]:
+        """Return B's first and last position that overlap with A at `s_a_m`."""
+        first, last = self._before.extent_m()
+        low, high = self._before.interval_m(s_a_m)
+        joining = (s_a_m > first) & (s_a_m < last) & (low < 0.0)
+        in_line_low = np.maximum(s_a_m - self._half_sum_m, 0.0)
+        in_line_high = s_a_m + self._half_sum_m
+        return (
+            np.where(joining, low, in_line_low),
+            np.where(in_line_high > 0.0, in_line_high, np.minimum(high, 0.0)),
+        )
+
+    @property
+    def _before(self) -> XCrossing:
+        return XCrossing(self.a, self.b, self.angle_rad)
+
+    @property
+    def _half_sum_m(self) -> Array:
+        result: Array = 0.5 * (self.a.length_m + self.b.length_m)
+        return result
