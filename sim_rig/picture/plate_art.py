@@ -45,8 +45,8 @@ class SmallText:
 
 
 @dataclass(frozen=True, slots=True)
-class Hole:
-    """A bolt, or the hole for one."""
+class Disc:
+    """A bolt, a seal, a spot of a printed picture."""
 
     x_mm: float
     y_mm: float
@@ -69,7 +69,8 @@ class NumberRow:
     groups: tuple[int, ...]
     """Characters a group; what is left over belongs to the last."""
     separator: str = " "
-    """Between groups: a character of the font, or `|` for a coloured mark."""
+    """Between groups: a character of the font, `|` for a coloured mark, `.` for a dot in the ink's
+    colour at half height."""
     mark_bgr: Bgr = (60, 60, 200)
     stretch: float = 1.0
     """Width of a character over the font's own."""
@@ -85,6 +86,8 @@ class PlateFormat:
     font: str
     rows: tuple[NumberRow, ...]
     ground_bgr: Bgr = (235, 238, 240)
+    ground_bottom_bgr: Bgr | None = None
+    """Where the ground fades from top to bottom."""
     ink_bgr: Bgr = (25, 22, 20)
     spacing: float = 0.12
     cell: float | None = None
@@ -93,7 +96,13 @@ class PlateFormat:
     corner_mm: float = 8.0
     patches: tuple[Patch, ...] = ()
     small_texts: tuple[SmallText, ...] = ()
-    holes: tuple[Hole, ...] = ()
+    discs_below: tuple[Disc, ...] = ()
+    """Under the number, as printed pictures are."""
+    discs: tuple[Disc, ...] = ()
+    """Over the number, as bolts are."""
+    frame: tuple[Patch, ...] = ()
+    """What a holder covers, over everything but its own text."""
+    frame_texts: tuple[SmallText, ...] = ()
 
     @property
     def width_m(self) -> float:
@@ -126,14 +135,14 @@ US = PlateFormat(
     ink_bgr=(90, 40, 30),
     weight_px=3,
     small_texts=(SmallText("LIBERTY", 152, 22, 20, 140, "overpass-600", (60, 40, 190)),),
-    holes=tuple(Hole(x, y, 4, (120, 120, 120)) for x in (62, 243) for y in (14, 138)),
+    discs=tuple(Disc(x, y, 4, (120, 120, 120)) for x in (62, 243) for y in (14, 138)),
 )
 BR = PlateFormat(
     name="br",
     width_mm=400,
     height_mm=130,
     font="roadgeek-2014-c",
-    rows=(NumberRow(200, 80, 63, 360, groups=(3,), separator="·", stretch=1.3),),
+    rows=(NumberRow(200, 80, 63, 360, groups=(3,), separator=".", stretch=1.3),),
     ground_bgr=(190, 192, 190),
     weight_px=2,
     border_mm=3,
@@ -151,35 +160,26 @@ def draw_plate(text: str, plate_format: PlateFormat, px_per_mm: float = 1.0) -> 
     width_px = max(1, round(plate_format.width_mm * px_per_mm))
     height_px = max(1, round(plate_format.height_mm * px_per_mm))
     plate = np.empty((height_px, width_px, 3), np.uint8)
-    plate[:] = plate_format.ground_bgr
+    top = np.asarray(plate_format.ground_bgr, np.float32)
+    bottom = np.asarray(plate_format.ground_bottom_bgr or plate_format.ground_bgr, np.float32)
+    share = np.linspace(0, 1, height_px, dtype=np.float32)[:, None]
+    plate[:] = (top * (1 - share) + bottom * share)[:, None, :].astype(np.uint8)
     if plate_format.border_mm:
         line_px = max(1, round(plate_format.border_mm * px_per_mm))
         corner = (width_px - line_px // 2 - 1, height_px - line_px // 2 - 1)
         cv2.rectangle(plate, (line_px // 2,) * 2, corner, plate_format.ink_bgr, line_px)
-    for patch in plate_format.patches:
-        top_left = (round(patch.x_mm * px_per_mm), round(patch.y_mm * px_per_mm))
-        bottom_right = (
-            round((patch.x_mm + patch.w_mm) * px_per_mm) - 1,
-            round((patch.y_mm + patch.h_mm) * px_per_mm) - 1,
-        )
-        cv2.rectangle(plate, top_left, bottom_right, patch.bgr, cv2.FILLED)
-    for small in plate_format.small_texts:
-        _paint(
-            plate,
-            text_row(small.text, small.font),
-            (small.x_mm * px_per_mm, small.y_mm * px_per_mm),
-            (small.w_mm * px_per_mm, small.h_mm * px_per_mm),
-            small.bgr,
-        )
+    _paint_patches(plate, plate_format.patches, px_per_mm)
+    _paint_discs(plate, plate_format.discs_below, px_per_mm)
+    _paint_small_texts(plate, plate_format.small_texts, px_per_mm)
     rest = text
     for row in plate_format.rows:
         is_last = row is plate_format.rows[-1]
-        share = rest if is_last else rest[: sum(row.groups)]
-        rest = rest[len(share) :]
-        _paint_number(plate, share, row, plate_format, px_per_mm)
-    for hole in plate_format.holes:
-        centre = (round(hole.x_mm * px_per_mm), round(hole.y_mm * px_per_mm))
-        cv2.circle(plate, centre, round(hole.r_mm * px_per_mm), hole.bgr, cv2.FILLED, cv2.LINE_AA)
+        written = rest if is_last else rest[: sum(row.groups)]
+        rest = rest[len(written) :]
+        _paint_number(plate, written, row, plate_format, px_per_mm)
+    _paint_discs(plate, plate_format.discs, px_per_mm)
+    _paint_patches(plate, plate_format.frame, px_per_mm)
+    _paint_small_texts(plate, plate_format.frame_texts, px_per_mm)
     return plate
 
 
@@ -196,38 +196,58 @@ def split_groups(text: str, sizes: tuple[int, ...]) -> list[str]:
     return [group for group in [*groups, text] if group]
 
 
+def _paint_patches(plate: Picture, patches: tuple[Patch, ...], px_per_mm: float) -> None:
+    for patch in patches:
+        top_left = (round(patch.x_mm * px_per_mm), round(patch.y_mm * px_per_mm))
+        bottom_right = (
+            round((patch.x_mm + patch.w_mm) * px_per_mm) - 1,
+            round((patch.y_mm + patch.h_mm) * px_per_mm) - 1,
+        )
+        cv2.rectangle(plate, top_left, bottom_right, patch.bgr, cv2.FILLED)
+
+
+def _paint_discs(plate: Picture, discs: tuple[Disc, ...], px_per_mm: float) -> None:
+    for disc in discs:
+        centre = (round(disc.x_mm * px_per_mm), round(disc.y_mm * px_per_mm))
+        cv2.circle(plate, centre, round(disc.r_mm * px_per_mm), disc.bgr, cv2.FILLED, cv2.LINE_AA)
+
+
+def _paint_small_texts(plate: Picture, texts: tuple[SmallText, ...], px_per_mm: float) -> None:
+    for small in texts:
+        centre = (small.x_mm * px_per_mm, small.y_mm * px_per_mm)
+        size = (small.w_mm * px_per_mm, small.h_mm * px_per_mm)
+        _paint(plate, text_row(small.text, small.font), centre, size, small.bgr)
+
+
 def _paint_number(
     plate: Picture, text: str, row: NumberRow, plate_format: PlateFormat, px_per_mm: float
 ) -> None:
     groups = split_groups(text, row.groups)
-    marked = row.separator == "|"
-    written = ("  " if marked else row.separator).join(groups)
+    separator = {"|": "  ", ".": "  "}.get(row.separator, row.separator)
     mask = text_row(
-        written,
+        separator.join(groups),
         plate_format.font,
         spacing=plate_format.spacing,
         cell=plate_format.cell,
         weight_px=plate_format.weight_px,
     )
-    stretched_px = mask.shape[1] / mask.shape[0] * row.h_mm * row.stretch * px_per_mm
+    height_px = row.h_mm * px_per_mm
+    stretched_px = mask.shape[1] / mask.shape[0] * height_px * row.stretch
     width_px = min(stretched_px, row.w_mm * px_per_mm)
     centre = (row.x_mm * px_per_mm, row.y_mm * px_per_mm)
-    height_px = row.h_mm * px_per_mm
     left, _ = _paint(
         plate, mask, centre, (width_px, height_px), plate_format.ink_bgr, keep_aspect=False
     )
-    if marked:
-        for column in _gaps(mask, len(groups) - 1):
-            x_px = round(left + column / mask.shape[1] * width_px)
-            half = max(1, round(0.07 * height_px))
-            y_px = round(centre[1])
-            cv2.rectangle(
-                plate,
-                (x_px - half, y_px - 3 * half),
-                (x_px + half, y_px + 3 * half),
-                row.mark_bgr,
-                -1,
-            )
+    if row.separator not in "|.":
+        return
+    for column in _gaps(mask, len(groups) - 1):
+        x_px, y_px = round(left + column / mask.shape[1] * width_px), round(centre[1])
+        half = max(1, round(0.07 * height_px))
+        if row.separator == ".":
+            cv2.circle(plate, (x_px, y_px), half, plate_format.ink_bgr, cv2.FILLED, cv2.LINE_AA)
+        else:
+            top_left, bottom_right = (x_px - half, y_px - 3 * half), (x_px + half, y_px + 3 * half)
+            cv2.rectangle(plate, top_left, bottom_right, row.mark_bgr, cv2.FILLED)
 
 
 def _gaps(mask: Mask, count: int) -> list[float]:

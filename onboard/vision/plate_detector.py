@@ -1,0 +1,217 @@
+"""Finds plates in a picture: four corners and a score each.
+
+A small convolutional network looks at the picture at a few sizes. For each cell of 8 x 8 pixels it
+says how sure it is that the cell lies in the middle of a plate, and where that plate's corners are.
+Cells that mean the same plate are merged. A second look at each candidate, enlarged or shrunk so
+that the plate is about 80 pixels wide, gives sharper corners and drops what only seemed a plate.
+The network was trained on rendered pictures only (`training/`); OpenCV runs it on one core.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from onboard.observations import Box
+
+Image = npt.NDArray[np.uint8]
+"""(h, w, 3) BGR or (h, w) grey."""
+Corners = npt.NDArray[np.float32]
+"""(4, 2): top left, top right, bottom right, bottom left, in pixels."""
+
+CELL_PX = 8
+"""Pixels of the network's input a cell of its output."""
+CORNER_UNIT_PX = 32.0
+"""The network gives corners in this unit, from the middle of the cell."""
+WIDTHS_PX = (12.0, 130.0)
+"""Widths of plates that the network finds at one size of the picture."""
+DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_detector.onnx"
+
+_SECOND_LOOK_SIZE = (192, 96)
+_SECOND_LOOK_PLATE_PX = 80.0
+_MOST_CANDIDATES = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundPlate:
+    """A plate in the picture."""
+
+    corners_px: Corners
+    score: float
+    """0 to 1: that it is a plate."""
+
+    @property
+    def box(self) -> Box:
+        """The upright rectangle around its corners."""
+        left, top = (float(value) for value in self.corners_px.min(axis=0))
+        right, bottom = (float(value) for value in self.corners_px.max(axis=0))
+        return Box(left, top, right - left, bottom - top)
+
+    @property
+    def width_px(self) -> float:
+        """Mean length of its upper and lower edge."""
+        upper = self.corners_px[1] - self.corners_px[0]
+        lower = self.corners_px[2] - self.corners_px[3]
+        return float(np.hypot(*upper) + np.hypot(*lower)) / 2
+
+
+class PlateDetector:
+    """One network, loaded once; not to be shared between threads."""
+
+    def __init__(
+        self,
+        model: Path = DEFAULT_MODEL,
+        *,
+        shrinks: tuple[float, ...] = (2.0, 8.0),
+        least_score: float = 0.5,
+    ) -> None:
+        """Load the network.
+
+        Args:
+            model: ONNX file.
+            shrinks: the picture is looked at divided by each of these. 2 and 8 find plates from 24
+                to 1000 px wide.
+            least_score: of a plate that is reported.
+
+        Raises:
+            FileNotFoundError: there is no file `model`.
+        """
+        if not model.is_file():
+            raise FileNotFoundError(f"no plate detector model at {model}")
+        self._network = cv2.dnn.readNetFromONNX(str(model))
+        self._shrinks = shrinks
+        self._least_score = least_score
+
+    def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:
+        """Plates in the picture, or in `region` of it, the surest first."""
+        part, origin = _cut(image, region)
+        if min(part.shape[:2]) < CELL_PX:
+            return []
+        grey = part if part.ndim == 2 else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY).astype(np.uint8)
+        candidates: list[FoundPlate] = []
+        for shrink in self._shrinks:
+            size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
+            if min(size) < CELL_PX:
+                continue
+            view = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+            scale = np.asarray([grey.shape[1] / size[0], grey.shape[0] / size[1]], np.float32)
+            for found in self._look(np.asarray(view, np.uint8), self._least_score * 0.4):
+                corners = (found.corners_px + np.float32(0.5)) * scale - np.float32(0.5)
+                candidates.append(FoundPlate(corners, found.score))
+        firsts = _one_each(candidates)[:_MOST_CANDIDATES]
+        seconds = _one_each(self._second_look(grey, first) for first in firsts)
+        return [
+            FoundPlate(found.corners_px + origin, found.score)
+            for found in seconds
+            if found.score >= self._least_score
+        ]
+
+    def _second_look(self, grey: Image, first: FoundPlate) -> FoundPlate:
+        """The candidate again, in a view centred on it, the plate about 80 px wide."""
+        scale = _SECOND_LOOK_PLATE_PX / max(first.width_px, 4.0)
+        middle = first.corners_px.mean(axis=0)
+        width, height = _SECOND_LOOK_SIZE
+        if scale < 0.7:
+            # Average first: sampling a large plate thinly would alias.
+            size = (max(2, round(grey.shape[1] * scale)), max(2, round(grey.shape[0] * scale)))
+            shrunk = np.asarray([size[0] / grey.shape[1], size[1] / grey.shape[0]], np.float32)
+            small = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
+            found = self._second_look(
+                small, FoundPlate((first.corners_px + 0.5) * shrunk - 0.5, first.score)
+            )
+            return FoundPlate((found.corners_px + 0.5) / shrunk - np.float32(0.5), found.score)
+        shift = np.asarray([width / 2, height / 2]) - scale * middle
+        matrix = np.asarray([[scale, 0, shift[0]], [0, scale, shift[1]]])
+        view = cv2.warpAffine(grey, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
+        seen = self._look(np.asarray(view, np.uint8), 0.05)
+        if not seen:
+            return FoundPlate(first.corners_px, 0.0)
+        centre = np.asarray([width / 2, height / 2])
+        # The plate that the first look meant is the one in the middle.
+        best = max(
+            seen,
+            key=lambda found: (
+                found.score
+                - np.hypot(*(found.corners_px.mean(axis=0) - centre)) / _SECOND_LOOK_PLATE_PX
+            ),
+        )
+        corners = (best.corners_px - shift.astype(np.float32)) / np.float32(scale)
+        return FoundPlate(corners, (best.score * first.score) ** 0.5)
+
+    def _look(self, grey: Image, least: float) -> list[FoundPlate]:
+        """One pass of the network over a grey picture."""
+        rows, columns = (-(-side // CELL_PX) * CELL_PX for side in grey.shape)
+        padded = cv2.copyMakeBorder(
+            grey, 0, rows - grey.shape[0], 0, columns - grey.shape[1], cv2.BORDER_REPLICATE
+        )
+        self._network.setInput(as_input(np.asarray(padded, np.uint8)[None]))
+        answer = self._network.forward()[0]
+        scores = 1 / (1 + np.exp(-answer[0]))
+        return _merged(scores, answer[1:], least)
+
+
+def as_input(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    """(n, h, w) grey pictures as (n, 1, h, w): logarithms, so that light only shifts the values."""
+    return np.asarray(_LOGARITHM[grey][:, None], np.float32)
+
+
+_LOGARITHM = ((np.log(np.arange(256) + 10.0) - 4.3) / 0.9).astype(np.float32)
+
+
+def _cut(image: Image, region: Box | None) -> tuple[Image, npt.NDArray[np.float32]]:
+    if region is None:
+        return image, np.zeros(2, np.float32)
+    left, top = max(0, int(region.x_px)), max(0, int(region.y_px))
+    right, bottom = int(region.x_px + region.w_px + 1), int(region.y_px + region.h_px + 1)
+    part = image[top : max(top, bottom), left : max(left, right)]
+    return part, np.asarray([left, top], np.float32)
+
+
+def _merged(
+    scores: npt.NDArray[np.float32], offsets: npt.NDArray[np.float32], least: float
+) -> list[FoundPlate]:
+    """Cells to plates: each best cell takes in the cells that mean the same place."""
+    rows, columns = np.nonzero(scores >= least)
+    if not len(rows):
+        return []
+    strength = scores[rows, columns]
+    order = np.argsort(-strength)[:400]
+    rows, columns, strength = rows[order], columns[order], strength[order]
+    middles = np.stack([columns, rows], axis=1) * CELL_PX + (CELL_PX - 1) / 2
+    corners = offsets[:, rows, columns].T.reshape(-1, 4, 2) * CORNER_UNIT_PX + middles[:, None]
+    centres, widths = corners.mean(axis=1), np.ptp(corners[..., 0], axis=1)
+    heights = np.ptp(corners[..., 1], axis=1)
+    plates: list[FoundPlate] = []
+    free = np.ones(len(rows), bool)
+    for best in range(len(rows)):
+        if not free[best]:
+            continue
+        away = np.abs(centres - centres[best])
+        same = free & (away[:, 0] < 0.5 * widths[best]) & (away[:, 1] < 0.6 * heights[best])
+        same[best] = True
+        free &= ~same
+        weights = strength[same] ** 2
+        mean = np.average(corners[same], axis=0, weights=weights).astype(np.float32)
+        plates.append(FoundPlate(mean, float(strength[best])))
+    return plates
+
+
+def _one_each(found: Iterable[FoundPlate]) -> list[FoundPlate]:
+    """The surest of each set that overlap, the surest first."""
+    kept: list[FoundPlate] = []
+    for plate in sorted(found, key=lambda plate: -plate.score):
+        if all(_overlap(plate.box, other.box) < 0.3 for other in kept):
+            kept.append(plate)
+    return kept
+
+
+def _overlap(one: Box, other: Box) -> float:
+    """Intersection over the smaller of the two."""
+    width = min(one.x_px + one.w_px, other.x_px + other.w_px) - max(one.x_px, other.x_px)
+    height = min(one.y_px + one.h_px, other.y_px + other.h_px) - max(one.y_px, other.y_px)
+    if width <= 0 or height <= 0:
+        return 0.0
+    return width * height / max(1e-6, min(one.w_px * one.h_px, other.w_px * other.h_px))

@@ -1,0 +1,127 @@
+"""Reads the characters of a plate whose corners are known.
+
+The plate is cut out square to the eye (`rectify`), and a small convolutional network gives, for
+each of 40 columns, how likely it shows each character or none. The text is the most likely sequence
+with repeats and blanks taken out (connectionist temporal classification, Graves et al. 2006). The
+network was trained on rendered plates only (`training/`); OpenCV runs it on one core.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+Image = npt.NDArray[np.uint8]
+"""(h, w, 3) BGR or (h, w) grey."""
+Corners = npt.NDArray[np.float32]
+"""(4, 2): top left, top right, bottom right, bottom left of the plate, in pixels."""
+
+ALPHABET = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+"""Class 0 of the network is the blank, class n the n-th character of this."""
+READER_SIZE = (160, 48)
+"""(w, h) of what the network sees."""
+MARGIN = (0.06, 0.10)
+"""Share of that size around the plate, on each side, since corners are never exact."""
+DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_reader.onnx"
+
+
+@dataclass(frozen=True, slots=True)
+class PlateText:
+    """What stands on a plate."""
+
+    text: str
+    """May be empty: nothing that looks like a character."""
+    confidence: float
+    """0 to 1: that the whole text is right."""
+    character_confidences: tuple[float, ...]
+
+
+class PlateReader:
+    """One network, loaded once; not to be shared between threads."""
+
+    def __init__(self, model: Path = DEFAULT_MODEL) -> None:
+        """Load the network.
+
+        Raises:
+            FileNotFoundError: there is no file `model`.
+        """
+        if not model.is_file():
+            raise FileNotFoundError(f"no plate reader model at {model}")
+        self._network = cv2.dnn.readNetFromONNX(str(model))
+
+    def read(self, image: Image, corners: Corners) -> PlateText:
+        """The characters on the plate at `corners`; empty where they lie outside the picture."""
+        return self.read_many(image, [corners])[0]
+
+    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+        """As `read`, for several plates of one picture."""
+        if not plates:
+            return []
+        views = np.stack([rectify(image, corners) for corners in plates])
+        self._network.setInput(normalised(views))
+        return [decode(scores[:, 0].T) for scores in self._network.forward()]
+
+
+def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
+    """The plate and a little around it, grey, `READER_SIZE` large: what the network is shown."""
+    width, height = READER_SIZE
+    margin_x, margin_y = MARGIN[0] * width, MARGIN[1] * height
+    left, right = margin_x - 0.5, width - margin_x - 0.5
+    top, bottom = margin_y - 0.5, height - margin_y - 0.5
+    target = np.asarray([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
+    # Only what is needed, shrunk first where the plate is much larger than the view.
+    middle = corners.mean(axis=0)
+    around = middle + (corners - middle) * 1.6
+    x0, y0 = (int(v) for v in np.maximum(np.floor(around.min(axis=0)), 0))
+    x1, y1 = (int(v) for v in np.ceil(around.max(axis=0)) + 1)
+    part = image[y0:y1, x0:x1]
+    if part.shape[0] < 2 or part.shape[1] < 2:
+        return np.zeros((height, width), np.uint8)
+    grey = part if part.ndim == 2 else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY)
+    source = (corners - np.asarray([x0, y0])).astype(np.float32)
+    plate_px = float(np.hypot(*(corners[1] - corners[0])))
+    shrink = (right - left) / max(plate_px, 1.0)
+    if shrink < 0.7:
+        size = (max(2, round(grey.shape[1] * shrink)), max(2, round(grey.shape[0] * shrink)))
+        scale = np.asarray([size[0] / grey.shape[1], size[1] / grey.shape[0]], np.float32)
+        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+        source = (source + np.float32(0.5)) * scale - np.float32(0.5)
+    matrix = cv2.getPerspectiveTransform(source, target)
+    view = cv2.warpPerspective(
+        grey, matrix, READER_SIZE, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    return np.asarray(view, np.uint8)
+
+
+def normalised(views: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    """(n, h, w) views as the network's input (n, 1, h, w): mean 0 and deviation 1 in each."""
+    values = views.astype(np.float32)
+    values -= values.mean(axis=(1, 2), keepdims=True)
+    values /= values.std(axis=(1, 2), keepdims=True) + np.float32(4.0)
+    return values[:, None]
+
+
+def decode(scores: npt.NDArray[np.float32]) -> PlateText:
+    """Best path through `scores`, (40 columns, 37 classes) of logits.
+
+    A character's confidence is the highest probability in the run of columns that show it; the
+    text's is the product over all columns of the best path.
+    """
+    shifted = scores - scores.max(axis=1, keepdims=True)
+    likely = np.exp(shifted)
+    likely /= likely.sum(axis=1, keepdims=True)
+    path = likely.argmax(axis=1)
+    best = likely.max(axis=1)
+    text = ""
+    confidences: list[float] = []
+    for column, label in enumerate(path):
+        if label == 0:
+            continue
+        if column and path[column - 1] == label:
+            confidences[-1] = max(confidences[-1], float(best[column]))
+        else:
+            text += ALPHABET[label - 1]
+            confidences.append(float(best[column]))
+    return PlateText(text, float(np.prod(best)), tuple(confidences))

@@ -1,0 +1,307 @@
+"""Plates of no country in particular: designs drawn at random around those that exist.
+
+Three families, by shape: two-to-one (North America), long (Europe), and three-to-one (South
+America), the last also in two rows for motorcycles. Everything varies: font, its stretch and
+weight, colours, what is printed around the number, what a holder covers.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sim_rig.picture.glyphs import font_names
+from sim_rig.picture.plate_art import (
+    Bgr,
+    Disc,
+    NumberRow,
+    Patch,
+    PlateFormat,
+    SmallText,
+)
+from sim_rig.picture.plate_texts import (
+    BR_PATTERNS,
+    EU_PATTERNS,
+    US_PATTERNS,
+    any_text,
+    text_of,
+    word,
+)
+
+_PRINT_FONTS = ("overpass-600", "barlow-semi-condensed-700", "roboto-condensed-700")
+_US_FONTS = (
+    *("routed-gothic-narrow", "routed-gothic", "barlow-condensed-500") * 3,
+    *("roadgeek-2014-b", "roadgeek-2014-c", "osp-din", "barlow-semi-condensed-500") * 2,
+)
+_EU_FONTS = (
+    *("barlow-semi-condensed-500", "barlow-condensed-500", "osp-din") * 3,
+    *("roadgeek-2014-c", "overpass-600", "roboto-condensed-500", "routed-gothic-narrow") * 2,
+)
+_BR_FONTS = ("roadgeek-2014-c", "routed-gothic", "overpass-600", "barlow-semi-condensed-700")
+
+
+def random_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
+    """A text without separators and the plate that carries it."""
+    draw = (_us_plate, _eu_plate, _br_plate)[rng.choice(3, p=[0.48, 0.34, 0.18])]
+    text, plate = draw(rng)
+    if rng.random() < 0.35:
+        plate = _in_holder(plate, rng)
+    return text, plate
+
+
+def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
+    written = _text(rng, US_PATTERNS, free=0.3)
+    ground, ink = _us_colours(rng)
+    small, patches = [], []
+    if rng.random() < 0.85:
+        small.append(_print(rng, 152 + rng.normal(0, 6), rng.uniform(15, 26), rng.uniform(14, 26)))
+    if rng.random() < 0.5:
+        small.append(_print(rng, 152, rng.uniform(130, 142), rng.uniform(7, 15)))
+    for _ in range(rng.integers(0, 4)):
+        corner = ((4, 8), (262, 8), (4, 118), (262, 118))[rng.integers(4)]
+        size = rng.uniform(20, 38), rng.uniform(14, 26)
+        patches.append(Patch(*corner, *size, _colour(rng)))
+    discs_below = tuple(
+        Disc(
+            rng.uniform(20, 285),
+            rng.uniform(20, 132),
+            rng.uniform(8, 40),
+            _near(ground, rng, 35),
+        )
+        for _ in range(rng.integers(0, 5) if rng.random() < 0.4 else 0)
+    )
+    height = rng.uniform(58, 78)
+    separator = str(rng.choice(["|", " ", "-", ".", ""], p=[0.3, 0.35, 0.15, 0.1, 0.1]))
+    offset = 0.0
+    if rng.random() < 0.08:  # a small prefix in two rows that is not part of the number
+        for letter, y_mm in zip(text_of("LL", rng), (66, 100), strict=True):
+            small.append(SmallText(letter, 22, y_mm, 28, 20, "overpass-600", ink))
+        offset = 14.0
+    row = NumberRow(
+        x_mm=152 + offset + rng.normal(0, 3),
+        y_mm=rng.uniform(72, 86),
+        h_mm=height,
+        w_mm=rng.uniform(225, 290) - 2 * offset,
+        groups=_groups(written),
+        separator=separator,
+        mark_bgr=_colour(rng),
+        stretch=rng.uniform(0.62, 1.0),
+    )
+    plate = PlateFormat(
+        name="us",
+        width_mm=305,
+        height_mm=152,
+        font=_font(rng, _US_FONTS),
+        rows=(row,),
+        ground_bgr=ground,
+        ground_bottom_bgr=_near(ground, rng, 60) if rng.random() < 0.35 else None,
+        ink_bgr=ink,
+        spacing=rng.uniform(0.06, 0.2),
+        cell=rng.uniform(0.5, 0.62) if rng.random() < 0.5 else None,
+        weight_px=int(rng.integers(-1, 6)),
+        border_mm=rng.uniform(2, 4) if rng.random() < 0.3 else 0,
+        patches=tuple(patches),
+        small_texts=tuple(small),
+        discs_below=discs_below,
+        discs=_bolts(rng, 305, 152),
+    )
+    return written.replace(" ", ""), plate
+
+
+def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
+    written = _text(rng, EU_PATTERNS, free=0.25)
+    groups = _groups(written)
+    ground: Bgr = (235, 238, 240)
+    ink: Bgr = (25, 22, 20)
+    if rng.random() < 0.12:
+        ground = (40, 200, 240)
+    elif rng.random() < 0.06:
+        ground, ink = (25, 22, 20), (235, 238, 240)
+    ground = _near(ground, rng, 12)
+    width = float(rng.choice([520.0, 480.0, 440.0], p=[0.8, 0.1, 0.1]))
+    has_band = rng.random() < 0.75
+    left = 48.0 if has_band else 10.0
+    patches, small, discs = [], [], []
+    if has_band:
+        patches.append(Patch(0, 0, 44, 110, (int(rng.integers(90, 190)), 60, 15)))
+        code = text_of("LL"[: rng.integers(1, 3)], rng)
+        small.append(SmallText(code, 22, 85, 22, 32, "osp-din", (240, 240, 240)))
+        discs.append(Disc(22, 38, rng.uniform(8, 15), (int(rng.integers(0, 220)), 170, 200)))
+    height = rng.uniform(68, 82)
+    seals = rng.random() < 0.45
+    separator = str(rng.choice([" ", "-", "-", "|"])) if not seals else "|"
+    room = width - left - rng.uniform(12, 40)
+    row = NumberRow(
+        x_mm=left + room / 2 + (width - left - room) / 2,
+        y_mm=55 + rng.normal(0, 1.5),
+        h_mm=height,
+        w_mm=room,
+        groups=groups,
+        separator=separator,
+        mark_bgr=_colour(rng),
+        stretch=rng.uniform(0.85, 1.3),
+    )
+    plate = PlateFormat(
+        name="eu",
+        width_mm=width,
+        height_mm=110,
+        font=_font(rng, _EU_FONTS),
+        rows=(row,),
+        ground_bgr=ground,
+        ink_bgr=ink,
+        spacing=rng.uniform(0.1, 0.24),
+        cell=rng.uniform(0.55, 0.65) if rng.random() < 0.3 else None,
+        weight_px=int(rng.integers(-2, 4)),
+        border_mm=rng.uniform(2, 5) if rng.random() < 0.7 else 0,
+        patches=tuple(patches),
+        small_texts=tuple(small),
+        discs_below=tuple(discs),
+        discs=_bolts(rng, width, 110) if rng.random() < 0.3 else (),
+    )
+    return written.replace(" ", ""), plate
+
+
+def _br_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
+    written = _text(rng, BR_PATTERNS, free=0.25)
+    newer = rng.random() < 0.25
+    grey = int(rng.integers(150, 225))
+    ground = _near((235, 235, 235) if newer else (grey, grey, grey), rng, 8)
+    ink: Bgr = (30, 28, 28)
+    if not newer and rng.random() < 0.1:
+        ground, ink = _near((40, 40, 170), rng, 20), (235, 235, 235)
+    small, patches = [], []
+    if newer:
+        patches.append(Patch(0, 0, 400, 32, (150, 60, 10)))
+        small.append(_print(rng, 200, 16, 18, bgr=(240, 240, 240)))
+    else:
+        small.append(
+            _print(rng, 200 + rng.normal(0, 4), rng.uniform(22, 30), rng.uniform(12, 18), bgr=ink)
+        )
+    row = NumberRow(
+        x_mm=200 + rng.normal(0, 3),
+        y_mm=rng.uniform(76, 84),
+        h_mm=rng.uniform(58, 68),
+        w_mm=rng.uniform(330, 375),
+        groups=_groups(written),
+        separator=" " if newer else str(rng.choice([".", "-", " "], p=[0.7, 0.2, 0.1])),
+        stretch=rng.uniform(1.0, 1.5),
+    )
+    plate = PlateFormat(
+        name="br",
+        width_mm=400,
+        height_mm=130,
+        font=_font(rng, _BR_FONTS),
+        rows=(row,),
+        ground_bgr=ground,
+        ink_bgr=ink,
+        spacing=rng.uniform(0.08, 0.2),
+        weight_px=int(rng.integers(-1, 5)),
+        border_mm=rng.uniform(2, 5) if rng.random() < 0.5 else 0,
+        patches=tuple(patches),
+        small_texts=tuple(small),
+        discs=_bolts(rng, 400, 130),
+    )
+    if rng.random() < 0.2:
+        plate = _in_two_rows(plate, written, rng)
+    return written.replace(" ", ""), plate
+
+
+def _in_two_rows(plate: PlateFormat, written: str, rng: np.random.Generator) -> PlateFormat:
+    """The motorcycle's plate: the first group over the rest."""
+    first = len(written.split(maxsplit=1)[0]) if " " in written else min(3, len(written) - 1)
+    row = replace(plate.rows[0], groups=(first,), separator=" ", h_mm=42, x_mm=100, w_mm=150)
+    rows = (replace(row, y_mm=72), replace(row, y_mm=128, w_mm=170, groups=(len(written),)))
+    small = tuple(replace(text, x_mm=100, w_mm=130) for text in plate.small_texts)
+    return replace(
+        plate,
+        name="br motorcycle",
+        width_mm=200,
+        height_mm=170,
+        rows=rows,
+        small_texts=small,
+        patches=(),
+        discs=_bolts(rng, 200, 170),
+    )
+
+
+def _in_holder(plate: PlateFormat, rng: np.random.Generator) -> PlateFormat:
+    """A dealer's frame: bars at top and bottom, often with a name, sometimes over the number."""
+    width, height = plate.width_mm, plate.height_mm
+    colour: Bgr = (28, 28, 28) if rng.random() < 0.6 else _colour(rng)
+    ink: Bgr = (235, 235, 235) if sum(colour) < 380 else (20, 20, 20)
+    row = plate.rows[-1]
+    free_below = height - (row.y_mm + row.h_mm / 2)
+    bottom = float(np.clip(free_below + rng.uniform(-14, 5), 5, 34))
+    top = rng.uniform(4, 28) if plate.name == "us" else rng.uniform(2, 8)
+    side = rng.uniform(2, 8)
+    frame = (
+        Patch(0, height - bottom, width, bottom, colour),
+        Patch(0, 0, width, top, colour),
+        Patch(0, 0, side, height, colour),
+        Patch(width - side, 0, side, height, colour),
+    )
+    texts = []
+    for y, thickness in ((height - bottom / 2, bottom), (top / 2, top)):
+        if thickness > 8 and rng.random() < 0.75:
+            texts.append(
+                _print(rng, width / 2, y, thickness * rng.uniform(0.5, 0.9), bgr=ink, w_mm=width)
+            )
+    return replace(plate, frame=frame, frame_texts=tuple(texts), discs=())
+
+
+def _text(rng: np.random.Generator, patterns: tuple[str, ...], free: float) -> str:
+    if rng.random() < free:
+        return any_text(rng)
+    return text_of(patterns[rng.integers(len(patterns))], rng)
+
+
+def _groups(written: str) -> tuple[int, ...]:
+    return tuple(len(group) for group in written.split()[:-1])
+
+
+def _font(rng: np.random.Generator, preferred: tuple[str, ...]) -> str:
+    fonts = preferred if rng.random() < 0.75 else font_names()
+    return str(fonts[rng.integers(len(fonts))])
+
+
+def _print(
+    rng: np.random.Generator,
+    x_mm: float,
+    y_mm: float,
+    h_mm: float,
+    *,
+    bgr: Bgr | None = None,
+    w_mm: float = 190,
+) -> SmallText:
+    font = _PRINT_FONTS[rng.integers(len(_PRINT_FONTS))]
+    return SmallText(word(rng), x_mm, y_mm, h_mm, 0.85 * w_mm, font, bgr or _colour(rng))
+
+
+def _us_colours(rng: np.random.Generator) -> tuple[Bgr, Bgr]:
+    """Ground and ink: mostly dark on pale, sometimes white on dark."""
+    inks: tuple[Bgr, ...] = ((20, 20, 20), (95, 45, 30), (60, 20, 20), (40, 90, 20), (40, 30, 150))
+    ink = _near(inks[rng.choice(5, p=[0.35, 0.35, 0.15, 0.08, 0.07])], rng, 15)
+    pale = int(rng.integers(190, 250))
+    ground = _near((pale, pale, pale), rng, 22)
+    if rng.random() < 0.08:
+        return _near((120, 60, 30), rng, 40), (240, 240, 240)
+    return ground, ink
+
+
+def _colour(rng: np.random.Generator) -> Bgr:
+    blue, green, red = (int(channel) for channel in rng.integers(10, 245, 3))
+    return blue, green, red
+
+
+def _near(bgr: Bgr, rng: np.random.Generator, spread: int) -> Bgr:
+    moved = np.clip(np.asarray(bgr) + rng.integers(-spread, spread + 1, 3), 0, 255)
+    blue, green, red = (int(channel) for channel in moved)
+    return blue, green, red
+
+
+def _bolts(rng: np.random.Generator, width: float, height: float) -> tuple[Disc, ...]:
+    grey = int(rng.integers(30, 200))
+    inset_x, inset_y = rng.uniform(0.18, 0.3) * width, rng.uniform(0.07, 0.12) * height
+    places = [(x, y) for y in (inset_y, height - inset_y) for x in (inset_x, width - inset_x)]
+    return tuple(
+        Disc(x, y, rng.uniform(2.5, 6), (grey, grey, grey)) for x, y in places if rng.random() < 0.6
+    )

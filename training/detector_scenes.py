@@ -1,0 +1,75 @@
+"""What the detector learns from: plates on rough cars in rough surroundings, and their corners."""
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from sim_rig.picture.clutter import add_car, add_lettering, surroundings
+from sim_rig.picture.lens import photograph
+from sim_rig.picture.plate_art import draw_plate
+from sim_rig.picture.plate_styles import random_plate
+from training.reader_views import paste, posed
+
+SCENE_SIZE = (256, 192)
+"""(w, h) of a scene, in the pixels that the network sees."""
+MOST_PLATES = 2
+SMALLEST_PX, LARGEST_PX = 11.0, 140.0
+"""Width of a plate: outside it another level of the picture's pyramid shows it in this range."""
+_PX_PER_MM = 0.35
+_CAR_OVER_PLATE = {"us": 5.9, "eu": 3.5, "br": 4.5, "br motorcycle": 4.0}
+
+
+def render_scenes(
+    count: int, rng: np.random.Generator
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
+    """Grey scenes (count, 192, 256); corners (count, 2, 4, 2) of their plates, NaN where none."""
+    scenes = np.empty((count, SCENE_SIZE[1], SCENE_SIZE[0]), np.uint8)
+    corners = np.full((count, MOST_PLATES, 4, 2), np.nan, np.float32)
+    for index in range(count):
+        scenes[index] = _scene(corners[index], rng)
+    return scenes, corners
+
+
+def _scene(corners: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+    columns, rows = SCENE_SIZE
+    image = surroundings(rows, columns, rng)
+    count = int(rng.choice([0, 1, 2], p=[0.2, 0.6, 0.2]))
+    plates: list[tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]] = []
+    for _ in range(max(1, count)):
+        text, plate_format = random_plate(rng)
+        width_px = float(np.exp(rng.uniform(np.log(SMALLEST_PX), np.log(LARGEST_PX))))
+        height_px = width_px * plate_format.height_mm / plate_format.width_mm
+        centre = (rng.uniform(0.05, 0.95) * columns, rng.uniform(0.08, 0.92) * rows)
+        if rng.random() < 0.9:
+            share = _CAR_OVER_PLATE[plate_format.name] * rng.uniform(0.8, 1.2)
+            add_car(image, centre, width_px * share, rng)
+        if rng.random() < 0.5:
+            add_lettering(image, rng, rng.uniform(0.08, 0.25) * width_px)
+        quad = posed(width_px, height_px, rng) + np.asarray(centre, np.float32)
+        if all(_apart(quad, other) for _, other in plates):
+            plates.append((draw_plate(text, plate_format, _PX_PER_MM), quad))
+    finest_px = 1.0
+    for place, (art, quad) in enumerate(plates[:count]):
+        _housing(image, quad, rng)
+        paste(image, art, quad)
+        corners[place] = quad
+        finest_px = min(finest_px, float(np.ptp(quad[:, 0])) / 40)
+    picture = photograph(image, rng, max(0.5, finest_px))
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def _apart(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> bool:
+    """Whether two plates and their housings do not touch."""
+    reach = (np.ptp(one, axis=0) + np.ptp(other, axis=0)) * 0.8
+    return bool((np.abs(one.mean(axis=0) - other.mean(axis=0)) > reach).any())
+
+
+def _housing(
+    image: npt.NDArray[np.uint8], quad: npt.NDArray[np.float32], rng: np.random.Generator
+) -> None:
+    """The recess or holder that a plate sits in, and the shadow over it."""
+    if rng.random() < 0.4:
+        return
+    around = quad.mean(axis=0) + (quad - quad.mean(axis=0)) * rng.uniform(1.02, 1.5, 2)
+    shade = (rng.integers(0, 120) + rng.normal(0, 10, 3)).clip(0, 255).tolist()
+    cv2.fillConvexPoly(image, np.rint(around * 16).astype(np.int32), shade, cv2.LINE_AA, 4)

@@ -1,0 +1,85 @@
+"""The two networks, of nothing but what OpenCV's `dnn` runs fast: convolutions and pooling."""
+
+import torch
+from torch import nn
+from typing_extensions import override
+
+CLASSES = 37
+"""Blank and the reader's alphabet."""
+
+
+def _conv(
+    inputs: int,
+    outputs: int,
+    size: int | tuple[int, int] = 3,
+    *,
+    stride: int = 1,
+    padding: int | tuple[int, int] = 1,
+    dilation: int | tuple[int, int] = 1,
+) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(
+            inputs, outputs, size, stride=stride, padding=padding, dilation=dilation, bias=False
+        ),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
+    )
+
+
+class ReaderNetwork(nn.Module):
+    """(n, 1, 48, 160) normalised grey views to (n, 37, 1, 40) logits of each class by column."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.strokes = nn.Sequential(
+            _conv(1, 32, stride=2),
+            _conv(32, 48),
+            nn.MaxPool2d((2, 1)),
+            _conv(48, 64),
+            nn.MaxPool2d((2, 2)),
+            _conv(64, 96),
+            _conv(96, 96),
+        )
+        self.columns = _conv(96, 192, (6, 1), padding=0)
+        self.context = nn.ModuleList(
+            _conv(192, 192, (1, 5), padding=(0, 2 * reach), dilation=(1, reach))
+            for reach in (1, 2, 4)
+        )
+        self.dropout = nn.Dropout2d(0.1)
+        self.scores = nn.Conv2d(192, CLASSES, 1)
+
+    @override
+    def forward(self, views: torch.Tensor) -> torch.Tensor:
+        seen = self.columns(self.strokes(views))
+        for layer in self.context:
+            seen = seen + layer(seen)
+        scores: torch.Tensor = self.scores(self.dropout(seen))
+        return scores
+
+
+class DetectorNetwork(nn.Module):
+    """(n, 1, h, w) logarithmic grey to (n, 9, h / 8, w / 8): logit of a plate, corner offsets."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.edges = nn.Sequential(
+            _conv(1, 16, stride=2),
+            _conv(16, 24, stride=2),
+            _conv(24, 32),
+            _conv(32, 56, stride=2),
+        )
+        self.context = nn.ModuleList(
+            _conv(56, 56, padding=reach, dilation=reach) for reach in (1, 2, 1, 4, 1)
+        )
+        self.answer = nn.Conv2d(56, 9, 1)
+        nn.init.constant_(self.answer.bias, 0.0)
+        with torch.no_grad():
+            self.answer.bias[0] = -4.0  # plates are rare: start from there
+
+    @override
+    def forward(self, pictures: torch.Tensor) -> torch.Tensor:
+        seen = self.edges(pictures)
+        for layer in self.context:
+            seen = seen + layer(seen)
+        answer: torch.Tensor = self.answer(seen)
+        return answer

@@ -1,0 +1,64 @@
+"""Rendered pictures in files mapped into memory, made once, by as many processes as wished."""
+
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.generic]
+Renderer = Callable[[int, np.random.Generator], tuple[Array, ...]]
+"""Given how many and a generator, arrays with that many rows each."""
+
+_SHARD = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class _Shard:
+    number: int
+    rows: int
+    seed: int
+
+
+def rendered(
+    folder: Path, renderer: Renderer, count: int, seed: int, processes: int
+) -> list[Array]:
+    """The arrays of `count` rows that `renderer` gives, from `folder` if they lie there already.
+
+    Every shard has a generator of its own, so that the pictures are the same however many processes
+    render them.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    shards = [
+        _Shard(number, min(_SHARD, count - start), seed)
+        for number, start in enumerate(range(0, count, _SHARD))
+    ]
+    first = renderer(1, np.random.default_rng(seed))
+    files = [folder / f"{index}.npy" for index in range(len(first))]
+    if not all(file.is_file() for file in files):
+        parts = [file.with_suffix(".part.npy") for file in files]
+        arrays = [
+            np.lib.format.open_memmap(part, "w+", like.dtype, (count, *like.shape[1:]))
+            for part, like in zip(parts, first, strict=True)
+        ]
+        with ProcessPoolExecutor(processes, initializer=_one_thread) as pool:
+            for shard, rows in pool.map(partial(_render, renderer), shards):
+                start = shard.number * _SHARD
+                for array, values in zip(arrays, rows, strict=True):
+                    array[start : start + shard.rows] = values
+        for array, part, file in zip(arrays, parts, files, strict=True):
+            array.flush()
+            part.rename(file)
+    return [np.load(file, mmap_mode="r") for file in files]
+
+
+def _one_thread() -> None:
+    cv2.setNumThreads(1)
+
+
+def _render(renderer: Renderer, shard: _Shard) -> tuple[_Shard, tuple[Array, ...]]:
+    return shard, renderer(shard.rows, np.random.default_rng([shard.seed, shard.number]))

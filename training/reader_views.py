@@ -1,0 +1,119 @@
+"""What the reader learns from: rendered plates as the detector would hand them over."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from onboard.vision.plate_reader import rectify
+from sim_rig.picture.lens import photograph
+from sim_rig.picture.plate_art import PlateFormat, draw_plate
+from sim_rig.picture.plate_styles import random_plate
+
+View = npt.NDArray[np.uint8]
+"""(48, 160), grey."""
+Quad = npt.NDArray[np.float32]
+
+_PX_PER_MM = 0.9
+_VIEWS_A_PLATE = 3
+"""Drawing a plate costs more than photographing it once more."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    text: str
+    plate_format: PlateFormat
+    art: npt.NDArray[np.uint8]
+
+
+def render_views(count: int, rng: np.random.Generator) -> tuple[View, list[str]]:
+    """`count` views, (count, 48, 160), and what stands on each; some show no plate and no text."""
+    views: list[View] = []
+    texts: list[str] = []
+    while len(views) < count:
+        text, plate_format = random_plate(rng)
+        drawn = _Drawn(text, plate_format, draw_plate(text, plate_format, _PX_PER_MM))
+        for _ in range(_VIEWS_A_PLATE):
+            views.append(_view(drawn, rng))
+            texts.append(text)
+    return np.stack(views[:count]), texts[:count]
+
+
+def _view(drawn: _Drawn, rng: np.random.Generator) -> View:
+    shape = drawn.plate_format
+    characters = max(5, len(drawn.text))
+    # From barely legible to larger than the view; small ones are the difficult ones, so more.
+    width_px = float(np.exp(rng.uniform(np.log(6.0), np.log(45.0)))) * characters
+    if shape.width_mm < 250:
+        width_px *= 0.7
+    height_px = width_px * shape.height_mm / shape.width_mm
+    quad = posed(width_px, height_px, rng)
+    size = np.ceil(quad.max(axis=0) - quad.min(axis=0)) + np.asarray(
+        [0.5 * width_px, 0.9 * height_px]
+    )
+    columns, rows = (int(value) for value in size)
+    quad += size.astype(np.float32) / 2
+    scene = _surroundings(rows, columns, quad, rng)
+    paste(scene, drawn.art, quad)
+    fine_px = width_px / characters / 6
+    picture = photograph(scene, rng, fine_px)
+    return rectify(picture, _as_found(quad, rng))
+
+
+def posed(width_px: float, height_px: float, rng: np.random.Generator) -> Quad:
+    """Corners around (0, 0), turned and seen from the side."""
+    x, y = width_px / 2, height_px / 2
+    corners = np.asarray([(-x, -y), (x, -y), (x, y), (-x, y)])
+    squeeze = 1 - abs(rng.normal(0, 0.12))
+    shear = rng.normal(0, 0.07)
+    angle = np.deg2rad(rng.normal(0, 4.5))
+    turn = np.asarray([(np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))])
+    tilt = np.asarray([(squeeze, shear), (rng.normal(0, 0.05), 1.0)])
+    keystone = 1 + np.sign(corners[:, :1]) * rng.normal(0, 0.03)
+    return np.asarray(corners * keystone @ tilt.T @ turn.T, np.float32)
+
+
+def _surroundings(rows: int, columns: int, quad: Quad, rng: np.random.Generator) -> View:
+    """Sheet metal of some colour, a recess or a holder around the plate, edges nearby."""
+    scene = np.empty((rows, columns, 3), np.uint8)
+    paint = rng.integers(5, 240) + rng.normal(0, 25, 3)
+    share = np.linspace(-1, 1, rows)[:, None, None] * rng.normal(0, 30)
+    scene[:] = np.clip(paint + share, 0, 255).astype(np.uint8)
+    for _ in range(rng.integers(0, 4)):
+        grey = rng.integers(0, 255, 3).tolist()
+        start, end = rng.integers(0, max(rows, columns), (2, 2)).tolist()
+        cv2.line(scene, start, end, grey, int(rng.integers(1, max(2, rows // 10) + 1)), cv2.LINE_AA)
+    if rng.random() < 0.65:
+        middle = quad.mean(axis=0)
+        around = middle + (quad - middle) * rng.uniform(1.01, 1.18, 2)
+        shade = (rng.integers(0, 90) + rng.normal(0, 8, 3)).clip(0, 255).tolist()
+        cv2.fillConvexPoly(scene, np.rint(around * 16).astype(np.int32), shade, cv2.LINE_AA, 4)
+    return scene
+
+
+def paste(scene: View, art: View, quad: Quad) -> None:
+    """Warp the plate in, shrunk first so that nothing aliases."""
+    width_px = float(np.hypot(*(quad[1] - quad[0])))
+    height_px = float(np.hypot(*(quad[3] - quad[0])))
+    if width_px < art.shape[1]:
+        size = (max(2, round(1.3 * width_px)), max(2, round(1.3 * height_px)))
+        art = np.asarray(cv2.resize(art, size, interpolation=cv2.INTER_AREA), np.uint8)
+    height, width = art.shape[:2]
+    source = np.asarray([(0, 0), (width, 0), (width, height), (0, height)], np.float32) - 0.5
+    matrix = cv2.getPerspectiveTransform(source.astype(np.float32), quad - np.float32(0.5))
+    size = (scene.shape[1], scene.shape[0])
+    warped = cv2.warpPerspective(art, matrix, size, borderMode=cv2.BORDER_REPLICATE)
+    mask = np.zeros(scene.shape[:2], np.uint8)
+    cv2.fillConvexPoly(mask, np.rint((quad - 0.5) * 16).astype(np.int32), 255, cv2.LINE_AA, 4)
+    cv2.copyTo(warped, mask, scene)
+
+
+def _as_found(quad: Quad, rng: np.random.Generator) -> Quad:
+    """The corners as a detector would place them: shifted, scaled, each a little off."""
+    middle = quad.mean(axis=0)
+    along, down = (quad[1] - quad[0]), (quad[3] - quad[0])
+    scale = 1 + rng.normal(0.01, 0.035, 2)
+    offset = rng.normal(0, 0.015, (4, 2)) + rng.normal(0, 0.015, 2)
+    sides = np.asarray([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2 * scale + offset
+    return np.asarray(middle + sides[:, :1] * along + sides[:, 1:] * down, np.float32)

@@ -1,0 +1,181 @@
+"""Teaches the detector where plates are and writes it as ONNX."""
+
+import argparse
+import logging
+import time
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import nn
+
+from onboard.vision.plate_detector import CELL_PX, CORNER_UNIT_PX, DEFAULT_MODEL, as_input
+from training.detector_scenes import render_scenes
+from training.networks import DetectorNetwork
+from training.pictures import rendered
+from training.settings import NetworkSettings, load_training_settings
+
+_log = logging.getLogger(__name__)
+
+_INNER = 0.35
+"""A cell in this share of the plate's half extent (or the nearest one) is to say `plate`."""
+_CORNER_WEIGHT = 2.0
+
+
+def train_detector(settings: NetworkSettings, seed: int, folder: Path, processes: int) -> None:
+    """Render, learn, export; prints what it sees on the way."""
+    scenes, corners = rendered(
+        folder / "train", render_scenes, settings.pictures, seed + 10, processes
+    )
+    held_back = rendered(
+        folder / "validation", render_scenes, settings.validation_pictures, seed + 11, processes
+    )
+    torch.manual_seed(seed)
+    network = DetectorNetwork().to(memory_format=torch.channels_last)
+    order = np.random.default_rng(seed)
+    steps = settings.epochs * (len(scenes) // settings.batch)
+    optimiser = torch.optim.AdamW(network.parameters(), settings.peak_rate, weight_decay=1e-3)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, settings.peak_rate, steps, pct_start=0.1
+    )
+    started, step, shown = time.monotonic(), 0, 0.0
+    for epoch in range(settings.epochs):
+        rows_of_epoch = order.permutation(len(scenes))
+        network.train()
+        for start in range(0, len(scenes) - settings.batch + 1, settings.batch):
+            rows = np.sort(rows_of_epoch[start : start + settings.batch])
+            pictures, places = _flipped(np.asarray(scenes[rows]), np.asarray(corners[rows]), order)
+            wanted = [torch.from_numpy(part) for part in targets(places, pictures.shape[1:])]
+            batch = torch.from_numpy(as_input(pictures))
+            with torch.autocast("cpu", torch.bfloat16):
+                answer = network(batch.contiguous(memory_format=torch.channels_last)).float()
+            loss = _loss(answer, *wanted)
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()
+            nn.utils.clip_grad_norm_(network.parameters(), 5.0)
+            optimiser.step()
+            schedule.step()
+            step += 1
+            shown += (loss.item() - shown) / min(step, 100)
+            if step % 100 == 0:
+                rate = step * settings.batch / (time.monotonic() - started)
+                _log.info(f"epoch {epoch} step {step}/{steps} loss {shown:.3f} {rate:.0f}/s")
+        report(network, *held_back)
+        export(network, DEFAULT_MODEL)
+        torch.save(network.state_dict(), folder / "weights.pt")
+
+
+def targets(
+    corners: npt.NDArray[np.float32], size: tuple[int, ...]
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """What the network should answer for plates at `corners` (n, plates, 4, 2), NaN where none.
+
+    Returns:
+        heat: (n, h, w) of cells: 1 in the middle of a plate, 0 elsewhere, NaN between.
+        offsets: (n, 8, h, w) corner offsets from the middle of the cell, NaN away from plates.
+        scale: (n, h, w) width of the plate in `CORNER_UNIT_PX`, 1 elsewhere.
+    """
+    rows, columns = size[0] // CELL_PX, size[1] // CELL_PX
+    heat = np.zeros((len(corners), rows, columns), np.float32)
+    offsets = np.full((len(corners), 8, rows, columns), np.nan, np.float32)
+    scale = np.ones((len(corners), rows, columns), np.float32)
+    x = (np.arange(columns) * CELL_PX + (CELL_PX - 1) / 2)[None, :]
+    y = (np.arange(rows) * CELL_PX + (CELL_PX - 1) / 2)[:, None]
+    for index, plates in enumerate(corners):
+        for quad in plates:
+            if np.isnan(quad).any():
+                continue
+            middle = quad.mean(axis=0)
+            if not (0 <= middle[0] < size[1] and 0 <= middle[1] < size[0]):
+                continue
+            half = np.maximum(np.ptp(quad, axis=0) / 2, CELL_PX / 2)
+            away = np.maximum(np.abs(x - middle[0]) / half[0], np.abs(y - middle[1]) / half[1])
+            nearest = (np.abs(x - middle[0]) <= CELL_PX / 2) & (
+                np.abs(y - middle[1]) <= CELL_PX / 2
+            )
+            inner = (away <= _INNER) | nearest
+            heat[index][(away <= 1.0) & ~inner] = np.nan
+            heat[index][inner] = 1.0
+            relative = quad.reshape(8)[:, None, None].copy()
+            relative = np.broadcast_to(relative, (8, rows, columns)).copy()
+            relative[0::2] -= x
+            relative[1::2] -= y
+            near = away <= 0.7
+            near |= inner
+            offsets[index][:, near] = relative[:, near] / CORNER_UNIT_PX
+            scale[index][near] = np.ptp(quad[:, 0]) / CORNER_UNIT_PX
+    return heat, offsets, scale
+
+
+def _loss(
+    answer: torch.Tensor, heat: torch.Tensor, offsets: torch.Tensor, scale: torch.Tensor
+) -> torch.Tensor:
+    """Focal loss of the score, and corner error as a share of the plate's width."""
+    known = ~heat.isnan()
+    logits, wanted = answer[:, 0][known], heat[known]
+    plain = nn.functional.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
+    missing = (wanted - logits.sigmoid()).abs()
+    plates = wanted.sum().clamp(min=1.0)
+    score_loss = (plain * missing**2).sum() / plates
+    near = ~offsets[:, 0].isnan()
+    error = (answer[:, 1:] - offsets.nan_to_num()).abs().mean(1)[near] / scale[near]
+    corner_loss = error.sum() / max(1, int(near.sum()))
+    return score_loss + _CORNER_WEIGHT * corner_loss
+
+
+def _flipped(
+    scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], rng: np.random.Generator
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
+    """Half of the batches mirrored: a plate is one from behind a mirror too."""
+    if rng.random() < 0.5:
+        return scenes, corners
+    mirrored = corners[:, :, [1, 0, 3, 2]].copy()
+    mirrored[..., 0] = scenes.shape[2] - 1 - mirrored[..., 0]
+    return np.ascontiguousarray(scenes[:, :, ::-1]), mirrored
+
+
+@torch.no_grad()
+def report(
+    network: DetectorNetwork, scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32]
+) -> None:
+    """Print how many middles of plates score over 0.5, and how many cells elsewhere do."""
+    network.eval()
+    found = plates = false = 0
+    for start in range(0, len(scenes), 100):
+        pictures = np.asarray(scenes[start : start + 100])
+        heat, _, _ = targets(np.asarray(corners[start : start + 100]), pictures.shape[1:])
+        sure = network(torch.from_numpy(as_input(pictures)))[:, 0].sigmoid().numpy() > 0.5
+        found += int((sure & (heat == 1)).sum())
+        plates += int((heat == 1).sum())
+        false += int((sure & (heat == 0)).sum())
+    _log.info(
+        f"validation: {found / plates:.3f} of the middle cells, "
+        f"{false / len(scenes):.3f} false cells a scene",
+    )
+
+
+def export(network: DetectorNetwork, path: Path) -> None:
+    """Write the network, for pictures of any size."""
+    network.eval()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    torch.onnx.export(
+        network,
+        (torch.zeros(1, 1, 192, 256),),
+        str(path),
+        input_names=["pictures"],
+        output_names=["answer"],
+        dynamic_axes={"pictures": {0: "n", 2: "h", 3: "w"}, "answer": {0: "n", 2: "h8", 3: "w8"}},
+        opset_version=13,
+        dynamo=False,
+    )
+
+
+if __name__ == "__main__":
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--folder", type=Path, default=Path("build/training/detector"))
+    parser.add_argument("--processes", type=int, default=2)
+    arguments = parser.parse_args()
+    settings = load_training_settings()
+    train_detector(settings.detector, settings.seed, arguments.folder, arguments.processes)
