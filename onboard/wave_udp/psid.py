@@ -1,0 +1,70 @@
+"""Provider service identifiers: which service a WSM is for (IEEE 1609.12)."""
+
+from onboard.messages.declaration import DecodeError
+
+HIGHEST = 0x1020407F
+"""What four octets of p-encoding reach (IEEE 1609.12-2019, 4.1)."""
+
+BSM = 0x20
+"""Vehicle to vehicle safety and awareness: the J2735 BasicSafetyMessage."""
+
+PRIVATE_USE = range(0x4020, 0x4060)
+"""0pBF-A0 to 0pBF-DF, 64 values for unregistered use by mutual agreement (IEEE 1609.12-2019, 4.1;
+ISO/TC 204 registry of ITS-AIDs). The values for testing beside them need an authorisation."""
+
+LCCA = PRIVATE_USE[0]
+"""Where this house carries its warning groups, unless configured otherwise."""
+
+NAMES = {
+    BSM: "vehicle to vehicle safety and awareness",
+    0x23: "WAVE security management",
+    0x26: "misbehavior reporting",
+    0x27: "vulnerable road users safety",
+    0x7F: "testing",
+    0x82: "intersection safety and awareness",
+    0x83: "traveler information and roadside signage",
+    0x85: "emergency and erratic vehicles",
+    0x87: "WAVE service advertisement",
+    0x88: "peer-to-peer distribution of security management information",
+    0x90: "sensor sharing service",
+    0x91: "maneuver coordination service",
+    0x100: "certificate revocation list",
+    **dict.fromkeys(PRIVATE_USE, "private (unregistered) use"),
+}
+"""As registered; for people who read a decoded frame."""
+
+_FIRST = (0, 0x80, 0x4080, 0x204080)
+"""The lowest value of each length in octets, so that every value has exactly one encoding."""
+
+_PREFIX = (0, 0x80, 0xC0, 0xE0)
+
+
+def p_encode(psid: int) -> bytes:
+    """Return `psid` in one to four octets (IEEE 1609.12-2019, 4.2).
+
+    Raises:
+        ValueError: it is negative or above `HIGHEST`.
+    """
+    if not 0 <= psid <= HIGHEST:
+        raise ValueError(f"a PSID is 0 to {HIGHEST:#x} (given {psid:#x})")
+    size = sum(psid >= first for first in _FIRST)
+    return (psid - _FIRST[size - 1] + (_PREFIX[size - 1] << 8 * (size - 1))).to_bytes(size)
+
+
+def p_decode(data: bytes, position: int = 0) -> tuple[int, int]:
+    """Return the PSID at `position` of `data`, and the position after it.
+
+    Raises:
+        DecodeError: `too_short`, or `bad_psid` where the first octet announces more than four.
+    """
+    head = data[position : position + 1]
+    if not head:
+        raise DecodeError("too_short", "ends before the PSID")
+    size = 1 + sum(head[0] >= prefix for prefix in _PREFIX[1:])
+    if head[0] >= 0xF0:
+        raise DecodeError("bad_psid", f"first octet {head[0]:#04x}")
+    end = position + size
+    if end > len(data):
+        raise DecodeError("too_short", "ends within the PSID")
+    value = int.from_bytes(data[position:end]) - (_PREFIX[size - 1] << 8 * (size - 1))
+    return value + _FIRST[size - 1], end
