@@ -20,7 +20,8 @@ from onboard.observations import Box
 Image = npt.NDArray[np.uint8]
 """(h, w, 3) BGR or (h, w) grey."""
 Corners = npt.NDArray[np.float32]
-"""(4, 2): top left, top right, bottom right, bottom left, in pixels."""
+"""(4, 2): top left, top right, bottom right, bottom left, in pixels from the outer corner of the
+top left one."""
 
 CELL_PX = 8
 """Pixels of the network's input a cell of its output."""
@@ -98,9 +99,10 @@ class PlateDetector:
                 continue
             view = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
             scale = np.asarray([grey.shape[1] / size[0], grey.shape[0] / size[1]], np.float32)
-            for found in self._look(np.asarray(view, np.uint8), self._least_score * 0.4):
-                corners = (found.corners_px + np.float32(0.5)) * scale - np.float32(0.5)
-                candidates.append(FoundPlate(corners, found.score))
+            candidates += [
+                FoundPlate(found.corners_px * scale, found.score)
+                for found in self._look(np.asarray(view, np.uint8), self._least_score * 0.4)
+            ]
         firsts = _one_each(candidates)[:_MOST_CANDIDATES]
         seconds = _one_each(self._second_look(grey, first) for first in firsts)
         return [
@@ -119,12 +121,12 @@ class PlateDetector:
             size = (max(2, round(grey.shape[1] * scale)), max(2, round(grey.shape[0] * scale)))
             shrunk = np.asarray([size[0] / grey.shape[1], size[1] / grey.shape[0]], np.float32)
             small = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
-            found = self._second_look(
-                small, FoundPlate((first.corners_px + 0.5) * shrunk - 0.5, first.score)
-            )
-            return FoundPlate((found.corners_px + 0.5) / shrunk - np.float32(0.5), found.score)
+            found = self._second_look(small, FoundPlate(first.corners_px * shrunk, first.score))
+            return FoundPlate(found.corners_px / shrunk, found.score)
         shift = np.asarray([width / 2, height / 2]) - scale * middle
-        matrix = np.asarray([[scale, 0, shift[0]], [0, scale, shift[1]]])
+        # OpenCV warps between the middles of pixels.
+        inner = shift + (scale - 1) / 2
+        matrix = np.asarray([[scale, 0, inner[0]], [0, scale, inner[1]]])
         view = cv2.warpAffine(grey, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
         seen = self._look(np.asarray(view, np.uint8), 0.05)
         if not seen:

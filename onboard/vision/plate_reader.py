@@ -16,7 +16,8 @@ import numpy.typing as npt
 Image = npt.NDArray[np.uint8]
 """(h, w, 3) BGR or (h, w) grey."""
 Corners = npt.NDArray[np.float32]
-"""(4, 2): top left, top right, bottom right, bottom left of the plate, in pixels."""
+"""(4, 2): top left, top right, bottom right, bottom left of the plate, in pixels from the outer
+corner of the top left one."""
 
 ALPHABET = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 """Class 0 of the network is the blank, class n the n-th character of this."""
@@ -68,8 +69,8 @@ def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
     """The plate and a little around it, grey, `READER_SIZE` large: what the network is shown."""
     width, height = READER_SIZE
     margin_x, margin_y = MARGIN[0] * width, MARGIN[1] * height
-    left, right = margin_x - 0.5, width - margin_x - 0.5
-    top, bottom = margin_y - 0.5, height - margin_y - 0.5
+    left, right = margin_x, width - margin_x
+    top, bottom = margin_y, height - margin_y
     target = np.asarray([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
     # Only what is needed, shrunk first where the plate is much larger than the view.
     middle = corners.mean(axis=0)
@@ -87,8 +88,9 @@ def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
         size = (max(2, round(grey.shape[1] * shrink)), max(2, round(grey.shape[0] * shrink)))
         scale = np.asarray([size[0] / grey.shape[1], size[1] / grey.shape[0]], np.float32)
         grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-        source = (source + np.float32(0.5)) * scale - np.float32(0.5)
-    matrix = cv2.getPerspectiveTransform(source, target)
+        source *= scale
+    half = np.float32(0.5)  # OpenCV warps between the middles of pixels
+    matrix = cv2.getPerspectiveTransform(source - half, target - half)
     view = cv2.warpPerspective(
         grey, matrix, READER_SIZE, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from sim_rig.picture.glyphs import Mask, text_row
 
-Picture = npt.NDArray[np.uint8]
+Art = npt.NDArray[np.uint8]
 """(h, w, 3), BGR."""
 Bgr = tuple[int, int, int]
 
@@ -151,7 +151,7 @@ BR = PlateFormat(
 FORMATS = {plate_format.name: plate_format for plate_format in (EU, US, BR)}
 
 
-def draw_plate(text: str, plate_format: PlateFormat, px_per_mm: float = 1.0) -> Picture:
+def draw_plate(text: str, plate_format: PlateFormat, px_per_mm: float = 1.0) -> Art:
     """The plate with `text` (no separators, A-Z and 0-9), BGR.
 
     Raises:
@@ -163,7 +163,7 @@ def draw_plate(text: str, plate_format: PlateFormat, px_per_mm: float = 1.0) -> 
     top = np.asarray(plate_format.ground_bgr, np.float32)
     bottom = np.asarray(plate_format.ground_bottom_bgr or plate_format.ground_bgr, np.float32)
     share = np.linspace(0, 1, height_px, dtype=np.float32)[:, None]
-    plate[:] = (top * (1 - share) + bottom * share)[:, None, :].astype(np.uint8)
+    plate[:] = (top * (1 - share) + bottom * share + 0.5)[:, None, :].astype(np.uint8)
     if plate_format.border_mm:
         line_px = max(1, round(plate_format.border_mm * px_per_mm))
         corner = (width_px - line_px // 2 - 1, height_px - line_px // 2 - 1)
@@ -196,7 +196,7 @@ def split_groups(text: str, sizes: tuple[int, ...]) -> list[str]:
     return [group for group in [*groups, text] if group]
 
 
-def _paint_patches(plate: Picture, patches: tuple[Patch, ...], px_per_mm: float) -> None:
+def _paint_patches(plate: Art, patches: tuple[Patch, ...], px_per_mm: float) -> None:
     for patch in patches:
         top_left = (round(patch.x_mm * px_per_mm), round(patch.y_mm * px_per_mm))
         bottom_right = (
@@ -206,13 +206,13 @@ def _paint_patches(plate: Picture, patches: tuple[Patch, ...], px_per_mm: float)
         cv2.rectangle(plate, top_left, bottom_right, patch.bgr, cv2.FILLED)
 
 
-def _paint_discs(plate: Picture, discs: tuple[Disc, ...], px_per_mm: float) -> None:
+def _paint_discs(plate: Art, discs: tuple[Disc, ...], px_per_mm: float) -> None:
     for disc in discs:
         centre = (round(disc.x_mm * px_per_mm), round(disc.y_mm * px_per_mm))
         cv2.circle(plate, centre, round(disc.r_mm * px_per_mm), disc.bgr, cv2.FILLED, cv2.LINE_AA)
 
 
-def _paint_small_texts(plate: Picture, texts: tuple[SmallText, ...], px_per_mm: float) -> None:
+def _paint_small_texts(plate: Art, texts: tuple[SmallText, ...], px_per_mm: float) -> None:
     for small in texts:
         centre = (small.x_mm * px_per_mm, small.y_mm * px_per_mm)
         size = (small.w_mm * px_per_mm, small.h_mm * px_per_mm)
@@ -220,7 +220,7 @@ def _paint_small_texts(plate: Picture, texts: tuple[SmallText, ...], px_per_mm: 
 
 
 def _paint_number(
-    plate: Picture, text: str, row: NumberRow, plate_format: PlateFormat, px_per_mm: float
+    plate: Art, text: str, row: NumberRow, plate_format: PlateFormat, px_per_mm: float
 ) -> None:
     groups = split_groups(text, row.groups)
     separator = {"|": "  ", ".": "  "}.get(row.separator, row.separator)
@@ -259,7 +259,7 @@ def _gaps(mask: Mask, count: int) -> list[float]:
 
 
 def _paint(
-    plate: Picture,
+    plate: Art,
     mask: Mask,
     centre_px: tuple[float, float],
     size_px: tuple[float, float],

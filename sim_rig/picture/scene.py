@@ -1,12 +1,14 @@
 """What the camera behind the windscreen sees: a road, lanes, and the cars on it from behind.
 
-A pinhole camera at height h over a flat road, pitched down by theta, sees a point that lies
-(ahead Z, lateral X to the right, height Y over the road) at
+A pinhole camera at height h over a flat road, turned right by psi and pitched down by theta, sees
+a point that lies (ahead Z, lateral X to the right, height Y over the road) at
 
-    u = c_x + f_x X / z',   v = c_y + f_y y' / z'
-    y' = (h - Y) cos(theta) - Z sin(theta),   z' = (h - Y) sin(theta) + Z cos(theta).
+    u = c_x + f_x x' / z',   v = c_y + f_y y' / z',   r = Z cos(psi) + X sin(psi)
+    x' = X cos(psi) - Z sin(psi)
+    y' = (h - Y) cos(theta) - r sin(theta),   z' = (h - Y) sin(theta) + r cos(theta).
 
-Cars are flat rears with a side behind them; the nearest are painted last.
+Pixels count from the outer corner of the top left one; the lens does not distort. Cars are flat
+rears with a side behind them; the nearest are painted last.
 """
 
 import math
@@ -18,7 +20,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.vision.settings import CameraSettings
+from onboard.vision.settings import Calibration, TagDictionary
 from sim_rig.picture.car_art import PLATE_CENTRE, rear_of_car
 from sim_rig.picture.plate_art import EU, PlateFormat, draw_plate
 
@@ -108,8 +110,8 @@ class Scene:
 class Picture:
     """The camera's place and lens; draws scenes."""
 
-    camera: CameraSettings
-    tag_dictionary: int = cv2.aruco.DICT_4X4_50
+    camera: Calibration
+    tag_dictionary: TagDictionary = "4X4_50"
     blur_sigma_px: float = 0.6
     _noise: Image = field(init=False, repr=False)
 
@@ -134,10 +136,12 @@ class Picture:
         """Pixel (u, v) of a point, by the equation at the head of this file."""
         camera = self.camera
         drop = camera.mounting_height_m - height_m
-        depth = drop * math.sin(camera.pitch_rad) + ahead_m * math.cos(camera.pitch_rad)
-        down = drop * math.cos(camera.pitch_rad) - ahead_m * math.sin(camera.pitch_rad)
+        across = lateral_m * math.cos(camera.yaw_rad) - ahead_m * math.sin(camera.yaw_rad)
+        away = ahead_m * math.cos(camera.yaw_rad) + lateral_m * math.sin(camera.yaw_rad)
+        depth = drop * math.sin(camera.pitch_rad) + away * math.cos(camera.pitch_rad)
+        down = drop * math.cos(camera.pitch_rad) - away * math.sin(camera.pitch_rad)
         return (
-            camera.principal_x_px + camera.focal_x_px * lateral_m / depth,
+            camera.principal_x_px + camera.focal_x_px * across / depth,
             camera.principal_y_px + camera.focal_y_px * down / depth,
         )
 
@@ -284,7 +288,10 @@ def _halvings(texture: Image) -> tuple[Image, ...]:
     """`texture` and its halvings down to a few pixels."""
     levels = [texture]
     while min(levels[-1].shape[:2]) > 4:
-        levels.append(np.asarray(cv2.pyrDown(levels[-1]), np.uint8))
+        height, width = levels[-1].shape[:2]
+        # Not pyrDown: it moves the picture by half a pixel.
+        half = cv2.resize(levels[-1], (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+        levels.append(np.asarray(half, np.uint8))
     return tuple(levels)
 
 
@@ -302,9 +309,10 @@ def _plate_levels(text: str, plate_format: PlateFormat) -> tuple[Image, ...]:
 
 
 @lru_cache(maxsize=64)
-def _tag_levels(dictionary: int, tag_id: int) -> tuple[Image, ...]:
+def _tag_levels(dictionary: TagDictionary, tag_id: int) -> tuple[Image, ...]:
     """The tag on a white card a quarter wider than itself."""
-    tag = cv2.aruco.getPredefinedDictionary(dictionary).generateImageMarker(tag_id, _TAG_PX)
+    tags = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{dictionary}"))
+    tag = tags.generateImageMarker(tag_id, _TAG_PX)
     card = np.pad(tag, round(_TAG_PX * (_TAG_CARD - 1) / 2), constant_values=255)
     return _halvings(np.dstack([card, card, card, np.full_like(card, 255)]))
 
