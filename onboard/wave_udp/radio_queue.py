@@ -56,18 +56,14 @@ class RadioQueue:
             self._drop(least.popleft(), "queue_full", now)
 
     def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
-        """Return what the radio is to be given now, as (user priority, WSM), in this order."""
+        """Return the frame that the radio is to be given now, if any, as (user priority, WSM)."""
         self._drop_expired(now)
-        ready: list[tuple[int, bytes]] = []
-        while now >= self._free_at:
-            priority = self._most_urgent()
-            if priority is None:
-                break
-            wsm = self._queues[priority].popleft().wsm
-            airtime_s = FRAME_OVERHEAD_S + (MAC_BYTES + len(wsm)) * self._byte_s
-            self._free_at = now + airtime_s
-            ready.append((priority, wsm))
-        return ready
+        if now < self._free_at or not len(self):
+            return []
+        priority = max(p for p in range(PRIORITIES) if self._queues[p])
+        wsm = self._queues[priority].popleft().wsm
+        self._free_at = now + FRAME_OVERHEAD_S + (MAC_BYTES + len(wsm)) * self._byte_s
+        return [(priority, wsm)]
 
     def get_timer(self) -> float | None:
         """When the radio is free for the next frame; `None` while none waits."""
@@ -76,9 +72,6 @@ class RadioQueue:
     def next_event(self) -> Discarded | None:
         """The oldest drop not yet taken: reason `expired` or `queue_full`."""
         return self._events.popleft() if self._events else None
-
-    def _most_urgent(self) -> int | None:
-        return next((p for p in reversed(range(PRIORITIES)) if self._queues[p]), None)
 
     def _drop_expired(self, now: float) -> None:
         for priority, queue in enumerate(self._queues):

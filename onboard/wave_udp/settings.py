@@ -38,7 +38,7 @@ class Rsu41Settings(_UnitOnIp):
     channel: int = Field(172, ge=0, le=255)
     """`TxChannel` of WSMs that name none."""
     forwarded_psid: int | None = Field(None, ge=0, le=0x1020407F)
-    """Of packets that the unit forwards without their WSMP header; `None` discards those."""
+    """PSID of 1609.2 data that the unit forwards without WSMP header; `None` discards it."""
 
 
 class RawSettings(Settings):

@@ -1,0 +1,75 @@
+"""A datagram socket on an asyncio loop that keeps up: read until it is empty, in large gulps.
+
+`loop.add_reader` with a loop of `recv`, since asyncio's own datagram transport costs several times
+as much for each datagram and loses where this does not (docs/decisions/0043).
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable
+
+from onboard.errors import UserError
+
+RECEIVE_BUFFER_BYTES = 4 << 20
+"""Asked of the kernel, which gives what net.core.rmem_max allows."""
+
+LARGEST_DATAGRAM = 8192
+"""A WSM is 2,302 bytes at most (802.11), twice that as hex text."""
+
+GULP = 256
+"""At most so many datagrams in one go, then the loop looks after the rest of the car."""
+
+
+class RadioError(UserError):
+    """The wire to the radio cannot be opened; one line for the user."""
+
+
+class DrainedSocket:
+    """Owns `wire`, a datagram socket that is bound already."""
+
+    def __init__(self, wire: socket.socket, on_datagram: Callable[[bytes], None]) -> None:
+        self.wire = wire
+        self._on_datagram = on_datagram
+        self._loop: asyncio.AbstractEventLoop | None = None
+        wire.setblocking(False)
+        wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Call `on_datagram` from `loop` with each datagram that comes, until `close`."""
+        self._loop = loop
+        loop.add_reader(self.wire, self._drain)
+
+    def close(self) -> None:
+        """Leave the wire. No callback comes any more."""
+        if self._loop is not None:
+            self._loop.remove_reader(self.wire)
+            self._loop = None
+        self.wire.close()
+
+    def _drain(self) -> None:
+        receive, on_datagram = self.wire.recv, self._on_datagram
+        for _ in range(GULP):
+            try:
+                datagram = receive(LARGEST_DATAGRAM)
+            except BlockingIOError:
+                return
+            except OSError:
+                continue  # of something sent earlier: no unit there, or an interface that is down
+            on_datagram(datagram)
+            if self._loop is None:  # closed by who got the datagram
+                return
+
+
+def udp_socket(host: str, port: int) -> socket.socket:
+    """Return a UDP socket bound to `host` and `port`.
+
+    Raises:
+        RadioError: it cannot be bound.
+    """
+    wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        wire.bind((host, port))
+    except OSError as error:
+        wire.close()
+        raise RadioError(f"radio: cannot listen on UDP {host}:{port}: {error.strerror}") from error
+    return wire

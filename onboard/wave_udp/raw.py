@@ -1,0 +1,59 @@
+"""The link layer as the radio: EtherType 0x88DC on OCB-mode Wi-Fi, or veth on a desk."""
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Callable
+
+from onboard.wave_udp.drained_socket import DrainedSocket, RadioError
+from onboard.wave_udp.settings import RawSettings
+from onboard.wave_udp.wsmp import ETHERTYPE
+
+BROADCAST = b"\xff" * 6
+
+_USER_PRIORITY_BASE = 256
+"""Linux takes socket priorities 256 to 263 for user priorities 0 to 7 whatever the EtherType
+(net/wireless, cfg80211_classify8021d); 0 to 7 alone would all be best effort."""
+
+
+class RawEndpoint:
+    """Sends WSMs as broadcast frames, and hands over those of others."""
+
+    def __init__(self, settings: RawSettings, on_wsm: Callable[[bytes], None]) -> None:
+        """Bind the interface. Raises `RadioError`."""
+        self._address = settings.interface, ETHERTYPE, 0, 0, BROADCAST
+        self._user_priority: int | None = None
+        self._socket = DrainedSocket(_open(settings.interface), on_wsm)
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Receive on `loop` from now on."""
+        self._socket.start(loop)
+
+    def send(self, wsm: bytes, user_priority: int) -> None:
+        """Broadcast `wsm`; it is lost where the interface is down or its queue full."""
+        wire = self._socket.wire
+        with contextlib.suppress(OSError):
+            if user_priority != self._user_priority:
+                wire.setsockopt(
+                    socket.SOL_SOCKET, socket.SO_PRIORITY, _USER_PRIORITY_BASE + user_priority
+                )
+                self._user_priority = user_priority
+            wire.sendto(wsm, self._address)
+
+    def close(self) -> None:
+        """Leave the wire."""
+        self._socket.close()
+
+
+def _open(interface: str) -> socket.socket:
+    """A socket for which the kernel writes and strips the Ethernet header."""
+    try:
+        wire = socket.socket(socket.AF_PACKET, socket.SOCK_DGRAM, socket.htons(ETHERTYPE))
+    except PermissionError as error:
+        raise RadioError(f"radio: {interface} needs CAP_NET_RAW and CAP_NET_ADMIN") from error
+    try:
+        wire.bind((interface, ETHERTYPE))
+    except OSError as error:
+        wire.close()
+        raise RadioError(f"radio: no interface {interface}: {error.strerror}") from error
+    return wire

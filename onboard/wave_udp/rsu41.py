@@ -1,0 +1,71 @@
+"""The wire to a radio unit that speaks the USDOT RSU Specification 4.1.
+
+WSMs to send go to it as Immediate Forward messages. What it hears it forwards to us, as its own
+configuration says: as the WSM, or as the 1609.2 data in it. Both are taken.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+
+from onboard.messages.declaration import DecodeError
+from onboard.wave_udp import immediate_forward, wsmp
+from onboard.wave_udp.drained_socket import DrainedSocket, udp_socket
+from onboard.wave_udp.immediate_forward import ImmediateForward
+from onboard.wave_udp.psid import BSM
+from onboard.wave_udp.settings import Rsu41Settings
+from onboard.wave_udp.wsmp import WaveShortMessage
+
+
+class Rsu41Endpoint:
+    """Sends WSMs through the unit, and hands over those that it forwards."""
+
+    def __init__(self, settings: Rsu41Settings, on_wsm: Callable[[bytes], None]) -> None:
+        """Bind the port. Raises `RadioError`."""
+        self._settings = settings
+        self._unit = str(settings.unit_host), settings.unit_port
+        self._on_wsm = on_wsm
+        wire = udp_socket(str(settings.listen_host), settings.listen_port)
+        self._socket = DrainedSocket(wire, self._receive)
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Receive on `loop` from now on."""
+        self._socket.start(loop)
+
+    def send(self, wsm: bytes, user_priority: int) -> None:
+        """Give `wsm` to the unit; it is lost where the unit is not there, as it is on the air."""
+        text = immediate_forward.encode(as_immediate_forward(wsm, user_priority, self._settings))
+        with contextlib.suppress(OSError):
+            self._socket.wire.sendto(text, self._unit)
+
+    def close(self) -> None:
+        """Leave the wire."""
+        self._socket.close()
+
+    def _receive(self, datagram: bytes) -> None:
+        self._on_wsm(as_wsm(datagram, self._settings.forwarded_psid))
+
+
+def as_immediate_forward(
+    wsm: bytes, user_priority: int, settings: Rsu41Settings
+) -> ImmediateForward:
+    """Return what makes the unit send `wsm`, whose data is secured already."""
+    message = wsmp.decode(wsm)
+    channel = settings.channel if message.channel_number is None else message.channel_number
+    return ImmediateForward(
+        type="BSM" if message.psid == BSM else "OTHER",
+        psid=message.psid,
+        priority=user_priority,
+        payload=message.payload,
+        tx_channel=str(channel),
+    )
+
+
+def as_wsm(datagram: bytes, forwarded_psid: int | None) -> bytes:
+    """Return a forwarded packet as a WSM; as it is where that cannot be done, to be counted."""
+    try:
+        wsmp.decode(datagram)
+    except DecodeError:
+        if forwarded_psid is not None and len(datagram) <= wsmp.LARGEST_DATA:
+            return wsmp.encode(WaveShortMessage(psid=forwarded_psid, payload=datagram))
+    return datagram
