@@ -107,7 +107,7 @@ class VisionSettings(Settings):
     """Of a tag's black square."""
     identity_confidence: float = Field(0.9, ge=0.5, lt=1.0)
     """Share of the votes, weighted by confidence, that a text needs to be the lead's identity."""
-    lane_width_m: float = Field(3.5, gt=0.2, le=6.0)
+    lane_width_m: float = Field(3.5, gt=0.05, le=6.0)
     """Where no markings say otherwise."""
     search_every_s: float = Field(0.5, gt=0.0, le=10.0)
     """How often the whole picture is searched while a lead is tracked; otherwise the regions

@@ -1,0 +1,80 @@
+"""One car ahead, followed from frame to frame."""
+
+from onboard.vision.identity import Ballot
+from onboard.vision.motion import Motion
+from onboard.vision.sighting import Cue, Sighting
+
+CONFIRM_SIGHTINGS = 3
+"""Fewer may be a trick of the light."""
+SIZE_SIGMA = 0.02
+"""Plates, tags and calibration are this far from their nominal size; no averaging removes it."""
+
+
+class CarTrack:
+    """A car: where it is, how it moves, what its plate says."""
+
+    def __init__(
+        self, track_id: int, first: Sighting, stamp_s: float, identity_confidence: float
+    ) -> None:
+        self.track_id = track_id
+        self.seen_at = stamp_s
+        """When it was last sighted."""
+        self.sightings = 1
+        self.last = first
+        """The latest plate or tag, else the latest vehicle."""
+        self.ahead = Motion(
+            first.place.ahead_m,
+            first.ahead_sigma_m,
+            stamp_s,
+            rate_sigma_m_s=8.0,
+            acceleration_sigma_m_s2=3.0,
+        )
+        self.right = Motion(
+            first.place.right_m,
+            first.right_sigma_m,
+            stamp_s,
+            rate_sigma_m_s=1.5,
+            acceleration_sigma_m_s2=1.0,
+        )
+        self._plate = Ballot(identity_confidence)
+        self._tag = Ballot(identity_confidence)
+        self._vote(first, stamp_s)
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether it was sighted often enough to be a car."""
+        return self.sightings >= CONFIRM_SIGHTINGS
+
+    @property
+    def text(self) -> str | None:
+        """Its identity: the tag's, which cannot be misread, before the plate's."""
+        return self._tag.text or self._plate.text
+
+    @property
+    def gap_sigma_m(self) -> float:
+        """Of the gap: the filter's and what nominal sizes leave open."""
+        return float(
+            (self.ahead.position_sigma_m**2 + (SIZE_SIGMA * self.ahead.position_m) ** 2) ** 0.5
+        )
+
+    def predict(self, stamp_s: float) -> None:
+        """Go on to the time of the next frame."""
+        self.ahead.predict(stamp_s)
+        self.right.predict(stamp_s)
+
+    def update(self, sighting: Sighting, stamp_s: float) -> None:
+        """Take in a sighting of this car in the frame that it was predicted to."""
+        self.ahead.update(sighting.place.ahead_m, sighting.ahead_sigma_m)
+        self.right.update(sighting.place.right_m, sighting.right_sigma_m)
+        if stamp_s > self.seen_at:
+            self.sightings += 1
+        if sighting.cue is not Cue.VEHICLE or self.last.cue is Cue.VEHICLE:
+            self.last = sighting
+        self.seen_at = stamp_s
+        self._vote(sighting, stamp_s)
+
+    def _vote(self, sighting: Sighting, stamp_s: float) -> None:
+        if sighting.text is None:
+            return
+        ballot = self._tag if sighting.cue is Cue.TAG else self._plate
+        ballot.vote(sighting.text, sighting.confidence, sighting.character_confidences, stamp_s)

@@ -1,0 +1,114 @@
+"""The car's text by vote over frames: what is sent is never a guess.
+
+Every frame's read is one ballot. It names a character for each place, and weighs as much as the
+reader was sure of the whole text, so a blurred frame says little. Reads of unequal length are
+different claims about the plate: the length is voted first, then each place by itself, since single
+characters are misread independently. A text is known when
+
+- its weakest place and its length each have at least `confidence` of the votes,
+- the votes weigh as much as two perfect reads, and
+- some frame read exactly this text: a mixture of two plates is the plate of no car.
+
+Old ballots fade, so that a new plate is believed after a few seconds of evidence, and not before.
+"""
+
+import itertools
+import math
+import re
+from collections import defaultdict
+from typing import TypeVar
+
+FADE_S = 4.0
+"""A ballot weighs 1/e of itself after this long."""
+LEAST_WEIGHT = 2.0
+"""In perfect reads."""
+LEAST_READ_CONFIDENCE = 0.3
+"""Below it a read is noise and no ballot."""
+LEAST_LENGTH = 4
+"""Of a plate; shorter texts are pieces of one, or of the bodywork's lettering."""
+_Choice = TypeVar("_Choice")
+_ALIKE = ("0O", "0D", "0Q", "1I", "2Z", "5S", "6G", "8B")
+
+
+class PlateSyntax:
+    """The plates that there are, where the user named them."""
+
+    def __init__(self, patterns: tuple[str, ...]) -> None:
+        self._patterns = [re.compile(pattern) for pattern in patterns]
+
+    def fit(self, text: str) -> str | None:
+        """`text`, or the only text that fits and differs by characters that look alike."""
+        if not self._patterns or self._fits(text):
+            return text
+        spellings = (_alike(character) for character in text)
+        fitting = {
+            candidate
+            for letters in itertools.islice(itertools.product(*spellings), 4096)
+            if self._fits(candidate := "".join(letters))
+        }
+        return fitting.pop() if len(fitting) == 1 else None
+
+    def _fits(self, text: str) -> bool:
+        return any(pattern.fullmatch(text) for pattern in self._patterns)
+
+
+def _alike(character: str) -> str:
+    others = {other for pair in _ALIKE if character in pair for other in pair}
+    return "".join(sorted(others | {character}))
+
+
+class Ballot:
+    """The votes on one car's text."""
+
+    def __init__(self, confidence: float) -> None:
+        """`confidence`: share of the votes that a text needs."""
+        self._confidence = confidence
+        self._lengths: defaultdict[int, float] = defaultdict(float)
+        self._places: defaultdict[tuple[int, int], defaultdict[str, float]] = defaultdict(
+            lambda: defaultdict(float)
+        )
+        self._whole: defaultdict[str, float] = defaultdict(float)
+        self._stamp_s = -math.inf
+
+    def vote(
+        self, text: str, confidence: float, character_confidences: tuple[float, ...], stamp_s: float
+    ) -> None:
+        """Count one read of a whole text."""
+        if confidence < LEAST_READ_CONFIDENCE or len(text) < LEAST_LENGTH:
+            return
+        self._fade(stamp_s)
+        self._lengths[len(text)] += confidence
+        self._whole[text] += confidence
+        weights = character_confidences or (1.0,) * len(text)
+        for index, (character, weight) in enumerate(zip(text, weights, strict=True)):
+            self._places[len(text), index][character] += confidence * weight
+
+    @property
+    def text(self) -> str | None:
+        """The voted text; `None` while it would be a guess."""
+        total = sum(self._lengths.values())
+        if total < LEAST_WEIGHT:
+            return None
+        length, weight = max(self._lengths.items(), key=lambda item: item[1])
+        share = weight / total
+        text = ""
+        for index in range(length):
+            votes = self._places[length, index]
+            character, most = max(votes.items(), key=lambda item: item[1])
+            share = min(share, most / sum(votes.values()))
+            text += character
+        if share < self._confidence or weight < LEAST_WEIGHT or text not in self._whole:
+            return None
+        return text
+
+    def _fade(self, stamp_s: float) -> None:
+        keep = math.exp((self._stamp_s - stamp_s) / FADE_S)
+        self._stamp_s = stamp_s
+        _scale(self._lengths, keep)
+        for votes in (self._whole, *self._places.values()):
+            _scale(votes, keep)
+
+
+def _scale(votes: defaultdict[_Choice, float], factor: float) -> None:
+    for choice in votes:
+        votes[choice] *= factor

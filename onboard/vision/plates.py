@@ -1,0 +1,123 @@
+"""Number plates as sightings: found, read, and put into metres by their width."""
+
+import math
+from collections import Counter
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from onboard.observations import Box
+from onboard.vision.identity import LEAST_READ_CONFIDENCE, PlateSyntax
+from onboard.vision.perspective import Corners, Perspective
+from onboard.vision.plate_detector import FoundPlate
+from onboard.vision.plate_reader import PlateText
+from onboard.vision.sighting import Cue, Sighting
+
+Image = npt.NDArray[np.uint8]
+"""(h, w, 3), BGR."""
+
+PLATE_SIZES_M = ((0.520, 0.110), (0.400, 0.130), (0.305, 0.152), (0.280, 0.200), (0.200, 0.170))
+"""Width and height of common plates: Europe (Regulation (EC) 2411/98's size in most states), Brazil
+(CONTRAN 969/2022), North America (SAE J686), Europe in two rows, motorcycles in Brazil."""
+SHAPE_SIGMA = 0.12
+"""Of the logarithm of a found plate's width by height."""
+WIDTH_SIGMA_PX, WIDTH_SIGMA = 0.6, 0.012
+"""Of a found plate's width: in pixels, and as a share of it."""
+LEAST_READABLE_PX = 28.0
+"""Narrower plates have strokes under a pixel."""
+
+
+class PlateFinder(Protocol):
+    """Finds plates in a picture."""
+
+    def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:
+        """Plates in the picture, or in a region of it, the surest first."""
+        ...
+
+
+class TextReader(Protocol):
+    """Reads plates whose corners are known."""
+
+    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+        """The characters of each plate."""
+        ...
+
+
+class Plates:
+    """Looks for plates."""
+
+    def __init__(
+        self,
+        finder: PlateFinder,
+        reader: TextReader,
+        syntax: PlateSyntax,
+        perspective: Perspective,
+        width_m: float | None,
+    ) -> None:
+        """`width_m`: of all plates; `None` tells it from each plate's shape."""
+        self._finder = finder
+        self._reader = reader
+        self._syntax = syntax
+        self._perspective = perspective
+        self._width_m = width_m
+        self._sizes_seen = Counter(range(len(PLATE_SIZES_M)))
+
+    def find(self, image: Image, regions: list[Box | None]) -> list[Sighting]:
+        """Plates in the regions of the picture, or in all of it where a region is `None`."""
+        found: list[FoundPlate] = []
+        for region in regions:
+            for plate in self._finder.find(image, region):
+                if not any(_same(plate.box, other.box) for other in found):
+                    found.append(plate)
+        readable = [plate for plate in found if plate.width_px >= LEAST_READABLE_PX]
+        texts = self._reader.read_many(image, [plate.corners_px for plate in readable])
+        read = dict(zip(map(id, readable), texts, strict=True))
+        return [self._sighting(plate, read.get(id(plate))) for plate in found]
+
+    def _sighting(self, plate: FoundPlate, text: PlateText | None) -> Sighting:
+        width_m = self._width_m or self._likely_width_m(plate.corners_px)
+        place = self._perspective.locate_upright(plate.corners_px, width_m)
+        sigma_px = math.hypot(WIDTH_SIGMA_PX, WIDTH_SIGMA * plate.width_px)
+        ahead_sigma_m = abs(place.ahead_m) * sigma_px / max(plate.width_px, 1.0)
+        fitting, confidence, characters = self._believable(text)
+        return Sighting(
+            cue=Cue.PLATE,
+            corners_px=plate.corners_px,
+            place=place,
+            ahead_sigma_m=ahead_sigma_m,
+            right_sigma_m=math.hypot(
+                width_m * sigma_px / max(plate.width_px, 1.0),
+                ahead_sigma_m * place.right_m / max(place.ahead_m, 1e-3),
+            ),
+            text=fitting,
+            confidence=confidence,
+            character_confidences=characters,
+        )
+
+    def _believable(self, text: PlateText | None) -> tuple[str | None, float, tuple[float, ...]]:
+        if text is None or text.confidence < LEAST_READ_CONFIDENCE:
+            return None, 0.0, ()
+        fitting = self._syntax.fit(text.text)
+        if not fitting:
+            return None, 0.0, ()
+        return fitting, text.confidence, text.character_confidences
+
+    def _likely_width_m(self, corners_px: Corners) -> float:
+        """Of the size that fits the shape best; sizes seen often in this drive are likelier."""
+        shape = math.log(max(self._perspective.shape(corners_px), 1e-3))
+        total = self._sizes_seen.total()
+        scores = [
+            -0.5 * ((shape - math.log(width_m / height_m)) / SHAPE_SIGMA) ** 2
+            + math.log((1 + self._sizes_seen[index]) / (1 + total))
+            for index, (width_m, height_m) in enumerate(PLATE_SIZES_M)
+        ]
+        best = int(np.argmax(scores))
+        self._sizes_seen[best] += 1
+        return PLATE_SIZES_M[best][0]
+
+
+def _same(one: Box, other: Box) -> bool:
+    """Whether the middle of one lies in the other: regions overlap."""
+    (x, y) = one.centre_px
+    return other.x_px <= x <= other.x_px + other.w_px and other.y_px <= y <= other.y_px + other.h_px

@@ -1,0 +1,195 @@
+"""What the camera tells: plates, the car ahead in the own lane, and all cars in view.
+
+The core of the room. Each frame is checked, searched (the whole picture now and then, otherwise
+the regions around what is tracked), its sightings are matched to the cars that are tracked, and
+the lead is chosen among them.
+"""
+
+import math
+from collections import deque
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from onboard.observations import (
+    Box,
+    Discarded,
+    Lead,
+    LeadIdentity,
+    Plate,
+    SensedCar,
+    Sensor,
+    SensorBack,
+    SensorLost,
+)
+from onboard.vision.car_track import CarTrack
+from onboard.vision.identity import PlateSyntax
+from onboard.vision.lane import OwnLane
+from onboard.vision.lead import LeadChoice
+from onboard.vision.perspective import Perspective
+from onboard.vision.picture_check import PictureCheck
+from onboard.vision.plate_detector import PlateDetector
+from onboard.vision.plate_reader import PlateReader
+from onboard.vision.plates import PlateFinder, Plates, TextReader
+from onboard.vision.settings import Calibration, VisionSettings
+from onboard.vision.sighting import Cue, Sighting
+from onboard.vision.tags import TagFinder
+from onboard.vision.tracker import Tracker
+
+Event = Plate | Lead | SensedCar | Discarded | SensorLost | SensorBack
+ROOM = "vision"
+
+
+class Sight:
+    """From frames to observations."""
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        settings: VisionSettings,
+        *,
+        finder: PlateFinder | None = None,
+        reader: TextReader | None = None,
+    ) -> None:
+        """Load what the settings ask for.
+
+        Args:
+            calibration: the camera's.
+            settings: what to look for.
+            finder: finds plates, in the place of the detector that comes with the package.
+            reader: reads them, in the place of the reader that comes with the package.
+        """
+        self._settings = settings
+        perspective = Perspective(calibration)
+        self._check = PictureCheck(calibration.width_px, calibration.height_px)
+        self._plates = None
+        if settings.plates:
+            self._plates = Plates(
+                finder or PlateDetector(),
+                reader or PlateReader(),
+                PlateSyntax(settings.plate_patterns),
+                perspective,
+                settings.plate_width_m,
+            )
+        self._tags = None
+        if settings.tag_dictionary is not None:
+            self._tags = TagFinder(settings.tag_dictionary, settings.tag_side_m, perspective)
+        self._tracker = Tracker(
+            settings.lane_width_m, settings.keep_s, settings.identity_confidence
+        )
+        self._choice = LeadChoice(OwnLane(settings.lane_width_m))
+        self._stamp_s = -math.inf
+        self._searched_at = -math.inf
+        self._changed_at = -math.inf
+        self._frozen = False
+        self._events: deque[Event] = deque()
+
+    def next_event(self) -> Event | None:
+        """The oldest event not yet taken."""
+        return self._events.popleft() if self._events else None
+
+    def receive_frame(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
+        """Look at one frame, (h, w, 3) uint8 BGR; an empty array is one that did not decode."""
+        if stamp_s <= self._stamp_s:
+            self._discard(stamp_s, "old_picture", f"not after {self._stamp_s:.3f} s")
+            return
+        verdict = self._check.look(image)
+        if verdict.fault is not None:
+            self._discard(stamp_s, verdict.fault, verdict.detail)
+            return
+        self._stamp_s = stamp_s
+        if verdict.is_repeat:
+            self._receive_repeat(stamp_s)
+            return
+        self._changed_at = stamp_s
+        if self._frozen:
+            self._frozen = False
+            self._events.append(SensorBack(stamp_s, Sensor.CAMERA))
+        sightings = self._look(image, stamp_s, everywhere=verdict.is_cut)
+        self._show(self._tracker.receive_sightings(sightings, stamp_s), stamp_s)
+
+    def _receive_repeat(self, stamp_s: float) -> None:
+        """The same picture again says nothing new, and after a while that the camera is stuck."""
+        silent_s = stamp_s - self._changed_at
+        if silent_s <= self._settings.frozen_s:
+            self._show(self._tracker.receive_sightings([], stamp_s), stamp_s)
+        elif not self._frozen:
+            self._frozen = True
+            self._events.append(SensorLost(stamp_s, Sensor.CAMERA, silent_s, "frozen"))
+
+    def _discard(self, stamp_s: float, reason: str, detail: str) -> None:
+        self._events.append(Discarded(stamp_s, ROOM, reason, detail))
+
+    def _look(
+        self, image: npt.NDArray[np.uint8], stamp_s: float, *, everywhere: bool
+    ) -> list[Sighting]:
+        regions: list[Box | None] = [_around(track, stamp_s) for track in self._tracker.tracks]
+        if (
+            everywhere
+            or not regions
+            or stamp_s - self._searched_at >= self._settings.search_every_s
+        ):
+            self._searched_at = stamp_s
+            regions = [None]
+        sightings: list[Sighting] = []
+        if self._tags is not None:
+            grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+            sightings += self._tags.find(grey, regions)
+        if self._plates is not None:
+            sightings += self._plates.find(image, regions)
+        return sightings
+
+    def _show(self, pairs: list[tuple[Sighting, CarTrack | None]], stamp_s: float) -> None:
+        lead = self._choice.choose(self._tracker.tracks, stamp_s)
+        for sighting, track in pairs:
+            if sighting.cue is not Cue.VEHICLE:
+                is_lead = lead is not None and track is lead
+                self._events.append(_plate(sighting, stamp_s, is_lead=is_lead))
+        for track in self._tracker.tracks:
+            if track.confirmed and track.seen_at == stamp_s:
+                self._events.append(_sensed_car(track, stamp_s))
+        self._events.append(_lead(lead, stamp_s))
+
+
+def _around(track: CarTrack, stamp_s: float) -> Box:
+    """Where the track's plate is looked for: three plates wide and high, and more when unseen."""
+    box = track.last.box
+    unseen_s = stamp_s - track.seen_at
+    reach_px = box.w_px * (1.0 + 2.0 * unseen_s) + 12.0
+    x, y = box.centre_px
+    half_w_px, half_h_px = box.w_px / 2 + reach_px, box.h_px / 2 + reach_px
+    return Box(x - half_w_px, y - half_h_px, 2 * half_w_px, 2 * half_h_px)
+
+
+def _plate(sighting: Sighting, stamp_s: float, *, is_lead: bool) -> Plate:
+    return Plate(stamp_s, sighting.box, sighting.text, sighting.confidence, is_lead)
+
+
+def _sensed_car(track: CarTrack, stamp_s: float) -> SensedCar:
+    ahead_m, right_m = track.ahead.position_m, track.right.position_m
+    range_m = math.hypot(ahead_m, right_m)
+    return SensedCar(
+        stamp_s=stamp_s,
+        track_id=track.track_id,
+        range_m=range_m,
+        range_sigma_m=track.gap_sigma_m,
+        bearing_rad=math.atan2(right_m, ahead_m),
+        bearing_sigma_rad=track.right.position_sigma_m / range_m,
+        text=track.text,
+    )
+
+
+def _lead(track: CarTrack | None, stamp_s: float) -> Lead:
+    if track is None:
+        return Lead(stamp_s, LeadIdentity.NO_LEAD)
+    text = track.text
+    return Lead(
+        stamp_s=stamp_s,
+        identity=LeadIdentity.UNKNOWN if text is None else LeadIdentity.KNOWN,
+        text=text,
+        gap_m=track.ahead.position_m,
+        gap_sigma_m=track.gap_sigma_m,
+        closing_speed_m_s=-track.ahead.rate_m_s,
+        closing_speed_sigma_m_s=track.ahead.rate_sigma_m_s,
+    )

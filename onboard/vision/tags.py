@@ -1,0 +1,93 @@
+"""AR tags: what the paper's model cars carry in the place of plates."""
+
+import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from onboard.observations import Box
+from onboard.vision.edges import refine_sides
+from onboard.vision.perspective import Corners, Perspective
+from onboard.vision.sighting import Cue, Sighting
+
+LEAST_SIDE_PX = 16
+"""Of a region in which a tag may be."""
+SMALL_REGION_PX = 200
+"""A region narrower than this is looked at enlarged."""
+EDGE_REACH = 0.15
+"""Share of a tag's side in which its edge is looked for: less than a cell, a sixth."""
+SIDE_SIGMA_PX = 0.15
+"""Of a side with refined edges: 0.05 to 0.15 on rendered pictures with blur and noise."""
+
+
+class TagFinder:
+    """Finds ArUco tags of one dictionary; their text is `TAG<n>`."""
+
+    def __init__(self, dictionary: str, side_m: float, perspective: Perspective) -> None:
+        parameters = cv2.aruco.DetectorParameters()
+        # A tag of 10 px has cells of under 2 px: more samples a cell decode it more often.
+        parameters.perspectiveRemovePixelPerCell = 8
+        parameters.minMarkerPerimeterRate = 0.02
+        number = int(getattr(cv2.aruco, f"DICT_{dictionary}"))
+        self._detector = cv2.aruco.ArucoDetector(
+            cv2.aruco.getPredefinedDictionary(number), parameters
+        )
+        self._side_m = side_m
+        self._perspective = perspective
+
+    def find(self, grey: npt.NDArray[np.uint8], regions: list[Box | None]) -> list[Sighting]:
+        """Tags in the regions of the (h, w) grey picture, or in all of it where one is `None`."""
+        found: dict[int, Sighting] = {}
+        for region in regions:
+            for number, corners_px in self._quads(grey, region):
+                found.setdefault(number, self._sighting(corners_px, number))
+        return list(found.values())
+
+    def _quads(self, grey: npt.NDArray[np.uint8], region: Box | None) -> list[tuple[int, Corners]]:
+        left, top, scale = 0, 0, 1
+        part = grey
+        if region is not None:
+            left, top = max(0, int(region.x_px)), max(0, int(region.y_px))
+            right, bottom = int(region.x_px + region.w_px), int(region.y_px + region.h_px)
+            part = grey[top : max(top, bottom), left : max(left, right)]
+            scale = 2 if part.shape[1] < SMALL_REGION_PX else 1
+        if min(part.shape) < LEAST_SIDE_PX:
+            return []
+        view = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+        quads, numbers, _ = self._detector.detectMarkers(view)
+        if numbers is None:
+            return []
+        corner = np.array([left, top], np.float32)
+        found = []
+        for quad, number in zip(quads, numbers.ravel(), strict=True):
+            # OpenCV counts from the middle of the first pixel, the calibration from its corner.
+            corners_px = _upright(np.asarray((quad[0] + 0.5) / scale - 0.5, np.float32))
+            side_px = float(np.hypot(*(corners_px[1] - corners_px[0])))
+            corners_px = refine_sides(part, corners_px, min(4.0, max(1.0, EDGE_REACH * side_px)))
+            found.append((int(number), np.asarray(corners_px + corner + 0.5, np.float32)))
+        return found
+
+    def _sighting(self, corners_px: Corners, number: int) -> Sighting:
+        place = self._perspective.locate_upright(corners_px, self._side_m)
+        side_px = self._perspective.width_px(self._side_m, max(place.ahead_m, 1e-3))
+        ahead_sigma_m = place.ahead_m * SIDE_SIGMA_PX / side_px
+        right_sigma_m = math.hypot(
+            self._side_m * SIDE_SIGMA_PX / side_px, ahead_sigma_m * place.right_m / place.ahead_m
+        )
+        return Sighting(
+            cue=Cue.TAG,
+            corners_px=corners_px,
+            place=place,
+            ahead_sigma_m=ahead_sigma_m,
+            right_sigma_m=right_sigma_m,
+            text=f"TAG{number}",
+            confidence=1.0,
+            character_confidences=(),
+        )
+
+
+def _upright(corners_px: Corners) -> Corners:
+    """The same corners, the top left one first, however the tag was turned when it was fixed."""
+    sums = corners_px.sum(axis=1)
+    return np.roll(corners_px, -int(np.argmin(sums)), axis=0)

@@ -1,0 +1,101 @@
+"""Which sighting belongs to which car.
+
+Sightings and cars are matched in metres, where the next lane is a lane's width away and a bumper
+of the car in front several metres, so that a plate and a tag on one car, or two plates on it, meet
+in one track. The best matching over all pairs is an assignment problem (Kuhn 1955).
+"""
+
+import math
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from onboard.vision.car_track import CarTrack
+from onboard.vision.sighting import Cue, Sighting
+
+GATE_SIGMA = 4.0
+_IMPOSSIBLE = 1e6
+
+
+class Tracker:
+    """The cars in view."""
+
+    def __init__(self, lane_width_m: float, keep_s: float, identity_confidence: float) -> None:
+        self._lane_width_m = lane_width_m
+        self._keep_s = keep_s
+        self._identity_confidence = identity_confidence
+        self._next_id = 1
+        self.tracks: list[CarTrack] = []
+
+    def forget(self) -> None:
+        """The picture shows another place now."""
+        self.tracks.clear()
+
+    def receive_sightings(
+        self, sightings: list[Sighting], stamp_s: float
+    ) -> list[tuple[Sighting, CarTrack | None]]:
+        """Move all tracks to `stamp_s` and give each sighting to one, old or new.
+
+        A second plate on one car belongs to none: two cars are never in one place, and the car goes
+        on being known by the plate that it was known by.
+        """
+        for track in self.tracks:
+            track.predict(stamp_s)
+        pairs: list[tuple[Sighting, CarTrack | None]] = []
+        for cue in (Cue.TAG, Cue.PLATE, Cue.VEHICLE):
+            # Cue by cue, so that one car can take one of each.
+            pairs += self._match([s for s in sightings if s.cue is cue], stamp_s)
+        self.tracks = [track for track in self.tracks if self._is_kept(track, stamp_s)]
+        return pairs
+
+    def _match(
+        self, sightings: list[Sighting], stamp_s: float
+    ) -> list[tuple[Sighting, CarTrack | None]]:
+        pairs: list[tuple[Sighting, CarTrack | None]] = []
+        taken: set[int] = set()
+        if sightings and self.tracks:
+            costs = np.array([[self._cost(s, t) for t in self.tracks] for s in sightings])
+            for row, column in zip(*linear_sum_assignment(costs), strict=True):
+                if costs[row, column] < _IMPOSSIBLE:
+                    track = self.tracks[column]
+                    track.update(sightings[row], stamp_s)
+                    pairs.append((sightings[row], track))
+                    taken.add(int(row))
+        for index, sighting in enumerate(sightings):
+            if index not in taken:
+                doubled = any(
+                    self._cost(sighting, track) < _IMPOSSIBLE
+                    for _, track in pairs
+                    if track is not None
+                )
+                pairs.append((sighting, None if doubled else self._begin(sighting, stamp_s)))
+        return pairs
+
+    def _cost(self, sighting: Sighting, track: CarTrack) -> float:
+        ahead_m = sighting.place.ahead_m - track.ahead.position_m
+        right_m = sighting.place.right_m - track.right.position_m
+        ahead_sigma_m = math.hypot(sighting.ahead_sigma_m, track.gap_sigma_m, 0.5)
+        right_sigma_m = math.hypot(
+            sighting.right_sigma_m, track.right.position_sigma_m, 0.04 * self._lane_width_m
+        )
+        if abs(right_m) > 0.5 * self._lane_width_m:
+            return _IMPOSSIBLE
+        if abs(ahead_m) > GATE_SIGMA * ahead_sigma_m or abs(right_m) > GATE_SIGMA * right_sigma_m:
+            return _IMPOSSIBLE
+        cost = (ahead_m / ahead_sigma_m) ** 2 + (right_m / right_sigma_m) ** 2
+        if sighting.cue is track.last.cue:
+            height_m = sighting.place.height_m - track.last.place.height_m
+            cost += (height_m / (0.04 * self._lane_width_m)) ** 2
+        return cost
+
+    def _begin(self, sighting: Sighting, stamp_s: float) -> CarTrack:
+        track = CarTrack(self._next_id, sighting, stamp_s, self._identity_confidence)
+        self._next_id += 1
+        self.tracks.append(track)
+        return track
+
+    def _is_kept(self, track: CarTrack, stamp_s: float) -> bool:
+        if track.ahead.position_m <= 0:
+            return False
+        silent_s = stamp_s - track.seen_at
+        return silent_s <= (self._keep_s if track.confirmed else 0.4 * self._keep_s)
