@@ -1,0 +1,68 @@
+"""A car's whole configuration: one YAML file, each room's settings under its own key."""
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, StringConstraints
+
+from onboard.lcca.settings import LccaSettings
+from onboard.obd.settings import CanSettings, ObdSettings
+from onboard.observations import Sensor
+from onboard.security.settings import SecuritySettings
+from onboard.settings import Settings
+from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.wave_udp import psid
+from onboard.wave_udp.settings import RadioSettings
+
+PlateText = Annotated[str, StringConstraints(pattern=r"^[A-Z0-9]{1,10}$")]
+"""As the camera of the car behind reads it: upper case, no separators."""
+
+
+class CarSettings(Settings):
+    """The car itself."""
+
+    plate: PlateText
+    """Its own number plate, or `TAG<n>` for a model car that carries AR tag n."""
+    length_m: float = Field(4.5, gt=0.0, lt=30.0)
+    """Bumper to bumper."""
+    width_m: float = Field(1.8, gt=0.0, lt=5.0)
+    """Without mirrors."""
+
+
+class WatchSettings(Settings):
+    """How long a sensor may be silent before it is shown as lost."""
+
+    speed_s: float = Field(0.8, gt=0.0, le=10.0)
+    camera_s: float = Field(0.8, gt=0.0, le=10.0)
+    position_s: float = Field(3.0, gt=0.0, le=60.0)
+
+
+class TraceSettings(Settings):
+    """Where the daemon writes what it saw and decided."""
+
+    file: Path | None = None
+    """JSON lines; `None` writes none."""
+
+
+class CarConfig(Settings):
+    """Everything `onboard run` needs to know. A section that is left out is a wire not there."""
+
+    seed: int = Field(0, ge=0)
+    """Of the random numbers that spread retries in time; 0 is as good as any."""
+    car: CarSettings
+    can: CanSettings | None = None
+    obd: ObdSettings = ObdSettings()
+    camera: CameraSettings | None = None
+    vision: VisionSettings = VisionSettings()
+    radio: RadioSettings | None = None
+    security: SecuritySettings = SecuritySettings()
+    lcca: LccaSettings = LccaSettings()
+    lcca_psid: int = Field(psid.LCCA, ge=0, le=psid.HIGHEST)
+    """Service that the group messages go under; equal in all cars of a trial."""
+    watch: WatchSettings = WatchSettings()
+    trace: TraceSettings = TraceSettings()
+
+    def sensors(self) -> frozenset[Sensor]:
+        """What the car has by these wires, and can lose."""
+        wires = {Sensor.SPEED: self.can, Sensor.CAMERA: self.camera}
+        return frozenset(sensor for sensor, wire in wires.items() if wire is not None)

@@ -1,0 +1,217 @@
+"""The cores of one car put together, still without I/O.
+
+Driven by the daemon, by the rig in virtual time and by the replay, always through the same verbs.
+Whatever comes in is handed to the cores that it concerns; what they say is passed on at once.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+
+from onboard.config import CarConfig, WatchSettings
+from onboard.freshness import SensorWatch
+from onboard.lcca.group import Neighbour, WarningGroup
+from onboard.messages import lcca
+from onboard.messages.declaration import DecodeError
+from onboard.obd.can_frame import CanFrame
+from onboard.obd.car_bus import CarBus
+from onboard.observations import (
+    BrakePedal,
+    Discarded,
+    HardBrake,
+    Lead,
+    LeadIdentity,
+    Plate,
+    Position,
+    SensedCar,
+    Sensor,
+    SensorBack,
+    SensorLost,
+    Speed,
+)
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.security import Opened, Security
+from onboard.trace import Event
+from onboard.units import STANDARD_GRAVITY_M_S2
+from onboard.wave_link import Received, Sent, WaveLink
+
+Observation = (
+    Speed | BrakePedal | HardBrake | Plate | Lead | SensedCar | Position
+    | SensorLost | SensorBack | Discarded
+)  # fmt: skip
+"""What the sensors' rooms say."""
+
+LCCA_LIFETIME_S = 0.5
+"""A group message that has waited longer for the radio is repeated by its own timers anyway."""
+
+
+class Stack:
+    """One car."""
+
+    def __init__(
+        self,
+        config: CarConfig,
+        sensors: Iterable[Sensor],
+        rng: np.random.Generator,
+        now: float,
+        utc_s: float,
+    ) -> None:
+        """Start at `now`, which is `utc_s` in seconds since 1970, with the `sensors` there are."""
+        self._config = config
+        self._security = Security(utc_s - now)
+        self._digest = PlateDigest(config.security.plate_digest)
+        self._bus = CarBus(config.obd)
+        self._link = WaveLink(self._security)
+        self._group = WarningGroup(config.lcca, self._car_id(config.car.plate, now), rng)
+        self._own_id_ends_at = self._digest_epoch_ends_at(now)
+        self._watch = SensorWatch(_limits_s(config.watch, sensors), now)
+        self._events: deque[Event] = deque()
+
+    @property
+    def digest(self) -> PlateDigest:
+        """Deriving an ID is slow: the camera's thread asks first, so that the loop need not."""
+        return self._digest
+
+    def set_utc(self, utc_s: float, now: float) -> None:
+        """Tell what UTC is at `now`; the cores keep to `now`, messages and IDs need UTC."""
+        self._security.utc_offset_s = utc_s - now
+
+    # ---- in -------------------------------------------------------------------------------
+
+    def receive_can(self, frame: CanFrame, now: float) -> None:
+        """A frame from the car's bus."""
+        self._bus.receive_frame(frame, now)
+        self._take_bus(now)
+
+    def receive_observation(self, observation: Observation, now: float) -> None:
+        """What the bus, vision or GNSS saw, or the loss of a sensor that its room has noticed."""
+        match observation:
+            case Speed():
+                self._watch.receive_sample(Sensor.SPEED, observation.stamp_s)
+                self._group.receive_speed(observation.speed_m_s, now)
+            case HardBrake():
+                self._group.receive_hard_brake(observation, now)
+            case Lead():
+                self._watch.receive_sample(Sensor.CAMERA, observation.stamp_s)
+                self._group.receive_neighbour(self._neighbour(observation, now), now)
+            case Position():
+                self._watch.receive_sample(Sensor.POSITION, observation.stamp_s)
+            case SensorLost():
+                self._watch.receive_loss(observation.sensor, observation.reason, now)
+                return
+            case SensorBack():
+                self._watch.receive_sample(observation.sensor, observation.stamp_s)
+                return
+        self._events.append(observation)
+
+    def receive_wsm(self, data: bytes, now: float) -> None:
+        """A WAVE short message from the radio."""
+        received = self._link.receive_wsm(data, now)
+        if received is None:
+            return
+        psid, opened = received
+        if psid == self._config.lcca_psid:
+            self._receive_lcca(opened, now)
+        else:
+            self._events.append(Discarded(now, "wsmp", "unknown_psid", f"0x{psid:X}"))
+
+    def _receive_lcca(self, opened: Opened, now: float) -> None:
+        try:
+            message = lcca.decode(opened.payload)
+        except DecodeError as error:
+            self._events.append(Discarded(now, "lcca", error.reason, error.detail))
+            return
+        self._events.append(Received(now, message.kind, opened.signer_id, lcca.as_dict(message)))
+        self._group.receive_message(message, now)
+        self._take_group()
+
+    def press_brake_button(self, now: float) -> None:
+        """The button of the paper's demonstration (section 4): brake hard without braking."""
+        threshold_m_s2 = self._config.obd.hard_brake_threshold_g * STANDARD_GRAVITY_M_S2
+        self.receive_observation(HardBrake(now, threshold_m_s2, source="button"), now)
+
+    # ---- out ------------------------------------------------------------------------------
+
+    def can_to_send(self, now: float) -> list[CanFrame]:
+        """Frames for the car's bus."""
+        return self._bus.frames_to_send(now)
+
+    def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
+        """Frames for the radio as (user priority, WSM), the most urgent first."""
+        for message in self._group.messages_to_send(now):
+            size_bytes = self._link.submit(
+                lcca.encode(message),
+                self._config.lcca_psid,
+                message.user_priority,
+                LCCA_LIFETIME_S,
+                now,
+            )
+            self._events.append(
+                Sent(now, message.kind, message.user_priority, size_bytes, lcca.as_dict(message))
+            )
+        return self._link.wsms_to_send(now)
+
+    def next_event(self) -> Event | None:
+        """The oldest event not yet taken; `None` when there is none."""
+        if not self._events:
+            self._take_rest()
+        return self._events.popleft() if self._events else None
+
+    # ---- time -----------------------------------------------------------------------------
+
+    def get_timer(self) -> float:
+        """When `handle_timer` next wants to be called."""
+        cores = (self._bus, self._group, self._watch, self._link)
+        wishes = (core.get_timer() for core in cores)
+        return min((at for at in wishes if at is not None), default=math.inf)
+
+    def handle_timer(self, now: float) -> None:
+        """Do what has become due."""
+        if now >= self._own_id_ends_at:
+            self._own_id_ends_at = self._digest_epoch_ends_at(now)
+            self._group.set_own_id(self._car_id(self._config.car.plate, now), now)
+        self._bus.handle_timer(now)
+        self._take_bus(now)
+        self._watch.handle_timer(now)
+        self._group.handle_timer(now)
+        self._take_group()
+
+    # ---- between the rooms ----------------------------------------------------------------
+
+    def _take_bus(self, now: float) -> None:
+        while (observation := self._bus.next_event()) is not None:
+            self.receive_observation(observation, now)
+
+    def _take_group(self) -> None:
+        while (event := self._group.next_event()) is not None:
+            self._events.append(event)
+
+    def _take_rest(self) -> None:
+        for core in (self._group, self._watch, self._link):
+            while (event := core.next_event()) is not None:
+                self._events.append(event)
+
+    def _neighbour(self, lead: Lead, now: float) -> Neighbour | None:
+        """What the warning group needs of the camera's lead car: its ID, not its plate."""
+        if lead.identity is LeadIdentity.NO_LEAD or lead.gap_m is None:
+            return None
+        car_id = None if lead.text is None else self._car_id(lead.text, now)
+        return Neighbour(car_id, lead.gap_m, lead.closing_speed_m_s)
+
+    def _car_id(self, plate_text: str, now: float) -> lcca.CarId:
+        return self._digest.car_id(plate_text, now + self._security.utc_offset_s)
+
+    def _digest_epoch_ends_at(self, now: float) -> float:
+        offset_s = self._security.utc_offset_s
+        return self._digest.epoch_ends_at(now + offset_s) - offset_s
+
+
+def _limits_s(watch: WatchSettings, sensors: Iterable[Sensor]) -> dict[Sensor, float]:
+    limits_s = {
+        Sensor.SPEED: watch.speed_s,
+        Sensor.CAMERA: watch.camera_s,
+        Sensor.POSITION: watch.position_s,
+    }
+    return {sensor: limits_s[sensor] for sensor in sensors}

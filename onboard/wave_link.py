@@ -1,0 +1,85 @@
+"""From a message to the bytes on the air and back: 1609.2 inside WSMP, sent by priority."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import ClassVar
+
+from onboard.messages.declaration import DecodeError
+from onboard.observations import Discarded
+from onboard.security.security import NotTrusted, Opened, Security
+from onboard.wave_udp.radio_queue import RadioQueue
+from onboard.wave_udp.wsmp import WaveShortMessage, decode, encode
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A message queued for the radio."""
+
+    kind: ClassVar[str] = "sent"
+    stamp_s: float
+    message: str
+    """Its type: `join`, `warn`, `bsm`, ..."""
+    user_priority: int
+    size_bytes: int
+    """Of the whole WSM."""
+    content: dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A message from another car that was opened; whether it concerns us is said next."""
+
+    kind: ClassVar[str] = "received"
+    stamp_s: float
+    message: str
+    signer_id: bytes | None
+    content: dict[str, object]
+
+
+class WaveLink:
+    """The car's way to the radio and from it, still without I/O."""
+
+    def __init__(self, security: Security) -> None:
+        self._security = security
+        self._queue = RadioQueue()
+        self._discarded: deque[Discarded] = deque()
+
+    def submit(
+        self, payload: bytes, psid: int, user_priority: int, lifetime_s: float, now: float
+    ) -> int:
+        """Queue `payload` under `psid`; it is dropped if it cannot go out within `lifetime_s`.
+
+        Returns:
+            the size of the whole WSM in bytes.
+        """
+        secured = self._security.secure(payload, psid, now)
+        wsm = encode(WaveShortMessage(psid=psid, payload=secured))
+        self._queue.put(wsm, user_priority, now + lifetime_s, now)
+        return len(wsm)
+
+    def receive_wsm(self, data: bytes, now: float) -> tuple[int, Opened] | None:
+        """Open a frame from the radio.
+
+        Returns:
+            its PSID and what it carried, or `None` if it was discarded.
+        """
+        try:
+            wsm = decode(data)
+            return wsm.psid, self._security.open(wsm.payload, wsm.psid, now)
+        except DecodeError as error:
+            self._discarded.append(Discarded(now, "wsmp", error.reason, error.detail))
+        except NotTrusted as refusal:
+            self._discarded.append(Discarded(now, "security", refusal.reason, refusal.detail))
+        return None
+
+    def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
+        """What the radio is to be given now, the most urgent first, as (user priority, WSM)."""
+        return self._queue.wsms_to_send(now)
+
+    def get_timer(self) -> float | None:
+        """When the radio is free for what still waits."""
+        return self._queue.get_timer()
+
+    def next_event(self) -> Discarded | None:
+        """The oldest event not yet taken."""
+        return self._discarded.popleft() if self._discarded else self._queue.next_event()
