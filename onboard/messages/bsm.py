@@ -1,0 +1,139 @@
+"""SAE J2735 BasicSafetyMessage in a MessageFrame, as the bytes that a WSM carries under PSID 0x20.
+
+The MVS footer rides in the regional extension under a region of our own, so that a unit that has
+never heard of it reads the BSM and passes over the rest.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from onboard.messages.bsm_core import CoreData
+from onboard.messages.bsm_safety import SAFETY, VehicleSafetyExtensions
+from onboard.messages.declaration import DecodeError
+from onboard.messages.uper import Opaque, Optional, Record, Row, Several, Whole, printed
+
+PSID = 0x20
+"""Vehicle-to-vehicle safety and awareness (IEEE 1609.12)."""
+
+MESSAGE_ID = 20
+"""DSRCmsgID of basicSafetyMessage."""
+
+FOOTER_REGION = 0x80 + 0x4D
+"""RegionId of the MVS footer: 128 and up are for local use ("M" above it)."""
+
+MAX_FOOTER_BYTES = 800
+"""What fits a WSM of 1,400 bytes beside a full path history and an attached certificate."""
+
+_SAFETY_PART = 0
+
+
+@dataclass(frozen=True, slots=True)
+class OtherPart:
+    """A Part II element that is not the safety extensions, kept as it came."""
+
+    part_id: Annotated[int, Whole(0, 63)]
+    """1: special vehicle extensions, 2: supplemental vehicle extensions."""
+    content: Annotated[bytes, Opaque()]
+
+
+@dataclass(frozen=True, slots=True)
+class RegionalExtension:
+    """Something a region adds, kept as it came."""
+
+    region_id: Annotated[int, Whole(0, 255)]
+    content: Annotated[bytes, Opaque()]
+
+
+@dataclass(frozen=True, slots=True)
+class BasicSafetyMessage:
+    """One BSM."""
+
+    kind: ClassVar[str] = "bsm"
+    core: CoreData
+    safety: VehicleSafetyExtensions | None = None
+    other_parts: tuple[OtherPart, ...] = ()
+    footer: bytes | None = None
+    """The MVS footer; what is in it, `onboard/messages/mvs_footer.py` knows."""
+    other_regions: tuple[RegionalExtension, ...] = ()
+
+    @property
+    def user_priority(self) -> int:
+        """EDCA user priority: higher while an event is flagged (SAE J2945/1, 6.3.5)."""
+        return 7 if self.safety is not None and self.safety.events else 5
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """MessageFrame."""
+
+    message_id: Annotated[int, Whole(0, 32767)]
+    content: Annotated[bytes, Opaque()]
+
+
+@dataclass(frozen=True, slots=True)
+class _Message:
+    """BasicSafetyMessage as the standard has it."""
+
+    core: Annotated[CoreData, Row(CoreData)]
+    parts: Annotated[tuple[OtherPart, ...] | None, Optional(Several(Record(OtherPart), 1, 8))]
+    regions: Annotated[
+        tuple[RegionalExtension, ...] | None, Optional(Several(Record(RegionalExtension), 1, 4))
+    ]
+
+
+_FRAME = Record(_Frame, extensible=True)
+_MESSAGE = Record(_Message, extensible=True)
+
+
+def encode(bsm: BasicSafetyMessage) -> bytes:
+    """Return the MessageFrame.
+
+    Raises:
+        ValueError: a value cannot be carried (the text names its field), or the footer is longer
+            than `MAX_FOOTER_BYTES`.
+    """
+    if bsm.footer is not None and len(bsm.footer) > MAX_FOOTER_BYTES:
+        raise ValueError(f"footer: {len(bsm.footer)} bytes, at most {MAX_FOOTER_BYTES} fit")
+    parts, regions = bsm.other_parts, bsm.other_regions
+    if bsm.safety is not None:
+        parts = (OtherPart(_SAFETY_PART, SAFETY.encode(bsm.safety)), *parts)
+    if bsm.footer is not None:
+        regions = (RegionalExtension(FOOTER_REGION, bsm.footer), *regions)
+    message = _Message(bsm.core, parts or None, regions or None)
+    return _FRAME.encode(_Frame(MESSAGE_ID, _MESSAGE.encode(message)))
+
+
+def decode(frame: bytes) -> BasicSafetyMessage:
+    """Read a MessageFrame.
+
+    Raises:
+        DecodeError: `not_a_bsm`, `too_short`, `trailing_bytes`, `out_of_range`, `too_long`, or
+            `repeated` for a second element of a kind that a BSM has once.
+    """
+    outer = _FRAME.decode(frame)
+    if outer.message_id != MESSAGE_ID:
+        raise DecodeError("not_a_bsm", f"message {outer.message_id}")
+    message = _MESSAGE.decode(outer.content)
+    parts, regions = message.parts or (), message.regions or ()
+    safety = _only((part.content for part in parts if part.part_id == _SAFETY_PART), "safety")
+    return BasicSafetyMessage(
+        core=message.core,
+        safety=None if safety is None else SAFETY.decode(safety),
+        other_parts=tuple(part for part in parts if part.part_id != _SAFETY_PART),
+        footer=_only((r.content for r in regions if r.region_id == FOOTER_REGION), "footer"),
+        other_regions=tuple(r for r in regions if r.region_id != FOOTER_REGION),
+    )
+
+
+def as_dict(bsm: BasicSafetyMessage) -> dict[str, Any]:
+    """Return the message as it stands in a trace line."""
+    fields: dict[str, Any] = printed(bsm)
+    return fields
+
+
+def _only(found: Iterable[bytes], what: str) -> bytes | None:
+    contents = list(found)
+    if len(contents) > 1:
+        raise DecodeError("repeated", f"{len(contents)} times {what}")
+    return contents[0] if contents else None

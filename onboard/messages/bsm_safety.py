@@ -1,0 +1,189 @@
+"""Part II of a BSM, vehicle safety extensions: events, where the car was, where it goes, lights.
+
+Field names, ranges and steps are those of SAE J2735 (2016 and 2020 agree here).
+"""
+
+import math
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import Annotated
+
+from onboard.messages.bsm_core import (
+    ELEVATION,
+    HEADING,
+    LATITUDE,
+    LONGITUDE,
+    POSITIONAL_ACCURACY,
+    SPEED,
+    PositionalAccuracy,
+    TransmissionState,
+)
+from onboard.messages.uper import (
+    Choice,
+    Flags,
+    Number,
+    OpenFlags,
+    Optional,
+    Record,
+    Row,
+    Several,
+    Whole,
+)
+
+
+class VehicleEventFlags(IntFlag):
+    """What is happening to the sender; a flag is raised, never lowered, while it lasts."""
+
+    HAZARD_LIGHTS = 1 << 0
+    STOP_LINE_VIOLATION = 1 << 1
+    ABS_ACTIVATED = 1 << 2
+    TRACTION_CONTROL_LOSS = 1 << 3
+    STABILITY_CONTROL_ACTIVATED = 1 << 4
+    HAZARDOUS_MATERIALS = 1 << 5
+    RESERVED_1 = 1 << 6
+    HARD_BRAKING = 1 << 7
+    LIGHTS_CHANGED = 1 << 8
+    WIPERS_CHANGED = 1 << 9
+    FLAT_TIRE = 1 << 10
+    DISABLED_VEHICLE = 1 << 11
+    AIR_BAG_DEPLOYMENT = 1 << 12
+
+
+class ExteriorLights(IntFlag):
+    """Which lights are on; none at all says "parked"."""
+
+    LOW_BEAM = 1 << 0
+    HIGH_BEAM = 1 << 1
+    LEFT_TURN_SIGNAL = 1 << 2
+    RIGHT_TURN_SIGNAL = 1 << 3
+    HAZARD_SIGNAL = 1 << 4
+    AUTOMATIC_LIGHT_CONTROL = 1 << 5
+    DAYTIME_RUNNING = 1 << 6
+    FOG_LIGHT = 1 << 7
+    PARKING_LIGHTS = 1 << 8
+
+
+class GnssStatus(IntFlag):
+    """State of the sender's receiver."""
+
+    UNAVAILABLE = 1 << 0
+    IS_HEALTHY = 1 << 1
+    IS_MONITORED = 1 << 2
+    BASE_STATION = 1 << 3
+    PDOP_UNDER_5 = 1 << 4
+    IN_VIEW_UNDER_5 = 1 << 5
+    LOCAL_CORRECTIONS = 1 << 6
+    NETWORK_CORRECTIONS = 1 << 7
+
+
+@dataclass(frozen=True, slots=True)
+class DateTime:
+    """A date and time in UTC, as far as the sender gives it."""
+
+    year: Annotated[int | None, Optional(Whole(0, 4095))]
+    month: Annotated[int | None, Optional(Whole(0, 12))]
+    day: Annotated[int | None, Optional(Whole(0, 31))]
+    hour: Annotated[int | None, Optional(Whole(0, 31))]
+    minute: Annotated[int | None, Optional(Whole(0, 60))]
+    second_s: Annotated[float | None, Optional(Number(0, 65535, 0.001, "s"))]
+    offset_s: Annotated[float | None, Optional(Number(-840, 840, 60.0, "s"))]
+
+
+@dataclass(frozen=True, slots=True)
+class TransmissionAndSpeed:
+    """Gear and speed, together as the standard has them."""
+
+    transmission: Annotated[TransmissionState | None, Choice(TransmissionState, unavailable=7)]
+    speed_m_s: Annotated[float | None, SPEED]
+
+
+@dataclass(frozen=True, slots=True)
+class PositionConfidence:
+    """Classes of accuracy: 0 is unavailable, 1 the worst, 15 the best (1 cm)."""
+
+    position: Annotated[int, Whole(0, 15)]
+    elevation: Annotated[int, Whole(0, 15)]
+
+
+@dataclass(frozen=True, slots=True)
+class MotionConfidence:
+    """Classes of accuracy: 0 is unavailable, 1 the worst."""
+
+    heading: Annotated[int, Whole(0, 7)]
+    speed: Annotated[int, Whole(0, 7)]
+    throttle: Annotated[int, Whole(0, 3)]
+
+
+@dataclass(frozen=True, slots=True)
+class FullPositionVector:
+    """The point that a path history is relative to, where it is not the BSM's own position."""
+
+    utc_time: Annotated[DateTime | None, Optional(Record(DateTime))]
+    longitude_deg: Annotated[float | None, LONGITUDE]
+    latitude_deg: Annotated[float | None, LATITUDE]
+    elevation_m: Annotated[float | None, Optional(ELEVATION)]
+    heading_rad: Annotated[float | None, Optional(HEADING)]
+    speed: Annotated[TransmissionAndSpeed | None, Optional(Row(TransmissionAndSpeed))]
+    accuracy: Annotated[PositionalAccuracy | None, Optional(POSITIONAL_ACCURACY)]
+    time_confidence: Annotated[int | None, Optional(Whole(0, 39))]
+    position_confidence: Annotated[PositionConfidence | None, Optional(Row(PositionConfidence))]
+    motion_confidence: Annotated[MotionConfidence | None, Optional(Row(MotionConfidence))]
+
+
+_OFFSET = Number(-131071, 131071, 1e-7, "deg", unavailable=-131072)
+
+
+@dataclass(frozen=True, slots=True)
+class PathHistoryPoint:
+    """A place where the sender has been, as an offset from the initial position."""
+
+    latitude_offset_deg: Annotated[float | None, _OFFSET]
+    longitude_offset_deg: Annotated[float | None, _OFFSET]
+    elevation_offset_m: Annotated[float | None, Number(-2047, 2047, 0.1, "m", unavailable=-2048)]
+    age_s: Annotated[float | None, Number(1, 65534, 0.01, "s", unavailable=65535)]
+    speed_m_s: Annotated[float | None, Optional(SPEED)] = None
+    accuracy: Annotated[PositionalAccuracy | None, Optional(POSITIONAL_ACCURACY)] = None
+    heading_rad: Annotated[
+        float | None, Optional(Number(0, 239, math.radians(1.5), "rad", unavailable=240))
+    ] = None
+
+
+@dataclass(frozen=True, slots=True)
+class PathHistory:
+    """Up to 23 places, the newest first, such that the way between them is nearly straight."""
+
+    initial_position: Annotated[
+        FullPositionVector | None, Optional(Record(FullPositionVector, extensible=True))
+    ]
+    """What the points are relative to; `None`: the position of the BSM itself."""
+    gnss_status: Annotated[GnssStatus | None, Optional(Flags(GnssStatus, 8))]
+    crumb_data: Annotated[
+        tuple[PathHistoryPoint, ...], Several(Record(PathHistoryPoint, extensible=True), 1, 23)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class PathPrediction:
+    """Where the sender will go if nothing changes: along a circle."""
+
+    radius_of_curve_m: Annotated[float | None, Number(-32767, 32766, 0.1, "m", unavailable=32767)]
+    """Positive to the right; `None`: straight on."""
+    confidence: Annotated[float, Number(0, 200, 0.005, "")]
+    """0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleSafetyExtensions:
+    """Part II, the element that J2945/1 asks of every light vehicle."""
+
+    events: Annotated[VehicleEventFlags | None, Optional(OpenFlags(VehicleEventFlags, 13))] = None
+    path_history: Annotated[PathHistory | None, Optional(Record(PathHistory, extensible=True))] = (
+        None
+    )
+    path_prediction: Annotated[
+        PathPrediction | None, Optional(Record(PathPrediction, extensible=True))
+    ] = None
+    lights: Annotated[ExteriorLights | None, Optional(OpenFlags(ExteriorLights, 9))] = None
+
+
+SAFETY = Record(VehicleSafetyExtensions, extensible=True)

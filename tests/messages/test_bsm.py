@@ -1,0 +1,484 @@
+"""BSMs: the bits that other people's compilers write, the values that the standard gives them."""
+
+import contextlib
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import asn1tools
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.messages import bsm
+from onboard.messages.bsm import BasicSafetyMessage, OtherPart, RegionalExtension
+from onboard.messages.bsm_core import (
+    AccelerationSet,
+    BrakeSystemStatus,
+    ControlStatus,
+    CoreData,
+    PositionalAccuracy,
+    TransmissionState,
+    VehicleSize,
+    WheelBrakes,
+)
+from onboard.messages.bsm_safety import (
+    SAFETY,
+    ExteriorLights,
+    PathPrediction,
+    VehicleEventFlags,
+    VehicleSafetyExtensions,
+)
+from onboard.messages.declaration import DecodeError
+
+ORACLE_TEXT = Path(__file__).with_name("bsm_oracle.asn1")
+ORACLE = asn1tools.compile_files(str(ORACLE_TEXT), "uper")
+SILENT = BasicSafetyMessage(CoreData(msg_cnt=7, temporary_id=b"\x01\x02\x03\x04"))
+
+# ---- what the oracle is asked to encode: any value that its grammar allows ---------------------
+
+accuracies = st.fixed_dictionaries(
+    {
+        "semiMajor": st.integers(0, 255),
+        "semiMinor": st.integers(0, 255),
+        "orientation": st.integers(0, 65535),
+    }
+)
+latitudes = st.integers(-900_000_000, 900_000_001)
+longitudes = st.integers(-1_799_999_999, 1_800_000_001)
+elevations = st.integers(-4096, 61439)
+speeds = st.integers(0, 8191)
+headings = st.integers(0, 28800)
+# A field that may be left out is not also sent as "unavailable": both are read as None.
+known_elevations = st.integers(-4095, 61439)
+known_speeds = st.integers(0, 8190)
+known_headings = st.integers(0, 28799)
+gears = st.sampled_from(["neutral", "park", "forward", "reverse", "r1", "r2", "r3", "unavailable"])
+controls = st.sampled_from(["unavailable", "off", "on", "engaged"])
+
+
+def bit_strings(bits):
+    return st.integers(0, 2**bits - 1).map(
+        lambda number: ((number << -bits % 8).to_bytes((bits + 7) // 8), bits)
+    )
+
+
+cores = st.fixed_dictionaries(
+    {
+        "msgCnt": st.integers(0, 127),
+        "id": st.binary(min_size=4, max_size=4),
+        "secMark": st.integers(0, 65535),
+        "lat": latitudes,
+        "long": longitudes,
+        "elev": elevations,
+        "accuracy": accuracies,
+        "transmission": gears,
+        "speed": speeds,
+        "heading": headings,
+        "angle": st.integers(-126, 127),
+        "accelSet": st.fixed_dictionaries(
+            {
+                "long": st.integers(-2000, 2001),
+                "lat": st.integers(-2000, 2001),
+                "vert": st.integers(-127, 127),
+                "yaw": st.integers(-32767, 32767),
+            }
+        ),
+        "brakes": st.fixed_dictionaries(
+            {
+                "wheelBrakes": bit_strings(5),
+                "traction": controls,
+                "abs": controls,
+                "scs": controls,
+                "brakeBoost": st.sampled_from(["unavailable", "off", "on"]),
+                "auxBrakes": st.sampled_from(["unavailable", "off", "on", "reserved"]),
+            }
+        ),
+        "size": st.fixed_dictionaries(
+            {"width": st.integers(0, 1023), "length": st.integers(0, 4095)}
+        ),
+    }
+)
+positions = st.fixed_dictionaries(
+    {"long": longitudes, "lat": latitudes},
+    optional={
+        "utcTime": st.fixed_dictionaries(
+            {},
+            optional={
+                "year": st.integers(0, 4095),
+                "month": st.integers(0, 12),
+                "day": st.integers(0, 31),
+                "hour": st.integers(0, 31),
+                "minute": st.integers(0, 60),
+                "second": st.integers(0, 65535),
+                "offset": st.integers(-840, 840),
+            },
+        ),
+        "elevation": known_elevations,
+        "heading": known_headings,
+        "speed": st.fixed_dictionaries({"gear": gears, "speed": speeds}),
+        "posAccuracy": accuracies,
+        "timeConfidence": st.integers(0, 39),
+        "posConfidence": st.fixed_dictionaries(
+            {"pos": st.integers(0, 15), "elevation": st.integers(0, 15)}
+        ),
+        "speedConfidence": st.fixed_dictionaries(
+            {
+                "heading": st.integers(0, 7),
+                "speed": st.integers(0, 7),
+                "throttle": st.integers(0, 3),
+            }
+        ),
+    },
+)
+crumbs = st.fixed_dictionaries(
+    {
+        "latOffset": st.integers(-131072, 131071),
+        "lonOffset": st.integers(-131072, 131071),
+        "elevationOffset": st.integers(-2048, 2047),
+        "timeOffset": st.integers(1, 65535),
+    },
+    optional={"speed": known_speeds, "posAccuracy": accuracies, "heading": st.integers(0, 239)},
+)
+safeties = st.fixed_dictionaries(
+    {},
+    optional={
+        "events": bit_strings(13),
+        "pathHistory": st.fixed_dictionaries(
+            {"crumbData": st.lists(crumbs, min_size=1, max_size=23)},
+            optional={"initialPosition": positions, "currGNSSstatus": bit_strings(8)},
+        ),
+        "pathPrediction": st.fixed_dictionaries(
+            {"radiusOfCurve": st.integers(-32767, 32767), "confidence": st.integers(0, 200)}
+        ),
+        "lights": bit_strings(9),
+    },
+)
+
+
+def framed(core, safety=None, other_parts=(), regions=()):
+    parts = [] if safety is None else [{"id": 0, "value": ORACLE.encode("Safety", safety)}]
+    parts += [{"id": part_id, "value": value} for part_id, value in other_parts]
+    message = {"core": core}
+    if parts:
+        message["parts"] = parts
+    if regions:
+        message["regions"] = [{"id": region_id, "value": value} for region_id, value in regions]
+    value = ORACLE.encode("Bsm", message)
+    return ORACLE.encode("Frame", {"messageId": 20, "value": value})
+
+
+# ---- round trips --------------------------------------------------------------------------------
+
+
+@given(
+    core=cores,
+    safety=st.none() | safeties,
+    other_parts=st.lists(st.tuples(st.integers(1, 63), st.binary(max_size=200)), max_size=7),
+    footer=st.none() | st.binary(max_size=bsm.MAX_FOOTER_BYTES),
+    other_regions=st.lists(st.tuples(st.integers(0, 127), st.binary(max_size=40)), max_size=3),
+)
+def test_what_another_compiler_wrote_is_read_and_written_back_bit_for_bit(
+    core, safety, other_parts, footer, other_regions
+):
+    regions = [(bsm.FOOTER_REGION, footer)] if footer is not None else []
+    frame = framed(core, safety, other_parts, regions + other_regions)
+    message = bsm.decode(frame)
+    assert bsm.encode(message) == frame
+    assert message.footer == footer
+    assert [(part.part_id, part.content) for part in message.other_parts] == other_parts
+    assert [(r.region_id, r.content) for r in message.other_regions] == other_regions
+    json.dumps(bsm.as_dict(message), allow_nan=False)
+
+
+@given(safety=safeties)
+def test_our_safety_extensions_are_read_by_another_compiler(safety):
+    ours = SAFETY.encode(SAFETY.decode(ORACLE.encode("Safety", safety)))
+    assert ORACLE.decode("Safety", ours) == safety
+
+
+def test_an_optional_field_sent_as_unavailable_is_none_and_left_out_when_written():
+    crumb = {"latOffset": 1, "lonOffset": 1, "elevationOffset": 1, "timeOffset": 1}
+    theirs = {"pathHistory": {"crumbData": [crumb | {"speed": 8191, "heading": 240}]}}
+    safety = SAFETY.decode(ORACLE.encode("Safety", theirs))
+    point = safety.path_history.crumb_data[0]
+    assert (point.speed_m_s, point.heading_rad) == (None, None)
+    assert ORACLE.decode("Safety", SAFETY.encode(safety)) == {"pathHistory": {"crumbData": [crumb]}}
+
+
+# ---- values -------------------------------------------------------------------------------------
+
+RAW_CORE = {
+    "msgCnt": 127,
+    "id": b"\xde\xad\xbe\xef",
+    "secMark": 59_999,
+    "lat": -337_600_001,
+    "long": 1_511_999_999,
+    "elev": -123,
+    "accuracy": {"semiMajor": 40, "semiMinor": 20, "orientation": 16384},
+    "transmission": "forward",
+    "speed": 1389,
+    "heading": 7200,
+    "angle": -20,
+    "accelSet": {"long": -412, "lat": 25, "vert": -50, "yaw": 1500},
+    "brakes": {
+        "wheelBrakes": (b"\x50", 5),
+        "traction": "off",
+        "abs": "engaged",
+        "scs": "on",
+        "brakeBoost": "unavailable",
+        "auxBrakes": "reserved",
+    },
+    "size": {"width": 185, "length": 450},
+}
+
+
+def test_every_quantity_has_its_si_value():
+    core = bsm.decode(framed(RAW_CORE)).core
+    assert (core.msg_cnt, core.temporary_id, core.sec_mark_s) == (127, b"\xde\xad\xbe\xef", 59.999)
+    assert (core.latitude_deg, core.longitude_deg, core.elevation_m) == (
+        -33.7600001,
+        151.1999999,
+        -12.3,
+    )
+    assert core.accuracy.semi_major_m == 2.0
+    assert core.accuracy.semi_minor_m == 1.0
+    assert core.accuracy.orientation_rad == pytest.approx(math.radians(90), abs=1e-4)
+    assert core.transmission is TransmissionState.FORWARD_GEARS
+    assert core.speed_m_s == 27.78
+    assert core.heading_rad == pytest.approx(math.radians(90))
+    assert core.steering_angle_rad == pytest.approx(math.radians(-30))
+    assert core.acceleration == AccelerationSet(
+        longitudinal_m_s2=-4.12,
+        lateral_m_s2=0.25,
+        vertical_m_s2=pytest.approx(-9.80665),
+        yaw_rate_rad_s=pytest.approx(math.radians(15)),
+    )
+    assert core.brakes == BrakeSystemStatus(
+        wheel_brakes=WheelBrakes.LEFT_FRONT | WheelBrakes.RIGHT_FRONT,
+        traction=ControlStatus.OFF,
+        abs=ControlStatus.ENGAGED,
+        stability=ControlStatus.ON,
+        brake_boost=None,
+        auxiliary=core.brakes.auxiliary,
+    )
+    assert core.size == VehicleSize(width_m=1.85, length_m=4.5)
+
+
+def test_a_sender_that_knows_nothing_says_so_in_the_standard_s_codes():
+    raw = ORACLE.decode(
+        "Bsm", ORACLE.decode("Frame", bsm.encode(SILENT))["value"], check_constraints=True
+    )
+    assert raw == {
+        "core": {
+            "msgCnt": 7,
+            "id": b"\x01\x02\x03\x04",
+            "secMark": 65535,
+            "lat": 900_000_001,
+            "long": 1_800_000_001,
+            "elev": -4096,
+            "accuracy": {"semiMajor": 255, "semiMinor": 255, "orientation": 65535},
+            "transmission": "unavailable",
+            "speed": 8191,
+            "heading": 28800,
+            "angle": 127,
+            "accelSet": {"long": 2001, "lat": 2001, "vert": -127, "yaw": 0},
+            "brakes": {
+                "wheelBrakes": (b"\x80", 5),
+                "traction": "unavailable",
+                "abs": "unavailable",
+                "scs": "unavailable",
+                "brakeBoost": "unavailable",
+                "auxBrakes": "unavailable",
+            },
+            "size": {"width": 0, "length": 0},
+        }
+    }
+    assert bsm.decode(bsm.encode(SILENT)) == SILENT
+
+
+def test_what_lies_beyond_the_scale_is_sent_as_its_end():
+    core = replace(
+        SILENT.core,
+        speed_m_s=500.0,
+        accuracy=PositionalAccuracy(semi_major_m=99.0),
+        acceleration=AccelerationSet(longitudinal_m_s2=-50.0),
+    )
+    read = bsm.decode(bsm.encode(BasicSafetyMessage(core))).core
+    assert read.speed_m_s == 163.8
+    assert read.accuracy.semi_major_m == 12.7
+    assert read.acceleration.longitudinal_m_s2 == -20.0
+
+
+def test_hard_braking_is_flag_seven_and_raises_the_priority():
+    braking = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING)
+    frame = bsm.encode(replace(SILENT, safety=braking))
+    parts = ORACLE.decode("Bsm", ORACLE.decode("Frame", frame)["value"])["parts"]
+    assert ORACLE.decode("Safety", parts[0]["value"])["events"] == (b"\x01\x00", 13)
+    assert SILENT.user_priority < bsm.decode(frame).user_priority == 7
+
+
+def test_a_straight_prediction_has_no_radius_and_lights_have_names():
+    safety = SAFETY.decode(
+        ORACLE.encode(
+            "Safety",
+            {
+                "pathPrediction": {"radiusOfCurve": 32767, "confidence": 200},
+                "lights": (b"\x88\x00", 9),
+            },
+        )
+    )
+    assert safety.path_prediction == PathPrediction(radius_of_curve_m=None, confidence=1.0)
+    assert safety.lights == ExteriorLights.LOW_BEAM | ExteriorLights.HAZARD_SIGNAL
+
+
+# ---- what a later standard may add --------------------------------------------------------------
+
+
+def test_extensions_of_a_later_edition_are_read_over():
+    tomorrow = ORACLE.encode(
+        "SafetyOfTomorrow",
+        {"lights": (b"\x80\x00", 9), "mood": 3, "song": b"la" * 80},
+    )
+    assert SAFETY.decode(tomorrow) == VehicleSafetyExtensions(lights=ExteriorLights.LOW_BEAM)
+
+
+def test_an_event_flag_of_a_later_edition_survives_and_can_be_printed(tmp_path):
+    theirs = _pycrate(tmp_path).BsmOracle.Safety
+    theirs.set_val({"events": (0b10, 15)})
+    encoded = theirs.to_uper()
+    safety = SAFETY.decode(encoded)
+    assert safety.events == 1 << 13
+    assert bsm.as_dict(replace(SILENT, safety=safety))["safety"]["events"] == ["bit_13"]
+    theirs.from_uper(SAFETY.encode(safety))
+    assert theirs.get_val() == {"events": (0b1, 14)}
+
+
+def _pycrate(folder):
+    """The oracle's grammar by another compiler: asn1tools cannot extend bit strings."""
+    import importlib.util
+
+    from pycrate_asn1c.asnproc import PycrateGenerator, compile_text, generate_modules
+
+    compile_text(ORACLE_TEXT.read_text())
+    generate_modules(PycrateGenerator, str(folder / "oracle.py"))
+    spec = importlib.util.spec_from_file_location("oracle", folder / "oracle.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+# ---- what is refused ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"footer": bytes(bsm.MAX_FOOTER_BYTES + 1)}, "footer: 801 bytes"),
+        ({"other_parts": (OtherPart(64, b""),)}, "part_id: 64 is not 0 to 63"),
+        ({"other_regions": (RegionalExtension(1, b""),) * 5}, "regions: 5 is not 1 to 4"),
+        ({"core": replace(SILENT.core, temporary_id=b"abc")}, "temporary_id: .* has not 4 bytes"),
+        ({"core": replace(SILENT.core, msg_cnt=128)}, "msg_cnt: 128 is not 0 to 127"),
+    ],
+)
+def test_what_cannot_be_carried_is_an_error_that_names_the_field(change, what):
+    with pytest.raises(ValueError, match=what):
+        bsm.encode(replace(SILENT, **change))
+
+
+def test_each_kind_of_rubbish_has_its_reason():
+    good = framed(RAW_CORE, {"events": (b"\x01\x00", 13)})
+    core = bytes(good[4:])
+    twice = framed(RAW_CORE, {}, [(0, b"\x00")])
+    cases = {
+        b"": "too_short",
+        good[:-1]: "too_short",
+        good + b"\x00": "trailing_bytes",
+        b"\x00\x12" + good[2:]: "not_a_bsm",
+        twice: "repeated",
+        b"\x00\x14\xc4" + core: "too_long",
+        ORACLE.encode("Frame", {"messageId": 20, "value": b"\x1f" + b"\xff" * 40}): "out_of_range",
+    }
+    assert {data: _reason(data) for data in cases} == cases
+
+
+def _reason(data):
+    with pytest.raises(DecodeError) as refused:
+        bsm.decode(data)
+    return refused.value.reason
+
+
+@given(core=cores, safety=safeties, data=st.data())
+def test_a_truncated_message_is_too_short_wherever_it_was_cut(core, safety, data):
+    frame = framed(core, safety)
+    cut = data.draw(st.integers(0, len(frame) - 1))
+    assert _reason(frame[:cut]) == "too_short"
+
+
+@given(noise=st.binary(max_size=300), core=cores, safety=safeties, data=st.data())
+def test_no_bytes_raise_anything_but_the_declared_error(noise, core, safety, data):
+    frame = bytearray(framed(core, safety))
+    for _ in range(data.draw(st.integers(1, 4))):
+        frame[data.draw(st.integers(0, len(frame) - 1))] = data.draw(st.integers(0, 255))
+    for given_bytes in (noise, b"\x00\x14" + noise, bytes(frame)):
+        with contextlib.suppress(DecodeError):
+            bsm.as_dict(bsm.decode(given_bytes))
+
+
+# ---- real units ---------------------------------------------------------------------------------
+
+
+def _vectors(rig_data):
+    rows = (rig_data / "wsm/bsm-vectors.jsonl").read_text().splitlines()
+    return [json.loads(row) for row in rows]
+
+
+@pytest.mark.realdata
+def test_eighty_bsms_of_real_units_are_read_as_given_and_written_back(rig_data):
+    rows = _vectors(rig_data)
+    assert len(rows) == 80
+    for row in rows:
+        frame = bytes.fromhex(row["mf"])
+        message = bsm.decode(frame)
+        core = message.core
+        assert bsm.encode(message) == frame, row["src"]
+        read = {
+            "msgCnt": core.msg_cnt,
+            "id": core.temporary_id.hex(),
+            "secMark": _steps(core.sec_mark_s, 0.001, 65535),
+            "lat": _steps(core.latitude_deg, 1e-7, 900_000_001),
+            "long": _steps(core.longitude_deg, 1e-7, 1_800_000_001),
+            "elev": _steps(core.elevation_m, 0.1, -4096),
+            "speed": _steps(core.speed_m_s, 0.02, 8191),
+            "heading": _steps(core.heading_rad, math.radians(0.0125), 28800),
+            "width": _steps(core.size.width_m, 0.01, 0),
+            "length": _steps(core.size.length_m, 0.01, 0),
+        }
+        expected = {name: value for name, value in row["expect"].items() if name in read}
+        assert {name: read[name] for name in expected} == expected, row["src"]
+
+
+def _steps(value, scale, unavailable):
+    return unavailable if value is None else round(value / scale)
+
+
+@pytest.mark.realdata
+def test_sixteen_of_them_say_what_another_decoder_printed_in_si(rig_data):
+    rows = [row for row in _vectors(rig_data) if "ode_json" in row["expect"]]
+    assert len(rows) == 16
+    for row in rows:
+        core = bsm.decode(bytes.fromhex(row["mf"])).core
+        printed = row["expect"]["ode_json"]
+        assert core.latitude_deg == printed["position"]["latitude"]
+        assert core.longitude_deg == printed["position"]["longitude"]
+        assert core.elevation_m == printed["position"]["elevation"]
+        assert core.speed_m_s == printed["speed"]
+        assert math.degrees(core.heading_rad) == pytest.approx(printed["heading"])
+        assert core.acceleration.longitudinal_m_s2 == printed["accelSet"]["accelLong"]
+        assert core.acceleration.lateral_m_s2 == printed["accelSet"]["accelLat"]
+        yaw_deg_s = math.degrees(core.acceleration.yaw_rate_rad_s)
+        assert yaw_deg_s == pytest.approx(printed["accelSet"]["accelYaw"])
+        assert core.accuracy.semi_major_m == printed["accuracy"]["semiMajor"]
+        assert core.accuracy.semi_minor_m == printed["accuracy"]["semiMinor"]
+        assert core.brakes == BrakeSystemStatus()
