@@ -1,0 +1,134 @@
+"""Signals that the car sends by itself, read through its DBC file and known by name only."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import cantools
+
+from onboard.errors import UserError
+from onboard.obd.can_frame import CanFrame
+from onboard.obd.settings import BroadcastSettings
+from onboard.observations import BrakePedal, Discarded, Speed
+from onboard.units import KM_H, MPH
+
+_UNITS: Mapping[str, float] = {
+    "m/s": 1.0,
+    "mps": 1.0,
+    "km/h": KM_H,
+    "kmh": KM_H,
+    "kph": KM_H,
+    "kmph": KM_H,
+    "km/hour": KM_H,
+    "mph": MPH,
+}
+"""What DBC authors write, in lower case."""
+
+
+class BroadcastSignals:
+    """Turns the frames of the named signals into observations."""
+
+    def __init__(self, settings: BroadcastSettings) -> None:
+        """Read the DBC file: a part of the configuration, so the one file that a core opens.
+
+        Raises:
+            UserError: the file cannot be read, a signal is not in it, speeds are spread over
+                several messages, or a speed has no known unit.
+        """
+        self._dbc = settings.dbc
+        database = self._load()
+        self._speed = [self._find(database, name) for name in settings.speed]
+        self._pedal = [
+            self._find(database, name) for name in (settings.brake_pedal,) if name is not None
+        ]
+        if len({message.name for message, _ in self._speed}) > 1:
+            raise UserError(
+                f"obd.broadcast.speed: {', '.join(settings.speed)} belong to several messages; "
+                "name the signals of one"
+            )
+        self._factor = self._unit(settings) if self._speed else 1.0
+        self._messages = {
+            (message.frame_id, message.is_extended_frame): message
+            for message, _ in (*self._speed, *self._pedal)
+        }
+
+    def receive_frame(self, frame: CanFrame) -> list[Speed | BrakePedal | Discarded]:
+        """What the frame says about the named signals; nothing if it carries none of them."""
+        message = self._messages.get((frame.arbitration_id, frame.is_extended_id))
+        if message is None:
+            return []
+        try:
+            values = message.decode(frame.data, decode_choices=False, scaling=True)
+        except (cantools.database.DecodeError, ValueError) as error:
+            return [_discarded(frame, "signal_length", f"{message.name}: {error}")]
+        observations: list[Speed | BrakePedal | Discarded] = []
+        speeds = [signal for owner, signal in self._speed if owner is message]
+        # A multiplexed signal is in some of its message's frames only.
+        if speeds and all(signal.name in values for signal in speeds):
+            observations.append(self._read_speed(frame, message, speeds, values))
+        for owner, signal in self._pedal:
+            if owner is message and signal.name in values:
+                observations.append(
+                    BrakePedal(frame.stamp_s, bool(values[signal.name]), _source(owner, signal))
+                )
+        return observations
+
+    def _read_speed(
+        self, frame: CanFrame, message: Any, signals: list[Any], values: Mapping[str, float]
+    ) -> Speed | Discarded:
+        for signal in signals:
+            value = values[signal.name]
+            if not _in_range(signal, value):
+                return _discarded(
+                    frame, "signal_range", f"{_source(message, signal)} = {value} {signal.unit}"
+                )
+        mean = sum(values[signal.name] for signal in signals) / len(signals)
+        return Speed(
+            stamp_s=frame.stamp_s,
+            speed_m_s=abs(mean) * self._factor,  # signed where a wheel knows reverse
+            resolution_m_s=abs(signals[0].scale) * self._factor,
+            source=_source(message, signals[0]),
+        )
+
+    def _load(self) -> Any:
+        try:
+            return cantools.database.load_file(self._dbc)
+        except OSError as error:
+            raise UserError(f"{self._dbc}: cannot be read: {error.strerror}") from error
+        except (cantools.Error, ValueError) as error:
+            raise UserError(f"{self._dbc}: no DBC file: {' '.join(str(error).split())}") from error
+
+    def _find(self, database: Any, name: str) -> tuple[Any, Any]:
+        message_name, _, signal_name = name.partition(".")
+        message = next((m for m in database.messages if m.name == message_name), None)
+        if message is None:
+            raise UserError(f"{self._dbc}: no message {message_name} (for {name})")
+        signal = next((s for s in message.signals if s.name == signal_name), None)
+        if signal is None:
+            known = ", ".join(s.name for s in message.signals)
+            raise UserError(f"{self._dbc}: {message_name} has no signal {signal_name}, but {known}")
+        return message, signal
+
+    def _unit(self, settings: BroadcastSettings) -> float:
+        written = settings.speed_unit or self._speed[0][1].unit or ""
+        factor = _UNITS.get(written.lower())
+        if factor is None:
+            raise UserError(
+                f"{self._dbc}: {settings.speed[0]} has the unit {written!r}; "
+                "set obd.broadcast.speed_unit to km/h, m/s or mph"
+            )
+        return factor
+
+
+def _in_range(signal: Any, value: float) -> bool:
+    """Beyond the DBC's range stand codes such as "not available"."""
+    above = signal.minimum is None or value >= signal.minimum
+    below = signal.maximum is None or value <= signal.maximum
+    return above and below
+
+
+def _source(message: Any, signal: Any) -> str:
+    return f"dbc:{message.name}.{signal.name}"
+
+
+def _discarded(frame: CanFrame, reason: str, detail: str) -> Discarded:
+    return Discarded(stamp_s=frame.stamp_s, room="obd", reason=reason, detail=detail)

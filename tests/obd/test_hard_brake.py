@@ -1,0 +1,172 @@
+"""Certainty from whole km/h: hard braking is found, anything else is not."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.obd.hard_brake import HardBrakeDetector
+from onboard.observations import BrakePedal, Speed
+from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
+
+THRESHOLD_M_S2 = 0.4 * STANDARD_GRAVITY_M_S2
+
+
+def samples(stamps, speed_m_s, resolution_m_s=KM_H, source="obd:7E8"):
+    """What an ECU tells of `speed_m_s(t)`: cut to its resolution."""
+    for t in stamps:
+        cut = math.floor(speed_m_s(t) / resolution_m_s + 1e-9) * resolution_m_s
+        yield Speed(t, max(cut, 0.0), resolution_m_s, source)
+
+
+def alarms(speeds, threshold_g=0.4, pedal=None):
+    detector = HardBrakeDetector(threshold_g)
+    if pedal is not None:
+        detector.receive_pedal(pedal)
+    return [alarm for speed in speeds if (alarm := detector.receive_speed(speed)) is not None]
+
+
+def every(period_s, end_s, start_s=0.0):
+    return np.arange(start_s, end_s, period_s).tolist()
+
+
+def braking(deceleration_m_s2, at_s=2.0, from_m_s=80 * KM_H):
+    """Constant speed, then constant deceleration to a stop."""
+    return lambda t: max(0.0, from_m_s - deceleration_m_s2 * max(0.0, t - at_s))
+
+
+@pytest.mark.parametrize("hz", [10, 20])
+@pytest.mark.parametrize(("deceleration", "within_s"), [(5.0, 0.7), (8.0, 0.4)])
+def test_hard_braking_is_found_once(hz, deceleration, within_s):
+    (alarm,) = alarms(samples(every(1 / hz, 8.0), braking(deceleration)))
+    assert 2.0 < alarm.stamp_s < 2.0 + within_s
+    assert THRESHOLD_M_S2 < alarm.deceleration_m_s2 < 1.4 * deceleration
+    assert alarm.source == "obd:7E8"
+
+
+@pytest.mark.parametrize("hz", [2, 10, 20, 100])
+@pytest.mark.parametrize("deceleration", [0.0, 1.0, 2.0, 3.0])
+def test_ordinary_braking_is_not(hz, deceleration):
+    assert alarms(samples(every(1 / hz, 20.0), braking(deceleration))) == []
+
+
+def test_the_threshold_is_a_setting():
+    light = list(samples(every(0.05, 12.0), braking(3.0)))
+    assert len(alarms(light, threshold_g=0.2)) == 1
+    assert alarms(light, threshold_g=0.4) == []
+
+
+def test_a_fine_signal_is_faster():
+    coarse = alarms(samples(every(0.05, 4.0), braking(5.0)))
+    fine = alarms(samples(every(0.02, 4.0), braking(5.0), resolution_m_s=0.01 * KM_H))
+    assert fine[0].stamp_s < coarse[0].stamp_s
+
+
+def test_a_pressed_pedal_makes_it_no_slower_and_a_pedal_alone_is_no_braking():
+    pressed = BrakePedal(0.0, pressed=True, source="dbc:Brake.Pressed")
+    coarse = list(samples(every(0.05, 4.0), braking(5.0)))
+    assert alarms(coarse, pedal=pressed)[0].stamp_s <= alarms(coarse)[0].stamp_s
+    assert alarms(samples(every(0.05, 20.0), braking(3.0)), pedal=pressed) == []
+
+
+def test_one_braking_with_a_pumping_foot_is_one():
+    def pumping(t):
+        """8 m/s2 for 0.5 s, released for 0.25 s, three times."""
+        braked_s = sum(min(max(t - at, 0.0), 0.5) for at in (2.0, 2.75, 3.5))
+        return 120 * KM_H - 8.0 * braked_s
+
+    assert len(alarms(samples(every(0.05, 6.0), pumping))) == 1
+
+
+def test_after_it_ended_the_next_one_is_another():
+    def twice(t):
+        return 120 * KM_H - 7.0 * (min(max(t - 2, 0), 1.0) + min(max(t - 6, 0), 1.0))
+
+    first, second = alarms(samples(every(0.05, 9.0), twice))
+    assert first.stamp_s < 3.0
+    assert second.stamp_s > 6.0
+
+
+def test_after_a_long_silence_it_is_armed_again():
+    before = samples(every(0.05, 3.0), braking(7.0, from_m_s=120 * KM_H))
+    after = samples(every(0.05, 13.0, 10.0), braking(7.0, at_s=11.0, from_m_s=120 * KM_H))
+    assert len(alarms([*before, *after])) == 2
+
+
+def test_a_sensor_that_drops_to_zero_and_back_is_not_braking():
+    assert alarms(samples(every(0.05, 5.0), lambda t: 0.0 if 2.0 <= t < 3.0 else 22.0)) == []
+
+
+def test_one_wrong_sample_is_not_braking():
+    speeds = list(samples(every(0.05, 5.0), lambda t: 20.0))
+    for low_m_s in (0.0, 10.0, 15.0, 18.0, 19.0):
+        wrong = Speed(2.5, low_m_s, KM_H, "obd:7E8")
+        assert alarms([wrong if s.stamp_s == 2.5 else s for s in speeds]) == []
+
+
+@pytest.mark.parametrize("step_km_h", [1, 2, 3, 4, 5])
+def test_a_step_is_not_braking(step_km_h):
+    """As at the end of a stop, where many sensors drop from some km/h to 0."""
+    stepped = samples(every(0.05, 5.0), lambda t: (50 - step_km_h * (t >= 2.0)) * KM_H)
+    assert alarms(stepped) == []
+
+
+def test_the_drop_at_the_end_of_an_ordinary_stop_is_not_braking():
+    def stopping(t):
+        true = braking(2.5)(t)
+        return true if true >= 3 * KM_H else 0.0
+
+    for hz in (10, 20):
+        assert alarms(samples(every(1 / hz, 14.0), stopping)) == []
+
+
+def test_another_source_with_another_scale_is_not_braking():
+    obd = samples(every(0.05, 2.0), lambda t: 30.0)
+    wheel = samples(every(0.05, 4.0, 2.0), lambda t: 28.0, 0.01, source="dbc:Wheels.FL")
+    assert alarms([*obd, *wheel, *samples(every(0.05, 5.0, 4.0), lambda t: 30.0)]) == []
+
+
+def test_samples_that_arrive_in_a_burst_after_a_stall_are_not_braking():
+    """The wire stalls for 0.3 s during ordinary braking, then all values come at once."""
+    speeds = []
+    for s in samples(every(0.05, 12.0), braking(3.0)):
+        stalled = 3.0 < s.stamp_s < 3.3
+        stamp_s = 3.3 + (s.stamp_s - 3.3) / 100 if stalled else s.stamp_s
+        speeds.append(Speed(stamp_s, s.speed_m_s, s.resolution_m_s, s.source))
+    assert alarms(speeds) == []
+
+
+def test_a_stamp_that_goes_back_is_left_out():
+    speeds = list(samples(every(0.05, 8.0), braking(5.0)))
+    mixed = []
+    for speed in speeds:
+        mixed += [speed, Speed(speed.stamp_s - 0.3, 0.0, KM_H, "obd:7E8")]
+    assert alarms(mixed) == alarms(speeds)
+
+
+def test_a_clock_that_jumps_back_begins_a_new_window():
+    speeds = list(samples(every(0.05, 8.0), braking(5.0)))
+    assert len(alarms([*speeds, *speeds])) == 2
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    period_s=st.sampled_from([0.05, 0.1, 0.2, 0.5]),
+    refresh_s=st.sampled_from([0.005, 0.05, 0.1]),
+    loss=st.sampled_from([0.0, 0.2, 0.6]),
+)
+def test_no_drive_below_three_m_s2_is_ever_hard_braking(seed, period_s, refresh_s, loss):
+    """Whatever the rate, the jitter, the losses and the age of the values."""
+    rng = np.random.default_rng(seed)
+    grid = np.arange(0.0, 30.0, 0.005)
+    acceleration = np.repeat(rng.uniform(-3.0, 3.0, 30), len(grid) // 30)
+    speed = np.maximum(np.cumsum(acceleration * 0.005) + rng.uniform(0, 40), 0.0)
+    stamps = np.arange(0.2, 29.5, period_s)
+    stamps = np.sort(stamps + rng.uniform(0.0, 0.02, len(stamps)))[rng.random(len(stamps)) >= loss]
+
+    def told(t):
+        return speed[int((t // refresh_s) * refresh_s / 0.005)]
+
+    assert alarms(samples(stamps.tolist(), told)) == []
