@@ -1,0 +1,195 @@
+"""Captures: WSMs written as pcap that Wireshark dissects by itself, and read from pcap or pcapng.
+
+Formats: draft-ietf-opsawg-pcap and draft-ietf-opsawg-pcapng.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from onboard.errors import UserError
+from onboard.wave_udp.wsmp import ETHERTYPE
+
+LINKTYPE_ETHERNET: Final = 1
+LINKTYPE_LINUX_SLL: Final = 113
+LINKTYPE_LINUX_SLL2: Final = 276
+
+_ETHERTYPE_IPV4 = 0x0800
+_ETHERTYPE_IPV6 = 0x86DD
+_ETHERTYPE_VLAN = 0x8100
+_UDP = b"\x11"
+_IPV6_HEADER_BYTES = 40
+_SNAP_LENGTH = 65_535
+_BROADCAST = b"\xff" * 6
+
+
+class CaptureError(UserError):
+    """A file that is no capture, or one of a kind that is not read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """What one captured packet carried."""
+
+    utc_s: float
+    message: bytes | None
+    """The WSM of a link-layer frame, or the content of a UDP datagram; `None`: neither."""
+
+
+class PcapWriter:
+    """Writes WSMs as Ethernet frames of EtherType 0x88DC."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        """Write the head of the file."""
+        self._file = file
+        file.write(struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, _SNAP_LENGTH, LINKTYPE_ETHERNET))
+
+    def write(self, wsm: bytes, utc_s: float, sender: bytes) -> None:
+        """Append `wsm` as sent at `utc_s` by the MAC address `sender` (6 bytes)."""
+        frame = _BROADCAST + sender + ETHERTYPE.to_bytes(2) + wsm
+        seconds, microseconds = divmod(round(utc_s * 1e6), 1_000_000)
+        self._file.write(struct.pack("<IIII", seconds, microseconds, len(frame), len(frame)))
+        self._file.write(frame)
+
+
+def read_capture(path: Path) -> Iterator[Packet]:
+    """Yield every packet of a pcap or pcapng file, in its order.
+
+    Raises:
+        CaptureError: it cannot be read, is no capture, ends within a packet, or is of a link type
+            that is not read.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from error
+    try:
+        yield from packets(data)
+    except struct.error as error:
+        raise CaptureError(f"{path}: ends within a packet") from error
+    except CaptureError as error:
+        raise CaptureError(f"{path}: {error}") from error
+
+
+def is_capture(data: bytes) -> bool:
+    """Whether a file that begins with `data` is a pcap or pcapng."""
+    return data[:4] in _PCAP or data[:4] == _PCAPNG
+
+
+_PCAP = {
+    bytes.fromhex("d4c3b2a1"): ("<", 1e-6),
+    bytes.fromhex("a1b2c3d4"): (">", 1e-6),
+    bytes.fromhex("4d3cb2a1"): ("<", 1e-9),
+    bytes.fromhex("a1b23c4d"): (">", 1e-9),
+}
+"""Byte order and unit of the stamps, in seconds, by magic number."""
+
+_PCAPNG = bytes.fromhex("0a0d0d0a")
+
+
+def packets(data: bytes) -> Iterator[Packet]:
+    """Yield the packets of a capture's bytes.
+
+    Raises:
+        CaptureError: as in `read_capture`.
+        struct.error: it ends within a packet.
+    """
+    if data[:4] in _PCAP:
+        return _read_pcap(data)
+    if data[:4] == _PCAPNG:
+        return _read_pcapng(data)
+    raise CaptureError("neither pcap nor pcapng")
+
+
+def _read_pcap(data: bytes) -> Iterator[Packet]:
+    order, unit_s = _PCAP[data[:4]]
+    (link_type,) = struct.unpack_from(order + "I", data, 20)
+    position = 24
+    while position < len(data):
+        seconds, fraction, size, _ = struct.unpack_from(order + "IIII", data, position)
+        frame, position = _cut(data, position + 16, size)
+        yield Packet(seconds + fraction * unit_s, _message_in(frame, link_type & 0xFFFF))
+
+
+_SECTION_HEADER, _INTERFACE_DESCRIPTION, _ENHANCED_PACKET = 0x0A0D0D0A, 1, 6
+_LITTLE_ENDIAN = bytes.fromhex("4d3c2b1a")
+_SMALLEST_BLOCK = 12
+
+
+def _read_pcapng(data: bytes) -> Iterator[Packet]:
+    order = "<"
+    interfaces: list[tuple[int, float]] = []
+    position = 0
+    while position < len(data):
+        (block_type,) = struct.unpack_from(order + "I", data, position)
+        if block_type == _SECTION_HEADER:
+            order = "<" if data[position + 8 : position + 12] == _LITTLE_ENDIAN else ">"
+            interfaces = []
+        (size,) = struct.unpack_from(order + "I", data, position + 4)
+        if size < _SMALLEST_BLOCK:
+            raise CaptureError(f"a block of {size} bytes")
+        block, position = _cut(data, position, size)
+        if block_type == _INTERFACE_DESCRIPTION:
+            interfaces.append(_interface(block, order))
+        elif block_type == _ENHANCED_PACKET:
+            yield _enhanced_packet(block, order, interfaces)
+
+
+def _interface(block: bytes, order: str) -> tuple[int, float]:
+    """Link type and unit of the stamps in seconds (option if_tsresol, else microseconds)."""
+    (link_type,) = struct.unpack_from(order + "H", block, 8)
+    position = 16
+    while position + 4 <= len(block) - 4:
+        option, size = struct.unpack_from(order + "HH", block, position)
+        if option == 9 and size == 1:  # if_tsresol
+            (resolution,) = struct.unpack_from("B", block, position + 4)
+            power = resolution & 0x7F
+            return link_type, 2.0**-power if resolution & 0x80 else 10.0**-power
+        position += 4 + (size + 3) // 4 * 4
+    return link_type, 1e-6
+
+
+def _enhanced_packet(block: bytes, order: str, interfaces: list[tuple[int, float]]) -> Packet:
+    interface, high, low, size, _ = struct.unpack_from(order + "IIIII", block, 8)
+    if interface >= len(interfaces):
+        raise CaptureError(f"interface {interface} is not described")
+    link_type, unit_s = interfaces[interface]
+    frame, _ = _cut(block, 28, size)
+    return Packet((high << 32 | low) * unit_s, _message_in(frame, link_type))
+
+
+def _cut(data: bytes, position: int, size: int) -> tuple[bytes, int]:
+    end = position + size
+    if end > len(data):
+        raise struct.error
+    return data[position:end], end
+
+
+_ETHERTYPE_AT = {
+    LINKTYPE_ETHERNET: (12, 14),
+    LINKTYPE_LINUX_SLL: (14, 16),
+    LINKTYPE_LINUX_SLL2: (0, 20),
+}
+"""By link type: where the EtherType stands, and where the content of the frame begins."""
+
+
+def _message_in(frame: bytes, link_type: int) -> bytes | None:
+    if link_type not in _ETHERTYPE_AT:
+        raise CaptureError(f"link type {link_type} is not read (Ethernet and Linux cooked are)")
+    at, start = _ETHERTYPE_AT[link_type]
+    ethertype, content = int.from_bytes(frame[at : at + 2]), frame[start:]
+    if ethertype == _ETHERTYPE_VLAN:
+        ethertype, content = int.from_bytes(content[2:4]), content[4:]
+    if ethertype == ETHERTYPE:
+        return content
+    if ethertype == _ETHERTYPE_IPV4 and content[9:10] == _UDP:
+        return _udp_content(content[(content[0] & 0x0F) * 4 :])
+    if ethertype == _ETHERTYPE_IPV6 and content[6:7] == _UDP:
+        return _udp_content(content[_IPV6_HEADER_BYTES:])
+    return None
+
+
+def _udp_content(datagram: bytes) -> bytes:
+    return datagram[8 : int.from_bytes(datagram[4:6])]
