@@ -21,7 +21,6 @@ class Fault(StrEnum):
     """Why a picture is not looked at."""
 
     CORRUPT = "corrupt_picture"
-    SIZE = "picture_size"
     BLANK = "blank_picture"
 
 
@@ -38,21 +37,15 @@ class Verdict:
 
 
 class PictureCheck:
-    """Compares each picture with what was calibrated and with the one before it."""
+    """Looks at each picture, and compares it with the one before."""
 
-    def __init__(self, width_px: int, height_px: int) -> None:
-        self._size = (height_px, width_px)
+    def __init__(self) -> None:
         self._last: npt.NDArray[np.uint8] | None = None
 
     def look(self, image: Image) -> Verdict:
         """Judge one picture."""
-        if image.size == 0:
-            return Verdict(Fault.CORRUPT, "could not be decoded")
-        if image.shape != (*self._size, 3) or image.dtype != np.uint8:
-            height, width = self._size
-            return Verdict(
-                Fault.SIZE, f"{image.shape} {image.dtype}, calibrated for {width} x {height}"
-            )
+        if image.ndim != 3 or image.shape[2] != 3 or min(image.shape) == 0:
+            return Verdict(Fault.CORRUPT, f"no picture, array of shape {image.shape}")
         sample = image[::_STRIDE, ::_STRIDE].copy()
         last, self._last = self._last, sample
         spread = float(sample.std())
@@ -60,6 +53,8 @@ class PictureCheck:
             return Verdict(Fault.BLANK, f"mean {sample.mean():.0f}, sigma {spread:.1f}")
         if last is None:
             return Verdict()
+        if sample.shape != last.shape:
+            return Verdict(is_cut=True)
         if np.array_equal(sample, last):
             return Verdict(is_repeat=True)
         return Verdict(is_cut=_correlation(sample, last) < CUT_CORRELATION)

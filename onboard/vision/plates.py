@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -63,7 +64,7 @@ class Plates:
         self._width_m = width_m
         self._sizes_seen = Counter(range(len(PLATE_SIZES_M)))
 
-    def find(self, image: Image, regions: list[Box | None]) -> list[Sighting]:
+    def find(self, image: Image, regions: Sequence[Box | None]) -> list[Sighting]:
         """Plates in the regions of the picture, or in all of it where a region is `None`."""
         found: list[FoundPlate] = []
         for region in regions:

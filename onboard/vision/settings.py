@@ -1,5 +1,6 @@
 """What a user may set about the camera and about what is looked for in its pictures."""
 
+import math
 import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -45,6 +46,40 @@ class Calibration(Settings):
                     f"{name} is {value:g}, but lies in the middle 30 % of the picture's {side} px"
                 )
         return self
+
+    def for_size(self, width_px: int, height_px: int) -> "Calibration | None":
+        """The same camera delivering pictures of another size, whole and not cropped.
+
+        `None` if their shape is another: then nobody knows which part of the view they show.
+        """
+        scale_x, scale_y = width_px / self.width_px, height_px / self.height_px
+        if not 0.99 <= scale_x / scale_y <= 1.01:
+            return None
+        return Calibration(
+            width_px=width_px,
+            height_px=height_px,
+            focal_x_px=self.focal_x_px * scale_x,
+            focal_y_px=self.focal_y_px * scale_y,
+            principal_x_px=self.principal_x_px * scale_x,
+            principal_y_px=self.principal_y_px * scale_y,
+            distortion=self.distortion,
+            mounting_height_m=self.mounting_height_m,
+            pitch_rad=self.pitch_rad,
+            yaw_rad=self.yaw_rad,
+        )
+
+
+def guessed_calibration(width_px: int, height_px: int) -> Calibration:
+    """Of a camera that nobody calibrated: 60 degrees wide, looking straight ahead."""
+    focal_px = 0.5 * width_px / math.tan(math.radians(30))
+    return Calibration(
+        width_px=width_px,
+        height_px=height_px,
+        focal_x_px=focal_px,
+        focal_y_px=focal_px,
+        principal_x_px=width_px / 2,
+        principal_y_px=height_px / 2,
+    )
 
 
 class CameraSettings(Calibration):

@@ -7,8 +7,9 @@ the lead is chosen among them.
 
 import math
 from collections import deque
+from collections.abc import Sequence
+from typing import Protocol
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -32,7 +33,7 @@ from onboard.vision.picture_check import PictureCheck
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.plates import PlateFinder, Plates, TextReader
-from onboard.vision.settings import Calibration, VisionSettings
+from onboard.vision.settings import Calibration, VisionSettings, guessed_calibration
 from onboard.vision.sighting import Cue, Sighting
 from onboard.vision.tags import TagFinder
 from onboard.vision.tracker import Tracker
@@ -41,12 +42,20 @@ Event = Plate | Lead | SensedCar | Discarded | SensorLost | SensorBack
 ROOM = "vision"
 
 
+class Finder(Protocol):
+    """Finds one kind of cue."""
+
+    def find(self, image: npt.NDArray[np.uint8], regions: Sequence[Box | None]) -> list[Sighting]:
+        """Cues in the regions of the picture, or in all of it where a region is `None`."""
+        ...
+
+
 class Sight:
     """From frames to observations."""
 
     def __init__(
         self,
-        calibration: Calibration,
+        calibration: Calibration | None,
         settings: VisionSettings,
         *,
         finder: PlateFinder | None = None,
@@ -55,26 +64,19 @@ class Sight:
         """Load what the settings ask for.
 
         Args:
-            calibration: the camera's.
+            calibration: the camera's; `None` guesses one, and distances are rough.
             settings: what to look for.
             finder: finds plates, in the place of the detector that comes with the package.
             reader: reads them, in the place of the reader that comes with the package.
         """
         self._settings = settings
-        perspective = Perspective(calibration)
-        self._check = PictureCheck(calibration.width_px, calibration.height_px)
-        self._plates = None
+        self._calibration = calibration
+        self._check = PictureCheck()
+        self._finders: list[Finder] = []
+        self._size_px = (0, 0)
         if settings.plates:
-            self._plates = Plates(
-                finder or PlateDetector(),
-                reader or PlateReader(),
-                PlateSyntax(settings.plate_patterns),
-                perspective,
-                settings.plate_width_m,
-            )
-        self._tags = None
-        if settings.tag_dictionary is not None:
-            self._tags = TagFinder(settings.tag_dictionary, settings.tag_side_m, perspective)
+            self._finder = finder or PlateDetector()
+            self._reader = reader or PlateReader()
         self._tracker = Tracker(
             settings.lane_width_m, settings.keep_s, settings.identity_confidence
         )
@@ -97,6 +99,9 @@ class Sight:
         verdict = self._check.look(image)
         if verdict.fault is not None:
             self._discard(stamp_s, verdict.fault, verdict.detail)
+            return
+        if not self._fit(image.shape[1], image.shape[0]):
+            self._discard(stamp_s, "picture_size", f"{image.shape[1]} x {image.shape[0]} px")
             return
         self._stamp_s = stamp_s
         if verdict.is_repeat:
@@ -132,13 +137,31 @@ class Sight:
         ):
             self._searched_at = stamp_s
             regions = [None]
-        sightings: list[Sighting] = []
-        if self._tags is not None:
-            grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-            sightings += self._tags.find(grey, regions)
-        if self._plates is not None:
-            sightings += self._plates.find(image, regions)
-        return sightings
+        return [sighting for finder in self._finders for sighting in finder.find(image, regions)]
+
+    def _fit(self, width_px: int, height_px: int) -> bool:
+        """Have the lens fit the size of the pictures; whether it can."""
+        if (width_px, height_px) == self._size_px:
+            return True
+        calibration = (
+            self._calibration.for_size(width_px, height_px)
+            if self._calibration is not None
+            else guessed_calibration(width_px, height_px)
+        )
+        if calibration is None:
+            return False
+        self._size_px = (width_px, height_px)
+        settings, perspective = self._settings, Perspective(calibration)
+        self._finders.clear()
+        if settings.tag_dictionary is not None:
+            tags = TagFinder(settings.tag_dictionary, settings.tag_side_m, perspective)
+            self._finders.append(tags)
+        if settings.plates:
+            syntax = PlateSyntax(settings.plate_patterns)
+            self._finders.append(
+                Plates(self._finder, self._reader, syntax, perspective, settings.plate_width_m)
+            )
+        return True
 
     def _show(self, pairs: list[tuple[Sighting, CarTrack | None]], stamp_s: float) -> None:
         lead = self._choice.choose(self._tracker.tracks, stamp_s)

@@ -1,6 +1,7 @@
 """AR tags: what the paper's model cars carry in the place of plates."""
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -36,24 +37,25 @@ class TagFinder:
         self._side_m = side_m
         self._perspective = perspective
 
-    def find(self, grey: npt.NDArray[np.uint8], regions: list[Box | None]) -> list[Sighting]:
-        """Tags in the regions of the (h, w) grey picture, or in all of it where one is `None`."""
+    def find(self, image: npt.NDArray[np.uint8], regions: Sequence[Box | None]) -> list[Sighting]:
+        """Tags in the regions of the picture, or in all of it where a region is `None`."""
         found: dict[int, Sighting] = {}
         for region in regions:
-            for number, corners_px in self._quads(grey, region):
+            for number, corners_px in self._quads(image, region):
                 found.setdefault(number, self._sighting(corners_px, number))
         return list(found.values())
 
-    def _quads(self, grey: npt.NDArray[np.uint8], region: Box | None) -> list[tuple[int, Corners]]:
+    def _quads(self, image: npt.NDArray[np.uint8], region: Box | None) -> list[tuple[int, Corners]]:
         left, top, scale = 0, 0, 1
-        part = grey
+        part = image
         if region is not None:
             left, top = max(0, int(region.x_px)), max(0, int(region.y_px))
             right, bottom = int(region.x_px + region.w_px), int(region.y_px + region.h_px)
-            part = grey[top : max(top, bottom), left : max(left, right)]
+            part = image[top : max(top, bottom), left : max(left, right)]
             scale = 2 if part.shape[1] < SMALL_REGION_PX else 1
-        if min(part.shape) < LEAST_SIDE_PX:
+        if min(part.shape[:2]) < LEAST_SIDE_PX:
             return []
+        part = np.asarray(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY), np.uint8)
         view = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
         quads, numbers, _ = self._detector.detectMarkers(view)
         if numbers is None:
