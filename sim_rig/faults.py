@@ -20,22 +20,12 @@ class _Fault(Settings):
         return self.car == car and self.from_s <= at_s < self.until_s
 
 
-class EcuStopped(_Fault):
-    """The ECU is silent: the bus is up, nobody answers."""
+class SensorFault(_Fault):
+    """A sensor fails as a whole."""
 
-    what: Literal["ecu_stopped"]
-
-
-class CameraFrozen(_Fault):
-    """The camera repeats its last picture."""
-
-    what: Literal["camera_frozen"]
-
-
-class CameraDark(_Fault):
-    """The camera delivers black pictures."""
-
-    what: Literal["camera_dark"]
+    what: Literal["ecu_stopped", "camera_frozen", "camera_dark"]
+    """The ECU is silent, nobody answers on the bus; the camera repeats its last picture; the
+    camera delivers black pictures."""
 
 
 class PlateMisread(_Fault):
@@ -48,6 +38,4 @@ class PlateMisread(_Fault):
     """Part of the frames in which it happens."""
 
 
-Fault = Annotated[
-    EcuStopped | CameraFrozen | CameraDark | PlateMisread, Field(discriminator="what")
-]
+Fault = Annotated[SensorFault | PlateMisread, Field(discriminator="what")]

@@ -100,6 +100,10 @@ class Scenario(Settings):
         """The cars that run `onboard`."""
         return [name for name, car in self.cars.items() if car.equipped]
 
+    def has_fault(self, what: str, car: str, at_s: float) -> bool:
+        """Whether a sensor of `car` has the fault `what` at `at_s`."""
+        return any(fault.what == what and fault.holds(car, at_s) for fault in self.faults)
+
 
 def scenario_names() -> list[str]:
     """Names of the scenarios that come with the rig."""

@@ -44,17 +44,19 @@ class _Answer:
 
 
 class Ecu:
-    """One control unit. `speed_m_s(now)` is the car's true speed."""
+    """One control unit. `speed_m_s(now)` is the car's true speed, `runs(now)` whether it works."""
 
     def __init__(
         self,
         speed_m_s: Callable[[float], float],
+        runs: Callable[[float], bool] = lambda _now: True,
         addresses: Addresses = ENGINE_11_BIT,
         answer_after_s: float = 0.004,
         vin: str = "1RG0000000000001X",
     ) -> None:
         """Answer `answer_after_s` after each request; the standard allows 50 ms (P2_CAN)."""
         self._speed_m_s = speed_m_s
+        self._runs = runs
         self._addresses = addresses
         self._answer_after_s = answer_after_s
         self._vin = vin.encode("ascii")
@@ -74,6 +76,8 @@ class Ecu:
         asked = frame.arbitration_id
         addresses = self._addresses
         if frame.is_extended_id != addresses.is_extended_id or not frame.data:
+            return
+        if not self._runs(now):
             return
         if asked not in (addresses.functional, addresses.physical):
             return

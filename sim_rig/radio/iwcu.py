@@ -6,9 +6,10 @@ user priority (IP_TOS = priority << 5). One socket for each car's unit, one air 
 
 import asyncio
 import socket
-from collections.abc import Callable
+import time
 
 from sim_rig.radio.air import Air, Delivery
+from sim_rig.recorder import RigRecorder
 
 _LARGEST = 65_535
 _TOS_ROOM = socket.CMSG_SPACE(1)
@@ -17,18 +18,9 @@ _TOS_ROOM = socket.CMSG_SPACE(1)
 class RadioUnits:
     """All units of a run, on 127.0.0.1."""
 
-    def __init__(
-        self,
-        air: Air,
-        clock: Callable[[], float],
-        on_air: Callable[[str, bytes, int], None],
-        on_delivery: Callable[[Delivery], None],
-    ) -> None:
-        """`clock` gives the time in which `air` thinks."""
+    def __init__(self, air: Air, recorder: RigRecorder) -> None:
         self._air = air
-        self._clock = clock
-        self._on_air = on_air
-        self._on_delivery = on_delivery
+        self._recorder = recorder
         self._sockets: dict[str, socket.socket] = {}
         self._car_ports: dict[str, int] = {}
         self._timer: asyncio.TimerHandle | None = None
@@ -59,14 +51,15 @@ class RadioUnits:
             except BlockingIOError:
                 break
             user_priority = next((data[0] >> 5 for _, _, data in ancillary), 0)
-            self._on_air(car, wsm, user_priority)
-            self._air.receive_wsm(car, wsm, user_priority, self._clock())
+            now = time.monotonic()
+            self._recorder.note_on_air(car, wsm, user_priority, now)
+            self._air.receive_wsm(car, wsm, user_priority, now)
         self._step()
 
     def _step(self) -> None:
-        now = self._clock()
+        now = time.monotonic()
         for delivery in self._air.wsms_to_deliver(now):
-            self._on_delivery(delivery)
+            self._recorder.note_delivery(delivery, now)
             self._hand_over(delivery)
         if self._timer is not None:
             self._timer.cancel()

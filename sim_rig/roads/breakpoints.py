@@ -26,6 +26,10 @@ class BreakpointRoad(Road):
             self._at_s = at_s
         return self._states
 
+    @override
+    def car_at(self, car: str, at_s: float) -> CarState:
+        return self._cars[car].state(at_s)
+
 
 class _Drive:
     """One car's way."""

@@ -40,3 +40,8 @@ class Road(Protocol):
 
     def cars_at(self, at_s: float) -> Mapping[str, CarState]:
         """Every car on the road at `at_s`, by name."""
+        ...
+
+    def car_at(self, car: str, at_s: float) -> CarState:
+        """One of them."""
+        ...

@@ -18,7 +18,7 @@ def ask(ecu: Ecu, *octets: int, to: int = 0x7DF, now: float = 0.0) -> list[CanFr
 
 
 def ecu_at(speed_km_h: float, addresses: Addresses = ENGINE_11_BIT) -> Ecu:
-    return Ecu(lambda _now: speed_km_h * KM_H, addresses)
+    return Ecu(lambda _now: speed_km_h * KM_H, addresses=addresses)
 
 
 @pytest.mark.parametrize(
@@ -46,6 +46,13 @@ def test_the_answer_takes_its_time() -> None:
     assert ecu.frames_to_send(5.005) == []
     assert ecu.get_timer() == pytest.approx(5.01)
     assert len(ecu.frames_to_send(ecu.get_timer() or 0.0)) == 1
+
+
+def test_without_power_it_is_silent() -> None:
+    ecu = Ecu(lambda _now: 10.0, runs=lambda now: now < 5.0)
+
+    assert len(ask(ecu, 2, 0x01, 0x0D, now=4.9)) == 1
+    assert ask(ecu, 2, 0x01, 0x0D, now=5.0) == []
 
 
 def test_the_bitmap_names_each_supported_pid_once() -> None:

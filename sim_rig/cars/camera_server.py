@@ -1,0 +1,121 @@
+"""The cameras of a run, as MJPEG over HTTP on 127.0.0.1: `http://127.0.0.1:PORT/CAR`.
+
+Runs as a process of its own, so that drawing does not hold up the radio. It reads the scenario
+itself; on its standard input it is told when the scenario begins, on its standard output it says
+which port it has. Until it is told, the world stands as at the first second.
+
+    python -m sim_rig.cars.camera_server SCENARIO SEED
+"""
+
+import asyncio
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+import numpy as np
+from aiohttp import web
+
+from onboard.vision.settings import CameraSettings
+from sim_rig.cars.camera_view import FPS, LENS, CameraView
+from sim_rig.picture.scene import Picture
+from sim_rig.roads.breakpoints import BreakpointRoad
+from sim_rig.scenario import Scenario, load_scenario
+
+_BOUNDARY = "picture"
+_JPEG_QUALITY = 90
+
+
+class Camera:
+    """Takes pictures from one car, with its faults."""
+
+    def __init__(self, scenario: Scenario, car: str, seed: np.random.SeedSequence) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._view = CameraView(scenario, BreakpointRoad(scenario), car, self._rng)
+        self._picture = Picture(CameraSettings(source="rig", **LENS.model_dump()))
+        self._last: bytes = b""
+
+    def jpeg(self, at_s: float) -> bytes:
+        """The picture that leaves the camera at `at_s`."""
+        if self._last and self._view.is_frozen(at_s):
+            return self._last
+        image = self._picture.draw(self._view.scene(at_s), self._rng)
+        if self._view.is_dark(at_s):
+            image[:] = 0
+        _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        self._last = data.tobytes()
+        return self._last
+
+
+class CameraServer:
+    """Serves all cameras of a scenario."""
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        seeds = np.random.SeedSequence(seed).spawn(len(scenario.equipped))
+        self._cameras = {
+            car: Camera(scenario, car, seed)
+            for car, seed in zip(scenario.equipped, seeds, strict=True)
+        }
+        self.start_s: float | None = None
+        self._painter = ThreadPoolExecutor(max_workers=1)
+
+    async def start(self) -> int:
+        """Listen, and return the port."""
+        app = web.Application()
+        app.router.add_get("/{car}", self._stream)
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
+        await self._runner.setup()
+        site = web.TCPSite(self._runner, "127.0.0.1", 0)
+        await site.start()
+        return int(self._runner.addresses[0][1])
+
+    async def close(self) -> None:
+        """End all streams."""
+        await self._runner.cleanup()
+        self._painter.shutdown(cancel_futures=True)
+
+    async def _stream(self, request: web.Request) -> web.StreamResponse:
+        car = request.match_info["car"]
+        if car not in self._cameras:
+            raise web.HTTPNotFound
+        response = web.StreamResponse(
+            headers={"Content-Type": f"multipart/x-mixed-replace; boundary={_BOUNDARY}"}
+        )
+        await response.prepare(request)
+        # The cars take their pictures one after the other, not all at once.
+        next_at = time.monotonic() + list(self._cameras).index(car) / FPS / len(self._cameras)
+        loop = asyncio.get_running_loop()
+        while not (request.transport is None or request.transport.is_closing()):
+            await asyncio.sleep(next_at - time.monotonic())
+            at_s = 0.0 if self.start_s is None else max(0.0, time.monotonic() - self.start_s)
+            jpeg = await loop.run_in_executor(self._painter, self._cameras[car].jpeg, at_s)
+            head = (
+                f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+            )
+            try:
+                await response.write(head.encode() + jpeg + b"\r\n")
+            except ConnectionError:
+                break
+            next_at = max(next_at + 1 / FPS, time.monotonic())
+        return response
+
+
+async def serve(scenario: Scenario, seed: int) -> None:
+    """Serve until standard input ends; a line on it is the time at which the scenario begins."""
+    server = CameraServer(scenario, seed)
+    print(await server.start(), flush=True)  # noqa: T201 (the answer to who started us)
+    try:
+        while line := await asyncio.to_thread(sys.stdin.readline):
+            server.start_s = float(line)
+    finally:
+        await server.close()
+
+
+def main() -> None:
+    """Run as a process; see the head of this file."""
+    cv2.setNumThreads(1)
+    asyncio.run(serve(load_scenario(sys.argv[1]), int(sys.argv[2])))
+
+
+if __name__ == "__main__":
+    main()

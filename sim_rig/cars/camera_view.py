@@ -1,0 +1,99 @@
+"""What is in front of a car's camera, told to whoever draws it or pretends to have seen it.
+
+The camera sits at the front bumper, in the middle, and looks straight ahead.
+"""
+
+import numpy as np
+
+from onboard.vision.settings import Calibration
+from sim_rig.faults import PlateMisread
+from sim_rig.picture.scene import Scene, SceneCar
+from sim_rig.roads.road import Road
+from sim_rig.scenario import Scenario
+
+FPS = 10.0
+"""Pictures a second that the rig's cameras take."""
+
+LENS = Calibration(
+    width_px=960,
+    height_px=540,
+    focal_x_px=1600.0,
+    focal_y_px=1600.0,
+    principal_x_px=480.0,
+    principal_y_px=270.0,
+    mounting_height_m=1.3,
+    pitch_rad=0.0,
+    yaw_rad=0.0,
+)
+"""Of every camera in the rig: 33 degrees wide, so that a plate 15 m ahead is 55 px wide."""
+
+SIGHT_M = 120.0
+_COLOURS_BGR = {
+    "green": (60, 120, 40),
+    "red": (40, 40, 170),
+    "blue": (150, 80, 30),
+    "yellow": (50, 190, 210),
+    "white": (225, 225, 225),
+    "grey": (120, 115, 110),
+}
+_BRAKE_LIGHTS_M_S2 = -0.5
+
+
+class CameraView:
+    """The view from one car, over time."""
+
+    def __init__(self, scenario: Scenario, road: Road, car: str, rng: np.random.Generator) -> None:
+        """`rng` decides in which frames a faulty camera misreads."""
+        self._scenario = scenario
+        self._road = road
+        self._car = car
+        self._rng = rng
+        self._misread = [
+            fault
+            for fault in scenario.faults
+            if isinstance(fault, PlateMisread) and fault.car == car
+        ]
+
+    def scene(self, at_s: float) -> Scene:
+        """The road ahead of the car at `at_s`; to be called once a frame."""
+        states = self._road.cars_at(at_s)
+        own = states[self._car]
+        cars = []
+        for name, car in self._scenario.cars.items():
+            ahead_m = states[name].rear_m - own.front_m
+            if name != self._car and 0.5 < ahead_m < SIGHT_M:
+                cars.append(
+                    SceneCar(
+                        ahead_m=ahead_m,
+                        lateral_m=own.lateral_m - states[name].lateral_m,
+                        width_m=car.width_m,
+                        height_m=car.height_m,
+                        plate=self._plate(name, at_s),
+                        tag_id=car.tag_id,
+                        colour_bgr=_COLOURS_BGR[car.colour],
+                        braking=states[name].acceleration_m_s2 < _BRAKE_LIGHTS_M_S2,
+                    )
+                )
+        return Scene(
+            cars=tuple(cars),
+            lane_width_m=self._scenario.lane_width_m,
+            travelled_m=own.front_m,
+        )
+
+    def is_dark(self, at_s: float) -> bool:
+        """Whether the pictures are black."""
+        return self._scenario.has_fault("camera_dark", self._car, at_s)
+
+    def is_frozen(self, at_s: float) -> bool:
+        """Whether the camera repeats its last picture."""
+        return self._scenario.has_fault("camera_frozen", self._car, at_s)
+
+    def _plate(self, name: str, at_s: float) -> str | None:
+        """What the plate of `name` looks like to this camera, in this frame."""
+        for fault in self._misread:
+            if fault.of == name and fault.holds(self._car, at_s):
+                return fault.reads if self._rng.random() < fault.rate else self._true_plate(name)
+        return self._true_plate(name)
+
+    def _true_plate(self, name: str) -> str | None:
+        return self._scenario.cars[name].plate

@@ -1,0 +1,77 @@
+"""The rig's commands: list the scenarios, run one of them live or in virtual time."""
+
+import asyncio
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from onboard.errors import UserError
+from sim_rig.live import Desk
+from sim_rig.report import failures, print_report, print_verdict
+from sim_rig.run_log import RunLog
+from sim_rig.scenario import Scenario, load_scenario, scenario_names
+from sim_rig.virtual import run_virtual
+
+app = typer.Typer(
+    help="The other end of the car's wires: scenarios for the daemon, live or in virtual time.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.command("list")
+def list_scenarios() -> None:
+    """Name the scenarios that come with the rig, and say what each tells."""
+    for name in scenario_names():
+        typer.echo(f"{name:14} {load_scenario(name).title}")
+
+
+@app.command()
+def run(
+    scenario: Annotated[str, typer.Argument(help="A name from the list, or a YAML file.")],
+    *,
+    virtual: Annotated[
+        bool, typer.Option("--virtual", help="In virtual time, with the same cores.")
+    ] = False,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="In the place of the scenario's own.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Where traces, logs and pictures go.")] = Path("out"),
+) -> None:
+    """Run a scenario, report what happened, and fail (1) if it is not what was expected."""
+    story = load_scenario(scenario)
+    console = Console(highlight=False)
+    console.print(f"[bold]{story.title}[/bold]", soft_wrap=True)
+    folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
+    chosen = story.seed if seed is None else seed
+    began = time.monotonic()
+    log = run_virtual(story, chosen) if virtual else _run_live(story, chosen, folder)
+    took_s = time.monotonic() - began
+    log.write(folder)
+    print_report(story, log, console)
+    console.print(f"{story.duration_s:g} s in {took_s:.1f} s, seed {chosen}, traces in {folder}")
+    print_verdict(story, log, console)
+    raise typer.Exit(1 if failures(story, log) else 0)
+
+
+def _run_live(scenario: Scenario, seed: int, folder: Path) -> RunLog:
+    async def run_desk() -> RunLog:
+        async with Desk(scenario, seed, folder) as desk:
+            await desk.run()
+        return desk.log()
+
+    return asyncio.run(run_desk())
+
+
+def main() -> None:
+    """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    try:
+        app()
+    except UserError as error:
+        typer.echo(error, err=True)
+        sys.exit(2)

@@ -1,0 +1,112 @@
+"""The latency ledger: how long each hop takes from the brake on the CAN bus to the alarm.
+
+All stamps are on one clock, since all processes of a run share one machine. The hops:
+
+    noticed    first sample on the bus that shows the braking -> the sample that gives certainty
+    detected   that sample leaves the ECU -> the daemon takes it off the bus
+    sent       taken off the bus -> warning handed to the radio
+    received   handed to the radio -> taken from the radio by the next car, each hop
+    alarm      taken from the radio -> alarm raised
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from sim_rig.run_log import Record, RunLog
+
+HOPS = ("noticed", "detected", "sent", "received", "alarm")
+_BRAKING_LASTS_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One hop's delays."""
+
+    hop: str
+    n: int
+    p50_s: float
+    p99_s: float
+
+
+def ledger(log: RunLog) -> list[Line]:
+    """A line for each hop that happened.
+
+    `chain` comes last: from certainty in one car to the alarm in another, whatever lies between.
+    """
+    delays_s: dict[str, list[float]] = {hop: [] for hop in (*HOPS, "chain")}
+    for car in log.traces:
+        for brake in log.of(car, "hard_brake"):
+            for hop, delay_s in _in_braking_car(log, car, brake):
+                delays_s[hop].append(delay_s)
+        for warning in log.of(car, "warning"):
+            for hop, delay_s in _in_warned_car(log, car, warning):
+                delays_s[hop].append(delay_s)
+    return [_line(hop, found) for hop, found in delays_s.items() if found]
+
+
+def _line(hop: str, delays_s: Sequence[float]) -> Line:
+    p50, p99 = np.percentile(delays_s, [50, 99])
+    return Line(hop, len(delays_s), float(p50), float(p99))
+
+
+def _in_braking_car(log: RunLog, car: str, brake: Record) -> Iterator[tuple[str, float]]:
+    answers = [
+        record
+        for record in log.rig
+        if record["kind"] == "ecu_answer"
+        and record["car"] == car
+        and brake["stamp_s"] - _BRAKING_LASTS_S < record["stamp_s"] <= brake["stamp_s"]
+    ]
+    if answers:
+        yield "noticed", answers[-1]["stamp_s"] - _first_lower(answers)["stamp_s"]
+        yield "detected", brake["stamp_s"] - answers[-1]["stamp_s"]
+    for sent in log.of(car, "sent", message="warn"):
+        if 0 <= sent["stamp_s"] - brake["stamp_s"] < 1.0 and sent["content"]["hops"] == 1:
+            yield "sent", sent["stamp_s"] - brake["stamp_s"]
+            return
+
+
+def _first_lower(answers: Sequence[Record]) -> Record:
+    """The first sample of the fall that the last one is part of."""
+    first = answers[-1]
+    for sooner, later in pairwise(reversed(answers)):
+        if later["speed_km_h"] < sooner["speed_km_h"]:
+            break
+        if later["speed_km_h"] > sooner["speed_km_h"]:
+            first = sooner
+    return first
+
+
+def _in_warned_car(log: RunLog, car: str, warning: Record) -> Iterator[tuple[str, float]]:
+    event = (warning["origin_id"], warning["sequence"])
+    received = _last(log.of(car, "received", until_s=log.at_s(warning), message="warn"), event)
+    if received is None:
+        return
+    yield "alarm", warning["stamp_s"] - received["stamp_s"]
+    sender = log.name(received["content"]["sender_id"])
+    if sender in log.traces:
+        sent = _last(log.of(sender, "sent", until_s=log.at_s(received), message="warn"), event)
+        if sent is not None:
+            yield "received", received["stamp_s"] - sent["stamp_s"]
+    origin = log.name(warning["origin_id"])
+    if origin in log.traces:
+        brakes = list(log.of(origin, "hard_brake", until_s=log.at_s(warning)))
+        if brakes:
+            yield "chain", warning["stamp_s"] - brakes[-1]["stamp_s"]
+
+
+def _last(records: Iterator[Record], event: tuple[str, int]) -> Record | None:
+    """The last record about the warning `event`."""
+    last = None
+    for record in records:
+        if event_of(record["content"]) == event:
+            last = record
+    return last
+
+
+def event_of(content: Mapping[str, object]) -> tuple[object, object]:
+    """The name of the event that a warn or update message is about."""
+    return content["event_origin_id"], content["event_sequence"]

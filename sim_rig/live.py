@@ -1,0 +1,175 @@
+"""A scenario with real daemons, one process a car, on localhost.
+
+The rig is the far end of each wire: a socketcand server with an ECU for each bus, an MJPEG server
+for the cameras (a process of its own), a UDP unit for each radio with the air behind. The daemons
+are told their own plate and their ports, and no more.
+"""
+
+import socket
+import time
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from onboard.obd.can_frame import CanFrame
+from sim_rig.cars.camera_view import LENS
+from sim_rig.cars.ecu import Ecu
+from sim_rig.cars.socketcand_server import SocketcandServer
+from sim_rig.processes import ProcessError, Processes
+from sim_rig.radio.air import Air
+from sim_rig.radio.iwcu import RadioUnits
+from sim_rig.recorder import RigRecorder
+from sim_rig.roads.breakpoints import BreakpointRoad
+from sim_rig.run_log import RunLog, read_trace
+from sim_rig.scenario import Scenario
+from sim_rig.wiring import car_config, names_by_id
+
+_READY_WITHIN_S = 40.0
+_LINGER_S = 0.5
+"""After the scenario's end, for what is still on its way."""
+_SEEN_WHEN_READY = frozenset({"ready", "speed", "lead"})
+
+
+class Desk:
+    """Everything on the desk: the rig's ends of the wires, and the daemons.
+
+    An asynchronous context. Configurations, logs and traces come to lie in `folder`.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.recorder = RigRecorder()
+        self.processes = Processes(folder)
+        self.start_s = float("inf")
+        self._start_utc_s = time.time()
+        self._scenario = scenario
+        self._seed = seed
+        self._folder = folder
+        self._road = BreakpointRoad(scenario)
+        self._open = AsyncExitStack()
+
+    async def __aenter__(self) -> "Desk":
+        try:
+            await self._set_up()
+        except BaseException:
+            await self._open.aclose()
+            raise
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self._open.aclose()
+
+    async def run(self) -> None:
+        """Begin when all are ready, and return when the scenario has ended.
+
+        Raises:
+            ProcessError: a daemon did not get ready, or ended by itself.
+        """
+        await self._until_ready()
+        self.start_s = time.monotonic()
+        assert self._cameras.stdin is not None  # noqa: S101 (started with pipes)
+        self._cameras.stdin.write(f"{self.start_s}\n".encode())
+        await self.processes.sleep_until(self.start_s + self._scenario.duration_s + _LINGER_S)
+
+    def log(self) -> RunLog:
+        """What happened, once the desk is closed."""
+        return RunLog(
+            start_s=self.start_s,
+            traces={car: read_trace(self._trace(car)) for car in self._scenario.equipped},
+            rig=self.recorder.records,
+            names=names_by_id(self._scenario, self._start_utc_s, time.time()),
+        )
+
+    async def _set_up(self) -> None:
+        camera_port = await self._start_cameras()
+        units = RadioUnits(self._air(), self.recorder)
+        self._open.callback(units.close)
+        for car in self._scenario.equipped:
+            listen_port = _free_udp_port()
+            wires = {
+                "can": {"channel": "can0", "port": await self._start_bus(car)},
+                "camera": {"source": f"http://127.0.0.1:{camera_port}/{car}"} | LENS.model_dump(),
+                "radio": {
+                    "endpoint": "iwcu",
+                    "listen_port": listen_port,
+                    "unit_port": units.add(car, listen_port),
+                },
+                "trace": {"file": str(self._trace(car))},
+            }
+            config_file = self._folder / f"{car}.yaml"
+            config = car_config(self._scenario, car, self._seed) | wires
+            config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
+            self._trace(car).unlink(missing_ok=True)
+            await self.processes.start(car, "-m", "onboard", "run", str(config_file))
+
+    async def _start_cameras(self) -> int:
+        """Start their process, and return its port."""
+        await self._open.enter_async_context(self.processes)
+        scenario_file = self._folder / "scenario.json"
+        scenario_file.write_text(self._scenario.model_dump_json(), encoding="utf-8")
+        self._cameras = await self.processes.start(
+            "cameras",
+            *("-m", "sim_rig.cars.camera_server", str(scenario_file), str(self._seed)),
+            with_pipes=True,
+        )
+        assert self._cameras.stdout is not None  # noqa: S101 (started with pipes)
+        line = await self._cameras.stdout.readline()
+        if not line:
+            raise ProcessError(f"the cameras do not start: {self.processes.last_words('cameras')}")
+        return int(line)
+
+    async def _start_bus(self, car: str) -> int:
+        """Serve a bus with an ECU on it, and return its port."""
+
+        def note(frame: CanFrame) -> None:
+            self.recorder.note_answer(car, frame)
+
+        ecu = Ecu(
+            lambda now: self._road.car_at(car, self._at_s(now)).speed_m_s,
+            runs=lambda now: not self._scenario.has_fault("ecu_stopped", car, self._at_s(now)),
+        )
+        server = SocketcandServer(ecu, "can0", note)
+        port = await server.start()
+        self._open.push_async_callback(server.close)
+        return port
+
+    def _air(self) -> Air:
+        return Air(
+            self._scenario.radio,
+            lambda now: self._road.cars_at(self._at_s(now)),
+            self._scenario.equipped,
+            np.random.default_rng(self._seed),
+        )
+
+    async def _until_ready(self) -> None:
+        """Wait until every daemon is up, and has heard from its ECU and its camera."""
+        give_up_at = time.monotonic() + _READY_WITHIN_S
+        waiting = self._scenario.equipped
+        while waiting := [car for car in waiting if not self._is_ready(car)]:
+            if time.monotonic() > give_up_at:
+                raise ProcessError(
+                    f"not ready after {_READY_WITHIN_S:g} s: {', '.join(waiting)};"
+                    f" see {self._folder}"
+                )
+            await self.processes.sleep_until(time.monotonic() + 0.1)
+
+    def _is_ready(self, car: str) -> bool:
+        if not self._trace(car).exists():
+            return False
+        return {record["kind"] for record in read_trace(self._trace(car))} >= _SEEN_WHEN_READY
+
+    def _at_s(self, now: float) -> float:
+        """The scenario's time; the world stands still before it begins."""
+        return max(0.0, now - self.start_s)
+
+    def _trace(self, car: str) -> Path:
+        return self._folder / f"{car}.jsonl"
+
+
+def _free_udp_port() -> int:
+    """A port that nobody has; the daemon binds it a moment later."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,88 @@
+"""The processes of a live run: started, watched, and ended by whoever started them."""
+
+import asyncio
+import os
+import sys
+import time
+from pathlib import Path
+
+from onboard.errors import UserError
+
+_STOPPED_WITHIN_S = 5.0
+
+
+class ProcessError(UserError):
+    """A process did not start, or ended before its time."""
+
+
+class Processes:
+    """Our own children, by name; an asynchronous context that leaves none behind."""
+
+    def __init__(self, folder: Path) -> None:
+        """Their standard error goes to `<name>.log` in `folder`."""
+        self._folder = folder
+        self._running: dict[str, asyncio.subprocess.Process] = {}
+        self._ends: dict[str, asyncio.Task[int]] = {}
+
+    async def start(
+        self, name: str, *arguments: str, with_pipes: bool = False
+    ) -> asyncio.subprocess.Process:
+        """Run Python with `arguments`."""
+        pipe = asyncio.subprocess.PIPE if with_pipes else asyncio.subprocess.DEVNULL
+        with self._log(name).open("wb") as log:
+            process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                *arguments,
+                stdin=pipe,
+                stdout=pipe,
+                stderr=log,
+                # Many processes share few cores: no library may bring threads of its own.
+                env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            )
+        self._running[name] = process
+        self._ends[name] = asyncio.create_task(process.wait())
+        return process
+
+    def pids(self) -> dict[str, int]:
+        """The process ID of each."""
+        return {name: process.pid for name, process in self._running.items()}
+
+    async def sleep_until(self, at: float) -> None:
+        """Sleep until the monotonic clock shows `at`, or a process ends.
+
+        Raises:
+            ProcessError: one has ended; the message has the last line of its log.
+        """
+        timeout_s = max(0.0, at - time.monotonic())
+        await asyncio.wait(
+            self._ends.values(), timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED
+        )
+        for name, end in self._ends.items():
+            if end.done():
+                raise ProcessError(f"{name} has ended by itself: {self.last_words(name)}")
+
+    def last_words(self, name: str) -> str:
+        """The last line of the log of a process."""
+        lines = self._log(name).read_text(encoding="utf-8", errors="replace").splitlines()
+        return lines[-1] if lines else "(it said nothing)"
+
+    def _log(self, name: str) -> Path:
+        return self._folder / f"{name}.log"
+
+    async def __aenter__(self) -> "Processes":
+        return self
+
+    async def __aexit__(self, *_exception: object) -> None:
+        """Ask all to stop; end those that do not."""
+        for name, process in self._running.items():
+            if process.stdin is not None:
+                process.stdin.close()
+            if not self._ends[name].done():
+                process.terminate()
+        if not self._ends:
+            return
+        _done, late = await asyncio.wait(self._ends.values(), timeout=_STOPPED_WITHIN_S)
+        for name, process in self._running.items():
+            if self._ends[name] in late:
+                process.kill()
+        await asyncio.gather(*self._ends.values())

@@ -1,0 +1,121 @@
+"""What a run has shown, for people: the timeline, who warned whom, who dropped what, the ledger."""
+
+from collections import Counter
+from collections.abc import Iterator
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from sim_rig.ledger import ledger
+from sim_rig.run_log import Record, RunLog
+from sim_rig.scenario import Scenario
+
+_TOLD = frozenset({"transition", "hard_brake", "warning", "sensor_lost", "sensor_back"})
+
+
+def failures(scenario: Scenario, log: RunLog) -> list[str]:
+    """A sentence for each expectation that was not met."""
+    return [sentence for entry in scenario.expect for sentence in entry.check(log)]
+
+
+def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
+    """Print everything that a reader of a demonstration wants to know."""
+    console.print(_timeline(scenario, log))
+    console.print(_warnings(log))
+    console.print(_discards(log))
+    console.print(_ledger(log))
+
+
+def print_verdict(scenario: Scenario, log: RunLog, console: Console) -> None:
+    """Print which expectations failed, or that none did."""
+    failed = failures(scenario, log)
+    for sentence in failed:
+        console.print(f"[red]FAILED[/red] {sentence}", soft_wrap=True)
+    count = len(scenario.expect)
+    if not failed:
+        console.print(f"[green]PASSED[/green] all {count} expectations")
+
+
+def _timeline(scenario: Scenario, log: RunLog) -> Table:
+    table = Table(title="Timeline", box=box.SIMPLE, title_justify="left")
+    for column, justify in (("s", "right"), ("car", "left"), ("what", "left")):
+        table.add_column(column, justify=justify)  # type: ignore[arg-type]
+    entries = [
+        (log.at_s(record), car, _told(log, record))
+        for car, records in log.traces.items()
+        for record in records
+        if record["kind"] in _TOLD and record.get("cause") != "refresh"
+    ]
+    for fault in scenario.faults:
+        what = fault.what.replace("_", " ")
+        entries.append((fault.from_s, fault.car, f"[dim]fault: {what}[/dim]"))
+        entries.append((fault.until_s, fault.car, f"[dim]fault over: {what}[/dim]"))
+    for at_s, car, what in sorted(entries):
+        table.add_row(f"{at_s:.3f}", car, what)
+    return table
+
+
+def _told(log: RunLog, record: Record) -> str:
+    match record["kind"]:
+        case "transition":
+            place = f"number {record['group_number']} behind {log.name(record['leader_id'])}"
+            state = record["state"].upper()
+            told = f"{state}, {place}" if record["state"] == "member" else state
+            return f"{told} [dim]({record['event']}: {record['cause']})[/dim]"
+        case "hard_brake":
+            return f"[bold]brakes with {record['deceleration_m_s2']:.1f} m/s2[/bold]"
+        case "warning":
+            origin = log.name(record["origin_id"])
+            return f"[bold red]WARNED: {origin} brakes[/bold red] [dim](hop {record['hops']})[/dim]"
+        case "sensor_lost":
+            return f"[yellow]{record['sensor']} lost[/yellow] [dim]({record['reason']})[/dim]"
+        case _:
+            return f"{record['sensor']} back"
+
+
+def _warnings(log: RunLog) -> Table:
+    """One row a braking; the delays count from the sample that gave certainty."""
+    table = Table(title="Who warned whom", box=box.SIMPLE, title_justify="left")
+    for column in ("s", "braking", "warned (after ms, over hops)"):
+        table.add_column(column, justify="right" if column == "s" else "left")
+    for braking in log.traces:
+        for brake in log.of(braking, "hard_brake"):
+            at_s = log.at_s(brake)
+            table.add_row(
+                f"{at_s:.3f}", braking, ", ".join(_warned(log, braking, at_s)) or "nobody"
+            )
+    return table
+
+
+def _warned(log: RunLog, braking: str, at_s: float) -> Iterator[str]:
+    for car in log.traces:
+        for warning in log.of(car, "warning", at_s, at_s + 3.0):
+            if log.name(warning["origin_id"]) == braking:
+                after_ms = (log.at_s(warning) - at_s) * 1e3
+                yield f"{car} ({after_ms:.1f}, {warning['hops']})"
+                break
+
+
+def _discards(log: RunLog) -> Table:
+    table = Table(title="Who discarded what, and why", box=box.SIMPLE, title_justify="left")
+    for column in ("car", "room", "reason", "times"):
+        table.add_column(column, justify="right" if column == "times" else "left")
+    for car, records in log.traces.items():
+        counted = Counter(
+            (record["room"], record["reason"])
+            for record in records
+            if record["kind"] == "discarded"
+        )
+        for (room, reason), times in sorted(counted.items()):
+            table.add_row(car, room, reason, str(times))
+    return table
+
+
+def _ledger(log: RunLog) -> Table:
+    table = Table(title="Latency ledger", box=box.SIMPLE, title_justify="left")
+    for column in ("hop", "n", "p50 ms", "p99 ms"):
+        table.add_column(column, justify="left" if column == "hop" else "right")
+    for line in ledger(log):
+        table.add_row(line.hop, str(line.n), f"{line.p50_s * 1e3:.2f}", f"{line.p99_s * 1e3:.2f}")
+    return table

@@ -1,0 +1,158 @@
+"""The same cores in virtual time: faster than real time, and the same to the bit for one seed.
+
+Each car is a `Stack`, the very one that its daemon drives, with the rig's own ECU on its bus and
+the rig's air behind its radio. Only the camera is a model (`cars/camera_model.py`): pictures are
+not drawn, what vision would have said of them is. Between events no time passes.
+"""
+
+import heapq
+import math
+from itertools import count
+
+import numpy as np
+
+from onboard.config import CarConfig
+from onboard.obd.can_frame import CanFrame
+from onboard.observations import Sensor
+from onboard.settings import parse_settings
+from onboard.stack import Stack
+from onboard.trace import as_record
+from sim_rig.cars.camera_model import CameraModel
+from sim_rig.cars.camera_view import FPS, CameraView
+from sim_rig.cars.ecu import Ecu
+from sim_rig.radio.air import Air
+from sim_rig.recorder import RigRecorder
+from sim_rig.roads.breakpoints import BreakpointRoad
+from sim_rig.roads.road import Road
+from sim_rig.run_log import Record, RunLog
+from sim_rig.scenario import Scenario
+from sim_rig.wiring import car_config, names_by_id
+
+START_UTC_S = 1_750_000_000.0
+"""UTC when a virtual run begins: some time in June 2025, the same for every run."""
+
+
+def run_virtual(scenario: Scenario, seed: int | None = None) -> RunLog:
+    """Run the scenario; `seed` in the place of its own."""
+    run = _VirtualRun(scenario, scenario.seed if seed is None else seed)
+    run.run()
+    return RunLog(
+        start_s=0.0,
+        traces={car.name: car.trace for car in run.cars.values()},
+        rig=run.recorder.records,
+        names=names_by_id(scenario, START_UTC_S, START_UTC_S + scenario.duration_s),
+    )
+
+
+class _VirtualRun:
+    """The clock, and what is due when."""
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        self._duration_s = scenario.duration_s
+        self.recorder = RigRecorder()
+        road = BreakpointRoad(scenario)
+        air_seed, *car_seeds = np.random.SeedSequence(seed).spawn(1 + len(scenario.equipped))
+        air_rng = np.random.default_rng(air_seed)
+        self._air = Air(scenario.radio, road.cars_at, scenario.equipped, air_rng)
+        self._air_planned_at = math.inf
+        self.cars = {
+            name: _VirtualCar(scenario, road, name, car_seed)
+            for name, car_seed in zip(scenario.equipped, car_seeds, strict=True)
+        }
+        self._agenda: list[tuple[float, int, _VirtualCar | None]] = []
+        self._order = count()
+
+    def run(self) -> None:
+        """Do everything that is due until the scenario ends."""
+        for car in self.cars.values():
+            self._settle(car, 0.0)
+        while self._agenda and self._agenda[0][0] <= self._duration_s:
+            now, _, due = heapq.heappop(self._agenda)
+            if due is None:
+                self._deliver(now)
+            elif due.planned_at == now:
+                due.planned_at = math.inf
+                for frame in due.handle_timer(now):
+                    self.recorder.note_answer(due.name, frame)
+                self._settle(due, now)
+
+    def _deliver(self, now: float) -> None:
+        self._air_planned_at = math.inf
+        for delivery in self._air.wsms_to_deliver(now):
+            self.recorder.note_delivery(delivery, now)
+            car = self.cars[delivery.receiver]
+            car.receive_wsm(delivery.wsm, now)
+            self._settle(car, now)
+        self._plan_air()
+
+    def _settle(self, car: "_VirtualCar", now: float) -> None:
+        """Carry away what a car sends, and plan when it wants to be called again."""
+        for user_priority, wsm in car.wsms_to_send(now):
+            self.recorder.note_on_air(car.name, wsm, user_priority, now)
+            self._air.receive_wsm(car.name, wsm, user_priority, now)
+        self._plan_air()
+        at = max(car.get_timer(), now)
+        if at != car.planned_at:
+            # What was planned before stays on the agenda, and is passed over when it comes up.
+            car.planned_at = at
+            heapq.heappush(self._agenda, (at, next(self._order), car))
+
+    def _plan_air(self) -> None:
+        at = self._air.get_timer()
+        if at is not None and at < self._air_planned_at:
+            self._air_planned_at = at
+            heapq.heappush(self._agenda, (at, next(self._order), None))
+
+
+class _VirtualCar:
+    """One car's stack with the rig's ends of its wires held against it."""
+
+    def __init__(
+        self, scenario: Scenario, road: Road, name: str, seed: np.random.SeedSequence
+    ) -> None:
+        self.name = name
+        self.trace: list[Record] = []
+        self.planned_at = math.inf
+        rng, camera_rng = (np.random.default_rng(each) for each in seed.spawn(2))
+        config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
+        self._stack = Stack(config, (Sensor.SPEED, Sensor.CAMERA), rng, 0.0, START_UTC_S)
+        self._ecu = Ecu(
+            lambda now: road.car_at(name, now).speed_m_s,
+            runs=lambda now: not scenario.has_fault("ecu_stopped", name, now),
+        )
+        phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)
+        self._camera = CameraModel(
+            CameraView(scenario, road, name, camera_rng), config.vision, phase_s, camera_rng
+        )
+
+    def get_timer(self) -> float:
+        """When something of this car is next due."""
+        ecu_at = self._ecu.get_timer()
+        stack_at = self._stack.get_timer()
+        camera_at = self._camera.get_timer()
+        return min(stack_at, camera_at, math.inf if ecu_at is None else ecu_at)
+
+    def receive_wsm(self, wsm: bytes, now: float) -> None:
+        """A frame arrives at the car's radio unit."""
+        self._stack.receive_wsm(wsm, now)
+
+    def handle_timer(self, now: float) -> list[CanFrame]:
+        """Do what is due; the frames that the ECU has put on the bus are returned."""
+        answers = self._ecu.frames_to_send(now)
+        for frame in answers:
+            self._stack.receive_can(frame, now)
+        self._camera.handle_timer(now)
+        while (observation := self._camera.next_event()) is not None:
+            self._stack.receive_observation(observation, now)
+        if self._stack.get_timer() <= now:
+            self._stack.handle_timer(now)
+        return answers
+
+    def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
+        """What the radio unit is given to send; everything else is settled inside the car."""
+        wsms = self._stack.wsms_to_send(now)
+        for frame in self._stack.can_to_send(now):
+            self._ecu.receive_frame(frame, now)
+        while (event := self._stack.next_event()) is not None:
+            self.trace.append(as_record(event))
+        return wsms

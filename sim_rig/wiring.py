@@ -1,0 +1,35 @@
+"""What a car of a scenario is told about itself: its configuration, the same live and virtual."""
+
+import math
+from typing import Any
+
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.settings import PlateDigestSettings
+from sim_rig.scenario import Scenario
+
+DIGEST = {"scrypt_log2_n": 6}
+"""Plates are cheap to derive on the desk, where nobody has to be kept from guessing them."""
+
+
+def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
+    """The tree of the car's `CarConfig`, without its wires. It holds no truth about the others."""
+    it = scenario.cars[car]
+    return {
+        "seed": seed,
+        "car": {"plate": it.identity, "length_m": it.length_m, "width_m": it.width_m},
+        "vision": {"plate_width_m": 0.52, "lane_width_m": scenario.lane_width_m},
+        "lcca": scenario.lcca.model_dump(),
+        "security": {"plate_digest": DIGEST},
+    }
+
+
+def names_by_id(scenario: Scenario, from_utc_s: float, until_utc_s: float) -> dict[str, str]:
+    """Which car sends under an ID (hex), in all the epochs that the run touches."""
+    settings = PlateDigestSettings.model_validate(DIGEST)
+    digest = PlateDigest(settings)
+    first, last = (math.floor(utc_s / settings.epoch_s) for utc_s in (from_utc_s, until_utc_s))
+    return {
+        digest.car_id(scenario.cars[name].identity, epoch * settings.epoch_s).hex(): name
+        for epoch in range(first, last + 1)
+        for name in scenario.equipped
+    }
