@@ -1,5 +1,6 @@
 """Rendered pictures in files mapped into memory, made once, by as many processes as wished."""
 
+import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ Array = npt.NDArray[np.generic]
 Renderer = Callable[[int, np.random.Generator], tuple[Array, ...]]
 """Given how many and a generator, arrays with that many rows each."""
 
-_SHARD = 2000
+_SHARD = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,9 @@ def rendered(
             np.lib.format.open_memmap(part, "w+", like.dtype, (count, *like.shape[1:]))
             for part, like in zip(parts, first, strict=True)
         ]
-        with ProcessPoolExecutor(processes, initializer=_one_thread) as pool:
+        # Fresh processes: a fork would inherit OpenCV's threads without the threads.
+        fresh = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(processes, fresh, initializer=_one_thread) as pool:
             for shard, rows in pool.map(partial(_render, renderer), shards):
                 start = shard.number * _SHARD
                 for array, values in zip(arrays, rows, strict=True):

@@ -16,7 +16,7 @@ View = npt.NDArray[np.uint8]
 Quad = npt.NDArray[np.float32]
 
 _PX_PER_MM = 0.9
-_VIEWS_A_PLATE = 3
+_VIEWS_A_PLATE = 4
 """Drawing a plate costs more than photographing it once more."""
 
 
@@ -44,13 +44,13 @@ def _view(drawn: _Drawn, rng: np.random.Generator) -> View:
     shape = drawn.plate_format
     characters = max(5, len(drawn.text))
     # From barely legible to larger than the view; small ones are the difficult ones, so more.
-    width_px = float(np.exp(rng.uniform(np.log(6.0), np.log(45.0)))) * characters
+    width_px = float(np.exp(rng.uniform(np.log(6.0), np.log(30.0)))) * characters
     if shape.width_mm < 250:
         width_px *= 0.7
     height_px = width_px * shape.height_mm / shape.width_mm
     quad = posed(width_px, height_px, rng)
     size = np.ceil(quad.max(axis=0) - quad.min(axis=0)) + np.asarray(
-        [0.5 * width_px, 0.9 * height_px]
+        [0.3 * width_px, 0.8 * height_px]
     )
     columns, rows = (int(value) for value in size)
     quad += size.astype(np.float32) / 2
@@ -113,7 +113,7 @@ def _as_found(quad: Quad, rng: np.random.Generator) -> Quad:
     """The corners as a detector would place them: shifted, scaled, each a little off."""
     middle = quad.mean(axis=0)
     along, down = (quad[1] - quad[0]), (quad[3] - quad[0])
-    scale = 1 + rng.normal(0.01, 0.035, 2)
-    offset = rng.normal(0, 0.015, (4, 2)) + rng.normal(0, 0.015, 2)
+    scale = 1 + rng.normal(0.01, 0.045, 2)
+    offset = rng.normal(0, 0.018, (4, 2)) + rng.normal(0, 0.02, 2)
     sides = np.asarray([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2 * scale + offset
     return np.asarray(middle + sides[:, :1] * along + sides[:, 1:] * down, np.float32)

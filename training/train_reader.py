@@ -10,7 +10,7 @@ import numpy.typing as npt
 import torch
 from torch import nn
 
-from onboard.vision.plate_reader import ALPHABET, DEFAULT_MODEL, decode, normalised
+from onboard.vision.plate_reader import ALPHABET, CERTAIN, DEFAULT_MODEL, decode, normalised
 from training.networks import ReaderNetwork
 from training.pictures import rendered
 from training.reader_views import render_views
@@ -19,6 +19,7 @@ from training.settings import NetworkSettings, load_training_settings
 _log = logging.getLogger(__name__)
 
 LONGEST = 8
+_CALIBRATED_ON = 1500
 
 
 def labelled_views(
@@ -90,20 +91,22 @@ def report(
     )
     scores = scores.squeeze(2).transpose(1, 2)
     texts = ["".join(ALPHABET[label - 1] for label in row if label) for row in labels]
+    right = np.asarray(
+        [decode(s).text == text for s, text in zip(scores.numpy(), texts, strict=True)]
+    )
     best = (float("inf"), 1.0)
-    for temperature in np.arange(0.8, 3.01, 0.1):
-        reads = [decode(s) for s in (scores / temperature).numpy()]
-        right = np.asarray([read.text == text for read, text in zip(reads, texts, strict=True)])
-        sure = np.clip([read.confidence for read in reads], 1e-6, 1 - 1e-6)
-        surprise = -np.mean(np.where(right, np.log(sure), np.log(1 - sure)))
+    for temperature in np.arange(0.5, 2.01, 0.1):
+        few = (scores[:_CALIBRATED_ON] / temperature).numpy()
+        sure = np.clip([decode(columns).confidence for columns in few], 1e-6, 1 - 1e-6)
+        right_few = right[:_CALIBRATED_ON]
+        surprise = -np.mean(np.where(right_few, np.log(sure), np.log(1 - sure)))
         best = min(best, (float(surprise), float(temperature)))
-        if abs(temperature - 1.0) < 1e-9:
-            certain = sure > 0.9
-            _log.info(
-                f"validation: exact {right.mean():.3f}, over 0.9 sure {certain.mean():.3f}, "
-                f"of these wrong {1 - right[certain].mean():.4f}",
-            )
-    _log.info(f"temperature {best[1]:.1f}")
+    sure = np.asarray([decode(columns).confidence for columns in (scores / best[1]).numpy()])
+    certain = sure >= CERTAIN
+    _log.info(
+        f"validation: exact {right.mean():.3f}; at temperature {best[1]:.1f} certain of "
+        f"{certain.mean():.3f}, of these wrong {1 - right[certain].mean():.4f}"
+    )
     return best[1]
 
 

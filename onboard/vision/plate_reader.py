@@ -25,7 +25,11 @@ READER_SIZE = (160, 48)
 """(w, h) of what the network sees."""
 MARGIN = (0.06, 0.10)
 """Share of that size around the plate, on each side, since corners are never exact."""
+CERTAIN = 0.9
+"""A text at least this confident may be used as what it says; below, it is unknown."""
 DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_reader.onnx"
+_LEAST_CONTRAST = 1.0
+"""Standard deviation in grey levels, below which there is nothing to read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +62,14 @@ class PlateReader:
 
     def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
         """As `read`, for several plates of one picture."""
-        if not plates:
-            return []
-        views = np.stack([rectify(image, corners) for corners in plates])
-        self._network.setInput(normalised(views))
-        return [decode(scores[:, 0].T) for scores in self._network.forward()]
+        views = [rectify(image, corners) for corners in plates]
+        texts = [PlateText("", 0.0, ())] * len(views)
+        shown = [index for index, view in enumerate(views) if view.std() >= _LEAST_CONTRAST]
+        if shown:
+            self._network.setInput(normalised(np.stack([views[index] for index in shown])))
+            for index, scores in zip(shown, self._network.forward(), strict=True):
+                texts[index] = decode(scores[:, 0].T)
+        return texts
 
 
 def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
@@ -72,6 +79,8 @@ def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
     left, right = margin_x, width - margin_x
     top, bottom = margin_y, height - margin_y
     target = np.asarray([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
+    if cv2.contourArea(corners.astype(np.float32)) < 1.0:
+        return np.zeros((height, width), np.uint8)
     # Only what is needed, shrunk first where the plate is much larger than the view.
     middle = corners.mean(axis=0)
     around = middle + (corners - middle) * 1.6
@@ -106,17 +115,15 @@ def normalised(views: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
 
 
 def decode(scores: npt.NDArray[np.float32]) -> PlateText:
-    """Best path through `scores`, (40 columns, 37 classes) of logits.
+    """Text of the best path through `scores`, (40 columns, 37 classes) of logits.
 
     A character's confidence is the highest probability in the run of columns that show it; the
-    text's is the product over all columns of the best path.
+    text's is its whole probability, over all paths that spell it.
     """
-    shifted = scores - scores.max(axis=1, keepdims=True)
-    likely = np.exp(shifted)
+    likely = np.exp(scores - scores.max(axis=1, keepdims=True))
     likely /= likely.sum(axis=1, keepdims=True)
-    path = likely.argmax(axis=1)
-    best = likely.max(axis=1)
-    text = ""
+    path, best = likely.argmax(axis=1), likely.max(axis=1)
+    labels: list[int] = []
     confidences: list[float] = []
     for column, label in enumerate(path):
         if label == 0:
@@ -124,6 +131,24 @@ def decode(scores: npt.NDArray[np.float32]) -> PlateText:
         if column and path[column - 1] == label:
             confidences[-1] = max(confidences[-1], float(best[column]))
         else:
-            text += ALPHABET[label - 1]
+            labels.append(int(label))
             confidences.append(float(best[column]))
-    return PlateText(text, float(np.prod(best)), tuple(confidences))
+    text = "".join(ALPHABET[label - 1] for label in labels)
+    return PlateText(text, _probability(labels, likely), tuple(confidences))
+
+
+def _probability(labels: list[int], likely: npt.NDArray[np.float32]) -> float:
+    """That the columns spell `labels`: the forward recursion of Graves et al. 2006, section 4.1."""
+    states = np.zeros(2 * len(labels) + 1, np.int64)  # a blank before, between and after
+    states[1::2] = labels
+    # From two states back: only to a character, and only from another one.
+    may_skip = np.zeros(len(states), bool)
+    may_skip[3::2] = states[3::2] != states[1:-2:2]
+    reached = np.zeros(len(states))
+    reached[:2] = likely[0, states[:2]]
+    for column in likely[1:]:
+        arriving = reached.copy()
+        arriving[1:] += reached[:-1]
+        arriving[2:] += np.where(may_skip[2:], reached[:-2], 0.0)
+        reached = arriving * column[states]
+    return float(min(1.0, reached[-2:].sum()))

@@ -1,4 +1,4 @@
-"""Characters as masks, from the shipped fonts: one text, one row, tight around its ink."""
+"""Characters as masks, from the shipped fonts and dies: one text, one row, tight around its ink."""
 
 from functools import cache, lru_cache
 from pathlib import Path
@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
+
+from sim_rig.picture.dies import DIES, die
 
 FONT_FOLDER = Path(__file__).parent / "fonts"
 CAP_HEIGHT_PX = 96
@@ -17,8 +19,8 @@ Mask = npt.NDArray[np.uint8]
 
 
 def font_names() -> list[str]:
-    """The shipped fonts, by file stem."""
-    return sorted(path.stem for path in FONT_FOLDER.glob("*.ttf"))
+    """The shipped fonts, by file stem, and the dies."""
+    return sorted([*DIES, *(path.stem for path in FONT_FOLDER.glob("*.ttf"))])
 
 
 @cache
@@ -39,6 +41,8 @@ def glyph(font: str, character: str) -> Mask:
     Raises:
         ValueError: no such font.
     """
+    if font in DIES:
+        return die(font, character, CAP_HEIGHT_PX)
     face = _font(font)
     left, _, right, _ = face.getbbox(character)
     top = face.getbbox("H")[1]

@@ -69,8 +69,8 @@ class NumberRow:
     groups: tuple[int, ...]
     """Characters a group; what is left over belongs to the last."""
     separator: str = " "
-    """Between groups: a character of the font, `|` for a coloured mark, `.` for a dot in the ink's
-    colour at half height."""
+    """Between groups: a character of the font, `|` for a coloured mark, `:` for two seals, `.` for
+    a dot in the ink's colour at half height."""
     mark_bgr: Bgr = (60, 60, 200)
     stretch: float = 1.0
     """Width of a character over the font's own."""
@@ -115,6 +115,7 @@ class PlateFormat:
         return self.height_mm / 1000
 
 
+_DRAWN_SEPARATORS = ("|", ":", ".")
 _DIN = "osp-din"
 EU = PlateFormat(
     name="eu",
@@ -130,10 +131,9 @@ US = PlateFormat(
     name="us",
     width_mm=305,
     height_mm=152,
-    font="routed-gothic-narrow",
-    rows=(NumberRow(x_mm=152, y_mm=82, h_mm=68, w_mm=275, groups=(3,), stretch=0.85),),
+    font="dies-round",
+    rows=(NumberRow(x_mm=152, y_mm=82, h_mm=68, w_mm=275, groups=(3,)),),
     ink_bgr=(90, 40, 30),
-    weight_px=3,
     small_texts=(SmallText("LIBERTY", 152, 22, 20, 140, "overpass-600", (60, 40, 190)),),
     discs=tuple(Disc(x, y, 4, (120, 120, 120)) for x in (62, 243) for y in (14, 138)),
 )
@@ -223,7 +223,8 @@ def _paint_number(
     plate: Art, text: str, row: NumberRow, plate_format: PlateFormat, px_per_mm: float
 ) -> None:
     groups = split_groups(text, row.groups)
-    separator = {"|": "  ", ".": "  "}.get(row.separator, row.separator)
+    drawn = row.separator in _DRAWN_SEPARATORS
+    separator = "  " if drawn else row.separator
     mask = text_row(
         separator.join(groups),
         plate_format.font,
@@ -238,16 +239,23 @@ def _paint_number(
     left, _ = _paint(
         plate, mask, centre, (width_px, height_px), plate_format.ink_bgr, keep_aspect=False
     )
-    if row.separator not in "|.":
-        return
-    for column in _gaps(mask, len(groups) - 1):
+    for column in _gaps(mask, len(groups) - 1) if drawn else ():
         x_px, y_px = round(left + column / mask.shape[1] * width_px), round(centre[1])
-        half = max(1, round(0.07 * height_px))
-        if row.separator == ".":
-            cv2.circle(plate, (x_px, y_px), half, plate_format.ink_bgr, cv2.FILLED, cv2.LINE_AA)
-        else:
-            top_left, bottom_right = (x_px - half, y_px - 3 * half), (x_px + half, y_px + 3 * half)
-            cv2.rectangle(plate, top_left, bottom_right, row.mark_bgr, cv2.FILLED)
+        _paint_separator(plate, row, (x_px, y_px), height_px, plate_format.ink_bgr)
+
+
+def _paint_separator(
+    plate: Art, row: NumberRow, at_px: tuple[int, int], height_px: float, ink_bgr: Bgr
+) -> None:
+    (x_px, y_px), unit = at_px, max(1, round(0.07 * height_px))
+    if row.separator == ".":
+        cv2.circle(plate, at_px, unit, ink_bgr, cv2.FILLED, cv2.LINE_AA)
+    elif row.separator == "|":
+        top_left, bottom_right = (x_px - unit, y_px - 3 * unit), (x_px + unit, y_px + 3 * unit)
+        cv2.rectangle(plate, top_left, bottom_right, row.mark_bgr, cv2.FILLED)
+    else:
+        for middle in ((x_px, y_px - 3 * unit), (x_px, y_px + 3 * unit)):
+            cv2.circle(plate, middle, 2 * unit, row.mark_bgr, cv2.FILLED, cv2.LINE_AA)
 
 
 def _gaps(mask: Mask, count: int) -> list[float]:

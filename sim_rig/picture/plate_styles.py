@@ -29,14 +29,21 @@ from sim_rig.picture.plate_texts import (
 
 _PRINT_FONTS = ("overpass-600", "barlow-semi-condensed-700", "roboto-condensed-700")
 _US_FONTS = (
-    *("routed-gothic-narrow", "routed-gothic", "barlow-condensed-500") * 3,
+    *("dies-round", "dies-square", "dies-plain", "dies-narrow") * 5,
+    *("routed-gothic-narrow", "routed-gothic", "barlow-condensed-500", "dies-wide") * 2,
     *("roadgeek-2014-b", "roadgeek-2014-c", "osp-din", "barlow-semi-condensed-500") * 2,
 )
 _EU_FONTS = (
     *("barlow-semi-condensed-500", "barlow-condensed-500", "osp-din") * 3,
     *("roadgeek-2014-c", "overpass-600", "roboto-condensed-500", "routed-gothic-narrow") * 2,
 )
-_BR_FONTS = ("roadgeek-2014-c", "routed-gothic", "overpass-600", "barlow-semi-condensed-700")
+_BR_FONTS = (
+    "roadgeek-2014-c",
+    "routed-gothic",
+    "overpass-600",
+    "barlow-semi-condensed-700",
+    "dies-wide",
+)
 
 
 def random_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
@@ -97,7 +104,7 @@ def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         ink_bgr=ink,
         spacing=rng.uniform(0.06, 0.2),
         cell=rng.uniform(0.5, 0.62) if rng.random() < 0.5 else None,
-        weight_px=int(rng.integers(-1, 6)),
+        weight_px=int(rng.integers(-2, 5)),
         border_mm=rng.uniform(2, 4) if rng.random() < 0.3 else 0,
         patches=tuple(patches),
         small_texts=tuple(small),
@@ -122,13 +129,17 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
     left = 48.0 if has_band else 10.0
     patches, small, discs = [], [], []
     if has_band:
-        patches.append(Patch(0, 0, 44, 110, (int(rng.integers(90, 190)), 60, 15)))
         code = text_of("LL"[: rng.integers(1, 3)], rng)
-        small.append(SmallText(code, 22, 85, 22, 32, "osp-din", (240, 240, 240)))
+        if rng.random() < 0.65:
+            patches.append(Patch(0, 0, 44, 110, (int(rng.integers(90, 190)), 60, 15)))
+            small.append(SmallText(code, 22, 85, 22, 32, "osp-din", (240, 240, 240)))
+        else:  # on the plate's own ground, under a coat of arms
+            small.append(SmallText(code, 24, 84, rng.uniform(20, 30), 34, "osp-din", ink))
+            patches.append(Patch(12, 12, rng.uniform(18, 28), rng.uniform(20, 36), _colour(rng)))
         discs.append(Disc(22, 38, rng.uniform(8, 15), (int(rng.integers(0, 220)), 170, 200)))
     height = rng.uniform(68, 82)
     seals = rng.random() < 0.45
-    separator = str(rng.choice([" ", "-", "-", "|"])) if not seals else "|"
+    separator = str(rng.choice([":", "|"] if seals else [" ", "-", "-"]))
     room = width - left - rng.uniform(12, 40)
     row = NumberRow(
         x_mm=left + room / 2 + (width - left - room) / 2,

@@ -70,7 +70,7 @@ def any_text(rng: np.random.Generator, longest: int = 8) -> str:
     if rng.random() < 0.6:
         cut = int(rng.integers(1, length))
         pattern = f"{pattern[:cut]} {pattern[cut:]}"
-    return text_of(pattern, rng, rare=0.5)
+    return text_of(pattern, rng, rare=0.2 if "#" in pattern else 0.8)
 
 
 def word(rng: np.random.Generator, longest: int = 16) -> str:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim_rig.picture.dies import DIES
 from sim_rig.picture.glyphs import CAP_HEIGHT_PX, font_names, glyph, text_row
 from sim_rig.picture.plate_art import BR, EU, FORMATS, US, PlateFormat, draw_plate, split_groups
 from sim_rig.picture.plate_styles import random_plate
@@ -19,7 +20,9 @@ def test_every_font_has_every_character_of_a_plate(font: str) -> None:
     for character, mask in masks.items():
         assert mask.shape[0] == CAP_HEIGHT_PX
         assert mask.max() == 255, f"{font} draws nothing for {character}"
-    assert len({mask.tobytes() for mask in masks.values()}) == len(ALPHABET)
+    if font in DIES:  # which stamp one ring for both
+        del masks["O"]
+    assert len({mask.tobytes() for mask in masks.values()}) == len(masks)
 
 
 def test_a_font_that_is_not_shipped_is_an_error_that_names_those_that_are() -> None:

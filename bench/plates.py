@@ -1,0 +1,248 @@
+"""How many real plates are found and read, beside what OpenCV's cascades and Tesseract read.
+
+`python -m bench plates` prints the figures; `python -m bench.plates` writes them as the table in
+`docs/plates.md`. The photographs are not part of the repository (`RIG_DATA` names their folder) and
+nothing was trained on them.
+"""
+
+import csv
+import importlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from bench import Figure
+from onboard.observations import Box
+from onboard.vision.plate_detector import Image, PlateDetector
+from onboard.vision.plate_reader import CERTAIN, PlateReader
+
+FOLDER = Path(__file__).parents[2] / "shared" / "data"
+PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
+REGIONS = ("us", "eu", "br")
+_MARKS = ("<!-- scores -->\n", "<!-- end of scores -->\n")
+_TESSDATA = Path("/usr/share/tesseract-ocr/5/tessdata")
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One plate as a way of reading gives it."""
+
+    box: Box
+    text: str
+    confidence: float
+
+
+Way = Callable[[Image], list[Reading]]
+
+
+@dataclass(frozen=True, slots=True)
+class Photograph:
+    """One picture and the plate in it."""
+
+    file: Path
+    region: str
+    box: Box
+    text: str
+
+
+@dataclass(slots=True)
+class Tally:
+    """What one way of reading made of one region's photographs."""
+
+    photographs: int = 0
+    found: int = 0
+    """Boxes that overlap the truth by at least half (intersection over union)."""
+    exact: int = 0
+    """The whole text right, end to end."""
+    exact_and_certain: int = 0
+    characters: int = 0
+    characters_right: int = 0
+    false_texts: int = 0
+    """Texts that stand on no plate in the truth, however unsure."""
+    certain_texts: int = 0
+    certain_and_wrong: int = 0
+    seconds: list[float] = field(default_factory=list)
+
+    def add(self, photograph: Photograph, readings: list[Reading]) -> None:
+        """Count one photograph's readings."""
+        truth = photograph.text
+        self.photographs += 1
+        self.found += any(overlap(reading.box, photograph.box) >= 0.5 for reading in readings)
+        self.exact += any(reading.text == truth for reading in readings)
+        certain = [reading for reading in readings if reading.confidence >= CERTAIN]
+        self.exact_and_certain += any(reading.text == truth for reading in certain)
+        self.characters += len(truth)
+        wrong = [edits(reading.text, truth) for reading in readings]
+        self.characters_right += len(truth) - min([*wrong, len(truth)])
+        self.false_texts += sum(bool(r.text) and r.text != truth for r in readings)
+        self.certain_texts += len(certain)
+        self.certain_and_wrong += sum(reading.text != truth for reading in certain)
+
+
+def measure() -> Iterator[Figure]:
+    """Shares by region, each beside the baseline's; time a picture."""
+    ours, baseline = score(network_way()), score(cascade_and_tesseract_way())
+    for region in REGIONS:
+        mine, theirs = ours[region], baseline[region]
+        for name in ("found", "exact", "characters_right", "false_texts"):
+            of = "characters" if name == "characters_right" else "photographs"
+            yield Figure(
+                f"plates.{region}.{name}",
+                getattr(mine, name) / getattr(mine, of),
+                f"per {of.rstrip('s')}",
+                getattr(mine, of),
+                "OpenCV cascades and Tesseract",
+                getattr(theirs, name) / getattr(theirs, of),
+            )
+        yield Figure(
+            f"plates.{region}.seconds",
+            float(np.median(mine.seconds)),
+            "s",
+            mine.photographs,
+            "OpenCV cascades and Tesseract",
+            float(np.median(theirs.seconds)),
+        )
+
+
+def network_way() -> Way:
+    """The way of the car: detector and reader as shipped, one thread."""
+    cv2.setNumThreads(1)
+    detector, reader = PlateDetector(), PlateReader()
+
+    def read(image: Image) -> list[Reading]:
+        plates = detector.find(image)
+        texts = reader.read_many(image, [plate.corners_px for plate in plates])
+        return [
+            Reading(plate.box, text.text, text.confidence)
+            for plate, text in zip(plates, texts, strict=True)
+        ]
+
+    return read
+
+
+def cascade_and_tesseract_way() -> Way:
+    """The baseline: both of OpenCV's plate cascades, each find read by Tesseract as one line.
+
+    Raises:
+        SystemExit: tesserocr or its English data are not installed; they belong to this only.
+    """
+    try:
+        tesserocr: Any = importlib.import_module("tesserocr")
+    except ImportError as error:
+        raise SystemExit(
+            "the baseline needs Tesseract: apt-get install tesseract-ocr; pip install tesserocr"
+        ) from error
+    tesseract: Any = tesserocr.PyTessBaseAPI(path=str(_TESSDATA), psm=tesserocr.PSM.SINGLE_LINE)
+    tesseract.SetVariable("tessedit_char_whitelist", "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789")
+    # The folder that the package itself names.
+    models = Path(cv2.__file__).parent / "data"
+    cascades = [
+        cv2.CascadeClassifier(str(models / f"haarcascade_{name}.xml"))
+        for name in ("russian_plate_number", "license_plate_rus_16stages")
+    ]
+
+    def read(image: Image) -> list[Reading]:
+        grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+        readings = []
+        for cascade in cascades:
+            for x, y, w, h in cascade.detectMultiScale(grey, 1.1, 4):
+                crop = grey[y : y + h, x : x + w]
+                large = np.asarray(cv2.resize(crop, None, fx=96 / h, fy=96 / h), np.uint8)
+                tesseract.SetImageBytes(
+                    large.tobytes(), large.shape[1], large.shape[0], 1, large.shape[1]
+                )
+                text = tesseract.GetUTF8Text().strip().replace(" ", "")
+                confidence = tesseract.MeanTextConf() / 100
+                readings.append(Reading(Box(x, y, w, h), text, confidence))
+        return readings
+
+    return read
+
+
+def photographs() -> list[Photograph]:
+    """The truth, file by file.
+
+    Raises:
+        SystemExit: there are no recordings.
+    """
+    folder = Path(os.environ.get("RIG_DATA", FOLDER)) / "plates"
+    if not folder.is_dir():
+        raise SystemExit(f"no photographs at {folder} (RIG_DATA names the folder above it)")
+    with (folder / "truth.csv").open(encoding="utf-8") as rows:
+        return [
+            Photograph(
+                folder / row["file"],
+                row["file"].split("/", 1)[0],
+                Box(*(float(row[name]) for name in ("x_px", "y_px", "w_px", "h_px"))),
+                row["text"],
+            )
+            for row in csv.DictReader(rows)
+        ]
+
+
+def score(way: Way) -> dict[str, Tally]:
+    """One way's tally of every region."""
+    tallies = {region: Tally() for region in REGIONS}
+    for photograph in photographs():
+        image = np.asarray(cv2.imread(str(photograph.file)), np.uint8)
+        started = time.perf_counter()
+        readings = way(image)
+        tallies[photograph.region].seconds.append(time.perf_counter() - started)
+        tallies[photograph.region].add(photograph, readings)
+    return tallies
+
+
+def overlap(one: Box, other: Box) -> float:
+    """Intersection over union."""
+    width = min(one.x_px + one.w_px, other.x_px + other.w_px) - max(one.x_px, other.x_px)
+    height = min(one.y_px + one.h_px, other.y_px + other.h_px) - max(one.y_px, other.y_px)
+    shared = max(0.0, width) * max(0.0, height)
+    return shared / (one.w_px * one.h_px + other.w_px * other.h_px - shared)
+
+
+def edits(one: str, other: str) -> int:
+    """Fewest characters to insert, delete or change."""
+    row = list(range(len(other) + 1))
+    for i, a in enumerate(one, 1):
+        previous, row[0] = row[0], i
+        for j, b in enumerate(other, 1):
+            previous, row[j] = row[j], min(row[j] + 1, row[j - 1] + 1, previous + (a != b))
+    return row[-1]
+
+
+def table() -> str:
+    """Both ways, by region, as Markdown."""
+    lines = [
+        "| region | way | found (IoU 0.5) | exact | exact and certain | characters right | "
+        + "false texts a picture | wrong among certain | s a picture |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, way in (("ours", network_way()), ("baseline", cascade_and_tesseract_way())):
+        for region, tally in score(way).items():
+            lines.append(
+                f"| {region} ({tally.photographs}) | {name} "
+                f"| {tally.found / tally.photographs:.1%} | {tally.exact / tally.photographs:.1%} "
+                f"| {tally.exact_and_certain / tally.photographs:.1%} "
+                f"| {tally.characters_right / tally.characters:.1%} "
+                f"| {tally.false_texts / tally.photographs:.2f} "
+                f"| {tally.certain_and_wrong} of {tally.certain_texts} "
+                f"| {np.median(tally.seconds):.3f} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Put the table into the page, between its marks."""
+    before, rest = PAGE.read_text(encoding="utf-8").split(_MARKS[0])
+    _, after = rest.split(_MARKS[1])
+    PAGE.write_text(f"{before}{_MARKS[0]}{table()}{_MARKS[1]}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""Characters as the dies of North American plates stamp them, drawn as strokes of even width.
+
+No font with a free licence has these shapes: narrow, round-ended, the one and often the I standing
+on a foot. Each character is a few lines in a box of 1 by 1, y pointing down.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+Mask = npt.NDArray[np.uint8]
+Point = tuple[float, float]
+Line = list[Point]
+
+_STROKE = 0.12
+"""Of the cap height."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dies:
+    """One set of dies."""
+
+    width: float
+    """Of a character, as a share of the cap height."""
+    corner: tuple[float, float]
+    """Radii of round corners in x and y, as shares of the box: (0.5, ...) is a half ellipse."""
+    feet: bool
+    """Whether 1 and I stand on a foot."""
+    upright: bool
+    """Whether the sides of W are upright, as those of M are."""
+    valley: float
+    """How deep the middle of M reaches, and how high that of W."""
+
+
+DIES = {
+    "dies-round": Dies(0.44, (0.5, 0.24), feet=True, upright=True, valley=0.55),
+    "dies-plain": Dies(0.44, (0.5, 0.24), feet=False, upright=False, valley=0.65),
+    "dies-square": Dies(0.46, (0.34, 0.17), feet=True, upright=False, valley=0.5),
+    "dies-narrow": Dies(0.38, (0.5, 0.2), feet=False, upright=True, valley=0.8),
+    "dies-wide": Dies(0.54, (0.5, 0.32), feet=True, upright=False, valley=0.6),
+}
+
+
+def die(name: str, character: str, cap_height_px: int) -> Mask:
+    """Mask of a character, `cap_height_px` high, 255 where there is ink; blank if there is none."""
+    dies = DIES[name]
+    share = {"M": 1.15, "W": 1.15 if dies.upright else 1.3, "-": 0.6}.get(character, 1.0)
+    if character in "1I":
+        share = 0.75 if dies.feet else 0.35
+    stroke_px = max(1, round(_STROKE * cap_height_px))
+    width_px = max(stroke_px, round(dies.width * share * cap_height_px))
+    mask = np.zeros((cap_height_px, width_px + stroke_px), np.uint8)
+    inner = np.asarray([width_px - 1, cap_height_px - stroke_px - 1])
+    for line in _lines(character, dies):
+        points = np.asarray(line) * inner + stroke_px / 2
+        shape = [np.rint(points * 16).astype(np.int32)]
+        cv2.polylines(mask, shape, False, 255, stroke_px, cv2.LINE_AA, 4)
+    return mask
+
+
+def _arc(centre: Point, radii: Point, start_deg: float, end_deg: float) -> Line:
+    angles = np.radians(np.linspace(start_deg, end_deg, 16))
+    return [
+        (centre[0] + radii[0] * float(np.cos(a)), centre[1] + radii[1] * float(np.sin(a)))
+        for a in angles
+    ]
+
+
+def _lines(character: str, dies: Dies) -> list[Line]:
+    rx, ry = dies.corner
+    over_left = _arc((rx, ry), (rx, ry), 180, 270)
+    over_right = _arc((1 - rx, ry), (rx, ry), 270, 360)
+    under_right = _arc((1 - rx, 1 - ry), (rx, ry), 0, 90)
+    under_left = _arc((rx, 1 - ry), (rx, ry), 90, 180)
+    ring = [*over_left, *over_right, *under_right, *under_left, over_left[0]]
+    over, under = over_right[::-1] + over_left[::-1], under_left[::-1] + under_right[::-1]
+    lean = 0.0 if dies.upright else 0.2
+    left: Line = [(0, 0), (0, 1)]
+    foot: list[Line] = [[(0, 1), (1, 1)]] if dies.feet else []
+    head: list[Line] = [[(0, 0), (1, 0)]] if dies.feet else []
+    upper_bow = [(0, 0), (0.6, 0), *_arc((0.6, 0.25), (0.4, 0.25), 270, 450), (0, 0.5)]
+    lower_bow = [(0.6, 0.5), *_arc((0.6, 0.75), (0.4, 0.25), 270, 450), (0, 1)]
+    low_ring = _arc((0.5, 0.7), (0.5, 0.3), 0, 360)
+    shapes: dict[str, list[Line]] = {
+        "0": [ring],
+        "1": [[(0.05, 0.22), (0.5, 0), (0.5, 1)], *foot],
+        "2": [[*over_left, *over_right, (0.93, 0.42), (0.75, 0.55), (0, 1), (1, 1)]],
+        "3": [
+            [*over_left, *_arc((1 - rx, 0.25), (rx, 0.25), 270, 430), (0.5, 0.48)],
+            [(0.5, 0.48), *_arc((0.55, 0.74), (0.45, 0.26), 280, 360), *under_right, *under_left],
+        ],
+        "4": [[(0.72, 1), (0.72, 0), (0, 0.7), (1, 0.7)]],
+        "5": [[(0.93, 0), (0.1, 0), (0.05, 0.5), *_arc((0.5, 0.69), (0.5, 0.31), 225, 515)]],
+        "6": [[*over, (0, 0.7)], low_ring],
+        "7": [[(0, 0), (1, 0), (0.55, 0.45), (0.38, 1)]],
+        "8": [_arc((0.5, 0.25), (0.45, 0.25), 0, 360), _arc((0.5, 0.75), (0.5, 0.25), 0, 360)],
+        "A": [[(0, 1), (0.5, 0), (1, 1)], [(0.17, 0.68), (0.83, 0.68)]],
+        "B": [left, upper_bow, lower_bow],
+        "C": [[(1, 0.3), *over, *under, (1, 0.7)]],
+        "D": [[(0, 0), (0, 1), *under_right[::-1], *over_right[::-1], (0, 0)]],
+        "E": [[(1, 0), (0, 0), (0, 1), (1, 1)], [(0, 0.48), (0.85, 0.48)]],
+        "F": [[(1, 0), (0, 0), (0, 1)], [(0, 0.48), (0.85, 0.48)]],
+        "G": [
+            [(1, 0.3), *over, *under],
+            [(1, 1 - ry), (1, 0.55), (0.55, 0.55)],
+        ],
+        "H": [left, [(1, 0), (1, 1)], [(0, 0.48), (1, 0.48)]],
+        "I": [[(0.5, 0), (0.5, 1)], *foot, *head],
+        "J": [[(1, 0), *under_right, *under_left]],
+        "K": [left, [(1, 0), (0, 0.6)], [(0.3, 0.42), (1, 1)]],
+        "L": [[(0, 0), (0, 1), (1, 1)]],
+        "M": [[(0, 1), (0, 0), (0.5, dies.valley), (1, 0), (1, 1)]],
+        "N": [[(0, 1), (0, 0), (1, 1), (1, 0)]],
+        "O": [ring],
+        "P": [left, upper_bow],
+        "Q": [ring, [(0.55, 0.72), (1, 1)]],
+        "R": [left, upper_bow, [(0.5, 0.5), (1, 1)]],
+        "S": [[*over, (0.12, 0.4), (0.88, 0.6), *under[::-1]]],
+        "T": [[(0, 0), (1, 0)], [(0.5, 0), (0.5, 1)]],
+        "U": [[(0, 0), *under, (1, 0)]],
+        "V": [[(0, 0), (0.5, 1), (1, 0)]],
+        "W": [[(0, 0), (lean, 1), (0.5, 1 - dies.valley), (1 - lean, 1), (1, 0)]],
+        "X": [[(0, 0), (1, 1)], [(1, 0), (0, 1)]],
+        "Y": [[(0, 0), (0.5, 0.5), (1, 0)], [(0.5, 0.5), (0.5, 1)]],
+        "Z": [[(0, 0), (1, 0), (0, 1), (1, 1)]],
+        "-": [[(0, 0.5), (1, 0.5)]],
+    }  # fmt: skip
+    if character == "9":
+        return [[(1 - x, 1 - y) for x, y in line] for line in shapes["6"]]
+    return shapes.get(character, [])

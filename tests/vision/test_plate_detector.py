@@ -1,0 +1,136 @@
+"""Plates on rendered roads are found where they are; what is none is left alone."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from onboard.observations import Box
+from onboard.vision.plate_detector import FoundPlate, PlateDetector, as_input
+from onboard.vision.settings import Calibration
+from sim_rig.picture.clutter import surroundings
+from sim_rig.picture.plate_art import FORMATS, PlateFormat
+from sim_rig.picture.scene import Light, Picture, Scene, SceneCar
+
+CAMERA = Picture(Calibration())
+
+
+@pytest.fixture(scope="module")
+def detector() -> PlateDetector:
+    return PlateDetector()
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(2)
+
+
+def nearest_error_px(found: list[FoundPlate], quad: np.ndarray) -> float:
+    """How far the corners of the best find are off, the worst corner."""
+    errors = [np.hypot(*(plate.corners_px - quad).T).max() for plate in found]
+    return float(min(errors, default=np.inf))
+
+
+@pytest.mark.parametrize("plate_format", FORMATS.values(), ids=FORMATS)
+@pytest.mark.parametrize("width_px", [40, 70, 150, 350])
+def test_a_plate_is_found_from_far_to_near(
+    detector: PlateDetector, plate_format: PlateFormat, width_px: float
+) -> None:
+    ahead_m = CAMERA.camera.focal_x_px * plate_format.width_m / width_px
+    car = SceneCar(ahead_m, 0.2, plate="KLM4567", plate_format=plate_format)
+    found = detector.find(CAMERA.draw(Scene((car,)), rng()))
+    assert nearest_error_px(found, CAMERA.plate_quad(car)) < max(2.0, 0.06 * width_px)
+
+
+@pytest.mark.parametrize("light", Light)
+def test_in_any_light(detector: PlateDetector, light: Light) -> None:
+    car = SceneCar(9.0, plate="KLM4567")
+    found = detector.find(CAMERA.draw(Scene((car,), light=light), rng()))
+    assert nearest_error_px(found, CAMERA.plate_quad(car)) < 4.0
+
+
+def test_every_car_of_several_lanes_is_found(detector: PlateDetector) -> None:
+    cars = (
+        SceneCar(8.0, 0.0, plate="AAA1111"),
+        SceneCar(12.0, -3.5, plate="BBB2222", colour_bgr=(200, 200, 200)),
+        SceneCar(10.0, 3.5, plate="CCC3333", colour_bgr=(30, 30, 160)),
+    )
+    found = detector.find(CAMERA.draw(Scene(cars), rng()))
+    for car in cars:
+        assert nearest_error_px(found, CAMERA.plate_quad(car)) < 5.0
+
+
+def test_in_a_region_as_in_the_whole_picture(detector: PlateDetector) -> None:
+    car = SceneCar(9.0, plate="KLM4567")
+    image, quad = CAMERA.draw(Scene((car,)), rng()), CAMERA.plate_quad(car)
+    middle = quad.mean(axis=0)
+    region = Box(float(middle[0]) - 120, float(middle[1]) - 80, 240, 160)
+    assert nearest_error_px(detector.find(image, region), quad) < 4.0
+
+
+def test_a_region_outside_the_picture_is_empty(detector: PlateDetector) -> None:
+    image = CAMERA.draw(Scene((SceneCar(9.0, plate="KLM4567"),)), rng())
+    assert detector.find(image, Box(5000, 5000, 100, 100)) == []
+    assert detector.find(image, Box(-500, -500, 100, 100)) == []
+
+
+def test_an_empty_road_and_clutter_have_hardly_any_plates(detector: PlateDetector) -> None:
+    assert detector.find(CAMERA.draw(Scene(), rng())) == []
+    generator = rng()
+    false = sum(len(detector.find(surroundings(360, 640, generator))) for _ in range(10))
+    assert false <= 3
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((0, 0, 3), np.uint8),
+        np.zeros((1, 1, 3), np.uint8),
+        np.zeros((1, 4000, 3), np.uint8),
+        np.zeros((17, 33, 3), np.uint8),
+        np.zeros((720, 1280, 3), np.uint8),
+        np.full((720, 1280), 255, np.uint8),
+    ],
+    ids=["empty", "one pixel", "one row", "tiny", "black", "white and grey"],
+)
+def test_pictures_without_anything_have_no_plates(
+    detector: PlateDetector, image: np.ndarray
+) -> None:
+    assert detector.find(image) == []
+
+
+def test_grey_pictures_and_huge_ones_work_too(detector: PlateDetector) -> None:
+    car = SceneCar(9.0, plate="KLM4567")
+    image, quad = CAMERA.draw(Scene((car,)), rng()), CAMERA.plate_quad(car)
+    grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    assert nearest_error_px(detector.find(grey), quad) < 4.0
+    huge = np.asarray(cv2.resize(image, None, fx=4, fy=4), np.uint8)
+    assert nearest_error_px(detector.find(huge), quad * 4) < 20.0
+
+
+def test_sizes_may_change_from_picture_to_picture(detector: PlateDetector) -> None:
+    image = CAMERA.draw(Scene((SceneCar(9.0, plate="KLM4567"),)), rng())
+    first = detector.find(image)
+    detector.find(image[:300, :500].copy())
+    again = detector.find(image)
+    for one, other in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one.corners_px, other.corners_px)
+
+
+def test_light_only_shifts_what_the_network_sees() -> None:
+    bright = np.asarray([[[80, 160]]], np.uint8)
+    dim = np.asarray([[[35, 75]]], np.uint8)  # half of (value + 10)
+    contrast = [float(np.diff(as_input(picture)).item()) for picture in (bright, dim)]
+    assert contrast[0] == pytest.approx(contrast[1], abs=1e-6)
+
+
+def test_box_and_width_of_a_find() -> None:
+    corners = np.asarray([(10, 12), (110, 10), (111, 40), (9, 42)], np.float32)
+    plate = FoundPlate(corners, 0.9)
+    assert plate.box == Box(9.0, 10.0, 102.0, 32.0)
+    assert plate.width_px == pytest.approx(101.01, abs=0.02)
+
+
+def test_a_missing_model_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"no plate detector model at .*none\.onnx"):
+        PlateDetector(tmp_path / "none.onnx")

@@ -1,0 +1,186 @@
+"""What is rendered is read; what cannot be read is not guessed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from onboard.vision.plate_reader import (
+    ALPHABET,
+    CERTAIN,
+    READER_SIZE,
+    PlateReader,
+    decode,
+    rectify,
+)
+from sim_rig.picture.lens import photograph
+from sim_rig.picture.plate_art import FORMATS, PlateFormat, draw_plate
+from sim_rig.picture.scene import warp_onto
+
+
+@pytest.fixture(scope="module")
+def reader() -> PlateReader:
+    return PlateReader()
+
+
+def shown(
+    text: str, plate_format: PlateFormat, width_px: float, angle_deg: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """A picture with the plate in the middle, and the plate's corners."""
+    half = np.asarray([1.0, plate_format.height_mm / plate_format.width_mm]) * width_px / 2
+    corners = np.asarray([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
+    angle = np.deg2rad(angle_deg)
+    turn = np.asarray([(np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))])
+    size = int(width_px * 1.6)
+    quad = (corners @ turn + size / 2).astype(np.float32)
+    image = np.full((size, size, 3), 70, np.uint8)
+    art = draw_plate(text, plate_format, px_per_mm=min(1.0, 1.5 * width_px / plate_format.width_mm))
+    warp_onto(image, np.dstack([art, np.full(art.shape[:2], 255, np.uint8)]), quad)
+    return image, quad
+
+
+@pytest.mark.parametrize("plate_format", FORMATS.values(), ids=FORMATS)
+@pytest.mark.parametrize("text", ["ABC1234", "KLM7890", "XYZ5566", "RST3847"])
+def test_a_clean_plate_is_read_and_certain(
+    reader: PlateReader, text: str, plate_format: PlateFormat
+) -> None:
+    read = reader.read(*shown(text, plate_format, width_px=150))
+    assert read.text == text
+    assert read.confidence >= CERTAIN
+    assert len(read.character_confidences) == len(text)
+
+
+@pytest.mark.parametrize("width_px", [90, 160, 400, 1500])
+@pytest.mark.parametrize("angle_deg", [-10.0, 7.0])
+def test_size_and_angle_do_not_matter(
+    reader: PlateReader, width_px: float, angle_deg: float
+) -> None:
+    assert reader.read(*shown("HKV4826", FORMATS["eu"], width_px, angle_deg)).text == "HKV4826"
+
+
+def test_photographs_are_read_for_the_most_part(reader: PlateReader) -> None:
+    rng = np.random.default_rng(8)
+    right = 0
+    for number in range(40):
+        text = f"{''.join('ABCDEFGHJKLMNPRSTUVWXYZ'[i] for i in rng.integers(0, 23, 3))}{number:04}"
+        image, corners = shown(text, FORMATS["us"], width_px=120, angle_deg=rng.normal(0, 4))
+        right += reader.read(photograph(image, rng, fine_px=2.0), corners).text == text
+    assert right >= 32
+
+
+def test_grey_pictures_are_read_as_coloured_ones_are(reader: PlateReader) -> None:
+    image, corners = shown("ABC1234", FORMATS["eu"], width_px=150)
+    grey = image[..., 0].copy()
+    assert reader.read(grey, corners).text == "ABC1234"
+
+
+def test_several_plates_at_once_read_as_one_by_one(reader: PlateReader) -> None:
+    image, corners = shown("ABC1234", FORMATS["eu"], width_px=150)
+    shifted = corners + np.float32(2.0)
+    together = reader.read_many(image, [corners, shifted])
+    assert [read.text for read in together] == [
+        reader.read(image, corners).text,
+        reader.read(image, shifted).text,
+    ]
+    assert reader.read_many(image, []) == []
+
+
+def test_an_illegible_plate_is_never_certain(reader: PlateReader) -> None:
+    """Seven characters on sixteen pixels."""
+    certain = 0
+    for text in ("ABC1234", "KLM7890", "XYZ5566", "RST3847", "BDO8B80"):
+        read = reader.read(*shown(text, FORMATS["eu"], width_px=16))
+        certain += read.confidence >= CERTAIN and read.text != text and bool(read.text)
+    assert certain == 0
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((1, 1, 3), np.uint8),
+        np.zeros((0, 0, 3), np.uint8),
+        np.zeros((200, 300, 3), np.uint8),
+        np.full((200, 300), 255, np.uint8),
+    ],
+    ids=["one pixel", "empty", "black", "white and grey"],
+)
+def test_where_nothing_is_nothing_is_read(reader: PlateReader, image: np.ndarray) -> None:
+    corners = np.asarray([(10, 10), (110, 10), (110, 40), (10, 40)], np.float32)
+    read = reader.read(image, corners)
+    assert (read.text, read.confidence) == ("", 0.0)
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(5, 5)] * 4,
+        [(1000, 1000), (1100, 1000), (1100, 1040), (1000, 1040)],
+        [(-300, -300), (-200, -300), (-200, -260), (-300, -260)],
+    ],
+    ids=["a point", "below the picture", "above the picture"],
+)
+def test_corners_without_a_plate_read_nothing(
+    reader: PlateReader, corners: list[tuple[int, int]]
+) -> None:
+    image, _ = shown("ABC1234", FORMATS["eu"], width_px=150)
+    assert reader.read(image, np.asarray(corners, np.float32)).text == ""
+
+
+def test_a_plate_cut_by_the_edge_of_the_picture_is_no_trouble(reader: PlateReader) -> None:
+    image, corners = shown("ABC1234", FORMATS["eu"], width_px=150)
+    reader.read(image[:, : image.shape[1] // 2].copy(), corners)
+
+
+def test_rectifying_puts_the_plate_in_the_view_at_any_scale() -> None:
+    views = [
+        rectify(*shown("ABC1234", FORMATS["eu"], width_px)).astype(float) for width_px in (300, 900)
+    ]
+    assert views[0].shape == READER_SIZE[::-1]
+    assert np.abs(views[0] - views[1]).mean() < 12.0
+
+
+def scores_of(labels: list[int], sure: float = 12.0) -> np.ndarray:
+    scores = np.zeros((len(labels), len(ALPHABET) + 1), np.float32)
+    scores[np.arange(len(labels)), labels] = sure
+    return scores
+
+
+@pytest.mark.parametrize(
+    ("labels", "text"),
+    [
+        ([0, 0, 0], ""),
+        ([11, 11, 0, 12], "AB"),
+        ([11, 0, 11], "AA"),
+        ([11, 11, 11], "A"),
+        ([1, 2, 36], "01Z"),
+    ],
+)
+def test_repeats_and_blanks_are_taken_out(labels: list[int], text: str) -> None:
+    read = decode(scores_of(labels))
+    assert read.text == text
+    assert read.confidence == pytest.approx(1.0, abs=0.01)
+
+
+def test_confidence_counts_every_path_that_spells_the_text() -> None:
+    """PyTorch's rule on a case small enough to list: two columns, A or blank, evenly likely.
+
+    Of the four paths (--, -A, A-, AA) three spell A.
+    """
+    scores = np.full((2, len(ALPHABET) + 1), -50.0, np.float32)
+    scores[:, [0, 11]] = 0.0
+    scores[0, 11] = 1e-4
+    assert decode(scores).text == "A"
+    assert decode(scores).confidence == pytest.approx(0.75, abs=1e-3)
+
+
+def test_one_doubtful_column_makes_the_text_doubtful() -> None:
+    scores = scores_of([11, 0, 12])
+    scores[2, 13] = 12.0
+    read = decode(scores)
+    assert read.confidence < 0.51
+    assert read.character_confidences[0] > 0.99 > read.character_confidences[1]
+
+
+def test_a_missing_model_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"no plate reader model at .*none\.onnx"):
+        PlateReader(tmp_path / "none.onnx")
