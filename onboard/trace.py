@@ -4,8 +4,10 @@ A trace line is the event itself: its `stamp_s`, its `kind`, then its fields und
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from functools import cache, singledispatch
 from typing import Any, ClassVar, Protocol
 
 
@@ -23,30 +25,64 @@ def as_line(event: Event, **more: float) -> str:
     """The event as one line of JSON, with `more` fields of the edge that writes it.
 
     Raises:
-        TypeError: a field has a type that has no form in JSON.
+        TypeError: as in `as_record`.
     """
-    head = {"stamp_s": event.stamp_s, "kind": event.kind}
-    return json.dumps(head | _fields_of(event) | more, default=_plain, separators=(",", ":"))
+    return json.dumps(as_record(event) | more, separators=(",", ":"))
 
 
 def as_record(event: Event) -> dict[str, Any]:
-    """What a reader of the trace gets from `as_line`."""
-    record: dict[str, Any] = json.loads(as_line(event))
+    """The event in JSON's types: what a reader of the line gets.
+
+    Raises:
+        TypeError: a field has a type that has no form in JSON.
+    """
+    record = {"stamp_s": event.stamp_s, "kind": event.kind}
+    record.update(_plain_fields(event))
     return record
 
 
-def _fields_of(value: Any) -> dict[str, Any]:
-    return {field.name: getattr(value, field.name) for field in fields(value)}
+def _plain_fields(value: object) -> dict[str, Any]:
+    names = _field_names(type(value))
+    return {name: _plain(getattr(value, name)) for name in names}
 
 
-def _plain(value: object) -> object:
-    """What JSON lacks: bytes as hex, enums as their value, dataclasses as objects, sets sorted."""
-    if isinstance(value, bytes):
-        return value.hex()
-    if isinstance(value, Enum):
-        return value.value
-    if isinstance(value, frozenset):
-        return sorted(value)
+@cache
+def _field_names(cls: type[object]) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(cls))  # type: ignore[arg-type]  # a dataclass
+
+
+@singledispatch
+def _plain(value: object) -> Any:  # a dataclass becomes an object
     if is_dataclass(value):
-        return _fields_of(value)
+        return _plain_fields(value)
     raise TypeError(f"{type(value).__name__} has no form in a trace")
+
+
+@_plain.register(str | int | float | None)
+def _(value: float | str | None) -> float | str | None:
+    return value
+
+
+@_plain.register
+def _(value: bytes) -> str:
+    return value.hex()
+
+
+@_plain.register
+def _(value: Enum) -> Any:
+    return value.value
+
+
+@_plain.register(tuple | list)
+def _(value: Sequence[object]) -> list[Any]:
+    return [_plain(item) for item in value]
+
+
+@_plain.register
+def _(value: frozenset) -> list[Any]:  # type: ignore[type-arg]  # of whatever can be sorted
+    return [_plain(item) for item in sorted(value)]
+
+
+@_plain.register
+def _(value: dict) -> dict[str, Any]:  # type: ignore[type-arg]  # of whatever has a form
+    return {str(_plain(key)): _plain(item) for key, item in value.items()}

@@ -1,0 +1,92 @@
+"""The commands of the car: run, check, replay, and those that each room brings."""
+
+import asyncio
+import logging
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import structlog
+import typer
+
+from onboard import replay as drive
+from onboard.config import CarConfig, CarSettings
+from onboard.daemon import Daemon
+from onboard.errors import UserError
+from onboard.settings import load_settings
+from onboard.trace import as_line
+
+app = typer.Typer(
+    help="The in-car safety daemon and its tools.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+UNCONFIGURED = CarConfig(car=CarSettings(plate="REPLAY"))
+"""For a replay that needs nothing of the car."""
+
+ConfigFile = Annotated[Path, typer.Argument(help="The car's configuration, YAML.")]
+
+
+@app.command()
+def run(config: ConfigFile) -> None:
+    """Run the car until it is told to stop."""
+    asyncio.run(Daemon(load_settings(config, CarConfig)).run())
+
+
+@app.command()
+def check(config: ConfigFile) -> None:
+    """Read the configuration and say whether it is good; nothing is opened."""
+    loaded = load_settings(config, CarConfig)
+    typer.echo(f"{config}: good, car {loaded.car.plate}")
+
+
+@app.command()
+def replay(
+    can: Annotated[
+        Path | None, typer.Option(help="A CAN log in any format that python-can reads.")
+    ] = None,
+    clip: Annotated[
+        str | None, typer.Option(help="A video, or a folder or glob of pictures.")
+    ] = None,
+    nmea: Annotated[Path | None, typer.Option(help="A GNSS receiver's sentences.")] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="The car's configuration; its wires are not opened.")
+    ] = None,
+    fps: Annotated[float | None, typer.Option(help="Of pictures, and of a clip that lies.")] = None,
+    *,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="At the speed of the drive, not of the machine.")
+    ] = False,
+) -> None:
+    """Drive the cores with a recording; one JSON line per observation and decision.
+
+    A clip begins with the first CAN frame, or at 0 alone.
+    """
+    car = load_settings(config, CarConfig) if config is not None else UNCONFIGURED
+    events = drive.replay(drive.Recording(can, clip, fps, nmea), car)
+    for event in drive.in_real_time(events) if realtime else events:
+        typer.echo(as_line(event))
+
+
+def main() -> None:
+    """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    structlog.configure(
+        processors=[
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            structlog.processors.JSONRenderer(),
+        ],
+        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
+        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
+    )
+    try:
+        app()
+    except UserError as error:
+        sys.exit(_complain(error))
+
+
+def _complain(error: UserError) -> int:
+    print(error, file=sys.stderr)  # noqa: T201 (what the user asked for went wrong; not a log)
+    return 2

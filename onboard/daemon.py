@@ -1,0 +1,153 @@
+"""The loop of the car: wait for input or the least timer, then receive, decide, send, show."""
+
+import asyncio
+import contextlib
+import math
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, TextIO, TypeVar
+
+import numpy as np
+import sdnotify
+import structlog
+
+from onboard.config import CarConfig
+from onboard.errors import UserError
+from onboard.obd.can_bus import CanBus
+from onboard.obd.can_frame import CanFrame
+from onboard.observations import Lead, Sensor, SensorLost
+from onboard.stack import Observation, Stack
+from onboard.trace import Event, as_line, as_record
+from onboard.vision.frames import CameraThread
+from onboard.wave_udp.endpoint import open_endpoint
+
+log = structlog.get_logger()
+
+LOGGED_KINDS = frozenset({"transition", "warning", "hard_brake", "sensor_lost", "sensor_back"})
+"""What an operator wants to read in the journal; the trace has the rest."""
+
+InputT = TypeVar("InputT")
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """All wires are open."""
+
+    kind: ClassVar[str] = "ready"
+    stamp_s: float
+
+
+class Daemon:
+    """One car: its cores, its wires and the clock."""
+
+    def __init__(self, config: CarConfig) -> None:
+        self._config = config
+        rng = np.random.default_rng(config.seed)
+        self._stack = Stack(config, config.sensors(), rng, time.monotonic(), time.time())
+        self._inbox: deque[tuple[Callable[[Any, float], None], object]] = deque()
+        self._next_step: asyncio.Handle | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._trace: TextIO | None = None
+        self._send_can: Callable[[CanFrame], None] = _nowhere
+        self._send_wsm: Callable[[bytes, int], None] = _nowhere
+
+    async def run(self) -> None:
+        """Open the wires and drive the cores until SIGINT or SIGTERM.
+
+        Raises:
+            UserError: a wire cannot be opened.
+        """
+        self._loop = asyncio.get_running_loop()
+        stop = asyncio.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._loop.add_signal_handler(number, stop.set)
+        with contextlib.ExitStack() as wires:
+            self._open(wires)
+            self._show(Ready(time.monotonic()))
+            self._step()
+            notifier = sdnotify.SystemdNotifier()
+            notifier.notify("READY=1")
+            log.info("ready", plate=self._config.car.plate)
+            await stop.wait()
+            notifier.notify("STOPPING=1")
+        log.info("stopped")
+
+    def _open(self, wires: contextlib.ExitStack) -> None:
+        config, stack = self._config, self._stack
+        if config.trace.file is not None:
+            try:
+                self._trace = wires.enter_context(config.trace.file.open("w", encoding="utf-8"))
+            except OSError as error:
+                raise UserError(f"trace.file: {config.trace.file}: {error.strerror}") from error
+        if config.can is not None:
+            bus = CanBus(config.can, self._taker(stack.receive_can), self._on_bus_state)
+            bus.start(self._loop)
+            wires.callback(bus.close)
+            self._send_can = bus.send
+        if config.radio is not None:
+            radio = open_endpoint(config.radio, self._taker(stack.receive_wsm))
+            wires.callback(radio.close)
+            radio.start(self._loop)
+            self._send_wsm = radio.send
+        if config.camera is not None:
+            camera = CameraThread(config.camera, config.vision, self._on_seen)
+            wires.callback(camera.close)
+            camera.start()
+
+    def _step(self) -> None:
+        """One round, in a fixed order: receive, decide, send, show, arm the next timer."""
+        self._next_step = None
+        now = time.monotonic()
+        self._stack.set_utc(time.time(), now)
+        while self._inbox:
+            receive, item = self._inbox.popleft()
+            receive(item, now)
+        if self._stack.get_timer() <= now:
+            self._stack.handle_timer(now)
+        for user_priority, wsm in self._stack.wsms_to_send(now):
+            self._send_wsm(wsm, user_priority)
+        for frame in self._stack.can_to_send(now):
+            self._send_can(frame)
+        while (event := self._stack.next_event()) is not None:
+            self._show(event)
+        if self._timer is not None:
+            self._timer.cancel()
+        at = self._stack.get_timer()
+        self._timer = None if at == math.inf else self._loop.call_at(at, self._step)
+
+    def _take(self, receive: Callable[[InputT, float], None], item: InputT) -> None:
+        """Have `item` received in the next round."""
+        self._inbox.append((receive, item))
+        if self._next_step is None:
+            self._next_step = self._loop.call_soon(self._step)
+
+    def _taker(self, receive: Callable[[InputT, float], None]) -> Callable[[InputT], None]:
+        return lambda item: self._take(receive, item)
+
+    def _on_bus_state(self, up: bool, why: str) -> None:
+        if not up:  # it is back when a speed comes, not when the bus does
+            lost = SensorLost(self._loop.time(), Sensor.SPEED, silent_s=None, reason=why)
+            self._take(self._stack.receive_observation, lost)
+
+    def _on_seen(self, observations: Sequence[Observation]) -> None:
+        """Called from the camera's thread, where there is time for the slow derivation of IDs."""
+        for observation in observations:
+            if isinstance(observation, Lead) and observation.text is not None:
+                self._stack.digest.car_id(observation.text, time.time())
+            self._loop.call_soon_threadsafe(
+                self._take, self._stack.receive_observation, observation
+            )
+
+    def _show(self, event: Event) -> None:
+        if self._trace is not None:
+            self._trace.write(as_line(event, traced_s=time.monotonic()) + "\n")
+            self._trace.flush()
+        if event.kind in LOGGED_KINDS:
+            log.info(event.kind, details=as_record(event))
+
+
+def _nowhere(*_: object) -> None:
+    """Where a car without that wire sends."""
