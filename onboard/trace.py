@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import cache, singledispatch
+from functools import singledispatch
 from typing import Any, ClassVar, Protocol
 
 
@@ -41,14 +41,8 @@ def as_record(event: Event) -> dict[str, Any]:
     return record
 
 
-def _plain_fields(value: object) -> dict[str, Any]:
-    names = _field_names(type(value))
-    return {name: _plain(getattr(value, name)) for name in names}
-
-
-@cache
-def _field_names(cls: type[object]) -> tuple[str, ...]:
-    return tuple(field.name for field in fields(cls))  # type: ignore[arg-type]  # a dataclass
+def _plain_fields(value: Any) -> dict[str, Any]:
+    return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
 
 
 @singledispatch
