@@ -1,6 +1,6 @@
 # `make demo` runs the main job, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test lint bench system-packages clean
+.PHONY: demo test lint bench train system-packages clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
@@ -15,6 +15,16 @@ lint: .venv/ready
 
 bench: .venv/ready
 	$(PYTHON) -m bench
+
+# The plate networks, from rendered pictures to ONNX; see docs/plates.md for how long it takes.
+train: .venv-training/ready
+	.venv-training/bin/python -m training detector
+	.venv-training/bin/python -m training reader
+
+.venv-training/ready: training/requirements.lock
+	python3 -m venv .venv-training
+	.venv-training/bin/python -m pip install --quiet --no-deps -r $<
+	@touch $@
 
 system-packages:
 	@sh tools/system-packages.sh

@@ -1,6 +1,5 @@
 """Teaches the detector where plates are and writes it as ONNX."""
 
-import argparse
 import logging
 import time
 from pathlib import Path
@@ -14,7 +13,7 @@ from onboard.vision.plate_detector import CELL_PX, CORNER_UNIT_PX, DEFAULT_MODEL
 from training.detector_scenes import render_scenes
 from training.networks import DetectorNetwork
 from training.pictures import rendered
-from training.settings import NetworkSettings, load_training_settings
+from training.settings import NetworkSettings
 
 _log = logging.getLogger(__name__)
 
@@ -169,13 +168,3 @@ def export(network: DetectorNetwork, path: Path) -> None:
         opset_version=13,
         dynamo=False,
     )
-
-
-if __name__ == "__main__":
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--folder", type=Path, default=Path("build/training/detector"))
-    parser.add_argument("--processes", type=int, default=2)
-    arguments = parser.parse_args()
-    settings = load_training_settings()
-    train_detector(settings.detector, settings.seed, arguments.folder, arguments.processes)

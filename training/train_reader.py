@@ -1,6 +1,5 @@
 """Teaches the reader, calibrates how sure it is, and writes it as ONNX."""
 
-import argparse
 import logging
 import time
 from pathlib import Path
@@ -14,7 +13,7 @@ from onboard.vision.plate_reader import ALPHABET, CERTAIN, DEFAULT_MODEL, decode
 from training.networks import ReaderNetwork
 from training.pictures import rendered
 from training.reader_views import render_views
-from training.settings import NetworkSettings, load_training_settings
+from training.settings import NetworkSettings
 
 _log = logging.getLogger(__name__)
 
@@ -130,13 +129,3 @@ def export(network: ReaderNetwork, temperature: float, path: Path) -> None:
         opset_version=13,
         dynamo=False,
     )
-
-
-if __name__ == "__main__":
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--folder", type=Path, default=Path("build/training/reader"))
-    parser.add_argument("--processes", type=int, default=2)
-    arguments = parser.parse_args()
-    settings = load_training_settings()
-    train_reader(settings.reader, settings.seed, arguments.folder, arguments.processes)

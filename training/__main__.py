@@ -1,0 +1,40 @@
+"""Render, train and export one network: `python -m training reader` or `detector`."""
+
+import argparse
+import logging
+import os
+from pathlib import Path
+
+import torch
+
+from training.settings import load_training_settings
+from training.train_detector import train_detector
+from training.train_reader import train_reader
+
+
+def main() -> None:
+    """One network from nothing, by `settings.yaml`."""
+    parser = argparse.ArgumentParser(prog="python -m training", description=__doc__)
+    parser.add_argument("network", choices=["reader", "detector"])
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        default=Path("build/training"),
+        help="rendered pictures are kept here, and used again if they are there",
+    )
+    parser.add_argument(
+        "--processes", type=int, default=os.cpu_count(), help="to render with (default: all cores)"
+    )
+    arguments = parser.parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
+    torch.set_num_threads(1)  # so that sums are made in the same order everywhere
+    settings = load_training_settings()
+    folder = arguments.folder / arguments.network
+    if arguments.network == "reader":
+        train_reader(settings.reader, settings.seed, folder, arguments.processes)
+    else:
+        train_detector(settings.detector, settings.seed, folder, arguments.processes)
+
+
+if __name__ == "__main__":
+    main()
