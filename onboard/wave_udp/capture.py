@@ -6,7 +6,6 @@ Formats: draft-ietf-opsawg-pcap and draft-ietf-opsawg-pcapng.
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import BinaryIO, Final
 
 from onboard.errors import UserError
@@ -54,25 +53,6 @@ class PcapWriter:
         self._file.write(frame)
 
 
-def read_capture(path: Path) -> Iterator[Packet]:
-    """Yield every packet of a pcap or pcapng file, in its order.
-
-    Raises:
-        CaptureError: it cannot be read, is no capture, ends within a packet, or is of a link type
-            that is not read.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from error
-    try:
-        yield from packets(data)
-    except struct.error as error:
-        raise CaptureError(f"{path}: ends within a packet") from error
-    except CaptureError as error:
-        raise CaptureError(f"{path}: {error}") from error
-
-
 def is_capture(data: bytes) -> bool:
     """Whether a file that begins with `data` is a pcap or pcapng."""
     return data[:4] in _PCAP or data[:4] == _PCAPNG
@@ -89,18 +69,18 @@ _PCAP = {
 _PCAPNG = bytes.fromhex("0a0d0d0a")
 
 
-def packets(data: bytes) -> Iterator[Packet]:
-    """Yield the packets of a capture's bytes.
+def read_capture(data: bytes) -> Iterator[Packet]:
+    """Yield every packet of a pcap or pcapng, in its order.
 
     Raises:
-        CaptureError: as in `read_capture`.
-        struct.error: it ends within a packet.
+        CaptureError: it is neither, ends within a packet, or is of a link type that is not read.
     """
-    if data[:4] in _PCAP:
-        return _read_pcap(data)
-    if data[:4] == _PCAPNG:
-        return _read_pcapng(data)
-    raise CaptureError("neither pcap nor pcapng")
+    if not is_capture(data):
+        raise CaptureError("neither pcap nor pcapng")
+    try:
+        yield from _read_pcap(data) if data[:4] in _PCAP else _read_pcapng(data)
+    except struct.error as error:
+        raise CaptureError("ends within a packet") from error
 
 
 def _read_pcap(data: bytes) -> Iterator[Packet]:

@@ -5,6 +5,7 @@ import shutil
 import socket
 import struct
 import subprocess
+from io import BytesIO
 from pathlib import Path
 
 import pytest
@@ -164,33 +165,29 @@ def pcap_of(frames, link_type=1, order="<", magic=0xA1B2C3D4, fraction=250_000):
     return data
 
 
-def messages(tmp_path, data):
-    path = tmp_path / "capture"
-    path.write_bytes(data)
-    return [packet.message for packet in read_capture(path)]
+def messages(data):
+    return [packet.message for packet in read_capture(data)]
 
 
 WSM = encode(WSMS[0])
 
 
-@given(st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**50)), max_size=5))
-def test_what_was_written_is_read(tmp_path_factory, written):
-    path = tmp_path_factory.mktemp("pcap") / "ours.pcap"
-    with path.open("wb") as file:
-        writer = PcapWriter(file)
-        for wsm, microseconds in written:
-            writer.write(wsm, microseconds % 2**32 + 0.5, SENDER)
-    assert list(read_capture(path)) == [
-        Packet(microseconds % 2**32 + 0.5, wsm) for wsm, microseconds in written
+@given(st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**32 - 1)), max_size=5))
+def test_what_was_written_is_read(written):
+    file = BytesIO()
+    writer = PcapWriter(file)
+    for wsm, seconds in written:
+        writer.write(wsm, seconds + 0.5, SENDER)
+    assert list(read_capture(file.getvalue())) == [
+        Packet(seconds + 0.5, wsm) for wsm, seconds in written
     ]
 
 
-def test_both_byte_orders_and_both_clocks_of_pcap(tmp_path):
+def test_both_byte_orders_and_both_clocks_of_pcap():
     for order in "<>":
         for magic, fraction in ((0xA1B2C3D4, 250_000), (0xA1B23C4D, 250_000_000)):
-            path = tmp_path / "capture"
-            path.write_bytes(pcap_of([ethernet(0x88DC, WSM)], 1, order, magic, fraction))
-            assert list(read_capture(path)) == [Packet(UTC_S, WSM)]
+            data = pcap_of([ethernet(0x88DC, WSM)], 1, order, magic, fraction)
+            assert list(read_capture(data)) == [Packet(UTC_S, WSM)]
 
 
 @pytest.mark.parametrize(
@@ -208,8 +205,8 @@ def test_both_byte_orders_and_both_clocks_of_pcap(tmp_path):
         pytest.param(1, ethernet(0x0800, b""), None, id="IP without its header"),
     ],
 )
-def test_where_messages_are_found(tmp_path, link_type, frame, message):
-    assert messages(tmp_path, pcap_of([frame], link_type)) == [message]
+def test_where_messages_are_found(link_type, frame, message):
+    assert messages(pcap_of([frame], link_type)) == [message]
 
 
 @needs_tshark
@@ -219,7 +216,7 @@ def test_pcapng_as_wireshark_writes_it(tmp_path):
     subprocess.run(["tshark", "-r", ours, "-F", "pcapng", "-w", theirs], check=True,
                    capture_output=True)  # fmt: skip
     assert is_capture(theirs.read_bytes())
-    assert list(read_capture(theirs)) == list(read_capture(ours))
+    assert list(read_capture(theirs.read_bytes())) == list(read_capture(ours.read_bytes()))
 
 
 def block(block_type, body, order):
@@ -229,7 +226,7 @@ def block(block_type, body, order):
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize(("resolution", "unit_s"), [(None, 1e-6), (9, 1e-9), (0x80 | 10, 2**-10)])
-def test_pcapng_with_any_byte_order_and_clock(tmp_path, order, resolution, unit_s):
+def test_pcapng_with_any_byte_order_and_clock(order, resolution, unit_s):
     frame = ethernet(0x88DC, WSM)
     frame += bytes(-len(frame) % 4)
     ticks = round(UTC_S / unit_s)
@@ -245,9 +242,7 @@ def test_pcapng_with_any_byte_order_and_clock(tmp_path, order, resolution, unit_
         + block(6, struct.pack(order + "IIIII", 0, ticks >> 32, ticks & 0xFFFFFFFF,
                                len(frame), len(frame)) + frame, order)
     )  # fmt: skip
-    path = tmp_path / "capture"
-    path.write_bytes(data)
-    (packet,) = read_capture(path)
+    (packet,) = read_capture(data)
     assert packet.utc_s == pytest.approx(UTC_S)
     assert packet.message.startswith(WSM)
 
@@ -264,13 +259,6 @@ def test_pcapng_with_any_byte_order_and_clock(tmp_path, order, resolution, unit_
         (struct.pack("<II", 0x0A0D0D0A, 0) + b"\x4d\x3c\x2b\x1a", "a block of 0 bytes"),
     ],
 )  # fmt: skip
-def test_what_is_no_capture_is_one_clear_line(tmp_path, data, message):
-    with pytest.raises(CaptureError) as refused:
-        messages(tmp_path, data)
-    assert str(refused.value).startswith(f"{tmp_path / 'capture'}: ")
-    assert message in str(refused.value)
-
-
-def test_a_file_that_is_not_there_is_one_clear_line(tmp_path):
-    with pytest.raises(CaptureError, match="cannot be read: No such file"):
-        list(read_capture(tmp_path / "nothing"))
+def test_what_is_no_capture_says_what_is_wrong(data, message):
+    with pytest.raises(CaptureError, match=message):
+        messages(data)

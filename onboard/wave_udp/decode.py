@@ -1,0 +1,145 @@
+"""Says what is in bytes from the air, layer by layer, as far as they can be read.
+
+This looks over the shoulders of the other rooms, for people: nothing that drives depends on it, and
+nothing it says was verified.
+"""
+
+from enum import StrEnum
+from typing import Any
+
+from onboard.messages import bsm, lcca
+from onboard.messages.declaration import DecodeError
+from onboard.security import oer
+from onboard.wave_udp import immediate_forward, psid, wsmp
+
+
+class Form(StrEnum):
+    """What the bytes begin with."""
+
+    AUTO = "auto"
+    """Told by the bytes themselves."""
+    WSM = "wsm"
+    DOT2 = "1609.2"
+    MESSAGE_FRAME = "messageframe"
+    LCCA = "lcca"
+    RSU41 = "rsu41"
+
+
+def describe(data: bytes, form: Form = Form.AUTO) -> dict[str, Any]:
+    """Return each layer of `data` under its name, outermost first.
+
+    Where a layer cannot be read, `error` says which, with the reason, and `undecoded` has its bytes
+    as hex.
+    """
+    layers: dict[str, Any] = {}
+    rest: bytes | None = data
+    inner_psid: int | None = None
+    while rest is not None:
+        if form is Form.AUTO:
+            form = _form_of(rest, inner_psid)
+        try:
+            layer, content, layer_psid = _LAYERS[form](rest)
+        except DecodeError as error:
+            layers["error"] = {"layer": form, "reason": error.reason, "detail": error.detail}
+            layers["undecoded"] = rest.hex()
+            break
+        layers[form] = layer
+        inner_psid = inner_psid if layer_psid is None else layer_psid
+        form, rest = Form.AUTO, content
+    return layers
+
+
+def _form_of(data: bytes, inner_psid: int | None) -> Form:
+    """Tell by the first octets, and by the PSID that the layers around gave.
+
+    WSMP begins with its version and a TPID of 0 or 1, 1609.2 data with 3 and a choice of 80 hex or
+    more, a MessageFrame with the high octet of a small message number, LCCA with its version.
+    """
+    first, second = (data + bytes(2))[:2]
+    if data.startswith(b"Version"):
+        return Form.RSU41
+    if inner_psid in psid.PRIVATE_USE and first == lcca.VERSION:
+        return Form.LCCA
+    if first == wsmp.VERSION and second >= 0x80:
+        return Form.DOT2
+    if first == 0 or inner_psid == psid.BSM:
+        return Form.MESSAGE_FRAME
+    return Form.LCCA if first == lcca.VERSION else Form.WSM
+
+
+_Layer = tuple[dict[str, Any], bytes | None, int | None]
+"""What is said of a layer, what it carries, and under which PSID."""
+
+
+def _rsu41(data: bytes) -> _Layer:
+    message = immediate_forward.decode(data)
+    layer = {
+        "version": message.version,
+        "type": message.type,
+        **_psid(message.psid),
+        "priority": message.priority,
+        "tx_mode": message.tx_mode,
+        "tx_channel": message.tx_channel,
+        "tx_interval_s": message.tx_interval,
+        "delivery_start": message.delivery_start,
+        "delivery_stop": message.delivery_stop,
+        "signature": message.signature,
+        "encryption": message.encryption,
+    }
+    return layer, message.payload, message.psid
+
+
+def _wsm(data: bytes) -> _Layer:
+    wsm = wsmp.decode(data)
+    layer = {
+        "version": wsm.version,
+        "channel_number": wsm.channel_number,
+        "data_rate_mbit_s": wsm.data_rate_mbit_s,
+        "transmit_power_dbm": wsm.transmit_power_dbm,
+        "n_extensions": [_element(element) for element in wsm.n_extensions],
+        **_psid(wsm.psid),
+        "t_extensions": [_element(element) for element in wsm.t_extensions],
+        "wsm_length_bytes": len(wsm.payload),
+    }
+    return layer, wsm.payload, wsm.psid
+
+
+def _psid(value: int) -> dict[str, Any]:
+    return {"psid": value, "psid_name": psid.NAMES.get(value)}
+
+
+def _element(element: wsmp.Element) -> dict[str, Any]:
+    return {"element_id": element.element_id, "content": element.content.hex()}
+
+
+def _message_frame(data: bytes) -> _Layer:
+    message = bsm.decode(data)
+    layer = {"message_id": bsm.MESSAGE_ID, "basic_safety_message": bsm.as_dict(message)}
+    return layer, None, None
+
+
+def _lcca(data: bytes) -> _Layer:
+    message = lcca.decode(data)
+    return {"message": message.kind, **lcca.as_dict(message)}, None, None
+
+
+def _dot2(data: bytes) -> _Layer:
+    reader = oer.Reader(data)
+    try:
+        version, choice = reader.take(2)
+        if (version, choice) != (3, 0x80):
+            raise DecodeError("not_unsecured", f"version {version}, choice {choice:#x}")
+        content = reader.octets()
+        reader.finish()
+    except oer.Malformed as malformed:
+        raise DecodeError("malformed", str(malformed)) from malformed
+    return {"protocol_version": version, "content": "unsecured_data"}, content, None
+
+
+_LAYERS = {
+    Form.RSU41: _rsu41,
+    Form.WSM: _wsm,
+    Form.DOT2: _dot2,
+    Form.MESSAGE_FRAME: _message_frame,
+    Form.LCCA: _lcca,
+}
