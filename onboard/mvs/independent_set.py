@@ -1,0 +1,100 @@
+"""Which evidence to use, so that no measurement counts twice (section IV-B).
+
+The paper's graph has a vertex for every measurement or estimate, its value the number of
+measurements in it, and an edge between two that share a measurement. Wanted is the independent set
+of the greatest total value and, among equals, the one of fewest entries (each entry costs a run of
+the Kalman filter).
+
+The paper tries solution structures, {4}, {1,3}, {2,2}, ..., from the greatest total downwards. Its
+reason why that is quick, few distinct measurements, makes something quicker possible: settle one
+measurement after the other. An entry is decided on at its earliest measurement, and of everything
+decided so far only one thing matters for what follows: which of the later measurements are taken.
+All choices that agree in that are one state, of which the best is kept. The paper's order of
+preference is the order of the totals that are compared.
+
+Entries of one measurement, the great majority, need no decision: whatever the others leave, they
+cover. So another entry is worth the measurements that it adds to theirs, and each that it spares.
+"""
+
+from collections.abc import Hashable, Sequence
+
+
+def select_independent(provenances: Sequence[frozenset[Hashable]]) -> list[int]:
+    """Return the indices of the independent set of most measurements and fewest entries.
+
+    Among several such sets the one is taken that contains the earlier entries, so put those first
+    that should be preferred. Entries without a measurement are never taken.
+    """
+    bits: dict[Hashable, int] = {}
+    masks = []
+    for provenance in provenances:
+        mask = 0
+        for measurement in provenance:
+            bit = bits.get(measurement)
+            if bit is None:
+                bit = bits[measurement] = 1 << len(bits)
+            mask |= bit
+        masks.append(mask)
+    return select_independent_masks(masks)
+
+
+def select_independent_masks(masks: Sequence[int]) -> list[int]:
+    """`select_independent` for provenances given as bit sets."""
+    singles: dict[int, int] = {}
+    several: list[tuple[int, int]] = []
+    for index, mask in enumerate(masks):
+        if mask & (mask - 1):
+            several.append((index, mask))
+        elif mask:
+            singles.setdefault(mask, index)
+    covered = sum(singles)
+    chosen = _choose(several, covered)
+    for index in chosen:
+        covered &= ~masks[index]
+    chosen += [index for mask, index in singles.items() if mask & covered]
+    return sorted(chosen)
+
+
+def _choose(entries: Sequence[tuple[int, int]], covered: int) -> list[int]:
+    """Choose among `entries` (index, mask) of several measurements; singles cover `covered`.
+
+    A total is one number, compared as a whole: measurements gained, then entries spared, then one
+    bit for every entry taken, the earlier the higher.
+    """
+    shift = len(entries)
+    spared_bits = 1 + (covered.bit_count() + shift).bit_length()
+    by_earliest: dict[int, list[tuple[int, int]]] = {}
+    taken_bit = 1 << shift
+    for _, mask in entries:
+        taken_bit >>= 1
+        gained = (mask & ~covered).bit_count()
+        spared = (mask & covered).bit_count() - 1
+        worth = (((gained << spared_bits) + spared) << shift) + taken_bit
+        by_earliest.setdefault(mask & -mask, []).append((mask, worth))
+
+    steps = []
+    later = 0
+    for earliest in sorted(by_earliest, reverse=True):
+        steps.append((earliest, by_earliest[earliest], later))
+        for mask, _ in by_earliest[earliest]:
+            later |= mask
+
+    totals = {0: 0}
+    """The best total for every set of taken measurements that later entries contain."""
+    while steps:
+        earliest, starting, later = steps.pop()
+        settled: dict[int, int] = {}
+        for taken, total in totals.items():
+            left = taken & later
+            if settled.get(left, -1) < total:
+                settled[left] = total
+            if taken & earliest:
+                continue
+            for mask, worth in starting:
+                if not mask & taken:
+                    left = (taken | mask) & later
+                    if settled.get(left, -1) < total + worth:
+                        settled[left] = total + worth
+        totals = settled
+    best = totals[0]
+    return [entry[0] for place, entry in enumerate(entries) if best >> (shift - 1 - place) & 1]

@@ -1,0 +1,117 @@
+"""The batched filter against filterpy, one track at a time, and against whatever may arrive."""
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.mvs.kalman import Array, predict, update_position, update_state
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # its docstrings have invalid escapes
+    from filterpy.kalman import KalmanFilter
+
+Q = 1.7
+
+
+def some_covariances(rng: np.random.Generator, size: int, n: int) -> Array:
+    root = rng.normal(size=(size, size, n))
+    return np.einsum("ikn,jkn->ijn", root, root) + 0.01 * np.eye(size)[:, :, None]
+
+
+def filterpy_track(state: Array, covariance: Array) -> KalmanFilter:
+    track = KalmanFilter(dim_x=4, dim_z=2)
+    track.x, track.P = state.copy(), covariance.copy()
+    return track
+
+
+def filterpy_predict(track: KalmanFilter, dt: float) -> None:
+    transition = np.array([[1, 0, dt, 0], [0, 1, 0, dt], [0, 0, 1, 0], [0, 0, 0, 1]])
+    axis = Q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    track.predict(F=transition, Q=np.kron(axis, np.eye(2)))
+
+
+@pytest.mark.parametrize("n", [1, 7])
+def test_many_tracks_at_once_are_filterpy_track_by_track(n: int) -> None:
+    rng = np.random.default_rng(n)
+    states, covariances = rng.normal(size=(4, n)) * 20, some_covariances(rng, 4, n)
+    tracks = [filterpy_track(states[:, i], covariances[:, :, i]) for i in range(n)]
+
+    for step in range(12):
+        dt_s = rng.uniform(0, 0.4, n)
+        states, covariances = predict(states, covariances, dt_s, Q)
+        for track, dt in zip(tracks, dt_s, strict=True):
+            filterpy_predict(track, dt)
+        if step % 3 == 2:
+            z, noise = rng.normal(size=(4, n)), some_covariances(rng, 4, n)
+            states, covariances = update_state(states, covariances, z, noise)
+            for i, track in enumerate(tracks):
+                track.update(z[:, i], R=noise[:, :, i], H=np.eye(4))
+        else:
+            z, noise = rng.normal(size=(2, n)), some_covariances(rng, 2, n)
+            states, covariances = update_position(states, covariances, z, noise)
+            for i, track in enumerate(tracks):
+                track.update(z[:, i], R=noise[:, :, i], H=np.eye(2, 4))
+        for i, track in enumerate(tracks):
+            np.testing.assert_allclose(states[:, i], track.x, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(covariances[:, :, i], track.P, rtol=1e-9, atol=1e-9)
+
+
+sigmas = st.floats(1e-3, 1e3)
+correlations = st.floats(-0.999, 0.999)
+
+
+@given(
+    st.lists(
+        st.tuples(sigmas, sigmas, correlations, st.floats(0, 10), st.booleans()),
+        min_size=1,
+        max_size=40,
+    )
+)
+def test_a_covariance_stays_finite_symmetric_and_positive(
+    pieces: list[tuple[float, float, float, float, bool]],
+) -> None:
+    states, covariances = np.zeros((4, 1)), np.eye(4)[:, :, None] * 1e4
+    for sigma_x, sigma_y, correlation, dt, whole in pieces:
+        cross = correlation * sigma_x * sigma_y
+        noise = np.array([[sigma_x**2, cross], [cross, sigma_y**2]])
+        states, covariances = predict(states, covariances, np.array([dt]), Q)
+        if whole:
+            states, covariances = update_state(
+                states, covariances, np.full((4, 1), 50.0), np.kron(np.eye(2), noise)[:, :, None]
+            )
+        else:
+            states, covariances = update_position(
+                states, covariances, np.full((2, 1), 50.0), noise[:, :, None]
+            )
+        assert np.isfinite(states).all()
+        covariance = covariances[:, :, 0]
+        assert (covariance == covariance.T).all()
+        eigenvalues = np.linalg.eigvalsh(covariance)
+        assert eigenvalues[0] > -1e-12 * eigenvalues[-1]
+
+
+def test_two_short_predictions_are_one_long_one() -> None:
+    rng = np.random.default_rng(3)
+    start = rng.normal(size=(4, 5)), some_covariances(rng, 4, 5)
+
+    once = predict(*start, np.full(5, 0.7), Q)
+    twice = predict(*predict(*start, np.full(5, 0.3), Q), np.full(5, 0.4), Q)
+
+    np.testing.assert_allclose(once[0], twice[0])
+    np.testing.assert_allclose(once[1], twice[1])
+
+
+def test_arguments_are_left_as_they_were() -> None:
+    rng = np.random.default_rng(4)
+    states, covariances = rng.normal(size=(4, 3)), some_covariances(rng, 4, 3)
+    kept = states.copy(), covariances.copy()
+
+    predict(states, covariances, np.full(3, 0.1), Q)
+    update_position(states, covariances, states[:2] + 1, covariances[:2, :2])
+    update_state(states, covariances, states + 1, covariances)
+
+    assert (states == kept[0]).all()
+    assert (covariances == kept[1]).all()
