@@ -14,35 +14,28 @@ class Course:
     def __init__(self, breakpoints: Breakpoints) -> None:
         self._times_s = [at_s for at_s, _ in breakpoints]
         self._values = [value for _, value in breakpoints]
-        areas = (
-            (later - sooner) * (first + second) / 2
+        stretches = [
+            (later - sooner, first, second)
             for (sooner, first), (later, second) in pairwise(breakpoints)
-        )
+        ]
+        self._slopes = [(second - first) / length for length, first, second in stretches] + [0.0]
+        areas = (length * (first + second) / 2 for length, first, second in stretches)
         self._areas = list(accumulate(areas, initial=0.0))
 
     def value(self, at_s: float) -> float:
         """The value at `at_s`."""
-        index = self._index(at_s)
-        if index < 0:
-            return self._values[0]
-        return self._values[index] + self.slope(at_s) * (at_s - self._times_s[index])
+        return self.sample(at_s)[0]
 
-    def slope(self, at_s: float) -> float:
-        """Its rate of change, per second; at a breakpoint that of the stretch after it."""
-        index = self._index(at_s)
-        if index < 0 or index + 1 == len(self._values):
-            return 0.0
-        rise = self._values[index + 1] - self._values[index]
-        return rise / (self._times_s[index + 1] - self._times_s[index])
+    def sample(self, at_s: float) -> tuple[float, float, float]:
+        """Value, slope (per second) and integral since the first breakpoint, at `at_s`.
 
-    def integral(self, at_s: float) -> float:
-        """From the first breakpoint to `at_s`; negative before it."""
-        index = self._index(at_s)
+        At a breakpoint the slope is that of the stretch after it.
+        """
+        index = bisect_right(self._times_s, at_s) - 1
         if index < 0:
-            return self._values[0] * (at_s - self._times_s[0])
+            first = self._values[0]
+            return first, 0.0, first * (at_s - self._times_s[0])
         since_s = at_s - self._times_s[index]
-        return self._areas[index] + (self._values[index] + self.value(at_s)) / 2 * since_s
-
-    def _index(self, at_s: float) -> int:
-        """Of the last breakpoint at or before `at_s`; -1 before the first."""
-        return bisect_right(self._times_s, at_s) - 1
+        begin, slope = self._values[index], self._slopes[index]
+        value = begin + slope * since_s
+        return value, slope, self._areas[index] + (begin + value) / 2 * since_s

@@ -113,6 +113,7 @@ class _VirtualCar:
         self.name = name
         self.trace: list[Record] = []
         self.planned_at = math.inf
+        self._stack_at = 0.0
         rng, camera_rng = (np.random.default_rng(each) for each in seed.spawn(2))
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
         self._stack = Stack(config, (Sensor.SPEED, Sensor.CAMERA), rng, 0.0, START_UTC_S)
@@ -128,9 +129,9 @@ class _VirtualCar:
     def get_timer(self) -> float:
         """When something of this car is next due."""
         ecu_at = self._ecu.get_timer()
-        stack_at = self._stack.get_timer()
+        self._stack_at = self._stack.get_timer()
         camera_at = self._camera.get_timer()
-        return min(stack_at, camera_at, math.inf if ecu_at is None else ecu_at)
+        return min(self._stack_at, camera_at, math.inf if ecu_at is None else ecu_at)
 
     def receive_wsm(self, wsm: bytes, now: float) -> None:
         """A frame arrives at the car's radio unit."""
@@ -144,7 +145,7 @@ class _VirtualCar:
         self._camera.handle_timer(now)
         while (observation := self._camera.next_event()) is not None:
             self._stack.receive_observation(observation, now)
-        if self._stack.get_timer() <= now:
+        if self._stack_at <= now:
             self._stack.handle_timer(now)
         return answers
 

@@ -50,6 +50,7 @@ CONFIDENCE = (0.0, 0.0, 0.7, 0.9, 0.95, 0.98, 0.98)
 """Of a read plate."""
 WIDTH_SIGMA_PX = 0.5
 """Of the found width."""
+FARTHEST_M = LENS.focal_x_px * PLATE_WIDTH_M / WIDTHS_PX[0]
 LEAST_TAG_PX, TAG_SIGMA_PX = 14.0, 0.15
 """Tags are found and read in every frame if they are wider than this; error of their side."""
 
@@ -121,7 +122,8 @@ class CameraModel:
         self._events.append(_lead(lead, stamp_s))
 
     def _sightings(self, picture_at: float) -> Iterator[Sighting]:
-        cars = sorted(self._view.scene(picture_at).cars, key=lambda car: car.ahead_m)
+        near = [car for car in self._view.scene(picture_at).cars if car.ahead_m < FARTHEST_M]
+        cars = sorted(near, key=lambda car: car.ahead_m)
         for index, car in enumerate(cars):
             if _is_in_picture(car) and not any(_hides(nearer, car) for nearer in cars[:index]):
                 sighting = self._sighting(car)

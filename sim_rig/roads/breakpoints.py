@@ -39,14 +39,16 @@ class _Drive:
         self._speed_m_s = Course(car.speed_m_s)
         self._lane = Course(car.lane)
         self._lane_width_m = lane_width_m
-        self._start_m = car.start_m - self._speed_m_s.integral(0.0)
+        *_, driven_m = self._speed_m_s.sample(0.0)
+        self._zero_m = car.start_m - driven_m
 
     def state(self, at_s: float) -> CarState:
+        speed_m_s, acceleration_m_s2, driven_m = self._speed_m_s.sample(at_s)
         return CarState(
-            front_m=self._start_m + self._speed_m_s.integral(at_s),
+            front_m=self._zero_m + driven_m,
             lateral_m=(self._lane.value(at_s) - 1) * self._lane_width_m,
-            speed_m_s=self._speed_m_s.value(at_s),
-            acceleration_m_s2=self._speed_m_s.slope(at_s),
+            speed_m_s=speed_m_s,
+            acceleration_m_s2=acceleration_m_s2,
             length_m=self._car.length_m,
             width_m=self._car.width_m,
             height_m=self._car.height_m,
