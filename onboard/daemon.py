@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import math
 import signal
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -28,6 +29,9 @@ log = structlog.get_logger()
 
 LOGGED_KINDS = frozenset({"transition", "warning", "hard_brake", "sensor_lost", "sensor_back"})
 """What an operator wants to read in the journal; the trace has the rest."""
+
+GIL_INTERVAL_S = 0.000_5
+"""How long the camera's thread may keep the interpreter while a warning waits; 5 ms by default."""
 
 InputT = TypeVar("InputT")
 
@@ -60,6 +64,7 @@ class Daemon:
         Raises:
             UserError: a wire cannot be opened.
         """
+        sys.setswitchinterval(GIL_INTERVAL_S)
         self._loop = asyncio.get_running_loop()
         stop = asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -94,8 +99,8 @@ class Daemon:
             self._send_wsm = radio.send
         if config.camera is not None:
             camera = CameraThread(config.camera, config.vision, self._on_seen)
-            wires.callback(camera.close)
             camera.start()
+            wires.callback(camera.close)
 
     def _step(self) -> None:
         """One round, in a fixed order: receive, decide, send, show, arm the next timer."""

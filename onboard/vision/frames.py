@@ -6,6 +6,7 @@ road as it is and not as it was; they reconnect by themselves.
 """
 
 import http.client
+import os
 import re
 import threading
 import time
@@ -36,6 +37,8 @@ TIMEOUT_S = 2.0
 """A live source that says nothing for this long is opened again."""
 RECONNECT_S = (0.1, 2.0)
 """Pause before the first and the longest before later attempts."""
+NICENESS = 10
+"""Of the thread that sees."""
 _PICTURES = {".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"}
 _NO_IMAGE: Image = np.zeros((0, 0, 3), np.uint8)
 
@@ -311,6 +314,8 @@ class CameraThread:
         self._thread.join(TIMEOUT_S)
 
     def _see(self) -> None:
+        # A Linux thread has a priority of its own: a warning goes before a picture.
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         started_at = 0.0 if self._source.live else time.monotonic()
         for frame in self._source:
             stamp_s = started_at + frame.stamp_s
