@@ -16,6 +16,9 @@ lint: .venv/ready
 bench: .venv/ready
 	$(PYTHON) -m bench
 
+fuzz: .venv/ready
+	$(PYTHON) -m fuzz --seconds 20
+
 # The plate networks, from rendered pictures to ONNX; see docs/plates.md for how long it takes.
 train: .venv-training/ready
 	.venv-training/bin/python -m training detector

@@ -1,0 +1,87 @@
+"""Run atheris on each target for a bounded time, then time what it found: `python -m fuzz`."""
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import atheris  # type: ignore[import-untyped]
+
+CORPUS = Path(__file__).parent / "corpus"
+FOUND = Path("out/fuzz")
+"""Where new inputs and crashes go; what is worth keeping is moved to the corpus by hand."""
+
+LARGEST_INPUT = 4096
+REPEATS = 5
+
+
+def main() -> None:
+    """Fuzz all targets or those named, each in a process of its own; exit code 1 if one fails."""
+    parser = argparse.ArgumentParser(prog="python -m fuzz", description=__doc__)
+    parser.add_argument("target", nargs="*", help="default: all")
+    parser.add_argument("--seconds", type=int, default=20, help="for each target")
+    parser.add_argument("--phase", choices=["fuzz", "time"], help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.phase == "fuzz":
+        fuzz(arguments.target[0], arguments.seconds)
+    elif arguments.phase == "time":
+        sys.exit(time_inputs(arguments.target[0]))
+    failed = []
+    for name in arguments.target or sorted(folder.name for folder in CORPUS.iterdir()):
+        for phase in ("fuzz", "time"):
+            command = [sys.executable, "-m", "fuzz", name, "--phase", phase]
+            command += ["--seconds", str(arguments.seconds)]
+            if subprocess.run(command, check=False).returncode:  # noqa: S603 (ourselves)
+                failed.append(f"{name} ({phase})")
+    if failed:
+        sys.exit(f"failed: {', '.join(failed)}")
+
+
+def fuzz(name: str, seconds: int) -> None:
+    """Does not return: libFuzzer leaves the process."""
+    with atheris.instrument_imports(include=["onboard"]):
+        from fuzz.targets import TARGETS  # noqa: PLC0415 (after this, it cannot be instrumented)
+    found = FOUND / name
+    found.mkdir(parents=True, exist_ok=True)
+    atheris.Setup(
+        [
+            f"fuzz {name}",
+            str(found),
+            str(CORPUS / name),
+            f"-max_total_time={seconds}",
+            f"-max_len={LARGEST_INPUT}",
+            f"-artifact_prefix={FOUND}/{name}-",
+            "-timeout=10",
+            "-print_final_stats=1",
+            "-verbosity=0",
+        ],
+        TARGETS[name].feed,
+    )
+    atheris.Fuzz()
+
+
+def time_inputs(name: str) -> int:
+    """Time each input, the best of some repeats, without the cost of coverage."""
+    from fuzz.targets import MOST_S_PER_KILOBYTE, TARGETS  # noqa: PLC0415 (not for the fuzzing)
+
+    target = TARGETS[name]
+    slow = []
+    for path in sorted((CORPUS / name).iterdir()) + sorted((FOUND / name).iterdir()):
+        data = path.read_bytes()
+        best_s = min(_time_s(target.feed, data) for _ in range(REPEATS))
+        if best_s > MOST_S_PER_KILOBYTE * max(1.0, len(data) / 1000):
+            slow.append(f"{path}: {best_s * 1e3:.2f} ms for {len(data)} bytes")
+    sys.stdout.write("\n".join(slow) or f"{name}: none takes longer than 1 ms a kilobyte\n")
+    return bool(slow)
+
+
+def _time_s(feed: Callable[[bytes], None], data: bytes) -> float:
+    start = time.perf_counter()
+    feed(data)
+    return time.perf_counter() - start
+
+
+if __name__ == "__main__":
+    main()
