@@ -14,9 +14,10 @@ names the warning in it, so the acknowledgement is a message that was due anyway
 warning to a follower that owes it one, a bounded number of times.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from onboard.lcca.followers import Followers
+from onboard.lcca.place import Place
 from onboard.lcca.settings import LccaSettings
 from onboard.messages.lcca import CarId, Update, Warn
 
@@ -54,14 +55,14 @@ class Reach:
 
 
 @dataclass(slots=True)
-class Known:
+class _Known:
     """A message on its way through the group, as this car knows it."""
 
     message: Update | Warn
     """The copy that came, or the original."""
     heard_at: float
     distance: int
-    """To the sender of the best copy: the one least far ahead."""
+    """To the sender of the best copy, the one least far ahead; 0: this car started it."""
     repeat_at: float | None
     """When it is this car's turn, if nobody farther behind repeats before."""
     check_at: float | None
@@ -74,10 +75,11 @@ class Known:
 class Forwarding:
     """Decides when this car repeats what it knows."""
 
-    def __init__(self, settings: LccaSettings, followers: Followers) -> None:
+    def __init__(self, settings: LccaSettings, place: Place, followers: Followers) -> None:
         self._settings = settings
+        self._place = place
         self._followers = followers
-        self._known: dict[EventId, Known] = {}
+        self._known: dict[EventId, _Known] = {}
         self._acknowledged: dict[EventId, set[CarId]] = {}
 
     def knows(self, message: Update | Warn) -> bool:
@@ -113,24 +115,49 @@ class Forwarding:
 
     def get_timer(self) -> float | None:
         """When a copy may be due."""
+        if not self._known:
+            return None
         due = [at for known in self._known.values() for at in (known.repeat_at, known.check_at)]
         return min((at for at in due if at is not None), default=None)
 
-    def due(self, now: float) -> list[Known]:
-        """Return what this car is to repeat now; each is said once."""
-        return [
+    def copies_to_send(self, reach: int, *, is_member: bool, now: float) -> list[Update | Warn]:
+        """Return what this car is to repeat now, as it looks from where the car stands now."""
+        due = [
             known
             for known in self._known.values()
             if any((self._has_turn(known, now), self._lacks_answer(known, now)))
         ]
+        copies = (
+            self._copy(known, reach, now) for known in due if known.distance == 0 or is_member
+        )
+        return [copy for copy in copies if copy is not None]
 
-    def _has_turn(self, known: Known, now: float) -> bool:
+    def _copy(self, known: _Known, reach: int, now: float) -> Update | Warn | None:
+        message, (sender_id, leader_id, number) = known.message, self._place.header
+        if isinstance(message, Update):
+            if message.leader_id != leader_id:
+                return None
+            return replace(message, sender_id=sender_id, number=number, reach=reach)
+        age_s = message.age_s + (now - known.heard_at)
+        if age_s > self._settings.event_lifetime_s:
+            return None
+        return replace(
+            message,
+            sender_id=sender_id,
+            leader_id=leader_id,
+            number=number,
+            reach=reach,
+            age_s=age_s,
+            hops=min(message.hops + (known.distance > 0), 255),
+        )
+
+    def _has_turn(self, known: _Known, now: float) -> bool:
         if known.repeat_at is None or now < known.repeat_at:
             return False
         known.repeat_at = None
         return bool(known.owing) if isinstance(known.message, Warn) else len(self._followers) > 0
 
-    def _lacks_answer(self, known: Known, now: float) -> bool:
+    def _lacks_answer(self, known: _Known, now: float) -> bool:
         if known.check_at is None or now < known.check_at:
             return False
         known.owing.intersection_update(self._followers.ids)
@@ -147,7 +174,7 @@ class Forwarding:
         event = event_of(message)
         owing = set(self._followers.ids) - self._acknowledged.get(event, set())
         check_at = now + self._settings.acknowledge_s if isinstance(message, Warn) else None
-        self._known[event] = Known(
+        self._known[event] = _Known(
             message, now, distance, repeat_at, check_at, self._settings.warn_repeats, owing
         )
         horizon = now - 2 * self._settings.event_lifetime_s

@@ -7,13 +7,13 @@ docs/decisions says what was chosen.
 """
 
 from collections import deque
-from dataclasses import replace
 
 import numpy as np
 
+from onboard.lcca.acceptance import update_refusal, warn_refusal
 from onboard.lcca.events import Neighbour, Transition, WarningRaised
 from onboard.lcca.followers import Followers
-from onboard.lcca.forwarding import EventId, Forwarding, Known, Reach, event_of
+from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of
 from onboard.lcca.lookout import Lookout
 from onboard.lcca.membership import Membership
 from onboard.lcca.place import Place
@@ -34,16 +34,14 @@ class WarningGroup:
     def __init__(self, settings: LccaSettings, own_id: CarId, rng: np.random.Generator) -> None:
         """Start alone. `rng` spreads what many cars would send at once."""
         self._settings = settings
-        self._own_id = own_id
-        self._own_ids: tuple[CarId, ...] = (own_id,)
         self._renaming_until: float | None = None
         self._state = State.REGULAR
-        self._place = Place(own_id, settings.loop_memory_s, int(rng.integers(_SEQUENCES)))
+        self._place = Place(own_id, settings.leader_silence_s, int(rng.integers(_SEQUENCES)))
         self._lookout = Lookout(settings)
         self._membership = Membership(settings, self._lookout, rng)
         self._followers = Followers(settings.membership_lifetime_s)
         self._reach = Reach(settings)
-        self._forwarding = Forwarding(settings, self._followers)
+        self._forwarding = Forwarding(settings, self._place, self._followers)
         self._event_sequence = int(rng.integers(_SEQUENCES))
         self._to_acknowledge: deque[EventId] = deque()
         self._outbox: list[LccaMessage] = []
@@ -81,7 +79,7 @@ class WarningGroup:
     def receive_neighbour(self, ahead: Neighbour | None, now: float) -> None:
         """What one camera frame shows ahead in the own lane; `None`: no car."""
         self._lookout.receive_neighbour(ahead, now)
-        self._membership.receive_frame(self._own_ids, now)
+        self._membership.receive_frame(self._place.own_ids, now)
         self._join_if_due(now)
 
     def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
@@ -89,10 +87,8 @@ class WarningGroup:
         if self._state is State.REGULAR:
             return
         warn = Warn(
-            sender_id=self._own_id,
-            leader_id=self._place.leader_id,
-            number=self._place.number,
-            event_origin_id=self._own_id,
+            *self._place.header,
+            event_origin_id=self._place.own_id,
             event_sequence=self._next_event_sequence(),
             reach=self._reach.distance(now),
             origin_number=self._place.number,
@@ -108,15 +104,13 @@ class WarningGroup:
 
         Messages to the previous ID are taken for `rename_s` more.
         """
-        self._own_ids = (car_id, self._own_id)
-        self._own_id = car_id
         self._renaming_until = now + self._settings.rename_s
         self._place.rename(car_id)
         self._membership.rename(now)
 
     def receive_message(self, message: LccaMessage, now: float) -> None:
         """A message from the air, whoever it is for."""
-        if message.sender_id in self._own_ids:
+        if message.sender_id in self._place.own_ids:
             self._discard("own_echo", message, now)
             return
         distance = message.number - self._place.number
@@ -153,7 +147,8 @@ class WarningGroup:
     def handle_timer(self, now: float) -> None:
         """Do what has become due."""
         if self._renaming_until is not None and now >= self._renaming_until:
-            self._own_ids, self._renaming_until = (self._own_id,), None
+            self._place.drop_previous_id()
+            self._renaming_until = None
         if self._followers.expire(now):
             self._happen(Event.UNFOLLOWED, "expired", now)
         reason = self._membership.lapse(now)
@@ -173,15 +168,13 @@ class WarningGroup:
         if join is None:
             return
         heard = self._to_acknowledge.popleft() if self._to_acknowledge else _NO_EVENT
-        self._outbox.append(
-            Join(self._own_id, self._place.leader_id, self._place.number, *join, *heard)
-        )
+        self._outbox.append(Join(*self._place.header, *join, *heard))
         if self._to_acknowledge:
             self._membership.hurry(now, even_if_fresh=True)
 
     def _receive_reply(self, reply: Reply, now: float) -> None:
         followed = self._membership.predecessor
-        if reply.to_id not in self._own_ids:
+        if reply.to_id not in self._place.own_ids:
             if reply.to_id == followed:
                 self._membership.hurry(now, even_if_fresh=False)
             return
@@ -191,8 +184,8 @@ class WarningGroup:
             return
         joins = reply.sender_id != followed
         place = (reply.leader_id, reply.number + 1)
-        circle = self._place.closes_circle(*place, reply.beat, self._own_ids, now)
-        if circle and (joins or place != self._place.as_pair()):
+        circle = self._place.closes_circle(*place, reply.beat, now)
+        if circle and (joins or place != self._place.in_group):
             self._discard("loop", reply, now)
         if circle and joins:
             return
@@ -201,7 +194,7 @@ class WarningGroup:
         if joins and followed is not None and self._renaming_until is None:
             self._send_leave(followed, LeaveReason.FOLLOWS_ANOTHER)
         if not circle:
-            before = self._place.as_pair()
+            before = self._place.in_group
             self._move(place, reply.beat, Event.JOINED if joins else None, "answered", now)
             self._announce(before, now)
 
@@ -210,21 +203,20 @@ class WarningGroup:
             self._send_leave(self._membership.predecessor, reason)
         self._membership.leave(now)
         self._to_acknowledge.clear()
-        before = self._place.as_pair()
-        self._place.lead(self._own_id)
+        before = self._place.in_group
+        self._place.lead()
         event = Event.LEFT_LEADING if self._followers else Event.LEFT_ALONE
         self._happen(event, reason.name.lower(), now)
         self._announce(before, now)
 
     def _send_leave(self, to_id: CarId, reason: LeaveReason) -> None:
-        place = self._place
-        self._outbox.append(Leave(self._own_id, place.leader_id, place.number, to_id, reason))
+        self._outbox.append(Leave(*self._place.header, to_id, reason))
 
     def _move(
         self, place: tuple[CarId, int], beat: int, event: Event | None, cause: str, now: float
     ) -> None:
         """Take a place as a member; without an `event` of its own it may mean a new number."""
-        before = self._place.as_pair()
+        before = self._place.in_group
         self._place.take(*place, beat, now)
         if event is None and before != place:
             event = Event.RENUMBERED
@@ -234,7 +226,7 @@ class WarningGroup:
     # Being followed
 
     def _receive_join(self, join: Join, now: float) -> None:
-        if join.to_id not in self._own_ids:
+        if join.to_id not in self._place.own_ids:
             return
         if join.sender_id in (self._membership.predecessor, self._place.leader_id):
             self._discard("loop", join, now)
@@ -246,9 +238,7 @@ class WarningGroup:
                 self._forwarding.acknowledge(heard, join.sender_id)
         self._outbox.append(
             Reply(
-                sender_id=self._own_id,
-                leader_id=self._place.leader_id,
-                number=self._place.number,
+                *self._place.header,
                 to_id=join.sender_id,
                 sequence=join.sequence,
                 beat=self._place.next_beat(),
@@ -257,7 +247,7 @@ class WarningGroup:
         )
 
     def _receive_leave(self, leave: Leave, now: float) -> None:
-        if leave.to_id in self._own_ids and self._followers.remove(leave.sender_id):
+        if leave.to_id in self._place.own_ids and self._followers.remove(leave.sender_id):
             self._happen(Event.UNFOLLOWED, "leave", now)
 
     # Telling those behind
@@ -268,13 +258,11 @@ class WarningGroup:
         leader_before, number_before = before
         shift = number_before - place.number
         renamed = self._renaming_until is not None and shift == 0
-        if before == place.as_pair() or renamed or not self._followers:
+        if before == place.in_group or renamed or not self._followers:
             return
         update = Update(
-            sender_id=self._own_id,
-            leader_id=place.leader_id,
-            number=place.number,
-            event_origin_id=self._own_id,
+            *place.header,
+            event_origin_id=place.own_id,
             event_sequence=self._next_event_sequence(),
             reach=self._reach.distance(now),
             previous_leader_id=leader_before,
@@ -286,20 +274,20 @@ class WarningGroup:
 
     def _receive_update(self, update: Update, now: float) -> None:
         place = self._place
-        shifted = place.number - update.shift
         if self._forwarding.knows(update):
             if update.leader_id == place.leader_id:
                 self._forwarding.receive_again(update, place.number - update.number, now)
             self._discard("duplicate", update, now)
             return
-        number = update.number + 1 if self._is_from_predecessor(update) else shifted
-        refusal = self._update_refusal(update, number, now)
+        near = self._is_from_predecessor(update)
+        number = update.number + 1 if near else place.number - update.shift
+        refusal = update_refusal(update, number, self._state, place, from_predecessor=near, now=now)
         if refusal is not None:
             self._discard(refusal, update, now)
             return
         if place.is_news(update.leader_id, update.beat):
             self._membership.receive_news(now)
-        before = place.as_pair()
+        before = place.in_group
         self._move((update.leader_id, number), update.beat, None, "update", now)
         if before == (update.previous_leader_id, number + update.shift):
             self._forwarding.receive(update, number - update.number, now)
@@ -307,34 +295,25 @@ class WarningGroup:
         else:  # Those behind stand to us as before, but not to the sender: tell them ourselves.
             self._announce(before, now)
 
-    def _update_refusal(self, update: Update, number: int, now: float) -> str | None:
-        """Return why an update is not for us; `number` is ours if it is."""
-        place, leader_id = self._place, update.leader_id
-        if self._state is State.REGULAR:
-            return "not_in_group"
-        if self._is_from_predecessor(update):
-            if (leader_id, number) == place.as_pair():
-                return "up_to_date"
-        elif place.leader_id != update.previous_leader_id:
-            return "up_to_date" if place.leader_id == leader_id else "other_group"
-        elif number <= update.number:
-            return "from_behind"
-        elif place.leader_id == leader_id and not place.is_news(leader_id, update.beat):
-            return "up_to_date"
-        circle = place.closes_circle(leader_id, number, update.beat, self._own_ids, now)
-        return "loop" if circle else None
-
     def _receive_warn(self, warn: Warn, now: float) -> None:
-        distance = self._place.number - warn.number
-        if self._is_from_predecessor(warn):
-            distance = 1
-        if warn.event_origin_id in self._own_ids:
+        near = self._is_from_predecessor(warn)
+        distance = 1 if near else self._place.number - warn.number
+        if warn.event_origin_id in self._place.own_ids:
             refusal: str | None = "own_echo"
         elif self._forwarding.knows(warn):
             refusal = "duplicate"
-            self._receive_warn_again(warn, distance, now)
+            if near:  # It repeats because our acknowledgement was lost.
+                self._acknowledge(event_of(warn), now)
+            if near or warn.leader_id == self._place.leader_id:
+                self._forwarding.receive_again(warn, distance, now)
         else:
-            refusal = self._warn_refusal(warn, distance)
+            refusal = warn_refusal(
+                warn,
+                self._state,
+                self._place,
+                from_predecessor=near,
+                lifetime_s=self._settings.event_lifetime_s,
+            )
         if refusal is not None:
             self._discard(refusal, warn, now)
             return
@@ -355,25 +334,6 @@ class WarningGroup:
         self._forwarding.receive(warn, distance, now)
         self._forward_if_due(now)
 
-    def _warn_refusal(self, warn: Warn, distance: int) -> str | None:
-        """Return why a warning is not for us (LCCA: from ahead, in the same group)."""
-        if warn.age_s > self._settings.event_lifetime_s:
-            return "stale"
-        if self._state is State.REGULAR:
-            return "not_in_group"
-        if self._is_from_predecessor(warn):
-            return None
-        if warn.leader_id != self._place.leader_id:
-            return "other_group"
-        return "from_behind" if distance <= 0 else None
-
-    def _receive_warn_again(self, warn: Warn, distance: int, now: float) -> None:
-        if self._is_from_predecessor(warn):
-            self._acknowledge(event_of(warn), now)
-        elif warn.leader_id != self._place.leader_id:
-            return
-        self._forwarding.receive_again(warn, distance, now)
-
     def _acknowledge(self, event: EventId, now: float) -> None:
         """Name the warning in the next join, and send that soon."""
         if event not in self._to_acknowledge:
@@ -381,34 +341,12 @@ class WarningGroup:
         self._membership.hurry(now, even_if_fresh=True)
 
     def _forward_if_due(self, now: float) -> None:
-        for known in self._forwarding.due(now):
-            copy = self._copy(known, now)
-            if copy is not None:
-                self._outbox.append(copy)
-
-    def _copy(self, known: Known, now: float) -> Update | Warn | None:
-        """Return what to repeat, from where we stand now; `None` if it is no longer ours to."""
-        message = known.message
-        is_own = message.event_origin_id in self._own_ids
-        if self._state is not State.MEMBER and not is_own:
-            return None
+        due_at = self._forwarding.get_timer()
+        if due_at is None or now < due_at:
+            return
+        is_member = self._state is State.MEMBER
         reach = self._reach.distance(now)
-        if isinstance(message, Update):
-            if message.leader_id != self._place.leader_id:
-                return None
-            return replace(message, sender_id=self._own_id, number=self._place.number, reach=reach)
-        age_s = message.age_s + (now - known.heard_at)
-        if age_s > self._settings.event_lifetime_s:
-            return None
-        return replace(
-            message,
-            sender_id=self._own_id,
-            leader_id=self._place.leader_id,
-            number=self._place.number,
-            reach=reach,
-            age_s=age_s,
-            hops=message.hops if is_own else min(message.hops + 1, 255),
-        )
+        self._outbox += self._forwarding.copies_to_send(reach, is_member=is_member, now=now)
 
     def _is_from_predecessor(self, message: LccaMessage) -> bool:
         return message.sender_id == self._membership.predecessor

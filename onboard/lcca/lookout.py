@@ -16,16 +16,13 @@ class Lookout:
         self._named: CarId | None = None
         self._named_since = 0.0
         self._close_at: dict[CarId, float] = {}
+        self.last_close_at = float("-inf")
+        """When any car whose plate is known was last shown close."""
 
     @property
     def named(self) -> CarId | None:
         """The last plate read, until a frame shows no car ahead."""
         return self._named
-
-    @property
-    def last_close_at(self) -> float:
-        """When any car whose plate is known was last shown close."""
-        return max(self._close_at.values(), default=float("-inf"))
 
     def speed_at(self, now: float) -> float | None:
         """Return the own speed in m/s, if it is known."""
@@ -45,7 +42,7 @@ class Lookout:
             if lead.car_id != self._named:
                 self._named, self._named_since = lead.car_id, now
             if self._is_within(self._settings.leave_headway_s, now):
-                self._close_at[lead.car_id] = now
+                self._close_at[lead.car_id] = self.last_close_at = now
         horizon = now - self._settings.lead_hold_s - self._settings.rename_s
         if any(at < horizon for at in self._close_at.values()):
             self._close_at = {car: at for car, at in self._close_at.items() if at >= horizon}

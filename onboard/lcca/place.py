@@ -1,15 +1,18 @@
-"""Where a car stands in its group, and why no misread plate can make a group a circle.
+"""Where a car stands in its group, and why no misread plate can make it count without end.
 
-If A followed B and B followed A, each would number itself behind the other, without end. Distance
-vector routing knows the problem and its cure: the *feasibility condition* of DUAL and Babel
-(RFC 8966, section 2.4) with the sequence numbers of DSDV. The leader counts its replies, and each
-reply hands down the newest count (*beat*) that its sender has seen. For each leader, a car
-remembers the newest beat and the smallest number that it has had under it. It takes a new place
-under that leader only from a newer beat, or from a car whose number is smaller than that. News that
-came from the car itself, through those behind it, is never newer and its number never smaller.
+If A followed B and B followed A, each would number itself behind the other, higher and higher.
+Distance vector routing knows the problem and its cure: the *feasibility condition* of DUAL and
+Babel (RFC 8966, section 2.4) with the sequence numbers of DSDV. The leader counts its replies, and
+each reply hands down the newest count (*beat*) that its sender has seen. For each leader, a car
+remembers the newest beat and the smallest number that it has had under it. It takes a place under
+that leader only from a newer beat, or a number that is not larger than that. News of itself that
+comes round through those behind it is never newer, and its number always larger.
+
+One circle is left: two cars that read each other's plate and ask at the same moment both believe an
+answer given before the other moved. It counts no higher, has no leader whose beats could be new,
+and so lapses after `leader_silence_s`.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from onboard.messages.lcca import CarId
@@ -32,17 +35,26 @@ class _Best:
 
 
 class Place:
-    """Leader, number and beat of one car."""
+    """Who this car is, and its leader, number and beat."""
 
     def __init__(self, own_id: CarId, memory_s: float, beat: int) -> None:
         """Stand alone. `beat` is where the own count starts."""
+        self.own_id = own_id
+        self.own_ids: tuple[CarId, ...] = (own_id,)
+        """The present ID and, while cars change theirs, the previous one."""
         self.leader_id = own_id
         self.number = 1
         self._memory_s = memory_s
         self._own_beat = beat
         self._best: dict[CarId, _Best] = {}
 
-    def as_pair(self) -> tuple[CarId, int]:
+    @property
+    def header(self) -> tuple[CarId, CarId, int]:
+        """How every message begins: own ID, leader, number."""
+        return self.own_id, self.leader_id, self.number
+
+    @property
+    def in_group(self) -> tuple[CarId, int]:
         """Leader and number."""
         return self.leader_id, self.number
 
@@ -58,27 +70,31 @@ class Place:
             self._own_beat = (self._own_beat + 1) % _MODULUS
         return self.beat
 
-    def lead(self, own_id: CarId) -> None:
-        """Stand at the head of what follows."""
-        self._own_beat = (self._own_beat + 1) % _MODULUS
-        self.leader_id = own_id
-        self.number = 1
-
     def rename(self, own_id: CarId) -> None:
-        """Lead under another ID, if this car leads."""
+        """Be known by another ID, and for a while still by the present one."""
+        self.own_ids = (own_id, self.own_id)
+        self.own_id = own_id
         if self.number == 1:
             self.leader_id = own_id
+
+    def drop_previous_id(self) -> None:
+        """Be known by the present ID only."""
+        self.own_ids = (self.own_id,)
+
+    def lead(self) -> None:
+        """Stand at the head of what follows."""
+        self._own_beat = (self._own_beat + 1) % _MODULUS
+        self.leader_id = self.own_id
+        self.number = 1
 
     def is_news(self, leader_id: CarId, beat: int) -> bool:
         """Whether `beat` is the first or a newer one of that leader."""
         best = self._best.get(leader_id)
         return best is None or is_newer(beat, best.beat)
 
-    def closes_circle(
-        self, leader_id: CarId, number: int, beat: int, own_ids: Iterable[CarId], now: float
-    ) -> bool:
-        """Whether taking `number` under that leader might mean following oneself."""
-        if leader_id in own_ids:
+    def closes_circle(self, leader_id: CarId, number: int, beat: int, now: float) -> bool:
+        """Whether taking that place might mean following oneself."""
+        if leader_id in self.own_ids:
             return True
         best = self._best.get(leader_id)
         if best is None or best.forget_at <= now or is_newer(beat, best.beat):
@@ -86,16 +102,12 @@ class Place:
         return beat != best.beat or number > best.number
 
     def take(self, leader_id: CarId, number: int, beat: int, now: float) -> None:
-        """Stand at `number` under that leader, after `closes_circle` said no."""
+        """Stand there, after `closes_circle` said no."""
         best = self._best.get(leader_id)
         if best is None or best.forget_at <= now or is_newer(beat, best.beat):
             best = self._best[leader_id] = _Best(beat, number, 0.0)
         best.number = min(best.number, number)
+        best.forget_at = now + self._memory_s
         self.leader_id, self.number = leader_id, number
-        self._remember(now)
-
-    def _remember(self, now: float) -> None:
-        """Keep the present leader's record; drop those of leaders long gone."""
-        self._best[self.leader_id].forget_at = now + self._memory_s
-        for leader_id in [key for key, best in self._best.items() if best.forget_at <= now]:
-            del self._best[leader_id]
+        for old in [key for key, best in self._best.items() if best.forget_at <= now]:
+            del self._best[old]

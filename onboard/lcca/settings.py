@@ -26,8 +26,8 @@ class LccaSettings(Settings):
 
     retry_s: float = Field(0.1, gt=0.0, le=5.0)
     """Until a join is repeated; doubles for a car that never answered."""
-    retry_max_s: float = Field(1.0, gt=0.0, le=60.0)
-    """Where the doubling ends: what a car without a radio costs the channel."""
+    retry_max_s: float = Field(0.25, gt=0.0, le=60.0)
+    """Where the doubling ends: what a car ahead without a radio costs the channel."""
     refresh_s: float = Field(0.5, gt=0.0, le=10.0)
     """Until an answered join is refreshed."""
     spread_s: float = Field(0.02, ge=0.0, le=0.1)
@@ -36,9 +36,7 @@ class LccaSettings(Settings):
     """How long either side believes in a membership without hearing of the other."""
     leader_silence_s: float = Field(3.0, gt=0.0, le=60.0)
     """How long a membership lasts without news from the leader, however well the car ahead
-    answers."""
-    loop_memory_s: float = Field(10.0, gt=0.0, le=600.0)
-    """How long a former leader's place is remembered, so that old news of it closes no circle."""
+    answers; and so how long old news of a former leader must not be believed."""
     rename_s: float = Field(2.0, gt=0.0, le=30.0)
     """How long the previous ID of a car stays valid, and its cars ahead and behind may change
     theirs."""

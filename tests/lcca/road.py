@@ -80,6 +80,7 @@ class Road:
         self.air = air or Air()
         self.settings = settings or LccaSettings()
         self.now = 0.0
+        self.epoch = 0
         self.cars: dict[str, Car] = {}
         self.sent: list[Transmission] = []
         self.drops: Callable[[Transmission, str], bool] = lambda transmission, receiver: False
@@ -92,8 +93,8 @@ class Road:
 
     def add(self, name: str, position_m: float, lane: int = 0, speed_m_s: float = 20.0) -> Car:
         rng = np.random.default_rng(self._rng.integers(1 << 32))
-        group = WarningGroup(self.settings, car_id(name), rng)
-        car = self.cars[name] = Car(name, group, lane, position_m, speed_m_s)
+        group = WarningGroup(self.settings, car_id(name, self.epoch), rng)
+        car = self.cars[name] = Car(name, group, lane, position_m, speed_m_s, self.epoch)
         self._at(self.now + float(self._rng.uniform(0.0, FRAME_S)), lambda: self._frame(car))
         return car
 
@@ -149,14 +150,17 @@ class Road:
             ),
         )
 
-    def change_ids(self) -> None:
-        """Everybody's digest changes."""
+    def change_ids(self, spread_s: float = 0.0) -> None:
+        """Everybody's digest changes, at times that differ by their clocks' errors."""
+        self.epoch += 1
         for car in self.cars.values():
-            self.change_id(car)
+            at = self.now + float(self._rng.uniform(0.0, spread_s))
+            self._at(at, lambda car=car, epoch=self.epoch: self._change_id(car, epoch))
 
-    def change_id(self, car: Car) -> None:
-        car.epoch += 1
-        self.do(car, lambda now: car.group.set_own_id(car_id(car.name, car.epoch), now))
+    def _change_id(self, car: Car, epoch: int) -> None:
+        if self._is_here(car) and car.epoch < epoch:
+            car.epoch = epoch
+            self.do(car, lambda now: car.group.set_own_id(car_id(car.name, epoch), now))
 
     def warns(self) -> list[Transmission]:
         return [entry for entry in self.sent if isinstance(entry.message, Warn)]
@@ -244,7 +248,9 @@ def true_places(road: Road) -> dict[str, tuple[str, int]]:
     graph.add_nodes_from(road.cars)
     for car in road.cars.values():
         ahead = road.ahead_of(car)
-        if ahead is not None and ahead.position_m - car.position_m < car.speed_m_s * 3.6 * 0.55:
+        if ahead is None or not (ahead.has_radio and car.has_radio):
+            continue
+        if ahead.position_m - car.position_m < car.speed_m_s * 3.6 * 0.55:
             graph.add_edge(ahead.name, car.name)
     out = {}
     for component in nx.weakly_connected_components(graph):

@@ -1,0 +1,45 @@
+"""Which messages from the air are believed. Each refusal is a word that is counted.
+
+The paper's rule for an update or a warning is: only from ahead, only from the same group. Positions
+are not known, so "ahead" is "with a smaller number", and "same group" is "with the same leader".
+While news of a new leader is on its way, those two lag; the car that we follow is ahead of us and
+in our group whatever it says about leader and number, so it is always believed.
+"""
+
+from onboard.lcca.place import Place
+from onboard.lcca.transitions import State
+from onboard.messages.lcca import Update, Warn
+
+
+def warn_refusal(
+    warn: Warn, state: State, place: Place, *, from_predecessor: bool, lifetime_s: float
+) -> str | None:
+    """Return why a warning heard for the first time is not for us, or `None` if it is."""
+    if warn.age_s > lifetime_s:
+        return "stale"
+    if state is State.REGULAR:
+        return "not_in_group"
+    if from_predecessor:
+        return None
+    if warn.leader_id != place.leader_id:
+        return "other_group"
+    return "from_behind" if warn.number >= place.number else None
+
+
+def update_refusal(
+    update: Update, number: int, state: State, place: Place, *, from_predecessor: bool, now: float
+) -> str | None:
+    """Return why an update is not for us; `number` would be ours by it."""
+    if state is State.REGULAR:
+        return "not_in_group"
+    if from_predecessor:
+        if (update.leader_id, number) == place.in_group:
+            return "up_to_date"
+    elif place.leader_id != update.previous_leader_id:
+        return "up_to_date" if place.leader_id == update.leader_id else "other_group"
+    elif number <= update.number:
+        return "from_behind"
+    elif place.leader_id == update.leader_id and not place.is_news(update.leader_id, update.beat):
+        return "up_to_date"  # Renumbered by a reply already: the shift must not count twice.
+    circle = place.closes_circle(update.leader_id, number, update.beat, now)
+    return "loop" if circle else None
