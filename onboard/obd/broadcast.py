@@ -59,7 +59,7 @@ class BroadcastSignals:
         try:
             values = message.decode(frame.data, decode_choices=False, scaling=True)
         except (cantools.database.DecodeError, ValueError) as error:
-            return [_discarded(frame, "signal_length", f"{message.name}: {error}")]
+            return [_discarded(frame, "signal_decoding", f"{message.name}: {error}")]
         observations: list[Speed | BrakePedal | Discarded] = []
         speeds = [signal for owner, signal in self._speed if owner is message]
         # A multiplexed signal is in some of its message's frames only.

@@ -39,7 +39,7 @@ def parse_element(text: str) -> can.Message | None:
     text = text.strip()
     if not text.startswith("<"):
         raise ProtocolError(f"no element: {text[:80]!r}")
-    if not text.startswith("< frame "):
+    if not text.startswith("< frame"):
         return None
     match = _FRAME.fullmatch(text)
     if match is None:

@@ -1,0 +1,236 @@
+"""How late and how wrong hard braking is told from whole km/h, in simulated and real driving.
+
+Delays count from the instant at which the true deceleration passes the threshold, so they contain
+the sampling. Beside them: what a detector needs that gets each sample's true speed and time.
+False alarms stand beside those of differencing two successive samples.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench import Figure
+from onboard.obd.can_bus import read_can_log
+from onboard.obd.car_bus import CarBus
+from onboard.obd.hard_brake import HardBrakeDetector
+from onboard.obd.settings import ObdSettings
+from onboard.observations import BrakePedal, HardBrake, Speed
+from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
+
+STEP_S = 0.005
+JERK_M_S3 = 20.0
+"""Of a foot that means it."""
+BRAKINGS = 100
+CITY_HOURS = 2.0
+REAL_DRIVES = ("drive-a", "drive-b-requests-and-answers", "drive-c")
+RECORDINGS = Path(__file__).parents[2] / "shared" / "data" / "can"
+
+Track = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """How a car tells its speed."""
+
+    name: str
+    hz: float
+    resolution_m_s: float = KM_H
+    refresh_s: float = 0.02
+    """How old a value may be on sampling."""
+    jitter_s: float = 0.005
+    """Mean of the exponential delay on the bus and in the machine."""
+    pedal: bool = False
+
+    def times(self, track: Track, rng: np.random.Generator) -> Track:
+        """When it is sampled: regular, at an unknown phase."""
+        return np.arange(rng.uniform(0.0, 1 / self.hz), len(track) * STEP_S - 0.01, 1 / self.hz)
+
+    def samples(self, track: Track, times: Track, rng: np.random.Generator) -> Iterator[Speed]:
+        """What arrives: stale, rough by 0.1 km/h, cut to the resolution, and jittered."""
+        measured = np.floor(times / self.refresh_s) * self.refresh_s
+        rough = track[(measured / STEP_S).astype(int)] + rng.normal(0, 0.1 * KM_H, len(times))
+        told = np.floor(np.maximum(rough, 0.0) / self.resolution_m_s) * self.resolution_m_s
+        stamps = np.sort(times + rng.exponential(self.jitter_s, len(times)))
+        for stamp_s, speed_m_s in zip(stamps.tolist(), told.tolist(), strict=True):
+            yield Speed(stamp_s, speed_m_s, self.resolution_m_s, self.name)
+
+
+POLLED = (Source("obd_10_hz", 10.0), Source("obd_20_hz", 20.0))
+OTHERS = (
+    Source("obd_20_hz_stale_100_ms", 20.0, refresh_s=0.1),
+    Source("obd_20_hz_and_pedal", 20.0, pedal=True),
+    Source("wheel_50_hz", 50.0, resolution_m_s=0.01 * KM_H, jitter_s=0.001),
+)
+
+
+def measure() -> Iterator[Figure]:
+    """Delays first, then false alarms."""
+    for source in POLLED:
+        # 3 m/s2 is below the default threshold of 0.4 g, and must not raise it.
+        yield from _delays(source, 3.0, threshold_g=0.2)
+        yield _raised_below(source, 3.0, threshold_g=0.4)
+        for deceleration_m_s2 in (5.0, 8.0):
+            yield from _delays(source, deceleration_m_s2, threshold_g=0.4)
+    for source in OTHERS:
+        for deceleration_m_s2 in (5.0, 8.0):
+            yield from _delays(source, deceleration_m_s2, threshold_g=0.4)
+    city = _city(np.random.default_rng(1), CITY_HOURS)
+    for source in (*POLLED, *OTHERS):
+        yield _city_alarms(source, city)
+    if RECORDINGS.is_dir():
+        yield _real_alarms()
+
+
+def _delays(source: Source, deceleration_m_s2: float, threshold_g: float) -> Iterator[Figure]:
+    rng = np.random.default_rng(2)
+    ours, ideal = [], []
+    for _ in range(BRAKINGS):
+        track, passed_at = _braking(deceleration_m_s2, threshold_g, rng)
+        times = source.times(track, rng)
+        detector = _detector(source, threshold_g)
+        alarms = (detector.receive_speed(each) for each in source.samples(track, times, rng))
+        told = next((alarm.stamp_s for alarm in alarms if alarm is not None), np.inf)
+        ours.append(told - passed_at)
+        ideal.append(_ideal_alarm_at(track, times, threshold_g) - passed_at)
+    name = f"hard_brake_delay_{deceleration_m_s2:.0f}_m_s2_{source.name}_above_{threshold_g}_g"
+    for suffix, percent in (("", 50), ("_p95", 95)):
+        yield Figure(
+            name=name + suffix,
+            value=float(np.percentile(ours, percent, method="nearest")),
+            unit="s",
+            n=BRAKINGS,
+            reference="two successive true speeds",
+            reference_value=float(np.percentile(ideal, percent, method="nearest")),
+        )
+
+
+def _raised_below(source: Source, deceleration_m_s2: float, threshold_g: float) -> Figure:
+    rng = np.random.default_rng(2)
+    raised = naive = 0
+    for _ in range(BRAKINGS):
+        track, _ = _braking(deceleration_m_s2, threshold_g, rng)
+        samples = list(source.samples(track, source.times(track, rng), rng))
+        raised += bool(_alarms(_detector(source, threshold_g).receive_speed, samples))
+        naive += bool(_alarms(_differencing(threshold_g), samples))
+    return Figure(
+        name=f"hard_brake_raised_by_{deceleration_m_s2:.0f}_m_s2_{source.name}_above_{threshold_g}_g",
+        value=raised / BRAKINGS,
+        unit="of brakings",
+        n=BRAKINGS,
+        reference="difference of two samples",
+        reference_value=naive / BRAKINGS,
+    )
+
+
+def _city_alarms(source: Source, city: Track) -> Figure:
+    rng = np.random.default_rng(3)
+    samples = list(source.samples(city, source.times(city, rng), rng))
+    return Figure(
+        name=f"hard_brake_false_alarms_city_{source.name}",
+        value=len(_alarms(_detector(source, 0.4).receive_speed, samples)) / CITY_HOURS,
+        unit="1/h",
+        n=len(samples),
+        reference="difference of two samples",
+        reference_value=len(_alarms(_differencing(0.4), samples)) / CITY_HOURS,
+    )
+
+
+def _real_alarms() -> Figure:
+    """Nobody brakes harder than 0.23 g in the recordings, so every alarm is a false one."""
+    speeds = alarms = 0
+    for drive in REAL_DRIVES:
+        bus = CarBus(ObdSettings(polling_hz=None))
+        for frame in read_can_log(RECORDINGS / f"{drive}.log"):
+            bus.receive_frame(frame, frame.stamp_s)
+            while (event := bus.next_event()) is not None:
+                speeds += isinstance(event, Speed)
+                alarms += isinstance(event, HardBrake)
+    return Figure(
+        name="hard_brake_false_alarms_real_drives",
+        value=alarms,
+        unit="alarms",
+        n=len(REAL_DRIVES),
+        reference="speeds read",
+        reference_value=speeds,
+    )
+
+
+def _detector(source: Source, threshold_g: float) -> HardBrakeDetector:
+    detector = HardBrakeDetector(threshold_g)
+    if source.pedal:
+        detector.receive_pedal(BrakePedal(0.0, pressed=True, source=source.name))
+    return detector
+
+
+def _alarms(
+    receive: Callable[[Speed], HardBrake | None], samples: Sequence[Speed]
+) -> list[HardBrake]:
+    return [alarm for sample in samples if (alarm := receive(sample)) is not None]
+
+
+def _differencing(threshold_g: float) -> Callable[[Speed], HardBrake | None]:
+    """The naive detector: two samples, silent for a second after each alarm."""
+    last: Speed | None = None
+    quiet_until = 0.0
+
+    def receive(speed: Speed) -> HardBrake | None:
+        nonlocal last, quiet_until
+        before, last = last, speed
+        if before is None or speed.stamp_s <= before.stamp_s or speed.stamp_s < quiet_until:
+            return None
+        mean = (before.speed_m_s - speed.speed_m_s) / (speed.stamp_s - before.stamp_s)
+        if mean <= threshold_g * STANDARD_GRAVITY_M_S2:
+            return None
+        quiet_until = speed.stamp_s + 1.0
+        return HardBrake(speed.stamp_s, mean, speed.source)
+
+    return receive
+
+
+def _ideal_alarm_at(track: Track, times: Track, threshold_g: float) -> float:
+    speeds = track[(times / STEP_S).astype(int)]
+    decelerations = -np.diff(speeds) / np.diff(times)
+    return float(times[1:][np.argmax(decelerations > threshold_g * STANDARD_GRAVITY_M_S2)])
+
+
+def _braking(
+    deceleration_m_s2: float, threshold_g: float, rng: np.random.Generator
+) -> tuple[Track, float]:
+    """From 80 km/h to 10 km/h, and when the deceleration passes the threshold."""
+    started_at = 2.0 + rng.uniform(0.0, 1.0)
+    deceleration = np.clip(
+        (np.arange(0.0, 12.0, STEP_S) - started_at) * JERK_M_S3, 0.0, deceleration_m_s2
+    )
+    track = rng.uniform(80.0, 81.0) * KM_H - np.cumsum(deceleration) * STEP_S
+    passed_at = started_at + threshold_g * STANDARD_GRAVITY_M_S2 / JERK_M_S3
+    return track[track > 10 * KM_H], passed_at
+
+
+def _city(rng: np.random.Generator, hours: float) -> Track:
+    """Accelerate, roll, brake (one time in seven firmly, never above 3.5 m/s2), sometimes stop."""
+    parts: list[Track] = []
+    speed_m_s = 0.0
+    steps = 0
+    while steps < hours * 3600 / STEP_S:
+        target_m_s = rng.uniform(20.0, 60.0) * KM_H
+        accelerating = np.arange(
+            speed_m_s, max(target_m_s, speed_m_s), rng.uniform(0.8, 2.5) * STEP_S
+        )
+        rolling_s = rng.uniform(2.0, 15.0)
+        rolling = target_m_s + 0.3 * np.sin(
+            np.arange(0.0, rolling_s, STEP_S) * rng.uniform(0.2, 1.0)
+        )
+        firm = rng.random() < 1 / 7
+        peak_m_s2 = rng.uniform(2.5, 3.5) if firm else rng.uniform(1.0, 2.5)
+        end_m_s = 0.0 if rng.random() < 0.5 else rng.uniform(5.0, 15.0) * KM_H
+        ramp = np.minimum(np.arange(0.0, 20.0, STEP_S) * rng.uniform(4.0, 15.0), peak_m_s2)
+        falling = rolling[-1] - np.cumsum(ramp) * STEP_S
+        braking = falling[falling > end_m_s]
+        waiting = np.zeros(int(rng.uniform(1.0, 10.0) / STEP_S) if end_m_s == 0.0 else 0)
+        round_trip = [accelerating, rolling, braking, waiting]
+        parts += round_trip
+        steps += sum(map(len, round_trip))
+        speed_m_s = end_m_s
+    return np.concatenate(parts)

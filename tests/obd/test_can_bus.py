@@ -1,0 +1,366 @@
+"""The wire: a socketcand server on 127.0.0.1, recordings in every format, and their faults."""
+
+import asyncio
+import contextlib
+import socket
+
+import can
+import pytest
+from pydantic import ValidationError
+
+from onboard.obd.can_bus import CanBus, CanBusError, read_can_log
+from onboard.obd.can_frame import CanFrame
+from onboard.obd.car_bus import CarBus
+from onboard.obd.settings import CanSettings, ObdSettings
+from sim_rig.cars.ecu import ENGINE_11_BIT, ENGINE_29_BIT, Ecu
+from sim_rig.cars.socketcand_server import SocketcandServer
+
+ANSWER = CanFrame(0.0, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D3200000000"))
+
+
+class Server:
+    """As much of socketcand as a client sees; the test writes what the bus carries."""
+
+    def __init__(self, greeting=b"< hi >", answers=(b"< ok >", b"< ok >")):
+        self.greeting, self.answers = greeting, answers
+        self.received: asyncio.Queue[bytes] = asyncio.Queue()
+        self.clients: asyncio.Queue[asyncio.StreamWriter] = asyncio.Queue()
+
+    async def __aenter__(self):
+        self.server = await asyncio.start_server(self.serve, "127.0.0.1", 0)
+        self.port = self.server.sockets[0].getsockname()[1]
+        return self
+
+    async def __aexit__(self, *_):
+        self.server.close()
+        while not self.clients.empty():
+            self.clients.get_nowait().close()
+
+    async def serve(self, reader, writer):
+        writer.write(self.greeting)
+        with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError):
+            for answer in self.answers:
+                await self.received.put(await reader.readuntil(b">"))
+                writer.write(answer)
+            await self.clients.put(writer)
+            while True:
+                await self.received.put(await reader.readuntil(b">"))
+        writer.close()
+
+
+class Ears:
+    """Collects what a bus says."""
+
+    def __init__(self):
+        self.frames: asyncio.Queue[CanFrame] = asyncio.Queue()
+        self.states: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
+        self.discarded = []
+
+    def bus(self, port, **more):
+        settings = CanSettings(interface="socketcand", channel="can0", port=port, **more)
+        return CanBus(
+            settings,
+            self.frames.put_nowait,
+            lambda there, why: self.states.put_nowait((there, why)),
+            self.discarded.append,
+        )
+
+
+async def open_in_thread(bus):
+    """Opening blocks, and here the server lives on the same loop."""
+    opened = await asyncio.to_thread(bus._open)
+    bus._loop = asyncio.get_running_loop()
+    bus._attach(opened)
+
+
+def soon(awaitable):
+    return asyncio.wait_for(awaitable, timeout=10)
+
+
+def on_a_loop(scenario):
+    asyncio.run(asyncio.wait_for(scenario(), timeout=30))
+
+
+def test_frames_come_as_they_are_and_requests_go_out():
+    async def scenario():
+        ears = Ears()
+        async with Server() as server:
+            bus = ears.bus(server.port)
+            await open_in_thread(bus)
+            client = await soon(server.clients.get())
+            before = asyncio.get_running_loop().time()
+            client.write(b"< frame 7E8 1.5 03410D3200000000 >< frame 18DAF110 1.6 00 >")
+            first, second = await soon(ears.frames.get()), await soon(ears.frames.get())
+            assert (first.arbitration_id, first.is_extended_id) == (0x7E8, False)
+            assert first.data == ANSWER.data
+            assert before <= first.stamp_s <= asyncio.get_running_loop().time()
+            assert (second.arbitration_id, second.is_extended_id) == (0x18DAF110, True)
+            bus.send(CanFrame(0.0, 0x7DF, is_extended_id=False, data=bytes.fromhex("02010D")))
+            opened = [await soon(server.received.get()) for _ in range(3)]
+            assert opened == [b"< open can0 >", b"< rawmode >", b"< send 7DF 3 02 01 0D >"]
+            bus.close()
+
+    on_a_loop(scenario)
+
+
+def test_a_frame_torn_by_tcp_is_whole():
+    async def scenario():
+        ears = Ears()
+        async with Server() as server:
+            bus = ears.bus(server.port)
+            await open_in_thread(bus)
+            client = await soon(server.clients.get())
+            for part in (b"< fra", b"me 7E8 1.5 0341", b"0D32 >< frame 7E8 1.5 03410D33 >"):
+                client.write(part)
+                await client.drain()
+            assert (await soon(ears.frames.get())).data[-1] == 0x32
+            assert (await soon(ears.frames.get())).data[-1] == 0x33
+            bus.close()
+
+    on_a_loop(scenario)
+
+
+def test_garbage_is_counted_and_what_follows_is_read():
+    async def scenario():
+        ears = Ears()
+        async with Server() as server:
+            bus = ears.bus(server.port)
+            await open_in_thread(bus)
+            client = await soon(server.clients.get())
+            client.write(b"\x00\xff>< frame 7E8 nonsense >" + b"x" * 1000)
+            await client.drain()
+            client.write(b"< error 004 1.5 >< frame 7E8 1.5 03410D32 >")
+            assert (await soon(ears.frames.get())).data[-1] == 0x32
+            assert len(ears.discarded) >= 3
+            assert {d.reason for d in ears.discarded} == {"socketcand_element"}
+            bus.close()
+
+    on_a_loop(scenario)
+
+
+def test_a_flood_is_handed_over_whole_and_in_order():
+    async def scenario():
+        ears = Ears()
+        async with Server() as server:
+            bus = ears.bus(server.port)
+            await open_in_thread(bus)
+            client = await soon(server.clients.get())
+            client.write(b"".join(b"< frame 100 1.5 %04X >" % n for n in range(5000)))
+            numbers = [int.from_bytes((await soon(ears.frames.get())).data) for _ in range(5000)]
+            assert numbers == list(range(5000))
+            bus.close()
+
+    on_a_loop(scenario)
+
+
+def test_a_lost_server_is_told_at_once_and_found_again():
+    async def scenario():
+        ears = Ears()
+        async with Server() as server:
+            bus = ears.bus(server.port)
+            await open_in_thread(bus)
+            client = await soon(server.clients.get())
+            client.close()
+            assert await soon(ears.states.get()) == (False, "the server closed the connection")
+            bus.send(ANSWER)  # lost, and no error
+            assert await soon(ears.states.get()) == (True, "")
+            again = await soon(server.clients.get())
+            again.write(b"< frame 7E8 1.5 03410D32 >")
+            assert (await soon(ears.frames.get())).data[-1] == 0x32
+            bus.close()
+
+    on_a_loop(scenario)
+
+
+def test_a_bus_that_is_closed_while_it_looks_for_its_server_stays_closed():
+    async def scenario():
+        ears = Ears()
+        async with Server() as server:
+            bus = ears.bus(server.port)
+            await open_in_thread(bus)
+            (await soon(server.clients.get())).close()
+            await soon(ears.states.get())
+            bus.close()
+        assert ears.states.empty()
+
+    on_a_loop(scenario)
+
+
+@pytest.mark.parametrize(
+    ("greeting", "answers", "why"),
+    [
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n>", (), "the server says 'HTTP/1.1 400"),
+        (b"< hi >", (b"< error could not open bus >",), "says 'error could not open bus'"),
+        (b"x" * 1000, (), "no socketcand: expected < hi >"),
+        (b"", (), "timed out"),
+    ],
+)
+def test_a_server_that_is_none_is_told_in_one_line(greeting, answers, why, monkeypatch):
+    monkeypatch.setattr("onboard.obd.can_bus.CONNECT_TIMEOUT_S", 0.3)
+
+    async def scenario():
+        async with Server(greeting, answers) as server:
+            with pytest.raises(CanBusError) as told:
+                await open_in_thread(Ears().bus(server.port))
+            assert why in str(told.value)
+            where = f"CAN bus can0 of the socketcand server 127.0.0.1:{server.port} cannot be"
+            assert str(told.value).startswith(where)
+
+    on_a_loop(scenario)
+
+
+def test_a_server_that_is_not_there_is_told_in_one_line():
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+
+    async def scenario():
+        with pytest.raises(CanBusError, match=r"cannot be opened: Connection refused$"):
+            Ears().bus(port).start(asyncio.get_running_loop())
+
+    on_a_loop(scenario)
+
+
+def test_an_interface_that_is_not_there_is_told_in_one_line():
+    async def scenario():
+        bus = CanBus(CanSettings(interface="socketcan", channel="can77"), print, print)
+        with pytest.raises(CanBusError, match=r"^CAN bus can77 cannot be opened: .+$"):
+            bus.start(asyncio.get_running_loop())
+
+    on_a_loop(scenario)
+
+
+@pytest.mark.parametrize("addresses", [ENGINE_11_BIT, ENGINE_29_BIT])
+def test_a_car_gets_its_speed_from_the_ecu_at_the_other_end(addresses):
+    """The daemon's round in small: the bus, the core and a clock."""
+
+    async def scenario():
+        ecu = Ecu(lambda now: 50 / 3.6, addresses=addresses)
+        server = SocketcandServer(ecu, "can0", lambda frame: None)
+        port = await server.start()
+        loop = asyncio.get_running_loop()
+        ears, core = Ears(), CarBus(ObdSettings())
+        bus = ears.bus(port)
+        await open_in_thread(bus)
+        speeds = []
+        while len(speeds) < 5:
+            for frame in core.frames_to_send(loop.time()):
+                bus.send(frame)
+            until = max(0.0, core.get_timer() - loop.time())
+            with contextlib.suppress(TimeoutError):
+                frame = await asyncio.wait_for(ears.frames.get(), until)
+                core.receive_frame(frame, loop.time())
+            while (event := core.next_event()) is not None:
+                speeds.append(event)
+        assert {round(speed.speed_m_s * 3.6) for speed in speeds} == {50}
+        bus.close()
+        await server.close()
+
+    on_a_loop(scenario)
+
+
+FRAMES = [
+    CanFrame(10.0, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D3200000000")),
+    CanFrame(10.05, 0x18DAF110, is_extended_id=True, data=bytes.fromhex("03410D33")),
+    CanFrame(10.1, 0x100, is_extended_id=False, data=b""),
+]
+
+
+@pytest.fixture(name="recording")
+def _recording(tmp_path):
+    def write(name):
+        path = tmp_path / name
+        with can.Logger(path) as log:
+            for frame in FRAMES:
+                log.on_message_received(
+                    can.Message(
+                        timestamp=frame.stamp_s,
+                        arbitration_id=frame.arbitration_id,
+                        is_extended_id=frame.is_extended_id,
+                        data=frame.data,
+                        channel=1,
+                    )
+                )
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", ["a.log", "a.asc", "a.blf", "a.trc", "a.csv", "a.db", "a.log.gz"])
+def test_a_recording_in_any_format_gives_its_frames(recording, name):
+    frames = list(read_can_log(recording(name)))
+    assert [(f.arbitration_id, f.is_extended_id, f.data) for f in frames] == [
+        (f.arbitration_id, f.is_extended_id, f.data) for f in FRAMES
+    ]
+    steps = [later.stamp_s - frames[0].stamp_s for later in frames]
+    assert steps == pytest.approx([0.0, 0.05, 0.1], abs=1e-3)
+
+
+def test_one_channel_of_a_recording(tmp_path):
+    path = tmp_path / "two.log"
+    path.write_text("(1.0) can0 100#00\n(1.1) can1 101#00\n(1.2) can0 102#00\n", encoding="ascii")
+    assert [f.arbitration_id for f in read_can_log(path)] == [0x100, 0x101, 0x102]
+    assert [f.arbitration_id for f in read_can_log(path, "can0")] == [0x100, 0x102]
+
+
+def test_bad_lines_are_counted_and_remote_and_error_frames_passed_by(tmp_path):
+    path = tmp_path / "bad.log"
+    path.write_text(
+        "(1.0) can0 7E8#03410D32\nnonsense\n(1.1) can0 ZZZ#00\n(1.2) can0 100#R8\n"
+        "(1.3) can0 20000088#0000000000000000\n(1.4) can0 100##1AABB\n(1.5) can0 7E8#03\x00\n"
+        "(1.6) can0 7E8#0341\n",
+        encoding="ascii",
+    )
+    discarded = []
+    frames = list(read_can_log(path, on_discarded=discarded.append))
+    assert [frame.stamp_s for frame in frames] == [1.0, 1.4, 1.6]
+    assert [(d.stamp_s, d.reason) for d in discarded] == [
+        (1.0, "log_line"),
+        (1.0, "log_line"),
+        (1.4, "log_line"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "why"),
+    [
+        ("nowhere.log", None, "cannot be read: No such file or directory"),
+        ("a.xyz", b"", "unknown log format"),
+        ("a.log", b"can0  7E8   [4]  03 41 0D 32\n", "no line is as `candump -L` writes it"),
+        ("a.csv", b"header\nno frame\n", "no readable CAN log"),
+        ("a.log.gz", b"not gzip", "cannot be read"),
+    ],
+)
+def test_what_is_no_recording_is_told_in_one_line(tmp_path, name, content, why):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(CanBusError) as told:
+        list(read_can_log(path))
+    assert str(told.value).startswith(f"{path}: ")
+    assert why in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_a_recording_plays_at_its_own_pace_on_the_loops_clock(recording):
+    async def scenario():
+        ears = Ears()
+        settings = CanSettings(interface="log", file=recording("a.log"))
+        bus = CanBus(settings, ears.frames.put_nowait, lambda *state: ears.states.put_nowait(state))
+        started = asyncio.get_running_loop().time()
+        bus.start(asyncio.get_running_loop())
+        frames = [await soon(ears.frames.get()) for _ in FRAMES]
+        assert [f.stamp_s - frames[0].stamp_s for f in frames] == pytest.approx([0, 0.05, 0.1])
+        assert frames[0].stamp_s >= started
+        assert asyncio.get_running_loop().time() >= frames[-1].stamp_s
+        assert await soon(ears.states.get()) == (False, "end of the recording")
+        bus.close()
+
+    on_a_loop(scenario)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"interface": "log"}, {"interface": "socketcan", "file": "a.log"}, {"port": 0}]
+)
+def test_impossible_settings_are_refused(wrong):
+    with pytest.raises(ValidationError):
+        CanSettings.model_validate(wrong, strict=False)
