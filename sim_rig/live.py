@@ -72,6 +72,7 @@ class Desk:
         assert self._cameras.stdin is not None  # noqa: S101 (started with pipes)
         self._cameras.stdin.write(f"{self.start_s}\n".encode())
         await self.processes.sleep_until(self.start_s + self._scenario.duration_s + _LINGER_S)
+        await self.processes.stop(*self._scenario.equipped)
 
     def log(self) -> RunLog:
         """What happened, once the desk is closed."""

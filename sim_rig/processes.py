@@ -73,16 +73,21 @@ class Processes:
         return self
 
     async def __aexit__(self, *_exception: object) -> None:
-        """Ask all to stop; end those that do not."""
-        for name, process in self._running.items():
+        await self.stop(*self._running)
+
+    async def stop(self, *names: str) -> None:
+        """Ask these to stop; end those that do not."""
+        ends = [self._ends.pop(name) for name in names if name in self._ends]
+        for name in names:
+            process = self._running[name]
             if process.stdin is not None:
                 process.stdin.close()
-            if not self._ends[name].done():
+            if process.returncode is None:
                 process.terminate()
-        if not self._ends:
+        if not ends:
             return
-        _done, late = await asyncio.wait(self._ends.values(), timeout=_STOPPED_WITHIN_S)
-        for name, process in self._running.items():
-            if self._ends[name] in late:
-                process.kill()
-        await asyncio.gather(*self._ends.values())
+        await asyncio.wait(ends, timeout=_STOPPED_WITHIN_S)
+        for name in names:
+            if self._running[name].returncode is None:
+                self._running[name].kill()
+        await asyncio.gather(*ends)

@@ -14,10 +14,17 @@ DIGEST = {"scrypt_log2_n": 6}
 def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
     """The tree of the car's `CarConfig`, without its wires. It holds no truth about the others."""
     it = scenario.cars[car]
+    has_plates = any(other.plate is not None for other in scenario.cars.values())
+    has_tags = any(other.tag_id is not None for other in scenario.cars.values())
     return {
         "seed": seed,
         "car": {"plate": it.identity, "length_m": it.length_m, "width_m": it.width_m},
-        "vision": {"plate_width_m": 0.52, "lane_width_m": scenario.lane_width_m},
+        "vision": {
+            "plates": has_plates,
+            "plate_width_m": 0.52,
+            "tag_dictionary": "4X4_50" if has_tags else None,
+            "lane_width_m": scenario.lane_width_m,
+        },
         "lcca": scenario.lcca.model_dump(),
         "security": {"plate_digest": DIGEST},
     }

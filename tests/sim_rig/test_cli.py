@@ -1,0 +1,94 @@
+"""The commands of the rig, as a user meets them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim_rig.cli import main
+from sim_rig.scenario import scenario_names
+
+
+class Terminal:
+    """Runs the command line in this process."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self._monkeypatch = monkeypatch
+        self._capsys = capsys
+        monkeypatch.setenv("COLUMNS", "120")
+
+    def run(self, *arguments: str) -> tuple[int, str, str]:
+        """Exit code, standard output, standard error."""
+        self._monkeypatch.setattr(sys, "argv", ["sim-rig", *arguments])
+        with pytest.raises(SystemExit) as end:
+            main()
+        shown = self._capsys.readouterr()
+        return int(end.value.code or 0), shown.out, shown.err
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Terminal:
+    return Terminal(monkeypatch, capsys)
+
+
+def test_the_module_runs_as_a_program() -> None:
+    run = subprocess.run(
+        [sys.executable, "-m", "sim_rig", "list"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+
+    assert [line.split()[0] for line in run.stdout.splitlines()] == scenario_names()
+
+
+def test_a_virtual_run_prints_its_story_and_leaves_its_traces(
+    terminal: Terminal, tmp_path: Path
+) -> None:
+    code, shown, _ = terminal.run(
+        "run", "--virtual", "fig4", "--seed", "11", "--out", str(tmp_path)
+    )
+
+    assert code == 0
+    for part in ("Timeline", "WARNED: green brakes", "not_in_group", "Latency ledger", "PASSED"):
+        assert part in shown
+    lines = (tmp_path / "fig4-virtual" / "red.jsonl").read_text().splitlines()
+    assert {"speed", "plate", "lead", "warning"} <= {json.loads(line)["kind"] for line in lines}
+
+
+@pytest.fixture
+def impossible(tmp_path: Path) -> Path:
+    """Nobody brakes, and yet somebody is to be warned."""
+    path = tmp_path / "impossible.yaml"
+    path.write_text(
+        """
+title: A car is to be warned though nobody brakes.
+seed: 1
+duration_s: 2
+radio: {reach_m: 100}
+cars: {ann: {plate: A1B2, lane: 1, start_m: 0, speed_m_s: 5}}
+expect: [{what: warning, braking: ann, at_s: [0], within_s: {ann: 1}}]
+"""
+    )
+    return path
+
+
+def test_a_run_that_does_not_come_as_expected_fails_with_1(
+    terminal: Terminal, impossible: Path
+) -> None:
+    out = str(impossible.parent / "out")
+    code, shown, _ = terminal.run("run", "--virtual", str(impossible), "--out", out)
+
+    assert code == 1
+    assert "FAILED ann is not warned of ann braking at 0 s" in shown
+
+
+@pytest.mark.parametrize("arguments", [("run", "fig5"), ("run",), ("jump",)])
+def test_a_mistake_of_the_user_ends_with_2(terminal: Terminal, arguments: tuple[str, ...]) -> None:
+    code, shown, complaint = terminal.run(*arguments)
+
+    assert (code, shown) == (2, "")
+    assert complaint

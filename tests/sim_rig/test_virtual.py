@@ -1,0 +1,57 @@
+"""Every scenario in virtual time: as expected, the same for the same seed, other for another."""
+
+import json
+
+import pytest
+
+from sim_rig.report import failures
+from sim_rig.run_log import RunLog
+from sim_rig.scenario import Scenario, load_scenario, scenario_names
+from sim_rig.virtual import run_virtual
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_everything_comes_as_the_scenario_expects(name: str) -> None:
+    scenario = load_scenario(name)
+
+    assert failures(scenario, run_virtual(scenario)) == []
+
+
+def traces(log: RunLog) -> dict[str, str]:
+    return {name: json.dumps(trace) for name, trace in {**log.traces, "rig": log.rig}.items()}
+
+
+@pytest.fixture(scope="module")
+def lossy() -> Scenario:
+    return load_scenario("loss").model_copy(update={"duration_s": 12.0})
+
+
+def test_one_seed_gives_the_same_traces_to_the_byte(lossy: Scenario) -> None:
+    assert traces(run_virtual(lossy, 5)) == traces(run_virtual(lossy, 5))
+
+
+def test_another_seed_gives_other_noise_and_other_losses(lossy: Scenario) -> None:
+    one, other = traces(run_virtual(lossy, 5)), traces(run_virtual(lossy, 6))
+
+    assert all(one[car] != other[car] for car in one)
+
+
+def test_stamps_of_a_trace_never_exceed_the_run_and_messages_come_in_order(lossy: Scenario) -> None:
+    log = run_virtual(lossy)
+    for trace in log.traces.values():
+        received = [record["stamp_s"] for record in trace if record["kind"] == "received"]
+        assert received == sorted(received)
+        assert max(record["stamp_s"] for record in trace) <= lossy.duration_s
+
+
+def test_a_car_without_the_daemon_is_seen_but_says_nothing() -> None:
+    scenario = load_scenario("fig4").model_copy(update={"duration_s": 9.0})
+    green = scenario.cars["green"].model_copy(update={"equipped": False})
+    scenario = scenario.model_copy(update={"cars": {**scenario.cars, "green": green}})
+
+    log = run_virtual(scenario)
+
+    assert "green" not in log.traces
+    leads = [record["text"] for record in log.of("red", "lead", from_s=8.0)]
+    assert set(leads) == {"GN417KB"}
+    assert not list(log.of("red", "transition", from_s=0.0, state="member"))
