@@ -1,6 +1,6 @@
 # `make demo` runs the main job, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test lint bench train system-packages clean
+.PHONY: demo test lint bench fuzz train system-packages clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
