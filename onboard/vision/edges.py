@@ -15,6 +15,12 @@ from onboard.vision.perspective import Corners
 _LINES = 15
 """Lines across each side."""
 _STEP_PX = 0.25
+NEAR_PX, NEAR = 2.0, 0.125
+"""Half width of the window about the strongest step: in pixels, and as a share of the side."""
+NOISE_STEP = 2.5
+"""Grey levels a step; what rises less is noise, which would pull to the window's middle."""
+LEAST_CONTRAST = 15.0
+"""Grey levels across a side that can be seen."""
 _SHARE = np.linspace(0.15, 0.85, _LINES, dtype=np.float32)
 """Where they cross it: not near the corners."""
 
@@ -42,7 +48,12 @@ def refine_sides(grey: npt.NDArray[np.uint8], corners_px: Corners, reach_px: flo
     steps = np.diff(np.asarray(levels, np.float32), axis=1).reshape(4, _LINES, -1)
     middles = offsets[:-1] + _STEP_PX / 2
     lines = [
-        _side(corners_px[side], along[side], outward[side], _step_at(steps[side], middles))
+        _side(
+            corners_px[side],
+            along[side],
+            outward[side],
+            _step_at(steps[side], middles, float(length[side])),
+        )
         for side in range(4)
     ]
     refined = [_meeting(lines[side - 1], lines[side]) for side in range(4)]
@@ -54,17 +65,17 @@ _Line = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 
 
 def _step_at(
-    steps: npt.NDArray[np.float32], offsets_px: npt.NDArray[np.float32]
+    steps: npt.NDArray[np.float32], offsets_px: npt.NDArray[np.float32], side_px: float
 ) -> npt.NDArray[np.float32] | None:
     """Where each line's brightness rises, by the centroid of the rise; `None` if it does not."""
-    rises = np.clip(steps, 0.0, None)
-    peaks = offsets_px[rises.argmax(axis=1)]
-    near = np.abs(offsets_px[None] - np.median(peaks)) <= 1.5
-    weights = rises * near
+    strongest_px = offsets_px[steps.mean(axis=0).argmax()]
+    near = np.abs(offsets_px - strongest_px) <= min(NEAR_PX, NEAR * side_px)
+    weights = np.clip(steps - NOISE_STEP, 0.0, None) * near
     totals = weights.sum(axis=1)
-    if np.median(totals) < 15.0:
+    if np.median(totals) < LEAST_CONTRAST:
         return None
-    return np.asarray((weights * offsets_px).sum(axis=1) / np.maximum(totals, 1.0), np.float32)
+    middles = (weights * offsets_px).sum(axis=1) / np.maximum(totals, 1.0)
+    return np.asarray(middles, np.float32)
 
 
 def _side(

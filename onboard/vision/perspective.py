@@ -24,6 +24,10 @@ Corners = npt.NDArray[np.float32]
 """(4, 2): top left, top right, bottom right, bottom left, in pixels."""
 
 
+_UNTIL_EXACT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-6)
+"""Undistortion has no closed form; the default of five rounds leaves errors at the rim."""
+
+
 @dataclass(frozen=True, slots=True)
 class Place:
     """Where something is, from the camera."""
@@ -71,36 +75,39 @@ class Perspective:
         return self._calibration.focal_x_px * width_m / ahead_m
 
     def locate_upright(self, corners_px: Corners, width_m: float) -> Place:
-        """Middle of a plate or tag `width_m` wide that faces the camera: z = f W / w."""
-        undistorted = self._normalised(corners_px)
-        upper = undistorted[1] - undistorted[0]
-        lower = undistorted[2] - undistorted[3]
+        """Middle of a plate or tag `width_m` wide that stands across the car's heading.
+
+        All of it is equally far ahead, so its width is to that distance as the difference of its
+        ends' slopes is to one.
+        """
+        slopes = self._slopes(corners_px)
+        upper, lower = slopes[1] - slopes[0], slopes[2] - slopes[3]
         width = (math.hypot(*upper) + math.hypot(*lower)) / 2
-        middle = undistorted.mean(axis=0)
-        return self._place(middle, width_m / max(width, 1e-9))
+        ahead_m = width_m / max(width, 1e-9)
+        right, down = slopes.mean(axis=0)
+        height_m = self._calibration.mounting_height_m - ahead_m * float(down)
+        return Place(ahead_m, ahead_m * float(right), height_m)
 
     def locate_on_road(self, u_px: float, v_px: float) -> Place | None:
         """The place on the road that the pixel shows; `None` at and above the horizon."""
-        point = self._normalised(np.array([[u_px, v_px]], np.float32))[0]
-        down = float(self._to_car[1] @ (*point, 1.0))
+        right, down = self._slopes(np.array([[u_px, v_px]], np.float32))[0]
         if down < 1e-3:
             return None
-        return self._place(point, self._calibration.mounting_height_m / down)
+        ahead_m = self._calibration.mounting_height_m / float(down)
+        return Place(ahead_m, ahead_m * float(right), 0.0)
 
     def shape(self, corners_px: Corners) -> float:
         """Width by height of a plate that faces the camera."""
-        top_left, top_right, bottom_right, bottom_left = self._normalised(corners_px)
+        top_left, top_right, bottom_right, bottom_left = self._slopes(corners_px)
         width = math.hypot(*(top_right - top_left)) + math.hypot(*(bottom_right - bottom_left))
         height = math.hypot(*(bottom_left - top_left)) + math.hypot(*(bottom_right - top_right))
         return width / max(height, 1e-9)
 
-    def _normalised(self, points_px: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-        """(n, 2) of x/z, y/z in the camera's coordinates."""
+    def _slopes(self, points_px: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+        """(n, 2): how far right and down of the camera each point's ray is, a metre ahead."""
         points = np.asarray(points_px, np.float64).reshape(-1, 1, 2)
-        undistorted = cv2.undistortPoints(points, self._matrix, self._distortion)
-        return np.asarray(undistorted, np.float64)[:, 0]
-
-    def _place(self, point: npt.NDArray[np.float64], depth_m: float) -> Place:
-        right_m, down_m, ahead_m = depth_m * (self._to_car @ (*point, 1.0))
-        height_m = self._calibration.mounting_height_m - float(down_m)
-        return Place(float(ahead_m), float(right_m), height_m)
+        undistorted = cv2.undistortPointsIter(
+            points, self._matrix, self._distortion, np.eye(3), np.eye(3), _UNTIL_EXACT
+        )
+        rays = np.column_stack([undistorted[:, 0], np.ones(len(points))]) @ self._to_car.T
+        return np.asarray(rays[:, :2] / rays[:, 2:], np.float64)

@@ -147,6 +147,8 @@ class VisionSettings(Settings):
     search_every_s: float = Field(0.5, gt=0.0, le=10.0)
     """How often the whole picture is searched while a lead is tracked; otherwise the regions
     around what is tracked."""
+    search_without_lead_every_s: float = Field(0.2, gt=0.0, le=10.0)
+    """How often while there is none."""
     keep_s: float = Field(1.5, gt=0.0, le=10.0)
     """How long a car is believed to be there after it was last seen."""
     frozen_s: float = Field(0.6, gt=0.0, le=10.0)

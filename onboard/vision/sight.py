@@ -85,6 +85,7 @@ class Sight:
         self._searched_at = -math.inf
         self._changed_at = -math.inf
         self._frozen = False
+        self._has_lead = False
         self._events: deque[Event] = deque()
 
     def next_event(self) -> Event | None:
@@ -129,12 +130,12 @@ class Sight:
     def _look(
         self, image: npt.NDArray[np.uint8], stamp_s: float, *, everywhere: bool
     ) -> list[Sighting]:
+        settings = self._settings
+        period_s = (
+            settings.search_every_s if self._has_lead else settings.search_without_lead_every_s
+        )
         regions: list[Box | None] = [_around(track, stamp_s) for track in self._tracker.tracks]
-        if (
-            everywhere
-            or not regions
-            or stamp_s - self._searched_at >= self._settings.search_every_s
-        ):
+        if everywhere or stamp_s - self._searched_at >= period_s:
             self._searched_at = stamp_s
             regions = [None]
         return [sighting for finder in self._finders for sighting in finder.find(image, regions)]
@@ -165,6 +166,7 @@ class Sight:
 
     def _show(self, pairs: list[tuple[Sighting, CarTrack | None]], stamp_s: float) -> None:
         lead = self._choice.choose(self._tracker.tracks, stamp_s)
+        self._has_lead = lead is not None
         for sighting, track in pairs:
             if sighting.cue is not Cue.VEHICLE:
                 is_lead = lead is not None and track is lead

@@ -18,8 +18,8 @@ SMALL_REGION_PX = 200
 """A region narrower than this is looked at enlarged."""
 EDGE_REACH = 0.15
 """Share of a tag's side in which its edge is looked for: less than a cell, a sixth."""
-SIDE_SIGMA_PX = 0.15
-"""Of a side with refined edges: 0.05 to 0.15 on rendered pictures with blur and noise."""
+SIDE_SIGMA_PX = 0.2
+"""Of a side with refined edges: 0.05 to 0.2 on rendered pictures with blur and noise."""
 
 
 class TagFinder:
@@ -71,7 +71,9 @@ class TagFinder:
         return found
 
     def _sighting(self, corners_px: Corners, number: int) -> Sighting:
-        place = self._perspective.locate_upright(corners_px, self._side_m)
+        # A tag is square: with this width, its height counts as much as its width.
+        both_m = self._side_m * math.sqrt(self._perspective.shape(corners_px))
+        place = self._perspective.locate_upright(corners_px, both_m)
         side_px = self._perspective.width_px(self._side_m, max(place.ahead_m, 1e-3))
         ahead_sigma_m = place.ahead_m * SIDE_SIGMA_PX / side_px
         right_sigma_m = math.hypot(

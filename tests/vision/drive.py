@@ -1,0 +1,77 @@
+"""Rendered drives: what the camera would deliver, and what is true."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from onboard.observations import Discarded, Lead, Plate, SensedCar, SensorBack, SensorLost
+from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sight import Event, Sight
+from sim_rig.picture.scene import Picture, Scene
+
+CAMERA = CameraSettings(
+    source="rendered",
+    width_px=960,
+    height_px=540,
+    focal_x_px=825.0,
+    focal_y_px=825.0,
+    principal_x_px=480.0,
+    principal_y_px=270.0,
+    mounting_height_m=1.3,
+    pitch_rad=0.02,
+)
+TAGS = VisionSettings(plates=False)
+FPS = 10.0
+
+
+@dataclass
+class Seen:
+    """What a sight told of a drive."""
+
+    events: list[Event] = field(default_factory=list)
+
+    @property
+    def leads(self) -> list[Lead]:
+        return [event for event in self.events if isinstance(event, Lead)]
+
+    @property
+    def plates(self) -> list[Plate]:
+        return [event for event in self.events if isinstance(event, Plate)]
+
+    @property
+    def cars(self) -> list[SensedCar]:
+        return [event for event in self.events if isinstance(event, SensedCar)]
+
+    @property
+    def discarded(self) -> list[Discarded]:
+        return [event for event in self.events if isinstance(event, Discarded)]
+
+    @property
+    def health(self) -> list[SensorLost | SensorBack]:
+        return [event for event in self.events if isinstance(event, SensorLost | SensorBack)]
+
+
+def frames(
+    scene_at: Callable[[float], Scene],
+    duration_s: float,
+    *,
+    fps: float = FPS,
+    camera: CameraSettings = CAMERA,
+    seed: int = 1,
+) -> Iterator[tuple[float, npt.NDArray[np.uint8]]]:
+    """(stamp, picture) of a drive."""
+    picture, rng = Picture(camera), np.random.default_rng(seed)
+    for index in range(round(duration_s * fps)):
+        yield index / fps, picture.draw(scene_at(index / fps), rng)
+
+
+def see(sight: Sight, drive: Iterator[tuple[float, npt.NDArray[np.uint8]]]) -> Seen:
+    """Everything that `sight` says of a drive."""
+    seen = Seen()
+    for stamp_s, image in drive:
+        sight.receive_frame(image, stamp_s)
+        while (event := sight.next_event()) is not None:
+            seen.events.append(event)
+    return seen

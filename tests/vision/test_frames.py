@@ -1,0 +1,265 @@
+"""Frames from files and from live streams on 127.0.0.1, sound and broken."""
+
+import http.server
+import itertools
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from onboard.observations import Discarded, Lead, SensorLost
+from onboard.vision.frames import CameraError, CameraThread, Frame, decode_picture, open_frames
+from onboard.vision.settings import CameraSettings, VisionSettings
+from sim_rig.picture.scene import Scene, SceneCar
+from tests.vision.drive import CAMERA, frames
+
+BOUNDARY = b"picture"
+
+
+def picture(level: int, size: tuple[int, int] = (48, 64)) -> np.ndarray:
+    return np.full((*size, 3), level, np.uint8)
+
+
+def jpeg(image: np.ndarray) -> bytes:
+    return cv2.imencode(".jpg", image)[1].tobytes()
+
+
+def settings(source: str | Path, fps: float | None = None) -> CameraSettings:
+    return CAMERA.model_copy(update={"source": str(source), "fps": fps})
+
+
+def write_pictures(folder: Path, names: list[str]) -> None:
+    for index, name in enumerate(names):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(jpeg(picture(10 * index)))
+
+
+def write_clip(path: Path, count: int, fps: int) -> None:
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mpeg4", rate=fps)
+        stream.width, stream.height = 64, 48
+        for index in range(count):
+            frame = av.VideoFrame.from_ndarray(picture(20 * index), format="bgr24")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[[list[bytes]], str]]:
+    """Serve each list of bytes to one connection after the other; the last is kept open."""
+    servers = []
+
+    def start(connections: list[list[bytes]]) -> str:
+        waiting = deque(connections)
+        done = threading.Event()
+
+        class Camera(http.server.BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                self.send_response(200)
+                kind = f"multipart/x-mixed-replace; boundary={BOUNDARY.decode()}"
+                self.send_header("Content-Type", kind)
+                self.end_headers()
+                for data in waiting.popleft() if waiting else []:
+                    self.wfile.write(data)
+                if not waiting:
+                    done.wait(10.0)
+
+            def log_message(self, *_: object) -> None:
+                pass
+
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Camera)
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        servers.append((server, done))
+        return f"http://127.0.0.1:{server.server_address[1]}/video"
+
+    yield start
+    for server, done in servers:
+        done.set()
+        server.shutdown()
+        server.server_close()
+
+
+def part(body: bytes) -> bytes:
+    head = b"--%s\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n"
+    return head % (BOUNDARY, len(body)) + body + b"\r\n"
+
+
+def test_a_folder_of_pictures_is_a_drive_two_before_ten(tmp_path: Path) -> None:
+    write_pictures(tmp_path, ["f10.jpg", "f2.jpg", "f1.png"])
+    (tmp_path / "truth.csv").write_text("file\n")
+
+    source = open_frames(settings(tmp_path, fps=5.0))
+
+    assert not source.live
+    drive = list(source)
+    assert [frame.name for frame in drive] == ["f1.png", "f2.jpg", "f10.jpg"]
+    assert [frame.stamp_s for frame in drive] == pytest.approx([0.0, 0.2, 0.4])
+    assert all(frame.image.shape == (48, 64, 3) for frame in drive)
+
+
+def test_pictures_in_folders_are_named_from_where_one_pointed(tmp_path: Path) -> None:
+    write_pictures(tmp_path, ["us/1.jpg", "eu/2.jpg"])
+
+    assert [frame.name for frame in open_frames(settings(tmp_path))] == ["eu/2.jpg", "us/1.jpg"]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names"),
+    [("*/*.jpg", ["eu/2.jpg", "us/1.jpg"]), ("us/*", ["1.jpg"]), ("us/1.jpg", ["1.jpg"])],
+)
+def test_a_glob_names_pictures_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, names: list[str]
+) -> None:
+    write_pictures(tmp_path, ["us/1.jpg", "eu/2.jpg"])
+    monkeypatch.chdir(tmp_path)
+
+    assert [frame.name for frame in open_frames(settings(tmp_path / pattern))] == names
+    assert [frame.name for frame in open_frames(settings(pattern))] == names
+
+
+def test_a_clip_counts_from_zero_at_the_rate_it_states(tmp_path: Path) -> None:
+    write_clip(tmp_path / "clip.mp4", 5, fps=10)
+
+    stamps = [frame.stamp_s for frame in open_frames(settings(tmp_path / "clip.mp4"))]
+
+    assert stamps == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+
+
+def test_a_clip_that_states_a_wrong_rate_is_overruled(tmp_path: Path) -> None:
+    write_clip(tmp_path / "clip.mp4", 3, fps=10)
+
+    stamps = [frame.stamp_s for frame in open_frames(settings(tmp_path / "clip.mp4", fps=20.0))]
+
+    assert stamps == pytest.approx([0.0, 0.05, 0.1])
+
+
+def test_broken_pictures_are_frames_without_an_image(tmp_path: Path) -> None:
+    sound = jpeg(picture(90))
+    for index, data in enumerate([sound, sound[: len(sound) // 2], b"", b"no picture", sound]):
+        (tmp_path / f"{index}.jpg").write_bytes(data)
+
+    sizes = [frame.image.size for frame in open_frames(settings(tmp_path))]
+
+    assert sizes == [48 * 64 * 3, 0, 0, 0, 48 * 64 * 3]
+
+
+def test_a_truncated_png_is_no_picture_either() -> None:
+    data = cv2.imencode(".png", np.random.default_rng(1).integers(0, 255, (48, 64, 3)))[1].tobytes()
+
+    assert decode_picture(data).size > 0
+    assert decode_picture(data[:20]).size == 0
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["missing.mp4", "missing/*.jpg", "/dev/video77", "http://127.0.0.1:1/video", "http://[bad"],
+)
+def test_a_camera_that_is_not_there_is_told_at_once(source: str, capfd: object) -> None:
+    with pytest.raises(CameraError, match=r"camera\.source: "):
+        open_frames(settings(source))
+
+
+def test_a_file_that_is_no_video_is_told(tmp_path: Path, capfd: object) -> None:
+    (tmp_path / "clip.mp4").write_text("no video")
+    with pytest.raises(CameraError, match="not a video"):
+        open_frames(settings(tmp_path / "clip.mp4"))
+
+
+def test_a_web_page_is_no_camera(tmp_path: Path) -> None:
+    server = http.server.HTTPServer(
+        ("127.0.0.1", 0), lambda *a: http.server.SimpleHTTPRequestHandler(*a, directory=tmp_path)
+    )
+    threading.Thread(target=server.handle_request, daemon=True).start()
+    with pytest.raises(CameraError, match=r"camera\.source: http"):
+        open_frames(settings(f"http://127.0.0.1:{server.server_address[1]}/"))
+    server.server_close()
+
+
+def test_a_live_stream_gives_the_newest_picture_on_the_monotonic_clock(serve) -> None:
+    before_s = time.monotonic()
+    source = open_frames(
+        settings(serve([[part(jpeg(picture(level))) for level in range(0, 250, 5)]]))
+    )
+
+    assert source.live
+    seen: list[Frame] = []
+    for frame in source:
+        seen.append(frame)
+        if frame.image[0, 0, 0] > 240:
+            source.close()
+    assert len(seen) <= 50
+    stamps = [before_s, *(frame.stamp_s for frame in seen), time.monotonic()]
+    assert stamps == sorted(stamps)
+
+
+def test_a_torn_picture_in_a_live_stream_is_an_empty_frame(serve) -> None:
+    torn = jpeg(picture(90))[:-40]
+    source = open_frames(settings(serve([[part(torn), b"--picture"]])))
+
+    assert next(iter(source)).image.size == 0
+    source.close()
+
+
+def test_a_stream_that_ends_is_opened_again(serve) -> None:
+    url = serve([[part(jpeg(picture(50)))], [part(jpeg(picture(100)))], [part(jpeg(picture(200)))]])
+    source = open_frames(settings(url))
+
+    levels = []
+    for frame in source:
+        levels.append(int(frame.image[0, 0, 0]))
+        if levels[-1] == 200:
+            source.close()
+    assert levels[-1] == 200
+
+
+def seen_by_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> list:
+    heard: list = []
+    done = threading.Event()
+
+    def hear(observations: list) -> None:
+        heard.extend(observations)
+        if enough(heard):
+            done.set()
+
+    thread = CameraThread(camera, VisionSettings(plates=False, tag_side_m=0.4), hear)
+    thread.start()
+    assert done.wait(20.0)
+    thread.close()
+    return heard
+
+
+def test_the_camera_thread_sees_the_lead_in_a_live_stream(serve) -> None:
+    scene = Scene(cars=(SceneCar(12.0, tag_id=4, tag_side_m=0.4),))
+    drive = [jpeg(image) for _, image in frames(lambda _: scene, 0.8)]
+    # A slow car's thread may see only the newest of these; each connection brings them again.
+    url = serve([[*map(part, drive)] for _ in range(30)])
+
+    heard = seen_by_thread(
+        settings(url), lambda heard: any(getattr(event, "text", None) == "TAG4" for event in heard)
+    )
+
+    assert all(not isinstance(event, SensorLost) for event in heard)
+
+
+def test_the_camera_thread_plays_a_recording_and_says_when_it_ends(tmp_path: Path) -> None:
+    for index, (_, image) in enumerate(frames(lambda _: Scene(), 0.5)):
+        (tmp_path / f"{index}.jpg").write_bytes(jpeg(image) if index != 2 else b"broken")
+
+    heard = seen_by_thread(
+        settings(tmp_path, fps=100.0), lambda heard: isinstance(heard[-1], SensorLost)
+    )
+
+    assert heard[-1].reason == "end_of_recording"
+    assert [event.reason for event in heard if isinstance(event, Discarded)] == ["corrupt_picture"]
+    stamps = [event.stamp_s for event in heard if isinstance(event, Lead)]
+    assert len(stamps) == 4
+    assert [later - sooner for sooner, later in itertools.pairwise(stamps)] == pytest.approx(
+        [0.01, 0.02, 0.01]
+    )

@@ -1,0 +1,123 @@
+"""A text is voted over frames: known only on evidence, kept until there is other evidence."""
+
+import pytest
+
+from onboard.vision.identity import Ballot, PlateSyntax
+
+SHARE = 0.9
+
+
+def ballot(*reads: tuple[str, float], step_s: float = 0.1, start_s: float = 0.0) -> Ballot:
+    votes = Ballot(SHARE)
+    for index, (text, confidence) in enumerate(reads):
+        votes.vote(text, confidence, (confidence,) * len(text), start_s + index * step_s)
+    return votes
+
+
+def test_nothing_read_is_nothing_known() -> None:
+    assert Ballot(SHARE).text is None
+
+
+def test_one_read_is_a_guess_however_sure() -> None:
+    assert ballot(("GN417KB", 1.0)).text is None
+
+
+def test_three_sure_reads_are_known() -> None:
+    assert ballot(*[("GN417KB", 0.95)] * 3).text == "GN417KB"
+
+
+def test_blurred_reads_take_longer() -> None:
+    assert ballot(*[("GN417KB", 0.4)] * 4).text is None
+    assert ballot(*[("GN417KB", 0.4)] * 7).text == "GN417KB"
+
+
+def test_reads_that_are_mostly_noise_never_count() -> None:
+    assert ballot(*[("GN417KB", 0.2)] * 100).text is None
+
+
+def test_a_text_too_short_for_a_plate_never_counts() -> None:
+    assert ballot(*[("TDI", 1.0)] * 100).text is None
+
+
+def test_misreads_at_different_places_are_outvoted() -> None:
+    reads = ["GN417KB", "GN417K8", "6N417KB", "GN4I7KB", "GN417KB", "GN417HB"]
+    votes = ballot(*[(text, 0.9) for text in reads * 2])
+
+    assert votes.text is None  # five in six votes at a place are fewer than nine in ten
+
+    votes = Ballot(0.75)
+    for index, text in enumerate(reads):
+        votes.vote(text, 0.9, (0.9,) * 7, index * 0.1)
+    assert votes.text == "GN417KB"
+
+
+def test_a_character_that_the_reader_doubted_weighs_less() -> None:
+    votes = Ballot(SHARE)
+    for index in range(10):
+        votes.vote("GN417KB", 0.9, (0.9,) * 7, 0.2 * index)
+        votes.vote("GN417K8", 0.5, (0.9,) * 6 + (0.1,), 0.2 * index + 0.1)
+
+    assert votes.text == "GN417KB"
+
+
+def test_a_character_read_two_ways_stays_unknown() -> None:
+    assert ballot(*[("GN417KB", 0.95), ("GN417K8", 0.95)] * 20).text is None
+
+
+def test_a_mixture_of_two_plates_is_never_said() -> None:
+    votes = Ballot(0.6)
+    for index in range(30):
+        # Each place has a winner with two thirds of the votes; no frame read that text.
+        text = ("AACC", "AADD", "BBAC")[index % 3]
+        votes.vote(text, 0.9, (0.9, 0.9, 0.9, 0.9), index * 0.1)
+
+    assert votes.text in {None, "AACC"}
+    votes = Ballot(0.6)
+    for index in range(30):
+        votes.vote(("XAAAA", "AXAAA", "AAXAA")[index % 3], 0.9, (0.9,) * 5, index * 0.1)
+    assert votes.text is None  # "AAAAA" has two thirds at each place
+
+
+def test_a_known_text_survives_a_misread() -> None:
+    assert ballot(*[("GN417KB", 0.95)] * 20, ("ABCDEFG", 0.9)).text == "GN417KB"
+
+
+def test_a_new_text_is_believed_on_evidence() -> None:
+    votes = ballot(*[("GN417KB", 0.95)] * 20)
+    heard = []
+    for index in range(200):
+        votes.vote("RD288HX", 0.95, (0.95,) * 7, 2.0 + 0.1 * index)
+        heard.append(votes.text)
+
+    assert heard[0] == "GN417KB"
+    assert heard[-1] == "RD288HX"
+    assert set(heard) == {"GN417KB", None, "RD288HX"}
+    assert heard.index("RD288HX") < 100
+
+
+@pytest.mark.parametrize(
+    ("read", "fitted"),
+    [
+        ("GN417KB", "GN417KB"),
+        ("GN4I7KB", "GN417KB"),
+        ("6N4I7K8", "GN417KB"),
+        ("GN4K7KB", None),
+        ("GN417K", None),
+        ("", None),
+    ],
+)
+def test_a_syntax_corrects_what_looks_alike_and_refuses_the_rest(
+    read: str, fitted: str | None
+) -> None:
+    assert PlateSyntax((r"[A-Z]{2}[0-9]{3}[A-Z]{2}",)).fit(read) == fitted
+
+
+def test_a_read_that_could_be_two_plates_is_refused() -> None:
+    syntax = PlateSyntax(("[A-Z]{4}", "[A-Z]{3}[0-9]"))
+
+    assert syntax.fit("ABCD") == "ABCD"
+    assert syntax.fit("A8C0") is None  # ABC0, ABCO, ABCD, ABCQ
+
+
+def test_without_a_syntax_every_text_is_taken_as_it_is() -> None:
+    assert PlateSyntax(()).fit("8B0OI1") == "8B0OI1"

@@ -1,0 +1,241 @@
+"""The lead is the nearest car that is seen in the own lane; sightings are handed in as found."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from onboard.vision.car_track import CarTrack
+from onboard.vision.lane import OwnLane
+from onboard.vision.lead import LeadChoice
+from onboard.vision.perspective import Place
+from onboard.vision.sighting import Cue, Sighting
+from onboard.vision.tracker import Tracker
+
+LANE_M = 3.5
+KEEP_S = 1.5
+STEP_S = 0.1
+
+
+def sighting(
+    ahead_m: float,
+    right_m: float = 0.0,
+    text: str | None = "GN417KB",
+    cue: Cue = Cue.PLATE,
+    height_m: float = 0.6,
+) -> Sighting:
+    return Sighting(
+        cue=cue,
+        corners_px=np.zeros((4, 2), np.float32),
+        place=Place(ahead_m, right_m, height_m),
+        ahead_sigma_m=0.02 * ahead_m,
+        right_sigma_m=0.1,
+        text=text,
+        confidence=0.0 if text is None else 0.95,
+    )
+
+
+@dataclass
+class Watcher:
+    """Drives tracker and choice with one list of sightings a step."""
+
+    def __post_init__(self) -> None:
+        self.tracker = Tracker(LANE_M, KEEP_S, 0.9)
+        self.choice = LeadChoice(OwnLane(LANE_M))
+        self.stamp_s = 0.0
+
+    def step(self, *sightings: Sighting) -> CarTrack | None:
+        self.stamp_s += STEP_S
+        self.tracker.receive_sightings(list(sightings), self.stamp_s)
+        return self.choice.choose(self.tracker.tracks, self.stamp_s)
+
+    def steps(self, count: int, *sightings: Sighting) -> CarTrack | None:
+        lead = None
+        for _ in range(count):
+            lead = self.step(*sightings)
+        return lead
+
+
+def test_an_empty_road_has_no_lead() -> None:
+    assert Watcher().step() is None
+
+
+def test_a_car_is_the_lead_at_its_third_sighting() -> None:
+    watcher = Watcher()
+
+    assert watcher.steps(2, sighting(20.0)) is None
+    lead = watcher.step(sighting(20.0))
+
+    assert lead is not None
+    assert lead.ahead.position_m == pytest.approx(20.0)
+
+
+def test_a_trick_of_the_light_is_no_car() -> None:
+    watcher = Watcher()
+    watcher.step(sighting(20.0))
+    watcher.steps(8)
+
+    assert watcher.tracker.tracks == []
+
+
+@pytest.mark.parametrize("right_m", [-3.5, -2.0, 2.0, 3.5])
+def test_a_car_of_the_next_lane_is_no_lead_however_near_and_sharp(right_m: float) -> None:
+    watcher = Watcher()
+
+    lead = watcher.steps(20, sighting(8.0, right_m, "YW903MS"), sighting(30.0, 0.3, None))
+
+    assert lead is not None
+    assert lead.ahead.position_m == pytest.approx(30.0, abs=0.1)
+    assert lead.text is None
+
+
+def test_the_nearer_of_two_in_the_lane_is_the_lead() -> None:
+    lead = Watcher().steps(5, sighting(40.0, 0.0, "FAR1"), sighting(15.0, 0.5, "NEAR1"))
+
+    assert lead is not None
+    assert lead.text == "NEAR1"
+
+
+def test_a_lead_without_a_legible_plate_stays_the_same_known_car() -> None:
+    watcher = Watcher()
+    watcher.steps(10, sighting(20.0))
+
+    lead = watcher.steps(20, sighting(20.0, 0.0, None))
+
+    assert lead is not None
+    assert lead.text == "GN417KB"
+
+
+def test_an_unseen_lead_is_kept_for_a_while_and_goes_on_moving() -> None:
+    watcher = Watcher()
+    for index in range(20):
+        watcher.step(sighting(30.0 - 0.2 * index))
+
+    lead = watcher.steps(10)
+
+    assert lead is not None
+    assert lead.ahead.position_m == pytest.approx(30.0 - 0.2 * 29, abs=0.5)
+    assert watcher.steps(6) is None
+
+
+def test_a_missed_frame_does_not_hand_the_lead_to_a_car_beyond_it() -> None:
+    watcher = Watcher()
+    far = sighting(40.0, 0.0, "FAR1")
+    watcher.steps(10, sighting(15.0, 0.0, "NEAR1"), far)
+
+    assert (lead := watcher.steps(3, far)) is not None
+    assert lead.text == "NEAR1"
+
+
+def test_an_unseen_lead_gives_way_to_a_car_seen_through_it() -> None:
+    watcher = Watcher()
+    far = sighting(40.0, 0.0, "FAR1")
+    watcher.steps(10, sighting(15.0, 0.0, "NEAR1"), far)
+
+    assert (lead := watcher.steps(6, far)) is not None
+    assert lead.text == "FAR1"
+
+
+def test_a_car_that_cuts_in_becomes_the_lead_when_it_is_in_the_lane() -> None:
+    watcher = Watcher()
+    leads = []
+    for index in range(40):
+        right_m = max(0.0, 3.5 - 0.12 * index)
+        lead = watcher.step(sighting(30.0, 0.0, "OLD1"), sighting(12.0, right_m, "CUTIN"))
+        leads.append((right_m, lead.text if lead else None))
+
+    assert all(text != "CUTIN" for right_m, text in leads if right_m > 0.5 * LANE_M)
+    assert all(text == "CUTIN" for right_m, text in leads if right_m < 0.2 * LANE_M)
+
+
+def test_a_lead_that_leaves_the_lane_is_no_lead_any_more() -> None:
+    watcher = Watcher()
+    watcher.steps(10, sighting(20.0))
+    leads = []
+    for index in range(40):
+        right_m = min(3.5, 0.12 * index)
+        leads.append((right_m, watcher.step(sighting(20.0, right_m))))
+
+    assert all(lead is not None for right_m, lead in leads if right_m < 0.4 * LANE_M)
+    assert all(lead is None for right_m, lead in leads if right_m > 0.7 * LANE_M)
+
+
+def test_a_car_on_the_line_does_not_flap() -> None:
+    watcher = Watcher()
+    watcher.steps(10, sighting(20.0, 1.0))
+    rng = np.random.default_rng(5)
+    leads = [watcher.step(sighting(20.0, 1.55 + rng.normal(0.0, 0.1))) for _ in range(100)]
+
+    assert all(lead is not None for lead in leads)
+
+
+def test_another_plate_at_another_place_is_another_car() -> None:
+    watcher = Watcher()
+    watcher.steps(10, sighting(25.0, 0.0, "OLD1"))
+    lead = watcher.steps(3, sighting(25.0, 0.0, "OLD1"), sighting(10.0, 0.0, "NEW1"))
+
+    assert lead is not None
+    assert lead.text == "NEW1"
+
+
+def test_two_plates_on_one_car_are_one_car_with_the_plate_it_had() -> None:
+    watcher = Watcher()
+    upper, lower = sighting(20.0, 0.0, "RACK1", height_m=1.0), sighting(20.0, 0.2, "GN417KB")
+    watcher.steps(3, lower)
+    for index in range(30):
+        watcher.step(*((upper, lower) if index % 2 else (lower, upper)))
+
+    assert [track.text for track in watcher.tracker.tracks] == ["GN417KB"]
+
+
+def test_a_tag_and_a_plate_on_one_car_are_one_car_known_by_its_tag() -> None:
+    watcher = Watcher()
+    watcher.steps(10, sighting(10.0), sighting(10.1, 0.1, "TAG7", Cue.TAG, 0.8))
+
+    assert [track.text for track in watcher.tracker.tracks] == ["TAG7"]
+
+
+def test_cars_abreast_are_never_mixed_up() -> None:
+    watcher = Watcher()
+    rng = np.random.default_rng(6)
+    for index in range(100):
+        ahead_m = 20.0 + 5.0 * np.sin(0.1 * index) + rng.normal(0.0, 0.2)
+        seen = [
+            sighting(ahead_m, 0.0, "MIDDLE"),
+            sighting(40.0 - ahead_m, 3.5, "RIGHT"),
+            sighting(22.0, -3.5, "LEFT"),
+        ]
+        rng.shuffle(seen)
+        watcher.step(*[each for each in seen if rng.random() < 0.8])
+
+    texts = {track.text: track.right.position_m for track in watcher.tracker.tracks}
+    assert texts == {
+        "MIDDLE": pytest.approx(0.0, abs=0.3),
+        "RIGHT": pytest.approx(3.5, abs=0.3),
+        "LEFT": pytest.approx(-3.5, abs=0.3),
+    }
+
+
+def test_a_lane_of_a_table_top_is_a_lane_too() -> None:
+    tracker, choice = Tracker(0.3, KEEP_S, 0.9), LeadChoice(OwnLane(0.3))
+    lead = None
+    for index in range(10):
+        cars = [
+            Sighting(
+                Cue.TAG,
+                np.zeros((4, 2), np.float32),
+                Place(ahead_m, right_m, 0.04),
+                0.005,
+                0.005,
+                text,
+                1.0,
+            )
+            for ahead_m, right_m, text in ((0.5, 0.0, "TAG1"), (0.4, 0.3, "TAG2"))
+        ]
+        stamp_s = index * STEP_S
+        tracker.receive_sightings(cars, stamp_s)
+        lead = choice.choose(tracker.tracks, stamp_s)
+
+    assert len(tracker.tracks) == 2
+    assert lead is not None
+    assert lead.text == "TAG1"

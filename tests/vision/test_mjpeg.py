@@ -1,0 +1,85 @@
+"""JPEGs out of multipart streams, whichever way the camera writes them."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.vision.mjpeg import LONGEST_PART, MjpegParts
+
+BODIES = st.binary(max_size=60).map(
+    lambda filling: b"\xff\xd8" + filling.replace(b"\xff", b"\x00") + b"\xff\xd9"
+)
+
+
+def stated(body: bytes) -> bytes:
+    return b"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%s\r\n" % (
+        len(body),
+        body,
+    )
+
+
+def unstated(body: bytes) -> bytes:
+    return b"--frame\r\nContent-Type: image/jpeg\r\n\r\n%s\r\n" % body
+
+
+def wrongly_stated(body: bytes) -> bytes:
+    return b"--frame\r\ncontent-length:%d\r\n\r\n%s\r\n" % (len(body) + 3, body)
+
+
+def bodies_of(stream: bytes, cuts: list[int], boundary: bytes = b"frame") -> list[bytes]:
+    parts, taken = MjpegParts(boundary), []
+    edges = [0, *sorted(cut % (len(stream) + 1) for cut in cuts), len(stream)]
+    for start, end in itertools.pairwise(edges):
+        parts.receive_bytes(stream[start:end])
+        while (body := parts.next_body()) is not None:
+            taken.append(body)
+    return taken
+
+
+@pytest.mark.parametrize("part", [stated, unstated, wrongly_stated])
+@given(bodies=st.lists(BODIES, max_size=5), cuts=st.lists(st.integers(0, 1000), max_size=10))
+def test_however_the_bytes_arrive_each_picture_comes_out_once(part, bodies, cuts) -> None:
+    stream = b"".join(part(body) for body in bodies) + b"--frame--\r\n"
+
+    assert bodies_of(stream, cuts) == bodies
+
+
+@pytest.mark.parametrize("part", [stated, unstated])
+def test_a_picture_is_handed_on_before_the_next_begins(part) -> None:
+    assert bodies_of(part(b"\xff\xd8picture\xff\xd9"), []) == [b"\xff\xd8picture\xff\xd9"]
+
+
+def test_a_stated_length_lets_a_picture_hold_the_delimiter() -> None:
+    body = b"\xff\xd8 --frame \xff\xd9"
+
+    assert bodies_of(stated(body) + stated(body), []) == [body, body]
+
+
+@pytest.mark.parametrize("boundary", [b"frame", b"--frame"])
+def test_a_boundary_may_be_given_with_its_dashes(boundary: bytes) -> None:
+    assert bodies_of(stated(b"\xff\xd8\xff\xd9"), [], boundary) == [b"\xff\xd8\xff\xd9"]
+
+
+def test_what_is_no_picture_comes_out_too_and_the_next_is_found() -> None:
+    sound = b"\xff\xd8picture\xff\xd9"
+
+    assert bodies_of(unstated(b"garbage") + stated(sound), []) == [b"garbage", sound]
+
+
+@given(st.lists(st.binary(max_size=200), max_size=10))
+def test_noise_never_raises(chunks: list[bytes]) -> None:
+    parts = MjpegParts(b"frame")
+    for chunk in chunks:
+        parts.receive_bytes(b"--frame\r\n\r\n" + chunk)
+        while parts.next_body() is not None:
+            pass
+
+
+def test_a_part_without_end_is_given_up_and_the_next_is_found() -> None:
+    parts = MjpegParts(b"frame")
+    parts.receive_bytes(b"--frame\r\n\r\n" + bytes(LONGEST_PART + 1))
+    parts.receive_bytes(stated(b"\xff\xd8picture\xff\xd9"))
+
+    assert parts.next_body() == b"\xff\xd8picture\xff\xd9"
