@@ -34,6 +34,6 @@ def test_the_example_decodes_to_what_the_page_shows():
 
 
 def test_every_radio_of_the_page_is_a_configuration():
-    blocks = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"(?ms)^```yaml\n(.*?)^```$", PAGE)
     radios = [parse_settings({"radio": yaml.safe_load(block)}, Car, "page") for block in blocks]
     assert [car.radio.endpoint for car in radios] == ["iwcu", "rsu41", "raw"]
