@@ -218,11 +218,11 @@ def edits(one: str, other: str) -> int:
 
 def table() -> str:
     """Both ways, by region, as Markdown."""
-    lines = [
-        "| region | way | found (IoU 0.5) | exact | exact and certain | characters right | "
-        + "false texts a picture | wrong among certain | s a picture |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    heads = (
+        *("region", "way", "found (IoU 0.5)", "exact", "exact and certain", "characters right"),
+        *("false texts a picture", "wrong among certain", "s a picture"),
+    )
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for name, way in (("ours", network_way()), ("baseline", cascade_and_tesseract_way())):
         for region, tally in score(way).items():
             lines.append(

@@ -31,7 +31,8 @@ def train_detector(settings: NetworkSettings, seed: int, folder: Path, processes
         folder / "validation", render_scenes, settings.validation_pictures, seed + 11, processes
     )
     torch.manual_seed(seed)
-    network = DetectorNetwork().to(memory_format=torch.channels_last)
+    # Not channels_last: with bfloat16 the gradient of a dilated convolution is then NaN.
+    network = DetectorNetwork()
     order = np.random.default_rng(seed)
     steps = settings.epochs * (len(scenes) // settings.batch)
     optimiser = torch.optim.AdamW(network.parameters(), settings.peak_rate, weight_decay=1e-3)
@@ -48,7 +49,7 @@ def train_detector(settings: NetworkSettings, seed: int, folder: Path, processes
             wanted = [torch.from_numpy(part) for part in targets(places, pictures.shape[1:])]
             batch = torch.from_numpy(as_input(pictures))
             with torch.autocast("cpu", torch.bfloat16):
-                answer = network(batch.contiguous(memory_format=torch.channels_last)).float()
+                answer = network(batch).float()
             loss = _loss(answer, *wanted)
             optimiser.zero_grad(set_to_none=True)
             loss.backward()

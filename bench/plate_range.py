@@ -1,0 +1,103 @@
+"""How far away a plate can be read, by focal length: which lens to buy.
+
+`python -m bench plate_range` prints how wide a plate must be in the picture; `python -m
+bench.plate_range` writes distances into `docs/plates.md`. Measured on rendered plates, photographed
+with every fault that `sim_rig.picture.lens` knows, corners as exact as the detector's.
+"""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from bench import Figure
+from onboard.vision.plate_detector import PlateDetector
+from onboard.vision.plate_reader import CERTAIN, PlateReader
+from sim_rig.picture.lens import photograph
+from sim_rig.picture.plate_art import FORMATS, PlateFormat, draw_plate
+from sim_rig.picture.plate_texts import text_of
+from sim_rig.picture.scene import warp_onto
+
+PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
+WIDTHS_PX = (25, 32, 40, 50, 60, 75, 95, 120, 150)
+FOCAL_LENGTHS_PX = (600, 800, 1100, 1500, 2200, 3300)
+PICTURE_WIDTH_PX = 1280
+_PLATES = 60
+_ENOUGH = 0.8
+"""Share of single pictures read right; the vote over frames does the rest."""
+_MARKS = ("<!-- range -->\n", "<!-- end of range -->\n")
+
+
+def measure() -> Iterator[Figure]:
+    """Least width for reading, beside the least width for finding, of each format."""
+    cv2.setNumThreads(1)
+    for name, plate_format in FORMATS.items():
+        read, found = least_widths(plate_format)
+        count = _PLATES * len(WIDTHS_PX)
+        yield Figure(f"plate_range.{name}.read", read, "px", count, "least width found", found)
+
+
+def least_widths(plate_format: PlateFormat) -> tuple[float, float]:
+    """Least widths in px at which `_ENOUGH` of plates are read, and found; infinite if never."""
+    detector, reader, rng = PlateDetector(), PlateReader(), np.random.default_rng(7)
+    read: list[float] = []
+    found: list[float] = []
+    for width_px in WIDTHS_PX:
+        right = seen = 0
+        for _ in range(_PLATES):
+            text = text_of("LLL####", rng, rare=0.0)
+            image = _picture(text, plate_format, width_px, rng)
+            plates = detector.find(image)
+            seen += bool(plates)
+            texts = reader.read_many(image, [plate.corners_px for plate in plates[:1]])
+            right += any(t.text == text and t.confidence >= CERTAIN / 2 for t in texts)
+        read += [float(width_px)] if right >= _ENOUGH * _PLATES else []
+        found += [float(width_px)] if seen >= _ENOUGH * _PLATES else []
+    return min(read, default=math.inf), min(found, default=math.inf)
+
+
+def _picture(
+    text: str, plate_format: PlateFormat, width_px: float, rng: np.random.Generator
+) -> npt.NDArray[np.uint8]:
+    """A plate of that width on plain sheet metal, photographed."""
+    height_px = width_px * plate_format.height_mm / plate_format.width_mm
+    image = np.full((200, 320, 3), int(rng.integers(30, 200)), np.uint8)
+    x, y = rng.uniform(60, 260 - width_px), rng.uniform(40, 160 - height_px)
+    quad = np.asarray(
+        [(x, y), (x + width_px, y), (x + width_px, y + height_px), (x, y + height_px)], np.float32
+    )
+    art = draw_plate(text, plate_format, 1.3 * width_px / plate_format.width_mm)
+    warp_onto(image, np.dstack([art, np.full(art.shape[:2], 255, np.uint8)]), quad)
+    return photograph(image, rng, fine_px=width_px / 45)
+
+
+def table() -> str:
+    """Distance in metres up to which each format can be read, by focal length."""
+    widths = {name: least_widths(plate_format)[0] for name, plate_format in FORMATS.items()}
+    heads = [f"{name} plate ({widths[name]:.0f} px)" for name in FORMATS]
+    lines = [
+        f"| focal length | angle of view | {' | '.join(heads)} |",
+        "|---|---|" + "---|" * len(heads),
+    ]
+    for focal_px in FOCAL_LENGTHS_PX:
+        angle = 2 * math.degrees(math.atan(PICTURE_WIDTH_PX / 2 / focal_px))
+        reaches = [
+            f"{focal_px * plate_format.width_m / widths[name]:.0f} m"
+            for name, plate_format in FORMATS.items()
+        ]
+        lines.append(f"| {focal_px} px | {angle:.0f}° | {' | '.join(reaches)} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Put the table into the page, between its marks."""
+    before, rest = PAGE.read_text(encoding="utf-8").split(_MARKS[0])
+    _, after = rest.split(_MARKS[1])
+    PAGE.write_text(f"{before}{_MARKS[0]}{table()}{_MARKS[1]}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
