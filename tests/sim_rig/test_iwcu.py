@@ -1,0 +1,72 @@
+"""The rig's radio units on real UDP, with the car's own endpoint at the other end."""
+
+import asyncio
+import socket
+
+import numpy as np
+
+from onboard.wave_udp.iwcu import IwcuEndpoint
+from onboard.wave_udp.settings import IwcuSettings
+from sim_rig.radio.air import Air
+from sim_rig.radio.iwcu import RadioUnits
+from sim_rig.radio.settings import AirSettings
+from sim_rig.recorder import RigRecorder
+
+CARS = ["ann", "ben", "cat"]
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_a_wsm_goes_to_all_in_reach_with_its_priority_and_to_nobody_else() -> None:
+    heard: dict[str, list[bytes]] = {car: [] for car in CARS}
+    recorder = RigRecorder()
+
+    async def talk() -> None:
+        loop = asyncio.get_running_loop()
+        settings = AirSettings(neighbours={"ann": ("ben",)}, delay_s=0.001)
+        units = RadioUnits(Air(settings, dict, CARS, np.random.default_rng(0)), recorder)
+        endpoints = {}
+        for car in CARS:
+            port = free_port()
+            wire = IwcuSettings(endpoint="iwcu", listen_port=port, unit_port=units.add(car, port))
+            endpoints[car] = IwcuEndpoint(wire, heard[car].append)
+            endpoints[car].start(loop)
+        endpoints["ann"].send(b"\x03 frame", 7)
+        endpoints["cat"].send(b"nobody hears", 0)
+        async with asyncio.timeout(5.0):
+            while not heard["ben"]:
+                await asyncio.sleep(0.001)
+        units.close()
+        for endpoint in endpoints.values():
+            endpoint.close()
+
+    asyncio.run(talk())
+
+    assert heard == {"ann": [], "ben": [b"\x03 frame"], "cat": []}
+    sent = {record["car"]: record for record in recorder.records if record["kind"] == "on_air"}
+    assert (sent["ann"]["user_priority"], sent["ann"]["size_bytes"]) == (7, 7)
+    assert sent["cat"]["user_priority"] == 0
+    (arrived,) = (record for record in recorder.records if record["kind"] == "delivered")
+    assert (arrived["car"], arrived["sender"], arrived["user_priority"]) == ("ben", "ann", 7)
+
+
+def test_a_daemon_that_is_not_there_disturbs_nobody() -> None:
+    async def talk() -> int:
+        recorder = RigRecorder()
+        air = Air(AirSettings(neighbours={"ann": ("ben",)}), dict, CARS, np.random.default_rng(0))
+        units = RadioUnits(air, recorder)
+        unit_port = units.add("ann", free_port())
+        units.add("ben", free_port())
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            async with asyncio.timeout(5.0):
+                while len(recorder.records) < 6:
+                    sender.sendto(b"?", ("127.0.0.1", unit_port))
+                    await asyncio.sleep(0.003)
+        units.close()
+        return len(recorder.records)
+
+    assert asyncio.run(talk()) >= 6
