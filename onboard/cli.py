@@ -13,8 +13,10 @@ from onboard import replay as drive
 from onboard.config import CarConfig, CarSettings
 from onboard.daemon import Daemon
 from onboard.errors import UserError
+from onboard.security.cli import keys
 from onboard.settings import load_settings
 from onboard.trace import as_line
+from onboard.wave_udp.cli import decode
 
 app = typer.Typer(
     help="The in-car safety daemon and its tools.",
@@ -25,6 +27,9 @@ app = typer.Typer(
 
 UNCONFIGURED = CarConfig(car=CarSettings(plate="REPLAY"))
 """For a replay that needs nothing of the car."""
+
+app.add_typer(keys, name="keys")
+app.command()(decode)
 
 ConfigFile = Annotated[Path, typer.Argument(help="The car's configuration, YAML.")]
 

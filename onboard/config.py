@@ -59,6 +59,8 @@ class CarConfig(Settings):
     lcca: LccaSettings = LccaSettings()
     lcca_psid: int = Field(psid.LCCA, ge=0, le=psid.HIGHEST)
     """Service that the group messages go under; equal in all cars of a trial."""
+    beacons: bool = True
+    """Send a BSM ten times a second, as SAE J2945/1 asks of every car with a radio."""
     watch: WatchSettings = WatchSettings()
     trace: TraceSettings = TraceSettings()
 

@@ -20,6 +20,7 @@ from onboard.errors import UserError
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Lead, Sensor, SensorLost
+from onboard.security.key_files import read_credentials
 from onboard.stack import Observation, Stack
 from onboard.trace import Event, as_line, as_record
 from onboard.vision.frames import CameraThread
@@ -48,9 +49,23 @@ class Daemon:
     """One car: its cores, its wires and the clock."""
 
     def __init__(self, config: CarConfig) -> None:
+        """Put the car together; no wire is opened yet.
+
+        Raises:
+            UserError: its keys cannot be read.
+        """
         self._config = config
         rng = np.random.default_rng(config.seed)
-        self._stack = Stack(config, config.sensors(), rng, time.monotonic(), time.time())
+        folder = config.security.keys_folder
+        credentials = read_credentials(folder) if folder is not None else None
+        self._stack = Stack(
+            config,
+            config.sensors(),
+            rng,
+            now=time.monotonic(),
+            utc_s=time.time(),
+            credentials=credentials,
+        )
         self._inbox: deque[tuple[Callable[[Any, float], None], object]] = deque()
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None

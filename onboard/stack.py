@@ -7,13 +7,15 @@ Whatever comes in is handed to the cores that it concerns; what they say is pass
 import math
 from collections import deque
 from collections.abc import Iterable
+from itertools import cycle
 
 import numpy as np
 
+from onboard.beacon import Beacon
 from onboard.config import CarConfig, WatchSettings
 from onboard.freshness import SensorWatch
 from onboard.lcca.group import Neighbour, WarningGroup
-from onboard.messages import lcca
+from onboard.messages import bsm, lcca
 from onboard.messages.declaration import DecodeError
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.car_bus import CarBus
@@ -31,6 +33,7 @@ from onboard.observations import (
     SensorLost,
     Speed,
 )
+from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.security import Opened, Security
 from onboard.trace import Event
@@ -46,6 +49,9 @@ Observation = (
 LCCA_LIFETIME_S = 0.5
 """A group message that has waited longer for the radio is repeated by its own timers anyway."""
 
+BSM_LIFETIME_S = 0.1
+"""By then the next one is due."""
+
 
 class Stack:
     """One car."""
@@ -55,17 +61,31 @@ class Stack:
         config: CarConfig,
         sensors: Iterable[Sensor],
         rng: np.random.Generator,
+        *,
         now: float,
         utc_s: float,
+        credentials: Credentials | None = None,
     ) -> None:
-        """Start at `now`, which is `utc_s` in seconds since 1970, with the `sensors` there are."""
+        """Start at `now`, which is `utc_s` in seconds since 1970.
+
+        Args:
+            config: the car's.
+            sensors: those that there are, and can be lost.
+            rng: for everything random.
+            now: the time on the cores' clock.
+            utc_s: the same in seconds since 1970.
+            credentials: what to sign with and whom to trust; without them nothing is signed and
+                anybody is believed.
+        """
         self._config = config
-        self._security = Security(utc_s - now)
+        self._security = Security(utc_s - now, credentials, config.security)
+        self._pseudonyms = cycle(credentials.pseudonyms) if credentials is not None else None
         self._digest = PlateDigest(config.security.plate_digest)
         self._bus = CarBus(config.obd)
         self._link = WaveLink(self._security)
         self._group = WarningGroup(config.lcca, self._car_id(config.car.plate, now), rng)
-        self._own_id_ends_at = self._digest_epoch_ends_at(now)
+        self._beacon = Beacon(config.car.length_m, config.car.width_m, rng, now)
+        self._identity_ends_at = self._digest_epoch_ends_at(now)
         self._watch = SensorWatch(_limits_s(config.watch, sensors), now)
         self._events: deque[Event] = deque()
 
@@ -91,13 +111,16 @@ class Stack:
             case Speed():
                 self._watch.receive_sample(Sensor.SPEED, observation.stamp_s)
                 self._group.receive_speed(observation.speed_m_s, now)
+                self._beacon.receive_speed(observation)
             case HardBrake():
                 self._group.receive_hard_brake(observation, now)
+                self._beacon.receive_hard_brake(observation, now)
             case Lead():
                 self._watch.receive_sample(Sensor.CAMERA, observation.stamp_s)
                 self._group.receive_neighbour(self._neighbour(observation, now), now)
             case Position():
                 self._watch.receive_sample(Sensor.POSITION, observation.stamp_s)
+                self._beacon.receive_position(observation)
             case SensorLost():
                 self._watch.receive_loss(observation.sensor, observation.reason, now)
                 return
@@ -114,6 +137,8 @@ class Stack:
         psid, opened = received
         if psid == self._config.lcca_psid:
             self._receive_lcca(opened, now)
+        elif psid == bsm.PSID:
+            self._receive_bsm(opened, now)
         else:
             self._events.append(Discarded(now, "wsmp", "unknown_psid", f"0x{psid:X}"))
 
@@ -126,6 +151,14 @@ class Stack:
         self._events.append(Received(now, message.kind, opened.signer_id, lcca.as_dict(message)))
         self._group.receive_message(message, now)
         self._take_group()
+
+    def _receive_bsm(self, opened: Opened, now: float) -> None:
+        try:
+            message = bsm.decode(opened.payload)
+        except DecodeError as error:
+            self._events.append(Discarded(now, "bsm", error.reason, error.detail))
+            return
+        self._beacon.receive_neighbour(message.core.temporary_id, None, now)
 
     def press_brake_button(self, now: float) -> None:
         """The button of the paper's demonstration (section 4): brake hard without braking."""
@@ -151,6 +184,9 @@ class Stack:
             self._events.append(
                 Sent(now, message.kind, message.user_priority, size_bytes, lcca.as_dict(message))
             )
+        if self._config.beacons and self._beacon.take_due(now):
+            own = self._beacon.bsm(None, now, now + self._security.utc_offset_s)
+            self._link.submit(bsm.encode(own), bsm.PSID, own.user_priority, BSM_LIFETIME_S, now)
         return self._link.wsms_to_send(now)
 
     def next_event(self) -> Event | None:
@@ -163,15 +199,15 @@ class Stack:
 
     def get_timer(self) -> float:
         """When `handle_timer` next wants to be called."""
-        cores = (self._bus, self._group, self._watch, self._link)
+        cores = (self._bus, self._group, self._watch, self._link, self._beacon)
         wishes = (core.get_timer() for core in cores)
         return min((at for at in wishes if at is not None), default=math.inf)
 
     def handle_timer(self, now: float) -> None:
         """Do what has become due."""
-        if now >= self._own_id_ends_at:
-            self._own_id_ends_at = self._digest_epoch_ends_at(now)
-            self._group.set_own_id(self._car_id(self._config.car.plate, now), now)
+        if now >= self._identity_ends_at:
+            self._change_identity(now)
+        self._beacon.handle_timer(now)
         self._bus.handle_timer(now)
         self._take_bus(now)
         self._watch.handle_timer(now)
@@ -179,6 +215,14 @@ class Stack:
         self._take_group()
 
     # ---- between the rooms ----------------------------------------------------------------
+
+    def _change_identity(self, now: float) -> None:
+        """Everything that others know us by changes at once, so that nothing links old and new."""
+        self._identity_ends_at = self._digest_epoch_ends_at(now)
+        self._group.set_own_id(self._car_id(self._config.car.plate, now), now)
+        self._beacon.change_identity()
+        if self._pseudonyms is not None:
+            self._security.sign_with(next(self._pseudonyms))
 
     def _take_bus(self, now: float) -> None:
         while (observation := self._bus.next_event()) is not None:

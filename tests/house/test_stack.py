@@ -41,7 +41,6 @@ class Platoon:
     def drive(self, duration_s: float, gap_m: float = 15.0) -> None:
         ahead: str | None = None
         for _ in range(round(duration_s / 0.1)):
-            self.now += 0.1
             for plate, stack in self.cars.items():
                 stack.receive_observation(Speed(self.now, SPEED_M_S, 0.28, "obd:7E8"), self.now)
                 lead = (
@@ -52,7 +51,9 @@ class Platoon:
                 stack.receive_observation(lead, self.now)
                 ahead = plate
             ahead = None
-            self.settle()
+            for _ in range(10):
+                self.settle()
+                self.now += 0.01
 
     def settle(self) -> None:
         """Let everything be said that is to be said now."""

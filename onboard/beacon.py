@@ -1,0 +1,111 @@
+"""What the car says of itself ten times a second: its BSM, put together from what it knows.
+
+A car without GNSS sends one all the same: speed, size and hard braking are known, the position is
+said to be unavailable (docs/decisions/0003).
+"""
+
+import math
+
+import numpy as np
+
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData, PositionalAccuracy, VehicleSize
+from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
+from onboard.messages.bsm_schedule import BsmSchedule
+from onboard.observations import HardBrake, Position, Speed
+
+FRESH_S = 1.0
+"""A speed or position older than this is said to be unavailable."""
+
+HARD_BRAKING_S = 1.0
+"""How long the event flag stays up after the detector's certainty, which comes once a braking."""
+
+MESSAGE_COUNTS = 128
+
+
+class Beacon:
+    """Composes BSMs when they are due."""
+
+    def __init__(
+        self, length_m: float, width_m: float, rng: np.random.Generator, now: float
+    ) -> None:
+        self._size = VehicleSize(width_m=width_m, length_m=length_m)
+        self._rng = rng
+        self._schedule = BsmSchedule(rng, now)
+        self._speed: Speed | None = None
+        self._position: Position | None = None
+        self._braking_until = -math.inf
+        self.change_identity()
+
+    def change_identity(self) -> None:
+        """Take a new temporary ID, and count from anywhere: nothing links to the old one."""
+        self.temporary_id = self._rng.bytes(4)
+        self._msg_cnt = int(self._rng.integers(MESSAGE_COUNTS))
+
+    def receive_speed(self, speed: Speed) -> None:
+        """The own speed."""
+        self._speed = speed
+
+    def receive_position(self, position: Position) -> None:
+        """The own position."""
+        self._position = position
+
+    def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
+        """The own car brakes hard: the next BSM says so, and is due at once."""
+        self._braking_until = brake.stamp_s + HARD_BRAKING_S
+        self._schedule.receive_event_flags(self._is_braking(now), now)
+
+    def receive_neighbour(self, temporary_id: bytes, distance_m: float | None, now: float) -> None:
+        """A BSM of another car came: many of them make ours rarer."""
+        self._schedule.receive_neighbour(temporary_id, distance_m, now)
+
+    def get_timer(self) -> float:
+        """When the next BSM is due, or the density is looked at."""
+        return self._schedule.get_timer()
+
+    def handle_timer(self, now: float) -> None:
+        """Look at the density."""
+        self._schedule.receive_event_flags(self._is_braking(now), now)
+        self._schedule.handle_timer(now)
+
+    def take_due(self, now: float) -> bool:
+        """Whether a BSM is to be sent now; `bsm` then makes it."""
+        return self._schedule.take_due(now)
+
+    def bsm(self, footer: bytes | None, now: float, utc_s: float) -> BasicSafetyMessage:
+        """The next BSM, with `footer` riding on it; `now` is `utc_s` in seconds since 1970."""
+        self._msg_cnt = (self._msg_cnt + 1) % MESSAGE_COUNTS
+        events = VehicleEventFlags.HARD_BRAKING if self._is_braking(now) else None
+        safety = VehicleSafetyExtensions(events=events) if events else None
+        return BasicSafetyMessage(self._core(now, utc_s - now), safety, footer=footer)
+
+    def _core(self, now: float, utc_offset_s: float) -> CoreData:
+        speed = self._speed if _is_fresh(self._speed, now) else None
+        fix = self._position if _is_fresh(self._position, now) else None
+        if fix is None:
+            return CoreData(
+                self._msg_cnt,
+                self.temporary_id,
+                sec_mark_s=(now + utc_offset_s) % 60.0,
+                speed_m_s=speed.speed_m_s if speed else None,
+                size=self._size,
+            )
+        return CoreData(
+            self._msg_cnt,
+            self.temporary_id,
+            sec_mark_s=(fix.stamp_s + utc_offset_s) % 60.0,
+            latitude_deg=fix.latitude_deg,
+            longitude_deg=fix.longitude_deg,
+            elevation_m=fix.altitude_m,
+            accuracy=PositionalAccuracy(fix.sigma_m, fix.sigma_m, 0.0),
+            speed_m_s=fix.speed_m_s if fix.speed_m_s is not None or not speed else speed.speed_m_s,
+            heading_rad=fix.course_rad,
+            size=self._size,
+        )
+
+    def _is_braking(self, now: float) -> bool:
+        return now < self._braking_until
+
+
+def _is_fresh(observation: Speed | Position | None, now: float) -> bool:
+    return observation is not None and now - observation.stamp_s <= FRESH_S
