@@ -1,8 +1,14 @@
 """Canonical octet encoding rules (ITU-T X.696): the few primitives that IEEE 1609.2 is made of."""
 
+from collections.abc import Collection
+
 
 class Malformed(ValueError):  # noqa: N818 (what the bytes are)
     """The bytes are not what they should be."""
+
+
+class Unsupported(ValueError):  # noqa: N818 (what the bytes are)
+    """The bytes may be right, but they are of a kind that is not read here."""
 
 
 def length_of(size: int) -> bytes:
@@ -21,6 +27,22 @@ def octets(data: bytes) -> bytes:
 def unsigned(value: int) -> bytes:
     """Encode an INTEGER that is not negative and has no upper bound (X.696, 10.3)."""
     return octets(value.to_bytes((value.bit_length() + 7) // 8 or 1, "big"))
+
+
+def signed(value: int) -> bytes:
+    """Encode an INTEGER without bounds, as two's complement (X.696, 10.4)."""
+    bits = (value if value >= 0 else ~value).bit_length() + 1
+    return octets(value.to_bytes((bits + 7) // 8, "big", signed=True))
+
+
+def sequence(items: Collection[bytes]) -> bytes:
+    """Encode a SEQUENCE OF: how many, then each (X.696, 17)."""
+    return unsigned(len(items)) + b"".join(items)
+
+
+def choice(number: int) -> bytes:
+    """Encode the tag of a CHOICE's alternative (X.696, 8.7)."""
+    return bytes((0x80 | number,))
 
 
 class Reader:
@@ -73,6 +95,28 @@ class Reader:
         if not content or (content[0] == 0 and len(content) > 1):
             raise Malformed("an integer with no byte, or with one too many")
         return int.from_bytes(content, "big")
+
+    def signed(self) -> int:
+        """Return an INTEGER without bounds."""
+        content = self.octets()
+        if not content or signed(int.from_bytes(content, "big", signed=True))[1:] != content:
+            raise Malformed("an integer with no byte, or with one too many")
+        return int.from_bytes(content, "big", signed=True)
+
+    def choice(self) -> int:
+        """Return the number of a CHOICE's alternative."""
+        tag = self.byte()
+        if tag & 0xC0 != 0x80 or tag == 0xBF:
+            raise Malformed(f"tag 0x{tag:02x} is not a context tag of one byte")
+        return tag & 0x3F
+
+    def skip_additions(self) -> None:
+        """Pass over the extension additions of a SEQUENCE: a bitmap, then open types (16.4)."""
+        bitmap = self.octets()
+        if len(bitmap) < 2 or bitmap[0] > 7:
+            raise Malformed("an extension bitmap without bits")
+        for _ in range((int.from_bytes(bitmap[1:], "big") >> bitmap[0]).bit_count()):
+            self.octets()
 
     def finish(self) -> None:
         """Insist that nothing is left."""

@@ -29,8 +29,8 @@ class PlateDigest:
     def car_id(self, plate_text: str, utc_s: float) -> bytes:
         """Return the eight bytes that the car with this plate is known by at `utc_s`.
 
-        The first call for a plate in an epoch is slow by design. Calling it with `epoch_ends_at(now)`
-        ahead of time makes the switch instant.
+        The first call for a plate in an epoch is slow by design. Calling it ahead of time, with
+        `epoch_ends_at(now)`, makes the switch instant.
 
         Raises:
             ValueError: the plate has no letter and no digit.

@@ -27,3 +27,11 @@ class SecuritySettings(Settings):
     """The folder that `onboard keys` wrote for this car. Without one, messages go out as 1609.2
     unsecured data, and nothing that comes in is verified."""
     plate_digest: PlateDigestSettings = PlateDigestSettings()
+    message_lifetime_s: float = Field(default=5.0, gt=0.0, le=30.0)
+    """How old a signed message may be, in seconds. What it says about ages is up to the message."""
+    clock_tolerance_s: float = Field(default=2.0, ge=0.0, le=10.0)
+    """How far ahead of our own the sender's clock may be, in seconds."""
+    certificate_interval_s: float = Field(default=0.45, ge=0.0, le=1.0)
+    """How often a BSM carries the certificate, in seconds; the others name it by its digest. The
+    default is SAE J2945/1's vCertAttachInterval. Group messages always carry it: they are few, and
+    a warning cannot wait for the next certificate."""

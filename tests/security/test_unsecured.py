@@ -31,7 +31,6 @@ def test_what_was_wrapped_is_opened(payload, psid):
         pytest.param("03 80 03 00140100", id="one byte over"),
         pytest.param("03 80 8104 00140100", id="length not canonical"),
         pytest.param("02 80 04 00140100", id="protocol version 2"),
-        pytest.param("03 82 04 00140100", id="encrypted data"),
     ],
 )
 def test_anything_else_is_malformed(data):

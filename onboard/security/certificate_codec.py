@@ -1,0 +1,337 @@
+"""Certificates as bytes: canonical octet encoding of clause 6.4 of IEEE 1609.2."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from math import ceil
+from typing import TypeVar
+
+from onboard.security import oer, p256
+from onboard.security.certificates import Certificate, IssuePermission, Permission, Subject
+from onboard.security.its_time import from_time32, to_time32
+from onboard.security.oer import Malformed, Reader, Unsupported
+
+_VERSION = 3
+_EXPLICIT = 0
+_DURATIONS_S = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 216_000.0, 31_556_952.0)
+"""Microseconds to years, the alternatives of Duration in their order (6.4.15)."""
+_ENTITY_APP = 0x80
+"""EndEntityType: certificates that speak in applications, the default (6.4.29)."""
+
+# Presence bits of ToBeSignedCertificate (6.4.8), the extension bit first.
+_EXTENDED, _REGION, _ASSURANCE, _APP, _ISSUE, _REQUEST, _ROLLOVER, _ENCRYPTION = (
+    1 << bit for bit in range(7, -1, -1)
+)
+
+ItemT = TypeVar("ItemT")
+
+
+class _Ssps(Enum):
+    """Which SSPs an authority may grant; `SOME` lists of them are not told apart here."""
+
+    NONE = auto()
+    SOME = auto()
+    ANY = auto()
+
+
+def encode_point(point: bytes) -> bytes:
+    """Encode a compressed point (6.3.23): alternatives 2 and 3 are y even and y odd."""
+    return oer.choice(point[0]) + point[1:]
+
+
+def encode_signature(signature: p256.Signature) -> bytes:
+    """Encode ecdsaNistP256Signature with r as x-only (6.3.28 to 6.3.30)."""
+    r, s = signature
+    return b"\x80\x80" + r.to_bytes(32, "big") + s.to_bytes(32, "big")
+
+
+def read_signature(reader: Reader) -> p256.Signature:
+    """Read a Signature; `Unsupported` if it is of another curve."""
+    if reader.choice() != 0:
+        raise Unsupported("a signature that is not ECDSA on NIST P-256")
+    r = _read_point(reader)
+    if r is None:
+        raise Malformed("a signature without r")
+    return int.from_bytes(r[1:], "big"), reader.integer(32)
+
+
+def encode_to_be_signed(subject: Subject) -> bytes:
+    """Encode a ToBeSignedCertificate.
+
+    Raises:
+        ValueError: the subject has no permission, no key, or a validity that cannot be expressed.
+    """
+    if subject.public_key is None or not (subject.permissions or subject.issue_permissions):
+        raise ValueError("a certificate has a public key and something that its holder may do")
+    present = _APP * bool(subject.permissions) | _ISSUE * bool(subject.issue_permissions)
+    name = subject.name
+    parts = [
+        bytes((present,)),
+        oer.choice(3) if name is None else oer.choice(1) + oer.octets(name.encode()),
+        bytes(3),  # cracaId: nobody revokes these certificates
+        bytes(2),  # crlSeries
+        to_time32(subject.valid_from_utc_s).to_bytes(4, "big"),
+        _encode_duration(subject.valid_for_s),
+    ]
+    if subject.permissions:
+        parts.append(oer.sequence([_encode_permission(p) for p in subject.permissions]))
+    if subject.issue_permissions:
+        parts.append(oer.sequence([_encode_issue(p) for p in subject.issue_permissions]))
+    parts.append(b"\x80\x80" + encode_point(subject.public_key))  # verificationKey, ecdsaNistP256
+    return b"".join(parts)
+
+
+def encode_certificate(issuer_id: bytes | None, to_be_signed: bytes, signature: bytes) -> bytes:
+    """Put an explicit certificate together."""
+    issuer = b"\x81\x00" if issuer_id is None else b"\x80" + issuer_id
+    return bytes((0x80, _VERSION, _EXPLICIT)) + issuer + to_be_signed + signature
+
+
+def decode_certificate(data: bytes) -> Certificate:
+    """Read one certificate and nothing else.
+
+    Raises:
+        Malformed, Unsupported: it is none that can be used here.
+    """
+    reader = Reader(data)
+    certificate = read_certificate(reader)
+    reader.finish()
+    return certificate
+
+
+def read_certificate(reader: Reader) -> Certificate:
+    """Read a certificate, explicit or implicit, off the front of `reader`."""
+    has_signature = reader.byte()
+    version = reader.byte()
+    if has_signature not in {0x00, 0x80} or version != _VERSION:
+        raise Malformed(f"a certificate of version {version}")
+    kind = reader.byte()
+    issuer_id = _read_issuer(reader)
+    body = _Canonical(reader)
+    subject = _read_subject(body)
+    to_be_signed = body.finish()
+    is_explicit = subject.public_key is not None
+    if (kind == _EXPLICIT, bool(has_signature)) != (is_explicit, is_explicit):
+        raise Malformed(f"a certificate of type {kind} with the wrong key or signature")
+    if is_explicit:
+        signature = read_signature(reader)
+        encoded = encode_certificate(issuer_id, to_be_signed, encode_signature(signature))
+        return Certificate(subject, issuer_id, to_be_signed, signature, encoded)
+    if issuer_id is None:
+        raise Malformed("an implicit certificate without issuer")
+    encoded = bytes((0x00, _VERSION, kind, 0x80)) + issuer_id + to_be_signed
+    return Certificate(subject, issuer_id, to_be_signed, None, encoded)
+
+
+@dataclass(slots=True)
+class _Canonical:
+    """Follows a reader and notes where the canonical encoding differs from what was received."""
+
+    reader: Reader
+    start: int = field(init=False)
+    done: list[bytes] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.start = self.reader.position
+
+    def point(self) -> bytes:
+        """Read a point, which canonical encoding compresses."""
+        reader = self.reader
+        self.done.append(reader.data[self.start : reader.position])
+        point = _read_point(reader)
+        self.start = reader.position
+        if point is None or point[0] == 0:
+            raise Malformed("a public key that is half a point")
+        self.done.append(encode_point(point))
+        return point
+
+    def finish(self) -> bytes:
+        """Return the canonical encoding of all that was read."""
+        self.done.append(self.reader.data[self.start : self.reader.position])
+        return b"".join(self.done)
+
+
+def _read_point(reader: Reader) -> bytes | None:
+    """Return an EccP256CurvePoint compressed, with 0 in front for x-only; `None` for fill."""
+    form = reader.choice()
+    if form in {0, 2, 3}:
+        return bytes((form,)) + reader.take(32)
+    if form == 4:
+        x, y = reader.take(32), reader.take(32)
+        return bytes((2 | y[-1] & 1,)) + x
+    if form == 1:
+        return None
+    raise Malformed(f"a point of form {form}")
+
+
+def _read_issuer(reader: Reader) -> bytes | None:
+    issuer = reader.choice()
+    if issuer == 0:
+        return reader.take(8)
+    if issuer == 1 and reader.byte() == 0:
+        return None
+    raise Unsupported("an issuer that is not named by SHA-256")
+
+
+def _read_subject(body: _Canonical) -> Subject:
+    reader = body.reader
+    present = reader.byte()
+    name = _read_name(reader)
+    reader.take(3 + 2)  # cracaId, crlSeries
+    valid_from_utc_s = from_time32(reader.integer(4))
+    unit = reader.choice()
+    if unit >= len(_DURATIONS_S):
+        raise Malformed(f"a duration in unit {unit}")
+    valid_for_s = reader.integer(2) * _DURATIONS_S[unit]
+    if present & _REGION:
+        _skip_region(reader)
+    if present & _ASSURANCE:
+        reader.byte()
+    permissions = _several(reader, _read_permission) if present & _APP else ()
+    issue_permissions = _several(reader, _read_issue) if present & _ISSUE else ()
+    if present & _REQUEST:
+        _several(reader, _read_issue)
+    if present & _ENCRYPTION:
+        if reader.byte() != 0 or reader.choice() > 1:
+            raise Unsupported("an encryption key of an unknown kind")
+        body.point()
+    public_key = _read_key(body)
+    if present & _EXTENDED:
+        reader.skip_additions()
+    return Subject(name, valid_from_utc_s, valid_for_s, public_key, permissions, issue_permissions)
+
+
+def _read_key(body: _Canonical) -> bytes | None:
+    indicator = body.reader.choice()
+    if indicator == 0:
+        if body.reader.choice() != 0:
+            raise Unsupported("a verification key that is not on NIST P-256")
+        return body.point()
+    if indicator == 1:
+        body.point()
+        return None
+    raise Malformed(f"a key indicator {indicator}")
+
+
+def _read_name(reader: Reader) -> str | None:
+    kind = reader.choice()
+    if kind == 0:  # linkageData: iCert, linkage value, group linkage value
+        is_grouped = reader.byte()
+        reader.take(2 + 9 + (4 + 9 if is_grouped else 0))
+        return None
+    if kind in {1, 2}:
+        text = reader.octets()
+        return text.decode(errors="replace") if kind == 1 else text.hex()
+    if kind == 3:
+        return None
+    raise Malformed(f"a certificate id of kind {kind}")
+
+
+def _skip_region(reader: Reader) -> None:
+    """Pass over a GeographicRegion (6.4.17); docs/decisions/0052 says why it is not enforced."""
+    kind = reader.choice()
+    if kind == 0:
+        reader.take(4 + 4 + 2)
+    elif kind == 1:
+        _several(reader, lambda inner: inner.take(16))
+    elif kind == 2:
+        _several(reader, lambda inner: inner.take(8))
+    elif kind == 3:
+        _several(reader, _skip_identified_region)
+    else:
+        raise Malformed(f"a region of kind {kind}")
+
+
+def _skip_identified_region(reader: Reader) -> None:
+    kind = reader.choice()
+    reader.take(2)
+    if kind == 1:
+        _several(reader, lambda inner: inner.take(1))
+    elif kind == 2:
+        _several(reader, _skip_subregions)
+    elif kind != 0:
+        raise Malformed(f"an identified region of kind {kind}")
+
+
+def _skip_subregions(reader: Reader) -> None:
+    reader.take(1)
+    _several(reader, lambda inner: inner.take(2))
+
+
+def _encode_duration(valid_for_s: float) -> bytes:
+    for unit, unit_s in enumerate(_DURATIONS_S):
+        if unit_s >= 1 and ceil(valid_for_s / unit_s) < 1 << 16:
+            return oer.choice(unit) + ceil(valid_for_s / unit_s).to_bytes(2, "big")
+    raise ValueError(f"{valid_for_s} s is longer than a certificate can be valid")
+
+
+def _encode_permission(permission: Permission) -> bytes:
+    psid = oer.unsigned(permission.psid)
+    if permission.ssp is None:
+        return b"\x00" + psid
+    return b"\x80" + psid + oer.choice(0) + oer.octets(permission.ssp)
+
+
+def _read_permission(reader: Reader) -> Permission:
+    has_ssp = reader.byte()
+    psid = reader.unsigned()
+    if not has_ssp:
+        return Permission(psid)
+    reader.choice()  # opaque, or an extension: an open type has the same shape
+    return Permission(psid, reader.octets())
+
+
+def _encode_issue(permission: IssuePermission) -> bytes:
+    shortest, further = permission.min_chain_length, permission.chain_length_range
+    present = 0x80 * (shortest != 1) | 0x40 * (further != 0)
+    if permission.psids is None:
+        subject = oer.choice(1)
+    else:
+        subject = oer.choice(0) + oer.sequence(
+            [b"\x00" + oer.unsigned(psid) for psid in sorted(permission.psids)]
+        )
+    lengths = [
+        oer.signed(length) for length, default in ((shortest, 1), (further, 0)) if length != default
+    ]
+    return b"".join((bytes((present,)), subject, *lengths))
+
+
+def _read_issue(reader: Reader) -> IssuePermission:
+    present = reader.byte()
+    kind = reader.choice()
+    if kind > 1:
+        raise Unsupported(f"subject permissions of kind {kind}")
+    ranges = _several(reader, _read_range) if kind == 0 else ()
+    shortest = reader.signed() if present & 0x80 else 1
+    further = reader.signed() if present & 0x40 else 0
+    entity = reader.byte() if present & 0x20 else _ENTITY_APP
+    if not entity & _ENTITY_APP:
+        ranges, kind = (), 0
+    return IssuePermission(
+        psids=None if kind == 1 else frozenset(psid for psid, ssps in ranges if ssps is _Ssps.NONE),
+        any_ssp=frozenset(psid for psid, ssps in ranges if ssps is _Ssps.ANY),
+        min_chain_length=shortest,
+        chain_length_range=further,
+    )
+
+
+def _read_range(reader: Reader) -> tuple[int, _Ssps]:
+    has_range = reader.byte()
+    psid = reader.unsigned()
+    if not has_range:
+        return psid, _Ssps.NONE
+    kind = reader.choice()
+    if kind == 1:
+        return psid, _Ssps.ANY
+    if kind == 0:
+        _several(reader, Reader.octets)
+    else:
+        reader.octets()
+    return psid, _Ssps.SOME
+
+
+def _several(reader: Reader, read: Callable[[Reader], ItemT]) -> tuple[ItemT, ...]:
+    count = reader.unsigned()
+    if count > len(reader.data):
+        raise Malformed(f"{count} items in {len(reader.data)} bytes")
+    return tuple(read(reader) for _ in range(count))

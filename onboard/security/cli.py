@@ -1,0 +1,107 @@
+"""`onboard keys`: certificates for tests and prototypes."""
+
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from onboard.security import authority, key_files
+from onboard.security.certificates import Certificate
+from onboard.wave_udp import psid as psids
+
+keys = typer.Typer(
+    help="Make and show 1609.2 certificates: a root, issuing authorities, a car's pseudonyms.",
+    no_args_is_help=True,
+)
+
+_CLOCKS_DIFFER_S = 3600.0
+"""Certificates hold from so long before now."""
+
+NewFolder = Annotated[Path, typer.Argument(help="A folder that is to be made.")]
+Name = Annotated[str, typer.Option(help="What the certificate calls it.")]
+Days = Annotated[float, typer.Option(min=0.01, max=3650, help="How long it is valid.")]
+Psids = Annotated[
+    list[str] | None,
+    typer.Option("--psid", help="A service that may be spoken in, as 0x20. [BSM and LCCA]"),
+]
+
+
+@keys.command()
+def root(
+    folder: NewFolder,
+    name: Name = "prototype root",
+    days: Days = 3650,
+    psid: Psids = None,
+) -> None:
+    """Make a root, which everybody in a trial trusts."""
+    made = authority.make_root(name, _numbers(psid), **_valid(days))
+    key_files.write_authority(folder, made)
+    _tell(folder, made.credential.certificate)
+
+
+@keys.command()
+def issuing(
+    folder: NewFolder,
+    root: Annotated[Path, typer.Option(help="The folder of the root.")],
+    name: Name = "prototype issuing",
+    days: Days = 365,
+) -> None:
+    """Make an authority that issues cars' certificates."""
+    made = authority.make_issuing(key_files.read_authority(root), name, **_valid(days))
+    key_files.write_authority(folder, made)
+    _tell(folder, made.credential.certificate)
+
+
+@keys.command()
+def car(
+    folder: NewFolder,
+    issuing: Annotated[Path, typer.Option(help="The folder of the issuing authority.")],
+    count: Annotated[int, typer.Option(min=1, max=1000, help="How many to take in turns.")] = 20,
+    days: Days = 7,
+    psid: Psids = None,
+) -> None:
+    """Make a batch of pseudonym certificates for one car, which takes the next every epoch."""
+    made = authority.make_pseudonyms(
+        key_files.read_authority(issuing), count, _numbers(psid), **_valid(days)
+    )
+    key_files.write_credentials(folder, made)
+    for pseudonym in made.pseudonyms:
+        _tell(folder, pseudonym.certificate)
+
+
+@keys.command()
+def show(folder: Annotated[Path, typer.Argument(help="The folder of a car.")]) -> None:
+    """Check a car's folder and say what is in it."""
+    credentials = key_files.read_credentials(folder)
+    for certificate in credentials.roots + credentials.authorities:
+        _tell(folder, certificate)
+    for pseudonym in credentials.pseudonyms:
+        _tell(folder, pseudonym.certificate)
+
+
+def _numbers(given: list[str] | None) -> list[int]:
+    if not given:
+        return [psids.BSM, psids.LCCA]
+    try:
+        return [int(text, 0) for text in given]
+    except ValueError as error:
+        raise typer.BadParameter("a PSID is a number, as 0x20", param_hint="--psid") from error
+
+
+def _valid(days: float) -> authority.Validity:
+    return {
+        "valid_from_utc_s": time.time() - _CLOCKS_DIFFER_S,
+        "valid_for_s": days * authority.DAY_S + _CLOCKS_DIFFER_S,
+    }
+
+
+def _tell(folder: Path, certificate: Certificate) -> None:
+    subject = certificate.subject
+    since, until = (
+        datetime.fromtimestamp(utc_s, UTC).isoformat(timespec="seconds")
+        for utc_s in (subject.valid_from_utc_s, subject.valid_until_utc_s)
+    )
+    name = subject.name or "pseudonym"
+    typer.echo(f"{folder}: {certificate.hashed_id8.hex()} {name}, valid {since} to {until}")

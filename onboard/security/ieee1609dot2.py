@@ -1,0 +1,187 @@
+"""IEEE 1609.2 data as bytes: unsecured, or signed with ECDSA on NIST P-256.
+
+Canonical octet encoding, written out for the structures of clause 6.3 that travel between cars.
+Encrypted data and certificate requests do not, and are `Unsupported`.
+"""
+
+from dataclasses import dataclass
+
+from onboard.security import oer, p256
+from onboard.security.certificate_codec import encode_signature, read_certificate, read_signature
+from onboard.security.certificates import Certificate
+from onboard.security.its_time import from_time64
+from onboard.security.oer import Malformed, Reader, Unsupported
+
+_VERSION = 3
+_UNSECURED_HEAD = bytes((_VERSION, 0x80))
+_SIGNED_HEAD = bytes((_VERSION, 0x81, 0x00))
+"""Version, signedData, SHA-256."""
+_PAYLOAD_ONLY = b"\x40"
+"""SignedDataPayload: no extension, data present, no external hash (6.3.7)."""
+_MOST_CERTIFICATES = 8
+
+# Presence bits of HeaderInfo (6.3.9), the extension bit first.
+_EXTENDED, _GENERATION, _EXPIRY, _LOCATION, _P2PCD, _MISSING_CRL, _ENCRYPTION = (
+    1 << bit for bit in range(7, 0, -1)
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """Where a message was made (ThreeDLocation, 6.3.16)."""
+
+    latitude_deg: float
+    longitude_deg: float
+    elevation_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class UnsecuredData:
+    """A payload that nobody vouches for."""
+
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SignedData:
+    """A payload, what its signer says about it, and the signature over both."""
+
+    payload: bytes
+    psid: int
+    generation_time64: int | None
+    expiry_time64: int | None
+    location: Location | None
+    signer: bytes | tuple[Certificate, ...]
+    """HashedId8 of the signer's certificate, or the certificate and those above it."""
+    signature: p256.Signature
+    to_be_signed: bytes
+
+    @property
+    def generation_utc_s(self) -> float | None:
+        """When it was made, in seconds since 1970."""
+        return None if self.generation_time64 is None else from_time64(self.generation_time64)
+
+
+def encode_unsecured(payload: bytes) -> bytes:
+    """Return `payload` as unsecured data."""
+    return _UNSECURED_HEAD + oer.octets(payload)
+
+
+def encode_to_be_signed(
+    payload: bytes,
+    psid: int,
+    generation_time64: int,
+    expiry_time64: int | None = None,
+    location: Location | None = None,
+) -> bytes:
+    """Return the ToBeSignedData that the signature covers."""
+    present = _GENERATION
+    header = [oer.unsigned(psid), generation_time64.to_bytes(8, "big")]
+    if expiry_time64 is not None:
+        present |= _EXPIRY
+        header.append(expiry_time64.to_bytes(8, "big"))
+    if location is not None:
+        present |= _LOCATION
+        header.append(_encode_location(location))
+    return b"".join((_PAYLOAD_ONLY, encode_unsecured(payload), bytes((present,)), *header))
+
+
+def encode_signed(
+    to_be_signed: bytes, signer: bytes | Certificate, signature: p256.Signature
+) -> bytes:
+    """Put signed data together; `signer` is a HashedId8 or the certificate itself."""
+    if isinstance(signer, Certificate):
+        identifier = b"\x81" + oer.sequence([signer.encoded])
+    else:
+        identifier = b"\x80" + signer
+    return _SIGNED_HEAD + to_be_signed + identifier + encode_signature(signature)
+
+
+def decode(data: bytes) -> UnsecuredData | SignedData:
+    """Read Ieee1609Dot2Data, without believing it.
+
+    Raises:
+        Malformed: it is none.
+        Unsupported: it is of a kind that is not read here.
+    """
+    reader = Reader(data)
+    content = _read_content(reader)
+    if content == 0:
+        unsecured = UnsecuredData(reader.octets())
+        reader.finish()
+        return unsecured
+    if content != 1:
+        raise Unsupported(f"1609.2 content of kind {content}")
+    if reader.byte() != 0:
+        raise Unsupported("a hash that is not SHA-256")
+    signed = _read_signed(reader)
+    reader.finish()
+    return signed
+
+
+def _read_content(reader: Reader) -> int:
+    version = reader.byte()
+    if version != _VERSION:
+        raise Malformed(f"1609.2 data of version {version}")
+    return reader.choice()
+
+
+def _read_signed(reader: Reader) -> SignedData:
+    start = reader.position
+    if reader.byte() != _PAYLOAD_ONLY[0]:
+        raise Unsupported("a signature over something else than a payload")
+    if _read_content(reader) != 0:
+        raise Unsupported("signed data around secured data")
+    payload = reader.octets()
+    present = reader.byte()
+    psid = reader.unsigned()
+    generation_time64 = reader.integer(8) if present & _GENERATION else None
+    expiry_time64 = reader.integer(8) if present & _EXPIRY else None
+    location = _read_location(reader) if present & _LOCATION else None
+    if present & _P2PCD:
+        reader.take(3)
+    if present & (_MISSING_CRL | _ENCRYPTION):
+        raise Unsupported("a header that asks for revocation lists or encryption")
+    if present & _EXTENDED:
+        reader.skip_additions()
+    to_be_signed = reader.data[start : reader.position]
+    signer = _read_signer(reader)
+    return SignedData(
+        payload,
+        psid,
+        generation_time64,
+        expiry_time64,
+        location,
+        signer,
+        read_signature(reader),
+        to_be_signed,
+    )
+
+
+def _read_signer(reader: Reader) -> bytes | tuple[Certificate, ...]:
+    kind = reader.choice()
+    if kind == 0:
+        return reader.take(8)
+    if kind != 1:
+        raise Unsupported(f"a signer of kind {kind}")
+    count = reader.unsigned()
+    if not 1 <= count <= _MOST_CERTIFICATES:
+        raise Malformed(f"{count} certificates")
+    return tuple(read_certificate(reader) for _ in range(count))
+
+
+def _encode_location(location: Location) -> bytes:
+    return b"".join(
+        (
+            round(location.latitude_deg * 1e7).to_bytes(4, "big", signed=True),
+            round(location.longitude_deg * 1e7).to_bytes(4, "big", signed=True),
+            min(max(round(location.elevation_m * 10) + 4096, 0), 0xFFFF).to_bytes(2, "big"),
+        )
+    )
+
+
+def _read_location(reader: Reader) -> Location:
+    latitude, longitude = (
+        int.from_bytes(reader.take(4), "big", signed=True) / 1e7 for _ in range(2)
+    )
+    return Location(latitude, longitude, (reader.integer(2) - 4096) / 10)

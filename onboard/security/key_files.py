@@ -1,0 +1,179 @@
+"""Keys and certificates on disk: folders that only their owner can open.
+
+    CAR/pseudonyms/000.cert, 000.key, ...      AUTHORITY/own.cert, own.key
+    both: roots/*.cert, authorities/*.cert
+
+Certificates are the bytes of IEEE 1609.2, keys are PKCS #8 PEM. Another trial's cars are believed
+once its certificates lie in `roots` and `authorities`.
+"""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    load_pem_private_key,
+)
+
+from onboard.errors import UserError
+from onboard.security import p256
+from onboard.security.certificate_codec import decode_certificate
+from onboard.security.certificates import Certificate
+from onboard.security.credentials import Authority, Credential, Credentials
+from onboard.security.distrust import NotTrusted
+from onboard.security.oer import Malformed, Unsupported
+from onboard.security.trust import TrustStore
+
+_OTHERS = 0o077
+
+
+class KeyFilesError(UserError):
+    """The files cannot be used as they are; the message names the file and what to do."""
+
+
+def write_credentials(folder: Path, credentials: Credentials) -> None:
+    """Write what one car needs into `folder`, which must not exist.
+
+    Raises:
+        KeyFilesError: it exists or cannot be written.
+    """
+    _new_folder(folder)
+    _write_trusted(folder, credentials.roots, credentials.authorities)
+    pseudonyms = folder / "pseudonyms"
+    _new_folder(pseudonyms)
+    for i, credential in enumerate(credentials.pseudonyms):
+        _write_credential(pseudonyms, f"{i:03}", credential)
+
+
+def read_credentials(folder: Path) -> Credentials:
+    """Read what `write_credentials` wrote.
+
+    Raises:
+        KeyFilesError: something is missing, damaged, does not fit together, or others may read it.
+    """
+    _require_private(folder)
+    pseudonyms = folder / "pseudonyms"
+    _require_private(pseudonyms)
+    names = sorted(path.stem for path in pseudonyms.glob("*.cert"))
+    if not names:
+        raise KeyFilesError(f"{pseudonyms}: no certificate; make some with `onboard keys car`")
+    credentials = Credentials(
+        tuple(_read_credential(pseudonyms, name) for name in names), *_read_trusted(folder)
+    )
+    where = folder
+    try:
+        store = TrustStore(credentials.roots, credentials.authorities)
+        for name, credential in zip(names, credentials.pseudonyms, strict=True):
+            where = pseudonyms / f"{name}.cert"
+            store.receive(credential.certificate)
+    except NotTrusted as refusal:
+        raise KeyFilesError(f"{where}: {refusal}") from refusal
+    return credentials
+
+
+def write_authority(folder: Path, authority: Authority) -> None:
+    """Write what an authority needs to issue into `folder`, which must not exist.
+
+    Raises:
+        KeyFilesError: it exists or cannot be written.
+    """
+    _new_folder(folder)
+    _write_trusted(folder, authority.roots, authority.authorities)
+    _write_credential(folder, "own", authority.credential)
+
+
+def read_authority(folder: Path) -> Authority:
+    """Read what `write_authority` wrote.
+
+    Raises:
+        KeyFilesError: as `read_credentials`.
+    """
+    _require_private(folder)
+    return Authority(_read_credential(folder, "own"), *_read_trusted(folder))
+
+
+def _write_trusted(
+    folder: Path, roots: Iterable[Certificate], authorities: Iterable[Certificate]
+) -> None:
+    for name, certificates in (("roots", roots), ("authorities", authorities)):
+        _new_folder(folder / name)
+        for certificate in certificates:
+            file = folder / name / f"{certificate.hashed_id8.hex()}.cert"
+            _write(file, certificate.encoded)
+
+
+def _read_trusted(folder: Path) -> tuple[tuple[Certificate, ...], tuple[Certificate, ...]]:
+    roots, authorities = (
+        tuple(_read_certificate(path) for path in sorted((folder / name).glob("*.cert")))
+        for name in ("roots", "authorities")
+    )
+    if not roots:
+        raise KeyFilesError(f"{folder / 'roots'}: no certificate; nobody would be believed")
+    return roots, authorities
+
+
+def _write_credential(folder: Path, name: str, credential: Credential) -> None:
+    _write(folder / f"{name}.cert", credential.certificate.encoded)
+    pem = credential.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    _write(folder / f"{name}.key", pem)
+
+
+def _read_credential(folder: Path, name: str) -> Credential:
+    certificate = _read_certificate(folder / f"{name}.cert")
+    file = folder / f"{name}.key"
+    _require_private(file)
+    try:
+        key = load_pem_private_key(_read(file), password=None)
+    except ValueError as error:
+        raise KeyFilesError(f"{file}: no private key in PEM") from error
+    if (
+        not isinstance(key, ec.EllipticCurvePrivateKey)
+        or p256.compressed(key.public_key()) != certificate.subject.public_key
+    ):
+        raise KeyFilesError(f"{file}: is not the key of {name}.cert")
+    return Credential(certificate, key)
+
+
+def _read_certificate(file: Path) -> Certificate:
+    try:
+        return decode_certificate(_read(file))
+    except (Malformed, Unsupported) as error:
+        raise KeyFilesError(f"{file}: no 1609.2 certificate that can be used: {error}") from error
+
+
+def _new_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(mode=0o700)
+    except OSError as error:
+        raise KeyFilesError(f"{folder}: cannot be made: {error.strerror}") from error
+
+
+def _write(file: Path, content: bytes) -> None:
+    """Never over a file that is there, and never readable by others, not for a moment."""
+    try:
+        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "wb") as opened:
+            opened.write(content)
+    except OSError as error:
+        raise KeyFilesError(f"{file}: cannot be written: {error.strerror}") from error
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise KeyFilesError(f"{file}: cannot be read: {error.strerror}") from error
+
+
+def _require_private(path: Path) -> None:
+    try:
+        mode = path.stat().st_mode & 0o777
+    except OSError as error:
+        raise KeyFilesError(f"{path}: cannot be read: {error.strerror}") from error
+    if mode & _OTHERS:
+        right = mode & ~_OTHERS
+        raise KeyFilesError(f"{path}: others may use it (mode {mode:o}); chmod {right:o} it")

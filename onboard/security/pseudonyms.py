@@ -1,0 +1,76 @@
+"""Who the car is for now: certificate, temporary ID and plate digest, which change together.
+
+If one of them stayed while the others changed, it would join the old identity to the new one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from onboard.security.credentials import Credential, Credentials
+from onboard.security.plate_digest import PlateDigest
+
+
+@dataclass(frozen=True, slots=True)
+class Pseudonym:
+    """One identity."""
+
+    car_id: bytes
+    """Of the LCCA messages: the digest of the plate."""
+    temporary_id: bytes
+    """Of the BSMs."""
+    first_msg_cnt: int
+    """Where the BSMs begin to count, 0 to 127."""
+    credential: Credential | None
+    """What to sign with; `None`: messages are not signed."""
+    ends_at_utc_s: float
+
+
+class Pseudonyms:
+    """The identities of one car, one for each epoch of the plate digest."""
+
+    def __init__(
+        self,
+        plate_text: str,
+        digest: PlateDigest,
+        credentials: Credentials | None,
+        rng: np.random.Generator,
+    ) -> None:
+        """Take the pseudonym certificates of `credentials` in turns, from anywhere."""
+        self._plate_text = plate_text
+        self._digest = digest
+        self._credentials = () if credentials is None else credentials.pseudonyms
+        self._turn = int(rng.integers(len(self._credentials))) if self._credentials else 0
+        self._rng = rng
+        self._current: Pseudonym | None = None
+
+    def at(self, utc_s: float) -> Pseudonym:
+        """Return the identity that holds at `utc_s`; the same object until it ends."""
+        ends_at_utc_s = self._digest.epoch_ends_at(utc_s)
+        if self._current is None or self._current.ends_at_utc_s != ends_at_utc_s:
+            self._current = Pseudonym(
+                car_id=self._digest.car_id(self._plate_text, utc_s),
+                temporary_id=self._rng.bytes(4),
+                first_msg_cnt=int(self._rng.integers(128)),
+                credential=self._next_credential(utc_s, ends_at_utc_s),
+                ends_at_utc_s=ends_at_utc_s,
+            )
+        return self._current
+
+    def _next_credential(self, utc_s: float, ends_at_utc_s: float) -> Credential | None:
+        """Return the next one that holds for the whole epoch.
+
+        Where none does, the next in turn: others will refuse it as `expired` and say so, which is
+        better than a car that falls silent.
+        """
+        count = len(self._credentials)
+        if count == 0:
+            return None
+        turns = [turn % count for turn in range(self._turn, self._turn + count)]
+        chosen = next((turn for turn in turns if self._holds(turn, utc_s, ends_at_utc_s)), turns[0])
+        self._turn = chosen + 1
+        return self._credentials[chosen]
+
+    def _holds(self, turn: int, utc_s: float, ends_at_utc_s: float) -> bool:
+        subject = self._credentials[turn].certificate.subject
+        return subject.valid_from_utc_s <= utc_s and ends_at_utc_s <= subject.valid_until_utc_s

@@ -1,0 +1,131 @@
+"""Which certificates are believed, and for what: each chain is checked once and then remembered."""
+
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from onboard.security import p256
+from onboard.security.certificates import Certificate
+from onboard.security.distrust import NotTrusted, Reason
+
+_LEARNED = 4096
+"""Certificates from the air that are remembered, the ones seen last."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trusted:
+    """A certificate whose chain was found good."""
+
+    certificate: Certificate
+    key: p256.PublicKey
+    issuer: "Trusted | None"
+    valid_from_utc_s: float
+    """The latest beginning in its chain."""
+    valid_until_utc_s: float
+    """The earliest end in its chain."""
+    psids: frozenset[int]
+    """What its holder may speak in."""
+
+    def chain(self) -> "Iterator[Trusted]":
+        """Yield those above it, from its issuer up to the root."""
+        above = self.issuer
+        while above is not None:
+            yield above
+            above = above.issuer
+
+
+class TrustStore:
+    """The certificates a car knows."""
+
+    def __init__(self, roots: Iterable[Certificate], authorities: Iterable[Certificate]) -> None:
+        """Trust the self-signed `roots` for what they say, and what leads to them.
+
+        Args:
+            roots: from the car's own files, never from the air.
+            authorities: certificates between roots and cars, in any order.
+
+        Raises:
+            NotTrusted: one of them is not what it should be.
+        """
+        self._anchors: dict[bytes, Trusted] = {}
+        self._learned: OrderedDict[bytes, Trusted] = OrderedDict()
+        for root in roots:
+            if root.issuer_id is not None:
+                raise NotTrusted(Reason.UNTRUSTED_ISSUER, f"{root.subject.name}: is no root")
+            self._anchors[root.hashed_id8] = self._check(root, None)
+        waiting = list(authorities)
+        while waiting:
+            ready = [each for each in waiting if each.issuer_id in self._anchors] or waiting[:1]
+            for authority in ready:
+                waiting.remove(authority)
+                checked = self._check(authority, self._issuer(authority))
+                self._anchors[authority.hashed_id8] = checked
+
+    def find(self, hashed_id8: bytes) -> Trusted | None:
+        """Return the certificate of this name, if it has been seen and found good."""
+        found = self._learned.get(hashed_id8)
+        if found is None:
+            return self._anchors.get(hashed_id8)
+        self._learned.move_to_end(hashed_id8)
+        return found
+
+    def receive(self, certificate: Certificate) -> Trusted:
+        """Check a certificate from the air and remember it.
+
+        Raises:
+            NotTrusted: `untrusted_issuer`, `bad_certificate` or `unsupported`.
+        """
+        known = self.find(certificate.hashed_id8)
+        if known is not None and known.certificate.encoded == certificate.encoded:
+            return known
+        trusted = self._check(certificate, self._issuer(certificate))
+        self._learned[certificate.hashed_id8] = trusted
+        if len(self._learned) > _LEARNED:
+            self._learned.popitem(last=False)
+        return trusted
+
+    def _issuer(self, certificate: Certificate) -> Trusted:
+        if certificate.issuer_id is None:
+            raise NotTrusted(Reason.UNTRUSTED_ISSUER, "signed by itself")
+        issuer = self.find(certificate.issuer_id)
+        if issuer is None:
+            raise NotTrusted(Reason.UNTRUSTED_ISSUER, f"{certificate.issuer_id.hex()} is not known")
+        return issuer
+
+    def _check(self, certificate: Certificate, issuer: Trusted | None) -> Trusted:
+        """Return `certificate` as trusted; `issuer` is `None` for a root of our own."""
+        subject = certificate.subject
+        if subject.public_key is None or certificate.signature is None:
+            raise NotTrusted(Reason.UNSUPPORTED, "an implicit certificate")
+        try:
+            key = p256.public_key(subject.public_key)
+        except ValueError as error:
+            raise NotTrusted(Reason.BAD_CERTIFICATE, "its key is not on the curve") from error
+        trusted = Trusted(
+            certificate,
+            key,
+            issuer,
+            max(subject.valid_from_utc_s, issuer.valid_from_utc_s if issuer else 0.0),
+            min(subject.valid_until_utc_s, issuer.valid_until_utc_s if issuer else float("inf")),
+            frozenset(permission.psid for permission in subject.permissions),
+        )
+        _check_rights(trusted)
+        signer = p256.NOBODY if issuer is None else issuer.certificate.digest
+        digest = p256.to_be_hashed(certificate.to_be_signed, signer)
+        if not p256.is_signed(key if issuer is None else issuer.key, digest, certificate.signature):
+            raise NotTrusted(Reason.BAD_CERTIFICATE, "its issuer did not sign it")
+        return trusted
+
+
+def _check_rights(trusted: Trusted) -> None:
+    """Every authority above must be allowed to grant what the certificate claims (6.4.28)."""
+    subject = trusted.certificate.subject
+    for height, authority in enumerate(trusted.chain(), start=1):
+        granted = authority.certificate.subject.issue_permissions
+        if not granted:
+            raise NotTrusted(Reason.UNTRUSTED_ISSUER, "its issuer may not issue")
+        for permission in subject.permissions:
+            if not any(grant.covers(permission, height) for grant in granted):
+                raise NotTrusted(
+                    Reason.UNTRUSTED_ISSUER, f"its issuer may not grant PSID 0x{permission.psid:X}"
+                )

@@ -1,0 +1,382 @@
+"""Messages that must not be believed: each is dropped, and each under its own reason."""
+
+import numpy as np
+import pytest
+from cryptography.hazmat.primitives.asymmetric import ec
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.security import ieee1609dot2, p256
+from onboard.security.authority import make_issuing, make_pseudonyms, make_root
+from onboard.security.certificate_codec import encode_certificate, encode_signature
+from onboard.security.its_time import to_time64
+from onboard.security.security import NotTrusted, Security
+from onboard.security.settings import SecuritySettings
+from tests.security.trial import (
+    ALICE,
+    BOB,
+    BSM,
+    ISSUING,
+    LCCA,
+    ROOT,
+    UTC_S,
+    VALID,
+    new_key,
+    security,
+)
+
+WARN = b"\x01\x05 a car ahead of you brakes hard"
+P256_ORDER = 0xFFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551
+
+
+@pytest.fixture
+def alice():
+    return security(ALICE)
+
+
+@pytest.fixture
+def bob():
+    return security(BOB)
+
+
+def refused(receiver, data, psid=LCCA, now=0.0):
+    with pytest.raises(NotTrusted) as refusal:
+        receiver.open(data, psid, now)
+    return refusal.value.reason
+
+
+def test_what_alice_signed_bob_believes_once(alice, bob):
+    opened = bob.open(alice.secure(WARN, LCCA, now=10.0), LCCA, now=10.02)
+    assert opened.payload == WARN
+    assert opened.signer_id == ALICE.pseudonyms[0].certificate.hashed_id8
+    assert opened.generation_utc_s == pytest.approx(UTC_S + 10.0, abs=1e-6)
+
+
+# ---- changed or repeated ------------------------------------------------------------------------
+
+
+def test_a_changed_byte_is_never_believed(alice, bob):
+    """Every bit of the message, one at a time."""
+    data = alice.secure(WARN, LCCA, now=0.0)
+    reasons = set()
+    for i in range(len(data)):
+        for bit in range(8):
+            changed = bytearray(data)
+            changed[i] ^= 1 << bit
+            try:
+                opened = bob.open(bytes(changed), LCCA, now=0.0)
+            except NotTrusted as refusal:
+                reasons.add(str(refusal.reason))
+                continue
+            # How the point in a signature is written may differ: the form that is hashed and
+            # signed does not have it (IEEE 1609.2, 6.4.3).
+            assert i in {len(data) - 65, len(data) - 66 - 65}
+            assert opened.payload == WARN
+            bob = security(BOB)
+    assert {"bad_signature", "malformed", "untrusted_issuer", "wrong_psid"} <= reasons
+
+
+def test_the_same_message_again_is_a_replay(alice, bob):
+    data = alice.secure(WARN, LCCA, now=0.0)
+    bob.open(data, LCCA, now=0.1)
+    assert refused(bob, data, now=0.2) == "replay"
+    assert refused(bob, data, now=6.0) == "stale"
+
+
+def test_a_replay_with_another_valid_signature_over_the_same_words_is_a_replay(alice, bob):
+    """(r, n - s) verifies too: what is remembered is what was signed, not the signature."""
+    data = alice.secure(WARN, LCCA, now=0.0)
+    r, s = data[-64:-32], int.from_bytes(data[-32:])
+    twin = data[:-64] + r + (P256_ORDER - s).to_bytes(32)
+    assert security(BOB).open(twin, LCCA, now=0.1).payload == WARN
+    bob.open(data, LCCA, now=0.1)
+    assert refused(bob, twin, now=0.2) == "replay"
+
+
+def test_a_forged_copy_that_arrives_first_does_not_spoil_the_true_one(alice, bob):
+    data = alice.secure(WARN, LCCA, now=0.0)
+    assert refused(bob, data[:-1] + bytes((data[-1] ^ 1,))) == "bad_signature"
+    assert bob.open(data, LCCA, now=0.1).payload == WARN
+
+
+def test_the_same_words_said_twice_in_the_same_instant_are_two_messages(alice, bob):
+    for data in [alice.secure(WARN, LCCA, now=1.0) for _ in range(3)]:
+        assert bob.open(data, LCCA, now=1.0).payload == WARN
+
+
+def test_our_own_message_come_back_is_an_echo(alice):
+    data = alice.secure(WARN, LCCA, now=0.0)
+    assert refused(alice, data) == "own_echo"
+    alice.sign_with(ALICE.pseudonyms[1])
+    assert refused(alice, data) == "own_echo", "also under the identity before"
+    alice.secure(WARN, BSM, now=0.0)
+    by_digest = alice.secure(WARN, BSM, now=0.1)
+    assert refused(alice, by_digest, BSM, now=0.1) == "own_echo"
+
+
+# ---- time ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("received_at", "reason"),
+    [(5.001, "stale"), (3600.0, "stale"), (-2.001, "from_the_future"), (-3600, "from_the_future")],
+)
+def test_a_message_of_another_time_is_not_believed(alice, bob, received_at, reason):
+    assert refused(bob, alice.secure(WARN, LCCA, now=0.0), now=received_at) == reason
+
+
+@pytest.mark.parametrize("received_at", [4.999, -1.999])
+def test_clocks_may_differ_a_little(alice, bob, received_at):
+    assert bob.open(alice.secure(WARN, LCCA, now=0.0), LCCA, received_at).payload == WARN
+
+
+def test_a_message_that_says_it_is_over_is_expired(alice, bob):
+    data = alice.secure(WARN, LCCA, now=0.0, expires_in_s=0.5)
+    assert security(BOB).open(data, LCCA, now=0.499).payload == WARN
+    assert refused(bob, data, now=0.5) == "expired"
+
+
+@pytest.mark.parametrize(
+    ("now", "reason"), [(VALID["valid_for_s"], "expired"), (-3601.0, "not_yet_valid")]
+)
+def test_a_certificate_out_of_date_vouches_for_nothing(alice, bob, now, reason):
+    assert refused(bob, alice.secure(WARN, LCCA, now=now), now=now) == reason
+
+
+def test_a_certificate_ends_with_its_issuer_s(bob):
+    short = make_issuing(
+        ROOT, "short", new_key=new_key, valid_from_utc_s=UTC_S - 60, valid_for_s=120
+    )
+    mallory = security(make_pseudonyms(short, 1, {LCCA}, new_key=new_key, **VALID))
+    trusting = Security(
+        UTC_S, type(BOB)(BOB.pseudonyms, BOB.roots, (*BOB.authorities, *short.authorities))
+    )
+    assert trusting.open(mallory.secure(WARN, LCCA, now=0.0), LCCA, now=0.0).payload == WARN
+    assert refused(trusting, mallory.secure(WARN, LCCA, now=60.0), now=60.0) == "expired"
+    assert refused(trusting, mallory.secure(WARN, LCCA, now=-61.0), now=-61.0) == "not_yet_valid"
+    assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
+
+
+def test_a_message_that_does_not_say_when_it_was_made_is_stale(bob):
+    own = ALICE.pseudonyms[0]
+    stamped = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
+    unstamped = stamped[: -8 - 4] + b"\x00" + stamped[-8 - 3 : -8]
+    digest = p256.to_be_hashed(unstamped, own.certificate.digest)
+    data = ieee1609dot2.encode_signed(unstamped, own.certificate, p256.sign(own.key, digest))
+    assert refused(bob, data) == "stale"
+
+
+# ---- who ----------------------------------------------------------------------------------------
+
+
+def test_nobody_s_message_is_unsigned(bob):
+    assert refused(bob, security().secure(WARN, LCCA, now=0.0)) == "unsigned"
+
+
+def test_a_digest_says_nothing_until_its_certificate_was_seen(alice, bob):
+    first, second = (alice.secure(b"bsm", BSM, now) for now in (0.0, 0.1))
+    assert refused(bob, second, BSM, now=0.1) == "unknown_certificate"
+    assert bob.open(first, BSM, now=0.1).payload == b"bsm"
+    assert bob.open(second, BSM, now=0.1).payload == b"bsm"
+
+
+def test_another_root_s_cars_are_not_believed(bob):
+    root = make_root("another root", {LCCA}, new_key=new_key, **VALID)
+    issuing = make_issuing(root, "another issuing", new_key=new_key, **VALID)
+    stranger = security(make_pseudonyms(issuing, 1, {LCCA}, new_key=new_key, **VALID))
+    assert refused(bob, stranger.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
+
+
+def test_whoever_signs_his_own_certificate_is_not_believed(bob):
+    root = make_root("myself", {LCCA}, new_key=new_key, **VALID)
+    mallory = security(type(BOB)((root.credential,), (), ()))
+    assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
+
+
+def test_a_car_may_not_issue(bob):
+    """Alice's own certificate grants nothing to others."""
+    as_authority = type(ISSUING)(
+        ALICE.pseudonyms[0], ISSUING.roots, (*ISSUING.authorities, ALICE.pseudonyms[0].certificate)
+    )
+    friend = security(make_pseudonyms(as_authority, 1, {LCCA}, new_key=new_key, **VALID))
+    alice = security(ALICE)
+    bob.open(alice.secure(WARN, LCCA, now=0.0), LCCA, now=0.0)
+    assert refused(bob, friend.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
+
+
+def test_a_certificate_that_its_issuer_never_signed_is_bad(bob):
+    """Somebody writes the issuing authority's name into a certificate of his own making."""
+    root = make_root("mallory", {BSM, LCCA}, new_key=new_key, **VALID)
+    forger = type(ISSUING)(
+        type(ALICE.pseudonyms[0])(ISSUING.credential.certificate, root.credential.key),
+        ISSUING.roots,
+        ISSUING.authorities,
+    )
+    forged = security(make_pseudonyms(forger, 1, {LCCA}, new_key=new_key, **VALID))
+    assert refused(bob, forged.secure(WARN, LCCA, now=0.0)) == "bad_certificate"
+
+
+def test_a_stolen_certificate_without_its_key_signs_nothing(bob):
+    stolen = type(ALICE.pseudonyms[0])(ALICE.pseudonyms[0].certificate, new_key())
+    mallory = security(type(ALICE)((stolen,), ALICE.roots, ALICE.authorities))
+    assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "bad_signature"
+
+
+# ---- what they may say --------------------------------------------------------------------------
+
+
+def test_a_message_signed_for_one_service_says_nothing_in_another(alice, bob):
+    assert refused(bob, alice.secure(b"bsm", BSM, now=0.0), LCCA) == "wrong_psid"
+
+
+def test_a_certificate_speaks_only_in_its_own_services(bob):
+    only_bsm = security(make_pseudonyms(ISSUING, 1, {BSM}, new_key=new_key, **VALID))
+    assert refused(bob, only_bsm.secure(WARN, LCCA, now=0.0)) == "wrong_psid"
+    assert bob.open(only_bsm.secure(b"bsm", BSM, now=0.0), BSM, now=0.0).payload == b"bsm"
+
+
+def test_an_authority_grants_only_what_it_was_granted(bob):
+    generous = security(make_pseudonyms(ISSUING, 1, {LCCA, 0x87}, new_key=new_key, **VALID))
+    assert refused(bob, generous.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
+
+
+def test_a_root_does_not_issue_cars_directly(bob):
+    skipped = security(make_pseudonyms(ROOT, 1, {LCCA}, new_key=new_key, **VALID))
+    assert refused(bob, skipped.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
+
+
+def test_an_authority_below_an_authority_is_one_too_many(bob):
+    below = make_issuing(ISSUING, "below", new_key=new_key, **VALID)
+    car = make_pseudonyms(below, 1, {LCCA}, new_key=new_key, **VALID).pseudonyms[0]
+    to_be_signed = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
+    digest = p256.to_be_hashed(to_be_signed, car.certificate.digest)
+    alone = ieee1609dot2.encode_signed(to_be_signed, car.certificate, p256.sign(car.key, digest))
+    start = alone.index(b"\x81\x01\x01" + car.certificate.encoded)
+    chain = (
+        alone[:start]
+        + b"\x81\x01\x02"
+        + car.certificate.encoded
+        + below.credential.certificate.encoded
+        + encode_signature(p256.sign(car.key, digest))
+    )
+    assert refused(bob, alone) == "untrusted_issuer"
+    assert refused(bob, chain) == "untrusted_issuer"
+
+
+def test_an_authority_that_comes_along_is_learned(bob):
+    second = make_issuing(ROOT, "second", new_key=new_key, **VALID)
+    car = make_pseudonyms(second, 1, {LCCA}, new_key=new_key, **VALID).pseudonyms[0]
+    to_be_signed = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
+    digest = p256.to_be_hashed(to_be_signed, car.certificate.digest)
+    signature = p256.sign(car.key, digest)
+    data = (
+        b"\x03\x81\x00"
+        + to_be_signed
+        + b"\x81\x01\x02"
+        + car.certificate.encoded
+        + second.credential.certificate.encoded
+        + encode_signature(signature)
+    )
+    assert bob.open(data, LCCA, now=0.0).payload == WARN
+
+
+def test_a_key_that_is_no_point_of_the_curve_is_a_bad_certificate(bob):
+    encoded = ALICE.pseudonyms[0].certificate.encoded
+    point = next(
+        bytes((2,)) + x.to_bytes(32) for x in range(2, 50) if not _is_on_curve(x.to_bytes(32))
+    )
+    off = encoded[: -66 - 33] + b"\x82" + point[1:] + encoded[-66:]
+    to_be_signed = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
+    data = b"\x03\x81\x00" + to_be_signed + b"\x81\x01\x01" + off + encode_signature((1, 1))
+    assert refused(bob, data) == "bad_certificate"
+
+
+def _is_on_curve(x):
+    try:
+        ec.EllipticCurvePublicKey.from_encoded_point(ec.SECP256R1(), b"\x02" + x)
+    except ValueError:
+        return False
+    return True
+
+
+# ---- rubbish ------------------------------------------------------------------------------------
+
+
+def test_every_truncated_twin_is_malformed(alice, bob):
+    data = alice.secure(WARN, LCCA, now=0.0)
+    assert {refused(bob, data[:cut]) for cut in range(len(data))} == {"malformed"}
+    assert refused(bob, data + b"\x00") == "malformed"
+
+
+@given(noise=st.binary(max_size=200), data=st.data())
+def test_no_bytes_raise_anything_but_a_refusal(noise, data):
+    whole = bytearray(security(ALICE).secure(WARN, LCCA, now=0.0))
+    for _ in range(data.draw(st.integers(1, 5))):
+        whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    bob = security(BOB)
+    for given_bytes in (noise, b"\x03\x81\x00" + noise, bytes(whole)):
+        try:
+            opened = bob.open(given_bytes, LCCA, now=0.0)
+        except NotTrusted:
+            continue
+        assert opened.payload == WARN
+
+
+def test_encrypted_data_is_said_to_be_unsupported(bob):
+    assert refused(bob, b"\x03\x82\x01\x01") == "unsupported"
+
+
+def test_two_cars_of_a_trial_in_files_or_memory_are_signed_the_same(alice):
+    """Signing is deterministic (RFC 6979): a run can be repeated to the bit."""
+    assert alice.secure(WARN, LCCA, now=0.0) == security(ALICE).secure(WARN, LCCA, now=0.0)
+
+
+def test_a_certificate_assembled_by_hand_is_the_one_that_was_issued():
+    own = ALICE.pseudonyms[1].certificate
+    again = encode_certificate(own.issuer_id, own.to_be_signed, encode_signature(own.signature))
+    assert again == own.encoded
+
+
+# ---- the certificate's interval -----------------------------------------------------------------
+
+
+def _size(alice, psid, now):
+    return len(alice.secure(b"x", psid, now))
+
+
+def test_a_bsm_carries_the_certificate_every_450_ms_and_its_digest_between(alice):
+    sizes = [_size(alice, BSM, now=i / 10) for i in range(20)]
+    attached = [i for i, size in enumerate(sizes) if size == max(sizes)]
+    assert attached == [0, 5, 10, 15]
+    assert max(sizes) - min(sizes) > 100
+
+
+def test_group_messages_always_carry_it(alice):
+    sizes = {_size(alice, LCCA, now=i / 10) for i in range(20)}
+    assert len(sizes) == 1
+
+
+def test_a_new_identity_introduces_itself_at_once(alice):
+    assert _size(alice, BSM, 0.0) > _size(alice, BSM, 0.1)
+    alice.sign_with(ALICE.pseudonyms[1])
+    assert _size(alice, BSM, 0.2) > _size(alice, BSM, 0.3)
+
+
+def test_the_interval_is_a_setting():
+    eager = Security(UTC_S, ALICE, SecuritySettings(certificate_interval_s=0.0))
+    assert len({_size(eager, BSM, now=i / 100) for i in range(5)}) == 1
+
+
+# ---- without credentials ------------------------------------------------------------------------
+
+
+def test_a_car_without_keys_reads_signed_messages_and_trusts_nobody(alice):
+    opened = security().open(alice.secure(WARN, LCCA, now=0.0), LCCA, now=0.0)
+    assert (opened.payload, opened.signer_id) == (WARN, None)
+    assert opened.generation_utc_s == UTC_S
+    assert refused(security(), alice.secure(WARN, LCCA, now=0.0), BSM) == "wrong_psid"
+
+
+def test_keys_of_a_simulation_come_from_its_seed():
+    first, second = (p256.key_from(np.random.default_rng(7))() for _ in range(2))
+    assert first.private_numbers() == second.private_numbers()

@@ -1,0 +1,481 @@
+"""1609.2 data and certificates: the bytes that another implementation writes and reads."""
+
+import hashlib
+import json
+from datetime import UTC, datetime
+
+import pytest
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.utils import Prehashed, encode_dss_signature
+from cryptography.hazmat.primitives.hashes import SHA256
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.messages import bsm
+from onboard.security import ieee1609dot2, its_time, p256
+from onboard.security.authority import make_pseudonyms
+from onboard.security.certificate_codec import decode_certificate, encode_to_be_signed
+from onboard.security.certificates import IssuePermission, Permission, Subject
+from onboard.security.oer import Malformed, Unsupported
+from onboard.security.security import NotTrusted, Security
+from tests.security.trial import ALICE, BSM, ISSUING, ROOT, UTC_S, new_key, security
+
+OWN = ALICE.pseudonyms[0].certificate
+
+
+@pytest.fixture(scope="module")
+def oracle():
+    from pycrate_asn1dir.ITS_IEEE1609_2 import Ieee1609Dot2
+
+    return Ieee1609Dot2
+
+
+def reread(structure, data):
+    """What the oracle understood of `data`, once it has written the same bytes again."""
+    structure.from_coer(data)
+    value = structure.get_val()
+    structure.set_val(value)
+    assert structure.to_coer() == data
+    return value
+
+
+# ---- time ---------------------------------------------------------------------------------------
+
+
+def test_the_epoch_of_time64_and_the_leap_seconds_since():
+    new_year_2017 = datetime(2017, 1, 1, tzinfo=UTC).timestamp()
+    days = (datetime(2017, 1, 1, tzinfo=UTC) - datetime(2004, 1, 1, tzinfo=UTC)).days
+    assert its_time.to_time64(new_year_2017) == (days * 86_400 + 5) * 1_000_000
+    assert its_time.to_time32(new_year_2017) == days * 86_400 + 5
+
+
+@given(st.integers(0, 2**52))
+def test_times_survive(time64):
+    assert its_time.to_time64(its_time.from_time64(time64)) == time64
+
+
+# ---- messages -----------------------------------------------------------------------------------
+
+
+@given(payload=st.binary(max_size=300), psid=st.integers(0, 2**28))
+def test_another_implementation_reads_what_we_signed(oracle, payload, psid):
+    alice = security(ALICE)
+    with_certificate = alice.secure(
+        payload, psid, now=1.0, expires_in_s=0.25, location=ieee1609dot2.Location(1.5, -2.5, 3.0)
+    )
+    value = reread(oracle.Ieee1609Dot2Data, with_certificate)
+    kind, signed = value["content"]
+    header = signed["tbsData"]["headerInfo"]
+    assert (value["protocolVersion"], kind, signed["hashId"]) == (3, "signedData", "sha256")
+    assert header == {
+        "psid": psid,
+        "generationTime": its_time.to_time64(UTC_S + 1.0),
+        "expiryTime": its_time.to_time64(UTC_S + 1.25),
+        "generationLocation": {"latitude": 15000000, "longitude": -25000000, "elevation": 4126},
+    }
+    inner = signed["tbsData"]["payload"]["data"]
+    assert inner == {"protocolVersion": 3, "content": ("unsecuredData", payload)}
+    assert signed["signer"][0] == "certificate"
+
+    alice.secure(payload, BSM, now=1.0)
+    by_digest = reread(oracle.Ieee1609Dot2Data, alice.secure(payload, BSM, now=1.1))
+    assert by_digest["content"][1]["signer"] == ("digest", OWN.hashed_id8)
+
+
+def test_the_signature_is_over_the_hashes_that_the_standard_names(oracle):
+    """IEEE 1609.2, 5.3.1.2.2, done again by hand from the oracle's reading."""
+    value = reread(oracle.Ieee1609Dot2Data, security(ALICE).secure(b"words", BSM, now=0.0))
+    signed = value["content"][1]
+    oracle.ToBeSignedData.set_val(signed["tbsData"])
+    oracle.Certificate.set_val(signed["signer"][1][0])
+    words, signer = (
+        hashlib.sha256(structure.to_coer()).digest()
+        for structure in (oracle.ToBeSignedData, oracle.Certificate)
+    )
+    _, parts = signed["signature"]
+    signature = encode_dss_signature(
+        int.from_bytes(parts["rSig"][1]), int.from_bytes(parts["sSig"])
+    )
+    _, (_, (parity, x)) = signed["signer"][1][0]["toBeSigned"]["verifyKeyIndicator"]
+    point = (b"\x02" if parity == "compressed-y-0" else b"\x03") + x
+    key = ec.EllipticCurvePublicKey.from_encoded_point(ec.SECP256R1(), point)
+    digest = hashlib.sha256(words + signer).digest()
+    key.verify(signature, digest, ec.ECDSA(Prehashed(SHA256())))
+
+
+points = st.one_of(
+    st.tuples(st.sampled_from(["x-only", "compressed-y-0", "compressed-y-1"]), st.binary(
+        min_size=32, max_size=32)),
+    st.tuples(
+        st.just("uncompressedP256"),
+        st.fixed_dictionaries(
+            {axis: st.binary(min_size=32, max_size=32) for axis in ("x", "y")}
+        ),
+    ),
+)  # fmt: skip
+times = st.integers(0, 2**64 - 1)
+
+
+@given(
+    payload=st.binary(max_size=200),
+    header=st.fixed_dictionaries(
+        {"psid": st.integers(0, 2**32)},
+        optional={
+            "generationTime": times,
+            "expiryTime": times,
+            "generationLocation": st.fixed_dictionaries(
+                {
+                    "latitude": st.integers(-900_000_000, 900_000_001),
+                    "longitude": st.integers(-1_799_999_999, 1_800_000_001),
+                    "elevation": st.integers(0, 65535),
+                }
+            ),
+            "p2pcdLearningRequest": st.binary(min_size=3, max_size=3),
+            "inlineP2pcdRequest": st.lists(st.binary(min_size=3, max_size=3), max_size=3),
+            "pduFunctionalType": st.integers(0, 255),
+        },
+    ),
+    signature=st.tuples(points, st.binary(min_size=32, max_size=32)),
+    digest=st.binary(min_size=8, max_size=8),
+)
+def test_we_read_what_another_implementation_signed(oracle, payload, header, signature, digest):
+    r, s = signature
+    to_be_signed = {
+        "payload": {"data": {"protocolVersion": 3, "content": ("unsecuredData", payload)}},
+        "headerInfo": header,
+    }
+    oracle.Ieee1609Dot2Data.set_val(
+        {
+            "protocolVersion": 3,
+            "content": (
+                "signedData",
+                {
+                    "hashId": "sha256",
+                    "tbsData": to_be_signed,
+                    "signer": ("digest", digest),
+                    "signature": ("ecdsaNistP256Signature", {"rSig": r, "sSig": s}),
+                },
+            ),
+        }
+    )
+    read = ieee1609dot2.decode(oracle.Ieee1609Dot2Data.to_coer())
+    oracle.ToBeSignedData.set_val(to_be_signed)
+    x = r[1]["x"] if r[0] == "uncompressedP256" else r[1]
+    assert read.payload == payload
+    assert read.psid == header["psid"]
+    assert read.generation_time64 == header.get("generationTime")
+    assert read.expiry_time64 == header.get("expiryTime")
+    assert (read.location is None) == ("generationLocation" not in header)
+    assert read.to_be_signed == oracle.ToBeSignedData.to_coer()
+    assert read.signer == digest
+    assert read.signature == (int.from_bytes(x), int.from_bytes(s))
+    again = ieee1609dot2.encode_signed(read.to_be_signed, read.signer, read.signature)
+    if r[0] == "x-only":
+        assert again == oracle.Ieee1609Dot2Data.to_coer()
+
+
+# ---- certificates -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "certificate",
+    [ROOT.credential.certificate, ISSUING.credential.certificate, OWN],
+    ids=["root", "issuing", "pseudonym"],
+)
+def test_another_implementation_reads_our_certificates(oracle, certificate):
+    value = reread(oracle.Certificate, certificate.encoded)
+    assert value["type"] == "explicit"
+    body = value["toBeSigned"]
+    assert body["id"] == (
+        ("name", certificate.subject.name) if certificate.subject.name else ("none", 0)
+    )
+    assert body["validityPeriod"]["start"] == its_time.to_time32(UTC_S - 3600)
+    oracle.ToBeSignedCertificate.set_val(body)
+    assert oracle.ToBeSignedCertificate.to_coer() == certificate.to_be_signed
+    assert decode_certificate(certificate.encoded) == certificate
+
+
+def test_a_pseudonym_names_nobody_and_differs_from_the_next():
+    certificates = [own.certificate for own in ALICE.pseudonyms]
+    assert {certificate.subject.name for certificate in certificates} == {None}
+    assert len({certificate.subject.public_key for certificate in certificates}) == 3
+    assert len({certificate.hashed_id8 for certificate in certificates}) == 3
+
+
+eight = st.binary(min_size=8, max_size=8)
+small = st.integers(0, 65535)
+key_points = st.tuples(
+    st.sampled_from(["compressed-y-0", "compressed-y-1"]), st.binary(min_size=32, max_size=32)
+)
+regions = st.one_of(
+    st.tuples(
+        st.just("circularRegion"),
+        st.fixed_dictionaries(
+            {"center": st.just({"latitude": 1, "longitude": -1}), "radius": small}
+        ),
+    ),
+    st.tuples(
+        st.just("polygonalRegion"),
+        st.lists(st.just({"latitude": 1, "longitude": 2}), min_size=3, max_size=5),
+    ),
+    st.tuples(
+        st.just("identifiedRegion"),
+        st.lists(
+            st.one_of(
+                st.tuples(st.just("countryOnly"), small),
+                st.tuples(
+                    st.just("countryAndRegions"),
+                    st.fixed_dictionaries(
+                        {
+                            "countryOnly": small,
+                            "regions": st.lists(st.integers(0, 255), min_size=1, max_size=3),
+                        }
+                    ),
+                ),
+            ),
+            min_size=1,
+            max_size=3,
+        ),
+    ),
+)
+psid_groups = st.lists(
+    st.fixed_dictionaries(
+        {
+            "subjectPermissions": st.one_of(
+                st.just(("all", 0)),
+                st.tuples(
+                    st.just("explicit"),
+                    st.lists(
+                        st.fixed_dictionaries(
+                            {"psid": small},
+                            optional={
+                                "sspRange": st.sampled_from([("all", 0), ("opaque", [b"", b"abc"])])
+                            },
+                        ),
+                        min_size=1,
+                        max_size=3,
+                    ),
+                ),
+            )
+        },
+        optional={
+            "minChainLength": st.integers(2, 300),
+            "chainLengthRange": st.sampled_from([-1, 1, 2]),
+        },
+    ),
+    min_size=1,
+    max_size=3,
+)
+bodies = st.fixed_dictionaries(
+    {
+        "id": st.one_of(
+            st.just(("none", 0)),
+            st.tuples(st.just("name"), st.text(max_size=20)),
+            st.tuples(st.just("binaryId"), st.binary(min_size=1, max_size=64)),
+            st.tuples(
+                st.just("linkageData"),
+                st.fixed_dictionaries(
+                    {"iCert": small, "linkage-value": st.binary(min_size=9, max_size=9)},
+                    optional={
+                        "group-linkage-value": st.fixed_dictionaries(
+                            {
+                                "jValue": st.binary(min_size=4, max_size=4),
+                                "value": st.binary(min_size=9, max_size=9),
+                            }
+                        )
+                    },
+                ),
+            ),
+        ),
+        "cracaId": st.binary(min_size=3, max_size=3),
+        "crlSeries": small,
+        "validityPeriod": st.fixed_dictionaries(
+            {
+                "start": st.integers(0, 2**32 - 1),
+                "duration": st.tuples(
+                    st.sampled_from(["milliseconds", "seconds", "hours", "sixtyHours", "years"]),
+                    small,
+                ),
+            }
+        ),
+        "verifyKeyIndicator": st.tuples(
+            st.just("verificationKey"), st.tuples(st.just("ecdsaNistP256"), key_points)
+        ),
+    },
+    optional={
+        "region": regions,
+        "assuranceLevel": st.binary(min_size=1, max_size=1),
+        "appPermissions": st.lists(
+            st.fixed_dictionaries(
+                {"psid": small}, optional={"ssp": st.tuples(st.just("opaque"), st.binary())}
+            ),
+            min_size=1,
+            max_size=4,
+        ),
+        "certIssuePermissions": psid_groups,
+        "certRequestPermissions": psid_groups,
+        "canRequestRollover": st.just(0),
+        "encryptionKey": st.fixed_dictionaries(
+            {
+                "supportedSymmAlg": st.just("aes128Ccm"),
+                "publicKey": st.tuples(st.just("eciesNistP256"), key_points),
+            }
+        ),
+    },
+)
+
+
+@given(body=bodies, issuer=st.just(("self", "sha256")) | st.tuples(
+    st.just("sha256AndDigest"), eight), s=st.binary(min_size=32, max_size=32))  # fmt: skip
+def test_we_read_another_implementation_s_certificates(oracle, body, issuer, s):
+    oracle.Certificate.set_val(
+        {
+            "version": 3,
+            "type": "explicit",
+            "issuer": issuer,
+            "toBeSigned": body,
+            "signature": ("ecdsaNistP256Signature", {"rSig": ("x-only", bytes(32)), "sSig": s}),
+        }
+    )
+    encoded = oracle.Certificate.to_coer()
+    read = decode_certificate(encoded)
+    assert read.encoded == encoded
+    oracle.ToBeSignedCertificate.set_val(body)
+    assert read.to_be_signed == oracle.ToBeSignedCertificate.to_coer()
+    assert read.issuer_id == (issuer[1] if issuer[0] == "sha256AndDigest" else None)
+    assert [(p.psid, p.ssp) for p in read.subject.permissions] == [
+        (p["psid"], p["ssp"][1] if "ssp" in p else None) for p in body.get("appPermissions", [])
+    ]
+    assert [
+        (grant.psids is None, grant.min_chain_length, grant.chain_length_range)
+        for grant in read.subject.issue_permissions
+    ] == [
+        (
+            group["subjectPermissions"][0] == "all",
+            group.get("minChainLength", 1),
+            group.get("chainLengthRange", 0),
+        )
+        for group in body.get("certIssuePermissions", [])
+    ]
+    parity, x = body["verifyKeyIndicator"][1][1]
+    assert read.subject.public_key == (b"\x02" if parity == "compressed-y-0" else b"\x03") + x
+
+
+def test_points_written_at_length_are_compressed_before_they_are_hashed(oracle):
+    """6.4.3: whoever wrote the certificate, and however, its hash is the same."""
+    value = reread(oracle.Certificate, OWN.encoded)
+    key = p256.public_key(OWN.subject.public_key).public_numbers()
+    value["toBeSigned"]["verifyKeyIndicator"] = (
+        "verificationKey",
+        (
+            "ecdsaNistP256",
+            ("uncompressedP256", {"x": key.x.to_bytes(32), "y": key.y.to_bytes(32)}),
+        ),
+    )
+    r = value["signature"][1]["rSig"][1]
+    value["signature"][1]["rSig"] = ("compressed-y-1", r)
+    oracle.Certificate.set_val(value)
+    assert oracle.Certificate.to_coer() != OWN.encoded
+    assert decode_certificate(oracle.Certificate.to_coer()) == OWN
+
+
+@pytest.mark.parametrize("valid_for_s", [1, 65_535, 65_536, 604_800, 3.15e8, 9e9])
+def test_a_certificate_holds_at_least_as_long_as_was_asked(valid_for_s):
+    credentials = make_pseudonyms(
+        ISSUING, 1, {BSM}, new_key=new_key, valid_from_utc_s=UTC_S, valid_for_s=valid_for_s
+    )
+    subject = credentials.pseudonyms[0].certificate.subject
+    assert valid_for_s <= subject.valid_for_s <= max(valid_for_s * 1.01, valid_for_s + 1)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"public_key": None}, {"permissions": ()}, {"valid_for_s": 1e13}],
+    ids=["no key", "no permission", "longer than years can say"],
+)
+def test_what_cannot_be_certified_is_our_own_mistake(change):
+    fields = {
+        "name": None,
+        "valid_from_utc_s": UTC_S,
+        "valid_for_s": 60.0,
+        "public_key": OWN.subject.public_key,
+        "permissions": (Permission(BSM),),
+    }
+    with pytest.raises(ValueError, match=r"has a public key|longer than"):
+        encode_to_be_signed(Subject(**fields | change))
+
+
+@pytest.mark.parametrize(
+    ("grant", "permission", "heights"),
+    [
+        (IssuePermission(frozenset({BSM})), Permission(BSM), [1]),
+        (IssuePermission(frozenset({BSM})), Permission(BSM, ssp=b"any"), []),
+        (IssuePermission(frozenset(), any_ssp=frozenset({BSM})), Permission(BSM, b"any"), [1]),
+        (IssuePermission(frozenset({BSM})), Permission(0x21), []),
+        (IssuePermission(None), Permission(0x21, ssp=b"any"), [1]),
+        (IssuePermission(None, min_chain_length=2), Permission(BSM), [2]),
+        (IssuePermission(None, min_chain_length=1, chain_length_range=1), Permission(BSM), [1, 2]),
+        (IssuePermission(None, min_chain_length=2, chain_length_range=-1), Permission(1), [2, 3]),
+    ],
+)
+def test_what_an_authority_may_grant_and_how_far_below(grant, permission, heights):
+    assert [height for height in (1, 2, 3) if grant.covers(permission, height)] == heights
+
+
+@given(st.binary(max_size=120), st.data())
+def test_no_bytes_raise_anything_but_the_two_declared_errors(noise, data):
+    changed = bytearray(OWN.encoded)
+    changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
+    for given_bytes in (noise, b"\x80\x03\x00" + noise, bytes(changed)):
+        try:
+            decode_certificate(given_bytes)
+        except (Malformed, Unsupported):
+            continue
+
+
+# ---- real units ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def real_data(rig_data):
+    rows = (rig_data / "wsm/real-wsms.jsonl").read_text().splitlines()
+    parsed = [json.loads(row) for row in rows]
+    return [(bytes.fromhex(row["wsm"])[-row["wsmp"]["length"] :], row["core"]) for row in parsed]
+
+
+@pytest.mark.realdata
+def test_eighteen_signed_messages_of_a_real_unit_are_read_down_to_the_bsm(real_data, oracle):
+    assert len(real_data) == 18
+    for data, expected in real_data:
+        signed = ieee1609dot2.decode(data)
+        value = reread(oracle.Ieee1609Dot2Data, data)
+        header = value["content"][1]["tbsData"]["headerInfo"]
+        assert (signed.psid, signed.generation_time64) == (32, header["generationTime"])
+        core = bsm.decode(signed.payload).core
+        assert (core.msg_cnt, core.temporary_id.hex()) == (expected["msgCnt"], expected["id"])
+        seconds = (signed.generation_utc_s - core.sec_mark_s) % 60
+        assert seconds < 0.5, "made when the BSM says, half a second earlier at most"
+
+
+@pytest.mark.realdata
+def test_its_certificate_has_the_name_under_which_the_other_messages_refer_to_it(real_data):
+    signers = [ieee1609dot2.decode(data).signer for data, _ in real_data]
+    digests = {signer for signer in signers if isinstance(signer, bytes)}
+    certificates = {signer[0].hashed_id8 for signer in signers if not isinstance(signer, bytes)}
+    assert len(certificates) == 1
+    assert certificates == digests
+
+
+@pytest.mark.realdata
+def test_none_of_them_is_believed_because_their_issuer_is_unknown(real_data):
+    bob = Security(0.0, ALICE)
+    refusals = set()
+    for data, _ in real_data:
+        now = ieee1609dot2.decode(data).generation_utc_s
+        with pytest.raises(NotTrusted) as refusal:
+            bob.open(data, BSM, now)
+        refusals.add(str(refusal.value))
+    assert refusals == {
+        "unknown_certificate: afc46273f760137e",
+        "untrusted_issuer: c620fb90caad3b9c is not known",
+    }

@@ -1,0 +1,124 @@
+"""`onboard keys`: what it writes can be used, and only by its owner."""
+
+import re
+import time
+
+import pytest
+from typer.testing import CliRunner
+
+from onboard.errors import UserError
+from onboard.security import key_files
+from onboard.security.cli import keys
+from onboard.security.security import Security
+from tests.security.trial import ALICE, BOB, BSM, LCCA
+
+
+def _run(*arguments):
+    return CliRunner().invoke(keys, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A root, an issuing authority and two cars, made by the commands."""
+    for arguments in (
+        ("root", tmp_path / "root"),
+        ("issuing", tmp_path / "issuing", "--root", tmp_path / "root"),
+        ("car", tmp_path / "a", "--issuing", tmp_path / "issuing", "--count", 3),
+        ("car", tmp_path / "b", "--issuing", tmp_path / "issuing", "--count", 1, "--psid", "0x20"),
+    ):
+        result = _run(*arguments)
+        assert result.exit_code == 0, result.output
+    return tmp_path
+
+
+def test_cars_whose_keys_were_made_by_the_commands_believe_each_other(folder):
+    a, b = (Security(time.time(), key_files.read_credentials(folder / name)) for name in ("a", "b"))
+    assert b.open(a.secure(b"x", LCCA, now=0.0), LCCA, now=0.1).payload == b"x"
+    assert a.open(b.secure(b"y", BSM, now=0.0), BSM, now=0.1).payload == b"y"
+
+
+def test_nobody_else_can_open_what_was_written(folder):
+    paths = [path for top in ("root", "issuing", "a", "b") for path in (folder / top).rglob("*")]
+    assert {path.stat().st_mode & 0o777 for path in paths if path.is_file()} == {0o600}
+    assert {path.stat().st_mode & 0o777 for path in paths if path.is_dir()} == {0o700}
+
+
+def test_show_lists_every_certificate_and_no_key(folder):
+    result = _run("show", folder / "a")
+    assert result.exit_code == 0
+    assert len(result.output.splitlines()) == 5
+    assert result.output.count("pseudonym, valid") == 3
+    assert "PRIVATE" not in result.output
+
+
+def test_what_was_written_is_read_back(tmp_path):
+    key_files.write_credentials(tmp_path / "alice", ALICE)
+    read = key_files.read_credentials(tmp_path / "alice")
+    assert [own.certificate for own in read.pseudonyms] == [
+        own.certificate for own in ALICE.pseudonyms
+    ]
+    assert [own.key.private_numbers() for own in read.pseudonyms] == [
+        own.key.private_numbers() for own in ALICE.pseudonyms
+    ]
+    assert (read.roots, read.authorities) == (ALICE.roots, ALICE.authorities)
+
+
+def _mode(mode):
+    return lambda path: path.chmod(mode)
+
+
+@pytest.mark.parametrize(
+    ("file", "damage", "what"),
+    [
+        ("pseudonyms/001.key", _mode(0o644), r"others may use it \(mode 644\); chmod 600 it"),
+        ("pseudonyms/000.key", _mode(0o640), r"others may use it \(mode 640\); chmod 600 it"),
+        ("pseudonyms", _mode(0o750), r"others may use it \(mode 750\); chmod 700 it"),
+        ("", _mode(0o755), r"others may use it \(mode 755\); chmod 700 it"),
+        ("pseudonyms/000.key", lambda path: path.unlink(), "cannot be read: No such file"),
+        ("pseudonyms/000.key", lambda path: path.write_text("rubbish"), "no private key in PEM"),
+        (
+            "pseudonyms/000.key",
+            lambda path: path.write_bytes((path.parent / "001.key").read_bytes()),
+            r"is not the key of 000\.cert",
+        ),
+        (
+            "pseudonyms/000.cert",
+            lambda path: path.write_bytes(path.read_bytes()[:-1]),
+            "no 1609.2 certificate that can be used: ends after",
+        ),
+        (
+            "roots",
+            lambda path: [file.unlink() for file in path.iterdir()],
+            "no certificate; nobody would be believed",
+        ),
+        (
+            "pseudonyms",
+            lambda path: [file.unlink() for file in path.iterdir()],
+            "no certificate; make some with `onboard keys car`",
+        ),
+        (
+            "authorities",
+            lambda path: [file.unlink() for file in path.iterdir()],
+            r"pseudonyms/000\.cert: untrusted_issuer",
+        ),
+    ],
+)
+def test_files_that_cannot_be_used_are_named_with_what_to_do(tmp_path, file, damage, what):
+    car = tmp_path / "car"
+    key_files.write_credentials(car, ALICE)
+    damage(car / file)
+    with pytest.raises(UserError, match=f"^{re.escape(str(car))}.*{what}"):
+        key_files.read_credentials(car)
+
+
+def test_nothing_is_written_over(tmp_path):
+    key_files.write_credentials(tmp_path / "car", ALICE)
+    with pytest.raises(UserError, match="car: cannot be made: File exists"):
+        key_files.write_credentials(tmp_path / "car", BOB)
+
+
+def test_a_psid_that_is_no_number_is_said_so(tmp_path):
+    result = _run("root", tmp_path / "root", "--psid", "bsm")
+    assert result.exit_code == 2
+    assert "a PSID is a number" in result.output
+    assert not (tmp_path / "root").exists()

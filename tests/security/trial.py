@@ -1,0 +1,22 @@
+"""Cars that trust each other, made once: keys are the same in every run."""
+
+import numpy as np
+
+from onboard.security import p256
+from onboard.security.authority import make_issuing, make_pseudonyms, make_root
+from onboard.security.security import Security
+
+UTC_S = 1_790_000_000.0
+"""Now, in all of these tests; the cars' own clocks show 0."""
+BSM, LCCA = 0x20, 0x4020
+VALID = {"valid_from_utc_s": UTC_S - 3600, "valid_for_s": 86_400.0}
+
+new_key = p256.key_from(np.random.default_rng(1609))
+
+ROOT = make_root("root", {BSM, LCCA}, new_key=new_key, **VALID)
+ISSUING = make_issuing(ROOT, "issuing", new_key=new_key, **VALID)
+ALICE, BOB = (make_pseudonyms(ISSUING, 3, {BSM, LCCA}, new_key=new_key, **VALID) for _ in range(2))
+
+
+def security(credentials=None):
+    return Security(utc_offset_s=UTC_S, credentials=credentials)
