@@ -9,7 +9,13 @@ from typing import Any
 
 from onboard.messages import bsm, lcca
 from onboard.messages.declaration import DecodeError
-from onboard.security import oer
+from onboard.messages.uper import printed
+from onboard.security import ieee1609dot2
+from onboard.security.certificates import Certificate
+from onboard.security.distrust import Reason
+from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
+from onboard.security.its_time import from_time64
+from onboard.security.oer import Malformed, Unsupported
 from onboard.wave_udp import immediate_forward, psid, wsmp
 
 
@@ -124,16 +130,59 @@ def _lcca(data: bytes) -> _Layer:
 
 
 def _dot2(data: bytes) -> _Layer:
-    reader = oer.Reader(data)
     try:
-        version, choice = reader.take(2)
-        if (version, choice) != (3, 0x80):
-            raise DecodeError("not_unsecured", f"version {version}, choice {choice:#x}")
-        content = reader.octets()
-        reader.finish()
-    except oer.Malformed as malformed:
-        raise DecodeError("malformed", str(malformed)) from malformed
-    return {"protocol_version": version, "content": "unsecured_data"}, content, None
+        message = ieee1609dot2.decode(data)
+    except Malformed as malformed:
+        raise DecodeError(Reason.MALFORMED, str(malformed)) from malformed
+    except Unsupported as unsupported:
+        raise DecodeError(Reason.UNSUPPORTED, str(unsupported)) from unsupported
+    if isinstance(message, UnsecuredData):
+        return {"content": "unsecured_data"}, message.payload, None
+    return _signed(message), message.payload, message.psid
+
+
+def _signed(message: SignedData) -> dict[str, Any]:
+    """No issuer is known here, so nothing is verified, and the layer says so."""
+    signer: dict[str, Any]
+    if isinstance(message.signer, bytes):
+        signer, reason = {"digest": message.signer.hex()}, Reason.UNKNOWN_CERTIFICATE
+    else:
+        signer = {"certificates": [_certificate(one) for one in message.signer]}
+        reason = Reason.UNTRUSTED_ISSUER
+    r, s = message.signature
+    return {
+        "content": "signed_data",
+        "header_info": {
+            **_psid(message.psid),
+            "generation_utc_s": _utc_s(message.generation_time64),
+            "expiry_utc_s": _utc_s(message.expiry_time64),
+            "generation_location": printed(message.location),
+        },
+        "signer": signer,
+        "signature": {"r": f"{r:064x}", "s": f"{s:064x}"},
+        "verified": False,
+        "not_verified_because": reason,
+    }
+
+
+def _certificate(certificate: Certificate) -> dict[str, Any]:
+    subject = certificate.subject
+    return {
+        "hashed_id8": certificate.hashed_id8.hex(),
+        "issuer": None if certificate.issuer_id is None else certificate.issuer_id.hex(),
+        "name": subject.name,
+        "valid_from_utc_s": subject.valid_from_utc_s,
+        "valid_until_utc_s": subject.valid_until_utc_s,
+        "app_permissions": [
+            {**_psid(permission.psid), "ssp": printed(permission.ssp)}
+            for permission in subject.permissions
+        ],
+        "public_key": printed(subject.public_key),
+    }
+
+
+def _utc_s(time64: int | None) -> float | None:
+    return None if time64 is None else from_time64(time64)
 
 
 _LAYERS = {

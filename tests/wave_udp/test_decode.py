@@ -177,3 +177,23 @@ def test_80_real_message_frames_are_told_with_their_core_fields(rig_data):
         assert told["messageframe"]["message_id"] == bsm.MESSAGE_ID
         assert core["msg_cnt"] == record["expect"]["msgCnt"]
         assert core["temporary_id"] == record["expect"]["id"]
+
+
+@pytest.mark.realdata
+def test_18_wsms_of_real_units_are_told_down_to_the_bsm_and_say_that_nobody_verified_them(rig_data):
+    lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
+    assert len(lines) == 18
+    reasons = set()
+    for line in lines:
+        record = json.loads(line)
+        told = describe(bytes.fromhex(record["wsm"]))
+        assert list(told) == ["wsm", "1609.2", "messageframe"]
+        core = told["messageframe"]["basic_safety_message"]["core"]
+        assert core["msg_cnt"] == record["core"]["msgCnt"]
+        assert core["temporary_id"] == record["core"]["id"]
+        assert core["latitude_deg"] == pytest.approx(record["core"]["lat"] * 1e-7)
+        signed = told["1609.2"]
+        assert signed["header_info"]["psid"] == 0x20
+        assert signed["verified"] is False
+        reasons.add(signed["not_verified_because"])
+    assert reasons == {"unknown_certificate", "untrusted_issuer"}
