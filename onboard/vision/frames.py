@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from email.message import Message
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -57,22 +56,7 @@ class Frame:
     """Of the file it came from."""
 
 
-class FrameSource(Protocol):
-    """Where frames come from."""
-
-    live: bool
-    """Whether stamps are `time.monotonic()`; otherwise they count from 0."""
-
-    def __iter__(self) -> Iterator[Frame]:
-        """Frames in order of time; live ones until `close`."""
-        ...
-
-    def close(self) -> None:
-        """End the iteration, also from another thread."""
-        ...
-
-
-def open_frames(settings: CameraSettings) -> FrameSource:
+def open_frames(settings: CameraSettings) -> "FrameSource":
     """Open the source that the settings name.
 
     Raises:
@@ -84,8 +68,8 @@ def open_frames(settings: CameraSettings) -> FrameSource:
     if source.isdigit() or source.startswith("/dev/"):
         return LiveFrames(lambda: _device_pictures(settings))
     if pictures := _picture_files(source):
-        return _Pictures(pictures, settings.fps or DEFAULT_FPS)
-    return _Clip(source, settings.fps)
+        return Pictures(pictures, settings.fps or DEFAULT_FPS)
+    return Clip(source, settings.fps)
 
 
 def decode_picture(data: bytes) -> Image:
@@ -102,32 +86,39 @@ def decode_picture(data: bytes) -> Image:
     return _NO_IMAGE if image is None else np.asarray(image, np.uint8)
 
 
-class _Pictures:
+class Pictures:
     """Picture files as one drive."""
 
     live = False
 
     def __init__(self, files: list[tuple[str, Path]], fps: float) -> None:
+        """`files`: name and path of each, in order."""
         self._files = files
-        self._fps = fps
+        self.fps = fps
         self._closed = False
 
     def __iter__(self) -> Iterator[Frame]:
         for index, (name, path) in enumerate(self._files):
             if self._closed:
                 return
-            yield Frame(index / self._fps, decode_picture(path.read_bytes()), name)
+            yield Frame(index / self.fps, decode_picture(path.read_bytes()), name)
 
     def close(self) -> None:
+        """End the iteration."""
         self._closed = True
 
 
-class _Clip:
+class Clip:
     """A video file."""
 
     live = False
 
     def __init__(self, source: str, fps: float | None) -> None:
+        """Open `source`; `fps` overrules what it states.
+
+        Raises:
+            CameraError: it is not there or no video.
+        """
         self._name = Path(source).name
         if not Path(source).is_file():
             raise CameraError(f"camera.source: {source}: no such file or folder of pictures")
@@ -135,7 +126,7 @@ class _Clip:
         if not self._capture.isOpened():
             raise CameraError(f"camera.source: {source}: not a video that can be read")
         stated = self._capture.get(cv2.CAP_PROP_FPS)
-        self._fps = fps or (stated if 1.0 <= stated <= 1000.0 else DEFAULT_FPS)
+        self.fps = fps or (stated if 1.0 <= stated <= 1000.0 else DEFAULT_FPS)
         self._closed = False
 
     def __iter__(self) -> Iterator[Frame]:
@@ -144,11 +135,12 @@ class _Clip:
             read, image = self._capture.read()
             if not read:
                 break
-            yield Frame(index / self._fps, np.asarray(image, np.uint8), self._name)
+            yield Frame(index / self.fps, np.asarray(image, np.uint8), self._name)
             index += 1
         self._capture.release()
 
     def close(self) -> None:
+        """End the iteration."""
         self._closed = True
 
 
@@ -213,6 +205,11 @@ class LiveFrames:
                 pictures = self._open_pictures()
             except CameraError:
                 pictures = iter(())
+
+
+FrameSource = Pictures | Clip | LiveFrames
+"""Iterable over `Frame` in order of time, until its end or `close`. Where `live`, stamps are
+`time.monotonic()`; otherwise they count from 0."""
 
 
 def _mjpeg_pictures(url: str) -> Iterator[Callable[[], Image]]:

@@ -92,6 +92,12 @@ class Sight:
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 
+    def forget(self) -> None:
+        """What comes next shows another place and time."""
+        self._check = PictureCheck()
+        self._tracker.tracks.clear()
+        self._stamp_s = self._searched_at = -math.inf
+
     def receive_frame(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
         """Look at one frame, (h, w, 3) uint8 BGR; an empty array is one that did not decode."""
         if stamp_s <= self._stamp_s:

@@ -27,10 +27,6 @@ class Tracker:
         self._next_id = 1
         self.tracks: list[CarTrack] = []
 
-    def forget(self) -> None:
-        """The picture shows another place now."""
-        self.tracks.clear()
-
     def receive_sightings(
         self, sightings: list[Sighting], stamp_s: float
     ) -> list[tuple[Sighting, CarTrack | None]]:
