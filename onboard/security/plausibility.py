@@ -1,0 +1,153 @@
+"""Whether what a car says now agrees with what it said before.
+
+A signature says who speaks, not that it is true. Here a speed has to be one that a car can have, to
+follow from the speed before, and to fit the way between two positions; a claimed hard brake has to
+show in the sender's own speeds. Where a sender has said too little, it is believed.
+"""
+
+import math
+from collections import OrderedDict, deque
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
+from onboard.messages.bsm_safety import VehicleEventFlags
+
+HIGHEST_SPEED_M_S = 90.0
+"""No car on a road is faster."""
+HIGHEST_ACCELERATION_M_S2 = 12.0
+"""Sports tyres on dry road, both ways."""
+SPEED_ERROR_M_S = 1.0
+"""Two samples of a speed polled in whole km/h and some old, added to every difference."""
+POSITION_ERROR_M = 20.0
+"""A receiver that leaves a tunnel or changes satellites."""
+BRAKE_M_S2 = 2.0
+"""A brake counts as hard from 0.4 g (SAE J2945/1); speeds that came late show about half of it."""
+BRAKE_DROP_M_S = 0.6
+"""More than two steps of a speed in whole km/h, so that rounding does not look like a brake."""
+BRAKE_WINDOW_S = 2.0
+"""How far back the speeds are looked at."""
+ENOUGH_S = 0.3
+"""Speeds over less time than this prove nothing."""
+
+_EARTH_RADIUS_M = 6_371_000.0
+_SENDERS = 512
+_SPEEDS = 32
+"""Samples kept of one sender: three seconds of BSMs."""
+
+
+class Implausible(StrEnum):
+    """Stable words, fit for a counter's label."""
+
+    SPEED = "implausible_speed"
+    ACCELERATION = "implausible_acceleration"
+    POSITION = "implausible_position"
+    BRAKE = "implausible_brake"
+    """A hard brake that the sender's own speeds do not show."""
+
+
+@dataclass(slots=True)
+class _Sender:
+    speeds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_SPEEDS))
+    """(stamp_s, speed_m_s)."""
+    last: tuple[float, CoreData] | None = None
+
+
+class Plausibility:
+    """What the cars around have said lately. Stamps are when a message was made, on our clock."""
+
+    def __init__(self) -> None:
+        self._senders: OrderedDict[bytes, _Sender] = OrderedDict()
+        self._sender_of: OrderedDict[bytes, bytes] = OrderedDict()
+
+    def receive_bsm(
+        self, sender: bytes, message: BasicSafetyMessage, stamp_s: float
+    ) -> Implausible | None:
+        """Compare `message` with those before it, and remember it.
+
+        Args:
+            sender: the signer's HashedId8, or the temporary ID where nobody signs.
+            message: what it says.
+            stamp_s: when it was made.
+
+        Returns:
+            why it should not be believed; `None` if nothing speaks against it.
+        """
+        known = self._senders.setdefault(sender, _Sender())
+        self._senders.move_to_end(sender)
+        if len(self._senders) > _SENDERS:
+            self._senders.popitem(last=False)
+        core = message.core
+        doubt = _compare(known.last, core, stamp_s)
+        known.last = (stamp_s, core)
+        if core.speed_m_s is not None:
+            known.speeds.append((stamp_s, core.speed_m_s))
+        if doubt is not None:
+            return doubt
+        is_braking = message.safety is not None and bool(
+            (message.safety.events or 0) & VehicleEventFlags.HARD_BRAKING
+        )
+        return _brake_doubt(known.speeds, stamp_s) if is_braking else None
+
+    def receive_car_id(self, sender: bytes, car_id: bytes) -> None:
+        """Learn from a group message which sender goes by `car_id` there."""
+        self._sender_of[car_id] = sender
+        self._sender_of.move_to_end(car_id)
+        if len(self._sender_of) > _SENDERS:
+            self._sender_of.popitem(last=False)
+
+    def check_warning(self, origin_id: bytes, braked_at_s: float) -> Implausible | None:
+        """Return why the car `origin_id` cannot have braked hard then; `None`: it can."""
+        sender = self._senders.get(self._sender_of.get(origin_id, b""))
+        return None if sender is None else _brake_doubt(sender.speeds, braked_at_s)
+
+
+def _compare(
+    before: tuple[float, CoreData] | None, core: CoreData, stamp_s: float
+) -> Implausible | None:
+    speed_m_s = core.speed_m_s
+    if speed_m_s is not None and speed_m_s > HIGHEST_SPEED_M_S:
+        return Implausible.SPEED
+    if before is None:
+        return None
+    elapsed_s = abs(stamp_s - before[0])
+    gained_m_s = HIGHEST_ACCELERATION_M_S2 * elapsed_s
+    past = before[1]
+    if speed_m_s is not None and past.speed_m_s is not None:
+        if abs(speed_m_s - past.speed_m_s) > gained_m_s + SPEED_ERROR_M_S:
+            return Implausible.ACCELERATION
+        fastest_m_s = max(speed_m_s, past.speed_m_s) + gained_m_s / 2
+    else:
+        fastest_m_s = HIGHEST_SPEED_M_S
+    way_m = _distance_m(past, core)
+    if way_m is not None and way_m > fastest_m_s * elapsed_s + POSITION_ERROR_M:
+        return Implausible.POSITION
+    return None
+
+
+def _distance_m(one: CoreData, other: CoreData) -> float | None:
+    if (
+        one.latitude_deg is None
+        or one.longitude_deg is None
+        or other.latitude_deg is None
+        or other.longitude_deg is None
+    ):
+        return None
+    north = math.radians(other.latitude_deg - one.latitude_deg)
+    turn = (other.longitude_deg - one.longitude_deg + 180.0) % 360.0 - 180.0
+    east = math.radians(turn) * math.cos(math.radians(one.latitude_deg))
+    return _EARTH_RADIUS_M * math.hypot(north, east)
+
+
+def _brake_doubt(speeds: deque[tuple[float, float]], at_s: float) -> Implausible | None:
+    """Look for two speeds, the later one lower by what a hard brake takes away."""
+    near = [(at, speed) for at, speed in speeds if abs(at - at_s) <= BRAKE_WINDOW_S]
+    if not near or near[-1][0] - near[0][0] < ENOUGH_S:
+        return None
+    for i, (later_at, later) in enumerate(near):
+        for earlier_at, earlier in near[:i]:
+            drop_m_s = earlier - later
+            if drop_m_s >= max(BRAKE_DROP_M_S, BRAKE_M_S2 * (later_at - earlier_at)):
+                return None
+    return Implausible.BRAKE
