@@ -8,8 +8,10 @@ Positions are metres east and north in the frame of the car that holds the evide
 (`local_frame.py`), times are whole milliseconds of UTC, the clock that all cars share.
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import NamedTuple, Self
+
+import numpy as np
 
 from onboard.mvs.kalman import Array
 
@@ -23,6 +25,9 @@ class MeasurementId(NamedTuple):
     """UTC."""
 
 
+Provenance = frozenset[MeasurementId]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
     """`dm<v, t>` if the own car made it, `im<v, t>` if it came over the radio."""
@@ -32,6 +37,11 @@ class Measurement:
     """(2) east, north."""
     covariance: Array
     """(2, 2), m^2."""
+    provenance: Provenance = field(init=False)
+    """Itself."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "provenance", frozenset((self.id,)))
 
     @property
     def stamp_ms(self) -> int:
@@ -39,27 +49,48 @@ class Measurement:
         return self.id.stamp_ms
 
     @property
-    def provenance(self) -> frozenset[MeasurementId]:
-        """Itself."""
-        return frozenset((self.id,))
+    def oldest_ms(self) -> int:
+        """The same."""
+        return self.id.stamp_ms
+
+    def mapped(self, turn: Array, shift: Array) -> Self:
+        """The same in another frame (`LocalFrame.mapping_from`)."""
+        return type(self)(self.id, turn @ self.position_m + shift, turn @ self.covariance @ turn.T)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
     """`e<v, T>`: position and velocity at the time of the last measurement in T."""
 
-    provenance: frozenset[MeasurementId]
+    provenance: Provenance
     """T; never empty."""
     state: Array
     """(4) east, north in m; speed east, north in m/s."""
     covariance: Array
     """(4, 4), m and s."""
+    stamp_ms: int = field(init=False)
+    """The last time in T."""
+    oldest_ms: int = field(init=False)
+    """The first time in T."""
 
-    @property
-    def stamp_ms(self) -> int:
-        """t_j, the last of T."""
-        return max(stamp_ms for _, stamp_ms in self.provenance)
+    def __post_init__(self) -> None:
+        stamps_ms = [stamp_ms for _, stamp_ms in self.provenance]
+        object.__setattr__(self, "stamp_ms", max(stamps_ms))
+        object.__setattr__(self, "oldest_ms", min(stamps_ms))
+
+    def mapped(self, turn: Array, shift: Array) -> Self:
+        """The same in another frame (`LocalFrame.mapping_from`)."""
+        state, covariance = map_state(self.state, self.covariance, turn, shift)
+        return type(self)(self.provenance, state, covariance)
 
 
 Evidence = Measurement | Estimate
 """An ME of the paper."""
+
+
+def map_state(state: Array, covariance: Array, turn: Array, shift: Array) -> tuple[Array, Array]:
+    """State (4) and covariance (4, 4) in another frame (`LocalFrame.mapping_from`)."""
+    both = np.kron(np.eye(2), turn)
+    mapped = both @ state
+    mapped[:2] += shift
+    return mapped, both @ covariance @ both.T

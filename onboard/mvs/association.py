@@ -1,0 +1,136 @@
+"""Which piece of evidence belongs to which car: gated, globally optimal assignment.
+
+The distance of a piece from a car is Mahalanobis': the car is carried to the time of the piece, the
+difference is weighed with both covariances. What lies outside a car's gate is never assigned to it.
+Among all assignments of pieces to cars, at most one each, the one of the greatest likelihood is
+taken (d^2 + ln det S, which keeps a vaguely known car from attracting its neighbours' evidence),
+after as many pieces as possible have found a car.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Self
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.stats import chi2
+
+from onboard.mvs.evidence import Estimate, Evidence, Measurement
+from onboard.mvs.kalman import Array
+
+_POSITION, _SPEED = slice(0, 2), slice(2, 4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kinematics:
+    """N states of cars, or pieces of evidence about them, each at its own time."""
+
+    stamps_ms: Array
+    """(N)"""
+    states: Array
+    """(4, N); the speed of a mere position is 0 and means nothing."""
+    covariances: Array
+    """(4, 4, N)"""
+    has_speed: Array
+    """(N), 1.0 or 0.0."""
+
+    def __len__(self) -> int:
+        return len(self.stamps_ms)
+
+    def positions_m(self, at_ms: int) -> Array:
+        """Where they are at `at_ms`: (2, N)."""
+        positions: Array = self.states[:2] + (at_ms - self.stamps_ms) / 1000 * self.states[2:]
+        return positions
+
+    @classmethod
+    def of(cls, pieces: Sequence[Evidence]) -> Self:
+        """Take what is to be compared of `pieces`."""
+        n = len(pieces)
+        states, covariances = np.zeros((n, 4)), np.zeros((n, 4, 4))
+        for at, piece in enumerate(pieces):
+            if isinstance(piece, Measurement):
+                states[at, :2], covariances[at, :2, :2] = piece.position_m, piece.covariance
+            else:
+                states[at], covariances[at] = piece.state, piece.covariance
+        return cls(
+            np.array([piece.stamp_ms for piece in pieces], dtype=np.float64),
+            states.T,
+            covariances.transpose(1, 2, 0),
+            np.array([isinstance(piece, Estimate) for piece in pieces], dtype=np.float64),
+        )
+
+
+def with_speed_prior(covariances: Array, sigma_m_s: float) -> Array:
+    """Covariances (4, 4, N) after learning that cars drive at 0 +- `sigma_m_s` on either axis.
+
+    Used for distances only: of a car seen once the speed is not known, but it is no cannonball.
+    """
+    speed = covariances[_SPEED, _SPEED] + sigma_m_s**2 * np.eye(2)[:, :, None]
+    a, b, c = speed[0, 0], speed[0, 1], speed[1, 1]
+    cross = covariances[:, _SPEED] / (a * c - b * b)
+    gain_x = cross[:, 0] * c - cross[:, 1] * b
+    gain_y = cross[:, 1] * a - cross[:, 0] * b
+    learnt: Array = (
+        covariances - gain_x[:, None] * covariances[2] - gain_y[:, None] * covariances[3]
+    )
+    return learnt
+
+
+def assign(
+    pieces: Kinematics, cars: Kinematics, gate_probability: float, acceleration_density: float
+) -> dict[int, int]:
+    """Assign M pieces to N cars; returns the car of each piece that has found one."""
+    if not len(pieces) or not len(cars):
+        return {}
+    squared, spread = _distances(pieces, cars, acceleration_density)
+    gates = np.where(pieces.has_speed > 0, _gate(gate_probability, 4), _gate(gate_probability, 2))
+    inside = squared <= gates[:, None]
+    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    if not len(rows):
+        return {}
+    allowed = inside[np.ix_(rows, columns)]
+    cost = (squared + spread)[np.ix_(rows, columns)]
+    least, most = cost[allowed].min(), cost[allowed].max()
+    alone = (most - least + 1) * len(rows)  # dearer than any other assignment of all pieces
+    cost = np.where(allowed, cost - least, 2 * alone)
+    to_nobody = np.full((len(rows), len(rows)), alone)
+    chosen = linear_sum_assignment(np.hstack([cost, to_nobody]))
+    return {
+        int(rows[row]): int(columns[column])
+        for row, column in zip(*chosen, strict=True)
+        if column < len(columns)
+    }
+
+
+@cache
+def _gate(probability: float, degrees_of_freedom: int) -> float:
+    return float(chi2.ppf(probability, degrees_of_freedom))
+
+
+def _distances(pieces: Kinematics, cars: Kinematics, q: float) -> tuple[Array, Array]:
+    """d^2 and ln det S of M pieces from N cars, (M, N) each, in position and, if known, speed."""
+    dt = (pieces.stamps_ms[:, None] - cars.stamps_ms) / 1000
+    p, x = cars.covariances, cars.states
+    drift = q * np.abs(dt)
+    carried = x[_POSITION, None] + dt * x[_SPEED, None]
+    both = p[_POSITION, _SPEED] + p[_POSITION, _SPEED].swapaxes(0, 1)
+    spread = p[_POSITION, _POSITION][:, :, None] + dt * (
+        both[:, :, None] + dt * p[_SPEED, _SPEED][:, :, None]
+    )
+    spread += pieces.covariances[_POSITION, _POSITION, :, None]
+    squared, log_det = _mahalanobis(
+        pieces.states[_POSITION, :, None] - carried, spread, drift * dt**2 / 3
+    )
+    spread = p[_SPEED, _SPEED][:, :, None] + pieces.covariances[_SPEED, _SPEED, :, None]
+    of_speed = _mahalanobis(pieces.states[_SPEED, :, None] - x[_SPEED, None], spread, drift + 1e-9)
+    weight = pieces.has_speed[:, None] * cars.has_speed
+    return squared + weight * of_speed[0], log_det + weight * of_speed[1]
+
+
+def _mahalanobis(difference: Array, spread: Array, more: Array) -> tuple[Array, Array]:
+    """Of differences (2, ...), weighed with `spread` (2, 2, ...) and `more` on its diagonal."""
+    dx, dy = difference
+    a, b, c = spread[0, 0] + more, spread[0, 1], spread[1, 1] + more
+    determinant = a * c - b * b
+    return (c * dx * dx - 2 * b * dx * dy + a * dy * dy) / determinant, np.log(determinant)

@@ -1,0 +1,359 @@
+"""The MVS sublayer of one car (section III): it sees, listens, tells, and knows the cars around it.
+
+Without a position there is no MVS: nothing is measured, believed or sent.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from onboard.messages import mvs_footer
+from onboard.messages.declaration import DecodeError
+from onboard.mvs.association import Kinematics
+from onboard.mvs.belief import ImplausibleError, check, weighted_down
+from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, map_state
+from onboard.mvs.fusion import fuse, propagate
+from onboard.mvs.kalman import Array, predict
+from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.mvs.local_frame import LocalFrame
+from onboard.mvs.own_car import OwnCar, ReportedState
+from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
+from onboard.mvs.settings import MvsSettings
+from onboard.mvs.sharing import encode_within, evidence_in
+from onboard.mvs.track import Track, independent
+from onboard.mvs.tracks import Tracks
+from onboard.observations import Discarded, Position, SensedCar
+
+REFRESH_MS = 100
+"""What has not changed is fused again after this; the interval of the BSM."""
+
+
+@dataclass(slots=True, eq=False)
+class _Neighbour:
+    """A car with a radio."""
+
+    reported: ReportedState
+    footer_at: float = -math.inf
+    """When its last footer was read."""
+
+
+class MultiVehicleSensing:
+    """One car's MVS. `now` and stamps are on the car's own clock, `utc_offset_s` behind UTC."""
+
+    def __init__(
+        self,
+        settings: MvsSettings,
+        own_id: bytes,
+        rng: np.random.Generator,
+        utc_offset_s: float = 0.0,
+    ) -> None:
+        """Start with nothing known.
+
+        Args:
+            settings: all that can be set.
+            own_id: temporary ID of the own BSM, 4 bytes.
+            rng: for the selections that choose at random.
+            utc_offset_s: UTC less `now`.
+        """
+        self._settings = settings
+        self._rng = rng
+        self._utc_offset_s = utc_offset_s
+        self._own_ids = deque([own_id], maxlen=2)
+        self._own_stamps_ms: deque[int] = deque(maxlen=512)
+        self._own = OwnCar(settings.sensing)
+        self._seen: deque[SensedCar] = deque(maxlen=1024)
+        """Not yet assigned: the cars of one picture are assigned together."""
+        self._neighbours: dict[bytes, _Neighbour] = {}
+        self._tracks = Tracks(settings)
+        self._refreshed_ms: int | None = None
+        """When the tracks were last brought up to date; `None` if there is new evidence."""
+        self._events: deque[Discarded] = deque(maxlen=1024)
+
+    @property
+    def own_id(self) -> bytes:
+        """The temporary ID under which the own measurements go out."""
+        return self._own_ids[-1]
+
+    def set_own_id(self, own_id: bytes) -> None:
+        """Change the pseudonym; measurements made under the last one stay known as own ones."""
+        if own_id != self.own_id:
+            self._own_ids.append(own_id)
+
+    def set_utc_offset(self, utc_offset_s: float) -> None:
+        """Say anew what UTC less `now` is."""
+        self._utc_offset_s = utc_offset_s
+
+    def has_position(self, now: float) -> bool:
+        """Whether MVS is at work; without a position it is not."""
+        return self._own.has_position(now)
+
+    def receive_position(self, fix: Position) -> None:
+        """The own car's position."""
+        moved = self._own.receive_position(fix)
+        if moved is not None:
+            self._tracks.map_to(*moved)
+            for neighbour in self._neighbours.values():
+                state, covariance = neighbour.reported.state, neighbour.reported.covariance
+                mapped = map_state(state, covariance, *moved)
+                neighbour.reported = ReportedState(neighbour.reported.stamp_s, *mapped)
+
+    def receive_sensed_car(self, seen: SensedCar) -> None:
+        """A car that the own camera sees, whether it has a radio or not."""
+        self._seen.append(seen)
+
+    def receive_bsm(
+        self, sender_id: bytes, state: Position | None, footer: bytes | None, now: float
+    ) -> None:
+        """What a car with a radio says of itself, and what it tells of others.
+
+        Args:
+            sender_id: temporary ID, 4 bytes.
+            state: where it says it is; `stamp_s` on the own car's clock.
+            footer: the MVS footer behind its BSM.
+            now: when it was received.
+        """
+        if sender_id in self._own_ids:
+            self._discard(now, "own_message", sender_id.hex())
+        elif self.has_position(now):
+            if state is not None:
+                self._receive_state(sender_id, state, now)
+            if footer is not None:
+                self._receive_footer(sender_id, footer, now)
+
+    def footer_to_send(self, now: float) -> bytes:
+        """Tell others; called with every BSM, at 10 Hz. Without a position there is nothing."""
+        if not self.has_position(now):
+            return b""
+        self._bring_up_to_date(now)
+        now_ms = self._utc_ms(now)
+        candidates = [
+            candidate
+            for track in self._cars_without_radio()
+            if (candidate := self._candidate(track, now_ms)) is not None
+        ]
+        select = SELECTIONS[self._settings.selection]
+        chosen = select(candidates, self._settings.most_entries, self._estimate, self._rng)
+        frame = self._own.frame
+        assert frame is not None  # noqa: S101 (a position comes with a frame)
+        anchor = LocalFrame(*self._own.anchor)
+        return encode_within(chosen, now_ms, frame, anchor, self._settings.most_bytes)
+
+    def kinematic_info(self, now: float) -> list[KnownCar]:
+        """Every known car but the own one, as it is expected to be at `now`."""
+        if not self.has_position(now):
+            return []
+        self._bring_up_to_date(now)
+        now_ms = self._utc_ms(now)
+        cars = [
+            self._as_reported(now, sender_id.hex(), KnownBy.RADIO, neighbour.reported)
+            for sender_id, neighbour in self._neighbours.items()
+        ]
+        tracks = self._cars_without_radio()
+        estimates = [track.estimate for track in tracks]
+        states, covariances = propagate(estimates, now_ms, self._settings.acceleration_density)
+        for at, track in enumerate(tracks):
+            cars.append(
+                KnownCar(
+                    stamp_s=now,
+                    name=str(track.number),
+                    known_by=KnownBy.SEEN if self._is_seen(track) else KnownBy.TOLD,
+                    state=tuple(states[:, at].tolist()),
+                    covariance=tuple(map(tuple, covariances[:, :, at].tolist())),
+                    age_s=(now_ms - track.estimate.stamp_ms) / 1000,
+                    provenance=track.estimate.provenance,
+                )
+            )
+        return cars
+
+    def own_car(self, now: float) -> KnownCar | None:
+        """The own car in the same frame; `None` without a position."""
+        own = self._own.state()
+        if own is None or not self.has_position(now):
+            return None
+        return self._as_reported(now, self.own_id.hex(), KnownBy.ITSELF, own)
+
+    def next_event(self) -> Discarded | None:
+        """The oldest event not yet taken."""
+        return self._events.popleft() if self._events else None
+
+    def _receive_state(self, sender_id: bytes, state: Position, now: float) -> None:
+        belief = self._settings.belief
+        reported = self._own.place(state)
+        away_m = math.hypot(*(reported.state[:2] - self._own_place()))
+        known = self._neighbours.get(sender_id)
+        if state.stamp_s > now + belief.clock_tolerance_s:
+            self._discard(now, "future", f"BSM of {sender_id.hex()}")
+        elif not away_m <= belief.radio_range_m:
+            self._discard(now, "sender_far", f"{sender_id.hex()} at {away_m:.0f} m")
+        elif known is None and len(self._neighbours) >= belief.senders:
+            self._discard(now, "too_many_senders", sender_id.hex())
+        elif known is None:
+            self._neighbours[sender_id] = _Neighbour(reported)
+        elif known.reported.stamp_s <= state.stamp_s:
+            known.reported = reported
+
+    def _receive_footer(self, sender_id: bytes, data: bytes, now: float) -> None:
+        belief = self._settings.belief
+        neighbour = self._neighbours.get(sender_id)
+        if neighbour is None:
+            return self._discard(now, "unplaced_sender", sender_id.hex())
+        if now - neighbour.footer_at < 1.0 / belief.footers_per_s:
+            return self._discard(now, "too_often", sender_id.hex())
+        neighbour.footer_at = now
+        try:
+            footer = mvs_footer.decode(data)
+        except DecodeError as error:
+            return self._discard(now, error.reason, str(error))
+        entries = len(footer.measurements) + len(footer.estimates)
+        if entries > belief.entries_per_footer:
+            return self._discard(now, "too_many_entries", f"{entries} from {sender_id.hex()}")
+        return self._take_up(footer, sender_id, now)
+
+    def _take_up(self, footer: mvs_footer.MvsFooter, sender_id: bytes, now: float) -> None:
+        belief = self._settings.belief
+        assert self._own.frame is not None  # noqa: S101 (a position comes with a frame)
+        self._assign_seen(now)
+        believed: list[Evidence] = []
+        refused: dict[str, list[str]] = {}
+        for piece in evidence_in(footer, self._own.frame):
+            try:
+                self._check(piece, sender_id, now)
+            except ImplausibleError as error:
+                refused.setdefault(error.reason, []).append(error.detail)
+                continue
+            weighed = weighted_down(piece, belief.sharpest_sigma_m)
+            if weighed is not piece:
+                refused.setdefault("too_sure", []).append("weighted down")
+            believed.append(weighed)
+        too_many = self._tracks.receive(believed, sender_id, self._utc_ms(now))
+        if too_many:
+            refused["too_many_cars"] = ["not taken up"] * too_many
+        for reason, details in refused.items():
+            text = f"{len(details)} entries from {sender_id.hex()}, the first: {details[0]}"
+            self._discard(now, reason, text)
+        self._refreshed_ms = None
+
+    def _check(self, piece: Evidence, sender_id: bytes, now: float) -> None:
+        belief, now_ms = self._settings.belief, self._utc_ms(now)
+        if piece.oldest_ms <= now_ms - round(self._settings.memory_s * 1000):
+            raise ImplausibleError("stale", f"measured {now_ms - piece.oldest_ms} ms ago")
+        reach_m = belief.sensing_range_m
+        if not (isinstance(piece, Measurement) and piece.id.observer == sender_id):
+            reach_m += belief.radio_range_m
+        teller_m = self._neighbours[sender_id].reported.state[:2]
+        check(piece, reach_m, teller_m, now_ms, belief)
+        for observer, stamp_ms in piece.provenance:
+            if observer in self._own_ids and stamp_ms not in self._own_stamps_ms:
+                raise ImplausibleError("not_my_measurement", f"at {stamp_ms}")
+
+    def _bring_up_to_date(self, now: float) -> None:
+        self._assign_seen(now)
+        now_ms = self._utc_ms(now)
+        if self._refreshed_ms is not None and now_ms - self._refreshed_ms < REFRESH_MS:
+            return
+        silent_at = now - self._settings.radio_silence_s
+        for sender_id in [
+            sender_id
+            for sender_id, neighbour in self._neighbours.items()
+            if neighbour.reported.stamp_s < silent_at
+        ]:
+            del self._neighbours[sender_id]
+        self._tracks.refresh(now_ms)
+        reported = {self.own_id: self._own.state()}
+        reported |= {key: neighbour.reported for key, neighbour in self._neighbours.items()}
+        states = [state for state in reported.values() if state is not None]
+        self._tracks.recognise(list(reported), self._kinematics(states), now_ms)
+        self._refreshed_ms = now_ms
+
+    def _assign_seen(self, now: float) -> None:
+        """Make direct measurements of what the camera saw, a picture at a time."""
+        pictures = groupby(sorted(self._seen, key=_stamp_s), key=_stamp_s)
+        for stamp_s, picture in [(stamp_s, list(cars)) for stamp_s, cars in pictures]:
+            stamp_ms = self._utc_ms(stamp_s)
+            measured: list[Evidence] = []
+            for seen in picture:
+                placed = self._own.measure(seen)
+                if isinstance(placed, str):
+                    self._discard(now, placed, f"car {seen.track_id} seen")
+                else:
+                    measured.append(Measurement(MeasurementId(self.own_id, stamp_ms), *placed))
+            if measured:
+                self._own_stamps_ms.append(stamp_ms)
+                self._refreshed_ms = None
+                self._tracks.receive(measured, self.own_id, self._utc_ms(now), is_own=True)
+        self._seen.clear()
+
+    def _cars_without_radio(self) -> list[Track]:
+        return [track for track in self._tracks if track.is_confirmed and track.radio_id is None]
+
+    def _candidate(self, track: Track, now_ms: int) -> Candidate | None:
+        """What Algorithm 1 is given of a car: the MEs of the window, and which may be sent on."""
+        window_ms = round(self._settings.window_s * 1000)
+        span_ms = round(self._settings.shared_span_s * 1000)
+        received = [
+            held.piece for held in track.evidence.values() if held.received_ms >= now_ms - window_ms
+        ]
+        evidence = [piece for piece in received if piece.oldest_ms >= now_ms - span_ms]
+        if not evidence:
+            return None
+        return Candidate(evidence, len(received), any(map(self._is_own_measurement, evidence)))
+
+    def _estimate(self, evidence_of_cars: Sequence[Sequence[Evidence]]) -> list[Evidence]:
+        """The paper's Estimate: from the independent ones of all MEs about a car, for each car."""
+        chosen = [independent(evidence) for evidence in evidence_of_cars]
+        several = [evidence for evidence in chosen if len(evidence) > 1]
+        estimates = iter(fuse(several, self._settings.acceleration_density))
+        return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
+
+    def _is_seen(self, track: Track) -> bool:
+        return any(self._is_own_measurement(held.piece) for held in track.evidence.values())
+
+    def _is_own_measurement(self, piece: Evidence) -> bool:
+        return isinstance(piece, Measurement) and piece.id.observer in self._own_ids
+
+    def _own_place(self) -> Array:
+        own = self._own.state()
+        assert own is not None  # noqa: S101 (callers have asked for the position)
+        return own.state[:2]
+
+    def _kinematics(self, reported: Sequence[ReportedState]) -> Kinematics:
+        return Kinematics(
+            np.array([self._utc_ms(each.stamp_s) for each in reported], dtype=np.float64),
+            np.array([each.state for each in reported]).T,
+            np.array([each.covariance for each in reported]).transpose(1, 2, 0),
+            np.ones(len(reported)),
+        )
+
+    def _as_reported(
+        self, now: float, name: str, known_by: KnownBy, reported: ReportedState
+    ) -> KnownCar:
+        age_s = max(now - reported.stamp_s, 0.0)
+        states, covariances = predict(
+            reported.state[:, None],
+            reported.covariance[:, :, None],
+            np.array([age_s]),
+            self._settings.acceleration_density,
+        )
+        return KnownCar(
+            stamp_s=now,
+            name=name,
+            known_by=known_by,
+            state=tuple(states[:, 0].tolist()),
+            covariance=tuple(map(tuple, covariances[:, :, 0].tolist())),
+            age_s=age_s,
+            provenance=frozenset(),
+        )
+
+    def _utc_ms(self, stamp_s: float) -> int:
+        return round((stamp_s + self._utc_offset_s) * 1000)
+
+    def _discard(self, now: float, reason: str, detail: str) -> None:
+        self._events.append(Discarded(now, "mvs", reason, detail))
+
+
+def _stamp_s(seen: SensedCar) -> float:
+    return seen.stamp_s

@@ -1,0 +1,103 @@
+"""What a user may set about shared sensing."""
+
+from enum import StrEnum
+
+from pydantic import Field
+
+from onboard.settings import Settings
+
+
+class Selection(StrEnum):
+    """How a car chooses what to broadcast (section V-A)."""
+
+    MVS = "mvs"
+    """Algorithm 1 of the paper."""
+    MEASUREMENTS_ONLY = "mo"
+    """The paper's first baseline: measurements at random, no estimates."""
+    RANDOM = "rs"
+    """The paper's second baseline: one measurement or estimate a car, cars at random."""
+
+
+class SensingSettings(Settings):
+    """From what the camera sees to a measurement."""
+
+    camera_ahead_m: float = Field(0.0, ge=-10.0, le=10.0)
+    """Camera ahead of the point that the GNSS receiver reports."""
+    face_to_centre_m: float = Field(2.2, ge=0.0, le=10.0)
+    """From the side of a car that the camera ranges to its middle, which cars share."""
+    face_to_centre_sigma_m: float = Field(0.5, ge=0.0, le=5.0)
+    """Cars are not equally long, nor always seen from behind."""
+    heading_sigma_rad: float = Field(0.02, gt=0.0, le=0.5)
+    """Of the course that the receiver reports, while driving."""
+    heading_held_below_m_s: float = Field(1.5, ge=0.0, le=10.0)
+    """Slower than this, the course is noise, and the last good one is kept."""
+    position_held_s: float = Field(1.5, gt=0.0, le=10.0)
+    """How long a fix is carried on at its speed before the position counts as missing."""
+
+
+class AssociationSettings(Settings):
+    """Which piece of evidence belongs to which car."""
+
+    gate_probability: float = Field(0.99, gt=0.5, lt=1.0)
+    """Of the evidence of a car, how much its gate lets in."""
+    speed_sigma_m_s: float = Field(20.0, gt=0.0, le=100.0)
+    """Cars are about this fast; used where nothing else is known of a car's speed."""
+    radio_offset_sigma_m: float = Field(0.5, ge=0.0, le=10.0)
+    """What a BSM's position and the middle of the seen car may differ by, over their own noise."""
+    overlap_m: float = Field(1.5, ge=0.0, le=5.0)
+    """Middles closer than this are one car: two cannot be."""
+
+
+class BeliefSettings(Settings):
+    """What is believed of what comes over the air; see the decision on hostile footers."""
+
+    clock_tolerance_s: float = Field(0.1, ge=0.0, le=1.0)
+    """How far ahead of ours a sender's clock may be."""
+    radio_range_m: float = Field(1500.0, gt=0.0, le=10_000.0)
+    """Nobody is heard from farther away."""
+    sensing_range_m: float = Field(200.0, gt=0.0, le=1000.0)
+    """No camera or radar places a car farther away than this."""
+    fastest_m_s: float = Field(90.0, gt=0.0, le=200.0)
+    sharpest_sigma_m: float = Field(0.1, gt=0.0, le=10.0)
+    """No single measurement is better than this; estimates are limited by what it allows them."""
+    vaguest_sigma_m: float = Field(30.0, gt=0.0, le=1000.0)
+    """A position worse than this tells nothing."""
+    footers_per_s: float = Field(20.0, gt=0.0, le=100.0)
+    """Of one sender; what comes faster is dropped."""
+    senders: int = Field(512, ge=1, le=10_000)
+    entries_per_footer: int = Field(64, ge=1, le=510)
+    cars: int = Field(256, ge=1, le=10_000)
+    """Without a radio, known at once."""
+    cars_per_sender: int = Field(64, ge=1, le=1000)
+    """That only this sender tells of."""
+    evidence_per_car: int = Field(128, ge=8, le=1000)
+    estimates_per_car: int = Field(48, ge=1, le=1000)
+    measurements_per_estimate: int = Field(64, ge=1, le=1000)
+
+
+class MvsSettings(Settings):
+    """Shared sensing of cars without a radio."""
+
+    selection: Selection = Selection.MVS
+    window_s: float = Field(0.1, gt=0.0, le=2.0)
+    """What was sensed or received within it is considered for the next broadcast (0.1 s in the
+    paper, the interval of the BSM)."""
+    most_entries: int = Field(10, ge=0, le=64)
+    """M: measurements and estimates in one footer."""
+    most_bytes: int = Field(1000, ge=18, le=1400)
+    """Of the footer: what BSM and signature leave of a WSM."""
+    shared_span_s: float = Field(0.3, gt=0.0, le=4.0)
+    """The oldest measurement in anything that is broadcast is not older than this."""
+    memory_s: float = Field(2.0, gt=0.0, le=10.0)
+    """Measurements older than this are not used."""
+    acceleration_density: float = Field(2.0, gt=0.0, le=100.0)
+    """q of the process noise, m^2/s^3: speeds drift by sqrt(q) m/s in one second."""
+    confirmed_by: int = Field(3, ge=1, le=20)
+    """Measurements that it takes for a car to be known and passed on."""
+    unseen_s: float = Field(1.0, gt=0.0, le=10.0)
+    """A car that nobody has measured for this long is forgotten."""
+    radio_silence_s: float = Field(1.5, gt=0.0, le=10.0)
+    """A car with a radio that has been silent for this long is not one any more."""
+    sensing: SensingSettings = SensingSettings()
+    association: AssociationSettings = AssociationSettings()
+    belief: BeliefSettings = BeliefSettings()

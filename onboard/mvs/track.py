@@ -1,0 +1,115 @@
+"""One car without a radio: the evidence of it, and which of that may be used together."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from onboard.mvs.evidence import Estimate, Evidence, Measurement, Provenance
+from onboard.mvs.fusion import fuse
+from onboard.mvs.independent_set import select_independent
+from onboard.mvs.kalman import Array
+
+_SAME_PLACE_M = 0.1
+"""One measurement told by two is the same place, but for the rounding on its ways."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """A piece of evidence and how it came."""
+
+    piece: Evidence
+    teller: bytes
+    """Who sent it; the own ID for the own measurements."""
+    received_ms: int
+    """UTC."""
+
+    def is_from_observer(self) -> bool:
+        """Whether the teller has measured it itself."""
+        return isinstance(self.piece, Measurement) and self.piece.id.observer == self.teller
+
+    def is_copy_of(self, other: "Held") -> bool:
+        """Whether both are the same piece, given that their provenance is."""
+        return np.allclose(_place(self.piece), _place(other.piece), rtol=0, atol=_SAME_PLACE_M)
+
+
+class Track:
+    """What the own car holds of one car without a radio."""
+
+    def __init__(self, number: int, first: Held, acceleration_density: float) -> None:
+        self.number = number
+        """The own car's name for it."""
+        self.first_teller = first.teller
+        self.evidence: dict[Provenance, Held] = {first.piece.provenance: first}
+        self.used: list[Evidence] = [first.piece]
+        """The independent evidence in `estimate`."""
+        (self.estimate,) = fuse([self.used], acceleration_density)
+        self.is_confirmed = False
+        self.radio_id: bytes | None = None
+        """The car with a radio that it has turned out to be."""
+        self.radio_until_ms = 0
+
+    def add(self, held: Held) -> None:
+        """Take a piece. What an observer says of its own measurement replaces hearsay of it."""
+        known = self.evidence.get(held.piece.provenance)
+        if known is None or (held.is_from_observer() and not known.is_from_observer()):
+            self.evidence[held.piece.provenance] = held
+
+    def forget(self, before_ms: int, most_estimates: int, most: int) -> None:
+        """Drop what has a measurement of `before_ms` or earlier, and the first of the too many."""
+        for held in list(self.evidence.values()):
+            if held.piece.oldest_ms <= before_ms:
+                del self.evidence[held.piece.provenance]
+        estimates = [p for p, held in self.evidence.items() if isinstance(held.piece, Estimate)]
+        for provenance in estimates[: max(0, len(estimates) - most_estimates)]:
+            del self.evidence[provenance]
+        for provenance in list(self.evidence)[: max(0, len(self.evidence) - most)]:
+            del self.evidence[provenance]
+
+    def choose(self) -> None:
+        """Choose anew which evidence to use."""
+        self.used = independent([held.piece for held in self.evidence.values()])
+
+    @property
+    def last_measured_ms(self) -> int:
+        """The time of its last measurement, UTC."""
+        return max((held.piece.stamp_ms for held in self.evidence.values()), default=0)
+
+    def was_seen_beside(self, other: "Track") -> bool:
+        """Whether one observer at one moment measured both, which are therefore two cars."""
+        mine, others = self._positions(), other._positions()  # noqa: SLF001 (of the same class)
+        return any(
+            not np.allclose(mine[both], others[both], rtol=0, atol=_SAME_PLACE_M)
+            for both in mine.keys() & others.keys()
+        )
+
+    def map_to(self, turn: Array, shift: Array) -> None:
+        """Bring everything into another frame (`LocalFrame.mapping_from`)."""
+        self.evidence = {
+            provenance: replace(held, piece=held.piece.mapped(turn, shift))
+            for provenance, held in self.evidence.items()
+        }
+        self.used = [piece.mapped(turn, shift) for piece in self.used]
+        self.estimate = self.estimate.mapped(turn, shift)
+
+    def _positions(self) -> dict[Provenance, Array]:
+        return {
+            provenance: held.piece.position_m
+            for provenance, held in self.evidence.items()
+            if isinstance(held.piece, Measurement)
+        }
+
+
+def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
+    """Choose the most measurements, none twice, in the fewest pieces; the latest among equals."""
+    latest_first = sorted(pieces, key=_stamp_ms, reverse=True)
+    chosen = select_independent([piece.provenance for piece in latest_first])
+    return [latest_first[index] for index in chosen]
+
+
+def _stamp_ms(piece: Evidence) -> int:
+    return piece.stamp_ms
+
+
+def _place(piece: Evidence) -> Array:
+    return piece.position_m if isinstance(piece, Measurement) else piece.state[:2]
