@@ -1,4 +1,4 @@
-"""The Immediate Forward message of the USDOT RSU Specification 4.1, appendix C: text, a datagram.
+"""The Immediate Forward message of the USDOT RSU Specification 4.1: text, one message a datagram.
 
     Version=0.7
     Type=BSM
