@@ -1,0 +1,85 @@
+"""The command line: a user's mistake is one clear line and exit code 2, never a traceback."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def onboard(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "onboard", *arguments], capture_output=True, text=True, check=False
+    )
+
+
+def test_a_good_configuration_is_called_good(tmp_path: Path) -> None:
+    config = tmp_path / "car.yaml"
+    config.write_text("car: {plate: ABC1234}\n")
+
+    result = onboard("check", str(config))
+
+    assert result.returncode == 0
+    assert result.stdout == f"{config}: good, car ABC1234\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("car: {plate: abc 1}", "car.plate: String should match pattern"),
+        ("car: {plate: A1}\nobd: {poling_hz: 3}", "did you mean polling_hz?"),
+        ("car: {plate: A1}\nlcca: {join_headway_s: -1}", "lcca.join_headway_s: Input should be gr"),
+        (
+            "car: {plate: A1}\ncan: {interface: elm327}",
+            "can.interface: Input should be 'socketcan'",
+        ),
+    ],
+)
+def test_a_mistake_in_the_configuration_is_one_line(tmp_path: Path, text: str, told: str) -> None:
+    config = tmp_path / "car.yaml"
+    config.write_text(text)
+
+    result = onboard("check", str(config))
+
+    assert result.returncode == 2
+    assert told in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "wire",
+    [
+        "can: {interface: socketcand, port: 1}",
+        "can: {interface: socketcan, channel: nosuchcan9}",
+        "camera: {source: /nonexistent/clip.mp4}",
+        "radio: {endpoint: raw, interface: nosuchwlan9}",
+        "trace: {file: /nonexistent/trace.jsonl}",
+        "security: {keys_folder: /nonexistent}",
+    ],
+)
+def test_a_missing_wire_is_one_line(tmp_path: Path, wire: str) -> None:
+    config = tmp_path / "car.yaml"
+    config.write_text(f"car: {{plate: A1}}\n{wire}\n")
+
+    result = onboard("run", str(config))
+
+    assert result.returncode == 2
+    assert len(result.stderr.splitlines()) == 1, result.stderr
+
+
+def test_replay_prints_one_json_object_a_line(tmp_path: Path) -> None:
+    log = tmp_path / "drive.log"
+    log.write_text(
+        "(100.000000) can0 7E8#03410D3C00000000\n"
+        "(100.050000) can0 7E8#03410D3D00000000\n"
+        "(100.100000) can0 123#DEADBEEF\n"
+    )
+
+    result = onboard("replay", "--can", str(log))
+
+    assert result.returncode == 0, result.stderr
+    lines = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [line["stamp_s"] for line in lines] == [100.0, 100.05]
+    assert [line["kind"] for line in lines] == ["speed", "speed"]
+    assert lines[0]["speed_m_s"] == pytest.approx(60 / 3.6)

@@ -1,0 +1,75 @@
+"""A recording drives the cores: the same observations, at their stamps."""
+
+import csv
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from onboard.cli import UNCONFIGURED
+from onboard.errors import UserError
+from onboard.observations import LeadIdentity, Sensor, SensorLost
+from onboard.replay import Recording, replay
+from onboard.units import KM_H
+
+
+@pytest.mark.realdata
+def test_every_obd_speed_of_a_real_drive_comes_out_at_its_stamp(rig_data: Path) -> None:
+    with (rig_data / "can" / "drive-a-obd-speed-kmh.csv").open() as file:
+        truth = [(float(row["t"]), int(row["obd_kmh"])) for row in csv.DictReader(file)]
+
+    events = replay(Recording(can=rig_data / "can" / "drive-a.log"), UNCONFIGURED)
+    speeds = [(e.stamp_s, e.speed_m_s / KM_H) for e in events if e.kind == "speed"]  # type: ignore[attr-defined]
+
+    assert [kmh for _, kmh in speeds] == pytest.approx([kmh for _, kmh in truth])
+    assert [stamp for stamp, _ in speeds] == pytest.approx([stamp for stamp, _ in truth], abs=1e-3)
+
+
+@pytest.mark.realdata
+def test_a_bus_without_obd_gives_no_speed_and_says_so(rig_data: Path) -> None:
+    events = list(replay(Recording(can=rig_data / "can" / "no-obd.log"), UNCONFIGURED))
+
+    assert [event.kind for event in events] == ["sensor_lost"]
+    assert isinstance(events[0], SensorLost)
+    assert events[0].sensor is Sensor.SPEED
+    assert events[0].silent_s is None, "there never was one"
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("clip", ["motorway-720p.mp4", "empty-lane-540p.mp4"])
+def test_dashcam_clips_without_legible_plates_give_no_plate(rig_data: Path, clip: str) -> None:
+    events = list(replay(Recording(clip=str(rig_data / "clips" / clip)), UNCONFIGURED))
+
+    leads = [event for event in events if event.kind == "lead"]
+    assert leads, "there is one for each frame"
+    assert not [lead for lead in leads if lead.identity is LeadIdentity.KNOWN]  # type: ignore[attr-defined]
+    texts = [event.text for event in events if event.kind == "plate" and event.text]  # type: ignore[attr-defined]
+    assert texts == []
+
+
+@pytest.mark.realdata
+def test_bus_and_receiver_are_merged_in_order_of_time(rig_data: Path) -> None:
+    recording = Recording(
+        can=rig_data / "can" / "drive-a.log", nmea=rig_data / "gnss" / "drive-a.nmea"
+    )
+    kinds: Counter[str] = Counter()
+    last_s = 0.0
+    for event in replay(recording, UNCONFIGURED):
+        kinds[event.kind] += 1
+        assert event.stamp_s > last_s - 2.0, "a sensor's own latency, no more"
+        last_s = event.stamp_s
+
+    assert kinds["speed"] == 1203
+    assert kinds["position"] > 500
+
+
+def test_nothing_to_replay_is_the_users_mistake() -> None:
+    with pytest.raises(UserError, match="nothing to replay"):
+        list(replay(Recording(), UNCONFIGURED))
+
+
+def test_a_recording_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"drive\.log"):
+        list(replay(Recording(can=tmp_path / "drive.log"), UNCONFIGURED))
+    with pytest.raises(UserError, match=r"drive\.nmea: cannot be read: No such file"):
+        list(replay(Recording(nmea=tmp_path / "drive.nmea"), UNCONFIGURED))
