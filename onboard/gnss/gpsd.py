@@ -1,0 +1,92 @@
+"""The wire to gpsd: a TCP connection that is made again when it is lost."""
+
+import asyncio
+import os
+from collections.abc import Callable
+
+from typing_extensions import override
+
+from onboard.gnss.gpsd_reader import WATCH
+from onboard.gnss.settings import GnssSettings
+
+RECONNECT_PERIOD_S = 1.0
+
+
+class Gpsd:
+    """Hands over what gpsd sends; a missing gpsd is a state, not an error: cars drive without."""
+
+    def __init__(
+        self,
+        settings: GnssSettings,
+        on_data: Callable[[bytes], None],
+        on_state: Callable[[bool, str], None],
+    ) -> None:
+        """Take the callbacks; both are called from the loop.
+
+        `on_state` gets whether gpsd is there, and why it is not, on each change.
+        """
+        self._settings = settings
+        self._on_data = on_data
+        self._on_state = on_state
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Connect from now on, again and again; returns at once."""
+        self._task = loop.create_task(self._run(loop))
+
+    def close(self) -> None:
+        """Leave gpsd. No callback comes any more."""
+        if self._task is not None:
+            self._task.cancel()
+
+    async def _run(self, loop: asyncio.AbstractEventLoop) -> None:
+        told: str | None = None
+        while True:
+            try:
+                transport, watcher = await loop.create_connection(
+                    lambda: _Watcher(self._on_data, loop.create_future()),
+                    self._settings.host,
+                    self._settings.port,
+                )
+            except OSError as error:
+                why = f"gpsd at {self._settings.host}:{self._settings.port}: {_cause(error)}"
+            else:
+                self._on_state(True, "")
+                told = None
+                try:
+                    await watcher.lost
+                finally:
+                    transport.abort()
+                why = "gpsd closed the connection"
+            if why != told:
+                self._on_state(False, why)
+                told = why
+            await asyncio.sleep(RECONNECT_PERIOD_S)
+
+
+def _cause(error: OSError) -> str:
+    """The system's words; asyncio's own repeat the address."""
+    return os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+
+
+class _Watcher(asyncio.Protocol):
+    """One connection."""
+
+    def __init__(self, on_data: Callable[[bytes], None], lost: asyncio.Future[None]) -> None:
+        self._on_data = on_data
+        self.lost = lost
+
+    @override
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.WriteTransport)  # noqa: S101 (TCP is)
+        transport.write(WATCH)
+
+    @override
+    def data_received(self, data: bytes) -> None:
+        if not self.lost.done():
+            self._on_data(data)
+
+    @override
+    def connection_lost(self, exc: Exception | None) -> None:
+        if not self.lost.done():
+            self.lost.set_result(None)

@@ -1,0 +1,129 @@
+"""Positions from gpsd's JSON reports (gpsd_json(5)): TPV time-position-velocity, SKY dilution.
+
+gpsd may report one fix several times, as its parts come in; it is told once, since one measurement
+must not count twice.
+"""
+
+import datetime as dt
+import json
+import math
+from collections import deque
+from typing import Any
+
+from onboard.gnss.accuracy import sigma_from_hdop_m, sigma_of_axes_m
+from onboard.gnss.receiver_clock import ReceiverClock
+from onboard.gnss.settings import GnssSettings
+from onboard.observations import Discarded, Position
+
+WATCH = b'?WATCH={"enable":true,"json":true};\n'
+"""What a client sends to be told everything."""
+
+MAX_LINE_BYTES = 65_536
+"""A SKY report with a hundred satellites has some ten thousand."""
+
+MODE_2D = 2
+
+PER_AXIS_95 = 1.960
+PER_CIRCLE_95 = 2.448
+"""gpsd's error estimates hold with 95 % (its error model says so): standard deviations in the
+normal distribution on one axis, and in the Rayleigh distribution of the distance."""
+
+_QUALITY_BY_STATUS = {2: 2, 3: 4, 4: 5, 5: 6}
+"""TPV status (2 differential, 3 RTK fixed, 4 RTK float, 5 dead reckoning) as GGA quality."""
+
+
+class ReportError(Exception):
+    """A report that is not what gpsd_json(5) says."""
+
+
+class GpsdReader:
+    """Takes bytes as they come and tells `Position`s."""
+
+    def __init__(self, settings: GnssSettings | None = None) -> None:
+        self._settings = settings or GnssSettings()
+        self._clock = ReceiverClock(self._settings.latency_s)
+        self._unread = b""
+        self._hdop: float | None = None
+        self._last_time: str | None = None
+        self._events: deque[Position | Discarded] = deque()
+
+    def receive_bytes(self, data: bytes, now: float) -> None:
+        """Take what gpsd sent, cut anywhere."""
+        *lines, self._unread = (self._unread + data).split(b"\n")
+        if len(self._unread) > MAX_LINE_BYTES:
+            self._unread = b""
+            self._discard("gpsd_report", "a line without an end", now)
+        for line in lines:
+            try:
+                self._receive_report(json.loads(line), now)
+            except (ValueError, ReportError) as error:
+                self._discard("gpsd_report", f"{error}: {line[:80]!r}", now)
+
+    def next_event(self) -> Position | Discarded | None:
+        """The oldest event not yet taken."""
+        return self._events.popleft() if self._events else None
+
+    def _receive_report(self, report: Any, now: float) -> None:
+        match report:
+            case {"class": "TPV"}:
+                self._receive_tpv(report, now)
+            case {"class": "SKY"}:
+                self._hdop = _number(report, "hdop", 0.0, 99.0)
+            case {"class": "ERROR"}:
+                self._discard("gpsd_error", str(report.get("message")), now)
+            case {"class": str()}:
+                pass
+            case _:
+                raise ReportError("no report")
+
+    def _receive_tpv(self, tpv: dict[str, Any], now: float) -> None:
+        latitude_deg = _number(tpv, "lat", -90.0, 90.0)
+        longitude_deg = _number(tpv, "lon", -180.0, 180.0)
+        mode = _number(tpv, "mode", 0.0, 3.0)
+        if mode is None or mode < MODE_2D or latitude_deg is None or longitude_deg is None:
+            return
+        time = tpv.get("time")
+        if time is not None and time == self._last_time:
+            return
+        utc_s = None if time is None else _utc_s(time)
+        course_deg = _number(tpv, "track", 0.0, 360.0)
+        position = Position(
+            stamp_s=self._clock.stamp_s(utc_s, now),
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            altitude_m=_number(tpv, "altHAE", -1000.0, 100_000.0),
+            sigma_m=max(self._sigma_m(tpv), self._settings.least_sigma_m),
+            speed_m_s=_number(tpv, "speed", 0.0, 1000.0),
+            course_rad=None if course_deg is None else math.radians(course_deg),
+        )
+        self._last_time = time
+        self._events.append(position)
+
+    def _sigma_m(self, tpv: dict[str, Any]) -> float:
+        north_m = _number(tpv, "epy", 0.0, 1e6)
+        east_m = _number(tpv, "epx", 0.0, 1e6)
+        if north_m is not None and east_m is not None:
+            return sigma_of_axes_m(north_m, east_m) / PER_AXIS_95
+        radius_m = _number(tpv, "eph", 0.0, 1e6)
+        if radius_m is not None:
+            return radius_m / PER_CIRCLE_95
+        quality = _QUALITY_BY_STATUS.get(tpv.get("status", 0))
+        return sigma_from_hdop_m(self._hdop, quality, self._settings.range_error_m)
+
+    def _discard(self, reason: str, detail: str, now: float) -> None:
+        self._events.append(Discarded(now, "gnss", reason, detail))
+
+
+def _number(report: dict[str, Any], name: str, least: float, most: float) -> float | None:
+    value = report.get(name)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise ReportError(f"{name} is {value!r}")
+    return float(value)
+
+
+def _utc_s(time: object) -> float:
+    if not isinstance(time, str):
+        raise ReportError(f"time is {time!r}")
+    return dt.datetime.fromisoformat(time).timestamp()

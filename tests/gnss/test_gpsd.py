@@ -1,0 +1,134 @@
+"""The wire to gpsd: a stand-in that can misbehave, and the real one fed with NMEA over UDP."""
+
+import asyncio
+import contextlib
+import shutil
+import socket
+
+import pytest
+
+from onboard.gnss.gpsd import Gpsd
+from onboard.gnss.gpsd_reader import WATCH, GpsdReader
+from onboard.gnss.settings import GnssSettings
+from onboard.observations import Position
+from tests.gnss.test_nmea import GGA, RMC, at, sentence
+
+
+class Ears:
+    """Collects what the wire and the reader behind it say."""
+
+    def __init__(self, port):
+        self.reader = GpsdReader(GnssSettings())
+        self.states = asyncio.Queue()
+        self.positions = asyncio.Queue()
+        self.gpsd = Gpsd(
+            GnssSettings(port=port), self.hear, lambda *state: self.states.put_nowait(state)
+        )
+        self.gpsd.start(asyncio.get_running_loop())
+
+    def hear(self, data):
+        self.reader.receive_bytes(data, asyncio.get_running_loop().time())
+        while (event := self.reader.next_event()) is not None:
+            self.positions.put_nowait(event)
+
+
+def soon(awaitable):
+    return asyncio.wait_for(awaitable, timeout=10)
+
+
+def on_a_loop(scenario):
+    asyncio.run(asyncio.wait_for(scenario(), timeout=30))
+
+
+def free_port(kind=socket.SOCK_STREAM):
+    with socket.socket(socket.AF_INET, kind) as unused:
+        unused.bind(("127.0.0.1", 0))
+        return unused.getsockname()[1]
+
+
+REPORT = (
+    b'{"class":"TPV","mode":3,"time":"2021-07-26T04:50:00.340Z",'
+    b'"lat":56.1,"lon":10.1,"eph":4.9}\r\n'
+)
+
+
+def test_gpsd_is_asked_to_report_lost_and_found_again():
+    async def scenario():
+        asked, clients = asyncio.Queue(), asyncio.Queue()
+
+        async def serve(reader, writer):
+            asked.put_nowait(await reader.readline())
+            clients.put_nowait(writer)
+
+        server = await asyncio.start_server(serve, "127.0.0.1", 0)
+        ears = Ears(server.sockets[0].getsockname()[1])
+        assert await soon(ears.states.get()) == (True, "")
+        assert await soon(asked.get()) == WATCH
+        client = await soon(clients.get())
+        client.write(REPORT[:20])
+        await client.drain()
+        client.write(REPORT[20:])
+        assert (await soon(ears.positions.get())).latitude_deg == 56.1
+        client.close()
+        assert await soon(ears.states.get()) == (False, "gpsd closed the connection")
+        assert await soon(ears.states.get()) == (True, "")
+        (await soon(clients.get())).close()
+        ears.gpsd.close()
+        server.close()
+
+    on_a_loop(scenario)
+
+
+def test_a_gpsd_that_is_not_there_is_a_state_told_once():
+    async def scenario():
+        port = free_port()
+        ears = Ears(port)
+        there, why = await soon(ears.states.get())
+        assert (there, why) == (False, f"gpsd at 127.0.0.1:{port}: Connection refused")
+        ears.gpsd.close()
+        assert ears.states.empty()
+
+    on_a_loop(scenario)
+
+
+@pytest.mark.live
+def test_positions_from_the_real_gpsd_fed_by_udp():
+    program = shutil.which("gpsd", path="/usr/sbin:/usr/bin:/usr/local/sbin")
+    if program is None:
+        pytest.skip("gpsd is not installed")
+
+    async def scenario():
+        port, nmea_port = free_port(), free_port(socket.SOCK_DGRAM)
+        gpsd = await asyncio.create_subprocess_exec(
+            program, "-N", "-n", "-S", str(port), f"udp://127.0.0.1:{nmea_port}"
+        )
+        receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            ears = Ears(port)
+            while await soon(ears.states.get()) != (True, ""):
+                pass
+            positions = []
+            for second in range(50):
+                for text in (RMC, GGA):
+                    told = sentence(at(text, f"0450{second:02d}.00"))
+                    receiver.sendto(told, ("127.0.0.1", nmea_port))
+                with contextlib.suppress(TimeoutError):
+                    positions.append(await asyncio.wait_for(ears.positions.get(), 0.2))
+                if len(positions) == 5:
+                    break
+            now = asyncio.get_running_loop().time()
+            ears.gpsd.close()
+        finally:
+            receiver.close()
+            gpsd.terminate()
+            await gpsd.wait()
+        assert len(positions) == 5
+        for position in positions:
+            assert isinstance(position, Position)
+            assert position.latitude_deg == pytest.approx(56 + 6.25716 / 60, abs=1e-7)
+            assert position.longitude_deg == pytest.approx(10 + 8.71506 / 60, abs=1e-7)
+            assert position.speed_m_s == pytest.approx(15.725, abs=1e-3)
+            assert 1.0 < position.sigma_m < 20.0
+            assert position.stamp_s < now
+
+    on_a_loop(scenario)

@@ -1,0 +1,150 @@
+"""Positions from gpsd's reports."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.gnss.gpsd_reader import GpsdReader
+from onboard.gnss.settings import GnssSettings
+from onboard.observations import Discarded, Position
+
+TPV = {
+    "class": "TPV",
+    "device": "udp://127.0.0.1:5000",
+    "mode": 3,
+    "time": "2021-07-26T04:50:00.340Z",
+    "lat": 56.104286,
+    "lon": 10.145251,
+    "altHAE": 63.5,
+    "track": 90.0,
+    "speed": 15.725,
+    "epx": 3.92,
+    "epy": 3.92,
+    "eph": 19.0,
+}
+
+
+def read(*reports, settings=None, start=100.1):
+    reader = GpsdReader(settings)
+    for n, report in enumerate(reports):
+        line = report if isinstance(report, bytes) else json.dumps(report).encode() + b"\r\n"
+        reader.receive_bytes(line, start + n)
+    events = []
+    while (event := reader.next_event()) is not None:
+        events.append(event)
+    return events
+
+
+def without(*names, **more):
+    return {name: value for name, value in TPV.items() if name not in names} | more
+
+
+def test_a_report_is_a_position():
+    assert read(TPV) == [
+        Position(
+            stamp_s=pytest.approx(100.0),
+            latitude_deg=56.104286,
+            longitude_deg=10.145251,
+            altitude_m=63.5,
+            sigma_m=pytest.approx(2.0),
+            speed_m_s=15.725,
+            course_rad=pytest.approx(math.pi / 2),
+        )
+    ]
+
+
+def test_what_is_not_reported_is_none():
+    (position,) = read(without("altHAE", "track", "speed"))
+    assert (position.altitude_m, position.course_rad, position.speed_m_s) == (None, None, None)
+
+
+def test_one_fix_reported_in_parts_is_told_once():
+    assert len(read(without("altHAE"), TPV, TPV)) == 1
+    assert len(read(TPV, TPV | {"time": "2021-07-26T04:50:01.340Z"})) == 2
+
+
+@pytest.mark.parametrize(
+    "no_fix",
+    [without("mode"), TPV | {"mode": 0}, TPV | {"mode": 1}, without("lat"), without("lon")],
+)
+def test_no_fix_is_no_position_and_no_fault(no_fix):
+    assert read(no_fix) == []
+
+
+def test_a_fix_without_time_is_stamped_by_arrival():
+    first, second = read(without("time"), without("time"))
+    assert (first.stamp_s, second.stamp_s) == pytest.approx((100.0, 101.0))
+
+
+@pytest.mark.parametrize(
+    ("reports", "sigma_m"),
+    [
+        ([TPV | {"epx": 1.96, "epy": 5.88}], math.sqrt(5)),
+        ([without("epx")], 19.0 / 2.448),
+        ([{"class": "SKY", "hdop": 1.5}, without("epx", "eph")], 6.0 / math.sqrt(2)),
+        ([{"class": "SKY", "hdop": 1.5}, without("epx", "eph", status=2)], 3.0 / math.sqrt(2)),
+        ([without("epx", "epy", "eph")], 8.0 / math.sqrt(2)),
+        ([TPV | {"epx": 0.0, "epy": 0.0}], 0.5),
+    ],
+)
+def test_accuracy_from_the_best_that_is_reported(reports, sigma_m):
+    assert read(*reports)[0].sigma_m == pytest.approx(sigma_m)
+
+
+def test_reports_about_other_things_are_passed_by():
+    others = [{"class": name} for name in ("VERSION", "DEVICES", "WATCH", "PPS", "GST", "ATT")]
+    assert read(*others) == []
+
+
+def test_gpsds_own_complaint_is_counted():
+    (discarded,) = read({"class": "ERROR", "message": "Can't open device"})
+    assert (discarded.reason, discarded.detail) == ("gpsd_error", "Can't open device")
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        b"not json\n",
+        b"\xff\xfe\n",
+        b'{"class":"TPV","mode":3,"lat":56.1\n',
+        b"[]\n",
+        b"17\n",
+        b"{}\n",
+        b'{"class":"TPV","mode":3,"lat":NaN,"lon":10.0}\n',
+        TPV | {"lat": 91},
+        TPV | {"lon": "10.1"},
+        TPV | {"lat": True},
+        TPV | {"time": "yesterday"},
+        TPV | {"time": 17},
+        TPV | {"speed": -1},
+        TPV | {"eph": -1, "epx": None},
+        {"class": "SKY", "hdop": "good"},
+    ],
+)
+def test_reports_that_cannot_be_are_discarded(report):
+    (discarded,) = read(report)
+    assert (discarded.room, discarded.reason) == ("gnss", "gpsd_report")
+
+
+def test_a_line_without_an_end_is_given_up():
+    discarded, position = read(b"x" * 100_000, b"\n", TPV)[-2:]
+    assert isinstance(discarded, Discarded)
+    assert isinstance(position, Position)
+
+
+@given(cut=st.integers(0, 300))
+def test_bytes_may_come_cut_anywhere(cut):
+    line = json.dumps(TPV).encode() + b"\n"
+    reader = GpsdReader(GnssSettings(latency_s=0.0))
+    reader.receive_bytes(line[:cut], 100.0)
+    reader.receive_bytes(line[cut:], 100.0)
+    assert isinstance(reader.next_event(), Position)
+
+
+@given(st.binary(max_size=200))
+def test_no_bytes_stop_the_reader(data):
+    for event in read(data, b"\n", b'{"class":"TPV",' + data + b"\n", TPV):
+        assert isinstance(event, Position | Discarded)

@@ -1,0 +1,275 @@
+"""Positions from a receiver's sentences, whatever it omits, repeats, tears or makes up."""
+
+import datetime as dt
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.gnss.nmea import NmeaReader
+from onboard.gnss.nmea_sentence import SentenceError, parse
+from onboard.gnss.settings import GnssSettings
+from onboard.observations import Discarded, Position
+from onboard.units import KNOT
+
+RMC = "GNRMC,045000.34,A,5606.25716,N,01008.71506,E,30.567,45.00,260721,,,A"
+GGA = "GNGGA,045000.34,5606.25716,N,01008.71506,E,1,10,1.0,20.0,M,43.5,M,,"
+NO_FIX = "GNRMC,045009.00,V,,,,,,,260721,,,N"
+"""Begins another instant, and tells nothing."""
+
+GST = "GNGST,045000.34,1.2,2.0,1.0,30.0,3.0,4.0,5.0"
+
+
+def sentence(text):
+    """With its checksum (IEC 61162-1): the XOR of all characters."""
+    total = 0
+    for character in text:
+        total ^= ord(character)
+    return f"${text}*{total:02X}\r\n".encode("ascii")
+
+
+def read(*texts, now=None, settings=None):
+    reader = NmeaReader(settings)
+    for text in texts:
+        reader.receive_bytes(text if isinstance(text, bytes) else sentence(text), now)
+    return events_of(reader)
+
+
+def events_of(reader):
+    events = []
+    while (event := reader.next_event()) is not None:
+        events.append(event)
+    return events
+
+
+def utc(*when):
+    return dt.datetime(*when, tzinfo=dt.UTC).timestamp()
+
+
+def at(text, time, date=None):
+    changed = text.replace("045000.34", time)
+    return changed if date is None else changed.replace("260721", date)
+
+
+def test_one_position_from_the_sentences_of_one_instant():
+    (position,) = read(RMC, GGA, NO_FIX)
+    assert position == Position(
+        stamp_s=pytest.approx(utc(2021, 7, 26, 4, 50, 0, 340_000)),
+        latitude_deg=pytest.approx(56 + 6.25716 / 60),
+        longitude_deg=pytest.approx(10 + 8.71506 / 60),
+        altitude_m=pytest.approx(63.5),
+        sigma_m=pytest.approx(4.0 / math.sqrt(2)),
+        speed_m_s=pytest.approx(30.567 * KNOT),
+        course_rad=pytest.approx(math.pi / 4),
+    )
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "expected"),
+    [
+        ("4552.65403,S", "17030.00668,E", (-45.8775671667, 170.5001113333)),
+        ("4404.1237962,N", "12118.8472460,W", (44.06872993667, -121.31412076667)),
+        ("0000.0000,N", "00000.0600,W", (0.0, -0.001)),
+        ("9000.0000,S", "18000.0000,E", (-90.0, 180.0)),
+    ],
+)
+def test_hemispheres(latitude, longitude, expected):
+    text = f"GPRMC,045000,A,{latitude},{longitude},0.0,,260721,,,A"
+    (position,) = read(text, NO_FIX)
+    assert (position.latitude_deg, position.longitude_deg) == pytest.approx(expected)
+
+
+def test_from_the_second_instant_on_it_is_told_with_its_last_sentence():
+    reader = NmeaReader()
+    for text in (RMC, GGA, at(RMC, "045001.34")):
+        reader.receive_bytes(sentence(text))
+    assert len(events_of(reader)) == 1
+    reader.receive_bytes(sentence(at(GGA, "045001.34")))
+    assert len(events_of(reader)) == 1
+
+
+def test_a_receiver_that_changes_its_habit_loses_no_position():
+    first = [RMC, GGA, GST]
+    second = [at(RMC, "045001.34"), at(GGA, "045001.34")]
+    third = [at(RMC, "045002.34")]
+    assert len(read(*first, *second, *third, at(GGA, "045003.34"))) == 3
+
+
+def test_the_receivers_own_accuracy_counts_most():
+    (position,) = read(RMC, GGA, GST, NO_FIX)
+    assert position.sigma_m == pytest.approx(math.sqrt((3.0**2 + 4.0**2) / 2))
+
+
+@pytest.mark.parametrize(
+    ("quality", "hdop", "sigma_m"),
+    [
+        (1, "1.0", 4.0 / math.sqrt(2)),
+        (1, "2.5", 10.0 / math.sqrt(2)),
+        (1, "", 8.0 / math.sqrt(2)),
+        (1, "99.99", 8.0 / math.sqrt(2)),
+        (2, "1.0", 2.0 / math.sqrt(2)),
+        (6, "1.0", 12.0 / math.sqrt(2)),
+        (4, "1.0", 0.5),
+    ],
+)
+def test_accuracy_from_dilution_and_quality_but_never_below_the_least(quality, hdop, sigma_m):
+    gga = GGA.replace(",E,1,10,1.0,", f",E,{quality},10,{hdop},")
+    (position,) = read(RMC, gga, NO_FIX)
+    assert position.sigma_m == pytest.approx(sigma_m)
+
+
+def test_rtk_is_believed_where_the_settings_allow():
+    gga = GGA.replace(",E,1,10,1.0,", ",E,4,10,1.0,")
+    settings = GnssSettings(least_sigma_m=0.01)
+    (position,) = read(RMC, gga, NO_FIX, settings=settings)
+    assert position.sigma_m == pytest.approx(0.04 / math.sqrt(2))
+
+
+def test_what_is_not_said_is_none():
+    (position,) = read("GPRMC,045000.34,A,5606.25716,N,01008.71506,E,,,260721,,", NO_FIX)
+    assert (position.speed_m_s, position.course_rad, position.altitude_m) == (None, None, None)
+
+
+def test_several_systems_in_one_gns():
+    gns = "GNGNS,045000.34,5606.25716,N,01008.71506,E,AAN,12,0.8,20.0,43.5,,"
+    (position,) = read(RMC, gns, NO_FIX)
+    assert position.altitude_m == pytest.approx(63.5)
+    assert position.sigma_m == pytest.approx(0.8 * 4.0 / math.sqrt(2))
+
+
+@pytest.mark.parametrize(
+    "no_fix",
+    [
+        RMC.replace(",A,5606", ",V,5606"),
+        RMC.replace(",,A", ",,N"),
+        RMC.replace(",,A", ",,S"),
+        "GPRMC,045000.34,V,,,,,,,260721,,,N",
+        "GPRMC,045000.34,V,8960.0,N,00000.0,E,0.0,0.0,260721,,,N",
+        GGA.replace(",E,1,", ",E,0,"),
+        GGA.replace(",E,1,", ",E,8,"),
+        GGA.replace(",E,1,", ",E,,"),
+        "GNGNS,045000.34,,,,,NN,00,,,,,",
+    ],
+)
+def test_no_fix_is_no_position_and_no_fault(no_fix):
+    assert read(no_fix, NO_FIX) == []
+
+
+def test_one_doubt_in_an_instant_is_enough():
+    assert read(RMC, GGA.replace(",E,1,", ",E,0,"), NO_FIX) == []
+
+
+@pytest.mark.parametrize("order", [(RMC, GGA), (GGA, RMC)])
+def test_midnight(order):
+    texts = [at(t, "235959.00", "311223") for t in order]
+    texts += [at(t, "000000.00", "010124") for t in order]
+    texts += [at(t, "000001.00", "010124") for t in order]
+    stamps = [position.stamp_s for position in read(*texts)]
+    assert stamps == [utc(2023, 12, 31, 23, 59, 59), utc(2024, 1, 1), utc(2024, 1, 1, 0, 0, 1)]
+
+
+def test_midnight_of_a_receiver_that_tells_its_date_but_once():
+    texts = ["GPZDA,235958.00,31,12,2023,00,00"]
+    texts += [at(GGA, time) for time in ("235959.00", "000000.00", "000001.00", "000002.00")]
+    stamps = [position.stamp_s for position in read(*texts)]
+    assert stamps == [utc(2023, 12, 31, 23, 59, 59) + n for n in range(4)]
+
+
+def test_a_recording_without_a_date_has_no_stamps_and_says_so():
+    discarded, *_ = read(GGA, at(GGA, "045001.34"), at(GGA, "045002.34"))
+    assert discarded.reason == "nmea_no_date"
+
+
+def test_live_positions_are_stamped_by_the_cars_clock():
+    reader = NmeaReader(GnssSettings(latency_s=0.1))
+    for n in range(3):
+        for text in (RMC, GGA):
+            reader.receive_bytes(sentence(at(text, f"04500{n}.00")), 1000.15 + n)
+    stamps = [position.stamp_s for position in events_of(reader)]
+    assert stamps == pytest.approx([1000.05, 1001.05, 1002.05])
+
+
+def test_a_live_receiver_without_a_date_is_stamped_by_arrival():
+    reader = NmeaReader(GnssSettings(latency_s=0.1))
+    for n in range(3):
+        reader.receive_bytes(sentence(at(GGA, f"04500{n}.00")), 1000.15 + n)
+    stamps = [position.stamp_s for position in events_of(reader)]
+    assert stamps == pytest.approx([1000.05, 1001.05, 1002.05])
+
+
+@given(cuts=st.lists(st.integers(0, 400), max_size=8))
+def test_bytes_may_come_cut_anywhere(cuts):
+    texts = [at(t, f"04500{n}.00") for n in range(3) for t in (RMC, GGA)]
+    stream = b"".join(map(sentence, texts))
+    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
+    parts = [stream[a:b] for a, b in pairwise(edges)]
+    assert read(*parts) == read(*texts)
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        sentence(RMC).replace(b"5606", b"5607"),
+        sentence(RMC)[:40] + b"\r\n",
+        sentence(RMC)[:-4] + b"\r\n",
+        sentence(RMC)[:30],
+    ],
+)
+def test_a_damaged_sentence_is_discarded_and_the_next_one_read(damaged):
+    discarded, position = read(damaged, at(RMC, "045001.34"), NO_FIX)
+    assert (discarded.room, discarded.reason) == ("gnss", "nmea_checksum")
+    assert position.stamp_s == pytest.approx(utc(2021, 7, 26, 4, 50, 1, 340_000))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        RMC.replace("5606.25716", "9106.25716"),
+        RMC.replace("5606.25716", "5660.25716"),
+        RMC.replace("01008.71506,E", "18100.0,E"),
+        RMC.replace(",N,", ",X,"),
+        RMC.replace("045000.34", "250000.00"),
+        RMC.replace("045000.34", "noon"),
+        RMC.replace("260721", "310221"),
+        RMC.replace("30.567", "-1"),
+        RMC.replace("30.567", "nan"),
+        RMC.replace("45.00", "361"),
+        GGA.replace(",E,1,", ",E,x,"),
+        GGA.replace("20.0,M", "1e9,M"),
+    ],
+)
+def test_a_field_that_cannot_be_is_discarded(wrong):
+    with pytest.raises(SentenceError) as refused:
+        parse(sentence(wrong))
+    assert refused.value.reason == "nmea_field"
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        b"",
+        b"# a comment\r\n",
+        b"\xb5\x62\x01\x07\x5c\x00\r\n",
+        sentence("GPGSV,2,1,07,10,46,196,10,29,68,310,42"),
+        sentence("PUBX,00,045000.34,5606.25716,N,01008.71506,E"),
+        sentence("PMGNS,02.46,3,T"),
+        b"!AIVDM,1,1,,A,15RTgt0PAso;90TKcjM8h6g208CQ,0*4A\r\n",
+    ],
+)
+def test_what_does_not_tell_the_position_is_passed_by(other):
+    assert parse(other) is None
+
+
+def test_binary_messages_between_sentences_do_no_harm():
+    noise = bytes(range(256)).replace(b"$", b"") * 8
+    texts = [at(t, f"04500{n}.00") for n in range(3) for t in (RMC, GGA)]
+    mixed = [part for text in texts for part in (sentence(text), noise, b"\n")]
+    assert read(*mixed) == read(*texts)
+
+
+@given(st.binary(max_size=300), st.sampled_from([b"$GPRMC,", b"$GPGGA,", b"$GNGST,", b""]))
+def test_no_bytes_stop_the_reader(data, start):
+    for event in read(start + data + b"\n", sentence(RMC), sentence(at(RMC, "045001.34"))):
+        assert isinstance(event, Position | Discarded)
