@@ -117,11 +117,14 @@ def decode(frame: bytes) -> BasicSafetyMessage:
     message = _MESSAGE.decode(outer.content)
     parts, regions = message.parts or (), message.regions or ()
     safety = _only((part.content for part in parts if part.part_id == _SAFETY_PART), "safety")
+    footer = _only((r.content for r in regions if r.region_id == FOOTER_REGION), "footer")
+    if footer is not None and len(footer) > MAX_FOOTER_BYTES:
+        raise DecodeError("too_long", f"a footer of {len(footer)} bytes")
     return BasicSafetyMessage(
         core=message.core,
         safety=None if safety is None else SAFETY.decode(safety),
         other_parts=tuple(part for part in parts if part.part_id != _SAFETY_PART),
-        footer=_only((r.content for r in regions if r.region_id == FOOTER_REGION), "footer"),
+        footer=footer,
         other_regions=tuple(r for r in regions if r.region_id != FOOTER_REGION),
     )
 

@@ -398,6 +398,7 @@ def test_each_kind_of_rubbish_has_its_reason():
         b"\x00\x12" + good[2:]: "not_a_bsm",
         twice: "repeated",
         b"\x00\x14\xc4" + core: "too_long",
+        framed(RAW_CORE, regions=[(bsm.FOOTER_REGION, bytes(801))]): "too_long",
         ORACLE.encode("Frame", {"messageId": 20, "value": b"\x1f" + b"\xff" * 40}): "out_of_range",
     }
     assert {data: _reason(data) for data in cases} == cases
