@@ -2,8 +2,11 @@
 
 The paper's rule for an update or a warning is: only from ahead, only from the same group. Positions
 are not known, so "ahead" is "with a smaller number", and "same group" is "with the same leader".
-While news of a new leader is on its way, those two lag; the car that we follow is ahead of us and
-in our group whatever it says about leader and number, so it is always believed.
+A warning is from ahead if the braking car is: whoever has missed the first copy may believe the
+one that a car behind repeats.
+
+While news of a new leader is on its way, leader and number lag. The car that we follow is ahead of
+us and in our group whatever it says about them, so it is always believed.
 """
 
 from onboard.lcca.place import Place
@@ -23,7 +26,7 @@ def warn_refusal(
         return None
     if warn.leader_id != place.leader_id:
         return "other_group"
-    return "from_behind" if warn.number >= place.number else None
+    return "from_behind" if warn.origin_number >= place.number else None
 
 
 def update_refusal(
@@ -33,13 +36,18 @@ def update_refusal(
     if state is State.REGULAR:
         return "not_in_group"
     if from_predecessor:
-        if (update.leader_id, number) == place.in_group:
-            return "up_to_date"
-    elif place.leader_id != update.previous_leader_id:
-        return "up_to_date" if place.leader_id == update.leader_id else "other_group"
-    elif number <= update.number:
-        return "from_behind"
-    elif place.leader_id == update.leader_id and not place.is_news(update.leader_id, update.beat):
-        return "up_to_date"  # Renumbered by a reply already: the shift must not count twice.
-    circle = place.closes_circle(update.leader_id, number, update.beat, now)
-    return "loop" if circle else None
+        is_settled = (update.leader_id, number) == place.in_group
+    elif place.leader_id == update.previous_leader_id:
+        if number <= update.number:
+            return "from_behind"
+        # Within one group, a reply may have renumbered us already: no shift counts twice.
+        is_settled = update.leader_id == place.leader_id and not place.is_news(
+            update.leader_id, update.beat
+        )
+    else:
+        if place.leader_id != update.leader_id:
+            return "other_group"
+        is_settled = True
+    if is_settled:
+        return "up_to_date"
+    return "loop" if place.closes_circle(update.leader_id, number, update.beat, now) else None

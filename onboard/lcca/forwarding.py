@@ -6,8 +6,9 @@ Going out. Every message tells where its sender stands in the group. So each car
 behind itself its radio has lately been heard to reach (taking radio as symmetric), and names that
 `reach` in what it sends. The car that far behind repeats at once, naming its own reach. The others
 that heard it wait, those nearer to the named one shorter, and stay silent once a car at least as
-far behind as themselves has repeated. A car without followers never repeats. While the named ones
-hear, the copies are those of a shortest path down the group, and there is no way to do with fewer.
+far behind as themselves has repeated. A car without followers never repeats; if it is the named
+one, it acknowledges at once instead, and that silences the others too. While the named ones hear,
+the copies are those of a shortest path down the group, and there is no way to do with fewer.
 
 Getting there (warnings only). A warned car brings the refreshing of its membership forward and
 names the warning in it, so the acknowledgement is a message that was due anyway. A car repeats the
@@ -91,8 +92,9 @@ class Forwarding:
         self._learn(message, 0, None, now)
 
     def receive(self, message: Update | Warn, distance: int, now: float) -> None:
-        """A first copy from a car `distance` ahead."""
-        self._learn(message, distance, now + self._wait_s(message.reach, distance), now)
+        """A first copy from a car `distance` ahead; if negative, one behind has repeated it."""
+        repeat_at = now + self._wait_s(message.reach, distance) if distance > 0 else None
+        self._learn(message, distance, repeat_at, now)
 
     def receive_again(self, message: Update | Warn, distance: int, now: float) -> None:
         """Another copy, from a car `distance` ahead, or as far behind if that is negative."""
@@ -102,16 +104,28 @@ class Forwarding:
         if distance <= 0:
             known.repeat_at = None
         elif distance < known.distance:
-            known.distance = distance
+            known.message, known.distance = message, distance
+            known.heard_at = now
             known.repeat_at = now + self._wait_s(message.reach, distance)
 
-    def acknowledge(self, event: EventId, follower: CarId) -> None:
-        """That follower has the warning, whether or not we have it."""
-        self._acknowledged.setdefault(event, set()).add(follower)
-        if event in self._known:
-            self._known[event].owing.discard(follower)
-        while len(self._acknowledged) > _REMEMBERED:
-            del self._acknowledged[next(iter(self._acknowledged))]
+    def hear_acknowledgement(self, event: EventId, car_id: CarId, behind: int) -> None:
+        """A car of the own group, `behind` cars behind, says that it has heard this event.
+
+        If it is the named one it has repeated it, or has nobody behind to repeat it to.
+        """
+        known = self._known.get(event)
+        if known is None:
+            self._acknowledged.setdefault(event, set()).add(car_id)
+            while len(self._acknowledged) > _REMEMBERED:
+                del self._acknowledged[next(iter(self._acknowledged))]
+            return
+        known.owing.discard(car_id)
+        if behind == known.message.reach - known.distance:
+            known.repeat_at = None
+
+    def is_named_last(self, message: Update | Warn, distance: int) -> bool:
+        """Whether we are to repeat it and have nobody to repeat it to: then we say so at once."""
+        return message.reach == distance and not self._followers
 
     def get_timer(self) -> float | None:
         """When a copy may be due."""
@@ -148,7 +162,7 @@ class Forwarding:
             number=number,
             reach=reach,
             age_s=age_s,
-            hops=min(message.hops + (known.distance > 0), 255),
+            hops=min(message.hops + (known.distance != 0), 255),
         )
 
     def _has_turn(self, known: _Known, now: float) -> bool:

@@ -170,13 +170,13 @@ class WarningGroup:
         heard = self._to_acknowledge.popleft() if self._to_acknowledge else _NO_EVENT
         self._outbox.append(Join(*self._place.header, *join, *heard))
         if self._to_acknowledge:
-            self._membership.hurry(now, even_if_fresh=True)
+            self._membership.join_soon(now)
 
     def _receive_reply(self, reply: Reply, now: float) -> None:
         followed = self._membership.predecessor
         if reply.to_id not in self._place.own_ids:
             if reply.to_id == followed:
-                self._membership.hurry(now, even_if_fresh=False)
+                self._membership.hear_predecessor_refresh(now)
             return
         refusal = self._membership.refusal(reply, now)
         if refusal is not None:
@@ -191,6 +191,8 @@ class WarningGroup:
             return
         news = not circle and self._place.is_news(reply.leader_id, reply.beat)
         self._membership.receive_reply(reply, news=news, now=now)
+        if self._to_acknowledge:
+            self._membership.join_soon(now)
         if joins and followed is not None and self._renaming_until is None:
             self._send_leave(followed, LeaveReason.FOLLOWS_ANOTHER)
         if not circle:
@@ -226,16 +228,17 @@ class WarningGroup:
     # Being followed
 
     def _receive_join(self, join: Join, now: float) -> None:
-        if join.to_id not in self._place.own_ids:
+        is_for_us = join.to_id in self._place.own_ids
+        heard = (join.heard_origin_id, join.heard_sequence)
+        if heard != _NO_EVENT and (is_for_us or join.leader_id == self._place.leader_id):
+            behind = 1 if is_for_us else join.number - self._place.number
+            self._forwarding.hear_acknowledgement(heard, join.sender_id, behind)
+        if not is_for_us:
             return
         if join.sender_id in (self._membership.predecessor, self._place.leader_id):
             self._discard("loop", join, now)
-        else:
-            if self._followers.hear(join.sender_id, now):
-                self._happen(Event.FOLLOWED, "join", now)
-            heard = (join.heard_origin_id, join.heard_sequence)
-            if heard != _NO_EVENT:
-                self._forwarding.acknowledge(heard, join.sender_id)
+        elif self._followers.hear(join.sender_id, now):
+            self._happen(Event.FOLLOWED, "join", now)
         self._outbox.append(
             Reply(
                 *self._place.header,
@@ -290,7 +293,10 @@ class WarningGroup:
         before = place.in_group
         self._move((update.leader_id, number), update.beat, None, "update", now)
         if before == (update.previous_leader_id, number + update.shift):
-            self._forwarding.receive(update, number - update.number, now)
+            distance = number - update.number
+            if self._forwarding.is_named_last(update, distance):
+                self._acknowledge(update, distance, now)
+            self._forwarding.receive(update, distance, now)
             self._forward_if_due(now)
         else:  # Those behind stand to us as before, but not to the sender: tell them ourselves.
             self._announce(before, now)
@@ -303,7 +309,7 @@ class WarningGroup:
         elif self._forwarding.knows(warn):
             refusal = "duplicate"
             if near:  # It repeats because our acknowledgement was lost.
-                self._acknowledge(event_of(warn), now)
+                self._acknowledge(warn, distance, now)
             if near or warn.leader_id == self._place.leader_id:
                 self._forwarding.receive_again(warn, distance, now)
         else:
@@ -330,15 +336,19 @@ class WarningGroup:
                 hops=warn.hops,
             )
         )
-        self._acknowledge(event_of(warn), now)
+        self._acknowledge(warn, distance, now)
         self._forwarding.receive(warn, distance, now)
         self._forward_if_due(now)
 
-    def _acknowledge(self, event: EventId, now: float) -> None:
-        """Name the warning in the next join, and send that soon."""
-        if event not in self._to_acknowledge:
-            self._to_acknowledge.append(event)
-        self._membership.hurry(now, even_if_fresh=True)
+    def _acknowledge(self, message: Update | Warn, distance: int, now: float) -> None:
+        """Name the message in the next join, and send that soon."""
+        if event_of(message) not in self._to_acknowledge:
+            self._to_acknowledge.append(event_of(message))
+        if self._forwarding.is_named_last(message, distance):
+            self._membership.join_at_once(now)
+            self._join_if_due(now)
+        else:
+            self._membership.join_soon(now)
 
     def _forward_if_due(self, now: float) -> None:
         due_at = self._forwarding.get_timer()

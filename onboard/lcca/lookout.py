@@ -13,6 +13,7 @@ class Lookout:
         self._speed_m_s = 0.0
         self._speed_until = float("-inf")
         self._lead: Neighbour | None = None
+        self._is_close = False
         self._named: CarId | None = None
         self._named_since = 0.0
         self._close_at: dict[CarId, float] = {}
@@ -36,12 +37,13 @@ class Lookout:
     def receive_neighbour(self, lead: Neighbour | None, now: float) -> None:
         """One frame's verdict on the car ahead."""
         self._lead = lead
+        self._is_close = self._is_within(self._settings.leave_headway_s, now)
         if lead is None:
             self._named = None
         elif lead.car_id is not None:
             if lead.car_id != self._named:
                 self._named, self._named_since = lead.car_id, now
-            if self._is_within(self._settings.leave_headway_s, now):
+            if self._is_close:
                 self._close_at[lead.car_id] = self.last_close_at = now
         horizon = now - self._settings.lead_hold_s - self._settings.rename_s
         if any(at < horizon for at in self._close_at.values()):
@@ -60,9 +62,9 @@ class Lookout:
             return None
         return lead.car_id if self._is_within(self._settings.join_headway_s, now) else None
 
-    def shows(self, car_id: CarId) -> bool:
-        """Whether the last frame shows that car, at whatever distance."""
-        return self._lead is not None and self._lead.car_id == car_id
+    def shows_far(self, car_id: CarId) -> bool:
+        """Whether the last frame shows that car, and not close."""
+        return self._lead is not None and self._lead.car_id == car_id and not self._is_close
 
     def fits(self, speed_m_s: float | None, now: float) -> bool:
         """Whether a car that drives this fast can be the one that the camera sees."""

@@ -42,16 +42,11 @@ class Membership:
         wanted = self._lookout.to_join(now)
         if wanted is not None and wanted in own_ids:
             wanted = None
-        if self._asked is not None and not self._still_wanted(self._asked, now):
+        asked = self._asked
+        if asked is not None and (self._lookout.named != asked or self._lookout.shows_far(asked)):
             self._ask(None, now)
         if wanted is not None and wanted not in (self._asked, self.predecessor):
             self._ask(wanted, now)
-
-    def _still_wanted(self, car_id: CarId, now: float) -> bool:
-        """Whether the camera still names that car, and has not shown it far away."""
-        close_at = self._lookout.close_at(car_id)
-        far = self._lookout.shows(car_id) and close_at < now
-        return self._lookout.named == car_id and not far
 
     def _ask(self, car_id: CarId | None, now: float) -> None:
         self._asked = car_id
@@ -74,10 +69,18 @@ class Membership:
         self._sequence = (self._sequence + 1) % _SEQUENCES
         return to_id, self._sequence
 
-    def hurry(self, now: float, *, even_if_fresh: bool) -> None:
-        """Bring the next join forward; one that was just sent is news enough, unless said."""
-        if even_if_fresh or now - self._joined_at >= self._settings.refresh_s / 2:
-            self._join_at = min(self._join_at, now + self._spread())
+    def join_soon(self, now: float) -> None:
+        """Bring the next join forward, but not to where others send theirs."""
+        self._join_at = min(self._join_at, now + self._spread())
+
+    def join_at_once(self, now: float) -> None:
+        """Bring the next join forward to now."""
+        self._join_at = now
+
+    def hear_predecessor_refresh(self, now: float) -> None:
+        """The car ahead has news: ask for it, unless we asked just now."""
+        if now - self._joined_at >= self._settings.refresh_s / 2:
+            self.join_soon(now)
 
     def refusal(self, reply: Reply, now: float) -> str | None:
         """Return why a reply is not believed, as a reason word, or `None` if it is."""
@@ -111,9 +114,10 @@ class Membership:
         if self.predecessor is None:
             return None
         if now >= self._shown_until(self.predecessor):
-            return (
-                LeaveReason.GAP if self._lookout.shows(self.predecessor) else LeaveReason.NOT_AHEAD
-            )
+            if self._lookout.speed_at(now) is None:
+                return LeaveReason.SPEED_UNKNOWN
+            far = self._lookout.shows_far(self.predecessor)
+            return LeaveReason.GAP if far else LeaveReason.NOT_AHEAD
         if now >= self._answered_at + self._settings.membership_lifetime_s:
             return LeaveReason.NO_ANSWER
         if now >= self._news_at + self._settings.leader_silence_s:
@@ -129,7 +133,7 @@ class Membership:
     def rename(self, now: float) -> None:
         """All cars change their IDs about now: another plate's digest may be the same plate."""
         self._renaming_until = now + self._settings.rename_s
-        self.hurry(now, even_if_fresh=True)
+        self.join_soon(now)
 
     def get_timer(self) -> float | None:
         """When a join is due or the membership may be over."""

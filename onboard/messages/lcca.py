@@ -38,6 +38,8 @@ class LeaveReason(Enum):
     """The car ahead no longer answers."""
     LEADER_SILENT = 5
     """The car ahead answers, but has no news from its leader."""
+    SPEED_UNKNOWN = 6
+    """The car behind does not know its own speed, and so no safety distance."""
 
 
 @dataclass(frozen=True, slots=True)

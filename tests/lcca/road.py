@@ -54,6 +54,11 @@ class Car:
     wakes_at: float | None = None
 
     @property
+    def all_ids(self) -> list[CarId]:
+        """Every ID that it has had."""
+        return [car_id(self.name, epoch) for epoch in range(self.epoch + 1)]
+
+    @property
     def warnings(self) -> list[WarningRaised]:
         return [event for event in self.said if isinstance(event, WarningRaised)]
 

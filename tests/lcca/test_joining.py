@@ -1,0 +1,481 @@
+"""Joining, staying, leaving: two or three cars, told as they happen."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from onboard.lcca.events import Neighbour, Transition
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.settings import LccaSettings
+from onboard.lcca.transitions import TRANSITIONS, Event, State
+from onboard.messages.lcca import CarId, Join, LccaMessage, Leave, LeaveReason, Reply, Update
+from onboard.observations import Discarded
+from tests.lcca.road import Air, Car, Road, Transmission, car_id, places, true_places
+
+A, B, C, X = (car_id(name) for name in "ABCX")
+
+
+class OneCar:
+    """A single core, with what its camera and its radio get written out by hand."""
+
+    def __init__(self, own_id: CarId = B, **settings: float) -> None:
+        prompt = LccaSettings(**{"identity_dwell_s": 0.0, "spread_s": 0.0, **settings})  # type: ignore[arg-type]
+        self.group = WarningGroup(prompt, own_id, np.random.default_rng(1))
+        self.group.receive_speed(20.0, 0.0)
+
+    def sees(self, ahead: CarId | None, now: float, gap_m: float = 20.0, closing: float = 0.0):
+        self.group.receive_speed(20.0, now)
+        self.group.receive_neighbour(Neighbour(ahead, gap_m, closing), now)
+
+    def says(self, now: float) -> list[LccaMessage]:
+        self.group.handle_timer(now)
+        return self.group.messages_to_send(now)
+
+    def asks(self, now: float) -> Join:
+        joins = [message for message in self.says(now) if isinstance(message, Join)]
+        assert len(joins) == 1
+        return joins[0]
+
+    def hears(self, message: LccaMessage, now: float) -> list[str]:
+        """What the core made of it: events and refusals as words."""
+        self.group.receive_message(message, now)
+        words = []
+        while (event := self.group.next_event()) is not None:
+            assert isinstance(event, Transition | Discarded)
+            words.append(event.reason if isinstance(event, Discarded) else event.event.value)
+        return words
+
+
+def answer(join: Join, leader: CarId = A, number: int = 1, beat: int = 10, speed: float = 20.0):
+    return Reply(join.to_id, leader, number, join.sender_id, join.sequence, beat, speed)
+
+
+def member_of_a(**settings: float) -> OneCar:
+    car = OneCar(**settings)
+    car.sees(A, 0.0)
+    assert car.hears(answer(car.asks(0.0)), 0.0) == ["joined"]
+    return car
+
+
+def events_of(car: Car) -> list[tuple[Event, str]]:
+    return [(transition.event, transition.cause) for transition in car.transitions]
+
+
+class Losing:
+    """An air that loses the first messages of one type from one car."""
+
+    def __init__(self, count: int, kind: type, sender: str) -> None:
+        self._left = count
+        self._kind = kind
+        self._sender = sender
+
+    def __call__(self, transmission: Transmission, receiver: str) -> bool:
+        if not isinstance(transmission.message, self._kind) or transmission.sender != self._sender:
+            return False
+        self._left -= 1
+        return self._left >= 0
+
+
+# Joining
+
+
+def test_the_papers_example() -> None:
+    # A, B and C in one lane. B is too close to A, C too close to B.
+    road = Road()
+    road.add_row("ABC")
+    road.run(1.0)
+    talk = [entry.message for entry in road.sent]
+    # B sends M_join to A; A replies with ID_GL = A and GN_A = 1, so GN_B = 2.
+    assert any(isinstance(m, Join) and (m.sender_id, m.to_id) == (B, A) for m in talk)
+    reply = next(m for m in talk if isinstance(m, Reply) and m.sender_id == A)
+    assert (reply.to_id, reply.leader_id, reply.number) == (B, A, 1)
+    # C sends M_join to B; B replies with ID_GL = A and GN_B = 2, so GN_C = 3.
+    reply = [m for m in talk if isinstance(m, Reply) and m.sender_id == B][-1]
+    assert (reply.to_id, reply.leader_id, reply.number) == (C, A, 2)
+    assert places(road) == {"A": ("A", 1), "B": ("A", 2), "C": ("A", 3)}
+    # A has B on its warning list L_A, and B has C.
+    assert [car.group.followers for car in road.cars.values()] == [(B,), (C,), ()]
+    states = [car.group.state for car in road.cars.values()]
+    assert states == [State.LEADER, State.MEMBER, State.MEMBER]
+
+
+@pytest.mark.parametrize("count", range(6))
+@pytest.mark.parametrize(("kind", "sender"), [(Join, "B"), (Reply, "A")])
+def test_a_join_is_repeated_until_it_is_answered(count: int, kind: type, sender: str) -> None:
+    road = Road()
+    road.drops = Losing(count, kind, sender)
+    road.add_row("AB")
+    road.run(2.0)
+    assert places(road) == {"A": ("A", 1), "B": ("A", 2)}
+    joins = [entry.at for entry in road.sent if isinstance(entry.message, Join)][: count + 1]
+    waits = [later - earlier for earlier, later in pairwise(joins)]
+    planned = [min(0.1 * 2**n, 0.25) for n in range(count)]
+    assert waits == pytest.approx(planned, abs=road.settings.spread_s)
+    joined_at = road.cars["B"].transitions[0].stamp_s
+    assert joined_at == pytest.approx(joins[-1] + 2 * road.air.delay_s)
+
+
+def test_a_car_without_a_radio_is_asked_for_as_long_as_it_is_ahead_but_not_often() -> None:
+    road = Road()
+    road.add_row("AB")[0].has_radio = False
+    road.run(60.0)
+    assert 200 <= len(road.sent) <= 260
+    assert events_of(road.cars["B"]) == []
+    road.cars["A"].lane = 1
+    road.run(2.0)
+    before = len(road.sent)
+    road.run(10.0)
+    assert len(road.sent) == before
+
+
+def test_an_answered_join_is_refreshed_twice_a_second() -> None:
+    road = Road()
+    road.add_row("ABCDE")
+    road.run(2.0)
+    before = len(road.sent)
+    road.run(60.0)
+    # Four followers, one join and one reply each; some are early, on hearing the car ahead's.
+    assert 4 * 2 * 110 <= len(road.sent) - before <= 4 * 2 * 130
+
+
+def test_only_a_known_car_that_is_too_close_is_asked() -> None:
+    car = OneCar()
+    car.sees(None, 0.0)
+    assert car.says(0.0) == []
+    car.sees(A, 0.1, gap_m=39.7)
+    assert car.says(0.1) == []
+    car.sees(A, 0.2, gap_m=39.5)
+    assert car.asks(0.2).to_id == A
+
+
+def test_a_camera_that_reads_the_own_plate_asks_nobody() -> None:
+    car = OneCar(own_id=B)
+    car.sees(B, 0.0)
+    assert car.says(0.0) == []
+
+
+# Answers that are not believed
+
+
+def test_an_answer_to_a_question_not_asked_is_not_believed() -> None:
+    car = OneCar()
+    assert car.hears(Reply(A, A, 1, B, 0, 10, 20.0), 0.0) == ["not_asked"]
+
+
+def test_an_answer_counts_once_and_only_for_a_join_that_was_sent() -> None:
+    car = OneCar()
+    car.sees(A, 0.0)
+    join = car.asks(0.0)
+    early = Reply(A, A, 1, B, (join.sequence + 1) % 65536, 10, 20.0)
+    assert car.hears(early, 0.0) == ["stale"]
+    assert car.hears(answer(join), 0.0) == ["joined"]
+    assert car.hears(answer(join), 0.0) == ["stale"]
+
+
+def test_an_overtaken_answer_does_not_bring_back_the_old_leader() -> None:
+    car = member_of_a()
+    first, second = car.asks(0.5), car.asks(0.6)
+    assert car.hears(answer(second, leader=C, number=4, beat=7), 0.7) == ["renumbered"]
+    assert car.hears(answer(first, leader=A, number=1, beat=11), 0.7) == ["stale"]
+    assert (car.group.leader_id, car.group.group_number) == (C, 5)
+
+
+def test_an_answer_from_a_car_that_moves_otherwise_than_the_one_in_view_is_not_believed() -> None:
+    car = OneCar()
+    car.sees(A, 0.0, closing=0.0)  # the car ahead drives 20 m/s, as we do
+    assert car.hears(answer(car.asks(0.0), speed=27.0), 0.0) == ["implausible"]
+    assert car.group.state is State.REGULAR
+    assert car.hears(answer(car.asks(0.1), speed=20.5), 0.1) == ["joined"]
+
+
+def test_an_answer_that_comes_when_the_camera_reads_another_plate_is_not_believed() -> None:
+    car = OneCar()
+    car.sees(X, 0.0)
+    join = car.asks(0.0)
+    car.sees(A, 0.05)
+    assert car.hears(answer(join, leader=X), 0.06) == ["not_asked"]
+    assert car.group.state is State.REGULAR
+
+
+def test_a_plate_misread_in_single_frames_is_never_asked() -> None:
+    road = Road()
+    b = road.add_row("AB")[1]
+    for _ in range(20):
+        road.run(0.5)
+        b.misread_as = X
+        road.run(0.1)
+        b.misread_as = None
+    assert not any(isinstance(m, Join) and m.to_id == X for m in (e.message for e in road.sent))
+    assert events_of(b) == [(Event.JOINED, "answered")]
+
+
+def test_a_plate_misread_for_a_while_is_asked_gives_no_answer_and_costs_no_membership() -> None:
+    road = Road()
+    b = road.add_row("AB")[1]
+    road.run(2.0)
+    b.misread_as = X
+    road.run(0.8)
+    assert any(isinstance(m, Join) and m.to_id == X for m in (e.message for e in road.sent))
+    b.misread_as = None
+    road.run(5.0)
+    assert events_of(b) == [(Event.JOINED, "answered")]
+
+
+def test_a_plate_misread_for_good_ends_the_membership() -> None:
+    road = Road()
+    b = road.add_row("AB")[1]
+    road.run(2.0)
+    b.misread_as = X
+    road.run(1.2)
+    assert events_of(b)[-1] == (Event.LEFT_ALONE, "not_ahead")
+
+
+# Leaving
+
+
+def test_a_car_that_falls_back_leaves_and_is_taken_off_the_list() -> None:
+    road = Road()
+    a, b = road.add_row("AB")
+    road.run(2.0)
+    b.position_m = -60.0
+    road.run(1.2)
+    leave = [entry.message for entry in road.sent if isinstance(entry.message, Leave)]
+    assert leave == [Leave(B, A, 2, A, LeaveReason.GAP)]
+    assert events_of(b)[-1] == (Event.LEFT_ALONE, "gap")
+    assert events_of(a)[-1] == (Event.UNFOLLOWED, "leave")
+    assert a.group.state is b.group.state is State.REGULAR
+
+
+def test_a_lost_leave_is_made_good_by_expiry() -> None:
+    road = Road()
+    a, b = road.add_row("AB")
+    road.run(2.0)
+    road.drops = lambda transmission, receiver: isinstance(transmission.message, Leave)
+    b.position_m = -60.0
+    road.run(3.2)
+    assert events_of(a)[-1] == (Event.UNFOLLOWED, "expired")
+
+
+def test_a_gap_that_is_noisy_about_the_safety_distance_does_not_flap() -> None:
+    road = Road()
+    _, b = road.add_row("AB")
+    noise = np.random.default_rng(3)
+    for _ in range(600):
+        b.position_m = -39.6 + float(noise.normal(0.0, 1.0))
+        road.run(0.1)
+    assert len(events_of(b)) <= 1
+
+
+@pytest.mark.parametrize(
+    ("what", "kept_s", "gone_s", "cause"),
+    [("has_camera", 0.8, 1.1, "not_ahead"), ("has_bus", 1.7, 2.1, "speed_unknown")],
+)
+def test_a_lost_sensor_ends_the_membership_after_a_stated_time(
+    what: str, kept_s: float, gone_s: float, cause: str
+) -> None:
+    road = Road()
+    b = road.add_row("AB")[1]
+    road.run(2.0)
+    setattr(b, what, False)
+    road.run(kept_s)
+    assert b.group.state is State.MEMBER
+    road.run(gone_s - kept_s)
+    assert events_of(b)[-1] == (Event.LEFT_ALONE, cause)
+    setattr(b, what, True)
+    road.run(0.6)
+    assert b.group.state is State.MEMBER
+
+
+def test_a_car_ahead_that_goes_silent_is_left_and_a_follower_that_does_is_dropped() -> None:
+    road = Road()
+    a, b, c = road.add_row("ABC")
+    road.run(2.0)
+    b.has_radio = False
+    road.run(2.7)
+    assert events_of(a)[-1] == (Event.UNFOLLOWED, "expired")
+    assert events_of(c)[-1] == (Event.LEFT_ALONE, "no_answer")
+    b.has_radio = True
+    road.run(1.0)
+    assert places(road) == true_places(road)
+
+
+def test_a_car_whose_daemon_restarts_is_believed_again() -> None:
+    road = Road()
+    road.add_row("ABC")
+    road.run(5.0)
+    road.remove("A")
+    road.add("A", 0.0)
+    road.run(5.0)
+    assert places(road) == true_places(road)
+
+
+# Another car ahead
+
+
+def test_a_car_that_cuts_in_takes_its_place_without_anybody_leaving_the_group() -> None:
+    road = Road()
+    a, b, c = road.add_row("ABC", gap_m=30.0)
+    road.run(3.0)
+    x = road.add("X", -15.0)
+    road.run(3.0)
+    assert places(road) == {"A": ("A", 1), "X": ("A", 2), "B": ("A", 3), "C": ("A", 4)}
+    assert {event for event, _ in events_of(b)[2:]} <= {Event.JOINED, Event.RENUMBERED}
+    assert {event for event, _ in events_of(c)[1:]} == {Event.RENUMBERED}
+    leaves = [entry.message for entry in road.sent if isinstance(entry.message, Leave)]
+    assert [(leave.sender_id, leave.reason) for leave in leaves] == [
+        (B, LeaveReason.FOLLOWS_ANOTHER)
+    ]
+    assert a.group.followers == (X,)
+    assert x.group.followers == (B,)
+
+
+def test_a_car_that_changes_lanes_out_of_the_group_is_closed_up_behind() -> None:
+    road = Road()
+    _, b, c = road.add_row("ABC", gap_m=15.0)
+    road.run(3.0)
+    b.lane = 1
+    road.run(3.0)
+    assert places(road) == {"A": ("A", 1), "B": ("B", 1), "C": ("A", 2)}
+    assert events_of(b)[-1] == (Event.LEFT_ALONE, "not_ahead")
+    assert Event.LEFT_ALONE not in {event for event, _ in events_of(c)}
+
+
+@pytest.mark.parametrize("updates_lost", [False, True])
+def test_a_group_splits_where_the_gap_opens(updates_lost: bool) -> None:
+    road = Road()
+    road.drops = lambda entry, _: updates_lost and isinstance(entry.message, Update)
+    cars = road.add_row("ABCDE")
+    road.run(3.0)
+    for car in cars[2:]:
+        car.position_m -= 40.0
+    road.run(1.2)
+    assert (Event.LEFT_LEADING, "gap") in events_of(cars[2])
+    road.run(1.5 if updates_lost else 0.0)
+    assert places(road) == {
+        "A": ("A", 1),
+        "B": ("A", 2),
+        "C": ("C", 1),
+        "D": ("C", 2),  # GN_j - GN_i + 1: number 4 behind number 3 is number 2
+        "E": ("C", 3),
+    }
+    assert [car.group.state for car in cars[1:3]] == [State.MEMBER, State.LEADER]
+
+
+@pytest.mark.parametrize("updates_lost", [False, True])
+def test_two_groups_merge_and_the_second_learns_its_new_leader(updates_lost: bool) -> None:
+    road = Road()
+    road.drops = lambda entry, _: updates_lost and isinstance(entry.message, Update)
+    road.add_row("AB")
+    for i, name in enumerate("CDE"):
+        road.add(name, -80.0 - 20.0 * i)
+    road.run(3.0)
+    assert places(road)["E"] == ("C", 3)
+    for name in "CDE":
+        road.cars[name].position_m += 40.0
+    road.run(1.5 if updates_lost else 0.5)
+    assert places(road) == true_places(road)
+    assert places(road)["E"] == ("A", 5)
+
+
+def test_every_listed_transition_happens_on_the_road() -> None:
+    road = Road()
+    cars = road.add_row("ABC", gap_m=15.0)  # REGULAR is followed, joins; a MEMBER is followed
+    road.run(2.0)
+    x = road.add("X", -7.0)  # cuts in: a MEMBER joins another car, C is renumbered
+    road.run(3.0)
+    cars[2].position_m = -100.0  # falls back: a MEMBER leaves alone, another is followed no more
+    road.run(3.0)
+    x.position_m, cars[1].position_m = -60.0, -75.0  # a MEMBER leaves leading
+    road.run(3.0)
+    x.position_m = -15.0  # a LEADER joins
+    road.run(3.0)
+    x.lane = 1  # a LEADER is followed no more, and is REGULAR
+    cars[1].lane = 2
+    road.run(3.0)
+    happened = {(t.state_before, t.event) for car in road.cars.values() for t in car.transitions}
+    assert happened == {(state, event) for state, row in TRANSITIONS.items() for event in row}
+
+
+# Circles
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_two_cars_that_read_each_others_plate_do_not_count_up(seed: int) -> None:
+    road = Road(Air(jitter_s=0.08), seed=seed)
+    a, b = road.add_row("AB")
+    ahead = road.add("Z", 20.0)
+    ahead.has_radio = False
+    a.misread_as = B
+    for _ in range(100):
+        road.run(0.1)
+        assert a.group.group_number <= 2
+        assert b.group.group_number <= 2
+    a.misread_as = None
+    road.run(5.0)
+    assert places(road) == true_places(road)
+
+
+def test_the_first_of_a_row_that_reads_the_lasts_plate_stays_the_first() -> None:
+    road = Road()
+    road.add("Z", 20.0).has_radio = False
+    cars = road.add_row("ABCD")
+    road.run(2.0)
+    cars[0].misread_as = car_id("D")
+    road.run(10.0)
+    assert places(road) == true_places(road)
+    assert "loop" in cars[0].discarded
+
+
+def test_a_member_that_reads_the_plate_of_a_car_behind_does_not_follow_it() -> None:
+    road = Road()
+    cars = road.add_row("ABCD")
+    road.run(2.0)
+    cars[1].misread_as = car_id("D")
+    for _ in range(100):
+        road.run(0.1)
+        assert all(car.group.group_number <= 4 for car in cars)
+        assert cars[1].group.predecessor_id != car_id("D")
+
+
+# IDs that change
+
+
+@pytest.mark.parametrize("spread_s", [0.0, 0.5, 1.5])
+def test_a_group_outlives_the_change_of_everybodys_id(spread_s: float) -> None:
+    road = Road()
+    cars = road.add_row("ABCDE")
+    road.run(3.0)
+    said = [len(car.transitions) for car in cars]
+    road.change_ids(spread_s)
+    road.run(spread_s + 3.0)
+    assert places(road) == true_places(road)
+    for car, before in zip(cars, said, strict=True):
+        assert {t.event for t in car.transitions[before:]} <= {Event.JOINED, Event.RENUMBERED}
+        assert car.group.leader_id == car_id("A", 1)
+
+
+def test_no_message_names_both_the_old_and_the_new_id_of_one_car() -> None:
+    road = Road()
+    road.add_row("ABCDE")
+    road.run(3.0)
+    before = len(road.sent)
+    road.change_ids()
+    road.run(3.0)
+    assert not any(isinstance(entry.message, Update) for entry in road.sent[before:])
+
+
+def test_after_the_change_the_previous_id_is_nobodys() -> None:
+    car = OneCar(own_id=B)
+    car.group.set_own_id(X, 1.0)
+    car.says(1.0)
+    assert car.hears(Join(C, C, 1, B, 0, bytes(8), 0), 2.0) == ["followed"]
+    assert car.hears(Leave(C, X, 2, B, LeaveReason.GAP), 2.1) == ["unfollowed"]
+    car.says(3.0)
+    assert car.hears(Join(C, C, 1, B, 0, bytes(8), 0), 3.1) == []
+    assert car.hears(Join(C, C, 1, X, 0, bytes(8), 0), 3.1) == ["followed"]
+
+
+def test_the_own_voice_is_not_listened_to() -> None:
+    car = OneCar(own_id=B)
+    assert car.hears(Join(B, B, 1, B, 0, bytes(8), 0), 0.0) == ["own_echo"]

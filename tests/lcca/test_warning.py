@@ -1,0 +1,424 @@
+"""Who is warned, who is not, and how few messages it takes."""
+
+from itertools import accumulate
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from onboard.lcca.events import Neighbour, WarningRaised
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.settings import LccaSettings
+from onboard.messages.lcca import Join, Reply, Update, Warn
+from onboard.observations import Discarded, HardBrake
+from tests.lcca.road import Air, Road, Transmission, car_id, places, true_places
+
+A, B, C = (car_id(name) for name in "ABC")
+
+
+def row(names: str, air: Air | None = None, seed: int = 0, gap_m: float = 20.0) -> Road:
+    """One group in one lane, formed."""
+    road = Road(air, seed=seed)
+    road.add_row(names, gap_m)
+    road.run(5.0)
+    assert places(road) == true_places(road)
+    return road
+
+
+def warned(road: Road) -> str:
+    return "".join(car.name for car in road.cars.values() if car.warnings)
+
+
+def fewest_transmissions(road: Road, origin: str, last: str) -> int:
+    """The oracle: a row is covered from `origin` to `last` by no fewer than a shortest path."""
+    behind = [
+        car.name for car in road.cars.values() if car.position_m <= road.cars[origin].position_m
+    ]
+    return nx.shortest_path_length(road.air_graph().subgraph(behind), origin, last)
+
+
+# Who
+
+
+def test_the_papers_demonstration() -> None:
+    # Three cars in a lane, one in another; the first brakes.
+    road = Road()
+    road.add_row("ABC")
+    d = road.add("D", -10.0, lane=1)
+    road.run(2.0)
+    road.brake("A", 7.0)
+    road.run(1.0)
+    assert warned(road) == "BC"
+    assert d.discarded == ["not_in_group"]
+    assert road.cars["C"].warnings == [
+        WarningRaised(
+            stamp_s=2.002,
+            origin_id=A,
+            sequence=road.warns()[0].message.event_sequence,
+            origin_number=1,
+            group_number=3,
+            leader_id=A,
+            deceleration_m_s2=7.0,
+            age_s=0.0,
+            hops=1,
+        )
+    ]
+
+
+def test_cars_ahead_discard_the_warning() -> None:
+    road = row("ABCD")
+    road.brake("C")
+    road.run(1.0)
+    assert warned(road) == "D"
+    assert "from_behind" in road.cars["A"].discarded
+    assert "from_behind" in road.cars["B"].discarded
+
+
+def test_another_group_discards_the_warning() -> None:
+    road = Road()
+    road.add_row("ABC", lane=0)
+    road.add_row("XYZ", lane=1)
+    road.run(2.0)
+    road.brake("A")
+    road.run(1.0)
+    assert warned(road) == "BC"
+    assert [road.cars[name].discarded[-1] for name in "XYZ"] == ["other_group"] * 3
+
+
+def test_a_car_in_no_group_warns_nobody() -> None:
+    road = row("AB", gap_m=60.0)
+    road.brake("A")
+    road.run(1.0)
+    assert road.warns() == []
+
+
+def test_the_last_of_a_group_warns_all_the_same_and_nobody_repeats_it() -> None:
+    # LCCA: "whenever i is in the LEADER/MEMBER state and performs an emergency brake".
+    road = row("ABC")
+    road.brake("C")
+    road.run(1.0)
+    assert len(road.warns()) == 1
+    assert warned(road) == ""
+
+
+def test_each_braking_is_one_alarm_and_two_at_once_are_two() -> None:
+    road = row("ABCD", Air(reach_m=45.0))
+    road.brake("A")
+    road.run(0.003)
+    road.brake("B")
+    road.run(1.0)
+    origins = {car.name: [w.origin_number for w in car.warnings] for car in road.cars.values()}
+    assert origins == {"A": [], "B": [1], "C": [1, 2], "D": [2, 1]} or origins["D"] == [1, 2]
+    assert len(road.warns()) == fewest_transmissions(road, "A", "D") + 1
+
+
+# How many messages, and how soon
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    gaps_m=st.lists(st.floats(6.0, 38.0), min_size=2, max_size=14),
+    reach_m=st.floats(39.0, 200.0),
+    origin=st.integers(0, 5),
+    seed=st.integers(0, 99),
+)
+def test_on_a_perfect_channel_no_copy_is_more_than_the_radio_range_makes_necessary(
+    gaps_m: list[float], reach_m: float, origin: int, seed: int
+) -> None:
+    road = Road(Air(reach_m=reach_m), seed=seed)
+    names = "ABCDEFGHIJKLMNOP"[: len(gaps_m) + 1]
+    for name, behind_m in zip(names, accumulate(gaps_m, initial=0.0), strict=True):
+        road.add(name, -behind_m)
+    road.run(4.0)
+    assert places(road) == true_places(road)
+    first = names[min(origin, len(names) - 2)]
+    braked_at = road.now
+    road.brake(first)
+    road.run(2.0)
+    assert len(road.warns()) == fewest_transmissions(road, first, names[-1])
+    for car in road.cars.values():
+        behind = names.index(car.name) > names.index(first)
+        assert len(car.warnings) == int(behind)
+        for warning in car.warnings:
+            hops = fewest_transmissions(road, first, car.name)
+            assert warning.hops == hops
+            # Repeated at once: only the air takes time.
+            assert warning.stamp_s - braked_at == pytest.approx(hops * road.air.delay_s)
+            assert warning.age_s == pytest.approx(0.0, abs=1e-9)
+
+
+def test_an_update_takes_no_more_copies_either() -> None:
+    road = row("ABCDEFGH", Air(reach_m=45.0))
+    road.add("Z", 80.0)
+    road.run(2.0)
+    before = len(road.sent)
+    for car in list(road.cars.values())[:8]:
+        car.position_m += 50.0  # the whole group closes up to Z
+    road.run(1.0)
+    assert places(road) == true_places(road)
+    updates = [e.sender for e in road.sent[before:] if isinstance(e.message, Update)]
+    assert len(updates) == fewest_transmissions(road, "A", "H")
+
+
+def test_a_warning_costs_no_message_beyond_its_copies() -> None:
+    # Acknowledgements are joins that were due anyway: over some time there are no more of them.
+    def joins(brakes: bool) -> int:
+        road = row("ABCDEF", Air(reach_m=45.0))
+        before = len(road.sent)
+        if brakes:
+            road.brake("A")
+        road.run(20.0)
+        return sum(isinstance(entry.message, Join) for entry in road.sent[before:])
+
+    assert abs(joins(brakes=True) - joins(brakes=False)) <= 5
+
+
+# On a bad channel
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_third_of_everything_lost_everybody_is_still_warned_and_once(seed: int) -> None:
+    road = Road(Air(reach_m=45.0, loss=0.3, jitter_s=0.004), seed=seed)
+    road.add_row("ABCDEFGH")
+    road.run(6.0)
+    road.brake("A")
+    road.run(3.0)
+    assert [len(car.warnings) for car in road.cars.values()] == [0, 1, 1, 1, 1, 1, 1, 1]
+
+
+def test_the_next_best_repeats_when_the_named_one_has_not_heard() -> None:
+    # From A the radio reaches D. D misses it; C waits one slot, B would have waited two.
+    road = row("ABCDEFG", Air(reach_m=65.0))
+    road.drops = lambda entry, to: (
+        isinstance(entry.message, Warn) and entry.sender == "A" and to == "D"
+    )
+    road.brake("A")
+    road.run(0.1)
+    assert [entry.sender for entry in road.warns()] == ["A", "C", "F"]
+    waited = road.warns()[1].at - road.warns()[0].at
+    assert waited == pytest.approx(road.air.delay_s + road.settings.slot_s)
+    assert warned(road) == "BCDEFG"
+
+
+def test_the_one_beyond_waits_half_a_slot_less_than_the_one_before() -> None:
+    # E hears A by a stroke of luck, although A has only heard as far as D. D misses it.
+    road = row("ABCDEFG", Air(reach_m=65.0))
+    road.air = Air(reach_m=85.0)
+    road.drops = lambda entry, to: (
+        isinstance(entry.message, Warn) and entry.sender == "A" and to == "D"
+    )
+    road.brake("A")
+    road.run(0.05)
+    assert [entry.sender for entry in road.warns()] == ["A", "E"]
+
+
+def test_whoever_missed_it_believes_the_copy_that_a_car_behind_repeats() -> None:
+    road = row("ABCDEFG", Air(reach_m=65.0))
+    road.drops = lambda entry, to: (
+        isinstance(entry.message, Warn) and entry.sender == "A" and to == "C"
+    )
+    road.brake("A")
+    road.run(0.01)
+    assert [entry.sender for entry in road.warns()] == ["A", "D"]
+    assert warned(road) == "BCDEFG"
+    road.run(1.0)
+    assert len(road.warns()) == 2
+
+
+def test_a_warning_is_repeated_to_a_follower_that_does_not_acknowledge_but_not_for_ever() -> None:
+    road = row("AB")
+    road.drops = lambda entry, to: isinstance(entry.message, Warn)
+    road.brake("A")
+    road.run(3.0)
+    assert len(road.warns()) == 1 + road.settings.warn_repeats
+    waits = {round(b.at - a.at, 6) for a, b in zip(road.warns(), road.warns()[1:], strict=False)}
+    assert waits == {road.settings.acknowledge_s}
+    ages = [entry.message.age_s for entry in road.warns()]
+    assert ages == pytest.approx([n * road.settings.acknowledge_s for n in range(len(ages))])
+    assert {entry.message.hops for entry in road.warns()} == {1}
+
+
+def test_a_lost_acknowledgement_is_given_again_and_raises_no_second_alarm() -> None:
+    road = row("AB")
+    lost: list[Transmission] = []
+
+    def first_acknowledgement(entry: Transmission, to: str) -> bool:
+        if isinstance(entry.message, Join) and entry.message.heard_origin_id == A and not lost:
+            lost.append(entry)
+            return True
+        return False
+
+    road.drops = first_acknowledgement
+    road.brake("A")
+    road.run(3.0)
+    assert len(lost) == 1
+    assert len(road.warns()) == 2
+    assert len(road.cars["B"].warnings) == 1
+    assert "duplicate" in road.cars["B"].discarded
+
+
+def test_a_member_whose_view_of_the_leader_lags_still_believes_the_car_it_follows() -> None:
+    # The group joins Z, and no update and no reply arrives: C still takes A for its leader.
+    road = row("ABC")
+    road.add("Z", 80.0)
+    road.run(1.0)
+    road.drops = lambda entry, to: to == "C" and isinstance(entry.message, Update | Reply)
+    for name in "ABC":
+        road.cars[name].position_m += 50.0
+    road.run(0.6)
+    assert places(road)["B"] == ("Z", 3)
+    assert places(road)["C"] == ("A", 3)
+    road.brake("Z")
+    road.run(1.0)
+    assert warned(road) == "ABC"
+    assert "other_group" in road.cars["C"].discarded
+
+
+def test_a_warning_in_the_middle_of_a_change_of_ids_arrives() -> None:
+    for after_s in np.arange(0.0, 0.6, 0.05):
+        road = row("ABCDEF", Air(reach_m=45.0))
+        road.change_ids(spread_s=0.5)
+        road.run(float(after_s))
+        road.brake("A")
+        road.run(2.0)
+        assert [len(car.warnings) for car in road.cars.values()] == [0, 1, 1, 1, 1, 1]
+
+
+# What one car makes of what it hears
+
+
+class Listener:
+    """B, a member of A's group with number 2, followed by C."""
+
+    def __init__(self) -> None:
+        instantly = LccaSettings(identity_dwell_s=0.0, spread_s=0.0)
+        self.group = WarningGroup(instantly, B, np.random.default_rng(1))
+        self.group.receive_speed(20.0, 0.0)
+        self.group.receive_neighbour(Neighbour(A, 20.0, 0.0), 0.0)
+        (join,) = self.group.messages_to_send(0.0)
+        assert isinstance(join, Join)
+        self.hears(Reply(A, A, 1, B, join.sequence, 10, 20.0))
+        self.hears(Join(C, A, 3, B, 0, bytes(8), 0))
+        self.group.messages_to_send(0.0)
+
+    def hears(self, message: Warn | Reply | Join | Update) -> list[str]:
+        self.group.receive_message(message, 0.0)
+        words = []
+        while (event := self.group.next_event()) is not None:
+            words.append(event.reason if isinstance(event, Discarded) else event.kind)
+        return words
+
+
+def warn(**changes: object) -> Warn:
+    fields: dict[str, object] = {
+        "sender_id": A,
+        "leader_id": A,
+        "number": 1,
+        "event_origin_id": A,
+        "event_sequence": 5,
+        "reach": 1,
+        "origin_number": 1,
+        "deceleration_m_s2": 6.0,
+        "age_s": 0.1,
+        "hops": 1,
+    }
+    return Warn(**(fields | changes))  # type: ignore[arg-type]
+
+
+OUTSIDER = b"outsider"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, ["warning"]),
+        ({"age_s": 2.9}, ["warning"]),
+        ({"age_s": 3.1}, ["stale"]),
+        ({"sender_id": OUTSIDER, "number": 1}, ["warning"]),
+        ({"sender_id": OUTSIDER, "number": 2, "origin_number": 2}, ["from_behind"]),
+        ({"sender_id": C, "number": 3, "origin_number": 3}, ["from_behind"]),
+        ({"sender_id": C, "number": 3}, ["warning"]),  # repeated behind, braked ahead
+        ({"sender_id": OUTSIDER, "leader_id": OUTSIDER}, ["other_group"]),
+        ({"leader_id": OUTSIDER, "number": 9}, ["warning"]),  # A is followed: it is ahead
+        ({"sender_id": C, "number": 3, "event_origin_id": B}, ["own_echo"]),
+        ({"sender_id": B}, ["own_echo"]),
+    ],
+)
+def test_what_a_member_makes_of_a_warning(changes: dict[str, object], words: list[str]) -> None:
+    assert Listener().hears(warn(**changes)) == words
+
+
+def test_a_copy_of_a_known_warning_is_a_duplicate_from_whomever() -> None:
+    car = Listener()
+    assert car.hears(warn()) == ["warning"]
+    assert car.hears(warn()) == ["duplicate"]
+    assert car.hears(warn(sender_id=C, number=3, hops=2)) == ["duplicate"]
+    assert car.hears(warn(sender_id=OUTSIDER, leader_id=OUTSIDER)) == ["duplicate"]
+
+
+def update(**changes: object) -> Update:
+    """A joins a group as its number 4 behind Z."""
+    fields: dict[str, object] = {
+        "sender_id": A,
+        "leader_id": b"leader-z",
+        "number": 4,
+        "event_origin_id": A,
+        "event_sequence": 5,
+        "reach": 1,
+        "previous_leader_id": A,
+        "shift": -3,
+        "beat": 77,
+    }
+    return Update(**(fields | changes))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words", "number"),
+    [
+        ({}, ["transition"], 5),
+        ({"sender_id": OUTSIDER}, ["transition"], 5),
+        ({"sender_id": OUTSIDER, "number": 5}, ["from_behind"], 2),
+        ({"sender_id": OUTSIDER, "previous_leader_id": OUTSIDER}, ["other_group"], 2),
+        ({"sender_id": OUTSIDER, "previous_leader_id": C, "leader_id": A}, ["up_to_date"], 2),
+        ({"sender_id": OUTSIDER, "leader_id": A, "beat": 10}, ["up_to_date"], 2),
+        ({"sender_id": OUTSIDER, "leader_id": A, "beat": 11}, ["transition"], 5),
+        ({"leader_id": A, "number": 1, "shift": 0}, ["up_to_date"], 2),
+        ({"leader_id": B}, ["loop"], 2),
+        ({"previous_leader_id": OUTSIDER}, ["transition"], 5),  # told by the car it follows
+    ],
+)
+def test_what_a_member_makes_of_an_update(
+    changes: dict[str, object], words: list[str], number: int
+) -> None:
+    car = Listener()
+    assert car.hears(update(**changes)) == words
+    assert car.group.group_number == number
+
+
+def test_a_member_that_is_told_what_does_not_fit_tells_those_behind_itself() -> None:
+    car = Listener()
+    car.hears(update(previous_leader_id=OUTSIDER))
+    (own,) = car.group.messages_to_send(0.0)
+    assert isinstance(own, Update)
+    assert (own.event_origin_id, own.previous_leader_id, own.shift) == (B, A, -3)
+
+
+def test_the_age_of_a_repeated_warning_counts_the_time_it_was_held() -> None:
+    car = Listener()
+    car.group.receive_message(warn(reach=3), 0.0)  # two slots before the named one
+    at = car.group.get_timer()
+    car.group.handle_timer(0.02)
+    copies = [m for m in car.group.messages_to_send(0.02) if isinstance(m, Warn)]
+    assert at is not None
+    assert [(copy.hops, round(copy.age_s, 6), copy.number) for copy in copies] == [(2, 0.12, 2)]
+
+
+def test_a_warning_leaves_before_anything_else() -> None:
+    car = Listener()
+    car.hears(Join(C, A, 3, B, 1, bytes(8), 0))
+    car.group.receive_hard_brake(HardBrake(0.0, 5.0, "test"), 0.2)
+    out = car.group.messages_to_send(0.2)
+    assert [message.kind for message in out] == ["warn", "reply"]
+    assert out[0].age_s == pytest.approx(0.2)
