@@ -1,12 +1,157 @@
-"""The own lane on the road ahead of the camera."""
+"""The own lane on the road ahead: straight and centred until its markings say otherwise.
+
+Its middle lies at x(z) = offset + heading z + curvature z^2 / 2, to the right of the camera, z
+ahead: the second-order form of a clothoid (Dickmanns and Mysliwetz 1992, "Recursive 3-D road and
+relative ego-state recognition").
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from onboard.vision.perspective import Perspective, Place
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LaneShape:
+    """Where a lane lies, as the camera sees it."""
+
+    width_m: float
+    offset_m: float = 0.0
+    heading_rad: float = 0.0
+    curvature_1_m: float = 0.0
+
+    def middle_m(self, ahead_m: float) -> float:
+        """How far right of the camera the middle of the lane is, `ahead_m` away."""
+        return self.offset_m + ahead_m * (self.heading_rad + 0.5 * ahead_m * self.curvature_1_m)
+
+    def towards(self, other: "LaneShape", share: float) -> "LaneShape":
+        """The shape that lies between this and `other`."""
+        return LaneShape(
+            self.width_m + share * (other.width_m - self.width_m),
+            self.offset_m + share * (other.offset_m - self.offset_m),
+            self.heading_rad + share * (other.heading_rad - self.heading_rad),
+            self.curvature_1_m + share * (other.curvature_1_m - self.curvature_1_m),
+        )
 
 
 class OwnLane:
-    """Middle and width of the lane that the car drives in; straight ahead unless told otherwise."""
+    """The lane that the car drives in."""
+
+    NEW_SHARE = 0.3
+    """Of each new fit in what is believed."""
 
     def __init__(self, width_m: float) -> None:
-        self.width_m = width_m
+        self._unmarked = LaneShape(width_m)
+        self.shape = self._unmarked
 
-    def middle_m(self, ahead_m: float) -> float:  # noqa: ARG002 (a straight lane, for now)
-        """How far right of the camera's heading the middle of the lane is, `ahead_m` away."""
-        return 0.0
+    def receive_fit(self, fit: LaneShape | None) -> None:
+        """Take in what the markings of one frame say; without any, fall back slowly."""
+        self.shape = self.shape.towards(fit or self._unmarked, self.NEW_SHARE if fit else 0.05)
+
+
+class MarkingFinder:
+    """Finds the two lines of the own lane by looking at the road from above.
+
+    A grid on the road, in units of the lane's width, is read from the picture. Points brighter than
+    what lies 0.3 m to their left and right vote for lines; the pair of lines a lane apart that
+    most rows vote for is the lane.
+    """
+
+    ROWS, COLUMNS = 40, 113
+    NEAR, FAR, SIDE = 1.5, 10.0, 1.6
+    """Lane widths: what of the road is looked at."""
+    HEADINGS = np.linspace(-0.09, 0.09, 13)
+    BENDS = np.linspace(-0.015, 0.015, 9)
+    """Curvature times the lane's width: 0.015 is a radius of 230 m."""
+    WIDTHS = (0.8, 1.2)
+    LEAST_CONTRAST = 10.0
+    """Grey levels by which paint is brighter than the road."""
+    LEAST_ROWS, LEAST_BOTH = 3.0, 12.0
+    """That vote for either line, and for both. A dashed line fills a quarter to a half of 40."""
+
+    def __init__(self, perspective: Perspective, lane_width_m: float) -> None:
+        self._lane_width_m = lane_width_m
+        self._ahead = np.linspace(self.NEAR, self.FAR, self.ROWS)
+        self._right = np.linspace(-self.SIDE, self.SIDE, self.COLUMNS)
+        self._cell = float(self._right[1] - self._right[0])
+        places = [
+            Place(ahead * lane_width_m, right * lane_width_m, 0.0)
+            for ahead in self._ahead
+            for right in self._right
+        ]
+        pixels = perspective.project_all(places) - 0.5
+        self._map = pixels.reshape(self.ROWS, self.COLUMNS, 2).astype(np.float32)
+        bends, headings = np.meshgrid(self.BENDS, self.HEADINGS)
+        self._bends, self._headings = bends.ravel(), headings.ravel()
+        # Of two lanes that explain the paint equally well, the straighter one.
+        self._doubt = 0.5 * (np.abs(self._bends) / 0.015 + np.abs(self._headings) / 0.09)
+
+    def find(self, image: npt.NDArray[np.uint8]) -> LaneShape | None:
+        """The lane's shape; `None` where its markings cannot be seen."""
+        ahead, right, weight = self._paint(image)
+        if weight.sum() < self.LEAST_BOTH:
+            return None
+        votes = self._votes(ahead, right, weight)
+        return self._best_pair(votes)
+
+    def _paint(self, image: npt.NDArray[np.uint8]) -> tuple[_Floats, _Floats, _Floats]:
+        """Where paint is, in lane widths, and how sure."""
+        above = cv2.remap(image, self._map[..., 0], self._map[..., 1], cv2.INTER_LINEAR)
+        # Yellow paint is as bright as white in red and green.
+        levels = np.asarray(above, np.float32)[..., 1:].mean(axis=2)
+        reach = max(2, round(0.09 / self._cell))
+        beside = np.maximum(levels[:, : -2 * reach], levels[:, 2 * reach :])
+        contrast = levels[:, reach:-reach] - beside
+        rows, columns = np.nonzero(contrast > self.LEAST_CONTRAST)
+        weight = np.minimum(contrast[rows, columns] / (3 * self.LEAST_CONTRAST), 1.0)
+        return self._ahead[rows], self._right[columns + reach], weight.astype(np.float64)
+
+    def _votes(self, ahead: _Floats, right: _Floats, weight: _Floats) -> _Floats:
+        """(headings and bends, columns): rows that see paint along each line."""
+        bent = (
+            right[None]
+            - self._headings[:, None] * ahead[None]
+            - 0.5 * self._bends[:, None] * ahead[None] ** 2
+        )
+        column = np.rint((bent + self.SIDE) / self._cell).astype(np.int64)
+        inside = (column >= 0) & (column < self.COLUMNS)
+        line = np.arange(len(self._bends))[:, None] * self.COLUMNS + column
+        counts = np.bincount(
+            line[inside],
+            weights=np.broadcast_to(weight, line.shape)[inside],
+            minlength=len(self._bends) * self.COLUMNS,
+        ).reshape(-1, self.COLUMNS)
+        # Paint is about three cells wide where it is near.
+        padded = np.pad(counts, ((0, 0), (1, 1)))
+        return np.asarray((padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]) / 2, np.float64)
+
+    def _best_pair(self, votes: _Floats) -> LaneShape | None:
+        middle = self.COLUMNS // 2
+        best: tuple[float, int, int, int] | None = None
+        unit = 1.0 / self._cell
+        for apart in range(round(self.WIDTHS[0] * unit), round(self.WIDTHS[1] * unit) + 1):
+            lefts = np.arange(middle - round(0.85 * unit), middle - round(0.15 * unit))
+            rights = lefts + apart
+            lefts, rights = lefts[rights < self.COLUMNS], rights[rights < self.COLUMNS]
+            left, right = votes[:, lefts], votes[:, rights]
+            scores = np.minimum(left, self.ROWS) + np.minimum(right, self.ROWS)
+            scores = scores - self._doubt[:, None] - 3.0 * abs(apart * self._cell - 1.0)
+            scores[(left < self.LEAST_ROWS) | (right < self.LEAST_ROWS)] = 0.0
+            curve, at = divmod(int(scores.argmax()), scores.shape[1])
+            if best is None or scores[curve, at] > best[0]:
+                best = (float(scores[curve, at]), curve, int(lefts[at]), apart)
+        if best is None or best[0] < self.LEAST_BOTH:
+            return None
+        _, curve, left_column, apart = best
+        offset = self._right[left_column] + 0.5 * apart * self._cell
+        return LaneShape(
+            width_m=apart * self._cell * self._lane_width_m,
+            offset_m=float(offset) * self._lane_width_m,
+            heading_rad=float(self._headings[curve]),
+            curvature_1_m=float(self._bends[curve]) / self._lane_width_m,
+        )

@@ -31,6 +31,6 @@ class LeadChoice:
 
     def _is_inside(self, track: CarTrack) -> bool:
         ahead_m = track.ahead.position_m
-        offset_m = abs(track.right.position_m - self._lane.middle_m(ahead_m))
+        offset_m = abs(track.right.position_m - self._lane.shape.middle_m(ahead_m))
         limit = LEAVE if track.track_id in self._in_lane else ENTER
-        return offset_m <= limit * self._lane.width_m
+        return offset_m <= limit * self._lane.shape.width_m

@@ -12,6 +12,7 @@ camera is pitched down by theta and turned right by psi, so a point `down` below
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -63,12 +64,21 @@ class Perspective:
 
     def project(self, place: Place) -> tuple[float, float]:
         """Pixel (u, v) of a place in front of the camera."""
-        down_m = self._calibration.mounting_height_m - place.height_m
-        in_camera = self._to_car.T @ (place.right_m, down_m, place.ahead_m)
-        point, _ = cv2.projectPoints(
-            in_camera.reshape(1, 1, 3), np.zeros(3), np.zeros(3), self._matrix, self._distortion
+        u_px, v_px = self.project_all([place])[0]
+        return float(u_px), float(v_px)
+
+    def project_all(self, places: Sequence[Place]) -> npt.NDArray[np.float64]:
+        """(n, 2) pixels of places in front of the camera."""
+        camera_m = self._calibration.mounting_height_m
+        in_car = np.array([(at.right_m, camera_m - at.height_m, at.ahead_m) for at in places])
+        pixels, _ = cv2.projectPoints(
+            (in_car @ self._to_car).reshape(-1, 1, 3),
+            np.zeros(3),
+            np.zeros(3),
+            self._matrix,
+            self._distortion,
         )
-        return float(point[0, 0, 0]), float(point[0, 0, 1])
+        return np.asarray(pixels, np.float64)[:, 0]
 
     def width_px(self, width_m: float, ahead_m: float) -> float:
         """How wide something upright appears at that distance."""

@@ -26,9 +26,9 @@ from onboard.observations import (
 )
 from onboard.vision.car_track import CarTrack
 from onboard.vision.identity import PlateSyntax
-from onboard.vision.lane import OwnLane
+from onboard.vision.lane import MarkingFinder, OwnLane
 from onboard.vision.lead import LeadChoice
-from onboard.vision.perspective import Perspective
+from onboard.vision.perspective import Perspective, Place
 from onboard.vision.picture_check import PictureCheck
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
@@ -40,6 +40,11 @@ from onboard.vision.tracker import Tracker
 
 Event = Plate | Lead | SensedCar | Discarded | SensorLost | SensorBack
 ROOM = "vision"
+CALIBRATED_SLOPE, GUESSED_SLOPE = 0.04, 0.15
+"""How far the car pitches and the road climbs, and how far a camera may be off that is not
+calibrated: so much, by distance, things may be above and below where they belong."""
+SMALLEST_PX, LARGEST_PX = 64, 8192
+"""Sides of a picture."""
 
 
 class Finder(Protocol):
@@ -78,9 +83,15 @@ class Sight:
             self._finder = finder or PlateDetector()
             self._reader = reader or PlateReader()
         self._tracker = Tracker(
-            settings.lane_width_m, settings.keep_s, settings.identity_confidence
+            settings.lane_width_m,
+            settings.keep_s,
+            settings.identity_confidence,
+            CALIBRATED_SLOPE if calibration is not None else GUESSED_SLOPE,
         )
-        self._choice = LeadChoice(OwnLane(settings.lane_width_m))
+        self._lane = OwnLane(settings.lane_width_m)
+        self._choice = LeadChoice(self._lane)
+        self._markings: MarkingFinder | None = None
+        self._road: Box | None = None
         self._stamp_s = -math.inf
         self._searched_at = -math.inf
         self._changed_at = -math.inf
@@ -143,13 +154,17 @@ class Sight:
         regions: list[Box | None] = [_around(track, stamp_s) for track in self._tracker.tracks]
         if everywhere or stamp_s - self._searched_at >= period_s:
             self._searched_at = stamp_s
-            regions = [None]
+            regions = [self._road]
+            if self._markings is not None:
+                self._lane.receive_fit(self._markings.find(image))
         return [sighting for finder in self._finders for sighting in finder.find(image, regions)]
 
     def _fit(self, width_px: int, height_px: int) -> bool:
         """Have the lens fit the size of the pictures; whether it can."""
         if (width_px, height_px) == self._size_px:
             return True
+        if not SMALLEST_PX <= min(width_px, height_px) <= max(width_px, height_px) <= LARGEST_PX:
+            return False
         calibration = (
             self._calibration.for_size(width_px, height_px)
             if self._calibration is not None
@@ -159,6 +174,9 @@ class Sight:
             return False
         self._size_px = (width_px, height_px)
         settings, perspective = self._settings, Perspective(calibration)
+        if self._calibration is not None:
+            self._markings = MarkingFinder(perspective, settings.lane_width_m)
+            self._road = _below_horizon(perspective, width_px, height_px)
         self._finders.clear()
         if settings.tag_dictionary is not None:
             tags = TagFinder(settings.tag_dictionary, settings.tag_side_m, perspective)
@@ -181,6 +199,15 @@ class Sight:
             if track.confirmed and track.seen_at == stamp_s:
                 self._events.append(_sensed_car(track, stamp_s))
         self._events.append(_lead(lead, stamp_s))
+
+
+def _below_horizon(perspective: Perspective, width_px: int, height_px: int) -> Box:
+    """Where plates can be: on the road's side of a line a little above the horizon."""
+    _, horizon_px = perspective.project(Place(1e6, 0.0, 0.0))
+    top_px = float(
+        np.clip(horizon_px - CALIBRATED_SLOPE * perspective.width_px(1.0, 1.0), 0, height_px / 2)
+    )
+    return Box(0.0, top_px, width_px, height_px - top_px)
 
 
 def _around(track: CarTrack, stamp_s: float) -> Box:

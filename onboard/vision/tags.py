@@ -14,6 +14,8 @@ from onboard.vision.sighting import Cue, Sighting
 
 LEAST_SIDE_PX = 16
 """Of a region in which a tag may be."""
+SQUARE = (0.7, 1.4)
+"""Width by height of what may be a tag: leaves and railings make other quads."""
 SMALL_REGION_PX = 200
 """A region narrower than this is looked at enlarged."""
 EDGE_REACH = 0.15
@@ -42,7 +44,8 @@ class TagFinder:
         found: dict[int, Sighting] = {}
         for region in regions:
             for number, corners_px in self._quads(image, region):
-                found.setdefault(number, self._sighting(corners_px, number))
+                if SQUARE[0] <= self._perspective.shape(corners_px) <= SQUARE[1]:
+                    found.setdefault(number, self._sighting(corners_px, number))
         return list(found.values())
 
     def _quads(self, image: npt.NDArray[np.uint8], region: Box | None) -> list[tuple[int, Corners]]:

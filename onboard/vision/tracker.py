@@ -14,16 +14,26 @@ from onboard.vision.car_track import CarTrack
 from onboard.vision.sighting import Cue, Sighting
 
 GATE_SIGMA = 4.0
+HEIGHTS = (0.0, 0.5)
+"""Of plates over the road, in lane widths: up to 1.75 m, on a van's door."""
 _IMPOSSIBLE = 1e6
 
 
 class Tracker:
     """The cars in view."""
 
-    def __init__(self, lane_width_m: float, keep_s: float, identity_confidence: float) -> None:
+    def __init__(
+        self,
+        lane_width_m: float,
+        keep_s: float,
+        identity_confidence: float,
+        slope: float = 0.04,
+    ) -> None:
+        """`slope`: how far the car pitches and the road climbs against what was calibrated."""
         self._lane_width_m = lane_width_m
         self._keep_s = keep_s
         self._identity_confidence = identity_confidence
+        self._slope = slope
         self._next_id = 1
         self.tracks: list[CarTrack] = []
 
@@ -37,12 +47,21 @@ class Tracker:
         """
         for track in self.tracks:
             track.predict(stamp_s)
-        pairs: list[tuple[Sighting, CarTrack | None]] = []
+        on_cars = [sighting for sighting in sightings if self._is_on_a_car(sighting)]
+        pairs: list[tuple[Sighting, CarTrack | None]] = [
+            (sighting, None) for sighting in sightings if sighting not in on_cars
+        ]
         for cue in (Cue.TAG, Cue.PLATE, Cue.VEHICLE):
             # Cue by cue, so that one car can take one of each.
-            pairs += self._match([s for s in sightings if s.cue is cue], stamp_s)
+            pairs += self._match([s for s in on_cars if s.cue is cue], stamp_s)
         self.tracks = [track for track in self.tracks if self._is_kept(track, stamp_s)]
         return pairs
+
+    def _is_on_a_car(self, sighting: Sighting) -> bool:
+        """Whether it is as high over the road as plates on cars are, and not on a billboard."""
+        slack_m = self._slope * sighting.place.ahead_m
+        lowest_m, highest_m = (share * self._lane_width_m for share in HEIGHTS)
+        return lowest_m - slack_m <= sighting.place.height_m <= highest_m + slack_m
 
     def _match(
         self, sightings: list[Sighting], stamp_s: float

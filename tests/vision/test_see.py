@@ -1,0 +1,176 @@
+"""`onboard see`: rows, pictures and scores of a recording."""
+
+import csv
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from onboard.errors import UserError
+from onboard.observations import Box, Plate
+from onboard.vision.cli import see
+from onboard.vision.frames import Frame
+from onboard.vision.score import Scores, Truth, edit_distance, overlap
+from onboard.vision.seen_frame import COLUMNS, SeenFrame
+from sim_rig.picture.scene import Scene, SceneCar
+from tests.vision.drive import CAMERA, PICTURE, frames
+
+TAG = {"tag_id": 1, "tag_side_m": 0.4}
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A second of closing in on a tagged car, with its truth, a calibration and settings."""
+    folder = tmp_path_factory.mktemp("see")
+    lines = ["file,x_px,y_px,w_px,h_px,text,gap_m"]
+    (folder / "pictures").mkdir()
+    for stamp_s, image in frames(lambda t: Scene(cars=(SceneCar(12 - 2 * t, 0.5, **TAG),)), 1.0):
+        name = f"f{round(10 * stamp_s)}.png"
+        cv2.imwrite(str(folder / "pictures" / name), image)
+        quad = PICTURE.plate_quad(SceneCar(12 - 2 * stamp_s, 0.5, **TAG))
+        (x, y), (w, h) = quad[0], quad[2] - quad[0]
+        lines.append(f"{name},{x},{y},{w},{h},TAG1,{12 - 2 * stamp_s}")
+    (folder / "truth.csv").write_text("\n".join(lines))
+    (folder / "vision.yaml").write_text("plates: false\ntag_side_m: 0.4\n")
+    calibration = CAMERA.model_dump(exclude={"source", "fps"})
+    (folder / "camera.yaml").write_text(
+        "\n".join(
+            f"{name}: {list(v) if isinstance(v, tuple) else v}" for name, v in calibration.items()
+        )
+    )
+    return folder
+
+
+def run(*arguments: str | Path) -> str:
+    app = typer.Typer()
+    app.command()(see)
+    result = CliRunner().invoke(app, [str(each) for each in arguments])
+    if result.exception is not None:
+        raise result.exception
+    return result.stdout
+
+
+def options(drive: Path) -> list[str | Path]:
+    return ["--vision", drive / "vision.yaml", "--camera", drive / "camera.yaml"]
+
+
+def test_there_is_a_row_for_each_plate_and_frame(drive: Path, tmp_path: Path) -> None:
+    run(drive / "pictures", "--fps", "10", *options(drive), "--csv", tmp_path / "rows.csv")
+
+    with (tmp_path / "rows.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS
+    assert [row["frame"] for row in rows] == [str(index) for index in range(10)]
+    last = rows[-1]
+    assert (last["file"], last["stamp_s"], last["text"], last["is_lead"]) == (
+        "f9.png",
+        "0.900",
+        "TAG1",
+        "1",
+    )
+    assert float(last["gap_m"]) == pytest.approx(12 - 1.8, rel=0.03)
+    assert float(last["closing_speed_m_s"]) == pytest.approx(2.0, abs=1.0)
+    assert rows[0]["gap_m"] == ""  # one sighting is no lead
+
+
+def test_pictures_without_a_rate_stand_alone(drive: Path, tmp_path: Path) -> None:
+    run(drive / "pictures", *options(drive), "--csv", tmp_path / "rows.csv")
+
+    with (tmp_path / "rows.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["frame"] for row in rows] == [str(index) for index in range(10)]
+    assert {row["is_lead"] for row in rows} == {"0"}
+
+
+def test_a_score_is_told_against_the_truth(drive: Path) -> None:
+    told = run(
+        drive / "pictures", "--fps", "10", *options(drive), "--truth", drive / "truth.csv"
+    ).splitlines()
+
+    assert told[0].startswith("frames: 10, plates: 10, plates read: 10, frames with a lead: 8")
+    assert told[1].split()[:4] == ["frames", "plates", "found", "exact"]
+    assert told[2].split()[:7] == ["all", "10", "10", "100.0", "%", "100.0", "%"]
+
+
+def test_the_annotated_video_has_every_frame(drive: Path, tmp_path: Path) -> None:
+    run(drive / "pictures", "--fps", "10", *options(drive), "--video", tmp_path / "seen.mp4")
+
+    with av.open(str(tmp_path / "seen.mp4")) as container:
+        pictures = [frame.to_ndarray(format="bgr24") for frame in container.decode(video=0)]
+    assert len(pictures) == 10
+    assert pictures[0].shape == (540, 960, 3)
+    quad = PICTURE.plate_quad(SceneCar(12 - 1.8, 0.5, **TAG))
+    x, y = quad[0].astype(int)
+    frame_bgr = pictures[-1][y - 2 : y + 3, x + 4 : x + 14].reshape(-1, 3).astype(int)
+    assert (frame_bgr[:, 1] - frame_bgr[:, 2]).max() > 60  # green around the lead's tag
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nowhere.mp4"],
+        ["{}", "--camera", "nowhere.yaml"],
+        ["{}", "--csv", "/nowhere/rows.csv"],
+        ["{}", "--truth", "nowhere.csv"],
+        ["{}", "--truth", "{}/../camera.yaml"],
+    ],
+)
+def test_a_users_mistake_is_told(drive: Path, arguments: list[str]) -> None:
+    with pytest.raises(UserError, match=r"nowhere|camera\.yaml"):
+        run(*(argument.format(drive / "pictures") for argument in arguments))
+
+
+def seen(name: str, *plates: Plate) -> SeenFrame:
+    return SeenFrame(0, Frame(0.0, np.zeros((8, 8, 3), np.uint8), name), plates)
+
+
+def plate(text: str | None, confidence: float = 1.0, x_px: float = 10.0) -> Plate:
+    return Plate(0.0, Box(x_px, 10.0, 100.0, 30.0), text, confidence, is_lead=False)
+
+
+def test_scores_count_what_they_say(tmp_path: Path) -> None:
+    (tmp_path / "truth.csv").write_text(
+        "file,x_px,y_px,w_px,h_px,text\n"
+        "us/1.jpg,10,10,100,30,GN417KB\n"
+        "us/2.jpg,10,10,100,30,RD288HX\n"
+        "eu/3.jpg,10,10,100,30,BL635TN\n"
+        "eu/4.jpg,10,10,100,30,YW903MS\n"
+    )
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+
+    scores.add(seen("us/1.jpg", plate("GN417KB"), plate("CAFE", x_px=500.0)))
+    scores.add(seen("us/2.jpg", plate("RD2B8HX", 0.5)))
+    scores.add(seen("eu/3.jpg"))
+    scores.add(seen("eu/4.jpg", plate("YW903MS", 0.95, x_px=50.0)))  # read, but the box is off
+    scores.add(seen("unheard/of.jpg", plate("ABCDEF")))
+
+    rows = {row.pop(""): row for row in scores.rows()}
+    assert list(rows) == ["eu", "us", "all"]
+    assert rows["all"] == {
+        "frames": "4",
+        "plates": "4",
+        "found": "50.0 %",
+        "exact": "50.0 %",
+        "characters": f"{100 * 20 / 28:.1f} %",
+        "false texts a frame": "0.250",
+        "certain": "75.0 %",
+        "wrong if certain": "33.3 %",
+    }
+    assert rows["us"]["exact"] == "50.0 %"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "distance"),
+    [("", "", 0), ("ABC", "", 3), ("KITTEN", "SITTING", 3), ("GN417KB", "GN417K8", 1)],
+)
+def test_edit_distance(one: str, other: str, distance: int) -> None:
+    assert edit_distance(one, other) == edit_distance(other, one) == distance
+
+
+def test_overlap_is_intersection_over_union() -> None:
+    assert overlap(Box(0, 0, 2, 2), Box(1, 1, 2, 2)) == pytest.approx(1 / 7)
+    assert overlap(Box(0, 0, 2, 2), Box(2, 0, 2, 2)) == 0.0
