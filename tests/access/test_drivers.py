@@ -1,0 +1,112 @@
+"""One driver's reactions on top of the population's."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.access.drivers import ORDINARY_DRIVERS, Driver
+
+
+def batch_posterior(y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same regression in one piece, by the normal equations."""
+    population = ORDINARY_DRIVERS
+    precision = np.linalg.inv(population.spread) + x.T @ x / population.noise_variance
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ x.T @ (y - x @ population.coefficients) / population.noise_variance
+    return mean, covariance
+
+
+def test_one_by_one_is_the_same_as_all_at_once() -> None:
+    rng = np.random.default_rng(1)
+    headway_s, reaction_s = rng.uniform(0.5, 3.0, 20), rng.uniform(0.5, 2.0, 20)
+    driver = Driver(ORDINARY_DRIVERS, forgetting=1.0)
+    for tau, h in zip(reaction_s, headway_s, strict=True):
+        driver.receive_reaction(tau, h)
+
+    x = np.column_stack([np.ones(20), np.log(headway_s)])
+    mean, covariance = batch_posterior(np.log(reaction_s), x)
+
+    at = np.array([1.0, math.log(1.4)])
+    expected_mean = at @ (ORDINARY_DRIVERS.coefficients + mean)
+    expected_sd = math.sqrt(at @ covariance @ at + ORDINARY_DRIVERS.noise_variance)
+    assert driver.log_reaction(1.4) == pytest.approx((expected_mean, expected_sd))
+
+
+def test_nobody_watched_is_the_population() -> None:
+    driver = Driver(ORDINARY_DRIVERS)
+
+    median_s, low_s, high_s = driver.percentile_s(0.5, headway_s=1.0)
+
+    assert median_s == pytest.approx(0.95)
+    assert low_s < 0.7
+    assert high_s > 1.3
+
+
+def test_a_slow_driver_is_known_after_a_few_reactions_and_surer_after_more() -> None:
+    rng = np.random.default_rng(2)
+    driver = Driver(ORDINARY_DRIVERS)
+    widths_s = []
+    for _ in range(30):
+        driver.receive_reaction(1.6 * math.exp(rng.normal(0.0, 0.25)), headway_s=1.5)
+        _, low_s, high_s = driver.percentile_s(0.5, 1.5)
+        widths_s.append(high_s - low_s)
+
+    median_s, low_s, high_s = driver.percentile_s(0.5, 1.5)
+    assert low_s < 1.6 < high_s
+    assert median_s == pytest.approx(1.6, rel=0.12)
+    assert widths_s[-1] < widths_s[4] < widths_s[0]
+
+
+def test_what_is_no_reaction_is_left_out_and_counted() -> None:
+    driver = Driver(ORDINARY_DRIVERS)
+    before = driver.log_reaction(1.0)
+
+    for reaction_s, headway_s in [
+        (0.05, 1.0),
+        (20.0, 1.0),
+        (1.0, 0.0),
+        (math.nan, 1.0),
+        (1.0, math.inf),
+    ]:
+        driver.receive_reaction(reaction_s, headway_s)
+
+    assert driver.left_out == 5
+    assert driver.log_reaction(1.0) == before
+
+
+def test_a_driver_can_be_erased() -> None:
+    driver = Driver(ORDINARY_DRIVERS)
+    driver.receive_reaction(2.0, 1.0)
+
+    driver.forget()
+
+    assert driver.log_reaction(1.3) == Driver(ORDINARY_DRIVERS).log_reaction(1.3)
+    assert driver.observed == 0
+
+
+def test_old_habits_are_forgotten_slowly() -> None:
+    driver = Driver(ORDINARY_DRIVERS, forgetting=0.98)
+    for _ in range(200):
+        driver.receive_reaction(2.0, 1.5)
+    for _ in range(100):
+        driver.receive_reaction(0.8, 1.5)
+
+    assert driver.percentile_s(0.5, 1.5)[0] == pytest.approx(0.8, rel=0.15)
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.15, 6.0), st.floats(0.1, 10.0)), max_size=60),
+    st.floats(0.05, 0.95),
+)
+def test_percentiles_stay_in_order_whatever_comes(
+    reactions: list[tuple[float, float]], share: float
+) -> None:
+    driver = Driver(ORDINARY_DRIVERS)
+    for reaction_s, headway_s in reactions:
+        driver.receive_reaction(reaction_s, headway_s)
+
+    estimate_s, low_s, high_s = driver.percentile_s(share, 1.5)
+    assert 0.0 < low_s <= estimate_s <= high_s < math.inf
