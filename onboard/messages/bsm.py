@@ -59,7 +59,7 @@ class BasicSafetyMessage:
 
     @property
     def user_priority(self) -> int:
-        """EDCA user priority: higher while an event is flagged (SAE J2945/1, 6.3.5)."""
+        """EDCA user priority: higher while an event is flagged (SAE J2945/1)."""
         return 7 if self.safety is not None and self.safety.events else 5
 
 

@@ -14,11 +14,11 @@ from onboard.security.oer import Malformed, Reader, Unsupported
 _VERSION = 3
 _EXPLICIT = 0
 _DURATIONS_S = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 216_000.0, 31_556_952.0)
-"""Microseconds to years, the alternatives of Duration in their order (6.4.15)."""
+"""Microseconds to years, the alternatives of Duration in their order."""
 _ENTITY_APP = 0x80
-"""EndEntityType: certificates that speak in applications, the default (6.4.29)."""
+"""EndEntityType: certificates that speak in applications, the default."""
 
-# Presence bits of ToBeSignedCertificate (6.4.8), the extension bit first.
+# Presence bits of ToBeSignedCertificate, the extension bit first.
 _EXTENDED, _REGION, _ASSURANCE, _APP, _ISSUE, _REQUEST, _ROLLOVER, _ENCRYPTION = (
     1 << bit for bit in range(7, -1, -1)
 )
@@ -35,12 +35,12 @@ class _Ssps(Enum):
 
 
 def encode_point(point: bytes) -> bytes:
-    """Encode a compressed point (6.3.23): alternatives 2 and 3 are y even and y odd."""
+    """Encode a compressed EccP256CurvePoint: alternatives 2 and 3 are y even and y odd."""
     return oer.choice(point[0]) + point[1:]
 
 
 def encode_signature(signature: p256.Signature) -> bytes:
-    """Encode ecdsaNistP256Signature with r as x-only (6.3.28 to 6.3.30)."""
+    """Encode an ecdsaNistP256Signature with r as x-only."""
     r, s = signature
     return b"\x80\x80" + r.to_bytes(32, "big") + s.to_bytes(32, "big")
 
@@ -228,7 +228,7 @@ def _read_name(reader: Reader) -> str | None:
 
 
 def _skip_region(reader: Reader) -> None:
-    """Pass over a GeographicRegion (6.4.17); docs/decisions/0052 says why it is not enforced."""
+    """Pass over a GeographicRegion; docs/decisions/0052 says why it is not enforced."""
     kind = reader.choice()
     if kind == 0:
         reader.take(4 + 4 + 2)
@@ -287,9 +287,13 @@ def _encode_issue(permission: IssuePermission) -> bytes:
     if permission.psids is None:
         subject = oer.choice(1)
     else:
-        subject = oer.choice(0) + oer.sequence(
-            [b"\x00" + oer.unsigned(psid) for psid in sorted(permission.psids)]
-        )
+        ranges = [
+            b"\x80" + oer.unsigned(psid) + oer.choice(1)
+            if psid in permission.any_ssp
+            else b"\x00" + oer.unsigned(psid)
+            for psid in sorted(permission.psids | permission.any_ssp)
+        ]
+        subject = oer.choice(0) + oer.sequence(ranges)
     lengths = [
         oer.signed(length) for length, default in ((shortest, 1), (further, 0)) if length != default
     ]

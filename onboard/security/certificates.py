@@ -1,7 +1,7 @@
 """Explicit certificates of IEEE 1609.2: who may say what, until when, and who vouches for it.
 
 Certificates are kept in their canonical form, the one that is hashed and signed: points compressed,
-the signature's r without a y (IEEE 1609.2-2022, 6.4.3).
+the signature's r without a y (IEEE 1609.2-2022, 6.4).
 """
 
 import hashlib

@@ -17,10 +17,10 @@ _UNSECURED_HEAD = bytes((_VERSION, 0x80))
 _SIGNED_HEAD = bytes((_VERSION, 0x81, 0x00))
 """Version, signedData, SHA-256."""
 _PAYLOAD_ONLY = b"\x40"
-"""SignedDataPayload: no extension, data present, no external hash (6.3.7)."""
+"""SignedDataPayload: no extension, data present, no external hash."""
 _MOST_CERTIFICATES = 8
 
-# Presence bits of HeaderInfo (6.3.9), the extension bit first.
+# Presence bits of HeaderInfo, the extension bit first.
 _EXTENDED, _GENERATION, _EXPIRY, _LOCATION, _P2PCD, _MISSING_CRL, _ENCRYPTION = (
     1 << bit for bit in range(7, 0, -1)
 )
@@ -28,7 +28,7 @@ _EXTENDED, _GENERATION, _EXPIRY, _LOCATION, _P2PCD, _MISSING_CRL, _ENCRYPTION = 
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Where a message was made (ThreeDLocation, 6.3.16)."""
+    """Where a message was made: ThreeDLocation."""
 
     latitude_deg: float
     longitude_deg: float

@@ -1,4 +1,4 @@
-"""The clock of 1609.2: TAI since 00:00:00 UTC on 1 January 2004 (IEEE 1609.2-2022, 6.3.6)."""
+"""The clock of 1609.2: TAI since 00:00:00 UTC on 1 January 2004 (Time32 and Time64)."""
 
 _EPOCH_UTC_S = 1_072_915_200
 LEAP_SECONDS = 5

@@ -29,7 +29,7 @@ NOBODY = hashlib.sha256(b"").digest()
 """Stands for the signer of a self-signed certificate."""
 
 
-def to_be_hashed(data: bytes, signer: bytes) -> bytes:
+def digest_to_sign(data: bytes, signer: bytes) -> bytes:
     """Return the digest that is signed (IEEE 1609.2-2022, 5.3.1.2.2).
 
     Args:

@@ -85,7 +85,7 @@ class Security:
         expiry = None if expires_in_s is None else generation + round(expires_in_s * 1e6)
         to_be_signed = ieee1609dot2.encode_to_be_signed(payload, psid, generation, expiry, location)
         certificate = self._credential.certificate
-        digest = p256.to_be_hashed(to_be_signed, certificate.digest)
+        digest = p256.digest_to_sign(to_be_signed, certificate.digest)
         return ieee1609dot2.encode_signed(
             to_be_signed,
             certificate if self._is_introduced(psid, now) else certificate.hashed_id8,
@@ -136,7 +136,7 @@ class Security:
         generation = self._check_time(message, utc_s)
         signer = self._signer(message, trust)
         self._check_signer(signer, message.psid, from_time64(generation), utc_s)
-        digest = p256.to_be_hashed(message.to_be_signed, signer.certificate.digest)
+        digest = p256.digest_to_sign(message.to_be_signed, signer.certificate.digest)
         if digest in self._replays:
             raise NotTrusted(Reason.REPLAY)
         if not p256.is_signed(signer.key, digest, message.signature):

@@ -111,14 +111,14 @@ class TrustStore:
         )
         _check_rights(trusted)
         signer = p256.NOBODY if issuer is None else issuer.certificate.digest
-        digest = p256.to_be_hashed(certificate.to_be_signed, signer)
+        digest = p256.digest_to_sign(certificate.to_be_signed, signer)
         if not p256.is_signed(key if issuer is None else issuer.key, digest, certificate.signature):
             raise NotTrusted(Reason.BAD_CERTIFICATE, "its issuer did not sign it")
         return trusted
 
 
 def _check_rights(trusted: Trusted) -> None:
-    """Every authority above must be allowed to grant what the certificate claims (6.4.28)."""
+    """Every authority above must be allowed to grant what the certificate claims."""
     subject = trusted.certificate.subject
     for height, authority in enumerate(trusted.chain(), start=1):
         granted = authority.certificate.subject.issue_permissions

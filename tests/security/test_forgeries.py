@@ -69,7 +69,7 @@ def test_a_changed_byte_is_never_believed(alice, bob):
                 reasons.add(str(refusal.reason))
                 continue
             # How the point in a signature is written may differ: the form that is hashed and
-            # signed does not have it (IEEE 1609.2, 6.4.3).
+            # signed does not have it (IEEE 1609.2, 6.4).
             assert i in {len(data) - 65, len(data) - 66 - 65}
             assert opened.payload == WARN
             bob = security(BOB)
@@ -161,7 +161,7 @@ def test_a_message_that_does_not_say_when_it_was_made_is_stale(bob):
     own = ALICE.pseudonyms[0]
     stamped = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
     unstamped = stamped[: -8 - 4] + b"\x00" + stamped[-8 - 3 : -8]
-    digest = p256.to_be_hashed(unstamped, own.certificate.digest)
+    digest = p256.digest_to_sign(unstamped, own.certificate.digest)
     data = ieee1609dot2.encode_signed(unstamped, own.certificate, p256.sign(own.key, digest))
     assert refused(bob, data) == "stale"
 
@@ -249,7 +249,7 @@ def test_an_authority_below_an_authority_is_one_too_many(bob):
     below = make_issuing(ISSUING, "below", new_key=new_key, **VALID)
     car = make_pseudonyms(below, 1, {LCCA}, new_key=new_key, **VALID).pseudonyms[0]
     to_be_signed = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
-    digest = p256.to_be_hashed(to_be_signed, car.certificate.digest)
+    digest = p256.digest_to_sign(to_be_signed, car.certificate.digest)
     alone = ieee1609dot2.encode_signed(to_be_signed, car.certificate, p256.sign(car.key, digest))
     start = alone.index(b"\x81\x01\x01" + car.certificate.encoded)
     chain = (
@@ -267,7 +267,7 @@ def test_an_authority_that_comes_along_is_learned(bob):
     second = make_issuing(ROOT, "second", new_key=new_key, **VALID)
     car = make_pseudonyms(second, 1, {LCCA}, new_key=new_key, **VALID).pseudonyms[0]
     to_be_signed = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
-    digest = p256.to_be_hashed(to_be_signed, car.certificate.digest)
+    digest = p256.digest_to_sign(to_be_signed, car.certificate.digest)
     signature = p256.sign(car.key, digest)
     data = (
         b"\x03\x81\x00"

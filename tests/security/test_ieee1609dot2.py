@@ -14,7 +14,12 @@ from hypothesis import strategies as st
 from onboard.messages import bsm
 from onboard.security import ieee1609dot2, its_time, p256
 from onboard.security.authority import make_pseudonyms
-from onboard.security.certificate_codec import decode_certificate, encode_to_be_signed
+from onboard.security.certificate_codec import (
+    decode_certificate,
+    encode_certificate,
+    encode_signature,
+    encode_to_be_signed,
+)
 from onboard.security.certificates import IssuePermission, Permission, Subject
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.security import NotTrusted, Security
@@ -362,7 +367,7 @@ def test_we_read_another_implementation_s_certificates(oracle, body, issuer, s):
 
 
 def test_points_written_at_length_are_compressed_before_they_are_hashed(oracle):
-    """6.4.3: whoever wrote the certificate, and however, its hash is the same."""
+    """Clause 6.4: whoever wrote the certificate, and however, its hash is the same."""
     value = reread(oracle.Certificate, OWN.encoded)
     key = p256.public_key(OWN.subject.public_key).public_numbers()
     value["toBeSigned"]["verifyKeyIndicator"] = (
@@ -420,6 +425,32 @@ def test_what_cannot_be_certified_is_our_own_mistake(change):
 )
 def test_what_an_authority_may_grant_and_how_far_below(grant, permission, heights):
     assert [height for height in (1, 2, 3) if grant.covers(permission, height)] == heights
+
+
+psid_sets = st.frozensets(st.integers(0, 2**20), max_size=4)
+
+
+@given(
+    st.lists(
+        st.builds(
+            lambda psids, any_ssp, shortest, further: IssuePermission(
+                psids and psids - any_ssp, any_ssp, shortest, further
+            ),
+            psid_sets,
+            psid_sets,
+            st.integers(1, 5),
+            st.integers(-1, 3),
+        )
+        | st.just(IssuePermission(None)),
+        min_size=1,
+        max_size=3,
+    )
+)
+def test_what_an_authority_may_grant_survives(grants):
+    subject = Subject("a", UTC_S, 60.0, OWN.subject.public_key, (), tuple(grants))
+    body = encode_to_be_signed(subject)
+    own = decode_certificate(encode_certificate(None, body, encode_signature((1, 1))))
+    assert own.subject == subject
 
 
 @given(st.binary(max_size=120), st.data())
