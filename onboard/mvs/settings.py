@@ -4,6 +4,7 @@ from enum import StrEnum
 
 from pydantic import Field
 
+from onboard.messages.bsm import MAX_FOOTER_BYTES
 from onboard.settings import Settings
 
 
@@ -40,6 +41,9 @@ class AssociationSettings(Settings):
 
     gate_probability: float = Field(0.99, gt=0.5, lt=1.0)
     """Of the evidence of a car, how much its gate lets in."""
+    recognition_probability: float = Field(0.9, gt=0.5, lt=1.0)
+    """The gate in which a track counts as a car with a radio: narrower, since a car that is taken
+    for its neighbour is hidden. What it misses at one moment it finds at the next."""
     speed_sigma_m_s: float = Field(20.0, gt=0.0, le=100.0)
     """Cars are about this fast; used where nothing else is known of a car's speed."""
     radio_offset_sigma_m: float = Field(0.5, ge=0.0, le=10.0)
@@ -84,7 +88,7 @@ class MvsSettings(Settings):
     paper, the interval of the BSM)."""
     most_entries: int = Field(10, ge=0, le=64)
     """M: measurements and estimates in one footer."""
-    most_bytes: int = Field(1000, ge=18, le=1400)
+    most_bytes: int = Field(MAX_FOOTER_BYTES, ge=18, le=MAX_FOOTER_BYTES)
     """Of the footer: what BSM and signature leave of a WSM."""
     shared_span_s: float = Field(0.3, gt=0.0, le=4.0)
     """The oldest measurement in anything that is broadcast is not older than this."""

@@ -86,7 +86,8 @@ class Tracks:
         cars = Kinematics(
             reported.stamps_ms, reported.states, reported.covariances + offset, reported.has_speed
         )
-        found = {car: row for row, car in self._found(cars).items()}
+        probability = settings.recognition_probability
+        found = {car: row for row, car in self._found(cars, probability).items()}
         apart = _apart_m(reported.positions_m(now_ms), self._comparison().positions_m(now_ms))
         for at, track in enumerate(self._tracks):
             row = found.get(at)
@@ -113,7 +114,8 @@ class Tracks:
         return False
 
     def _assign(self, group: Sequence[Held], is_own: bool) -> int:
-        found = self._found(Kinematics.of([held.piece for held in group]))
+        pieces = Kinematics.of([held.piece for held in group])
+        found = self._found(pieces, self._settings.association.gate_probability)
         refused = 0
         for row, held in enumerate(group):
             if row in found:
@@ -138,14 +140,9 @@ class Tracks:
             and first_told < belief.cars_per_sender
         )
 
-    def _found(self, pieces: Kinematics) -> dict[int, int]:
-        settings = self._settings
-        return assign(
-            pieces,
-            self._comparison(),
-            settings.association.gate_probability,
-            settings.acceleration_density,
-        )
+    def _found(self, pieces: Kinematics, gate_probability: float) -> dict[int, int]:
+        q = self._settings.acceleration_density
+        return assign(pieces, self._comparison(), gate_probability, q)
 
     def _comparison(self) -> Kinematics:
         if self._compared is None:

@@ -133,7 +133,12 @@ class World:
         if heading is None:
             heading = math.atan2(state[2], state[3])
         return Position(
-            self.t, *to_degrees(*noisy), None, self.position_sigma_m, math.hypot(*state[2:]), heading
+            self.t,
+            *to_degrees(*noisy),
+            None,
+            self.position_sigma_m,
+            math.hypot(*state[2:]),
+            heading,
         )
 
     def seen(self, car: Car, state: np.ndarray, other: Car, number: int) -> SensedCar:
@@ -155,9 +160,7 @@ class World:
         for receiver in self.with_radio:
             if receiver is not message.sender:
                 for delay in self.radio(message, receiver, self.t):
-                    self.under_way.append(
-                        (self.t + delay, len(self.under_way), receiver, message)
-                    )
+                    self.under_way.append((self.t + delay, len(self.under_way), receiver, message))
 
     def deliver(self) -> None:
         arrived = sorted(item for item in self.under_way if item[0] <= self.t)

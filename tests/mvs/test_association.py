@@ -1,0 +1,107 @@
+"""Assignment: gated, of greatest likelihood as a whole, and never one car to two pieces."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from onboard.mvs.association import Kinematics, assign, with_speed_prior
+from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
+
+Q = 1.0
+
+
+def measured(x_m: float, y_m: float = 0.0, sigma_m: float = 1.0, stamp_ms: int = 0) -> Measurement:
+    identity = MeasurementId(b"abcd", stamp_ms)
+    return Measurement(identity, np.array([x_m, y_m]), np.eye(2) * sigma_m**2)
+
+
+def car(x_m: float, y_m: float = 0.0, vx_m_s: float = 0.0, sigma_m: float = 1.0) -> Estimate:
+    covariance = np.diag([sigma_m**2, sigma_m**2, 1.0, 1.0])
+    return Estimate(
+        frozenset({MeasurementId(b"efgh", 0)}), np.array([x_m, y_m, vx_m_s, 0.0]), covariance
+    )
+
+
+def found(pieces: list[Evidence], cars: list[Estimate], gate: float = 0.99) -> dict[int, int]:
+    return assign(Kinematics.of(pieces), Kinematics.of(cars), gate, Q)
+
+
+def test_each_piece_goes_to_the_car_where_it_was_measured() -> None:
+    assert found([measured(10), measured(0)], [car(0.5), car(9.5)]) == {0: 1, 1: 0}
+
+
+def test_what_is_near_no_car_is_assigned_to_none() -> None:
+    assert found([measured(0), measured(50)], [car(0.5)]) == {0: 0}
+    assert found([measured(0)], []) == {}
+    assert found([], [car(0)]) == {}
+
+
+def test_two_pieces_never_share_a_car() -> None:
+    assert len(found([measured(0.0), measured(0.1)], [car(0)])) == 1
+
+
+def test_the_best_for_all_is_taken_not_the_best_for_the_first() -> None:
+    """Greedy would give the first piece the middle car and leave the second none."""
+    assert found([measured(0.9), measured(2.2)], [car(-1.0), car(1.0)]) == {0: 0, 1: 1}
+
+
+def test_the_gate_lets_in_what_its_probability_says() -> None:
+    rng = np.random.default_rng(0)
+    errors = rng.normal(0, np.sqrt(2), size=(4000, 2))  # car and piece: 1 m each
+
+    inside = sum(bool(found([measured(x, y)], [car(0)], 0.95)) for x, y in errors)
+
+    assert inside / 4000 == pytest.approx(0.95, abs=0.012)
+
+
+def test_a_car_is_carried_to_the_time_of_the_piece_forwards_and_back() -> None:
+    cars = [car(0, vx_m_s=20.0), car(10, vx_m_s=0.0)]
+
+    assert found([measured(10, stamp_ms=500)], cars) in ({0: 0}, {0: 1})
+    assert found([measured(20, stamp_ms=1000)], cars) == {0: 0}
+    assert found([measured(-10, stamp_ms=-500)], cars) == {0: 0}
+
+
+def test_an_estimate_is_also_held_against_the_speed() -> None:
+    """Two cars that meet: same place, opposite ways."""
+    cars = [car(0, vx_m_s=15.0), car(0.2, vx_m_s=-15.0)]
+
+    assert found([car(0.2, vx_m_s=14.0)], cars) == {0: 0}
+    assert found([car(0.0, vx_m_s=-14.0)], cars) == {0: 1}
+
+
+def test_a_vaguely_known_car_does_not_attract_its_neighbours_evidence() -> None:
+    vague, sharp = car(1.0, sigma_m=5.0), car(0.0, sigma_m=0.3)
+
+    assert found([measured(0.7, sigma_m=0.5)], [vague, sharp]) == {0: 1}
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_assignment_is_the_best_of_all(seed: int) -> None:
+    """Against trying every assignment, for cars so close that all gates overlap."""
+    rng = np.random.default_rng(seed)
+    cars = [car(*rng.uniform(0, 2, 2), sigma_m=rng.uniform(1, 2)) for _ in range(4)]
+    pieces: list[Evidence] = [measured(*rng.uniform(0, 2, 2)) for _ in range(4)]
+
+    def cost(assignment: tuple[int, ...]) -> float:
+        total = 0.0
+        for piece, at in zip(pieces, assignment, strict=True):
+            difference = piece.position_m - cars[at].state[:2]  # type: ignore[union-attr]
+            spread = piece.covariance + cars[at].covariance[:2, :2]
+            total += difference @ np.linalg.solve(spread, difference)
+            total += np.log(np.linalg.det(spread))
+        return total
+
+    best = min(permutations(range(4)), key=cost)
+
+    assert found(pieces, cars, 0.9999) == dict(enumerate(best))
+
+
+def test_of_a_car_seen_once_the_speed_is_taken_to_be_a_cars() -> None:
+    covariances = np.diag([1.0, 1.0, 1e4, 1e4])[:, :, None]
+
+    learnt = with_speed_prior(covariances, 20.0)[:, :, 0]
+
+    expected = np.linalg.inv(np.diag([1, 1, 1e-4 + 1 / 400, 1e-4 + 1 / 400]))
+    np.testing.assert_allclose(learnt, expected)

@@ -1,0 +1,332 @@
+"""Footers with lies: counted by reason, bounded, dropped or weighted down (decision 0074)."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.messages import mvs_footer
+from onboard.messages.mvs_footer import MvsFooter, Run, SharedEstimate, SharedMeasurement
+from onboard.mvs.belief import ImplausibleError, check, weighted_down
+from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.mvs.fusion import fuse
+from onboard.mvs.known_car import KnownCar
+from onboard.mvs.local_frame import LocalFrame
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.settings import BeliefSettings
+from onboard.mvs.sharing import footer_of
+from onboard.observations import Position
+from tests.mvs.world import EXACT
+
+HERE = LocalFrame(48.1, 11.5)
+NOW = 1000.0
+LIAR, WITNESS, OWN = b"liar", b"wit.", b"-own"
+
+
+def victim() -> MultiVehicleSensing:
+    mvs = MultiVehicleSensing(EXACT, OWN, np.random.default_rng(0))
+    mvs.receive_position(Position(NOW, 48.1, 11.5, None, 0.5, 10.0, 0.0))
+    return mvs
+
+
+def say(mvs: MultiVehicleSensing, footer: MvsFooter | bytes, at: float = NOW) -> list[str]:
+    """The liar drives 100 m ahead and sends `footer`; returns why it was not believed."""
+    data = footer if isinstance(footer, bytes) else mvs_footer.encode(footer)
+    place = Position(at, 48.1009, 11.5, None, 0.5, 10.0, 0.0)
+    mvs.receive_bsm(LIAR, place, data, at)
+    reasons = []
+    while (event := mvs.next_event()) is not None:
+        reasons.append(event.reason)
+    return reasons
+
+
+def estimate_at(
+    x_m: float, y_m: float, stamps_ms: list[int], observer: bytes = LIAR, sigma_m: float = 0.5
+) -> Estimate:
+    provenance = frozenset(MeasurementId(observer, stamp_ms) for stamp_ms in stamps_ms)
+    covariance = np.diag([sigma_m**2, sigma_m**2, 1.0, 1.0])
+    return Estimate(provenance, np.array([x_m, y_m, 0.0, 10.0]), covariance)
+
+
+def footer_with(*evidence: Evidence, reference_ms: int = 1_000_000) -> MvsFooter:
+    return footer_of(evidence, reference_ms, HERE, HERE)
+
+
+def tracks(mvs: MultiVehicleSensing, now: float = NOW) -> list[KnownCar]:
+    return [car for car in mvs.kinematic_info(now) if car.provenance]
+
+
+RECENT = [999_700, 999_800, 999_900]
+
+
+def test_an_honest_footer_is_believed() -> None:
+    mvs = victim()
+
+    assert say(mvs, footer_with(estimate_at(20, 60, RECENT))) == []
+    assert len(tracks(mvs)) == 1
+
+
+def test_positions_on_the_moon_are_far() -> None:
+    mvs = victim()
+    footer = dataclasses.replace(
+        footer_with(estimate_at(20, 60, RECENT)), latitude_deg=-30.0, longitude_deg=100.0
+    )
+
+    assert say(mvs, footer) == ["far"]
+    assert tracks(mvs) == []
+
+
+def test_a_car_cannot_measure_beyond_its_camera_but_may_pass_on_what_others_told() -> None:
+    mvs = victim()
+    far = np.array([0.0, 800.0])
+    measured = Measurement(MeasurementId(LIAR, 999_900), far, np.eye(2))
+    told = Measurement(MeasurementId(WITNESS, 999_900), far, np.eye(2))
+
+    assert say(mvs, footer_with(measured)) == ["far"]
+    assert say(mvs, footer_with(told), NOW + 0.1) == []
+
+
+def test_a_sender_far_away_is_not_heard() -> None:
+    mvs = victim()
+
+    mvs.receive_bsm(LIAR, Position(NOW, 49.0, 11.5, None, 1.0, 0.0, 0.0), b"", NOW)
+
+    event = mvs.next_event()
+    assert event is not None
+    assert event.reason == "sender_far"
+    assert mvs.kinematic_info(NOW) == []
+
+
+def test_stamps_from_the_future_are_dropped_and_nearly_so_are_not() -> None:
+    ahead = footer_with(estimate_at(20, 60, [1_000_300, 1_000_400]), reference_ms=1_000_500)
+    nearly = footer_with(estimate_at(20, 60, [999_900, 1_000_050]), reference_ms=1_000_050)
+
+    assert say(victim(), ahead) == ["future"]
+    assert say(victim(), nearly) == []
+
+
+def test_stale_evidence_is_dropped() -> None:
+    old = footer_with(estimate_at(20, 60, [996_500, 999_900]))
+
+    assert say(victim(), old) == ["stale"]
+
+
+def test_what_we_never_measured_is_not_ours() -> None:
+    assert say(victim(), footer_with(estimate_at(20, 60, RECENT, OWN))) == ["not_my_measurement"]
+
+
+def test_thousands_of_provenance_entries_do_not_fit_and_hundreds_are_too_many() -> None:
+    footer = footer_with(estimate_at(20, 60, RECENT))
+    runs = tuple(Run(0, tuple(range(16 * k, 16 * k + 16))) for k in range(100))
+    state = dataclasses.replace(footer.estimates[0].state, runs=100)
+    footer = dataclasses.replace(footer, estimates=(SharedEstimate(state, runs),))
+
+    assert say(victim(), footer) == ["too_many_measurements"]
+    with pytest.raises(ValueError, match="300"):
+        mvs_footer.encode(
+            dataclasses.replace(
+                footer, estimates=(SharedEstimate(dataclasses.replace(state, runs=300), runs * 3),)
+            )
+        )
+
+
+def test_a_footer_with_too_many_entries_is_dropped_whole() -> None:
+    cars = [estimate_at(10.0 * k, 60, RECENT) for k in range(65)]
+
+    assert say(victim(), footer_with(*cars)) == ["too_many_entries"]
+
+
+def test_the_same_estimate_a_hundred_times_is_one() -> None:
+    mvs, once = victim(), victim()
+    estimate = estimate_at(20, 60, RECENT)
+    say(once, footer_with(estimate))
+
+    say(mvs, footer_with(*[estimate] * 60))
+    for k in range(1, 100):
+        say(mvs, footer_with(estimate), NOW + k * 0.001)
+
+    assert [car.state for car in tracks(mvs)] == [car.state for car in tracks(once)]
+
+
+def test_a_sender_that_never_pauses_is_heard_at_the_rate_of_a_fast_one() -> None:
+    mvs = victim()
+    reasons = [
+        say(mvs, footer_with(estimate_at(20, 60, RECENT)), NOW + k / 1000) for k in range(99)
+    ]
+
+    assert sum(reason == ["too_often"] for reason in reasons) == 97
+
+
+def test_ghosts_without_end_are_bounded_and_leave_room_for_the_own_camera() -> None:
+    mvs = victim()
+    for k in range(30):
+        now = NOW + k * 0.06
+        stamps = [round(now * 1000) - age for age in (10, 60, 110)]
+        ghosts = [
+            estimate_at(-700 + 20.0 * (k * 24 + i), 60 + 9 * (k % 9), stamps) for i in range(24)
+        ]
+        near = [ghost for ghost in ghosts if abs(ghost.state[0]) < 1200]
+        reasons = say(mvs, footer_with(*near, reference_ms=round(now * 1000)), now)
+
+    assert len(tracks(mvs, NOW + 1.0)) <= EXACT.belief.cars_per_sender
+    assert "too_many_cars" in reasons or len(near) == 0
+
+
+def test_a_ghost_is_believed_no_more_than_its_provenance_allows() -> None:
+    """Two positions of 0.1 m, 0.1 s apart, cannot tell a speed to better than 1.4 m/s."""
+    mvs = victim()
+    sure = Estimate(
+        frozenset(MeasurementId(LIAR, stamp) for stamp in (999_800, 999_900)),
+        np.array([20.0, 60.0, 0.0, 10.0]),
+        np.diag([1e-4, 1e-4, 1e-4, 1e-4]),
+    )
+
+    assert say(mvs, footer_with(sure)) == ["too_sure"]
+
+    (track,) = mvs._tracks
+    sigmas = np.sqrt(np.diagonal(track.estimate.covariance))
+    assert sigmas[:2].min() > 0.07
+    assert sigmas[2:].min() > 1.4
+
+
+def test_a_lone_liar_does_not_move_a_car_that_others_see() -> None:
+    """His false place lies outside the gate: it is another car, by his word alone."""
+    mvs = victim()
+    for k in range(10):
+        now = NOW + k / 10
+        seen = [
+            Measurement(MeasurementId(WITNESS, round(now * 1000) - 5), p, np.eye(2) * 0.1)
+            for p in (np.array([0.0, 50.0 + k]),)
+        ]
+        footer = mvs_footer.encode(footer_with(*seen, reference_ms=round(now * 1000)))
+        place = Position(now, 48.1003, 11.5, None, 0.5, 10.0, 0.0)
+        mvs.receive_bsm(WITNESS, place, footer, now)
+        stamps = [round(now * 1000) - age for age in (10, 60, 110)]
+        lie = estimate_at(0.0, 56.0 + k, stamps, sigma_m=0.3)
+        say(mvs, footer_with(lie, reference_ms=round(now * 1000)), now)
+
+    told_by = {frozenset(observer for observer, _ in car.provenance) for car in tracks(mvs, now)}
+    assert told_by == {frozenset({WITNESS}), frozenset({LIAR})}
+
+
+@given(st.binary(max_size=400), st.booleans())
+def test_no_bytes_stop_the_car(data: bytes, with_head: bool) -> None:
+    mvs = victim()
+    if with_head:
+        head = mvs_footer.encode(footer_with())
+        data = head[:15] + data
+
+    say(mvs, data)
+
+    for car in mvs.kinematic_info(NOW):
+        assert np.isfinite(car.state).all()
+        assert np.isfinite(car.covariance).all()
+        assert np.linalg.eigvalsh(np.array(car.covariance))[0] > 0
+
+
+@given(st.lists(st.tuples(st.integers(0, 2**88 - 1)), max_size=20), st.integers(0, 2**160 - 1))
+def test_whatever_entries_say_the_state_is_finite_and_positive(
+    measurements: list[tuple[int]], estimate: int
+) -> None:
+    """Every combination of bits that decodes."""
+    mvs = victim()
+    shared = []
+    for (bits,) in measurements:
+        try:
+            entry = mvs_footer.MEASUREMENT.decode(bits.to_bytes(11))
+        except mvs_footer.DecodeError:
+            continue
+        shared.append(dataclasses.replace(entry, observer=0, age_ms=entry.age_ms % 500))
+    footer = dataclasses.replace(
+        footer_with(estimate_at(20, 60, RECENT)), measurements=tuple(shared)
+    )
+    try:
+        state = mvs_footer.STATE.decode(estimate.to_bytes(20))
+    except mvs_footer.DecodeError:
+        pass
+    else:
+        state = dataclasses.replace(state, runs=1)
+        footer = dataclasses.replace(
+            footer, estimates=(SharedEstimate(state, footer.estimates[0].provenance),)
+        )
+
+    say(mvs, footer)
+
+    for track in mvs._tracks:
+        assert np.isfinite(track.estimate.state).all()
+        eigenvalues = np.linalg.eigvalsh(track.estimate.covariance)
+        assert eigenvalues[0] > -1e-9 * eigenvalues[-1]
+        assert (track.estimate.covariance == track.estimate.covariance.T).all()
+
+
+# --- What cannot be encoded, but might come some other way ---------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("state", "covariance", "reason"),
+    [
+        ([np.nan, 0, 0, 0], np.eye(4), "not_finite"),
+        ([0, np.inf, 0, 0], np.eye(4), "not_finite"),
+        ([0, 0, 0, 0], np.full((4, 4), np.nan), "not_finite"),
+        ([0, 0, 0, 0], np.zeros((4, 4)), "not_positive"),
+        ([0, 0, 0, 0], -np.eye(4), "not_positive"),
+        ([0, 0, 0, 0], np.diag([1.0, 1.0, 1.0, -1.0]), "not_positive"),
+        ([0, 0, 0, 0], np.eye(4) + np.eye(4, k=1), "not_positive"),
+        ([3000, 0, 0, 0], np.eye(4), "far"),
+        ([0, 0, 200, 0], np.eye(4), "too_fast"),
+        ([0, 0, 0, 0], np.eye(4) * 1000, "too_vague"),
+    ],
+)
+def test_impossible_estimates_are_named(
+    state: list[float], covariance: np.ndarray, reason: str
+) -> None:
+    piece = Estimate(frozenset({MeasurementId(LIAR, 5)}), np.array(state, float), covariance)
+
+    with pytest.raises(ImplausibleError) as error:
+        check(piece, 1700.0, np.zeros(2), 10, BeliefSettings())
+
+    assert error.value.reason == reason
+
+
+def test_honest_estimates_are_not_weighted_down() -> None:
+    rng = np.random.default_rng(1)
+    for n in range(1, 12):
+        evidence = [
+            Measurement(MeasurementId(b"abcd", int(t)), rng.normal(size=2), np.eye(2) * 0.1**2)
+            for t in rng.choice(300, n, replace=False)
+        ]
+        (estimate,) = fuse([evidence], 1.0)
+        assert weighted_down(estimate, 0.1) is estimate
+
+
+def test_weighting_down_keeps_the_shape_of_a_covariance() -> None:
+    sure = estimate_at(0, 0, RECENT, sigma_m=0.001)
+
+    weighed = weighted_down(sure, 0.1)
+
+    ratio = weighed.covariance[0, 0] / sure.covariance[0, 0]
+    np.testing.assert_allclose(weighed.covariance, sure.covariance * ratio)
+    assert np.sqrt(weighed.covariance[0, 0]) == pytest.approx(0.1 / np.sqrt(3))
+
+
+def test_an_observer_corrects_what_others_said_of_his_measurement() -> None:
+    mvs = victim()
+    hearsay = Measurement(MeasurementId(WITNESS, 999_900), np.array([0.0, 50.0]), np.eye(2))
+    own_word = Measurement(MeasurementId(WITNESS, 999_900), np.array([0.6, 50.0]), np.eye(2))
+    say(mvs, footer_with(hearsay))
+
+    place = Position(NOW, 48.1003, 11.5, None, 0.5, 10.0, 0.0)
+    mvs.receive_bsm(WITNESS, place, mvs_footer.encode(footer_with(own_word)), NOW)
+
+    mvs.kinematic_info(NOW)
+    (track,) = mvs._tracks
+    assert track.estimate.state[0] == pytest.approx(0.6, abs=0.01)
+
+
+def test_a_measurement_names_its_observer() -> None:
+    entry = SharedMeasurement(3, 100, 0, 1.0, 2.0, 0.5, 0.5, 0.0)
+    footer = dataclasses.replace(footer_with(), measurements=(entry,))
+
+    assert say(victim(), footer) == ["unknown_observer"]

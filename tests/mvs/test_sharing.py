@@ -1,0 +1,132 @@
+"""Evidence to footer and back, between cars with different frames."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.messages import mvs_footer
+from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.mvs.fusion import fuse
+from onboard.mvs.local_frame import LocalFrame
+from onboard.mvs.sharing import (
+    encode_within,
+    evidence_in,
+    footer_of,
+    from_correlations,
+    to_correlations,
+)
+
+SENDER, RECEIVER = LocalFrame(48.1, 11.5), LocalFrame(48.12, 11.53)
+ANCHOR = LocalFrame(48.1012345, 11.5012345)
+
+
+def some_evidence(rng: np.random.Generator, cars: int) -> list[Evidence]:
+    evidence: list[Evidence] = []
+    for car in range(cars):
+        measurements = [
+            Measurement(
+                MeasurementId(observer, 99_900 - 100 * k - 7 * at - car),
+                rng.normal((30 * car - 150, 10 * car), 1.0),
+                np.array([[0.5, 0.1], [0.1, 0.3]]),
+            )
+            for at, observer in enumerate((b"aaaa", b"bbbb"))
+            for k in range(3)
+        ]
+        evidence += fuse([measurements], 1.0) if car % 3 else measurements[:1]
+    return evidence
+
+
+def test_what_was_sent_is_in_the_receivers_frame_what_it_was_in_the_senders() -> None:
+    sent = some_evidence(np.random.default_rng(0), 9)
+    data = encode_within(sent, 100_000, SENDER, ANCHOR, 1000)
+
+    came = evidence_in(mvs_footer.decode(data), RECEIVER)
+
+    by_provenance = {piece.provenance: piece for piece in came if isinstance(piece, Estimate)}
+    mapping = RECEIVER.mapping_from(SENDER)
+    for piece in (piece for piece in sent if isinstance(piece, Estimate)):
+        expected, got = piece.mapped(*mapping), by_provenance[piece.provenance]
+        assert np.abs(expected.state[:2] - got.state[:2]).max() < 0.02
+        assert np.abs(expected.state[2:] - got.state[2:]).max() < 0.02
+        # No more is claimed than was known, and hardly less.
+        relative = np.linalg.eigvals(np.linalg.solve(expected.covariance, got.covariance)).real
+        assert relative.min() > 0.97
+        assert relative.max() < 1.07
+    measured = [piece for piece in came if isinstance(piece, Measurement)]
+    assert [piece.id for piece in measured] == [
+        piece.id for piece in sent if isinstance(piece, Measurement)
+    ]
+
+
+def test_what_does_not_fit_is_left_out_from_the_end() -> None:
+    sent = some_evidence(np.random.default_rng(0), 12)
+    whole = encode_within(sent, 100_000, SENDER, ANCHOR, 1400)
+
+    data = encode_within(sent, 100_000, SENDER, ANCHOR, 200)
+
+    assert len(data) <= 200 < len(whole)
+    came = {piece.provenance for piece in evidence_in(mvs_footer.decode(data), SENDER)}
+    assert came == {piece.provenance for piece in sent[: len(came)]}
+    assert (
+        evidence_in(mvs_footer.decode(encode_within(sent, 100_000, SENDER, ANCHOR, 18)), SENDER)
+        == []
+    )
+
+
+def test_what_is_too_old_or_not_yet_is_not_sent() -> None:
+    pieces = [
+        Measurement(MeasurementId(b"aaaa", stamp_ms), np.zeros(2), np.eye(2))
+        for stamp_ms in (95_904, 95_905, 100_000, 100_001)
+    ]
+
+    footer = mvs_footer.decode(encode_within(pieces, 100_000, SENDER, ANCHOR, 1000))
+
+    assert [entry.age_ms for entry in footer.measurements] == [4095, 0]
+
+
+def test_a_long_provenance_is_several_runs_of_an_observer() -> None:
+    provenance = frozenset(MeasurementId(b"aaaa", 100_000 - k) for k in range(40))
+    estimate = Estimate(provenance, np.zeros(4), np.eye(4))
+
+    footer = footer_of([estimate], 100_000, SENDER, ANCHOR)
+
+    assert [len(run.ages_ms) for run in footer.estimates[0].provenance] == [16, 16, 8]
+    (came,) = evidence_in(mvs_footer.decode(mvs_footer.encode(footer)), SENDER)
+    assert came.provenance == provenance
+
+
+def test_more_observers_than_a_footer_can_name_are_left_out_from_the_end() -> None:
+    pieces = [
+        Measurement(MeasurementId(k.to_bytes(4), 100_000), np.zeros(2), np.eye(2))
+        for k in range(300)
+    ]
+
+    data = encode_within(pieces, 100_000, SENDER, ANCHOR, 10_000)
+
+    assert len(mvs_footer.decode(data).observers) == 255
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 4]))
+def test_a_covariance_is_its_deviations_and_partial_correlations(seed: int, n: int) -> None:
+    root = np.random.default_rng(seed).normal(size=(n, n))
+    covariance = root @ root.T + 0.01 * np.eye(n)
+
+    sigmas, correlations = to_correlations(covariance)
+
+    assert all(-1 < correlation < 1 for correlation in correlations)
+    np.testing.assert_allclose(from_correlations(sigmas, correlations), covariance)
+
+
+@given(
+    st.lists(st.floats(0.01, 100), min_size=4, max_size=4),
+    st.lists(st.floats(-127 / 128, 127 / 128), min_size=6, max_size=6),
+)
+def test_any_deviations_and_correlations_are_a_positive_covariance(
+    sigmas: list[float], correlations: list[float]
+) -> None:
+    covariance = from_correlations(sigmas, correlations)
+
+    assert (covariance == covariance.T).all()
+    np.linalg.cholesky(covariance)
+    assert np.sqrt(np.diagonal(covariance)) == pytest.approx(sigmas)
