@@ -1,0 +1,63 @@
+"""BSMs read and written, beside asn1tools doing the same bits without units.
+
+asn1tools reads the grammar that the tests use as an oracle; its open types need a call each.
+"""
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import asn1tools
+
+from bench import Figure
+from bench._messages import bsm as example
+from onboard.messages import bsm
+
+GRAMMAR = Path(__file__).parents[1] / "tests" / "messages" / "bsm_oracle.asn1"
+MESSAGES = 500
+REPEATS = 7
+
+
+def measure() -> Iterator[Figure]:
+    """Messages a second on one core, decoding and encoding."""
+    grammar = asn1tools.compile_files(str(GRAMMAR), "uper")
+    messages = [example(0, car, 0) for car in range(MESSAGES)]
+    frames = [bsm.encode(message) for message in messages]
+    trees = [_decode(grammar, frame) for frame in frames]
+    pairs: list[tuple[str, Callable[[], object], Callable[[], object]]] = [
+        (
+            "codec.decode",
+            lambda: [bsm.decode(frame) for frame in frames],
+            lambda: [_decode(grammar, frame) for frame in frames],
+        ),
+        (
+            "codec.encode",
+            lambda: [bsm.encode(message) for message in messages],
+            lambda: [_encode(grammar, tree) for tree in trees],
+        ),
+    ]
+    for name, ours, theirs in pairs:
+        rates = [(_rate_hz(ours), _rate_hz(theirs)) for _ in range(REPEATS)]
+        value, reference = (statistics.median(column) for column in zip(*rates, strict=True))
+        yield Figure(name, value, "messages/s", REPEATS, "asn1tools", reference)
+
+
+def _decode(grammar: Any, frame: bytes) -> Any:
+    message = grammar.decode("Bsm", grammar.decode("Frame", frame)["value"])
+    for part in message["parts"]:
+        part["value"] = grammar.decode("Safety", part["value"])
+    return message
+
+
+def _encode(grammar: Any, message: Any) -> Any:
+    parts = [part | {"value": grammar.encode("Safety", part["value"])} for part in message["parts"]]
+    value = grammar.encode("Bsm", message | {"parts": parts})
+    return grammar.encode("Frame", {"messageId": bsm.MESSAGE_ID, "value": value})
+
+
+def _rate_hz(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    return MESSAGES / (time.perf_counter() - start)
