@@ -1,12 +1,15 @@
 """The decoders under fuzzing: a target takes any bytes, and raises nothing but what it declares."""
 
+import struct
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.messages import bsm, lcca
+from onboard.gnss.gpsd_reader import GpsdReader
+from onboard.gnss.nmea import NmeaReader
+from onboard.messages import bsm, lcca, mvs_footer
 from onboard.messages.declaration import DecodeError
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.car_bus import CarBus
@@ -55,6 +58,13 @@ def _bsm(data: bytes) -> None:
         raise AssertionError(f"{message} is not what its encoding says")
 
 
+def _mvs_footer(data: bytes) -> None:
+    footer = mvs_footer.decode(data)
+    mvs_footer.as_dict(footer)
+    if mvs_footer.decode(mvs_footer.encode(footer)) != footer:
+        raise AssertionError(f"{footer} is not what its encoding says")
+
+
 def _lcca(data: bytes) -> None:
     message = lcca.decode(data)
     lcca.as_dict(message)
@@ -79,24 +89,42 @@ def _capture(data: bytes) -> None:
         pass
 
 
+_CAN_FRAME = struct.Struct("<IB3x8s")
+
+
 def _can(data: bytes) -> None:
-    """Frames on the bus: identifier and length in an octet, then so many of data; 0.1 s apart."""
+    """Frames as SocketCAN lays them out (struct can_frame), 0.1 s apart."""
     bus = CarBus(ObdSettings())
-    position, now = 0, 0.0
-    while position < len(data):
-        size = data[position] & 0x0F
-        ecu = 0x7E8 + (data[position] >> 4)
-        content = data[position + 1 : position + 1 + size]
-        bus.receive_frame(CanFrame(now, ecu, is_extended_id=False, data=content), now)
+    for number in range(len(data) // _CAN_FRAME.size):
+        now = number * 0.1
+        identifier, size, content = _CAN_FRAME.unpack_from(data, number * _CAN_FRAME.size)
+        is_extended_id = bool(identifier >> 31)
+        identifier &= 0x1FFFFFFF if is_extended_id else 0x7FF
+        bus.receive_frame(CanFrame(now, identifier, is_extended_id, content[:size]), now)
         bus.frames_to_send(now)
         while bus.next_event() is not None:
             pass
-        position += 1 + size
-        now += 0.1
 
 
 def _socketcand(data: bytes) -> object:
     return parse_element(data.decode("latin-1"))
+
+
+def _nmea(data: bytes) -> None:
+    _read_stream(NmeaReader(), data)
+
+
+def _gpsd(data: bytes) -> None:
+    _read_stream(GpsdReader(), data)
+
+
+def _read_stream(reader: NmeaReader | GpsdReader, data: bytes) -> None:
+    """In two pieces, as a stream comes."""
+    half = len(data) // 2
+    for now, piece in enumerate((data[:half], data[half:])):
+        reader.receive_bytes(piece, float(now))
+        while reader.next_event() is not None:
+            pass
 
 
 TARGETS = {
@@ -106,8 +134,11 @@ TARGETS = {
     "describe": Target(describe),
     "ieee1609dot2": Target(_security, (NotTrusted,)),
     "bsm": Target(_bsm, (DecodeError,)),
+    "mvs_footer": Target(_mvs_footer, (DecodeError,)),
     "lcca": Target(_lcca, (DecodeError,)),
     "can": Target(_can),
+    "nmea": Target(_nmea),
+    "gpsd": Target(_gpsd),
     "socketcand": Target(_socketcand, (ProtocolError,)),
 }
 """By the name of their corpus."""

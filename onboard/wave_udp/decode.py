@@ -4,10 +4,11 @@ This looks over the shoulders of the other rooms, for people: nothing that drive
 nothing it says was verified.
 """
 
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
-from onboard.messages import bsm, lcca
+from onboard.messages import bsm, lcca, mvs_footer
 from onboard.messages.declaration import DecodeError
 from onboard.messages.uper import printed
 from onboard.security import ieee1609dot2
@@ -28,6 +29,7 @@ class Form(StrEnum):
     DOT2 = "1609.2"
     MESSAGE_FRAME = "messageframe"
     LCCA = "lcca"
+    MVS_FOOTER = "mvs_footer"
     RSU41 = "rsu41"
 
 
@@ -38,21 +40,32 @@ def describe(data: bytes, form: Form = Form.AUTO) -> dict[str, Any]:
     as hex.
     """
     layers: dict[str, Any] = {}
-    rest: bytes | None = data
-    inner_psid: int | None = None
-    while rest is not None:
+    within = _Layer({}, data, form)
+    while within.content is not None:
+        form = within.form
         if form is Form.AUTO:
-            form = _form_of(rest, inner_psid)
+            form = _form_of(within.content, within.psid)
         try:
-            layer, content, layer_psid = _LAYERS[form](rest)
+            inner = _READERS[form](within.content)
         except DecodeError as error:
             layers["error"] = {"layer": form, "reason": error.reason, "detail": error.detail}
-            layers["undecoded"] = rest.hex()
+            layers["undecoded"] = within.content.hex()
             break
-        layers[form] = layer
-        inner_psid = inner_psid if layer_psid is None else layer_psid
-        form, rest = Form.AUTO, content
+        layers[form] = inner.said
+        within = inner if inner.psid is not None else replace(inner, psid=within.psid)
     return layers
+
+
+@dataclass(frozen=True, slots=True)
+class _Layer:
+    """What is said of a layer, and what it carries."""
+
+    said: dict[str, Any]
+    content: bytes | None = None
+    form: Form = Form.AUTO
+    """Of the content."""
+    psid: int | None = None
+    """Under which the content travels, where the layer says so."""
 
 
 def _form_of(data: bytes, inner_psid: int | None) -> Form:
@@ -73,13 +86,9 @@ def _form_of(data: bytes, inner_psid: int | None) -> Form:
     return Form.LCCA if first == lcca.VERSION else Form.WSM
 
 
-_Layer = tuple[dict[str, Any], bytes | None, int | None]
-"""What is said of a layer, what it carries, and under which PSID."""
-
-
 def _rsu41(data: bytes) -> _Layer:
     message = immediate_forward.decode(data)
-    layer = {
+    said = {
         "version": message.version,
         "type": message.type,
         **_psid(message.psid),
@@ -92,12 +101,12 @@ def _rsu41(data: bytes) -> _Layer:
         "signature": message.signature,
         "encryption": message.encryption,
     }
-    return layer, message.payload, message.psid
+    return _Layer(said, message.payload, psid=message.psid)
 
 
 def _wsm(data: bytes) -> _Layer:
     wsm = wsmp.decode(data)
-    layer = {
+    said = {
         "version": wsm.version,
         "channel_number": wsm.channel_number,
         "data_rate_mbit_s": wsm.data_rate_mbit_s,
@@ -107,7 +116,7 @@ def _wsm(data: bytes) -> _Layer:
         "t_extensions": [_element(element) for element in wsm.t_extensions],
         "wsm_length_bytes": len(wsm.payload),
     }
-    return layer, wsm.payload, wsm.psid
+    return _Layer(said, wsm.payload, psid=wsm.psid)
 
 
 def _psid(value: int) -> dict[str, Any]:
@@ -120,13 +129,19 @@ def _element(element: wsmp.Element) -> dict[str, Any]:
 
 def _message_frame(data: bytes) -> _Layer:
     message = bsm.decode(data)
-    layer = {"message_id": bsm.MESSAGE_ID, "basic_safety_message": bsm.as_dict(message)}
-    return layer, None, None
+    fields = bsm.as_dict(message)
+    del fields["footer"]  # a layer of its own
+    said = {"message_id": bsm.MESSAGE_ID, "basic_safety_message": fields}
+    return _Layer(said, message.footer, Form.MVS_FOOTER)
+
+
+def _mvs_footer(data: bytes) -> _Layer:
+    return _Layer(mvs_footer.as_dict(mvs_footer.decode(data)))
 
 
 def _lcca(data: bytes) -> _Layer:
     message = lcca.decode(data)
-    return {"message": message.kind, **lcca.as_dict(message)}, None, None
+    return _Layer({"message": message.kind, **lcca.as_dict(message)})
 
 
 def _dot2(data: bytes) -> _Layer:
@@ -137,8 +152,8 @@ def _dot2(data: bytes) -> _Layer:
     except Unsupported as unsupported:
         raise DecodeError(Reason.UNSUPPORTED, str(unsupported)) from unsupported
     if isinstance(message, UnsecuredData):
-        return {"content": "unsecured_data"}, message.payload, None
-    return _signed(message), message.payload, message.psid
+        return _Layer({"content": "unsecured_data"}, message.payload)
+    return _Layer(_signed(message), message.payload, psid=message.psid)
 
 
 def _signed(message: SignedData) -> dict[str, Any]:
@@ -185,10 +200,11 @@ def _utc_s(time64: int | None) -> float | None:
     return None if time64 is None else from_time64(time64)
 
 
-_LAYERS = {
+_READERS = {
     Form.RSU41: _rsu41,
     Form.WSM: _wsm,
     Form.DOT2: _dot2,
     Form.MESSAGE_FRAME: _message_frame,
+    Form.MVS_FOOTER: _mvs_footer,
     Form.LCCA: _lcca,
 }

@@ -9,8 +9,11 @@ import typer
 from typer.testing import CliRunner
 
 from onboard.errors import UserError
-from onboard.messages import bsm, lcca
+from onboard.messages import bsm, lcca, mvs_footer
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
 from onboard.messages.lcca import Leave, LeaveReason
+from onboard.messages.mvs_footer import MvsFooter
 from onboard.wave_udp import immediate_forward, wsmp
 from onboard.wave_udp.capture import PcapWriter
 from onboard.wave_udp.cli import decode
@@ -72,6 +75,25 @@ def test_an_immediate_forward_message_is_told_down_to_its_payload():
     assert list(told) == ["rsu41", "1609.2", "lcca"]
     assert told["rsu41"]["psid"] == 0x4020
     assert told["rsu41"]["priority"] == 7
+
+
+FOOTER = mvs_footer.encode(MvsFooter(1_790_000_000_000, 25.0, 121.5, (b"abcd",), (), ()))
+
+
+def test_the_footer_of_a_bsm_is_a_layer_of_its_own():
+    core = CoreData(msg_cnt=5, temporary_id=b"abcd")
+    told = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER)))
+    assert list(told) == ["messageframe", "mvs_footer"]
+    assert told["mvs_footer"]["observers"] == [b"abcd".hex()]
+
+
+def test_a_bsm_is_told_though_its_footer_cannot_be_read():
+    core = CoreData(msg_cnt=5, temporary_id=b"abcd")
+    told = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER[:-1])))
+    assert list(told) == ["messageframe", "error", "undecoded"]
+    assert told["messageframe"]["basic_safety_message"]["core"]["msg_cnt"] == 5
+    assert (told["error"]["layer"], told["error"]["reason"]) == ("mvs_footer", "too_short")
+    assert told["undecoded"] == FOOTER[:-1].hex()
 
 
 @pytest.mark.parametrize(
