@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import logging
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -29,6 +30,10 @@ DRAIN_FRAMES = 256
 
 MAX_QUEUED_S = 1.0
 """A kernel stamp older than this is a clock that was set, not a frame that waited."""
+
+
+# Its words are for those who set up logging, not for stderr beside ours.
+logging.getLogger("can").addHandler(logging.NullHandler())
 
 
 class CanBusError(UserError):
