@@ -43,9 +43,9 @@ class LccaSettings(Settings):
 
     slot_s: float = Field(0.01, gt=0.0, le=0.5)
     """Of the cars that might repeat a message, each waits one more slot than the better placed."""
-    acknowledge_s: float = Field(0.15, gt=0.0, le=5.0)
+    acknowledge_s: float = Field(0.1, gt=0.0, le=5.0)
     """Until a warning is repeated to a follower that has not acknowledged it."""
-    warn_repeats: int = Field(8, ge=0, le=50)
+    warn_repeats: int = Field(10, ge=0, le=50)
     """How often at most."""
     event_lifetime_s: float = Field(3.0, gt=0.0, le=60.0)
     """A warning older than this warns nobody."""

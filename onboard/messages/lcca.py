@@ -22,7 +22,7 @@ CarId = bytes
 _CarId = Annotated[CarId, Octets(64)]
 _GroupNumber = Annotated[int, Number(16, 1, "", lowest=1, highest=65535)]
 _Sequence = Annotated[int, Wire(16)]
-_Speed = Annotated[float | None, Number(13, 0.02, "m/s", highest=8190, unavailable=8191)]
+_Speed = Annotated[float | None, Number(16, 0.01, "m/s", highest=65534, unavailable=65535)]
 
 
 class LeaveReason(Enum):
@@ -77,7 +77,6 @@ class Reply:
     """The leader's count of its replies, as far as it has come down to the sender."""
     speed_m_s: _Speed
     """The sender's own, to be compared with what the camera behind it sees."""
-    reserved: Annotated[int, Wire(3)] = 0
 
 
 @dataclass(frozen=True, slots=True)

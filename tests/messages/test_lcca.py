@@ -31,8 +31,8 @@ EXAMPLES: list[tuple[LccaMessage, str]] = [
     ),
     (
         Reply(A, A, 1, B, 7, 99, 20.0),
-        # 20.0 m/s is 1000 steps of 0.02; 13 bits, then 3 reserved: 1000 << 3 = 0x1f40
-        "01 02" + A.hex() + A.hex() + "0001" + B.hex() + "0007 0063 1f40",
+        # 20.0 m/s is 2000 steps of 0.01
+        "01 02" + A.hex() + A.hex() + "0001" + B.hex() + "0007 0063 07d0",
     ),
     (
         Leave(B, A, 2, A, LeaveReason.NOT_AHEAD),
