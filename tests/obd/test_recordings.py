@@ -2,6 +2,7 @@
 
 import csv
 from collections import Counter
+from functools import cache
 
 import can
 import isotp
@@ -19,10 +20,15 @@ pytestmark = pytest.mark.realdata
 LISTENING = ObdSettings(polling_hz=None)
 
 
+@cache
+def frames_of(path):
+    return list(read_can_log(path))
+
+
 def events_of(path, settings=LISTENING):
     bus = CarBus(settings)
     events = []
-    for frame in read_can_log(path):
+    for frame in frames_of(path):
         bus.receive_frame(frame, frame.stamp_s)
         while (event := bus.next_event()) is not None:
             events.append(event)
@@ -80,7 +86,7 @@ def test_messages_are_those_that_can_isotp_reads(rig_data, drive):
     """Both read what the ECU sent in the whole drive; the speeds among them are ours."""
     frames = [
         frame
-        for frame in read_can_log(rig_data / "can" / f"{drive}.log")
+        for frame in frames_of(rig_data / "can" / f"{drive}.log")
         if frame.arbitration_id == 0x7E8
     ]
     waiting = iter(
