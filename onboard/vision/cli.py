@@ -1,4 +1,4 @@
-"""`onboard see`: what the camera's half of the car makes of a recording."""
+"""`onboard see`, what the camera makes of a recording, and `onboard calibrate`, what it is."""
 
 import contextlib
 import csv
@@ -11,11 +11,22 @@ from typing import Annotated
 import cv2
 import numpy as np
 import typer
+import yaml
 
 from onboard.errors import UserError
 from onboard.observations import Discarded
 from onboard.settings import load_settings
-from onboard.vision.frames import LiveFrames, Pictures, open_frames
+from onboard.vision.calibrate import (
+    Board,
+    CharucoBoard,
+    Chessboard,
+    Fit,
+    calibrate_by_plates,
+    calibrate_lens,
+    place_by_board,
+)
+from onboard.vision.frames import Frame, Image, LiveFrames, Pictures, open_frames
+from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.score import Scores, Truth
 from onboard.vision.seen_frame import COLUMNS, SeenFrame, see_frames
 from onboard.vision.settings import Calibration, CameraSettings, VisionSettings
@@ -136,3 +147,98 @@ def _print_table(rows: list[dict[str, str]]) -> None:
     widths = [max(len(line[index]) for line in lines) for index in range(len(columns))]
     for line in lines:
         typer.echo("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)))
+
+
+def calibrate(
+    pictures: Annotated[str, typer.Argument(help="A folder or glob of pictures, or a video.")],
+    *,
+    board: Annotated[
+        str | None,
+        typer.Option(help="COLUMNSxROWS: inner corners of a chessboard, squares of a ChArUco."),
+    ] = None,
+    square_m: Annotated[float, typer.Option(help="Side of the board's squares.")] = 0.03,
+    charuco_tag_m: Annotated[
+        float | None, typer.Option(help="The board is ChArUco, with tags of this side.")
+    ] = None,
+    charuco_dictionary: Annotated[str, typer.Option(help="Of those tags.")] = "5X5_100",
+    upright: Annotated[
+        str | None,
+        typer.Option(help="A picture of the board upright on the road, straight ahead."),
+    ] = None,
+    lowest_corners_m: Annotated[
+        float | None, typer.Option(help="In it, height over the road of the lowest inner corners.")
+    ] = None,
+    plate_at_m: Annotated[
+        str | None,
+        typer.Option(help="Instead of a board: distances of a plate, one a picture: 4,6,8,12."),
+    ] = None,
+    plate_width_m: Annotated[float, typer.Option(help="Of that plate.")] = 0.52,
+    plate_height_m: Annotated[
+        float | None, typer.Option(help="Of that plate's middle over the road.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Where to write.")] = Path("CALIBRATION.yaml"),
+) -> None:
+    """Find out what the camera's lens is and where it is mounted."""
+    images = [frame.image for frame in _still_frames(pictures)]
+    if plate_at_m is not None and plate_height_m is not None:
+        fit = _fit_by_plates(images, plate_at_m, plate_width_m, plate_height_m)
+    elif board is not None:
+        pattern = _board(board, square_m, charuco_tag_m, charuco_dictionary)
+        fit = calibrate_lens(images, pattern)
+        if upright is not None and lowest_corners_m is not None:
+            typer.echo(f"lens: {fit.used} pictures, {fit.rms_px:.2f} px RMS")
+            (picture,) = _still_frames(upright)
+            fit = place_by_board(fit.calibration, picture.image, pattern, lowest_corners_m)
+    else:
+        raise UserError("say what the pictures show: --board, or --plate-at-m and --plate-height-m")
+    typer.echo(f"{fit.used} pictures, {fit.rms_px:.2f} px RMS; written to {out}")
+    try:
+        out.write_text(_yaml(fit.calibration), encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"{out}: cannot be written: {error.strerror}") from error
+
+
+def _still_frames(pictures: str) -> list[Frame]:
+    source = open_frames(CameraSettings(source=pictures))
+    if isinstance(source, LiveFrames):
+        raise UserError(f"{pictures}: take pictures first")
+    frames = [frame for frame in source if frame.image.size]
+    if not frames:
+        raise UserError(f"{pictures}: no picture could be read")
+    return frames
+
+
+def _board(board: str, square_m: float, tag_m: float | None, dictionary: str) -> Board:
+    parts = board.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() and int(part) > 1 for part in parts):
+        raise UserError(f"--board: must be like 9x6 (given {board!r})")
+    columns, rows = (int(part) for part in parts)
+    if tag_m is None:
+        return Chessboard(columns, rows, square_m)
+    return CharucoBoard(columns, rows, square_m, tag_m, dictionary)
+
+
+def _fit_by_plates(
+    images: list[Image], plate_at_m: str, plate_width_m: float, plate_height_m: float
+) -> Fit:
+    try:
+        distances_m = [float(part) for part in plate_at_m.split(",")]
+    except ValueError as error:
+        raise UserError(f"--plate-at-m: must be like 4,6,8 (given {plate_at_m!r})") from error
+    if len(distances_m) != len(images):
+        raise UserError(f"--plate-at-m: {len(distances_m)} distances for {len(images)} pictures")
+    finder = PlateDetector()
+    plates = []
+    for index, (distance_m, image) in enumerate(zip(distances_m, images, strict=True)):
+        found = finder.find(image)
+        if not found:
+            raise UserError(f"picture {index + 1}, at {distance_m:g} m: no plate was found")
+        plates.append((distance_m, found[0].corners_px))
+    size_px = (images[0].shape[1], images[0].shape[0])
+    return calibrate_by_plates(size_px, plates, plate_width_m, plate_height_m)
+
+
+def _yaml(calibration: Calibration) -> str:
+    head = "# Written by `onboard calibrate`; also fits under `camera:` in a car's configuration.\n"
+    values = calibration.model_dump(mode="json")
+    return head + yaml.safe_dump(values, sort_keys=False, default_flow_style=None)

@@ -62,6 +62,11 @@ class Perspective:
             ]
         )
 
+    @property
+    def mounting_height_m(self) -> float:
+        """Lens over the road."""
+        return self._calibration.mounting_height_m
+
     def project(self, place: Place) -> tuple[float, float]:
         """Pixel (u, v) of a place in front of the camera."""
         u_px, v_px = self.project_all([place])[0]

@@ -37,6 +37,7 @@ from onboard.vision.settings import Calibration, VisionSettings, guessed_calibra
 from onboard.vision.sighting import Cue, Sighting
 from onboard.vision.tags import TagFinder
 from onboard.vision.tracker import Tracker
+from onboard.vision.vehicle_detector import VehicleDetector, Vehicles
 
 Event = Plate | Lead | SensedCar | Discarded | SensorLost | SensorBack
 ROOM = "vision"
@@ -82,6 +83,8 @@ class Sight:
         if settings.plates:
             self._finder = finder or PlateDetector()
             self._reader = reader or PlateReader()
+        if settings.vehicle_model is not None:
+            self._vehicle_detector = VehicleDetector(settings.vehicle_model)
         self._tracker = Tracker(
             settings.lane_width_m,
             settings.keep_s,
@@ -186,6 +189,9 @@ class Sight:
             self._finders.append(
                 Plates(self._finder, self._reader, syntax, perspective, settings.plate_width_m)
             )
+        if settings.vehicle_model is not None:
+            model = settings.vehicle_model
+            self._finders.append(Vehicles(self._vehicle_detector, model, perspective))
         return True
 
     def _show(self, pairs: list[tuple[Sighting, CarTrack | None]], stamp_s: float) -> None:

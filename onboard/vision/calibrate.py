@@ -1,0 +1,249 @@
+"""Lens and place of the camera, from pictures of a board or of a plate at known distances.
+
+The lens: Zhang's method as OpenCV has it ("A Flexible New Technique for Camera Calibration", 2000),
+from ten or more pictures of a chessboard or ChArUco board. The place: one picture of the board
+upright on the road, straight ahead. Where there is no board, a parked car does: its plate at three
+or more known distances gives focal length, height and pitch, though no distortion.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares
+
+from onboard.errors import UserError
+from onboard.settings import parse_settings
+from onboard.vision.perspective import Corners
+from onboard.vision.settings import Calibration
+
+Image = npt.NDArray[np.uint8]
+_Points = npt.NDArray[np.float32]
+
+LEAST_PICTURES = 5
+"""Of a board; fewer leave the lens open."""
+LEAST_DISTANCES = 3
+"""Of a plate: focal length, height and pitch are three unknowns."""
+
+
+class CalibrationError(UserError):
+    """The pictures do not say enough."""
+
+
+class Board(Protocol):
+    """A flat pattern of known size."""
+
+    def find(self, grey: Image) -> tuple[_Points, _Points] | None:
+        """(n, 3) points of the board in metres, and (n, 2) where the picture shows them."""
+        ...
+
+
+class Chessboard:
+    """Black and white squares."""
+
+    def __init__(self, columns: int, rows: int, square_m: float) -> None:
+        """`columns`, `rows`: of inner corners, where four squares meet."""
+        self._size = (columns, rows)
+        grid = np.mgrid[0:columns, 0:rows].T.reshape(-1, 2) * square_m
+        self._points = np.hstack([grid, np.zeros((len(grid), 1))]).astype(np.float32)
+
+    def find(self, grey: Image) -> tuple[_Points, _Points] | None:
+        """All inner corners, or `None`."""
+        found, corners = cv2.findChessboardCornersSB(grey, self._size)
+        if not found:
+            return None
+        return self._points, np.asarray(corners, np.float32).reshape(-1, 2)
+
+
+class CharucoBoard:
+    """A chessboard with ArUco tags in its white squares: parts of it are enough."""
+
+    def __init__(
+        self, columns: int, rows: int, square_m: float, tag_side_m: float, dictionary: str
+    ) -> None:
+        """`columns`, `rows`: of squares."""
+        number = int(getattr(cv2.aruco, f"DICT_{dictionary}"))
+        self._board = cv2.aruco.CharucoBoard(
+            (columns, rows), square_m, tag_side_m, cv2.aruco.getPredefinedDictionary(number)
+        )
+        self._detector = cv2.aruco.CharucoDetector(self._board)
+
+    def find(self, grey: Image) -> tuple[_Points, _Points] | None:
+        """The inner corners that can be seen, or `None` where they are fewer than six."""
+        # OpenCV's stubs do not know that it gives None where there is no board.
+        detected: tuple[Any, ...] = self._detector.detectBoard(grey)
+        corners, numbers = detected[:2]
+        if numbers is None or len(numbers) < 6:
+            return None
+        points, pixels = self._board.matchImagePoints(list(corners), numbers)
+        return (
+            np.asarray(points, np.float32).reshape(-1, 3),
+            np.asarray(pixels, np.float32).reshape(-1, 2),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A calibration and how well it explains what was seen."""
+
+    calibration: Calibration
+    rms_px: float
+    used: int
+    """Pictures."""
+
+
+def calibrate_lens(pictures: Sequence[Image], board: Board) -> Fit:
+    """Focal lengths, principal point and distortion from pictures of a board held every way.
+
+    Raises:
+        CalibrationError: the pictures differ in size, or show the board too rarely.
+        SettingsError: what they say is no camera.
+    """
+    sizes = {picture.shape[:2] for picture in pictures}
+    if len(sizes) != 1:
+        raise CalibrationError(f"the pictures must be of one size; they are of {sorted(sizes)}")
+    ((height_px, width_px),) = sizes
+    found = [pair for picture in pictures if (pair := board.find(_grey(picture))) is not None]
+    if len(found) < LEAST_PICTURES:
+        raise CalibrationError(
+            f"the board was found in {len(found)} of {len(pictures)} pictures; "
+            f"{LEAST_PICTURES} are needed, 10 or more are good"
+        )
+    rms_px, matrix, distortion, _, _ = cv2.calibrateCamera(
+        [points for points, _ in found],
+        [pixels for _, pixels in found],
+        (width_px, height_px),
+        np.eye(3),
+        np.zeros(5),
+    )
+    return Fit(
+        _checked(
+            width_px=width_px,
+            height_px=height_px,
+            focal_x_px=float(matrix[0, 0]),
+            focal_y_px=float(matrix[1, 1]),
+            # OpenCV counts from the middle of the first pixel.
+            principal_x_px=float(matrix[0, 2]) + 0.5,
+            principal_y_px=float(matrix[1, 2]) + 0.5,
+            distortion=[float(value) for value in np.ravel(distortion)[:5]],
+        ),
+        rms_px=float(rms_px),
+        used=len(found),
+    )
+
+
+def place_by_board(lens: Calibration, picture: Image, board: Board, lowest_m: float) -> Fit:
+    """Height, pitch and yaw from one picture of the board upright, straight ahead of the camera.
+
+    Args:
+        lens: what `calibrate_lens` gave.
+        picture: shows the board.
+        board: its pattern.
+        lowest_m: its lowest inner corners over the road.
+
+    Raises:
+        CalibrationError: the board was not found.
+    """
+    found = board.find(_grey(picture))
+    if found is None:
+        raise CalibrationError("the board was not found in the picture of it upright")
+    points, pixels = found
+    matrix = np.array(
+        [
+            [lens.focal_x_px, 0.0, lens.principal_x_px],
+            [0.0, lens.focal_y_px, lens.principal_y_px],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    _, rotation, translation = cv2.solvePnP(points, pixels + 0.5, matrix, np.array(lens.distortion))
+    turned, _ = cv2.Rodrigues(rotation)
+    in_camera = points @ turned.T + np.ravel(translation)
+    # The board's own vertical, whichever way round its corners were counted.
+    down = turned[:, 1] if turned[1, 1] > 0 else -turned[:, 1]
+    pitch_rad = math.atan2(down[2], down[1])
+    below_m = in_camera @ (0.0, math.cos(pitch_rad), math.sin(pitch_rad))
+    lowest = below_m > below_m.max() - 1e-3
+    middle = in_camera.mean(axis=0)
+    away_m = middle[2] * math.cos(pitch_rad) - middle[1] * math.sin(pitch_rad)
+    reprojected, _ = cv2.projectPoints(
+        points, rotation, translation, matrix, np.array(lens.distortion)
+    )
+    errors = np.asarray(reprojected).reshape(-1, 2) - pixels - 0.5
+    return Fit(
+        _placed(
+            lens,
+            float(below_m[lowest].mean()) + lowest_m,
+            pitch_rad,
+            -math.atan2(middle[0], away_m),
+        ),
+        rms_px=float(np.sqrt((errors**2).sum(axis=1).mean())),
+        used=1,
+    )
+
+
+def calibrate_by_plates(
+    size_px: tuple[int, int],
+    plates: Sequence[tuple[float, Corners]],
+    width_m: float,
+    height_m: float,
+) -> Fit:
+    """Focal length, height, pitch and yaw from one plate straight ahead at known distances.
+
+    Args:
+        size_px: width and height of the pictures.
+        plates: distance from the camera along the road, in metres, and corners of the plate.
+        width_m: of the plate.
+        height_m: of its middle over the road.
+
+    Raises:
+        CalibrationError: there are too few distances.
+    """
+    if len({distance_m for distance_m, _ in plates}) < LEAST_DISTANCES:
+        raise CalibrationError(f"the plate must be seen at {LEAST_DISTANCES} distances or more")
+    width_px, height_px = size_px
+    distances_m = np.array([distance_m for distance_m, _ in plates])
+    corners = np.array([each for _, each in plates], np.float64)
+    centre = np.array([width_px / 2, height_px / 2])
+    middles = corners.mean(axis=1) - centre
+    widths = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+    widths = (widths + np.linalg.norm(corners[:, 2] - corners[:, 3], axis=1)) / 2
+
+    def errors_px(unknown: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        focal, drop, pitch, yaw, beside = unknown
+        away = distances_m * np.cos(yaw) + beside * np.sin(yaw)
+        across = beside * np.cos(yaw) - distances_m * np.sin(yaw)
+        depth = drop * np.sin(pitch) + away * np.cos(pitch)
+        down = drop * np.cos(pitch) - away * np.sin(pitch)
+        seen = (focal * width_m / depth, focal * across / depth, focal * down / depth)
+        return np.concatenate([seen[0] - widths, seen[1] - middles[:, 0], seen[2] - middles[:, 1]])
+
+    start = np.array([np.median(widths * distances_m) / width_m, 0.7, 0.0, 0.0, 0.0])
+    fitted = least_squares(errors_px, start, x_scale=(1000.0, 1.0, 0.1, 0.1, 1.0))
+    focal, drop, pitch, yaw, _ = (float(value) for value in fitted.x)
+    lens = _checked(
+        width_px=width_px,
+        height_px=height_px,
+        focal_x_px=focal,
+        focal_y_px=focal,
+        principal_x_px=width_px / 2,
+        principal_y_px=height_px / 2,
+    )
+    rms_px = float(np.sqrt(np.mean(fitted.fun**2)))
+    return Fit(_placed(lens, drop + height_m, pitch, yaw), rms_px, len(plates))
+
+
+def _placed(lens: Calibration, height_m: float, pitch_rad: float, yaw_rad: float) -> Calibration:
+    place = {"mounting_height_m": height_m, "pitch_rad": pitch_rad, "yaw_rad": yaw_rad}
+    return _checked(**(lens.model_dump() | place))
+
+
+def _checked(**values: object) -> Calibration:
+    return parse_settings(values, Calibration, "the pictures say")
+
+
+def _grey(picture: Image) -> Image:
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)

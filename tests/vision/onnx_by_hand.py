@@ -1,0 +1,97 @@
+"""A detector of red squares as an ONNX file, its protobuf written by hand.
+
+The model pools the picture by 8 x 8 pixels, and gives each cell a box of its own size with the
+score red - (green + blue) / 2: output (1, 5, cells) as YOLOv8 has it with one class.
+Field numbers are those of onnx.proto (IR version 8, opset 13).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+CELL_PX = 8
+
+
+def write_red_square_detector(path: Path, side_px: int = 64, box_px: float = 16.0) -> None:
+    cells = side_px // CELL_PX
+    count = cells * cells
+    mix = np.zeros((5, 3, 1, 1), np.float32)
+    mix[4, :, 0, 0] = (1.0, -0.5, -0.5)
+    boxes = np.zeros((1, 5, count), np.float32)
+    centres = (np.arange(cells) + 0.5) * CELL_PX
+    boxes[0, 0] = np.tile(centres, cells)
+    boxes[0, 1] = np.repeat(centres, cells)
+    boxes[0, 2:4] = box_px
+    nodes = [
+        _node(
+            "AveragePool",
+            ["picture"],
+            "pooled",
+            [_ints("kernel_shape", [CELL_PX] * 2), _ints("strides", [CELL_PX] * 2)],
+        ),
+        _node("Conv", ["pooled", "mix"], "mixed", [_ints("kernel_shape", [1, 1])]),
+        _node("Reshape", ["mixed", "shape"], "flat", []),
+        _node("Add", ["flat", "boxes"], "found", []),
+    ]
+    tensors = [
+        _tensor("mix", mix),
+        _tensor("shape", np.array([1, 5, count], np.int64)),
+        _tensor("boxes", boxes),
+    ]
+    graph = b"".join(
+        [
+            *(_bytes(1, node) for node in nodes),
+            _bytes(2, b"red squares"),
+            *(_bytes(5, tensor) for tensor in tensors),
+            _bytes(11, _value("picture", [1, 3, side_px, side_px])),
+            _bytes(12, _value("found", [1, 5, count])),
+        ]
+    )
+    model = _number(1, 8) + _bytes(7, graph) + _bytes(8, _bytes(1, b"") + _number(2, 13))
+    path.write_bytes(model)
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def _number(field: int, value: int) -> bytes:
+    return _varint(field << 3) + _varint(value)
+
+
+def _bytes(field: int, value: bytes) -> bytes:
+    return _varint(field << 3 | 2) + _varint(len(value)) + value
+
+
+def _ints(name: str, values: list[int]) -> bytes:
+    numbers = b"".join(_number(8, value) for value in values)
+    return _bytes(1, name.encode()) + numbers + _number(20, 7)
+
+
+def _node(operator: str, inputs: list[str], output: str, attributes: list[bytes]) -> bytes:
+    return b"".join(
+        [
+            *(_bytes(1, name.encode()) for name in inputs),
+            _bytes(2, output.encode()),
+            _bytes(3, output.encode()),
+            _bytes(4, operator.encode()),
+            *(_bytes(5, attribute) for attribute in attributes),
+        ]
+    )
+
+
+def _tensor(name: str, values: np.ndarray) -> bytes:
+    dimensions = b"".join(_number(1, side) for side in values.shape)
+    kind = 1 if values.dtype == np.float32 else 7
+    raw = values.astype("<f4" if kind == 1 else "<i8").tobytes()
+    return dimensions + _number(2, kind) + _bytes(8, name.encode()) + _bytes(9, raw)
+
+
+def _value(name: str, sides: list[int]) -> bytes:
+    dimensions = b"".join(_bytes(1, _number(1, side)) for side in sides)
+    kind = _bytes(1, _number(1, 1) + _bytes(2, dimensions))
+    return _bytes(1, name.encode()) + _bytes(2, kind)
