@@ -1,7 +1,7 @@
 """The send path on one core: BSM and footer encoded, signed, framed; and the bytes on the air.
 
-The reference is the signature alone, as `onboard.security` makes it (deterministic, RFC 6979). Rates
-are by CPU time: of a core that this has for itself.
+The reference is the signature alone, as `onboard.security` makes it (deterministic, RFC 6979).
+Rates are by CPU time: of a core that this has for itself.
 """
 
 import statistics
