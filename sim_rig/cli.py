@@ -14,6 +14,7 @@ from sim_rig.live import Desk
 from sim_rig.report import failures, print_report, print_verdict
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario, load_scenario, scenario_names
+from sim_rig.timeline import draw_timeline
 from sim_rig.virtual import run_virtual
 
 app = typer.Typer(
@@ -53,8 +54,11 @@ def run(
     log = run_virtual(story, chosen) if virtual else _run_live(story, chosen, folder)
     took_s = time.monotonic() - began
     log.write(folder)
+    draw_timeline(story, log, folder / "timeline.png")
     print_report(story, log, console)
-    console.print(f"{story.duration_s:g} s in {took_s:.1f} s, seed {chosen}, traces in {folder}")
+    console.print(
+        f"{story.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces and picture in {folder}"
+    )
     print_verdict(story, log, console)
     raise typer.Exit(1 if failures(story, log) else 0)
 

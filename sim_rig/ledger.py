@@ -85,17 +85,29 @@ def _in_warned_car(log: RunLog, car: str, warning: Record) -> Iterator[tuple[str
     received = _last(log.of(car, "received", until_s=log.at_s(warning), message="warn"), event)
     if received is None:
         return
-    yield "alarm", warning["stamp_s"] - received["stamp_s"]
+    yield "alarm", alarm_stamp_s(warning) - received["stamp_s"]
     sender = log.name(received["content"]["sender_id"])
     if sender in log.traces:
         sent = _last(log.of(sender, "sent", until_s=log.at_s(received), message="warn"), event)
         if sent is not None:
             yield "received", received["stamp_s"] - sent["stamp_s"]
+    brake = braking_of(log, warning)
+    if brake is not None:
+        yield "chain", alarm_stamp_s(warning) - brake["stamp_s"]
+
+
+def alarm_stamp_s(warning: Record) -> float:
+    """When the alarm is raised: when the daemon has shown it, if it says so."""
+    return float(warning.get("traced_s", warning["stamp_s"]))
+
+
+def braking_of(log: RunLog, warning: Record) -> Record | None:
+    """The hard braking that a warning is about: the origin's last one before it."""
     origin = log.name(warning["origin_id"])
-    if origin in log.traces:
-        brakes = list(log.of(origin, "hard_brake", until_s=log.at_s(warning)))
-        if brakes:
-            yield "chain", warning["stamp_s"] - brakes[-1]["stamp_s"]
+    if origin not in log.traces:
+        return None
+    brakes = list(log.of(origin, "hard_brake", until_s=log.at_s(warning)))
+    return brakes[-1] if brakes else None
 
 
 def _last(records: Iterator[Record], event: tuple[str, int]) -> Record | None:

@@ -43,9 +43,9 @@ class Processes:
         self._ends[name] = asyncio.create_task(process.wait())
         return process
 
-    def pids(self) -> dict[str, int]:
-        """The process ID of each."""
-        return {name: process.pid for name, process in self._running.items()}
+    def pid(self, name: str) -> int:
+        """The process ID of one of them."""
+        return self._running[name].pid
 
     async def sleep_until(self, at: float) -> None:
         """Sleep until the monotonic clock shows `at`, or a process ends.

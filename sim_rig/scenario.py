@@ -90,6 +90,8 @@ class Scenario(Settings):
     cars: Mapping[CarName, ScenarioCar] = Field(min_length=1)
     lane_width_m: float = Field(default=3.5, gt=2.0, le=6.0)
     radio: AirSettings
+    beacons: bool = True
+    """Whether the cars also send BSMs, ten a second; no warning group needs them."""
     lcca: LccaSettings = LccaSettings()
     """Of every car."""
     faults: tuple[Fault, ...] = ()

@@ -116,7 +116,7 @@ class _VirtualCar:
         self._stack_at = 0.0
         rng, camera_rng = (np.random.default_rng(each) for each in seed.spawn(2))
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
-        self._stack = Stack(config, (Sensor.SPEED, Sensor.CAMERA), rng, 0.0, START_UTC_S)
+        self._stack = Stack(config, (Sensor.SPEED, Sensor.CAMERA), rng, now=0.0, utc_s=START_UTC_S)
         self._ecu = Ecu(
             lambda now: road.car_at(name, now).speed_m_s,
             runs=lambda now: not scenario.has_fault("ecu_stopped", name, now),

@@ -25,6 +25,7 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
             "tag_dictionary": "4X4_50" if has_tags else None,
             "lane_width_m": scenario.lane_width_m,
         },
+        "beacons": scenario.beacons,
         "lcca": scenario.lcca.model_dump(),
         "security": {"plate_digest": DIGEST},
     }

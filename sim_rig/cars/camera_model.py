@@ -165,13 +165,20 @@ def _text(car: SceneCar) -> str | None:
 
 
 def _u_px(car: SceneCar) -> float:
-    """Where its plate is, from the middle of the picture."""
+    """Where its plate is, to the right of the middle of the picture."""
     return LENS.focal_x_px * car.lateral_m / car.ahead_m
+
+
+def _v_px(car: SceneCar) -> float:
+    """Where its plate is, below the middle of the picture, for a small pitch."""
+    drop_m = LENS.mounting_height_m - PLATE_OVER_ROAD_M
+    return LENS.focal_y_px * (drop_m / car.ahead_m - LENS.pitch_rad)
 
 
 def _is_in_picture(car: SceneCar) -> bool:
     half_plate_px = LENS.focal_x_px * PLATE_WIDTH_M / 2 / car.ahead_m
-    return abs(_u_px(car)) + half_plate_px < LENS.width_px / 2
+    inside_u = abs(_u_px(car)) + half_plate_px < LENS.width_px / 2
+    return inside_u and abs(_v_px(car)) < LENS.height_px / 2
 
 
 def _hides(nearer: SceneCar, car: SceneCar) -> bool:
@@ -182,15 +189,10 @@ def _hides(nearer: SceneCar, car: SceneCar) -> bool:
 
 def _corners_px(car: SceneCar, width_px: float) -> Corners:
     u_px = LENS.principal_x_px + _u_px(car)
-    drop_m = LENS.mounting_height_m - PLATE_OVER_ROAD_M
-    v_px = LENS.principal_y_px + LENS.focal_y_px * drop_m / car.ahead_m
-    half_w_px, half_h_px = width_px / 2, width_px * PLATE_HEIGHT_M / PLATE_WIDTH_M / 2
-    left, right, top, bottom = (
-        u_px - half_w_px,
-        u_px + half_w_px,
-        v_px - half_h_px,
-        v_px + half_h_px,
-    )
+    v_px = LENS.principal_y_px + _v_px(car)
+    height_px = width_px * PLATE_HEIGHT_M / PLATE_WIDTH_M
+    left, right = u_px - width_px / 2, u_px + width_px / 2
+    top, bottom = v_px - height_px / 2, v_px + height_px / 2
     return np.array([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
 
 

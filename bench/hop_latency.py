@@ -1,0 +1,122 @@
+"""The warning hop on loopback, through real daemons: brake sample in one car, alarm in the next.
+
+Three daemons on the rig's desk, as in `sim-rig run`: CAN over TCP, camera over HTTP, radio over
+UDP. The first car brakes once in 1.1 s, the two behind are warned. From the moment that the braking
+car's daemon takes the sample off its bus to the moment that the warned car's daemon has written its
+alarm, the warning crosses two UDP wires: car to radio unit, radio unit to car. The air takes no
+time here. The reference crosses two wires as well: a bare echo over UDP, to another process and
+back, measured all along.
+"""
+
+import asyncio
+import multiprocessing
+import socket
+import tempfile
+import time
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from bench import Figure
+from onboard.settings import parse_settings
+from sim_rig.ledger import alarm_stamp_s, braking_of
+from sim_rig.live import Desk
+from sim_rig.run_log import RunLog
+from sim_rig.scenario import Scenario
+
+BRAKINGS = 50
+PERIOD_S = 1.1
+FIRST_S = 4.0
+"""By then the group has formed."""
+ECHO_EVERY_S = 0.02
+WSM_BYTES = 75
+
+
+def measure() -> Iterator[Figure]:
+    """Median and 99th percentile, each beside that of the bare echo."""
+    log, echoes_s = asyncio.run(_run())
+    hops_s = [
+        alarm_stamp_s(warning) - brake["stamp_s"]
+        for car in ("red", "blue")
+        for warning in log.of(car, "warning")
+        if (brake := braking_of(log, warning)) is not None
+    ]
+    for name, percentile in (("p50", 50), ("p99", 99)):
+        yield Figure(
+            f"hop_latency.{name}",
+            float(np.percentile(hops_s, percentile)) * 1e3,
+            "ms",
+            len(hops_s),
+            f"bare UDP echo, {name} of {len(echoes_s)}",
+            float(np.percentile(echoes_s, percentile)) * 1e3,
+        )
+
+
+async def _run() -> tuple[RunLog, list[float]]:
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    echo = context.Process(target=_echo, args=(theirs,), daemon=True)
+    echo.start()
+    scenario = parse_settings(_scenario(), Scenario, "hop_latency")
+    with tempfile.TemporaryDirectory() as folder:
+        async with Desk(scenario, seed=1, folder=Path(folder)) as desk:
+            port = await asyncio.to_thread(ours.recv)
+            pinging = asyncio.create_task(asyncio.to_thread(_ping, port, scenario.duration_s))
+            await desk.run()
+            echoes_s = await pinging
+        echo.terminate()
+        return desk.log(), echoes_s
+
+
+def _scenario() -> dict[str, object]:
+    """Three model cars with AR tags in a row, 10 m apart; the first brakes and speeds up."""
+    brake_at_s = [FIRST_S + PERIOD_S * number for number in range(BRAKINGS)]
+    sawtooth = [((at_s, 15.0), (at_s + 0.5, 11.0), (at_s + 1.0, 15.0)) for at_s in brake_at_s]
+    mean_m_s = 15.0 - 2.0 / PERIOD_S
+    end_s = FIRST_S + PERIOD_S * BRAKINGS
+    speeds = {
+        "green": list(chain.from_iterable(sawtooth)),
+        "red": [(FIRST_S, 15.0), (FIRST_S + 1.0, mean_m_s), (end_s, mean_m_s)],
+    }
+    return {
+        "title": "A car brakes again and again, and the two behind it are warned.",
+        "seed": 1,
+        "duration_s": end_s,
+        "radio": {"reach_m": 300.0, "delay_s": 0.0},
+        "cars": {
+            name: {
+                "tag_id": number,
+                "lane": 1,
+                "start_m": -14.5 * number,
+                "speed_m_s": speeds.get(name, speeds["red"]),
+            }
+            for number, name in enumerate(("green", "red", "blue"))
+        },
+        "expect": [],
+    }
+
+
+def _ping(port: int, duration_s: float) -> list[float]:
+    """Round trips of a datagram, measured all through the run."""
+    delays_s = []
+    end_at = time.monotonic() + duration_s
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
+        wire.settimeout(1.0)
+        wire.connect(("127.0.0.1", port))
+        while (sent_at := time.monotonic()) < end_at:
+            wire.send(bytes(WSM_BYTES))
+            wire.recv(WSM_BYTES)
+            delays_s.append(time.monotonic() - sent_at)
+            time.sleep(ECHO_EVERY_S)
+    return delays_s
+
+
+def _echo(parent: "multiprocessing.connection.Connection") -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
+        wire.bind(("127.0.0.1", 0))
+        parent.send(wire.getsockname()[1])
+        while True:
+            data, sender = wire.recvfrom(WSM_BYTES)
+            wire.sendto(data, sender)

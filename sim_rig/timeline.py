@@ -1,0 +1,91 @@
+"""A run as a picture: how fast each car drives, its place in its group, who is warned of whom."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from onboard.units import KM_H
+from sim_rig.run_log import RunLog
+from sim_rig.scenario import Scenario
+
+_COLOURS = {
+    "green": "#3a8f3a",
+    "red": "#c0392b",
+    "blue": "#2c6fbb",
+    "yellow": "#d4a017",
+    "white": "#999999",
+    "grey": "#555555",
+}
+_STATES = {"regular": "#e4e4e4", "leader": "#9ec9e8", "member": "#b5dca8"}
+
+
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """How long a car kept one place."""
+
+    from_s: float
+    until_s: float
+    state: str
+    number: int
+
+
+def draw_timeline(scenario: Scenario, log: RunLog, path: Path) -> None:
+    """Write the picture of a run as PNG."""
+    cars = list(log.traces)
+    figure = Figure(figsize=(10.0, 3.2 + 0.45 * len(cars)), layout="constrained")
+    speeds, places = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 0.45 * len(cars) + 0.3])
+    for row, car in enumerate(cars):
+        _draw_speed(speeds, scenario, log, car)
+        _draw_place(places, scenario, log, car, row)
+    speeds.set_ylabel("km/h, as read from the bus")
+    speeds.legend(loc="best", ncols=len(cars), frameon=False, fontsize="small")
+    places.set_yticks(range(len(cars)), cars)
+    places.invert_yaxis()
+    places.set_xlim(0.0, scenario.duration_s)
+    places.set_xlabel("s        ▼ brakes hard     ▲ is warned     ✕ sensor lost")
+    figure.suptitle(scenario.title, fontsize="medium", wrap=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+
+
+def _draw_speed(axes: Axes, scenario: Scenario, log: RunLog, car: str) -> None:
+    samples = [(log.at_s(record), record["speed_m_s"] / KM_H) for record in log.of(car, "speed")]
+    if samples:
+        axes.plot(*zip(*samples, strict=True), lw=1.2, label=car, color=_colour(scenario, car))
+
+
+def _draw_place(axes: Axes, scenario: Scenario, log: RunLog, car: str, row: int) -> None:
+    for stay in stays(log, car, scenario.duration_s):
+        axes.barh(row, stay.until_s - stay.from_s, 0.8, stay.from_s, color=_STATES[stay.state])
+        if stay.until_s - stay.from_s > 0.04 * scenario.duration_s:
+            told = stay.state if stay.state != "member" else f"member {stay.number}"
+            axes.text(stay.from_s + 0.1, row, told, va="center", fontsize="x-small", color="#444")
+    for kind, marker, colour in (
+        ("hard_brake", "v", "black"),
+        ("warning", "^", "#c0392b"),
+        ("sensor_lost", "x", "#d35400"),
+    ):
+        at_s = [log.at_s(record) for record in log.of(car, kind, 0.0, scenario.duration_s)]
+        axes.plot(at_s, [row] * len(at_s), marker, color=colour, ms=6)
+
+
+def stays(log: RunLog, car: str, end_s: float) -> Iterator[Stay]:
+    """The places of a car, one after the other, from the beginning to `end_s`."""
+    from_s, state, number = 0.0, "regular", 1
+    for record in log.of(car, "transition", until_s=end_s):
+        at_s = max(0.0, log.at_s(record))
+        place = record["state"], record["group_number"]
+        if place != (state, number):
+            if at_s > from_s:
+                yield Stay(from_s, at_s, state, number)
+            from_s, (state, number) = at_s, place
+    yield Stay(from_s, end_s, state, number)
+
+
+def _colour(scenario: Scenario, car: str) -> str | None:
+    """The car's own; cars without one take the next of the usual cycle."""
+    colour = scenario.cars[car].colour
+    return None if colour == "grey" else _COLOURS[colour]
