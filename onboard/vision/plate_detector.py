@@ -111,6 +111,22 @@ class PlateDetector:
             if found.score >= self._least_score
         ]
 
+    def find_again(self, image: Image, last: Corners) -> FoundPlate | None:
+        """The plate that was at `last` in the picture before: one look, several times cheaper.
+
+        It is found within about half its width of where it was.
+        """
+        middle, reach = last.mean(axis=0), 1.5 * float(np.ptp(last[:, 0])) + CELL_PX
+        left, top = (float(value) for value in middle - reach)
+        part, origin = _cut(image, Box(left, top, 2 * reach, 2 * reach))
+        if min(part.shape[:2]) < CELL_PX:
+            return None
+        grey = part if part.ndim == 2 else np.asarray(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY))
+        found = self._second_look(np.asarray(grey, np.uint8), FoundPlate(last - origin, 1.0))
+        if found.score < self._least_score:
+            return None
+        return FoundPlate(found.corners_px + origin, found.score)
+
     def _second_look(self, grey: Image, first: FoundPlate) -> FoundPlate:
         """The candidate again, in a view centred on it, the plate about 80 px wide."""
         scale = _SECOND_LOOK_PLATE_PX / max(first.width_px, 4.0)
