@@ -26,6 +26,8 @@ __all__ = ["Neighbour", "WarningGroup"]
 
 _SEQUENCES = 1 << 16
 _NO_EVENT: EventId = (bytes(8), 0)
+_MOST_OWED = 8
+"""Acknowledgements owed at once; the oldest is dropped, and its warning repeated."""
 
 
 class WarningGroup:
@@ -43,7 +45,7 @@ class WarningGroup:
         self._reach = Reach(settings)
         self._forwarding = Forwarding(settings, self._place, self._followers)
         self._event_sequence = int(rng.integers(_SEQUENCES))
-        self._to_acknowledge: deque[EventId] = deque()
+        self._to_acknowledge: deque[EventId] = deque(maxlen=_MOST_OWED)
         self._outbox: list[LccaMessage] = []
         self._events: deque[Transition | WarningRaised | Discarded] = deque()
 

@@ -1,0 +1,113 @@
+"""No message from the air, in whatever order, can break a car or make it lie about its place."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from onboard.lcca.events import Neighbour
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.settings import LccaSettings
+from onboard.lcca.transitions import State
+from onboard.messages.lcca import Join, LccaMessage, Leave, LeaveReason, Reply, Update, Warn, encode
+from onboard.observations import HardBrake
+
+OWN, A, B, C = b"own-----", b"car-aaaa", b"car-bbbb", b"car-cccc"
+
+ids = st.sampled_from([OWN, A, A, A, B, C])
+numbers = st.integers(1, 5) | st.just(65535)
+counts = st.integers(0, 3) | st.just(65535)
+header = {"sender_id": ids, "leader_id": ids, "number": numbers}
+event = {"event_origin_id": ids, "event_sequence": counts, "reach": counts}
+
+messages = st.one_of(
+    st.builds(
+        Join, **header, to_id=ids, sequence=counts, heard_origin_id=ids, heard_sequence=counts
+    ),
+    st.builds(
+        Reply, **header, to_id=st.just(OWN), sequence=counts, beat=counts, speed_m_s=st.none()
+    ),
+    st.builds(Leave, **header, to_id=ids, reason=st.just(LeaveReason.GAP)),
+    st.builds(
+        Update,
+        **header,
+        **event,
+        previous_leader_id=ids,
+        shift=st.integers(-5, 5) | st.just(-32767),
+        beat=counts,
+    ),
+    st.builds(
+        Warn,
+        **header,
+        **event,
+        origin_number=numbers,
+        deceleration_m_s2=st.just(6.0),
+        age_s=st.sampled_from([0.0, 2.9, 60.0]),
+        hops=st.sampled_from([1, 255]),
+    ),
+)
+
+
+class Frame:
+    """A camera frame that shows a car, close or far, or none."""
+
+    def __init__(self, car_id: bytes | None, gap_m: float) -> None:
+        self.ahead = Neighbour(car_id, gap_m, None)
+
+
+Step = LccaMessage | Frame | float | str
+
+steps = st.one_of(
+    messages,
+    st.builds(Frame, st.sampled_from([A, A, A, B, OWN, None]), st.sampled_from([10.0, 10.0, 99.0])),
+    st.sampled_from([0.01, 0.1, 0.5, 2.0]),
+    st.sampled_from(["answer", "answer", "brake", "rename"]),
+)
+
+
+@given(st.lists(steps, max_size=60))
+@settings(max_examples=300, deadline=None, derandomize=True, database=None)
+def test_whatever_comes_the_car_stays_consistent_and_can_say_where_it_is(
+    script: list[Step],
+) -> None:
+    group = WarningGroup(LccaSettings(identity_dwell_s=0.0), OWN, np.random.default_rng(0))
+    now, last_join, renamed = 0.0, None, 0
+    for step in script:
+        group.receive_speed(20.0, now)
+        match step:
+            case float():
+                now += step
+                group.handle_timer(now)
+            case Frame():
+                group.receive_neighbour(step.ahead, now)
+            case "answer" if last_join is not None:
+                beat = int(now * 10) % 65536
+                answer = Reply(last_join.to_id, A, 3, OWN, last_join.sequence, beat, None)
+                group.receive_message(answer, now)
+            case "brake":
+                group.receive_hard_brake(HardBrake(now, 6.0, "test"), now)
+            case "rename":
+                renamed += 1
+                group.set_own_id(f"own-{renamed:04d}".encode(), now)
+            case Join() | Reply() | Leave() | Update() | Warn():
+                group.receive_message(step, now)
+        for message in group.messages_to_send(now):
+            assert encode(message)
+            last_join = message if isinstance(message, Join) else last_join
+        timer = group.get_timer()
+        assert timer is None or timer < now + 60.0
+        follows = group.predecessor_id is not None
+        assert (group.state is State.MEMBER) is follows
+        assert (group.group_number > 1) is follows
+        assert (group.state is State.REGULAR) is (not follows and not group.followers)
+
+
+@given(st.lists(messages, max_size=30))
+@settings(max_examples=100, deadline=None, derandomize=True, database=None)
+def test_a_car_that_nobody_follows_and_that_follows_nobody_is_never_warned(
+    script: list[LccaMessage],
+) -> None:
+    group = WarningGroup(LccaSettings(), OWN, np.random.default_rng(0))
+    for message in script:
+        group.receive_message(message, 0.0)
+        while (event := group.next_event()) is not None:
+            assert event.kind != "warning"
