@@ -16,8 +16,8 @@ PRIORITIES = 8
 FRAME_OVERHEAD_S = 0.000_15
 """Preamble and signal field of 802.11p (40 us), and its mean wait for a free channel."""
 
-MAC_BYTES = 28
-"""802.11 QoS data header without address 4, EtherType, frame check sequence; 10 MHz channel."""
+MAC_BYTES = 32
+"""802.11 QoS data header (26), EtherType (2), frame check sequence (4)."""
 
 
 @dataclass(frozen=True, slots=True)

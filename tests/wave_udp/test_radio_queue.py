@@ -49,8 +49,8 @@ def test_a_warning_waits_for_no_more_than_the_frame_in_the_air():
     assert len(queue.wsms_to_send(0.0)) == 1
     queue.put(b"warn", WARN, LATER, now=0.0001)
     free_at = queue.get_timer()
-    # (300 + 28) bytes at 6 Mbit/s, and 150 us of overhead
-    assert free_at == pytest.approx(328 * 8 / 6e6 + 150e-6)
+    # (300 + 32) bytes at 6 Mbit/s, and 150 us of overhead
+    assert free_at == pytest.approx(332 * 8 / 6e6 + 150e-6)
     assert queue.wsms_to_send(free_at - 1e-6) == []
     assert queue.wsms_to_send(free_at) == [(WARN, b"warn")]
 
