@@ -19,6 +19,10 @@ class CarTrack:
         self.track_id = track_id
         self.seen_at = stamp_s
         """When it was last sighted."""
+        self.looked_at = stamp_s
+        """When it was last looked for."""
+        self.read_at = stamp_s
+        """When its text was last read."""
         self.sightings = 1
         self.last = first
         """The latest plate or tag, else the latest vehicle."""
@@ -76,5 +80,6 @@ class CarTrack:
     def _vote(self, sighting: Sighting, stamp_s: float) -> None:
         if sighting.text is None:
             return
+        self.read_at = stamp_s
         ballot = self._tag if sighting.cue is Cue.TAG else self._plate
         ballot.vote(sighting.text, sighting.confidence, sighting.character_confidences, stamp_s)

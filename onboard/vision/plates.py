@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +12,7 @@ from onboard.vision.identity import LEAST_READ_CONFIDENCE, PlateSyntax
 from onboard.vision.perspective import Corners, Perspective
 from onboard.vision.plate_detector import FoundPlate
 from onboard.vision.plate_reader import PlateText
-from onboard.vision.sighting import Cue, Sighting
+from onboard.vision.sighting import Cue, Followed, Search, Sighting
 
 Image = npt.NDArray[np.uint8]
 """(h, w, 3), BGR."""
@@ -34,6 +33,10 @@ class PlateFinder(Protocol):
 
     def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:
         """Plates in the picture, or in a region of it, the surest first."""
+        ...
+
+    def find_again(self, image: Image, last: Corners) -> FoundPlate | None:
+        """The plate that was at `last` in the frame before."""
         ...
 
 
@@ -64,17 +67,33 @@ class Plates:
         self._width_m = width_m
         self._sizes_seen = Counter(range(len(PLATE_SIZES_M)))
 
-    def find(self, image: Image, regions: Sequence[Box | None]) -> list[Sighting]:
-        """Plates in the regions of the picture, or in all of it where a region is `None`."""
+    def find(self, image: Image, search: Search) -> list[Sighting]:
+        """Plates in the picture, or where they are followed."""
         found: list[FoundPlate] = []
-        for region in regions:
-            for plate in self._finder.find(image, region):
-                if not any(_same(plate.box, other.box) for other in found):
-                    found.append(plate)
-        readable = [plate for plate in found if plate.width_px >= LEAST_READABLE_PX]
+        unread: set[int] = set()
+        if search.followed is None:
+            found = self._finder.find(image, search.area)
+        else:
+            for each in search.followed:
+                for plate in self._follow(image, each):
+                    if not any(_same(plate.box, other.box) for other in found):
+                        found.append(plate)
+                        if not each.read_again:
+                            unread.add(id(plate))
+        readable = [
+            plate
+            for plate in found
+            if plate.width_px >= LEAST_READABLE_PX and id(plate) not in unread
+        ]
         texts = self._reader.read_many(image, [plate.corners_px for plate in readable])
         read = dict(zip(map(id, readable), texts, strict=True))
         return [self._sighting(plate, read.get(id(plate))) for plate in found]
+
+    def _follow(self, image: Image, followed: Followed) -> list[FoundPlate]:
+        if followed.cue is Cue.PLATE and followed.was_seen:
+            plate = self._finder.find_again(image, followed.corners_px)
+            return [] if plate is None else [plate]
+        return self._finder.find(image, followed.region)
 
     def _sighting(self, plate: FoundPlate, text: PlateText | None) -> Sighting:
         width_m = self._width_m or self._likely_width_m(plate.corners_px)

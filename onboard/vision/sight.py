@@ -7,7 +7,6 @@ the lead is chosen among them.
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -34,7 +33,7 @@ from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.plates import PlateFinder, Plates, TextReader
 from onboard.vision.settings import Calibration, VisionSettings, guessed_calibration
-from onboard.vision.sighting import Cue, Sighting
+from onboard.vision.sighting import Cue, Followed, Search, Sighting
 from onboard.vision.tags import TagFinder
 from onboard.vision.tracker import Tracker
 from onboard.vision.vehicle_detector import VehicleDetector, Vehicles
@@ -44,6 +43,8 @@ ROOM = "vision"
 CALIBRATED_SLOPE, GUESSED_SLOPE = 0.04, 0.15
 """How far the car pitches and the road climbs, and how far a camera may be off that is not
 calibrated: so much, by distance, things may be above and below where they belong."""
+MOST_FOLLOWED = 3
+"""Cars looked for in one frame; more are looked for in turn."""
 SMALLEST_PX, LARGEST_PX = 64, 8192
 """Sides of a picture."""
 
@@ -51,8 +52,8 @@ SMALLEST_PX, LARGEST_PX = 64, 8192
 class Finder(Protocol):
     """Finds one kind of cue."""
 
-    def find(self, image: npt.NDArray[np.uint8], regions: Sequence[Box | None]) -> list[Sighting]:
-        """Cues in the regions of the picture, or in all of it where a region is `None`."""
+    def find(self, image: npt.NDArray[np.uint8], search: Search) -> list[Sighting]:
+        """Cues in the picture, where `search` says."""
         ...
 
 
@@ -99,7 +100,7 @@ class Sight:
         self._searched_at = -math.inf
         self._changed_at = -math.inf
         self._frozen = False
-        self._has_lead = False
+        self._lead: CarTrack | None = None
         self._events: deque[Event] = deque()
 
     def next_event(self) -> Event | None:
@@ -150,17 +151,35 @@ class Sight:
     def _look(
         self, image: npt.NDArray[np.uint8], stamp_s: float, *, everywhere: bool
     ) -> list[Sighting]:
+        search = self._search(stamp_s, everywhere=everywhere)
+        if search.followed is None and self._markings is not None:
+            self._lane.receive_fit(self._markings.find(image))
+        return [sighting for finder in self._finders for sighting in finder.find(image, search)]
+
+    def _search(self, stamp_s: float, *, everywhere: bool) -> Search:
+        """Where to look in this frame."""
         settings = self._settings
         period_s = (
-            settings.search_every_s if self._has_lead else settings.search_without_lead_every_s
+            settings.search_without_lead_every_s if self._lead is None else settings.search_every_s
         )
-        regions: list[Box | None] = [_around(track, stamp_s) for track in self._tracker.tracks]
         if everywhere or stamp_s - self._searched_at >= period_s:
             self._searched_at = stamp_s
-            regions = [self._road]
-            if self._markings is not None:
-                self._lane.receive_fit(self._markings.find(image))
-        return [sighting for finder in self._finders for sighting in finder.find(image, regions)]
+            return Search(self._road)
+        # The lead in every frame, the others in turn.
+        order = sorted(
+            self._tracker.tracks, key=lambda track: (track is not self._lead, track.looked_at)
+        )
+        return Search(
+            followed=tuple(self._follow(track, stamp_s) for track in order[:MOST_FOLLOWED])
+        )
+
+    def _follow(self, track: CarTrack, stamp_s: float) -> Followed:
+        was_seen = track.seen_at >= track.looked_at
+        read_again = track.text is None or stamp_s - track.read_at >= self._settings.read_every_s
+        track.looked_at = stamp_s
+        return Followed(
+            track.last.cue, track.last.corners_px, _around(track, stamp_s), was_seen, read_again
+        )
 
     def _fit(self, width_px: int, height_px: int) -> bool:
         """Have the lens fit the size of the pictures; whether it can."""
@@ -196,7 +215,7 @@ class Sight:
 
     def _show(self, pairs: list[tuple[Sighting, CarTrack | None]], stamp_s: float) -> None:
         lead = self._choice.choose(self._tracker.tracks, stamp_s)
-        self._has_lead = lead is not None
+        self._lead = lead
         for sighting, track in pairs:
             if sighting.cue is not Cue.VEHICLE:
                 is_lead = lead is not None and track is lead

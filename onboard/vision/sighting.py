@@ -1,4 +1,4 @@
-"""What one look at one frame gives: plates, tags and vehicles, each put into metres."""
+"""Where to look in one frame, and what it gives: plates, tags and vehicles, put into metres."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -35,3 +35,29 @@ class Sighting:
         left, top = (float(value) for value in self.corners_px.min(axis=0))
         right, bottom = (float(value) for value in self.corners_px.max(axis=0))
         return Box(left, top, right - left, bottom - top)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """A car that is tracked, and where it is looked for."""
+
+    cue: Cue
+    """What it was last seen by."""
+    corners_px: Corners
+    """Where."""
+    region: Box
+    """Where it may have moved to since."""
+    was_seen: bool
+    """In the last frame that it was looked for in."""
+    read_again: bool
+    """Whether its plate is to be read; a known one need not be in every frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Search:
+    """Where to look in one frame: everywhere, or where cars are that are tracked."""
+
+    area: Box | None = None
+    """Of a search everywhere, the part of the picture that shows the road; `None` is all of it."""
+    followed: tuple[Followed, ...] | None = None
+    """`None` searches everywhere."""

@@ -1,7 +1,6 @@
 """AR tags: what the paper's model cars carry in the place of plates."""
 
 import math
-from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -10,7 +9,7 @@ import numpy.typing as npt
 from onboard.observations import Box
 from onboard.vision.edges import refine_sides
 from onboard.vision.perspective import Corners, Perspective
-from onboard.vision.sighting import Cue, Sighting
+from onboard.vision.sighting import Cue, Search, Sighting
 
 LEAST_SIDE_PX = 16
 """Of a region in which a tag may be."""
@@ -39,8 +38,11 @@ class TagFinder:
         self._side_m = side_m
         self._perspective = perspective
 
-    def find(self, image: npt.NDArray[np.uint8], regions: Sequence[Box | None]) -> list[Sighting]:
-        """Tags in the regions of the picture, or in all of it where a region is `None`."""
+    def find(self, image: npt.NDArray[np.uint8], search: Search) -> list[Sighting]:
+        """Tags in the picture, or where tags were."""
+        regions: list[Box | None] = [search.area]
+        if search.followed is not None:
+            regions = [each.region for each in search.followed if each.cue is Cue.TAG]
         found: dict[int, Sighting] = {}
         for region in regions:
             for number, corners_px in self._quads(image, region):

@@ -6,7 +6,6 @@ their variances.
 """
 
 import math
-from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -16,7 +15,7 @@ from onboard.errors import UserError
 from onboard.observations import Box
 from onboard.vision.perspective import Perspective, Place
 from onboard.vision.settings import VehicleModelSettings
-from onboard.vision.sighting import Cue, Sighting
+from onboard.vision.sighting import Cue, Search, Sighting
 
 WIDTH_SIGMA = 0.1
 """Of the width of cars, as a share of it."""
@@ -101,7 +100,7 @@ class Vehicles:
     def find(
         self,
         image: npt.NDArray[np.uint8],
-        regions: Sequence[Box | None],  # noqa: ARG002 (it always looks at all of the picture)
+        search: Search,  # noqa: ARG002 (the model always looks at all of the picture)
     ) -> list[Sighting]:
         """Vehicles in the picture."""
         self._frames += 1

@@ -11,6 +11,7 @@ from onboard.observations import LeadIdentity
 from onboard.vision.perspective import Perspective
 from onboard.vision.settings import VehicleModelSettings, VisionSettings
 from onboard.vision.sight import Sight
+from onboard.vision.sighting import Search
 from onboard.vision.vehicle_detector import VehicleDetector, Vehicles
 from tests.vision.drive import CAMERA
 from tests.vision.onnx_by_hand import write_red_square_detector
@@ -74,7 +75,7 @@ def test_width_and_foot_agree_on_where_a_car_is(tmp_path: Path) -> None:
     # The only cell that the model has there spans u 480 to 600 and ends at v = 360: 1.8 m at
     # 825 px of focal length and 120 px are 12.4 m, the road at v = 360 begins at
     # 1.3 m / (90 / 825 + 0.02) = 10.1 m.
-    (sighting,) = vehicles.find(red_square(480, 240, 120), [None])
+    (sighting,) = vehicles.find(red_square(480, 240, 120), Search())
 
     assert 10.1 < sighting.place.ahead_m < 12.4
     assert sighting.ahead_sigma_m < 0.1 * sighting.place.ahead_m
@@ -85,7 +86,7 @@ def test_it_looks_at_each_nth_frame(tmp_path: Path) -> None:
     settings = model(tmp_path, every_n_frames=3)
     vehicles = Vehicles(VehicleDetector(settings), settings, Perspective(CAMERA))
 
-    counts = [len(vehicles.find(red_square(480, 240, 120), [None])) for _ in range(7)]
+    counts = [len(vehicles.find(red_square(480, 240, 120), Search())) for _ in range(7)]
 
     assert counts == [1, 0, 0, 1, 0, 0, 1]
 
@@ -107,4 +108,3 @@ def test_a_lead_without_any_plate_is_a_lead_of_unknown_identity(tmp_path: Path) 
     assert leads[-1].identity is LeadIdentity.UNKNOWN
     assert leads[-1].text is None
     assert 9.0 < leads[-1].gap_m < 13.0
-

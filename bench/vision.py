@@ -1,0 +1,122 @@
+"""Frames a second through the camera's half of the car, on one core at 1280x720, and its memory.
+
+The drive is rendered: a lead with a plate 60 px wide, and a car in each lane beside it. The
+reference is what no camera path can do without: decoding the same frames from H.264, by one thread.
+"""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from io import BytesIO
+
+import av
+import cv2
+import numpy as np
+import numpy.typing as npt
+import psutil
+
+from bench import Figure
+from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sight import Sight
+from sim_rig.picture.scene import Picture, Scene, SceneCar
+
+CAMERA = CameraSettings(
+    source="rendered", focal_x_px=1800.0, focal_y_px=1800.0, mounting_height_m=1.3, pitch_rad=0.02
+)
+FPS = 15.0
+FRAMES = 60
+_EVERYWHERE = VisionSettings(search_every_s=1e-3, search_without_lead_every_s=1e-3)
+_REFERENCE = "H.264 decode of the same frames, one thread"
+
+Image = npt.NDArray[np.uint8]
+
+
+def measure() -> Iterator[Figure]:
+    """Whole pictures, regions around what is tracked, the core's share at 15 fps, memory."""
+    cv2.setNumThreads(1)
+    clip = encoded(list(drive()))
+    started = time.process_time()
+    frames = list(decoded(clip))
+    decode_fps = len(frames) / (time.process_time() - started)
+    everywhere_fps = sight_fps(frames, _EVERYWHERE)
+    tracked_fps = sight_fps(frames, VisionSettings())
+    for name, value in (("vision.whole", everywhere_fps), ("vision.tracked", tracked_fps)):
+        yield Figure(name, value, "frames/s", FRAMES, _REFERENCE, decode_fps)
+    yield Figure(
+        "vision.core_share_at_15_fps",
+        FPS / tracked_fps,
+        "cores",
+        FRAMES,
+        _REFERENCE,
+        FPS / decode_fps,
+    )
+    with_sight, without = (
+        float(
+            subprocess.run(
+                [sys.executable, "-m", "bench.vision", what], check=True, capture_output=True
+            ).stdout
+        )
+        for what in ("sight", "decode")
+    )
+    yield Figure("vision.memory", with_sight, "MB", 1, "a process that only decodes", without)
+
+
+def drive() -> Iterator[Image]:
+    """Closing in on a lead, slowly, between two other cars."""
+    picture, rng = Picture(CAMERA), np.random.default_rng(1)
+    for index in range(FRAMES):
+        cars = (
+            SceneCar(15.0 - 0.02 * index, plate="GN417KB"),
+            SceneCar(11.0 + 0.05 * index, 3.5, plate="RD288HX"),
+            SceneCar(24.0, -3.5, plate="BL635TN"),
+        )
+        yield picture.draw(Scene(cars, travelled_m=1.2 * index), rng)
+
+
+def encoded(frames: list[Image]) -> bytes:
+    """An H.264 clip of the frames."""
+    file = BytesIO()
+    with av.open(file, "w", format="mp4") as container:
+        stream = container.add_stream("h264", rate=15)
+        stream.height, stream.width = frames[0].shape[:2]
+        stream.pix_fmt = "yuv420p"
+        for frame in frames:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="bgr24")))
+        container.mux(stream.encode())
+    return file.getvalue()
+
+
+def decoded(clip: bytes) -> Iterator[Image]:
+    """The frames of a clip, as BGR."""
+    with av.open(BytesIO(clip), "r") as container:
+        container.streams.video[0].thread_count = 1
+        for frame in container.decode(video=0):
+            yield np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)
+
+
+def sight_fps(frames: list[Image], settings: VisionSettings) -> float:
+    """Frames by seconds of CPU, once the lead is known."""
+    sight = Sight(CAMERA, settings)
+    spent_s = []
+    for index, frame in enumerate(frames):
+        started = time.process_time()
+        sight.receive_frame(frame, index / FPS)
+        while sight.next_event() is not None:
+            pass
+        spent_s.append(time.process_time() - started)
+    settled = spent_s[10:]
+    return len(settled) / sum(settled)
+
+
+def _print_memory(what: str) -> None:
+    """In a process of its own: what it takes to see, or only to decode."""
+    cv2.setNumThreads(1)
+    frames = list(decoded(encoded(list(drive()))))
+    if what == "sight":
+        sight_fps(frames, VisionSettings())
+    print(psutil.Process().memory_info().rss / 1e6)
+
+
+if __name__ == "__main__":
+    _print_memory(sys.argv[1])
