@@ -13,12 +13,16 @@ from onboard.messages.bsm_core import CoreData, PositionalAccuracy, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
 from onboard.messages.bsm_schedule import BsmSchedule
 from onboard.observations import HardBrake, Position, Speed
+from onboard.security.pseudonyms import Pseudonym
 
 FRESH_S = 1.0
 """A speed or position older than this is said to be unavailable."""
 
 HARD_BRAKING_S = 1.0
 """How long the event flag stays up after the detector's certainty, which comes once a braking."""
+
+UNKNOWN_SIGMA_M = 5.0
+"""Of a position whose sender does not know it: an ordinary receiver in the open."""
 
 MESSAGE_COUNTS = 128
 
@@ -27,20 +31,23 @@ class Beacon:
     """Composes BSMs when they are due."""
 
     def __init__(
-        self, length_m: float, width_m: float, rng: np.random.Generator, now: float
+        self,
+        size: VehicleSize,
+        who: Pseudonym,
+        rng: np.random.Generator,
+        now: float,
     ) -> None:
-        self._size = VehicleSize(width_m=width_m, length_m=length_m)
-        self._rng = rng
+        self._size = size
         self._schedule = BsmSchedule(rng, now)
         self._speed: Speed | None = None
         self._position: Position | None = None
         self._braking_until = -math.inf
-        self.change_identity()
+        self.change_identity(who)
 
-    def change_identity(self) -> None:
-        """Take a new temporary ID, and count from anywhere: nothing links to the old one."""
-        self.temporary_id = self._rng.bytes(4)
-        self._msg_cnt = int(self._rng.integers(MESSAGE_COUNTS))
+    def change_identity(self, who: Pseudonym) -> None:
+        """Go by another temporary ID, and count from elsewhere: nothing links to the old one."""
+        self._temporary_id = who.temporary_id
+        self._msg_cnt = who.first_msg_cnt
 
     def receive_speed(self, speed: Speed) -> None:
         """The own speed."""
@@ -85,14 +92,14 @@ class Beacon:
         if fix is None:
             return CoreData(
                 self._msg_cnt,
-                self.temporary_id,
+                self._temporary_id,
                 sec_mark_s=(now + utc_offset_s) % 60.0,
                 speed_m_s=speed.speed_m_s if speed else None,
                 size=self._size,
             )
         return CoreData(
             self._msg_cnt,
-            self.temporary_id,
+            self._temporary_id,
             sec_mark_s=(fix.stamp_s + utc_offset_s) % 60.0,
             latitude_deg=fix.latitude_deg,
             longitude_deg=fix.longitude_deg,
@@ -105,6 +112,26 @@ class Beacon:
 
     def _is_braking(self, now: float) -> bool:
         return now < self._braking_until
+
+
+def position_in(core: CoreData, now: float, utc_offset_s: float) -> Position | None:
+    """Where the sender of a BSM says it is, on our own clock; `None` if it does not say.
+
+    A BSM says the second of the minute only; of all minutes, the one nearest to now is meant.
+    """
+    if core.latitude_deg is None or core.longitude_deg is None or core.sec_mark_s is None:
+        return None
+    behind_s = (now + utc_offset_s - core.sec_mark_s + 30.0) % 60.0 - 30.0
+    sigma_m = core.accuracy.semi_major_m
+    return Position(
+        stamp_s=now - behind_s,
+        latitude_deg=core.latitude_deg,
+        longitude_deg=core.longitude_deg,
+        altitude_m=core.elevation_m,
+        sigma_m=sigma_m if sigma_m is not None else UNKNOWN_SIGMA_M,
+        speed_m_s=core.speed_m_s,
+        course_rad=core.heading_rad,
+    )
 
 
 def _is_fresh(observation: Speed | Position | None, now: float) -> bool:

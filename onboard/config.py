@@ -5,7 +5,9 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
+from onboard.gnss.settings import GnssSettings
 from onboard.lcca.settings import LccaSettings
+from onboard.mvs.settings import MvsSettings
 from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.observations import Sensor
 from onboard.security.settings import SecuritySettings
@@ -42,6 +44,8 @@ class TraceSettings(Settings):
 
     file: Path | None = None
     """JSON lines; `None` writes none."""
+    capture: Path | None = None
+    """Every WSM sent and received, as pcap for Wireshark; `None` writes none."""
 
 
 class CarConfig(Settings):
@@ -54,11 +58,13 @@ class CarConfig(Settings):
     obd: ObdSettings = ObdSettings()
     camera: CameraSettings | None = None
     vision: VisionSettings = VisionSettings()
+    gnss: GnssSettings | None = None
     radio: RadioSettings | None = None
     security: SecuritySettings = SecuritySettings()
     lcca: LccaSettings = LccaSettings()
     lcca_psid: int = Field(psid.LCCA, ge=0, le=psid.HIGHEST)
     """Service that the group messages go under; equal in all cars of a trial."""
+    mvs: MvsSettings = MvsSettings()
     beacons: bool = True
     """Send a BSM ten times a second, as SAE J2945/1 asks of every car with a radio."""
     watch: WatchSettings = WatchSettings()
@@ -66,5 +72,9 @@ class CarConfig(Settings):
 
     def sensors(self) -> frozenset[Sensor]:
         """What the car has by these wires, and can lose."""
-        wires = {Sensor.SPEED: self.can, Sensor.CAMERA: self.camera}
+        wires = {
+            Sensor.SPEED: self.can,
+            Sensor.CAMERA: self.camera,
+            Sensor.POSITION: self.gnss,
+        }
         return frozenset(sensor for sensor, wire in wires.items() if wire is not None)

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import io
 import math
 import signal
 import sys
@@ -9,7 +10,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TextIO, TypeVar
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar, TextIO, TypeVar
 
 import numpy as np
 import sdnotify
@@ -17,6 +19,8 @@ import structlog
 
 from onboard.config import CarConfig
 from onboard.errors import UserError
+from onboard.gnss.gpsd import Gpsd
+from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Lead, Sensor, SensorLost
@@ -24,6 +28,7 @@ from onboard.security.key_files import read_credentials
 from onboard.stack import Observation, Stack
 from onboard.trace import Event, as_line, as_record
 from onboard.vision.frames import CameraThread
+from onboard.wave_udp.capture import PcapWriter
 from onboard.wave_udp.endpoint import open_endpoint
 
 log = structlog.get_logger()
@@ -33,6 +38,9 @@ LOGGED_KINDS = frozenset({"transition", "warning", "hard_brake", "sensor_lost", 
 
 GIL_INTERVAL_S = 0.000_5
 """How long the camera's thread may keep the interpreter while a warning waits; 5 ms by default."""
+
+OWN_MAC, OTHER_MAC = bytes.fromhex("020000000001"), bytes.fromhex("020000000002")
+"""In captures, since the radio unit does not tell who sent a frame (locally administered)."""
 
 InputT = TypeVar("InputT")
 
@@ -70,6 +78,7 @@ class Daemon:
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._trace: TextIO | None = None
+        self._capture: PcapWriter | None = None
         self._send_can: Callable[[CanFrame], None] = _nowhere
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
@@ -98,17 +107,22 @@ class Daemon:
     def _open(self, wires: contextlib.ExitStack) -> None:
         config, stack = self._config, self._stack
         if config.trace.file is not None:
-            try:
-                self._trace = wires.enter_context(config.trace.file.open("w", encoding="utf-8"))
-            except OSError as error:
-                raise UserError(f"trace.file: {config.trace.file}: {error.strerror}") from error
+            self._trace = io.TextIOWrapper(_created(config.trace.file, wires), encoding="utf-8")
+            wires.callback(self._trace.flush)
+        if config.trace.capture is not None:
+            self._capture = PcapWriter(_created(config.trace.capture, wires))
         if config.can is not None:
             bus = CanBus(config.can, self._taker(stack.receive_can), self._on_bus_state)
             bus.start(self._loop)
             wires.callback(bus.close)
             self._send_can = bus.send
+        if config.gnss is not None:
+            self._gnss = GpsdReader(config.gnss)
+            gpsd = Gpsd(config.gnss, self._taker(self._receive_gnss), self._on_gpsd_state)
+            gpsd.start(self._loop)
+            wires.callback(gpsd.close)
         if config.radio is not None:
-            radio = open_endpoint(config.radio, self._taker(stack.receive_wsm))
+            radio = open_endpoint(config.radio, self._taker(self._receive_wsm))
             wires.callback(radio.close)
             radio.start(self._loop)
             self._send_wsm = radio.send
@@ -129,6 +143,7 @@ class Daemon:
             self._stack.handle_timer(now)
         for user_priority, wsm in self._stack.wsms_to_send(now):
             self._send_wsm(wsm, user_priority)
+            self._keep(wsm, OWN_MAC)
         for frame in self._stack.can_to_send(now):
             self._send_can(frame)
         while (event := self._stack.next_event()) is not None:
@@ -147,10 +162,28 @@ class Daemon:
     def _taker(self, receive: Callable[[InputT, float], None]) -> Callable[[InputT], None]:
         return lambda item: self._take(receive, item)
 
+    def _receive_wsm(self, wsm: bytes, now: float) -> None:
+        self._stack.receive_wsm(wsm, now)
+        self._keep(wsm, OTHER_MAC)
+
+    def _keep(self, wsm: bytes, mac: bytes) -> None:
+        if self._capture is not None:
+            self._capture.write(wsm, time.time(), mac)
+
     def _on_bus_state(self, up: bool, why: str) -> None:
         if not up:  # it is back when a speed comes, not when the bus does
             lost = SensorLost(self._loop.time(), Sensor.SPEED, silent_s=None, reason=why)
             self._take(self._stack.receive_observation, lost)
+
+    def _on_gpsd_state(self, up: bool, why: str) -> None:
+        if not up:
+            lost = SensorLost(self._loop.time(), Sensor.POSITION, silent_s=None, reason=why)
+            self._take(self._stack.receive_observation, lost)
+
+    def _receive_gnss(self, data: bytes, now: float) -> None:
+        self._gnss.receive_bytes(data, now)
+        while (observation := self._gnss.next_event()) is not None:
+            self._stack.receive_observation(observation, now)
 
     def _on_seen(self, observations: Sequence[Observation]) -> None:
         """Called from the camera's thread, where there is time for the slow derivation of IDs."""
@@ -167,6 +200,13 @@ class Daemon:
             self._trace.flush()
         if event.kind in LOGGED_KINDS:
             log.info(event.kind, details=as_record(event))
+
+
+def _created(path: Path, wires: contextlib.ExitStack) -> BinaryIO:
+    try:
+        return wires.enter_context(path.open("wb"))
+    except OSError as error:
+        raise UserError(f"trace: {path}: {error.strerror}") from error
 
 
 def _nowhere(*_: object) -> None:

@@ -7,16 +7,18 @@ Whatever comes in is handed to the cores that it concerns; what they say is pass
 import math
 from collections import deque
 from collections.abc import Iterable
-from itertools import cycle
 
 import numpy as np
 
-from onboard.beacon import Beacon
+from onboard.beacon import Beacon, position_in
 from onboard.config import CarConfig, WatchSettings
 from onboard.freshness import SensorWatch
 from onboard.lcca.group import Neighbour, WarningGroup
 from onboard.messages import bsm, lcca
+from onboard.messages.bsm_core import VehicleSize
 from onboard.messages.declaration import DecodeError
+from onboard.mvs.known_car import KnownCar
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.car_bus import CarBus
 from onboard.observations import (
@@ -35,6 +37,8 @@ from onboard.observations import (
 )
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
+from onboard.security.plausibility import Plausibility
+from onboard.security.pseudonyms import Pseudonym, Pseudonyms
 from onboard.security.security import Opened, Security
 from onboard.trace import Event
 from onboard.units import STANDARD_GRAVITY_M_S2
@@ -51,6 +55,9 @@ LCCA_LIFETIME_S = 0.5
 
 BSM_LIFETIME_S = 0.1
 """By then the next one is due."""
+
+TELL_CARS_S = 1.0
+"""How often the trace gets every known car. `known_cars` has them at any time."""
 
 
 class Stack:
@@ -79,13 +86,21 @@ class Stack:
         """
         self._config = config
         self._security = Security(utc_s - now, credentials, config.security)
-        self._pseudonyms = cycle(credentials.pseudonyms) if credentials is not None else None
         self._digest = PlateDigest(config.security.plate_digest)
+        self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
+        self._who = self._pseudonyms.at(utc_s)
+        self._plausibility = Plausibility()
         self._bus = CarBus(config.obd)
         self._link = WaveLink(self._security)
-        self._group = WarningGroup(config.lcca, self._car_id(config.car.plate, now), rng)
-        self._beacon = Beacon(config.car.length_m, config.car.width_m, rng, now)
-        self._identity_ends_at = self._digest_epoch_ends_at(now)
+        self._group = WarningGroup(config.lcca, self._who.car_id, rng)
+        size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
+        self._beacon = Beacon(size, self._who, rng, now)
+        self._mvs = MultiVehicleSensing(
+            config.mvs, self._who.temporary_id, rng, self._security.utc_offset_s
+        )
+        self._tell_cars_at = now
+        if self._who.credential is not None:
+            self._security.sign_with(self._who.credential)
         self._watch = SensorWatch(_limits_s(config.watch, sensors), now)
         self._events: deque[Event] = deque()
 
@@ -97,6 +112,7 @@ class Stack:
     def set_utc(self, utc_s: float, now: float) -> None:
         """Tell what UTC is at `now`; the cores keep to `now`, messages and IDs need UTC."""
         self._security.utc_offset_s = utc_s - now
+        self._mvs.set_utc_offset(utc_s - now)
 
     # ---- in -------------------------------------------------------------------------------
 
@@ -121,6 +137,9 @@ class Stack:
             case Position():
                 self._watch.receive_sample(Sensor.POSITION, observation.stamp_s)
                 self._beacon.receive_position(observation)
+                self._mvs.receive_position(observation)
+            case SensedCar():
+                self._mvs.receive_sensed_car(observation)
             case SensorLost():
                 self._watch.receive_loss(observation.sensor, observation.reason, now)
                 return
@@ -158,7 +177,15 @@ class Stack:
         except DecodeError as error:
             self._events.append(Discarded(now, "bsm", error.reason, error.detail))
             return
-        self._beacon.receive_neighbour(message.core.temporary_id, None, now)
+        core = message.core
+        sender = opened.signer_id or core.temporary_id
+        doubt = self._plausibility.receive_bsm(sender, message, now)
+        if doubt is not None:
+            self._events.append(Discarded(now, "bsm", doubt, f"from {core.temporary_id.hex()}"))
+            return
+        position = position_in(core, now, self._security.utc_offset_s)
+        self._mvs.receive_bsm(core.temporary_id, position, message.footer, now)
+        self._beacon.receive_neighbour(core.temporary_id, None, now)
 
     def press_brake_button(self, now: float) -> None:
         """The button of the paper's demonstration (section 4): brake hard without braking."""
@@ -185,9 +212,14 @@ class Stack:
                 Sent(now, message.kind, message.user_priority, size_bytes, lcca.as_dict(message))
             )
         if self._config.beacons and self._beacon.take_due(now):
-            own = self._beacon.bsm(None, now, now + self._security.utc_offset_s)
+            footer = self._mvs.footer_to_send(now) or None
+            own = self._beacon.bsm(footer, now, now + self._security.utc_offset_s)
             self._link.submit(bsm.encode(own), bsm.PSID, own.user_priority, BSM_LIFETIME_S, now)
         return self._link.wsms_to_send(now)
+
+    def known_cars(self, now: float) -> list[KnownCar]:
+        """Every car that is known, by radio, by sight or from others; none without a position."""
+        return self._mvs.kinematic_info(now)
 
     def next_event(self) -> Event | None:
         """The oldest event not yet taken; `None` when there is none."""
@@ -205,8 +237,12 @@ class Stack:
 
     def handle_timer(self, now: float) -> None:
         """Do what has become due."""
-        if now >= self._identity_ends_at:
-            self._change_identity(now)
+        who = self._pseudonyms.at(now + self._security.utc_offset_s)
+        if who is not self._who:
+            self._change_identity(who, now)
+        if now >= self._tell_cars_at:
+            self._tell_cars_at = now + TELL_CARS_S
+            self._events.extend(self._mvs.kinematic_info(now))
         self._beacon.handle_timer(now)
         self._bus.handle_timer(now)
         self._take_bus(now)
@@ -216,13 +252,14 @@ class Stack:
 
     # ---- between the rooms ----------------------------------------------------------------
 
-    def _change_identity(self, now: float) -> None:
+    def _change_identity(self, who: Pseudonym, now: float) -> None:
         """Everything that others know us by changes at once, so that nothing links old and new."""
-        self._identity_ends_at = self._digest_epoch_ends_at(now)
-        self._group.set_own_id(self._car_id(self._config.car.plate, now), now)
-        self._beacon.change_identity()
-        if self._pseudonyms is not None:
-            self._security.sign_with(next(self._pseudonyms))
+        self._who = who
+        self._group.set_own_id(who.car_id, now)
+        self._beacon.change_identity(who)
+        self._mvs.set_own_id(who.temporary_id)
+        if who.credential is not None:
+            self._security.sign_with(who.credential)
 
     def _take_bus(self, now: float) -> None:
         while (observation := self._bus.next_event()) is not None:
@@ -233,7 +270,7 @@ class Stack:
             self._events.append(event)
 
     def _take_rest(self) -> None:
-        for core in (self._group, self._watch, self._link):
+        for core in (self._group, self._watch, self._link, self._mvs):
             while (event := core.next_event()) is not None:
                 self._events.append(event)
 
@@ -246,10 +283,6 @@ class Stack:
 
     def _car_id(self, plate_text: str, now: float) -> lcca.CarId:
         return self._digest.car_id(plate_text, now + self._security.utc_offset_s)
-
-    def _digest_epoch_ends_at(self, now: float) -> float:
-        offset_s = self._security.utc_offset_s
-        return self._digest.epoch_ends_at(now + offset_s) - offset_s
 
 
 def _limits_s(watch: WatchSettings, sensors: Iterable[Sensor]) -> dict[Sensor, float]:

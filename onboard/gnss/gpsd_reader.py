@@ -32,6 +32,10 @@ _QUALITY_BY_STATUS = {2: 2, 3: 4, 4: 5, 5: 6}
 """TPV status (2 differential, 3 RTK fixed, 4 RTK float, 5 dead reckoning) as GGA quality."""
 
 
+_REPORT_HEAD = b'{"class":'
+"""Of every report, gpsd_json(5)."""
+
+
 class ReportError(Exception):
     """A report that is not what gpsd_json(5) says."""
 
@@ -54,9 +58,12 @@ class GpsdReader:
             self._unread = b""
             self._discard("gpsd_report", "a line without an end", now)
         for line in lines:
+            if not line.startswith(_REPORT_HEAD):  # cheaper than having JSON find out
+                self._discard("gpsd_report", f"no report: {line[:80]!r}", now)
+                continue
             try:
                 self._receive_report(json.loads(line), now)
-            except (ValueError, ReportError) as error:
+            except (ValueError, RecursionError, ReportError) as error:
                 self._discard("gpsd_report", f"{error}: {line[:80]!r}", now)
 
     def next_event(self) -> Position | Discarded | None:

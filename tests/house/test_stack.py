@@ -51,15 +51,19 @@ class Platoon:
                 stack.receive_observation(lead, self.now)
                 ahead = plate
             ahead = None
-            for _ in range(10):
+            tick = self.now + 0.1
+            self.settle()
+            while (at := min(stack.get_timer() for stack in self.cars.values())) < tick:
+                self.now = max(at, self.now + 1e-4)
                 self.settle()
-                self.now += 0.01
+            self.now = tick
 
     def settle(self) -> None:
         """Let everything be said that is to be said now."""
         for stack in self.cars.values():
             if stack.get_timer() <= self.now:
                 stack.handle_timer(self.now)
+            stack.can_to_send(self.now)
         on_air = [
             (plate, wsm)
             for plate, stack in self.cars.items()
@@ -135,6 +139,7 @@ def test_a_car_without_samples_says_which_sensors_are_lost() -> None:
     while now < 1.0:
         stack.handle_timer(now)
         stack.can_to_send(now)
+        stack.wsms_to_send(now)
         now = max(stack.get_timer(), now + 1e-6)
     lost = [event for event in iter(stack.next_event, None) if isinstance(event, SensorLost)]
 
