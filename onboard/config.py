@@ -51,8 +51,9 @@ class TraceSettings(Settings):
 class CarConfig(Settings):
     """Everything `onboard run` needs to know. A section that is left out is a wire not there."""
 
-    seed: int = Field(0, ge=0)
-    """Of the random numbers that spread retries in time; 0 is as good as any."""
+    seed: int | None = Field(None, ge=0)
+    """Of everything random, temporary IDs included. Only for tests, and another one for each car;
+    `None` takes it from the operating system."""
     car: CarSettings
     can: CanSettings | None = None
     obd: ObdSettings = ObdSettings()

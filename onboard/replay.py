@@ -62,7 +62,7 @@ def replay(recording: Recording, config: CarConfig) -> Iterator[Event]:
     stack = Stack(
         config.model_copy(update={"obd": listening}),
         recording.sensors(),
-        np.random.default_rng(config.seed),
+        np.random.default_rng(config.seed or 0),
         now=first[0],
         utc_s=first[0],
     )

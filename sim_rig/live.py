@@ -5,6 +5,7 @@ for the cameras (a process of its own), a UDP unit for each radio with the air b
 are told their own plate and their ports, and no more.
 """
 
+import shutil
 import socket
 import time
 from contextlib import AsyncExitStack
@@ -14,6 +15,9 @@ import numpy as np
 import yaml
 
 from onboard.obd.can_frame import CanFrame
+from onboard.security.authority import make_trial
+from onboard.security.key_files import write_credentials
+from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
@@ -47,6 +51,7 @@ class Desk:
         self._scenario = scenario
         self._seed = seed
         self._folder = folder
+        self._keys = folder / "keys"
         self._road = BreakpointRoad(scenario)
         self._open = AsyncExitStack()
 
@@ -84,10 +89,11 @@ class Desk:
         )
 
     async def _set_up(self) -> None:
+        self._make_keys()
         camera_port = await self._start_cameras()
         units = RadioUnits(self._air(), self.recorder)
         self._open.callback(units.close)
-        for car in self._scenario.equipped:
+        for number, car in enumerate(self._scenario.equipped):
             listen_port = _free_udp_port()
             wires = {
                 "can": {"channel": "can0", "port": await self._start_bus(car)},
@@ -97,13 +103,26 @@ class Desk:
                     "listen_port": listen_port,
                     "unit_port": units.add(car, listen_port),
                 },
-                "trace": {"file": str(self._trace(car))},
+                "trace": {
+                    "file": str(self._trace(car)),
+                    "capture": str(self._folder / f"{car}.pcap"),
+                },
             }
             config_file = self._folder / f"{car}.yaml"
-            config = car_config(self._scenario, car, self._seed) | wires
+            seed = 1000 * self._seed + number  # cars with one seed would go by one name
+            config = car_config(self._scenario, car, seed) | wires
+            config["security"]["keys_folder"] = str(self._keys / car)
             config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
             self._trace(car).unlink(missing_ok=True)
             await self.processes.start(car, "-m", "onboard", "run", str(config_file))
+
+    def _make_keys(self) -> None:
+        """Give every car certificates of one authority: on the desk, too, messages are signed."""
+        shutil.rmtree(self._keys, ignore_errors=True)
+        self._keys.mkdir(mode=0o700)
+        trial = make_trial(self._scenario.equipped, {psid.BSM, psid.LCCA}, self._start_utc_s)
+        for car, credentials in trial.items():
+            write_credentials(self._keys / car, credentials)
 
     async def _start_cameras(self) -> int:
         """Start their process, and return its port."""
