@@ -32,6 +32,8 @@ class Dies:
     """Whether the sides of W are upright, as those of M are."""
     valley: float
     """How deep the middle of M reaches, and how high that of W."""
+    slanted: bool = False
+    """Whether the stems of 6 and 9 lean instead of curving back."""
 
 
 DIES = {
@@ -39,6 +41,7 @@ DIES = {
     "dies-plain": Dies(0.44, (0.5, 0.24), feet=False, upright=False, valley=0.65),
     "dies-square": Dies(0.46, (0.34, 0.17), feet=True, upright=False, valley=0.5),
     "dies-narrow": Dies(0.38, (0.5, 0.2), feet=False, upright=True, valley=0.8),
+    "dies-slanted": Dies(0.45, (0.5, 0.26), feet=True, upright=False, valley=0.95, slanted=True),
     "dies-wide": Dies(0.54, (0.5, 0.32), feet=True, upright=False, valley=0.6),
 }
 
@@ -76,6 +79,7 @@ def _lines(character: str, dies: Dies) -> list[Line]:
     under_left = _arc((rx, 1 - ry), (rx, ry), 90, 180)
     ring = [*over_left, *over_right, *under_right, *under_left, over_left[0]]
     over, under = over_right[::-1] + over_left[::-1], under_left[::-1] + under_right[::-1]
+    stem = [(0.75, 0), (0.3, 0.3), (0, 0.68)] if dies.slanted else [*over, (0, 0.7)]
     lean = 0.0 if dies.upright else 0.2
     left: Line = [(0, 0), (0, 1)]
     foot: list[Line] = [[(0, 1), (1, 1)]] if dies.feet else []
@@ -93,7 +97,7 @@ def _lines(character: str, dies: Dies) -> list[Line]:
         ],
         "4": [[(0.72, 1), (0.72, 0), (0, 0.7), (1, 0.7)]],
         "5": [[(0.93, 0), (0.1, 0), (0.05, 0.5), *_arc((0.5, 0.69), (0.5, 0.31), 225, 515)]],
-        "6": [[*over, (0, 0.7)], low_ring],
+        "6": [stem, low_ring],
         "7": [[(0, 0), (1, 0), (0.55, 0.45), (0.38, 1)]],
         "8": [_arc((0.5, 0.25), (0.45, 0.25), 0, 360), _arc((0.5, 0.75), (0.5, 0.25), 0, 360)],
         "A": [[(0, 1), (0.5, 0), (1, 1)], [(0.17, 0.68), (0.83, 0.68)]],

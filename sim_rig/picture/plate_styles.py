@@ -29,7 +29,7 @@ from sim_rig.picture.plate_texts import (
 
 _PRINT_FONTS = ("overpass-600", "barlow-semi-condensed-700", "roboto-condensed-700")
 _US_FONTS = (
-    *("dies-round", "dies-square", "dies-plain", "dies-narrow") * 5,
+    *("dies-round", "dies-square", "dies-plain", "dies-narrow", "dies-slanted") * 4,
     *("routed-gothic-narrow", "routed-gothic", "barlow-condensed-500", "dies-wide") * 2,
     *("roadgeek-2014-b", "roadgeek-2014-c", "osp-din", "barlow-semi-condensed-500") * 2,
 )
@@ -56,7 +56,7 @@ def random_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
 
 
 def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
-    written = _text(rng, US_PATTERNS, free=0.3)
+    written = _text(rng, US_PATTERNS, free=0.3, rare=0.5)
     ground, ink = _us_colours(rng)
     small, patches = [], []
     if rng.random() < 0.85:
@@ -115,7 +115,7 @@ def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
 
 
 def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
-    written = _text(rng, EU_PATTERNS, free=0.25)
+    written = _text(rng, EU_PATTERNS, free=0.25, rare=0.6)
     groups = _groups(written)
     ground: Bgr = (235, 238, 240)
     ink: Bgr = (25, 22, 20)
@@ -172,7 +172,7 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
 
 
 def _br_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
-    written = _text(rng, BR_PATTERNS, free=0.25)
+    written = _text(rng, BR_PATTERNS, free=0.25, rare=1.0)
     newer = rng.random() < 0.25
     grey = int(rng.integers(150, 225))
     ground = _near((235, 235, 235) if newer else (grey, grey, grey), rng, 8)
@@ -259,10 +259,10 @@ def _in_holder(plate: PlateFormat, rng: np.random.Generator) -> PlateFormat:
     return replace(plate, frame=frame, frame_texts=tuple(texts), discs=())
 
 
-def _text(rng: np.random.Generator, patterns: tuple[str, ...], free: float) -> str:
+def _text(rng: np.random.Generator, patterns: tuple[str, ...], *, free: float, rare: float) -> str:
     if rng.random() < free:
         return any_text(rng)
-    return text_of(patterns[rng.integers(len(patterns))], rng)
+    return text_of(patterns[rng.integers(len(patterns))], rng, rare=rare)
 
 
 def _groups(written: str) -> tuple[int, ...]:

@@ -48,11 +48,11 @@ BR_PATTERNS = (*("LLL ####",) * 4, "LLL#L##")
 
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 _RARE = "IOQ"
-"""Most registries leave these out of their series, since they look like digits."""
+"""Many registries leave these out of their series, since they look like digits."""
 _DIGITS = "0123456789"
 
 
-def text_of(pattern: str, rng: np.random.Generator, *, rare: float = 0.3) -> str:
+def text_of(pattern: str, rng: np.random.Generator, *, rare: float = 0.5) -> str:
     """A number after `pattern`, spaces kept; `rare` is the share of texts with I, O and Q."""
     letters = _LETTERS if rng.random() < rare else "".join(c for c in _LETTERS if c not in _RARE)
     alphabet = {"L": letters, "#": _DIGITS}
