@@ -149,7 +149,11 @@ class MvsFooter:
 
 HEAD = Layout(Head)
 MEASUREMENT = Layout(SharedMeasurement)
+MEASUREMENT_NUMBERS = tuple(MEASUREMENT.wires)[3:]
+"""Its fields from the position on."""
 STATE = Layout(SharedState)
+STATE_NUMBERS = tuple(STATE.wires)[:-1]
+"""Its fields but the number of runs."""
 
 
 def encode(footer: MvsFooter) -> bytes:
@@ -254,12 +258,15 @@ def _decode_provenance(reader: "_Reader", count: int) -> tuple[Run, ...]:
     seen = set()
     for _ in range(count):
         head = reader.take_bits(_RUN_BITS)
-        ages_ms = tuple(reader.take_bits(_AGE_BITS) for _ in range((head & 15) + 1))
-        runs.append(Run(head >> 4, ages_ms))
+        observer, length = head >> 4, (head & 15) + 1
+        number = reader.take_bits(length * _AGE_BITS)
+        shifts = range((length - 1) * _AGE_BITS, -1, -_AGE_BITS)
+        ages_ms = tuple([number >> shift & LONGEST_AGE_MS for shift in shifts])
+        runs.append(Run(observer, ages_ms))
         for age_ms in ages_ms:
-            if (head >> 4, age_ms) in seen:
-                raise DecodeError("repeated_measurement", f"observer {head >> 4}, {age_ms} ms")
-            seen.add((head >> 4, age_ms))
+            if (observer, age_ms) in seen:
+                raise DecodeError("repeated_measurement", f"observer {observer}, {age_ms} ms")
+            seen.add((observer, age_ms))
     if reader.skip_filling():
         raise DecodeError("out_of_range", "the filling bits are not zero")
     return tuple(runs)

@@ -74,7 +74,7 @@ class Estimate:
     """The first time in T."""
 
     def __post_init__(self) -> None:
-        stamps_ms = [stamp_ms for _, stamp_ms in self.provenance]
+        stamps_ms = [identity[1] for identity in self.provenance]
         object.__setattr__(self, "stamp_ms", max(stamps_ms))
         object.__setattr__(self, "oldest_ms", min(stamps_ms))
 
@@ -90,7 +90,14 @@ Evidence = Measurement | Estimate
 
 def map_state(state: Array, covariance: Array, turn: Array, shift: Array) -> tuple[Array, Array]:
     """State (4) and covariance (4, 4) in another frame (`LocalFrame.mapping_from`)."""
-    both = np.kron(np.eye(2), turn)
+    both = turn_of_state(turn)
     mapped = both @ state
     mapped[:2] += shift
     return mapped, both @ covariance @ both.T
+
+
+def turn_of_state(turn: Array) -> Array:
+    """The turn (4, 4) of position and velocity."""
+    both = np.zeros((4, 4))
+    both[:2, :2] = both[2:, 2:] = turn
+    return both

@@ -4,7 +4,7 @@ Without a position there is no MVS: nothing is measured, believed or sent.
 """
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -14,7 +14,7 @@ import numpy as np
 from onboard.messages import mvs_footer
 from onboard.messages.declaration import DecodeError
 from onboard.mvs.association import Kinematics
-from onboard.mvs.belief import ImplausibleError, check, weighted_down
+from onboard.mvs.belief import doubts, weighted_down
 from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, map_state
 from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.kalman import Array, predict
@@ -217,38 +217,40 @@ class MultiVehicleSensing:
         belief = self._settings.belief
         assert self._own.frame is not None  # noqa: S101 (a position comes with a frame)
         self._assign_seen(now)
-        believed: list[Evidence] = []
-        refused: dict[str, list[str]] = {}
-        for piece in evidence_in(footer, self._own.frame):
-            try:
-                self._check(piece, sender_id, now)
-            except ImplausibleError as error:
-                refused.setdefault(error.reason, []).append(error.detail)
-                continue
-            weighed = weighted_down(piece, belief.sharpest_sigma_m)
-            if weighed is not piece:
-                refused.setdefault("too_sure", []).append("weighted down")
-            believed.append(weighed)
-        too_many = self._tracks.receive(believed, sender_id, self._utc_ms(now))
-        if too_many:
-            refused["too_many_cars"] = ["not taken up"] * too_many
-        for reason, details in refused.items():
-            text = f"{len(details)} entries from {sender_id.hex()}, the first: {details[0]}"
-            self._discard(now, reason, text)
+        pieces = evidence_in(footer, self._own.frame)
+        doubted = self._doubts(pieces, sender_id, now)
+        refused = Counter(doubted.values())
+        believed = [piece for at, piece in enumerate(pieces) if at not in doubted]
+        too_sure = weighted_down(believed, belief.sharpest_sigma_m)
+        refused["too_sure"] = len(too_sure)
+        believed = [too_sure.get(at, piece) for at, piece in enumerate(believed)]
+        refused["too_many_cars"] = self._tracks.receive(believed, sender_id, self._utc_ms(now))
+        for reason, entries in refused.items():
+            if entries:
+                self._discard(now, reason, f"{entries} entries from {sender_id.hex()}")
         self._refreshed_ms = None
 
-    def _check(self, piece: Evidence, sender_id: bytes, now: float) -> None:
+    def _doubts(self, pieces: Sequence[Evidence], sender_id: bytes, now: float) -> dict[int, str]:
+        """A reason not to use it for each piece that has one; see `belief.py`."""
+        if not pieces:
+            return {}
         belief, now_ms = self._settings.belief, self._utc_ms(now)
-        if piece.oldest_ms <= now_ms - round(self._settings.memory_s * 1000):
-            raise ImplausibleError("stale", f"measured {now_ms - piece.oldest_ms} ms ago")
-        reach_m = belief.sensing_range_m
-        if not (isinstance(piece, Measurement) and piece.id.observer == sender_id):
-            reach_m += belief.radio_range_m
+        reaches_m = np.full(len(pieces), belief.sensing_range_m + belief.radio_range_m)
+        doubted: dict[int, str] = {}
+        oldest_ms = now_ms - round(self._settings.memory_s * 1000)
+        for at, piece in enumerate(pieces):
+            if isinstance(piece, Measurement) and piece.id.observer == sender_id:
+                reaches_m[at] = belief.sensing_range_m
+            if piece.oldest_ms <= oldest_ms:
+                doubted[at] = "stale"
+            elif not all(
+                stamp_ms in self._own_stamps_ms
+                for observer, stamp_ms in piece.provenance
+                if observer in self._own_ids
+            ):
+                doubted[at] = "not_my_measurement"
         teller_m = self._neighbours[sender_id].reported.state[:2]
-        check(piece, reach_m, teller_m, now_ms, belief)
-        for observer, stamp_ms in piece.provenance:
-            if observer in self._own_ids and stamp_ms not in self._own_stamps_ms:
-                raise ImplausibleError("not_my_measurement", f"at {stamp_ms}")
+        return doubts(pieces, reaches_m, teller_m, now_ms, belief) | doubted
 
     def _bring_up_to_date(self, now: float) -> None:
         self._assign_seen(now)

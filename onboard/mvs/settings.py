@@ -39,8 +39,9 @@ class SensingSettings(Settings):
 class AssociationSettings(Settings):
     """Which piece of evidence belongs to which car."""
 
-    gate_probability: float = Field(0.99, gt=0.5, lt=1.0)
-    """Of the evidence of a car, how much its gate lets in."""
+    gate_probability: float = Field(0.9999, gt=0.5, lt=1.0)
+    """Of the evidence of a car, how much its gate lets in. Wide: what it leaves out becomes a car
+    of its own, and a hundred pieces a second come of every car."""
     recognition_probability: float = Field(0.9, gt=0.5, lt=1.0)
     """The gate in which a track counts as a car with a radio: narrower, since a car that is taken
     for its neighbour is hidden. What it misses at one moment it finds at the next."""
@@ -97,7 +98,7 @@ class MvsSettings(Settings):
     acceleration_density: float = Field(2.0, gt=0.0, le=100.0)
     """q of the process noise, m^2/s^3: speeds drift by sqrt(q) m/s in one second."""
     confirmed_by: int = Field(3, ge=1, le=20)
-    """Measurements that it takes for a car to be known and passed on."""
+    """A car is known, and passed on, with evidence of so many different moments."""
     unseen_s: float = Field(1.0, gt=0.0, le=10.0)
     """A car that nobody has measured for this long is forgotten."""
     radio_silence_s: float = Field(1.5, gt=0.0, le=10.0)

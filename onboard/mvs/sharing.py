@@ -1,8 +1,8 @@
 """Between evidence as the core holds it and the footer as it travels."""
 
-import dataclasses
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,20 @@ from onboard.messages.mvs_footer import (
     SharedMeasurement,
     SharedState,
 )
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.mvs.evidence import (
+    Estimate,
+    Evidence,
+    Measurement,
+    MeasurementId,
+    turn_of_state,
+)
 from onboard.mvs.kalman import Array
 from onboard.mvs.local_frame import LocalFrame
 
 MOST_OBSERVERS = 255
+
+_MEASURED = attrgetter(*mvs_footer.MEASUREMENT_NUMBERS)
+_STATED = attrgetter(*mvs_footer.STATE_NUMBERS)
 
 
 def footer_of(
@@ -65,27 +74,31 @@ def footer_of(
 
 def evidence_in(footer: MvsFooter, frame: LocalFrame) -> list[Evidence]:
     """Read the entries of `footer`, placed in `frame`."""
-    mapping = frame.mapping_from(LocalFrame(footer.latitude_deg, footer.longitude_deg))
+    turn, shift = frame.mapping_from(LocalFrame(footer.latitude_deg, footer.longitude_deg))
     evidence: list[Evidence] = []
-    for shared in footer.measurements:
-        stamp_ms = footer.reference_ms - shared.age_ms
-        sigmas = [shared.sigma_east_m, shared.sigma_north_m]
-        evidence.append(
-            Measurement(
-                MeasurementId(footer.observers[shared.observer], stamp_ms),
-                np.array([shared.east_m, shared.north_m]),
-                from_correlations(sigmas, [shared.correlation]),
-            ).mapped(*mapping)
-        )
-    for estimate in footer.estimates:
-        numbers = dataclasses.astuple(estimate.state)
-        provenance = frozenset(
-            MeasurementId(footer.observers[run.observer], footer.reference_ms - age_ms)
-            for run in estimate.provenance
-            for age_ms in run.ages_ms
-        )
-        state, covariance = np.array(numbers[:4]), from_correlations(numbers[4:8], numbers[8:14])
-        evidence.append(Estimate(provenance, state, covariance).mapped(*mapping))
+    if footer.measurements:
+        numbers = np.array([_MEASURED(shared) for shared in footer.measurements])
+        positions = numbers[:, :2] @ turn.T + shift
+        covariances = turn @ from_correlations(numbers[:, 2:4], numbers[:, 4:]) @ turn.T
+        for at, shared in enumerate(footer.measurements):
+            stamp_ms = footer.reference_ms - shared.age_ms
+            identity = MeasurementId(footer.observers[shared.observer], stamp_ms)
+            evidence.append(Measurement(identity, positions[at], covariances[at]))
+    if footer.estimates:
+        numbers = np.array([_STATED(estimate.state) for estimate in footer.estimates])
+        both = turn_of_state(turn)
+        states = numbers[:, :4] @ both.T
+        states[:, :2] += shift
+        covariances = both @ from_correlations(numbers[:, 4:8], numbers[:, 8:]) @ both.T
+        for at, estimate in enumerate(footer.estimates):
+            provenance = frozenset(
+                [
+                    MeasurementId(footer.observers[run.observer], footer.reference_ms - age_ms)
+                    for run in estimate.provenance
+                    for age_ms in run.ages_ms
+                ]
+            )
+            evidence.append(Estimate(provenance, states[at], covariances[at]))
     return evidence
 
 
@@ -141,17 +154,22 @@ def to_correlations(covariance: Array) -> tuple[list[float], list[float]]:
     return sigmas.tolist(), correlations
 
 
-def from_correlations(sigmas: Sequence[float], correlations: Sequence[float]) -> Array:
-    """Put a covariance together again; positive for any correlations between -1 and 1."""
-    n = len(sigmas)
-    factor = np.zeros((n, n))
-    each = iter(correlations)
+def from_correlations(sigmas: Array, correlations: Array) -> Array:
+    """Put M covariances (M, n, n) together again; positive for correlations between -1 and 1.
+
+    Args:
+        sigmas: (M, n).
+        correlations: (M, n (n - 1) / 2).
+    """
+    many, n = sigmas.shape
+    factor = np.zeros((many, n, n))
+    each = iter(correlations.T)
     for i in range(n):
-        left = 1.0
+        left = np.ones(many)
         for j in range(i):
-            factor[i, j] = next(each) * left**0.5
-            left -= factor[i, j] ** 2
-        factor[i, i] = left**0.5
-    scaled = np.asarray(sigmas)[:, None] * factor
-    covariance: Array = scaled @ scaled.T
-    return covariance
+            factor[:, i, j] = next(each) * np.sqrt(left)
+            left -= factor[:, i, j] ** 2
+        factor[:, i, i] = np.sqrt(left)
+    scaled = sigmas[:, :, None] * factor
+    covariances: Array = scaled @ scaled.transpose(0, 2, 1)
+    return covariances

@@ -1,15 +1,15 @@
 """One car without a radio: the evidence of it, and which of that may be used together."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, Provenance
+from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId, Provenance
 from onboard.mvs.fusion import fuse
-from onboard.mvs.independent_set import select_independent
+from onboard.mvs.independent_set import select_independent, select_independent_masks
 from onboard.mvs.kalman import Array
 
+_MOST_BITS = 512
 _SAME_PLACE_M = 0.1
 """One measurement told by two is the same place, but for the rounding on its ways."""
 
@@ -30,7 +30,7 @@ class Held:
 
     def is_copy_of(self, other: "Held") -> bool:
         """Whether both are the same piece, given that their provenance is."""
-        return np.allclose(_place(self.piece), _place(other.piece), rtol=0, atol=_SAME_PLACE_M)
+        return math.dist(_place(self.piece), _place(other.piece)) <= _SAME_PLACE_M
 
 
 class Track:
@@ -41,6 +41,9 @@ class Track:
         """The own car's name for it."""
         self.first_teller = first.teller
         self.evidence: dict[Provenance, Held] = {first.piece.provenance: first}
+        self._bits: dict[MeasurementId, int] = {}
+        self._masks: dict[Provenance, int] = {}
+        """Provenances as bit sets, one bit for each measurement of this car."""
         self.used: list[Evidence] = [first.piece]
         """The independent evidence in `estimate`."""
         (self.estimate,) = fuse([self.used], acceleration_density)
@@ -65,21 +68,30 @@ class Track:
             del self.evidence[provenance]
         for provenance in list(self.evidence)[: max(0, len(self.evidence) - most)]:
             del self.evidence[provenance]
+        if len(self._bits) > _MOST_BITS:
+            self._bits.clear()
+            self._masks.clear()
 
     def choose(self) -> None:
-        """Choose anew which evidence to use."""
-        self.used = independent([held.piece for held in self.evidence.values()])
+        """Choose anew which evidence to use, as `independent` does."""
+        latest_first = sorted(self._pieces(), key=_stamp_ms, reverse=True)
+        masks = [self._mask(piece.provenance) for piece in latest_first]
+        self.used = [latest_first[index] for index in select_independent_masks(masks)]
 
     @property
     def last_measured_ms(self) -> int:
         """The time of its last measurement, UTC."""
         return max((held.piece.stamp_ms for held in self.evidence.values()), default=0)
 
+    def moments(self) -> int:
+        """Of how many different moments there is evidence."""
+        return len({held.piece.stamp_ms for held in self.evidence.values()})
+
     def was_seen_beside(self, other: "Track") -> bool:
         """Whether one observer at one moment measured both, which are therefore two cars."""
         mine, others = self._positions(), other._positions()  # noqa: SLF001 (of the same class)
         return any(
-            not np.allclose(mine[both], others[both], rtol=0, atol=_SAME_PLACE_M)
+            math.dist(mine[both], others[both]) > _SAME_PLACE_M
             for both in mine.keys() & others.keys()
         )
 
@@ -92,6 +104,21 @@ class Track:
         self.used = [piece.mapped(turn, shift) for piece in self.used]
         self.estimate = self.estimate.mapped(turn, shift)
 
+    def _pieces(self) -> Iterable[Evidence]:
+        return [held.piece for held in self.evidence.values()]
+
+    def _mask(self, provenance: Provenance) -> int:
+        mask = self._masks.get(provenance)
+        if mask is None:
+            mask, bits = 0, self._bits
+            for identity in provenance:
+                bit = bits.get(identity)
+                if bit is None:
+                    bit = bits[identity] = 1 << len(bits)
+                mask |= bit
+            self._masks[provenance] = mask
+        return mask
+
     def _positions(self) -> dict[Provenance, Array]:
         return {
             provenance: held.piece.position_m
@@ -101,7 +128,7 @@ class Track:
 
 
 def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
-    """Choose the most measurements, none twice, in the fewest pieces; the latest among equals."""
+    """The most measurements, none twice, in the fewest pieces; the latest among equals."""
     latest_first = sorted(pieces, key=_stamp_ms, reverse=True)
     chosen = select_independent([piece.provenance for piece in latest_first])
     return [latest_first[index] for index in chosen]

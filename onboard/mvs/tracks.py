@@ -4,12 +4,13 @@ A car is what its evidence says, and nothing besides. Evidence grows old and is 
 the last of it the car is forgotten.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from onboard.mvs.association import Kinematics, assign, with_speed_prior
-from onboard.mvs.evidence import Estimate, Evidence, MeasurementId
+from onboard.mvs.evidence import Estimate, Evidence, MeasurementId, Provenance
 from onboard.mvs.fusion import fuse
 from onboard.mvs.kalman import Array
 from onboard.mvs.settings import MvsSettings
@@ -28,6 +29,8 @@ class Tracks:
         self._last_number = 0
         self._compared: Kinematics | None = None
         """What new evidence is compared with; `None` if a track has changed since."""
+        self._holders: dict[Provenance, list[Track]] = defaultdict(list)
+        """Who has evidence of that provenance; of a picture, every car in it."""
 
     def __iter__(self) -> Iterator[Track]:
         return iter(self._tracks)
@@ -68,9 +71,13 @@ class Tracks:
         estimates = fuse([track.used for track in self._tracks], settings.acceleration_density)
         for track, estimate in zip(self._tracks, estimates, strict=True):
             track.estimate = estimate
-            track.is_confirmed |= len(estimate.provenance) >= settings.confirmed_by
+            track.is_confirmed |= track.moments() >= settings.confirmed_by
         self._compared = None
         self._join_doubles(now_ms)
+        self._holders = defaultdict(list)
+        for track in self._tracks:
+            for provenance in track.evidence:
+                self._holders[provenance].append(track)
 
     def recognise(self, ids: Sequence[bytes], reported: Kinematics, now_ms: int) -> None:
         """Find the tracks that are cars with a radio, or the own car.
@@ -106,9 +113,8 @@ class Tracks:
 
     def _add_copy(self, held: Held) -> bool:
         """Recognise a piece that came before, whoever told it."""
-        for track in self._tracks:
-            known = track.evidence.get(held.piece.provenance)
-            if known is not None and held.is_copy_of(known):
+        for track in self._holders.get(held.piece.provenance, ()):
+            if held.is_copy_of(track.evidence[held.piece.provenance]):
                 track.add(held)
                 return True
         return False
@@ -119,14 +125,17 @@ class Tracks:
         refused = 0
         for row, held in enumerate(group):
             if row in found:
-                self._tracks[found[row]].add(held)
+                track = self._tracks[found[row]]
+                track.add(held)
             elif self._has_room(held.teller, is_own):
                 self._last_number += 1
-                q = self._settings.acceleration_density
-                self._tracks.append(Track(self._last_number, held, q))
+                track = Track(self._last_number, held, self._settings.acceleration_density)
+                self._tracks.append(track)
                 self._compared = None
             else:
                 refused += 1
+                continue
+            self._holders[held.piece.provenance].append(track)
         return refused
 
     def _has_room(self, teller: bytes, is_own: bool) -> bool:

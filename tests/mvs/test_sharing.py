@@ -115,7 +115,8 @@ def test_a_covariance_is_its_deviations_and_partial_correlations(seed: int, n: i
     sigmas, correlations = to_correlations(covariance)
 
     assert all(-1 < correlation < 1 for correlation in correlations)
-    np.testing.assert_allclose(from_correlations(sigmas, correlations), covariance)
+    again = from_correlations(np.array([sigmas]), np.array([correlations]))[0]
+    np.testing.assert_allclose(again, covariance)
 
 
 @given(
@@ -125,7 +126,7 @@ def test_a_covariance_is_its_deviations_and_partial_correlations(seed: int, n: i
 def test_any_deviations_and_correlations_are_a_positive_covariance(
     sigmas: list[float], correlations: list[float]
 ) -> None:
-    covariance = from_correlations(sigmas, correlations)
+    covariance = from_correlations(np.array([sigmas]), np.array([correlations]))[0]
 
     assert (covariance == covariance.T).all()
     np.linalg.cholesky(covariance)
