@@ -140,6 +140,8 @@ class Stack:
                 self._mvs.receive_position(observation)
             case SensedCar():
                 self._mvs.receive_sensed_car(observation)
+            case Plate(text=None):
+                return  # something like a plate that nobody could read is no plate
             case SensorLost():
                 self._watch.receive_loss(observation.sensor, observation.reason, now)
                 return
