@@ -26,7 +26,7 @@ from onboard.risk.trajectory import (
     travelled_m,
 )
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(7)
 """Per panel; five panels."""
 
 _FOR_EVER = np.array(np.inf)
@@ -71,24 +71,28 @@ def _colliding_share(acceleration: Array, a: Approach, b: Approach, zone: Confli
     passes = (start < last) & (stop > first)
     begin = np.where(passes, np.maximum(start, first), first)
     end = np.where(passes, np.minimum(stop, last), first)
-    low = np.full(np.broadcast_shapes(np.shape(acceleration), np.shape(end)), np.inf)
-    high = -low
 
-    def widen(s_a: Array, at_s: Array) -> None:
-        """Take in the accelerations that bring B to where it touches A, at `s_a` then."""
-        first_b, last_b = (edge + b.distance_m for edge in zone.interval_m(s_a))
-        np.minimum(low, acceleration_to_cover(first_b, at_s, b.speed_m_s, top_b), out=low)
-        np.maximum(high, acceleration_to_cover(last_b, at_s, b.speed_m_s, top_b), out=high)
+    def reached_at_s(s_a: Array) -> Array:
+        return reached_after_s(s_a - start, acceleration, a.speed_m_s, top_a)
 
-    for part in np.linspace(0.0, 1.0, zone.positions):
-        s_a = begin + part * (end - begin)
-        widen(s_a, reached_after_s(s_a - start, acceleration, a.speed_m_s, top_a))
-    stays = stop <= last
-    if np.any(stays):
-        until_s = np.where(
-            stays, np.inf, reached_after_s(end - start, acceleration, a.speed_m_s, top_a)
-        )
-        widen(end, until_s)
+    def lowest(s_a: Array, at_s: Array) -> Array:
+        """B's acceleration below which it is not there yet when A is at `s_a`."""
+        first_b = zone.interval_m(s_a)[0] + b.distance_m
+        return acceleration_to_cover(first_b, at_s, b.speed_m_s, top_b)
+
+    def highest(s_a: Array, at_s: Array) -> Array:
+        """B's acceleration above which it is through when A is at `s_a`."""
+        last_b = zone.interval_m(s_a)[1] + b.distance_m
+        return acceleration_to_cover(last_b, at_s, b.speed_m_s, top_b)
+
+    high = highest(begin, reached_at_s(begin))
+    low = lowest(end, np.where(stop <= last, np.inf, reached_at_s(end)))
+    if zone.positions > 2:
+        for part in np.linspace(0.0, 1.0, zone.positions):
+            s_a = begin + part * (end - begin)
+            at_s = reached_at_s(s_a)
+            low = np.minimum(low, lowest(s_a, at_s))
+            high = np.maximum(high, highest(s_a, at_s))
     share = b.behaviour.cdf(high) - b.behaviour.cdf(low)
     return np.where(passes, np.maximum(share, 0.0), 0.0)
 

@@ -30,8 +30,9 @@ class CarSize:
 class ConflictZone(Protocol):
     """What the collision probability needs to know of a crossing."""
 
-    positions: int
-    """At how many of A's positions the interval must be looked at."""
+    @property
+    def positions(self) -> int:
+        """At how many of A's positions the interval must be looked at; 2 if that never changes."""
 
     def extent_m(self) -> tuple[Array, Array]:
         """Return A's first and last position with any overlap."""

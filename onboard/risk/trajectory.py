@@ -32,7 +32,7 @@ def reached_after_s(
     a = np.where(np.abs(acceleration_m_s2) < STANDSTILL_M_S2, STANDSTILL_M_S2, acceleration_m_s2)
     d = np.maximum(distance_m, 0.0)
     squared = speed_m_s**2 + 2.0 * a * d
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # 2 d / (v + sqrt(v^2 + 2 a d)) has no cancellation where a is small.
         changing_s = 2.0 * d / (speed_m_s + np.sqrt(np.maximum(squared, 0.0)))
         to_top_s = (top_m_s - speed_m_s) / a

@@ -1,0 +1,103 @@
+"""P_C during the approaches, with exact data and as the received beacons give it (section V)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.risk.collision_probability import Approach, collision_probability
+from onboard.risk.conflict_zone import CarSize, XCrossing
+from onboard.risk.driver_behaviour import Behaviour, Triangular, Uniform
+from sim_rig.studies.joerer_radio import BeaconSettings, arrives
+from sim_rig.studies.joerer_traffic import Approaches, Array, TrafficSettings
+
+NO_TOP_M_S = 100.0
+"""The paper limits accelerations, not speeds (eq. 1): no car of the study gets this fast."""
+
+UNAVOIDABLE = 1.0 - 1e-9
+"""From here on P_C is 100 %."""
+
+_PAIRS_AT_ONCE = 1000
+"""What stays in a processor's cache."""
+
+BEHAVIOURS = ("uniform", "triangular")
+
+
+@dataclass(frozen=True, slots=True)
+class Beacons:
+    """What each car received at one beacon interval: m beacons, in order of car and time."""
+
+    car: NDArray[np.int64]
+    """(m) approach * 2 + receiving car."""
+    tick: NDArray[np.int64]
+    """(m)"""
+
+
+def criticality(driven: Approaches, behaviour: str, traffic: TrafficSettings) -> Array:
+    """P_C (n, ticks) with exact data of both cars; NaN after the end.
+
+    The last value is that of the first tick at or after the crash, or at the end.
+    """
+    result = np.full(driven.distance_m.shape[:2], np.nan)
+    at = np.nonzero(~_ended(driven))
+    size = CarSize(np.array(traffic.length_m), np.array(traffic.width_m))
+    zone = XCrossing(size, size, np.array(np.pi / 2))
+    for begin in range(0, len(at[0]), _PAIRS_AT_ONCE):
+        some = tuple(index[begin : begin + _PAIRS_AT_ONCE] for index in at)
+        one, other = (
+            Approach(
+                driven.distance_m[some][:, car, None].astype(np.float64),
+                driven.speed_m_s[some][:, car, None].astype(np.float64),
+                np.array(NO_TOP_M_S),
+                _behaviour(behaviour, driven.acceleration_m_s2[some][:, car, None], traffic),
+            )
+            for car in (0, 1)
+        )
+        result[some] = collision_probability(one, other, zone)
+    return result
+
+
+def received(
+    driven: Approaches, interval_s: float, radio: BeaconSettings, rng: np.random.Generator
+) -> Beacons:
+    """Let every car send each `interval_s`, from a moment of its own on, until the crash."""
+    n, ticks, _ = driven.distance_m.shape
+    every = round(interval_s / driven.tick_s)
+    phase = rng.integers(every, size=(n, 2))  # of the sender
+    sent = np.arange(ticks)[None, :, None] % every == phase[:, None, :]
+    before_end = np.arange(ticks) * driven.tick_s < driven.over_s[:, None]
+    heard = arrives(driven.distance_m, radio) & before_end
+    approach, receiver, tick = np.nonzero((sent[:, :, ::-1] & heard[:, :, None]).swapaxes(1, 2))
+    return Beacons(approach * 2 + receiver, tick)
+
+
+def highest(p_c: Array, beacons: Beacons) -> Array:
+    """(2 n) the highest P_C that each car got to know; 0 where it heard nothing."""
+    result = np.zeros(2 * len(p_c))
+    np.maximum.at(result, beacons.car, p_c[beacons.car // 2, beacons.tick])
+    return result
+
+
+def last_before_unavoidable(p_c: Array, beacons: Beacons) -> Array:
+    """(2 n) P_C at each car's last beacon before the first that says 100 %; NaN without one."""
+    values = p_c[beacons.car // 2, beacons.tick]
+    unavoidable_from = np.full(2 * len(p_c), p_c.shape[1])
+    certain = values >= UNAVOIDABLE
+    np.minimum.at(unavoidable_from, beacons.car[certain], beacons.tick[certain])
+    before = beacons.tick < unavoidable_from[beacons.car]
+    result = np.full(2 * len(p_c), np.nan)
+    result[beacons.car[before]] = values[before]  # in order of time: the last one stays
+    return result
+
+
+def _ended(driven: Approaches) -> NDArray[np.bool_]:
+    tick = np.arange(driven.distance_m.shape[1])
+    ended: NDArray[np.bool_] = tick * driven.tick_s >= driven.over_s[:, None] + driven.tick_s
+    return ended
+
+
+def _behaviour(name: str, present_m_s2: Array, traffic: TrafficSettings) -> Behaviour:
+    limits = np.array(-traffic.hardest_deceleration_m_s2), np.array(traffic.acceleration_m_s2)
+    if name == "uniform":
+        return Uniform(*limits)
+    return Triangular(limits[0], present_m_s2.astype(np.float64), limits[1])

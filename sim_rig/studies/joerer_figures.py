@@ -1,0 +1,81 @@
+"""The paper's figures 5 to 11, drawn from our own approaches."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from sim_rig.studies.joerer_traffic import Array, Outcome
+
+GROUPS = ("CRASH", "NEAR CRASH", "NO CRASH")
+
+
+def draw_boxes(highest: Mapping[str, Array], outcome: NDArray[np.int64], path: Path) -> None:
+    """Figures 5, 6 and 8: the highest P_C of each car, by outcome; one panel for each key."""
+    figure, panels = _panels(len(highest), "maximum collision probability")
+    for axes, (title, values) in zip(panels, highest.items(), strict=True):
+        groups = [values[outcome == group] for group in Outcome]
+        axes.boxplot([group if len(group) else [np.nan] for group in groups])
+        axes.set_xticks([1, 2, 3], GROUPS, fontsize=7)
+        axes.set_title(title, fontsize=9)
+        axes.set_ylim(-0.03, 1.03)
+    figure.savefig(path)
+
+
+def draw_bins(binned: Mapping[str, Array], bin_m: float, path: Path) -> None:
+    """Figures 7 and 9: P_C by the receiver's and the sender's distance, (bins, bins) each."""
+    figure, panels = _panels(len(binned), "sender from the crossing in m")
+    for axes, (title, values) in zip(panels, binned.items(), strict=True):
+        at = np.nonzero(np.isfinite(values))
+        share = values[at]
+        receiver_m, sender_m = ((index + 0.5) * bin_m for index in at)
+        axes.scatter(receiver_m, sender_m, s=3 + 22 * share, c=share, vmin=0, vmax=1)
+        axes.set_title(title, fontsize=9)
+        axes.set_xlabel("receiver from the crossing in m", fontsize=8)
+        axes.set_xlim(0, len(values) * bin_m)
+        axes.set_ylim(0, len(values) * bin_m)
+    figure.colorbar(mpl.cm.ScalarMappable(), ax=list(panels), label="collision probability")
+    figure.savefig(path)
+
+
+def draw_evolution(
+    exact: tuple[Array, Array], beacons: Mapping[float, tuple[Array, Array]], path: Path
+) -> None:
+    """Figure 10: P_C over the time to the crash, exact and as the beacons give it."""
+    figure, (axes,) = _panels(1, "collision probability")
+    axes.plot(*exact, color="0.7", label="exact data")
+    for interval_s, (time_s, p_c) in beacons.items():
+        axes.step(
+            np.append(time_s, 0.0), np.append(p_c, p_c[-1:]), where="post",
+            label=f"beacon each {interval_s:g} s",
+        )  # fmt: skip
+    axes.set_xlabel("time to the crash in s")
+    axes.set_xlim(-6, 0)
+    axes.legend(fontsize=7)
+    figure.savefig(path)
+
+
+def draw_eccdf(lbu: Mapping[str, Mapping[float, Array]], path: Path) -> None:
+    """Figure 11: how many last beacons before an unavoidable crash said more than this."""
+    figure, panels = _panels(len(lbu), "eCCDF")
+    for axes, (title, of_interval) in zip(panels, lbu.items(), strict=True):
+        for interval_s, values in of_interval.items():
+            known = np.sort(values[np.isfinite(values)])
+            share = 1.0 - np.arange(len(known)) / max(len(known), 1)
+            axes.step(known, share, where="pre", label=f"{interval_s:g} s")
+        axes.set_title(title, fontsize=9)
+        axes.set_xlabel("collision probability of LBU beacons", fontsize=8)
+        axes.set_xlim(0, 1)
+        axes.legend(fontsize=7)
+    figure.savefig(path)
+
+
+def _panels(count: int, label: str) -> tuple[Figure, Sequence[Axes]]:
+    figure = Figure(figsize=(3.4 * count + 1.0, 3.4), dpi=120, layout="constrained")
+    panels = figure.subplots(1, count, sharey=True, squeeze=False)[0]
+    panels[0].set_ylabel(label)
+    return figure, panels

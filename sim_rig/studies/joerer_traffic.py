@@ -1,0 +1,195 @@
+"""Two cars approach a crossing, as in section IV of the paper; all approaches at once.
+
+Cars follow the intelligent driver model. One comes from the side that has the right of way; the
+other yields, by stopping at its line, unless it is one of the half that ignores the rules. What the
+paper leaves to its map and to SUMO is chosen here, each choice a setting
+(docs/decisions/0100-a-crossing-of-our-own.md).
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from onboard.settings import Settings
+
+Array = NDArray[np.float64]
+
+
+class TrafficSettings(Settings):
+    """Table I, and what it takes besides."""
+
+    approaches: int = Field(5000, ge=1, le=100_000)
+    step_s: float = Field(0.005, gt=0.0, le=0.02)
+    ticks_every: int = Field(4, ge=1)
+    """Steps from one recorded state to the next."""
+    near_crash_m: float = Field(0.4, ge=0.0)
+    length_m: float = Field(5.0, gt=0.0)
+    width_m: float = Field(1.75, gt=0.0)
+    top_speed_m_s: tuple[float, float] = (13.89, 2.92)
+    """Mean and standard deviation."""
+    desired_deceleration_m_s2: tuple[float, float] = (3.47, 2.76)
+    """Mean and standard deviation."""
+    most_sigmas: float = Field(1.0, gt=0.0)
+    """Both are drawn again beyond this: the paper's largest step, 8.405 cm, is one of 16.81 m/s,
+    one standard deviation above the mean."""
+    acceleration_m_s2: float = Field(2.1, gt=0.0)
+    hardest_deceleration_m_s2: float = Field(9.55, gt=0.0)
+    ignoring: float = Field(0.5, ge=0.0, le=1.0)
+
+    start_m: tuple[float, float] = (100.0, 250.0)
+    """Between these a car starts, from the middle of the crossing."""
+    stop_line_m: float = Field(6.0, gt=0.0)
+    """Before the middle of the crossing."""
+    headway_s: float = Field(1.0, ge=0.0)
+    """IDM's T, towards the stop line."""
+    standing_gap_m: float = Field(1.0, gt=0.0)
+    """IDM's s0, towards the stop line."""
+    margin_s: float = Field(1.0, ge=0.0)
+    """A car that yields crosses first only if it is out this long before the other can be in."""
+
+
+class Outcome(IntEnum):
+    """Of an approach."""
+
+    CRASH = 0
+    NEAR_CRASH = 1
+    NO_CRASH = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Approaches:
+    """What was driven: n approaches of two cars, the second of which has to yield."""
+
+    outcome: NDArray[np.int64]
+    """(n) of `Outcome`."""
+    over_s: Array
+    """(n) when they touched, or else when one was out of the other's way."""
+    ignores_rules: NDArray[np.bool_]
+    """(n) the second car."""
+    tick_s: float
+    distance_m: Array
+    """(n, ticks, 2) from the middle of a car to the middle of the crossing; negative behind it."""
+    speed_m_s: Array
+    """(n, ticks, 2)"""
+    acceleration_m_s2: Array
+    """(n, ticks, 2)"""
+
+
+class _Crossings:
+    """When each car comes within `half_m` of the middle and when it leaves, within a step."""
+
+    def __init__(self, half_m: float, n: int) -> None:
+        self._half_m = half_m
+        self.entered_s = np.full((n, 2), np.inf)
+        self.left_s = np.full((n, 2), np.inf)
+
+    def step(self, now_s: float, distance_m: Array, moved_m: Array, step_s: float) -> None:
+        for edge_m, at_s in ((self._half_m, self.entered_s), (-self._half_m, self.left_s)):
+            passed = (distance_m <= edge_m) & np.isinf(at_s)
+            if passed.any():
+                beyond = (edge_m - distance_m[passed]) / np.maximum(moved_m[passed], 1e-12)
+                at_s[passed] = now_s - np.clip(beyond, 0.0, 1.0) * step_s
+
+    @property
+    def met(self) -> NDArray[np.bool_]:
+        """(n) whether both were inside at once."""
+        met: NDArray[np.bool_] = self.entered_s.max(axis=1) < self.left_s.min(axis=1)
+        return met
+
+
+def drive(settings: TrafficSettings, rng: np.random.Generator) -> Approaches:
+    """Drive all approaches until each is over."""
+    n = settings.approaches
+    top = _draw(settings.top_speed_m_s, settings.most_sigmas, (n, 2), rng)
+    desired = _draw(settings.desired_deceleration_m_s2, settings.most_sigmas, (n, 2), rng)
+    speed = rng.uniform(0.0, top)
+    distance = rng.uniform(*settings.start_m, (n, 2))
+    ignores = rng.random(n) < settings.ignoring
+    yields = ~ignores
+    half_m = 0.5 * (settings.length_m + settings.width_m)
+    touching = _Crossings(half_m, n)
+    close = _Crossings(half_m + settings.near_crash_m, n)
+    step_s, step = settings.step_s, 0
+    record: list[Array] = []
+    while not np.all((close.left_s < np.inf).any(axis=1) | touching.met):
+        if step % settings.ticks_every == 0:
+            yields &= ~_may_cross_first(distance, speed, top, half_m, settings)
+        acceleration = _idm(
+            speed, top, desired, _gap_m(distance, yields, half_m, settings), settings
+        )
+        if step % settings.ticks_every == 0:
+            record.append(np.stack([distance, speed, acceleration]).astype(np.float32))
+        faster = np.maximum(speed + acceleration * step_s, 0.0)
+        moved = 0.5 * (speed + faster) * step_s
+        distance, speed, step = distance - moved, faster, step + 1
+        for crossings in (touching, close):
+            crossings.step(step * step_s, distance, moved, step_s)
+    outcome = np.select(
+        [touching.met, close.met], [Outcome.CRASH, Outcome.NEAR_CRASH], Outcome.NO_CRASH
+    )
+    met_s = np.where(outcome == Outcome.CRASH, touching.entered_s.max(axis=1), np.inf)
+    driven = np.stack(record, axis=2)
+    return Approaches(
+        outcome,
+        np.minimum(met_s, close.left_s.min(axis=1)),
+        ignores,
+        step_s * settings.ticks_every,
+        *driven,
+    )
+
+
+def _draw(
+    normal: tuple[float, float],
+    most_sigmas: float,
+    shape: tuple[int, int],
+    rng: np.random.Generator,
+) -> Array:
+    drawn = rng.normal(size=shape)
+    while (beyond := np.abs(drawn) > most_sigmas).any():
+        drawn[beyond] = rng.normal(size=int(beyond.sum()))
+    mean, sigma = normal
+    return mean + sigma * drawn
+
+
+def _may_cross_first(
+    distance: Array, speed: Array, top: Array, half_m: float, settings: TrafficSettings
+) -> NDArray[np.bool_]:
+    """(n) whether the second car, at its present speed, is out well before the first can be in."""
+    first_m = np.maximum(distance[:, 0] - half_m, 0.0)
+    gaining_s = (top[:, 0] - speed[:, 0]) / settings.acceleration_m_s2
+    gaining_m = 0.5 * (top[:, 0] + speed[:, 0]) * gaining_s
+    squared = speed[:, 0] ** 2 + 2.0 * settings.acceleration_m_s2 * first_m
+    earliest_s = np.where(
+        first_m < gaining_m,
+        (np.sqrt(squared) - speed[:, 0]) / settings.acceleration_m_s2,
+        gaining_s + (first_m - gaining_m) / top[:, 0],
+    )
+    out_s = (distance[:, 1] + half_m) / np.maximum(speed[:, 1], 0.1)
+    return out_s + settings.margin_s < earliest_s
+
+
+def _gap_m(
+    distance: Array, yields: NDArray[np.bool_], half_m: float, settings: TrafficSettings
+) -> Array:
+    """(n, 2) to a line at which the car has to stop; infinite where there is none."""
+    gap = np.full_like(distance, np.inf)
+    front_m = distance[:, 1] - 0.5 * settings.length_m
+    stops = yields & (distance[:, 0] > -half_m) & (front_m > settings.stop_line_m - 1.0)
+    gap[:, 1] = np.where(stops, front_m - settings.stop_line_m + settings.standing_gap_m, np.inf)
+    return gap
+
+
+def _idm(speed: Array, top: Array, desired: Array, gap: Array, settings: TrafficSettings) -> Array:
+    """Acceleration of the intelligent driver model towards a standing obstacle at `gap`."""
+    most = settings.acceleration_m_s2
+    wished = (
+        settings.standing_gap_m
+        + speed * settings.headway_s
+        + speed**2 / (2.0 * np.sqrt(most * desired))
+    )
+    free = 1.0 - (speed / top) ** 4
+    acceleration = most * (free - (wished / np.maximum(gap, 0.1)) ** 2)
+    return np.clip(acceleration, -settings.hardest_deceleration_m_s2, most)
