@@ -14,6 +14,7 @@ from sim_rig.live import Desk
 from sim_rig.report import failures, print_report, print_verdict
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario, load_scenario, scenario_names
+from sim_rig.studies.catalogue import find_study, study_names
 from sim_rig.timeline import draw_timeline
 from sim_rig.virtual import run_virtual
 
@@ -61,6 +62,17 @@ def run(
     )
     print_verdict(story, log, console)
     raise typer.Exit(1 if failures(story, log) else 0)
+
+
+@app.command()
+def study(
+    names: Annotated[list[str], typer.Argument(help=f"Of: {', '.join(study_names())}.")],
+    out: Annotated[Path, typer.Option(help="Where tables and figures go.")] = Path("out/studies"),
+) -> None:
+    """Make tables and figures of the papers again."""
+    for name, run_study in [(name, find_study(name)) for name in names]:
+        typer.echo(f"{name}: {run_study(out / name)}")
+        typer.echo(f"  in {out / name}")
 
 
 def _run_live(scenario: Scenario, seed: int, folder: Path) -> RunLog:

@@ -9,6 +9,8 @@ from pathlib import Path
 from onboard.errors import UserError
 
 _STOPPED_WITHIN_S = 5.0
+_THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+"""Where BLAS and OpenCV are told how many threads to take."""
 
 
 class ProcessError(UserError):
@@ -37,7 +39,7 @@ class Processes:
                 stdout=pipe,
                 stderr=log,
                 # Many processes share few cores: no library may bring threads of its own.
-                env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+                env=os.environ | dict.fromkeys(_THREAD_COUNTS, "1"),
             )
         self._running[name] = process
         self._ends[name] = asyncio.create_task(process.wait())

@@ -1,18 +1,11 @@
-"""What vision would have said, without drawing pictures: the camera of virtual runs.
+"""What vision would have said, without drawing pictures: the camera of virtual runs."""
 
-The model takes the place of picture, JPEG, plate detector and plate reader, with the lens and the
-rate of the rig's cameras. From there on it is the car's own vision: tracker, vote over frames and
-choice of the lead. Each figure below was measured on the rendered path, and
-`tests/sim_rig/test_camera_model.py` holds the model against it.
-"""
-
-import math
 from collections import deque
-from collections.abc import Iterator
 
 import numpy as np
 
 from onboard.observations import (
+    Box,
     Discarded,
     Lead,
     LeadIdentity,
@@ -21,38 +14,29 @@ from onboard.observations import (
     SensorBack,
     SensorLost,
 )
-from onboard.vision.car_track import CarTrack
-from onboard.vision.lane import OwnLane
-from onboard.vision.lead import LeadChoice
-from onboard.vision.perspective import Corners, Place
 from onboard.vision.settings import VisionSettings
-from onboard.vision.sighting import Cue, Sighting
-from onboard.vision.tracker import Tracker
 from sim_rig.cars.camera_view import FPS, LENS, CameraView
+from sim_rig.cars.seen_car import (
+    PLATE_HEIGHT_M,
+    PLATE_OVER_ROAD_M,
+    PLATE_WIDTH_M,
+    SeenCar,
+    plate_width_px,
+)
 from sim_rig.picture.scene import SceneCar
 
 Observation = Plate | Lead | SensorLost | SensorBack | Discarded
 
-PLATE_WIDTH_M, PLATE_HEIGHT_M = 0.52, 0.11
-PLATE_OVER_ROAD_M = 0.6
 LATENCY_S = 0.025
 """From the moment that the picture shows to what vision says of it; the car stamps it in between,
 `STAMP_S` after that moment."""
 STAMP_S = 0.010
-
-WIDTHS_PX = (20.0, 26.0, 32.0, 40.0, 52.0, 70.0, 110.0)
-"""Of the plate in the picture, for the tables below; linear in between, constant outside."""
-SEEN = (0.0, 0.9, 1.0, 1.0, 1.0, 1.0, 1.0)
-"""Part of the frames in which the plate is found."""
-READ = (0.0, 0.0, 0.8, 1.0, 1.0, 1.0, 1.0)
-"""Part of the found plates that are read, and rightly."""
-CONFIDENCE = (0.0, 0.0, 0.7, 0.9, 0.95, 0.98, 0.98)
-"""Of a read plate."""
-WIDTH_SIGMA_PX = 0.5
-"""Of the found width."""
-FARTHEST_M = LENS.focal_x_px * PLATE_WIDTH_M / WIDTHS_PX[0]
-LEAST_TAG_PX, TAG_SIGMA_PX = 14.0, 0.15
-"""Tags are found and read in every frame if they are wider than this; error of their side."""
+ENTER, LEAVE = 0.35, 0.55
+"""A car is in the own lane up to so many lane widths from its middle."""
+BLINK_S = 0.4
+"""A lead unseen for so long is not given up for one beyond it."""
+GAP_SIGMA, CLOSING_SIGMA_M_S = 0.03, 1.0
+"""What vision states of its own errors, roughly."""
 
 
 class CameraModel:
@@ -63,15 +47,13 @@ class CameraModel:
     ) -> None:
         """Take the first picture at `phase_s`."""
         self._view = view
-        self._frozen_s = settings.frozen_s
+        self._settings = settings
         self._rng = rng
         self._picture_at = phase_s
         self._changed_at = phase_s
         self._is_lost = False
-        self._tracker = Tracker(
-            settings.lane_width_m, settings.keep_s, settings.identity_confidence
-        )
-        self._choice = LeadChoice(OwnLane(settings.lane_width_m))
+        self._seen: dict[str, SeenCar] = {}
+        self._in_lane: set[str] = set()
         self._events: deque[Observation] = deque()
 
     def get_timer(self) -> float:
@@ -100,68 +82,69 @@ class CameraModel:
         if self._is_lost:
             self._is_lost = False
             self._events.append(SensorBack(stamp_s, Sensor.CAMERA))
-        self._show(list(self._sightings(picture_at)), stamp_s)
+        found = self._find(picture_at, stamp_s)
+        lead = self._lead(stamp_s)
+        for name, car in found:
+            seen = self._seen[name]
+            self._events.append(Plate(stamp_s, _box(car), *seen.last_read, is_lead=seen is lead))
+        self._tell(lead, stamp_s)
 
     def _repeat(self, stamp_s: float) -> None:
         """As `Sight` does: the same picture says nothing, and after a while that it is stuck."""
         silent_s = stamp_s - self._changed_at
-        if silent_s <= self._frozen_s:
-            self._show([], stamp_s)
+        if silent_s <= self._settings.frozen_s:
+            self._tell(self._lead(stamp_s), stamp_s)
         elif not self._is_lost:
             self._is_lost = True
             self._events.append(SensorLost(stamp_s, Sensor.CAMERA, silent_s, "frozen"))
 
-    def _show(self, sightings: list[Sighting], stamp_s: float) -> None:
-        pairs = self._tracker.receive_sightings(sightings, stamp_s)
-        lead = self._choice.choose(self._tracker.tracks, stamp_s)
-        for sighting, track in pairs:
-            is_lead = lead is not None and track is lead
-            self._events.append(
-                Plate(stamp_s, sighting.box, sighting.text, sighting.confidence, is_lead)
+    def _find(self, picture_at: float, stamp_s: float) -> list[tuple[str, SceneCar]]:
+        """The cars whose plates are found in this picture."""
+        found: list[tuple[str, SceneCar]] = []
+        nearer: list[SceneCar] = []
+        for name, car in self._view.cars(picture_at):
+            if _is_in_picture(car) and not any(_hides(other, car) for other in nearer):
+                if name not in self._seen:
+                    self._seen[name] = SeenCar(self._settings, self._rng)
+                if self._seen[name].look(car, stamp_s):
+                    found.append((name, car))
+            nearer.append(car)
+        return found
+
+    def _lead(self, stamp_s: float) -> SeenCar | None:
+        """The nearest car in the own lane, as vision chooses it; old ones are forgotten."""
+        horizon_s = stamp_s - self._settings.keep_s
+        for name in [name for name, seen in self._seen.items() if seen.seen_at < horizon_s]:
+            del self._seen[name]
+        inside = {
+            name: seen
+            for name, seen in self._seen.items()
+            if seen.is_confirmed and abs(seen.right_m) <= self._limit_m(name)
+        }
+        self._in_lane = set(inside)
+        fresh = [seen for seen in inside.values() if stamp_s - seen.seen_at <= BLINK_S]
+        return min(fresh or inside.values(), key=lambda seen: seen.gap_m(stamp_s), default=None)
+
+    def _limit_m(self, name: str) -> float:
+        share = LEAVE if name in self._in_lane else ENTER
+        return share * self._settings.lane_width_m
+
+    def _tell(self, lead: SeenCar | None, stamp_s: float) -> None:
+        if lead is None:
+            self._events.append(Lead(stamp_s, LeadIdentity.NO_LEAD))
+            return
+        gap_m = lead.gap_m(stamp_s)
+        self._events.append(
+            Lead(
+                stamp_s=stamp_s,
+                identity=LeadIdentity.UNKNOWN if lead.text is None else LeadIdentity.KNOWN,
+                text=lead.text,
+                gap_m=gap_m,
+                gap_sigma_m=GAP_SIGMA * gap_m,
+                closing_speed_m_s=lead.closing_speed_m_s,
+                closing_speed_sigma_m_s=CLOSING_SIGMA_M_S,
             )
-        self._events.append(_lead(lead, stamp_s))
-
-    def _sightings(self, picture_at: float) -> Iterator[Sighting]:
-        near = [car for car in self._view.scene(picture_at).cars if car.ahead_m < FARTHEST_M]
-        cars = sorted(near, key=lambda car: car.ahead_m)
-        for index, car in enumerate(cars):
-            if _is_in_picture(car) and not any(_hides(nearer, car) for nearer in cars[:index]):
-                sighting = self._sighting(car)
-                if sighting is not None:
-                    yield sighting
-
-    def _sighting(self, car: SceneCar) -> Sighting | None:
-        # Always the same number of draws: what one car's plate meets is not another's business.
-        found, read = self._rng.random(2)
-        noise = self._rng.standard_normal()
-        is_tag = car.tag_id is not None
-        width_m = car.tag_side_m if is_tag else PLATE_WIDTH_M
-        width_px = LENS.focal_x_px * width_m / car.ahead_m
-        if found >= (width_px > LEAST_TAG_PX if is_tag else table(SEEN, width_px)):
-            return None
-        is_read = is_tag or read < table(READ, width_px)
-        found_px = width_px + noise * (TAG_SIGMA_PX if is_tag else WIDTH_SIGMA_PX)
-        ahead_m = car.ahead_m * width_px / found_px
-        # What `Plates` and `TagFinder` say of their own errors.
-        sigma = (0.15 if is_tag else math.hypot(0.6, 0.012 * found_px)) / found_px
-        return Sighting(
-            cue=Cue.TAG if is_tag else Cue.PLATE,
-            corners_px=_corners_px(car, found_px),
-            place=Place(ahead_m, car.lateral_m * ahead_m / car.ahead_m, PLATE_OVER_ROAD_M),
-            ahead_sigma_m=ahead_m * sigma,
-            right_sigma_m=math.hypot(width_m, car.lateral_m) * sigma,
-            text=_text(car) if is_read else None,
-            confidence=(1.0 if is_tag else table(CONFIDENCE, width_px)) if is_read else 0.0,
         )
-
-
-def table(values: tuple[float, ...], width_px: float) -> float:
-    """One of the tables above, at a width."""
-    return float(np.interp(width_px, WIDTHS_PX, values))
-
-
-def _text(car: SceneCar) -> str | None:
-    return car.plate if car.tag_id is None else f"TAG{car.tag_id}"
 
 
 def _u_px(car: SceneCar) -> float:
@@ -176,35 +159,19 @@ def _v_px(car: SceneCar) -> float:
 
 
 def _is_in_picture(car: SceneCar) -> bool:
-    half_plate_px = LENS.focal_x_px * PLATE_WIDTH_M / 2 / car.ahead_m
-    inside_u = abs(_u_px(car)) + half_plate_px < LENS.width_px / 2
+    inside_u = abs(_u_px(car)) + plate_width_px(car) / 2 < LENS.width_px / 2
     return inside_u and abs(_v_px(car)) < LENS.height_px / 2
 
 
 def _hides(nearer: SceneCar, car: SceneCar) -> bool:
     """Whether the back of one car is before the plate of another."""
-    half_px = LENS.focal_x_px * (nearer.width_m / nearer.ahead_m + PLATE_WIDTH_M / car.ahead_m) / 2
+    half_px = (LENS.focal_x_px * nearer.width_m / nearer.ahead_m + plate_width_px(car)) / 2
     return abs(_u_px(nearer) - _u_px(car)) < half_px
 
 
-def _corners_px(car: SceneCar, width_px: float) -> Corners:
-    u_px = LENS.principal_x_px + _u_px(car)
-    v_px = LENS.principal_y_px + _v_px(car)
-    height_px = width_px * PLATE_HEIGHT_M / PLATE_WIDTH_M
-    left, right = u_px - width_px / 2, u_px + width_px / 2
-    top, bottom = v_px - height_px / 2, v_px + height_px / 2
-    return np.array([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
-
-
-def _lead(track: CarTrack | None, stamp_s: float) -> Lead:
-    if track is None:
-        return Lead(stamp_s, LeadIdentity.NO_LEAD)
-    return Lead(
-        stamp_s=stamp_s,
-        identity=LeadIdentity.UNKNOWN if track.text is None else LeadIdentity.KNOWN,
-        text=track.text,
-        gap_m=track.ahead.position_m,
-        gap_sigma_m=track.gap_sigma_m,
-        closing_speed_m_s=-track.ahead.rate_m_s,
-        closing_speed_sigma_m_s=track.ahead.rate_sigma_m_s,
-    )
+def _box(car: SceneCar) -> Box:
+    width_px = plate_width_px(car)
+    height_px = width_px if car.tag_id is not None else width_px * PLATE_HEIGHT_M / PLATE_WIDTH_M
+    left_px = LENS.principal_x_px + _u_px(car) - width_px / 2
+    top_px = LENS.principal_y_px + _v_px(car) - height_px / 2
+    return Box(left_px, top_px, width_px, height_px)

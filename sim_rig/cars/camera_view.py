@@ -57,29 +57,32 @@ class CameraView:
 
     def scene(self, at_s: float) -> Scene:
         """The road ahead of the car at `at_s`; to be called once a frame."""
+        return Scene(
+            cars=tuple(car for _, car in self.cars(at_s)),
+            lane_width_m=self._scenario.lane_width_m,
+            travelled_m=self._road.car_at(self._car, at_s).front_m,
+        )
+
+    def cars(self, at_s: float) -> list[tuple[str, SceneCar]]:
+        """The cars ahead, by name, the nearest first; to be called once a frame."""
         states = self._road.cars_at(at_s)
         own = states[self._car]
         cars = []
         for name, car in self._scenario.cars.items():
             ahead_m = states[name].rear_m - own.front_m
             if name != self._car and 0.5 < ahead_m < SIGHT_M:
-                cars.append(
-                    SceneCar(
-                        ahead_m=ahead_m,
-                        lateral_m=own.lateral_m - states[name].lateral_m,
-                        width_m=car.width_m,
-                        height_m=car.height_m,
-                        plate=self._plate(name, at_s),
-                        tag_id=car.tag_id,
-                        colour_bgr=_COLOURS_BGR[car.colour],
-                        braking=states[name].acceleration_m_s2 < _BRAKE_LIGHTS_M_S2,
-                    )
+                seen = SceneCar(
+                    ahead_m=ahead_m,
+                    lateral_m=own.lateral_m - states[name].lateral_m,
+                    width_m=car.width_m,
+                    height_m=car.height_m,
+                    plate=self._plate(name, at_s),
+                    tag_id=car.tag_id,
+                    colour_bgr=_COLOURS_BGR[car.colour],
+                    braking=states[name].acceleration_m_s2 < _BRAKE_LIGHTS_M_S2,
                 )
-        return Scene(
-            cars=tuple(cars),
-            lane_width_m=self._scenario.lane_width_m,
-            travelled_m=own.front_m,
-        )
+                cars.append((name, seen))
+        return sorted(cars, key=lambda each: each[1].ahead_m)
 
     def is_dark(self, at_s: float) -> bool:
         """Whether the pictures are black."""
