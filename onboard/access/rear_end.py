@@ -62,6 +62,21 @@ def collision_kind(
     return kind
 
 
+def tolerable_lag_s(gap_m: Array, speed_m_s: float, lead_m_s2: Array, own_m_s2: Array) -> Array:
+    """How much later than the lead car the follower may begin to brake, and just not touch it.
+
+    Negative where it would have to begin first. The later of two equal brakings is the nearer at
+    every moment, so the follower collides exactly if it lags by more. Both drive at `speed_m_s` and
+    stop; if the follower brakes harder, the nearest moment may be while both still move, at equal
+    speeds; else it is when both stand.
+    """
+    standing_s = gap_m / speed_m_s + 0.5 * speed_m_s * (1.0 / lead_m_s2 - 1.0 / own_m_s2)
+    sharper = np.maximum(1.0 / lead_m_s2 - 1.0 / own_m_s2, 0.0)
+    moving_s = np.sqrt(2.0 * gap_m * sharper)
+    lag_s: Array = np.where(moving_s < speed_m_s * sharper, moving_s, standing_s)
+    return lag_s
+
+
 def _speed(time_s: Array, speed: Array, a: Array, at: Array) -> Array:
     return np.maximum(speed - a * np.maximum(time_s - at, 0.0), 0.0)
 

@@ -51,6 +51,33 @@ def asynchronous(access: Array) -> Array:
     return access + access - access * access
 
 
+def drowning(position_m: Array, links: Links, channel: Channel) -> Array:
+    """That a car which sends in a link's slot drowns the packet; 0 for the link's own two ends.
+
+    Args:
+        position_m: (..., n) places of all cars along the road, of all lanes.
+        links: k of them.
+        channel: what is between.
+
+    Returns:
+        (..., k, n) probabilities: 1 / (1 + (r_i / r)^alpha / beta).
+
+    Raises:
+        ValueError: a link's ends are in one place.
+    """
+    sender, receiver = links
+    link_m = np.abs(position_m[..., sender] - position_m[..., receiver])
+    if np.any(link_m <= 0.0):
+        raise ValueError("the ends of a link must not be in one place")
+    interferer_m = np.abs(position_m[..., None, :] - position_m[..., receiver, None])
+    relative_m = interferer_m / link_m[..., None]
+    drowned = 1.0 / (1.0 + relative_m**channel.path_loss_exponent / channel.threshold)
+    link = np.arange(len(sender))
+    drowned[..., link, sender] = 0.0
+    drowned[..., link, receiver] = 0.0
+    return drowned
+
+
 def packet_success(position_m: Array, access: Array, links: Links, channel: Channel) -> Array:
     """P_s of Theorem 1: that a packet which is sent gets to the other end of its link.
 
@@ -67,19 +94,9 @@ def packet_success(position_m: Array, access: Array, links: Links, channel: Chan
     Raises:
         ValueError: a probability is not in [0, 1], or a link's ends are in one place.
     """
-    sender, receiver = links
     if np.any((access < 0.0) | (access > 1.0)):
         raise ValueError("channel access probabilities are 0 to 1")
-    link_m = np.abs(position_m[..., sender] - position_m[..., receiver])
-    if np.any(link_m <= 0.0):
-        raise ValueError("the ends of a link must not be in one place")
-    interferer_m = np.abs(position_m[..., None, :] - position_m[..., receiver, None])
-    relative_m = interferer_m / link_m[..., None]
-    drowned = 1.0 / (1.0 + relative_m**channel.path_loss_exponent / channel.threshold)
-    survives = 1.0 - access[..., None, :] * drowned
-    link = np.arange(len(sender))
-    survives[..., link, sender] = 1.0
-    survives[..., link, receiver] = 1.0
+    survives = 1.0 - access[..., None, :] * drowning(position_m, links, channel)
     success: Array = np.prod(survives, axis=-1)
     return success
 

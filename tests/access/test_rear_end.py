@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from onboard.access.rear_end import Braking, collision_kind
+from onboard.access.rear_end import Braking, collision_kind, tolerable_lag_s
 
 V = 20.0
 
@@ -79,3 +79,26 @@ def test_nonsense_is_refused(gap_m: float, a: float, told: str) -> None:
 
     with pytest.raises(ValueError, match=told):
         collision_kind(np.array(gap_m), np.array(V), brake, brake)
+
+
+def test_a_follower_collides_exactly_if_it_lags_more_than_tolerable() -> None:
+    rng = np.random.default_rng(2)
+    n = 50_000
+    gap_m = rng.uniform(0.1, 80.0, n)
+    lead = Braking(rng.uniform(2.0, 9.0, n), rng.uniform(0.0, 5.0, n))
+    follower = Braking(rng.uniform(2.0, 9.0, n), rng.uniform(0.0, 5.0, n))
+
+    lag_s = tolerable_lag_s(gap_m, V, lead.deceleration_m_s2, follower.deceleration_m_s2)
+
+    collides = collision_kind(gap_m, np.array(V), lead, follower) > 0
+    assert np.array_equal(collides, follower.begins_at_s - lead.begins_at_s > lag_s)
+
+
+def test_equal_brakes_tolerate_the_headway() -> None:
+    lag_s = tolerable_lag_s(np.array(30.0), V, np.array(6.0), np.array(6.0))
+
+    assert lag_s == pytest.approx(30.0 / V)
+
+
+def test_who_brakes_weakly_must_begin_first() -> None:
+    assert tolerable_lag_s(np.array(5.0), V, np.array(8.0), np.array(4.0)) < 0.0

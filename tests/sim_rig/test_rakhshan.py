@@ -192,7 +192,7 @@ def test_sensitivity_tries_every_variant_by_danger_and_by_lot(tmp_path: Path) ->
 
 
 def test_too_few_drivers_make_no_population() -> None:
-    few = DriversSettings(drivers=10, reactions=3)
+    few = DriversSettings(drivers=40, reactions=10)
     seen = simulate_reactions(ORDINARY_DRIVERS, few, np.random.default_rng(1))
 
     with pytest.raises(RuntimeError, match="more drivers"):
