@@ -178,7 +178,8 @@ class WarningGroup:
         followed = self._membership.predecessor
         if reply.to_id not in self._place.own_ids:
             if reply.to_id == followed:
-                self._membership.hear_predecessor_refresh(now)
+                has_news = (reply.leader_id, reply.number + 2) != self._place.in_group
+                self._membership.hear_predecessor_refresh(now, has_news=has_news)
             return
         refusal = self._membership.refusal(reply, now)
         if refusal is not None:
@@ -206,7 +207,6 @@ class WarningGroup:
         if self._membership.predecessor is not None:
             self._send_leave(self._membership.predecessor, reason)
         self._membership.leave(now)
-        self._to_acknowledge.clear()
         before = self._place.in_group
         self._place.lead()
         event = Event.LEFT_LEADING if self._followers else Event.LEFT_ALONE

@@ -77,9 +77,9 @@ class Membership:
         """Bring the next join forward to now."""
         self._join_at = now
 
-    def hear_predecessor_refresh(self, now: float) -> None:
-        """The car ahead has news: ask for it, unless we asked just now."""
-        if now - self._joined_at >= self._settings.refresh_s / 2:
+    def hear_predecessor_refresh(self, now: float, *, has_news: bool) -> None:
+        """The car ahead was answered: ask it in turn, unless we did just now and know the rest."""
+        if has_news or now - self._joined_at >= self._settings.refresh_s / 2:
             self.join_soon(now)
 
     def refusal(self, reply: Reply, now: float) -> str | None:

@@ -45,7 +45,7 @@ class Place:
         self.leader_id = own_id
         self.number = 1
         self._memory_s = memory_s
-        self._own_beat = beat
+        self._own_beat = self._handed_beat = beat
         self._best: dict[CarId, _Best] = {}
 
     @property
@@ -61,8 +61,7 @@ class Place:
     @property
     def beat(self) -> int:
         """The newest beat known of the own leader."""
-        best = self._best.get(self.leader_id)
-        return self._own_beat if best is None or self.number == 1 else best.beat
+        return self._own_beat if self.number == 1 else self._handed_beat
 
     def next_beat(self) -> int:
         """Return the beat for a reply: a leader counts, a member hands on."""
@@ -102,12 +101,8 @@ class Place:
         return beat != best.beat or number > best.number
 
     def take(self, leader_id: CarId, number: int, beat: int, now: float) -> None:
-        """Stand there, after `closes_circle` said no."""
-        best = self._best.get(leader_id)
-        if best is None or best.forget_at <= now or is_newer(beat, best.beat):
-            best = self._best[leader_id] = _Best(beat, number, 0.0)
-        best.number = min(best.number, number)
-        best.forget_at = now + self._memory_s
-        self.leader_id, self.number = leader_id, number
+        """Stand there, after `closes_circle` said no: it is the best place of all so far."""
+        self._best[leader_id] = _Best(beat, number, now + self._memory_s)
+        self.leader_id, self.number, self._handed_beat = leader_id, number, beat
         for old in [key for key, best in self._best.items() if best.forget_at <= now]:
             del self._best[old]

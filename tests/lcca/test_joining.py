@@ -378,6 +378,22 @@ def test_two_groups_merge_and_the_second_learns_its_new_leader(updates_lost: boo
     assert places(road)["E"] == ("A", 5)
 
 
+def test_news_that_no_update_brought_comes_down_the_row_as_a_wave() -> None:
+    road = Road()
+    road.drops = lambda entry, _: isinstance(entry.message, Update)
+    for i, name in enumerate("ABCDEFGHIJ"):
+        road.add(name, -80.0 - 20.0 * i)
+    road.add("Z", 0.0)
+    road.run(5.0)
+    for name in "ABCDEFGHIJ":
+        road.cars[name].position_m += 50.0
+    road.run(2.0)
+    assert places(road)["J"] == ("Z", 11)
+    reached = [road.cars[name].transitions[-1].stamp_s for name in "ABCDEFGHIJ"]
+    one_car_s = road.settings.spread_s + 3 * road.air.delay_s
+    assert all(later - earlier <= one_car_s for earlier, later in pairwise(reached))
+
+
 def test_every_listed_transition_happens_on_the_road() -> None:
     road = Road()
     cars = road.add_row("ABC", gap_m=15.0)  # REGULAR is followed, joins; a MEMBER is followed
@@ -425,6 +441,9 @@ def test_the_first_of_a_row_that_reads_the_lasts_plate_stays_the_first() -> None
     road.run(10.0)
     assert places(road) == true_places(road)
     assert "loop" in cars[0].discarded
+    # D is asked, but does not list its own leader as a follower.
+    assert "loop" in cars[3].discarded
+    assert cars[3].group.followers == ()
 
 
 def test_a_member_that_reads_the_plate_of_a_car_behind_does_not_follow_it() -> None:
@@ -447,12 +466,14 @@ def test_a_group_outlives_the_change_of_everybodys_id(spread_s: float) -> None:
     cars = road.add_row("ABCDE")
     road.run(3.0)
     said = [len(car.transitions) for car in cars]
+    before_change = len(road.sent)
     road.change_ids(spread_s)
     road.run(spread_s + 3.0)
     assert places(road) == true_places(road)
     for car, before in zip(cars, said, strict=True):
         assert {t.event for t in car.transitions[before:]} <= {Event.JOINED, Event.RENUMBERED}
         assert car.group.leader_id == car_id("A", 1)
+    assert not any(isinstance(entry.message, Leave) for entry in road.sent[before_change:])
 
 
 def test_no_message_names_both_the_old_and_the_new_id_of_one_car() -> None:

@@ -66,6 +66,15 @@ def test_a_member_that_changes_its_id_keeps_its_leader() -> None:
     assert place.header == (OTHER, LEADER, 3)
 
 
+def test_a_car_that_leads_anew_has_newer_news_than_when_it_led_before() -> None:
+    # Or those behind, closer to it then, would refuse the larger numbers they have now.
+    place = Place(ME, memory_s=3.0, beat=7)
+    before = place.beat
+    place.take(LEADER, 2, 100, 0.0)
+    place.lead()
+    assert is_newer(place.beat, before)
+
+
 def test_a_former_leader_is_remembered_for_as_long_as_old_news_of_it_may_be_about() -> None:
     place = member(number=3, beat=100, now=0.0)
     place.lead()

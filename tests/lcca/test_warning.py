@@ -149,17 +149,19 @@ def test_on_a_perfect_channel_no_copy_is_more_than_the_radio_range_makes_necessa
             assert warning.age_s == pytest.approx(0.0, abs=1e-9)
 
 
-def test_an_update_takes_no_more_copies_either() -> None:
-    road = row("ABCDEFGH", Air(reach_m=45.0))
+@pytest.mark.parametrize("names", ["ABCDEF", "ABCDEFG", "ABCDEFGH"])
+@pytest.mark.parametrize("reach_m", [45.0, 65.0, 300.0])
+def test_an_update_takes_no_more_copies_either(names: str, reach_m: float) -> None:
+    road = row(names, Air(reach_m=reach_m))
     road.add("Z", 80.0)
     road.run(2.0)
     before = len(road.sent)
-    for car in list(road.cars.values())[:8]:
-        car.position_m += 50.0  # the whole group closes up to Z
+    for name in names:
+        road.cars[name].position_m += 50.0  # the whole group closes up to Z
     road.run(1.0)
     assert places(road) == true_places(road)
     updates = [e.sender for e in road.sent[before:] if isinstance(e.message, Update)]
-    assert len(updates) == fewest_transmissions(road, "A", "H")
+    assert len(updates) == fewest_transmissions(road, "A", names[-1])
 
 
 def test_a_warning_costs_no_message_beyond_its_copies() -> None:
@@ -212,6 +214,36 @@ def test_the_one_beyond_waits_half_a_slot_less_than_the_one_before() -> None:
     road.brake("A")
     road.run(0.05)
     assert [entry.sender for entry in road.warns()] == ["A", "E"]
+
+
+def test_one_beyond_gives_way_to_the_named_one_that_has_heard() -> None:
+    # E hears A by luck and would repeat after half a slot, but D, the named one, does so at once.
+    road = row("ABCDEFGH", Air(reach_m=65.0))
+    reach_m = 65.0
+    road.air = Air(reach_m=85.0)
+
+    def beyond_reach(entry: Transmission, to: str) -> bool:
+        apart_m = abs(road.cars[entry.sender].position_m - road.cars[to].position_m)
+        return apart_m > reach_m and (entry.sender, to) != ("A", "E")
+
+    road.drops = beyond_reach
+    road.brake("A")
+    road.run(1.0)
+    assert [entry.sender for entry in road.warns()] == ["A", "D", "G"]
+    assert warned(road) == "BCDEFGH"
+
+
+def test_a_follower_that_knew_before_is_not_told_again() -> None:
+    # B misses the first copy and the one that C repeats. When A repeats it, C has long
+    # acknowledged it to B.
+    road = row("ABCD", Air(reach_m=45.0))
+    road.drops = lambda entry, to: (
+        to == "B" and isinstance(entry.message, Warn) and entry.message.age_s < 0.05
+    )
+    road.brake("A")
+    road.run(2.0)
+    assert warned(road) == "BCD"
+    assert [entry.sender for entry in road.warns()] == ["A", "C", "A"]
 
 
 def test_whoever_missed_it_believes_the_copy_that_a_car_behind_repeats() -> None:
@@ -292,8 +324,9 @@ def test_a_warning_in_the_middle_of_a_change_of_ids_arrives() -> None:
 class Listener:
     """B, a member of A's group with number 2, followed by C."""
 
-    def __init__(self) -> None:
-        instantly = LccaSettings(identity_dwell_s=0.0, spread_s=0.0)
+    def __init__(self, **changes: float) -> None:
+        prompt = {"identity_dwell_s": 0.0, "spread_s": 0.0}
+        instantly = LccaSettings(**(prompt | changes))  # type: ignore[arg-type]
         self.group = WarningGroup(instantly, B, np.random.default_rng(1))
         self.group.receive_speed(20.0, 0.0)
         self.group.receive_neighbour(Neighbour(A, 20.0, 0.0), 0.0)
@@ -413,6 +446,32 @@ def test_the_age_of_a_repeated_warning_counts_the_time_it_was_held() -> None:
     copies = [m for m in car.group.messages_to_send(0.02) if isinstance(m, Warn)]
     assert at is not None
     assert [(copy.hops, round(copy.age_s, 6), copy.number) for copy in copies] == [(2, 0.12, 2)]
+
+
+def copies(car: Listener, now: float) -> list[str]:
+    car.group.handle_timer(now)
+    out = car.group.messages_to_send(now)
+    return [message.kind for message in out if isinstance(message, Warn | Update)]
+
+
+def test_a_car_that_has_left_hands_nothing_on() -> None:
+    stays, leaves = Listener(), Listener(lead_hold_s=0.01)
+    for car in (stays, leaves):
+        car.hears(warn(reach=3))
+    assert copies(stays, 0.01) == []
+    assert copies(leaves, 0.01) == ["update"]  # to its follower: I lead you now
+    assert copies(stays, 0.02) == ["warn"]
+    assert copies(leaves, 0.02) == []
+
+
+def test_an_update_that_has_been_overtaken_is_not_handed_on() -> None:
+    car = Listener()
+    car.hears(update(reach=3))
+    newer = update(previous_leader_id=b"leader-z", leader_id=b"leader-y", event_sequence=6, beat=9)
+    assert car.hears(newer) == ["transition"]
+    car.group.handle_timer(0.05)
+    sent = [m for m in car.group.messages_to_send(0.05) if isinstance(m, Update)]
+    assert {message.leader_id for message in sent} == {b"leader-y"}
 
 
 def test_a_warning_leaves_before_anything_else() -> None:
