@@ -219,8 +219,9 @@ def test_the_one_beyond_waits_half_a_slot_less_than_the_one_before() -> None:
 def test_one_beyond_gives_way_to_the_named_one_that_has_heard() -> None:
     # E hears A by luck and would repeat after half a slot, but D, the named one, does so at once.
     road = row("ABCDEFGH", Air(reach_m=65.0))
+    # It hears D's copy before its own turn, and G's only after.
     reach_m = 65.0
-    road.air = Air(reach_m=85.0)
+    road.air = Air(reach_m=85.0, delay_s=0.003)
 
     def beyond_reach(entry: Transmission, to: str) -> bool:
         apart_m = abs(road.cars[entry.sender].position_m - road.cars[to].position_m)
