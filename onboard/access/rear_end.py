@@ -62,18 +62,29 @@ def collision_kind(
     return kind
 
 
-def tolerable_lag_s(gap_m: Array, speed_m_s: float, lead_m_s2: Array, own_m_s2: Array) -> Array:
+def tolerable_lag_s(
+    gap_m: Array,
+    lead_speed_m_s: float | Array,
+    speed_m_s: float | Array,
+    lead_m_s2: Array,
+    own_m_s2: Array,
+) -> Array:
     """How much later than the lead car the follower may begin to brake, and just not touch it.
 
-    Negative where it would have to begin first. The later of two equal brakings is the nearer at
-    every moment, so the follower collides exactly if it lags by more. Both drive at `speed_m_s` and
-    stop; if the follower brakes harder, the nearest moment may be while both still move, at equal
-    speeds; else it is when both stand.
+    The later it begins, the nearer it comes, so it collides exactly if it lags by more. If it
+    brakes harder, the nearest moment may be while both still move, at equal speeds; else it is when
+    both stand. Negative where the follower would have to begin first; by how much is exact for
+    equal speeds only. All arguments broadcast; the follower moves.
     """
-    standing_s = gap_m / speed_m_s + 0.5 * speed_m_s * (1.0 / lead_m_s2 - 1.0 / own_m_s2)
-    sharper = np.maximum(1.0 / lead_m_s2 - 1.0 / own_m_s2, 0.0)
-    moving_s = np.sqrt(2.0 * gap_m * sharper)
-    lag_s: Array = np.where(moving_s < speed_m_s * sharper, moving_s, standing_s)
+    closing_m_s = np.subtract(speed_m_s, lead_speed_m_s)
+    harder_m_s2 = np.subtract(own_m_s2, lead_m_s2)
+    ways_m = 0.5 * np.square(lead_speed_m_s) / lead_m_s2 - 0.5 * np.square(speed_m_s) / own_m_s2
+    standing_s = (gap_m + ways_m) / speed_m_s
+    root = np.maximum(harder_m_s2, 0.0) * (closing_m_s**2 + 2.0 * gap_m * lead_m_s2) / own_m_s2
+    moving_s = (np.sqrt(root) - closing_m_s) / lead_m_s2
+    # Speeds are equal at (closing + own lag) / harder, and that must be before the lead stops.
+    meet = lead_m_s2 * (closing_m_s + own_m_s2 * moving_s) < harder_m_s2 * lead_speed_m_s
+    lag_s: Array = np.where((harder_m_s2 > 0.0) & meet, moving_s, standing_s)
     return lag_s
 
 

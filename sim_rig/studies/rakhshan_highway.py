@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.special import ndtr
 
 from onboard.access.chain import lane_links, reception_delay_s, without_radio_s
+from onboard.access.danger import rear_end_danger
 from onboard.access.drivers import ORDINARY_DRIVERS
 from onboard.access.rear_end import tolerable_lag_s
 from onboard.access.slotted import (
@@ -30,9 +30,6 @@ from onboard.access.slotted import (
     slots_needed,
 )
 from onboard.settings import Settings
-
-SPACES = 8
-"""Points at which a deceleration is looked at when nobody knows it yet."""
 
 
 class Spacing(StrEnum):
@@ -98,7 +95,11 @@ def draw(settings: HighwaySettings, drops: int, rng: np.random.Generator) -> Dro
     )
     lag_s = np.full(shape, np.inf)
     lag_s[..., 1:] = tolerable_lag_s(
-        gap_m[..., 1:], settings.speed_m_s, braking_m_s2[..., :-1], braking_m_s2[..., 1:]
+        gap_m[..., 1:],
+        settings.speed_m_s,
+        settings.speed_m_s,
+        braking_m_s2[..., :-1],
+        braking_m_s2[..., 1:],
     )
     usual = _usual_log_reaction(settings, gap_m, rng)
     noise = math.sqrt(ORDINARY_DRIVERS.noise_variance)
@@ -106,7 +107,13 @@ def draw(settings: HighwaySettings, drops: int, rng: np.random.Generator) -> Dro
         position_m,
         lag_s,
         np.exp(usual + noise * rng.standard_normal(shape)),
-        _danger(settings, gap_m, usual, noise),
+        rear_end_danger(
+            gap_m,
+            settings.speed_m_s,
+            settings.speed_m_s,
+            (usual, noise),
+            (settings.deceleration_low_m_s2, settings.deceleration_high_m_s2),
+        ),
         rng.uniform(size=(*shape[:2], len(lane_links(settings.cars_per_lane).sender))),
     )
 
@@ -202,18 +209,6 @@ def _usual_log_reaction(settings: HighwaySettings, gap_m: Array, rng: np.random.
     log_headway = np.log(gap_m / settings.speed_m_s)
     usual: Array = coefficients[..., 0] + coefficients[..., 1] * log_headway
     return usual + math.log(settings.reaction_factor)
-
-
-def _danger(settings: HighwaySettings, gap_m: Array, usual: Array, noise: float) -> Array:
-    """The collision probability from gap, speed and driver alone, over all decelerations."""
-    part = (np.arange(SPACES) + 0.5) / SPACES
-    low, high = settings.deceleration_low_m_s2, settings.deceleration_high_m_s2
-    danger = np.zeros_like(gap_m)
-    for lead_m_s2 in low + (high - low) * part:
-        for own_m_s2 in low + (high - low) * part:
-            lag_s = tolerable_lag_s(gap_m, settings.speed_m_s, lead_m_s2, own_m_s2)
-            danger += ndtr((usual - np.log(np.maximum(lag_s, 1e-9))) / noise)
-    return danger / SPACES**2
 
 
 def _all_links(settings: HighwaySettings) -> Links:

@@ -81,24 +81,46 @@ def test_nonsense_is_refused(gap_m: float, a: float, told: str) -> None:
         collision_kind(np.array(gap_m), np.array(V), brake, brake)
 
 
-def test_a_follower_collides_exactly_if_it_lags_more_than_tolerable() -> None:
+def test_at_one_speed_a_follower_collides_exactly_if_it_lags_more_than_tolerable() -> None:
     rng = np.random.default_rng(2)
     n = 50_000
     gap_m = rng.uniform(0.1, 80.0, n)
     lead = Braking(rng.uniform(2.0, 9.0, n), rng.uniform(0.0, 5.0, n))
     follower = Braking(rng.uniform(2.0, 9.0, n), rng.uniform(0.0, 5.0, n))
 
-    lag_s = tolerable_lag_s(gap_m, V, lead.deceleration_m_s2, follower.deceleration_m_s2)
+    lag_s = tolerable_lag_s(gap_m, V, V, lead.deceleration_m_s2, follower.deceleration_m_s2)
 
     collides = collision_kind(gap_m, np.array(V), lead, follower) > 0
     assert np.array_equal(collides, follower.begins_at_s - lead.begins_at_s > lag_s)
 
 
+def test_at_two_speeds_it_agrees_with_small_steps() -> None:
+    rng = np.random.default_rng(3)
+    n = 2000
+    gap_m, lag_s = rng.uniform(1.0, 80.0, n), rng.uniform(0.0, 4.0, n)
+    lead_v, v = rng.uniform(0.0, 30.0, (2, n))
+    lead_a, a = rng.uniform(2.0, 9.0, (2, n))
+    nearest_m, lead_speed, speed, now_m, dt = gap_m.copy(), lead_v, v, gap_m, 2e-3
+    for step in range(20_000):
+        lead_next = np.maximum(lead_speed - lead_a * dt, 0.0)
+        next_ = np.maximum(speed - a * dt * (step * dt >= lag_s), 0.0)
+        now_m = now_m + 0.5 * dt * (lead_speed + lead_next - speed - next_)
+        nearest_m, lead_speed, speed = np.minimum(nearest_m, now_m), lead_next, next_
+        if not speed.any():
+            break
+
+    tolerable_s = tolerable_lag_s(gap_m, lead_v, v, lead_a, a)
+
+    clear = np.abs(nearest_m) > 0.1
+    assert clear.mean() > 0.98
+    assert np.array_equal((nearest_m <= 0.0)[clear], (lag_s > tolerable_s)[clear])
+
+
 def test_equal_brakes_tolerate_the_headway() -> None:
-    lag_s = tolerable_lag_s(np.array(30.0), V, np.array(6.0), np.array(6.0))
+    lag_s = tolerable_lag_s(np.array(30.0), V, V, np.array(6.0), np.array(6.0))
 
     assert lag_s == pytest.approx(30.0 / V)
 
 
 def test_who_brakes_weakly_must_begin_first() -> None:
-    assert tolerable_lag_s(np.array(5.0), V, np.array(8.0), np.array(4.0)) < 0.0
+    assert tolerable_lag_s(np.array(5.0), V, V, np.array(8.0), np.array(4.0)) < 0.0

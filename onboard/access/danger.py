@@ -1,0 +1,51 @@
+"""How likely a driver runs into the car ahead if that brakes, by physics and reaction alone.
+
+The collision probability "calculated only based on physical/traffic parameters (without
+considering the vehicle to vehicle communication)" by which section III calls a car safe or unsafe.
+One minus it is the safety index.
+"""
+
+import numpy as np
+from scipy.special import ndtr
+
+from onboard.access.rear_end import tolerable_lag_s
+from onboard.access.slotted import Array
+
+POINTS = 8
+"""At which an unknown deceleration is looked at; 32 change the probability by under 0.003."""
+
+_NO_TIME_S = 1e-9
+
+
+def rear_end_danger(
+    gap_m: Array,
+    lead_speed_m_s: float | Array,
+    speed_m_s: float | Array,
+    log_reaction: tuple[Array | float, Array | float],
+    deceleration_m_s2: tuple[float, float],
+) -> Array:
+    """Probability that the reaction takes longer than the gap tolerates.
+
+    Args:
+        gap_m: bumper to bumper.
+        lead_speed_m_s: of the car ahead.
+        speed_m_s: own, above 0.
+        log_reaction: mean and standard deviation of the reaction time's logarithm.
+        deceleration_m_s2: each of the two cars brakes evenly between these, on its own.
+
+    Returns:
+        in the shape of what is given, all of which broadcasts.
+    """
+    low, high = deceleration_m_s2
+    brakes = low + (high - low) * (np.arange(POINTS) + 0.5) / POINTS
+    mean, sigma = (np.asarray(value)[..., None, None] for value in log_reaction)
+    lag_s = tolerable_lag_s(
+        np.asarray(gap_m)[..., None, None],
+        np.asarray(lead_speed_m_s)[..., None, None],
+        np.asarray(speed_m_s)[..., None, None],
+        brakes[:, None],
+        brakes,
+    )
+    too_late: Array = ndtr((mean - np.log(np.maximum(lag_s, _NO_TIME_S))) / sigma)
+    danger: Array = too_late.mean(axis=(-2, -1))
+    return danger
