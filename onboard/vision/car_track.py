@@ -1,11 +1,16 @@
 """One car ahead, followed from frame to frame."""
 
+import math
+
 from onboard.vision.identity import Ballot
 from onboard.vision.motion import Motion
+from onboard.vision.rear import Growth
 from onboard.vision.sighting import Cue, Sighting
 
 CONFIRM_SIGHTINGS = 3
 """Fewer may be a trick of the light."""
+BEARING_SIGMA = 0.003
+"""In rad, of where the middle of a rear is."""
 SIZE_SIGMA = 0.02
 """Plates, tags and calibration are this far from their nominal size; no averaging removes it."""
 
@@ -19,6 +24,8 @@ class CarTrack:
         self.track_id = track_id
         self.seen_at = stamp_s
         """When it was last sighted."""
+        self.present_at = stamp_s
+        """When it was last sighted, or its rear was still there."""
         self.looked_at = stamp_s
         """When it was last looked for."""
         self.read_at = stamp_s
@@ -26,6 +33,8 @@ class CarTrack:
         self.sightings = 1
         self.last = first
         """The latest plate or tag, else the latest vehicle."""
+        self.corners_px = first.corners_px
+        """Where that is now."""
         self.ahead = Motion(
             first.place.ahead_m,
             first.ahead_sigma_m,
@@ -40,6 +49,8 @@ class CarTrack:
             rate_sigma_m_s=1.5,
             acceleration_sigma_m_s2=1.0,
         )
+        self.followed_at = stamp_s
+        """Up to when its rear was followed."""
         self._plate = Ballot(identity_confidence)
         self._tag = Ballot(identity_confidence)
         self._vote(first, stamp_s)
@@ -57,9 +68,7 @@ class CarTrack:
     @property
     def gap_sigma_m(self) -> float:
         """Of the gap: the filter's and what nominal sizes leave open."""
-        return float(
-            (self.ahead.position_sigma_m**2 + (SIZE_SIGMA * self.ahead.position_m) ** 2) ** 0.5
-        )
+        return math.hypot(self.ahead.position_sigma_m, SIZE_SIGMA * self.ahead.position_m)
 
     def predict(self, stamp_s: float) -> None:
         """Go on to the time of the next frame."""
@@ -74,8 +83,29 @@ class CarTrack:
             self.sightings += 1
         if sighting.cue is not Cue.VEHICLE or self.last.cue is Cue.VEHICLE:
             self.last = sighting
-        self.seen_at = stamp_s
+            self.corners_px = sighting.corners_px
+        self.seen_at = self.present_at = stamp_s
         self._vote(sighting, stamp_s)
+
+    def receive_growth(self, growth: Growth, right_slope: float, stamp_s: float) -> None:
+        """Take in how its rear grew since the frame before, up to `stamp_s`.
+
+        Args:
+            growth: of the rear.
+            right_slope: how far right of the heading it is now, a metre ahead.
+            stamp_s: of the frame that it was predicted to.
+        """
+        seconds = stamp_s - self.followed_at
+        self.followed_at = stamp_s
+        if seconds <= 0:
+            return
+        ahead_m = self.ahead.position_m
+        self.ahead.update_rate(
+            -ahead_m * math.log(growth.factor) / seconds, ahead_m * growth.sigma / seconds
+        )
+        sigma_m = abs(right_slope) * self.gap_sigma_m
+        self.right.update(ahead_m * right_slope, math.hypot(sigma_m, BEARING_SIGMA * ahead_m))
+        self.present_at = stamp_s
 
     def _vote(self, sighting: Sighting, stamp_s: float) -> None:
         if sighting.text is None:

@@ -26,7 +26,7 @@ class LeadChoice:
         """The lead among `tracks`, which were moved to `stamp_s`."""
         inside = [track for track in tracks if track.confirmed and self._is_inside(track)]
         self._in_lane = {track.track_id for track in inside}
-        seen = [track for track in inside if stamp_s - track.seen_at <= BLINK_S]
+        seen = [track for track in inside if stamp_s - track.present_at <= BLINK_S]
         return min(seen or inside, key=lambda track: track.ahead.position_m, default=None)
 
     def _is_inside(self, track: CarTrack) -> bool:

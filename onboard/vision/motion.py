@@ -67,3 +67,7 @@ class Motion:
     def update(self, position_m: float, sigma_m: float) -> None:
         """Take in a measurement made at the time of the last prediction."""
         self._filter.update(position_m, R=sigma_m**2)
+
+    def update_rate(self, rate_m_s: float, sigma_m_s: float) -> None:
+        """Take in a measurement of the rate, made at the time of the last prediction."""
+        self._filter.update(rate_m_s, R=sigma_m_s**2, H=np.array([[0.0, 1.0]]))

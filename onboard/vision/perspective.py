@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from onboard.observations import Box
 from onboard.vision.settings import Calibration
 
 Corners = npt.NDArray[np.float32]
@@ -126,3 +127,10 @@ class Perspective:
         )
         rays = np.column_stack([undistorted[:, 0], np.ones(len(points))]) @ self._to_car.T
         return np.asarray(rays[:, :2] / rays[:, 2:], np.float64)
+
+
+def bounding_box(corners_px: Corners) -> Box:
+    """The upright rectangle around corners."""
+    left, top = (float(value) for value in corners_px.min(axis=0))
+    right, bottom = (float(value) for value in corners_px.max(axis=0))
+    return Box(left, top, right - left, bottom - top)

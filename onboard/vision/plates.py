@@ -2,12 +2,14 @@
 
 import math
 from collections import Counter
+from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import Box
+from onboard.vision.blue_band import with_band
 from onboard.vision.identity import LEAST_READ_CONFIDENCE, PlateSyntax
 from onboard.vision.perspective import Corners, Perspective
 from onboard.vision.plate_detector import FoundPlate
@@ -24,8 +26,10 @@ SHAPE_SIGMA = 0.12
 """Of the logarithm of a found plate's width by height."""
 WIDTH_SIGMA_PX, WIDTH_SIGMA = 0.6, 0.012
 """Of a found plate's width: in pixels, and as a share of it."""
-LEAST_READABLE_PX = 28.0
-"""Narrower plates have strokes under a pixel."""
+LEAST_PX = 30.0
+"""Narrower plates are found too, but by half of their width."""
+LEAST_EUROPEAN_SHAPE = 3.3
+"""Width by height from which a plate may have a blue band."""
 
 
 class PlateFinder(Protocol):
@@ -69,31 +73,36 @@ class Plates:
 
     def find(self, image: Image, search: Search) -> list[Sighting]:
         """Plates in the picture, or where they are followed."""
-        found: list[FoundPlate] = []
-        unread: set[int] = set()
-        if search.followed is None:
-            found = self._finder.find(image, search.area)
-        else:
-            for each in search.followed:
-                for plate in self._follow(image, each):
-                    if not any(_same(plate.box, other.box) for other in found):
-                        found.append(plate)
-                        if not each.read_again:
-                            unread.add(id(plate))
-        readable = [
-            plate
-            for plate in found
-            if plate.width_px >= LEAST_READABLE_PX and id(plate) not in unread
-        ]
-        texts = self._reader.read_many(image, [plate.corners_px for plate in readable])
-        read = dict(zip(map(id, readable), texts, strict=True))
-        return [self._sighting(plate, read.get(id(plate))) for plate in found]
+        found = list(self._found(image, search))
+        readable = [plate for plate, to_read in found if to_read]
+        texts = iter(self._reader.read_many(image, [plate.corners_px for plate in readable]))
+        return [self._sighting(plate, next(texts) if to_read else None) for plate, to_read in found]
+
+    def _found(self, image: Image, search: Search) -> Iterator[tuple[FoundPlate, bool]]:
+        """Each plate once, and whether it is to be read."""
+        looks = (
+            [(self._finder.find(image, search.area), True)]
+            if search.followed is None
+            else [(self._follow(image, each), each.read_again) for each in search.followed]
+        )
+        boxes: list[Box] = []
+        for plates, to_read in looks:
+            for plate in plates:
+                whole = self._whole(image, plate)
+                if plate.width_px >= LEAST_PX and not any(_same(whole.box, box) for box in boxes):
+                    boxes.append(whole.box)
+                    yield whole, to_read
 
     def _follow(self, image: Image, followed: Followed) -> list[FoundPlate]:
         if followed.cue is Cue.PLATE and followed.was_seen:
             plate = self._finder.find_again(image, followed.corners_px)
             return [] if plate is None else [plate]
         return self._finder.find(image, followed.region)
+
+    def _whole(self, image: Image, plate: FoundPlate) -> FoundPlate:
+        if self._perspective.shape(plate.corners_px) < LEAST_EUROPEAN_SHAPE:
+            return plate
+        return FoundPlate(with_band(image, plate.corners_px), plate.score)
 
     def _sighting(self, plate: FoundPlate, text: PlateText | None) -> Sighting:
         width_m = self._width_m or self._likely_width_m(plate.corners_px)

@@ -153,6 +153,8 @@ class VisionSettings(Settings):
     """How often a plate is read whose text is known; others are read in every frame."""
     keep_s: float = Field(1.5, gt=0.0, le=10.0)
     """How long a car is believed to be there after it was last seen."""
+    keep_unread_s: float = Field(10.0, gt=0.0, le=60.0)
+    """How long while its rear is still there, but no plate, tag or vehicle is found in it."""
     frozen_s: float = Field(0.6, gt=0.0, le=10.0)
     """The same picture for this long is a lost camera."""
     vehicle_model: VehicleModelSettings | None = None

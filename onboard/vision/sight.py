@@ -27,11 +27,12 @@ from onboard.vision.car_track import CarTrack
 from onboard.vision.identity import PlateSyntax
 from onboard.vision.lane import MarkingFinder, OwnLane
 from onboard.vision.lead import LeadChoice
-from onboard.vision.perspective import Perspective, Place
+from onboard.vision.perspective import Perspective, Place, bounding_box
 from onboard.vision.picture_check import PictureCheck
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.plates import PlateFinder, Plates, TextReader
+from onboard.vision.rear import Rear
 from onboard.vision.settings import Calibration, VisionSettings, guessed_calibration
 from onboard.vision.sighting import Cue, Followed, Search, Sighting
 from onboard.vision.tags import TagFinder
@@ -45,6 +46,8 @@ CALIBRATED_SLOPE, GUESSED_SLOPE = 0.04, 0.15
 calibrated: so much, by distance, things may be above and below where they belong."""
 MOST_FOLLOWED = 3
 """Cars looked for in one frame; more are looked for in turn."""
+REAR_SIZE, REAR_ABOVE = (0.4, 0.27), 0.7
+"""What of a car is its rear, in lane widths (1.4 by 0.95 m), and how much of it above the plate."""
 SMALLEST_PX, LARGEST_PX = 64, 8192
 """Sides of a picture."""
 
@@ -89,6 +92,7 @@ class Sight:
         self._tracker = Tracker(
             settings.lane_width_m,
             settings.keep_s,
+            settings.keep_unread_s,
             settings.identity_confidence,
             CALIBRATED_SLOPE if calibration is not None else GUESSED_SLOPE,
         )
@@ -101,6 +105,7 @@ class Sight:
         self._changed_at = -math.inf
         self._frozen = False
         self._lead: CarTrack | None = None
+        self._rear = Rear()
         self._events: deque[Event] = deque()
 
     def next_event(self) -> Event | None:
@@ -112,6 +117,7 @@ class Sight:
         self._check = PictureCheck()
         self._tracker.tracks.clear()
         self._stamp_s = self._searched_at = -math.inf
+        self._lead, self._rear = None, Rear()
 
     def receive_frame(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
         """Look at one frame, (h, w, 3) uint8 BGR; an empty array is one that did not decode."""
@@ -133,8 +139,10 @@ class Sight:
         if self._frozen:
             self._frozen = False
             self._events.append(SensorBack(stamp_s, Sensor.CAMERA))
+        self._follow_rear(image, stamp_s)
         sightings = self._look(image, stamp_s, everywhere=verdict.is_cut)
         self._show(self._tracker.receive_sightings(sightings, stamp_s), stamp_s)
+        self._remember_rear(image, stamp_s)
 
     def _receive_repeat(self, stamp_s: float) -> None:
         """The same picture again says nothing new, and after a while that the camera is stuck."""
@@ -147,6 +155,31 @@ class Sight:
 
     def _discard(self, stamp_s: float, reason: str, detail: str) -> None:
         self._events.append(Discarded(stamp_s, ROOM, reason, detail))
+
+    def _follow_rear(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
+        """Where the lead's rear is now, and how it grew."""
+        lead = self._lead
+        growth = self._rear.follow(image)
+        if lead is None or growth is None:
+            return
+        lead.predict(stamp_s)
+        lead.corners_px = growth.moved(lead.corners_px)
+        place = self._perspective.locate_upright(lead.corners_px, 1.0)
+        lead.receive_growth(growth, place.right_m / place.ahead_m, stamp_s)
+
+    def _remember_rear(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
+        """The lead's rear as it is now, for the next frame."""
+        lead = self._lead
+        if lead is None or lead.present_at < stamp_s:
+            self._rear = Rear()
+            return
+        lead.followed_at = stamp_s
+        lane_px = self._perspective.width_px(self._settings.lane_width_m, lead.ahead.position_m)
+        width_px, height_px = REAR_SIZE[0] * lane_px, REAR_SIZE[1] * lane_px
+        plate = bounding_box(lead.corners_px)
+        x_px, y_px = plate.centre_px
+        left_px, top_px = x_px - width_px / 2, y_px - REAR_ABOVE * height_px
+        self._rear.remember(image, Box(left_px, top_px, width_px, height_px), plate)
 
     def _look(
         self, image: npt.NDArray[np.uint8], stamp_s: float, *, everywhere: bool
@@ -178,7 +211,7 @@ class Sight:
         read_again = track.text is None or stamp_s - track.read_at >= self._settings.read_every_s
         track.looked_at = stamp_s
         return Followed(
-            track.last.cue, track.last.corners_px, _around(track, stamp_s), was_seen, read_again
+            track.last.cue, track.corners_px, _around(track, stamp_s), was_seen, read_again
         )
 
     def _fit(self, width_px: int, height_px: int) -> bool:
@@ -195,7 +228,8 @@ class Sight:
         if calibration is None:
             return False
         self._size_px = (width_px, height_px)
-        settings, perspective = self._settings, Perspective(calibration)
+        settings = self._settings
+        perspective = self._perspective = Perspective(calibration)
         if self._calibration is not None:
             self._markings = MarkingFinder(perspective, settings.lane_width_m)
             self._road = _below_horizon(perspective, width_px, height_px)
@@ -237,12 +271,11 @@ def _below_horizon(perspective: Perspective, width_px: int, height_px: int) -> B
 
 def _around(track: CarTrack, stamp_s: float) -> Box:
     """Where the track's plate is looked for: three plates wide and high, and more when unseen."""
-    box = track.last.box
-    unseen_s = stamp_s - track.seen_at
-    reach_px = box.w_px * (1.0 + 2.0 * unseen_s) + 12.0
-    x, y = box.centre_px
-    half_w_px, half_h_px = box.w_px / 2 + reach_px, box.h_px / 2 + reach_px
-    return Box(x - half_w_px, y - half_h_px, 2 * half_w_px, 2 * half_h_px)
+    box = bounding_box(track.corners_px)
+    reach_px = box.w_px * (1.0 + 2.0 * (stamp_s - track.present_at)) + 12.0
+    return Box(
+        box.x_px - reach_px, box.y_px - reach_px, box.w_px + 2 * reach_px, box.h_px + 2 * reach_px
+    )
 
 
 def _plate(sighting: Sighting, stamp_s: float, *, is_lead: bool) -> Plate:

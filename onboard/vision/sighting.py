@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from onboard.observations import Box
-from onboard.vision.perspective import Corners, Place
+from onboard.vision.perspective import Corners, Place, bounding_box
 
 
 class Cue(StrEnum):
@@ -32,9 +32,7 @@ class Sighting:
     @property
     def box(self) -> Box:
         """The upright rectangle around the corners."""
-        left, top = (float(value) for value in self.corners_px.min(axis=0))
-        right, bottom = (float(value) for value in self.corners_px.max(axis=0))
-        return Box(left, top, right - left, bottom - top)
+        return bounding_box(self.corners_px)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,6 +16,8 @@ from onboard.vision.sighting import Cue, Sighting
 GATE_SIGMA = 4.0
 HEIGHTS = (0.0, 0.5)
 """Of plates over the road, in lane widths: up to 1.75 m, on a van's door."""
+UNCONFIRMED_SHARE = 0.4
+"""Of the time that a car is kept: what was seen once or twice goes sooner."""
 _IMPOSSIBLE = 1e6
 
 
@@ -26,12 +28,14 @@ class Tracker:
         self,
         lane_width_m: float,
         keep_s: float,
+        keep_unread_s: float,
         identity_confidence: float,
         slope: float = 0.04,
     ) -> None:
         """`slope`: how far the car pitches and the road climbs against what was calibrated."""
         self._lane_width_m = lane_width_m
         self._keep_s = keep_s
+        self._keep_unread_s = keep_unread_s
         self._identity_confidence = identity_confidence
         self._slope = slope
         self._next_id = 1
@@ -112,5 +116,9 @@ class Tracker:
     def _is_kept(self, track: CarTrack, stamp_s: float) -> bool:
         if track.ahead.position_m <= 0:
             return False
-        silent_s = stamp_s - track.seen_at
-        return silent_s <= (self._keep_s if track.confirmed else 0.4 * self._keep_s)
+        if not track.confirmed:
+            return stamp_s - track.seen_at <= UNCONFIRMED_SHARE * self._keep_s
+        return (
+            stamp_s - track.present_at <= self._keep_s
+            and stamp_s - track.seen_at <= self._keep_unread_s
+        )

@@ -40,7 +40,7 @@ class Watcher:
     """Drives tracker and choice with one list of sightings a step."""
 
     def __post_init__(self) -> None:
-        self.tracker = Tracker(LANE_M, KEEP_S, 0.9)
+        self.tracker = Tracker(LANE_M, KEEP_S, 10.0, 0.9)
         self.choice = LeadChoice(OwnLane(LANE_M))
         self.stamp_s = 0.0
 
@@ -217,7 +217,7 @@ def test_cars_abreast_are_never_mixed_up() -> None:
 
 
 def test_a_lane_of_a_table_top_is_a_lane_too() -> None:
-    tracker, choice = Tracker(0.3, KEEP_S, 0.9), LeadChoice(OwnLane(0.3))
+    tracker, choice = Tracker(0.3, KEEP_S, 10.0, 0.9), LeadChoice(OwnLane(0.3))
     lead = None
     for index in range(10):
         cars = [

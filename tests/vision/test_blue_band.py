@@ -1,0 +1,56 @@
+"""The blue end of a European plate is part of it, and blue bodywork is not."""
+
+import cv2
+import numpy as np
+import pytest
+
+from onboard.vision.blue_band import BAND, with_band
+
+BODY, BLUE, WHITE = (60, 60, 70), (150, 70, 20), (225, 225, 225)
+LEFT, TOP, WIDTH, HEIGHT = 100, 100, 208, 44
+
+
+def plate(
+    body: tuple[int, int, int] = BODY, band: tuple[int, int, int] | None = BLUE
+) -> np.ndarray:
+    image = np.full((240, 400, 3), body, np.uint8)
+    right, bottom = LEFT + WIDTH - 1, TOP + HEIGHT - 1
+    cv2.rectangle(image, (LEFT, TOP), (right, bottom), WHITE, cv2.FILLED)
+    if band is not None:
+        band_right = LEFT + round(BAND * WIDTH) - 1
+        cv2.rectangle(image, (LEFT, TOP), (band_right, bottom), band, cv2.FILLED)
+    return image
+
+
+def corners(left: float) -> np.ndarray:
+    right, bottom = LEFT + WIDTH, TOP + HEIGHT
+    return np.array([(left, TOP), (right, TOP), (right, bottom), (left, bottom)], np.float32)
+
+
+WITHOUT_BAND = corners(LEFT + BAND * WIDTH)
+
+
+@pytest.mark.parametrize(
+    "body", [BODY, (20, 20, 20), (230, 230, 230), (40, 40, 180), (40, 160, 60)]
+)
+def test_a_band_that_was_left_out_is_taken_in(body: tuple[int, int, int]) -> None:
+    found = with_band(plate(body), WITHOUT_BAND)
+
+    assert found == pytest.approx(corners(LEFT), abs=1.0)
+
+
+def test_a_band_that_is_in_already_stays_as_it_is() -> None:
+    assert with_band(plate(), corners(LEFT)) == pytest.approx(corners(LEFT))
+
+
+def test_a_plate_without_a_band_stays_as_it_is() -> None:
+    assert with_band(plate(band=None), corners(LEFT)) == pytest.approx(corners(LEFT))
+
+
+def test_on_a_blue_car_nobody_can_tell() -> None:
+    assert with_band(plate(body=BLUE, band=None), corners(LEFT)) == pytest.approx(corners(LEFT))
+
+
+@pytest.mark.parametrize("shift", [(-150, -150), (250, 150), (-400, 0)])
+def test_at_and_beyond_the_rim_it_does_no_harm(shift: tuple[int, int]) -> None:
+    assert with_band(plate(), corners(LEFT) + np.array(shift, np.float32)).shape == (4, 2)

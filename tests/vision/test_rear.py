@@ -1,0 +1,133 @@
+"""How a rear grows from frame to frame tells closing speed, and that the car is still there."""
+
+import cv2
+import numpy as np
+import pytest
+
+from onboard.observations import Box, Lead, LeadIdentity
+from onboard.vision.rear import Rear
+from onboard.vision.settings import VisionSettings
+from onboard.vision.sight import Sight
+from sim_rig.picture.scene import Scene, SceneCar
+from tests.vision.drive import CAMERA, PICTURE, frames, see
+
+PLATE = Box(300, 190, 40, 10)
+TAGS = VisionSettings(plates=False, tag_side_m=0.4)
+
+
+def textured(seed: int = 1) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    rough = rng.integers(0, 255, (45, 80, 3)).astype(np.uint8)
+    return cv2.GaussianBlur(cv2.resize(rough, (640, 360)), (0, 0), 2.0)
+
+
+def moved(image: np.ndarray, factor: float, right_px: float, down_px: float) -> np.ndarray:
+    """`image` grown about its middle and shifted."""
+    matrix = np.array(
+        [[factor, 0, 320 * (1 - factor) + right_px], [0, factor, 180 * (1 - factor) + down_px]]
+    )
+    return cv2.warpAffine(image, matrix, (640, 360), borderMode=cv2.BORDER_REFLECT)
+
+
+@pytest.mark.parametrize("factor", [0.93, 0.99, 1.0, 1.004, 1.03, 1.1])
+def test_growth_and_shift_are_measured(factor: float) -> None:
+    image, rear = textured(), Rear()
+    rear.remember(image, Box(260, 130, 120, 100), PLATE)
+
+    growth = rear.follow(moved(image, factor, 6.0, -3.0))
+
+    assert growth is not None
+    assert growth.factor == pytest.approx(factor, abs=0.003)
+    corners = np.array([[300, 160], [340, 160], [340, 170], [300, 170]], np.float32)
+    expected = (corners - (320, 180)) * factor + (326, 177)
+    assert growth.moved(corners) == pytest.approx(expected, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    "after",
+    [textured(seed=2), np.zeros((360, 640, 3), np.uint8), moved(textured(), 2.0, 0.0, 0.0)],
+    ids=["another place", "black", "twice as large"],
+)
+def test_what_is_not_there_any_more_is_not_followed(after: np.ndarray) -> None:
+    rear = Rear()
+    rear.remember(textured(), Box(260, 130, 120, 100), PLATE)
+
+    assert rear.follow(after) is None
+
+
+def test_a_wall_without_corners_is_not_followed() -> None:
+    wall, rear = np.full((360, 640, 3), 90, np.uint8), Rear()
+    rear.remember(wall, Box(260, 130, 120, 100), PLATE)
+
+    assert rear.follow(wall) is None
+
+
+@pytest.mark.parametrize("place", [(-300, -300), (620, 340), (0, 0), (630, 0)])
+def test_regions_at_and_beyond_the_rim_do_no_harm(place: tuple[int, int]) -> None:
+    image, rear = textured(), Rear()
+    rear.remember(image, Box(*place, 120, 100), Box(*place, 40, 10))
+
+    growth = rear.follow(moved(image, 1.02, 0.0, 0.0))
+
+    assert growth is None or growth.factor == pytest.approx(1.02, abs=0.01)
+
+
+def test_a_picture_that_shrank_in_between_is_not_followed() -> None:
+    image, rear = textured(), Rear()
+    rear.remember(image, Box(400, 230, 120, 100), PLATE)
+
+    assert rear.follow(image[:200, :300].copy()) is None
+
+
+def test_a_lead_whose_tag_cannot_be_read_for_seconds_is_kept_and_measured() -> None:
+    def car(stamp_s: float) -> SceneCar:
+        return SceneCar(14.0 - 0.7 * stamp_s, 0.2, tag_id=1, tag_side_m=0.4)
+
+    drive = []
+    for stamp_s, image in frames(lambda t: Scene(cars=(car(t),)), 8.0):
+        if 3.0 <= stamp_s < 7.0:  # mud
+            middle, side_px = (
+                PICTURE.plate_quad(car(stamp_s)).mean(axis=0),
+                330 / (14 - 0.7 * stamp_s),
+            )
+            corner = tuple(np.rint(middle - 0.6 * side_px).astype(int))
+            cv2.rectangle(image, corner, tuple(np.rint(middle).astype(int)), (60, 70, 80), -1)
+        drive.append((stamp_s, image))
+
+    seen = see(Sight(CAMERA, TAGS), iter(drive))
+
+    muddy = [lead for lead in seen.leads if 3.0 <= lead.stamp_s < 7.0]
+    assert not [plate for plate in seen.plates if 3.0 <= plate.stamp_s < 7.0]
+    assert {(lead.identity, lead.text) for lead in muddy} == {(LeadIdentity.KNOWN, "TAG1")}
+    for lead in muddy:
+        assert lead.gap_m == pytest.approx(14.0 - 0.7 * lead.stamp_s, rel=0.08)
+
+
+def test_a_lead_that_vanishes_is_given_up_in_time() -> None:
+    def scene(stamp_s: float) -> Scene:
+        return Scene((SceneCar(15.0, tag_id=1, tag_side_m=0.4),) if stamp_s < 2.0 else ())
+
+    seen = see(Sight(CAMERA, TAGS), frames(scene, 5.0))
+
+    gone_at = min(lead.stamp_s for lead in seen.leads[10:] if lead.gap_m is None)
+    assert gone_at <= 2.0 + TAGS.keep_s + 0.2
+    assert all(lead.gap_m is None for lead in seen.leads if lead.stamp_s > gone_at)
+
+
+def _closing_error_m_s(leads: list[Lead]) -> float:
+    errors = [
+        lead.closing_speed_m_s - (-4.0 * np.cos(lead.stamp_s))
+        for lead in leads
+        if lead.stamp_s > 1.0 and lead.closing_speed_m_s is not None
+    ]
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def test_closing_speed_follows_a_lead_that_speeds_up_and_slows_down() -> None:
+    def scene(stamp_s: float) -> Scene:
+        car = SceneCar(15.0 + 4.0 * np.sin(stamp_s), 0.2, tag_id=1, tag_side_m=0.4)
+        return Scene(cars=(car,))
+
+    seen = see(Sight(CAMERA, TAGS), frames(scene, 6.0))
+
+    assert _closing_error_m_s(seen.leads) < 0.6
