@@ -1,12 +1,17 @@
 # `make demo` runs the main job, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test lint bench fuzz train system-packages clean
+.PHONY: demo test test-live lint bench fuzz train system-packages clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
 
 test: .venv/ready system-packages lint
-	$(PYTHON) -m pytest -n 2 --dist worksteal
+	$(PYTHON) -m pytest -n 2 --dist worksteal -m "not live"
+	$(PYTHON) -m pytest -m live -k "not every_other"
+
+# Every scenario with real daemons, one after the other: some six minutes.
+test-live: .venv/ready
+	$(PYTHON) -m pytest -m live tests/sim_rig
 
 lint: .venv/ready
 	$(PYTHON) -m ruff check .

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from onboard.errors import UserError
 
-_STOPPED_WITHIN_S = 5.0
 _THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 """Where BLAS and OpenCV are told how many threads to take."""
 
@@ -20,9 +19,13 @@ class ProcessError(UserError):
 class Processes:
     """Our own children, by name; an asynchronous context that leaves none behind."""
 
-    def __init__(self, folder: Path) -> None:
-        """Their standard error goes to `<name>.log` in `folder`."""
+    def __init__(self, folder: Path, stopped_within_s: float = 5.0) -> None:
+        """Their standard error goes to `<name>.log` in `folder`.
+
+        One that has not stopped within `stopped_within_s` of being asked is ended.
+        """
         self._folder = folder
+        self._stopped_within_s = stopped_within_s
         self._running: dict[str, asyncio.subprocess.Process] = {}
         self._ends: dict[str, asyncio.Task[int]] = {}
 
@@ -88,7 +91,7 @@ class Processes:
                 process.terminate()
         if not ends:
             return
-        await asyncio.wait(ends, timeout=_STOPPED_WITHIN_S)
+        await asyncio.wait(ends, timeout=self._stopped_within_s)
         for name in names:
             if self._running[name].returncode is None:
                 self._running[name].kill()

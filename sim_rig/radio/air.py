@@ -1,7 +1,8 @@
 """The air between the radio units, without I/O: the same for live and for virtual runs."""
 
 import heapq
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations, count
 
@@ -10,6 +11,8 @@ import numpy as np
 
 from sim_rig.radio.settings import AirSettings
 from sim_rig.roads.road import CarState
+
+LOOK_EVERY_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -42,29 +45,25 @@ class Air:
         self._rng = rng
         self._order = count()
         self._in_flight: list[Delivery] = []
-        self._linked: nx.Graph[str] | None = None
-        if settings.neighbours is not None:
-            self._linked = nx.Graph()
-            for one, others in settings.neighbours.items():
-                self._linked.add_edges_from((one, other) for other in others)
+        self._graph: nx.Graph[str] = nx.Graph()
+        self._graph_of = -1
 
     def reach_graph(self, now: float) -> "nx.Graph[str]":
-        """Who hears whom now; a node for each unit."""
-        graph: nx.Graph[str] = nx.Graph()
-        graph.add_nodes_from(self._units)
-        pairs = combinations(self._units, 2)
-        graph.add_edges_from(pair for pair in pairs if self._hears(*pair, now))
-        return graph
+        """Who hears whom now; a node for each unit. It is looked at anew ten times a second."""
+        moment = math.floor(now / LOOK_EVERY_S)
+        if moment != self._graph_of:
+            self._graph_of = moment
+            self._graph = nx.Graph()
+            self._graph.add_nodes_from(self._units)
+            self._graph.add_edges_from(self._links(now))
+        return self._graph
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
         """The unit of `sender` transmits a frame."""
-        for receiver in self._units:
-            if receiver != sender and self._hears(sender, receiver, now):
-                for at_s in self._arrivals(now):
-                    delivery = Delivery(
-                        at_s, next(self._order), sender, receiver, user_priority, wsm
-                    )
-                    heapq.heappush(self._in_flight, delivery)
+        for receiver in self.reach_graph(now)[sender]:
+            for at_s in self._arrivals(now):
+                delivery = Delivery(at_s, next(self._order), sender, receiver, user_priority, wsm)
+                heapq.heappush(self._in_flight, delivery)
 
     def wsms_to_deliver(self, now: float) -> list[Delivery]:
         """The copies that have arrived by now, in order."""
@@ -77,12 +76,15 @@ class Air:
         """When the next copy arrives."""
         return self._in_flight[0].at_s if self._in_flight else None
 
-    def _hears(self, one: str, other: str, now: float) -> bool:
-        if self._linked is not None:
-            return bool(self._linked.has_edge(one, other))
-        cars = self._cars_at(now)
-        reach_m = self._settings.reach_m
-        return reach_m is not None and cars[one].distance_m(cars[other]) <= reach_m
+    def _links(self, now: float) -> Iterator[tuple[str, str]]:
+        if self._settings.neighbours is not None:
+            for one, others in self._settings.neighbours.items():
+                yield from ((one, other) for other in others if {one, other} <= set(self._units))
+        elif self._settings.reach_m is not None:
+            cars, reach_m = self._cars_at(now), self._settings.reach_m
+            for one, other in combinations(self._units, 2):
+                if cars[one].distance_m(cars[other]) <= reach_m:
+                    yield one, other
 
     def _arrivals(self, now: float) -> list[float]:
         """When one receiver gets its copies: none, one or two of them."""

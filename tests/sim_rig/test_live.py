@@ -1,0 +1,86 @@
+"""Scenarios with real daemons on this machine, one process a car.
+
+The gate runs the demonstration and one fault; `make test-live` runs all of them.
+"""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from sim_rig.live import Desk
+from sim_rig.processes import ProcessError, Processes
+from sim_rig.report import failures
+from sim_rig.run_log import RunLog
+from sim_rig.scenario import Scenario, load_scenario, scenario_names
+
+IN_THE_GATE = ("fig4", "stopped-ecu")
+
+
+def run_live(scenario: Scenario, folder: Path) -> RunLog:
+    async def run() -> RunLog:
+        async with Desk(scenario, scenario.seed, folder) as desk:
+            await desk.run()
+        return desk.log()
+
+    return asyncio.run(run())
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("name", IN_THE_GATE)
+def test_with_real_daemons_everything_comes_as_expected(name: str, tmp_path: Path) -> None:
+    scenario = load_scenario(name)
+
+    assert failures(scenario, run_live(scenario, tmp_path)) == []
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("name", [name for name in scenario_names() if name not in IN_THE_GATE])
+def test_every_other_scenario_comes_as_expected(name: str, tmp_path: Path) -> None:
+    scenario = load_scenario(name)
+
+    assert failures(scenario, run_live(scenario, tmp_path)) == []
+
+
+def test_the_configuration_of_a_daemon_tells_nothing_of_the_others(tmp_path: Path) -> None:
+    """Not their plates, not where they are, nor what is expected."""
+    scenario = load_scenario("fig4")
+
+    async def set_up() -> None:
+        async with Desk(scenario, scenario.seed, tmp_path):
+            pass
+
+    asyncio.run(set_up())
+
+    config = (tmp_path / "red.yaml").read_text()
+    assert scenario.cars["red"].identity in config
+    for other in ("green", "blue", "yellow"):
+        assert scenario.cars[other].identity not in config
+    assert "start_m" not in config
+
+
+def test_a_process_that_ends_by_itself_is_told_with_its_last_words(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with Processes(tmp_path) as processes:
+            await processes.start("steady", "-c", "import time; time.sleep(60)")
+            await processes.start("brief", "-c", "raise SystemExit('out of petrol')")
+            await processes.sleep_until(1e12)
+
+    with pytest.raises(ProcessError, match="brief has ended by itself: out of petrol"):
+        asyncio.run(run())
+
+
+def test_no_process_outlives_its_desk(tmp_path: Path) -> None:
+    deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(60)"
+
+    async def run() -> list[int | None]:
+        async with Processes(tmp_path, stopped_within_s=0.5) as processes:
+            started = [
+                await processes.start("steady", "-c", "import time; time.sleep(60)"),
+                await processes.start("deaf", "-c", deaf),
+            ]
+        return [process.returncode for process in started]
+
+    codes = asyncio.run(run())
+    assert codes[0] == -15
+    assert codes[1] in {-9, -15}  # It may be ended before it has closed its ears.
