@@ -1,0 +1,95 @@
+"""The car ahead: time to collision, and how hard the driver will have to brake."""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from onboard.risk.alarm import Level
+from onboard.risk.settings import ClosingGapSettings
+
+_NEW_CAR_M = 5.0
+"""A gap that jumps by more is the gap to another car."""
+
+
+class LeadMotion:
+    """How the car ahead moves: its braking is the slope of its speed over a short window."""
+
+    def __init__(self, settings: ClosingGapSettings) -> None:
+        self._settings = settings
+        self._speeds: deque[tuple[float, float]] = deque()
+        self._gap_m: float | None = None
+
+    def receive(self, stamp_s: float, gap_m: float, lead_speed_m_s: float) -> None:
+        """Take one sight of it; an older one than the last is ignored."""
+        if self._gap_m is not None and abs(gap_m - self._gap_m) > _NEW_CAR_M:
+            self._speeds.clear()
+        self._gap_m = gap_m
+        if self._speeds and stamp_s <= self._speeds[-1][0]:
+            return
+        self._speeds.append((stamp_s, lead_speed_m_s))
+        while stamp_s - self._speeds[0][0] > self._settings.lead_window_s:
+            self._speeds.popleft()
+
+    @property
+    def deceleration_m_s2(self) -> float:
+        """0 while it is not clear that it brakes."""
+        if len(self._speeds) < 4 or self._span_s < self._settings.lead_window_s / 2:
+            return 0.0
+        times_s, speeds_m_s = np.array(self._speeds).T
+        times_s -= times_s.mean()
+        slope = float(times_s @ speeds_m_s / (times_s @ times_s))
+        return -slope if -slope >= self._settings.lead_deadband_m_s2 else 0.0
+
+    @property
+    def _span_s(self) -> float:
+        return self._speeds[-1][0] - self._speeds[0][0]
+
+
+def time_to_collision_s(gap_m: float, closing_speed_m_s: float) -> float:
+    """At present speeds; infinite if the gap does not shrink."""
+    return max(gap_m, 0.0) / closing_speed_m_s if closing_speed_m_s > 0.0 else math.inf
+
+
+def required_deceleration_m_s2(
+    gap_m: float,
+    speed_m_s: float,
+    lead_speed_m_s: float,
+    lead_deceleration_m_s2: float,
+    reaction_s: float,
+) -> float:
+    """Constant braking, from `reaction_s` on, that just avoids the car ahead.
+
+    The car ahead keeps braking until it stands. 0 if no braking is needed, infinite if none helps.
+    """
+    lead_speed_m_s = max(lead_speed_m_s, 0.0)
+    if lead_deceleration_m_s2 > 0.0:
+        lead_stops_s = lead_speed_m_s / lead_deceleration_m_s2
+        lead_stops_m = lead_speed_m_s * lead_stops_s / 2.0
+    else:
+        lead_stops_s = lead_stops_m = math.inf if lead_speed_m_s > 0.0 else 0.0
+    moving_s = min(reaction_s, lead_stops_s)
+    lead_m = lead_speed_m_s * moving_s - lead_deceleration_m_s2 * moving_s**2 / 2.0
+    gap_then_m = gap_m + lead_m - speed_m_s * reaction_s
+    if gap_then_m <= 0.0:
+        return math.inf
+    lead_then_m_s = max(lead_speed_m_s - lead_deceleration_m_s2 * reaction_s, 0.0)
+    closing_m_s = speed_m_s - lead_then_m_s
+    braking = lead_deceleration_m_s2 if lead_then_m_s > 0.0 else 0.0
+    if closing_m_s > 0.0:
+        while_both_move = braking + closing_m_s**2 / (2.0 * gap_then_m)
+        if reaction_s + speed_m_s / while_both_move <= lead_stops_s:
+            return while_both_move
+    return speed_m_s**2 / (2.0 * (gap_m + lead_stops_m - speed_m_s * reaction_s))
+
+
+def level(
+    gap_m: float, closing_speed_m_s: float, required_m_s2: float, settings: ClosingGapSettings
+) -> Level:
+    """How urgent it is, by either measure."""
+    ttc_s = time_to_collision_s(gap_m, closing_speed_m_s)
+    if required_m_s2 >= settings.warning_m_s2 or ttc_s <= settings.warning_ttc_s:
+        return Level.WARNING
+    if required_m_s2 >= settings.caution_m_s2 or ttc_s <= settings.caution_ttc_s:
+        return Level.CAUTION
+    return Level.NONE

@@ -1,0 +1,273 @@
+"""When to warn: one place for all causes, each with its own alarm, level and reasons.
+
+Crossing paths and hard braking told by radio need positions of both cars: without an own position
+neither is claimed. The group's warnings and the gap ahead need none.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from onboard.lcca.events import WarningRaised
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_safety import VehicleEventFlags
+from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.observations import Discarded, Lead, Position, Speed
+from onboard.risk.alarm import NOTHING, Alarm, Assessment, Cause, Hysteresis, Level, Reason
+from onboard.risk.closing_gap import LeadMotion, level, required_deceleration_m_s2
+from onboard.risk.crossing_paths import (
+    CovarianceError,
+    Meeting,
+    averaged_collision_probabilities,
+    meeting,
+)
+from onboard.risk.settings import RiskSettings
+
+_NO_BRAKING_HELPS_M_S2 = 20.0
+"""Alarms name no greater need than this."""
+
+_SAID_HELD_S = 5.0
+"""How long height and size of a car are kept without a word from it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """What a car's BSM says beside its motion."""
+
+    at_s: float
+    height_m: float | None
+    length_m: float | None
+    width_m: float | None
+    brakes_hard_at_s: float
+
+
+class RiskMonitor:
+    """Told what the other rooms know, says when an alarm begins, changes and ends."""
+
+    def __init__(self, settings: RiskSettings, length_m: float, width_m: float) -> None:
+        """Start with no alarm, in a car of the given size."""
+        self._settings = settings
+        self._own_size = (length_m, width_m)
+        self._speed: Speed | None = None
+        self._lead: Lead | None = None
+        self._lead_motion = LeadMotion(settings.closing_gap)
+        self._height_m: float | None = None
+        self._said: dict[str, _Said] = {}
+        self._warning: WarningRaised | None = None
+        self._alarms = {
+            cause: Hysteresis(
+                cause,
+                settings.closing_gap.confirm_s if cause is Cause.CLOSING_GAP else 0.0,
+                settings.release_s,
+            )
+            for cause in Cause
+        }
+        self._events: deque[Alarm | Discarded] = deque(maxlen=1024)
+
+    def receive_speed(self, speed: Speed) -> None:
+        """The own speed."""
+        self._speed = speed
+
+    def receive_position(self, position: Position) -> None:
+        """The own height; place and motion come with `assess`."""
+        self._height_m = position.altitude_m
+
+    def receive_lead(self, lead: Lead, now: float) -> None:
+        """The car ahead that the camera sees, or that there is none."""
+        self._lead = lead
+        speed = self._fresh_speed(now)
+        if speed is not None and lead.gap_m is not None and lead.closing_speed_m_s is not None:
+            lead_speed_m_s = speed.speed_m_s - lead.closing_speed_m_s
+            self._lead_motion.receive(lead.stamp_s, lead.gap_m, lead_speed_m_s)
+        self._judge(Cause.CLOSING_GAP, self._closing_gap(now), now)
+
+    def receive_warning(self, warning: WarningRaised, now: float) -> None:
+        """The group's warning of a car ahead that brakes hard."""
+        self._warning = warning
+        self._judge(Cause.GROUP, self._group(now), now)
+
+    def receive_bsm(self, bsm: BasicSafetyMessage, now: float) -> None:
+        """What another car says beside its motion: height, size, whether it brakes hard."""
+        core, name = bsm.core, bsm.core.temporary_id.hex()
+        events = bsm.safety.events if bsm.safety is not None else None
+        before = self._said.get(name)
+        brakes_hard_at_s = before.brakes_hard_at_s if before is not None else -math.inf
+        if events is not None and VehicleEventFlags.HARD_BRAKING in events:
+            brakes_hard_at_s = now
+        size = core.size
+        self._said[name] = _Said(
+            now, core.elevation_m, size.length_m, size.width_m, brakes_hard_at_s
+        )
+
+    def assess(self, own: KnownCar | None, cars: Sequence[KnownCar], now: float) -> None:
+        """Judge every cause; to be called at 10 Hz, also when nothing comes in.
+
+        Args:
+            own: the own car; `None` without a position.
+            cars: all others that are known, in the same frame, as they are at `now`.
+            now: the time.
+        """
+        self._said = {
+            name: said for name, said in self._said.items() if now - said.at_s <= _SAID_HELD_S
+        }
+        self._judge(Cause.GROUP, self._group(now), now)
+        self._judge(Cause.CLOSING_GAP, self._closing_gap(now), now)
+        others = [] if own is None else [car for car in cars if _is_other(car, own)]
+        if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:
+            self._judge(Cause.HARD_BRAKING, NOTHING, now)
+            self._judge(Cause.CROSSING, NOTHING, now)
+        else:
+            self._judge(Cause.HARD_BRAKING, self._hard_braking(own, others, now), now)
+            self._judge(Cause.CROSSING, self._crossing(own, others, now), now)
+
+    def next_event(self) -> Alarm | Discarded | None:
+        """The oldest event not yet taken."""
+        return self._events.popleft() if self._events else None
+
+    def _judge(self, cause: Cause, seen: Assessment, now: float) -> None:
+        alarm = self._alarms[cause].receive(seen, now)
+        if alarm is not None:
+            self._events.append(alarm)
+
+    def _group(self, now: float) -> Assessment:
+        warning = self._warning
+        if warning is None or now - warning.stamp_s > self._settings.group_warning_s:
+            return NOTHING
+        age_s = now - warning.stamp_s + warning.age_s
+        reason = Reason(warning.kind, warning.origin_id.hex(), age_s)
+        return Assessment(Level.WARNING, warning.deceleration_m_s2, (reason,))
+
+    def _closing_gap(self, now: float) -> Assessment:
+        settings, lead, speed = self._settings.closing_gap, self._lead, self._fresh_speed(now)
+        if (
+            lead is None
+            or speed is None
+            or lead.gap_m is None
+            or lead.closing_speed_m_s is None
+            or now - lead.stamp_s > settings.lead_held_s
+            or speed.speed_m_s < self._settings.least_speed_m_s
+        ):
+            return NOTHING
+        needed_m_s2 = required_deceleration_m_s2(
+            lead.gap_m,
+            speed.speed_m_s,
+            speed.speed_m_s - lead.closing_speed_m_s,
+            self._lead_motion.deceleration_m_s2,
+            settings.reaction_s,
+        )
+        return Assessment(
+            level(lead.gap_m, lead.closing_speed_m_s, needed_m_s2, settings),
+            min(needed_m_s2, _NO_BRAKING_HELPS_M_S2),
+            (
+                Reason(lead.kind, lead.identity.value, now - lead.stamp_s),
+                Reason(speed.kind, speed.source, now - speed.stamp_s),
+            ),
+        )
+
+    def _hard_braking(self, own: KnownCar, others: Sequence[KnownCar], now: float) -> Assessment:
+        settings = self._settings.hard_braking
+        worst = NOTHING
+        for car in others:
+            said = self._said.get(car.name)
+            if said is None or now - said.brakes_hard_at_s > settings.held_s:
+                continue
+            gap_m = self._gap_on_path_m(own, car, said)
+            if gap_m is None or self._is_on_another_level(said, gap_m):
+                continue
+            speed_m_s, other_m_s = math.hypot(*own.state[2:]), math.hypot(*car.state[2:])
+            reaction_s = self._settings.closing_gap.reaction_s
+            needed_m_s2 = required_deceleration_m_s2(
+                gap_m, speed_m_s, other_m_s, settings.assumed_m_s2, reaction_s
+            )
+            urgent = needed_m_s2 >= self._settings.closing_gap.warning_m_s2
+            if worst is NOTHING or needed_m_s2 > worst.value:
+                worst = Assessment(
+                    Level.WARNING if urgent else Level.CAUTION,
+                    min(needed_m_s2, _NO_BRAKING_HELPS_M_S2),
+                    (Reason("bsm", car.name, now - said.brakes_hard_at_s), _reason(car, own)),
+                )
+        return worst
+
+    def _gap_on_path_m(self, own: KnownCar, car: KnownCar, said: _Said) -> float | None:
+        """Bumper to bumper, if the car is ahead in the own lane and drives the same way."""
+        settings = self._settings.hard_braking
+        heading = math.atan2(own.state[3], own.state[2])
+        east_m, north_m = car.state[0] - own.state[0], car.state[1] - own.state[1]
+        ahead_m = east_m * math.cos(heading) + north_m * math.sin(heading)
+        beside_m = north_m * math.cos(heading) - east_m * math.sin(heading)
+        if not 0.0 < ahead_m <= settings.range_m or abs(beside_m) > settings.beside_m:
+            return None
+        if math.hypot(*car.state[2:]) >= self._settings.crossing.least_speed_m_s:
+            turned = math.atan2(car.state[3], car.state[2]) - heading
+            if math.cos(turned) < math.cos(settings.heading_rad):
+                return None
+        length_m = said.length_m or self._settings.other_length_m
+        return max(ahead_m - (self._own_size[0] + length_m) / 2.0, 0.0)
+
+    def _crossing(self, own: KnownCar, others: Sequence[KnownCar], now: float) -> Assessment:
+        settings = self._settings.crossing
+        found: list[tuple[KnownCar, Meeting]] = []
+        for car in others:
+            if self._crossing_warning_p_c(car) is None:
+                continue
+            try:
+                met = meeting(own, car, settings)
+            except CovarianceError as error:
+                self._events.append(Discarded(now, "risk", "covariance", f"{car.name}: {error}"))
+                continue
+            if met is not None and not self._is_over_or_under(car, met):
+                found.append((car, met))
+        p_c = averaged_collision_probabilities(
+            [met for _, met in found],
+            [self._size(car.name) for car, _ in found],
+            self._own_size,
+            settings,
+        )
+        seen = [self._grade(car, float(p), own) for (car, _), p in zip(found, p_c, strict=True)]
+        return max(seen, key=lambda each: (each.level.rank, each.value), default=NOTHING)
+
+    def _grade(self, car: KnownCar, p_c: float, own: KnownCar) -> Assessment:
+        warning_p_c = self._crossing_warning_p_c(car)
+        if warning_p_c is not None and p_c >= warning_p_c:
+            return Assessment(Level.WARNING, p_c, (_reason(car, own),))
+        if p_c >= self._settings.crossing.caution_p_c:
+            return Assessment(Level.CAUTION, p_c, (_reason(car, own),))
+        return Assessment(Level.NONE, p_c, ())
+
+    def _crossing_warning_p_c(self, car: KnownCar) -> float | None:
+        """The threshold for data of the car's age; `None` where it is too old for any."""
+        thresholds = self._settings.crossing.warning_p_c
+        return next((p_c for age_s, p_c in thresholds if car.age_s <= age_s), None)
+
+    def _is_over_or_under(self, car: KnownCar, met: Meeting) -> bool:
+        said = self._said.get(car.name)
+        to_go_m = abs(float(met.mean[0])) + abs(float(met.mean[2]))
+        return said is not None and self._is_on_another_level(said, to_go_m)
+
+    def _is_on_another_level(self, said: _Said, to_go_m: float) -> bool:
+        if said.height_m is None or self._height_m is None:
+            return False
+        settings = self._settings.crossing
+        allowed_m = settings.other_level_m + settings.slope * to_go_m
+        return abs(said.height_m - self._height_m) > allowed_m
+
+    def _size(self, name: str) -> tuple[float, float]:
+        said = self._said.get(name)
+        return (
+            (said.length_m if said else None) or self._settings.other_length_m,
+            (said.width_m if said else None) or self._settings.other_width_m,
+        )
+
+    def _fresh_speed(self, now: float) -> Speed | None:
+        speed = self._speed
+        fresh = speed is not None and now - speed.stamp_s <= self._settings.speed_held_s
+        return speed if fresh else None
+
+
+def _is_other(car: KnownCar, own: KnownCar) -> bool:
+    return car.known_by is not KnownBy.ITSELF and car.name != own.name
+
+
+def _reason(car: KnownCar, own: KnownCar) -> Reason:
+    return Reason(f"{car.kind}:{car.known_by.value}", car.name, max(car.age_s, own.age_s))
