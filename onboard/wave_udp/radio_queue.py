@@ -74,6 +74,8 @@ class RadioQueue:
         return self._events.popleft() if self._events else None
 
     def _drop_expired(self, now: float) -> None:
+        if not any(self._queues):
+            return
         for priority, queue in enumerate(self._queues):
             if any(queued.expires_at <= now for queued in queue):
                 fresh = deque[_Queued]()
