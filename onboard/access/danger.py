@@ -18,7 +18,7 @@ _NO_TIME_S = 1e-9
 
 
 def rear_end_danger(
-    gap_m: Array,
+    gap_m: float | Array,
     lead_speed_m_s: float | Array,
     speed_m_s: float | Array,
     log_reaction: tuple[Array | float, Array | float],
@@ -27,7 +27,7 @@ def rear_end_danger(
     """Probability that the reaction takes longer than the gap tolerates.
 
     Args:
-        gap_m: bumper to bumper.
+        gap_m: from the own front to the rear of the car ahead.
         lead_speed_m_s: of the car ahead.
         speed_m_s: own, above 0.
         log_reaction: mean and standard deviation of the reaction time's logarithm.

@@ -61,15 +61,18 @@ class Driver:
         self.observed = 0
         self.left_out = 0
 
-    def receive_reaction(self, reaction_s: float, headway_s: float) -> None:
+    def receive_reaction(self, reaction_s: float, headway_s: float) -> bool:
         """The lead braked, and after `reaction_s` the driver did, at the headway of then.
 
         What cannot be a reaction is left out and counted.
+
+        Returns:
+            whether it was one.
         """
         plausible = SHORTEST_REACTION_S <= reaction_s <= LONGEST_REACTION_S
         if not plausible or not 0.0 < headway_s < math.inf:
             self.left_out += 1
-            return
+            return False
         keep = self._forgetting
         self._mean = keep * self._mean
         self._covariance = keep**2 * self._covariance + (1.0 - keep**2) * self._population.spread
@@ -81,6 +84,7 @@ class Driver:
         self._covariance = self._covariance - np.outer(gain, along)
         self._covariance = 0.5 * (self._covariance + self._covariance.T)
         self.observed += 1
+        return True
 
     def log_reaction(self, headway_s: float) -> tuple[float, float]:
         """Mean and standard deviation of the next reaction's logarithm, all uncertainty in it."""

@@ -1,0 +1,214 @@
+"""An unsafe driver is heard more often, a safe one as often as the standard says."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from onboard.access.adaptation import AccessAdaptation, FollowingSafety, ReactionSeen
+from onboard.access.drivers import ORDINARY_DRIVERS, Driver
+from onboard.access.settings import AccessSettings
+from onboard.messages.bsm_schedule import (
+    MAXIMUM_INTERVAL_S,
+    MINIMUM_INTERVAL_S,
+    BsmSchedule,
+)
+from onboard.observations import BrakePedal, HardBrake, Lead, LeadIdentity, Speed
+
+SETTINGS = AccessSettings(enabled=True)
+
+
+def adaptation(driver: Driver | None = None) -> AccessAdaptation:
+    return AccessAdaptation(SETTINGS, driver or Driver(ORDINARY_DRIVERS))
+
+
+def follow(
+    core: AccessAdaptation, gap_m: float | None, now: float = 0.0, closing_m_s: float = 0.0
+) -> None:
+    core.receive_speed(Speed(now, 20.0, 0.28, "obd:7e8"))
+    core.receive_lead(Lead(now, LeadIdentity.UNKNOWN, None, gap_m, 0.5, closing_m_s, 0.1), now)
+
+
+def test_off_unless_switched_on() -> None:
+    assert not AccessSettings().enabled
+
+
+def test_nobody_ahead_is_safe() -> None:
+    core = adaptation()
+
+    assert not core.is_unsafe
+    assert core.safety_index == 1.0
+    assert core.longest_interval_s == MAXIMUM_INTERVAL_S
+    assert core.get_timer() is None
+
+
+def test_a_short_gap_is_unsafe_and_told_once() -> None:
+    core = adaptation()
+
+    follow(core, 8.0)
+    follow(core, 8.0, now=0.1)
+
+    event = core.next_event()
+    assert event == FollowingSafety(0.0, True, core.safety_index, MINIMUM_INTERVAL_S)
+    assert core.safety_index < 0.3
+    assert core.next_event() is None
+
+
+def test_closing_makes_a_gap_unsafe_that_is_not() -> None:
+    steady, closing = adaptation(), adaptation()
+
+    follow(steady, 35.0)
+    follow(closing, 35.0, closing_m_s=8.0)
+
+    assert not steady.is_unsafe
+    assert closing.is_unsafe
+
+
+def test_the_same_gap_is_unsafe_for_a_slow_driver_only() -> None:
+    slow = Driver(ORDINARY_DRIVERS)
+    for _ in range(20):
+        slow.receive_reaction(1.9, 1.2)
+    ordinary_core, slow_core = adaptation(), adaptation(slow)
+
+    follow(ordinary_core, 25.0)
+    follow(slow_core, 25.0)
+
+    assert not ordinary_core.is_unsafe
+    assert slow_core.is_unsafe
+
+
+def test_what_is_between_the_thresholds_stays_what_it_was() -> None:
+    between_m = next(
+        gap_m
+        for gap_m in np.arange(5.0, 60.0, 0.1)
+        if SETTINGS.safe_below < danger_at(gap_m) < SETTINGS.unsafe_above
+    )
+    from_safe, from_unsafe = adaptation(), adaptation()
+    follow(from_safe, 60.0)
+    follow(from_unsafe, 5.0)
+
+    for core in (from_safe, from_unsafe):
+        follow(core, between_m, now=0.1)
+
+    assert not from_safe.is_unsafe
+    assert from_unsafe.is_unsafe
+
+
+def danger_at(gap_m: float) -> float:
+    core = adaptation()
+    follow(core, gap_m)
+    return 1.0 - core.safety_index
+
+
+def test_a_lost_lead_is_safe_after_the_hold() -> None:
+    core = adaptation()
+    follow(core, 8.0, now=5.0)
+    core.next_event()
+    follow(core, None, now=5.5)
+
+    assert core.get_timer() == 5.0 + SETTINGS.hold_s
+    core.handle_timer(5.9)
+    assert core.is_unsafe
+    core.handle_timer(6.0)
+
+    assert core.next_event() == FollowingSafety(6.0, False, 1.0, MAXIMUM_INTERVAL_S)
+    assert core.get_timer() is None
+
+
+def test_without_a_fresh_speed_no_gap_is_judged() -> None:
+    core = adaptation()
+    core.receive_lead(Lead(0.0, LeadIdentity.UNKNOWN, None, 3.0, 0.5, 0.0, 0.1), 0.0)
+    core.receive_speed(Speed(0.0, 20.0, 0.28, "obd:7e8"))
+    core.receive_lead(Lead(2.0, LeadIdentity.UNKNOWN, None, 3.0, 0.5, 0.0, 0.1), 2.0)
+
+    assert not core.is_unsafe
+
+
+def test_a_standing_car_is_safe() -> None:
+    core = adaptation()
+    core.receive_speed(Speed(0.0, 0.0, 0.28, "obd:7e8"))
+    core.receive_lead(Lead(0.0, LeadIdentity.UNKNOWN, None, 1.0, 0.5, 0.0, 0.1), 0.0)
+
+    assert core.safety_index == 1.0
+
+
+def test_reactions_are_learned_and_told() -> None:
+    core = adaptation()
+    follow(core, 30.0, now=10.0)
+    core.receive_lead_hard_brake(10.1)
+
+    core.receive_brake_pedal(BrakePedal(11.3, True, "dbc:BRAKE.PEDAL"))
+
+    assert core.driver.observed == 1
+    event = core.next_event()
+    assert isinstance(event, ReactionSeen)
+    assert event.reaction_s == pytest.approx(1.2)
+    assert event.headway_s == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("reaction_s", [0.05, 20.0])
+def test_what_is_no_reaction_is_counted_and_not_told(reaction_s: float) -> None:
+    core = adaptation()
+    follow(core, 30.0, now=10.0)
+    core.receive_lead_hard_brake(10.1)
+
+    core.receive_hard_brake(HardBrake(10.1 + reaction_s, 6.0, "obd:7e8"))
+
+    assert (core.driver.observed, core.driver.left_out) == (0, 1)
+    assert core.next_event() is None
+
+
+@given(
+    st.lists(
+        st.tuples(st.none() | st.floats(-1.0, 200.0), st.floats(-40.0, 40.0), st.floats(0.0, 60.0)),
+        max_size=20,
+    ),
+    st.floats(MINIMUM_INTERVAL_S, MAXIMUM_INTERVAL_S),
+)
+def test_whatever_is_seen_no_car_talks_less_than_j2945_1_demands_or_over_ten_a_second(
+    seen: list[tuple[float | None, float, float]], standard_s: float
+) -> None:
+    core = adaptation()
+    for step, (gap_m, closing_m_s, speed_m_s) in enumerate(seen):
+        now = 0.1 * step
+        core.handle_timer(now)
+        core.receive_speed(Speed(now, speed_m_s, 0.28, "obd:7e8"))
+        lead = Lead(now, LeadIdentity.UNKNOWN, None, gap_m, 0.5, closing_m_s, 0.1)
+        core.receive_lead(lead, now)
+
+        assert 0.0 <= core.safety_index <= 1.0
+        assert MINIMUM_INTERVAL_S <= min(standard_s, core.longest_interval_s) <= standard_s
+
+
+def test_among_a_hundred_cars_the_unsafe_one_is_heard_four_times_as_often() -> None:
+    schedule = BsmSchedule(np.random.default_rng(1), 0.0)
+    for tenth in range(300):
+        for car in range(100):
+            schedule.receive_neighbour(car.to_bytes(4), 50.0, 0.1 * tenth)
+        schedule.handle_timer(0.1 * tenth)
+    safe, unsafe = adaptation(), adaptation()
+    follow(safe, 60.0)
+    follow(unsafe, 8.0)
+
+    intervals_s = [min(schedule.interval_s, core.longest_interval_s) for core in (safe, unsafe)]
+
+    assert intervals_s == pytest.approx([0.4, 0.1], rel=0.01)
+    assert math.isclose(intervals_s[0], schedule.interval_s), "a safe car keeps to the standard"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"unsafe_interval_s": 0.05}, "greater than or equal to 0.1"),
+        ({"unsafe_interval_s": 0.7}, "less than or equal to 0.6"),
+        ({"safe_below": 0.6}, "safe_below must not exceed"),
+        ({"deceleration_low_m_s2": 9.0}, "must not exceed deceleration_high"),
+        ({"unsafe_above": 1.0}, "less than 1"),
+    ],
+)
+def test_nonsense_is_refused(wrong: dict[str, float], told: str) -> None:
+    with pytest.raises(ValidationError, match=told):
+        AccessSettings.model_validate(wrong)
