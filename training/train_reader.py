@@ -91,16 +91,16 @@ def report(
     scores = scores.squeeze(2).transpose(1, 2)
     texts = ["".join(ALPHABET[label - 1] for label in row if label) for row in labels]
     right = np.asarray(
-        [decode(s).text == text for s, text in zip(scores.numpy(), texts, strict=True)]
+        [decode(s[None]).text == text for s, text in zip(scores.numpy(), texts, strict=True)]
     )
     best = (float("inf"), 1.0)
     for temperature in np.arange(0.5, 2.01, 0.1):
         few = (scores[:_CALIBRATED_ON] / temperature).numpy()
-        sure = np.clip([decode(columns).confidence for columns in few], 1e-6, 1 - 1e-6)
+        sure = np.clip([decode(columns[None]).confidence for columns in few], 1e-6, 1 - 1e-6)
         right_few = right[:_CALIBRATED_ON]
         surprise = -np.mean(np.where(right_few, np.log(sure), np.log(1 - sure)))
         best = min(best, (float(surprise), float(temperature)))
-    sure = np.asarray([decode(columns).confidence for columns in (scores / best[1]).numpy()])
+    sure = np.asarray([decode(columns[None]).confidence for columns in (scores / best[1]).numpy()])
     certain = sure >= CERTAIN
     _log.info(
         f"validation: exact {right.mean():.3f}; at temperature {best[1]:.1f} certain of "

@@ -28,6 +28,9 @@ MARGIN = (0.06, 0.10)
 CERTAIN = 0.9
 """A text at least this confident may be used as what it says; below, it is unknown."""
 DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_reader.onnx"
+_LOOKS = ((0.0, 0.0, 0.0), (0.06, 0.08, 0.04), (-0.02, 0.03, -0.04))
+"""A plate is looked at three times, its corners nudged (wider, higher, lean): what only one cut of
+it seems to show is no evidence."""
 _LEAST_CONTRAST = 1.0
 """Standard deviation in grey levels, below which there is nothing to read."""
 
@@ -62,14 +65,25 @@ class PlateReader:
 
     def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
         """As `read`, for several plates of one picture."""
-        views = [rectify(image, corners) for corners in plates]
-        texts = [PlateText("", 0.0, ())] * len(views)
-        shown = [index for index, view in enumerate(views) if view.std() >= _LEAST_CONTRAST]
-        if shown:
-            self._network.setInput(normalised(np.stack([views[index] for index in shown])))
-            for index, scores in zip(shown, self._network.forward(), strict=True):
-                texts[index] = decode(scores[:, 0].T)
+        texts = []
+        for corners in plates:
+            views = np.stack([rectify(image, _nudged(corners, *nudge)) for nudge in _LOOKS])
+            if views[0].std() < _LEAST_CONTRAST:
+                texts.append(PlateText("", 0.0, ()))
+                continue
+            self._network.setInput(normalised(views))
+            scores = np.asarray(self._network.forward(), np.float32)
+            texts.append(decode(scores[:, :, 0].transpose(0, 2, 1)))
         return texts
+
+
+def _nudged(corners: Corners, wider: float, higher: float, lean: float) -> Corners:
+    """The corners of a plate that much wider, higher, and leaning by a share of its height."""
+    along, down = corners[1] - corners[0], corners[3] - corners[0]
+    outward = np.asarray([(-1, -1), (1, -1), (1, 1), (-1, 1)], np.float32) / 2
+    shift = outward[:, :1] * wider * along + outward[:, 1:] * higher * down
+    shift += outward[:, :1] * lean * down
+    return np.asarray(corners + shift, np.float32)
 
 
 def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
@@ -85,7 +99,7 @@ def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
     middle = corners.mean(axis=0)
     around = middle + (corners - middle) * 1.6
     x0, y0 = (int(v) for v in np.maximum(np.floor(around.min(axis=0)), 0))
-    x1, y1 = (int(v) for v in np.ceil(around.max(axis=0)) + 1)
+    x1, y1 = (int(v) for v in np.maximum(np.ceil(around.max(axis=0)) + 1, 0))
     part = image[y0:y1, x0:x1]
     if part.shape[0] < 2 or part.shape[1] < 2:
         return np.zeros((height, width), np.uint8)
@@ -115,13 +129,25 @@ def normalised(views: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
 
 
 def decode(scores: npt.NDArray[np.float32]) -> PlateText:
-    """Text of the best path through `scores`, (40 columns, 37 classes) of logits.
+    """The text that (looks, 40 columns, 37 classes) of logits, all of one plate, agree on.
 
-    A character's confidence is the highest probability in the run of columns that show it; the
-    text's is its whole probability, over all paths that spell it.
+    Each look proposes the text of its best path; a text's confidence is its whole probability, over
+    all paths that spell it, in the mean of the looks. A character's confidence is the highest
+    probability in the run of columns that show it, in the look that proposed the text.
     """
-    likely = np.exp(scores - scores.max(axis=1, keepdims=True))
-    likely /= likely.sum(axis=1, keepdims=True)
+    likely = np.exp(scores - scores.max(axis=2, keepdims=True))
+    likely /= likely.sum(axis=2, keepdims=True)
+    texts = []
+    for look in likely:
+        labels, confidences = _best_path(look)
+        whole = float(np.mean([_probability(labels, other) for other in likely]))
+        text = "".join(ALPHABET[label - 1] for label in labels)
+        texts.append(PlateText(text, whole, tuple(confidences)))
+    return max(texts, key=lambda text: text.confidence)
+
+
+def _best_path(likely: npt.NDArray[np.float32]) -> tuple[list[int], list[float]]:
+    """The most likely class of each column, repeats and blanks taken out, and how likely."""
     path, best = likely.argmax(axis=1), likely.max(axis=1)
     labels: list[int] = []
     confidences: list[float] = []
@@ -133,8 +159,7 @@ def decode(scores: npt.NDArray[np.float32]) -> PlateText:
         else:
             labels.append(int(label))
             confidences.append(float(best[column]))
-    text = "".join(ALPHABET[label - 1] for label in labels)
-    return PlateText(text, _probability(labels, likely), tuple(confidences))
+    return labels, confidences
 
 
 def _probability(labels: list[int], likely: npt.NDArray[np.float32]) -> float:

@@ -14,6 +14,8 @@ from sim_rig.picture.plate_art import FORMATS, PlateFormat
 from sim_rig.picture.scene import Light, Picture, Scene, SceneCar
 
 CAMERA = Picture(Calibration())
+GOOD = 0.14
+"""Share of a plate's width: Europe's blue band, which the network may leave out, is a twelfth."""
 
 
 @pytest.fixture(scope="module")
@@ -25,10 +27,10 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(2)
 
 
-def nearest_error_px(found: list[FoundPlate], quad: np.ndarray) -> float:
-    """How far the corners of the best find are off, the worst corner."""
+def error_share(found: list[FoundPlate], quad: np.ndarray) -> float:
+    """How far the worst corner of the best find is off, as a share of the plate's width."""
     errors = [np.hypot(*(plate.corners_px - quad).T).max() for plate in found]
-    return float(min(errors, default=np.inf))
+    return float(min(errors, default=np.inf) / np.ptp(quad[:, 0]))
 
 
 @pytest.mark.parametrize("plate_format", FORMATS.values(), ids=FORMATS)
@@ -36,17 +38,18 @@ def nearest_error_px(found: list[FoundPlate], quad: np.ndarray) -> float:
 def test_a_plate_is_found_from_far_to_near(
     detector: PlateDetector, plate_format: PlateFormat, width_px: float
 ) -> None:
-    ahead_m = CAMERA.camera.focal_x_px * plate_format.width_m / width_px
+    low = Picture(Calibration(mounting_height_m=0.7))  # or a near plate is below the picture
+    ahead_m = low.camera.focal_x_px * plate_format.width_m / width_px
     car = SceneCar(ahead_m, 0.2, plate="KLM4567", plate_format=plate_format)
-    found = detector.find(CAMERA.draw(Scene((car,)), rng()))
-    assert nearest_error_px(found, CAMERA.plate_quad(car)) < max(2.0, 0.06 * width_px)
+    found = detector.find(low.draw(Scene((car,)), rng()))
+    assert error_share(found, low.plate_quad(car)) < GOOD
 
 
 @pytest.mark.parametrize("light", Light)
 def test_in_any_light(detector: PlateDetector, light: Light) -> None:
     car = SceneCar(9.0, plate="KLM4567")
     found = detector.find(CAMERA.draw(Scene((car,), light=light), rng()))
-    assert nearest_error_px(found, CAMERA.plate_quad(car)) < 4.0
+    assert error_share(found, CAMERA.plate_quad(car)) < GOOD
 
 
 def test_every_car_of_several_lanes_is_found(detector: PlateDetector) -> None:
@@ -57,7 +60,7 @@ def test_every_car_of_several_lanes_is_found(detector: PlateDetector) -> None:
     )
     found = detector.find(CAMERA.draw(Scene(cars), rng()))
     for car in cars:
-        assert nearest_error_px(found, CAMERA.plate_quad(car)) < 5.0
+        assert error_share(found, CAMERA.plate_quad(car)) < GOOD
 
 
 def test_in_a_region_as_in_the_whole_picture(detector: PlateDetector) -> None:
@@ -65,7 +68,7 @@ def test_in_a_region_as_in_the_whole_picture(detector: PlateDetector) -> None:
     image, quad = CAMERA.draw(Scene((car,)), rng()), CAMERA.plate_quad(car)
     middle = quad.mean(axis=0)
     region = Box(float(middle[0]) - 120, float(middle[1]) - 80, 240, 160)
-    assert nearest_error_px(detector.find(image, region), quad) < 4.0
+    assert error_share(detector.find(image, region), quad) < GOOD
 
 
 def test_a_region_outside_the_picture_is_empty(detector: PlateDetector) -> None:
@@ -103,9 +106,9 @@ def test_grey_pictures_and_huge_ones_work_too(detector: PlateDetector) -> None:
     car = SceneCar(9.0, plate="KLM4567")
     image, quad = CAMERA.draw(Scene((car,)), rng()), CAMERA.plate_quad(car)
     grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-    assert nearest_error_px(detector.find(grey), quad) < 4.0
+    assert error_share(detector.find(grey), quad) < GOOD
     huge = np.asarray(cv2.resize(image, None, fx=4, fy=4), np.uint8)
-    assert nearest_error_px(detector.find(huge), quad * 4) < 20.0
+    assert error_share(detector.find(huge), quad * 4) < GOOD
 
 
 def test_sizes_may_change_from_picture_to_picture(detector: PlateDetector) -> None:

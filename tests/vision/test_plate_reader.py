@@ -142,7 +142,7 @@ def test_rectifying_puts_the_plate_in_the_view_at_any_scale() -> None:
 def scores_of(labels: list[int], sure: float = 12.0) -> np.ndarray:
     scores = np.zeros((len(labels), len(ALPHABET) + 1), np.float32)
     scores[np.arange(len(labels)), labels] = sure
-    return scores
+    return scores[None]
 
 
 @pytest.mark.parametrize(
@@ -166,16 +166,23 @@ def test_confidence_counts_every_path_that_spells_the_text() -> None:
 
     Of the four paths (--, -A, A-, AA) three spell A.
     """
-    scores = np.full((2, len(ALPHABET) + 1), -50.0, np.float32)
-    scores[:, [0, 11]] = 0.0
-    scores[0, 11] = 1e-4
+    scores = np.full((1, 2, len(ALPHABET) + 1), -50.0, np.float32)
+    scores[..., [0, 11]] = 0.0
+    scores[0, 0, 11] = 1e-4
     assert decode(scores).text == "A"
     assert decode(scores).confidence == pytest.approx(0.75, abs=1e-3)
 
 
+def test_looks_that_disagree_make_the_text_doubtful() -> None:
+    looks = np.concatenate([scores_of([11, 0, 12]), scores_of([11, 0, 13]), scores_of([11, 0, 12])])
+    read = decode(looks)
+    assert read.text == "AB"
+    assert read.confidence == pytest.approx(2 / 3, abs=0.01)
+
+
 def test_one_doubtful_column_makes_the_text_doubtful() -> None:
     scores = scores_of([11, 0, 12])
-    scores[2, 13] = 12.0
+    scores[0, 2, 13] = 12.0
     read = decode(scores)
     assert read.confidence < 0.51
     assert read.character_confidences[0] > 0.99 > read.character_confidences[1]
