@@ -16,6 +16,7 @@ from onboard.errors import UserError
 from onboard.security.cli import keys
 from onboard.settings import load_settings
 from onboard.trace import as_line
+from onboard.vision.cli import calibrate, see
 from onboard.wave_udp.cli import decode
 
 app = typer.Typer(
@@ -30,6 +31,8 @@ UNCONFIGURED = CarConfig(car=CarSettings(plate="REPLAY"))
 
 app.add_typer(keys, name="keys")
 app.command()(decode)
+app.command()(see)
+app.command()(calibrate)
 
 ConfigFile = Annotated[Path, typer.Argument(help="The car's configuration, YAML.")]
 
