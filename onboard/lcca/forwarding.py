@@ -153,7 +153,9 @@ class Forwarding:
                 return None
             return replace(message, sender_id=sender_id, number=number, reach=reach)
         age_s = message.age_s + (now - known.heard_at)
-        if age_s > self._settings.event_lifetime_s:
+        # Since it came we may have been renumbered, and the braking car with us.
+        origin_number = message.origin_number + number - (message.number + known.distance)
+        if age_s > self._settings.event_lifetime_s or origin_number < 1:
             return None
         return replace(
             message,
@@ -161,6 +163,7 @@ class Forwarding:
             leader_id=leader_id,
             number=number,
             reach=reach,
+            origin_number=origin_number,
             age_s=age_s,
             hops=min(message.hops + (known.distance != 0), 255),
         )

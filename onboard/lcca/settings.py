@@ -32,7 +32,7 @@ class LccaSettings(Settings):
     """Until an answered join is refreshed."""
     spread_s: float = Field(0.02, ge=0.0, le=0.1)
     """Random delay of joins that many cars send for the same reason."""
-    membership_lifetime_s: float = Field(2.0, gt=0.0, le=60.0)
+    membership_lifetime_s: float = Field(2.5, gt=0.0, le=60.0)
     """How long either side believes in a membership without hearing of the other."""
     leader_silence_s: float = Field(3.0, gt=0.0, le=60.0)
     """How long a membership lasts without news from the leader, however well the car ahead

@@ -128,7 +128,7 @@ class Warn:
     reach: Annotated[int, Wire(16)]
     """As in `Update`."""
     origin_number: _GroupNumber
-    """Group number of the braking car."""
+    """Of the braking car, as the sender of this copy would count it now."""
     deceleration_m_s2: Annotated[float, Number(8, 0.1, "m/s^2", highest=255)]
     age_s: Annotated[float, Number(16, 0.001, "s", highest=65535)]
     """From the sample that showed the braking to the sending of this copy."""

@@ -253,7 +253,7 @@ def test_a_lost_leave_is_made_good_by_expiry() -> None:
     road.run(2.0)
     road.drops = lambda transmission, receiver: isinstance(transmission.message, Leave)
     b.position_m = -60.0
-    road.run(3.2)
+    road.run(3.7)
     assert events_of(a)[-1] == (Event.UNFOLLOWED, "expired")
 
 
@@ -292,7 +292,7 @@ def test_a_car_ahead_that_goes_silent_is_left_and_a_follower_that_does_is_droppe
     a, b, c = road.add_row("ABC")
     road.run(2.0)
     b.has_radio = False
-    road.run(2.7)
+    road.run(3.2)
     assert events_of(a)[-1] == (Event.UNFOLLOWED, "expired")
     assert events_of(c)[-1] == (Event.LEFT_ALONE, "no_answer")
     b.has_radio = True

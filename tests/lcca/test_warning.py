@@ -465,6 +465,29 @@ def test_a_car_that_has_left_hands_nothing_on() -> None:
     assert copies(leaves, 0.02) == []
 
 
+def test_a_repeated_warning_counts_the_braking_car_in_todays_numbers() -> None:
+    # A, number 4 now, braked as number 1. Who is number 2 to 4 of the new group is ahead of it.
+    car = Listener()
+    car.hears(warn(reach=3))
+    assert car.hears(update(event_sequence=6)) == ["transition"]
+    car.group.handle_timer(0.05)
+    (copy,) = (m for m in car.group.messages_to_send(0.05) if isinstance(m, Warn))
+    assert (copy.leader_id, copy.number, copy.origin_number) == (b"leader-z", 5, 4)
+
+
+def test_a_warning_of_a_car_that_is_no_longer_in_the_group_is_not_repeated() -> None:
+    # A left its group and leads; the braking car was ahead of it.
+    car = Listener()
+    z = b"leader-z"
+    assert car.hears(update(event_sequence=6)) == ["transition"]
+    ahead = warn(event_origin_id=OUTSIDER, leader_id=z, number=4, origin_number=2, reach=3)
+    assert car.hears(ahead) == ["warning"]
+    split = update(leader_id=A, number=1, previous_leader_id=z, shift=3, event_sequence=7)
+    assert car.hears(split) == ["transition"]
+    car.group.handle_timer(0.05)
+    assert not any(isinstance(m, Warn) for m in car.group.messages_to_send(0.05))
+
+
 def test_an_update_that_has_been_overtaken_is_not_handed_on() -> None:
     car = Listener()
     car.hears(update(reach=3))
