@@ -233,8 +233,10 @@ class Stack:
 
     def get_timer(self) -> float:
         """When `handle_timer` next wants to be called."""
-        cores = (self._bus, self._group, self._watch, self._link, self._beacon)
-        wishes = (core.get_timer() for core in cores)
+        cores = (self._bus, self._group, self._watch, self._link)
+        wishes = [core.get_timer() for core in cores]
+        if self._config.beacons:  # one that is due and never sent would be due for ever
+            wishes.append(self._beacon.get_timer())
         return min((at for at in wishes if at is not None), default=math.inf)
 
     def handle_timer(self, now: float) -> None:
