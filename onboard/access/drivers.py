@@ -13,10 +13,13 @@ drawn back towards the population by `forgetting`.
 import math
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from onboard.access.slotted import Array
+from onboard.settings import Settings
 
 SHORTEST_REACTION_S = 0.15
 """Below: the foot was on its way already."""
@@ -45,14 +48,51 @@ ORDINARY_DRIVERS = Population(
 of braking for a car ahead find (docs/decisions/0090)."""
 
 
+class DriverMemory(Settings):
+    """What has been learned of one driver, as a file keeps it."""
+
+    offset: tuple[float, float]
+    """gamma: of this driver's coefficients from the population's."""
+    covariance: tuple[tuple[float, float], tuple[float, float]]
+    """Of the offset."""
+    observed: int = Field(ge=0)
+
+    @model_validator(mode="after")
+    def _is_covariance(self) -> Self:
+        (a, b), (c, d) = self.covariance
+        if b != c or a <= 0.0 or d <= 0.0 or a * d <= b * b:
+            raise ValueError("covariance must be symmetric and positive definite")
+        return self
+
+
 class Driver:
     """One driver's reaction times. Stays on the box."""
 
-    def __init__(self, population: Population, forgetting: float = 0.995) -> None:
-        """Know nothing but the population; `forgetting` is the share kept at each update."""
+    def __init__(
+        self,
+        population: Population,
+        forgetting: float = 0.995,
+        memory: DriverMemory | None = None,
+    ) -> None:
+        """Know the population, and what is remembered of this driver.
+
+        `forgetting` is the share kept at each update.
+        """
         self._population = population
         self._forgetting = forgetting
         self.forget()
+        if memory is not None:
+            self._mean = np.array(memory.offset)
+            self._covariance = np.array(memory.covariance)
+            self.observed = memory.observed
+
+    def memory(self) -> DriverMemory:
+        """What to remember of this driver until the next drive."""
+        (a, b), (_, d) = self._covariance.tolist()
+        first, second = self._mean.tolist()
+        return DriverMemory(
+            offset=(first, second), covariance=((a, b), (b, d)), observed=self.observed
+        )
 
     def forget(self) -> None:
         """Erase everything known of this driver."""

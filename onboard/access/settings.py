@@ -1,5 +1,6 @@
 """Whether this car talks as often as its driver's danger demands."""
 
+from pathlib import Path
 from typing import Self
 
 from pydantic import Field, model_validator
@@ -13,6 +14,9 @@ class AccessSettings(Settings):
 
     enabled: bool = False
     """The one switch. Off, reactions are not watched and BSMs go out as SAE J2945/1 alone says."""
+    driver_file: Path | None = None
+    """What has been learned of the driver, from one drive to the next. It never leaves the box;
+    deleting it erases what is known. `None` keeps nothing."""
     unsafe_above: float = Field(0.5, gt=0.0, lt=1.0)
     """Probability of running into the car ahead, should it brake, above which the car is unsafe."""
     safe_below: float = Field(0.4, gt=0.0, lt=1.0)

@@ -1,0 +1,32 @@
+"""Keeps what is known of the driver from one drive to the next, on this box's disk only."""
+
+import os
+from pathlib import Path
+
+from onboard.access.drivers import Driver, DriverMemory, Population
+from onboard.settings import load_settings
+
+
+def load_driver(path: Path, population: Population) -> Driver:
+    """Remember the driver; one of the population where there is no file yet.
+
+    Raises:
+        SettingsError: the file is there and not what `save_driver` writes.
+    """
+    memory = load_settings(path, DriverMemory) if path.exists() else None
+    return Driver(population, memory=memory)
+
+
+def save_driver(path: Path, driver: Driver) -> None:
+    """Write all or nothing, readable by its owner only.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+    new = path.with_name(path.name + ".new")
+    descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        file.write(driver.memory().model_dump_json() + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+    new.replace(path)

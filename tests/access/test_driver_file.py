@@ -1,0 +1,70 @@
+"""A driver is remembered on the box, by its owner only, until the file is deleted."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.access.driver_file import load_driver, save_driver
+from onboard.access.drivers import ORDINARY_DRIVERS, Driver
+from onboard.settings import SettingsError
+
+
+def test_the_next_drive_knows_the_driver(tmp_path: Path) -> None:
+    path = tmp_path / "driver.json"
+    driver = load_driver(path, ORDINARY_DRIVERS)
+    for _ in range(12):
+        driver.receive_reaction(1.8, 1.3)
+    save_driver(path, driver)
+
+    again = load_driver(path, ORDINARY_DRIVERS)
+
+    assert again.observed == 12
+    assert again.log_reaction(0.9) == driver.log_reaction(0.9)
+    assert path.stat().st_mode & 0o077 == 0
+    assert [file.name for file in tmp_path.iterdir()] == ["driver.json"]
+
+
+def test_a_deleted_file_is_a_driver_nobody_has_watched(tmp_path: Path) -> None:
+    path = tmp_path / "driver.json"
+    driver = Driver(ORDINARY_DRIVERS)
+    driver.receive_reaction(1.8, 1.3)
+    save_driver(path, driver)
+    path.unlink()
+
+    assert load_driver(path, ORDINARY_DRIVERS).log_reaction(1.0) == (
+        Driver(ORDINARY_DRIVERS).log_reaction(1.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "offset"),
+        ("{", "not YAML"),
+        ('{"offset":[0,0],"covariance":[[1,2],[2,1]],"observed":1}', "positive definite"),
+        ('{"offset":[0,0],"covariance":[[1,0.1],[0.2,1]],"observed":1}', "symmetric"),
+        ('{"offset":[0,.inf],"covariance":[[1,0],[0,1]],"observed":1}', "offset"),
+        ('{"offset":[0,0],"covariance":[[1,0],[0,1]],"observed":-1}', "observed"),
+    ],
+)
+def test_a_spoilt_file_is_named(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "driver.json"
+    path.write_text(text, encoding="utf-8")
+
+    with pytest.raises(SettingsError, match=told) as caught:
+        load_driver(path, ORDINARY_DRIVERS)
+
+    assert str(path) in str(caught.value)
+
+
+@given(st.lists(st.tuples(st.floats(0.15, 6.0), st.floats(0.05, 50.0)), max_size=200))
+def test_whatever_is_learned_can_be_remembered(reactions: list[tuple[float, float]]) -> None:
+    driver = Driver(ORDINARY_DRIVERS)
+    for reaction in reactions:
+        driver.receive_reaction(*reaction)
+
+    again = Driver(ORDINARY_DRIVERS, memory=driver.memory())
+
+    assert again.memory() == driver.memory()
