@@ -9,7 +9,6 @@ Where the paper is silent, docs/decisions/0091 says what is taken and why.
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,13 +122,17 @@ def collided(
 ) -> Array:
     """Part of each drop's following cars that run into the car ahead, the first cars braking.
 
+    The logarithm of P_s is a sum over cars, so each class is summed once for each of its
+    probabilities, and the pairs only add the two.
+
     Returns:
         (safe, unsafe, drops): for each pair of access probabilities.
     """
     unsafe = drops.danger > settings.unsafe_threshold
-    drowned = drowning(_flat(drops.position_m), _all_links(settings), _channel(settings))
-    log_safe = _log_survival(settings, drowned, _flat(~unsafe), safe_access)
-    log_unsafe = _log_survival(settings, drowned, _flat(unsafe), unsafe_access)
+    road = len(unsafe), settings.lanes * settings.cars_per_lane
+    drowned = drowning(drops.position_m.reshape(road), _all_links(settings), _channel(settings))
+    log_safe = _log_survival(settings, drowned, ~unsafe.reshape(road), safe_access)
+    log_unsafe = _log_survival(settings, drowned, unsafe.reshape(road), unsafe_access)
     sender, receiver = lane_links(settings.cars_per_lane)
     result = np.empty((len(safe_access), len(unsafe_access), len(unsafe)))
     for i, safe_p in enumerate(safe_access):
@@ -219,7 +222,3 @@ def _all_links(settings: HighwaySettings) -> Links:
 
 def _channel(settings: HighwaySettings) -> Channel:
     return Channel(from_db(settings.threshold_db), settings.path_loss_exponent)
-
-
-def _flat(values: Any) -> Any:
-    return values.reshape(len(values), -1)

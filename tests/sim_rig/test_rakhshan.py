@@ -6,12 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from typer.testing import CliRunner
 
 from onboard.access.chain import lane_links, reception_delay_s
 from onboard.access.drivers import ORDINARY_DRIVERS
 from onboard.access.rear_end import Braking, collision_kind
 from onboard.access.slotted import Channel, Links, from_db, packet_success, slot_s, slots_needed
 from onboard.errors import UserError
+from sim_rig.cli import app
 from sim_rig.studies import rakhshan, rakhshan_drivers
 from sim_rig.studies.catalogue import find_study, study_names
 from sim_rig.studies.rakhshan import RakhshanSettings, gain, simulate
@@ -221,6 +223,15 @@ def test_a_slow_driver_is_told_from_the_population(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", [name for name in study_names() if name.startswith("rakhshan")])
 def test_every_study_can_be_found(name: str) -> None:
     assert callable(find_study(name))
+
+
+def test_one_command_makes_a_figure(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["study", "rakhshan-figure9", "--out", str(tmp_path)])
+
+    assert done.exit_code == 0
+    assert "rakhshan-figure9: for the last car" in done.output
+    written = {path.name for path in (tmp_path / "rakhshan-figure9").iterdir()}
+    assert written == {"table.csv", "figure.png", "settings.yaml"}
 
 
 def test_a_study_that_there_is_not_names_those_there_are() -> None:
