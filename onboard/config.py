@@ -10,6 +10,7 @@ from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import MvsSettings
 from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.observations import Sensor
+from onboard.risk.settings import RiskSettings
 from onboard.security.settings import SecuritySettings
 from onboard.settings import Settings
 from onboard.vision.settings import CameraSettings, VisionSettings
@@ -66,6 +67,7 @@ class CarConfig(Settings):
     lcca_psid: int = Field(psid.LCCA, ge=0, le=psid.HIGHEST)
     """Service that the group messages go under; equal in all cars of a trial."""
     mvs: MvsSettings = MvsSettings()
+    risk: RiskSettings = RiskSettings()
     beacons: bool = True
     """Send a BSM ten times a second, as SAE J2945/1 asks of every car with a radio."""
     watch: WatchSettings = WatchSettings()

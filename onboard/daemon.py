@@ -33,7 +33,9 @@ from onboard.wave_udp.endpoint import open_endpoint
 
 log = structlog.get_logger()
 
-LOGGED_KINDS = frozenset({"transition", "warning", "hard_brake", "sensor_lost", "sensor_back"})
+LOGGED_KINDS = frozenset(
+    {"transition", "warning", "alarm", "hard_brake", "sensor_lost", "sensor_back"}
+)
 """What an operator wants to read in the journal; the trace has the rest."""
 
 GIL_INTERVAL_S = 0.000_5

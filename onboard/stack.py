@@ -13,6 +13,7 @@ import numpy as np
 from onboard.beacon import Beacon, position_in
 from onboard.config import CarConfig, WatchSettings
 from onboard.freshness import SensorWatch
+from onboard.lcca.events import WarningRaised
 from onboard.lcca.group import Neighbour, WarningGroup
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm_core import VehicleSize
@@ -35,6 +36,7 @@ from onboard.observations import (
     SensorLost,
     Speed,
 )
+from onboard.risk.monitor import RiskMonitor
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.plausibility import Plausibility
@@ -55,6 +57,9 @@ LCCA_LIFETIME_S = 0.5
 
 BSM_LIFETIME_S = 0.1
 """By then the next one is due."""
+
+ASSESS_S = 0.1
+"""How often the danger is judged anew."""
 
 TELL_CARS_S = 1.0
 """How often the trace gets every known car. `known_cars` has them at any time."""
@@ -99,6 +104,8 @@ class Stack:
             config.mvs, self._who.temporary_id, rng, self._security.utc_offset_s
         )
         self._tell_cars_at = now
+        self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
+        self._assess_at = now
         if self._who.credential is not None:
             self._security.sign_with(self._who.credential)
         self._watch = SensorWatch(_limits_s(config.watch, sensors), now)
@@ -128,16 +135,19 @@ class Stack:
                 self._watch.receive_sample(Sensor.SPEED, observation.stamp_s)
                 self._group.receive_speed(observation.speed_m_s, now)
                 self._beacon.receive_speed(observation)
+                self._risk.receive_speed(observation)
             case HardBrake():
                 self._group.receive_hard_brake(observation, now)
                 self._beacon.receive_hard_brake(observation, now)
             case Lead():
                 self._watch.receive_sample(Sensor.CAMERA, observation.stamp_s)
                 self._group.receive_neighbour(self._neighbour(observation, now), now)
+                self._risk.receive_lead(observation, now)
             case Position():
                 self._watch.receive_sample(Sensor.POSITION, observation.stamp_s)
                 self._beacon.receive_position(observation)
                 self._mvs.receive_position(observation)
+                self._risk.receive_position(observation)
             case SensedCar():
                 self._mvs.receive_sensed_car(observation)
             case Plate(text=None):
@@ -171,7 +181,7 @@ class Stack:
             return
         self._events.append(Received(now, message.kind, opened.signer_id, lcca.as_dict(message)))
         self._group.receive_message(message, now)
-        self._take_group()
+        self._take_group(now)
 
     def _receive_bsm(self, opened: Opened, now: float) -> None:
         try:
@@ -188,6 +198,7 @@ class Stack:
         position = position_in(core, now, self._security.utc_offset_s)
         self._mvs.receive_bsm(core.temporary_id, position, message.footer, now)
         self._beacon.receive_neighbour(core.temporary_id, None, now)
+        self._risk.receive_bsm(message, now)
 
     def press_brake_button(self, now: float) -> None:
         """The button of the paper's demonstration (section 4): brake hard without braking."""
@@ -234,7 +245,7 @@ class Stack:
     def get_timer(self) -> float:
         """When `handle_timer` next wants to be called."""
         cores = (self._bus, self._group, self._watch, self._link)
-        wishes = [core.get_timer() for core in cores]
+        wishes = [self._assess_at, *(core.get_timer() for core in cores)]
         if self._config.beacons:  # one that is due and never sent would be due for ever
             wishes.append(self._beacon.get_timer())
         return min((at for at in wishes if at is not None), default=math.inf)
@@ -244,15 +255,19 @@ class Stack:
         who = self._pseudonyms.at(now + self._security.utc_offset_s)
         if who is not self._who:
             self._change_identity(who, now)
-        if now >= self._tell_cars_at:
-            self._tell_cars_at = now + TELL_CARS_S
-            self._events.extend(self._mvs.kinematic_info(now))
+        if now >= self._assess_at:
+            self._assess_at = now + ASSESS_S
+            known_cars = self._mvs.kinematic_info(now)
+            self._risk.assess(self._mvs.own_car(now), known_cars, now)
+            if now >= self._tell_cars_at:
+                self._tell_cars_at = now + TELL_CARS_S
+                self._events.extend(known_cars)
         self._beacon.handle_timer(now)
         self._bus.handle_timer(now)
         self._take_bus(now)
         self._watch.handle_timer(now)
         self._group.handle_timer(now)
-        self._take_group()
+        self._take_group(now)
 
     # ---- between the rooms ----------------------------------------------------------------
 
@@ -269,12 +284,14 @@ class Stack:
         while (observation := self._bus.next_event()) is not None:
             self.receive_observation(observation, now)
 
-    def _take_group(self) -> None:
+    def _take_group(self, now: float) -> None:
         while (event := self._group.next_event()) is not None:
             self._events.append(event)
+            if isinstance(event, WarningRaised):
+                self._risk.receive_warning(event, now)
 
     def _take_rest(self) -> None:
-        for core in (self._group, self._watch, self._link, self._mvs):
+        for core in (self._group, self._watch, self._link, self._mvs, self._risk):
             while (event := core.next_event()) is not None:
                 self._events.append(event)
 
