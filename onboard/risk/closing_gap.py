@@ -78,7 +78,7 @@ def required_deceleration_m_s2(
     braking = lead_deceleration_m_s2 if lead_then_m_s > 0.0 else 0.0
     if closing_m_s > 0.0:
         while_both_move = braking + closing_m_s**2 / (2.0 * gap_then_m)
-        if reaction_s + speed_m_s / while_both_move <= lead_stops_s:
+        if while_both_move * (lead_stops_s - reaction_s) >= speed_m_s:
             return while_both_move
     return speed_m_s**2 / (2.0 * (gap_m + lead_stops_m - speed_m_s * reaction_s))
 

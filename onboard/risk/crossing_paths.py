@@ -1,8 +1,8 @@
 """Where the own path and another car's cross, and how likely the two meet there.
 
 P_C is averaged over what is not known exactly: the distances and speeds of both cars, whose common
-covariance follows from those of their states. The average is a fixed Gauss-Hermite rule, three
-points for each of the four, so the same states always give the same number.
+covariance follows from those of their states. The average is a fixed rule of 25 points, exact for
+polynomials of the fifth degree, so the same states always give the same number.
 """
 
 from dataclasses import dataclass
@@ -17,10 +17,11 @@ from onboard.risk.driver_behaviour import Uniform
 from onboard.risk.settings import CrossingSettings
 from onboard.risk.trajectory import Array
 
-_AXIS, _AXIS_WEIGHTS = np.polynomial.hermite_e.hermegauss(3)
-_POINTS = np.array(list(product(_AXIS, repeat=4)))
-"""(81, 4), in standard deviations."""
-_WEIGHTS = np.prod(list(product(_AXIS_WEIGHTS, repeat=4)), axis=1) / np.sum(_AXIS_WEIGHTS) ** 4
+_CORNERS = np.concatenate([np.eye(4), -np.eye(4), list(product((-0.5, 0.5), repeat=4))])
+"""Of the 24-cell, on the unit sphere: a spherical design of strength five."""
+_POINTS = np.concatenate([np.zeros((1, 4)), np.sqrt(6.0) * _CORNERS])
+"""(25, 4), in standard deviations."""
+_WEIGHTS = np.array([1.0 / 3.0, *np.full(24, 1.0 / 36.0)])
 
 _STEP = 1e-4
 """Of the numerical derivative, in m and m/s."""

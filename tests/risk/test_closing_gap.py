@@ -132,7 +132,7 @@ FMVSS_127 = [
 
 @pytest.mark.parametrize(("speed_km_h", "headway_m", "braking_g"), FMVSS_127)
 def test_fmvss_127_decelerating_lead(speed_km_h: float, headway_m: float, braking_g: float) -> None:
-    """Both drive alike, the lead brakes; the driver, warned, brakes 1 s later and does not touch."""
+    """Both drive alike, the lead brakes; who brakes 1 s after the warning does not touch it."""
     speed_m_s = speed_km_h * KM_H
     lead = braking(speed_m_s, braking_g * STANDARD_GRAVITY_M_S2)
     warned_s = first_warning_s(headway_m, braking(speed_m_s, 0.0), lead)

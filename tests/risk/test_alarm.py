@@ -1,0 +1,59 @@
+"""An alarm goes up when a level is confirmed, and down when it has been lower for a while."""
+
+import pytest
+
+from onboard.risk.alarm import NOTHING, Assessment, Cause, Hysteresis, Level, Reason
+
+REASON = (Reason("lead", "known", 0.05),)
+CAUTION = Assessment(Level.CAUTION, 3.7, REASON)
+WARNING = Assessment(Level.WARNING, 5.5, REASON)
+
+
+def levels(seen: list[tuple[float, Assessment]], confirm_s: float = 0.0) -> list[tuple[float, str]]:
+    alarm = Hysteresis(Cause.CLOSING_GAP, confirm_s, release_s=1.0)
+    raised = [(now, alarm.receive(each, now)) for now, each in seen]
+    return [(now, each.level.value) for now, each in raised if each is not None]
+
+
+@pytest.mark.parametrize(
+    ("before", "seen", "after"),
+    [
+        (NOTHING, NOTHING, []),
+        (NOTHING, CAUTION, [(1.0, "caution")]),
+        (NOTHING, WARNING, [(1.0, "warning")]),
+        (CAUTION, NOTHING, [(0.0, "caution"), (2.0, "none")]),
+        (CAUTION, CAUTION, [(0.0, "caution")]),
+        (CAUTION, WARNING, [(0.0, "caution"), (1.0, "warning")]),
+        (WARNING, NOTHING, [(0.0, "warning"), (2.0, "none")]),
+        (WARNING, CAUTION, [(0.0, "warning"), (2.0, "caution")]),
+        (WARNING, WARNING, [(0.0, "warning")]),
+    ],
+)
+def test_every_level_seen_at_every_level(
+    before: Assessment, seen: Assessment, after: list[tuple[float, str]]
+) -> None:
+    assert levels([(0.0, before), (0.9, before), (1.0, seen), (1.5, seen), (2.0, seen)]) == after
+
+
+def test_flapping_between_two_levels_is_one_alarm() -> None:
+    flapping = [(k * 0.3, WARNING if k % 2 else CAUTION) for k in range(20)]
+
+    assert levels(flapping) == [(0.0, "caution"), (0.3, "warning")]
+
+
+def test_a_level_must_last_to_be_confirmed() -> None:
+    assert levels([(0.0, WARNING), (0.1, NOTHING), (0.2, WARNING)], confirm_s=0.15) == []
+    assert levels([(0.0, CAUTION), (0.1, WARNING), (0.2, WARNING)], confirm_s=0.15) == [
+        (0.2, "caution")
+    ]
+
+
+def test_an_alarm_names_what_raised_it_and_its_end_names_nothing() -> None:
+    alarm = Hysteresis(Cause.CROSSING, 0.0, 1.0)
+
+    raised, ended = alarm.receive(WARNING, 0.0), alarm.receive(NOTHING, 1.0)
+
+    assert raised is not None
+    assert (raised.cause, raised.value, raised.reasons) == (Cause.CROSSING, 5.5, REASON)
+    assert ended is not None
+    assert (ended.level, ended.reasons) == (Level.NONE, ())

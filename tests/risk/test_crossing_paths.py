@@ -1,0 +1,143 @@
+"""Where two courses cross, and P_C averaged over what is not known exactly."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.risk.collision_probability import Approach, collision_probability
+from onboard.risk.conflict_zone import CarSize, XCrossing
+from onboard.risk.crossing_paths import (
+    CovarianceError,
+    averaged_collision_probabilities,
+    meeting,
+)
+from onboard.risk.driver_behaviour import Uniform
+from onboard.risk.settings import CrossingSettings
+
+SETTINGS = CrossingSettings()
+SIZE = (5.0, 1.75)
+
+
+def car(
+    state: tuple[float, ...], sigma_m: float = 0.0, sigma_m_s: float = 0.0, name: str = "b"
+) -> KnownCar:
+    covariance = np.diag([sigma_m**2, sigma_m**2, sigma_m_s**2, sigma_m_s**2])
+    rows = tuple(map(tuple, covariance.tolist()))
+    return KnownCar(0.0, name, KnownBy.RADIO, state, rows, 0.0, frozenset())
+
+
+def averaged(own: KnownCar, other: KnownCar) -> float:
+    met = meeting(own, other, SETTINGS)
+    assert met is not None
+    return float(averaged_collision_probabilities([met], [SIZE], SIZE, SETTINGS)[0])
+
+
+def test_distances_are_along_the_courses_to_where_they_cross() -> None:
+    met = meeting(car((-30.0, 0.0, 10.0, 0.0)), car((3.0, -44.0, 3.0, 4.0)), SETTINGS)
+
+    assert met is not None
+    assert met.mean == pytest.approx([66.0, 10.0, 55.0, 5.0])
+    assert met.angle_rad == pytest.approx(math.atan2(4.0, 3.0))
+
+
+@given(
+    heading=st.floats(0.0, 6.28),
+    angle=st.floats(0.4, 2.7),
+    d=st.tuples(st.floats(-50, 100), st.floats(-50, 100)),
+    v=st.tuples(st.floats(1.5, 40), st.floats(1.5, 40)),
+)
+def test_any_heading_is_as_good_as_any_other(
+    heading: float, angle: float, d: tuple[float, float], v: tuple[float, float]
+) -> None:
+    def approaching(course: float, distance_m: float, speed_m_s: float) -> KnownCar:
+        along = np.array([math.cos(course), math.sin(course)])
+        return car((*(-distance_m * along).tolist(), *(speed_m_s * along).tolist()))
+
+    met = meeting(
+        approaching(heading, d[0], v[0]), approaching(heading + angle, d[1], v[1]), SETTINGS
+    )
+
+    assert met is not None
+    assert met.mean == pytest.approx([d[0], v[0], d[1], v[1]], abs=1e-6)
+    assert met.angle_rad == pytest.approx(angle)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        (-10.0, 3.5, 12.0, 0.0),
+        (50.0, 3.5, -12.0, 0.0),
+        (20.0, -30.0, 0.0, 0.0),
+        (20.0, -500.0, 0.0, 12.0),
+        (math.nan, -30.0, 0.0, 12.0),
+        (20.0, -30.0, math.inf, 12.0),
+    ],
+    ids=["beside", "oncoming", "standing", "far", "not a number", "not finite"],
+)
+def test_courses_that_do_not_cross(other: tuple[float, ...]) -> None:
+    assert meeting(car((-30.0, 0.0, 12.0, 0.0)), car(other), SETTINGS) is None
+
+
+def test_exact_states_give_the_exact_p_c() -> None:
+    limits = Uniform(np.array(-9.55), np.array(2.1))
+    one, other = (
+        Approach(np.array([[d]]), np.array([[v]]), np.array(70.0), limits)
+        for d, v in ((20.0, 12.0), (22.0, 13.0))
+    )
+    size = CarSize(np.array(5.0), np.array(1.75))
+    exact = collision_probability(one, other, XCrossing(size, size, np.array(np.pi / 2)))
+
+    p_c = averaged(car((-20.0, 0.0, 12.0, 0.0)), car((0.0, -22.0, 0.0, 13.0)))
+
+    assert p_c == pytest.approx(float(exact[0]), abs=1e-4)
+
+
+@pytest.mark.parametrize(("sigma_m", "sigma_m_s"), [(0.5, 0.3), (1.5, 0.5), (3.0, 1.0)])
+@pytest.mark.parametrize(
+    ("d", "v"), [((20, 22), (12, 13)), ((12, 11), (10, 10)), ((30, 20), (14, 9))]
+)
+def test_the_average_is_that_of_drawn_states(
+    sigma_m: float, sigma_m_s: float, d: tuple[float, float], v: tuple[float, float]
+) -> None:
+    own = car((-d[0], 0.0, v[0], 0.0), sigma_m, sigma_m_s)
+    other = car((0.0, -d[1], 0.0, v[1]), sigma_m, sigma_m_s)
+    rng = np.random.default_rng(4)
+    sigmas = np.array([sigma_m, sigma_m, sigma_m_s, sigma_m_s])
+    drawn = [
+        meeting(
+            *(car(tuple(each.state + sigmas * rng.normal(size=4))) for each in (own, other)),
+            SETTINGS,
+        )
+        for _ in range(400)
+    ]
+    met = [each for each in drawn if each is not None]
+    values = averaged_collision_probabilities(met, [SIZE] * len(met), SIZE, SETTINGS)
+    standard_error = values.std() / math.sqrt(len(met))
+
+    assert averaged(own, other) == pytest.approx(values.mean(), abs=4 * standard_error + 0.02)
+
+
+def test_not_knowing_makes_a_sure_crash_less_sure() -> None:
+    exact = averaged(car((-9.0, 0.0, 15.0, 0.0)), car((0.0, -9.0, 0.0, 15.0)))
+    vague = averaged(car((-9.0, 0.0, 15.0, 0.0)), car((0.0, -9.0, 0.0, 15.0), 10.0, 5.0))
+
+    assert vague < 0.7 * exact
+
+
+@pytest.mark.parametrize(
+    "diagonal", [(-1.0, 1.0, 1.0, 1.0), (1.0, 1.0, math.nan, 1.0), (1.0, math.inf, 1.0, 1.0)]
+)
+def test_what_is_no_covariance_is_refused(diagonal: tuple[float, ...]) -> None:
+    rows = tuple(tuple(v if i == j else 0.0 for j in range(4)) for i, v in enumerate(diagonal))
+    odd = KnownCar(0.0, "b", KnownBy.TOLD, (0.0, -20.0, 0.0, 12.0), rows, 0.0, frozenset())
+
+    with pytest.raises(CovarianceError):
+        meeting(car((-20.0, 0.0, 12.0, 0.0)), odd, SETTINGS)
+
+
+def test_nobody_to_meet() -> None:
+    assert len(averaged_collision_probabilities([], [], SIZE, SETTINGS)) == 0

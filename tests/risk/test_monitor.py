@@ -1,0 +1,285 @@
+"""The scenes of a crossing and of a lane: who is warned, of what, why, and when nobody is."""
+
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pytest
+
+from onboard.lcca.events import WarningRaised
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData, VehicleSize
+from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
+from onboard.mvs.evidence import MeasurementId
+from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.observations import Discarded, Lead, LeadIdentity, Position, Speed
+from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.monitor import RiskMonitor
+from onboard.risk.settings import RiskSettings
+from onboard.trace import as_line
+from onboard.units import KM_H
+
+OTHER_ID = bytes.fromhex("0a0b0c0d")
+State = tuple[float, float, float, float]
+Drive = Callable[[float], State]
+
+
+def monitor() -> RiskMonitor:
+    return RiskMonitor(RiskSettings(), 4.8, 1.8)
+
+
+def known(
+    state: State,
+    now: float,
+    known_by: KnownBy = KnownBy.RADIO,
+    *,
+    sigma_m: float = 0.5,
+    age_s: float = 0.05,
+    name: str = OTHER_ID.hex(),
+) -> KnownCar:
+    rows = tuple(map(tuple, np.diag([sigma_m**2, sigma_m**2, 0.25, 0.25]).tolist()))
+    provenance = frozenset({MeasurementId(b"seen", 1)}) if known_by is KnownBy.TOLD else frozenset()
+    return KnownCar(now, name, known_by, state, rows, age_s, provenance)
+
+
+def own(state: State, now: float) -> KnownCar:
+    return known(state, now, KnownBy.ITSELF, name="own")
+
+
+def bsm(
+    height_m: float | None = None, *, brakes_hard: bool = False, size: VehicleSize | None = None
+) -> BasicSafetyMessage:
+    core = CoreData(
+        1, OTHER_ID, elevation_m=height_m, size=size or VehicleSize(width_m=1.8, length_m=4.5)
+    )
+    events = VehicleEventFlags.HARD_BRAKING if brakes_hard else None
+    return BasicSafetyMessage(core, VehicleSafetyExtensions(events=events) if events else None)
+
+
+def alarms(of: RiskMonitor) -> list[Alarm]:
+    events = iter(of.next_event, None)
+    return [event for event in events if isinstance(event, Alarm)]
+
+
+def east(speed_m_s: float, distance_m: float) -> Drive:
+    """Towards the origin from the west."""
+    return lambda t: (speed_m_s * t - distance_m, 0.0, speed_m_s, 0.0)
+
+
+def north(speed_m_s: float, distance_m: float) -> Drive:
+    """Towards the origin from the south."""
+    return lambda t: (0.0, speed_m_s * t - distance_m, 0.0, speed_m_s)
+
+
+def drive(of: RiskMonitor, mine: Drive, other: Drive, until_s: float, **how: object) -> list[Alarm]:
+    """Both drive on for `until_s`; judged at 10 Hz."""
+    for k in range(round(until_s * 10)):
+        now = k / 10
+        of.assess(own(mine(now), now), [known(other(now), now, **how)], now)  # type: ignore[arg-type]
+    return alarms(of)
+
+
+def worst(seen: Iterable[Alarm]) -> Level:
+    return max((alarm.level for alarm in seen), key=lambda level: level.rank, default=Level.NONE)
+
+
+def test_a_car_that_runs_the_light_is_warned_of_in_time_to_brake() -> None:
+    seen = drive(monitor(), east(14.0, 60.0), north(14.0, 60.0), 4.2)
+
+    warning = next(alarm for alarm in seen if alarm.level is Level.WARNING)
+    assert warning.cause is Cause.CROSSING
+    left_m = 60.0 - 14.0 * warning.stamp_s - 3.3
+    assert left_m > 14.0**2 / (2 * 8.0)  # Braking at the warning stands before the other's path.
+
+
+def test_a_car_that_only_a_third_car_sees_is_warned_of_and_named_so() -> None:
+    """The MVS case: no radio in it, no sight of it, told with the covariance of several looks."""
+    seen = drive(
+        monitor(), east(14.0, 60.0), north(14.0, 60.0), 4.2,
+        known_by=KnownBy.TOLD, sigma_m=1.0, age_s=0.3,
+    )  # fmt: skip
+
+    warning = next(alarm for alarm in seen if alarm.level is Level.WARNING)
+    assert [(each.what, each.name, each.age_s) for each in warning.reasons] == [
+        ("known_car:told", OTHER_ID.hex(), 0.3)
+    ]
+
+
+def test_a_car_that_comes_out_of_the_side_road_of_a_t_junction() -> None:
+    seen = drive(monitor(), east(13.0, 50.0), north(6.0, 50.0 * 6 / 13), 3.8)
+
+    assert worst(seen) is Level.WARNING
+
+
+def test_one_lost_beacon_in_two_still_warns() -> None:
+    of, mine, other = monitor(), east(14.0, 60.0), north(14.0, 60.0)
+    for k in range(42):
+        now, heard_at = k / 10, (k // 2) / 5
+        state, age_s = other(heard_at), now - heard_at + 0.05
+        ahead = (state[0], state[1] + age_s * state[3], state[2], state[3])
+        of.assess(own(mine(now), now), [known(ahead, now, age_s=age_s)], now)
+
+    assert worst(alarms(of)) is Level.WARNING
+
+
+def test_a_car_that_stops_in_time_raises_no_warning() -> None:
+    """From 12 m/s with 2.5 m/s^2 to 5 m before the crossing."""
+
+    def stopping(t: float) -> State:
+        t = min(t, 4.8)
+        return (0.0, -5.0 - 28.8 + 12.0 * t - 1.25 * t * t, 0.0, 12.0 - 2.5 * t)
+
+    seen = drive(monitor(), east(12.0, 60.0), stopping, 6.0, sigma_m=0.5)
+
+    assert worst(seen).rank < Level.WARNING.rank
+
+
+@pytest.mark.parametrize("beside_m", [-3.5, 3.5, 12.0])
+@pytest.mark.parametrize("speed_m_s", [-14.0, 10.0, 14.0])
+def test_parallel_roads(beside_m: float, speed_m_s: float) -> None:
+    seen = drive(
+        monitor(), east(14.0, 60.0), lambda t: (speed_m_s * t, beside_m, speed_m_s, 0.0), 6.0
+    )
+
+    assert seen == []
+
+
+@pytest.mark.parametrize(("height_m", "warned"), [(6.5, False), (-6.5, False), (0.5, True)])
+def test_a_bridge_over_the_road(height_m: float, warned: bool) -> None:
+    of = monitor()
+    of.receive_position(Position(0.0, 47.0, 8.0, 400.0, 1.0, 14.0, 1.57))
+    of.receive_bsm(bsm(400.0 + height_m), 0.0)
+
+    seen = drive(of, east(14.0, 50.0), north(14.0, 50.0), 3.4)
+
+    assert (worst(seen) is Level.WARNING) == warned
+
+
+def test_the_own_echo_raises_nothing() -> None:
+    of, mine = monitor(), east(14.0, 20.0)
+    for k in range(20):
+        now = k / 10
+        state = mine(now)
+        echo = known((state[0], state[1], 0.0, 14.0), now, name="own")
+        itself = known((state[0], state[1], 0.0, 14.0), now, KnownBy.ITSELF, name="before")
+        of.assess(own(state, now), [echo, itself], now)
+
+    assert alarms(of) == []
+
+
+def test_without_a_position_nothing_is_claimed_of_crossings_or_of_braking_by_radio() -> None:
+    of = monitor()
+    of.receive_bsm(bsm(brakes_hard=True), 0.0)
+    for k in range(10):
+        of.assess(None, [known((0.0, -9.0, 0.0, 14.0), k / 10)], k / 10)
+
+    assert of.next_event() is None
+
+
+def test_data_older_than_a_second_raises_nothing() -> None:
+    assert drive(monitor(), east(14.0, 60.0), north(14.0, 60.0), 4.2, age_s=1.1) == []
+
+
+def test_a_covariance_that_is_none_is_told_and_raises_nothing() -> None:
+    of = monitor()
+    rows = ((1.0, 5.0, 0.0, 0.0), (5.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    odd = KnownCar(0.0, "b", KnownBy.TOLD, (0.0, -9.0, 0.0, 14.0), rows, 0.1, frozenset())
+
+    of.assess(own((-9.0, 0.0, 14.0, 0.0), 0.0), [odd], 0.0)
+
+    event = of.next_event()
+    assert isinstance(event, Discarded)
+    assert (event.room, event.reason) == ("risk", "covariance")
+    assert of.next_event() is None
+
+
+def test_a_hundred_cars_are_one_alarm_of_the_worst() -> None:
+    of = monitor()
+    cars = [known((0.0, -14.0 - k, 0.0, 14.0), 0.0, name=f"{k:08x}") for k in range(100)]
+
+    of.assess(own((-14.0, 0.0, 14.0, 0.0), 0.0), cars, 0.0)
+
+    (alarm,) = alarms(of)
+    assert alarm.reasons[0].name == "00000000"
+
+
+@pytest.mark.parametrize(
+    ("place", "speed_m_s", "level"),
+    [
+        ((40.0, 0.0), 15.0, Level.CAUTION),
+        ((15.0, 0.5), 15.0, Level.WARNING),
+        ((40.0, 3.5), 15.0, Level.NONE),
+        ((-40.0, 0.0), 15.0, Level.NONE),
+        ((40.0, 0.0), -15.0, Level.NONE),
+        ((200.0, 0.0), 15.0, Level.NONE),
+    ],
+    ids=["ahead", "near", "next lane", "behind", "oncoming", "far"],
+)
+def test_hard_braking_told_by_radio(
+    place: tuple[float, float], speed_m_s: float, level: Level
+) -> None:
+    of = monitor()
+    of.receive_bsm(bsm(brakes_hard=True), 9.9)
+
+    of.assess(own((0.0, 0.0, 16.0, 0.0), 10.0), [known((*place, speed_m_s, 0.0), 10.0)], 10.0)
+
+    seen = [alarm for alarm in alarms(of) if alarm.cause is Cause.HARD_BRAKING]
+    assert worst(seen) is level
+    if seen:
+        assert seen[0].reasons[0].what == "bsm"
+        assert seen[0].reasons[0].age_s == pytest.approx(0.1)
+
+
+def test_a_hard_braking_flag_grows_old_and_its_alarm_ends() -> None:
+    of = monitor()
+    of.receive_bsm(bsm(brakes_hard=True), 0.0)
+    for k in range(40):
+        of.assess(own((0.0, 0.0, 16.0, 0.0), k / 10), [known((15.0, 0, 15.0, 0), k / 10)], k / 10)
+
+    first, last = alarms(of)
+    assert first.level is Level.WARNING
+    assert (last.level, last.stamp_s) == (Level.NONE, pytest.approx(2.0, abs=0.11))
+
+
+def test_the_groups_warning_is_passed_on_at_once_and_ends() -> None:
+    of = monitor()
+    origin = bytes(range(8))
+    of.receive_warning(WarningRaised(5.0, origin, 7, 1, 3, origin, 6.0, 0.02, 2), 5.0)
+    (raised,) = alarms(of)
+    for k in range(51, 110):
+        of.assess(None, [], k / 10)
+
+    assert (raised.cause, raised.level, raised.stamp_s) == (Cause.GROUP, Level.WARNING, 5.0)
+    assert (raised.reasons[0].name, raised.reasons[0].age_s) == (origin.hex(), 0.02)
+    (ended,) = alarms(of)
+    assert (ended.level, ended.stamp_s) == (Level.NONE, pytest.approx(9.0, abs=0.11))
+
+
+def test_an_alarm_can_be_written_to_the_trace() -> None:
+    of = monitor()
+    of.receive_speed(Speed(0.0, 20.0, KM_H, "obd:7E8"))
+    for now in (0.0, 0.05):
+        lead = Lead(now, LeadIdentity.UNKNOWN, gap_m=1.0, closing_speed_m_s=15.0)
+        of.receive_lead(lead, now)
+
+    (alarm,) = alarms(of)
+    line = as_line(alarm)
+    assert '"cause":"closing_gap"' in line
+    assert math.isfinite(alarm.value)
+
+
+@pytest.mark.parametrize(
+    ("speed_age_s", "lead_age_s", "speed_m_s"),
+    [(1.2, 0.0, 20.0), (0.0, 0.6, 20.0), (0.0, 0.0, 1.0)],
+)
+def test_a_gap_without_fresh_speed_or_sight_or_motion_raises_nothing(
+    speed_age_s: float, lead_age_s: float, speed_m_s: float
+) -> None:
+    of = monitor()
+    of.receive_speed(Speed(5.0 - speed_age_s, speed_m_s, KM_H, "obd:7E8"))
+    of.receive_lead(
+        Lead(5.0 - lead_age_s, LeadIdentity.UNKNOWN, gap_m=3.0, closing_speed_m_s=2.0), 5.0
+    )
+    of.assess(None, [], 5.05)
+
+    assert of.next_event() is None
