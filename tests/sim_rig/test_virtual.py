@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from onboard.stack import Stack
 from sim_rig.report import failures
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario, load_scenario, scenario_names
@@ -55,3 +56,12 @@ def test_a_car_without_the_daemon_is_seen_but_says_nothing() -> None:
     leads = [record["text"] for record in log.of("red", "lead", from_s=8.0)]
     assert set(leads) == {"GN417KB"}
     assert not list(log.of("red", "transition", from_s=0.0, state="member"))
+
+
+def test_a_core_that_is_always_due_is_an_error_and_not_an_endless_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Stack, "get_timer", lambda _stack: 1.0)
+
+    with pytest.raises(RuntimeError, match=r"called for ever at 1.0 s"):
+        run_virtual(load_scenario("fig4"))

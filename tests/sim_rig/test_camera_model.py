@@ -1,0 +1,166 @@
+"""The camera model of virtual runs, held against pictures that the car's vision looks at.
+
+A car closes in on another from 36 m to 6 m, once on the rendered path (picture, JPEG, `Sight`),
+once through the model. Both are cut into stretches of the way and compared.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from statistics import fmean, pstdev
+
+import cv2
+import numpy as np
+import pytest
+
+from onboard.observations import Lead, LeadIdentity, Plate
+from onboard.settings import parse_settings
+from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sight import Event, Sight
+from sim_rig.cars.camera_model import STAMP_S, CameraModel
+from sim_rig.cars.camera_server import Camera
+from sim_rig.cars.camera_view import FPS, LENS, CameraView
+from sim_rig.roads.breakpoints import BreakpointRoad
+from sim_rig.scenario import Scenario
+from sim_rig.wiring import car_config
+
+FAR_M, NEAR_M, CLOSING_M_S = 36.0, 6.0, 1.5
+DURATION_S = (FAR_M - NEAR_M) / CLOSING_M_S
+STRETCHES_M = ((30.0, 35.0), (24.0, 30.0), (19.0, 24.0), (14.0, 19.0), (10.0, 14.0), (6.5, 10.0))
+PLATES = ("GN417KB", "RD288HX", "YW903MS")
+
+
+def approach(plate: str) -> Scenario:
+    return parse_settings(
+        {
+            "title": "A car closes in on another.",
+            "seed": 1,
+            "duration_s": DURATION_S,
+            "radio": {"reach_m": 100},
+            "cars": {
+                "ann": {"plate": plate, "lane": 1, "start_m": FAR_M + 4.5, "speed_m_s": 15.0},
+                "ben": {"plate": "X1", "lane": 1, "start_m": 0, "speed_m_s": 15.0 + CLOSING_M_S},
+            },
+            "expect": [],
+        },
+        Scenario,
+        "approach",
+    )
+
+
+def vision_settings(scenario: Scenario) -> VisionSettings:
+    return parse_settings(car_config(scenario, "ben", 0)["vision"], VisionSettings, "approach")
+
+
+def rendered(scenario: Scenario) -> Iterable[Event]:
+    """What `Sight` says of pictures."""
+    sight = Sight(CameraSettings(source="rig", **LENS.model_dump()), vision_settings(scenario))
+    camera = Camera(scenario, "ben", np.random.SeedSequence(1))
+    for number in range(int(DURATION_S * FPS)):
+        jpeg = np.frombuffer(camera.jpeg(number / FPS), np.uint8)
+        image = cv2.imdecode(jpeg, cv2.IMREAD_COLOR)
+        assert image is not None
+        sight.receive_frame(np.asarray(image, np.uint8), number / FPS)
+        while (event := sight.next_event()) is not None:
+            yield event
+
+
+def modelled(scenario: Scenario) -> Iterable[Event]:
+    """What the model says of the same moments."""
+    rng = np.random.default_rng(1)
+    view = CameraView(scenario, BreakpointRoad(scenario), "ben", rng)
+    model = CameraModel(view, vision_settings(scenario), -STAMP_S, rng)
+    while (at := model.get_timer()) < DURATION_S:
+        model.handle_timer(at)
+        while (event := model.next_event()) is not None:
+            yield event
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Vision on one stretch of the approach."""
+
+    found: float
+    """Part of the frames in which a plate is found."""
+    read: float
+    """Part of the frames in which the plate is read, and rightly."""
+    misread: float
+    """Part of the frames in which it is read as something else."""
+    gap_bias: float
+    """Mean error of the gap, as a share of it."""
+    gap_sigma: float
+    closing_sigma_m_s: float
+    known: float
+    """Part of the frames in which the lead is known by its plate."""
+
+
+def stretches(runs: Iterable[tuple[str, list[Event]]]) -> list[Stretch]:
+    return [_stretch(list(runs), *bounds) for bounds in STRETCHES_M]
+
+
+def _stretch(runs: list[tuple[str, list[Event]]], near_m: float, far_m: float) -> Stretch:
+    errors, closings, known, frames = [], [], [], 0
+    texts: list[set[bool | None]] = []
+    for plate, events in runs:
+        in_frame: set[bool | None] = set()
+        for event in events:
+            gap_m = FAR_M - CLOSING_M_S * event.stamp_s
+            if not near_m <= gap_m < far_m:
+                continue
+            if isinstance(event, Plate):
+                in_frame.add(None if event.text is None else event.text == plate)
+            if isinstance(event, Lead):
+                frames += 1
+                texts.append(in_frame)
+                in_frame = set()
+                known.append(event.identity is LeadIdentity.KNOWN and event.text == plate)
+                if event.gap_m is not None and event.closing_speed_m_s is not None:
+                    errors.append(event.gap_m / gap_m - 1)
+                    closings.append(event.closing_speed_m_s - CLOSING_M_S)
+    return Stretch(
+        found=sum(map(bool, texts)) / frames,
+        read=sum(True in each for each in texts) / frames,
+        misread=sum(False in each for each in texts) / frames,
+        gap_bias=fmean(errors) if errors else 0.0,
+        gap_sigma=pstdev(errors) if errors else 0.0,
+        closing_sigma_m_s=pstdev(closings) if closings else 0.0,
+        known=fmean(known),
+    )
+
+
+@pytest.fixture(scope="module")
+def both() -> list[tuple[Stretch, Stretch]]:
+    """Rendered and modelled, stretch by stretch."""
+    scenarios = [(plate, approach(plate)) for plate in PLATES]
+    seen = stretches([(plate, list(rendered(scenario))) for plate, scenario in scenarios])
+    said = stretches([(plate, list(modelled(scenario))) for plate, scenario in scenarios])
+    return list(zip(seen, said, strict=True))
+
+
+def test_both_find_the_plate_from_thirty_metres_on(both: list[tuple[Stretch, Stretch]]) -> None:
+    for stretch_m, (seen, said) in zip(STRETCHES_M[1:], both[1:], strict=True):
+        assert said.found == pytest.approx(seen.found, abs=0.15), stretch_m
+
+
+def test_neither_knows_the_car_far_ahead_and_both_do_at_the_gaps_of_the_scenarios(
+    both: list[tuple[Stretch, Stretch]],
+) -> None:
+    for stretch in (*both[0], *both[1]):
+        assert stretch.known < 0.1
+    for stretch in (*both[-2], *both[-1]):
+        assert stretch.known > 0.9
+
+
+def test_both_misread_seldom_and_only_from_afar(both: list[tuple[Stretch, Stretch]]) -> None:
+    for stretch_m, (seen, said) in zip(STRETCHES_M, both, strict=True):
+        assert said.misread == pytest.approx(seen.misread, abs=0.15), stretch_m
+
+
+def test_gaps_are_off_by_as_much_on_both(both: list[tuple[Stretch, Stretch]]) -> None:
+    for stretch_m, (seen, said) in zip(STRETCHES_M[2:], both[2:], strict=True):
+        assert said.gap_bias == pytest.approx(seen.gap_bias, abs=0.04), stretch_m
+        assert said.gap_sigma == pytest.approx(seen.gap_sigma, abs=0.03), stretch_m
+
+
+def test_closing_speeds_are_as_uncertain_on_both(both: list[tuple[Stretch, Stretch]]) -> None:
+    for stretch_m, (seen, said) in zip(STRETCHES_M[2:], both[2:], strict=True):
+        assert 0.3 < said.closing_sigma_m_s / seen.closing_sigma_m_s < 3.0, stretch_m
