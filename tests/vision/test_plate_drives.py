@@ -1,0 +1,114 @@
+"""Plates as the car sees them: rendered drives through both networks, and real clips."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from onboard.observations import LeadIdentity
+from onboard.vision.frames import open_frames
+from onboard.vision.plate_detector import PlateDetector
+from onboard.vision.plate_reader import PlateReader
+from onboard.vision.seen_frame import see_frames
+from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sight import Sight
+from sim_rig.picture.plate_art import EU, FORMATS, draw_plate
+from sim_rig.picture.scene import Light, Picture, Scene, SceneCar, warp_onto
+from tests.vision.drive import Seen, frames, see
+
+CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0, pitch_rad=0.02)
+PICTURE = Picture(CAMERA)
+FINDER, READER = PlateDetector(), PlateReader()
+OURS, THEIRS = "GN417KB", "YW903MS"
+
+
+def sight(settings: VisionSettings | None = None) -> Sight:
+    return Sight(CAMERA, settings or VisionSettings(), finder=FINDER, reader=READER)
+
+
+def drive(*cars: SceneCar, light: Light = Light.DAY, duration_s: float = 1.5) -> Seen:
+    def scene(stamp_s: float) -> Scene:
+        return Scene(cars, light=light, travelled_m=15 * stamp_s)
+
+    return see(sight(), frames(scene, duration_s, camera=CAMERA))
+
+
+@pytest.mark.parametrize("light", Light)
+def test_the_lead_is_known_within_a_second_in_any_light(light: Light) -> None:
+    seen = drive(SceneCar(10.0, 0.2, plate=OURS), light=light)
+
+    after_a_second = [lead for lead in seen.leads if lead.stamp_s >= 1.0]
+    assert {lead.text for lead in after_a_second} == {OURS}
+    assert {lead.text for lead in seen.leads} <= {None, OURS}
+    assert all(lead.gap_m == pytest.approx(10.0, rel=0.1) for lead in after_a_second)
+
+
+@pytest.mark.parametrize("plate_format", FORMATS.values(), ids=FORMATS)
+def test_a_plates_width_is_told_from_its_shape(plate_format) -> None:
+    seen = drive(SceneCar(8.0, plate=OURS, plate_format=plate_format))
+
+    assert seen.leads[-1].gap_m == pytest.approx(8.0, rel=0.1)
+
+
+def test_a_sharper_plate_in_the_next_lane_does_not_win() -> None:
+    seen = drive(SceneCar(14.0, plate=OURS), SceneCar(8.5, 2.4, plate=THEIRS), duration_s=2.0)
+
+    assert {lead.text for lead in seen.leads} <= {None, OURS}
+    assert seen.leads[-1].text == OURS
+    assert THEIRS in {plate.text for plate in seen.plates if not plate.is_lead}
+
+
+def test_a_plate_too_small_to_be_read_is_a_lead_without_identity_and_never_a_guess() -> None:
+    seen = drive(SceneCar(28.0, plate=OURS), duration_s=3.0)
+
+    assert {lead.text for lead in seen.leads} <= {None, OURS}
+    assert LeadIdentity.UNKNOWN in {lead.identity for lead in seen.leads}
+
+
+def test_a_plate_on_a_billboard_is_read_and_is_no_lead() -> None:
+    art = draw_plate(OURS, EU, px_per_mm=1.0)
+    art = np.dstack([art, np.full(art.shape[:2], 255, np.uint8)])
+    # Two metres wide, 30 m ahead, 3.4 to 3.8 m over the road: as large as a plate 7.8 m away.
+    corners = [(-1.0, 3.8), (1.0, 3.8), (1.0, 3.38), (-1.0, 3.38)]
+    quad = np.array([PICTURE.project(30.0, x, y) for x, y in corners], np.float32)
+    pictures = []
+    for stamp_s, image in frames(lambda _: Scene(), 1.5, camera=CAMERA):
+        warp_onto(image, art, quad)
+        pictures.append((stamp_s, image))
+
+    seen = see(sight(), iter(pictures))
+
+    assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
+
+
+def test_an_empty_road_has_neither_plates_nor_a_lead() -> None:
+    seen = drive(duration_s=1.0)
+
+    assert seen.plates == []
+    assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
+
+
+def test_a_country_syntax_refuses_what_is_no_plate_there() -> None:
+    def scene(_: float) -> Scene:
+        return Scene((SceneCar(8.0, plate=OURS),))
+
+    settings = VisionSettings(plate_patterns=("[0-9]{4}[A-Z]{3}",))
+    seen = see(sight(settings), frames(scene, 1.0, camera=CAMERA))
+
+    assert {plate.text for plate in seen.plates} == {None}
+    assert seen.leads[-1].identity is LeadIdentity.UNKNOWN
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(("clip", "every"), [("motorway-720p", 3), ("empty-lane-540p", 10)])
+def test_real_clips_without_a_legible_plate_have_none(
+    rig_data: Path, clip: str, every: int
+) -> None:
+    source = open_frames(CameraSettings(source=str(rig_data / "clips" / f"{clip}.mp4")))
+    chosen = [frame for index, frame in enumerate(source) if index % every == 0]
+
+    seen = list(see_frames(chosen, Sight(None, VisionSettings(), finder=FINDER, reader=READER)))
+
+    assert len(seen) == len(chosen) >= 12
+    assert [plate for frame in seen for plate in frame.plates] == []
+    assert {frame.lead.identity for frame in seen} == {LeadIdentity.NO_LEAD}
