@@ -7,7 +7,9 @@ characters are misread independently. A text is known when
 
 - its weakest place and its length each have at least `confidence` of the votes,
 - the votes weigh as much as two perfect reads, and
-- some frame read exactly this text: a mixture of two plates is the plate of no car.
+- two frames read exactly this text with at least `confidence`. A mixture of two plates is the plate
+  of no car; and a plate too small to be read is misread in the same way in every frame, so that
+  many doubtful votes are no more certain than one.
 
 Old ballots fade, so that a new plate is believed after a few seconds of evidence, and not before.
 """
@@ -22,6 +24,8 @@ FADE_S = 4.0
 """A ballot weighs 1/e of itself after this long."""
 LEAST_WEIGHT = 2.0
 """In perfect reads."""
+LEAST_CERTAIN = 1.5
+"""Certain reads of the whole text, faded: two of them, one not long ago."""
 LEAST_READ_CONFIDENCE = 0.3
 """Below it a read is noise and no ballot."""
 LEAST_LENGTH = 4
@@ -67,7 +71,7 @@ class Ballot:
         self._places: defaultdict[tuple[int, int], defaultdict[str, float]] = defaultdict(
             lambda: defaultdict(float)
         )
-        self._whole: defaultdict[str, float] = defaultdict(float)
+        self._certain: defaultdict[str, float] = defaultdict(float)
         self._stamp_s = -math.inf
 
     def vote(
@@ -78,7 +82,8 @@ class Ballot:
             return
         self._fade(stamp_s)
         self._lengths[len(text)] += confidence
-        self._whole[text] += confidence
+        if confidence >= self._confidence:
+            self._certain[text] += 1.0
         weights = character_confidences or (1.0,) * len(text)
         for index, (character, weight) in enumerate(zip(text, weights, strict=True)):
             self._places[len(text), index][character] += confidence * weight
@@ -97,15 +102,18 @@ class Ballot:
             character, most = max(votes.items(), key=lambda item: item[1])
             share = min(share, most / sum(votes.values()))
             text += character
-        if share < self._confidence or weight < LEAST_WEIGHT or text not in self._whole:
-            return None
-        return text
+        is_certain = (
+            share >= self._confidence
+            and weight >= LEAST_WEIGHT
+            and self._certain.get(text, 0.0) >= LEAST_CERTAIN
+        )
+        return text if is_certain else None
 
     def _fade(self, stamp_s: float) -> None:
         keep = math.exp((self._stamp_s - stamp_s) / FADE_S)
         self._stamp_s = stamp_s
         _scale(self._lengths, keep)
-        for votes in (self._whole, *self._places.values()):
+        for votes in (self._certain, *self._places.values()):
             _scale(votes, keep)
 
 

@@ -5,12 +5,14 @@ ahead: the second-order form of a clothoid (Dickmanns and Mysliwetz 1992, "Recur
 relative ego-state recognition").
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from onboard.observations import Box
 from onboard.vision.perspective import Perspective, Place
 
 _Floats = npt.NDArray[np.float64]
@@ -42,16 +44,30 @@ class LaneShape:
 class OwnLane:
     """The lane that the car drives in."""
 
-    NEW_SHARE = 0.3
-    """Of each new fit in what is believed."""
+    NEW_SHARE, FORGET_SHARE = 0.3, 0.05
+    """How much of each new fit is believed, and of the straight lane where there is none."""
+    LEAP = 0.3
+    """Lane widths, 6 ahead: a fit so far from what is believed counts when it is repeated."""
 
     def __init__(self, width_m: float) -> None:
         self._unmarked = LaneShape(width_m)
+        self._leap: LaneShape | None = None
         self.shape = self._unmarked
 
     def receive_fit(self, fit: LaneShape | None) -> None:
         """Take in what the markings of one frame say; without any, fall back slowly."""
-        self.shape = self.shape.towards(fit or self._unmarked, self.NEW_SHARE if fit else 0.05)
+        if fit is None:
+            self.shape = self.shape.towards(self._unmarked, self.FORGET_SHARE)
+        elif self._is_near(fit, self.shape) or (
+            self._leap is not None and self._is_near(fit, self._leap)
+        ):
+            self.shape = self.shape.towards(fit, self.NEW_SHARE)
+        self._leap = fit
+
+    def _is_near(self, one: LaneShape, other: LaneShape) -> bool:
+        ahead_m = 6.0 * self._unmarked.width_m
+        apart_m = abs(one.middle_m(ahead_m) - other.middle_m(ahead_m))
+        return apart_m <= self.LEAP * self._unmarked.width_m
 
 
 class MarkingFinder:
@@ -65,7 +81,7 @@ class MarkingFinder:
     ROWS, COLUMNS = 40, 113
     NEAR, FAR, SIDE = 1.5, 10.0, 1.6
     """Lane widths: what of the road is looked at."""
-    HEADINGS = np.linspace(-0.09, 0.09, 13)
+    HEADINGS = np.linspace(-0.05, 0.05, 11)
     BENDS = np.linspace(-0.015, 0.015, 9)
     """Curvature times the lane's width: 0.015 is a radius of 230 m."""
     WIDTHS = (0.8, 1.2)
@@ -88,25 +104,44 @@ class MarkingFinder:
         self._map = pixels.reshape(self.ROWS, self.COLUMNS, 2).astype(np.float32)
         bends, headings = np.meshgrid(self.BENDS, self.HEADINGS)
         self._bends, self._headings = bends.ravel(), headings.ravel()
-        # Of two lanes that explain the paint equally well, the straighter one.
-        self._doubt = 0.5 * (np.abs(self._bends) / 0.015 + np.abs(self._headings) / 0.09)
+        # Roads are mostly straight and cars mostly along them: bends must be seen in more rows.
+        self._doubt = 4.0 * (np.abs(self._bends) / 0.015 + np.abs(self._headings) / 0.05)
 
-    def find(self, image: npt.NDArray[np.uint8]) -> LaneShape | None:
-        """The lane's shape; `None` where its markings cannot be seen."""
-        ahead, right, weight = self._paint(image)
+    def find(self, image: npt.NDArray[np.uint8], cars: Sequence[Box] = ()) -> LaneShape | None:
+        """The lane's shape; `None` where its markings cannot be seen.
+
+        Args:
+            image: (h, w, 3), BGR.
+            cars: where in the picture no road is seen.
+        """
+        ahead, right, weight = self._paint(image, cars)
         if weight.sum() < self.LEAST_BOTH:
             return None
         votes = self._votes(ahead, right, weight)
         return self._best_pair(votes)
 
-    def _paint(self, image: npt.NDArray[np.uint8]) -> tuple[_Floats, _Floats, _Floats]:
+    def _paint(
+        self, image: npt.NDArray[np.uint8], cars: Sequence[Box]
+    ) -> tuple[_Floats, _Floats, _Floats]:
         """Where paint is, in lane widths, and how sure."""
-        above = cv2.remap(image, self._map[..., 0], self._map[..., 1], cv2.INTER_LINEAR)
+        above = cv2.remap(
+            image,
+            self._map[..., 0],
+            self._map[..., 1],
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
         # Yellow paint is as bright as white in red and green.
         levels = np.asarray(above, np.float32)[..., 1:].mean(axis=2)
         reach = max(2, round(0.09 / self._cell))
         beside = np.maximum(levels[:, : -2 * reach], levels[:, 2 * reach :])
         contrast = levels[:, reach:-reach] - beside
+        u_px, v_px = self._map[:, reach:-reach, 0], self._map[:, reach:-reach, 1]
+        inside = (u_px > 0) & (u_px < image.shape[1]) & (v_px < image.shape[0])
+        contrast[~inside] = 0.0
+        for car in cars:
+            across = (u_px >= car.x_px) & (u_px <= car.x_px + car.w_px)
+            contrast[across & (v_px >= car.y_px) & (v_px <= car.y_px + car.h_px)] = 0.0
         rows, columns = np.nonzero(contrast > self.LEAST_CONTRAST)
         weight = np.minimum(contrast[rows, columns] / (3 * self.LEAST_CONTRAST), 1.0)
         return self._ahead[rows], self._right[columns + reach], weight.astype(np.float64)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from onboard.observations import Box
 from onboard.vision.blue_band import with_band
-from onboard.vision.identity import LEAST_READ_CONFIDENCE, PlateSyntax
+from onboard.vision.identity import LEAST_LENGTH, LEAST_READ_CONFIDENCE, PlateSyntax
 from onboard.vision.perspective import Corners, Perspective
 from onboard.vision.plate_detector import FoundPlate
 from onboard.vision.plate_reader import PlateText
@@ -28,6 +28,9 @@ WIDTH_SIGMA_PX, WIDTH_SIGMA = 0.6, 0.012
 """Of a found plate's width: in pixels, and as a share of it."""
 LEAST_PX = 30.0
 """Narrower plates are found too, but by half of their width."""
+SURE_SCORE = 0.75
+"""Of a plate that cannot be read. Patches of road and bodywork get up to 0.7, nine in ten plates
+more."""
 LEAST_EUROPEAN_SHAPE = 3.3
 """Width by height from which a plate may have a blue band."""
 
@@ -76,7 +79,15 @@ class Plates:
         found = list(self._found(image, search))
         readable = [plate for plate, to_read in found if to_read]
         texts = iter(self._reader.read_many(image, [plate.corners_px for plate in readable]))
-        return [self._sighting(plate, next(texts) if to_read else None) for plate, to_read in found]
+        sightings = [
+            (plate, self._sighting(plate, next(texts) if to_read else None))
+            for plate, to_read in found
+        ]
+        return [
+            sighting
+            for plate, sighting in sightings
+            if search.followed is not None or sighting.text or plate.score >= SURE_SCORE
+        ]
 
     def _found(self, image: Image, search: Search) -> Iterator[tuple[FoundPlate, bool]]:
         """Each plate once, and whether it is to be read."""
@@ -128,7 +139,7 @@ class Plates:
         if text is None or text.confidence < LEAST_READ_CONFIDENCE:
             return None, 0.0, ()
         fitting = self._syntax.fit(text.text)
-        if not fitting:
+        if fitting is None or len(fitting) < LEAST_LENGTH:
             return None, 0.0, ()
         return fitting, text.confidence, text.character_confidences
 

@@ -46,6 +46,8 @@ CALIBRATED_SLOPE, GUESSED_SLOPE = 0.04, 0.15
 calibrated: so much, by distance, things may be above and below where they belong."""
 MOST_FOLLOWED = 3
 """Cars looked for in one frame; more are looked for in turn."""
+CAR_SIZE = (0.7, 0.6)
+"""Width and height of what hides the road, in lane widths: 2.4 by 2.1 m."""
 REAR_SIZE, REAR_ABOVE = (0.4, 0.27), 0.7
 """What of a car is its rear, in lane widths (1.4 by 0.95 m), and how much of it above the plate."""
 SMALLEST_PX, LARGEST_PX = 64, 8192
@@ -186,8 +188,20 @@ class Sight:
     ) -> list[Sighting]:
         search = self._search(stamp_s, everywhere=everywhere)
         if search.followed is None and self._markings is not None:
-            self._lane.receive_fit(self._markings.find(image))
+            cars = [self._whole_car(track) for track in self._tracker.tracks]
+            self._lane.receive_fit(self._markings.find(image, cars))
         return [sighting for finder in self._finders for sighting in finder.find(image, search)]
+
+    def _whole_car(self, track: CarTrack) -> Box:
+        """Where the picture shows the car and not the road; generously."""
+        lane_m = self._settings.lane_width_m
+        ahead_m, right_m = max(track.ahead.position_m, 0.1 * lane_m), track.right.position_m
+        half_m, height_m = CAR_SIZE[0] * lane_m / 2, CAR_SIZE[1] * lane_m
+        corners = [
+            Place(ahead_m, right_m - half_m, height_m),
+            Place(ahead_m, right_m + half_m, 0.0),
+        ]
+        return bounding_box(np.asarray(self._perspective.project_all(corners), np.float32))
 
     def _search(self, stamp_s: float, *, everywhere: bool) -> Search:
         """Where to look in this frame."""
