@@ -22,10 +22,10 @@ from sim_rig.picture.plate_texts import text_of
 from sim_rig.picture.scene import warp_onto
 
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
-WIDTHS_PX = (25, 32, 40, 50, 60, 75, 95, 120, 150)
+WIDTHS_PX = (25, 32, 40, 50, 65, 85, 110)
 FOCAL_LENGTHS_PX = (600, 800, 1100, 1500, 2200, 3300)
 PICTURE_WIDTH_PX = 1280
-_PLATES = 60
+_PLATES = 20
 _ENOUGH = 0.8
 """Share of single pictures read right; the vote over frames does the rest."""
 _MARKS = ("<!-- range -->\n", "<!-- end of range -->\n")

@@ -34,7 +34,7 @@ def error_share(found: list[FoundPlate], quad: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("plate_format", FORMATS.values(), ids=FORMATS)
-@pytest.mark.parametrize("width_px", [40, 70, 150, 350])
+@pytest.mark.parametrize("width_px", [40, 70, 150, 250])
 def test_a_plate_is_found_from_far_to_near(
     detector: PlateDetector, plate_format: PlateFormat, width_px: float
 ) -> None:
