@@ -60,7 +60,7 @@ def test_agrees_with_monte_carlo_over_stepped_trajectories(
     behaviour: Behaviour, angle_deg: float, a: tuple[float, float], b: tuple[float, float]
 ) -> None:
     rng = np.random.default_rng(7)
-    n = 4_000
+    n = 2_000
     angle = np.deg2rad(angle_deg)
     one, other = approach(*a, behaviour), approach(*b, behaviour)
     drawn = [behaviour.quantile(rng.uniform(size=n)) for _ in "ab"]
@@ -149,7 +149,7 @@ def test_limits_may_differ_from_car_to_car() -> None:
 def test_a_merging_car_meets_the_one_in_the_lane() -> None:
     zone = YCrossing(CAR, CAR, np.array(np.deg2rad(30.0)), np.array(30.0))
     rng = np.random.default_rng(11)
-    n = 4_000
+    n = 2_000
     a, b = approach(25.0, 12.0), approach(27.0, 12.0)
     drawn = [UNIFORM.quantile(rng.uniform(size=n)) for _ in "ab"]
     time_s = np.arange(0.0, 30.0, 0.02)
