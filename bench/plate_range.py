@@ -94,9 +94,10 @@ def table() -> str:
 
 def main() -> None:
     """Put the table into the page, between its marks."""
+    rows = table()
     before, rest = PAGE.read_text(encoding="utf-8").split(_MARKS[0])
     _, after = rest.split(_MARKS[1])
-    PAGE.write_text(f"{before}{_MARKS[0]}{table()}{_MARKS[1]}{after}", encoding="utf-8")
+    PAGE.write_text(f"{before}{_MARKS[0]}{rows}{_MARKS[1]}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":
