@@ -66,6 +66,10 @@ class Beacon:
         """A BSM of another car came: many of them make ours rarer."""
         self._schedule.receive_neighbour(temporary_id, distance_m, now)
 
+    def receive_longest_interval(self, longest_s: float, now: float) -> None:
+        """How far apart BSMs may be at most (`onboard/access`)."""
+        self._schedule.receive_longest_interval(longest_s, now)
+
     def get_timer(self) -> float:
         """When the next BSM is due, or the density is looked at."""
         return self._schedule.get_timer()

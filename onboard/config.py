@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
+from onboard.access.settings import AccessSettings
 from onboard.gnss.settings import GnssSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import MvsSettings
@@ -68,6 +69,7 @@ class CarConfig(Settings):
     """Service that the group messages go under; equal in all cars of a trial."""
     mvs: MvsSettings = MvsSettings()
     risk: RiskSettings = RiskSettings()
+    access: AccessSettings = AccessSettings()
     beacons: bool = True
     """Send a BSM ten times a second, as SAE J2945/1 asks of every car with a radio."""
     watch: WatchSettings = WatchSettings()

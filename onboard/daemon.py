@@ -17,6 +17,8 @@ import numpy as np
 import sdnotify
 import structlog
 
+from onboard.access.driver_file import load_driver, save_driver
+from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.gnss.gpsd import Gpsd
@@ -68,6 +70,10 @@ class Daemon:
         rng = np.random.default_rng(config.seed)
         folder = config.security.keys_folder
         credentials = read_credentials(folder) if folder is not None else None
+        remembered = config.access.driver_file
+        self._driver = (
+            load_driver(remembered, ORDINARY_DRIVERS) if remembered else Driver(ORDINARY_DRIVERS)
+        )
         self._stack = Stack(
             config,
             config.sensors(),
@@ -75,6 +81,7 @@ class Daemon:
             now=time.monotonic(),
             utc_s=time.time(),
             credentials=credentials,
+            driver=self._driver,
         )
         self._inbox: deque[tuple[Callable[[Any, float], None], object]] = deque()
         self._next_step: asyncio.Handle | None = None
@@ -104,6 +111,8 @@ class Daemon:
             log.info("ready", plate=self._config.car.plate)
             await stop.wait()
             notifier.notify("STOPPING=1")
+        if self._config.access.driver_file is not None:
+            save_driver(self._config.access.driver_file, self._driver)
         log.info("stopped")
 
     def _open(self, wires: contextlib.ExitStack) -> None:

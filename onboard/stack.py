@@ -10,6 +10,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from onboard.access.adaptation import AccessAdaptation
+from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.beacon import Beacon, position_in
 from onboard.config import CarConfig, WatchSettings
 from onboard.freshness import SensorWatch
@@ -77,6 +79,7 @@ class Stack:
         now: float,
         utc_s: float,
         credentials: Credentials | None = None,
+        driver: Driver | None = None,
     ) -> None:
         """Start at `now`, which is `utc_s` in seconds since 1970.
 
@@ -88,6 +91,7 @@ class Stack:
             utc_s: the same in seconds since 1970.
             credentials: what to sign with and whom to trust; without them nothing is signed and
                 anybody is believed.
+            driver: who drives, as far as earlier drives have told.
         """
         self._config = config
         self._security = Security(utc_s - now, credentials, config.security)
@@ -102,6 +106,11 @@ class Stack:
         self._beacon = Beacon(size, self._who, rng, now)
         self._mvs = MultiVehicleSensing(
             config.mvs, self._who.temporary_id, rng, self._security.utc_offset_s
+        )
+        self._access = (
+            AccessAdaptation(config.access, driver or Driver(ORDINARY_DRIVERS))
+            if config.access.enabled
+            else None
         )
         self._tell_cars_at = now
         self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
@@ -158,6 +167,8 @@ class Stack:
             case SensorBack():
                 self._watch.receive_sample(observation.sensor, observation.stamp_s)
                 return
+        if self._access is not None:
+            self._adapt_access(self._access, observation, now)
         self._events.append(observation)
 
     def receive_wsm(self, data: bytes, now: float) -> None:
@@ -246,6 +257,8 @@ class Stack:
         """When `handle_timer` next wants to be called."""
         cores = (self._bus, self._group, self._watch, self._link)
         wishes = [self._assess_at, *(core.get_timer() for core in cores)]
+        if self._access is not None:
+            wishes.append(self._access.get_timer())
         if self._config.beacons:  # one that is due and never sent would be due for ever
             wishes.append(self._beacon.get_timer())
         return min((at for at in wishes if at is not None), default=math.inf)
@@ -263,6 +276,9 @@ class Stack:
                 self._tell_cars_at = now + TELL_CARS_S
                 self._events.extend(known_cars)
         self._beacon.handle_timer(now)
+        if self._access is not None:
+            self._access.handle_timer(now)
+            self._take_access(self._access, now)
         self._bus.handle_timer(now)
         self._take_bus(now)
         self._watch.handle_timer(now)
@@ -270,6 +286,23 @@ class Stack:
         self._take_group(now)
 
     # ---- between the rooms ----------------------------------------------------------------
+
+    def _adapt_access(self, access: AccessAdaptation, observation: Observation, now: float) -> None:
+        match observation:
+            case Speed():
+                access.receive_speed(observation)
+            case Lead():
+                access.receive_lead(observation, now)
+            case BrakePedal():
+                access.receive_brake_pedal(observation)
+            case HardBrake():
+                access.receive_hard_brake(observation)
+        self._take_access(access, now)
+
+    def _take_access(self, access: AccessAdaptation, now: float) -> None:
+        self._beacon.receive_longest_interval(access.longest_interval_s, now)
+        while (event := access.next_event()) is not None:
+            self._events.append(event)
 
     def _change_identity(self, who: Pseudonym, now: float) -> None:
         """Everything that others know us by changes at once, so that nothing links old and new."""

@@ -40,12 +40,25 @@ class BsmSchedule:
         self._sent_at = now
         self._send_at = now + float(rng.uniform(0.0, MINIMUM_INTERVAL_S))
         self._is_critical = False
+        self._longest_s = MAXIMUM_INTERVAL_S
 
     @property
     def interval_s(self) -> float:
         """Time between two BSMs, at the density of now."""
         stretched = MINIMUM_INTERVAL_S * self._density / DENSITY_COEFFICIENT
-        return min(max(stretched, MINIMUM_INTERVAL_S), MAXIMUM_INTERVAL_S)
+        return min(max(stretched, MINIMUM_INTERVAL_S), self._longest_s)
+
+    def receive_longest_interval(self, longest_s: float, now: float) -> None:
+        """Let density stretch the interval to at most `longest_s`, from now on.
+
+        Raises:
+            ValueError: it is not between the limits.
+        """
+        if not MINIMUM_INTERVAL_S <= longest_s <= MAXIMUM_INTERVAL_S:
+            raise ValueError(f"an interval is {MINIMUM_INTERVAL_S} to {MAXIMUM_INTERVAL_S} s")
+        self._longest_s = longest_s
+        if self._send_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
+            self._send_at = max(now, self._sent_at + self.interval_s)
 
     def receive_neighbour(self, sender: bytes, distance_m: float | None, now: float) -> None:
         """A BSM came from `sender`; a car whose distance is unknown counts as near."""

@@ -1,0 +1,59 @@
+"""A whole car with the switch on: among many cars, an unsafe driver is heard more often."""
+
+import numpy as np
+import pytest
+
+from onboard.config import CarConfig
+from onboard.observations import Lead, LeadIdentity, Sensor, Speed
+from onboard.settings import parse_settings
+from onboard.stack import Stack
+from onboard.trace import as_record
+
+
+def car(plate: str, seed: int, enabled: bool) -> Stack:
+    tree = {
+        "car": {"plate": plate},
+        "access": {"enabled": enabled},
+        "security": {"plate_digest": {"scrypt_log2_n": 1}},
+    }
+    config = parse_settings(tree, CarConfig, plate)
+    rng = np.random.default_rng(seed)
+    return Stack(config, (Sensor.SPEED, Sensor.CAMERA), rng, now=0.0, utc_s=1_700_000_100.0)
+
+
+def bsms_among_many(gap_m: float, enabled: bool) -> tuple[int, list[dict[str, object]]]:
+    """BSMs that a car sends from 15 s to 20 s among 75 others, and what it says of its safety."""
+    stack = car("AAA1", 1, enabled)
+    others = [car(f"BBB{k}", 10 + k, enabled=False) for k in range(75)]
+    frames = []
+    for other in others:
+        for tenth in range(4):
+            frames += [wsm for _, wsm in other.wsms_to_send(0.05 * tenth)]
+    count, told = 0, []
+    for step in range(2000):
+        now = 0.01 * step
+        if step % 10 == 0:
+            stack.receive_observation(Speed(now, 20.0, 0.28, "obd:7E8"), now)
+            lead = Lead(now, LeadIdentity.UNKNOWN, None, gap_m, 0.3, 0.0, 0.2)
+            stack.receive_observation(lead, now)
+        if step % 50 == 0:
+            for wsm in frames:
+                stack.receive_wsm(wsm, now)
+        if stack.get_timer() <= now:
+            stack.handle_timer(now)
+        sent = stack.wsms_to_send(now)
+        count += len(sent) if now >= 15.0 else 0
+        while (event := stack.next_event()) is not None:
+            told += [as_record(event)] if event.kind == "following_safety" else []
+    return count, told
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "enabled", "expected"),
+    [(8.0, True, 50), (60.0, True, 17), (8.0, False, 17)],
+)
+def test_among_76_cars(gap_m: float, enabled: bool, expected: int) -> None:
+    count, told = bsms_among_many(gap_m, enabled)
+
+    assert count == pytest.approx(expected, abs=2)
+    assert [line["is_unsafe"] for line in told] == ([True] if expected == 50 else [])
