@@ -15,6 +15,7 @@ age of 12 bits each; the last byte is filled up with zeros.
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any
 
 from typing_extensions import override
@@ -252,52 +253,54 @@ def _encode_provenance(runs: tuple[Run, ...]) -> bytes:
 
 
 def _decode_provenance(reader: "_Reader", count: int) -> tuple[Run, ...]:
+    """Run heads and ages are words of 12 bits; each head says how many ages follow."""
     if not count:
         raise DecodeError("empty_provenance", "an estimate is made from something")
-    runs = []
-    seen = set()
+    heads = []
+    length = 0
     for _ in range(count):
-        head = reader.take_bits(_RUN_BITS)
-        observer, length = head >> 4, (head & 15) + 1
-        number = reader.take_bits(length * _AGE_BITS)
-        shifts = range((length - 1) * _AGE_BITS, -1, -_AGE_BITS)
-        ages_ms = tuple([number >> shift & LONGEST_AGE_MS for shift in shifts])
-        runs.append(Run(observer, ages_ms))
-        for age_ms in ages_ms:
-            if (observer, age_ms) in seen:
-                raise DecodeError("repeated_measurement", f"observer {observer}, {age_ms} ms")
-            seen.add((observer, age_ms))
-    if reader.skip_filling():
+        heads.append(length)
+        length += (reader.peek_word(length) & 15) + 2
+    bits = length * _AGE_BITS
+    number = int.from_bytes(reader.take((bits + 7) // 8))
+    filling = -bits % 8
+    if number & (1 << filling) - 1:
         raise DecodeError("out_of_range", "the filling bits are not zero")
-    return tuple(runs)
+    shifts = range(bits + filling - _AGE_BITS, filling - 1, -_AGE_BITS)
+    words = [number >> shift & LONGEST_AGE_MS for shift in shifts]
+    runs = tuple(
+        [
+            Run(words[start] >> 4, tuple(words[start + 1 : end]))
+            for start, end in pairwise([*heads, length])
+        ]
+    )
+    named = {(run.observer, age_ms) for run in runs for age_ms in run.ages_ms}
+    if len(named) < length - count:
+        raise DecodeError("repeated_measurement", "in the provenance of an estimate")
+    return runs
 
 
 class _Reader:
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self._bit = 0
+        self._at = 0
 
     def take(self, size: int) -> bytes:
-        start = self._bit // 8
-        self._need(size * 8)
-        return self._data[start : start + size]
+        start = self._at
+        self._at += size
+        if self._at > len(self._data):
+            raise DecodeError("too_short", f"{len(self._data)} bytes are not all of it")
+        return self._data[start : self._at]
 
-    def take_bits(self, bits: int) -> int:
-        start = self._bit
-        self._need(bits)
-        end = (self._bit + 7) // 8
-        window = int.from_bytes(self._data[start // 8 : end])
-        return window >> (end * 8 - self._bit) & (1 << bits) - 1
-
-    def skip_filling(self) -> int:
-        return self.take_bits(-self._bit % 8)
+    def peek_word(self, number: int) -> int:
+        """The word of 12 bits after `number` others, from here on."""
+        start = self._at + number * 3 // 2
+        if start + 2 > len(self._data):
+            raise DecodeError("too_short", f"{len(self._data)} bytes are not all of it")
+        two = self._data[start] << 8 | self._data[start + 1]
+        return two & 0xFFF if number % 2 else two >> 4
 
     def finish(self) -> None:
-        rest = len(self._data) - self._bit // 8
+        rest = len(self._data) - self._at
         if rest:
             raise DecodeError("trailing_bytes", f"{rest} bytes behind the last entry")
-
-    def _need(self, bits: int) -> None:
-        self._bit += bits
-        if self._bit > len(self._data) * 8:
-            raise DecodeError("too_short", f"{len(self._data)} bytes are not all of it")

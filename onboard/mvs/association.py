@@ -111,26 +111,36 @@ def _gate(probability: float, degrees_of_freedom: int) -> float:
 def _distances(pieces: Kinematics, cars: Kinematics, q: float) -> tuple[Array, Array]:
     """d^2 and ln det S of M pieces from N cars, (M, N) each, in position and, if known, speed."""
     dt = (pieces.stamps_ms[:, None] - cars.stamps_ms) / 1000
-    p, x = cars.covariances, cars.states
     drift = q * np.abs(dt)
-    carried = x[_POSITION, None] + dt * x[_SPEED, None]
-    both = p[_POSITION, _SPEED] + p[_POSITION, _SPEED].swapaxes(0, 1)
-    spread = p[_POSITION, _POSITION][:, :, None] + dt * (
-        both[:, :, None] + dt * p[_SPEED, _SPEED][:, :, None]
-    )
-    spread += pieces.covariances[_POSITION, _POSITION, :, None]
+    x, p, z, r = cars.states, cars.covariances, pieces.states[:, :, None], pieces.covariances
+
+    def carried(i: int, j: int) -> Array:
+        spread: Array = p[i, j] + dt * (p[i, j + 2] + p[i + 2, j] + dt * p[i + 2, j + 2])
+        return spread + r[i, j, :, None]
+
+    noise = drift * dt**2 / 3
     squared, log_det = _mahalanobis(
-        pieces.states[_POSITION, :, None] - carried, spread, drift * dt**2 / 3
+        z[0] - x[0] - dt * x[2],
+        z[1] - x[1] - dt * x[3],
+        (carried(0, 0) + noise, carried(0, 1), carried(1, 1) + noise),
     )
-    spread = p[_SPEED, _SPEED][:, :, None] + pieces.covariances[_SPEED, _SPEED, :, None]
-    of_speed = _mahalanobis(pieces.states[_SPEED, :, None] - x[_SPEED, None], spread, drift + 1e-9)
-    weight = pieces.has_speed[:, None] * cars.has_speed
-    return squared + weight * of_speed[0], log_det + weight * of_speed[1]
+    both = pieces.has_speed[:, None] * cars.has_speed
+    if not both.any():
+        return squared, log_det
+    speed_squared, speed_log_det = _mahalanobis(
+        z[2] - x[2],
+        z[3] - x[3],
+        (
+            p[2, 2] + r[2, 2, :, None] + drift + 1e-9,
+            p[2, 3] + r[2, 3, :, None],
+            p[3, 3] + r[3, 3, :, None] + drift + 1e-9,
+        ),
+    )
+    return squared + both * speed_squared, log_det + both * speed_log_det
 
 
-def _mahalanobis(difference: Array, spread: Array, more: Array) -> tuple[Array, Array]:
-    """Of differences (2, ...), weighed with `spread` (2, 2, ...) and `more` on its diagonal."""
-    dx, dy = difference
-    a, b, c = spread[0, 0] + more, spread[0, 1], spread[1, 1] + more
+def _mahalanobis(dx: Array, dy: Array, spread: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+    """Of differences with the covariances [[a, b], [b, c]]."""
+    a, b, c = spread
     determinant = a * c - b * b
     return (c * dx * dx - 2 * b * dx * dy + a * dy * dy) / determinant, np.log(determinant)

@@ -9,6 +9,7 @@ Positions are metres east and north in the frame of the car that holds the evide
 """
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -24,6 +25,9 @@ class MeasurementId(NamedTuple):
     stamp_ms: int
     """UTC."""
 
+
+measurement_id = lru_cache(maxsize=1 << 16)(MeasurementId)
+"""The same object every time: a measurement is named in many estimates."""
 
 Provenance = frozenset[MeasurementId]
 

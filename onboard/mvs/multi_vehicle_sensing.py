@@ -28,9 +28,6 @@ from onboard.mvs.track import Track, independent
 from onboard.mvs.tracks import Tracks
 from onboard.observations import Discarded, Position, SensedCar
 
-REFRESH_MS = 100
-"""What has not changed is fused again after this; the interval of the BSM."""
-
 
 @dataclass(slots=True, eq=False)
 class _Neighbour:
@@ -70,7 +67,7 @@ class MultiVehicleSensing:
         self._neighbours: dict[bytes, _Neighbour] = {}
         self._tracks = Tracks(settings)
         self._refreshed_ms: int | None = None
-        """When the tracks were last brought up to date; `None` if there is new evidence."""
+        """When the tracks were last brought up to date."""
         self._events: deque[Discarded] = deque(maxlen=1024)
 
     @property
@@ -128,11 +125,10 @@ class MultiVehicleSensing:
         """Tell others; called with every BSM, at 10 Hz. Without a position there is nothing."""
         if not self.has_position(now):
             return b""
-        self._bring_up_to_date(now)
         now_ms = self._utc_ms(now)
         candidates = [
             candidate
-            for track in self._cars_without_radio()
+            for track in self.cars_without_radio(now)
             if (candidate := self._candidate(track, now_ms)) is not None
         ]
         select = SELECTIONS[self._settings.selection]
@@ -146,13 +142,12 @@ class MultiVehicleSensing:
         """Every known car but the own one, as it is expected to be at `now`."""
         if not self.has_position(now):
             return []
-        self._bring_up_to_date(now)
         now_ms = self._utc_ms(now)
+        tracks = self.cars_without_radio(now)
         cars = [
             self._as_reported(now, sender_id.hex(), KnownBy.RADIO, neighbour.reported)
             for sender_id, neighbour in self._neighbours.items()
         ]
-        tracks = self._cars_without_radio()
         estimates = [track.estimate for track in tracks]
         states, covariances = propagate(estimates, now_ms, self._settings.acceleration_density)
         for at, track in enumerate(tracks):
@@ -168,6 +163,11 @@ class MultiVehicleSensing:
                 )
             )
         return cars
+
+    def cars_without_radio(self, now: float) -> list[Track]:
+        """The known cars that have no radio, with the evidence of each."""
+        self._bring_up_to_date(now)
+        return [track for track in self._tracks if track.is_confirmed and track.radio_id is None]
 
     def own_car(self, now: float) -> KnownCar | None:
         """The own car in the same frame; `None` without a position."""
@@ -228,7 +228,6 @@ class MultiVehicleSensing:
         for reason, entries in refused.items():
             if entries:
                 self._discard(now, reason, f"{entries} entries from {sender_id.hex()}")
-        self._refreshed_ms = None
 
     def _doubts(self, pieces: Sequence[Evidence], sender_id: bytes, now: float) -> dict[int, str]:
         """A reason not to use it for each piece that has one; see `belief.py`."""
@@ -255,7 +254,8 @@ class MultiVehicleSensing:
     def _bring_up_to_date(self, now: float) -> None:
         self._assign_seen(now)
         now_ms = self._utc_ms(now)
-        if self._refreshed_ms is not None and now_ms - self._refreshed_ms < REFRESH_MS:
+        refresh_ms = round(self._settings.refresh_s * 1000)
+        if self._refreshed_ms is not None and now_ms - self._refreshed_ms < refresh_ms:
             return
         silent_at = now - self._settings.radio_silence_s
         for sender_id in [
@@ -285,12 +285,8 @@ class MultiVehicleSensing:
                     measured.append(Measurement(MeasurementId(self.own_id, stamp_ms), *placed))
             if measured:
                 self._own_stamps_ms.append(stamp_ms)
-                self._refreshed_ms = None
                 self._tracks.receive(measured, self.own_id, self._utc_ms(now), is_own=True)
         self._seen.clear()
-
-    def _cars_without_radio(self) -> list[Track]:
-        return [track for track in self._tracks if track.is_confirmed and track.radio_id is None]
 
     def _candidate(self, track: Track, now_ms: int) -> Candidate | None:
         """What Algorithm 1 is given of a car: the MEs of the window, and which may be sent on."""

@@ -37,6 +37,7 @@ class OwnCar:
         self._settings = settings
         self._fix: Position | None = None
         self._heading_rad: float | None = None
+        self._state: ReportedState | None = None
         self.frame: LocalFrame | None = None
 
     def receive_position(self, fix: Position) -> tuple[Array, Array] | None:
@@ -52,13 +53,14 @@ class OwnCar:
         if fix.course_rad is not None and (moving or self._heading_rad is None):
             self._heading_rad = fix.course_rad
         here = LocalFrame(fix.latitude_deg, fix.longitude_deg)
+        moved = None
         if self.frame is None:
             self.frame = here
         elif math.hypot(*self.frame.position_m(*self.anchor)) > NEW_ORIGIN_M:
             moved = here.mapping_from(self.frame)
             self.frame = here
-            return moved
-        return None
+        self._state = self.place(fix)
+        return moved
 
     @property
     def anchor(self) -> tuple[float, float]:
@@ -91,7 +93,7 @@ class OwnCar:
 
     def state(self) -> ReportedState | None:
         """The own car at its last fix."""
-        return None if self._fix is None else self.place(self._fix)
+        return self._state
 
     def measure(self, seen: SensedCar) -> tuple[Array, Array] | str:
         """Place the middle of a car that the camera sees.
@@ -100,12 +102,12 @@ class OwnCar:
             position (2) and covariance (2, 2) in the frame, or the reason why it has none:
             `no_position`, `no_heading`.
         """
-        if self._fix is None or not self.has_position(seen.stamp_s):
+        if self._fix is None or self._state is None or not self.has_position(seen.stamp_s):
             return "no_position"
         if self._heading_rad is None:
             return "no_heading"
         settings = self._settings
-        own = self.place(self._fix)
+        own = self._state
         since_fix_s = seen.stamp_s - self._fix.stamp_s
         speed = own.state[2:] if self._fix.speed_m_s is not None else np.zeros(2)
         heading = np.array([math.sin(self._heading_rad), math.cos(self._heading_rad)])

@@ -97,6 +97,8 @@ class MvsSettings(Settings):
     """Measurements older than this are not used."""
     acceleration_density: float = Field(2.0, gt=0.0, le=100.0)
     """q of the process noise, m^2/s^3: speeds drift by sqrt(q) m/s in one second."""
+    refresh_s: float = Field(0.05, ge=0.0, le=1.0)
+    """What has come in since is fused when somebody asks, but not more often than this."""
     confirmed_by: int = Field(3, ge=1, le=20)
     """A car is known, and passed on, with evidence of so many different moments."""
     unseen_s: float = Field(1.0, gt=0.0, le=10.0)

@@ -22,6 +22,7 @@ from onboard.mvs.evidence import (
     Evidence,
     Measurement,
     MeasurementId,
+    measurement_id,
     turn_of_state,
 )
 from onboard.mvs.kalman import Array
@@ -82,7 +83,7 @@ def evidence_in(footer: MvsFooter, frame: LocalFrame) -> list[Evidence]:
         covariances = turn @ from_correlations(numbers[:, 2:4], numbers[:, 4:]) @ turn.T
         for at, shared in enumerate(footer.measurements):
             stamp_ms = footer.reference_ms - shared.age_ms
-            identity = MeasurementId(footer.observers[shared.observer], stamp_ms)
+            identity = measurement_id(footer.observers[shared.observer], stamp_ms)
             evidence.append(Measurement(identity, positions[at], covariances[at]))
     if footer.estimates:
         numbers = np.array([_STATED(estimate.state) for estimate in footer.estimates])
@@ -93,7 +94,7 @@ def evidence_in(footer: MvsFooter, frame: LocalFrame) -> list[Evidence]:
         for at, estimate in enumerate(footer.estimates):
             provenance = frozenset(
                 [
-                    MeasurementId(footer.observers[run.observer], footer.reference_ms - age_ms)
+                    measurement_id(footer.observers[run.observer], footer.reference_ms - age_ms)
                     for run in estimate.provenance
                     for age_ms in run.ages_ms
                 ]

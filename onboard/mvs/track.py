@@ -28,10 +28,6 @@ class Held:
         """Whether the teller has measured it itself."""
         return isinstance(self.piece, Measurement) and self.piece.id.observer == self.teller
 
-    def is_copy_of(self, other: "Held") -> bool:
-        """Whether both are the same piece, given that their provenance is."""
-        return math.dist(_place(self.piece), _place(other.piece)) <= _SAME_PLACE_M
-
 
 class Track:
     """What the own car holds of one car without a radio."""
@@ -72,9 +68,14 @@ class Track:
             self._bits.clear()
             self._masks.clear()
 
+    @property
+    def pieces(self) -> list[Evidence]:
+        """All evidence of it, as it came."""
+        return [held.piece for held in self.evidence.values()]
+
     def choose(self) -> None:
         """Choose anew which evidence to use, as `independent` does."""
-        latest_first = sorted(self._pieces(), key=_stamp_ms, reverse=True)
+        latest_first = sorted(self.pieces, key=_stamp_ms, reverse=True)
         masks = [self._mask(piece.provenance) for piece in latest_first]
         self.used = [latest_first[index] for index in select_independent_masks(masks)]
 
@@ -103,9 +104,6 @@ class Track:
         }
         self.used = [piece.mapped(turn, shift) for piece in self.used]
         self.estimate = self.estimate.mapped(turn, shift)
-
-    def _pieces(self) -> Iterable[Evidence]:
-        return [held.piece for held in self.evidence.values()]
 
     def _mask(self, provenance: Provenance) -> int:
         mask = self._masks.get(provenance)
@@ -136,7 +134,3 @@ def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
 
 def _stamp_ms(piece: Evidence) -> int:
     return piece.stamp_ms
-
-
-def _place(piece: Evidence) -> Array:
-    return piece.position_m if isinstance(piece, Measurement) else piece.state[:2]

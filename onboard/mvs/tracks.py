@@ -4,13 +4,12 @@ A car is what its evidence says, and nothing besides. Evidence grows old and is 
 the last of it the car is forgotten.
 """
 
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from onboard.mvs.association import Kinematics, assign, with_speed_prior
-from onboard.mvs.evidence import Estimate, Evidence, MeasurementId, Provenance
+from onboard.mvs.evidence import Estimate, Evidence, MeasurementId
 from onboard.mvs.fusion import fuse
 from onboard.mvs.kalman import Array
 from onboard.mvs.settings import MvsSettings
@@ -29,8 +28,6 @@ class Tracks:
         self._last_number = 0
         self._compared: Kinematics | None = None
         """What new evidence is compared with; `None` if a track has changed since."""
-        self._holders: dict[Provenance, list[Track]] = defaultdict(list)
-        """Who has evidence of that provenance; of a picture, every car in it."""
 
     def __iter__(self) -> Iterator[Track]:
         return iter(self._tracks)
@@ -51,10 +48,8 @@ class Tracks:
         """
         together: dict[MeasurementId | None, list[Held]] = {}
         for piece in pieces:
-            held = Held(piece, teller, now_ms)
-            if not self._add_copy(held):
-                key = None if isinstance(piece, Estimate) else piece.id
-                together.setdefault(key, []).append(held)
+            key = None if isinstance(piece, Estimate) else piece.id
+            together.setdefault(key, []).append(Held(piece, teller, now_ms))
         return sum(self._assign(group, is_own) for group in together.values())
 
     def refresh(self, now_ms: int) -> None:
@@ -74,10 +69,6 @@ class Tracks:
             track.is_confirmed |= track.moments() >= settings.confirmed_by
         self._compared = None
         self._join_doubles(now_ms)
-        self._holders = defaultdict(list)
-        for track in self._tracks:
-            for provenance in track.evidence:
-                self._holders[provenance].append(track)
 
     def recognise(self, ids: Sequence[bytes], reported: Kinematics, now_ms: int) -> None:
         """Find the tracks that are cars with a radio, or the own car.
@@ -111,31 +102,20 @@ class Tracks:
             track.map_to(turn, shift)
         self._compared = None
 
-    def _add_copy(self, held: Held) -> bool:
-        """Recognise a piece that came before, whoever told it."""
-        for track in self._holders.get(held.piece.provenance, ()):
-            if held.is_copy_of(track.evidence[held.piece.provenance]):
-                track.add(held)
-                return True
-        return False
-
     def _assign(self, group: Sequence[Held], is_own: bool) -> int:
         pieces = Kinematics.of([held.piece for held in group])
         found = self._found(pieces, self._settings.association.gate_probability)
         refused = 0
         for row, held in enumerate(group):
             if row in found:
-                track = self._tracks[found[row]]
-                track.add(held)
+                self._tracks[found[row]].add(held)
             elif self._has_room(held.teller, is_own):
                 self._last_number += 1
-                track = Track(self._last_number, held, self._settings.acceleration_density)
-                self._tracks.append(track)
+                q = self._settings.acceleration_density
+                self._tracks.append(Track(self._last_number, held, q))
                 self._compared = None
             else:
                 refused += 1
-                continue
-            self._holders[held.piece.provenance].append(track)
         return refused
 
     def _has_room(self, teller: bytes, is_own: bool) -> bool:

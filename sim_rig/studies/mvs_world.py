@@ -53,6 +53,15 @@ class WorldSettings(Settings):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Traffic:
+    """Cars that come and go, and what stands between them."""
+
+    motion: Motion
+    cars: int
+    blocked: Blocked | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class TrueMeasurement:
     """A direct measurement and the car that it is truly of."""
 
@@ -66,21 +75,20 @@ class MvsWorld:
 
     def __init__(
         self,
-        motion: Motion,
+        traffic: Traffic,
         equipped: list[int],
         settings: WorldSettings,
         mvs: MvsSettings,
         seed: int,
-        blocked: Blocked | None = None,
     ) -> None:
-        self.motion = motion
+        self.motion = traffic.motion
         self.equipped = equipped
         self.settings = settings
         self._mvs_settings = mvs
-        self._blocked = blocked
+        self._blocked = traffic.blocked
         self._rng = np.random.default_rng(seed)
-        self._phases = {car: phase for car, phase in zip(
-            equipped, self._rng.permutation(len(equipped)) / max(1, len(equipped)), strict=True)}
+        phases = self._rng.permutation(len(equipped)) / max(1, len(equipped))
+        self._phases = dict(zip(equipped, phases.tolist(), strict=True))
         self.cores: dict[int, MultiVehicleSensing] = {}
         self._shadows: dict[int, OwnCar] = {}
         """Repeat what each core makes of its sensors, to know the measurements it made."""
@@ -113,13 +121,11 @@ class MvsWorld:
             self._act(car, states)
         self.now = began + TICK_S
 
-    def place_in_world(self, car: int, positions: Array) -> Array:
-        """Positions (2, ...) in a car's frame as they are in the world's."""
+    def frame_of(self, car: int) -> LocalFrame:
+        """The frame in which a car holds what it knows."""
         frame = self._shadows[car].frame
         assert frame is not None  # noqa: S101 (a core acts with a fix)
-        turn, shift = ORIGIN.mapping_from(frame)
-        moved: Array = np.einsum("ij,j...->i...", turn, positions)
-        return moved + shift.reshape(2, *[1] * (positions.ndim - 1))
+        return frame
 
     def _act(self, car: int, states: Array) -> None:
         core, shadow, settings = self.cores[car], self._shadows[car], self.settings
@@ -137,7 +143,8 @@ class MvsWorld:
                 int(other),
                 max(range_m + range_sigma_m * self._rng.normal(), 0.0),
                 range_sigma_m,
-                math.atan2(east_m, north_m) - heading
+                math.atan2(east_m, north_m)
+                - heading
                 + settings.bearing_sigma_rad * self._rng.normal(),
                 settings.bearing_sigma_rad,
             )
@@ -158,13 +165,11 @@ class MvsWorld:
 
     def _note(self, car: int, other: int, seen: SensedCar) -> None:
         placed = self._shadows[car].measure(seen)
-        frame = self._shadows[car].frame
-        assert frame is not None  # noqa: S101
-        assert not isinstance(placed, str)  # noqa: S101
+        assert not isinstance(placed, str)  # noqa: S101 (a core acts with a fix)
         stamp_ms = round((self.now + START_UTC_S) * 1000)
         measurement = Measurement(MeasurementId(self.own_id(car), stamp_ms), *placed)
         self.measurements.append(
-            TrueMeasurement(other, measurement.mapped(*ORIGIN.mapping_from(frame)))
+            TrueMeasurement(other, measurement.mapped(*ORIGIN.mapping_from(self.frame_of(car))))
         )
 
     def _in_view(self, car: int, states: Array) -> NDArray[np.intp]:
@@ -175,16 +180,21 @@ class MvsWorld:
         lengths = ranges[near]
         # Of every other near car (axis 1): how far along the line of sight, and how far beside it.
         along = towards @ towards.T / lengths[:, None]
-        beside = np.abs(
-            towards[:, None, 0] * towards[None, :, 1] - towards[:, None, 1] * towards[None, :, 0]
-        ) / lengths[:, None]
+        beside = (
+            np.abs(
+                towards[:, None, 0] * towards[None, :, 1]
+                - towards[:, None, 1] * towards[None, :, 0]
+            )
+            / lengths[:, None]
+        )
         radius = self.settings.blocker_radius_m
         hides = (beside < radius) & (along > 0) & (along < lengths[:, None] - 2 * radius)
         visible = ~hides.any(axis=1)
         if self._blocked is not None:
             visible &= ~self._blocked(here, states[near, :2])
         visible &= self._rng.random(len(near)) < self.settings.detection
-        return near[visible]
+        in_view: NDArray[np.intp] = near[visible]
+        return in_view
 
     def _broadcast(self, car: int, fix: Position, footer: bytes, states: Array) -> None:
         self.footers.append((self.now, car, footer))

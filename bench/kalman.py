@@ -1,0 +1,68 @@
+"""Track updates a second (predict, then use one position), batched, beside filterpy.
+
+Times are the processor's, since the machine is shared.
+"""
+
+import time
+import timeit
+from collections.abc import Iterator
+from statistics import median
+from typing import Any
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+
+from bench import Figure
+from onboard.mvs.kalman import predict, update_position
+
+ROUNDS = 7
+DT_S, Q = 0.1, 1.0
+
+
+def measure() -> Iterator[Figure]:
+    """Yield updates/s for 1, 10, 100 and 1,000 tracks."""
+    rng = np.random.default_rng(0)
+    for tracks in (1, 10, 100, 1000):
+        states = rng.normal(size=(4, tracks))
+        covariances = np.repeat(np.eye(4)[:, :, None], tracks, axis=2)
+        positions = rng.normal(size=(2, tracks))
+        noises = np.repeat(0.25 * np.eye(2)[:, :, None], tracks, axis=2)
+        dt_s = np.full(tracks, DT_S)
+        track = _filterpy_track()
+        many, few = max(20, 20_000 // (tracks + 20)), 300
+
+        def ours(
+            states: Any = states,
+            covariances: Any = covariances,
+            dt_s: Any = dt_s,
+            positions: Any = positions,
+            noises: Any = noises,
+        ) -> None:
+            update_position(*predict(states, covariances, dt_s, Q), positions, noises)
+
+        def theirs(track: Any = track, position: Any = positions[:, 0]) -> None:
+            track.predict()
+            track.update(position)
+
+        rates, references = [], []
+        for _ in range(ROUNDS):
+            rates.append(tracks * many / timeit.timeit(ours, timer=time.process_time, number=many))
+            references.append(few / timeit.timeit(theirs, timer=time.process_time, number=few))
+        yield Figure(
+            f"kalman.{tracks}_tracks",
+            median(rates),
+            "track updates/s",
+            ROUNDS,
+            "filterpy, one track at a time",
+            median(references),
+        )
+
+
+def _filterpy_track() -> Any:
+    track = KalmanFilter(dim_x=4, dim_z=2)
+    track.F = np.eye(4) + DT_S * np.eye(4, k=2)
+    track.H = np.eye(2, 4)
+    track.R = 0.25 * np.eye(2)
+    axis = Q * np.array([[DT_S**3 / 3, DT_S**2 / 2], [DT_S**2 / 2, DT_S]])
+    track.Q = np.kron(axis, np.eye(2))
+    return track

@@ -1,0 +1,85 @@
+"""One tick (100 ms) of one car's MVS that knows 100 others: 40 with a radio, 60 without.
+
+Each of the 40 has an MVS core and sends its footer. What reaches the first car in 2.5 s is noted,
+and then given to fresh cores. A tick is all that MVS does in it: own fix, the cars in the picture,
+40 BSMs with footers, the own footer, and the kinematic-info. Times are the processor's, since the
+machine is shared.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from bench import Figure
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.settings import MvsSettings, SensingSettings
+from sim_rig.studies.mvs_roads import six_lane_road
+from sim_rig.studies.mvs_world import START_UTC_S, TICK_S, MvsWorld, WorldSettings
+
+TICKS, WARM, ROUNDS = 25, 15, 20
+RADIOS, SPACING_M = 41, 22.0
+CARS_PER_LANE = 17
+OWN = 40
+"""Somewhere in the middle."""
+
+Call = tuple[str, tuple[Any, ...]]
+
+
+class _Noting:
+    """An MVS core whose inputs are noted."""
+
+    def __init__(self, core: MultiVehicleSensing) -> None:
+        self._core = core
+        self.calls: list[Call] = []
+
+    def __getattr__(self, name: str) -> Callable[..., object]:
+        def call(*arguments: object) -> object:
+            self.calls.append((name, arguments))
+            return getattr(self._core, name)(*arguments)
+
+        return call
+
+
+def measure() -> Iterator[Figure]:
+    """Yield median and 99th percentile."""
+    settings = MvsSettings(
+        sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
+        acceleration_density=1.0,
+    )
+    ticks = _inputs(settings)
+    times_s = []
+    known = 0
+    for _ in range(ROUNDS):
+        core = MultiVehicleSensing(settings, OWN.to_bytes(4), np.random.default_rng(1), START_UTC_S)
+        for number, calls in enumerate(ticks):
+            began = time.process_time()
+            for name, arguments in calls:
+                getattr(core, name)(*arguments)
+                if name == "footer_to_send":
+                    known = len(core.kinematic_info(*arguments))
+            if number >= WARM:
+                times_s.append(time.process_time() - began)
+    interval = ("the BSM's interval", TICK_S * 1000)
+    for name, quantile in (("median", 0.5), ("p99", 0.99)):
+        value = float(np.quantile(times_s, quantile)) * 1000
+        yield Figure(f"tick.{known}_known_cars.{name}", value, "ms", len(times_s), *interval)
+
+
+def _inputs(settings: MvsSettings) -> list[list[Call]]:
+    """What one car is given in each of `TICKS` ticks."""
+    rng = np.random.default_rng(0)
+    traffic = six_lane_road(CARS_PER_LANE, SPACING_M, TICKS * TICK_S + 1.0, 1.0, rng)
+    others = [car for car in range(traffic.cars) if car != OWN]
+    equipped = sorted([OWN, *rng.permutation(others)[: RADIOS - 1].tolist()])
+    world = MvsWorld(traffic, equipped, WorldSettings(reach_m=1000.0), settings, seed=1)
+    world.tick()
+    noting = _Noting(world.cores[OWN])
+    world.cores[OWN] = noting  # type: ignore[assignment]
+    inputs = []
+    for _ in range(TICKS):
+        world.tick()
+        inputs.append(noting.calls.copy())
+        noting.calls.clear()
+    return inputs

@@ -1,0 +1,148 @@
+"""How well cars without a radio are known: MVS beside other ways to use the same messages.
+
+Every half second each car with a radio is asked what it knows. For every car without one that it
+knows, the error of MVS is noted, and the errors that other methods would have had with the evidence
+that this car holds; the limit is a filter that gets every measurement of every car, none lost.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from onboard.mvs.evidence import Measurement
+from onboard.mvs.kalman import Array
+from onboard.mvs.settings import MvsSettings, SensingSettings
+from sim_rig.studies.mvs_methods import covariance_intersection, use_all
+from sim_rig.studies.mvs_roads import six_lane_road
+from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, MvsWorld, WorldSettings
+
+CENTRALISED, MVS, BLIND, INTERSECTION, OWN = "centralised", "mvs", "blind", "intersection", "own"
+Q = 1.0
+MEMORY_MS = 4000
+"""Of the centralised filter: what is older tells it nothing."""
+FARTHEST_MATCH_M = 3.0
+CONFIRMED_BY = 3
+"""Own measurements without which the own sensing alone would not know a car."""
+INSIDE_95 = 9.488
+"""The 95 % quantile of chi^2 with 4 degrees of freedom."""
+
+
+@dataclass(slots=True)
+class Errors:
+    """Squared errors of one method, one entry for each car that one car knows at one moment."""
+
+    position_m2: list[float] = field(default_factory=list)
+    speed_m2_s2: list[float] = field(default_factory=list)
+    nees: list[float] = field(default_factory=list)
+    """e' P^-1 e: 4 on the average if P is right."""
+
+    def add(self, error: Array, covariance: Array) -> None:
+        """Note an error (4) and the covariance (4, 4) that was claimed for it."""
+        self.position_m2.append(float(error[:2] @ error[:2]))
+        self.speed_m2_s2.append(float(error[2:] @ error[2:]))
+        self.nees.append(float(error @ np.linalg.solve(covariance, error)))
+
+    @property
+    def position_rmse_m(self) -> float:
+        """Root of the mean square error of the position."""
+        return float(np.sqrt(np.mean(self.position_m2)))
+
+    @property
+    def speed_rmse_m_s(self) -> float:
+        """Root of the mean square error of the velocity."""
+        return float(np.sqrt(np.mean(self.speed_m2_s2)))
+
+    @property
+    def mean_nees(self) -> float:
+        """Above 4: more is claimed than is known."""
+        return float(np.mean(self.nees))
+
+    @property
+    def inside_95(self) -> float:
+        """Part of the errors inside their 95 % ellipsoid."""
+        return float(np.mean(np.array(self.nees) <= INSIDE_95))
+
+
+@dataclass(slots=True)
+class Accuracy:
+    """What was found."""
+
+    errors: dict[str, Errors] = field(default_factory=lambda: defaultdict(Errors))
+    centralised_of_own: Errors = field(default_factory=Errors)
+    """The limit for those cars that the own sensors see, to compare `own` with."""
+    known: int = 0
+    present: int = 0
+    """Cars without a radio that somebody measured in the last second, by each car in reach."""
+    wrong: int = 0
+    """Known cars where there is none without a radio, or a second time."""
+
+
+def accuracy(
+    radio: float, most_entries: int, loss: float, seed: int, seconds: float = 4.0
+) -> Accuracy:
+    """Run the six-lane road with a part `radio` of the cars equipped.
+
+    The filter's model is that of the cars along their lane; across, they keep it.
+    """
+    rng = np.random.default_rng(seed)
+    traffic = six_lane_road(7, 25.0, seconds + 2.0, Q, rng)
+    equipped = sorted(rng.permutation(traffic.cars)[: round(radio * traffic.cars)].tolist())
+    mvs = MvsSettings(
+        most_entries=most_entries,
+        acceleration_density=Q,
+        sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
+    )
+    world = MvsWorld(traffic, equipped, WorldSettings(loss=loss), mvs, seed)
+    result = Accuracy()
+    measured: dict[int, list[Measurement]] = defaultdict(list)
+    for tick in range(round((seconds + 1.5) * 10)):
+        world.tick()
+        for true in world.measurements:
+            measured[true.car].append(true.measurement)
+        if tick >= 15 and tick % 5 == 0:
+            _compare(world, measured, result)
+    return result
+
+
+def _compare(world: MvsWorld, measured: dict[int, list[Measurement]], result: Accuracy) -> None:
+    now_ms = round((world.now + START_UTC_S) * 1000)
+    states = world.motion(world.now)
+    limits: dict[int, tuple[Array, Array]] = {}
+    for car, measurements in measured.items():
+        recent = [m for m in measurements if now_ms - m.stamp_ms <= MEMORY_MS]
+        if recent and car not in world.equipped:
+            limits[car] = use_all(recent, now_ms, Q)
+    for own, core in world.cores.items():
+        near = np.hypot(*(states[:, :2] - states[own, :2]).T) < world.settings.reach_m
+        fresh = {c for c in limits if near[c] and now_ms - measured[c][-1].stamp_ms <= 1000}
+        result.present += len(fresh)
+        to_world = ORIGIN.mapping_from(world.frame_of(own))
+        matched = set()
+        for known in core.cars_without_radio(world.now):
+            evidence = [piece.mapped(*to_world) for piece in known.pieces]
+            mvs = use_all([piece.mapped(*to_world) for piece in known.used], now_ms, Q)
+            away = np.hypot(*(states[:, :2] - mvs[0][:2]).T)
+            car = int(away.argmin())
+            if away[car] > FARTHEST_MATCH_M or car not in fresh or car in matched:
+                result.wrong += 1
+                continue
+            matched.add(car)
+            own_id = world.own_id(own)
+            by_method: dict[str, tuple[Array, Array]] = {
+                CENTRALISED: limits[car],
+                MVS: mvs,
+                BLIND: use_all(evidence, now_ms, Q),
+                INTERSECTION: covariance_intersection(evidence, now_ms, Q),
+            }
+            seen = [
+                piece
+                for piece in evidence
+                if isinstance(piece, Measurement) and piece.id.observer == own_id
+            ]
+            if len(seen) >= CONFIRMED_BY:
+                by_method[OWN] = use_all(seen, now_ms, Q)
+                result.centralised_of_own.add(limits[car][0] - states[car], limits[car][1])
+            for method, (state, covariance) in by_method.items():
+                result.errors[method].add(state - states[car], covariance)
+        result.known += len(matched)
