@@ -25,8 +25,8 @@ from sim_rig.wiring import car_config
 
 FAR_M, NEAR_M, CLOSING_M_S = 36.0, 6.0, 1.5
 DURATION_S = (FAR_M - NEAR_M) / CLOSING_M_S
-STRETCHES_M = ((30.0, 35.0), (24.0, 30.0), (19.0, 24.0), (14.0, 19.0), (10.0, 14.0), (6.5, 10.0))
-PLATES = ("GN417KB", "RD288HX", "YW903MS")
+STRETCHES_M = ((27.0, 36.0), (19.0, 24.0), (14.0, 19.0), (10.0, 14.0), (6.5, 10.0))
+PLATES = ("GN417KB", "RD288HX")
 
 
 def approach(plate: str) -> Scenario:
@@ -64,9 +64,9 @@ def rendered(scenario: Scenario) -> Iterable[Event]:
             yield event
 
 
-def modelled(scenario: Scenario) -> Iterable[Event]:
+def modelled(scenario: Scenario, seed: int) -> Iterable[Event]:
     """What the model says of the same moments."""
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(seed)
     view = CameraView(scenario, BreakpointRoad(scenario), "ben", rng)
     model = CameraModel(view, vision_settings(scenario), -STAMP_S, rng)
     while (at := model.get_timer()) < DURATION_S:
@@ -132,21 +132,29 @@ def both() -> list[tuple[Stretch, Stretch]]:
     """Rendered and modelled, stretch by stretch."""
     scenarios = [(plate, approach(plate)) for plate in PLATES]
     seen = stretches([(plate, list(rendered(scenario))) for plate, scenario in scenarios])
-    said = stretches([(plate, list(modelled(scenario))) for plate, scenario in scenarios])
+    said = stretches(
+        [
+            (plate, list(modelled(scenario, seed)))
+            for plate, scenario in scenarios
+            for seed in range(5)
+        ]
+    )
     return list(zip(seen, said, strict=True))
 
 
-def test_both_find_the_plate_from_thirty_metres_on(both: list[tuple[Stretch, Stretch]]) -> None:
-    for stretch_m, (seen, said) in zip(STRETCHES_M[1:], both[1:], strict=True):
+def test_far_ahead_neither_finds_a_plate_and_nearer_both_do(
+    both: list[tuple[Stretch, Stretch]],
+) -> None:
+    for stretch_m, (seen, said) in zip(STRETCHES_M, both, strict=True):
         assert said.found == pytest.approx(seen.found, abs=0.15), stretch_m
 
 
-def test_neither_knows_the_car_far_ahead_and_both_do_at_the_gaps_of_the_scenarios(
+def test_both_come_to_know_the_car_ahead_at_about_the_same_distance(
     both: list[tuple[Stretch, Stretch]],
 ) -> None:
-    for stretch in (*both[0], *both[1]):
-        assert stretch.known < 0.1
-    for stretch in (*both[-2], *both[-1]):
+    for stretch_m, (seen, said) in zip(STRETCHES_M, both, strict=True):
+        assert said.known == pytest.approx(seen.known, abs=0.35), stretch_m
+    for stretch in both[-1]:
         assert stretch.known > 0.9
 
 
@@ -156,11 +164,12 @@ def test_both_misread_seldom_and_only_from_afar(both: list[tuple[Stretch, Stretc
 
 
 def test_gaps_are_off_by_as_much_on_both(both: list[tuple[Stretch, Stretch]]) -> None:
-    for stretch_m, (seen, said) in zip(STRETCHES_M[2:], both[2:], strict=True):
+    for stretch_m, (seen, said) in zip(STRETCHES_M[1:], both[1:], strict=True):
         assert said.gap_bias == pytest.approx(seen.gap_bias, abs=0.04), stretch_m
-        assert said.gap_sigma == pytest.approx(seen.gap_sigma, abs=0.03), stretch_m
+        assert said.gap_sigma == pytest.approx(seen.gap_sigma, abs=0.02), stretch_m
 
 
 def test_closing_speeds_are_as_uncertain_on_both(both: list[tuple[Stretch, Stretch]]) -> None:
     for stretch_m, (seen, said) in zip(STRETCHES_M[2:], both[2:], strict=True):
-        assert 0.3 < said.closing_sigma_m_s / seen.closing_sigma_m_s < 3.0, stretch_m
+        expected = pytest.approx(seen.closing_sigma_m_s, abs=0.2)
+        assert said.closing_sigma_m_s == expected, stretch_m
