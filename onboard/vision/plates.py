@@ -1,7 +1,6 @@
 """Number plates as sightings: found, read, and put into metres by their width."""
 
 import math
-from collections import Counter
 from collections.abc import Iterator
 from typing import Protocol
 
@@ -19,14 +18,14 @@ from onboard.vision.sighting import Cue, Followed, Search, Sighting
 Image = npt.NDArray[np.uint8]
 """(h, w, 3), BGR."""
 
-PLATE_SIZES_M = ((0.520, 0.110), (0.400, 0.130), (0.305, 0.152), (0.280, 0.200), (0.200, 0.170))
-"""Width and height of common plates: Europe (Regulation (EC) 2411/98's size in most states), Brazil
-(CONTRAN 969/2022), North America (SAE J686), Europe in two rows, motorcycles in Brazil."""
+PLATE_KINDS = ((0.520, 5.0, 4), (0.400, 3.4, 4), (0.305, 2.1, 4), (0.280, 1.5, 1), (0.200, 1.2, 1))
+"""Width in m, width by height as the detector finds it, and how common: Europe (520 x 110 mm),
+Brazil (400 x 130), North America (305 x 152, SAE J686), Europe in two rows, Brazil's motorcycles."""
 SHAPE_SIGMA = 0.12
 """Of the logarithm of a found plate's width by height."""
 WIDTH_SIGMA_PX, WIDTH_SIGMA, BLUR_PX = 0.6, 0.015, 17.0
-"""Of a found plate's width: in pixels; as a share of it; and, cubed by that share, what the detector
-loses of small plates: 2 % of 70 px, 12 % of 35 px, 20 % of 28 px on rendered pictures."""
+"""Of a found plate's width: in pixels; as a share of it; and, cubed by that share, what the
+detector loses of small plates: 2 % of 70 px, 12 % of 35 px, 20 % of 28 px on rendered pictures."""
 LEAST_PX = 24.0
 """Of narrower plates the detector finds pieces."""
 SURE_SCORE = 0.7
@@ -72,7 +71,7 @@ class Plates:
         self._syntax = syntax
         self._perspective = perspective
         self._width_m = width_m
-        self._sizes_seen = Counter(range(len(PLATE_SIZES_M)))
+        self._kinds_seen = [common for _, _, common in PLATE_KINDS]
 
     def find(self, image: Image, search: Search) -> list[Sighting]:
         """Plates in the picture, or where they are followed."""
@@ -142,17 +141,15 @@ class Plates:
         return fitting, text.confidence, text.character_confidences
 
     def _likely_width_m(self, corners_px: Corners) -> float:
-        """Of the size that fits the shape best; sizes seen often in this drive are likelier."""
-        shape = math.log(max(self._perspective.shape(corners_px), 1e-3))
-        total = self._sizes_seen.total()
+        """Of the kind that fits the shape best; kinds seen often in this drive are likelier."""
+        shape = max(self._perspective.shape(corners_px), 1e-3)
         scores = [
-            -0.5 * ((shape - math.log(width_m / height_m)) / SHAPE_SIGMA) ** 2
-            + math.log((1 + self._sizes_seen[index]) / (1 + total))
-            for index, (width_m, height_m) in enumerate(PLATE_SIZES_M)
+            math.log(seen) - 0.5 * (math.log(shape / usual) / SHAPE_SIGMA) ** 2
+            for (_, usual, _), seen in zip(PLATE_KINDS, self._kinds_seen, strict=True)
         ]
         best = int(np.argmax(scores))
-        self._sizes_seen[best] += 1
-        return PLATE_SIZES_M[best][0]
+        self._kinds_seen[best] += 1
+        return PLATE_KINDS[best][0]
 
 
 def _same(one: Box, other: Box) -> bool:

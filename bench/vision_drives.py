@@ -1,0 +1,227 @@
+"""The lead's identity, its gap and whether it is the right car, on rendered drives in any light.
+
+`python -m bench vision_drives` prints the figures, `python -m bench.vision_drives` writes them into
+`docs/vision.md`. The reference is an AR tag of 0.3 m on the same car and drive: it cannot be
+misread, and its sides are measured to a twentieth of a pixel.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from bench import Figure
+from onboard.observations import Lead
+from onboard.vision.frames import Frame
+from onboard.vision.plate_detector import PlateDetector
+from onboard.vision.plate_reader import PlateReader
+from onboard.vision.seen_frame import SeenFrame, see_frames
+from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sight import Sight
+from sim_rig.picture.plate_art import FORMATS
+from sim_rig.picture.plate_texts import text_of
+from sim_rig.picture.scene import Light, Picture, Scene, SceneCar
+
+CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0, pitch_rad=0.02)
+FPS, SECONDS, DRIVES = 10.0, 2.0, 6
+GAPS_M = (5.0, 8.0, 11.0, 14.0, 17.0, 20.0, 25.0, 30.0)
+PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
+PICTURE = PAGE.with_name("vision-seen.png")
+_MARKS = ("<!-- drives -->\n", "<!-- end of drives -->\n")
+_TAG_SIDE_M = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """A lead at a steady gap, with a nearer car in the next lane, in one light."""
+
+    light: Light
+    gap_m: float
+    cars: tuple[SceneCar, ...]
+    """The lead first."""
+    seed: int
+
+    @property
+    def text(self) -> str:
+        """The lead's plate, or its tag."""
+        lead = self.cars[0]
+        return lead.plate if lead.plate is not None else f"TAG{lead.tag_id}"
+
+    def with_tags(self) -> "Drive":
+        """The same drive with AR tags in the place of plates."""
+        tagged = (
+            replace(car, plate=None, tag_id=number, tag_side_m=_TAG_SIDE_M)
+            for number, car in enumerate(self.cars)
+        )
+        return replace(self, cars=tuple(tagged))
+
+
+@dataclass(slots=True)
+class Tally:
+    """What was made of some drives."""
+
+    drives: int = 0
+    known_in_time: int = 0
+    """Drives whose lead was known within a second."""
+    wrong_identities: int = 0
+    """Frames that named another text."""
+    frames: int = 0
+    """From one second on."""
+    right_lead: int = 0
+    """Of them: the lead is the car it is."""
+    gap_errors: list[float] = field(default_factory=list)
+    """Shares of the gap."""
+    in_sigmas: list[float] = field(default_factory=list)
+
+    def add(self, drive: Drive, leads: list[Lead]) -> None:
+        """Count one drive."""
+        self.drives += 1
+        self.known_in_time += any(lead.text == drive.text for lead in leads if lead.stamp_s <= 1.0)
+        self.wrong_identities += sum(lead.text not in {None, drive.text} for lead in leads)
+        for lead in leads:
+            if lead.stamp_s < 1.0:
+                continue
+            self.frames += 1
+            if lead.gap_m is None or lead.gap_sigma_m is None:
+                continue
+            error_m = lead.gap_m - drive.gap_m
+            # The car in the next lane is a third nearer.
+            self.right_lead += abs(error_m) < 0.2 * drive.gap_m
+            self.gap_errors.append(abs(error_m) / drive.gap_m)
+            self.in_sigmas.append(abs(error_m) / lead.gap_sigma_m)
+
+
+def measure() -> Iterator[Figure]:
+    """Identity and lead by light; gap error by distance."""
+    cv2.setNumThreads(1)
+    plates, tags = by_light(tags=False), by_light(tags=True)
+    for light in Light:
+        mine, theirs = plates[light], tags[light]
+        for name in ("known_in_time", "right_lead"):
+            of = "drives" if name == "known_in_time" else "frames"
+            yield Figure(
+                f"vision_drives.{light}.{name}",
+                getattr(mine, name) / getattr(mine, of),
+                f"per {of.rstrip('s')}",
+                getattr(mine, of),
+                "AR tags in the same drives",
+                getattr(theirs, name) / getattr(theirs, of),
+            )
+    plates_by_gap, tags_by_gap = by_gap(tags=False), by_gap(tags=True)
+    for gap_m in GAPS_M:
+        mine, theirs = plates_by_gap[gap_m], tags_by_gap[gap_m]
+        if mine.gap_errors and theirs.gap_errors:
+            yield Figure(
+                f"vision_drives.gap_error.{gap_m:.0f}_m",
+                float(np.median(mine.gap_errors)),
+                "share of the gap",
+                len(mine.gap_errors),
+                "AR tags in the same drives",
+                float(np.median(theirs.gap_errors)),
+            )
+
+
+def by_light(*, tags: bool) -> dict[Light, Tally]:
+    """Drives at the gaps of dense traffic, in each light."""
+    tallies = {light: Tally() for light in Light}
+    rng = np.random.default_rng(11)
+    for light in Light:
+        for seed in range(DRIVES):
+            drive = _drive(light, float(rng.uniform(7.0, 15.0)), seed, rng)
+            _tell(tallies[light], drive, tags=tags)
+    return tallies
+
+
+def by_gap(*, tags: bool) -> dict[float, Tally]:
+    """Drives at each gap, in lights that change."""
+    tallies = {gap_m: Tally() for gap_m in GAPS_M}
+    rng = np.random.default_rng(12)
+    for gap_m in GAPS_M:
+        for seed in range(DRIVES):
+            drive = _drive(list(Light)[seed % len(Light)], gap_m, seed, rng)
+            _tell(tallies[gap_m], drive, tags=tags)
+    return tallies
+
+
+def seen(drive: Drive) -> Iterator[SeenFrame]:
+    """What a sight says of each frame of a drive."""
+    picture, rng = Picture(CAMERA), np.random.default_rng(drive.seed)
+
+    def frames() -> Iterator[Frame]:
+        for index in range(round(SECONDS * FPS)):
+            scene = Scene(drive.cars, light=drive.light, travelled_m=1.5 * index)
+            yield Frame(index / FPS, picture.draw(scene, rng))
+
+    settings = VisionSettings(tag_side_m=_TAG_SIDE_M)
+    yield from see_frames(frames(), Sight(CAMERA, settings, finder=_FINDER, reader=_READER))
+
+
+_FINDER, _READER = PlateDetector(), PlateReader()
+
+
+def _drive(light: Light, gap_m: float, seed: int, rng: np.random.Generator) -> Drive:
+    formats = list(FORMATS.values())
+
+    def car(ahead_m: float, lateral_m: float) -> SceneCar:
+        blue, green, red = (int(channel) for channel in rng.integers(20, 220, 3))
+        return SceneCar(
+            ahead_m,
+            lateral_m,
+            plate=text_of("LL###LL", rng, rare=0.0),
+            plate_format=formats[seed % len(formats)],
+            colour_bgr=(blue, green, red),
+        )
+
+    lead = car(gap_m, float(rng.uniform(-0.4, 0.4)))
+    # Nearer, and as far to the side as the picture shows.
+    side_m = float(rng.choice([-1.0, 1.0])) * min(3.5, 0.28 * 0.67 * gap_m)
+    cars = (lead, car(0.67 * gap_m, side_m)) if abs(side_m) > 2.2 else (lead,)
+    return Drive(light, gap_m, cars, seed)
+
+
+def _tell(tally: Tally, drive: Drive, *, tags: bool) -> None:
+    shown = drive.with_tags() if tags else drive
+    tally.add(shown, [frame.lead for frame in seen(shown) if frame.lead is not None])
+
+
+def table() -> str:
+    """Both tables, as Markdown."""
+    lines = [
+        "| light | known within 1 s | right lead | frames with a wrong identity |",
+        "|---|---|---|---|",
+    ]
+    for light, tally in by_light(tags=False).items():
+        lines.append(
+            f"| {light} | {tally.known_in_time} of {tally.drives} drives "
+            f"| {tally.right_lead / tally.frames:.0%} of frames | {tally.wrong_identities} |"
+        )
+    lines += [
+        "",
+        "| gap | known within 1 s | gap error, median | 90 % below | error by stated sigma, rms |",
+        "|---|---|---|---|---|",
+    ]
+    for gap_m, tally in by_gap(tags=False).items():
+        errors = tally.gap_errors or [float("nan")]
+        sigmas = tally.in_sigmas or [float("nan")]
+        lines.append(
+            f"| {gap_m:.0f} m | {tally.known_in_time} of {tally.drives} "
+            f"| {np.median(errors):.1%} | {np.quantile(errors, 0.9):.1%} "
+            f"| {np.sqrt(np.mean(np.square(sigmas))):.1f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Put the tables into the page, between its marks, and one annotated frame beside it."""
+    before, rest = PAGE.read_text(encoding="utf-8").split(_MARKS[0])
+    _, after = rest.split(_MARKS[1])
+    PAGE.write_text(f"{before}{_MARKS[0]}{table()}{_MARKS[1]}{after}", encoding="utf-8")
+    drive = _drive(Light.DUSK, 13.0, 0, np.random.default_rng(3))
+    *_, last = seen(drive)
+    cv2.imwrite(str(PICTURE), cv2.resize(last.annotated(), None, fx=0.5, fy=0.5))
+
+
+if __name__ == "__main__":
+    main()
