@@ -1,6 +1,7 @@
 """Number plates as sightings: found, read, and put into metres by their width."""
 
 import math
+from dataclasses import replace
 from collections.abc import Iterator
 from typing import Protocol
 
@@ -20,7 +21,7 @@ Image = npt.NDArray[np.uint8]
 
 PLATE_KINDS = ((0.520, 5.0, 4), (0.400, 3.4, 4), (0.305, 2.1, 4), (0.280, 1.5, 1), (0.200, 1.2, 1))
 """Width in m, width by height as the detector finds it, and how common: Europe (520 x 110 mm),
-Brazil (400 x 130), North America (305 x 152, SAE J686), Europe in two rows, Brazil's motorcycles."""
+Brazil (400 x 130), North America (305 x 152, SAE J686), Europe in two rows, motorcycles."""
 SHAPE_SIGMA = 0.12
 """Of the logarithm of a found plate's width by height."""
 WIDTH_SIGMA_PX, WIDTH_SIGMA, BLUR_PX = 0.6, 0.015, 17.0
@@ -120,25 +121,30 @@ class Plates:
         width_px = max(plate.width_px, 1.0)
         share = math.hypot(WIDTH_SIGMA_PX / width_px, WIDTH_SIGMA, (BLUR_PX / width_px) ** 3)
         ahead_sigma_m = place.ahead_m * share
-        fitting, confidence, characters = self._believable(text)
-        return Sighting(
+        sighting = Sighting(
             cue=Cue.PLATE,
             corners_px=plate.corners_px,
             place=place,
             ahead_sigma_m=ahead_sigma_m,
             right_sigma_m=math.hypot(width_m * share, share * place.right_m),
+        )
+        fitting = self._fitting(text)
+        if text is None or fitting is None:
+            return sighting
+        return replace(
+            sighting,
             text=fitting,
-            confidence=confidence,
-            character_confidences=characters,
+            confidence=text.confidence,
+            character_confidences=text.character_confidences,
+            identity_confidence=text.identity_confidence,
         )
 
-    def _believable(self, text: PlateText | None) -> tuple[str | None, float, tuple[float, ...]]:
-        if text is None or text.confidence < LEAST_READ_CONFIDENCE:
-            return None, 0.0, ()
+    def _fitting(self, text: PlateText | None) -> str | None:
+        """What may stand on a plate of what was read."""
+        if text is None or text.identity_confidence < LEAST_READ_CONFIDENCE:
+            return None
         fitting = self._syntax.fit(text.text)
-        if fitting is None or len(fitting) < LEAST_LENGTH:
-            return None, 0.0, ()
-        return fitting, text.confidence, text.character_confidences
+        return None if fitting is None or len(fitting) < LEAST_LENGTH else fitting
 
     def _likely_width_m(self, corners_px: Corners) -> float:
         """Of the kind that fits the shape best; kinds seen often in this drive are likelier."""
