@@ -11,8 +11,9 @@ CONFIRM_SIGHTINGS = 3
 """Fewer may be a trick of the light."""
 BEARING_SIGMA = 0.003
 """In rad, of where the middle of a rear is."""
-SIZE_SIGMA = 0.02
-"""Plates, tags and calibration are this far from their nominal size; no averaging removes it."""
+SIZE_SIGMA = {Cue.TAG: 0.02, Cue.PLATE: 0.04, Cue.VEHICLE: 0.1}
+"""What no averaging removes: how far sizes are from nominal, and where the detector places the
+edges of one kind of plate (`bench/vision_drives.py`)."""
 
 
 class CarTrack:
@@ -68,7 +69,9 @@ class CarTrack:
     @property
     def gap_sigma_m(self) -> float:
         """Of the gap: the filter's and what nominal sizes leave open."""
-        return math.hypot(self.ahead.position_sigma_m, SIZE_SIGMA * self.ahead.position_m)
+        return math.hypot(
+            self.ahead.position_sigma_m, SIZE_SIGMA[self.last.cue] * self.ahead.position_m
+        )
 
     def predict(self, stamp_s: float) -> None:
         """Go on to the time of the next frame."""
@@ -112,4 +115,6 @@ class CarTrack:
             return
         self.read_at = stamp_s
         ballot = self._tag if sighting.cue is Cue.TAG else self._plate
-        ballot.vote(sighting.text, sighting.confidence, sighting.character_confidences, stamp_s)
+        ballot.vote(
+            sighting.text, sighting.identity_confidence, sighting.character_confidences, stamp_s
+        )

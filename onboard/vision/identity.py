@@ -11,6 +11,9 @@ characters are misread independently. A text is known when
   of no car; and a plate too small to be read is misread in the same way in every frame, so that
   many doubtful votes are no more certain than one.
 
+Many plate fonts draw 0 and O, or 1 and I, alike, and no identity tells them apart: they count as
+one, and the text is spelt as it was read most often.
+
 Old ballots fade, so that a new plate is believed after a few seconds of evidence, and not before.
 """
 
@@ -31,6 +34,7 @@ LEAST_READ_CONFIDENCE = 0.3
 LEAST_LENGTH = 4
 """Of a plate; shorter texts are pieces of one, or of the bodywork's lettering."""
 _Choice = TypeVar("_Choice")
+_FOLD = str.maketrans("OI", "01")
 _ALIKE = ("0O", "0D", "0Q", "1I", "2Z", "5S", "6G", "8B")
 
 
@@ -72,6 +76,9 @@ class Ballot:
             lambda: defaultdict(float)
         )
         self._certain: defaultdict[str, float] = defaultdict(float)
+        self._spellings: defaultdict[str, defaultdict[str, float]] = defaultdict(
+            lambda: defaultdict(float)
+        )
         self._stamp_s = -math.inf
 
     def vote(
@@ -81,11 +88,12 @@ class Ballot:
         if confidence < LEAST_READ_CONFIDENCE or len(text) < LEAST_LENGTH:
             return
         self._fade(stamp_s)
+        self._spellings[folded := text.translate(_FOLD)][text] += confidence
         self._lengths[len(text)] += confidence
         if confidence >= self._confidence:
-            self._certain[text] += 1.0
+            self._certain[folded] += 1.0
         weights = character_confidences or (1.0,) * len(text)
-        for index, (character, weight) in enumerate(zip(text, weights, strict=True)):
+        for index, (character, weight) in enumerate(zip(folded, weights, strict=True)):
             self._places[len(text), index][character] += confidence * weight
 
     @property
@@ -107,13 +115,16 @@ class Ballot:
             and weight >= LEAST_WEIGHT
             and self._certain.get(text, 0.0) >= LEAST_CERTAIN
         )
-        return text if is_certain else None
+        if not is_certain:
+            return None
+        spellings = self._spellings[text]
+        return max(spellings, key=lambda spelling: spellings[spelling])
 
     def _fade(self, stamp_s: float) -> None:
         keep = math.exp((self._stamp_s - stamp_s) / FADE_S)
         self._stamp_s = stamp_s
         _scale(self._lengths, keep)
-        for votes in (self._certain, *self._places.values()):
+        for votes in (self._certain, *self._places.values(), *self._spellings.values()):
             _scale(votes, keep)
 
 

@@ -44,6 +44,9 @@ class PlateText:
     confidence: float
     """0 to 1: that the whole text is right."""
     character_confidences: tuple[float, ...]
+    identity_confidence: float
+    """0 to 1: that the text is right but for 0 and O, 1 and I, which many plate fonts draw alike
+    and which no identity tells apart."""
 
 
 class PlateReader:
@@ -69,7 +72,7 @@ class PlateReader:
         for corners in plates:
             views = np.stack([rectify(image, _nudged(corners, *nudge)) for nudge in _LOOKS])
             if views[0].std() < _LEAST_CONTRAST:
-                texts.append(PlateText("", 0.0, ()))
+                texts.append(PlateText("", 0.0, (), 0.0))
                 continue
             self._network.setInput(normalised(views))
             scores = np.asarray(self._network.forward(), np.float32)
@@ -137,13 +140,29 @@ def decode(scores: npt.NDArray[np.float32]) -> PlateText:
     """
     likely = np.exp(scores - scores.max(axis=2, keepdims=True))
     likely /= likely.sum(axis=2, keepdims=True)
+    merged = _alike_merged(likely)
     texts = []
     for look in likely:
         labels, confidences = _best_path(look)
         whole = float(np.mean([_probability(labels, other) for other in likely]))
+        alike = [_MERGED.get(label, label) for label in labels]
+        but_for_alike = float(np.mean([_probability(alike, other) for other in merged]))
         text = "".join(ALPHABET[label - 1] for label in labels)
-        texts.append(PlateText(text, whole, tuple(confidences)))
+        texts.append(PlateText(text, whole, tuple(confidences), but_for_alike))
     return max(texts, key=lambda text: text.confidence)
+
+
+_MERGED = {ALPHABET.index(one) + 1: ALPHABET.index(other) + 1 for one, other in ("O0", "I1")}
+"""Classes of characters that are drawn alike."""
+
+
+def _alike_merged(likely: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """The same probabilities, those of O and I added to those of 0 and 1."""
+    merged = likely.copy()
+    for one, other in _MERGED.items():
+        merged[..., other] += merged[..., one]
+        merged[..., one] = 0.0
+    return merged
 
 
 def _best_path(likely: npt.NDArray[np.float32]) -> tuple[list[int], list[float]]:

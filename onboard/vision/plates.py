@@ -1,8 +1,8 @@
 """Number plates as sightings: found, read, and put into metres by their width."""
 
 import math
-from dataclasses import replace
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np

@@ -28,6 +28,8 @@ class Sighting:
     confidence: float = 0.0
     """Of the text, 0 to 1."""
     character_confidences: tuple[float, ...] = ()
+    identity_confidence: float = 0.0
+    """Of the text, but for characters that no identity tells apart."""
 
     @property
     def box(self) -> Box:

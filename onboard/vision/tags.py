@@ -92,7 +92,7 @@ class TagFinder:
             right_sigma_m=right_sigma_m,
             text=f"TAG{number}",
             confidence=1.0,
-            character_confidences=(),
+            identity_confidence=1.0,
         )
 
 

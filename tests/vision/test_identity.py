@@ -68,6 +68,12 @@ def test_a_character_read_two_ways_stays_unknown() -> None:
     assert ballot(*[("GN417KB", 0.95), ("GN417K8", 0.95)] * 20).text is None
 
 
+def test_characters_that_are_drawn_alike_are_one_spelt_as_read_most_often() -> None:
+    votes = ballot(*[("VAO34RM", 0.95), ("VA034RM", 0.95), ("VAO34RM", 0.95)] * 3)
+
+    assert votes.text == "VAO34RM"
+
+
 def test_a_mixture_of_two_plates_is_never_said() -> None:
     votes = Ballot(0.6)
     for index in range(30):

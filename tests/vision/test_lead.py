@@ -32,6 +32,7 @@ def sighting(
         right_sigma_m=0.1,
         text=text,
         confidence=0.0 if text is None else 0.95,
+        identity_confidence=0.0 if text is None else 0.95,
     )
 
 
@@ -229,6 +230,7 @@ def test_a_lane_of_a_table_top_is_a_lane_too() -> None:
                 0.005,
                 text,
                 1.0,
+                identity_confidence=1.0,
             )
             for ahead_m, right_m, text in ((0.5, 0.0, "TAG1"), (0.4, 0.3, "TAG2"))
         ]
