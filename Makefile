@@ -7,7 +7,6 @@ demo: .venv/ready
 
 test: .venv/ready system-packages lint
 	$(PYTHON) -m pytest -n 2 --dist worksteal -m "not live"
-	$(PYTHON) -m pytest -m live -k "not every_other"
 
 # Every scenario with real daemons, one after the other: some six minutes.
 test-live: .venv/ready
