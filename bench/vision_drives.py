@@ -189,7 +189,7 @@ def _tell(tally: Tally, drive: Drive, *, tags: bool) -> None:
 def table() -> str:
     """Both tables, as Markdown."""
     lines = [
-        "| light | known within 1 s | right lead | frames with a wrong identity |",
+        "| light | known within 1 s | right lead | wrong identities |",
         "|---|---|---|---|",
     ]
     for light, tally in by_light(tags=False).items():
@@ -199,14 +199,14 @@ def table() -> str:
         )
     lines += [
         "",
-        "| gap | known within 1 s | gap error, median | 90 % below | error by stated sigma, rms |",
-        "|---|---|---|---|---|",
+        "| gap | known within 1 s | wrong identities | gap error, median | 90 % below | by sigma |",
+        "|---|---|---|---|---|---|",
     ]
     for gap_m, tally in by_gap(tags=False).items():
         errors = tally.gap_errors or [float("nan")]
         sigmas = tally.in_sigmas or [float("nan")]
         lines.append(
-            f"| {gap_m:.0f} m | {tally.known_in_time} of {tally.drives} "
+            f"| {gap_m:.0f} m | {tally.known_in_time} of {tally.drives} | {tally.wrong_identities} "
             f"| {np.median(errors):.1%} | {np.quantile(errors, 0.9):.1%} "
             f"| {np.sqrt(np.mean(np.square(sigmas))):.1f} |"
         )

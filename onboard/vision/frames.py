@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from email.message import Message
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 
 import cv2
@@ -101,7 +102,11 @@ class Pictures:
         for index, (name, path) in enumerate(self._files):
             if self._closed:
                 return
-            yield Frame(index / self.fps, decode_picture(path.read_bytes()), name)
+            try:
+                image = decode_picture(path.read_bytes())
+            except OSError:
+                image = _NO_IMAGE
+            yield Frame(index / self.fps, image, name)
 
     def close(self) -> None:
         """End the iteration."""
@@ -265,11 +270,10 @@ def _picture_files(source: str) -> list[tuple[str, Path]]:
     if path.is_dir():
         base, pattern = path, "**/*"
     else:
-        fixed = source[: re.search(r"[*?\[]|$", source).start()]  # type: ignore[union-attr]
-        base = Path(fixed) if fixed.endswith("/") else Path(fixed).parent
-        pattern = source[len(str(base)) :].lstrip("/") if fixed.strip("./") else source
-        if base == path or not base.is_dir():
+        fixed = list(takewhile(lambda part: not set(part) & set("*?["), path.parts))
+        if len(fixed) == len(path.parts):
             return []
+        base, pattern = Path(*fixed), str(Path(*path.parts[len(fixed) :]))
     files = [file for file in base.glob(pattern) if file.suffix.lower() in _PICTURES]
     named = [(file.relative_to(base).as_posix(), file) for file in files if file.is_file()]
     return sorted(named, key=lambda item: _natural(item[0]))
@@ -313,6 +317,7 @@ class CameraThread:
     def _see(self) -> None:
         # A Linux thread has a priority of its own: a warning goes before a picture.
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        cv2.setNumThreads(1)  # the other cores are not the camera's
         started_at = 0.0 if self._source.live else time.monotonic()
         for frame in self._source:
             stamp_s = started_at + frame.stamp_s
