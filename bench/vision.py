@@ -7,7 +7,7 @@ reference is what no camera path can do without: decoding the same frames from H
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from io import BytesIO
 
 import av
@@ -51,15 +51,14 @@ def measure() -> Iterator[Figure]:
         _REFERENCE,
         FPS / decode_fps,
     )
-    with_sight, without = (
-        float(
-            subprocess.run(
-                [sys.executable, "-m", "bench.vision", what], check=True, capture_output=True
-            ).stdout
-        )
-        for what in ("sight", "decode")
-    )
+    with_sight, without = (_memory_mb(clip, what) for what in ("sight", "decode"))
     yield Figure("vision.memory", with_sight, "MB", 1, "a process that only decodes", without)
+
+
+def _memory_mb(clip: bytes, what: str) -> float:
+    """Of a process that reads the clip and sees, or only decodes."""
+    command = [sys.executable, "-m", "bench.vision", what]
+    return float(subprocess.run(command, input=clip, check=True, stdout=subprocess.PIPE).stdout)
 
 
 def drive() -> Iterator[Image]:
@@ -95,7 +94,7 @@ def decoded(clip: bytes) -> Iterator[Image]:
             yield np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)
 
 
-def sight_fps(frames: list[Image], settings: VisionSettings) -> float:
+def sight_fps(frames: Iterable[Image], settings: VisionSettings) -> float:
     """Frames by seconds of CPU, once the lead is known."""
     sight = Sight(CAMERA, settings)
     spent_s = []
@@ -112,9 +111,12 @@ def sight_fps(frames: list[Image], settings: VisionSettings) -> float:
 def _print_memory(what: str) -> None:
     """In a process of its own: what it takes to see, or only to decode."""
     cv2.setNumThreads(1)
-    frames = list(decoded(encoded(list(drive()))))
+    frames = decoded(sys.stdin.buffer.read())
     if what == "sight":
         sight_fps(frames, VisionSettings())
+    else:
+        for _ in frames:
+            pass
     print(psutil.Process().memory_info().rss / 1e6)
 
 

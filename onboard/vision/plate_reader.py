@@ -141,15 +141,17 @@ def decode(scores: npt.NDArray[np.float32]) -> PlateText:
     likely = np.exp(scores - scores.max(axis=2, keepdims=True))
     likely /= likely.sum(axis=2, keepdims=True)
     merged = _alike_merged(likely)
-    texts = []
+    texts: dict[str, PlateText] = {}
     for look in likely:
         labels, confidences = _best_path(look)
+        text = "".join(ALPHABET[label - 1] for label in labels)
+        if text in texts:
+            continue
         whole = float(np.mean([_probability(labels, other) for other in likely]))
         alike = [_MERGED.get(label, label) for label in labels]
         but_for_alike = float(np.mean([_probability(alike, other) for other in merged]))
-        text = "".join(ALPHABET[label - 1] for label in labels)
-        texts.append(PlateText(text, whole, tuple(confidences), but_for_alike))
-    return max(texts, key=lambda text: text.confidence)
+        texts[text] = PlateText(text, whole, tuple(confidences), but_for_alike)
+    return max(texts.values(), key=lambda text: text.confidence)
 
 
 _MERGED = {ALPHABET.index(one) + 1: ALPHABET.index(other) + 1 for one, other in ("O0", "I1")}

@@ -44,7 +44,7 @@ ROOM = "vision"
 CALIBRATED_SLOPE, GUESSED_SLOPE = 0.04, 0.15
 """How far the car pitches and the road climbs, and how far a camera may be off that is not
 calibrated: so much, by distance, things may be above and below where they belong."""
-MOST_FOLLOWED = 3
+MOST_FOLLOWED = 2
 """Cars looked for in one frame; more are looked for in turn."""
 CAR_SIZE = (0.7, 0.6)
 """Width and height of what hides the road, in lane widths: 2.4 by 2.1 m."""
