@@ -126,16 +126,22 @@ class MultiVehicleSensing:
         if not self.has_position(now):
             return b""
         now_ms = self._utc_ms(now)
-        candidates = [
-            candidate
-            for track in self.cars_without_radio(now)
-            if (candidate := self._candidate(track, now_ms)) is not None
-        ]
+        tracks = self.cars_without_radio(now)
+        both = [(track, self._candidate(track, now_ms)) for track in tracks]
+        known = [(track, candidate) for track, candidate in both if candidate is not None]
         select = SELECTIONS[self._settings.selection]
-        chosen = select(candidates, self._settings.most_entries, self._estimate, self._rng)
+        selected = select(
+            [candidate for _, candidate in known],
+            self._settings.most_entries,
+            self._estimate,
+            self._rng,
+        )
+        for at, _ in selected:
+            known[at][0].told_ms = now_ms
         frame = self._own.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         anchor = LocalFrame(*self._own.anchor)
+        chosen = [piece for _, piece in selected]
         return encode_within(chosen, now_ms, frame, anchor, self._settings.most_bytes)
 
     def kinematic_info(self, now: float) -> list[KnownCar]:
@@ -293,12 +299,15 @@ class MultiVehicleSensing:
         window_ms = round(self._settings.window_s * 1000)
         span_ms = round(self._settings.shared_span_s * 1000)
         received = [
-            held.piece for held in track.evidence.values() if held.received_ms >= now_ms - window_ms
+            held.piece
+            for held in track.evidence.values()
+            if held.received_ms >= now_ms - window_ms
         ]
         evidence = [piece for piece in received if piece.oldest_ms >= now_ms - span_ms]
         if not evidence:
             return None
-        return Candidate(evidence, len(received), any(map(self._is_own_measurement, evidence)))
+        is_seen = any(map(self._is_own_measurement, evidence))
+        return Candidate(evidence, len(received), is_seen, track.told_ms)
 
     def _estimate(self, evidence_of_cars: Sequence[Sequence[Evidence]]) -> list[Evidence]:
         """The paper's Estimate: from the independent ones of all MEs about a car, for each car."""

@@ -1,6 +1,6 @@
 """Which measurements and estimates to broadcast (section IV-A, Algorithm 1; baselines, V-A)."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,8 @@ class Candidate:
     """How many were sensed or received in the window, those not to be sent on included."""
     is_seen: bool
     """Whether a direct measurement is among them."""
+    told_ms: int = 0
+    """When the own car last told of it."""
 
     @property
     def significance(self) -> float:
@@ -28,6 +30,8 @@ class Candidate:
 
 Estimator = Callable[[Sequence[Sequence[Evidence]]], list[Evidence]]
 """The cooperative estimation, of many cars at once: one ME for each from all MEs about it."""
+Selected = tuple[int, Evidence]
+"""Which of the candidates, and what is told of it."""
 
 
 def algorithm_1(
@@ -35,22 +39,21 @@ def algorithm_1(
     most: int,
     estimate: Estimator,
     rng: np.random.Generator,  # noqa: ARG001 (all selections have one signature)
-) -> list[Evidence]:
-    """Select at most `most` MEs: of cars that the own car sees first, then by significance."""
-    one_of_each = _one_of_each(candidates, estimate)
-    first_seen = sorted(
-        range(len(candidates)),
-        key=lambda at: (not candidates[at].is_seen, -candidates[at].significance),
-    )
-    return [one_of_each[at] for at in first_seen[:most]]
+) -> list[Selected]:
+    """Select at most `most` MEs: of cars that the own car sees first, then by significance.
+
+    Among equals, those come first that were last told of the longest ago; the paper leaves it open.
+    """
+    order = sorted(range(len(candidates)), key=lambda at: _rank(candidates[at]))[:most]
+    return list(zip(order, _one_of_each([candidates[at] for at in order], estimate), strict=True))
 
 
 def random_selection(
     candidates: Sequence[Candidate], most: int, estimate: Estimator, rng: np.random.Generator
-) -> list[Evidence]:
+) -> list[Selected]:
     """RS: one ME of each car as in Algorithm 1, but of `most` cars at random."""
-    one_of_each = _one_of_each(candidates, estimate)
-    return [one_of_each[at] for at in rng.permutation(len(one_of_each))[:most]]
+    order = rng.permutation(len(candidates))[:most].tolist()
+    return list(zip(order, _one_of_each([candidates[at] for at in order], estimate), strict=True))
 
 
 def measurements_only(
@@ -58,11 +61,11 @@ def measurements_only(
     most: int,
     estimate: Estimator,  # noqa: ARG001 (all selections have one signature)
     rng: np.random.Generator,
-) -> list[Evidence]:
+) -> list[Selected]:
     """MO: `most` of all direct and indirect measurements at random."""
     measurements = [
-        piece
-        for candidate in candidates
+        (at, piece)
+        for at, candidate in enumerate(candidates)
         for piece in candidate.evidence
         if isinstance(piece, Measurement)
     ]
@@ -76,9 +79,12 @@ SELECTIONS = {
 }
 
 
-def _one_of_each(candidates: Iterable[Candidate], estimate: Estimator) -> list[Evidence]:
+def _rank(candidate: Candidate) -> tuple[bool, float, int]:
+    return not candidate.is_seen, -candidate.significance, candidate.told_ms
+
+
+def _one_of_each(candidates: Sequence[Candidate], estimate: Estimator) -> list[Evidence]:
     """Lines 4 to 9: a car's only ME as it is, or an estimate from all of them."""
-    candidates = list(candidates)
     several = iter(estimate([c.evidence for c in candidates if len(c.evidence) > 1]))
     return [
         next(several) if len(candidate.evidence) > 1 else candidate.evidence[0]

@@ -47,6 +47,8 @@ class Track:
         self.radio_id: bytes | None = None
         """The car with a radio that it has turned out to be."""
         self.radio_until_ms = 0
+        self.told_ms = 0
+        """When the own car last told others of it; UTC, as all times."""
 
     def add(self, held: Held) -> None:
         """Take a piece. What an observer says of its own measurement replaces hearsay of it."""

@@ -78,21 +78,20 @@ class Accuracy:
     """Known cars where there is none without a radio, or a second time."""
 
 
-def accuracy(
-    radio: float, most_entries: int, loss: float, seed: int, seconds: float = 4.0
-) -> Accuracy:
-    """Run the six-lane road with a part `radio` of the cars equipped.
+MODELLED = MvsSettings(
+    acceleration_density=Q,
+    sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
+)
+"""The filter's model is that of the cars along their lane; across, they keep it."""
 
-    The filter's model is that of the cars along their lane; across, they keep it.
-    """
+
+def accuracy(
+    mvs: MvsSettings, radio: float, loss: float, seed: int, seconds: float = 4.0
+) -> Accuracy:
+    """Run the six-lane road with a part `radio` of the cars equipped."""
     rng = np.random.default_rng(seed)
     traffic = six_lane_road(7, 25.0, seconds + 2.0, Q, rng)
     equipped = sorted(rng.permutation(traffic.cars)[: round(radio * traffic.cars)].tolist())
-    mvs = MvsSettings(
-        most_entries=most_entries,
-        acceleration_density=Q,
-        sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
-    )
     world = MvsWorld(traffic, equipped, WorldSettings(loss=loss), mvs, seed)
     result = Accuracy()
     measured: dict[int, list[Measurement]] = defaultdict(list)

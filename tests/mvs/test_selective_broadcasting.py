@@ -10,6 +10,7 @@ from onboard.mvs.fusion import fuse
 from onboard.mvs.selective_broadcasting import (
     SELECTIONS,
     Candidate,
+    Selected,
     algorithm_1,
     measurements_only,
     random_selection,
@@ -33,13 +34,13 @@ def estimate(evidence_of_cars: Sequence[Sequence[Evidence]]) -> list[Evidence]:
     return list(fuse([independent(evidence) for evidence in evidence_of_cars], 1.0))
 
 
-def cars_of(selected: list[Evidence]) -> list[int]:
-    places = [e.position_m if isinstance(e, Measurement) else e.state for e in selected]
+def cars_of(selected: list[Selected]) -> list[int]:
+    places = [e.position_m if isinstance(e, Measurement) else e.state for _, e in selected]
     return [round(place[0] / 100) for place in places]
 
 
 def test_more_than_one_me_makes_an_estimate_lines_5_and_6() -> None:
-    (selected,) = algorithm_1([candidate(1, "abc", True)], 10, estimate, RNG)
+    ((_, selected),) = algorithm_1([candidate(1, "abc", True)], 10, estimate, RNG)
 
     assert isinstance(selected, Estimate)
     assert len(selected.provenance) == 3
@@ -48,7 +49,7 @@ def test_more_than_one_me_makes_an_estimate_lines_5_and_6() -> None:
 def test_the_only_me_is_sent_as_it_is_lines_7_and_8() -> None:
     only = candidate(1, "a", True)
 
-    assert algorithm_1([only], 10, estimate, RNG) == [only.evidence[0]]
+    assert algorithm_1([only], 10, estimate, RNG) == [(0, only.evidence[0])]
 
 
 def test_seen_cars_come_first_then_the_most_significant_lines_10_to_20() -> None:
@@ -65,6 +66,25 @@ def test_seen_cars_come_first_then_the_most_significant_lines_10_to_20() -> None
     assert algorithm_1(candidates, 0, estimate, RNG) == []
 
 
+def test_among_equally_significant_cars_the_one_told_of_last_comes_last() -> None:
+    evidence = [[measurement(car, b"a")] for car in range(3)]
+    candidates = [
+        Candidate(evidence[0], 1, is_seen=True, told_ms=900),
+        Candidate(evidence[1], 1, is_seen=True, told_ms=700),
+        Candidate(evidence[2], 1, is_seen=True, told_ms=800),
+    ]
+
+    assert cars_of(algorithm_1(candidates, 2, estimate, RNG)) == [1, 2]
+
+
+def test_every_selection_says_which_candidate_it_tells_of() -> None:
+    candidates = [candidate(car, "ab", is_seen=car == 1) for car in range(6)]
+
+    for select in SELECTIONS.values():
+        selected = select(candidates, 4, estimate, RNG)
+        assert [at for at, _ in selected] == cars_of(selected)
+
+
 def test_significance_is_the_inverse_of_what_was_received() -> None:
     assert candidate(1, "abcd", True).significance == 0.25
     assert Candidate([measurement(1, b"a")], 2, is_seen=False).significance == 0.5
@@ -76,7 +96,7 @@ def test_measurements_only_sends_measurements_of_cars_at_random() -> None:
 
     selections = [measurements_only(candidates, 2, estimate, RNG) for _ in range(200)]
 
-    assert all(isinstance(piece, Measurement) for chosen in selections for piece in chosen)
+    assert all(isinstance(piece, Measurement) for chosen in selections for _, piece in chosen)
     counts = np.bincount([car for chosen in selections for car in cars_of(chosen)])
     assert counts[1] == pytest.approx(200 * 2 / 5, rel=0.3)
 
