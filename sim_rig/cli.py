@@ -1,6 +1,7 @@
 """The rig's commands: list the scenarios, run one of them live or in virtual time."""
 
 import asyncio
+import signal
 import sys
 import time
 from pathlib import Path
@@ -77,11 +78,18 @@ def study(
 
 def _run_live(scenario: Scenario, seed: int, folder: Path) -> RunLog:
     async def run_desk() -> RunLog:
+        task = asyncio.current_task()
+        assert task is not None  # noqa: S101 (inside of asyncio.run there is one)
+        # Whoever ends the rig ends its daemons as well.
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
         async with Desk(scenario, seed, folder) as desk:
             await desk.run()
         return desk.log()
 
-    return asyncio.run(run_desk())
+    try:
+        return asyncio.run(run_desk())
+    except asyncio.CancelledError:
+        raise typer.Exit(128 + signal.SIGTERM) from None
 
 
 def main() -> None:

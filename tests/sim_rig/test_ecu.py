@@ -3,6 +3,10 @@
 import pytest
 
 from onboard.obd.can_frame import CanFrame
+from onboard.obd.car_bus import CarBus
+from onboard.obd.settings import ObdSettings
+from onboard.observations import Speed
+from onboard.settings import parse_settings
 from onboard.units import KM_H
 from sim_rig.cars.ecu import ENGINE_11_BIT, ENGINE_29_BIT, Addresses, Ecu, separation_s
 
@@ -153,3 +157,29 @@ def test_can_isotp_reads_the_vehicle_number_whatever_its_flow_control(
         now += 0.005
 
     assert tester.recv() == b"\x49\x02\x01" + b"1RG0000000000001X"
+
+
+@pytest.mark.parametrize("addresses", [ENGINE_11_BIT, ENGINE_29_BIT])
+def test_the_car_s_own_bus_finds_it_and_reads_its_speed_twenty_times_a_second(
+    addresses: Addresses,
+) -> None:
+    """`CarBus` tries both identifier lengths until an ECU answers."""
+    bus = CarBus(parse_settings({"polling_hz": 20.0}, ObdSettings, "test"))
+    ecu = Ecu(lambda now: 10.0 + now, addresses=addresses)
+    now, speeds = 0.0, []
+    while now < 10.0:
+        for frame in bus.frames_to_send(now):
+            ecu.receive_frame(frame, now)
+        now = min(at for at in (bus.get_timer(), ecu.get_timer()) if at is not None)
+        for frame in ecu.frames_to_send(now):
+            bus.receive_frame(frame, now)
+        bus.handle_timer(now)
+        while (event := bus.next_event()) is not None:
+            assert isinstance(event, Speed)
+            speeds.append(event)
+
+    in_last_second = [speed for speed in speeds if speed.stamp_s > 9.0]
+    assert len(in_last_second) == 20
+    for speed in in_last_second:
+        # Half a step of 1 km/h.
+        assert speed.speed_m_s == pytest.approx(10.0 + speed.stamp_s, abs=0.5 * KM_H + 1e-6)

@@ -4,8 +4,12 @@ The gate runs the demonstration and one fault; `make test-live` runs all of them
 """
 
 import asyncio
+import subprocess
+import sys
+import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from sim_rig.live import Desk
@@ -84,3 +88,18 @@ def test_no_process_outlives_its_desk(tmp_path: Path) -> None:
     codes = asyncio.run(run())
     assert codes[0] == -15
     assert codes[1] in {-9, -15}  # It may be ended before it has closed its ears.
+
+
+def test_a_rig_that_is_told_to_stop_takes_its_daemons_with_it(tmp_path: Path) -> None:
+    rig = subprocess.Popen(
+        [sys.executable, "-m", "sim_rig", "run", "fig4", "--out", str(tmp_path)],
+        stdout=subprocess.DEVNULL,
+    )
+    give_up_at = time.monotonic() + 60.0
+    while not (daemons := psutil.Process(rig.pid).children()) and time.monotonic() < give_up_at:
+        time.sleep(0.1)
+    rig.terminate()
+
+    assert rig.wait(timeout=30.0) == 128 + 15
+    assert daemons
+    assert psutil.wait_procs(daemons, timeout=5.0)[1] == []
