@@ -299,9 +299,7 @@ class MultiVehicleSensing:
         window_ms = round(self._settings.window_s * 1000)
         span_ms = round(self._settings.shared_span_s * 1000)
         received = [
-            held.piece
-            for held in track.evidence.values()
-            if held.received_ms >= now_ms - window_ms
+            held.piece for held in track.evidence.values() if held.received_ms >= now_ms - window_ms
         ]
         evidence = [piece for piece in received if piece.oldest_ms >= now_ms - span_ms]
         if not evidence:
