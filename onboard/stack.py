@@ -40,6 +40,7 @@ from onboard.observations import (
 )
 from onboard.risk.monitor import RiskMonitor
 from onboard.security.credentials import Credentials
+from onboard.security.held_warnings import HeldWarnings
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.plausibility import Plausibility
 from onboard.security.pseudonyms import Pseudonym, Pseudonyms
@@ -98,7 +99,8 @@ class Stack:
         self._digest = PlateDigest(config.security.plate_digest)
         self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
         self._who = self._pseudonyms.at(utc_s)
-        self._plausibility = Plausibility()
+        self._plausibility = Plausibility(brakes_must_show=config.security.brakes_must_show)
+        self._held_warnings = HeldWarnings(self._plausibility)
         self._bus = CarBus(config.obd)
         self._link = WaveLink(self._security)
         self._group = WarningGroup(config.lcca, self._who.car_id, rng)
@@ -191,8 +193,14 @@ class Stack:
             self._events.append(Discarded(now, "lcca", error.reason, error.detail))
             return
         self._events.append(Received(now, message.kind, opened.signer_id, lcca.as_dict(message)))
-        self._group.receive_message(message, now)
-        self._take_group(now)
+        if opened.signer_id is not None:
+            self._plausibility.receive_car_id(opened.signer_id, message.sender_id)
+        if isinstance(message, lcca.Warn):
+            self._held_warnings.receive_warning(message, now)
+            self._take_warnings(now)
+        else:
+            self._group.receive_message(message, now)
+            self._take_group(now)
 
     def _receive_bsm(self, opened: Opened, now: float) -> None:
         try:
@@ -203,6 +211,8 @@ class Stack:
         core = message.core
         sender = opened.signer_id or core.temporary_id
         doubt = self._plausibility.receive_bsm(sender, message, now)
+        self._held_warnings.handle_timer(now)
+        self._take_warnings(now)
         if doubt is not None:
             self._events.append(Discarded(now, "bsm", doubt, f"from {core.temporary_id.hex()}"))
             return
@@ -255,7 +265,7 @@ class Stack:
 
     def get_timer(self) -> float:
         """When `handle_timer` next wants to be called."""
-        cores = (self._bus, self._group, self._watch, self._link)
+        cores = (self._bus, self._group, self._held_warnings, self._watch, self._link)
         wishes = [self._assess_at, *(core.get_timer() for core in cores)]
         if self._access is not None:
             wishes.append(self._access.get_timer())
@@ -282,6 +292,8 @@ class Stack:
         self._bus.handle_timer(now)
         self._take_bus(now)
         self._watch.handle_timer(now)
+        self._held_warnings.handle_timer(now)
+        self._take_warnings(now)
         self._group.handle_timer(now)
         self._take_group(now)
 
@@ -317,6 +329,11 @@ class Stack:
         while (observation := self._bus.next_event()) is not None:
             self.receive_observation(observation, now)
 
+    def _take_warnings(self, now: float) -> None:
+        while (warning := self._held_warnings.next_warning()) is not None:
+            self._group.receive_message(warning, now)
+            self._take_group(now)
+
     def _take_group(self, now: float) -> None:
         while (event := self._group.next_event()) is not None:
             self._events.append(event)
@@ -324,7 +341,15 @@ class Stack:
                 self._risk.receive_warning(event, now)
 
     def _take_rest(self) -> None:
-        for core in (self._group, self._watch, self._link, self._mvs, self._risk):
+        cores = (
+            self._group,
+            self._held_warnings,
+            self._watch,
+            self._link,
+            self._mvs,
+            self._risk,
+        )
+        for core in cores:
             while (event := core.next_event()) is not None:
                 self._events.append(event)
 

@@ -57,9 +57,10 @@ class _Sender:
 class Plausibility:
     """What the cars around have said lately. Stamps are when a message was made, on our clock."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, brakes_must_show: bool = True) -> None:
+        self._brakes_must_show = brakes_must_show
         self._senders: OrderedDict[bytes, _Sender] = OrderedDict()
-        self._sender_of: OrderedDict[bytes, bytes] = OrderedDict()
+        self._sender_of: OrderedDict[bytes, bytes | None] = OrderedDict()
 
     def receive_bsm(
         self, sender: bytes, message: BasicSafetyMessage, stamp_s: float
@@ -88,19 +89,45 @@ class Plausibility:
         is_braking = message.safety is not None and bool(
             (message.safety.events or 0) & VehicleEventFlags.HARD_BRAKING
         )
-        return _brake_doubt(known.speeds, stamp_s) if is_braking else None
+        return self._brake_doubt(known, stamp_s) if is_braking else None
 
     def receive_car_id(self, sender: bytes, car_id: bytes) -> None:
-        """Learn from a group message which sender goes by `car_id` there."""
-        self._sender_of[car_id] = sender
+        """Learn from a group message which sender goes by `car_id` there.
+
+        Where two claim to be the same car, neither is held against the other.
+        """
+        known = self._sender_of.setdefault(car_id, sender)
+        if known != sender:
+            self._sender_of[car_id] = None
         self._sender_of.move_to_end(car_id)
         if len(self._sender_of) > _SENDERS:
             self._sender_of.popitem(last=False)
 
     def check_warning(self, origin_id: bytes, braked_at_s: float) -> Implausible | None:
         """Return why the car `origin_id` cannot have braked hard then; `None`: it can."""
-        sender = self._senders.get(self._sender_of.get(origin_id, b""))
-        return None if sender is None else _brake_doubt(sender.speeds, braked_at_s)
+        sender = self._sender_by(origin_id)
+        return None if sender is None else self._brake_doubt(sender, braked_at_s)
+
+    def is_heard_since(self, car_id: bytes, stamp_s: float) -> bool:
+        """Whether the car has told a speed after `stamp_s`."""
+        sender = self._sender_by(car_id)
+        return sender is not None and bool(sender.speeds) and sender.speeds[-1][0] > stamp_s
+
+    def _sender_by(self, car_id: bytes) -> _Sender | None:
+        sender = self._sender_of.get(car_id)
+        return None if sender is None else self._senders.get(sender)
+
+    def _brake_doubt(self, sender: _Sender, at_s: float) -> Implausible | None:
+        """Look for two speeds, the later one lower by what a hard brake takes away."""
+        near = [(at, speed) for at, speed in sender.speeds if abs(at - at_s) <= BRAKE_WINDOW_S]
+        if not self._brakes_must_show or not near or near[-1][0] - near[0][0] < ENOUGH_S:
+            return None
+        for i, (later_at, later) in enumerate(near):
+            for earlier_at, earlier in near[:i]:
+                drop_m_s = earlier - later
+                if drop_m_s >= max(BRAKE_DROP_M_S, BRAKE_M_S2 * (later_at - earlier_at)):
+                    return None
+        return Implausible.BRAKE
 
 
 def _compare(
@@ -138,16 +165,3 @@ def _distance_m(one: CoreData, other: CoreData) -> float | None:
     turn = (other.longitude_deg - one.longitude_deg + 180.0) % 360.0 - 180.0
     east = math.radians(turn) * math.cos(math.radians(one.latitude_deg))
     return _EARTH_RADIUS_M * math.hypot(north, east)
-
-
-def _brake_doubt(speeds: deque[tuple[float, float]], at_s: float) -> Implausible | None:
-    """Look for two speeds, the later one lower by what a hard brake takes away."""
-    near = [(at, speed) for at, speed in speeds if abs(at - at_s) <= BRAKE_WINDOW_S]
-    if not near or near[-1][0] - near[0][0] < ENOUGH_S:
-        return None
-    for i, (later_at, later) in enumerate(near):
-        for earlier_at, earlier in near[:i]:
-            drop_m_s = earlier - later
-            if drop_m_s >= max(BRAKE_DROP_M_S, BRAKE_M_S2 * (later_at - earlier_at)):
-                return None
-    return Implausible.BRAKE

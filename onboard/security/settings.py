@@ -35,3 +35,6 @@ class SecuritySettings(Settings):
     """How often a BSM carries the certificate, in seconds; the others name it by its digest. The
     default is SAE J2945/1's vCertAttachInterval. Group messages always carry it: they are few, and
     a warning cannot wait for the next certificate."""
+    brakes_must_show: bool = True
+    """Whether a hard brake is only believed of a car whose own speeds show it. Off in a
+    demonstration whose cars have a brake button: pressing it does not brake."""
