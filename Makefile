@@ -41,9 +41,11 @@ system-packages:
 	@touch $@
 
 # The lock covers the car, the rig, development and fuzzing; training has its own (training/).
+# What of it goes into a car stands again in deploy/, for its installer.
+LOCK := .venv/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header
 lock:
-	.venv/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header \
-	    --extra rig --extra dev --extra fuzz pyproject.toml -o requirements.lock
+	$(LOCK) --extra rig --extra dev --extra fuzz pyproject.toml -o requirements.lock
+	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
 
 clean:
 	rm -rf .venv build out

@@ -1,7 +1,9 @@
 """The commands of the car: run, check, replay, and those that each room brings."""
 
 import asyncio
+import faulthandler
 import logging
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -11,9 +13,9 @@ import typer
 
 from onboard import replay as drive
 from onboard.config import CarConfig, CarSettings
-from onboard.daemon import Daemon
 from onboard.errors import UserError
 from onboard.security.cli import keys
+from onboard.service import Service
 from onboard.settings import load_settings
 from onboard.trace import as_line
 from onboard.vision.cli import calibrate, see
@@ -29,6 +31,9 @@ app = typer.Typer(
 UNCONFIGURED = CarConfig(car=CarSettings(plate="REPLAY"))
 """For a replay that needs nothing of the car."""
 
+PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
+"""Of syslog (RFC 5424, table 2), by the name that structlog gives."""
+
 app.add_typer(keys, name="keys")
 app.command()(decode)
 app.command()(see)
@@ -39,8 +44,9 @@ ConfigFile = Annotated[Path, typer.Argument(help="The car's configuration, YAML.
 
 @app.command()
 def run(config: ConfigFile) -> None:
-    """Run the car until it is told to stop."""
-    asyncio.run(Daemon(load_settings(config, CarConfig)).run())
+    """Run the car until it is told to stop; SIGHUP has the configuration read again."""
+    faulthandler.enable()  # so that a watchdog's SIGABRT leaves in the journal where it hung
+    asyncio.run(Service(config).run())
 
 
 @app.command()
@@ -80,11 +86,13 @@ def replay(
 
 def main() -> None:
     """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    in_journal = "JOURNAL_STREAM" in os.environ
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             structlog.processors.JSONRenderer(),
+            *([_with_priority] if in_journal else []),
         ],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
         logger_factory=structlog.PrintLoggerFactory(sys.stderr),
@@ -93,6 +101,12 @@ def main() -> None:
         app()
     except UserError as error:
         sys.exit(_complain(error))
+
+
+def _with_priority(_logger: object, method: str, line: object) -> str:
+    """The line as journald takes it with a priority, for `journalctl -p` (sd-daemon(3))."""
+    priority = PRIORITIES.get(method, PRIORITIES["info"])
+    return f"<{priority}>{line}"
 
 
 def _complain(error: UserError) -> int:

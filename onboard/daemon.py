@@ -2,33 +2,30 @@
 
 import asyncio
 import contextlib
-import io
 import math
-import signal
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, BinaryIO, ClassVar, TextIO, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-import sdnotify
 import structlog
 
 from onboard.access.driver_file import load_driver, save_driver
 from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.config import CarConfig
-from onboard.errors import UserError
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Lead, Sensor, SensorLost
 from onboard.security.key_files import read_credentials
+from onboard.service_manager import ServiceManager
 from onboard.stack import Observation, Stack
 from onboard.trace import Event, as_line, as_record
+from onboard.trace_file import TraceFile
 from onboard.vision.frames import CameraThread
 from onboard.wave_udp.capture import PcapWriter
 from onboard.wave_udp.endpoint import open_endpoint
@@ -47,6 +44,7 @@ OWN_MAC, OTHER_MAC = bytes.fromhex("020000000001"), bytes.fromhex("020000000002"
 """In captures, since the radio unit does not tell who sent a frame (locally administered)."""
 
 InputT = TypeVar("InputT")
+ReturnT = TypeVar("ReturnT")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +58,14 @@ class Ready:
 class Daemon:
     """One car: its cores, its wires and the clock."""
 
-    def __init__(self, config: CarConfig) -> None:
-        """Put the car together; no wire is opened yet.
+    def __init__(self, config: CarConfig, manager: ServiceManager) -> None:
+        """Put the car together; no wire is opened yet. `manager` is told how it goes.
 
         Raises:
             UserError: its keys cannot be read.
         """
-        self._config = config
+        self.config = config
+        self._manager = manager
         rng = np.random.default_rng(config.seed)
         folder = config.security.keys_folder
         credentials = read_credentials(folder) if folder is not None else None
@@ -86,44 +85,44 @@ class Daemon:
         self._inbox: deque[tuple[Callable[[Any, float], None], object]] = deque()
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
-        self._trace: TextIO | None = None
+        self._is_resting = False
+        self._trace: TraceFile | None = None
         self._capture: PcapWriter | None = None
         self._send_can: Callable[[CanFrame], None] = _nowhere
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
-    async def run(self) -> None:
-        """Open the wires and drive the cores until SIGINT or SIGTERM.
+    async def run(self, until: Callable[[], Awaitable[ReturnT]]) -> ReturnT:
+        """Open the wires, drive the cores `until` something comes, close the wires, return it.
 
         Raises:
             UserError: a wire cannot be opened.
         """
         sys.setswitchinterval(GIL_INTERVAL_S)
         self._loop = asyncio.get_running_loop()
-        stop = asyncio.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._loop.add_signal_handler(number, stop.set)
         with contextlib.ExitStack() as wires:
+            wires.callback(self._rest)
             self._open(wires)
             self._show(Ready(time.monotonic()))
             self._step()
-            notifier = sdnotify.SystemdNotifier()
-            notifier.notify("READY=1")
-            log.info("ready", plate=self._config.car.plate)
-            await stop.wait()
-            notifier.notify("STOPPING=1")
-        if self._config.access.driver_file is not None:
-            save_driver(self._config.access.driver_file, self._driver)
+            self._manager.ready(f"driving as {self.config.car.plate}")
+            log.info("ready", plate=self.config.car.plate)
+            came = await until()
+        if self.config.access.driver_file is not None:
+            save_driver(self.config.access.driver_file, self._driver)
         log.info("stopped")
+        return came
 
     def _open(self, wires: contextlib.ExitStack) -> None:
-        config, stack = self._config, self._stack
+        config, stack = self.config, self._stack
         if config.trace.file is not None:
-            self._trace = io.TextIOWrapper(_created(config.trace.file, wires), encoding="utf-8")
-            wires.callback(self._trace.flush)
+            self._trace = wires.enter_context(TraceFile(config.trace.file))
         if config.trace.capture is not None:
-            self._capture = PcapWriter(_created(config.trace.capture, wires))
+            capture = wires.enter_context(TraceFile(config.trace.capture))
+            self._capture = PcapWriter(capture)
         if config.can is not None:
-            bus = CanBus(config.can, self._taker(stack.receive_can), self._on_bus_state)
+            take_discarded = self._taker(stack.receive_observation)
+            take_frame = self._taker(stack.receive_can)
+            bus = CanBus(config.can, take_frame, self._on_bus_state, take_discarded)
             bus.start(self._loop)
             wires.callback(bus.close)
             self._send_can = bus.send
@@ -163,11 +162,19 @@ class Daemon:
             self._timer.cancel()
         at = self._stack.get_timer()
         self._timer = None if at == math.inf else self._loop.call_at(at, self._step)
+        self._manager.feed(now)
+
+    def _rest(self) -> None:
+        """No step any more, whatever the camera's thread still brings."""
+        self._is_resting = True
+        for handle in (self._timer, self._next_step):
+            if handle is not None:
+                handle.cancel()
 
     def _take(self, receive: Callable[[InputT, float], None], item: InputT) -> None:
         """Have `item` received in the next round."""
         self._inbox.append((receive, item))
-        if self._next_step is None:
+        if self._next_step is None and not self._is_resting:
             self._next_step = self._loop.call_soon(self._step)
 
     def _taker(self, receive: Callable[[InputT, float], None]) -> Callable[[InputT], None]:
@@ -207,17 +214,9 @@ class Daemon:
 
     def _show(self, event: Event) -> None:
         if self._trace is not None:
-            self._trace.write(as_line(event, traced_s=time.monotonic()) + "\n")
-            self._trace.flush()
+            self._trace.write(as_line(event, traced_s=time.monotonic()).encode() + b"\n")
         if event.kind in LOGGED_KINDS:
             log.info(event.kind, details=as_record(event))
-
-
-def _created(path: Path, wires: contextlib.ExitStack) -> BinaryIO:
-    try:
-        return wires.enter_context(path.open("wb"))
-    except OSError as error:
-        raise UserError(f"trace: {path}: {error.strerror}") from error
 
 
 def _nowhere(*_: object) -> None:

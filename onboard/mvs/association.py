@@ -14,7 +14,7 @@ from typing import Self
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from onboard.mvs.evidence import Estimate, Evidence, Measurement
 from onboard.mvs.kalman import Array
@@ -105,7 +105,7 @@ def assign(
 
 @cache
 def _gate(probability: float, degrees_of_freedom: int) -> float:
-    return float(chi2.ppf(probability, degrees_of_freedom))
+    return float(chdtri(degrees_of_freedom, 1.0 - probability))
 
 
 def _distances(pieces: Kinematics, cars: Kinematics, q: float) -> tuple[Array, Array]:

@@ -198,6 +198,8 @@ def read_can_log(
     Raises:
         CanBusError: there is no such file, or its format is unknown or broken.
     """
+    if not path.is_file():  # before python-can judges the name
+        raise CanBusError(f"{path}: no such file")
     try:
         for message in _messages(path, on_discarded):
             is_data = not (message.is_error_frame or message.is_remote_frame)

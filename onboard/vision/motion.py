@@ -7,9 +7,6 @@ State: position in m and its rate in m/s. The car's acceleration is unknown, tak
 
 import math
 
-import numpy as np
-from filterpy.kalman import KalmanFilter
-
 
 class Motion:
     """Constant velocity, as well as known."""
@@ -24,32 +21,31 @@ class Motion:
         acceleration_sigma_m_s2: float,
     ) -> None:
         """Start at a measured position, at rest but for `rate_sigma_m_s`."""
-        self._filter = KalmanFilter(dim_x=2, dim_z=1)
-        self._filter.x = np.array([[position_m], [0.0]])
-        self._filter.P = np.diag([sigma_m**2, rate_sigma_m_s**2])
-        self._filter.H = np.array([[1.0, 0.0]])
+        self._position_m, self._rate_m_s = position_m, 0.0
+        # The covariance, which is symmetric: of the position, of both, of the rate.
+        self._pp, self._pr, self._rr = sigma_m**2, 0.0, rate_sigma_m_s**2
         self._acceleration_variance = acceleration_sigma_m_s2**2
         self._stamp_s = stamp_s
 
     @property
     def position_m(self) -> float:
         """At the time of the last prediction or measurement."""
-        return float(self._filter.x[0, 0])
+        return self._position_m
 
     @property
     def rate_m_s(self) -> float:
         """Change of the position."""
-        return float(self._filter.x[1, 0])
+        return self._rate_m_s
 
     @property
     def position_sigma_m(self) -> float:
         """One standard deviation."""
-        return math.sqrt(self._filter.P[0, 0])
+        return math.sqrt(self._pp)
 
     @property
     def rate_sigma_m_s(self) -> float:
         """One standard deviation."""
-        return math.sqrt(self._filter.P[1, 1])
+        return math.sqrt(self._rr)
 
     def predict(self, stamp_s: float) -> None:
         """Go on to `stamp_s`; a time that has passed changes nothing."""
@@ -57,17 +53,29 @@ class Motion:
         if step_s <= 0:
             return
         self._stamp_s = stamp_s
-        transition = np.array([[1.0, step_s], [0.0, 1.0]])
+        self._position_m += step_s * self._rate_m_s
         # Intensity chosen so that the rate's sigma grows by one acceleration sigma each second.
-        noise = self._acceleration_variance * np.array(
-            [[step_s**3 / 3, step_s**2 / 2], [step_s**2 / 2, step_s]]
-        )
-        self._filter.predict(F=transition, Q=noise)
+        q = self._acceleration_variance
+        self._pp += step_s * (2 * self._pr + step_s * self._rr) + q * step_s**3 / 3
+        self._pr += step_s * self._rr + q * step_s**2 / 2
+        self._rr += q * step_s
 
     def update(self, position_m: float, sigma_m: float) -> None:
         """Take in a measurement made at the time of the last prediction."""
-        self._filter.update(position_m, R=sigma_m**2)
+        variance = self._pp + sigma_m**2
+        self._correct(position_m - self._position_m, self._pp / variance, self._pr / variance)
+        self._rr -= self._pr**2 / variance
+        self._pr *= sigma_m**2 / variance
+        self._pp *= sigma_m**2 / variance
 
     def update_rate(self, rate_m_s: float, sigma_m_s: float) -> None:
         """Take in a measurement of the rate, made at the time of the last prediction."""
-        self._filter.update(rate_m_s, R=sigma_m_s**2, H=np.array([[0.0, 1.0]]))
+        variance = self._rr + sigma_m_s**2
+        self._correct(rate_m_s - self._rate_m_s, self._pr / variance, self._rr / variance)
+        self._pp -= self._pr**2 / variance
+        self._pr *= sigma_m_s**2 / variance
+        self._rr *= sigma_m_s**2 / variance
+
+    def _correct(self, innovation: float, position_gain: float, rate_gain: float) -> None:
+        self._position_m += position_gain * innovation
+        self._rate_m_s += rate_gain * innovation

@@ -83,3 +83,10 @@ def test_replay_prints_one_json_object_a_line(tmp_path: Path) -> None:
     assert [line["stamp_s"] for line in lines] == [100.0, 100.05]
     assert [line["kind"] for line in lines] == ["speed", "speed"]
     assert lines[0]["speed_m_s"] == pytest.approx(60 / 3.6)
+
+
+def test_a_log_that_is_not_there_is_no_format_that_is_unknown() -> None:
+    result = onboard("replay", "--can", "/nonexistent")
+
+    assert result.returncode == 2
+    assert result.stderr == "/nonexistent: no such file\n"
