@@ -7,6 +7,7 @@ from pydantic import Field, StringConstraints
 
 from onboard.access.settings import AccessSettings
 from onboard.gnss.settings import GnssSettings
+from onboard.hmi.settings import HmiSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import MvsSettings
 from onboard.obd.settings import CanSettings, ObdSettings
@@ -73,6 +74,8 @@ class CarConfig(Settings):
     beacons: bool = True
     """Send a BSM ten times a second, as SAE J2945/1 asks of every car with a radio."""
     watch: WatchSettings = WatchSettings()
+    hmi: HmiSettings | None = None
+    """The driver's page and `/metrics`; nothing is served if it is left out."""
     trace: TraceSettings = TraceSettings()
 
     def sensors(self) -> frozenset[Sensor]:

@@ -18,6 +18,7 @@ from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.config import CarConfig
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
+from onboard.hmi.driver_page import DriverPage
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Lead, Sensor, SensorLost
@@ -86,6 +87,7 @@ class Daemon:
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._is_resting = False
+        self._page: DriverPage | None = None
         self._trace: TraceFile | None = None
         self._capture: PcapWriter | None = None
         self._send_can: Callable[[CanFrame], None] = _nowhere
@@ -99,9 +101,9 @@ class Daemon:
         """
         sys.setswitchinterval(GIL_INTERVAL_S)
         self._loop = asyncio.get_running_loop()
-        with contextlib.ExitStack() as wires:
+        async with contextlib.AsyncExitStack() as wires:
             wires.callback(self._rest)
-            self._open(wires)
+            await self._open(wires)
             self._show(Ready(time.monotonic()))
             self._step()
             self._manager.ready(f"driving as {self.config.car.plate}")
@@ -112,7 +114,7 @@ class Daemon:
         log.info("stopped")
         return came
 
-    def _open(self, wires: contextlib.ExitStack) -> None:
+    async def _open(self, wires: contextlib.AsyncExitStack) -> None:
         config, stack = self.config, self._stack
         if config.trace.file is not None:
             self._trace = wires.enter_context(TraceFile(config.trace.file))
@@ -140,6 +142,12 @@ class Daemon:
             camera = CameraThread(config.camera, config.vision, self._on_seen)
             camera.start()
             wires.callback(camera.close)
+        if config.hmi is not None:
+            self._page = DriverPage(
+                config.hmi, config, stack, self._taker(self._press_brake_button)
+            )
+            await self._page.start()
+            wires.push_async_callback(self._page.close)
 
     def _step(self) -> None:
         """One round, in a fixed order: receive, decide, send, show, arm the next timer."""
@@ -158,6 +166,8 @@ class Daemon:
             self._send_can(frame)
         while (event := self._stack.next_event()) is not None:
             self._show(event)
+        if self._page is not None:
+            self._page.show(now)
         if self._timer is not None:
             self._timer.cancel()
         at = self._stack.get_timer()
@@ -212,7 +222,12 @@ class Daemon:
                 self._take, self._stack.receive_observation, observation
             )
 
+    def _press_brake_button(self, _: None, now: float) -> None:
+        self._stack.press_brake_button(now)
+
     def _show(self, event: Event) -> None:
+        if self._page is not None:
+            self._page.receive_event(event)
         if self._trace is not None:
             self._trace.write(as_line(event, traced_s=time.monotonic()).encode() + b"\n")
         if event.kind in LOGGED_KINDS:

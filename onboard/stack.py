@@ -117,6 +117,7 @@ class Stack:
         self._tell_cars_at = now
         self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
         self._assess_at = now
+        self._surroundings: tuple[KnownCar | None, list[KnownCar]] = (None, [])
         if self._who.credential is not None:
             self._security.sign_with(self._who.credential)
         self._watch = SensorWatch(_limits_s(config.watch, sensors), now)
@@ -126,6 +127,16 @@ class Stack:
     def digest(self) -> PlateDigest:
         """Deriving an ID is slow: the camera's thread asks first, so that the loop need not."""
         return self._digest
+
+    @property
+    def group(self) -> WarningGroup:
+        """The warning group, to look at."""
+        return self._group
+
+    @property
+    def surroundings(self) -> tuple[KnownCar | None, list[KnownCar]]:
+        """The own car, `None` without a position, and the others, when last judged."""
+        return self._surroundings
 
     def set_utc(self, utc_s: float, now: float) -> None:
         """Tell what UTC is at `now`; the cores keep to `now`, messages and IDs need UTC."""
@@ -281,7 +292,8 @@ class Stack:
         if now >= self._assess_at:
             self._assess_at = now + ASSESS_S
             known_cars = self._mvs.kinematic_info(now)
-            self._risk.assess(self._mvs.own_car(now), known_cars, now)
+            self._surroundings = (self._mvs.own_car(now), known_cars)
+            self._risk.assess(*self._surroundings, now)
             if now >= self._tell_cars_at:
                 self._tell_cars_at = now + TELL_CARS_S
                 self._events.extend(known_cars)

@@ -1,0 +1,134 @@
+"""What an operator counts, in Prometheus' exposition format."""
+
+from prometheus_client import (
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    ProcessCollector,
+    disable_created_metrics,
+    generate_latest,
+)
+from prometheus_client.exposition import CONTENT_TYPE_LATEST
+
+from onboard.lcca.events import Transition
+from onboard.lcca.transitions import State
+from onboard.observations import Discarded, Lead, Sensor, SensorBack, SensorLost, Speed
+from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.trace import Event
+from onboard.wave_link import Received, Sent
+
+_DELAY_BUCKETS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+
+
+class Metrics:
+    """Counts what the stack says. Each car has a registry of its own."""
+
+    def __init__(self, sensors: frozenset[Sensor]) -> None:
+        """`sensors`: those that the car has."""
+        disable_created_metrics()  # type: ignore[no-untyped-call]  # it says nothing of its types
+        self._registry = registry = CollectorRegistry()
+        ProcessCollector(registry=registry)
+        self._events = Counter(
+            "onboard_events", "What the cores said, by kind.", ["kind"], registry=registry
+        )
+        self._discarded = Counter(
+            "onboard_discarded",
+            "What came from outside and was not believed.",
+            ["room", "reason"],
+            registry=registry,
+        )
+        self._sent = Counter(
+            "onboard_sent", "Group messages handed to the radio.", ["message"], registry=registry
+        )
+        self._received = Counter(
+            "onboard_received", "Group messages opened.", ["message"], registry=registry
+        )
+        self._alarms = Counter(
+            "onboard_alarms", "Alarms that began or rose.", ["cause", "level"], registry=registry
+        )
+        self._alarm_level = Gauge(
+            "onboard_alarm_level", "0 none, 1 caution, 2 warning.", ["cause"], registry=registry
+        )
+        self._sensor_up = Gauge(
+            "onboard_sensor_up", "1, or 0 while it is lost.", ["sensor"], registry=registry
+        )
+        self._state = Gauge(
+            "onboard_group_state", "1 for the state that holds.", ["state"], registry=registry
+        )
+        self._number = Gauge("onboard_group_number", "1 unless a member.", registry=registry)
+        self._speed = Gauge("onboard_speed_metres_per_second", "Own speed.", registry=registry)
+        self._gap = Gauge(
+            "onboard_gap_metres", "To the car ahead; NaN without one.", registry=registry
+        )
+        self._loop_delay = Histogram(
+            "onboard_loop_delay_seconds",
+            "How late the loop comes to what is due, sampled ten times a second.",
+            buckets=_DELAY_BUCKETS_S,
+            registry=registry,
+        )
+        self._pages = Gauge("onboard_pages", "Driver's pages that are open.", registry=registry)
+        self._shown = Histogram(
+            "onboard_page_shown_seconds",
+            "From a view's being pushed to the page's word that it is shown.",
+            buckets=_DELAY_BUCKETS_S,
+            registry=registry,
+        )
+        self._refused = Counter(
+            "onboard_page_refused", "Who was not let in, and why.", ["reason"], registry=registry
+        )
+        for sensor in sensors:
+            self._sensor_up.labels(sensor.value).set(1)
+        for cause in Cause:
+            self._alarm_level.labels(cause.value).set(0)
+        self._gap.set(float("nan"))
+        self._number.set(1)
+        self._enter(State.REGULAR)
+
+    def receive_event(self, event: Event) -> None:
+        """Anything that the stack says."""
+        self._events.labels(event.kind).inc()
+        match event:
+            case Discarded():
+                self._discarded.labels(event.room, event.reason).inc()
+            case Sent():
+                self._sent.labels(event.message).inc()
+            case Received():
+                self._received.labels(event.message).inc()
+            case Alarm():
+                self._alarm_level.labels(event.cause.value).set(event.level.rank)
+                if event.level is not Level.NONE:
+                    self._alarms.labels(event.cause.value, event.level.value).inc()
+            case SensorLost() | SensorBack():
+                self._sensor_up.labels(event.sensor.value).set(isinstance(event, SensorBack))
+            case Transition():
+                self._enter(event.state)
+                self._number.set(event.group_number)
+            case Speed():
+                self._speed.set(event.speed_m_s)
+            case Lead():
+                self._gap.set(float("nan") if event.gap_m is None else event.gap_m)
+
+    def loop_delay(self, delay_s: float) -> None:
+        """The loop came so late."""
+        self._loop_delay.observe(delay_s)
+
+    def pages(self, count: int) -> None:
+        """So many pages are open."""
+        self._pages.set(count)
+
+    def shown(self, delay_s: float) -> None:
+        """A page has shown a view so long after it was pushed."""
+        self._shown.observe(delay_s)
+
+    def refused(self, reason: str) -> None:
+        """Somebody was not let in."""
+        self._refused.labels(reason).inc()
+
+    def exposition(self) -> tuple[bytes, str]:
+        """All of it as text, and its content type."""
+        return generate_latest(self._registry), CONTENT_TYPE_LATEST
+
+    def _enter(self, state: State) -> None:
+        for each in State:
+            self._state.labels(each.value).set(each is state)

@@ -1,0 +1,165 @@
+// The driver's page: puts each view of the car where the driver looks.
+import { Link } from "./link.js";
+import { Road } from "./road.js";
+import { Sounds, say } from "./sounds.js";
+import { keepAwake, switchColours, switchVoice } from "./switches.js";
+import { TEXTS, fill } from "./texts.js";
+
+const KM_H = 3.6;
+const MOST_IN_CHAIN = 7;
+const $ = (id) => document.getElementById(id);
+
+document.documentElement.lang = TEXTS.language;
+document.title = TEXTS.title;
+for (const element of document.querySelectorAll("[data-text]")) {
+  element.textContent = TEXTS[element.dataset.text];
+}
+
+const road = new Road($("road"));
+const voiceIsOn = switchVoice($("voice"));
+switchColours($("colours"), $("colours-icon"));
+const sounds = new Sounds((isOn) => {
+  $("sound").setAttribute("aria-pressed", String(isOn));
+  $("sound").setAttribute("aria-label", isOn ? TEXTS.soundOn : TEXTS.soundOff);
+  $("sound-icon").setAttribute("href", isOn ? "#icon-sound" : "#icon-mute");
+  $("sound-word").hidden = isOn;
+});
+$("sound").onclick = () => sounds.toggle();
+document.addEventListener("visibilitychange", keepAwake);
+keepAwake();
+
+let raised = ""; // which alarms hold, and since when
+const link = new Link("views", show, showAge);
+$("brake").onclick = () => link.send("brake");
+
+function show(view) {
+  showPlace(view.place);
+  showAhead(view);
+  showSensors(view.sensors);
+  showAlarms(view.alarms);
+  for (const item of $("legend").children) {
+    item.hidden = !view.cars.some((car) => car.known_by === item.className);
+  }
+  $("brake").hidden = !view.brake_button;
+  road.draw(view);
+}
+
+function showPlace({ state, number, group, followers }) {
+  $("place").dataset.state = state;
+  $("state").textContent = fill(TEXTS[state], { number });
+  const ahead = number - 1;
+  const note = { regular: TEXTS.noteRegular, leader: TEXTS.noteLeader }[state]
+    ?? (ahead === 1 ? TEXTS.noteMemberOne : fill(TEXTS.noteMember, { count: ahead }));
+  $("state-note").textContent = state === "regular" ? note : `${note} · ${fill(TEXTS.group, { group })}`;
+  const kinds = [
+    ...Array(Math.min(ahead, MOST_IN_CHAIN)).fill("ahead"),
+    "own",
+    ...Array(Math.min(followers, MOST_IN_CHAIN)).fill("behind"),
+  ];
+  $("chain").replaceChildren(...kinds.map((kind) => make("li", kind, "")));
+}
+
+function showAhead({ ahead, speed_m_s }) {
+  $("speed").textContent = speed_m_s === null ? "–" : Math.round(speed_m_s * KM_H);
+  const figures = $("figures");
+  $("gap-label").textContent = TEXTS.gap;
+  if (ahead === null || ahead.gap_m === null) {
+    figures.dataset.gap = ahead === null ? "lost" : "none";
+    $("gap").textContent = "–";
+    $("gap-unit").hidden = true;
+    $("gap-bar").style.width = "0";
+    $("gap-note").textContent = ahead === null ? TEXTS.gapUnknown : TEXTS.noLead;
+    return;
+  }
+  const { gap_m, safe_gap_m } = ahead;
+  $("gap").textContent = gap_m < 10 ? gap_m.toFixed(1) : Math.round(gap_m);
+  $("gap-unit").hidden = false;
+  if (safe_gap_m === null) {
+    figures.dataset.gap = "none";
+    $("gap-bar").style.width = "0";
+    $("gap-note").textContent = TEXTS.noSpeed;
+    return;
+  }
+  const part = safe_gap_m > 0 ? gap_m / safe_gap_m : 1;
+  figures.dataset.gap = part >= 1 ? "safe" : part >= 0.5 ? "close" : "tight";
+  $("gap-bar").style.width = `${Math.min(part, 1) * 100}%`;
+  const headway = speed_m_s > 0.5 ? (gap_m / speed_m_s).toFixed(1) : "–";
+  $("gap-note").textContent = fill(TEXTS.safeFrom, { headway, safe: Math.round(safe_gap_m) });
+}
+
+function showSensors(sensors) {
+  const names = { camera: TEXTS.camera, speed: TEXTS.speedSensor, position: TEXTS.position, radio: TEXTS.radio };
+  $("sensors").replaceChildren(...sensors.map(({ sensor, lost, reason }) => {
+    const item = make("li", lost ? "lost" : "", "");
+    item.dataset.sensor = sensor;
+    const words = make("span", "", lost ? fill(TEXTS.lost, { sensor: names[sensor] }) : names[sensor]);
+    if (lost) words.append(make("small", "", TEXTS.why[reason] ?? reason));
+    item.append(icon(sensor), words);
+    return item;
+  }));
+}
+
+function showAlarms(alarms) {
+  const first = alarms[0];
+  const names = alarms.map((alarm) => `${alarm.cause} ${alarm.level} ${alarm.raised_at_s}`);
+  const isNew = names.some((name) => !raised.includes(name));
+  raised = names.join(", ");
+  document.body.dataset.alarm = first?.level ?? "none";
+  $("alarm").hidden = first === undefined;
+  if (first !== undefined) {
+    const words = wordsOf(first);
+    $("alarm-sign").setAttribute("href", `#sign-${words.sign}`);
+    $("alarm-headline").textContent = words.headline;
+    $("alarm-sentence").textContent = words.sentence;
+    $("alarm-also").textContent = alarms.slice(1).map((alarm) => wordsOf(alarm).sentence).join(" · ");
+    if (isNew && voiceIsOn()) say(`${words.headline} ${words.sentence}`, TEXTS.language);
+  }
+  sounds.hold(first?.level ?? "none", isNew);
+}
+
+function wordsOf({ cause, level, direction, cars_ahead }) {
+  const isWarning = level === "warning";
+  switch (cause) {
+    case "group": {
+      const sentence = cars_ahead > 1 ? fill(TEXTS.groupSecond, { count: cars_ahead }) : TEXTS.groupOne;
+      return { sign: "brake", headline: TEXTS.brakeNow, sentence };
+    }
+    case "hard_braking":
+      return { sign: "brake", headline: isWarning ? TEXTS.brakeNow : TEXTS.watchOut, sentence: TEXTS.hardBraking };
+    case "closing_gap":
+      return { sign: "gap", headline: isWarning ? TEXTS.brakeNow : TEXTS.keepDistance, sentence: TEXTS.closingGap };
+    default: {
+      const sign = direction === "ahead" ? "brake" : direction;
+      return { sign, headline: isWarning ? TEXTS.stopNow : TEXTS.watchOut, sentence: TEXTS.crossing[direction] };
+    }
+  }
+}
+
+function showAge(age_ms, isStale) {
+  const before = document.body.dataset.link;
+  const now = !isStale ? "live" : age_ms === null ? "waiting" : "lost";
+  document.body.dataset.link = now;
+  $("stale").hidden = now === "live";
+  if (now === "live") return;
+  $("stale-headline").textContent = now === "waiting" ? TEXTS.connecting : TEXTS.stale;
+  $("stale-sentence").textContent = now === "waiting" ? "" : fill(TEXTS.staleFor, { seconds: Math.round(age_ms / 1000) });
+  if (before === "live") { // What was true then need not be now: no alarm goes on.
+    showAlarms([]);
+    sounds.once("stale");
+  }
+}
+
+function icon(name) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  const use = document.createElementNS("http://www.w3.org/2000/svg", "use");
+  use.setAttribute("href", `#icon-${name}`);
+  svg.append(use);
+  return svg;
+}
+
+function make(name, kind, words) {
+  const element = document.createElement(name);
+  if (kind) element.className = kind;
+  element.textContent = words;
+  return element;
+}

@@ -1,0 +1,168 @@
+// The map: the own lane upwards, to scale along the road; to the side the far is drawn nearer, so
+// that a car at a crossing fits beside one in the next lane.
+import { TEXTS, fill } from "./texts.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const RANGES_M = [25, 35, 50, 70, 100, 140];
+const SIDE_M = 4.0; // to here the sides are to scale
+const LANE_M = 3.5;
+
+export class Road {
+  #svg;
+  #range_m = RANGES_M[2];
+  #size = { width: 0, height: 0 };
+  #view = null;
+
+  constructor(svg) {
+    this.#svg = svg;
+    svg.setAttribute("aria-label", TEXTS.map);
+    new ResizeObserver(([entry]) => {
+      const { width, height } = entry.contentRect;
+      this.#size = { width, height };
+      svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+      if (this.#view) this.draw(this.#view);
+    }).observe(svg);
+  }
+
+  draw(view) {
+    this.#view = view;
+    const { width, height } = this.#size;
+    if (width < 40 || height < 40) return;
+    this.#chooseRange(view);
+    const lane = Math.min(Math.max(Math.min(width * 0.2, height * 0.24), 44), 96);
+    const car = { width: lane * 0.5, length: lane * 0.95 };
+    const behind = car.length * (view.place.followers > 0 ? 2.35 : 1.4);
+    const own = { x: width / 2, y: height - behind };  // the own front bumper
+    const scale = (own.y - 20) / this.#range_m;
+    const side = lane * (SIDE_M / LANE_M) / Math.asinh(1);
+    const at = (ahead_m, right_m) => ({
+      x: own.x + side * Math.asinh(right_m / SIDE_M),
+      y: own.y + car.length / 2 - ahead_m * scale,
+    });
+    const parts = [...this.#lanes(own, lane, height)];
+    const labels = [];
+    const ahead = view.ahead;
+    if (ahead === null) {
+      parts.push(make("rect", { x: own.x - lane / 2, y: 0, width: lane, height: own.y, class: "unknown" }));
+    } else if (ahead.safe_gap_m !== null) {
+      parts.push(...this.#safeZone(own, lane, scale, ahead));
+      labels.push(text(own.x + lane / 2 + 12, own.y - ahead.safe_gap_m * scale + 5,
+        fill(TEXTS.safeLine, { safe: Math.round(ahead.safe_gap_m) }), "start"));
+    }
+    for (const each of [...view.cars].reverse()) {
+      const place = at(each.ahead_m, each.right_m);
+      if (place.y > -car.length && place.y < height + car.length) {
+        parts.push(this.#car(place, car, each.known_by, each.turned_rad));
+      }
+    }
+    if (ahead?.gap_m != null) {
+      const rear = Math.max(own.y - ahead.gap_m * scale, car.length + 34);
+      parts.push(...this.#gap(own, rear));
+      const place = { x: own.x, y: rear - car.length / 2 };
+      parts.push(this.#car(place, car, "lead", null));
+      labels.push(...this.#plate(place, car, ahead));
+    }
+    if (view.place.followers > 0) {
+      const y = height - car.length * 0.6; // how far behind is not known
+      parts.push(this.#car({ x: own.x, y }, car, "follower", null));
+      labels.push(text(own.x + lane / 2 + 12, y + 5, TEXTS.follows, "start"));
+    }
+    parts.push(this.#car({ x: own.x, y: own.y + car.length / 2 }, car, "own", null));
+    this.#svg.replaceChildren(...hatch(), ...parts, ...labels);
+  }
+
+  #chooseRange(view) {
+    const needed = Math.max(20, (view.ahead?.safe_gap_m ?? 0) * 1.12, (view.ahead?.gap_m ?? 0) + 8);
+    if (needed > this.#range_m || needed < this.#range_m * 0.5) {
+      this.#range_m = RANGES_M.find((range) => range >= needed) ?? RANGES_M.at(-1);
+    }
+  }
+
+  #lanes(own, lane, height) {
+    const line = (x, kind) => make("line", { x1: x, x2: x, y1: 0, y2: height, class: kind });
+    return [
+      make("rect", { x: own.x - lane * 1.5, y: 0, width: lane * 3, height, class: "asphalt" }),
+      make("rect", { x: own.x - lane / 2, y: 0, width: lane, height, class: "own-lane" }),
+      line(own.x - lane / 2, "dashes"), line(own.x + lane / 2, "dashes"),
+      line(own.x - lane * 1.5, "edge"), line(own.x + lane * 1.5, "edge"),
+    ];
+  }
+
+  #safeZone(own, lane, scale, ahead) {
+    const top = own.y - ahead.safe_gap_m * scale;
+    const x = own.x - lane / 2;
+    return [
+      make("rect", { x, y: top, width: lane, height: own.y - top, class: "safe-zone" }),
+      make("line", { x1: x - 6, x2: x + lane + 6, y1: top, y2: top, class: "safe-line" }),
+    ];
+  }
+
+  #gap(own, rear) {
+    const bottom = own.y - 6, top = rear + 6;
+    if (bottom - top < 8) return [];
+    const tick = (y) => make("line", { x1: own.x - 9, x2: own.x + 9, y1: y, y2: y, class: "gap-line" });
+    return [make("line", { x1: own.x, x2: own.x, y1: top, y2: bottom, class: "gap-line" }), tick(top), tick(bottom)];
+  }
+
+  #plate(place, car, ahead) {
+    const known = ahead.identity === "known" && ahead.plate;
+    const words = known ? ahead.plate : TEXTS.plateUnknown;
+    const width = Math.max(words.length * (known ? 11.5 : 7.4) + 16, 60);
+    const x = place.x - width / 2, y = place.y - car.length / 2 - 32;
+    const label = text(place.x, y + 19, words, known ? "plate-text" : "");
+    return known ? [make("rect", { x, y, width, height: 26, rx: 5, class: "plate" }), label] : [label];
+  }
+
+  #car(place, car, kind, turned_rad) {
+    const w = car.width, l = car.length, turned = ((turned_rad ?? 0) * 180) / Math.PI;
+    const group = make("g", {
+      class: `car ${kind}`, transform: `translate(${place.x} ${place.y}) rotate(${turned})`,
+    });
+    group.append(
+      make("path", { class: "body", d: body(w, l) }),
+      make("path", { class: "glass", d: glass(w, -l * 0.24, 0.8, 0.94, l * 0.15) }),
+      make("path", { class: "glass", d: glass(w, l * 0.27, 0.9, 0.78, l * 0.11) }),
+    );
+    if (kind === "lead" || kind === "own") {
+      for (const side of [-1, 1]) {
+        group.append(make("rect", {
+          class: "lamp", x: side * w * 0.33 - w * 0.09, y: l * 0.46, width: w * 0.18, height: l * 0.035, rx: 1,
+        }));
+      }
+    }
+    return group;
+  }
+}
+
+function body(w, l) {
+  const x = w / 2, y = l / 2;
+  return `M${-x * 0.62} ${-y}Q0 ${-y * 1.06} ${x * 0.62} ${-y}Q${x} ${-y * 0.97} ${x} ${-y * 0.68}`
+    + `V${y * 0.8}Q${x} ${y} ${x * 0.7} ${y}H${-x * 0.7}Q${-x} ${y} ${-x} ${y * 0.8}`
+    + `V${-y * 0.68}Q${-x} ${-y * 0.97} ${-x * 0.62} ${-y}Z`;
+}
+
+function glass(w, y, top, bottom, height) {
+  const a = (w / 2) * top * 0.86, b = (w / 2) * bottom * 0.86;
+  return `M${-a} ${y}Q0 ${y - height * 0.3} ${a} ${y}L${b} ${y + height}H${-b}Z`;
+}
+
+// The pattern of what nobody sees.
+function hatch() {
+  const pattern = make("pattern", {
+    id: "hatch", width: 12, height: 12, patternUnits: "userSpaceOnUse", patternTransform: "rotate(-45)",
+  });
+  pattern.append(make("rect", { width: 5, height: 12, class: "hatch" }));
+  return [pattern];
+}
+
+function make(name, attributes) {
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  return element;
+}
+
+function text(x, y, words, kind) {
+  const element = make("text", { x, y, class: kind });
+  element.textContent = words;
+  return element;
+}

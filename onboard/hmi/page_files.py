@@ -1,0 +1,57 @@
+"""The files of a page, held in memory and sent under rules that let nothing in from outside."""
+
+from collections.abc import Mapping
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+
+from aiohttp import web
+
+CONTENT_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".woff2": "font/woff2",
+    ".txt": "text/plain; charset=utf-8",
+}
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; font-src 'self';"
+        " connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+}
+"""Of every answer. No inline script, no style attribute, no file of another origin."""
+
+
+def read_page(package: str) -> dict[str, tuple[bytes, str]]:
+    """The files in `page/` of a package by their path from there: content and content type."""
+    return dict(_read(files(package) / "page", ""))
+
+
+def add_page(app: web.Application, pages: Mapping[str, tuple[bytes, str]]) -> None:
+    """Serve the files; `index.html` is also `/`."""
+
+    async def send(request: web.Request) -> web.Response:
+        name = request.match_info["path"] or "index.html"
+        if name not in pages:
+            raise web.HTTPNotFound
+        body, content_type = pages[name]
+        return web.Response(body=body, headers={"Content-Type": content_type})
+
+    app.router.add_get("/{path:.*}", send)
+
+
+def _read(folder: Traversable, prefix: str) -> list[tuple[str, tuple[bytes, str]]]:
+    found = []
+    for entry in folder.iterdir():
+        path = prefix + entry.name
+        if entry.is_dir():
+            found += _read(entry, f"{path}/")
+        else:
+            suffix = entry.name[entry.name.rfind(".") :]
+            found.append((path, (entry.read_bytes(), CONTENT_TYPES[suffix])))
+    return found

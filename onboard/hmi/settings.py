@@ -1,0 +1,34 @@
+"""Where the driver's page is served, and who may look."""
+
+from ipaddress import IPv4Address
+from typing import Self
+
+from pydantic import Field, SecretStr, model_validator
+
+from onboard.settings import Settings
+
+
+class HmiSettings(Settings):
+    """The driver's page and the metrics, over HTTP."""
+
+    host: IPv4Address = IPv4Address("127.0.0.1")
+    """Own address that browsers connect to. Any but 127.0.0.1 needs a `token`: whoever is in the
+    same network could look, and press the button."""
+    port: int = Field(8460, ge=1, le=65535)
+    """Of the page, and of `/metrics`."""
+    token: SecretStr | None = Field(None, min_length=16)
+    """Once a browser has opened `http://HOST:PORT/?token=TOKEN` it is let in; Prometheus sends it
+    as bearer token. Letters, digits, `-` and `_`."""
+    brake_button: bool = False
+    """Test mode: the page has the button of the paper's demonstration, which warns those behind
+    as if this car braked hard."""
+
+    @model_validator(mode="after")
+    def _others_need_a_token(self) -> Self:
+        if self.token is None and not self.host.is_loopback:
+            raise ValueError("a host other than 127.0.0.1 needs a token of at least 16 characters")
+        if self.token is not None:
+            text = self.token.get_secret_value()
+            if not (text.isascii() and text.replace("-", "a").replace("_", "a").isalnum()):
+                raise ValueError("token may have letters, digits, - and _")
+        return self

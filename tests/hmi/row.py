@@ -1,0 +1,189 @@
+"""A row of whole cars in real time, the last with its page: stacks joined by a perfect wire.
+
+What the cameras would say is said by the test; everything from there to the browser is real.
+"""
+
+import asyncio
+import socket
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+import numpy as np
+
+from onboard.config import CarConfig
+from onboard.hmi.driver_page import DriverPage
+from onboard.obd.settings import CanSettings
+from onboard.observations import Lead, LeadIdentity, SensedCar, Sensor, SensorLost, Speed
+from onboard.settings import parse_settings
+from onboard.stack import Stack
+from onboard.trace import Event
+from onboard.vision.settings import CameraSettings
+
+TICK_S = 0.1
+SPEED_M_S = 15.0
+SENSORS = frozenset({Sensor.SPEED, Sensor.CAMERA})
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Row:
+    """Cars one behind the other; the last one's page is served in a thread of its own."""
+
+    def __init__(self, *plates: str, gap_m: float = 14.0, **hmi: object) -> None:
+        self.port = free_port()
+        self.hmi = hmi
+        self.plates = plates
+        self.gap_m = gap_m
+        self.plate_ahead: str | None = plates[-2] if len(plates) > 1 else None
+        self.seen: tuple[tuple[float, float], ...] = ()
+        """What else the last car's camera shows: ahead and right, in m."""
+        self.camera_works = True
+        self.now = 0.0
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever)
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+    def __enter__(self) -> "Row":
+        self._thread.start()
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    def start(self) -> None:
+        """Switch all cars on, as if for the first time."""
+        self._do(self._start())
+
+    def stop(self) -> None:
+        """Switch them off."""
+        self._do(self._stop())
+
+    def do(self, action: Callable[[], Any]) -> Any:
+        """Do something on the loop of the cars."""
+
+        async def on_loop() -> Any:
+            return action()
+
+        return self._do(on_loop())
+
+    def brake(self, car: int = 0) -> None:
+        """Press the button in a car."""
+        self.do(lambda: self.stacks[car].press_brake_button(self.now))
+
+    def say(self, event: Event) -> None:
+        """Have the page told of something that the stack might have said."""
+        self.do(lambda: self.page.receive_event(event))
+
+    def lose_camera(self, reason: str = "frozen") -> None:
+        """The last car's pictures freeze."""
+        self.camera_works = False
+        lost = SensorLost(self.now, Sensor.CAMERA, None, reason)
+        self.do(lambda: self.stacks[-1].receive_observation(lost, self.now))
+
+    def _do(self, work: Any) -> Any:
+        future: Future[Any] = asyncio.run_coroutine_threadsafe(work, self._loop)
+        return future.result(timeout=20.0)
+
+    async def _start(self) -> None:
+        self.now = time.monotonic()
+        configs = [self._config(number) for number in range(len(self.plates))]
+        self.stacks = [
+            Stack(
+                config,
+                SENSORS,
+                np.random.default_rng(number),
+                now=self.now,
+                utc_s=1.7e9,
+            )
+            for number, config in enumerate(configs)
+        ]
+        last = configs[-1]
+        assert last.hmi is not None
+        self.page = DriverPage(
+            last.hmi,
+            last.model_copy(update={"can": CanSettings(), "camera": CameraSettings(source="test")}),
+            self.stacks[-1],
+            lambda _: self.stacks[-1].press_brake_button(self.now),
+        )
+        await self.page.start()
+        self._driving = asyncio.create_task(self._drive())
+
+    async def _stop(self) -> None:
+        self._driving.cancel()
+        await self.page.close()
+
+    def _config(self, number: int) -> CarConfig:
+        tree: dict[str, object] = {
+            "car": {"plate": self.plates[number]},
+            "security": {"plate_digest": {"scrypt_log2_n": 1}},
+        }
+        if number == len(self.plates) - 1:
+            tree["hmi"] = {"port": self.port} | self.hmi
+        return parse_settings(tree, CarConfig, self.plates[number])
+
+    async def _drive(self) -> None:
+        look_at = 0.0
+        while True:
+            self.now = time.monotonic()
+            if self.now >= look_at:
+                look_at = self.now + TICK_S
+                self._look()
+            self._settle()
+            await asyncio.sleep(0.02)
+
+    def _look(self) -> None:
+        ahead: str | None = None
+        for stack, plate in zip(self.stacks, self.plates, strict=True):
+            is_last = stack is self.stacks[-1]
+            stack.receive_observation(Speed(self.now, SPEED_M_S, 0.28, "obd:7E8"), self.now)
+            if not is_last or self.camera_works:
+                text = self.plate_ahead if is_last else ahead
+                lead = (
+                    Lead(self.now, LeadIdentity.NO_LEAD)
+                    if text is None
+                    else Lead(self.now, LeadIdentity.KNOWN, text, self.gap_m, 0.3, 0.2, 0.3)
+                )
+                stack.receive_observation(lead, self.now)
+                if is_last:
+                    for number, (ahead_m, right_m) in enumerate(self.seen):
+                        range_m, bearing_rad = (
+                            np.hypot(ahead_m, right_m),
+                            np.arctan2(right_m, ahead_m),
+                        )
+                        stack.receive_observation(
+                            SensedCar(
+                                self.now, number, float(range_m), 0.5, float(bearing_rad), 0.01
+                            ),
+                            self.now,
+                        )
+            ahead = plate
+
+    def _settle(self) -> None:
+        for stack in self.stacks:
+            if stack.get_timer() <= self.now:
+                stack.handle_timer(self.now)
+            stack.can_to_send(self.now)
+        on_air = [(stack, wsm) for stack in self.stacks for _, wsm in stack.wsms_to_send(self.now)]
+        for sender, wsm in on_air:
+            for stack in self.stacks:
+                if stack is not sender:
+                    stack.receive_wsm(wsm, self.now)
+        for stack in self.stacks:
+            while (event := stack.next_event()) is not None:
+                if stack is self.stacks[-1]:
+                    self.page.receive_event(event)
+        self.page.show(self.now)

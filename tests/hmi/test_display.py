@@ -1,0 +1,275 @@
+"""What the driver is shown, from what the stack says; no clock, no browser."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from onboard.hmi.display import SHOW_S, Display
+from onboard.hmi.driver_view import Direction, DriverView
+from onboard.lcca.events import WarningRaised
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.settings import LccaSettings
+from onboard.lcca.transitions import State
+from onboard.messages.lcca import Join
+from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.observations import (
+    Lead,
+    LeadIdentity,
+    SensedCar,
+    Sensor,
+    SensorBack,
+    SensorLost,
+    Speed,
+)
+from onboard.risk.alarm import Alarm, Cause, Level, Reason
+from onboard.trace import as_record
+
+OWN = bytes.fromhex("00112233445566aa")
+OTHER = bytes.fromhex("ffeeddccbbaa9988")
+
+
+def display(**more: Any) -> Display:
+    given: dict[str, Any] = {
+        "sensors": (Sensor.SPEED, Sensor.CAMERA),
+        "speed_held_s": 0.8,
+        "lead_held_s": 0.8,
+        "safe_headway_s": 1.98,
+        "length_m": 4.5,
+    }
+    return Display(**(given | more))
+
+
+def alone() -> WarningGroup:
+    return WarningGroup(LccaSettings(), OWN, np.random.default_rng(1))
+
+
+def shown(on: Display, now: float, group: WarningGroup | None = None) -> DriverView:
+    view = on.view_to_show(group or alone(), now)
+    assert view is not None
+    return view
+
+
+def speed(now: float, speed_m_s: float = 20.0) -> Speed:
+    return Speed(now, speed_m_s, 0.28, "obd:7E8")
+
+
+def lead(now: float, gap_m: float = 14.0, text: str = "RD288HX") -> Lead:
+    return Lead(now, LeadIdentity.KNOWN, text, gap_m, 0.3, 1.0, 0.3)
+
+
+def known(east_m: float, north_m: float, known_by: KnownBy, **more: Any) -> KnownCar:
+    given: dict[str, Any] = {
+        "stamp_s": 0.0,
+        "name": "7",
+        "state": (east_m, north_m, 0.0, 20.0),
+        "covariance": ((0.0,) * 4,) * 4,
+        "age_s": 0.1,
+        "provenance": frozenset(),
+    }
+    return KnownCar(known_by=known_by, **(given | more))
+
+
+def alarm(now: float, cause: Cause, level: Level, name: str = "7") -> Alarm:
+    return Alarm(now, cause, level, 6.0, (Reason("known_car", name, 0.1),))
+
+
+def test_at_the_beginning_nothing_is_claimed() -> None:
+    view = shown(display(), 0.0)
+
+    assert (view.speed_m_s, view.ahead, view.cars, view.alarms) == (None, None, (), ())
+    assert view.place.state is State.REGULAR
+    assert view.place.number == 1
+    assert not any(sensor.lost for sensor in view.sensors)
+    assert not view.brake_button
+
+
+def test_a_view_is_due_five_times_a_second() -> None:
+    page = display()
+    shown(page, 10.0)
+
+    assert page.view_to_show(alone(), 10.0 + 0.9 * SHOW_S) is None
+    shown(page, 10.0 + SHOW_S)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        alarm(10.01, Cause.GROUP, Level.WARNING),
+        SensorLost(10.01, Sensor.CAMERA, 0.8, "silent"),
+        SensorBack(10.01, Sensor.CAMERA),
+    ],
+)
+def test_what_cannot_wait_is_shown_at_once(event: Any) -> None:
+    page = display()
+    shown(page, 10.0)
+
+    page.receive_event(event)
+
+    shown(page, 10.01)
+
+
+def test_the_gap_stands_beside_the_safety_distance_at_the_own_speed() -> None:
+    page = display()
+    page.receive_event(speed(10.0, 15.0))
+    page.receive_event(lead(10.0))
+
+    ahead = shown(page, 10.0).ahead
+
+    assert ahead is not None
+    assert (ahead.plate, ahead.gap_m, ahead.closing_speed_m_s) == ("RD288HX", 14.0, 1.0)
+    assert ahead.safe_gap_m == pytest.approx(0.55 * 54.0)  # 0.55 m for each km/h
+
+
+def test_what_is_old_is_not_shown() -> None:
+    page = display()
+    page.receive_event(speed(10.0))
+    page.receive_event(lead(10.3))
+
+    view = shown(page, 10.9)
+    assert view.speed_m_s is None
+    assert view.ahead is not None
+    assert view.ahead.safe_gap_m is None
+    assert shown(page, 11.2).ahead is None
+
+
+def test_no_car_ahead_an_unread_one_and_a_blind_camera_are_three_things() -> None:
+    page = display()
+    page.receive_event(Lead(10.0, LeadIdentity.NO_LEAD))
+    nobody = shown(page, 10.0).ahead
+    page.receive_event(Lead(10.5, LeadIdentity.UNKNOWN, None, 20.0))
+    unread = shown(page, 10.5).ahead
+    page.receive_event(SensorLost(10.6, Sensor.CAMERA, 0.1, "frozen"))
+
+    assert nobody is not None
+    assert unread is not None
+    assert (nobody.identity, nobody.gap_m) == (LeadIdentity.NO_LEAD, None)
+    assert (unread.identity, unread.plate, unread.gap_m) == (LeadIdentity.UNKNOWN, None, 20.0)
+    assert shown(page, 10.6).ahead is None
+
+
+def test_a_lost_sensor_is_shown_with_its_reason_until_it_is_back() -> None:
+    page = display()
+    page.receive_event(SensorLost(10.0, Sensor.CAMERA, 0.8, "frozen"))
+    lost = {each.sensor: (each.lost, each.reason) for each in shown(page, 10.0).sensors}
+    page.receive_event(SensorBack(11.0, Sensor.CAMERA))
+
+    assert lost == {Sensor.CAMERA: (True, "frozen"), Sensor.SPEED: (False, None)}
+    assert not any(each.lost for each in shown(page, 11.0).sensors)
+
+
+def test_an_alarm_stays_until_it_ends_and_tells_when_it_rose() -> None:
+    page = display()
+    page.receive_event(alarm(10.0, Cause.CLOSING_GAP, Level.CAUTION))
+    page.receive_event(alarm(10.5, Cause.CLOSING_GAP, Level.WARNING))
+    (held,) = shown(page, 12.0).alarms
+    page.receive_event(Alarm(13.0, Cause.CLOSING_GAP, Level.NONE, 0.0, ()))
+
+    assert (held.level, held.raised_at_s, held.direction) == (Level.WARNING, 10.5, Direction.AHEAD)
+    assert shown(page, 13.0).alarms == ()
+
+
+def test_the_most_urgent_alarm_comes_first_and_of_two_the_newer() -> None:
+    page = display()
+    page.receive_event(alarm(10.0, Cause.GROUP, Level.WARNING))
+    page.receive_event(alarm(11.0, Cause.CLOSING_GAP, Level.CAUTION))
+    page.receive_event(alarm(12.0, Cause.HARD_BRAKING, Level.WARNING))
+
+    assert [each.cause for each in shown(page, 12.0).alarms] == [
+        Cause.HARD_BRAKING,
+        Cause.GROUP,
+        Cause.CLOSING_GAP,
+    ]
+
+
+def test_a_warning_of_the_group_says_how_many_cars_ahead_it_was() -> None:
+    page = display()
+    page.receive_event(
+        WarningRaised(
+            stamp_s=10.0,
+            origin_id=OTHER,
+            sequence=1,
+            origin_number=2,
+            group_number=5,
+            leader_id=OTHER,
+            deceleration_m_s2=6.0,
+            age_s=0.01,
+            hops=1,
+        )
+    )
+    page.receive_event(alarm(10.0, Cause.GROUP, Level.WARNING, OTHER.hex()))
+
+    assert shown(page, 10.0).alarms[0].cars_ahead == 3
+
+
+@pytest.mark.parametrize(
+    ("east_m", "direction"), [(30.0, Direction.RIGHT), (-30.0, Direction.LEFT)]
+)
+def test_a_crossing_car_comes_from_its_side(east_m: float, direction: Direction) -> None:
+    page = display()
+    page.receive_surroundings(
+        known(0.0, 0.0, KnownBy.ITSELF, name="own"),
+        [known(-east_m, 5.0, KnownBy.RADIO, name="8"), known(east_m, 40.0, KnownBy.RADIO)],
+    )
+    page.receive_event(alarm(10.0, Cause.CROSSING, Level.WARNING, "7"))
+
+    assert shown(page, 10.0).alarms[0].direction is direction
+
+
+def test_a_crossing_car_that_is_gone_again_is_somewhere_ahead() -> None:
+    page = display()
+    page.receive_event(alarm(10.0, Cause.CROSSING, Level.WARNING))
+
+    assert shown(page, 10.0).alarms[0].direction is Direction.AHEAD
+
+
+def test_the_lead_car_is_on_the_map_once() -> None:
+    page = display()
+    page.receive_event(lead(10.0, gap_m=14.0))
+    page.receive_surroundings(
+        known(0.0, 0.0, KnownBy.ITSELF, name="own"),
+        [known(0.3, 18.0, KnownBy.RADIO), known(3.5, 19.0, KnownBy.TOLD)],
+    )
+
+    (other,) = shown(page, 10.0).cars
+    assert (other.known_by, other.ahead_m, other.right_m) == (KnownBy.TOLD, 19.0, 3.5)
+
+
+def test_without_an_own_position_the_camera_fills_the_map_with_its_last_picture() -> None:
+    page = display()
+    page.receive_event(lead(10.0, gap_m=14.0))
+    for stamp_s in (9.9, 10.0):
+        page.receive_event(SensedCar(stamp_s, 1, 14.0, 0.3, 0.0, 0.01))
+        page.receive_event(SensedCar(stamp_s, 2, 20.0, 0.3, 0.2, 0.01))
+
+    (other,) = shown(page, 10.0).cars
+    assert other.known_by is KnownBy.SEEN
+    assert other.right_m == pytest.approx(20.0 * np.sin(0.2))
+    assert shown(page, 11.0).cars == ()
+
+
+def test_who_follows_is_counted() -> None:
+    group = alone()
+    group.receive_message(
+        Join(OTHER, OTHER, 1, to_id=OWN, sequence=1, heard_origin_id=bytes(8), heard_sequence=0),
+        10.0,
+    )
+
+    place = shown(display(), 10.0, group).place
+    assert (place.state, place.number, place.followers) == (State.LEADER, 1, 1)
+    assert place.group == OWN.hex()[:4]
+
+
+def test_a_view_has_a_form_in_json() -> None:
+    page = display(brake_button=True)
+    page.receive_event(speed(10.0))
+    page.receive_event(lead(10.0))
+    page.receive_event(alarm(10.0, Cause.GROUP, Level.WARNING))
+
+    record = as_record(shown(page, 10.0))
+
+    assert record["kind"] == "driver_view"
+    assert record["place"]["state"] == "regular"
+    assert record["ahead"]["identity"] == "known"
+    assert record["alarms"][0]["level"] == "warning"
+    assert record["brake_button"] is True

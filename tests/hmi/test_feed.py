@@ -1,0 +1,87 @@
+"""Readers of the latest text: none queues, however slow it is."""
+
+import asyncio
+from collections.abc import Awaitable
+from typing import TypeVar
+
+import pytest
+
+from onboard.hmi.feed import MOST_UNCONFIRMED, Feed, Reader
+
+T = TypeVar("T")
+
+
+async def soon(work: Awaitable[T]) -> T:
+    return await asyncio.wait_for(work, 1.0)
+
+
+async def not_now(work: Awaitable[object]) -> None:
+    """There is nothing to be had without anybody else's doing."""
+    with pytest.raises(TimeoutError):
+        await asyncio.wait_for(work, 0.0)
+
+
+def test_a_reader_that_confirms_gets_everything() -> None:
+    async def read() -> list[str]:
+        feed = Feed()
+        reader = Reader(feed)
+        texts = []
+        for text in ("a", "b", "c", "d"):
+            feed.publish(text)
+            number, got = await soon(reader.next())
+            reader.confirm(number)
+            texts.append(got)
+        return texts
+
+    assert asyncio.run(read()) == ["a", "b", "c", "d"]
+
+
+def test_a_slow_reader_misses_what_is_old_and_gets_the_latest() -> None:
+    async def read() -> None:
+        feed = Feed()
+        reader = Reader(feed)
+        numbers = []
+        for text in ("a", "b"):
+            feed.publish(text)
+            numbers.append((await soon(reader.next()))[0])
+        assert len(numbers) == MOST_UNCONFIRMED
+        for text in ("c", "d", "e"):
+            feed.publish(text)
+            await not_now(reader.next())
+
+        reader.confirm(numbers[0])
+
+        assert (await soon(reader.next()))[1] == "e"
+
+    asyncio.run(read())
+
+
+def test_a_new_reader_is_not_told_old_news() -> None:
+    async def read() -> None:
+        feed = Feed()
+        feed.publish("long ago")
+        reader = Reader(feed)
+
+        await not_now(reader.next())
+        feed.publish("now")
+
+        assert (await soon(reader.next()))[1] == "now"
+
+    asyncio.run(read())
+
+
+@pytest.mark.parametrize("confirmed", [0, -1, 99])
+def test_a_confirmation_of_what_was_not_sent_makes_no_room(confirmed: int) -> None:
+    async def read() -> None:
+        feed = Feed()
+        reader = Reader(feed)
+        for text in ("a", "b"):
+            feed.publish(text)
+            await soon(reader.next())
+        feed.publish("c")
+
+        reader.confirm(confirmed)
+
+        await not_now(reader.next())
+
+    asyncio.run(read())

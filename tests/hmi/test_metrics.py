@@ -1,0 +1,74 @@
+"""What an operator counts, read back by Prometheus' own parser."""
+
+from prometheus_client.parser import text_string_to_metric_families
+
+from onboard.hmi.metrics import Metrics
+from onboard.lcca.events import Transition
+from onboard.lcca.transitions import Event, State
+from onboard.observations import Discarded, Lead, LeadIdentity, Sensor, SensorBack, SensorLost
+from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.wave_link import Received, Sent
+
+
+def read(metrics: Metrics) -> dict[str, float]:
+    text = metrics.exposition()[0].decode()
+    return {
+        " ".join([sample.name, *(f"{k}={v}" for k, v in sorted(sample.labels.items()))]): (
+            sample.value
+        )
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+    }
+
+
+def test_what_the_stack_says_is_counted() -> None:
+    metrics = Metrics(frozenset({Sensor.CAMERA}))
+    for event in (
+        Discarded(1.0, "lcca", "duplicate"),
+        Discarded(1.1, "lcca", "duplicate"),
+        Discarded(1.2, "security", "wrong_signature"),
+        Sent(1.3, "warn", 7, 200, {}),
+        Received(1.4, "join", None, {}),
+        Alarm(1.5, Cause.GROUP, Level.WARNING, 6.0, ()),
+        SensorLost(1.6, Sensor.CAMERA, 0.8, "frozen"),
+        Transition(1.7, Event.JOINED, State.REGULAR, State.MEMBER, bytes(8), 3, "answered"),
+        Lead(1.8, LeadIdentity.UNKNOWN, None, 21.5),
+    ):
+        metrics.receive_event(event)
+
+    counted = read(metrics)
+
+    assert counted["onboard_discarded_total reason=duplicate room=lcca"] == 2
+    assert counted["onboard_discarded_total reason=wrong_signature room=security"] == 1
+    assert counted["onboard_events_total kind=discarded"] == 3
+    assert counted["onboard_sent_total message=warn"] == 1
+    assert counted["onboard_received_total message=join"] == 1
+    assert counted["onboard_alarms_total cause=group level=warning"] == 1
+    assert counted["onboard_alarm_level cause=group"] == 2
+    assert counted["onboard_sensor_up sensor=camera"] == 0
+    assert counted["onboard_group_state state=member"] == 1
+    assert counted["onboard_group_state state=regular"] == 0
+    assert counted["onboard_group_number"] == 3
+    assert counted["onboard_gap_metres"] == 21.5
+
+
+def test_what_is_over_is_shown_as_over() -> None:
+    metrics = Metrics(frozenset({Sensor.CAMERA}))
+    metrics.receive_event(Alarm(1.0, Cause.GROUP, Level.WARNING, 6.0, ()))
+    metrics.receive_event(Alarm(2.0, Cause.GROUP, Level.NONE, 0.0, ()))
+    metrics.receive_event(SensorLost(1.0, Sensor.CAMERA, 0.8, "frozen"))
+    metrics.receive_event(SensorBack(2.0, Sensor.CAMERA))
+
+    counted = read(metrics)
+
+    assert counted["onboard_alarm_level cause=group"] == 0
+    assert counted["onboard_alarms_total cause=group level=warning"] == 1
+    assert counted["onboard_sensor_up sensor=camera"] == 1
+
+
+def test_two_cars_in_one_process_count_apart() -> None:
+    one, other = Metrics(frozenset()), Metrics(frozenset())
+    one.refused("wrong_token")
+
+    assert read(one)["onboard_page_refused_total reason=wrong_token"] == 1
+    assert "onboard_page_refused_total reason=wrong_token" not in read(other)

@@ -1,0 +1,247 @@
+"""The server over real sockets: who gets what, and that nobody can slow it down."""
+
+import asyncio
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import asynccontextmanager
+from typing import Any
+
+import aiohttp
+import pytest
+
+from onboard.errors import UserError
+from onboard.hmi.metrics import Metrics
+from onboard.hmi.page_files import read_page
+from onboard.hmi.page_server import MOST_PAGES, PageServer
+from onboard.hmi.settings import HmiSettings
+from onboard.settings import parse_settings
+from tests.hmi.row import free_port
+
+TOKEN = "aaaabbbbccccdddd"  # noqa: S105 (of this test)
+
+
+class Served:
+    """A server and how to ask it."""
+
+    def __init__(
+        self,
+        server: PageServer,
+        session: aiohttp.ClientSession,
+        address: str,
+        pressed: list[None],
+    ) -> None:
+        self.server = server
+        self.session = session
+        self.address = address
+        self.pressed = pressed
+
+    async def status(self, path: str, **more: Any) -> int:
+        async with self.session.get(self.address + path, allow_redirects=False, **more) as answer:
+            return answer.status
+
+    async def text(self, path: str, **more: Any) -> str:
+        async with self.session.get(self.address + path, **more) as answer:
+            return await answer.text()
+
+    async def page(self, **more: Any) -> aiohttp.ClientWebSocketResponse:
+        before = await self.open_pages()
+        page = await self.session.ws_connect(self.address + "views", **more)
+        while await self.open_pages() == before:
+            await asyncio.sleep(0)
+        return page
+
+    async def open_pages(self) -> float:
+        name = "onboard_pages "
+        lines = (await self.text("metrics")).splitlines()
+        (line,) = [line for line in lines if line.startswith(name)]
+        return float(line.removeprefix(name))
+
+
+@asynccontextmanager
+async def served(**settings: object) -> AsyncIterator[Served]:
+    tree = {"port": free_port()} | settings
+    pressed: list[None] = []
+    server = PageServer(
+        parse_settings(tree, HmiSettings, "hmi"),
+        Metrics(frozenset()),
+        lambda: pressed.append(None),
+    )
+    await server.start()
+    headers = {"Authorization": f"Bearer {settings['token']}"} if "token" in settings else {}
+    async with aiohttp.ClientSession(headers=headers) as session:
+        yield Served(server, session, f"http://127.0.0.1:{tree['port']}/", pressed)
+    await server.close()
+
+
+def run(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(asyncio.wait_for(work, 20.0))
+
+
+def test_every_file_of_the_page_is_served_under_strict_rules() -> None:
+    async def ask() -> None:
+        async with served() as it:
+            for path in ["", *read_page("onboard.hmi"), "metrics"]:
+                async with it.session.get(it.address + path) as answer:
+                    assert answer.status == 200, path
+                    rules = answer.headers["Content-Security-Policy"]
+                    assert "default-src 'none'" in rules
+                    assert "unsafe" not in rules
+                    assert answer.headers["X-Content-Type-Options"] == "nosniff"
+
+    run(ask())
+
+
+@pytest.mark.parametrize("path", ["nothing.js", "../settings.py", "%2e%2e/settings.py", "fonts/"])
+def test_there_is_nothing_else(path: str) -> None:
+    async def ask() -> None:
+        async with served() as it:
+            assert await it.status(path) == 404
+
+    run(ask())
+
+
+def test_the_page_names_no_file_from_outside() -> None:
+    for name, (body, content_type) in read_page("onboard.hmi").items():
+        if content_type.startswith(("text/html", "text/css", "text/javascript")):
+            text = body.decode().replace("http://www.w3.org/2000/svg", "")
+            assert "//" not in text.replace("// ", "").replace("//\n", ""), name
+
+
+def test_another_name_or_origin_gets_nothing() -> None:
+    async def ask() -> None:
+        async with served() as it:
+            assert await it.status("", headers={"Host": "evil.example"}) == 403
+            assert await it.status("metrics", headers={"Host": "evil.example"}) == 403
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                await it.session.ws_connect(
+                    it.address + "views", headers={"Origin": "http://evil.example"}
+                )
+            assert 'reason="foreign_host"} 2.0' in await it.text("metrics")
+
+    run(ask())
+
+
+def test_with_a_token_nothing_is_served_without_it() -> None:
+    async def ask() -> None:
+        async with served(token=TOKEN) as it, aiohttp.ClientSession() as stranger:
+            for path in ("", "driver.js", "metrics", "views", "nothing"):
+                async with stranger.get(it.address + path) as answer:
+                    assert answer.status == 401
+                async with stranger.get(it.address + path, params={"token": "x" * 16}) as answer:
+                    assert answer.status == 401
+            assert await it.status("metrics") == 200
+
+    run(ask())
+
+
+def test_the_right_token_in_the_address_becomes_a_cookie_and_leaves_the_address() -> None:
+    async def ask() -> None:
+        jar = aiohttp.CookieJar(unsafe=True)
+        async with served(token=TOKEN) as it, aiohttp.ClientSession(cookie_jar=jar) as driver:
+            async with driver.get(it.address, params={"token": TOKEN}) as answer:
+                assert answer.status == 200
+                assert TOKEN not in str(answer.url)
+                (redirect,) = answer.history
+                assert "HttpOnly" in redirect.headers["Set-Cookie"]
+                assert "SameSite=Strict" in redirect.headers["Set-Cookie"]
+            async with driver.get(it.address + "driver.js") as answer:
+                assert answer.status == 200
+
+    run(ask())
+
+
+def test_a_view_goes_to_every_page() -> None:
+    async def look() -> None:
+        async with served() as it:
+            pages = [await it.page() for _ in range(20)]
+            it.server.publish('{"n":1}')
+            for page in pages:
+                assert await page.receive_str() == '1 {"n":1}'
+                await page.send_str("shown 1")
+
+    run(look())
+
+
+def test_a_page_that_confirms_nothing_gets_two_views_and_then_the_latest() -> None:
+    async def look() -> None:
+        async with served() as it:
+            slow, quick = await it.page(), await it.page()
+            for number in range(1, 500):
+                it.server.publish(str(number))
+                assert await quick.receive_str() == f"{number} {number}"
+                await quick.send_str(f"shown {number}")
+
+            await slow.receive_str()
+            second = (await slow.receive_str()).partition(" ")[0]
+            await slow.send_str(f"shown {second}")
+
+            assert await slow.receive_str() == "499 499"
+
+    run(look())
+
+
+def test_one_page_too_many_is_turned_away() -> None:
+    async def look() -> None:
+        async with served() as it:
+            pages = [await it.page() for _ in range(MOST_PAGES)]
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
+                await it.session.ws_connect(it.address + "views")
+            await pages[0].close()
+            while await it.open_pages() == MOST_PAGES:
+                await asyncio.sleep(0)
+            await it.page()
+
+    run(look())
+
+
+@pytest.mark.parametrize(("in_test_mode", "presses"), [(True, 1), (False, 0)])
+def test_the_brake_button_works_in_test_mode_only(in_test_mode: bool, presses: int) -> None:
+    async def press() -> None:
+        async with served(brake_button=in_test_mode) as it:
+            page = await it.page()
+            await page.send_str("brake")
+            it.server.publish("after")
+            await page.receive_str()
+            await page.send_str("shown 1")
+            while "onboard_page_shown_seconds_count 1.0" not in await it.text("metrics"):
+                await asyncio.sleep(0)
+            assert len(it.pressed) == presses
+
+    run(press())
+
+
+@pytest.mark.parametrize(
+    "word", ["shown", "shown x", "shown -1", "shown ²", "", "rm -rf", "shown 9999"]
+)
+def test_nonsense_from_a_page_changes_nothing(word: str) -> None:
+    async def talk() -> None:
+        async with served(brake_button=True) as it:
+            page = await it.page()
+            await page.send_str(word)
+            it.server.publish("view")
+            assert await page.receive_str() == "1 view"
+            assert it.pressed == []
+
+    run(talk())
+
+
+def test_a_page_that_says_too_much_is_closed() -> None:
+    async def talk() -> None:
+        async with served() as it:
+            page = await it.page()
+            await page.send_str("x" * 10_000)
+            while not page.closed:
+                await page.receive()
+            assert await it.status("") == 200
+
+    run(talk())
+
+
+def test_a_port_that_is_taken_is_the_users_mistake() -> None:
+    async def start() -> None:
+        async with served() as it:
+            port = int(it.address.rsplit(":", 1)[1].strip("/"))
+            second = PageServer(HmiSettings(port=port), Metrics(frozenset()), lambda: None)
+            with pytest.raises(UserError, match=f"hmi: 127.0.0.1:{port}: "):
+                await second.start()
+
+    run(start())
