@@ -77,7 +77,7 @@ def parse(line: bytes) -> Sentence | None:
     fields = _Fields(match[3].decode("ascii").split(",")[1:])
     try:
         return read(fields)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise SentenceError("nmea_field", f"{text}: {error}") from error
 
 
