@@ -1,6 +1,6 @@
 # `make demo` runs the main job, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test test-live lint bench fuzz train system-packages clean
+.PHONY: demo test test-live vm-test box lint bench fuzz train system-packages lock clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
@@ -11,6 +11,10 @@ test: .venv/ready system-packages lint
 # Every scenario with real daemons, one after the other: some six minutes.
 test-live: .venv/ready
 	$(PYTHON) -m pytest -m live tests/sim_rig
+
+# Everything that goes onto a box, in one folder: copy it there and run its install.sh.
+box: .venv/ready
+	sh deploy/box.sh build/box
 
 lint: .venv/ready
 	$(PYTHON) -m ruff check .

@@ -13,6 +13,7 @@ import typer
 
 from onboard import replay as drive
 from onboard.config import CarConfig, CarSettings
+from onboard.doctor.cli import doctor
 from onboard.errors import UserError
 from onboard.security.cli import keys
 from onboard.service import Service
@@ -35,6 +36,7 @@ PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
 """Of syslog (RFC 5424, table 2), by the name that structlog gives."""
 
 app.add_typer(keys, name="keys")
+app.command()(doctor)
 app.command()(decode)
 app.command()(see)
 app.command()(calibrate)

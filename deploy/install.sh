@@ -1,0 +1,134 @@
+#!/bin/sh
+# Installs onboard on a Debian 12 box, or brings what is installed up to date. Run as root:
+#
+#   install.sh [--vcan]              --vcan: a bus without a wire, for the desk
+#   install.sh --uninstall [--purge] --purge: configuration, keys and recordings as well
+#
+# It lies in a folder with everything that it needs (`make box`): nothing is downloaded but Debian
+# packages that are not there. Who runs it twice has what he had after the first time.
+set -eu
+here=$(dirname "$(realpath "$0")")
+files=$here/files
+home=/opt/onboard etc=/etc/onboard state=/var/lib/onboard
+units=/etc/systemd/system networks=/etc/systemd/network
+journal=/etc/systemd/journald.conf.d/onboard.conf
+rules=/etc/udev/rules.d/70-onboard.rules
+export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1 PIP_ROOT_USER_ACTION=ignore
+
+complain() { echo "install.sh: $1" >&2; exit "${2:-1}"; }
+
+main() {
+    action=install vcan=no purge=no
+    for option; do
+        case $option in
+        --vcan) vcan=yes ;;
+        --uninstall) action=uninstall ;;
+        --purge) purge=yes ;;
+        *) complain "unknown option $option; see its head" 2 ;;
+        esac
+    done
+    [ "$(id -u)" = 0 ] || complain "must be run as root" 2
+    [ "$purge" = no ] || [ "$action" = uninstall ] || complain "--purge is for --uninstall" 2
+    "$action"
+}
+
+install() {
+    [ -d "$here/wheels" ] || complain "no wheels beside it: make this folder with 'make box'" 2
+    add_packages python3-venv gpsd
+    add_user
+    add_program
+    add_configuration
+    add_system_files
+    systemctl daemon-reload
+    udevadm control --reload
+    systemctl try-restart systemd-journald.service
+    start_network
+    systemctl enable --quiet gpsd.service onboard.service
+    systemctl restart --no-block gpsd.service onboard.service
+    echo "installed; edit $etc/car.yaml, then: onboard doctor && systemctl restart onboard"
+}
+
+add_packages() {
+    missing=""
+    for package; do
+        dpkg-query -Wf '${db:Status-Status}' "$package" 2>/dev/null | grep -q '^installed' ||
+            missing="$missing $package"
+    done
+    [ -n "$missing" ] || return 0
+    export DEBIAN_FRONTEND=noninteractive
+    # shellcheck disable=SC2086  # a list of words on purpose
+    apt-get -qq update && apt-get -qq install -y --no-install-recommends $missing ||
+        complain "please install$missing"
+}
+
+add_user() {
+    getent passwd onboard >/dev/null ||
+        useradd --system --user-group --home-dir "$state" --shell /usr/sbin/nologin onboard
+    for group in video systemd-journal; do usermod --append --groups "$group" onboard; done
+}
+
+add_program() {
+    mkdir -p "$home"
+    [ -x "$home/venv/bin/python" ] || python3 -m venv "$home/venv"
+    pip="$home/venv/bin/python -m pip install --quiet --no-index --find-links $here/wheels"
+    $pip --require-hashes --requirement "$here/requirements.lock"
+    # Of one version there are many states: ours is installed anew each time.
+    $pip --no-deps --force-reinstall onboard
+    cp "$here/in-the-car.md" "$home/"
+    ln -sf "$home/venv/bin/onboard" /usr/local/bin/onboard
+}
+
+add_configuration() {
+    mkdir -p "$etc"
+    [ -e "$etc/car.yaml" ] || cp "$here/car.yaml" "$etc/car.yaml"
+    chown -R root:onboard "$etc"
+    chmod 750 "$etc"
+    chmod 640 "$etc/car.yaml"
+    # Keys are for the car alone, and the car is not root.
+    if [ -d "$etc/keys" ]; then
+        chown -R onboard:onboard "$etc/keys"
+        chmod -R u=rwX,go= "$etc/keys"
+    fi
+}
+
+add_system_files() {
+    mkdir -p "$networks" "${journal%/*}" "$units/gpsd.service.d"
+    cp "$files/onboard.service" "$units/"
+    cp "$files/onboard-gpsd.conf" "$units/gpsd.service.d/onboard.conf"
+    cp "$files/onboard-journald.conf" "$journal"
+    cp "$files/70-onboard.rules" "$rules"
+    cp "$files/80-onboard-can.network" "$networks/"
+    if [ "$vcan" = yes ]; then
+        cp "$files/80-onboard-vcan.netdev" "$files/80-onboard-vcan.network" "$networks/"
+    fi
+}
+
+start_network() {
+    # Only what its files name is networkd's; whatever else runs the network goes on doing so, and
+    # nobody waits at boot for networks that networkd does not have.
+    if ! systemctl is-enabled --quiet systemd-networkd.service; then
+        systemctl enable --quiet systemd-networkd.service
+        systemctl disable --quiet systemd-networkd-wait-online.service
+    fi
+    systemctl restart systemd-networkd.service
+}
+
+uninstall() {
+    systemctl disable --quiet --now onboard.service 2>/dev/null || true
+    rm -rf "$home" "$units/gpsd.service.d/onboard.conf" "$units/onboard.service.d"
+    rm -f "$units/onboard.service" "$journal" "$rules" /usr/local/bin/onboard
+    rm -f "$networks"/80-onboard-can.network "$networks"/80-onboard-vcan.*
+    rmdir "$units/gpsd.service.d" 2>/dev/null || true
+    if ip link show vcan0 >/dev/null 2>&1; then ip link delete vcan0; fi
+    systemctl daemon-reload
+    udevadm control --reload
+    if [ "$purge" = yes ]; then
+        rm -rf "$etc" "$state"
+        userdel onboard 2>/dev/null || true
+        echo "uninstalled; nothing is left"
+    else
+        echo "uninstalled; $etc and $state are left (--purge)"
+    fi
+}
+
+main "$@"
