@@ -1,12 +1,17 @@
 # `make demo` runs the main job, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test test-live vm-test box lint bench fuzz train system-packages lock clean
+.PHONY: demo test test-pages test-live vm-test box lint bench fuzz train system-packages lock clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
 
 test: .venv/ready system-packages lint
-	$(PYTHON) -m pytest -n 2 --dist worksteal -m "not live"
+	$(PYTHON) -m pytest -n 2 --dist worksteal -m "not live and not browser"
+
+# The pages in a real browser, in real time; skipped with a word where chromium cannot be had.
+test-pages: .venv/ready
+	@sh tools/system-packages.sh chromium
+	$(PYTHON) -m pytest -m browser tests/hmi
 
 # Every scenario with real daemons, one after the other: some six minutes.
 test-live: .venv/ready

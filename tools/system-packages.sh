@@ -1,8 +1,8 @@
 #!/bin/sh
 # Debian packages that some tests hold us against (tshark, gpsd, ...). Installed where we are
-# allowed to; where not, those tests skip and say so.
+# allowed to; where not, those tests skip and say so. Names given are installed in their place.
 set -u
-PACKAGES="tshark gpsd"
+PACKAGES="${*:-tshark gpsd}"
 
 missing=""
 for package in $PACKAGES; do

@@ -1,0 +1,310 @@
+"""The driver's page in a real browser, beside whole cars in real time."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from onboard.observations import Sensor, SensorLost
+from onboard.risk.alarm import Alarm, Cause, Level
+from tests.hmi.row import Row
+
+pytestmark = pytest.mark.browser
+
+PHONE = {"width": 390, "height": 844}
+PHONE_ON_ITS_SIDE = {"width": 844, "height": 390}
+SMALL_SCREEN = {"width": 800, "height": 480}
+DESKTOP = {"width": 1280, "height": 800}
+TOKEN = "aaaabbbbccccdddd"  # noqa: S105 (of this test)
+HOSTILE = "<img src=x onerror=alert(1)>"
+
+LISTEN = """
+window.notes = [];
+const start = OscillatorNode.prototype.start;
+OscillatorNode.prototype.start = function (at) {
+  notes.push({
+    hz: this.frequency.value, at, heard: this.context.state === "running" && this.heard === true,
+  });
+  return start.call(this, at);
+};
+const connect = AudioNode.prototype.connect;
+AudioNode.prototype.connect = function (to, ...rest) {
+  this.before = this.before ?? [];
+  if (to instanceof AudioNode) to.before = [...(to.before ?? []), this];
+  const mark = (node) => { node.heard = true; (node.before ?? []).forEach(mark); };
+  if (to instanceof AudioDestinationNode) mark(this);
+  return connect.call(this, to, ...rest);
+};
+window.said = [];
+speechSynthesis.speak = (words) => said.push(words.text);
+"""
+"""Keeps every note that is started, and whether a chain of nodes leads from it to the speaker."""
+
+
+@pytest.fixture(scope="module")
+def row() -> Iterator[Row]:
+    with Row("GN417KB", "RD288HX", "BL635TN", gap_m=13.6, brake_button=True) as row:
+        yield row
+
+
+@pytest.fixture
+def cars(row: Row) -> Iterator[Row]:
+    """The same row for all, each time as at first."""
+    row.camera_works, row.plate_ahead, row.seen = True, "RD288HX", ()
+    yield row
+
+
+def open_page(browser: Browser, address: str, size: Any = PHONE, **more: Any) -> Page:
+    """A page in a browser of its own; errors and dialogs fail the test that closes it."""
+    context = browser.new_context(viewport=size, **more)
+    context.set_default_timeout(10_000)
+    context.add_init_script(LISTEN)
+    page = context.new_page()
+    page.on("dialog", lambda dialog: pytest.fail(f"a dialog: {dialog.message}"))
+    page.on("pageerror", lambda error: pytest.fail(f"an error in the page: {error}"))
+    page.goto(address)
+    return page
+
+
+@pytest.fixture
+def page(browser: Browser, cars: Row) -> Iterator[Page]:
+    page = open_page(browser, cars.address)
+    expect(page.locator("#state")).to_have_text("Member 3")
+    yield page
+    page.context.close()
+
+
+def alarm(cars: Row, cause: Cause, level: Level) -> None:
+    cars.say(Alarm(cars.now, cause, level, 5.0, ()))
+
+
+def notes(page: Page) -> list[dict[str, Any]]:
+    """The notes so far, at least the four of a warning."""
+    for _ in range(500):
+        found: list[dict[str, Any]] = page.evaluate("notes")
+        if len(found) >= 4:
+            return found
+        page.wait_for_timeout(20)
+    raise AssertionError("no warning is heard")
+
+
+def test_the_page_shows_the_place_in_the_group_and_the_gap(page: Page) -> None:
+    expect(page.locator("#state-note")).to_contain_text("2 cars ahead warn you")
+    expect(page.locator("#gap")).to_have_text("14")
+    expect(page.locator("#gap-note")).to_have_text("0.9 s · safe from 30 m")
+    expect(page.locator("#speed")).to_have_text("54")
+    expect(page.locator("#road .plate-text")).to_have_text("RD288HX")
+    expect(page.locator("#stale")).to_be_hidden()
+    expect(page.locator("#alarm")).to_be_hidden()
+
+
+@pytest.mark.parametrize("size", [PHONE, PHONE_ON_ITS_SIDE, SMALL_SCREEN, DESKTOP])
+@pytest.mark.parametrize("level", [Level.NONE, Level.CAUTION, Level.WARNING])
+def test_everything_fits_on_the_screen(
+    browser: Browser, cars: Row, size: Any, level: Level
+) -> None:
+    page = open_page(browser, cars.address, size)
+    expect(page.locator("#stale")).to_be_hidden()
+    if level is not Level.NONE:
+        alarm(cars, Cause.CLOSING_GAP, level)
+        expect(page.locator("#alarm")).to_be_visible()
+
+    outside = page.evaluate(
+        """() => [...document.querySelectorAll("header *, main p, .sign, footer *")].filter((e) => {
+            const box = e.getBoundingClientRect();
+            return box.width > 0 && (box.left < -1 || box.top < -1
+                || box.right > innerWidth + 1 || box.bottom > innerHeight + 1
+                || e.scrollWidth > e.clientWidth + 2 && e.clientWidth > 0);
+        }).map((e) => `${e.tagName} ${e.id} ${e.className}`)"""
+    )
+
+    alarm(cars, Cause.CLOSING_GAP, Level.NONE)
+    page.context.close()
+    assert outside == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_words_stand_out_by_day_and_by_night(browser: Browser, cars: Row, scheme: Any) -> None:
+    """Contrast as WCAG 2.2 defines it; 4.5 is its level AA for text of any size."""
+    page = open_page(browser, cars.address, color_scheme=scheme)
+
+    contrasts = page.evaluate(
+        """() => {
+            const style = getComputedStyle(document.documentElement);
+            const luminance = (name) => {
+                const hex = style.getPropertyValue(name).trim();
+                const [r, g, b] = [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255)
+                    .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
+                return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            };
+            const pairs = [["--on-warning", "--warning"], ["--on-caution", "--caution"]];
+            for (const ink of ["--ink", "--soft", "--safe", "--close", "--tight"])
+                for (const ground of ["--panel", "--ground"]) pairs.push([ink, ground]);
+            return pairs.map(([ink, ground]) => {
+                const [low, high] = [luminance(ink), luminance(ground)].sort((a, b) => a - b);
+                return [`${ink} on ${ground}`, (high + 0.05) / (low + 0.05)];
+            });
+        }"""
+    )
+
+    page.context.close()
+    assert {pair: ratio for pair, ratio in contrasts if not ratio >= 4.5} == {}
+
+
+def test_the_colours_can_be_chosen_and_are_remembered(page: Page) -> None:
+    root = page.locator("html")
+    expect(root).to_have_attribute("data-colours", "day")
+    page.click("#colours")
+    page.click("#colours")
+    expect(root).to_have_attribute("data-colours", "night")
+
+    page.reload()
+
+    expect(root).to_have_attribute("data-colours", "night")
+
+
+def test_a_car_that_brakes_ahead_is_shown_and_heard(page: Page, cars: Row) -> None:
+    expect(page.locator("#sound")).to_contain_text("Sound is off")
+    page.click("#sound")
+    page.click("#voice")
+    expect(page.locator("#sound-word")).to_be_hidden()
+
+    cars.brake()
+
+    expect(page.locator("#alarm")).to_be_visible()
+    expect(page.locator("#alarm-headline")).to_have_text("Brake!")
+    expect(page.locator("#alarm-sentence")).to_have_text("Hard braking, 2 cars ahead")
+    first = notes(page)[:4]
+    assert all(note["heard"] for note in first)
+    assert all(lower["hz"] < higher["hz"] for lower, higher in pairwise(first))
+    assert page.evaluate("said") == ["Brake! Hard braking, 2 cars ahead"]
+
+    expect(page.locator("#alarm")).to_be_hidden()
+
+
+def test_before_the_page_is_touched_it_says_that_it_is_silent(page: Page, cars: Row) -> None:
+    alarm(cars, Cause.CROSSING, Level.WARNING)
+    expect(page.locator("#alarm-headline")).to_have_text("Stop!")
+    assert page.evaluate("notes") == []
+    expect(page.locator("#sound")).to_have_text("Sound is off: tap")
+
+    page.click("#sound")
+
+    assert len(notes(page)) >= 4
+    alarm(cars, Cause.CROSSING, Level.NONE)
+    expect(page.locator("#alarm")).to_be_hidden()
+
+
+def test_each_level_sounds_as_it_is_written_down(page: Page) -> None:
+    """Rendered by the browser's audio engine, and the pitch of each note counted from its waves."""
+    heard = page.evaluate(
+        """async () => {
+            const { PATTERNS, schedule } = await import("/sounds.js");
+            const heard = {};
+            for (const [level, pattern] of Object.entries(PATTERNS)) {
+                const length_s = pattern.note_s * pattern.notes_hz.length;
+                const context = new OfflineAudioContext(1, 44100 * length_s, 44100);
+                schedule(context, pattern, 0);
+                const samples = (await context.startRendering()).getChannelData(0);
+                heard[level] = pattern.notes_hz.map((_, index) => {
+                    const from = Math.round((index * pattern.note_s + 0.02) * 44100);
+                    const to = Math.round(((index + 1) * pattern.note_s - 0.03) * 44100);
+                    let crossings = 0;
+                    for (let at = from + 1; at < to; at += 1)
+                        crossings += (samples[at - 1] < 0) !== (samples[at] < 0);
+                    return [pattern.notes_hz[index], crossings / 2 / ((to - from) / 44100)];
+                });
+            }
+            return heard;
+        }"""
+    )
+
+    for notes in heard.values():
+        for written_hz, heard_hz in notes:
+            assert heard_hz == pytest.approx(written_hz, rel=0.03)
+    highest = {level: max(hz for _, hz in notes) for level, notes in heard.items()}
+    assert highest["stale"] < highest["caution"] < highest["warning"]
+
+
+def test_a_lost_camera_is_shown_at_once_and_no_gap_is_claimed(page: Page, cars: Row) -> None:
+    cars.lose_camera()
+
+    expect(page.locator("#sensors .lost")).to_have_text("Camera lostpicture frozen")
+    expect(page.locator("#gap")).to_have_text("–")
+    expect(page.locator("#gap-note")).to_have_text("Not known without the camera")
+    expect(page.locator("#road .plate-text")).to_have_count(0)
+
+    cars.camera_works = True
+    expect(page.locator("#sensors .lost")).to_have_count(0)
+    expect(page.locator("#state")).to_have_text("Member 3")
+
+
+def test_a_page_whose_car_is_gone_says_so_and_comes_back_with_it(page: Page, cars: Row) -> None:
+    page.click("#sound")
+    alarm(cars, Cause.CLOSING_GAP, Level.WARNING)
+    expect(page.locator("#alarm")).to_be_visible()
+
+    cars.stop()
+
+    expect(page.locator("#stale-headline")).to_have_text("No data")
+    expect(page.locator("#alarm")).to_be_hidden()
+    falling = [note["hz"] for note in page.evaluate("notes")][-2:]
+    assert falling[0] > falling[1]
+
+    cars.start()
+
+    expect(page.locator("#stale")).to_be_hidden()
+    expect(page.locator("#state")).to_have_text("Member 3")
+
+
+def test_what_others_write_is_words_and_nothing_else(page: Page, cars: Row) -> None:
+    cars.plate_ahead = HOSTILE
+    expect(page.locator("#road .plate-text")).to_have_text(HOSTILE)
+    cars.say(SensorLost(cars.now, Sensor.SPEED, 1.0, HOSTILE))
+    expect(page.locator("#sensors .lost small")).to_have_text(HOSTILE)
+
+    assert page.locator("img").count() == 0
+    cars.do(lambda: cars.page.receive_event(SensorLost(cars.now, Sensor.SPEED, 1.0, "silent")))
+
+
+def test_the_brake_button_is_a_braking_of_the_own_car_and_no_alarm_in_it(
+    page: Page, cars: Row
+) -> None:
+    page.click("#brake")
+
+    metrics = page.context.request.get(f"{cars.address}metrics")
+    while 'onboard_sent_total{message="warn"}' not in metrics.text():
+        metrics = page.context.request.get(f"{cars.address}metrics")
+    expect(page.locator("#alarm")).to_be_hidden()
+
+
+def test_twenty_browsers_see_the_same_alarm(browser: Browser, cars: Row) -> None:
+    pages = [open_page(browser, cars.address)]
+    for _ in range(19):
+        pages.append(pages[0].context.new_page())
+        pages[-1].goto(cars.address)
+    for page in pages:
+        expect(page.locator("#stale")).to_be_hidden()
+
+    alarm(cars, Cause.HARD_BRAKING, Level.WARNING)
+
+    for page in pages:
+        expect(page.locator("#alarm-sentence")).to_have_text("A car ahead brakes hard")
+    alarm(cars, Cause.HARD_BRAKING, Level.NONE)
+    pages[0].context.close()
+
+
+def test_only_the_token_opens_the_page(browser: Browser) -> None:
+    with Row("GN417KB", "RD288HX", token=TOKEN) as cars:
+        page = open_page(browser, cars.address)
+        expect(page.locator("body")).to_contain_text("needs its token")
+        page.goto(f"{cars.address}?token=aaaabbbbccccdddX")
+        expect(page.locator("body")).to_contain_text("not the token")
+
+        page.goto(f"{cars.address}?token={TOKEN}")
+
+        expect(page.locator("#state")).to_have_text("Member 2")
+        assert TOKEN not in page.url
+        page.context.close()
