@@ -83,6 +83,8 @@ def _run_live(scenario: Scenario, seed: int, folder: Path) -> RunLog:
         # Whoever ends the rig ends its daemons as well.
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
         async with Desk(scenario, seed, folder) as desk:
+            for name, address in desk.pages.items():
+                typer.echo(f"  {name:8} {address}")
             await desk.run()
         return desk.log()
 

@@ -47,6 +47,8 @@ class Desk:
         self.recorder = RigRecorder()
         self.processes = Processes(folder)
         self.start_s = float("inf")
+        self.pages: dict[str, str] = {}
+        """Addresses to look at while it runs, by whose page it is."""
         self._start_utc_s = time.time()
         self._scenario = scenario
         self._seed = seed
@@ -94,7 +96,8 @@ class Desk:
         units = RadioUnits(self._air(), self.recorder)
         self._open.callback(units.close)
         for number, car in enumerate(self._scenario.equipped):
-            listen_port = _free_udp_port()
+            listen_port, page_port = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
+            self.pages[car] = f"http://127.0.0.1:{page_port}/"
             wires = {
                 "can": {"channel": "can0", "port": await self._start_bus(car)},
                 "camera": {"source": f"http://127.0.0.1:{camera_port}/{car}"} | LENS.model_dump(),
@@ -103,6 +106,7 @@ class Desk:
                     "listen_port": listen_port,
                     "unit_port": units.add(car, listen_port),
                 },
+                "hmi": {"port": page_port, "brake_button": True},
                 "trace": {
                     "file": str(self._trace(car)),
                     "capture": str(self._folder / f"{car}.pcap"),
@@ -188,8 +192,8 @@ class Desk:
         return self._folder / f"{car}.jsonl"
 
 
-def _free_udp_port() -> int:
+def _free_port(kind: socket.SocketKind) -> int:
     """A port that nobody has; the daemon binds it a moment later."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+    with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

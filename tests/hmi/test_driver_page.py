@@ -50,10 +50,10 @@ def row() -> Iterator[Row]:
 
 
 @pytest.fixture
-def cars(row: Row) -> Iterator[Row]:
+def cars(row: Row) -> Row:
     """The same row for all, each time as at first."""
     row.camera_works, row.plate_ahead, row.seen = True, "RD288HX", ()
-    yield row
+    return row
 
 
 def open_page(browser: Browser, address: str, size: Any = PHONE, **more: Any) -> Page:
@@ -232,7 +232,7 @@ def test_a_lost_camera_is_shown_at_once_and_no_gap_is_claimed(page: Page, cars: 
     cars.lose_camera()
 
     expect(page.locator("#sensors .lost")).to_have_text("Camera lostpicture frozen")
-    expect(page.locator("#gap")).to_have_text("–")
+    expect(page.locator("#gap")).to_have_text("\N{EN DASH}")
     expect(page.locator("#gap-note")).to_have_text("Not known without the camera")
     expect(page.locator("#road .plate-text")).to_have_count(0)
 
