@@ -24,6 +24,7 @@ from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.processes import ProcessError, Processes
 from sim_rig.radio.air import Air
 from sim_rig.radio.iwcu import RadioUnits
+from sim_rig.radio.models import open_air
 from sim_rig.recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.run_log import RunLog, read_trace
@@ -160,7 +161,7 @@ class Desk:
         return port
 
     def _air(self) -> Air:
-        return Air(
+        return open_air(
             self._scenario.radio,
             lambda now: self._road.cars_at(self._at_s(now)),
             self._scenario.equipped,

@@ -16,7 +16,7 @@ from onboard.settings import Settings, SettingsError, load_settings
 from sim_rig.expectations import Expectation
 from sim_rig.faults import Fault, PlateMisread
 from sim_rig.names import CarName, PlateText, Seconds
-from sim_rig.radio.settings import AirSettings
+from sim_rig.radio.settings import AirSettings, ReachSettings
 
 SCENARIOS = Path(__file__).with_name("scenarios")
 """The scenarios that come with the rig."""
@@ -162,6 +162,7 @@ def _names_used(scenario: Scenario) -> Iterator[tuple[str, str]]:
     for index, entry in enumerate(scenario.expect):
         for name in entry.cars_named():
             yield f"expect.{index}", name
-    for name, neighbours in (scenario.radio.neighbours or {}).items():
-        for other in (name, *neighbours):
-            yield f"radio.neighbours.{name}", other
+    if isinstance(scenario.radio, ReachSettings):
+        for name, neighbours in (scenario.radio.neighbours or {}).items():
+            for other in (name, *neighbours):
+                yield f"radio.neighbours.{name}", other

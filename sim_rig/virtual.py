@@ -20,7 +20,7 @@ from onboard.trace import as_record
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
 from sim_rig.cars.ecu import Ecu
-from sim_rig.radio.air import Air
+from sim_rig.radio.models import open_air
 from sim_rig.recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.roads.road import Road
@@ -55,7 +55,7 @@ class _VirtualRun:
         road = BreakpointRoad(scenario)
         air_seed, *car_seeds = np.random.SeedSequence(seed).spawn(1 + len(scenario.equipped))
         air_rng = np.random.default_rng(air_seed)
-        self._air = Air(scenario.radio, road.cars_at, scenario.equipped, air_rng)
+        self._air = open_air(scenario.radio, road.cars_at, scenario.equipped, air_rng)
         self._air_planned_at = math.inf
         self.cars = {
             name: _VirtualCar(scenario, road, name, car_seed)

@@ -4,8 +4,9 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from sim_rig.radio.air import Air, Delivery
-from sim_rig.radio.settings import AirSettings
+from sim_rig.radio.air import Delivery
+from sim_rig.radio.reach import ReachAir
+from sim_rig.radio.settings import ReachSettings
 from sim_rig.roads.road import CarState
 
 UNITS = ["a", "b", "c", "d"]
@@ -19,17 +20,17 @@ def row_of_cars(_now: float) -> dict[str, CarState]:
     }
 
 
-def make_air(seed: int = 1, **settings: object) -> Air:
+def make_air(seed: int = 1, **settings: object) -> ReachAir:
     reach = {} if "neighbours" in settings else {"reach_m": 45.0}
-    return Air(
-        AirSettings.model_validate(reach | settings),
+    return ReachAir(
+        ReachSettings.model_validate(reach | settings),
         row_of_cars,
         UNITS,
         np.random.default_rng(seed),
     )
 
 
-def all_deliveries(air: Air) -> list[Delivery]:
+def all_deliveries(air: ReachAir) -> list[Delivery]:
     delivered = []
     while (at := air.get_timer()) is not None:
         delivered += air.wsms_to_deliver(at)

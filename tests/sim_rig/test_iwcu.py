@@ -7,9 +7,9 @@ import numpy as np
 
 from onboard.wave_udp.iwcu import IwcuEndpoint
 from onboard.wave_udp.settings import IwcuSettings
-from sim_rig.radio.air import Air
 from sim_rig.radio.iwcu import RadioUnits
-from sim_rig.radio.settings import AirSettings
+from sim_rig.radio.reach import ReachAir
+from sim_rig.radio.settings import ReachSettings
 from sim_rig.recorder import RigRecorder
 
 CARS = ["ann", "ben", "cat"]
@@ -27,8 +27,8 @@ def test_a_wsm_goes_to_all_in_reach_with_its_priority_and_to_nobody_else() -> No
 
     async def talk() -> None:
         loop = asyncio.get_running_loop()
-        settings = AirSettings(neighbours={"ann": ("ben",)}, delay_s=0.001)
-        units = RadioUnits(Air(settings, dict, CARS, np.random.default_rng(0)), recorder)
+        settings = ReachSettings(neighbours={"ann": ("ben",)}, delay_s=0.001)
+        units = RadioUnits(ReachAir(settings, dict, CARS, np.random.default_rng(0)), recorder)
         endpoints = {}
         for car in CARS:
             port = free_port()
@@ -57,7 +57,9 @@ def test_a_wsm_goes_to_all_in_reach_with_its_priority_and_to_nobody_else() -> No
 def test_a_daemon_that_is_not_there_disturbs_nobody() -> None:
     async def talk() -> int:
         recorder = RigRecorder()
-        air = Air(AirSettings(neighbours={"ann": ("ben",)}), dict, CARS, np.random.default_rng(0))
+        air = ReachAir(
+            ReachSettings(neighbours={"ann": ("ben",)}), dict, CARS, np.random.default_rng(0)
+        )
         units = RadioUnits(air, recorder)
         unit_port = units.add("ann", free_port())
         units.add("ben", free_port())

@@ -1,0 +1,48 @@
+"""What each station receives of each other one on average: path loss and shadowing."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_rig.radio.ofdm import from_db
+from sim_rig.radio.propagation import LIGHT_M_S
+from sim_rig.radio.settings import CsmaSettings
+from sim_rig.radio.shadowing import Vehicles
+
+Array = NDArray[np.float64]
+
+_WORTH_MORE = 0.01
+"""Links that are weaker than the sensitivity by more than this factor are not shadowed as well."""
+
+
+class Links:
+    """All links of a channel at one moment; each is the same both ways."""
+
+    def __init__(
+        self, settings: CsmaSettings, position_m: Array, vehicles: Vehicles | None = None
+    ) -> None:
+        """`position_m` is (stations, 2), NaN for a station that is not there."""
+        apart_m = np.linalg.norm(position_m[:, None] - position_m[None], axis=-1)
+        loss_db = settings.path_loss.loss_db(apart_m)
+        mean_mw = 10.0 ** ((settings.tx_power_dbm - loss_db) / 10.0)
+        np.fill_diagonal(mean_mw, 0.0)
+        self.mean_mw = np.nan_to_num(mean_mw)
+        """(sender, receiver)."""
+        self.delay_s = np.nan_to_num(apart_m / LIGHT_M_S)
+        """(sender, receiver), of propagation."""
+        shadowing = bool(settings.buildings) or (settings.vehicles_shadow and vehicles is not None)
+        if shadowing:
+            self._shadow(settings, position_m, vehicles)
+
+    def _shadow(self, settings: CsmaSettings, position_m: Array, vehicles: Vehicles | None) -> None:
+        worth_mw = _WORTH_MORE * from_db(settings.sensitivity_dbm)
+        one, other = np.nonzero(np.triu(self.mean_mw >= worth_mw))
+        from_m, to_m = position_m[one], position_m[other]
+        loss_db = np.zeros(len(one))
+        for building in settings.buildings:
+            loss_db += building.loss_db(from_m, to_m)
+        if vehicles is not None and settings.vehicles_shadow:
+            wave_m = LIGHT_M_S / (1e9 * settings.frequency_ghz)
+            loss_db += vehicles.loss_db(from_m, to_m, settings.antenna_height_m, wave_m)
+        passes = 10.0 ** (-loss_db / 10.0)
+        self.mean_mw[one, other] *= passes
+        self.mean_mw[other, one] *= passes
