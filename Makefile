@@ -53,7 +53,7 @@ system-packages:
 # What of it goes into a car stands again in deploy/, for its installer.
 LOCK := .venv/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header
 lock:
-	$(LOCK) --extra rig --extra dev --extra fuzz pyproject.toml -o requirements.lock
+	$(LOCK) --extra rig --extra cluster --extra dev --extra fuzz pyproject.toml -o requirements.lock
 	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
 
 clean:

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from bench import Figure
+from onboard.messages import mvs_footer
+from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings
-from sim_rig.studies.mvs_roads import six_lane_road
+from sim_rig.studies.mvs_roads import SixLaneRoad
 from sim_rig.studies.mvs_world import START_UTC_S, TICK_S, MvsWorld, WorldSettings
 
 TICKS, WARM, ROUNDS = 25, 15, 20
@@ -36,7 +38,9 @@ class _Noting:
 
     def __getattr__(self, name: str) -> Callable[..., object]:
         def call(*arguments: object) -> object:
-            self.calls.append((name, arguments))
+            # In a car footers come as bytes.
+            wire = (mvs_footer.encode(a) if isinstance(a, MvsFooter) else a for a in arguments)
+            self.calls.append((name, tuple(wire)))
             return getattr(self._core, name)(*arguments)
 
         return call
@@ -70,13 +74,14 @@ def measure() -> Iterator[Figure]:
 def _inputs(settings: MvsSettings) -> list[list[Call]]:
     """What one car is given in each of `TICKS` ticks."""
     rng = np.random.default_rng(0)
-    traffic = six_lane_road(CARS_PER_LANE, SPACING_M, TICKS * TICK_S + 1.0, 1.0, rng)
-    others = [car for car in range(traffic.cars) if car != OWN]
-    equipped = sorted([OWN, *rng.permutation(others)[: RADIOS - 1].tolist()])
+    traffic = SixLaneRoad(CARS_PER_LANE, SPACING_M, TICKS * TICK_S + 1.0, 1.0, rng)
+    own = traffic.names[OWN]
+    others = [car for car in traffic.names if car != own]
+    equipped = {own, *(others[i] for i in rng.permutation(len(others))[: RADIOS - 1])}
     world = MvsWorld(traffic, equipped, WorldSettings(reach_m=1000.0), settings, seed=1)
     world.tick()
-    noting = _Noting(world.cores[OWN])
-    world.cores[OWN] = noting  # type: ignore[assignment]
+    noting = _Noting(world.cores[own])
+    world.cores[own] = noting  # type: ignore[assignment]
     inputs = []
     for _ in range(TICKS):
         world.tick()

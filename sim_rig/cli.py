@@ -1,6 +1,7 @@
 """The rig's commands: list the scenarios, run one of them live or in virtual time."""
 
 import asyncio
+import os
 import signal
 import sys
 import time
@@ -11,11 +12,12 @@ import typer
 from rich.console import Console
 
 from onboard.errors import UserError
+from sim_rig.campaign import Workers
 from sim_rig.live import Desk
 from sim_rig.report import failures, print_report, print_verdict
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario, load_scenario, scenario_names
-from sim_rig.studies.catalogue import find_study, study_names
+from sim_rig.studies.catalogue import run_study, study_names
 from sim_rig.timeline import draw_timeline
 from sim_rig.virtual import run_virtual
 
@@ -69,10 +71,19 @@ def run(
 def study(
     names: Annotated[list[str], typer.Argument(help=f"Of: {', '.join(study_names())}.")],
     out: Annotated[Path, typer.Option(help="Where tables and figures go.")] = Path("out/studies"),
+    settings: Annotated[
+        Path | None, typer.Option(help="YAML with other settings, for a study of many runs.")
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(min=1, help="Processes, for a study of many runs.")
+    ] = os.cpu_count() or 1,
+    dask: Annotated[
+        str | None, typer.Option(help="In the place of processes: a Dask scheduler's address.")
+    ] = None,
 ) -> None:
     """Make tables and figures of the papers again."""
-    for name, run_study in [(name, find_study(name)) for name in names]:
-        typer.echo(f"{name}: {run_study(out / name)}")
+    for name in names:
+        typer.echo(f"{name}: {run_study(name, out / name, settings, Workers(workers, dask))}")
         typer.echo(f"  in {out / name}")
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from onboard.messages import mvs_footer
 from onboard.messages.declaration import DecodeError
+from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.association import Kinematics
 from onboard.mvs.belief import doubts, weighted_down
 from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, map_state
@@ -103,14 +104,18 @@ class MultiVehicleSensing:
         self._seen.append(seen)
 
     def receive_bsm(
-        self, sender_id: bytes, state: Position | None, footer: bytes | None, now: float
+        self,
+        sender_id: bytes,
+        state: Position | None,
+        footer: bytes | MvsFooter | None,
+        now: float,
     ) -> None:
         """What a car with a radio says of itself, and what it tells of others.
 
         Args:
             sender_id: temporary ID, 4 bytes.
             state: where it says it is; `stamp_s` on the own car's clock.
-            footer: the MVS footer behind its BSM.
+            footer: the MVS footer behind its BSM, as it came or already decoded.
             now: when it was received.
         """
         if sender_id in self._own_ids:
@@ -202,7 +207,7 @@ class MultiVehicleSensing:
         elif known.reported.stamp_s <= state.stamp_s:
             known.reported = reported
 
-    def _receive_footer(self, sender_id: bytes, data: bytes, now: float) -> None:
+    def _receive_footer(self, sender_id: bytes, data: bytes | MvsFooter, now: float) -> None:
         belief = self._settings.belief
         neighbour = self._neighbours.get(sender_id)
         if neighbour is None:
@@ -211,7 +216,7 @@ class MultiVehicleSensing:
             return self._discard(now, "too_often", sender_id.hex())
         neighbour.footer_at = now
         try:
-            footer = mvs_footer.decode(data)
+            footer = data if isinstance(data, MvsFooter) else mvs_footer.decode(data)
         except DecodeError as error:
             return self._discard(now, error.reason, str(error))
         entries = len(footer.measurements) + len(footer.estimates)
@@ -219,7 +224,7 @@ class MultiVehicleSensing:
             return self._discard(now, "too_many_entries", f"{entries} from {sender_id.hex()}")
         return self._take_up(footer, sender_id, now)
 
-    def _take_up(self, footer: mvs_footer.MvsFooter, sender_id: bytes, now: float) -> None:
+    def _take_up(self, footer: MvsFooter, sender_id: bytes, now: float) -> None:
         belief = self._settings.belief
         assert self._own.frame is not None  # noqa: S101 (a position comes with a frame)
         self._assign_seen(now)

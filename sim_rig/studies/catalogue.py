@@ -5,6 +5,8 @@ from importlib import import_module
 from pathlib import Path
 
 from onboard.errors import UserError
+from onboard.settings import load_settings
+from sim_rig.campaign import Workers
 
 Study = Callable[[Path], str]
 """Writes its table, figure and settings into a folder; returns what it found, for people."""
@@ -20,9 +22,33 @@ _PLACES = {
 }
 
 
+_CAMPAIGNS = {
+    "mvs-figure8": "mvs_sharing:figure8:SharingSettings",
+    "mvs-table1": "mvs_sharing:table1:SharingSettings",
+}
+"""Studies of many runs, which take settings and workers."""
+
+
 def study_names() -> list[str]:
     """Every study there is."""
-    return sorted(_PLACES)
+    return sorted(_PLACES | _CAMPAIGNS)
+
+
+def run_study(name: str, out_dir: Path, settings: Path | None, workers: Workers) -> str:
+    """Run one study into a folder; returns what it found.
+
+    Raises:
+        UserError: there is none of this name, or the settings do not fit.
+    """
+    if name not in _CAMPAIGNS:
+        if name in _PLACES and settings is not None:
+            raise UserError(f"the study {name} takes no settings")
+        return find_study(name)(out_dir)
+    module, function, schema = _CAMPAIGNS[name].split(":")
+    room = import_module(f"sim_rig.studies.{module}")
+    chosen = None if settings is None else load_settings(settings, getattr(room, schema))
+    found: str = getattr(room, function)(out_dir, chosen, workers)
+    return found
 
 
 def find_study(name: str) -> Study:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from onboard.settings import Settings
+from sim_rig.roads.car_following import CarFollowing, idm_acceleration
 
 Array = NDArray[np.float64]
 
@@ -183,13 +184,11 @@ def _gap_m(
 
 
 def _idm(speed: Array, top: Array, desired: Array, gap: Array, settings: TrafficSettings) -> Array:
-    """Acceleration of the intelligent driver model towards a standing obstacle at `gap`."""
-    most = settings.acceleration_m_s2
-    wished = (
-        settings.standing_gap_m
-        + speed * settings.headway_s
-        + speed**2 / (2.0 * np.sqrt(most * desired))
+    """Towards a standing obstacle at `gap`."""
+    model = CarFollowing(
+        acceleration_m_s2=settings.acceleration_m_s2,
+        hardest_deceleration_m_s2=settings.hardest_deceleration_m_s2,
+        headway_s=settings.headway_s,
+        standing_gap_m=settings.standing_gap_m,
     )
-    free = 1.0 - (speed / top) ** 4
-    acceleration = most * (free - (wished / np.maximum(gap, 0.1)) ** 2)
-    return np.clip(acceleration, -settings.hardest_deceleration_m_s2, most)
+    return idm_acceleration(speed, top, np.maximum(gap, 0.1), speed, desired, model)

@@ -14,7 +14,7 @@ from onboard.mvs.evidence import Measurement
 from onboard.mvs.kalman import Array
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from sim_rig.studies.mvs_methods import covariance_intersection, use_all
-from sim_rig.studies.mvs_roads import six_lane_road
+from sim_rig.studies.mvs_roads import SixLaneRoad, states_of
 from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, MvsWorld, WorldSettings
 
 CENTRALISED, MVS, BLIND, INTERSECTION, OWN = "centralised", "mvs", "blind", "intersection", "own"
@@ -90,31 +90,38 @@ def accuracy(
 ) -> Accuracy:
     """Run the six-lane road with a part `radio` of the cars equipped."""
     rng = np.random.default_rng(seed)
-    traffic = six_lane_road(7, 25.0, seconds + 2.0, Q, rng)
-    equipped = sorted(rng.permutation(traffic.cars)[: round(radio * traffic.cars)].tolist())
+    traffic = SixLaneRoad(7, 25.0, seconds + 2.0, Q, rng)
+    n = len(traffic.names)
+    equipped = {traffic.names[i] for i in rng.permutation(n)[: round(radio * n)]}
     world = MvsWorld(traffic, equipped, WorldSettings(loss=loss), mvs, seed)
     result = Accuracy()
-    measured: dict[int, list[Measurement]] = defaultdict(list)
+    measured: dict[str, list[Measurement]] = defaultdict(list)
     for tick in range(round((seconds + 1.5) * 10)):
         world.tick()
-        for true in world.measurements:
-            measured[true.car].append(true.measurement)
+        for made in world.measurements:
+            measured[made.car].append(made.measurement)
         if tick >= 15 and tick % 5 == 0:
             _compare(world, measured, result)
     return result
 
 
-def _compare(world: MvsWorld, measured: dict[int, list[Measurement]], result: Accuracy) -> None:
+def _compare(world: MvsWorld, measured: dict[str, list[Measurement]], result: Accuracy) -> None:
     now_ms = round((world.now + START_UTC_S) * 1000)
-    states = world.motion(world.now)
-    limits: dict[int, tuple[Array, Array]] = {}
+    cars = world.traffic.cars_at(world.now)
+    states = states_of(cars)
+    limits: dict[str, tuple[Array, Array]] = {}
     for car, measurements in measured.items():
         recent = [m for m in measurements if now_ms - m.stamp_ms <= MEMORY_MS]
         if recent and car not in world.equipped:
             limits[car] = use_all(recent, now_ms, Q)
     for own, core in world.cores.items():
-        near = np.hypot(*(states[:, :2] - states[own, :2]).T) < world.settings.reach_m
-        fresh = {c for c in limits if near[c] and now_ms - measured[c][-1].stamp_ms <= 1000}
+        here = cars.middle_m[cars.names.index(own)]
+        near = np.hypot(*(cars.middle_m - here).T) < world.settings.reach_m
+        fresh = {
+            car
+            for car in limits
+            if near[cars.names.index(car)] and now_ms - measured[car][-1].stamp_ms <= 1000
+        }
         result.present += len(fresh)
         to_world = ORIGIN.mapping_from(world.frame_of(own))
         matched = set()
@@ -122,8 +129,9 @@ def _compare(world: MvsWorld, measured: dict[int, list[Measurement]], result: Ac
             evidence = [piece.mapped(*to_world) for piece in known.pieces]
             mvs = use_all([piece.mapped(*to_world) for piece in known.used], now_ms, Q)
             away = np.hypot(*(states[:, :2] - mvs[0][:2]).T)
-            car = int(away.argmin())
-            if away[car] > FARTHEST_MATCH_M or car not in fresh or car in matched:
+            nearest = int(away.argmin())
+            car, true = cars.names[nearest], states[nearest]
+            if away[nearest] > FARTHEST_MATCH_M or car not in fresh or car in matched:
                 result.wrong += 1
                 continue
             matched.add(car)
@@ -141,7 +149,7 @@ def _compare(world: MvsWorld, measured: dict[int, list[Measurement]], result: Ac
             ]
             if len(seen) >= CONFIRMED_BY:
                 by_method[OWN] = use_all(seen, now_ms, Q)
-                result.centralised_of_own.add(limits[car][0] - states[car], limits[car][1])
+                result.centralised_of_own.add(limits[car][0] - true, limits[car][1])
             for method, (state, covariance) in by_method.items():
-                result.errors[method].add(state - states[car], covariance)
+                result.errors[method].add(state - true, covariance)
         result.known += len(matched)

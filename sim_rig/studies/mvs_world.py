@@ -2,17 +2,19 @@
 
 What the cores are given is made from the true motion: fixes with noise, and cars seen by a ranging
 sensor all around, with range, noise, misses, and no view through cars or buildings. What they send
-is carried to everybody in reach, or lost.
+is carried to everybody in reach, or lost. Footers travel as values, each decoded once.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Container
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from onboard.messages import mvs_footer
+from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.evidence import Measurement, MeasurementId
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
@@ -20,13 +22,8 @@ from onboard.mvs.own_car import OwnCar
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Position, SensedCar
 from onboard.settings import Settings
-
-Array = NDArray[np.float64]
-Motion = Callable[[float], Array]
-"""True states (N, 4) of all cars at a time in s, NaN for those that are not there: px, py, vx, vy;
-x east, y north, of the middle of the car."""
-Blocked = Callable[[Array, Array], NDArray[np.bool_]]
-"""Whether something that stands between places (..., 2) and (..., 2) hides one from the other."""
+from sim_rig.roads.cars import Array, Cars, Traffic
+from sim_rig.roads.sight import Blocked
 
 ORIGIN = LocalFrame(47.37, 8.54)
 TICK_S = 0.1
@@ -53,21 +50,23 @@ class WorldSettings(Settings):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Traffic:
-    """Cars that come and go, and what stands between them."""
-
-    motion: Motion
-    cars: int
-    blocked: Blocked | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class TrueMeasurement:
     """A direct measurement and the car that it is truly of."""
 
-    car: int
+    car: str
     measurement: Measurement
     """In the frame of `ORIGIN`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sent:
+    """One footer on the air."""
+
+    at_s: float
+    sender: str
+    footer: MvsFooter
+    receivers: tuple[str, ...]
+    """Those that got it."""
 
 
 class MvsWorld:
@@ -76,94 +75,96 @@ class MvsWorld:
     def __init__(
         self,
         traffic: Traffic,
-        equipped: list[int],
+        equipped: Container[str],
         settings: WorldSettings,
         mvs: MvsSettings,
         seed: int,
+        *,
+        blocked: Blocked | None = None,
     ) -> None:
-        self.motion = traffic.motion
+        """Let the cars that `traffic` drives act, those in `equipped` with a radio."""
+        self.traffic = traffic
         self.equipped = equipped
         self.settings = settings
         self._mvs_settings = mvs
-        self._blocked = traffic.blocked
+        self._blocked = blocked
+        self._seed = seed
         self._rng = np.random.default_rng(seed)
-        phases = self._rng.permutation(len(equipped)) / max(1, len(equipped))
-        self._phases = dict(zip(equipped, phases.tolist(), strict=True))
-        self.cores: dict[int, MultiVehicleSensing] = {}
-        self._shadows: dict[int, OwnCar] = {}
+        self._numbers: dict[str, int] = {}
+        self._phases: dict[str, float] = {}
+        self.cores: dict[str, MultiVehicleSensing] = {}
+        self._shadows: dict[str, OwnCar] = {}
         """Repeat what each core makes of its sensors, to know the measurements it made."""
         self.measurements: list[TrueMeasurement] = []
-        self.footers: list[tuple[float, int, bytes]] = []
-        """When, whose, what was sent in the last tick."""
+        self.sent: list[Sent] = []
+        """In the last tick."""
         self.now = 0.0
 
-    def own_id(self, car: int) -> bytes:
+    def own_id(self, car: str) -> bytes:
         """Temporary ID of a car."""
-        return car.to_bytes(4)
+        return self._numbers.setdefault(car, len(self._numbers)).to_bytes(4)
 
     def tick(self) -> None:
         """Let every car with a radio that is there act once."""
         self.measurements.clear()
-        self.footers.clear()
+        self.sent.clear()
         began = self.now
-        for car in sorted(self.equipped, key=self._phases.__getitem__):
-            self.now = began + self._phases[car] * TICK_S
-            states = self.motion(self.now)
-            if np.isnan(states[car, 0]):
-                self.cores.pop(car, None)
-                continue
-            if car not in self.cores:
-                rng = np.random.default_rng([car, 1])
-                self.cores[car] = MultiVehicleSensing(
-                    self._mvs_settings, self.own_id(car), rng, START_UTC_S
-                )
-                self._shadows[car] = OwnCar(self._mvs_settings.sensing)
-            self._act(car, states)
+        cars = self.traffic.cars_at(began)
+        with_radio = [name for name in cars.names if name in self.equipped]
+        for gone in self.cores.keys() - set(with_radio):
+            del self.cores[gone]
+        for name in with_radio:
+            if name not in self.cores:
+                self._join(name)
+        for name in sorted(with_radio, key=self._phases.__getitem__):
+            self.now = began + self._phases[name] * TICK_S
+            self._act(name, cars.moved_on(self.now - began))
         self.now = began + TICK_S
 
-    def frame_of(self, car: int) -> LocalFrame:
+    def frame_of(self, car: str) -> LocalFrame:
         """The frame in which a car holds what it knows."""
         frame = self._shadows[car].frame
         assert frame is not None  # noqa: S101 (a core acts with a fix)
         return frame
 
-    def _act(self, car: int, states: Array) -> None:
-        core, shadow, settings = self.cores[car], self._shadows[car], self.settings
-        heading = math.atan2(states[car, 2], states[car, 3])
+    def _join(self, name: str) -> None:
+        own_id = self.own_id(name)
+        rng = np.random.default_rng([self._seed, *own_id])
+        self._phases[name] = float(rng.random())
+        self.cores[name] = MultiVehicleSensing(self._mvs_settings, own_id, rng, START_UTC_S)
+        self._shadows[name] = OwnCar(self._mvs_settings.sensing)
+
+    def _act(self, name: str, cars: Cars) -> None:
+        core, shadow, settings = self.cores[name], self._shadows[name], self.settings
+        own = cars.names.index(name)
+        course_rad = math.pi / 2.0 - float(cars.heading_rad[own])
         noisy = self._mvs_settings.sensing.heading_sigma_rad * self._rng.normal()
-        fix = self._fix(states[car], heading + noisy)
+        fix = self._fix(cars.middle_m[own], float(cars.speed_m_s[own]), course_rad + noisy)
         core.receive_position(fix)
         shadow.receive_position(fix)
-        for other in self._in_view(car, states):
-            east_m, north_m = states[other, :2] - states[car, :2]
+        for other in self._in_view(own, cars).tolist():
+            east_m, north_m = (cars.middle_m[other] - cars.middle_m[own]).tolist()
             range_m = math.hypot(east_m, north_m)
             range_sigma_m = settings.range_sigma_m + settings.range_sigma_per_m * range_m
+            bearing_rad = math.atan2(east_m, north_m) - course_rad
             seen = SensedCar(
                 self.now,
-                int(other),
+                other,
                 max(range_m + range_sigma_m * self._rng.normal(), 0.0),
                 range_sigma_m,
-                math.atan2(east_m, north_m)
-                - heading
-                + settings.bearing_sigma_rad * self._rng.normal(),
+                bearing_rad + settings.bearing_sigma_rad * self._rng.normal(),
                 settings.bearing_sigma_rad,
             )
             core.receive_sensed_car(seen)
-            self._note(car, int(other), seen)
-        self._broadcast(car, fix, core.footer_to_send(self.now), states)
+            self._note(name, cars.names[other], seen)
+        self._broadcast(own, fix, core.footer_to_send(self.now), cars)
 
-    def _fix(self, state: Array, heading_rad: float) -> Position:
-        noisy = state[:2] + self.settings.position_sigma_m * self._rng.normal(size=2)
-        return Position(
-            self.now,
-            *to_degrees(noisy),
-            None,
-            self.settings.position_sigma_m,
-            math.hypot(*state[2:]),
-            heading_rad,
-        )
+    def _fix(self, middle_m: Array, speed_m_s: float, course_rad: float) -> Position:
+        noisy = middle_m + self.settings.position_sigma_m * self._rng.normal(size=2)
+        sigma_m = self.settings.position_sigma_m
+        return Position(self.now, *to_degrees(noisy), None, sigma_m, speed_m_s, course_rad)
 
-    def _note(self, car: int, other: int, seen: SensedCar) -> None:
+    def _note(self, car: str, other: str, seen: SensedCar) -> None:
         placed = self._shadows[car].measure(seen)
         assert not isinstance(placed, str)  # noqa: S101 (a core acts with a fix)
         stamp_ms = round((self.now + START_UTC_S) * 1000)
@@ -172,11 +173,11 @@ class MvsWorld:
             TrueMeasurement(other, measurement.mapped(*ORIGIN.mapping_from(self.frame_of(car))))
         )
 
-    def _in_view(self, car: int, states: Array) -> NDArray[np.intp]:
-        here = states[car, :2]
-        ranges = np.hypot(*(states[:, :2] - here).T)
+    def _in_view(self, own: int, cars: Cars) -> NDArray[np.intp]:
+        here = cars.middle_m[own]
+        ranges = np.hypot(*(cars.middle_m - here).T)
         near = np.flatnonzero((ranges < self.settings.sensing_range_m) & (ranges > 0.0))
-        towards = states[near, :2] - here
+        towards = cars.middle_m[near] - here
         lengths = ranges[near]
         # Of every other near car (axis 1): how far along the line of sight, and how far beside it.
         along = towards @ towards.T / lengths[:, None]
@@ -191,21 +192,22 @@ class MvsWorld:
         hides = (beside < radius) & (along > 0) & (along < lengths[:, None] - 2 * radius)
         visible = ~hides.any(axis=1)
         if self._blocked is not None:
-            visible &= ~self._blocked(here, states[near, :2])
+            visible &= ~self._blocked(here, cars.middle_m[near])
         visible &= self._rng.random(len(near)) < self.settings.detection
         in_view: NDArray[np.intp] = near[visible]
         return in_view
 
-    def _broadcast(self, car: int, fix: Position, footer: bytes, states: Array) -> None:
-        self.footers.append((self.now, car, footer))
-        for receiver, core in self.cores.items():
-            apart_m = math.dist(states[car, :2], states[receiver, :2])
-            if (
-                receiver != car
-                and apart_m < self.settings.reach_m
-                and self._rng.random() >= self.settings.loss
-            ):
-                core.receive_bsm(self.own_id(car), fix, footer, self.now)
+    def _broadcast(self, own: int, fix: Position, footer: bytes, cars: Cars) -> None:
+        apart_m = np.hypot(*(cars.middle_m - cars.middle_m[own]).T)
+        reached = (apart_m < self.settings.reach_m) & (
+            self._rng.random(len(cars)) >= self.settings.loss
+        )
+        reached[own] = False
+        sender, told = cars.names[own], mvs_footer.decode(footer)
+        receivers = [cars.names[i] for i in np.flatnonzero(reached) if cars.names[i] in self.cores]
+        self.sent.append(Sent(self.now, sender, told, tuple(receivers)))
+        for receiver in receivers:
+            self.cores[receiver].receive_bsm(self.own_id(sender), fix, told, self.now)
 
 
 def to_degrees(position_m: Array) -> tuple[float, float]:

@@ -1,0 +1,114 @@
+"""Movement that is already known: a trace from a file, or what another source has driven.
+
+All drives are held at the same rate, so that any moment is one step of arithmetic for all cars.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from typing_extensions import override
+
+from sim_rig.roads.cars import Array, Cars, Traffic
+
+STEP_S = 0.1
+"""From one sample to the next."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """One car from the moment it is there until it has gone, K samples `STEP_S` apart."""
+
+    name: str
+    first: int
+    """Number of the step of the first sample."""
+    middle_m: Array
+    """(K, 2)"""
+    heading_rad: Array
+    """(K), without jumps by whole turns."""
+    speed_m_s: Array
+    """(K)"""
+    length_m: float
+    width_m: float
+
+    def __len__(self) -> int:
+        return len(self.heading_rad)
+
+    @property
+    def last(self) -> int:
+        """Number of the step of the last sample."""
+        return self.first + len(self) - 1
+
+
+class Recording(Traffic):
+    """Many drives, to be asked for any moment in any order."""
+
+    def __init__(self, drives: Iterable[Drive]) -> None:
+        self.drives = tuple(sorted(drives, key=lambda drive: drive.first))
+        self._first = np.array([drive.first for drive in self.drives])
+        self._last = np.array([drive.last for drive in self.drives])
+        lengths = [len(drive) for drive in self.drives]
+        self._begin = np.cumsum([0, *lengths[:-1]])
+        self._middle_m = np.concatenate([np.zeros((0, 2)), *(d.middle_m for d in self.drives)])
+        self._heading_rad = np.concatenate([[], *(d.heading_rad for d in self.drives)])
+        self._speed_m_s = np.concatenate([[], *(d.speed_m_s for d in self.drives)])
+        self._length_m = np.array([drive.length_m for drive in self.drives])
+        self._width_m = np.array([drive.width_m for drive in self.drives])
+
+    @property
+    def end_s(self) -> float:
+        """When the last car goes."""
+        return float(self._last.max(initial=0)) * STEP_S
+
+    def there(self, at_s: float) -> list[int]:
+        """Which drives are on at a moment."""
+        step = at_s / STEP_S
+        on: list[int] = np.flatnonzero((self._first <= step) & (step <= self._last)).tolist()
+        return on
+
+    @override
+    def cars_at(self, at_s: float) -> Cars:
+        """Linear between the samples."""
+        on = np.array(self.there(at_s), dtype=np.intp)
+        steps = at_s / STEP_S - self._first[on]
+        whole = np.minimum(
+            steps.astype(np.intp), np.maximum(self._last[on] - self._first[on] - 1, 0)
+        )
+        part, low = steps - whole, self._begin[on] + whole
+        high = np.minimum(low + 1, self._begin[on] + self._last[on] - self._first[on])
+
+        def between(samples: Array) -> Array:
+            share = part if samples.ndim == 1 else part[:, None]
+            mixed: Array = samples[low] * (1.0 - share) + samples[high] * share
+            return mixed
+
+        return Cars(
+            at_s,
+            tuple(self.drives[i].name for i in on),
+            between(self._middle_m),
+            between(self._heading_rad),
+            between(self._speed_m_s),
+            (self._speed_m_s[high] - self._speed_m_s[low]) / STEP_S,
+            self._length_m[on],
+            self._width_m[on],
+        )
+
+
+def record(traffic: Traffic, seconds: float, begin_s: float = 0.0) -> Recording:
+    """Drive a source, and keep what it did from `begin_s` on, which becomes 0."""
+    samples: dict[str, list[tuple[float, ...]]] = {}
+    first: dict[str, int] = {}
+    sizes: dict[str, tuple[float, float]] = {}
+    for step in range(round(seconds / STEP_S) + 1):
+        cars = traffic.cars_at(begin_s + step * STEP_S)
+        numbers = np.column_stack([cars.middle_m, cars.heading_rad, cars.speed_m_s]).tolist()
+        for i, name in enumerate(cars.names):
+            samples.setdefault(name, []).append(tuple(numbers[i]))
+            first.setdefault(name, step)
+            sizes[name] = float(cars.length_m[i]), float(cars.width_m[i])
+    drives = []
+    for name, rows in samples.items():
+        x, y, heading, speed = np.array(rows).T
+        middle = np.stack([x, y], axis=1)
+        drives.append(Drive(name, first[name], middle, np.unwrap(heading), speed, *sizes[name]))
+    return Recording(drives)

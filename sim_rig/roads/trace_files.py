@@ -1,0 +1,302 @@
+"""Traces from files: ns-2 setdest, SUMO's floating car data, and plain CSV; `.gz` as well.
+
+What a car says at uneven times is put on the recording's rate. A file that cannot be a recording of
+cars (holes, jumps, one name for two cars, times that go back) is refused, with the place.
+"""
+
+import csv
+import gzip
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from onboard.errors import UserError
+from sim_rig.roads.cars import Array
+from sim_rig.roads.recording import STEP_S, Drive, Recording
+
+LENGTH_M, WIDTH_M = 4.5, 1.8
+"""Of a car whose trace does not say."""
+FASTEST_M_S = 90.0
+"""What moves faster than this has jumped."""
+LONGEST_HOLE_S = 1.05
+"""Traces give a car at least once a second."""
+
+
+class TraceError(UserError):
+    """The file, the line or the moment, and what is wrong there."""
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What a file says of one car, in order of time."""
+
+    times_s: list[float] = field(default_factory=list)
+    rows: list[tuple[float, float, float, float]] = field(default_factory=list)
+    """x, y, heading, speed."""
+    length_m: float = LENGTH_M
+    width_m: float = WIDTH_M
+
+
+def read_trace(path: Path) -> Recording:
+    """Read the file, by the ending of its name: `.ns2`, `.ns_movements`, `.tcl`, `.xml`, `.csv`.
+
+    Raises:
+        TraceError: it cannot be read, or is not a recording of cars.
+    """
+    endings = [ending for ending in path.suffixes if ending != ".gz"]
+    reader = _READERS.get(endings[-1]) if endings else None
+    if reader is None:
+        raise TraceError(f"{path}: a trace ends in one of {', '.join(sorted(_READERS))} (.gz)")
+    try:
+        with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as file:
+            return reader(file, str(path))
+    except (OSError, EOFError, UnicodeDecodeError) as error:
+        raise TraceError(f"{path}: cannot be read: {error}") from error
+
+
+_NUMBER = r"([-+.\deE]+)"
+_SET = re.compile(rf"\$node_\((\w+)\) set ([XYZ])_ {_NUMBER}")
+_SETDEST = re.compile(
+    rf'\$ns_ at {_NUMBER} "\$node_\((\w+)\) setdest {_NUMBER} {_NUMBER} {_NUMBER}"'
+)
+_SWITCH = re.compile(rf'\$ns_ at {_NUMBER} "\$node_\((\w+)\) switch (ON|OFF)"')
+
+
+@dataclass(slots=True)
+class _Node:
+    """One node of a setdest file on its way: corners, each at the moment it is reached."""
+
+    corners: list[tuple[float, float, float]] = field(default_factory=list)
+    """(time, x, y)"""
+    off_at_s: float = math.inf
+    """When it is switched off on its way."""
+    place: list[float | None] = field(default_factory=lambda: [None, None])
+
+    def go(self, at_s: float, x: float, y: float, speed_m_s: float) -> str | None:
+        """Take a `setdest`; returns what is wrong with it."""
+        if not self.corners:
+            if None in self.place:
+                return "moves before it has a place"
+            self.corners.append((at_s, self.place[0] or 0.0, self.place[1] or 0.0))
+        if at_s < self.corners[-2 if len(self.corners) > 1 else -1][0] - 1e-9:
+            return "is told to move at a time before the last one"
+        if speed_m_s > _PLACING_M_S:
+            if len(self.corners) == 1:
+                self.corners = [(at_s, x, y)]
+            else:
+                self._be_at(at_s)
+                self.place = [None, None]
+            return None
+        if self.place == [None, None] and len(self.corners) > 1:
+            return "jumps"
+        if speed_m_s > FASTEST_M_S:
+            return f"drives at {speed_m_s:g} m/s"
+        self._be_at(at_s)
+        _, x0, y0 = self.corners[-1]
+        if speed_m_s > 0.0 and (x, y) != (x0, y0):
+            self.corners.append((at_s + math.hypot(x - x0, y - y0) / speed_m_s, x, y))
+        return None
+
+    def _be_at(self, at_s: float) -> None:
+        """Cut a way short that is not finished yet, or wait until `at_s`."""
+        time_s, x, y = self.corners[-1]
+        if time_s > at_s:
+            begin_s, x0, y0 = self.corners[-2]
+            share = (at_s - begin_s) / (time_s - begin_s)
+            self.corners[-1] = (at_s, x0 + share * (x - x0), y0 + share * (y - y0))
+        elif at_s > time_s:
+            self.corners.append((at_s, x, y))
+
+
+_PLACING_M_S = 1e6
+"""A node that is sent somewhere this fast is put there: on the road, or off it at the end."""
+
+
+def _read_setdest(lines: Iterable[str], origin: str) -> Recording:
+    """ns-2 (setdest): places of the middle. A car is there while it moves and between moves."""
+    nodes: dict[str, _Node] = {}
+    placed: set[tuple[str, str]] = set()
+    for number, line in enumerate(lines, 1):
+        text = line.strip()
+        if not text or text.startswith("#"):
+            continue
+        if found := _SET.match(text):
+            name, axis, value = found.groups()
+            if (name, axis) in placed:
+                raise TraceError(f"{origin}, line {number}: two cars are named {name}")
+            placed.add((name, axis))
+            if axis in "XY":
+                nodes.setdefault(name, _Node()).place["XY".index(axis)] = float(value)
+        elif found := _SETDEST.match(text):
+            at_s, name, *numbers = found.groups()
+            wrong = nodes.setdefault(name, _Node()).go(float(at_s), *map(float, numbers))
+            if wrong is not None:
+                raise TraceError(f"{origin}, line {number}: car {name} {wrong}")
+        elif found := _SWITCH.match(text):
+            at_s, name, state = found.groups()
+            node = nodes.setdefault(name, _Node())
+            if state == "OFF" and len(node.corners) > 1:
+                node.off_at_s = min(node.off_at_s, float(at_s))
+        else:
+            raise TraceError(f"{origin}, line {number}: no command of setdest: {text[:60]}")
+    drives = [_drive_along(name, node) for name, node in nodes.items()]
+    return _recording([drive for drive in drives if drive is not None], origin)
+
+
+def _drive_along(name: str, node: _Node) -> Drive | None:
+    if len(node.corners) < 2:
+        return None
+    times_s, x, y = np.array(node.corners).T
+    steps = _steps(np.minimum(times_s, node.off_at_s))
+    if len(steps) < 2:
+        return None
+    at_s = steps * STEP_S
+    middle = np.stack([np.interp(at_s, times_s, x), np.interp(at_s, times_s, y)], axis=1)
+    moved = np.diff(middle, axis=0)
+    speed = np.hypot(*moved.T) / STEP_S
+    heading = _held(np.arctan2(moved[:, 1], moved[:, 0]), speed > 0.01)
+    return Drive(
+        name,
+        int(steps[0]),
+        middle,
+        np.unwrap(np.append(heading, heading[-1])),
+        np.append(speed, speed[-1]),
+        LENGTH_M,
+        WIDTH_M,
+    )
+
+
+def _held(headings: Array, moving: Array) -> Array:
+    """A car that stands keeps its heading; before the first move it has that of the first."""
+    if not moving.any():
+        return np.zeros_like(headings)
+    last = np.maximum.accumulate(np.where(moving, np.arange(len(headings)), -1))
+    held: Array = headings[np.where(last < 0, int(moving.argmax()), last)]
+    return held
+
+
+def _read_fcd(file: IO[str], origin: str) -> Recording:
+    """SUMO's `--fcd-output`: angle in degrees clockwise from north, place of the front bumper."""
+    seen: dict[str, _Seen] = {}
+    now_s = -math.inf
+    try:
+        for event, element in ET.iterparse(file, events=("start", "end")):  # noqa: S314 (the user's own file)
+            if event == "start" and element.tag == "timestep":
+                before_s, now_s = now_s, float(element.attrib["time"])
+                if now_s <= before_s:
+                    raise TraceError(f"{origin}: time {now_s:g} s comes after {before_s:g} s")
+            elif event == "end" and element.tag == "vehicle":
+                said = element.attrib
+                row = (
+                    float(said["x"]),
+                    float(said["y"]),
+                    math.radians(90.0 - float(said["angle"])),
+                    float(said["speed"]),
+                )
+                _note(seen, said["id"], now_s, row, origin)
+            elif event == "end" and element.tag == "timestep":
+                element.clear()
+    except (ET.ParseError, KeyError, ValueError) as error:
+        raise TraceError(f"{origin}: no floating car data: {error!r}") from error
+    return _recording(_drives(seen, origin), origin)
+
+
+_COLUMNS = {"t": "t", "id": "id", "vin": "id", "x": "x", "y": "y", "heading": "heading"} | {
+    "v": "v",
+    "speed": "v",
+    "length": "length",
+    "width": "width",
+}
+_NEEDED = ("t", "id", "x", "y", "heading", "v")
+
+
+def _read_csv(file: IO[str], origin: str) -> Recording:
+    """Columns t, id (or vin), x, y of the front bumper, heading, v (or speed); length, width."""
+    rows = csv.DictReader(file)
+    names = {_COLUMNS[name]: name for name in rows.fieldnames or () if name in _COLUMNS}
+    missing = [name for name in _NEEDED if name not in names]
+    if missing:
+        raise TraceError(f"{origin}: no column {', '.join(missing)}")
+    seen: dict[str, _Seen] = {}
+    last_s = -math.inf
+    for number, row in enumerate(rows, 2):
+        try:
+            at_s, x, y, heading, v = (float(row[names[key]]) for key in _NEEDED if key != "id")
+            sizes = {key: float(row[names[key]]) for key in ("length", "width") if key in names}
+        except (TypeError, ValueError) as error:
+            raise TraceError(f"{origin}, line {number}: {error}") from error
+        if at_s < last_s:
+            raise TraceError(f"{origin}, line {number}: time {at_s:g} s comes after {last_s:g} s")
+        last_s = at_s
+        car = _note(seen, row[names["id"]], at_s, (x, y, heading, v), f"{origin}, line {number}")
+        car.length_m = sizes.get("length", car.length_m)
+        car.width_m = sizes.get("width", car.width_m)
+    return _recording(_drives(seen, origin), origin)
+
+
+def _note(
+    seen: dict[str, _Seen], name: str, at_s: float, row: tuple[float, float, float, float],
+    origin: str,
+) -> _Seen:  # fmt: skip
+    if not all(map(math.isfinite, (at_s, *row))):
+        raise TraceError(f"{origin}: car {name} is nowhere at {at_s:g} s")
+    car = seen.setdefault(name, _Seen())
+    if car.times_s:
+        passed_s = at_s - car.times_s[-1]
+        if passed_s <= 0.0:
+            raise TraceError(f"{origin}: two cars are named {name} at {at_s:g} s")
+        if passed_s > LONGEST_HOLE_S:
+            raise TraceError(
+                f"{origin}: car {name} is missing from {car.times_s[-1]:g} s to {at_s:g} s"
+            )
+        moved_m = math.dist(row[:2], car.rows[-1][:2])
+        if moved_m > FASTEST_M_S * passed_s:
+            raise TraceError(f"{origin}: car {name} jumps {moved_m:.0f} m at {at_s:g} s")
+    car.times_s.append(at_s)
+    car.rows.append(row)
+    return car
+
+
+def _drives(seen: dict[str, _Seen], origin: str) -> Iterator[Drive]:
+    begin_s = min((car.times_s[0] for car in seen.values()), default=0.0)
+    for name, car in seen.items():
+        times_s = np.array(car.times_s) - begin_s
+        steps = _steps(times_s)
+        if len(steps) < 2:
+            continue
+        x, y, heading, v = np.array(car.rows).T
+        heading = np.unwrap(heading)
+        at_s = steps * STEP_S
+        angle, speed = np.interp(at_s, times_s, heading), np.interp(at_s, times_s, v)
+        front = np.stack([np.interp(at_s, times_s, x), np.interp(at_s, times_s, y)], axis=1)
+        middle = front - car.length_m / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        if (speed < 0.0).any():
+            raise TraceError(f"{origin}: car {name} has a negative speed")
+        yield Drive(name, int(steps[0]), middle, angle, speed, car.length_m, car.width_m)
+
+
+def _steps(times_s: Array) -> Array:
+    first, last = math.ceil(times_s[0] / STEP_S - 1e-6), math.floor(times_s[-1] / STEP_S + 1e-6)
+    return np.arange(first, last + 1)
+
+
+def _recording(drives: Iterable[Drive], origin: str) -> Recording:
+    found = list(drives)
+    if not found:
+        raise TraceError(f"{origin}: no car drives")
+    return Recording(found)
+
+
+_READERS: dict[str, Callable[[IO[str], str], Recording]] = {
+    ".ns2": _read_setdest,
+    ".ns_movements": _read_setdest,
+    ".tcl": _read_setdest,
+    ".xml": _read_fcd,
+    ".csv": _read_csv,
+}

@@ -1,0 +1,68 @@
+"""Where the MVS studies take place: the dense crossing and the city of the paper, or our own.
+
+The recordings of others are no part of this repository. Where they are (`RIG_DATA` names the
+folder), they are used; otherwise the dense crossing is driven by our own cars.
+"""
+
+import os
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from onboard.errors import UserError
+from sim_rig.roads.crossing import CrossingSettings, crossing
+from sim_rig.roads.recording import Recording, record
+from sim_rig.roads.sight import Blocked, Corners
+from sim_rig.roads.trace_files import read_trace
+
+_DATA = Path(__file__).parents[3] / "shared" / "data"
+_CORNERS_M = 12.5
+"""Buildings stand from here on, beside both roads."""
+
+
+class Scene(StrEnum):
+    """By name."""
+
+    CROSSING = "crossing"
+    """Dense: some 100 cars on two six-lane roads; the AIM simulator's where it is there."""
+    OWN_CROSSING = "own-crossing"
+    """The same from our own car-following model."""
+    CITY = "city"
+    """Sparse: the paper's city trace."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A scene that is open."""
+
+    recording: Recording
+    blocked: Blocked | None
+    origin: str
+    """What was driven there."""
+
+    @property
+    def names(self) -> list[str]:
+        """Of all cars, in the order of their coming."""
+        return [drive.name for drive in self.recording.drives]
+
+
+@cache
+def open_scene(scene: Scene) -> Place:
+    """Read or drive it, once in a process.
+
+    Raises:
+        UserError: the city's trace is not there.
+    """
+    traces = Path(os.environ.get("RIG_DATA", _DATA)) / "traces"
+    aim, city = traces / "crossing-signals-100-cars.csv.gz", traces / "city-99-cars.ns2"
+    if scene is Scene.CITY:
+        if not city.is_file():
+            raise UserError(f"the city needs {city} (RIG_DATA names the folder of recordings)")
+        return Place(read_trace(city), None, city.name)
+    if scene is Scene.CROSSING and aim.is_file():
+        return Place(read_trace(aim), Corners(_CORNERS_M), aim.name)
+    traffic = crossing(CrossingSettings(), np.random.default_rng(0))
+    return Place(record(traffic, 300.0, begin_s=90.0), Corners(_CORNERS_M), "own crossing")

@@ -1,0 +1,263 @@
+"""The MVS paper's Fig. 8 and Table I: what a car gets to hear of cars without a radio.
+
+Fig. 8: the average number of different measurements and estimates (MEs) that a car with a radio
+receives about cars without one, by method, footer size M and share of cars with a radio. Table I:
+of the MEs about one such car, how many are selected for its estimate, and how many measurements are
+thereby used again. Both count what was sensed or received in one window of 0.1 s.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from pydantic import Field
+
+from onboard.messages.mvs_footer import MvsFooter
+from onboard.mvs.evidence import Evidence, Measurement, Provenance
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
+from onboard.mvs.sharing import evidence_in
+from onboard.mvs.track import independent
+from onboard.settings import Settings
+from sim_rig.campaign import Row, Workers, run_campaign
+from sim_rig.roads.cars import Cars
+from sim_rig.studies.mvs_scenes import Scene, open_scene
+from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, MvsWorld, WorldSettings
+from sim_rig.studies.results import write_results
+
+PAPER_TABLE_1 = {
+    "rs": {"reused": (0.2, 1.2, 4.6, 9.4), "selected": (1.4, 3.5, 7.2, 13.2)},
+    "mvs": {"reused": (0.0, 0.0, 0.0, 0.0), "selected": (1.3, 1.7, 3.1, 4.6)},
+}
+"""At 10, 20, 30 and 40 %."""
+_WINDOW_MS = 100
+_FARTHEST_M = 3.0
+"""An entry is about the car that is nearest to it, and not farther."""
+
+
+class SharingSettings(Settings):
+    """One campaign; a run is one seed with one method, M and share."""
+
+    seed: int = Field(1, ge=0)
+    seeds: int = Field(3, ge=1)
+    scene: Scene = Scene.CROSSING
+    shares: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
+    entries: tuple[int, ...] = (5, 10, 20)
+    """M."""
+    methods: tuple[Selection, ...] = tuple(Selection)
+    warm_s: float = Field(1.5, ge=0.0, le=60.0)
+    measured_s: float = Field(0.5, gt=0.0, le=300.0)
+    begin_s: tuple[float, float] = (60.0, 240.0)
+    """Between these, by seed, the scene is looked at."""
+    world: WorldSettings = WorldSettings()
+
+
+def cases(settings: SharingSettings) -> list[tuple[Selection, int, float, int]]:
+    """Method, M, share and seed of each run, by its number."""
+    return [
+        (method, entries, share, settings.seed + at)
+        for share in settings.shares
+        for entries in settings.entries
+        for method in settings.methods
+        for at in range(settings.seeds)
+    ]
+
+
+def run_one(settings: SharingSettings, number: int) -> Row:
+    """Let one world warm up, and count what each car receives in each window."""
+    method, entries, share, seed = cases(settings)[number]
+    place = open_scene(settings.scene)
+    rng = np.random.default_rng(seed)
+    begin_s = round(float(rng.uniform(*settings.begin_s)), 1)
+    equipped = {name for name in place.names if rng.random() < share}
+    mvs = MvsSettings(
+        selection=method,
+        most_entries=entries,
+        sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
+    )
+    world = MvsWorld(place.recording, equipped, settings.world, mvs, seed, blocked=place.blocked)
+    world.now = begin_s
+    for _ in range(round(settings.warm_s / 0.1)):
+        world.tick()
+    counts = _Counts()
+    for _ in range(round(settings.measured_s / 0.1)):
+        world.tick()
+        counts.count_received(world)
+        counts.count_selected(world.cores.values(), world.now, rng)
+    return {
+        "method": method.value,
+        "entries": entries,
+        "share": share,
+        "seed": seed,
+        "cars_with_radio": len(world.cores),
+        **counts.row(),
+    }
+
+
+class _Counts:
+    """Sums over cars and windows."""
+
+    def __init__(self) -> None:
+        self._different: list[int] = []
+        self._selected: dict[str, list[int]] = {"mvs": [], "rs": []}
+        self._reused: dict[str, list[int]] = {"mvs": [], "rs": []}
+        self._reused_in_state = 0
+
+    def count_received(self, world: MvsWorld) -> None:
+        """Different MEs about cars without a radio that each car got in the last tick."""
+        cars = world.traffic.cars_at(world.now)
+        heard: dict[str, set[tuple[str, Provenance]]] = {name: set() for name in world.cores}
+        for sent in world.sent:
+            told = _told(sent.footer, cars, world)
+            for receiver in sent.receivers:
+                heard[receiver] |= told
+        self._different += [len(different) for different in heard.values()]
+
+    def count_selected(
+        self, cores: Iterable[MultiVehicleSensing], now: float, rng: np.random.Generator
+    ) -> None:
+        """Of the MEs of each known car, those that either method selects."""
+        now_ms = round((now + START_UTC_S) * 1000)
+        for core in cores:
+            for track in core.cars_without_radio(now):
+                self._reused_in_state += _reused(track.used)
+                window = [
+                    held.piece
+                    for held in track.evidence.values()
+                    if held.received_ms >= now_ms - _WINDOW_MS
+                ]
+                if window:
+                    for method, chosen in (
+                        ("mvs", independent(window)),
+                        ("rs", random_until_all(window, rng)),
+                    ):
+                        self._selected[method].append(len(chosen))
+                        self._reused[method].append(_reused(chosen))
+
+    def row(self) -> Row:
+        """Means over cars and windows."""
+        return {
+            "different": float(np.mean(self._different)) if self._different else 0.0,
+            "reused_in_states": self._reused_in_state,
+            **{
+                f"{what}_{method}": float(np.mean(values)) if values else 0.0
+                for what, by_method in (("selected", self._selected), ("reused", self._reused))
+                for method, values in by_method.items()
+            },
+        }
+
+
+def random_until_all(pieces: Sequence[Evidence], rng: np.random.Generator) -> list[Evidence]:
+    """The paper's RS: at random, until every measurement that there is has been used."""
+    missing = set().union(*(piece.provenance for piece in pieces))
+    chosen = []
+    for at in rng.permutation(len(pieces)):
+        if not missing:
+            break
+        chosen.append(pieces[at])
+        missing -= pieces[at].provenance
+    return chosen
+
+
+def _reused(pieces: Iterable[Evidence]) -> int:
+    """How many measurements stand in `pieces` more often than once, each time counted."""
+    all_of_them = [identity for piece in pieces for identity in piece.provenance]
+    return len(all_of_them) - len(set(all_of_them))
+
+
+def _told(footer: MvsFooter, cars: Cars, world: MvsWorld) -> set[tuple[str, Provenance]]:
+    """Entries by the car that they are truly about, and what they were made from."""
+    told = set()
+    now_ms = (world.now + START_UTC_S) * 1000
+    for piece in evidence_in(footer, ORIGIN):
+        place = piece.position_m if isinstance(piece, Measurement) else piece.state[:2]
+        then = cars.middle_m - (now_ms - piece.stamp_ms) / 1000 * cars.velocity_m_s
+        away = np.hypot(*(then - place).T)
+        nearest = int(away.argmin())
+        name = cars.names[nearest]
+        if away[nearest] < _FARTHEST_M and name not in world.equipped:
+            told.add((name, piece.provenance))
+    return told
+
+
+def figure8(
+    out_dir: Path, settings: SharingSettings | None = None, workers: Workers | None = None
+) -> str:
+    """Write the number of different MEs by method, M and share."""
+    settings = settings or SharingSettings()
+    rows = _all_runs(out_dir, settings, workers)
+    table = [
+        (share, entries, method.value, *_mean_and_error(rows, "different", method, entries, share))
+        for share in settings.shares
+        for entries in settings.entries
+        for method in settings.methods
+    ]
+    columns = ("share_with_radio", "M", "method", "different_mes", "half_95")
+    write_results(out_dir, columns, table, settings, _draw(settings, table))
+    wins = sum(
+        max((row for row in table if row[:2] == (share, entries)), key=lambda row: row[3])[2]
+        == "mvs"
+        for share in settings.shares
+        for entries in settings.entries
+    )
+    cells = len(settings.shares) * len(settings.entries)
+    return f"MVS tells most in {wins} of {cells} cells (paper: in all)"
+
+
+def table1(
+    out_dir: Path, settings: SharingSettings | None = None, workers: Workers | None = None
+) -> str:
+    """Write selected and reused measurements beside the paper's."""
+    settings = settings or SharingSettings(entries=(10,), methods=(Selection.MVS,))
+    rows = _all_runs(out_dir, settings, workers)
+    table = []
+    for method in ("rs", "mvs"):
+        for at, share in enumerate(settings.shares):
+            mine = [row for row in rows if row["share"] == share]
+            paper = [
+                PAPER_TABLE_1[method][what][at] if settings.shares == (0.1, 0.2, 0.3, 0.4) else ""
+                for what in ("reused", "selected")
+            ]
+            ours = [
+                np.mean([r[f"{what}_{method}"] for r in mine]) for what in ("reused", "selected")
+            ]
+            table.append((method, share, float(ours[0]), paper[0], float(ours[1]), paper[1]))
+    columns = ("method", "share_with_radio", "reused", "paper_reused", "selected", "paper_selected")
+    write_results(out_dir, columns, table, settings)
+    in_states = sum(row["reused_in_states"] for row in rows)
+    return f"measurements used twice in any fused state: {in_states}"
+
+
+def _all_runs(out_dir: Path, settings: SharingSettings, workers: Workers | None) -> list[Row]:
+    numbers = range(len(cases(settings)))
+    return run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
+
+
+def _mean_and_error(
+    rows: list[Row], key: str, method: Selection, entries: int, share: float
+) -> tuple[float, float]:
+    values = [
+        row[key]
+        for row in rows
+        if (row["method"], row["entries"], row["share"]) == (method.value, entries, share)
+    ]
+    error = 1.96 * np.std(values, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
+    return float(np.mean(values)), float(error)
+
+
+def _draw(settings: SharingSettings, table: list[tuple[float, int, str, float, float]]) -> Figure:
+    figure = Figure(figsize=(3.0 * len(settings.shares), 3.2), layout="constrained")
+    panels = figure.subplots(1, len(settings.shares), sharey=True, squeeze=False)[0]
+    for axes, share in zip(panels, settings.shares, strict=True):
+        for method in settings.methods:
+            mine = [row for row in table if row[0] == share and row[2] == method.value]
+            axes.errorbar(
+                [row[1] for row in mine], [row[3] for row in mine], [row[4] for row in mine],
+                marker="o", capsize=3, label=method.value.upper(),
+            )  # fmt: skip
+        axes.set_title(f"{share:.0%} with a radio")
+        axes.set_xlabel("M, entries in a footer")
+    panels[0].set_ylabel("different MEs received in 0.1 s")
+    panels[0].legend()
+    return figure

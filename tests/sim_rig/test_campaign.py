@@ -1,0 +1,97 @@
+"""A campaign ends the same however it is run: here, in processes, resumed, with dying workers."""
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from distributed import LocalCluster
+
+from onboard.settings import Settings
+from sim_rig import campaign
+from sim_rig.campaign import CampaignError, Row, Workers, run_campaign
+
+NUMBERS = range(12)
+
+
+class DiceSettings(Settings):
+    sides: int = 6
+    deadly: str = ""
+    """A file that the fifth run writes before it takes its process down; with it, it lives."""
+    always_deadly: bool = False
+
+
+def throw(settings: DiceSettings, number: int) -> Row:
+    once = Path(settings.deadly)
+    if settings.always_deadly or (number == 5 and settings.deadly and not once.exists()):
+        once.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    rng = np.random.default_rng([settings.sides, number])
+    return {"eyes": int(rng.integers(settings.sides)) + 1, "share": float(rng.random())}
+
+
+def test_one_run_alone_gives_what_it_gave_in_the_campaign(tmp_path: Path) -> None:
+    settings = DiceSettings()
+
+    rows = run_campaign(throw, settings, NUMBERS, tmp_path / "all", Workers())
+
+    assert rows[7] == throw(settings, 7)
+    assert run_campaign(throw, settings, [7], tmp_path / "one", Workers()) == [rows[7]]
+
+
+def test_an_interrupted_campaign_is_resumed_where_it_ended(tmp_path: Path) -> None:
+    whole = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "whole", Workers())
+    run_campaign(throw, DiceSettings(), range(4), tmp_path / "cut", Workers())
+    kept = tmp_path / "cut" / "runs.jsonl"
+    kept.write_text(kept.read_text()[:-9])  # Run 3 was being written.
+
+    resumed = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "cut", Workers())
+
+    assert resumed == whole
+    assert kept.read_text() == (tmp_path / "whole" / "runs.jsonl").read_text()
+
+
+def test_runs_of_other_settings_are_not_mixed_in(tmp_path: Path) -> None:
+    run_campaign(throw, DiceSettings(), range(2), tmp_path, Workers())
+
+    with pytest.raises(CampaignError, match="other settings"):
+        run_campaign(throw, DiceSettings(sides=20), range(2), tmp_path, Workers())
+
+
+def test_a_worker_that_is_killed_changes_nothing(tmp_path: Path) -> None:
+    settings = DiceSettings(deadly=str(tmp_path / "killed"))
+
+    rows = run_campaign(throw, settings, NUMBERS, tmp_path / "a", Workers(processes=2))
+
+    assert (tmp_path / "killed").exists()
+    assert rows == run_campaign(throw, settings, NUMBERS, tmp_path / "b", Workers())
+
+
+def test_workers_that_always_die_are_told_of(tmp_path: Path) -> None:
+    settings = DiceSettings(deadly=str(tmp_path / "killed"), always_deadly=True)
+
+    with pytest.raises(CampaignError, match="keep dying"):
+        run_campaign(throw, settings, range(2), tmp_path / "a", Workers(processes=2))
+
+
+def test_a_cluster_gives_the_same(tmp_path: Path) -> None:
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address=None,
+        local_directory=tmp_path,
+    ) as cluster:
+        address = cluster.scheduler_address
+        rows = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "a", Workers(dask=address))
+
+    assert rows == run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "b", Workers())
+
+
+def test_a_cluster_that_is_not_there_is_the_users_mistake(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(campaign, "DASK_ANSWERS_S", 0.3)
+    with pytest.raises(CampaignError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
+        run_campaign(throw, DiceSettings(), [1], tmp_path, Workers(dask="tcp://127.0.0.1:9"))

@@ -1,0 +1,60 @@
+"""Fig. 8 and Table I of the MVS paper, small."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from onboard.mvs.evidence import Estimate, MeasurementId
+from onboard.mvs.settings import Selection
+from sim_rig.campaign import Workers
+from sim_rig.studies.catalogue import run_study
+from sim_rig.studies.mvs_scenes import Scene
+from sim_rig.studies.mvs_sharing import SharingSettings, random_until_all, run_one, table1
+
+SMALL = SharingSettings(
+    seeds=1, scene=Scene.OWN_CROSSING, shares=(0.1,), entries=(5,), warm_s=0.8, measured_s=0.2
+)
+
+
+def estimate(*stamps_ms: int) -> Estimate:
+    provenance = frozenset(MeasurementId(b"abcd", stamp_ms) for stamp_ms in stamps_ms)
+    return Estimate(provenance, np.zeros(4), np.eye(4))
+
+
+def test_random_selection_ends_as_soon_as_every_measurement_is_used() -> None:
+    pieces = [estimate(1), estimate(1, 2, 3), estimate(2), estimate(3)]
+    sizes = set()
+    for seed in range(30):
+        chosen = random_until_all(pieces, np.random.default_rng(seed))
+        assert set().union(*(piece.provenance for piece in chosen)) == pieces[1].provenance
+        sizes.add(len(chosen))
+
+    assert sizes == {1, 2, 3}
+
+
+def test_figure_8_is_written_with_its_settings(tmp_path: Path) -> None:
+    path = tmp_path / "small.yaml"
+    path.write_text(
+        "seeds: 1\nscene: own-crossing\nshares: [0.1]\nentries: [5]\nwarm_s: 0.8\nmeasured_s: 0.2\n"
+    )
+
+    told = run_study("mvs-figure8", tmp_path / "out", path, Workers())
+
+    assert "of 1 cells" in told
+    with (tmp_path / "out/table.csv").open() as file:
+        rows = {row["method"]: float(row["different_mes"]) for row in csv.DictReader(file)}
+    assert rows["mvs"] >= max(rows["mo"], rows["rs"]) > 0.0
+    assert (tmp_path / "out/figure.png").read_bytes().startswith(b"\x89PNG")
+    assert "own-crossing" in (tmp_path / "out/settings.yaml").read_text()
+
+
+def test_table_1_reuses_no_measurement(tmp_path: Path) -> None:
+    settings = SMALL.model_copy(update={"methods": (Selection.MVS,)})
+
+    told = table1(tmp_path, settings)
+
+    assert told.endswith("fused state: 0")
+    row = run_one(settings, 0)
+    assert row["reused_mvs"] == 0.0
+    assert row["selected_rs"] >= row["selected_mvs"] >= 1.0
