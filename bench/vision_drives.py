@@ -14,6 +14,7 @@ import numpy as np
 
 from bench import Figure
 from onboard.observations import Lead
+from onboard.security.plate_digest import normalised
 from onboard.vision.frames import Frame
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
@@ -66,7 +67,7 @@ class Tally:
     known_in_time: int = 0
     """Drives whose lead was known within a second."""
     wrong_identities: int = 0
-    """Frames that named another text."""
+    """Frames that named a text of another identity (O and 0 are one there, as are I and 1)."""
     frames: int = 0
     """From one second on."""
     right_lead: int = 0
@@ -78,8 +79,10 @@ class Tally:
     def add(self, drive: Drive, leads: list[Lead]) -> None:
         """Count one drive."""
         self.drives += 1
-        self.known_in_time += any(lead.text == drive.text for lead in leads if lead.stamp_s <= 1.0)
-        self.wrong_identities += sum(lead.text not in {None, drive.text} for lead in leads)
+        named = [(lead, normalised(lead.text)) for lead in leads if lead.text is not None]
+        identity = normalised(drive.text)
+        self.known_in_time += any(text == identity for lead, text in named if lead.stamp_s <= 1.0)
+        self.wrong_identities += sum(text != identity for _, text in named)
         for lead in leads:
             if lead.stamp_s < 1.0:
                 continue
@@ -189,7 +192,7 @@ def _tell(tally: Tally, drive: Drive, *, tags: bool) -> None:
 def table() -> str:
     """Both tables, as Markdown."""
     lines = [
-        "| light | known within 1 s | right lead | wrong identities |",
+        "| light | known within 1 s | right lead | frames with a wrong identity |",
         "|---|---|---|---|",
     ]
     for light, tally in by_light(tags=False).items():
@@ -197,11 +200,11 @@ def table() -> str:
             f"| {light} | {tally.known_in_time} of {tally.drives} drives "
             f"| {tally.right_lead / tally.frames:.0%} of frames | {tally.wrong_identities} |"
         )
-    lines += [
-        "",
-        "| gap | known within 1 s | wrong identities | gap error, median | 90 % below | by sigma |",
-        "|---|---|---|---|---|---|",
-    ]
+    heads = (
+        *("gap", "known within 1 s", "frames with a wrong identity", "gap error, median"),
+        *("90 % below", "error by stated sigma, rms"),
+    )
+    lines += ["", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for gap_m, tally in by_gap(tags=False).items():
         errors = tally.gap_errors or [float("nan")]
         sigmas = tally.in_sigmas or [float("nan")]

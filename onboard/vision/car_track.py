@@ -30,7 +30,7 @@ class CarTrack:
         self.looked_at = stamp_s
         """When it was last looked for."""
         self.read_at = stamp_s
-        """When its text was last read."""
+        """When it was last tried what text it carries."""
         self.sightings = 1
         self.last = first
         """The latest plate or tag, else the latest vehicle."""
@@ -111,9 +111,10 @@ class CarTrack:
         self.present_at = stamp_s
 
     def _vote(self, sighting: Sighting, stamp_s: float) -> None:
+        if sighting.was_read:
+            self.read_at = stamp_s
         if sighting.text is None:
             return
-        self.read_at = stamp_s
         ballot = self._tag if sighting.cue is Cue.TAG else self._plate
         ballot.vote(
             sighting.text, sighting.identity_confidence, sighting.character_confidences, stamp_s

@@ -92,7 +92,8 @@ class PlateDetector:
         if min(part.shape[:2]) < CELL_PX:
             return []
         grey = part if part.ndim == 2 else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY).astype(np.uint8)
-        candidates: list[FoundPlate] = []
+        # The score in the end is the geometric mean with that of the second look, at most 1.
+        least, candidates = self._least_score**2, list[FoundPlate]()
         for shrink in self._shrinks:
             size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
             if min(size) < CELL_PX:
@@ -101,7 +102,7 @@ class PlateDetector:
             scale = np.asarray([grey.shape[1] / size[0], grey.shape[0] / size[1]], np.float32)
             candidates += [
                 FoundPlate(found.corners_px * scale, found.score)
-                for found in self._look(np.asarray(view, np.uint8), self._least_score * 0.4)
+                for found in self._look(np.asarray(view, np.uint8), least)
             ]
         firsts = _one_each(candidates)[:_MOST_CANDIDATES]
         seconds = _one_each(self._second_look(grey, first) for first in firsts)

@@ -147,9 +147,9 @@ def decode(scores: npt.NDArray[np.float32]) -> PlateText:
         text = "".join(ALPHABET[label - 1] for label in labels)
         if text in texts:
             continue
-        whole = float(np.mean([_probability(labels, other) for other in likely]))
+        whole = _probability(labels, likely)
         alike = [_MERGED.get(label, label) for label in labels]
-        but_for_alike = float(np.mean([_probability(alike, other) for other in merged]))
+        but_for_alike = _probability(alike, merged) if alike != labels else whole
         texts[text] = PlateText(text, whole, tuple(confidences), but_for_alike)
     return max(texts.values(), key=lambda text: text.confidence)
 
@@ -184,17 +184,21 @@ def _best_path(likely: npt.NDArray[np.float32]) -> tuple[list[int], list[float]]
 
 
 def _probability(labels: list[int], likely: npt.NDArray[np.float32]) -> float:
-    """That the columns spell `labels`: the forward recursion of Graves et al. 2006, section 4.1."""
+    """That the columns of a look spell `labels`, in the mean of the looks.
+
+    The forward recursion of Graves et al. 2006, section 4.1.
+    """
     states = np.zeros(2 * len(labels) + 1, np.int64)  # a blank before, between and after
     states[1::2] = labels
     # From two states back: only to a character, and only from another one.
     may_skip = np.zeros(len(states), bool)
     may_skip[3::2] = states[3::2] != states[1:-2:2]
-    reached = np.zeros(len(states))
-    reached[:2] = likely[0, states[:2]]
-    for column in likely[1:]:
+    emitted = likely[:, :, states].astype(np.float64)
+    reached = np.zeros((len(likely), len(states)))
+    reached[:, :2] = emitted[:, 0, :2]
+    for column in range(1, likely.shape[1]):
         arriving = reached.copy()
-        arriving[1:] += reached[:-1]
-        arriving[2:] += np.where(may_skip[2:], reached[:-2], 0.0)
-        reached = arriving * column[states]
-    return float(min(1.0, reached[-2:].sum()))
+        arriving[:, 1:] += reached[:, :-1]
+        arriving[:, 2:] += reached[:, :-2] * may_skip[2:]
+        reached = arriving * emitted[:, column]
+    return float(np.minimum(1.0, reached[:, -2:].sum(axis=1)).mean())

@@ -80,13 +80,16 @@ class Plates:
         readable = [plate for plate, to_read in found if to_read]
         texts = iter(self._reader.read_many(image, [plate.corners_px for plate in readable]))
         sightings = [
-            (plate, self._sighting(plate, next(texts) if to_read else None))
+            (plate, to_read, self._sighting(plate, next(texts) if to_read else None))
             for plate, to_read in found
         ]
         return [
             sighting
-            for plate, sighting in sightings
-            if search.followed is not None or sighting.text or plate.score >= SURE_SCORE
+            for plate, to_read, sighting in sightings
+            if search.followed is not None
+            or not to_read
+            or sighting.text
+            or plate.score >= SURE_SCORE
         ]
 
     def _found(self, image: Image, search: Search) -> Iterator[tuple[FoundPlate, bool]]:
@@ -102,7 +105,8 @@ class Plates:
                 whole = self._whole(image, plate)
                 if plate.width_px >= LEAST_PX and not any(_same(whole.box, box) for box in boxes):
                     boxes.append(whole.box)
-                    yield whole, to_read
+                    known = any(_same(whole.box, box) for box in search.read_already)
+                    yield whole, to_read and not known
 
     def _follow(self, image: Image, followed: Followed) -> list[FoundPlate]:
         if followed.cue is Cue.PLATE and followed.was_seen:
@@ -127,6 +131,7 @@ class Plates:
             place=place,
             ahead_sigma_m=ahead_sigma_m,
             right_sigma_m=math.hypot(width_m * share, share * place.right_m),
+            was_read=text is not None,
         )
         fitting = self._fitting(text)
         if text is None or fitting is None:

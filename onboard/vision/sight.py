@@ -211,7 +211,12 @@ class Sight:
         )
         if everywhere or stamp_s - self._searched_at >= period_s:
             self._searched_at = stamp_s
-            return Search(self._road)
+            if everywhere:  # a cut: nothing is where it was
+                return Search(self._road)
+            read = (t for t in self._tracker.tracks if not self._is_to_read(t, stamp_s))
+            return Search(
+                self._road, read_already=tuple(bounding_box(track.corners_px) for track in read)
+            )
         # The lead in every frame, the others in turn.
         order = sorted(
             self._tracker.tracks, key=lambda track: (track is not self._lead, track.looked_at)
@@ -222,11 +227,17 @@ class Sight:
 
     def _follow(self, track: CarTrack, stamp_s: float) -> Followed:
         was_seen = track.seen_at >= track.looked_at
-        read_again = track.text is None or stamp_s - track.read_at >= self._settings.read_every_s
+        read_again = self._is_to_read(track, stamp_s)
         track.looked_at = stamp_s
         return Followed(
             track.last.cue, track.corners_px, _around(track, stamp_s), was_seen, read_again
         )
+
+    def _is_to_read(self, track: CarTrack, stamp_s: float) -> bool:
+        """The lead until it is known; then, and the others, now and then."""
+        if track is self._lead and track.text is None:
+            return True
+        return stamp_s - track.read_at >= self._settings.read_every_s
 
     def _fit(self, width_px: int, height_px: int) -> bool:
         """Have the lens fit the size of the pictures; whether it can."""

@@ -30,6 +30,8 @@ class Sighting:
     character_confidences: tuple[float, ...] = ()
     identity_confidence: float = 0.0
     """Of the text, but for characters that no identity tells apart."""
+    was_read: bool = True
+    """Whether it was tried what text it carries."""
 
     @property
     def box(self) -> Box:
@@ -61,3 +63,5 @@ class Search:
     """Of a search everywhere, the part of the picture that shows the road; `None` is all of it."""
     followed: tuple[Followed, ...] | None = None
     """`None` searches everywhere."""
+    read_already: tuple[Box, ...] = ()
+    """Of a search everywhere: plates that were read not long ago."""

@@ -7,8 +7,8 @@ import pytest
 
 from onboard.observations import LeadIdentity
 from onboard.vision.frames import open_frames
-from onboard.vision.plate_detector import PlateDetector
-from onboard.vision.plate_reader import PlateReader
+from onboard.vision.plate_detector import Corners, Image, PlateDetector
+from onboard.vision.plate_reader import PlateReader, PlateText
 from onboard.vision.seen_frame import see_frames
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.sight import Sight
@@ -63,6 +63,60 @@ def test_a_plate_too_small_to_be_read_is_a_lead_without_identity_and_never_a_gue
 
     assert {lead.text for lead in seen.leads} <= {None, OURS}
     assert LeadIdentity.UNKNOWN in {lead.identity for lead in seen.leads}
+
+
+class CountingReader:
+    """Counts the plates that it is given to read."""
+
+    def __init__(self) -> None:
+        self.plates = 0
+
+    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+        self.plates += len(plates)
+        return READER.read_many(image, plates)
+
+
+def test_plates_are_read_twice_a_second_once_the_lead_is_known() -> None:
+    cars = SceneCar(9.0, plate=OURS), SceneCar(12.0, 3.5, plate=THEIRS)
+    counting = CountingReader()
+    watching = Sight(CAMERA, VisionSettings(), finder=FINDER, reader=counting)
+    pictures = list(frames(lambda _: Scene(cars), 3.0, camera=CAMERA))
+    first = see(watching, iter(pictures[:10]))
+    counting.plates = 0
+
+    see(watching, iter(pictures[10:]))
+
+    assert first.leads[-1].text == OURS
+    assert counting.plates <= 2 * 2 * 2.0 + 2  # cars, times a second, seconds
+
+
+def test_a_tag_and_a_plate_on_one_car_are_one_car() -> None:
+    car = SceneCar(8.0, plate=OURS, tag_id=3, tag_side_m=0.2)
+
+    seen = see(sight(), frames(lambda _: Scene((car,)), 1.0, camera=CAMERA))
+
+    assert seen.leads[-1].text == "TAG3"
+    assert {plate.text for plate in seen.plates} > {"TAG3"}
+    assert len({car.track_id for car in seen.cars}) == 1
+
+
+def test_a_second_plate_on_a_car_does_not_change_who_it_is() -> None:
+    """A transporter's load, or a show plate in the window, from the second second on."""
+    art = draw_plate(THEIRS, EU, px_per_mm=1.0)
+    art = np.dstack([art, np.full(art.shape[:2], 255, np.uint8)])
+    corners = [(-0.26, 1.21), (0.26, 1.21), (0.26, 1.1), (-0.26, 1.1)]
+    quad = np.array([PICTURE.project(8.0, x, y) for x, y in corners], np.float32)
+    pictures = []
+    for stamp_s, image in frames(lambda _: Scene((SceneCar(8.0, plate=OURS),)), 2.5, camera=CAMERA):
+        if stamp_s >= 1.0:
+            warp_onto(image, art, quad)
+        pictures.append((stamp_s, image))
+
+    seen = see(sight(), iter(pictures))
+
+    assert THEIRS in {plate.text for plate in seen.plates}
+    assert {lead.text for lead in seen.leads} == {None, OURS}
+    assert seen.leads[-1].text == OURS
 
 
 def test_a_plate_on_a_billboard_is_read_and_is_no_lead() -> None:
