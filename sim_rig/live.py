@@ -5,6 +5,7 @@ for the cameras (a process of its own), a UDP unit for each radio with the air b
 are told their own plate and their ports, and no more.
 """
 
+import asyncio
 import shutil
 import socket
 import time
@@ -21,6 +22,7 @@ from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
+from sim_rig.engineer.window import EngineerWindow
 from sim_rig.processes import ProcessError, Processes
 from sim_rig.radio.air import Air
 from sim_rig.radio.iwcu import RadioUnits
@@ -79,6 +81,7 @@ class Desk:
         self.start_s = time.monotonic()
         assert self._cameras.stdin is not None  # noqa: S101 (started with pipes)
         self._cameras.stdin.write(f"{self.start_s}\n".encode())
+        self._engineer.begin(self.start_s)
         await self.processes.sleep_until(self.start_s + self._scenario.duration_s + _LINGER_S)
         await self.processes.stop(*self._scenario.equipped)
 
@@ -120,6 +123,11 @@ class Desk:
             config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
             self._trace(car).unlink(missing_ok=True)
             await self.processes.start(car, "-m", "onboard", "run", str(config_file))
+        self._engineer = await EngineerWindow.open(
+            self.processes, self._scenario_file, self._folder, camera_port
+        )
+        self.pages["engineer"] = self._engineer.address
+        self._open.callback(asyncio.create_task(self._engineer.follow(self.recorder)).cancel)
 
     def _make_keys(self) -> None:
         """Give every car certificates of one authority: on the desk, too, messages are signed."""
@@ -132,11 +140,11 @@ class Desk:
     async def _start_cameras(self) -> int:
         """Start their process, and return its port."""
         await self._open.enter_async_context(self.processes)
-        scenario_file = self._folder / "scenario.json"
-        scenario_file.write_text(self._scenario.model_dump_json(), encoding="utf-8")
+        self._scenario_file = self._folder / "scenario.json"
+        self._scenario_file.write_text(self._scenario.model_dump_json(), encoding="utf-8")
         self._cameras = await self.processes.start(
             "cameras",
-            *("-m", "sim_rig.cars.camera_server", str(scenario_file), str(self._seed)),
+            *("-m", "sim_rig.cars.camera_server", str(self._scenario_file), str(self._seed)),
             with_pipes=True,
         )
         assert self._cameras.stdout is not None  # noqa: S101 (started with pipes)

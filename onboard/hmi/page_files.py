@@ -1,6 +1,6 @@
 """The files of a page, held in memory and sent under rules that let nothing in from outside."""
 
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
@@ -27,6 +27,9 @@ HEADERS = {
 """Of every answer. No inline script, no style attribute, no file of another origin."""
 
 
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
 def read_page(package: str) -> dict[str, tuple[bytes, str]]:
     """The files in `page/` of a package by their path from there: content and content type."""
     return dict(_read(files(package) / "page", ""))
@@ -43,6 +46,18 @@ def add_page(app: web.Application, pages: Mapping[str, tuple[bytes, str]]) -> No
         return web.Response(body=body, headers={"Content-Type": content_type})
 
     app.router.add_get("/{path:.*}", send)
+
+
+async def under_rules(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Have `handler` answer, and put `HEADERS` on whatever comes, errors too."""
+    try:
+        response = await handler(request)
+    except web.HTTPException as error:
+        error.headers.update(HEADERS)
+        raise
+    if not response.prepared:
+        response.headers.update(HEADERS)
+    return response
 
 
 def _read(folder: Traversable, prefix: str) -> list[tuple[str, tuple[bytes, str]]]:

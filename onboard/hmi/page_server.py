@@ -7,7 +7,7 @@ The page confirms each view (`shown NUMBER`), so that one that is slow or gone g
 import asyncio
 import contextlib
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 
 import structlog
 from aiohttp import WSMsgType, web
@@ -16,7 +16,7 @@ from onboard.errors import UserError
 from onboard.hmi.door import Door
 from onboard.hmi.feed import Feed, Reader
 from onboard.hmi.metrics import Metrics
-from onboard.hmi.page_files import HEADERS, add_page, read_page
+from onboard.hmi.page_files import HEADERS, Handler, add_page, read_page, under_rules
 from onboard.hmi.settings import HmiSettings
 
 log = structlog.get_logger()
@@ -27,7 +27,6 @@ SILENT_S = 10.0
 """A page that confirms nothing for so long is gone, whatever the network says."""
 _LONGEST_WORD = 64
 _PROBE_S = 0.1
-_Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class PageServer:
@@ -44,7 +43,7 @@ class PageServer:
         self._token = None if token is None else token.get_secret_value()
         self._door = Door(self._token)
         self._cookie = f"onboard_{settings.port}"
-        self._feed = Feed()
+        self._feed: Feed[str] = Feed()
         self._pages: set[web.WebSocketResponse] = set()
         self._sent_at: dict[int, float] = {}
         self._number = 0
@@ -91,7 +90,7 @@ class PageServer:
         self._feed.publish(view)
 
     @web.middleware
-    async def _guard(self, request: web.Request, handler: _Handler) -> web.StreamResponse:
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         offered = request.query.get("token")
         if self._token is not None and request.path == "/" and offered is not None:
             return self._hand_over_cookie(offered)
@@ -104,14 +103,7 @@ class PageServer:
         )
         if refusal is not None:
             return self._refuse(refusal)
-        try:
-            response = await handler(request)
-        except web.HTTPException as error:
-            error.headers.update(HEADERS)
-            raise
-        if not response.prepared:
-            response.headers.update(HEADERS)
-        return response
+        return await under_rules(request, handler)
 
     def _hand_over_cookie(self, offered: str) -> web.Response:
         """So that the token stands in the address once only, and not in the page's history."""
@@ -151,13 +143,13 @@ class PageServer:
             self._metrics.pages(len(self._pages))
         return page
 
-    async def _push_all(self, page: web.WebSocketResponse, reader: Reader) -> None:
+    async def _push_all(self, page: web.WebSocketResponse, reader: Reader[str]) -> None:
         with contextlib.suppress(ConnectionError):
             while True:
                 number, text = await reader.next()
                 await page.send_str(f"{number} {text}")
 
-    async def _listen(self, page: web.WebSocketResponse, reader: Reader) -> None:
+    async def _listen(self, page: web.WebSocketResponse, reader: Reader[str]) -> None:
         """Hear the page out until it closes, or has been silent for too long."""
         while True:
             try:

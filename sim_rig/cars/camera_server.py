@@ -1,5 +1,7 @@
 """The cameras of a run, as MJPEG over HTTP on 127.0.0.1: `http://127.0.0.1:PORT/CAR`.
 
+`/CAR/copy` has the pictures that the car gets, again: who looks over its shoulder draws none.
+
 Runs as a process of its own, so that drawing does not hold up the radio. It reads the scenario
 itself; on its standard input it is told when the scenario begins, on its standard output it says
 which port it has. Until it is told, the world stands as at the first second.
@@ -8,6 +10,7 @@ which port it has. Until it is told, the world stands as at the first second.
 """
 
 import asyncio
+import contextlib
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +19,7 @@ import cv2
 import numpy as np
 from aiohttp import web
 
+from onboard.hmi.feed import Feed
 from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_view import FPS, LENS, CameraView
 from sim_rig.picture.scene import Picture
@@ -56,6 +60,7 @@ class CameraServer:
             car: Camera(scenario, car, seed)
             for car, seed in zip(scenario.equipped, seeds, strict=True)
         }
+        self._taken: dict[str, Feed[bytes]] = {car: Feed() for car in self._cameras}
         self.start_s: float | None = None
         self._painter = ThreadPoolExecutor(max_workers=1)
 
@@ -63,6 +68,7 @@ class CameraServer:
         """Listen, and return the port."""
         app = web.Application()
         app.router.add_get("/{car}", self._stream)
+        app.router.add_get("/{car}/copy", self._copy)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
         await self._runner.setup()
         site = web.TCPSite(self._runner, "127.0.0.1", 0)
@@ -75,13 +81,7 @@ class CameraServer:
         self._painter.shutdown(cancel_futures=True)
 
     async def _stream(self, request: web.Request) -> web.StreamResponse:
-        car = request.match_info["car"]
-        if car not in self._cameras:
-            raise web.HTTPNotFound
-        response = web.StreamResponse(
-            headers={"Content-Type": f"multipart/x-mixed-replace; boundary={_BOUNDARY}"}
-        )
-        await response.prepare(request)
+        car, response = await self._answer(request)
         # The cars take their pictures one after the other, not all at once.
         next_at = time.monotonic() + list(self._cameras).index(car) / FPS / len(self._cameras)
         loop = asyncio.get_running_loop()
@@ -89,15 +89,37 @@ class CameraServer:
             await asyncio.sleep(next_at - time.monotonic())
             at_s = 0.0 if self.start_s is None else max(0.0, time.monotonic() - self.start_s)
             jpeg = await loop.run_in_executor(self._painter, self._cameras[car].jpeg, at_s)
-            head = (
-                f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
-            )
+            self._taken[car].publish(jpeg)
             try:
-                await response.write(head.encode() + jpeg + b"\r\n")
+                await response.write(_part(jpeg))
             except ConnectionError:
                 break
             next_at = max(next_at + 1 / FPS, time.monotonic())
         return response
+
+    async def _copy(self, request: web.Request) -> web.StreamResponse:
+        car, response = await self._answer(request)
+        number, taken = self._taken[car].number, self._taken[car]
+        with contextlib.suppress(ConnectionError):
+            while True:
+                number, jpeg = await taken.after(number)
+                await response.write(_part(jpeg))
+        return response
+
+    async def _answer(self, request: web.Request) -> tuple[str, web.StreamResponse]:
+        car = request.match_info["car"]
+        if car not in self._cameras:
+            raise web.HTTPNotFound
+        response = web.StreamResponse(
+            headers={"Content-Type": f"multipart/x-mixed-replace; boundary={_BOUNDARY}"}
+        )
+        await response.prepare(request)
+        return car, response
+
+
+def _part(jpeg: bytes) -> bytes:
+    head = f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+    return head.encode() + jpeg + b"\r\n"
 
 
 async def serve(scenario: Scenario, seed: int) -> None:

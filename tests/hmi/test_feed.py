@@ -23,7 +23,7 @@ async def not_now(work: Awaitable[object]) -> None:
 
 def test_a_reader_that_confirms_gets_everything() -> None:
     async def read() -> list[str]:
-        feed = Feed()
+        feed: Feed[str] = Feed()
         reader = Reader(feed)
         texts = []
         for text in ("a", "b", "c", "d"):
@@ -38,7 +38,7 @@ def test_a_reader_that_confirms_gets_everything() -> None:
 
 def test_a_slow_reader_misses_what_is_old_and_gets_the_latest() -> None:
     async def read() -> None:
-        feed = Feed()
+        feed: Feed[str] = Feed()
         reader = Reader(feed)
         numbers = []
         for text in ("a", "b"):
@@ -58,7 +58,7 @@ def test_a_slow_reader_misses_what_is_old_and_gets_the_latest() -> None:
 
 def test_a_new_reader_is_not_told_old_news() -> None:
     async def read() -> None:
-        feed = Feed()
+        feed: Feed[str] = Feed()
         feed.publish("long ago")
         reader = Reader(feed)
 
@@ -73,7 +73,7 @@ def test_a_new_reader_is_not_told_old_news() -> None:
 @pytest.mark.parametrize("confirmed", [0, -1, 99])
 def test_a_confirmation_of_what_was_not_sent_makes_no_room(confirmed: int) -> None:
     async def read() -> None:
-        feed = Feed()
+        feed: Feed[str] = Feed()
         reader = Reader(feed)
         for text in ("a", "b"):
             feed.publish(text)

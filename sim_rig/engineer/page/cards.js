@@ -1,0 +1,79 @@
+// One card a car: its picture with what was read in it, its place, its alarm.
+import { html, svg } from "./make.js";
+
+const WIDTH_PX = 640, HEIGHT_PX = 360;
+const PLATE_HELD_S = 0.15;
+
+export class Card {
+  constructor(car, store) {
+    this.car = car.name;
+    this.store = store;
+    this.picture = html("canvas", { width: WIDTH_PX, height: HEIGHT_PX });
+    this.boxes = svg("svg", { viewBox: `0 0 ${WIDTH_PX} ${HEIGHT_PX}` });
+    this.state = html("strong");
+    this.place = html("span", { class: "soft" });
+    this.numbers = html("p", { class: "numbers" });
+    this.notes = html("p", { class: "notes" });
+    this.element = html("article", { class: "card", "data-car": car.name, "data-colour": car.colour },
+      html("h2", {}, html("i", { class: "swatch" }), car.name, html("span", { class: "soft" }, car.identity)),
+      html("div", { class: "picture" }, this.picture, this.boxes),
+      html("p", { class: "state" }, this.state, " ", this.place),
+      this.numbers, this.notes);
+  }
+
+  async draw(at_s) {
+    this.#drawWords(at_s);
+    if (this.busy) return;
+    this.busy = true;
+    try {
+      const answer = await fetch(`pictures/${this.car}?at_s=${at_s}`);
+      if (!answer.ok) return;
+      const stamp = answer.headers.get("X-Stamp");
+      if (stamp === this.stamp) return;
+      this.stamp = stamp;
+      const picture = await createImageBitmap(await answer.blob());
+      this.picture.getContext("2d").drawImage(picture, 0, 0, WIDTH_PX, HEIGHT_PX);
+    } catch { /* The run is over; the last picture stays. */ } finally { this.busy = false; }
+  }
+
+  #drawWords(at_s) {
+    const { store, car } = this;
+    const place = store.last(car, "transition", at_s);
+    const state = place?.state ?? "regular";
+    this.element.dataset.state = state;
+    this.state.textContent = state === "member" ? `MEMBER ${place.group_number}` : state.toUpperCase();
+    this.place.textContent = state === "member" ? `behind ${place.leader_id}` : "";
+    const speed = store.last(car, "speed", at_s), lead = store.last(car, "lead", at_s);
+    const gap = lead?.gap_m == null ? "nobody ahead" : `${lead.text ?? "unread"} in ${lead.gap_m.toFixed(1)} m`;
+    this.numbers.textContent = `${speed ? (speed.speed_m_s * 3.6).toFixed(0) : "–"} km/h · ${gap}`;
+    const plates = store.between(car, "plate", at_s - PLATE_HELD_S, at_s);
+    const newest = plates.at(-1)?.stamp_s;
+    this.boxes.replaceChildren(...plates.filter((plate) => plate.stamp_s === newest).flatMap(plateBox));
+    this.notes.replaceChildren(...this.#alarms(at_s), ...this.#lost(at_s));
+    this.element.dataset.alarm = this.notes.querySelector(".warning") ? "warning" : "";
+  }
+
+  #alarms(at_s) {
+    const holding = new Map();
+    for (const alarm of this.store.between(this.car, "alarm", -Infinity, at_s)) holding.set(alarm.cause, alarm);
+    return [...holding.values()].filter((alarm) => alarm.level !== "none")
+      .map((alarm) => html("span", { class: alarm.level }, alarm.cause.replace("_", " ")));
+  }
+
+  #lost(at_s) {
+    const changes = [
+      ...this.store.between(this.car, "sensor_lost", -Infinity, at_s),
+      ...this.store.between(this.car, "sensor_back", -Infinity, at_s),
+    ].sort((one, other) => one.stamp_s - other.stamp_s);
+    const last = new Map(changes.map((change) => [change.sensor, change]));
+    return [...last.values()].filter((change) => change.kind === "sensor_lost")
+      .map((change) => html("span", { class: "lost" }, `${change.sensor} lost: ${change.reason}`));
+  }
+}
+
+function plateBox({ box, text, is_lead }) {
+  const kind = is_lead ? "lead" : "other";
+  const label = svg("text", { x: box.x_px, y: box.y_px - 7, class: kind });
+  label.textContent = text ?? "";
+  return [svg("rect", { x: box.x_px, y: box.y_px, width: box.w_px, height: box.h_px, class: kind }), label];
+}

@@ -1,0 +1,97 @@
+// The engineer's page: one moment of the run, for all cars; the last one, or the one looked for.
+import { Card } from "./cards.js";
+import { html } from "./make.js";
+import { Sequence } from "./sequence.js";
+import { Store } from "./store.js";
+import { drawDiscarded, drawFused, drawLedger, drawSaid } from "./tables.js";
+import { Timeline } from "./timeline.js";
+
+const ASK_MS = 250;
+const BEHIND_S = 0.6; // so that all that belongs to a moment has come
+const WINDOWS_S = [0.05, 0.5, 3, 10];
+const $ = (id) => document.getElementById(id);
+
+const store = new Store();
+const run = await (await fetch("run")).json();
+let next = 0, start_s = null, now_s = 0, heard_ms = performance.now();
+let paused_s = null;   // the moment looked at; null goes with the run
+let window_s = 3;
+let isOver = false;
+
+$("title").textContent = run.title;
+const cards = run.cars.map((car) => new Card(car, store));
+$("cards").append(...cards.map((card) => card.element));
+const timeline = new Timeline($("timeline"), run.cars, store, (part) => seek(base() + part * run.duration_s));
+const sequence = new Sequence($("sequence"), run.cars, store);
+for (const seconds of WINDOWS_S) {
+  const button = html("button", { type: "button", "aria-pressed": String(seconds === window_s) }, `${seconds} s`);
+  button.onclick = () => {
+    window_s = seconds;
+    for (const other of $("windows").children) other.setAttribute("aria-pressed", String(other === button));
+    draw();
+  };
+  $("windows").append(button);
+}
+
+const steps = {
+  "earlier": [-1], "later": [1], "earlier-warning": [-1, "warning"], "later-warning": [1, "warning"],
+};
+for (const [id, [direction, kind]] of Object.entries(steps)) $(id).onclick = () => step(direction, kind);
+$("pause").onclick = () => seek(paused_s === null ? moment() : null);
+document.onkeydown = (event) => {
+  const doing = {
+    " ": () => $("pause").onclick(), ArrowLeft: () => step(-1), ArrowRight: () => step(1),
+    w: () => step(1, "warning"), W: () => step(-1, "warning"),
+  }[event.key];
+  if (doing) { event.preventDefault(); doing(); }
+};
+setInterval(ask, ASK_MS);
+setInterval(async () => {
+  try { drawLedger($("ledger"), await (await fetch("ledger")).json()); } catch { /* It stays as it was. */ }
+}, 1500);
+ask();
+
+function base() { return start_s ?? store.first_s ?? now_s; }
+
+function moment() {
+  if (paused_s !== null) return paused_s;
+  const live_s = now_s + (isOver ? 0 : (performance.now() - heard_ms) / 1e3) - BEHIND_S;
+  return Math.min(live_s, base() + run.duration_s + 1);
+}
+
+function seek(at_s) {
+  paused_s = at_s;
+  $("pause").textContent = at_s === null ? "Pause" : "Go on";
+  document.body.classList.toggle("paused", at_s !== null);
+  draw();
+}
+
+function step(direction, kind) {
+  const entry = store.next(moment(), direction, kind);
+  if (entry) seek(entry.stamp_s);
+}
+
+async function ask() {
+  if (ask.busy) return;
+  ask.busy = true;
+  try {
+    const news = await (await fetch(`entries?from=${next}`)).json();
+    ({ start_s, now_s, next } = news);
+    heard_ms = performance.now();
+    isOver = false;
+    news.entries.forEach((entry) => store.add(entry));
+  } catch { isOver = true; } finally { ask.busy = false; }
+  document.body.classList.toggle("over", isOver);
+  if (paused_s === null) draw();
+}
+
+function draw() {
+  const at_s = moment();
+  $("clock").textContent = start_s === null ? "getting ready" : `${(at_s - start_s).toFixed(3)} s`;
+  timeline.draw(base(), run.duration_s, Math.min(now_s, base() + run.duration_s), at_s);
+  sequence.draw(at_s, window_s, base(), paused_s !== null);
+  for (const card of cards) card.draw(at_s);
+  drawSaid($("said"), store, at_s, base());
+  drawDiscarded($("discarded"), run.cars, store, at_s);
+  drawFused($("fused"), $("no-fused"), run.cars, store, at_s);
+}

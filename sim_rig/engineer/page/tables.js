@@ -1,0 +1,64 @@
+// What was said, who discarded what, what is fused from what.
+import { html, row } from "./make.js";
+
+const HIDDEN = new Set(["car", "kind", "stamp_s", "traced_s", "content", "reasons", "signer_id", "message"]);
+const FUSED_HELD_S = 1.5;
+
+export function drawSaid(element, store, at_s, start_s) {
+  const entries = store.toldBefore(at_s, 40).reverse();
+  element.replaceChildren(...entries.map((entry) => html("li", { class: entry.kind, "data-car": entry.car },
+    html("time", {}, (entry.stamp_s - start_s).toFixed(3)), html("b", {}, entry.car),
+    html("i", {}, entry.kind.replace("_", " ")), html("span", {}, sentence(entry)))));
+}
+
+export function drawDiscarded(table, cars, store, at_s) {
+  const counts = new Map();
+  cars.forEach(({ name }, index) => {
+    for (const { room, reason } of store.between(name, "discarded", -Infinity, at_s)) {
+      const key = `${room}: ${reason}`;
+      if (!counts.has(key)) counts.set(key, cars.map(() => 0));
+      counts.get(key)[index] += 1;
+    }
+  });
+  table.tHead.replaceChildren(html("tr", {}, html("th", {}, "reason"), ...cars.map(({ name }) => html("th", {}, name))));
+  table.tBodies[0].replaceChildren(...[...counts].sort().map(([key, each]) => row(key, ...each.map((n) => n || "·"))));
+}
+
+export function drawFused(table, none, cars, store, at_s, start_s) {
+  const rows = [];
+  for (const { name } of cars) {
+    const known = store.between(name, "known_car", at_s - FUSED_HELD_S, at_s);
+    const newest = known.at(-1)?.stamp_s;
+    for (const car of known.filter((each) => each.stamp_s === newest)) {
+      rows.push(row(name, car.name, car.known_by, `${car.state[0].toFixed(1)}, ${car.state[1].toFixed(1)}`,
+        car.sigma_m.toFixed(2), measurements(car.provenance)));
+    }
+  }
+  table.hidden = rows.length === 0;
+  none.hidden = rows.length > 0;
+  table.tBodies[0].replaceChildren(...rows);
+}
+
+export function drawLedger(table, lines) {
+  table.tBodies[0].replaceChildren(...lines.map(({ hop, n, p50_s, p99_s }) =>
+    row(hop, n, (p50_s * 1e3).toFixed(1), (p99_s * 1e3).toFixed(1))));
+}
+
+// Each measurement once, by its observer: seconds of the minute, as the BSM counts them.
+function measurements(provenance) {
+  const byObserver = new Map();
+  for (const [observer, stamp_ms] of provenance) {
+    byObserver.set(observer, [...(byObserver.get(observer) ?? []), stamp_ms]);
+  }
+  return [...byObserver].map(([observer, stamps]) =>
+    `${observer}: ${stamps.sort().map((ms) => ((ms % 60000) / 1000).toFixed(2)).join(" ")}`).join("; ") || "its own word";
+}
+
+function sentence(entry) {
+  const { message, content } = entry;
+  if (message && content) {
+    return `${message} from ${content.sender_id}${content.to_id ? ` to ${content.to_id}` : ""}`;
+  }
+  return Object.entries(entry).filter(([key, value]) => !HIDDEN.has(key) && value !== null && typeof value !== "object")
+    .map(([key, value]) => `${key} ${typeof value === "number" && !Number.isInteger(value) ? value.toFixed(3) : value}`).join(" · ");
+}

@@ -1,0 +1,56 @@
+// Who was what, when, and where it mattered; a click goes there.
+import { svg } from "./make.js";
+
+const MARKS = {
+  hard_brake: { path: "M-5-4H5L0 5Z", label: "brakes hard" },
+  warning: { path: "M-5 4H5L0-5Z", label: "is warned" },
+  sensor_lost: { path: "M-4-4 4 4M-4 4 4-4", label: "sensor lost" },
+};
+const LABEL_PX = 76, ROW_PX = 20;
+
+export class Timeline {
+  constructor(element, cars, store, onSeek) {
+    Object.assign(this, { element, cars, store });
+    element.setAttribute("height", cars.length * ROW_PX + 22);
+    element.onclick = (event) => {
+      const box = element.getBoundingClientRect();
+      onSeek((event.clientX - box.left - LABEL_PX) / (box.width - LABEL_PX - 12));
+    };
+  }
+
+  draw(start_s, duration_s, known_s, at_s) {
+    const width = this.element.clientWidth, wide = width - LABEL_PX - 12;
+    const x = (stamp_s) => LABEL_PX + Math.min(Math.max((stamp_s - start_s) / duration_s, 0), 1) * wide;
+    this.element.setAttribute("viewBox", `0 0 ${width} ${this.cars.length * ROW_PX + 22}`);
+    const parts = [];
+    this.cars.forEach(({ name }, index) => {
+      const y = index * ROW_PX;
+      parts.push(words(4, y + 15, name, "name"));
+      const places = [{ stamp_s: start_s, state: "regular" },
+        ...this.store.between(name, "transition", -Infinity, known_s), { stamp_s: known_s }];
+      for (let n = 0; n + 1 < places.length; n += 1) {
+        const from = x(places[n].stamp_s), to = x(places[n + 1].stamp_s);
+        if (to > from) {
+          parts.push(svg("rect", { class: places[n].state, x: from, y: y + 3, width: to - from, height: ROW_PX - 6 }));
+        }
+      }
+      for (const [kind, { path }] of Object.entries(MARKS)) {
+        for (const entry of this.store.between(name, kind, start_s, known_s)) {
+          parts.push(svg("path", { class: kind, d: path, transform: `translate(${x(entry.stamp_s)} ${y + ROW_PX / 2})` }));
+        }
+      }
+    });
+    const bottom = this.cars.length * ROW_PX;
+    for (let s = 0; s <= duration_s; s += duration_s > 90 ? 30 : 5) {
+      parts.push(words(x(start_s + s), bottom + 16, `${s}`, "tick"));
+    }
+    parts.push(svg("line", { class: "playhead", x1: x(at_s), x2: x(at_s), y1: 0, y2: bottom + 4 }));
+    this.element.replaceChildren(...parts);
+  }
+}
+
+function words(x, y, text, kind) {
+  const element = svg("text", { x, y, class: kind });
+  element.textContent = text;
+  return element;
+}

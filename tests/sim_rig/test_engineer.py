@@ -1,0 +1,174 @@
+"""What the engineer's page is told: the story of a run, its pictures, and the server of both."""
+
+import asyncio
+import json
+import time
+from collections.abc import Coroutine
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import cv2
+import numpy as np
+import pytest
+
+from sim_rig.engineer.album import Album
+from sim_rig.engineer.server import EngineerServer, TraceReader
+from sim_rig.engineer.story import Story
+from sim_rig.ledger import ledger
+from sim_rig.run_log import RunLog
+from sim_rig.scenario import Scenario, load_scenario
+from sim_rig.virtual import run_virtual
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load_scenario("fig4").model_copy(update={"duration_s": 12.0})
+
+
+@pytest.fixture(scope="module")
+def log(scenario: Scenario) -> RunLog:
+    return run_virtual(scenario)
+
+
+@pytest.fixture
+def story(log: RunLog) -> Story:
+    story = Story(log.names)
+    story.receive_rig({"kind": "start", "stamp_s": 0.0})
+    for record in log.rig:
+        story.receive_rig(record)
+    for car, records in log.traces.items():
+        for record in records:
+            story.receive(car, record)
+    return story
+
+
+def run(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(asyncio.wait_for(work, 20.0))
+
+
+def test_cars_are_called_by_their_names(story: Story) -> None:
+    warnings = [entry for entry in story.entries if entry["kind"] == "warning"]
+    warns = [
+        entry
+        for entry in story.entries
+        if entry["kind"] == "received" and entry["message"] == "warn"
+    ]
+
+    assert {(entry["car"], entry["origin_id"]) for entry in warnings} == {
+        ("red", "green"),
+        ("blue", "green"),
+    }
+    assert {entry["content"]["sender_id"] for entry in warns} <= {"green", "red", "blue"}
+
+
+def test_the_ledger_is_that_of_the_finished_run(story: Story, log: RunLog) -> None:
+    assert ledger(story.log()) == ledger(log)
+    assert {line.hop for line in ledger(log)} >= {"noticed", "received", "alarm", "chain"}
+
+
+def test_a_fused_state_names_each_measurement_once_and_says_how_sure_it_is() -> None:
+    story = Story({})
+    story.receive(
+        "red",
+        {
+            "stamp_s": 1.0,
+            "kind": "known_car",
+            "name": "3",
+            "known_by": "told",
+            "state": [10.0, 20.0, 1.0, 2.0],
+            "covariance": [[4.0, 0, 0, 0], [0, 4.0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+            "age_s": 0.1,
+            "provenance": [["aabbccdd", 100], ["aabbccdd", 200], ["11223344", 150]],
+        },
+    )
+
+    (entry,) = story.entries
+    assert entry["sigma_m"] == 2.0
+    assert "covariance" not in entry
+    assert entry["provenance"] == [["aabbccdd", 100], ["aabbccdd", 200], ["11223344", 150]]
+
+
+def test_an_album_finds_the_picture_of_a_moment() -> None:
+    album = Album(most_bytes=1000)
+    for stamp_s in (1.0, 2.0, 3.0):
+        album.add("red", stamp_s, f"red {stamp_s}".encode())
+    album.add("blue", 2.5, b"blue")
+
+    assert album.at("red", 2.9) == (2.0, b"red 2.0")
+    assert album.at("red", 3.0) == (3.0, b"red 3.0")
+    assert album.at("red", 0.9) is None
+    assert album.at("blue", 9.0) == (2.5, b"blue")
+    assert album.at("nobody", 9.0) is None
+
+
+def test_a_full_album_forgets_the_oldest_pictures_of_all() -> None:
+    album = Album(most_bytes=100)
+    for n in range(10):
+        album.add("red" if n % 2 else "blue", float(n), bytes(30))
+
+    assert album.at("red", 5.9) is None
+    assert album.at("red", 7.0) == (7.0, bytes(30))
+    assert album.at("blue", 9.0) == (8.0, bytes(30))
+
+
+def test_a_trace_is_read_as_it_grows_and_no_line_in_halves(tmp_path: Path) -> None:
+    path = tmp_path / "red.jsonl"
+    reader = TraceReader(path)
+    assert reader.records() == []
+
+    path.write_text('{"kind":"speed","stamp_s":1}\n{"kind":"le')
+    assert [record["kind"] for record in reader.records()] == ["speed"]
+    assert reader.records() == []
+    with path.open("a") as trace:
+        trace.write('ad","stamp_s":2}\n')
+    assert [record["kind"] for record in reader.records()] == ["lead"]
+
+
+def test_the_server_tells_what_is_new_and_shows_any_moment(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    async def ask() -> None:
+        server = EngineerServer(scenario, tmp_path, camera_port=1)
+        address = f"http://127.0.0.1:{await server.start()}"
+        (tmp_path / "red.jsonl").write_text('{"kind":"speed","stamp_s":1.0,"speed_m_s":9}\n')
+        server.story.receive_rig({"kind": "start", "stamp_s": 1.0})
+        _, jpeg = cv2.imencode(".jpg", np.zeros((9, 16, 3), np.uint8))
+        server.album.add("red", 1.5, jpeg.tobytes())
+        async with aiohttp.ClientSession() as session:
+
+            async def get(path: str, **more: Any) -> tuple[int, Any]:
+                async with session.get(address + path, **more) as answer:
+                    body = await answer.read()
+                    is_json = answer.content_type == "application/json"
+                    return answer.status, json.loads(body) if is_json else body
+
+            _, news = await get("/entries")
+            while not news["entries"]:
+                await asyncio.sleep(0.01)
+                _, news = await get("/entries")
+            assert news["entries"] == [
+                {"car": "red", "kind": "speed", "stamp_s": 1.0, "speed_m_s": 9}
+            ]
+            assert news["start_s"] == 1.0
+            assert news["now_s"] <= time.monotonic()
+            assert (await get("/entries?from=1"))[1]["entries"] == []
+            assert await get("/pictures/red?at_s=2.0") == (200, jpeg.tobytes())
+            _, told = await get("/run")
+            assert [car["name"] for car in told["cars"]] == scenario.equipped
+            for path, status in {
+                "/": 200,
+                "/fonts/OFL-1.1.txt": 200,
+                "/ledger": 200,
+                "/pictures/red?at_s=1.0": 404,
+                "/pictures/red?at_s=x": 400,
+                "/pictures/nobody?at_s=2.0": 404,
+                "/entries?from=x": 400,
+                "/entries?from=-5": 200,
+                "/../server.py": 404,
+            }.items():
+                assert (await get(path))[0] == status, path
+            assert (await get("/run", headers={"Host": "evil.example"}))[0] == 403
+        await server.close()
+
+    run(ask())
