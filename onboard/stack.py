@@ -65,7 +65,7 @@ ASSESS_S = 0.1
 """How often the danger is judged anew."""
 
 TELL_CARS_S = 1.0
-"""How often the trace gets every known car. `known_cars` has them at any time."""
+"""How often the trace gets the own car and every known one. `known_cars` has them at any time."""
 
 
 class Stack:
@@ -291,12 +291,13 @@ class Stack:
             self._change_identity(who, now)
         if now >= self._assess_at:
             self._assess_at = now + ASSESS_S
-            known_cars = self._mvs.kinematic_info(now)
-            self._surroundings = (self._mvs.own_car(now), known_cars)
-            self._risk.assess(*self._surroundings, now)
+            own_car, known_cars = self._mvs.own_car(now), self._mvs.kinematic_info(now)
+            self._surroundings = (own_car, known_cars)
+            self._risk.assess(own_car, known_cars, now)
             if now >= self._tell_cars_at:
                 self._tell_cars_at = now + TELL_CARS_S
-                self._events.extend(known_cars)
+                if own_car is not None:
+                    self._events.extend([own_car, *known_cars])
         self._beacon.handle_timer(now)
         if self._access is not None:
             self._access.handle_timer(now)

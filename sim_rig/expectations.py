@@ -7,14 +7,21 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field
+from typing_extensions import override
 
 from onboard.observations import Sensor
-from onboard.settings import Settings
+from sim_rig.expectation import Expected
+from sim_rig.expected_alarms import (
+    AlarmExpected,
+    KnowsExpected,
+    KnowsNotExpected,
+    NoAlarmExpected,
+)
 from sim_rig.names import CarName, Seconds
 from sim_rig.run_log import Record, RunLog
 
 
-class StateExpected(Settings):
+class StateExpected(Expected):
     """A car has a place in its group by a time, and keeps it as long as is said."""
 
     what: Literal["state"]
@@ -26,14 +33,14 @@ class StateExpected(Settings):
     group_number: int | None = Field(default=None, ge=1)
     leader: CarName | None = None
 
+    @override
     def cars_named(self) -> Iterator[str]:
-        """Every car this entry speaks of."""
         yield self.car
         if self.leader is not None:
             yield self.leader
 
+    @override
     def check(self, log: RunLog) -> Iterator[str]:
-        """Compare the last transition until `by_s`, and all until `until_s`."""
         before = list(log.of(self.car, "transition", until_s=self.by_s))
         if before:
             yield from self._compare(log, before[-1], self.by_s)
@@ -55,7 +62,7 @@ class StateExpected(Settings):
             yield f"{found} led by {leader}, not {self.leader}"
 
 
-class WarningExpected(Settings):
+class WarningExpected(Expected):
     """A car brakes, once or several times; some are warned in time, others are not."""
 
     what: Literal["warning"]
@@ -70,15 +77,15 @@ class WarningExpected(Settings):
     discarded: Mapping[CarName, str] = {}
     """Who hears it and drops it, and for which reason."""
 
+    @override
     def cars_named(self) -> Iterator[str]:
-        """Every car this entry speaks of."""
         yield self.braking
         yield from self.within_s
         yield from self.not_warned
         yield from self.discarded
 
+    @override
     def check(self, log: RunLog) -> Iterator[str]:
-        """Look for the warnings that have the braking car as origin, after each braking."""
         for at_s in self.at_s:
             yield from self._check_one(log, at_s)
 
@@ -104,7 +111,7 @@ class WarningExpected(Settings):
                 yield record
 
 
-class QuietExpected(Settings):
+class QuietExpected(Expected):
     """Some cars raise no warning at all for a while."""
 
     what: Literal["quiet"]
@@ -112,18 +119,18 @@ class QuietExpected(Settings):
     from_s: Seconds
     until_s: Seconds
 
+    @override
     def cars_named(self) -> Iterator[str]:
-        """Every car this entry speaks of."""
         yield from self.cars
 
+    @override
     def check(self, log: RunLog) -> Iterator[str]:
-        """Look for any warning."""
         for car in self.cars:
             for record in log.of(car, "warning", self.from_s, self.until_s):
                 yield f"at {log.at_s(record):.2f} s {car} raises a warning, and must not"
 
 
-class SensorExpected(Settings):
+class SensorExpected(Expected):
     """A sensor is shown as lost, or as back, in time."""
 
     what: Literal["sensor_lost", "sensor_back"]
@@ -133,12 +140,12 @@ class SensorExpected(Settings):
     """When it fails, or works again."""
     within_s: float = Field(gt=0.0, le=60.0)
 
+    @override
     def cars_named(self) -> Iterator[str]:
-        """Every car this entry speaks of."""
         yield self.car
 
+    @override
     def check(self, log: RunLog) -> Iterator[str]:
-        """Look for the first such report from then on."""
         reports = log.of(self.car, self.what, self.from_s, sensor=self.sensor.value)
         first = next(reports, None)
         if first is None:
@@ -151,7 +158,7 @@ class SensorExpected(Settings):
             )
 
 
-class CountExpected(Settings):
+class CountExpected(Expected):
     """How often something is seen in the traces of some cars together."""
 
     what: Literal["sent", "received", "discarded"]
@@ -165,12 +172,12 @@ class CountExpected(Settings):
     at_least: int = Field(default=0, ge=0)
     at_most: int | None = Field(default=None, ge=0)
 
+    @override
     def cars_named(self) -> Iterator[str]:
-        """Every car this entry speaks of."""
         yield from self.cars
 
+    @override
     def check(self, log: RunLog) -> Iterator[str]:
-        """Count."""
         wanted = {"message": self.message, "reason": self.reason}
         fields = {name: value for name, value in wanted.items() if value is not None}
         count = sum(
@@ -186,6 +193,14 @@ class CountExpected(Settings):
 
 
 Expectation = Annotated[
-    StateExpected | WarningExpected | QuietExpected | SensorExpected | CountExpected,
+    StateExpected
+    | WarningExpected
+    | QuietExpected
+    | SensorExpected
+    | CountExpected
+    | AlarmExpected
+    | NoAlarmExpected
+    | KnowsExpected
+    | KnowsNotExpected,
     Field(discriminator="what"),
 ]

@@ -23,9 +23,9 @@ class _Fault(Settings):
 class SensorFault(_Fault):
     """A sensor fails as a whole."""
 
-    what: Literal["ecu_stopped", "camera_frozen", "camera_dark"]
+    what: Literal["ecu_stopped", "camera_frozen", "camera_dark", "gnss_silent", "radio_mute"]
     """The ECU is silent, nobody answers on the bus; the camera repeats its last picture; the
-    camera delivers black pictures."""
+    camera delivers black pictures; the receiver says nothing; the radio hears and is not heard."""
 
 
 class PlateMisread(_Fault):

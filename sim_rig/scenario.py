@@ -7,15 +7,16 @@ that is not there or a time out of order is an error that names file, field and 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, StringConstraints
+from pydantic import AfterValidator, BeforeValidator, Field, StringConstraints, model_validator
 
 from onboard.lcca.settings import LccaSettings
 from onboard.settings import Settings, SettingsError, load_settings
+from sim_rig.cars.settings import ReceiverSettings, VehicleCameraSettings
 from sim_rig.expectations import Expectation
 from sim_rig.faults import Fault, PlateMisread
-from sim_rig.names import CarName, PlateText, Seconds
+from sim_rig.names import CarName, PlateText, RoadName, Seconds
 from sim_rig.radio.settings import AirSettings, ReachSettings
 
 SCENARIOS = Path(__file__).with_name("scenarios")
@@ -57,6 +58,27 @@ LaneCourse = Annotated[
 Sentence = Annotated[str, StringConstraints(pattern=r"^[A-Z].{10,}[.]$")]
 
 
+Metres = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
+
+
+class RoadSettings(Settings):
+    """The line that lane 1 of a road follows."""
+
+    points_m: tuple[tuple[Metres, Metres], ...] = Field(min_length=2)
+    """East and north of the scenario's origin; straight in between, and on beyond both ends."""
+    elevation_m: float = Field(default=0.0, ge=-100.0, le=100.0)
+    """A bridge is higher than the road under it."""
+
+    @model_validator(mode="after")
+    def _leads_somewhere(self) -> Self:
+        if any(one == other for one, other in pairwise(self.points_m)):
+            raise ValueError("two points of a road that follow each other must differ")
+        return self
+
+
+EASTWARDS = {"road": RoadSettings(points_m=((0.0, 0.0), (1.0, 0.0)))}
+
+
 class ScenarioCar(Settings):
     """One car on the road."""
 
@@ -66,9 +88,10 @@ class ScenarioCar(Settings):
     """An AR tag in the place of the plate, as on the paper's model cars."""
     equipped: bool = True
     """Whether it runs `onboard`; otherwise it is only seen."""
+    road: RoadName = "road"
     start_m: float
-    """Its front bumper when the scenario begins, along the road."""
-    lane: LaneCourse
+    """Its front bumper when the scenario begins, along its road."""
+    lane: LaneCourse = ((0.0, 1.0),)
     speed_m_s: SpeedCourse
     length_m: float = Field(default=4.5, gt=1.0, le=20.0)
     width_m: float = Field(default=1.8, gt=0.5, le=3.0)
@@ -88,8 +111,15 @@ class Scenario(Settings):
     seed: int = Field(ge=0)
     duration_s: float = Field(gt=0.0, le=600.0)
     cars: Mapping[CarName, ScenarioCar] = Field(min_length=1)
+    roads: Mapping[RoadName, RoadSettings] = EASTWARDS
+    """One that leads east, if left out."""
     lane_width_m: float = Field(default=3.5, gt=2.0, le=6.0)
     radio: AirSettings
+    gnss: ReceiverSettings | None = None
+    """Of every car that is equipped; without it no car knows where it is."""
+    camera: VehicleCameraSettings | None = None
+    """In the place of the plate cameras, and in virtual time only: nothing that comes with
+    `onboard` knows cars from every side."""
     beacons: bool = True
     """Whether the cars also send BSMs, ten a second; no warning group needs them."""
     lcca: LccaSettings = LccaSettings()
@@ -136,6 +166,18 @@ def _mistakes(scenario: Scenario) -> Iterator[str]:
     for field, name in _names_used(scenario):
         if name not in scenario.cars:
             yield f"{field}: no such car (given {name!r}); cars: {', '.join(scenario.cars)}"
+    yield from _mistakes_of_cars(scenario)
+    for index, entry in enumerate(scenario.expect):
+        silent = [name for name in entry.cars_telling() if name not in scenario.equipped]
+        for name in silent:
+            if name in scenario.cars:
+                yield f"expect.{index}: {name!r} is not equipped and tells nothing"
+    for index, fault in enumerate(scenario.faults):
+        if fault.until_s <= fault.from_s:
+            yield f"faults.{index}.until_s: must be after from_s (given {fault.until_s:g})"
+
+
+def _mistakes_of_cars(scenario: Scenario) -> Iterator[str]:
     seen: dict[str, str] = {}
     for name, car in scenario.cars.items():
         if (car.plate is None) == (car.tag_id is None):
@@ -143,14 +185,9 @@ def _mistakes(scenario: Scenario) -> Iterator[str]:
         elif car.identity in seen:
             yield f"cars.{name}: has the identity of {seen[car.identity]} (given {car.identity!r})"
         seen[car.identity] = name
-    for index, entry in enumerate(scenario.expect):
-        silent = [name for name in entry.cars_named() if name not in scenario.equipped]
-        for name in silent:
-            if name in scenario.cars:
-                yield f"expect.{index}: {name!r} is not equipped and tells nothing"
-    for index, fault in enumerate(scenario.faults):
-        if fault.until_s <= fault.from_s:
-            yield f"faults.{index}.until_s: must be after from_s (given {fault.until_s:g})"
+        if car.road not in scenario.roads:
+            roads = ", ".join(scenario.roads)
+            yield f"cars.{name}.road: no such road (given {car.road!r}); roads: {roads}"
 
 
 def _names_used(scenario: Scenario) -> Iterator[tuple[str, str]]:

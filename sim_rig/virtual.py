@@ -1,8 +1,9 @@
 """The same cores in virtual time: faster than real time, and the same to the bit for one seed.
 
-Each car is a `Stack`, the very one that its daemon drives, with the rig's own ECU on its bus and
-the rig's air behind its radio. Only the camera is a model (`cars/camera_model.py`): pictures are
-not drawn, what vision would have said of them is. Between events no time passes.
+Each car is a `Stack`, the very one that its daemon drives, with the rig's own ECU on its bus, the
+rig's air behind its radio and its receiver's sentences read by the car's own reader. Only the
+camera is a model (`cars/camera_model.py`, `cars/vehicle_camera.py`): pictures are not drawn, what
+vision would have said of them is. Between events no time passes.
 """
 
 import heapq
@@ -12,6 +13,7 @@ from itertools import count
 import numpy as np
 
 from onboard.config import CarConfig
+from onboard.gnss.nmea import NmeaReader
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Sensor
 from onboard.settings import parse_settings
@@ -20,13 +22,16 @@ from onboard.trace import as_record
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
 from sim_rig.cars.ecu import Ecu
+from sim_rig.cars.gnss_receiver import GnssReceiver
+from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.radio.models import open_air
 from sim_rig.recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.roads.road import Road
 from sim_rig.run_log import Record, RunLog
 from sim_rig.scenario import Scenario
-from sim_rig.wiring import car_config, names_by_id
+from sim_rig.truth import true_states
+from sim_rig.wiring import car_config, gnss_config, names_by_id
 
 START_UTC_S = 1_750_000_000.0
 """UTC when a virtual run begins: some time in June 2025, the same for every run."""
@@ -41,7 +46,10 @@ def run_virtual(scenario: Scenario, seed: int | None = None) -> RunLog:
     return RunLog(
         start_s=0.0,
         traces={car.name: car.trace for car in run.cars.values()},
-        rig=run.recorder.records,
+        rig=[
+            *run.recorder.records,
+            *true_states(BreakpointRoad(scenario), 0.0, scenario.duration_s),
+        ],
         names=names_by_id(scenario, START_UTC_S, START_UTC_S + scenario.duration_s),
     )
 
@@ -50,15 +58,17 @@ class _VirtualRun:
     """The clock, and what is due when."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
-        self._duration_s = scenario.duration_s
+        self._scenario = scenario
         self.recorder = RigRecorder()
         road = BreakpointRoad(scenario)
-        air_seed, *car_seeds = np.random.SeedSequence(seed).spawn(1 + len(scenario.equipped))
+        air_seed, *car_seeds, sky_seed = np.random.SeedSequence(seed).spawn(
+            2 + len(scenario.equipped)
+        )
         air_rng = np.random.default_rng(air_seed)
         self._air = open_air(scenario.radio, road.cars_at, scenario.equipped, air_rng)
         self._air_planned_at = math.inf
         self.cars = {
-            name: _VirtualCar(scenario, road, name, car_seed)
+            name: _VirtualCar(scenario, road, name, car_seed, sky_seed)
             for name, car_seed in zip(scenario.equipped, car_seeds, strict=True)
         }
         self._agenda: list[tuple[float, int, _VirtualCar | None]] = []
@@ -69,7 +79,7 @@ class _VirtualRun:
         for car in self.cars.values():
             self._settle(car, 0.0)
         last_s, steps = -1.0, 0
-        while self._agenda and self._agenda[0][0] <= self._duration_s:
+        while self._agenda and self._agenda[0][0] <= self._scenario.duration_s:
             now, _, due = heapq.heappop(self._agenda)
             steps = steps + 1 if now == last_s else 0
             if steps > _MOST_STEPS:
@@ -95,6 +105,8 @@ class _VirtualRun:
     def _settle(self, car: "_VirtualCar", now: float) -> None:
         """Carry away what a car sends, and plan when it wants to be called again."""
         for user_priority, wsm in car.wsms_to_send(now):
+            if self._scenario.has_fault("radio_mute", car.name, now):
+                continue
             self.recorder.note_on_air(car.name, wsm, user_priority, now)
             self._air.receive_wsm(car.name, wsm, user_priority, now)
         self._plan_air()
@@ -115,15 +127,21 @@ class _VirtualCar:
     """One car's stack with the rig's ends of its wires held against it."""
 
     def __init__(
-        self, scenario: Scenario, road: Road, name: str, seed: np.random.SeedSequence
+        self,
+        scenario: Scenario,
+        road: Road,
+        name: str,
+        seed: np.random.SeedSequence,
+        sky_seed: np.random.SeedSequence,
     ) -> None:
         self.name = name
         self.trace: list[Record] = []
         self.planned_at = math.inf
         self._stack_at = 0.0
-        rng, camera_rng = (np.random.default_rng(each) for each in seed.spawn(2))
+        rng, camera_rng, *others = (np.random.default_rng(each) for each in seed.spawn(4))
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
-        self._stack = Stack(config, (Sensor.SPEED, Sensor.CAMERA), rng, now=0.0, utc_s=START_UTC_S)
+        sensors = [Sensor.SPEED, Sensor.CAMERA, *([Sensor.POSITION] if scenario.gnss else [])]
+        self._stack = Stack(config, sensors, rng, now=0.0, utc_s=START_UTC_S)
         self._ecu = Ecu(
             lambda now: road.car_at(name, now).speed_m_s,
             runs=lambda now: not scenario.has_fault("ecu_stopped", name, now),
@@ -132,13 +150,32 @@ class _VirtualCar:
         self._camera = CameraModel(
             CameraView(scenario, road, name, camera_rng), config.vision, phase_s, camera_rng
         )
+        gnss_rng, vehicles_rng = others
+        if scenario.camera is not None:
+            vehicles = VehicleCamera(scenario.camera, name, road.cars_at, vehicles_rng)
+            self._camera.look_for_vehicles(vehicles)
+
+        def receives(now: float) -> bool:
+            return not scenario.has_fault("gnss_silent", name, now)
+
+        self._receiver: GnssReceiver | None = None
+        if scenario.gnss is not None:
+            self._gnss = NmeaReader(gnss_config(scenario.gnss))
+            self._receiver = GnssReceiver(
+                scenario.gnss,
+                lambda now: road.car_at(name, now) if receives(now) else None,
+                START_UTC_S,
+                gnss_rng,
+                np.random.default_rng(sky_seed),
+            )
 
     def get_timer(self) -> float:
         """When something of this car is next due."""
         ecu_at = self._ecu.get_timer()
         self._stack_at = self._stack.get_timer()
         camera_at = self._camera.get_timer()
-        return min(self._stack_at, camera_at, math.inf if ecu_at is None else ecu_at)
+        gnss_at = math.inf if self._receiver is None else self._receiver.get_timer()
+        return min(self._stack_at, camera_at, gnss_at, math.inf if ecu_at is None else ecu_at)
 
     def receive_wsm(self, wsm: bytes, now: float) -> None:
         """A frame arrives at the car's radio unit."""
@@ -152,6 +189,10 @@ class _VirtualCar:
         self._camera.handle_timer(now)
         while (observation := self._camera.next_event()) is not None:
             self._stack.receive_observation(observation, now)
+        if self._receiver is not None:
+            self._gnss.receive_bytes(self._receiver.bytes_to_send(now), now)
+            while (fix := self._gnss.next_event()) is not None:
+                self._stack.receive_observation(fix, now)
         if self._stack_at <= now:
             self._stack.handle_timer(now)
         return answers

@@ -3,8 +3,10 @@
 import math
 from typing import Any
 
+from onboard.gnss.settings import GnssSettings
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings
+from sim_rig.cars.settings import ReceiverSettings
 from sim_rig.scenario import Scenario
 
 DIGEST = {"scrypt_log2_n": 6}
@@ -27,8 +29,15 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
         },
         "beacons": scenario.beacons,
         "lcca": scenario.lcca.model_dump(),
+        # The receiver's antenna is in the middle of the roof, the camera at the front bumper.
+        "mvs": {"sensing": {"camera_ahead_m": it.length_m / 2}},
         "security": {"plate_digest": DIGEST},
     }
+
+
+def gnss_config(receiver: ReceiverSettings) -> GnssSettings:
+    """What a car is told of its receiver."""
+    return GnssSettings(latency_s=receiver.latency_s)
 
 
 def names_by_id(scenario: Scenario, from_utc_s: float, until_utc_s: float) -> dict[str, str]:

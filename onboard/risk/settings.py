@@ -63,9 +63,9 @@ class CrossingSettings(Settings):
     acceleration_m_s2: float = Field(2.1, gt=0.0, le=10.0)
     """Table I."""
     top_speed_m_s: float = Field(70.0, gt=0.0, le=150.0)
-    other_level_m: float = Field(4.0, gt=0.0, le=20.0)
+    other_level_m: float = Field(3.5, gt=0.0, le=20.0)
     """A car so much higher or lower is on a bridge over our road, or under it."""
-    slope: float = Field(0.03, ge=0.0, le=0.2)
+    slope: float = Field(0.02, ge=0.0, le=0.2)
     """Added to that for each metre that both have still to go."""
 
 

@@ -10,6 +10,7 @@ from onboard.observations import (
     Lead,
     LeadIdentity,
     Plate,
+    SensedCar,
     Sensor,
     SensorBack,
     SensorLost,
@@ -23,9 +24,10 @@ from sim_rig.cars.seen_car import (
     SeenCar,
     plate_width_px,
 )
+from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.picture.scene import SceneCar
 
-Observation = Plate | Lead | SensorLost | SensorBack | Discarded
+Observation = Plate | Lead | SensedCar | SensorLost | SensorBack | Discarded
 
 LATENCY_S = 0.025
 """From the moment that the picture shows to what vision says of it; the car stamps it in between,
@@ -53,8 +55,14 @@ class CameraModel:
         self._changed_at = phase_s
         self._is_lost = False
         self._seen: dict[str, SeenCar] = {}
+        self._tracks = 0
+        self._vehicles: VehicleCamera | None = None
         self._in_lane: set[str] = set()
         self._events: deque[Observation] = deque()
+
+    def look_for_vehicles(self, vehicles: VehicleCamera) -> None:
+        """Tell shared sensing what a vehicle detector sees, and not what plates give away."""
+        self._vehicles = vehicles
 
     def get_timer(self) -> float:
         """When vision is done with the next picture."""
@@ -87,6 +95,10 @@ class CameraModel:
         for name, car in found:
             seen = self._seen[name]
             self._events.append(Plate(stamp_s, _box(car), *seen.last_read, is_lead=seen is lead))
+            if seen.is_confirmed and self._vehicles is None:
+                self._events.append(seen.sensed(stamp_s))
+        if self._vehicles is not None:
+            self._events.extend(self._vehicles.look(picture_at, stamp_s))
         self._tell(lead, stamp_s)
 
     def _repeat(self, stamp_s: float) -> None:
@@ -103,9 +115,14 @@ class CameraModel:
         found: list[tuple[str, SceneCar]] = []
         nearer: list[SceneCar] = []
         for name, car in self._view.cars(picture_at):
-            if _is_in_picture(car) and not any(_hides(other, car) for other in nearer):
+            if (
+                not car.is_turned
+                and _is_in_picture(car)
+                and not any(_hides(other, car) for other in nearer)
+            ):
                 if name not in self._seen:
-                    self._seen[name] = SeenCar(self._settings, self._rng)
+                    self._tracks += 1
+                    self._seen[name] = SeenCar(self._tracks, self._settings, self._rng)
                 if self._seen[name].look(car, stamp_s):
                     found.append((name, car))
             nearer.append(car)
@@ -164,9 +181,16 @@ def _is_in_picture(car: SceneCar) -> bool:
 
 
 def _hides(nearer: SceneCar, car: SceneCar) -> bool:
-    """Whether the back of one car is before the plate of another."""
-    half_px = (LENS.focal_x_px * nearer.width_m / nearer.ahead_m + plate_width_px(car)) / 2
-    return abs(_u_px(nearer) - _u_px(car)) < half_px
+    """Whether one car is before the plate of another."""
+    if not nearer.is_turned:
+        half_px = (LENS.focal_x_px * nearer.width_m / nearer.ahead_m + plate_width_px(car)) / 2
+        return abs(_u_px(nearer) - _u_px(car)) < half_px
+    corners = nearer.corners()
+    if min(ahead for ahead, _ in corners) <= 0.0:
+        return False
+    u_px = [LENS.focal_x_px * right / ahead for ahead, right in corners]
+    half_px = plate_width_px(car) / 2
+    return min(u_px) - half_px < _u_px(car) < max(u_px) + half_px
 
 
 def _box(car: SceneCar) -> Box:

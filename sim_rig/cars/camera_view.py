@@ -1,7 +1,10 @@
 """What is in front of a car's camera, told to whoever draws it or pretends to have seen it.
 
-The camera sits at the front bumper, in the middle, and looks straight ahead.
+The camera sits at the front bumper, in the middle, and looks straight ahead. Whether a car drives
+the same way or another, it is told; a plate shows only from behind.
 """
+
+import math
 
 import numpy as np
 
@@ -29,6 +32,8 @@ LENS = Calibration(
 wide at 15 m, and four daemons with such pictures share two cores."""
 
 SIGHT_M = 120.0
+OTHER_LEVEL_M = 2.0
+"""A car on a road so much higher or lower is hidden by the bridge."""
 _COLOURS_BGR = {
     "green": (60, 120, 40),
     "red": (40, 40, 170),
@@ -69,19 +74,27 @@ class CameraView:
         own = states[self._car]
         cars = []
         for name, car in self._scenario.cars.items():
-            ahead_m = states[name].rear_m - own.front_m
-            if name != self._car and 0.5 < ahead_m < SIGHT_M:
-                seen = SceneCar(
-                    ahead_m=ahead_m,
-                    lateral_m=own.lateral_m - states[name].lateral_m,
-                    width_m=car.width_m,
-                    height_m=car.height_m,
-                    plate=self._plate(name, at_s),
-                    tag_id=car.tag_id,
-                    colour_bgr=_COLOURS_BGR[car.colour],
-                    braking=states[name].acceleration_m_s2 < _BRAKE_LIGHTS_M_S2,
-                )
-                cars.append((name, seen))
+            other = states[name]
+            ahead_m, right_m = own.seen_from_front(*other.point(-car.length_m / 2, 0.0))
+            if (
+                name == self._car
+                or not 0.5 < ahead_m < SIGHT_M
+                or abs(other.elevation_m - own.elevation_m) > OTHER_LEVEL_M
+            ):
+                continue
+            seen = SceneCar(
+                ahead_m=ahead_m,
+                lateral_m=right_m,
+                heading_rad=math.remainder(other.heading_rad - own.heading_rad, math.tau),
+                width_m=car.width_m,
+                height_m=car.height_m,
+                length_m=car.length_m,
+                plate=self._plate(name, at_s),
+                tag_id=car.tag_id,
+                colour_bgr=_COLOURS_BGR[car.colour],
+                braking=other.acceleration_m_s2 < _BRAKE_LIGHTS_M_S2,
+            )
+            cars.append((name, seen))
         return sorted(cars, key=lambda each: each[1].ahead_m)
 
     def is_dark(self, at_s: float) -> bool:

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from onboard.observations import SensedCar
 from onboard.vision.identity import Ballot
 from onboard.vision.plate_reader import ALPHABET
 from onboard.vision.settings import VisionSettings
@@ -40,6 +41,8 @@ CORRELATION_S = 0.5
 """Errors depend on how the plate lies on the pixels, and change slowly: 1/e is left after this."""
 CLOSING_LAG_S = 0.3
 """The closing speed follows the true one by about this."""
+GAP_SIGMA_STATED, BEARING_SIGMA_RAD = 0.05, 0.004
+"""What vision states of its own errors, roughly."""
 CONFIRMED_SIGHTINGS = 3
 LEAST_TAG_PX = 12.0
 """AR tags are found and read from this width on, without error."""
@@ -52,7 +55,8 @@ _LAG = math.exp(-1 / FPS / CLOSING_LAG_S)
 class SeenCar:
     """A car in view, from its first sighting on."""
 
-    def __init__(self, settings: VisionSettings, rng: np.random.Generator) -> None:
+    def __init__(self, track_id: int, settings: VisionSettings, rng: np.random.Generator) -> None:
+        self.track_id = track_id
         self._read_every_s = settings.read_every_s
         self._rng = rng
         self._ballot = Ballot(settings.identity_confidence)
@@ -83,6 +87,20 @@ class SeenCar:
     def gap_m(self, stamp_s: float) -> float:
         """As last measured, and moved on to `stamp_s`."""
         return self._gap_m - self.closing_speed_m_s * (stamp_s - self.seen_at)
+
+    def sensed(self, stamp_s: float) -> SensedCar:
+        """As vision tells it to shared sensing, with what it states of its own errors."""
+        gap_m = self.gap_m(stamp_s)
+        range_m = math.hypot(gap_m, self.right_m)
+        return SensedCar(
+            stamp_s=stamp_s,
+            track_id=self.track_id,
+            range_m=range_m,
+            range_sigma_m=GAP_SIGMA_STATED * gap_m,
+            bearing_rad=math.atan2(self.right_m, gap_m),
+            bearing_sigma_rad=BEARING_SIGMA_RAD,
+            text=self.text,
+        )
 
     def look(self, car: SceneCar, stamp_s: float) -> bool:
         """A frame shows the car in full view; whether its plate or tag is found."""

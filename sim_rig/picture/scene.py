@@ -8,7 +8,8 @@ a point that lies (ahead Z, lateral X to the right, height Y over the road) at
     y' = (h - Y) cos(theta) - r sin(theta),   z' = (h - Y) sin(theta) + r cos(theta).
 
 Pixels count from the outer corner of the top left one; the lens does not distort. Cars are flat
-rears with a side behind them; the nearest are painted last.
+rears with a side behind them, those that drive another way bare boxes; the nearest are painted
+last.
 """
 
 import math
@@ -32,7 +33,10 @@ Quad = npt.NDArray[np.float32]
 _TAG_PX = 128
 _TAG_CARD = 1.25
 """Side of the white card over the side of the tag's black square."""
-_CAR_LENGTH_M = 4.4
+TURNED_RAD = 0.1
+"""A car that points another way by more than this shows no rear that could be read."""
+_NEAREST_M = 1.0
+"""What is nearer to the camera is not painted."""
 
 
 class Light(StrEnum):
@@ -73,14 +77,17 @@ _LOOKS = {
 
 @dataclass(frozen=True, slots=True)
 class SceneCar:
-    """One car ahead, seen from behind."""
+    """One car ahead, seen from behind unless it is turned."""
 
     ahead_m: float
     """Camera to its rear, along the lane; cars at or behind the camera are not seen."""
     lateral_m: float = 0.0
-    """Its middle from the camera's, positive to the right."""
+    """The middle of its rear from the camera, positive to the right."""
+    heading_rad: float = 0.0
+    """Clockwise from where the camera's car points."""
     width_m: float = 1.8
     height_m: float = 1.5
+    length_m: float = 4.4
     plate: str | None = None
     """Text without separators."""
     plate_format: PlateFormat = EU
@@ -90,6 +97,28 @@ class SceneCar:
     """Of the tag's black square."""
     colour_bgr: tuple[int, int, int] = (120, 90, 60)
     braking: bool = False
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether it shows something else than its rear."""
+        return abs(self.heading_rad) > TURNED_RAD
+
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Ahead and to the right: rear left, rear right, front right, front left."""
+        sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
+        half_m = self.width_m / 2
+        return tuple(
+            (
+                self.ahead_m + along_m * cosine - across_m * sine,
+                self.lateral_m + along_m * sine + across_m * cosine,
+            )
+            for along_m, across_m in (
+                (0.0, -half_m),
+                (0.0, half_m),
+                (self.length_m, half_m),
+                (self.length_m, -half_m),
+            )
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +155,9 @@ class Picture:
         look = _LOOKS[scene.light]
         image = self._road(scene, look)
         for car in sorted(scene.cars, key=lambda car: -car.ahead_m):
-            if car.ahead_m > 1.0:
+            if car.is_turned:
+                self._paint_turned(image, car, look)
+            elif car.ahead_m > _NEAREST_M:
                 self._paint_car(image, car, look)
         if self.blur_sigma_px:
             cv2.GaussianBlur(image, (0, 0), self.blur_sigma_px, dst=image)
@@ -194,7 +225,7 @@ class Picture:
         if abs(car.lateral_m) <= car.width_m / 2:
             return
         edge_m = car.lateral_m - math.copysign(car.width_m / 2, car.lateral_m)
-        front_m = car.ahead_m + _CAR_LENGTH_M
+        front_m = car.ahead_m + car.length_m
         waist_m = 0.6 * car.height_m
         points = [
             self.project(car.ahead_m, edge_m, 0.15),
@@ -204,6 +235,33 @@ class Picture:
         ]
         shade = [float(0.6 * brightness * c + v) for c, v in zip(car.colour_bgr, veil, strict=True)]
         cv2.fillConvexPoly(image, np.asarray(points, np.int32), shade, cv2.LINE_AA)
+
+    def _paint_turned(self, image: Image, car: SceneCar, look: _Look) -> None:
+        """The faces of a box that the camera sees, each in a shade of its own."""
+        corners = car.corners()
+        if min(ahead for ahead, _ in corners) <= _NEAREST_M:
+            return
+        contrast = math.exp(-min(ahead for ahead, _ in corners) / look.sight_m)
+        veil = [(1 - contrast) * channel for channel in look.sky_bgr]
+        faces = list(zip(corners, corners[1:] + corners[:1], strict=True))
+        for (one, other), light in zip(faces, (0.75, 0.6, 0.75, 0.6), strict=True):
+            # Seen from outside, a face's corners go from the left to the right.
+            if one[0] * other[1] - one[1] * other[0] <= 0.0:
+                continue
+            quad = [
+                self.project(*end, height_m)
+                for end, height_m in (
+                    (one, 0.15),
+                    (other, 0.15),
+                    (other, car.height_m),
+                    (one, car.height_m),
+                )
+            ]
+            shade = [
+                light * look.brightness * contrast * c + v
+                for c, v in zip(car.colour_bgr, veil, strict=True)
+            ]
+            cv2.fillConvexPoly(image, np.asarray(quad, np.int32), shade, cv2.LINE_AA)
 
     def _road(self, scene: Scene, look: _Look) -> Image:
         camera = self.camera

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from typing_extensions import override
 
 from sim_rig.breakpoints import Course
+from sim_rig.roads.path import Path, heading_rad
 from sim_rig.roads.road import CarState, Road
-from sim_rig.scenario import Scenario, ScenarioCar
+from sim_rig.scenario import RoadSettings, Scenario, ScenarioCar
 
 
 class BreakpointRoad(Road):
@@ -14,7 +15,8 @@ class BreakpointRoad(Road):
 
     def __init__(self, scenario: Scenario) -> None:
         self._cars = {
-            name: _Drive(car, scenario.lane_width_m) for name, car in scenario.cars.items()
+            name: _Drive(car, scenario.roads[car.road], scenario.lane_width_m)
+            for name, car in scenario.cars.items()
         }
         self._at_s = -1.0
         self._states: Mapping[str, CarState] = {}
@@ -34,8 +36,10 @@ class BreakpointRoad(Road):
 class _Drive:
     """One car's way."""
 
-    def __init__(self, car: ScenarioCar, lane_width_m: float) -> None:
+    def __init__(self, car: ScenarioCar, road: RoadSettings, lane_width_m: float) -> None:
         self._car = car
+        self._path = Path(road.points_m)
+        self._elevation_m = road.elevation_m
         self._speed_m_s = Course(car.speed_m_s)
         self._lane = Course(car.lane)
         self._lane_width_m = lane_width_m
@@ -44,9 +48,17 @@ class _Drive:
 
     def state(self, at_s: float) -> CarState:
         speed_m_s, acceleration_m_s2, driven_m = self._speed_m_s.sample(at_s)
+        front_m = self._zero_m + driven_m
+        left_m = (self._lane.value(at_s) - 1) * self._lane_width_m
+        # A car points from where its rear is to where its front is: so it turns in bends.
+        front = self._path.place(front_m, left_m)
+        rear = self._path.place(front_m - self._car.length_m, left_m)
         return CarState(
-            front_m=self._zero_m + driven_m,
-            lateral_m=(self._lane.value(at_s) - 1) * self._lane_width_m,
+            x_m=(front[0] + rear[0]) / 2,
+            y_m=(front[1] + rear[1]) / 2,
+            heading_rad=heading_rad(rear, front),
+            elevation_m=self._elevation_m,
+            front_m=front_m,
             speed_m_s=speed_m_s,
             acceleration_m_s2=acceleration_m_s2,
             length_m=self._car.length_m,

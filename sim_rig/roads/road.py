@@ -12,27 +12,44 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class CarState:
-    """One car at one moment, in the frame of the road."""
+    """One car at one moment."""
 
+    x_m: float
+    """East of the scenario's origin; the middle of the car."""
+    y_m: float
+    """North of it."""
+    heading_rad: float
+    """Clockwise from north."""
+    elevation_m: float
+    """Of the road under it."""
     front_m: float
-    """Front bumper, along the road."""
-    lateral_m: float
-    """Middle of the car, across the road, growing to the left; lane 1 is centred at 0."""
+    """Front bumper, along its road."""
     speed_m_s: float
     acceleration_m_s2: float
     length_m: float
     width_m: float
     height_m: float
 
-    @property
-    def rear_m(self) -> float:
-        """Rear bumper, along the road."""
-        return self.front_m - self.length_m
-
     def distance_m(self, other: "CarState") -> float:
         """Between the middles of the two cars, as a radio sees it."""
-        along_m = self.front_m - self.length_m / 2 - (other.front_m - other.length_m / 2)
-        return math.hypot(along_m, self.lateral_m - other.lateral_m)
+        return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
+
+    def point(self, ahead_m: float, right_m: float) -> tuple[float, float]:
+        """East and north of a point that lies so far ahead and to the right of the car's middle."""
+        sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
+        return (
+            self.x_m + ahead_m * sine + right_m * cosine,
+            self.y_m + ahead_m * cosine - right_m * sine,
+        )
+
+    def seen_from_front(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """How far ahead of the front bumper, and to the right of its middle, a point lies."""
+        sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
+        east_m, north_m = x_m - self.x_m, y_m - self.y_m
+        return (
+            east_m * sine + north_m * cosine - self.length_m / 2,
+            east_m * cosine - north_m * sine,
+        )
 
 
 class Road(Protocol):

@@ -15,7 +15,7 @@ SPACING_M = 20.0
 
 def row_of_cars(_now: float) -> dict[str, CarState]:
     return {
-        name: CarState(-SPACING_M * index, 0.0, 15.0, 0.0, 4.5, 1.8, 1.5)
+        name: CarState(-SPACING_M * index, 0.0, 1.57, 0.0, 0.0, 15.0, 0.0, 4.5, 1.8, 1.5)
         for index, name in enumerate(UNITS)
     }
 

@@ -63,6 +63,12 @@ def test_a_constant_stands_for_one_breakpoint(tmp_path: Path) -> None:
             "faults.0: Input tag 'ecu_gone'",
         ),
         ("duration_s: 10", "duration_s: .inf", "duration_s:"),
+        ("tag_id: 7,", "tag_id: 7, road: lane,", "cars.red.road: no such road (given 'lane')"),
+        (
+            "cars:",
+            "roads: {road: {points_m: [[0, 0], [0, 0]]}}\ncars:",
+            "roads.road: Value error, two points of a road that follow each other must differ",
+        ),
     ],
 )
 def test_a_mistake_names_file_field_and_value(

@@ -1,0 +1,133 @@
+"""A GNSS receiver: what its serial line says of a car that is somewhere else, by a little.
+
+Positions are off by a bias that wanders slowly, part of which all receivers of a run share, and by
+noise that is new in each fix; speed and course come from a velocity that is off as well. Fixes are
+made at round moments of UTC, as real receivers make them, and told a latency later, as GGA, GST and
+RMC.
+"""
+
+import datetime as dt
+import math
+from collections.abc import Callable
+from functools import reduce
+from operator import xor
+
+import numpy as np
+
+from onboard.mvs.kalman import Array
+from onboard.units import KNOT
+from sim_rig.cars.settings import ReceiverSettings
+from sim_rig.roads.earth import ORIGIN_HEIGHT_M, to_degrees
+from sim_rig.roads.road import CarState
+
+GEOID_M = 46.0
+"""Of the geoid above the ellipsoid."""
+HDOP = 0.9
+_AXES = np.array([1.0, 1.0, 2.0])
+"""Heights are twice as uncertain as places."""
+
+
+class GnssReceiver:
+    """One car's receiver, without I/O."""
+
+    def __init__(
+        self,
+        settings: ReceiverSettings,
+        state_at: Callable[[float], CarState | None],
+        utc_offset_s: float,
+        rng: np.random.Generator,
+        shared_rng: np.random.Generator,
+    ) -> None:
+        """Begin with the first round moment at or after 0.
+
+        Args:
+            settings: the errors.
+            state_at: where the car truly is at a `now`; `None` where the receiver does not work.
+            utc_offset_s: UTC less `now`.
+            rng: of the errors of its own.
+            shared_rng: of those that all have; each receiver is given its own copy, equally seeded.
+        """
+        self._settings = settings
+        self._state_at = state_at
+        self._utc_offset_s = utc_offset_s
+        self._rng = rng
+        self._shared_rng = shared_rng
+        self._fixes = math.ceil(utc_offset_s * settings.rate_hz)
+        """Since 1970, up to the next one."""
+        self._bias_m = self._fresh_m()
+        self._kept = math.exp(-1.0 / settings.rate_hz / settings.bias_time_s)
+
+    def get_timer(self) -> float:
+        """When the next fix has been computed."""
+        return self._fix_at + self._settings.latency_s
+
+    def bytes_to_send(self, now: float) -> bytes:
+        """Sentences for the serial line; empty while there is nothing to say."""
+        if now < self.get_timer():
+            return b""
+        at, self._fixes = self._fix_at, self._fixes + 1
+        settings, noise = self._settings, self._rng.standard_normal(5)
+        fresh_share = math.sqrt(1.0 - self._kept**2)
+        self._bias_m = self._kept * self._bias_m + fresh_share * self._fresh_m()
+        state = self._state_at(at)
+        if state is None:
+            return b""
+        scatter_m = settings.noise_sigma_m * _AXES * noise[:3]
+        east_m, north_m, up_m = self._bias_m + scatter_m
+        velocity_m_s = (
+            state.speed_m_s * math.sin(state.heading_rad) + settings.speed_sigma_m_s * noise[3],
+            state.speed_m_s * math.cos(state.heading_rad) + settings.speed_sigma_m_s * noise[4],
+        )
+        return self._sentences(
+            round((self._fixes - 1) / settings.rate_hz, 2),
+            to_degrees(state.x_m + east_m, state.y_m + north_m),
+            ORIGIN_HEIGHT_M + state.elevation_m + up_m,
+            velocity_m_s,
+        )
+
+    def _fresh_m(self) -> Array:
+        """A bias drawn anew, (3) east, north, up."""
+        shared = self._settings.bias_shared
+        drawn = math.sqrt(shared) * self._shared_rng.standard_normal(3)
+        drawn += math.sqrt(1.0 - shared) * self._rng.standard_normal(3)
+        bias_m: Array = self._settings.bias_sigma_m * _AXES * drawn
+        return bias_m
+
+    @property
+    def _fix_at(self) -> float:
+        return self._fixes / self._settings.rate_hz - self._utc_offset_s
+
+    def _sentences(
+        self,
+        utc_s: float,
+        place_deg: tuple[float, float],
+        height_m: float,
+        velocity_m_s: tuple[float, float],
+    ) -> bytes:
+        utc = dt.datetime.fromtimestamp(utc_s, dt.UTC)
+        time = f"{utc:%H%M%S}.{utc.microsecond // 10_000:02d}"
+        latitude, longitude = map(float, place_deg)
+        place = f"{_degrees(latitude, 'NS', 2)},{_degrees(longitude, 'EW', 3)}"
+        sigma_m = math.hypot(self._settings.bias_sigma_m, self._settings.noise_sigma_m)
+        knots = math.hypot(*velocity_m_s) / KNOT
+        course_deg = math.degrees(math.atan2(*velocity_m_s)) % 360.0
+        return b"".join(
+            map(
+                _sentence,
+                (
+                    f"GNGGA,{time},{place},1,12,{HDOP},{height_m - GEOID_M:.3f},M,{GEOID_M},M,,",
+                    f"GNGST,{time},,,,,{sigma_m:.2f},{sigma_m:.2f},{2 * sigma_m:.2f}",
+                    f"GNRMC,{time},A,{place},{knots:.3f},{course_deg:.3f},{utc:%d%m%y},,,A",
+                ),
+            )
+        )
+
+
+def _degrees(angle_deg: float, hemispheres: str, digits: int) -> str:
+    """`dddmm.mmmmmmm,h`: two millimetres are 0.000001 minutes."""
+    whole, minutes = divmod(round(abs(angle_deg) * 60.0, 7), 60.0)
+    return f"{int(whole):0{digits}d}{minutes:010.7f},{hemispheres[angle_deg < 0.0]}"
+
+
+def _sentence(text: str) -> bytes:
+    return f"${text}*{reduce(xor, text.encode('ascii')):02X}\r\n".encode("ascii")

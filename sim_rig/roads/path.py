@@ -1,0 +1,37 @@
+"""The line that a road follows: where a point of it lies, which way it leads, how high it is.
+
+East is x, north is y, headings run clockwise from north, as everywhere.
+"""
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
+
+Point = tuple[float, float]
+
+
+class Path:
+    """Straight from point to point, and straight on beyond both ends."""
+
+    def __init__(self, points_m: Sequence[Point]) -> None:
+        """Follow `points_m`, at least two of them, no two neighbours the same."""
+        self._points_m = list(points_m)
+        lengths_m = [math.dist(one, other) for one, other in pairwise(points_m)]
+        self._begins_m = list(accumulate(lengths_m[:-1], initial=0.0))
+        self._directions = [
+            ((x1 - x0) / length_m, (y1 - y0) / length_m)
+            for ((x0, y0), (x1, y1)), length_m in zip(pairwise(points_m), lengths_m, strict=True)
+        ]
+
+    def place(self, along_m: float, left_m: float) -> Point:
+        """The point `along_m` from the road's beginning and `left_m` to the left of its line."""
+        index = max(bisect_right(self._begins_m, along_m) - 1, 0)
+        (x, y), (dx, dy) = self._points_m[index], self._directions[index]
+        on_m = along_m - self._begins_m[index]
+        return x + on_m * dx - left_m * dy, y + on_m * dy + left_m * dx
+
+
+def heading_rad(rear: Point, front: Point) -> float:
+    """Which way a car points that has its bumpers at these places."""
+    return math.atan2(front[0] - rear[0], front[1] - rear[1])
