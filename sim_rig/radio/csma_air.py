@@ -80,4 +80,4 @@ class CsmaAir:
 
 
 def _middle_m(car: CarState) -> tuple[float, float]:
-    return car.front_m - car.length_m / 2.0, car.lateral_m
+    return car.x_m, car.y_m
