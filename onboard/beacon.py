@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from onboard.geodesy import distance_m
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, PositionalAccuracy, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
@@ -62,9 +63,15 @@ class Beacon:
         self._braking_until = brake.stamp_s + HARD_BRAKING_S
         self._schedule.receive_event_flags(self._is_braking(now), now)
 
-    def receive_neighbour(self, temporary_id: bytes, distance_m: float | None, now: float) -> None:
-        """A BSM of another car came: many of them make ours rarer."""
-        self._schedule.receive_neighbour(temporary_id, distance_m, now)
+    def receive_neighbour(self, sender: bytes, position: Position | None, now: float) -> None:
+        """A BSM of another car came: many of them from near make ours rarer."""
+        away_m = None
+        if position is not None and self._position is not None:
+            own = self._position
+            away_m = distance_m(
+                own.latitude_deg, own.longitude_deg, position.latitude_deg, position.longitude_deg
+            )
+        self._schedule.receive_neighbour(sender, away_m, now)
 
     def receive_longest_interval(self, longest_s: float, now: float) -> None:
         """How far apart BSMs may be at most (`onboard/access`)."""

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, StringConstraints
+from pydantic import Field, StringConstraints, field_validator
 
 from onboard.access.settings import AccessSettings
 from onboard.gnss.settings import GnssSettings
@@ -77,6 +77,13 @@ class CarConfig(Settings):
     hmi: HmiSettings | None = None
     """The driver's page and `/metrics`; nothing is served if it is left out."""
     trace: TraceSettings = TraceSettings()
+
+    @field_validator("lcca_psid")
+    @classmethod
+    def _is_not_the_bsm_s(cls, lcca_psid: int) -> int:
+        if lcca_psid == psid.BSM:
+            raise ValueError(f"0x{psid.BSM:X} is the basic safety message's")
+        return lcca_psid
 
     def sensors(self) -> frozenset[Sensor]:
         """What the car has by these wires, and can lose."""

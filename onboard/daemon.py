@@ -19,6 +19,7 @@ from onboard.config import CarConfig
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.hmi.driver_page import DriverPage
+from onboard.messages import bsm
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Lead, Sensor, SensorLost
@@ -34,12 +35,23 @@ from onboard.wave_udp.endpoint import open_endpoint
 log = structlog.get_logger()
 
 LOGGED_KINDS = frozenset(
-    {"transition", "warning", "alarm", "hard_brake", "sensor_lost", "sensor_back"}
+    {
+        "transition",
+        "warning",
+        "alarm",
+        "hard_brake",
+        "sensor_lost",
+        "sensor_back",
+        "certificate_expired",
+    }
 )
 """What an operator wants to read in the journal; the trace has the rest."""
 
 GIL_INTERVAL_S = 0.000_5
 """How long the camera's thread may keep the interpreter while a warning waits; 5 ms by default."""
+
+EPOCH_AHEAD_S = 10.0
+"""So long before an epoch begins, the IDs that will hold in it are derived."""
 
 OWN_MAC, OTHER_MAC = bytes.fromhex("020000000001"), bytes.fromhex("020000000002")
 """In captures, since the radio unit does not tell who sent a frame (locally administered)."""
@@ -69,7 +81,8 @@ class Daemon:
         self._manager = manager
         rng = np.random.default_rng(config.seed)
         folder = config.security.keys_folder
-        credentials = read_credentials(folder) if folder is not None else None
+        psids = (config.lcca_psid, bsm.PSID)
+        credentials = read_credentials(folder, psids) if folder is not None else None
         remembered = config.access.driver_file
         self._driver = (
             load_driver(remembered, ORDINARY_DRIVERS) if remembered else Driver(ORDINARY_DRIVERS)
@@ -215,9 +228,11 @@ class Daemon:
 
     def _on_seen(self, observations: Sequence[Observation]) -> None:
         """Called from the camera's thread, where there is time for the slow derivation of IDs."""
+        leads = {each.text for each in observations if isinstance(each, Lead) and each.text}
+        for plate_text in leads | {self.config.car.plate}:
+            for utc_s in (time.time(), time.time() + EPOCH_AHEAD_S):
+                self._stack.digest.car_id(plate_text, utc_s)
         for observation in observations:
-            if isinstance(observation, Lead) and observation.text is not None:
-                self._stack.digest.car_id(observation.text, time.time())
             self._loop.call_soon_threadsafe(
                 self._take, self._stack.receive_observation, observation
             )

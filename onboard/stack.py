@@ -43,7 +43,7 @@ from onboard.security.credentials import Credentials
 from onboard.security.held_warnings import HeldWarnings
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.plausibility import Plausibility
-from onboard.security.pseudonyms import Pseudonym, Pseudonyms
+from onboard.security.pseudonyms import CertificateExpired, Pseudonym, Pseudonyms
 from onboard.security.security import Opened, Security
 from onboard.trace import Event
 from onboard.units import STANDARD_GRAVITY_M_S2
@@ -102,7 +102,7 @@ class Stack:
         self._plausibility = Plausibility(brakes_must_show=config.security.brakes_must_show)
         self._held_warnings = HeldWarnings(self._plausibility)
         self._bus = CarBus(config.obd)
-        self._link = WaveLink(self._security)
+        self._link = WaveLink(self._security, (bsm.PSID, config.lcca_psid))
         self._group = WarningGroup(config.lcca, self._who.car_id, rng)
         size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
         self._beacon = Beacon(size, self._who, rng, now)
@@ -118,10 +118,9 @@ class Stack:
         self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
         self._assess_at = now
         self._surroundings: tuple[KnownCar | None, list[KnownCar]] = (None, [])
-        if self._who.credential is not None:
-            self._security.sign_with(self._who.credential)
-        self._watch = SensorWatch(_limits_s(config.watch, sensors), now)
         self._events: deque[Event] = deque()
+        self._sign(now)
+        self._watch = SensorWatch(_limits_s(config.watch, sensors), now)
 
     @property
     def digest(self) -> PlateDigest:
@@ -192,10 +191,8 @@ class Stack:
         psid, opened = received
         if psid == self._config.lcca_psid:
             self._receive_lcca(opened, now)
-        elif psid == bsm.PSID:
-            self._receive_bsm(opened, now)
         else:
-            self._events.append(Discarded(now, "wsmp", "unknown_psid", f"0x{psid:X}"))
+            self._receive_bsm(opened, now)
 
     def _receive_lcca(self, opened: Opened, now: float) -> None:
         try:
@@ -204,14 +201,26 @@ class Stack:
             self._events.append(Discarded(now, "lcca", error.reason, error.detail))
             return
         self._events.append(Received(now, message.kind, opened.signer_id, lcca.as_dict(message)))
-        if opened.signer_id is not None:
-            self._plausibility.receive_car_id(opened.signer_id, message.sender_id)
-        if isinstance(message, lcca.Warn):
-            self._held_warnings.receive_warning(message, now)
-            self._take_warnings(now)
-        else:
-            self._group.receive_message(message, now)
-            self._take_group(now)
+        is_undisputed = opened.signer_id is None or self._plausibility.receive_car_id(
+            opened.signer_id, message.sender_id
+        )
+        match message:
+            case lcca.Warn():
+                self._held_warnings.receive_warning(message, self._made_at_s(opened, now), now)
+                self._take_warnings(now)
+                return
+            case lcca.Leave() if not is_undisputed:
+                self._events.append(Discarded(now, "lcca", "claimed_by_two", "a leave"))
+                return
+            case lcca.Join() if not is_undisputed:
+                message = message.without_acknowledgement()
+        self._group.receive_message(message, now)
+        self._take_group(now)
+
+    def _made_at_s(self, opened: Opened, now: float) -> float:
+        if opened.generation_utc_s is None:
+            return now
+        return opened.generation_utc_s - self._security.utc_offset_s
 
     def _receive_bsm(self, opened: Opened, now: float) -> None:
         try:
@@ -221,7 +230,7 @@ class Stack:
             return
         core = message.core
         sender = opened.signer_id or core.temporary_id
-        doubt = self._plausibility.receive_bsm(sender, message, now)
+        doubt = self._plausibility.receive_bsm(sender, message, self._made_at_s(opened, now))
         self._held_warnings.handle_timer(now)
         self._take_warnings(now)
         if doubt is not None:
@@ -229,7 +238,7 @@ class Stack:
             return
         position = position_in(core, now, self._security.utc_offset_s)
         self._mvs.receive_bsm(core.temporary_id, position, message.footer, now)
-        self._beacon.receive_neighbour(core.temporary_id, None, now)
+        self._beacon.receive_neighbour(sender, position, now)
         self._risk.receive_bsm(message, now)
 
     def press_brake_button(self, now: float) -> None:
@@ -335,8 +344,16 @@ class Stack:
         self._group.set_own_id(who.car_id, now)
         self._beacon.change_identity(who)
         self._mvs.set_own_id(who.temporary_id)
-        if who.credential is not None:
-            self._security.sign_with(who.credential)
+        self._sign(now)
+
+    def _sign(self, now: float) -> None:
+        credential = self._who.credential
+        if credential is None:
+            return
+        self._security.sign_with(credential)
+        if self._who.is_out_of_date(now + self._security.utc_offset_s):
+            until_utc_s = credential.certificate.subject.valid_until_utc_s
+            self._events.append(CertificateExpired(now, until_utc_s))
 
     def _take_bus(self, now: float) -> None:
         while (observation := self._bus.next_event()) is not None:

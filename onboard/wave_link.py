@@ -1,6 +1,7 @@
 """From a message to the bytes on the air and back: 1609.2 inside WSMP, sent by priority."""
 
 from collections import deque
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -39,8 +40,10 @@ class Received:
 class WaveLink:
     """The car's way to the radio and from it, still without I/O."""
 
-    def __init__(self, security: Security) -> None:
+    def __init__(self, security: Security, psids: Collection[int]) -> None:
+        """Listen to the services `psids` only."""
         self._security = security
+        self._psids = frozenset(psids)
         self._queue = RadioQueue()
         self._discarded: deque[Discarded] = deque()
 
@@ -65,7 +68,9 @@ class WaveLink:
         """
         try:
             wsm = decode(data)
-            return wsm.psid, self._security.open(wsm.payload, wsm.psid, now)
+            if wsm.psid in self._psids:
+                return wsm.psid, self._security.open(wsm.payload, wsm.psid, now)
+            self._discarded.append(Discarded(now, "wsmp", "unknown_psid", f"0x{wsm.psid:X}"))
         except DecodeError as error:
             self._discarded.append(Discarded(now, "wsmp", error.reason, error.detail))
         except NotTrusted as refusal:

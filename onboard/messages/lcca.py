@@ -8,9 +8,9 @@ hops; `sender_*` is then the car that repeats, and `event` tells copies of one e
 On the wire: one byte version, one byte type, then the fields.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 from onboard.messages.declaration import Code, DecodeError, Layout, Number, Octets, Wire
 
@@ -58,6 +58,10 @@ class Join:
     heard_origin_id: _CarId
     """With `heard_sequence`: a warning that the sender has; all zero for none."""
     heard_sequence: _Sequence
+
+    def without_acknowledgement(self) -> Self:
+        """The same, as if the sender had no warning."""
+        return replace(self, heard_origin_id=bytes(8), heard_sequence=0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import typer
 
 from onboard.security import authority, key_files
 from onboard.security.certificates import Certificate
+from onboard.security.credentials import Credentials
 from onboard.wave_udp import psid as psids
 
 keys = typer.Typer(
@@ -20,7 +21,17 @@ _CLOCKS_DIFFER_S = 3600.0
 """Certificates hold from so long before now."""
 
 NewFolder = Annotated[Path, typer.Argument(help="A folder that is to be made.")]
-Name = Annotated[str, typer.Option(help="What the certificate calls it.")]
+_LONGEST_NAME = 255
+"""Octets of a certificate's `id`, a Hostname (IEEE 1609.2, 6.4.24)."""
+
+
+def _fits(name: str) -> str:
+    if len(name.encode()) > _LONGEST_NAME:
+        raise typer.BadParameter(f"longer than {_LONGEST_NAME} octets")
+    return name
+
+
+Name = Annotated[str, typer.Option(help="What the certificate calls it.", callback=_fits)]
 Days = Annotated[float, typer.Option(min=0.01, max=3650, help="How long it is valid.")]
 Psids = Annotated[
     list[str] | None,
@@ -49,7 +60,10 @@ def issuing(
     days: Days = 365,
 ) -> None:
     """Make an authority that issues cars' certificates."""
-    made = authority.make_issuing(key_files.read_authority(root), name, **_valid(days))
+    above = key_files.read_authority(root)
+    if above.credential.certificate.issuer_id is not None:
+        raise key_files.KeyFilesError(f"{root}: is no root, and authorities stand right below one")
+    made = authority.make_issuing(above, name, **_valid(days))
     key_files.write_authority(folder, made)
     _tell(folder, made.credential.certificate)
 
@@ -67,8 +81,7 @@ def car(
         key_files.read_authority(issuing), count, _numbers(psid), **_valid(days)
     )
     key_files.write_credentials(folder, made)
-    for pseudonym in made.pseudonyms:
-        _tell(folder, pseudonym.certificate)
+    _tell_pseudonyms(folder, made)
 
 
 @keys.command()
@@ -77,17 +90,19 @@ def show(folder: Annotated[Path, typer.Argument(help="The folder of a car.")]) -
     credentials = key_files.read_credentials(folder)
     for certificate in credentials.roots + credentials.authorities:
         _tell(folder, certificate)
-    for pseudonym in credentials.pseudonyms:
-        _tell(folder, pseudonym.certificate)
+    _tell_pseudonyms(folder, credentials)
 
 
 def _numbers(given: list[str] | None) -> list[int]:
     if not given:
         return [psids.BSM, psids.LCCA]
     try:
-        return [int(text, 0) for text in given]
+        numbers = [int(text, 0) for text in given]
     except ValueError as error:
         raise typer.BadParameter("a PSID is a number, as 0x20", param_hint="--psid") from error
+    if not all(0 <= number <= psids.HIGHEST for number in numbers):
+        raise typer.BadParameter(f"a PSID is 0 to 0x{psids.HIGHEST:X}", param_hint="--psid")
+    return numbers
 
 
 def _valid(days: float) -> authority.Validity:
@@ -97,11 +112,25 @@ def _valid(days: float) -> authority.Validity:
     }
 
 
-def _tell(folder: Path, certificate: Certificate) -> None:
+def _tell_pseudonyms(folder: Path, credentials: Credentials) -> None:
+    """Each with the time in which its whole chain holds."""
+    for own in key_files.trusted(credentials, [folder] * len(credentials.pseudonyms)):
+        _tell(folder, own.certificate, own.valid_from_utc_s, own.valid_until_utc_s)
+
+
+def _tell(
+    folder: Path,
+    certificate: Certificate,
+    since_utc_s: float | None = None,
+    until_utc_s: float | None = None,
+) -> None:
     subject = certificate.subject
     since, until = (
         datetime.fromtimestamp(utc_s, UTC).isoformat(timespec="seconds")
-        for utc_s in (subject.valid_from_utc_s, subject.valid_until_utc_s)
+        for utc_s in (
+            since_utc_s or subject.valid_from_utc_s,
+            until_utc_s or subject.valid_until_utc_s,
+        )
     )
     name = subject.name or "pseudonym"
     typer.echo(f"{folder}: {certificate.hashed_id8.hex()} {name}, valid {since} to {until}")

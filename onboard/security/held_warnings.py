@@ -22,11 +22,12 @@ MOST = 64
 @dataclass(frozen=True, slots=True)
 class _Held:
     message: Warn
-    braked_at_s: float
+    made_at_s: float
     since_s: float
 
     def aged(self, now: float) -> Warn:
-        return replace(self.message, age_s=self.message.age_s + (now - self.since_s))
+        """A message cannot count the time that it was on its way or held."""
+        return replace(self.message, age_s=self.message.age_s + max(0.0, now - self.made_at_s))
 
 
 class HeldWarnings:
@@ -38,9 +39,9 @@ class HeldWarnings:
         self._passed: deque[Warn] = deque()
         self._events: deque[Discarded] = deque()
 
-    def receive_warning(self, message: Warn, now: float) -> None:
+    def receive_warning(self, message: Warn, made_at_s: float, now: float) -> None:
         """Take a warning that is authentic; `next_warning` has it now, later or never."""
-        self._held.append(_Held(message, now - message.age_s, now))
+        self._held.append(_Held(message, made_at_s, now))
         self.handle_timer(now)
         if len(self._held) > MOST:
             self._disbelieve(self._held.pop(), "too_many_warnings", now)
@@ -62,12 +63,13 @@ class HeldWarnings:
         waiting: deque[_Held] = deque()
         for held in self._held:
             origin = held.message.event_origin_id
-            doubt = self._plausibility.check_warning(origin, held.braked_at_s)
+            braked_at_s = held.made_at_s - held.message.age_s
+            doubt = self._plausibility.check_warning(origin, braked_at_s)
             if doubt is None:
                 self._passed.append(held.aged(now))
             elif now < held.since_s + HOLD_S:
                 waiting.append(held)
-            elif self._plausibility.is_heard_since(origin, held.since_s):
+            elif self._plausibility.is_heard_since(origin, held.made_at_s):
                 self._disbelieve(held, doubt, now)
             else:
                 self._passed.append(held.aged(now))

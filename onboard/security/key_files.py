@@ -8,7 +8,7 @@ once its certificates lie in `roots` and `authorities`.
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -26,7 +26,7 @@ from onboard.security.certificates import Certificate
 from onboard.security.credentials import Authority, Credential, Credentials
 from onboard.security.distrust import NotTrusted
 from onboard.security.oer import Malformed, Unsupported
-from onboard.security.trust import TrustStore
+from onboard.security.trust import Trusted, TrustStore
 
 _OTHERS = 0o077
 
@@ -39,8 +39,9 @@ def write_credentials(folder: Path, credentials: Credentials) -> None:
     """Write what one car needs into `folder`, which must not exist.
 
     Raises:
-        KeyFilesError: it exists or cannot be written.
+        KeyFilesError: it exists or cannot be written, or nobody would believe the certificates.
     """
+    trusted(credentials, [folder] * len(credentials.pseudonyms))
     _new_folder(folder)
     _write_trusted(folder, credentials.roots, credentials.authorities)
     pseudonyms = folder / "pseudonyms"
@@ -49,11 +50,12 @@ def write_credentials(folder: Path, credentials: Credentials) -> None:
         _write_credential(pseudonyms, f"{i:03}", credential)
 
 
-def read_credentials(folder: Path) -> Credentials:
-    """Read what `write_credentials` wrote.
+def read_credentials(folder: Path, psids: Collection[int] = ()) -> Credentials:
+    """Read what `write_credentials` wrote, for a car that speaks in the services `psids`.
 
     Raises:
-        KeyFilesError: something is missing, damaged, does not fit together, or others may read it.
+        KeyFilesError: something is missing, damaged, does not fit together, others may read it, or
+            the certificates do not allow these services.
     """
     _require_private(folder)
     pseudonyms = folder / "pseudonyms"
@@ -64,15 +66,28 @@ def read_credentials(folder: Path) -> Credentials:
     credentials = Credentials(
         tuple(_read_credential(pseudonyms, name) for name in names), *_read_trusted(folder)
     )
-    where = folder
-    try:
-        store = TrustStore(credentials.roots, credentials.authorities)
-        for name, credential in zip(names, credentials.pseudonyms, strict=True):
-            where = pseudonyms / f"{name}.cert"
-            store.receive(credential.certificate)
-    except NotTrusted as refusal:
-        raise KeyFilesError(f"{where}: {refusal}") from refusal
+    files = [pseudonyms / f"{name}.cert" for name in names]
+    for file, own in zip(files, trusted(credentials, files), strict=True):
+        missing = ", ".join(f"0x{psid:X}" for psid in sorted(set(psids) - own.psids))
+        if missing:
+            raise KeyFilesError(f"{file}: does not allow PSID {missing}; make some with --psid")
     return credentials
+
+
+def trusted(credentials: Credentials, files: Iterable[Path]) -> list[Trusted]:
+    """Check the chain of each pseudonym, as another car will.
+
+    Raises:
+        KeyFilesError: a chain does not hold; the message names the pseudonym's file of `files`.
+    """
+    checked = []
+    for file, own in zip(files, credentials.pseudonyms, strict=True):
+        try:
+            store = TrustStore(credentials.roots, credentials.authorities)
+            checked.append(store.receive(own.certificate))
+        except NotTrusted as refusal:
+            raise KeyFilesError(f"{file}: {refusal}") from refusal
+    return checked
 
 
 def write_authority(folder: Path, authority: Authority) -> None:

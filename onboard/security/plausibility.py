@@ -2,17 +2,19 @@
 
 A signature says who speaks, not that it is true. Here a speed has to be one that a car can have, to
 follow from the speed before, and to fit the way between two positions; a claimed hard brake has to
-show in the sender's own speeds. Where a sender has said too little, it is believed.
+show in the sender's own speeds; nobody may go by another's temporary ID. Where a sender has said
+too little, it is believed.
 """
 
-import math
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from onboard.geodesy import distance_m
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags
+from onboard.security.claims import Claims
 
 HIGHEST_SPEED_M_S = 90.0
 """No car on a road is faster."""
@@ -31,7 +33,6 @@ BRAKE_WINDOW_S = 2.0
 ENOUGH_S = 0.3
 """Speeds over less time than this prove nothing."""
 
-_EARTH_RADIUS_M = 6_371_000.0
 _SENDERS = 512
 _SPEEDS = 32
 """Samples kept of one sender: three seconds of BSMs."""
@@ -45,6 +46,8 @@ class Implausible(StrEnum):
     POSITION = "implausible_position"
     BRAKE = "implausible_brake"
     """A hard brake that the sender's own speeds do not show."""
+    IDENTITY = "implausible_identity"
+    """Another sender has been going by this temporary ID."""
 
 
 @dataclass(slots=True)
@@ -60,7 +63,8 @@ class Plausibility:
     def __init__(self, *, brakes_must_show: bool = True) -> None:
         self._brakes_must_show = brakes_must_show
         self._senders: OrderedDict[bytes, _Sender] = OrderedDict()
-        self._sender_of: OrderedDict[bytes, bytes | None] = OrderedDict()
+        self._car_ids = Claims(_SENDERS)
+        self._temporary_ids = Claims(_SENDERS)
 
     def receive_bsm(
         self, sender: bytes, message: BasicSafetyMessage, stamp_s: float
@@ -75,33 +79,34 @@ class Plausibility:
         Returns:
             why it should not be believed; `None` if nothing speaks against it.
         """
+        core = message.core
+        if not self._temporary_ids.receive(core.temporary_id, sender):
+            return Implausible.IDENTITY
         known = self._senders.setdefault(sender, _Sender())
         self._senders.move_to_end(sender)
         if len(self._senders) > _SENDERS:
             self._senders.popitem(last=False)
-        core = message.core
+        if known.last is not None and stamp_s < known.last[0]:
+            return None  # overtaken by a later one on its way
         doubt = _compare(known.last, core, stamp_s)
         known.last = (stamp_s, core)
-        if core.speed_m_s is not None:
-            known.speeds.append((stamp_s, core.speed_m_s))
         if doubt is not None:
             return doubt
+        if core.speed_m_s is not None:
+            known.speeds.append((stamp_s, core.speed_m_s))
         is_braking = message.safety is not None and bool(
             (message.safety.events or 0) & VehicleEventFlags.HARD_BRAKING
         )
         return self._brake_doubt(known, stamp_s) if is_braking else None
 
-    def receive_car_id(self, sender: bytes, car_id: bytes) -> None:
+    def receive_car_id(self, sender: bytes, car_id: bytes) -> bool:
         """Learn from a group message which sender goes by `car_id` there.
 
-        Where two claim to be the same car, neither is held against the other.
+        Returns:
+            whether it alone does. Of two that do, neither is held against the other.
         """
-        known = self._sender_of.setdefault(car_id, sender)
-        if known != sender:
-            self._sender_of[car_id] = None
-        self._sender_of.move_to_end(car_id)
-        if len(self._sender_of) > _SENDERS:
-            self._sender_of.popitem(last=False)
+        self._car_ids.receive(car_id, sender)
+        return not self._car_ids.is_disputed(car_id)
 
     def check_warning(self, origin_id: bytes, braked_at_s: float) -> Implausible | None:
         """Return why the car `origin_id` cannot have braked hard then; `None`: it can."""
@@ -114,7 +119,7 @@ class Plausibility:
         return sender is not None and bool(sender.speeds) and sender.speeds[-1][0] > stamp_s
 
     def _sender_by(self, car_id: bytes) -> _Sender | None:
-        sender = self._sender_of.get(car_id)
+        sender = self._car_ids.owner(car_id)
         return None if sender is None else self._senders.get(sender)
 
     def _brake_doubt(self, sender: _Sender, at_s: float) -> Implausible | None:
@@ -124,8 +129,8 @@ class Plausibility:
             return None
         for i, (later_at, later) in enumerate(near):
             for earlier_at, earlier in near[:i]:
-                drop_m_s = earlier - later
-                if drop_m_s >= max(BRAKE_DROP_M_S, BRAKE_M_S2 * (later_at - earlier_at)):
+                least_m_s = max(BRAKE_DROP_M_S, BRAKE_M_S2 * (later_at - earlier_at))
+                if earlier - later >= least_m_s:
                     return None
         return Implausible.BRAKE
 
@@ -147,13 +152,13 @@ def _compare(
         fastest_m_s = max(speed_m_s, past.speed_m_s) + gained_m_s / 2
     else:
         fastest_m_s = HIGHEST_SPEED_M_S
-    way_m = _distance_m(past, core)
+    way_m = _way_m(past, core)
     if way_m is not None and way_m > fastest_m_s * elapsed_s + POSITION_ERROR_M:
         return Implausible.POSITION
     return None
 
 
-def _distance_m(one: CoreData, other: CoreData) -> float | None:
+def _way_m(one: CoreData, other: CoreData) -> float | None:
     if (
         one.latitude_deg is None
         or one.longitude_deg is None
@@ -161,7 +166,4 @@ def _distance_m(one: CoreData, other: CoreData) -> float | None:
         or other.longitude_deg is None
     ):
         return None
-    north = math.radians(other.latitude_deg - one.latitude_deg)
-    turn = (other.longitude_deg - one.longitude_deg + 180.0) % 360.0 - 180.0
-    east = math.radians(turn) * math.cos(math.radians(one.latitude_deg))
-    return _EARTH_RADIUS_M * math.hypot(north, east)
+    return distance_m(one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg)

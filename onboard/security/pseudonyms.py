@@ -4,11 +4,24 @@ If one of them stayed while the others changed, it would join the old identity t
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from onboard.security.credentials import Credential, Credentials
 from onboard.security.plate_digest import PlateDigest
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateExpired:
+    """The car signs with a certificate that does not hold any more, or not yet: nobody believes it.
+
+    `onboard keys car` makes new ones.
+    """
+
+    kind: ClassVar[str] = "certificate_expired"
+    stamp_s: float
+    valid_until_utc_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +37,13 @@ class Pseudonym:
     credential: Credential | None
     """What to sign with; `None`: messages are not signed."""
     ends_at_utc_s: float
+
+    def is_out_of_date(self, utc_s: float) -> bool:
+        """Whether messages signed with it are refused by everybody."""
+        if self.credential is None:
+            return False
+        subject = self.credential.certificate.subject
+        return not subject.valid_from_utc_s <= utc_s < subject.valid_until_utc_s
 
 
 class Pseudonyms:

@@ -18,6 +18,14 @@ class ReplayWindow:
         """Nothing is known of messages made at this time or before: they must not be believed."""
         return self._forgotten_us
 
+    def receive_time(self, now_us: int) -> None:
+        """Begin anew if what is forgotten lies ahead: the clock was put back.
+
+        Otherwise nothing would be believed until it is as late again.
+        """
+        if self._forgotten_us > now_us + self._window_us:
+            self._forgotten_us = 0
+
     def __contains__(self, digest: bytes) -> bool:
         return digest in self._made_at
 

@@ -149,8 +149,11 @@ class Security:
         if generation is None:
             raise NotTrusted(Reason.STALE, "does not say when it was made")
         age_s = utc_s - from_time64(generation)
-        if age_s > self._settings.message_lifetime_s or generation <= self._replays.forgotten_us:
+        if age_s > self._settings.message_lifetime_s:
             raise NotTrusted(Reason.STALE, f"{age_s:.3f} s old")
+        self._replays.receive_time(to_time64(utc_s))
+        if generation <= self._replays.forgotten_us:
+            raise NotTrusted(Reason.STALE, "of a time whose messages are no longer remembered")
         if age_s < -self._settings.clock_tolerance_s:
             raise NotTrusted(Reason.FROM_THE_FUTURE, f"{-age_s:.3f} s ahead")
         if message.expiry_time64 is not None and utc_s >= from_time64(message.expiry_time64):

@@ -4,8 +4,10 @@ This looks over the shoulders of the other rooms, for people: nothing that drive
 nothing it says was verified.
 """
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import chain, count
 from typing import Any
 
 from onboard.messages import bsm, lcca, mvs_footer
@@ -51,9 +53,15 @@ def describe(data: bytes, form: Form = Form.AUTO) -> dict[str, Any]:
             layers["error"] = {"layer": form, "reason": error.reason, "detail": error.detail}
             layers["undecoded"] = within.content.hex()
             break
-        layers[form] = inner.said
+        layers[_unused(form, layers)] = inner.said
         within = inner if inner.psid is not None else replace(inner, psid=within.psid)
     return layers
+
+
+def _unused(form: Form, layers: Container[str]) -> str:
+    """Name a layer that comes again, as in 1609.2 data within 1609.2 data, apart from the first."""
+    names = chain([str(form)], (f"{form} {n}" for n in count(2)))
+    return next(name for name in names if name not in layers)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from onboard.messages import bsm
+from onboard.messages import bsm, lcca
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
 from onboard.observations import HardBrake
+from onboard.security.security import Security
 from onboard.trace import as_record
 from onboard.units import KM_H
+from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.capture import PcapWriter
+from onboard.wave_udp.wsmp import WaveShortMessage
 from tests.house.platoon import SPEED_M_S, Platoon, car
-from tests.security.trial import ALICE, BOB, UTC_S
+from tests.security.trial import ALICE, BOB, CAROL, UTC_S
 
 
 @pytest.fixture
@@ -34,12 +39,7 @@ def reasons(platoon: Platoon, plate: str) -> list[str]:
 def test_a_car_that_brakes_warns_the_car_behind_as_soon_as_its_speeds_show_it(
     platoon: Platoon,
 ) -> None:
-    platoon.speed_m_s["AAA1"] = SPEED_M_S - 3 * KM_H
-    platoon.drive(0.1)
-    brake = HardBrake(platoon.now, 7.0, source="obd")
-    platoon.cars["AAA1"].receive_observation(brake, platoon.now)
-
-    platoon.settle()
+    brake_for_real(platoon, "AAA1")
 
     assert len(list(platoon.said("BBB2", "warning"))) == 1
 
@@ -50,6 +50,78 @@ def test_a_car_that_claims_a_brake_and_drives_on_is_not_believed(platoon: Platoo
 
     assert list(platoon.said("BBB2", "warning")) == []
     assert "implausible_brake" in reasons(platoon, "BBB2")
+
+
+def carol_sends(platoon: Platoon, plate: str, payload: bytes, psid: int, delay_s: float) -> None:
+    """Somebody whom all trust sends this to one car, where it arrives `delay_s` later."""
+    made_at = platoon.now - delay_s
+    wsm = WaveShortMessage(psid, Security(UTC_S, CAROL).secure(payload, psid, made_at))
+    platoon.cars[plate].receive_wsm(wsmp.encode(wsm), platoon.now)
+    platoon.settle()
+
+
+def brake_for_real(platoon: Platoon, plate: str) -> None:
+    platoon.speed_m_s[plate] = SPEED_M_S - 3 * KM_H
+    platoon.drive(0.1)
+    brake = HardBrake(platoon.now, 7.0, source="obd")
+    platoon.cars[plate].receive_observation(brake, platoon.now)
+    platoon.settle()
+
+
+def car_id(platoon: Platoon, plate: str) -> bytes:
+    return platoon.cars[plate].digest.car_id(plate, UTC_S + platoon.now)
+
+
+def test_nobody_takes_a_follower_out_of_reach_of_warnings_by_leaving_in_its_name(
+    platoon: Platoon,
+) -> None:
+    leader, follower = car_id(platoon, "AAA1"), car_id(platoon, "BBB2")
+    leave = lcca.Leave(follower, leader, 2, leader, lcca.LeaveReason.GAP)
+    carol_sends(platoon, "AAA1", lcca.encode(leave), psid.LCCA, delay_s=0.0)
+
+    brake_for_real(platoon, "AAA1")
+
+    assert "claimed_by_two" in reasons(platoon, "AAA1")
+    assert len(list(platoon.said("BBB2", "warning"))) == 1
+
+
+def test_a_warning_held_back_for_seconds_is_as_old_as_it_is(platoon: Platoon) -> None:
+    leader = car_id(platoon, "AAA1")
+    warning = lcca.Warn(leader, leader, 1, b"somebody", 1, 0, 1, 6.0, 0.01, 1)
+
+    carol_sends(platoon, "BBB2", lcca.encode(warning), psid.LCCA, delay_s=4.0)
+
+    assert "stale" in reasons(platoon, "BBB2")
+    assert list(platoon.said("BBB2", "warning")) == []
+
+
+def test_one_car_with_many_names_does_not_make_others_silent(platoon: Platoon) -> None:
+    """The interval follows the number of cars near, and these are counted by who signs."""
+    for i in range(300):
+        name = bsm.encode(BasicSafetyMessage(CoreData(0, i.to_bytes(4))))
+        carol_sends(platoon, "BBB2", name, bsm.PSID, delay_s=0.0)
+    before = len(platoon.on_air)
+
+    platoon.drive(2.0)
+
+    assert len(platoon.on_air) - before >= 2 * 19
+
+
+def test_a_service_that_this_car_does_not_speak_is_refused_unopened(platoon: Platoon) -> None:
+    platoon.cars["BBB2"].receive_wsm(wsmp.encode(WaveShortMessage(0x82, b"?")), platoon.now)
+    platoon.settle()
+
+    assert reasons(platoon, "BBB2")[-1:] == ["unknown_psid"]
+
+
+def test_a_car_whose_certificates_are_over_says_so() -> None:
+    over_utc_s = UTC_S + 2 * 86_400.0
+    late = car("AAA1", credentials=ALICE, utc_s=over_utc_s)
+
+    event = late.next_event()
+
+    assert event is not None
+    assert event.kind == "certificate_expired"
 
 
 def test_wireshark_finds_nothing_malformed_in_a_drive(platoon: Platoon, tmp_path: Path) -> None:

@@ -122,3 +122,44 @@ def test_a_psid_that_is_no_number_is_said_so(tmp_path):
     assert result.exit_code == 2
     assert "a PSID is a number" in result.output
     assert not (tmp_path / "root").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (("car", "new", "--issuing", "root"), "untrusted_issuer"),
+        (("car", "new", "--issuing", "issuing", "--psid", "0x83"), "may not grant PSID 0x83"),
+        (("issuing", "new", "--root", "issuing"), "is no root"),
+    ],
+)
+def test_nothing_is_written_that_nobody_would_believe(folder, arguments, what):
+    command, new, option, above, *rest = arguments
+    result = _run(command, folder / new, option, folder / above, *rest)
+    assert isinstance(result.exception, UserError)
+    assert what in str(result.exception)
+    assert not (folder / new).exists()
+
+
+@pytest.mark.parametrize("psid", ["-1", "0x99999999999", "much"])
+def test_a_service_that_cannot_be_is_a_usage_error(tmp_path, psid):
+    result = _run("root", tmp_path / "root", f"--psid={psid}")
+    assert result.exit_code == 2
+    assert "a PSID is" in result.output
+
+
+def test_a_name_that_no_certificate_has_room_for_is_a_usage_error(tmp_path):
+    result = _run("root", tmp_path / "root", "--name", "x" * 256)
+    assert result.exit_code == 2
+    assert "255 octets" in result.output
+
+
+def test_a_car_is_told_until_when_its_whole_chain_holds(folder):
+    issuing = _run("issuing", folder / "short", "--root", folder / "root", "--days", 2).output
+    car = _run("car", folder / "long", "--issuing", folder / "short", "--days", 9, "--count", 1)
+    assert car.output.split(" to ")[1] == issuing.split(" to ")[1]
+
+
+def test_a_car_whose_certificates_lack_one_of_its_services_does_not_start(folder):
+    with pytest.raises(UserError, match=r"000.cert: does not allow PSID 0x4020"):
+        key_files.read_credentials(folder / "b", (BSM, LCCA))
+    key_files.read_credentials(folder / "a", (BSM, LCCA))

@@ -117,7 +117,31 @@ def test_the_date_line_is_no_jump():
 def test_cars_do_not_answer_for_each_other():
     plausibility = Plausibility()
     plausibility.receive_bsm(b"one", _bsm(10.0), 0.0)
-    assert plausibility.receive_bsm(b"two", _bsm(30.0, north_m=900.0), 0.1) is None
+    other = replace(_bsm(30.0, north_m=900.0).core, temporary_id=b"efgh")
+    assert plausibility.receive_bsm(b"two", BasicSafetyMessage(other), 0.1) is None
+
+
+def test_nobody_goes_by_the_temporary_id_of_another():
+    plausibility = Plausibility()
+    plausibility.receive_bsm(b"one", _bsm(), 0.0)
+    assert plausibility.receive_bsm(b"two", _bsm(), 0.1) == "implausible_identity"
+    assert plausibility.receive_bsm(b"one", _bsm(), 0.1) is None
+
+
+def test_speeds_that_were_doubted_do_not_bear_out_a_brake():
+    plausibility = Plausibility()
+    _drive(np.full(15, 15.0), plausibility)
+    plausibility.receive_car_id(b"car", b"plate id")
+    for speed_m_s in (150.0, 15.0):
+        assert plausibility.receive_bsm(b"car", _bsm(speed_m_s, 25.0), 1.5) is not None
+    assert plausibility.check_warning(b"plate id", braked_at_s=1.5) == "implausible_brake"
+
+
+def test_a_message_overtaken_by_a_later_one_is_not_compared_with_it():
+    plausibility = Plausibility()
+    plausibility.receive_bsm(b"car", _bsm(20.0, north_m=10.0), 1.0)
+    assert plausibility.receive_bsm(b"car", _bsm(40.0, north_m=900.0), 0.5) is None
+    assert plausibility.receive_bsm(b"car", _bsm(20.0, north_m=12.0), 1.1) is None
 
 
 # ---- warnings of a group ------------------------------------------------------------------------
@@ -143,7 +167,9 @@ def test_a_warning_of_a_car_that_was_never_heard_is_left_to_the_group():
 def test_many_forged_senders_take_bounded_memory():
     plausibility = Plausibility()
     for i in range(3000):
-        plausibility.receive_bsm(i.to_bytes(8), _bsm(), 0.0)
+        core = replace(CORE, temporary_id=i.to_bytes(4))
+        plausibility.receive_bsm(i.to_bytes(8), BasicSafetyMessage(core), 0.0)
         plausibility.receive_car_id(i.to_bytes(8), i.to_bytes(8))
     assert len(plausibility._senders) <= 512
-    assert len(plausibility._sender_of) <= 512
+    assert len(plausibility._car_ids) <= 512
+    assert len(plausibility._temporary_ids) <= 512

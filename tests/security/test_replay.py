@@ -41,3 +41,15 @@ def test_whatever_was_had_is_still_known_or_too_old_even_if_the_clock_steps_back
         had.append((i.to_bytes(2), made_us))
     assert len(window) <= 20
     assert all(digest in window or made <= window.forgotten_us for digest, made in had)
+
+
+def test_a_clock_put_back_by_minutes_does_not_make_the_car_deaf_until_it_is_as_late_again():
+    window = ReplayWindow(5 * SECOND, capacity=1)
+    for made_us in (600 * SECOND, 601 * SECOND):
+        window.add(made_us.to_bytes(8), made_us, made_us)
+    window.receive_time(599 * SECOND)
+    assert window.forgotten_us == 600 * SECOND, "a few seconds are waited for"
+
+    window.receive_time(10 * SECOND)
+
+    assert window.forgotten_us == 0

@@ -15,7 +15,9 @@ new_key = p256.key_from(np.random.default_rng(1609))
 
 ROOT = make_root("root", {BSM, LCCA}, new_key=new_key, **VALID)
 ISSUING = make_issuing(ROOT, "issuing", new_key=new_key, **VALID)
-ALICE, BOB = (make_pseudonyms(ISSUING, 3, {BSM, LCCA}, new_key=new_key, **VALID) for _ in range(2))
+ALICE, BOB, CAROL = (
+    make_pseudonyms(ISSUING, 3, {BSM, LCCA}, new_key=new_key, **VALID) for _ in range(3)
+)
 
 
 def security(credentials=None):

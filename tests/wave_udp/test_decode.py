@@ -67,6 +67,12 @@ def test_each_layer_alone_is_told_by_its_bytes():
     assert list(describe(unsecured(message))) == ["1609.2", "lcca"]
 
 
+def test_a_layer_that_comes_twice_is_told_twice():
+    """What a unit sends on that wraps what was wrapped already."""
+    told = describe(unsecured(unsecured(lcca.encode(LEAVE))))
+    assert list(told) == ["1609.2", "1609.2 2", "lcca"]
+
+
 def test_an_immediate_forward_message_is_told_down_to_its_payload():
     text = immediate_forward.encode(
         ImmediateForward("OTHER", 0x4020, 7, unsecured(lcca.encode(LEAVE)))
