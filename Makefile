@@ -11,7 +11,7 @@ test: .venv/ready system-packages lint
 # The pages in a real browser, in real time; skipped with a word where chromium cannot be had.
 test-pages: .venv/ready
 	@sh tools/system-packages.sh chromium
-	$(PYTHON) -m pytest -m browser tests/hmi
+	$(PYTHON) -m pytest tests/browser
 
 # Every scenario with real daemons, one after the other: some six minutes.
 test-live: .venv/ready

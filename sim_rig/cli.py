@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import time
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ from rich.console import Console
 
 from onboard.errors import UserError
 from sim_rig.campaign import Workers
+from sim_rig.engineer.window import ENGINEER
 from sim_rig.live import Desk
 from sim_rig.report import failures, print_report, print_verdict
 from sim_rig.run_log import RunLog
@@ -47,6 +49,10 @@ def run(
         int | None, typer.Option(min=0, help="In the place of the scenario's own.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Where traces, logs and pictures go.")] = Path("out"),
+    watch: Annotated[
+        bool,
+        typer.Option("--watch", help="Open the engineer's page, and keep it until Ctrl-C."),
+    ] = False,
 ) -> None:
     """Run a scenario, report what happened, and fail (1) if it is not what was expected."""
     story = load_scenario(scenario)
@@ -55,7 +61,7 @@ def run(
     folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
     chosen = story.seed if seed is None else seed
     began = time.monotonic()
-    log = run_virtual(story, chosen) if virtual else _run_live(story, chosen, folder)
+    log = run_virtual(story, chosen) if virtual else _run_live(story, chosen, folder, watch)
     took_s = time.monotonic() - began
     log.write(folder)
     draw_timeline(story, log, folder / "timeline.png")
@@ -87,7 +93,7 @@ def study(
         typer.echo(f"  in {out / name}")
 
 
-def _run_live(scenario: Scenario, seed: int, folder: Path) -> RunLog:
+def _run_live(scenario: Scenario, seed: int, folder: Path, watch: bool) -> RunLog:
     async def run_desk() -> RunLog:
         task = asyncio.current_task()
         assert task is not None  # noqa: S101 (inside of asyncio.run there is one)
@@ -96,7 +102,14 @@ def _run_live(scenario: Scenario, seed: int, folder: Path) -> RunLog:
         async with Desk(scenario, seed, folder) as desk:
             for name, address in desk.pages.items():
                 typer.echo(f"  {name:8} {address}")
+            if watch:
+                webbrowser.open(desk.pages[ENGINEER])
             await desk.run()
+            if watch:
+                typer.echo("The scenario has ended; the engineer's page stays until Ctrl-C.")
+                ended = asyncio.Event()
+                asyncio.get_running_loop().add_signal_handler(signal.SIGINT, ended.set)
+                await ended.wait()
         return desk.log()
 
     try:

@@ -22,7 +22,7 @@ from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
-from sim_rig.engineer.window import EngineerWindow
+from sim_rig.engineer.window import ENGINEER, EngineerWindow
 from sim_rig.processes import ProcessError, Processes
 from sim_rig.radio.air import Air
 from sim_rig.radio.iwcu import RadioUnits
@@ -126,7 +126,8 @@ class Desk:
         self._engineer = await EngineerWindow.open(
             self.processes, self._scenario_file, self._folder, camera_port
         )
-        self.pages["engineer"] = self._engineer.address
+        self._engineer.link(self.pages)
+        self.pages = {ENGINEER: self._engineer.address} | self.pages
         self._open.callback(asyncio.create_task(self._engineer.follow(self.recorder)).cancel)
 
     def _make_keys(self) -> None:

@@ -101,7 +101,12 @@ class EngineerServer:
 
     async def _run(self, _request: web.Request) -> web.Response:
         cars = [
-            {"name": name, "identity": car.identity, "colour": car.colour}
+            {
+                "name": name,
+                "identity": car.identity,
+                "colour": car.colour,
+                "page": self.story.pages.get(name),
+            }
             for name, car in self._scenario.cars.items()
             if car.equipped
         ]

@@ -1,11 +1,13 @@
 """What the traces of a run tell, in a form for people: names in the place of IDs, no matrices."""
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from sim_rig.run_log import Record, RunLog
 
+_ID = re.compile(r"\b[0-9a-f]{16}\b")
 UNTOLD = frozenset({"sensed_car", "position", "brake_pedal"})
 """Kinds that come often and that no view of the page shows."""
 
@@ -22,6 +24,8 @@ class Story:
         """For the page, in the order in which they came to be known."""
         self.start_s: float | None = None
         """The stamp at which the scenario began."""
+        self.pages: Mapping[str, str] = {}
+        """Addresses of the drivers' pages."""
 
     def receive(self, car: str, record: Record) -> None:
         """A line of a car's trace."""
@@ -31,11 +35,17 @@ class Story:
             self.entries.append({"car": car} | self._readable(told))
 
     def receive_rig(self, record: Record) -> None:
-        """A line of the rig's own; `start` says when the scenario began."""
-        if record["kind"] == "start":
-            self.start_s = record["stamp_s"]
-        else:
-            self._rig.append(record)
+        """A line of the rig's own.
+
+        `start` says when the scenario began, `pages` where the drivers' pages are.
+        """
+        match record["kind"]:
+            case "start":
+                self.start_s = record["stamp_s"]
+            case "pages":
+                self.pages = record["pages"]
+            case _:
+                self._rig.append(record)
 
     def log(self) -> RunLog:
         """The run as far as it is known."""
@@ -44,7 +54,7 @@ class Story:
 
     def _readable(self, value: Any) -> Any:
         if isinstance(value, str):
-            return self._names.get(value, value)
+            return _ID.sub(lambda found: self._names.get(found[0], found[0]), value)
         if isinstance(value, Mapping):
             return {key: self._readable(item) for key, item in value.items()}
         if isinstance(value, list):

@@ -2,12 +2,14 @@
 
 import asyncio
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from sim_rig.processes import ProcessError, Processes
 from sim_rig.recorder import RigRecorder
 
-NAME = "engineer"
+ENGINEER = "engineer"
+"""Whose page it is, and its process."""
 _TELL_S = 0.25
 _TOLD = "ecu_answer"
 """All that the ledger wants of the rig's own records."""
@@ -30,15 +32,19 @@ class EngineerWindow:
             ProcessError: it does not start.
         """
         process = await processes.start(
-            NAME,
+            ENGINEER,
             *("-m", "sim_rig.engineer.server", str(scenario_file), str(folder), str(camera_port)),
             with_pipes=True,
         )
         assert process.stdout is not None  # noqa: S101 (started with pipes)
         line = await process.stdout.readline()
         if not line:
-            raise ProcessError(f"the page does not start: {processes.last_words(NAME)}")
+            raise ProcessError(f"the page does not start: {processes.last_words(ENGINEER)}")
         return cls(process, f"http://127.0.0.1:{int(line)}/")
+
+    def link(self, pages: Mapping[str, str]) -> None:
+        """Where the drivers' pages are."""
+        self._tell({"kind": "pages", "pages": dict(pages)})
 
     def begin(self, start_s: float) -> None:
         """The scenario begins."""

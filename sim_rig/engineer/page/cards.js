@@ -15,7 +15,8 @@ export class Card {
     this.numbers = html("p", { class: "numbers" });
     this.notes = html("p", { class: "notes" });
     this.element = html("article", { class: "card", "data-car": car.name, "data-colour": car.colour },
-      html("h2", {}, html("i", { class: "swatch" }), car.name, html("span", { class: "soft" }, car.identity)),
+      html("h2", {}, html("i", { class: "swatch" }), car.name, html("span", { class: "soft" }, car.identity),
+        ...(car.page ? [html("a", { href: car.page, target: "_blank", rel: "noopener" }, "driver's page ↗")] : [])),
       html("div", { class: "picture" }, this.picture, this.boxes),
       html("p", { class: "state" }, this.state, " ", this.place),
       this.numbers, this.notes);
@@ -64,7 +65,7 @@ export class Card {
     const changes = [
       ...this.store.between(this.car, "sensor_lost", -Infinity, at_s),
       ...this.store.between(this.car, "sensor_back", -Infinity, at_s),
-    ].sort((one, other) => one.stamp_s - other.stamp_s);
+    ].filter((change) => (change.traced_s ?? 0) <= at_s).sort((one, other) => one.order - other.order);
     const last = new Map(changes.map((change) => [change.sensor, change]));
     return [...last.values()].filter((change) => change.kind === "sensor_lost")
       .map((change) => html("span", { class: "lost" }, `${change.sensor} lost: ${change.reason}`));

@@ -3,10 +3,13 @@
 export class Store {
   #lists = new Map();
   #sent = new Map(); // the stamps at which a message was sent
+  #count = 0;
   first_s = null;
   told = [];         // what is stepped through
 
+  // `order` is that of coming to be known: a sensor is back with a sample of before it was missed.
   add(entry) {
+    entry.order = this.#count += 1;
     this.first_s = Math.min(this.first_s ?? entry.stamp_s, entry.stamp_s);
     insert(this.#list(entry.car, entry.kind), entry);
     if (!OFTEN.has(entry.kind)) insert(this.told, entry);

@@ -1,7 +1,7 @@
 // What was said, who discarded what, what is fused from what.
 import { html, row } from "./make.js";
 
-const HIDDEN = new Set(["car", "kind", "stamp_s", "traced_s", "content", "reasons", "signer_id", "message"]);
+const HIDDEN = new Set(["car", "kind", "stamp_s", "traced_s", "content", "reasons", "signer_id", "message", "order"]);
 const FUSED_HELD_S = 1.5;
 
 export function drawSaid(element, store, at_s, start_s) {

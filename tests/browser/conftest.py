@@ -18,9 +18,12 @@ ARGUMENTS = (
 )
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Debian's chromium; playwright brings none of its own."""
+    """Debian's chromium; playwright brings none of its own.
+
+    Of one module, since playwright's event loop keeps others from running.
+    """
     path = shutil.which("chromium")
     if path is None:
         pytest.skip("no chromium: `sh tools/system-packages.sh chromium` installs it")
