@@ -15,6 +15,9 @@ from onboard import replay as drive
 from onboard.config import CarConfig, CarSettings
 from onboard.doctor.cli import doctor
 from onboard.errors import UserError
+from onboard.recorder.cli import expect, export
+from onboard.recorder.reading import Box
+from onboard.recorder.replay import play
 from onboard.security.cli import keys
 from onboard.service import Service
 from onboard.settings import load_settings
@@ -40,6 +43,7 @@ app.command()(doctor)
 app.command()(decode)
 app.command()(see)
 app.command()(calibrate)
+app.command()(export)
 
 ConfigFile = Annotated[Path, typer.Argument(help="The car's configuration, YAML.")]
 
@@ -60,6 +64,11 @@ def check(config: ConfigFile) -> None:
 
 @app.command()
 def replay(
+    box: Annotated[
+        list[Path] | None,
+        typer.Argument(help="A recording of the black box: segments of one drive, or a folder."),
+    ] = None,
+    *,
     can: Annotated[
         Path | None, typer.Option(help="A CAN log in any format that python-can reads.")
     ] = None,
@@ -71,15 +80,29 @@ def replay(
         Path | None, typer.Option(help="The car's configuration; its wires are not opened.")
     ] = None,
     fps: Annotated[float | None, typer.Option(help="Of pictures, and of a clip that lies.")] = None,
-    *,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="At the speed of the drive, not of the machine.")
+    ] = False,
+    expected: Annotated[
+        bool,
+        typer.Option("--expect", help="Only say whether BOX's decisions are made again (else 1)."),
     ] = False,
 ) -> None:
     """Drive the cores with a recording; one JSON line per observation and decision.
 
-    A clip begins with the first CAN frame, or at 0 alone.
+    It is BOX, or any of CAN log, clip and sentences; a clip begins with the first CAN frame, or at
+    0 alone.
     """
+    if (box or expected) and (can or clip or nmea):
+        raise UserError("replay either a recording of the black box, or others")
+    if expected:
+        raise typer.Exit(0 if expect(box or []) else 1)
+    if box:
+        moments = play(Box(box))
+        boxed = (event for moment in moments for event in moment.events)
+        for event in drive.in_real_time(boxed) if realtime else boxed:
+            typer.echo(as_line(event))
+        return
     car = load_settings(config, CarConfig) if config is not None else UNCONFIGURED
     events = drive.replay(drive.Recording(can, clip, fps, nmea), car)
     for event in drive.in_real_time(events) if realtime else events:

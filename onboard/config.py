@@ -12,6 +12,7 @@ from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import MvsSettings
 from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.observations import Sensor
+from onboard.recorder.settings import RecorderSettings
 from onboard.risk.settings import RiskSettings
 from onboard.security.settings import SecuritySettings
 from onboard.settings import Settings
@@ -77,6 +78,7 @@ class CarConfig(Settings):
     hmi: HmiSettings | None = None
     """The driver's page and `/metrics`; nothing is served if it is left out."""
     trace: TraceSettings = TraceSettings()
+    recorder: RecorderSettings | None = None
 
     @field_validator("lcca_psid")
     @classmethod

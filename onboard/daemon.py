@@ -23,13 +23,16 @@ from onboard.messages import bsm
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Lead, Sensor, SensorLost
+from onboard.recorder.black_box import BlackBox
+from onboard.recorder.notes import Recording
+from onboard.recorder.recorded import put_together
 from onboard.security.key_files import read_credentials
 from onboard.service_manager import ServiceManager
-from onboard.stack import Observation, Stack
+from onboard.stack import Observation
 from onboard.trace import Event, as_line, as_record
 from onboard.trace_file import TraceFile
 from onboard.vision.frames import CameraThread
-from onboard.wave_udp.capture import PcapWriter
+from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC, PcapWriter
 from onboard.wave_udp.endpoint import open_endpoint
 
 log = structlog.get_logger()
@@ -43,6 +46,7 @@ LOGGED_KINDS = frozenset(
         "sensor_lost",
         "sensor_back",
         "certificate_expired",
+        "recorder",
     }
 )
 """What an operator wants to read in the journal; the trace has the rest."""
@@ -52,9 +56,6 @@ GIL_INTERVAL_S = 0.000_5
 
 EPOCH_AHEAD_S = 10.0
 """So long before an epoch begins, the IDs that will hold in it are derived."""
-
-OWN_MAC, OTHER_MAC = bytes.fromhex("020000000001"), bytes.fromhex("020000000002")
-"""In captures, since the radio unit does not tell who sent a frame (locally administered)."""
 
 InputT = TypeVar("InputT")
 ReturnT = TypeVar("ReturnT")
@@ -79,7 +80,6 @@ class Daemon:
         """
         self.config = config
         self._manager = manager
-        rng = np.random.default_rng(config.seed)
         folder = config.security.keys_folder
         psids = (config.lcca_psid, bsm.PSID)
         credentials = read_credentials(folder, psids) if folder is not None else None
@@ -87,10 +87,12 @@ class Daemon:
         self._driver = (
             load_driver(remembered, ORDINARY_DRIVERS) if remembered else Driver(ORDINARY_DRIVERS)
         )
-        self._stack = Stack(
+        self._box = BlackBox(config.recorder, self._on_box_state) if config.recorder else None
+        self._stack = put_together(
+            self._box,
             config,
             config.sensors(),
-            rng,
+            np.random.SeedSequence(config.seed),
             now=time.monotonic(),
             utc_s=time.time(),
             credentials=credentials,
@@ -129,6 +131,9 @@ class Daemon:
 
     async def _open(self, wires: contextlib.AsyncExitStack) -> None:
         config, stack = self.config, self._stack
+        if self._box is not None:
+            self._box.start()
+            wires.callback(self._box.close)
         if config.trace.file is not None:
             self._trace = wires.enter_context(TraceFile(config.trace.file))
         if config.trace.capture is not None:
@@ -152,7 +157,9 @@ class Daemon:
             radio.start(self._loop)
             self._send_wsm = radio.send
         if config.camera is not None:
-            camera = CameraThread(config.camera, config.vision, self._on_seen)
+            takes_pictures = config.recorder is not None and config.recorder.pictures_hz > 0.0
+            on_picture = self._box.note_picture if self._box and takes_pictures else None
+            camera = CameraThread(config.camera, config.vision, self._on_seen, on_picture)
             camera.start()
             wires.callback(camera.close)
         if config.hmi is not None:
@@ -239,6 +246,10 @@ class Daemon:
 
     def _press_brake_button(self, _: None, now: float) -> None:
         self._stack.press_brake_button(now)
+
+    def _on_box_state(self, state: Recording) -> None:
+        """Called from the black box's thread."""
+        self._loop.call_soon_threadsafe(self._show, state)
 
     def _show(self, event: Event) -> None:
         if self._page is not None:

@@ -81,6 +81,7 @@ class Stack:
         utc_s: float,
         credentials: Credentials | None = None,
         driver: Driver | None = None,
+        digest: PlateDigest | None = None,
     ) -> None:
         """Start at `now`, which is `utc_s` in seconds since 1970.
 
@@ -93,10 +94,11 @@ class Stack:
             credentials: what to sign with and whom to trust; without them nothing is signed and
                 anybody is believed.
             driver: who drives, as far as earlier drives have told.
+            digest: derives IDs from plates, where it is not to be one of the car's own.
         """
         self._config = config
         self._security = Security(utc_s - now, credentials, config.security)
-        self._digest = PlateDigest(config.security.plate_digest)
+        self._digest = digest or PlateDigest(config.security.plate_digest)
         self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
         self._who = self._pseudonyms.at(utc_s)
         self._plausibility = Plausibility(brakes_must_show=config.security.brakes_must_show)

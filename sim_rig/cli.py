@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import shutil
 import signal
 import sys
 import time
@@ -61,13 +62,18 @@ def run(
     folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
     chosen = story.seed if seed is None else seed
     began = time.monotonic()
-    log = run_virtual(story, chosen) if virtual else _run_live(story, chosen, folder, watch)
+    log = (
+        _run_virtual(story, chosen, folder)
+        if virtual
+        else _run_live(story, chosen, folder, watch)
+    )
     took_s = time.monotonic() - began
     log.write(folder)
     draw_timeline(story, log, folder / "timeline.png")
     print_report(story, log, console)
     console.print(
-        f"{story.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces and picture in {folder}"
+        f"{story.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces,"
+        f" recordings and picture in {folder}"
     )
     print_verdict(story, log, console)
     raise typer.Exit(1 if failures(story, log) else 0)
@@ -91,6 +97,11 @@ def study(
     for name in names:
         typer.echo(f"{name}: {run_study(name, out / name, settings, Workers(workers, dask))}")
         typer.echo(f"  in {out / name}")
+
+
+def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:
+    shutil.rmtree(folder / "box", ignore_errors=True)
+    return run_virtual(scenario, seed, folder / "box")
 
 
 def _run_live(scenario: Scenario, seed: int, folder: Path, watch: bool) -> RunLog:

@@ -42,7 +42,8 @@ _SEEN_WHEN_READY = frozenset({"ready", "speed", "lead"})
 class Desk:
     """Everything on the desk: the rig's ends of the wires, and the daemons.
 
-    An asynchronous context. Configurations, logs and traces come to lie in `folder`.
+    An asynchronous context. Configurations, logs, traces and recordings come to lie in
+    `folder`.
     """
 
     def __init__(self, scenario: Scenario, seed: int, folder: Path) -> None:
@@ -115,6 +116,7 @@ class Desk:
                     "file": str(self._trace(car)),
                     "capture": str(self._folder / f"{car}.pcap"),
                 },
+                "recorder": {"folder": str(self._box(car)), "segment_s": 3600.0},
             }
             config_file = self._folder / f"{car}.yaml"
             seed = 1000 * self._seed + number  # cars with one seed would go by one name
@@ -122,6 +124,7 @@ class Desk:
             config["security"]["keys_folder"] = str(self._keys / car)
             config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
             self._trace(car).unlink(missing_ok=True)
+            shutil.rmtree(self._box(car), ignore_errors=True)
             await self.processes.start(car, "-m", "onboard", "run", str(config_file))
         self._engineer = await EngineerWindow.open(
             self.processes, self._scenario_file, self._folder, camera_port
@@ -197,6 +200,9 @@ class Desk:
     def _at_s(self, now: float) -> float:
         """The scenario's time; the world stands still before it begins."""
         return max(0.0, now - self.start_s)
+
+    def _box(self, car: str) -> Path:
+        return self._folder / "box" / car
 
     def _trace(self, car: str) -> Path:
         return self._folder / f"{car}.jsonl"

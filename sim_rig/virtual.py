@@ -8,7 +8,9 @@ vision would have said of them is. Between events no time passes.
 
 import heapq
 import math
+from collections.abc import Mapping
 from itertools import count
+from pathlib import Path
 
 import numpy as np
 
@@ -16,8 +18,8 @@ from onboard.config import CarConfig
 from onboard.gnss.nmea import NmeaReader
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Sensor
+from onboard.recorder.recorded import put_together
 from onboard.settings import parse_settings
-from onboard.stack import Stack
 from onboard.trace import as_record
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
@@ -31,6 +33,7 @@ from sim_rig.roads.road import Road
 from sim_rig.run_log import Record, RunLog
 from sim_rig.scenario import Scenario
 from sim_rig.truth import true_states
+from sim_rig.virtual_box import VirtualBox
 from sim_rig.wiring import car_config, gnss_config, names_by_id
 
 START_UTC_S = 1_750_000_000.0
@@ -39,10 +42,21 @@ _MOST_STEPS = 10_000
 """At one moment. Between events no time passes, so a timer that is always due would stop it."""
 
 
-def run_virtual(scenario: Scenario, seed: int | None = None) -> RunLog:
-    """Run the scenario; `seed` in the place of its own."""
-    run = _VirtualRun(scenario, scenario.seed if seed is None else seed)
+def run_virtual(
+    scenario: Scenario, seed: int | None = None, box_folder: Path | None = None
+) -> RunLog:
+    """Run the scenario; `seed` in the place of its own.
+
+    Each car's black box writes into a folder of its own below `box_folder`, if there is one.
+    """
+    chosen = scenario.seed if seed is None else seed
+    boxes = (
+        {name: VirtualBox(box_folder / name) for name in scenario.equipped} if box_folder else {}
+    )
+    run = _VirtualRun(scenario, chosen, boxes)
     run.run()
+    for box in boxes.values():
+        box.close(scenario.duration_s)
     return RunLog(
         start_s=0.0,
         traces={car.name: car.trace for car in run.cars.values()},
@@ -57,7 +71,7 @@ def run_virtual(scenario: Scenario, seed: int | None = None) -> RunLog:
 class _VirtualRun:
     """The clock, and what is due when."""
 
-    def __init__(self, scenario: Scenario, seed: int) -> None:
+    def __init__(self, scenario: Scenario, seed: int, boxes: Mapping[str, VirtualBox]) -> None:
         self._scenario = scenario
         self.recorder = RigRecorder()
         road = BreakpointRoad(scenario)
@@ -68,7 +82,7 @@ class _VirtualRun:
         self._air = open_air(scenario.radio, road.cars_at, scenario.equipped, air_rng)
         self._air_planned_at = math.inf
         self.cars = {
-            name: _VirtualCar(scenario, road, name, car_seed, sky_seed)
+            name: _VirtualCar(scenario, road, name, car_seed, sky_seed, boxes.get(name))
             for name, car_seed in zip(scenario.equipped, car_seeds, strict=True)
         }
         self._agenda: list[tuple[float, int, _VirtualCar | None]] = []
@@ -133,15 +147,19 @@ class _VirtualCar:
         name: str,
         seed: np.random.SeedSequence,
         sky_seed: np.random.SeedSequence,
+        box: VirtualBox | None,
     ) -> None:
         self.name = name
         self.trace: list[Record] = []
         self.planned_at = math.inf
         self._stack_at = 0.0
-        rng, camera_rng, *others = (np.random.default_rng(each) for each in seed.spawn(4))
+        own_seed, *other_seeds = seed.spawn(4)
+        camera_rng, *others = (np.random.default_rng(each) for each in other_seeds)
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
-        sensors = [Sensor.SPEED, Sensor.CAMERA, *([Sensor.POSITION] if scenario.gnss else [])]
-        self._stack = Stack(config, sensors, rng, now=0.0, utc_s=START_UTC_S)
+        sensors = {Sensor.SPEED, Sensor.CAMERA, *([Sensor.POSITION] if scenario.gnss else [])}
+        self._stack = put_together(
+            box, config, frozenset(sensors), own_seed, now=0.0, utc_s=START_UTC_S
+        )
         self._ecu = Ecu(
             lambda now: road.car_at(name, now).speed_m_s,
             runs=lambda now: not scenario.has_fault("ecu_stopped", name, now),

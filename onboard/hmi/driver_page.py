@@ -7,6 +7,7 @@ from onboard.hmi.display import Display
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_server import PageServer
 from onboard.hmi.settings import HmiSettings
+from onboard.recorder.tap import Tap
 from onboard.stack import Stack
 from onboard.trace import Event, as_line
 
@@ -18,7 +19,7 @@ class DriverPage:
         self,
         settings: HmiSettings,
         config: CarConfig,
-        stack: Stack,
+        stack: Stack | Tap,
         on_brake: Callable[[None], None],
     ) -> None:
         self._stack = stack

@@ -291,11 +291,20 @@ class CameraThread:
         camera: CameraSettings,
         vision: VisionSettings,
         on_observations: Callable[[list[Event]], None],
+        on_picture: Callable[[Image, float], None] | None = None,
     ) -> None:
-        """`on_observations` is called from the camera's thread with what each frame gave."""
+        """Both are called from the camera's thread.
+
+        Args:
+            camera: which one, and how it looks.
+            vision: what to look for.
+            on_observations: gets what each frame gave.
+            on_picture: gets each picture and its stamp.
+        """
         self._camera = camera
         self._sight = Sight(camera, vision)
         self._on_observations = on_observations
+        self._on_picture = on_picture
         self._closed = threading.Event()
 
     def start(self) -> None:
@@ -325,6 +334,8 @@ class CameraThread:
                 return
             self._sight.receive_frame(frame.image, stamp_s)
             self._hand_over()
+            if self._on_picture is not None:
+                self._on_picture(frame.image, stamp_s)
         if not self._closed.is_set():
             lost = SensorLost(time.monotonic(), Sensor.CAMERA, None, "end_of_recording")
             self._on_observations([lost])

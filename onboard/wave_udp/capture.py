@@ -21,6 +21,8 @@ _ETHERTYPE_VLAN = 0x8100
 _UDP = b"\x11"
 _IPV6_HEADER_BYTES = 40
 _SNAP_LENGTH = 65_535
+OWN_MAC, OTHER_MAC = bytes.fromhex("020000000001"), bytes.fromhex("020000000002")
+"""In captures, since the radio unit does not tell who sent a frame (locally administered)."""
 _BROADCAST = b"\xff" * 6
 
 

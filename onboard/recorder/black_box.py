@@ -1,0 +1,177 @@
+"""Takes notes for the disk and never waits for it: a bounded queue, and a thread that writes.
+
+A disk that is full or slower than the car loses notes, which are counted and told; it does not
+hold up a warning.
+"""
+
+import errno
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.errors import UserError
+from onboard.recorder.head import Head
+from onboard.recorder.mending import mend
+from onboard.recorder.notes import Gap, Note, Picture, Recording
+from onboard.recorder.segment import PICTURES
+from onboard.recorder.segments import Segments
+from onboard.recorder.settings import RecorderSettings
+
+QUEUE_NOTES: Final = 20_000
+"""Ten seconds and more of a busy road."""
+FLUSH_S: Final = 0.4
+"""What a power cut may take, beside what the disk needs to write: less than a second in all."""
+RETRY_S: Final = 5.0
+"""After the disk took no more, until it is tried again."""
+STOP_S: Final = 1.5
+"""How long the last notes may take when the car stops."""
+NICENESS: Final = 5
+"""Of the writing thread: its notes can wait for a moment."""
+FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""A disk that takes no more is no mistake of the user's: the car drives without a black box."""
+
+
+class BlackBox:
+    """Records one drive."""
+
+    def __init__(self, settings: RecorderSettings, on_state: Callable[[Recording], None]) -> None:
+        """Open nothing yet; notes may come already.
+
+        `on_state` is called from the writing thread when recording begins or ends, and when notes
+        were lost.
+        """
+        self.settings = settings
+        self._on_state = on_state
+        self._queue: queue.Queue[Note | None] = queue.Queue(QUEUE_NOTES)
+        self._counting = threading.Lock()
+        self._lost = 0
+        self._dropped = 0
+        self._picture_at = 0.0
+        self._told: tuple[str | None, int] = (None, 0)
+        self._segments: Segments | None = None
+        self._thread = threading.Thread(target=self._run, name="black-box", daemon=True)
+
+    def begin(self, head: Head) -> None:
+        """Say what the drive begins with, before the first note."""
+        self._segments = Segments(self.settings, head)
+
+    def start(self) -> None:
+        """Record from now on.
+
+        Raises:
+            UserError: the folder cannot be made or written to.
+        """
+        folder = self.settings.folder
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            if error.errno not in FULL:
+                raise UserError(f"recorder.folder: {folder}: {error.strerror}") from error
+        if folder.is_dir() and not os.access(folder, os.W_OK | os.X_OK):
+            raise UserError(f"recorder.folder: {folder}: {os.strerror(errno.EACCES)}")
+        self._thread.start()
+
+    def note(self, note: Note) -> None:
+        """Have it written. From any thread; returns at once."""
+        try:
+            if self._lost:
+                with self._counting:
+                    gap = Gap(note.value.stamp_s, self._lost)
+                    self._queue.put_nowait(Note("/box/gap", note.utc_s, gap))
+                    self._lost = 0
+            self._queue.put_nowait(note)
+        except queue.Full:
+            self._lose()
+
+    def note_picture(self, image: NDArray[np.uint8], stamp_s: float) -> None:
+        """Have a picture written, (height, width, 3) in BGR, if it is time for one.
+
+        From the camera's thread, which makes a JPEG of it.
+        """
+        if stamp_s < self._picture_at:
+            return
+        self._picture_at = stamp_s + 1.0 / self.settings.pictures_hz
+        quality = [cv2.IMWRITE_JPEG_QUALITY, self.settings.picture_quality]
+        _, jpeg = cv2.imencode(".jpg", image, quality)
+        utc_s = time.time() - (time.monotonic() - stamp_s)
+        self.note(Note(PICTURES, utc_s, Picture(stamp_s, jpeg.tobytes())))
+
+    def close(self) -> None:
+        """Write what is left, finish the file, and stop; a disk that hangs is not waited for."""
+        if self._thread.is_alive():
+            try:
+                self._queue.put(None, timeout=STOP_S / 2)
+            except queue.Full:
+                return
+            self._thread.join(STOP_S)
+
+    # ---- in the thread --------------------------------------------------------------------
+
+    def _run(self) -> None:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        segments = self._segments
+        assert segments is not None  # noqa: S101 (`begin` comes first)
+        while True:
+            try:
+                self._record(segments)
+            except Exception as error:  # noqa: BLE001 (whatever it is, it is told, and the car drives)
+                segments.abandon(time.monotonic())
+                self._lose()
+                why_not = error.strerror if isinstance(error, OSError) else repr(error)
+                self._tell(why_not or repr(error))
+                if self._is_over_while_waiting():
+                    return
+            else:
+                return
+
+    def _record(self, segments: Segments) -> None:
+        """Write until `close`."""
+        segments.open(time.monotonic())
+        self._tell("")
+        mend(self.settings.folder, segments.path)
+        flush_at = time.monotonic() + FLUSH_S
+        while True:
+            try:
+                note = self._queue.get(timeout=max(0.0, flush_at - time.monotonic()))
+            except queue.Empty:
+                pass
+            else:
+                if note is None:
+                    segments.close(time.monotonic())
+                    self._tell("")
+                    return
+                segments.write(note)
+            if time.monotonic() >= flush_at:
+                segments.flush()
+                self._tell("")
+                flush_at = time.monotonic() + FLUSH_S
+
+    def _is_over_while_waiting(self) -> bool:
+        """Lose notes until the disk is tried again; whether the drive ended meanwhile."""
+        retry_at = time.monotonic() + RETRY_S
+        while (left_s := retry_at - time.monotonic()) > 0.0:
+            try:
+                if self._queue.get(timeout=left_s) is None:
+                    return True
+            except queue.Empty:
+                break
+            self._lose()
+        return False
+
+    def _lose(self) -> None:
+        with self._counting:
+            self._lost += 1
+            self._dropped += 1
+
+    def _tell(self, why_not: str) -> None:
+        if self._told != (why_not, self._dropped):
+            self._told = (why_not, self._dropped)
+            state = Recording(time.monotonic(), not why_not, why_not, self._dropped)
+            self._on_state(state)

@@ -1,0 +1,139 @@
+"""The head of a recording: all that the cores were given before the first input.
+
+It holds no plate, no private key and no key of the plate digest; the words for plates and the IDs
+that they had stand for them (`identities.py`), and any key signs as well as the right one in a
+replay, where signatures are not compared.
+"""
+
+import json
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from onboard.access.drivers import ORDINARY_DRIVERS, Driver, DriverMemory
+from onboard.config import CarConfig
+from onboard.observations import Sensor
+from onboard.recorder.identities import Aliases
+from onboard.security import p256
+from onboard.security.certificate_codec import decode_certificate
+from onboard.security.credentials import Credential, Credentials
+from onboard.settings import Settings, parse_settings
+
+FORMAT = 1
+"""Counts up when a replay of this software could no longer read what an older one wrote."""
+
+OF_THE_CORES = frozenset({
+    "car", "obd", "vision", "security", "lcca", "lcca_psid", "mvs", "risk", "access", "beacons",
+    "watch",
+})  # fmt: skip
+"""The sections of a `CarConfig` that cores read. The others are wires and files, which may hold
+addresses and passwords."""
+
+
+class Certificates(Settings):
+    """What was signed with and whom the car trusted, as hexadecimal 1609.2 certificates."""
+
+    pseudonyms: tuple[str, ...]
+    roots: tuple[str, ...]
+    authorities: tuple[str, ...]
+
+
+class Head(Settings):
+    """What a drive began with."""
+
+    drive: str
+    """Its name: when it began, in UTC."""
+    software: str
+    """Version of `onboard`."""
+    seed: tuple[int, ...]
+    """Of everything random: entropy and spawn key of a `numpy.random.SeedSequence`."""
+    now_s: float
+    utc_s: float
+    sensors: tuple[Sensor, ...]
+    config: dict[str, Any]
+    """The tree of a `CarConfig`, without wires and keys."""
+    dbc: str | None
+    """The file that `config` names, if it does."""
+    certificates: Certificates | None
+    driver: DriverMemory | None
+    is_complete: bool
+    """Whether everything was recorded that the cores decided from."""
+
+    def car_config(self) -> CarConfig:
+        """The configuration of the cores.
+
+        Raises:
+            SettingsError: this version of the software has no such setting.
+        """
+        return parse_settings(self.config, CarConfig, f"the recording of {self.drive}")
+
+    def rng(self) -> np.random.Generator:
+        """The random numbers of the drive, from the first on."""
+        entropy, *spawn_key = self.seed
+        return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=spawn_key))
+
+    def credentials(self) -> Credentials | None:
+        """The car's certificates, each with a key that is not its own."""
+        if self.certificates is None:
+            return None
+        pseudonyms, roots, authorities = (
+            tuple(decode_certificate(bytes.fromhex(each)) for each in encoded)
+            for encoded in (
+                self.certificates.pseudonyms,
+                self.certificates.roots,
+                self.certificates.authorities,
+            )
+        )
+        return Credentials(
+            tuple(Credential(certificate, p256.new_key()) for certificate in pseudonyms),
+            roots,
+            authorities,
+        )
+
+    def known_driver(self) -> Driver:
+        """Who drove, as far as the box knew when the drive began."""
+        return Driver(ORDINARY_DRIVERS, memory=self.driver)
+
+
+def make_head(
+    *,
+    name: str,
+    config: CarConfig,
+    sensors: frozenset[Sensor],
+    seed: np.random.SeedSequence,
+    now: float,
+    utc_s: float,
+    credentials: Credentials | None,
+    driver: Driver | None,
+    aliases: Aliases,
+    is_complete: bool,
+) -> Head:
+    """Put together what the cores are about to be given."""
+    tree = json.loads(config.model_dump_json(include=set(OF_THE_CORES)))
+    tree["car"]["plate"] = aliases.word(config.car.plate)
+    del tree["access"]["driver_file"], tree["security"]["keys_folder"]
+    del tree["security"]["plate_digest"]["community_key"]
+    broadcast = config.obd.broadcast
+    assert isinstance(seed.entropy, int)  # noqa: S101 (what numpy makes of None or a number)
+    return Head(
+        drive=name,
+        software=version("onboard"),
+        seed=(seed.entropy, *seed.spawn_key),
+        now_s=now,
+        utc_s=utc_s,
+        sensors=tuple(sorted(sensors)),
+        config=tree,
+        dbc=broadcast.dbc.read_text("latin-1") if broadcast is not None else None,
+        certificates=None if credentials is None else _public(credentials),
+        driver=driver.memory() if driver is not None else None,
+        is_complete=is_complete,
+    )
+
+
+def _public(credentials: Credentials) -> Certificates:
+    return Certificates(
+        pseudonyms=tuple(own.certificate.encoded.hex() for own in credentials.pseudonyms),
+        roots=tuple(root.encoded.hex() for root in credentials.roots),
+        authorities=tuple(authority.encoded.hex() for authority in credentials.authorities),
+    )

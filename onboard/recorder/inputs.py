@@ -1,0 +1,86 @@
+"""Turns what a recording holds back into the values that the cores were given."""
+
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import cache
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+from onboard.errors import UserError
+from onboard.obd.can_frame import CanFrame
+from onboard.observations import (
+    BrakePedal,
+    Discarded,
+    HardBrake,
+    Lead,
+    Plate,
+    Position,
+    SensedCar,
+    SensorBack,
+    SensorLost,
+    Speed,
+)
+from onboard.recorder.notes import Button, Gap, Identity, ReceivedWsm, Round
+from onboard.recorder.reading import Entry
+
+Input = (
+    CanFrame | ReceivedWsm | Button | Round | Identity | Gap
+    | Speed | BrakePedal | HardBrake | Plate | Lead | SensedCar | Position
+    | SensorLost | SensorBack | Discarded
+)  # fmt: skip
+
+_BY_KIND = {kind.kind: kind for kind in get_args(Input)}
+
+
+def as_input(entry: Entry) -> Input:
+    """The value that was written.
+
+    Raises:
+        UserError: there is no such input, or a field of it is missing or of another type.
+    """
+    value_type = _BY_KIND.get(entry.topic.rpartition("/")[2])
+    if value_type is None:
+        raise UserError(f"the recording has an input that this software does not know: {entry}")
+    try:
+        value: Input = _reader(value_type)(entry.record)
+    except (KeyError, TypeError, ValueError) as error:
+        raise UserError(f"the recording has an input that cannot be: {entry}: {error}") from error
+    return value
+
+
+Reader = Callable[[Any], Any]
+
+
+@cache
+def _reader(value_type: type) -> Reader:
+    hints = get_type_hints(value_type)
+    readers = [(field.name, _reader_of(hints[field.name])) for field in fields(value_type)]
+
+    def read(record: dict[str, Any]) -> Any:
+        return value_type(**{name: reader(record[name]) for name, reader in readers})
+
+    return read
+
+
+def _reader_of(hint: Any) -> Reader:
+    if get_origin(hint) is UnionType:
+        (inner,) = (each for each in get_args(hint) if each is not type(None))
+        reader = _reader_of(inner)
+        return lambda value: None if value is None else reader(value)
+    if hint is bytes:
+        return bytes.fromhex
+    if hint is float:
+        return float  # also of the strings that stand for what is not finite
+    kind: type = hint
+    if is_dataclass(kind):
+        return _reader(kind)
+    if issubclass(kind, Enum):
+        return kind
+    return lambda value: _checked(value, kind)
+
+
+def _checked(value: Any, kind: type) -> Any:
+    if type(value) is not kind:
+        raise TypeError(f"{value!r} is no {kind.__name__}")
+    return value

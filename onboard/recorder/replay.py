@@ -1,0 +1,217 @@
+"""Makes the calls of a recording again, and compares what the cores answer with what they answered.
+
+The comparison is exact, to the last bit of every number, with one exception: of a signed message
+everything but the signature, since a recording holds no private key.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from onboard.obd.can_frame import CanFrame
+from onboard.recorder.inputs import Input, as_input
+from onboard.recorder.notes import Button, Gap, Identity, Note, ReceivedWsm, Round
+from onboard.recorder.reading import Box, BoxError
+from onboard.recorder.recorded import replayed_stack
+from onboard.recorder.segment import as_json
+from onboard.recorder.tap import Tap
+from onboard.trace import Event, as_record
+from onboard.wave_udp import wsmp
+
+_SIGNED_DATA = 0x81
+"""Content choice of Ieee1609Dot2Data, its second byte."""
+_SIGNATURE_BYTES = 64
+"""r and s, at the end of signed data, which is at the end of its WSM."""
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """One answer of the cores."""
+
+    topic: str
+    data: bytes
+    """JSON."""
+
+
+@dataclass(slots=True)
+class Moment:
+    """One round of the drive."""
+
+    at_s: float
+    """Since the drive began."""
+    events: list[Event]
+    """What the cores see and decide now."""
+    came_out: list[Said]
+    """What they answer now, without the events that only repeat an input."""
+    recorded: list[Said] = field(default_factory=list)
+    """What they answered then."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The first answer that is not the recorded one."""
+
+    at_s: float
+    """Since the drive began."""
+    recorded: Said | None
+    came_out: Said | None
+    """`None`: there is none, where there is one on the other side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """How far a replay goes along with the recording."""
+
+    answers: int
+    """That are the same."""
+    until_s: float
+    """Since the drive began."""
+    difference: Difference | None
+    gap: Gap | None
+    """Where notes are missing, after which nothing can be compared."""
+
+
+class GapError(BoxError):
+    """Notes are missing in the recording."""
+
+    def __init__(self, gap: Gap) -> None:
+        super().__init__(f"{gap.dropped} notes are missing: the disk was full or too slow")
+        self.gap = gap
+
+
+def play(box: Box) -> Iterator[Moment]:
+    """Drive the cores with the recording, from the beginning of what there is of it.
+
+    Raises:
+        GapError: at the first place where notes are missing.
+        UserError: an input cannot be read.
+    """
+    car_ids: dict[tuple[str, int], bytes] = {}
+    notes: list[Note] = []
+    tap: Tap | None = None
+    inputs: list[Input] = []
+    moment: Moment | None = None
+    for entry in box.entries():
+        if entry.topic.startswith("/out/"):
+            if moment is not None:
+                moment.recorded.append(Said(entry.topic, entry.data))
+            continue
+        if not entry.topic.startswith(("/in/", "/box/")):
+            continue
+        if moment is not None:
+            yield moment
+            moment = None
+        value = as_input(entry)
+        if isinstance(value, Gap):
+            raise GapError(value)
+        if isinstance(value, Identity):
+            car_ids[value.plate, value.epoch] = value.car_id
+            continue
+        if tap is None:
+            begins = (value.stamp_s, entry.utc_s) if box.begins_late else None
+            tap = replayed_stack(box.head, car_ids, notes.append, begins)
+        if isinstance(value, Round):
+            events = _go_round(tap, inputs, value)
+            inputs = []
+            said = [_said(note) for note in notes if note.topic.startswith("/out/")]
+            notes.clear()
+            moment = Moment(value.stamp_s - box.head.now_s, events, said)
+        else:
+            inputs.append(value)
+    if moment is not None:
+        yield moment
+
+
+def compare(box: Box) -> Comparison:
+    """Replay until something differs, or to the end.
+
+    Raises:
+        BoxError: the recording cannot tell, since it does not begin with its drive, has segments
+            missing, or was made without positions.
+    """
+    _require_whole(box)
+    answers, until_s = 0, 0.0
+    before: Moment | None = None
+    try:
+        for moment in play(box):
+            if before is not None:
+                difference = _first_difference(before)
+                if difference is not None:
+                    return Comparison(answers, until_s, difference, None)
+                answers, until_s = answers + len(before.recorded), before.at_s
+            before = moment
+    except GapError as error:
+        return Comparison(answers, until_s, None, error.gap)
+    if before is None:
+        raise BoxError("nothing to compare: the recording was cut off before the first round")
+    # The last round may have been cut off; what is there of it counts.
+    before.came_out = before.came_out[: len(before.recorded)]
+    difference = _first_difference(before)
+    if difference is not None:
+        return Comparison(answers, until_s, difference, None)
+    return Comparison(answers + len(before.recorded), before.at_s, None, None)
+
+
+def _require_whole(box: Box) -> None:
+    if not box.head.is_complete:
+        raise BoxError("recorded without positions, and so without much of what was decided from")
+    if box.begins_late:
+        raise BoxError("begins in the middle of its drive: what was decided rests on what is gone")
+    if box.missing:
+        raise BoxError(f"segments are missing: {', '.join(map(str, box.missing))}")
+
+
+def _go_round(tap: Tap, inputs: list[Input], end: Round) -> list[Event]:
+    now = end.stamp_s
+    if end.utc_s is not None:
+        tap.set_utc(end.utc_s, now)
+    for each in inputs:
+        _give(tap, each, now)
+    if end.timer:
+        tap.handle_timer(now)
+    tap.wsms_to_send(now)
+    tap.can_to_send(now)
+    return list(iter(tap.next_event, None))
+
+
+def _give(tap: Tap, value: Input, now: float) -> None:
+    match value:
+        case CanFrame():
+            tap.receive_can(value, now)
+        case ReceivedWsm():
+            tap.receive_wsm(value.data, now)
+        case Button():
+            tap.press_brake_button(now)
+        case Round() | Identity() | Gap():
+            raise AssertionError(f"no input of the cores: {value}")
+        case _:
+            tap.receive_observation(value, now)
+
+
+def _said(note: Note) -> Said:
+    return Said(note.topic, as_json(as_record(note.value)))
+
+
+def _first_difference(moment: Moment) -> Difference | None:
+    for at in range(max(len(moment.recorded), len(moment.came_out))):
+        recorded = moment.recorded[at] if at < len(moment.recorded) else None
+        came_out = moment.came_out[at] if at < len(moment.came_out) else None
+        if recorded is None or came_out is None or not _is_same(recorded, came_out):
+            return Difference(moment.at_s, recorded, came_out)
+    return None
+
+
+def _is_same(recorded: Said, came_out: Said) -> bool:
+    if recorded == came_out:
+        return True
+    if not recorded.topic == came_out.topic == "/out/wsm":
+        return False
+    return _without_signature(recorded) == _without_signature(came_out)
+
+
+def _without_signature(said: Said) -> dict[str, object]:
+    record: dict[str, object] = json.loads(said.data)
+    frame = bytes.fromhex(str(record["data"]))
+    if wsmp.decode(frame).payload[1] == _SIGNED_DATA:
+        record["data"] = frame[:-_SIGNATURE_BYTES].hex()
+    return record

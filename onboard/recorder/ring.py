@@ -1,0 +1,47 @@
+"""Which segments are kept: the new ones, and those around an event longer; still without I/O."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from onboard.recorder.settings import RecorderSettings
+
+KEPT = "-kept"
+"""Ends the name of a segment that something happened in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """A finished segment."""
+
+    path: Path
+    until_utc_s: float
+    size_bytes: int
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether something happened in it, or near it."""
+        return self.path.stem.endswith(KEPT)
+
+
+def kept_path(path: Path) -> Path:
+    """The name that says so."""
+    return path if path.stem.endswith(KEPT) else path.with_stem(path.stem + KEPT)
+
+
+def to_delete(
+    stored: Iterable[Stored], writing_bytes: int, settings: RecorderSettings, utc_s: float
+) -> list[Path]:
+    """What has to go: what is too old and not kept, then the oldest until the rest fits.
+
+    Kept ones go last. `writing_bytes` is the size of the segment that is being written.
+    """
+    oldest_first = sorted(stored, key=lambda each: (each.is_kept, each.until_utc_s))
+    too_old_s = utc_s - settings.ring_s
+    room = settings.ring_mib * 2**20 - writing_bytes - sum(each.size_bytes for each in oldest_first)
+    gone: list[Path] = []
+    for each in oldest_first:
+        if room < 0 or (not each.is_kept and each.until_utc_s < too_old_s):
+            gone.append(each.path)
+            room += each.size_bytes
+    return gone

@@ -1,0 +1,33 @@
+"""The black box of a car in virtual time: it writes at once, for no time passes while it does."""
+
+from pathlib import Path
+
+from onboard.recorder.head import Head
+from onboard.recorder.notes import Note
+from onboard.recorder.segments import Segments
+from onboard.recorder.settings import RecorderSettings
+
+
+class VirtualBox:
+    """Records one drive as one segment."""
+
+    def __init__(self, folder: Path) -> None:
+        """Write into `folder`, which is made."""
+        folder.mkdir(parents=True, exist_ok=True)
+        self.settings = RecorderSettings(folder=folder, segment_s=3600.0)
+        self._segments: Segments | None = None
+
+    def begin(self, head: Head) -> None:
+        """See `onboard.recorder.black_box.BlackBox`."""
+        self._segments = Segments(self.settings, head)
+        self._segments.open(head.now_s)
+
+    def note(self, note: Note) -> None:
+        """See `onboard.recorder.black_box.BlackBox`."""
+        assert self._segments is not None  # noqa: S101 (`begin` comes first)
+        self._segments.write(note)
+
+    def close(self, now: float) -> None:
+        """Finish the file."""
+        assert self._segments is not None  # noqa: S101 (`begin` comes first)
+        self._segments.close(now)

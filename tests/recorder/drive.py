@@ -1,0 +1,112 @@
+"""Two cars on a wire that loses nothing, signed or not; the second one's black box is on."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from onboard.config import CarConfig
+from onboard.observations import Box as Pixels
+from onboard.observations import Lead, LeadIdentity, Plate, Position, Sensor, Speed
+from onboard.recorder.head import Head
+from onboard.recorder.notes import Note
+from onboard.recorder.recorded import put_together
+from onboard.recorder.segments import Segments
+from onboard.recorder.settings import RecorderSettings
+from onboard.security.authority import make_trial
+from onboard.security.credentials import Credentials
+from onboard.settings import parse_settings
+from onboard.wave_udp import psid
+
+START_UTC_S = 1_750_000_480.0
+"""20 s before everybody's ID changes."""
+START_S = 1000.0
+AHEAD, BEHIND = "GN417KB", "RD288HX"
+KEY = "a secret of this trial only"
+STEP_S = 0.05
+"""Of a drive: every car has a speed and a picture each."""
+
+
+class Written:
+    """A recording that is written as it comes."""
+
+    def __init__(self, folder: Path, flush_every: int = 1000, **settings: object) -> None:
+        self._flush_every = flush_every
+        self._notes = 0
+        tree = {"folder": str(folder), **settings}
+        self.settings = parse_settings(tree, RecorderSettings, "recorder")
+
+    def begin(self, head: Head) -> None:
+        self.head = head
+        self.segments = Segments(self.settings, head)
+        self.segments.open(head.now_s)
+
+    def note(self, note: Note) -> None:
+        self.segments.write(note)
+        self._notes += 1
+        if self._notes % self._flush_every == 0:
+            self.segments.flush()
+
+
+def config(plate: str, **more: object) -> CarConfig:
+    digest = {"scrypt_log2_n": 1, "community_key": KEY}
+    tree = {"car": {"plate": plate}, "security": {"plate_digest": digest}, **more}
+    return parse_settings(tree, CarConfig, plate)
+
+
+def credentials() -> Iterator[Credentials]:
+    trial = make_trial([AHEAD, BEHIND], {psid.BSM, psid.LCCA}, START_UTC_S - 10.0)
+    return iter(trial.values())
+
+
+def record_drive(
+    folder: Path, duration_s: float = 4.0, *, signed: bool = False, **settings: object
+) -> Path:
+    """The car behind joins the one ahead, which brakes; returns the folder of the recording."""
+    folder.mkdir(exist_ok=True)
+    written = Written(folder, **settings)
+    keys = list(credentials()) if signed else [None, None]
+    cars = [
+        put_together(
+            writer,
+            config(plate),
+            frozenset({Sensor.SPEED, Sensor.CAMERA, Sensor.POSITION}),
+            np.random.SeedSequence(seed),
+            now=START_S,
+            utc_s=START_UTC_S,
+            credentials=key,
+        )
+        for writer, plate, seed, key in zip(
+            (None, written), (AHEAD, BEHIND), (1, 2), keys, strict=True
+        )
+    ]
+    for step in range(round(duration_s / STEP_S)):
+        now = START_S + step * STEP_S
+        for number, car in enumerate(cars):
+            car.set_utc(START_UTC_S + step * STEP_S + 1e-7 * (step % 3), now)
+            car.receive_observation(Speed(now, 15.0, 0.28, "obd:7E8"), now)
+            if step % 4 == 0:
+                place = Position(now, 48.1, 11.5 - 2e-4 * number, 500.0, 2.0, 15.0, 1.57)
+                car.receive_observation(place, now)
+        sight = [
+            Plate(now, Pixels(10.0, 20.0, 52.0, 11.0), AHEAD, 0.9, is_lead=True),
+            Lead(now, LeadIdentity.KNOWN, AHEAD, 15.0, 0.3, 0.0, 0.3),
+        ]
+        for seen in sight:
+            cars[1].receive_observation(seen, now)
+        cars[0].receive_observation(Lead(now, LeadIdentity.NO_LEAD), now)
+        if step == round(3.0 / STEP_S):
+            cars[0].press_brake_button(now)
+        for _ in range(3):  # so that answers are answered
+            on_air = [(car, car.wsms_to_send(now)) for car in cars]
+            for car in cars:
+                car.can_to_send(now)
+                while car.next_event() is not None:
+                    pass
+                for sender, wsms in on_air:
+                    for _, wsm in wsms if sender is not car else ():
+                        car.receive_wsm(wsm, now)
+                if car.get_timer() <= now:
+                    car.handle_timer(now)
+    written.segments.close(START_S + duration_s)
+    return folder

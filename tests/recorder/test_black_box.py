@@ -1,0 +1,251 @@
+"""The thread and its disk: killed, full, slow, in the daemon and by itself."""
+
+import json
+import resource
+import secrets
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from onboard.errors import UserError
+from onboard.obd.can_frame import CanFrame
+from onboard.recorder import black_box
+from onboard.recorder.black_box import BlackBox
+from onboard.recorder.notes import Note, Recording
+from onboard.recorder.reading import Box, is_finished
+from onboard.recorder.replay import compare
+from onboard.recorder.segments import Segments
+from onboard.recorder.settings import RecorderSettings
+from tests.recorder.heads import HEAD
+
+WITHIN_S = 20.0
+"""Until something must have come; far more than it takes."""
+
+
+def until(holds: Callable[[], bool]) -> None:
+    give_up_at = time.monotonic() + WITHIN_S
+    while not holds():
+        assert time.monotonic() < give_up_at, "it did not come"
+        time.sleep(0.01)
+
+
+def frame(number: int, size: int = 8) -> Note:
+    data = number.to_bytes(4) + secrets.token_bytes(size - 4)
+    return Note(
+        "/in/can",
+        HEAD.utc_s + number,
+        CanFrame(HEAD.now_s + number * 1e-3, 0x123, is_extended_id=False, data=data),
+    )
+
+
+def numbers(folder: Path) -> list[int]:
+    return [
+        int.from_bytes(bytes.fromhex(entry.record["data"])[:4])
+        for entry in Box([folder]).entries()
+        if entry.topic == "/in/can"
+    ]
+
+
+class Running:
+    """A black box that records, and what it tells."""
+
+    def __init__(self, folder: Path, **settings: object) -> None:
+        self.states: list[Recording] = []
+        tree = {"folder": folder, **settings}
+        self.box = BlackBox(RecorderSettings.model_validate(tree), self.states.append)
+        self.box.begin(HEAD)
+        self.box.start()
+
+
+def test_all_notes_are_written_in_order_and_the_file_is_finished(tmp_path: Path) -> None:
+    running = Running(tmp_path / "new" / "box")
+    for number in range(2000):
+        running.box.note(frame(number))
+    running.box.close()
+
+    assert numbers(tmp_path / "new" / "box") == list(range(2000))
+    assert is_finished(next((tmp_path / "new" / "box").iterdir()))
+    assert (tmp_path / "new" / "box").stat().st_mode & 0o777 == 0o700
+
+
+def test_pictures_come_at_their_own_rate_and_are_jpeg(tmp_path: Path) -> None:
+    running = Running(tmp_path, pictures_hz=2.0)
+    image = np.full((36, 64, 3), 90, np.uint8)
+    for number in range(30):
+        running.box.note_picture(image, 100.0 + number / 10)
+    running.box.close()
+
+    pictures = [entry for entry in Box([tmp_path]).entries() if entry.topic == "/camera"]
+    assert len(pictures) == 6
+    assert pictures[0].record["format"] == "jpeg"
+    assert pictures[0].record["data"].startswith("/9j/")
+
+
+def test_a_disk_slower_than_the_car_loses_notes_and_says_how_many(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The queue is full at once; `note` returns all the same."""
+    monkeypatch.setattr(black_box, "QUEUE_NOTES", 10)
+    states: list[Recording] = []
+    box = BlackBox(RecorderSettings(folder=tmp_path), states.append)
+    box.begin(HEAD)
+    for number in range(100):
+        box.note(frame(number))
+    box.start()
+    until(box._queue.empty)
+    box.note(frame(100))
+    box.close()
+
+    assert numbers(tmp_path) == [*range(10), 100]
+    gaps = [entry.record for entry in Box([tmp_path]).entries() if entry.topic == "/box/gap"]
+    assert [gap["dropped"] for gap in gaps] == [90]
+    assert states[-1].dropped == 90
+
+
+def test_a_folder_that_cannot_be_made_is_the_users_mistake(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    box = BlackBox(RecorderSettings(folder=tmp_path / "file" / "box"), lambda _: None)
+
+    with pytest.raises(UserError, match=r"recorder.folder: .*file/box: Not a directory"):
+        box.start()
+
+
+@pytest.fixture
+def full_disk() -> Iterator[Callable[[int], None]]:
+    """Files of this process may be so large and no larger: the kernel's own refusal."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_ends_the_recording_until_there_is_room_again(
+    tmp_path: Path, full_disk: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(black_box, "RETRY_S", 0.05)
+    running = Running(tmp_path)
+    until(lambda: bool(running.states))
+    full_disk(20_000)
+    for number in range(500):
+        running.box.note(frame(number, size=64))
+    until(lambda: any(not state.is_recording for state in running.states))
+    stopped = next(state for state in running.states if not state.is_recording)
+    assert stopped.reason == "File too large"
+
+    full_disk(resource.RLIM_INFINITY)
+    until(lambda: running.states[-1].is_recording)
+    running.box.note(frame(1000))
+    running.box.close()
+
+    assert numbers(tmp_path)[-1] == 1000
+    assert all(is_finished(path) for path in tmp_path.glob("*.mcap")), "the broken one is mended"
+    assert any(entry.topic == "/box/gap" for entry in Box([tmp_path]).entries())
+
+
+def test_a_power_cut_takes_only_what_was_not_flushed(tmp_path: Path) -> None:
+    """Whatever was flushed is in the file, without any help of the one who wrote it."""
+    segments = Segments(RecorderSettings(folder=tmp_path), HEAD)
+    segments.open(HEAD.now_s)
+    for number in range(100):
+        segments.write(frame(number))
+    segments.flush()
+    for number in range(100, 120):
+        segments.write(frame(number))
+    left = tmp_path / "left"
+    left.mkdir()
+    (left / "as-it-was.mcap").write_bytes(segments.path.read_bytes())
+    segments.close(HEAD.now_s)
+
+    assert numbers(left) == list(range(100))
+
+
+# ---- in the daemon ------------------------------------------------------------------------
+
+
+class Car:
+    """A real daemon with a radio and a black box."""
+
+    def __init__(self, folder: Path, **limits: int) -> None:
+        folder.mkdir(exist_ok=True)
+        self.box = folder / "box"
+        self.trace = folder / "trace.jsonl"
+        self.wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.wire.bind(("127.0.0.1", 0))
+        self.wire.settimeout(WITHIN_S)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        tree = {
+            "car": {"plate": "ABC123"},
+            "radio": {
+                "endpoint": "iwcu",
+                "listen_port": self.port,
+                "unit_port": self.wire.getsockname()[1],
+            },
+            "trace": {"file": str(self.trace)},
+            "recorder": {"folder": str(self.box)},
+        }
+        (folder / "car.yaml").write_text(yaml.safe_dump(tree))
+        limit = [f"ulimit -f {limits['blocks']};"] if limits else []
+        command = f"{' '.join(limit)} exec {sys.executable} -m onboard run {folder / 'car.yaml'}"
+        self.process = subprocess.Popen(["sh", "-c", command], stderr=subprocess.DEVNULL)
+        self.hear()
+
+    def hear(self) -> bytes:
+        """The next BSM of the car."""
+        return self.wire.recv(2048)
+
+    def send(self, wsm: bytes) -> None:
+        self.wire.sendto(wsm, ("127.0.0.1", self.port))
+
+    def traced(self, kind: str) -> list[dict[str, object]]:
+        lines = self.trace.read_text().split("\n")[:-1]
+        return [record for record in map(json.loads, lines) if record["kind"] == kind]
+
+    def end(self, number: signal.Signals) -> int:
+        self.process.send_signal(number)
+        self.wire.close()
+        return self.process.wait(WITHIN_S)
+
+
+def test_a_killed_daemon_leaves_all_but_the_last_second(tmp_path: Path) -> None:
+    car = Car(tmp_path)
+    heard_at = [time.time() for _ in range(25) if car.hear()]
+    car.end(signal.SIGKILL)
+
+    box = Box([car.box])
+    sent = [entry.utc_s for entry in box.entries() if entry.topic == "/out/wsm"]
+    assert sent[-1] > heard_at[-1] - 1.0
+    assert compare(box).difference is None
+
+
+def test_a_daemon_that_is_stopped_finishes_its_recording(tmp_path: Path) -> None:
+    car = Car(tmp_path)
+    until(lambda: bool(car.traced("recorder")))
+    began_at = time.monotonic()
+    assert car.end(signal.SIGTERM) == 0
+
+    assert time.monotonic() - began_at < 2.0
+    assert is_finished(next(car.box.iterdir()))
+    assert [state["is_recording"] for state in car.traced("recorder")] == [True]
+
+
+def test_a_daemon_whose_disk_is_full_says_so_and_drives_on(tmp_path: Path) -> None:
+    car = Car(tmp_path, blocks=128)  # of 512 bytes
+    for _ in range(150):
+        car.send(secrets.token_bytes(1000))
+        time.sleep(0.002)
+    until(lambda: len(car.traced("recorder")) > 1)
+    stopped = car.traced("recorder")[1]
+    for _ in range(5):
+        assert car.hear()
+
+    assert car.end(signal.SIGTERM) == 0
+    assert (stopped["is_recording"], stopped["reason"]) == (False, "File too large")
