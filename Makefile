@@ -4,6 +4,7 @@ PYTHON := .venv/bin/python
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
+	$(PYTHON) -m onboard replay out/fig4-live/box/red --expect
 
 test: .venv/ready system-packages lint
 	$(PYTHON) -m pytest -n 2 --dist worksteal -m "not live and not browser"

@@ -1,0 +1,123 @@
+"""The black box: bytes a minute, replay speed, and what recording does to the loop.
+
+The drive is the demonstration's, in virtual time. What a minute takes stands beside the same notes
+as bare JSON lines; the replay beside real time; the loop's delay, and how long a noted round takes,
+beside the same without a recorder.
+"""
+
+import asyncio
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from bench import Figure
+from onboard.config import CarConfig
+from onboard.observations import Box as Pixels
+from onboard.observations import Lead, LeadIdentity, Plate, Sensor, Speed
+from onboard.recorder.black_box import BlackBox
+from onboard.recorder.reading import Box
+from onboard.recorder.recorded import put_together
+from onboard.recorder.replay import compare
+from onboard.recorder.settings import RecorderSettings
+from onboard.settings import parse_settings
+from sim_rig.scenario import load_scenario
+from sim_rig.virtual import run_virtual
+
+CAR = "red"
+RUNS = 3
+LOOP_S = 8.0
+ROUNDS_HZ = 100.0
+"""Of a loop that gets a speed, two plates and a lead each time: several times what a car has."""
+
+
+def measure() -> Iterator[Figure]:
+    """Size and replay of a drive, then a loop with and without a black box."""
+    scenario = load_scenario("fig4")
+    with tempfile.TemporaryDirectory() as folder:
+        run_virtual(scenario, box_folder=Path(folder))
+        yield from _size_and_replay(Box([Path(folder) / CAR]))
+    yield from _loop()
+
+
+def _size_and_replay(box: Box) -> Iterator[Figure]:
+    minutes = compare(box).until_s / 60.0
+    size = sum(path.stat().st_size for path in box.files)
+    bare = sum(len(entry.topic) + len(entry.data) for entry in box.entries())
+    yield Figure(
+        "recorder.size",
+        size / minutes / 2**20,
+        "MiB/min",
+        1,
+        "the same as JSON lines",
+        bare / minutes / 2**20,
+    )
+    took_s = []
+    for _ in range(RUNS):
+        began_at = time.perf_counter()
+        compare(box)
+        took_s.append(time.perf_counter() - began_at)
+    yield Figure(
+        "recorder.replay",
+        60.0 * minutes / float(np.median(took_s)),
+        "s/s",
+        RUNS,
+        "real time",
+        1.0,
+    )
+
+
+def _loop() -> Iterator[Figure]:
+    with tempfile.TemporaryDirectory() as folder:
+        states: list[object] = []
+        box = BlackBox(RecorderSettings(folder=Path(folder)), states.append)
+        without = asyncio.run(_drive(None))
+        recording = asyncio.run(_drive(box))
+    for index, name in enumerate(("late", "round")):
+        for percentile in (50, 99):
+            yield Figure(
+                f"recorder.{name}.p{percentile}",
+                float(np.percentile(recording[index], percentile)) * 1e3,
+                "ms",
+                len(recording[index]),
+                "without a recorder",
+                float(np.percentile(without[index], percentile)) * 1e3,
+            )
+
+
+async def _drive(box: BlackBox | None) -> tuple[list[float], list[float]]:
+    """How late each round began, and how long it took, in seconds."""
+    tree = {"car": {"plate": "AB123"}, "security": {"plate_digest": {"scrypt_log2_n": 6}}}
+    config = parse_settings(tree, CarConfig, "bench")
+    now = time.monotonic()
+    sensors = frozenset({Sensor.SPEED, Sensor.CAMERA})
+    seed = np.random.SeedSequence(1)
+    stack = put_together(box, config, sensors, seed, now=now, utc_s=time.time())
+    if box is not None:
+        box.start()
+    late_s, took_s = [], []
+    begin_at = time.monotonic()
+    for number in range(round(LOOP_S * ROUNDS_HZ)):
+        due_at = begin_at + number / ROUNDS_HZ
+        await asyncio.sleep(max(0.0, due_at - time.monotonic()))
+        now = time.monotonic()
+        late_s.append(now - due_at)
+        stack.set_utc(time.time(), now)
+        stack.receive_observation(Speed(now, 15.0, 0.28, "obd:7E8"), now)
+        for text in ("CD456", "EF789"):
+            seen = Plate(now, Pixels(300.0, 170.0, 52.0, 11.0), text, 0.9, is_lead=text == "CD456")
+            stack.receive_observation(seen, now)
+        lead = Lead(now, LeadIdentity.KNOWN, "CD456", 15.0, 0.4, 0.1, 0.5)
+        stack.receive_observation(lead, now)
+        if stack.get_timer() <= now:
+            stack.handle_timer(now)
+        stack.wsms_to_send(now)
+        stack.can_to_send(now)
+        while stack.next_event() is not None:
+            pass
+        took_s.append(time.monotonic() - now)
+    if box is not None:
+        box.close()
+    return late_s, took_s
