@@ -82,7 +82,7 @@ class _VirtualRun:
         self._air = open_air(scenario.radio, road.cars_at, scenario.equipped, air_rng)
         self._air_planned_at = math.inf
         self.cars = {
-            name: _VirtualCar(scenario, road, name, car_seed, sky_seed, boxes.get(name))
+            name: _VirtualCar(scenario, road, name, car_seed, sky_seed, box=boxes.get(name))
             for name, car_seed in zip(scenario.equipped, car_seeds, strict=True)
         }
         self._agenda: list[tuple[float, int, _VirtualCar | None]] = []
@@ -147,6 +147,7 @@ class _VirtualCar:
         name: str,
         seed: np.random.SeedSequence,
         sky_seed: np.random.SeedSequence,
+        *,
         box: VirtualBox | None,
     ) -> None:
         self.name = name
