@@ -63,9 +63,7 @@ def run(
     chosen = story.seed if seed is None else seed
     began = time.monotonic()
     log = (
-        _run_virtual(story, chosen, folder)
-        if virtual
-        else _run_live(story, chosen, folder, watch)
+        _run_virtual(story, chosen, folder) if virtual else _run_live(story, chosen, folder, watch)
     )
     took_s = time.monotonic() - began
     log.write(folder)
