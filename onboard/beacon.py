@@ -5,15 +5,25 @@ said to be unavailable (docs/decisions/0003).
 """
 
 import math
+from collections import deque
+from statistics import linear_regression
 
 import numpy as np
 
 from onboard.geodesy import distance_m
 from onboard.messages.bsm import BasicSafetyMessage
-from onboard.messages.bsm_core import CoreData, PositionalAccuracy, VehicleSize
+from onboard.messages.bsm_core import (
+    AccelerationSet,
+    BrakeSystemStatus,
+    CoreData,
+    PositionalAccuracy,
+    VehicleSize,
+    WheelBrakes,
+)
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
 from onboard.messages.bsm_schedule import BsmSchedule
-from onboard.observations import HardBrake, Position, Speed
+from onboard.observations import BrakePedal, HardBrake, Position, Speed
+from onboard.path_history import PathHistoryKeeper
 from onboard.security.pseudonyms import Pseudonym
 
 FRESH_S = 1.0
@@ -24,6 +34,17 @@ HARD_BRAKING_S = 1.0
 
 UNKNOWN_SIGMA_M = 5.0
 """Of a position whose sender does not know it: an ordinary receiver in the open."""
+
+ACCELERATION_WINDOW_S = 0.8
+"""A line through speeds in whole km/h, twenty a second, is then steep to within 0.1 m/s^2 (rms)."""
+
+MIN_SPEEDS = 3
+"""Two always lie on a line."""
+
+ALL_WHEELS = (
+    WheelBrakes.LEFT_FRONT | WheelBrakes.LEFT_REAR | WheelBrakes.RIGHT_FRONT
+    | WheelBrakes.RIGHT_REAR
+)  # fmt: skip
 
 MESSAGE_COUNTS = 128
 
@@ -40,7 +61,9 @@ class Beacon:
     ) -> None:
         self._size = size
         self._schedule = BsmSchedule(rng, now)
-        self._speed: Speed | None = None
+        self._speeds: deque[Speed] = deque()
+        self._pedal: BrakePedal | None = None
+        self._path = PathHistoryKeeper()
         self._position: Position | None = None
         self._braking_until = -math.inf
         self.change_identity(who)
@@ -52,11 +75,18 @@ class Beacon:
 
     def receive_speed(self, speed: Speed) -> None:
         """The own speed."""
-        self._speed = speed
+        self._speeds.append(speed)
+        while self._speeds[0].stamp_s < speed.stamp_s - ACCELERATION_WINDOW_S:
+            self._speeds.popleft()
+
+    def receive_pedal(self, pedal: BrakePedal) -> None:
+        """The own brake pedal, where the car tells it."""
+        self._pedal = pedal
 
     def receive_position(self, position: Position) -> None:
         """The own position."""
         self._position = position
+        self._path.receive_position(position)
 
     def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
         """The own car brakes hard: the next BSM says so, and is due at once."""
@@ -94,11 +124,13 @@ class Beacon:
         """The next BSM, with `footer` riding on it; `now` is `utc_s` in seconds since 1970."""
         self._msg_cnt = (self._msg_cnt + 1) % MESSAGE_COUNTS
         events = VehicleEventFlags.HARD_BRAKING if self._is_braking(now) else None
-        safety = VehicleSafetyExtensions(events=events) if events else None
+        path = self._path.history(now) if _is_fresh(self._position, now) else None
+        safety = VehicleSafetyExtensions(events, path) if events or path else None
         return BasicSafetyMessage(self._core(now, utc_s - now), safety, footer=footer)
 
     def _core(self, now: float, utc_offset_s: float) -> CoreData:
-        speed = self._speed if _is_fresh(self._speed, now) else None
+        speed = self._speeds[-1] if self._speeds and _is_fresh(self._speeds[-1], now) else None
+        acceleration = AccelerationSet(self._acceleration_m_s2() if speed else None)
         fix = self._position if _is_fresh(self._position, now) else None
         if fix is None:
             return CoreData(
@@ -106,6 +138,8 @@ class Beacon:
                 self._temporary_id,
                 sec_mark_s=(now + utc_offset_s) % 60.0,
                 speed_m_s=speed.speed_m_s if speed else None,
+                acceleration=acceleration,
+                brakes=self._brakes(now),
                 size=self._size,
             )
         return CoreData(
@@ -118,8 +152,21 @@ class Beacon:
             accuracy=PositionalAccuracy(fix.sigma_m, fix.sigma_m, 0.0),
             speed_m_s=fix.speed_m_s if fix.speed_m_s is not None or not speed else speed.speed_m_s,
             heading_rad=fix.course_rad,
+            acceleration=acceleration,
+            brakes=self._brakes(now),
             size=self._size,
         )
+
+    def _acceleration_m_s2(self) -> float | None:
+        stamps_s = [speed.stamp_s for speed in self._speeds]
+        if len(stamps_s) < MIN_SPEEDS or stamps_s[-1] - stamps_s[0] < ACCELERATION_WINDOW_S / 2:
+            return None
+        return linear_regression(stamps_s, [speed.speed_m_s for speed in self._speeds]).slope
+
+    def _brakes(self, now: float) -> BrakeSystemStatus:
+        if self._pedal is None or not _is_fresh(self._pedal, now):
+            return BrakeSystemStatus()
+        return BrakeSystemStatus(ALL_WHEELS if self._pedal.pressed else WheelBrakes(0))
 
     def _is_braking(self, now: float) -> bool:
         return now < self._braking_until
@@ -145,5 +192,5 @@ def position_in(core: CoreData, now: float, utc_offset_s: float) -> Position | N
     )
 
 
-def _is_fresh(observation: Speed | Position | None, now: float) -> bool:
+def _is_fresh(observation: Speed | BrakePedal | Position | None, now: float) -> bool:
     return observation is not None and now - observation.stamp_s <= FRESH_S

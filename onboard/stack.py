@@ -159,6 +159,8 @@ class Stack:
                 self._group.receive_speed(observation.speed_m_s, now)
                 self._beacon.receive_speed(observation)
                 self._risk.receive_speed(observation)
+            case BrakePedal():
+                self._beacon.receive_pedal(observation)
             case HardBrake():
                 self._group.receive_hard_brake(observation, now)
                 self._beacon.receive_hard_brake(observation, now)

@@ -1,0 +1,59 @@
+"""What a car says of itself, from what it knows."""
+
+import numpy as np
+import pytest
+
+from onboard.beacon import ALL_WHEELS, Beacon
+from onboard.messages.bsm_core import CoreData, VehicleSize, WheelBrakes
+from onboard.observations import BrakePedal, Speed
+from onboard.security.pseudonyms import Pseudonym
+from onboard.units import KM_H
+
+WHO = Pseudonym(bytes(8), b"abcd", 5, None, 300.0)
+
+
+@pytest.fixture
+def beacon() -> Beacon:
+    return Beacon(VehicleSize(1.8, 4.5), WHO, np.random.default_rng(1), now=0.0)
+
+
+def core(beacon: Beacon, now: float) -> CoreData:
+    return beacon.bsm(None, now, now).core
+
+
+@pytest.mark.parametrize("deceleration_m_s2", [-2.0, 0.0, 4.0, 8.0])
+def test_the_acceleration_follows_from_speeds_in_whole_km_h(
+    beacon: Beacon, deceleration_m_s2: float
+) -> None:
+    for i in range(21):
+        speed_m_s = round((20.0 - deceleration_m_s2 * i / 20) / KM_H) * KM_H
+        beacon.receive_speed(Speed(i / 20, speed_m_s, KM_H, "obd:7E8"))
+
+    said = core(beacon, 1.0).acceleration.longitudinal_m_s2
+
+    assert said == pytest.approx(-deceleration_m_s2, abs=0.35)
+
+
+def test_nothing_is_said_of_what_is_not_known(beacon: Beacon) -> None:
+    said = core(beacon, 1.0)
+
+    assert said.speed_m_s is None
+    assert said.acceleration.longitudinal_m_s2 is None
+    assert said.brakes.wheel_brakes == WheelBrakes.UNAVAILABLE
+
+
+def test_two_speeds_are_no_acceleration(beacon: Beacon) -> None:
+    for stamp_s in (0.0, 0.5):
+        beacon.receive_speed(Speed(stamp_s, 20.0, KM_H, "obd:7E8"))
+
+    assert core(beacon, 0.6).acceleration.longitudinal_m_s2 is None
+
+
+@pytest.mark.parametrize(("pressed", "wheels"), [(True, ALL_WHEELS), (False, WheelBrakes(0))])
+def test_the_pedal_is_told_where_the_car_has_a_signal_for_it(
+    beacon: Beacon, pressed: bool, wheels: WheelBrakes
+) -> None:
+    beacon.receive_pedal(BrakePedal(0.9, pressed, "dbc"))
+
+    assert core(beacon, 1.0).brakes.wheel_brakes == wheels
+    assert core(beacon, 9.0).brakes.wheel_brakes == WheelBrakes.UNAVAILABLE
