@@ -232,32 +232,25 @@ class Channel:
                 frame.listening[station] = False
                 return
             its.pause(onset_s, free_s)
-            self._replan(station, onset_s)
-        elif its.access_s == math.inf and its.counts_until(free_s) <= frame.start_s:
-            self._counting.discard(station)
+            if its.is_at_rest:
+                self._counting.discard(station)
+            else:
+                self._replan(station, onset_s)
 
     def _end(self, frame: _OnAir) -> None:
         self._on_air.remove(frame)
         listeners = np.flatnonzero(frame.listening)
-        header, data = self._survive(frame, listeners)
         at_s = frame.end_s + frame.delay_s[listeners]
-        got_it = header & data
-        garbled = header & ~data
-        if garbled.any():
+        lost, garbled = self._losses(frame, listeners)
+        if len(lost):
             self._eifs_until[listeners[garbled]] = at_s[garbled] + SIFS_S + EIFS_EXTRA_S
             for station in self._counting.intersection(listeners[garbled].tolist()):
                 self._replan(station, frame.end_s)
+            listeners, at_s = np.delete(listeners, lost), np.delete(at_s, lost)
         frame.overlapping.clear()
         queued = frame.queued
         self._received.append(
-            Reception(
-                queued.number,
-                frame.sender,
-                queued.queued_s,
-                frame.start_s,
-                listeners[got_it],
-                at_s[got_it],
-            )
+            Reception(queued.number, frame.sender, queued.queued_s, frame.start_s, listeners, at_s)
         )
         self._counting.add(frame.sender)
         self._replan(frame.sender, frame.end_s)
@@ -266,29 +259,36 @@ class Channel:
         self._stations[station].plan(now, self._free_s(station))
         self._plan(station)
 
-    def _survive(self, frame: _OnAir, listeners: NDArray[np.int64]) -> tuple[Bools, Bools]:
-        """For each listener whether header and data survive."""
+    def _losses(
+        self, frame: _OnAir, listeners: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Which of the listeners have lost the frame; which of those by its data, not its header."""
         power_mw = frame.power_mw[listeners]
-        header = np.ones(len(listeners), dtype=np.bool_)
-        if not frame.overlapping:
-            weak = np.flatnonzero(power_mw < self._sure_mw)
-            if not len(weak):
-                return header, header
-        signal_s, data_s = frame.start_s + PREAMBLE_S, frame.start_s + HEADERS_S
-        edges_s = {signal_s, data_s, frame.end_s}
-        for other in frame.overlapping:
-            edges_s.update(at for at in (other.start_s, other.end_s) if signal_s < at < frame.end_s)
-        in_time = sorted(edges_s)
-        header_survives, data_survives = np.ones((2, len(listeners)))
-        for from_s, until_s in pairwise(in_time):
-            noise_mw = np.full(len(listeners), self._noise_mw)
-            for other in frame.overlapping:
-                if other.start_s <= from_s and other.end_s >= until_s:
-                    noise_mw += other.power_mw[listeners]
-            sinr = power_mw / noise_mw
-            if from_s < data_s:
-                header_survives *= self._survival.of_signal(sinr, until_s - from_s)
-            else:
-                data_survives *= self._survival.of_data(sinr, until_s - from_s)
-        luck = self._rng.random((2, len(listeners)))
-        return luck[0] < header_survives, luck[1] < data_survives
+        others = frame.overlapping
+        if not others:
+            at_risk = np.flatnonzero(power_mw < self._sure_mw)
+            if not len(at_risk):
+                return at_risk, at_risk
+            power_mw, listeners = power_mw[at_risk], listeners[at_risk]
+        else:
+            at_risk = np.arange(len(listeners))
+        header_s, data_s = frame.start_s + PREAMBLE_S, frame.start_s + HEADERS_S
+        edges_s = {header_s, data_s, frame.end_s}
+        for other in others:
+            edges_s.update(
+                at_s for at_s in (other.start_s, other.end_s) if header_s < at_s < frame.end_s
+            )
+        stretches = list(pairwise(sorted(edges_s)))
+        noise_mw = np.full((len(stretches), len(listeners)), self._noise_mw)
+        for other in others:
+            overlaps = [other.start_s <= at_s and other.end_s >= to_s for at_s, to_s in stretches]
+            noise_mw[overlaps] += other.power_mw[listeners]
+        of_header = [from_s < data_s for from_s, _ in stretches]
+        log_survival = self._survival.log_survival(
+            power_mw / noise_mw, of_header, [until_s - from_s for from_s, until_s in stretches]
+        )
+        headers = sum(of_header)
+        luck = self._rng.standard_exponential((2, len(listeners)))
+        header: Bools = luck[0] > -log_survival[:headers].sum(axis=0)
+        data: Bools = luck[1] > -log_survival[headers:].sum(axis=0)
+        return at_risk[~(header & data)], at_risk[header & ~data]

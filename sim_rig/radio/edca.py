@@ -96,8 +96,10 @@ class _Contention:
 
     def count_until(self, now: float, free_s: float) -> None:
         """Count down the slots that have gone; the first goes at the end of AIFS."""
+        if not self.slots:
+            return
         starts_s = self.starts_s(free_s)
-        if self.slots and starts_s <= now:
+        if starts_s <= now:
             gone = min(int((now - starts_s + _SAME_S) / SLOT_S) + 1, self.slots)
             self.slots -= gone
             self.from_s = starts_s + gone * SLOT_S
@@ -144,9 +146,10 @@ class Station:
         for contention in self._contentions:
             contention.count_until(now, free_s)
 
-    def counts_until(self, free_s: float) -> float:
-        """When the last of its backoffs ends, with or without a frame."""
-        return max(each.ends_s(free_s) for each in self._contentions)
+    @property
+    def is_at_rest(self) -> bool:
+        """Nothing to send, and no backoff left to count."""
+        return not any(each.slots or each.queue for each in self._contentions)
 
     def take(self, now: float, free_s: float) -> QueuedFrame:
         """The frame that is transmitted now: others that are due lose, and draw again."""

@@ -20,7 +20,7 @@ PREAMBLE_S = 32e-6
 SIGNAL_S = 8e-6
 """The PLCP header, one symbol of the lowest rate."""
 HEADERS_S = PREAMBLE_S + SIGNAL_S
-_SIGNAL_MBIT_S = 3
+_HEADER_MBIT_S = 3
 _SERVICE_AND_TAIL_BITS = 16 + 6
 
 LLC_BYTES = 8
@@ -31,6 +31,8 @@ _TABLES = Path(__file__).with_name("error_rates.csv")
 _LARGE_BYTES = 400
 """From here the table of the large packets is taken."""
 _STEP_DB = 0.01
+_LEAST_DB, _MOST_DB = -4.0, 24.0
+"""All tables begin and end between."""
 
 
 def psdu_bytes(payload_bytes: int) -> int:
@@ -56,46 +58,56 @@ def from_db(ratio_db: float) -> float:
 
 
 class SurvivalInNoise:
-    """How likely a stretch of a frame survives, by its signal to noise and interference ratio."""
+    """How likely stretches of a frame survive, by their signal to noise and interference ratio."""
 
     def __init__(self, data_rate_mbit_s: int) -> None:
-        self._bytes_per_s = data_rate_mbit_s * 1e6 / 8.0
-        self._small = _log_survival_per_byte(data_rate_mbit_s, 32)
-        self._large = _log_survival_per_byte(data_rate_mbit_s, 1458)
-        self._signal = _log_survival_per_byte(_SIGNAL_MBIT_S, 32)
+        self._data_rate_mbit_s = data_rate_mbit_s
+        # One table a row: the PLCP header's, and those of small and large stretches of data.
+        self._tables = np.stack(
+            [
+                _log_survival_per_byte(rate, size)
+                for rate, size in ((3, 32), (data_rate_mbit_s, 32), (data_rate_mbit_s, 1458))
+            ]
+        )
 
-    def of_data(self, sinr: Array, duration_s: float) -> Array:
-        """For `duration_s` of the data field."""
-        size = max(1, int(duration_s * self._bytes_per_s + 1e-6))
-        table = self._small if size < _LARGE_BYTES else self._large
-        survival: Array = np.exp(size * _look_up(table, sinr))
-        return survival
+    def log_survival(self, sinr: Array, of_header: list[bool], durations_s: list[float]) -> Array:
+        """The logarithm of the probability that each stretch survives.
 
-    def of_signal(self, sinr: Array, duration_s: float = SIGNAL_S) -> Array:
-        """For `duration_s` of the PLCP header."""
-        size = max(1, int(duration_s * _SIGNAL_MBIT_S * 1e6 / 8.0 + 1e-6))
-        survival: Array = np.exp(size * _look_up(self._signal, sinr))
-        return survival
+        Args:
+            sinr: (stretches, receivers), not in dB.
+            of_header: (stretches,) whether it is one of the PLCP header or of the data.
+            durations_s: (stretches,).
+
+        Returns:
+            (stretches, receivers).
+        """
+        rates = [_HEADER_MBIT_S if header else self._data_rate_mbit_s for header in of_header]
+        sizes = [
+            max(1, int(rate * duration_s * 1e6 / 8.0 + 1e-6))
+            for rate, duration_s in zip(rates, durations_s, strict=True)
+        ]
+        table = [
+            0 if header else 1 + (size >= _LARGE_BYTES)
+            for header, size in zip(of_header, sizes, strict=True)
+        ]
+        with np.errstate(divide="ignore"):
+            step = (10.0 / _STEP_DB) * np.log10(sinr) + (0.5 - _LEAST_DB / _STEP_DB)
+        # Below the tables nothing survives, above them all does: their ends say so.
+        np.minimum(step, self._tables.shape[1] - 1, out=step)
+        np.maximum(step, 0.0, out=step)
+        found = self._tables[np.array(table)[:, None], step.astype(np.int64)]
+        log: Array = np.array(sizes)[:, None] * found
+        return log
 
     def sure_from_sinr(self) -> float:
         """From this ratio on (not in dB) nothing is lost to noise."""
-        return from_db(
-            max(table[0] + _STEP_DB * len(table[1]) for table in (self._small, self._large))
-        )
-
-
-def _look_up(table: tuple[float, Array], sinr: Array) -> Array:
-    least_db, values = table
-    with np.errstate(divide="ignore"):
-        steps = (10.0 * np.log10(sinr) - least_db) / _STEP_DB + 0.5
-    # Below the table nothing survives, above it all does: its ends say so.
-    found: Array = values[np.clip(steps, 0, len(values) - 1).astype(np.int64)]
-    return found
+        steps = np.flatnonzero(self._tables.min(axis=0) < 0.0)[-1] + 1
+        return from_db(_LEAST_DB + _STEP_DB * float(steps))
 
 
 @cache
-def _log_survival_per_byte(data_rate_mbit_s: int, packet_bytes: int) -> tuple[float, Array]:
-    """First SNR in dB of a table in steps of `_STEP_DB`, and ln(1 - error rate) / bytes."""
+def _log_survival_per_byte(data_rate_mbit_s: int, packet_bytes: int) -> Array:
+    """ln(1 - error rate) / bytes at each `_STEP_DB` from `_LEAST_DB` to `_MOST_DB`."""
     with _TABLES.open(newline="", encoding="utf-8") as file:
         points = [
             (float(row["snr_db"]), float(row["error_rate"]))
@@ -104,6 +116,6 @@ def _log_survival_per_byte(data_rate_mbit_s: int, packet_bytes: int) -> tuple[fl
             == (data_rate_mbit_s, packet_bytes)
         ]
     snr_db, error_rate = np.array(points).T
-    steps_db = np.linspace(snr_db[0], snr_db[-1], 1 + round((snr_db[-1] - snr_db[0]) / _STEP_DB))
+    steps_db = np.linspace(_LEAST_DB, _MOST_DB, 1 + round((_MOST_DB - _LEAST_DB) / _STEP_DB))
     with np.errstate(divide="ignore"):
-        return float(snr_db[0]), np.log1p(-np.interp(steps_db, snr_db, error_rate)) / packet_bytes
+        return np.log1p(-np.interp(steps_db.round(3), snr_db, error_rate)) / packet_bytes

@@ -42,9 +42,13 @@ def test_noise_in_10_mhz_with_a_figure_of_7_db_is_97_dbm() -> None:
     assert 10.0 * np.log10(noise_mw(7.0)) == pytest.approx(-97.0, abs=0.05)
 
 
+def survives(data_rate_mbit_s: int, sinr: np.ndarray, duration_s: float) -> np.ndarray:
+    log = SurvivalInNoise(data_rate_mbit_s).log_survival(sinr[None], [False], [duration_s])
+    return np.exp(log[0])
+
+
 @pytest.mark.parametrize("data_rate_mbit_s", [3, 6, 9, 12, 18, 24, 27])
 def test_a_frame_of_the_tabled_length_survives_as_tabled(data_rate_mbit_s: int) -> None:
-    survival = SurvivalInNoise(data_rate_mbit_s)
     with TABLES.open() as file:
         rows = [
             row for row in csv.DictReader(file) if int(row["data_rate_mbit_s"]) == data_rate_mbit_s
@@ -53,28 +57,37 @@ def test_a_frame_of_the_tabled_length_survives_as_tabled(data_rate_mbit_s: int) 
     for row in rows:
         sinr = np.array([from_db(float(row["snr_db"]))])
         duration_s = int(row["packet_bytes"]) * 8 / data_rate_mbit_s * 1e-6
-        survives = survival.of_data(sinr, duration_s)[0]
-        assert survives == pytest.approx(1.0 - float(row["error_rate"]), abs=2e-3)
+        assert survives(data_rate_mbit_s, sinr, duration_s)[0] == pytest.approx(
+            1.0 - float(row["error_rate"]), abs=2e-3
+        )
 
 
 def test_what_is_cut_in_two_survives_as_the_whole() -> None:
-    survival, sinr = SurvivalInNoise(6), np.array([from_db(3.3)])
+    sinr = np.array([from_db(3.3)])
 
-    whole = survival.of_data(sinr, 320e-6)
-    halves = survival.of_data(sinr, 160e-6) ** 2
+    whole = survives(6, sinr, 320e-6)
 
     assert 0.1 < whole[0] < 0.9
-    assert halves == pytest.approx(whole)
+    assert survives(6, sinr, 160e-6) ** 2 == pytest.approx(whole)
 
 
 def test_more_signal_never_survives_less() -> None:
     sinr = 10.0 ** (np.linspace(-30.0, 40.0, 1000) / 10.0)
     for data_rate_mbit_s in (3, 6, 9, 12, 18, 24, 27):
-        survives = SurvivalInNoise(data_rate_mbit_s).of_data(sinr, 400e-6)
-        assert np.all(np.diff(survives) >= 0.0)
-        assert survives[0] == 0.0
-        assert survives[-1] == 1.0
+        survive = survives(data_rate_mbit_s, sinr, 400e-6)
+        assert np.all(np.diff(survive) >= 0.0)
+        assert survive[0] == 0.0
+        assert survive[-1] == 1.0
+
+
+def test_the_plcp_header_is_read_where_the_data_is_not() -> None:
+    sinr = np.full((2, 1), from_db(0.5))
+
+    header, data = SurvivalInNoise(6).log_survival(sinr, [True, False], [8e-6, 392e-6])
+
+    assert np.exp(header) > 0.99
+    assert np.exp(data) < 0.01
 
 
 def test_no_signal_at_all_does_not_survive() -> None:
-    assert SurvivalInNoise(6).of_data(np.zeros(1), 1e-4)[0] == 0.0
+    assert survives(6, np.zeros(1), 1e-4)[0] == 0.0
