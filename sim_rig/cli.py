@@ -7,10 +7,12 @@ import signal
 import sys
 import time
 import webbrowser
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated
 
 import typer
+import yaml
 from rich.console import Console
 
 from onboard.errors import UserError
@@ -77,9 +79,15 @@ def run(
     raise typer.Exit(1 if failures(story, log) else 0)
 
 
-@app.command()
+@app.command(context_settings={"ignore_unknown_options": True})
 def study(
-    names: Annotated[list[str], typer.Argument(help=f"Of: {', '.join(study_names())}.")],
+    names: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="NAME... [--SETTING VALUE]...",
+            help=f"Of: {', '.join(study_names())}. Then single settings of theirs: --cars 40.",
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="Where tables and figures go.")] = Path("out/studies"),
     settings: Annotated[
         Path | None, typer.Option(help="YAML with other settings, for a study of many runs.")
@@ -92,9 +100,24 @@ def study(
     ] = None,
 ) -> None:
     """Make tables and figures of the papers again."""
-    for name in names:
-        typer.echo(f"{name}: {run_study(name, out / name, settings, Workers(workers, dask))}")
+    named = list(takewhile(lambda word: not word.startswith("-"), names))
+    given = _settings_given(names[len(named) :])
+    for name in named:
+        found = run_study(name, out / name, settings, Workers(workers, dask), given)
+        typer.echo(f"{name}: {found}")
         typer.echo(f"  in {out / name}")
+
+
+def _settings_given(words: list[str]) -> dict[str, object]:
+    """`--spacing-m 10` is the setting spacing_m."""
+    names, values = words[::2], words[1::2]
+    for name in names:
+        if not name.startswith("--") or len(names) != len(values):
+            raise UserError(f"settings are given as --name value (given {' '.join(words)!r})")
+    return {
+        name[2:].replace("-", "_"): yaml.safe_load(value)
+        for name, value in zip(names, values, strict=True)
+    }
 
 
 def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:

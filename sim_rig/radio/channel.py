@@ -262,7 +262,7 @@ class Channel:
     def _losses(
         self, frame: _OnAir, listeners: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Which of the listeners have lost the frame; which of those by its data, not its header."""
+        """Which of the listeners have lost the frame; which of those by its data alone."""
         power_mw = frame.power_mw[listeners]
         others = frame.overlapping
         if not others:

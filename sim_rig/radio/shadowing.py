@@ -42,15 +42,14 @@ class Building(Settings):
             corners_m = corners_m[::-1]  # anticlockwise from here on
         wall_m = np.roll(corners_m, -1, axis=0) - corners_m
         line_m = to_m - from_m
-        # from + t line = corner + u wall, for each line and wall.
-        span = _cross(line_m[:, None], wall_m[None])
+        # A wall is cut where its ends lie on two sides of the line. Each corner's side is worked
+        # out once for both its walls, so that a line through a corner cuts both or neither.
         to_corner_m = corners_m[None] - from_m[:, None]
-        crossing = span != 0.0  # otherwise along the wall, which is not cut
+        left = _cross(line_m[:, None], to_corner_m) > 0.0
+        span = _cross(line_m[:, None], wall_m[None])
+        crossing = (left != np.roll(left, -1, axis=1)) & (span != 0.0)
         t = np.divide(_cross(to_corner_m, wall_m[None]), span, np.zeros_like(span), where=crossing)
-        u = np.divide(
-            _cross(to_corner_m, line_m[:, None]), span, np.zeros_like(span), where=crossing
-        )
-        cut = crossing & (t >= 0.0) & (t <= 1.0) & (u >= 0.0) & (u < 1.0)
+        cut = crossing & (t >= 0.0) & (t <= 1.0)
         # Walls that are left add the part of the line before them, those entered take it away.
         inside = np.sum(np.where(cut, np.sign(span) * t, 0.0), axis=1) + self._holds(
             to_m, corners_m

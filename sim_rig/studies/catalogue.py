@@ -1,11 +1,11 @@
 """The studies by name. Each is imported only when it is asked for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 
 from onboard.errors import UserError
-from onboard.settings import load_settings
+from onboard.settings import load_settings, parse_settings
 from sim_rig.campaign import Workers
 
 Study = Callable[[Path], str]
@@ -25,6 +25,7 @@ _PLACES = {
 _CAMPAIGNS = {
     "mvs-figure8": "mvs_sharing:figure8:SharingSettings",
     "mvs-table1": "mvs_sharing:table1:SharingSettings",
+    "radio": "radio:run:RadioSettings",
 }
 """Studies of many runs, which take settings and workers."""
 
@@ -34,19 +35,31 @@ def study_names() -> list[str]:
     return sorted(_PLACES | _CAMPAIGNS)
 
 
-def run_study(name: str, out_dir: Path, settings: Path | None, workers: Workers) -> str:
+def run_study(
+    name: str,
+    out_dir: Path,
+    settings: Path | None,
+    workers: Workers,
+    given: Mapping[str, object] | None = None,
+) -> str:
     """Run one study into a folder; returns what it found.
+
+    `given` are single settings by name, on top of those of the file `settings`.
 
     Raises:
         UserError: there is none of this name, or the settings do not fit.
     """
     if name not in _CAMPAIGNS:
-        if name in _PLACES and settings is not None:
+        if name in _PLACES and (settings is not None or given):
             raise UserError(f"the study {name} takes no settings")
         return find_study(name)(out_dir)
     module, function, schema = _CAMPAIGNS[name].split(":")
     room = import_module(f"sim_rig.studies.{module}")
-    chosen = None if settings is None else load_settings(settings, getattr(room, schema))
+    schema_of = getattr(room, schema)
+    chosen = None if settings is None else load_settings(settings, schema_of)
+    if given:
+        tree = {} if chosen is None else chosen.model_dump(mode="json")
+        chosen = parse_settings(tree | dict(given), schema_of, name)
     found: str = getattr(room, function)(out_dir, chosen, workers)
     return found
 

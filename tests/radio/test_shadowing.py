@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from matplotlib.path import Path as Outline
 
@@ -44,6 +44,7 @@ def test_walls_and_metres_inside_both_count(
 coordinate = st.floats(-30.0, 30.0).map(lambda value: round(value, 3) + 1e-4)
 
 
+@example((-13.9999, -13.9999), (0.0001, 0.0001))  # through a corner
 @given(st.tuples(coordinate, coordinate), st.tuples(coordinate, coordinate))
 def test_the_length_inside_an_angular_building_is_what_sampling_finds(
     start: tuple[float, float], end: tuple[float, float]

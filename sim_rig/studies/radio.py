@@ -1,0 +1,245 @@
+"""The 802.11p channel held against ns-3: cars in a line that all broadcast.
+
+Delivery ratio and delay by distance, in the columns of the reference, so that the table can be
+laid beside what ns-3 gives for the same settings. Everything is set as the reference has it; its
+two quirks (symbols of 4 us, and an energy threshold 3 dB lower in a channel half as wide) as well.
+"""
+
+import heapq
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from pydantic import AfterValidator, Field
+
+from onboard.settings import Settings
+from sim_rig.campaign import Row, Workers, run_campaign
+from sim_rig.radio.channel import Channel, Reception
+from sim_rig.radio.propagation import DualSlope, LogDistance, PathLoss, TwoRay
+from sim_rig.radio.settings import CsmaSettings
+from sim_rig.studies.results import write_results
+
+Array = NDArray[np.float64]
+
+COLUMNS = ("dist_lo_m", "pdr", "pdr_mid", "delay_mean_us", "delay_p95_us")
+BIN_M = 50.0
+_LOSSES: dict[str, type[LogDistance | DualSlope | TwoRay]] = {
+    "log-distance": LogDistance,
+    "dual-slope": DualSlope,
+    "two-ray": TwoRay,
+}
+_ORDERS = {
+    "log-distance": ("exponent", "reference_db"),
+    "dual-slope": ("near_exponent", "far_exponent", "breakpoint_m", "reference_db"),
+    "two-ray": ("antenna_height_m",),
+}
+"""How the numbers after a model's name are meant."""
+
+
+def parse_loss(text: str) -> PathLoss:
+    """`MODEL` or `MODEL:NUMBER:...`, the numbers in the order of the model's settings.
+
+    Raises:
+        ValueError: there is no such model, or its numbers do not fit.
+    """
+    name, *numbers = text.split(":")
+    if name not in _LOSSES:
+        raise ValueError(f"no such path loss {name!r}; there are: {', '.join(_LOSSES)}")
+    fields = _ORDERS[name]
+    if len(numbers) > len(fields):
+        raise ValueError(f"{name} takes at most {len(fields)} numbers: {', '.join(fields)}")
+    values = {field: float(number) for field, number in zip(fields, numbers, strict=False)}
+    return _LOSSES[name].model_validate(values)
+
+
+def parse_fading(text: str) -> float | None:
+    """`none`, `nakagami:M` or `rayleigh`.
+
+    Raises:
+        ValueError: it is none of these.
+    """
+    name, _, number = text.partition(":")
+    if text == "none":
+        return None
+    if text == "rayleigh":
+        return 1.0
+    if name == "nakagami" and number:
+        return float(number)
+    raise ValueError("must be none, rayleigh or nakagami:M")
+
+
+def _checked_loss(text: str) -> str:
+    parse_loss(text)
+    return text
+
+
+def _checked_fading(text: str) -> str:
+    parse_fading(text)
+    return text
+
+
+class RadioSettings(Settings):
+    """One road, and who sends how much."""
+
+    cars: int = Field(100, ge=2, le=2_000)
+    spacing_m: float = Field(10.0, gt=0.0, le=1_000.0)
+    loss: Annotated[str, AfterValidator(_checked_loss)] = "dual-slope"
+    """`log-distance[:EXPONENT[:DB_AT_1_M]]`, `dual-slope[:NEAR[:FAR[:BREAK_M[:DB_AT_1_M]]]]` or
+    `two-ray[:ANTENNA_M]`."""
+    fading: Annotated[str, AfterValidator(_checked_fading)] = "none"
+    """`none`, `rayleigh` or `nakagami:M`."""
+    seeds: int = Field(20, ge=1)
+    seed: int = Field(1, ge=0)
+    """The first."""
+    seconds: float = Field(4.8, gt=0.0, le=600.0)
+    """Of each seed, with the warm-up."""
+    warm_s: float = Field(1.0, ge=0.0, le=60.0)
+    """Frames queued before are not counted."""
+    interval_s: float = Field(0.1, gt=0.0, le=10.0)
+    jitter_s: float = Field(0.001, ge=0.0, le=10.0)
+    """Added to each interval, uniform from 0 up to this."""
+    payload_bytes: int = Field(250, ge=1, le=2_000)
+    user_priority: int = Field(5, ge=0, le=7)
+    """5 is of AC_VI, 7 of AC_VO."""
+    data_rate_mbit_s: Literal[3, 6, 9, 12, 18, 24, 27] = 6
+    tx_power_dbm: float = 20.0
+    noise_figure_db: float = 7.0
+    preamble_snr_db: float = 4.0
+    preamble_dbm: float = -95.0
+    energy_detection_dbm: float = -88.0
+    """ns-3 takes the -85 dBm of 20 MHz for half of that in 10 MHz."""
+    symbol_us: Literal[4, 8] = 4
+    """ns-3 rounds frames to 4 us; the standard has 8 us in 10 MHz."""
+
+    @property
+    def channel(self) -> CsmaSettings:
+        """The channel that this asks for."""
+        same = set(CsmaSettings.model_fields) & set(RadioSettings.model_fields)
+        return CsmaSettings(
+            path_loss=parse_loss(self.loss),
+            nakagami_m=parse_fading(self.fading),
+            **{name: getattr(self, name) for name in same},
+        )
+
+    @property
+    def distances_m(self) -> Array:
+        """(cars, cars)."""
+        along_m = self.spacing_m * np.arange(self.cars)
+        return np.abs(along_m[:, None] - along_m[None])
+
+
+def run_one(settings: RadioSettings, number: int) -> Row:
+    """Let all cars send for a while, and count by bin of distance."""
+    rng = np.random.default_rng(settings.seed + number)
+    channel = Channel(settings.channel, settings.cars, rng)
+    along_m = settings.spacing_m * np.arange(settings.cars)
+    channel.receive_positions(np.column_stack([along_m, np.zeros(settings.cars)]))
+    bin_of = (settings.distances_m / BIN_M + 1e-9).astype(np.int64)
+    bins = int(bin_of.max()) + 1
+    in_middle = np.zeros(settings.cars, dtype=np.bool_)
+    in_middle[settings.cars // 3 : 2 * settings.cars // 3] = True
+    heard: list[tuple[int, NDArray[np.int64], Array]] = []
+    sent = np.zeros(settings.cars, dtype=np.int64)
+    for reception in _broadcasts(settings, channel, rng):
+        sent[reception.sender] += 1
+        delay_us = 1e6 * (reception.at_s - reception.queued_s)
+        heard.append((reception.sender, reception.receivers, delay_us))
+    pairs = np.array([np.bincount(row, minlength=bins) for row in bin_of])
+    pairs[:, 0] -= 1  # nobody is a receiver of its own
+    heard_in = np.concatenate([bin_of[sender, receivers] for sender, receivers, _ in heard])
+    mid = np.concatenate([np.full(len(others), in_middle[sender]) for sender, others, _ in heard])
+    delays_us = np.concatenate([delay_us for _, _, delay_us in heard])
+    by_bin = [delays_us[heard_in == each] for each in range(bins)]
+    return {
+        "expected": (sent @ pairs).tolist(),
+        "received": [len(each) for each in by_bin],
+        "expected_mid": ((sent * in_middle) @ pairs).tolist(),
+        "received_mid": np.bincount(heard_in[mid], minlength=bins).tolist(),
+        "delay_sum_us": [float(each.sum()) for each in by_bin],
+        "delay_p95_us": [float(np.quantile(each, 0.95)) if len(each) else None for each in by_bin],
+    }
+
+
+def table(rows: list[Row]) -> list[tuple[float | str, ...]]:
+    """One line a bin, in the order of `COLUMNS`.
+
+    As in the reference, `pdr_mid` (senders in the middle third) is 0 where there is no such pair,
+    and delays are empty where nothing was received.
+    """
+
+    def total(name: str) -> Array:
+        return np.sum([row[name] for row in rows], axis=0, dtype=float)
+
+    expected, received, sums_us = total("expected"), total("received"), total("delay_sum_us")
+    mid = total("received_mid") / np.maximum(total("expected_mid"), 1.0)
+    lines: list[tuple[float | str, ...]] = []
+    for at in np.flatnonzero(expected).tolist():
+        p95s_us = [row["delay_p95_us"][at] for row in rows if row["delay_p95_us"][at] is not None]
+        delays = (sums_us[at] / received[at], float(np.mean(p95s_us))) if p95s_us else ("", "")
+        lines.append((BIN_M * at, received[at] / expected[at], mid[at], *delays))
+    return lines
+
+
+def run(
+    out_dir: Path, settings: RadioSettings | None = None, workers: Workers | None = None
+) -> str:
+    """Write table, figure and settings; returns the channel's load and the reach."""
+    settings = settings or RadioSettings()
+    # Runs are kept by what they depend on, so that one folder may see other settings later.
+    runs = out_dir / f"runs-{zlib.crc32(settings.model_dump_json().encode()):08x}"
+    rows = run_campaign(run_one, settings, range(settings.seeds), runs, workers or Workers())
+    lines = table(rows)
+    write_results(out_dir, COLUMNS, lines, settings, _figure(settings, lines))
+    reach_m = max((float(line[0]) for line in lines if float(line[1]) >= 0.5), default=0.0)
+    first = lines[0]
+    return (
+        f"{settings.cars} cars, {settings.seeds} seeds: nearest {float(first[1]):.4f} delivered"
+        f" after {float(first[3] or 0.0):.0f} us; at least half up to the bin of {reach_m:g} m"
+    )
+
+
+def _broadcasts(
+    settings: RadioSettings, channel: Channel, rng: np.random.Generator
+) -> Iterator[Reception]:
+    """What becomes of each frame that was queued after the warm-up."""
+    begins_s = rng.uniform(0.0, settings.interval_s, settings.cars)
+    queue = [(float(at_s), car) for car, at_s in enumerate(begins_s)]
+    heapq.heapify(queue)
+    while queue[0][0] < settings.seconds:
+        now, car = queue[0]
+        channel.receive_frame(car, settings.payload_bytes, settings.user_priority, now)
+        next_s = now + settings.interval_s + float(rng.uniform(0.0, settings.jitter_s))
+        heapq.heapreplace(queue, (next_s, car))
+        while (reception := channel.next_event()) is not None:
+            if reception.queued_s >= settings.warm_s:
+                yield reception
+
+
+def _figure(settings: RadioSettings, lines: list[tuple[float | str, ...]]) -> Figure:
+    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
+    delivered, delays = figure.subplots(2, 1, sharex=True)
+    middle_m = [float(line[0]) + BIN_M / 2.0 for line in lines]
+    delivered.plot(middle_m, [line[1] for line in lines], "o-", ms=3, label="all senders")
+    has_mid = [(at, line[2]) for at, line in zip(middle_m, lines, strict=True) if line[2]]
+    if has_mid:
+        delivered.plot(*zip(*has_mid, strict=True), "s--", ms=3, label="middle third")
+    delivered.set(ylabel="packet delivery ratio", ylim=(0.0, 1.02))
+    delivered.legend(frameon=False)
+    for column, label in ((3, "mean"), (4, "95th percentile")):
+        known = [
+            (at, line[column]) for at, line in zip(middle_m, lines, strict=True) if line[column]
+        ]
+        if known:
+            delays.plot(*zip(*known, strict=True), "o-", ms=3, label=label)
+    delays.set(xlabel="m between the cars", ylabel="delay in us")
+    delays.set_ylim(bottom=0.0)
+    delays.legend(frameon=False)
+    figure.suptitle(
+        f"{settings.cars} cars, {settings.spacing_m:g} m apart, {settings.loss},"
+        f" fading {settings.fading}"
+    )
+    return figure
