@@ -118,4 +118,5 @@ def _log_survival_per_byte(data_rate_mbit_s: int, packet_bytes: int) -> Array:
     snr_db, error_rate = np.array(points).T
     steps_db = np.linspace(_LEAST_DB, _MOST_DB, 1 + round((_MOST_DB - _LEAST_DB) / _STEP_DB))
     with np.errstate(divide="ignore"):
-        return np.log1p(-np.interp(steps_db.round(3), snr_db, error_rate)) / packet_bytes
+        log: Array = np.log1p(-np.interp(steps_db.round(3), snr_db, error_rate)) / packet_bytes
+    return log

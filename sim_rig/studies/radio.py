@@ -172,7 +172,8 @@ def table(rows: list[Row]) -> list[tuple[float | str, ...]]:
     """
 
     def total(name: str) -> Array:
-        return np.sum([row[name] for row in rows], axis=0, dtype=float)
+        summed: Array = np.sum([row[name] for row in rows], axis=0, dtype=float)
+        return summed
 
     expected, received, sums_us = total("expected"), total("received"), total("delay_sum_us")
     mid = total("received_mid") / np.maximum(total("expected_mid"), 1.0)
