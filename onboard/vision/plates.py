@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from onboard.observations import Box
 from onboard.vision.blue_band import with_band
+from onboard.vision.ends import refine_ends
 from onboard.vision.identity import LEAST_LENGTH, LEAST_READ_CONFIDENCE, PlateSyntax
 from onboard.vision.perspective import Corners, Perspective
 from onboard.vision.plate_detector import FoundPlate
@@ -80,7 +81,7 @@ class Plates:
         readable = [plate for plate, to_read in found if to_read]
         texts = iter(self._reader.read_many(image, [plate.corners_px for plate in readable]))
         sightings = [
-            (plate, to_read, self._sighting(plate, next(texts) if to_read else None))
+            (plate, to_read, self._sighting(image, plate, next(texts) if to_read else None))
             for plate, to_read in found
         ]
         return [
@@ -119,9 +120,9 @@ class Plates:
             return plate
         return FoundPlate(with_band(image, plate.corners_px), plate.score)
 
-    def _sighting(self, plate: FoundPlate, text: PlateText | None) -> Sighting:
+    def _sighting(self, image: Image, plate: FoundPlate, text: PlateText | None) -> Sighting:
         width_m = self._width_m or self._likely_width_m(plate.corners_px)
-        place = self._perspective.locate_upright(plate.corners_px, width_m)
+        place = self._perspective.locate_upright(refine_ends(image, plate.corners_px), width_m)
         width_px = max(plate.width_px, 1.0)
         share = math.hypot(WIDTH_SIGMA_PX / width_px, WIDTH_SIGMA, (BLUR_PX / width_px) ** 3)
         ahead_sigma_m = place.ahead_m * share
