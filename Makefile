@@ -1,6 +1,6 @@
 # `make demo` runs the main job, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test test-pages test-live vm-test box lint bench fuzz train system-packages lock clean
+.PHONY: demo test test-pages test-live vm-test box lint bench fuzz train pictures system-packages lock clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
@@ -13,6 +13,11 @@ test: .venv/ready system-packages lint
 test-pages: .venv/ready
 	@sh tools/system-packages.sh chromium
 	$(PYTHON) -m pytest tests/browser
+
+# The pictures of the pages in docs, from the running demonstration.
+pictures: .venv/ready
+	@sh tools/system-packages.sh chromium
+	$(PYTHON) -m tools.page_pictures
 
 # Every scenario with real daemons, one after the other: some six minutes.
 test-live: .venv/ready

@@ -1,0 +1,188 @@
+"""From an alarm raised to an alarm shown, and what browsers cost the loop.
+
+Shown is when the browser has drawn the frame with it. The reference of the delay is 100 ms, within
+which people take what happens as caused (and the aim); that of the loop's delay is the same loop
+with no browser. Browsers and loop share the cores of this machine here; in a car they do not, so
+the same is measured with as many readers that take every view and draw nothing.
+"""
+
+import asyncio
+import sys
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, suppress
+from statistics import quantiles
+
+import numpy as np
+from playwright.async_api import Browser, Page, async_playwright
+
+from bench import Figure
+from onboard.config import CarConfig
+from onboard.hmi.driver_page import DriverPage
+from onboard.observations import Lead, LeadIdentity, Sensor, Speed
+from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.settings import parse_settings
+from onboard.stack import Stack
+from onboard.trace import Event
+from tools import chromium
+
+PORT = 8461
+AIM_S = 0.1
+ALARMS = 40
+BROWSERS = 20
+PROBE_S = 0.01
+PROBE_FOR_S = 6.0
+READERS = """
+import asyncio, sys, aiohttp
+async def read(session, address):
+    async with session.ws_connect(address) as views:
+        async for view in views:
+            await views.send_str("shown " + view.data.partition(" ")[0])
+async def main(address, count):
+    async with aiohttp.ClientSession() as session:
+        await asyncio.gather(*(read(session, address) for _ in range(count)))
+asyncio.run(main(sys.argv[1], int(sys.argv[2])))
+"""
+WATCH = """
+() => {
+  window.shownAt = [];
+  new MutationObserver(() => {
+    const level = document.body.dataset.alarm;
+    requestAnimationFrame(() => setTimeout(() => shownAt.push([level, Date.now() / 1000])));
+  }).observe(document.body, { attributeFilter: ["data-alarm"] });
+}
+"""
+"""After the frame in which it is drawn."""
+
+
+def measure() -> Iterator[Figure]:
+    """Delay of alarms, and of the loop."""
+    path = chromium.find()
+    if path is None:
+        print(chromium.HOW, file=sys.stderr)
+        return
+    shown_s, delays_s = asyncio.run(_measure(path))
+    for name, value_s in _percentiles(shown_s).items():
+        yield Figure(f"pages.alarm_shown.{name}", value_s, "s", len(shown_s), "the aim", AIM_S)
+    alone = _percentiles(delays_s.pop("alone"))
+    for who, found_s in delays_s.items():
+        for name, value_s in _percentiles(found_s).items():
+            what = f"pages.loop_delay_{BROWSERS}_{who}.{name}"
+            yield Figure(what, value_s, "s", len(found_s), "no browser", alone[name])
+
+
+async def _measure(path: str) -> tuple[list[float], dict[str, list[float]]]:
+    delays_s = {}
+    async with _car() as car, async_playwright() as playwright:
+        delays_s["alone"] = await _loop_delays_s()
+        views = f"http://127.0.0.1:{PORT}/views"
+        readers = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", READERS, views, str(BROWSERS)
+        )
+        await asyncio.sleep(2.0)
+        delays_s["readers"] = await _loop_delays_s()
+        readers.terminate()
+        await readers.wait()
+        browser = await playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
+        page = await _open(browser)
+        await page.evaluate(WATCH)
+        shown_s = [delay_s async for delay_s in _alarm_delays_s(car, page)]
+        for _ in range(BROWSERS - 1):
+            other = await page.context.new_page()
+            await other.goto(f"http://127.0.0.1:{PORT}/")
+        delays_s["browsers"] = await _loop_delays_s()
+        await browser.close()
+    return shown_s, delays_s
+
+
+@asynccontextmanager
+async def _car() -> AsyncIterator["_Car"]:
+    car = _Car()
+    await car.page.start()
+    driving = asyncio.create_task(car.drive())
+    yield car
+    driving.cancel()
+    with suppress(asyncio.CancelledError):
+        await driving
+    await car.page.close()
+
+
+class _Car:
+    """A stack with a page, and what its sensors would say."""
+
+    def __init__(self) -> None:
+        tree = {"car": {"plate": "BENCH"}, "hmi": {"port": PORT}}
+        config = parse_settings(tree, CarConfig, "bench")
+        assert config.hmi is not None  # noqa: S101 (just given)
+        rng = np.random.default_rng(1)
+        sensors = (Sensor.SPEED, Sensor.CAMERA)
+        self._stack = Stack(config, sensors, rng, now=time.monotonic(), utc_s=time.time())
+        self.page = DriverPage(config.hmi, config, self._stack, lambda _: None)
+
+    async def drive(self) -> None:
+        """Speed at 20 Hz, the car ahead at 10 Hz."""
+        for step in range(10**9):
+            now = time.monotonic()
+            self._stack.receive_observation(Speed(now, 15.0, 0.28, "obd:7E8"), now)
+            if step % 2:
+                gap_m = 14.0 + (step % 16) / 10
+                lead = Lead(now, LeadIdentity.KNOWN, "AHEAD1", gap_m, 0.3, 0.2, 0.3)
+                self._stack.receive_observation(lead, now)
+            if self._stack.get_timer() <= now:
+                self._stack.handle_timer(now)
+            self._stack.wsms_to_send(now)
+            while (event := self._stack.next_event()) is not None:
+                self.page.receive_event(event)
+            self.page.show(now)
+            await asyncio.sleep(0.05)
+
+    def raise_alarm(self, level: Level) -> None:
+        """As the daemon does: the alarm is told, and the page shown in the same round."""
+        now = time.monotonic()
+        event: Event = Alarm(now, Cause.HARD_BRAKING, level, 6.0, ())
+        self.page.receive_event(event)
+        self.page.show(now)
+
+
+async def _open(browser: Browser) -> Page:
+    context = await browser.new_context(viewport={"width": 390, "height": 844})
+    page = await context.new_page()
+    await page.goto(f"http://127.0.0.1:{PORT}/")
+    await page.locator("#stale").wait_for(state="hidden")
+    return page
+
+
+async def _alarm_delays_s(car: _Car, page: Page) -> AsyncIterator[float]:
+    for number in range(ALARMS):
+        await asyncio.sleep(0.23 + number % 7 / 50)
+        raised_at = time.time()
+        car.raise_alarm(Level.WARNING)
+        yield await _shown_at(page, "warning") - raised_at
+        car.raise_alarm(Level.NONE)
+        await _shown_at(page, "none")
+
+
+async def _shown_at(page: Page, level: str) -> float:
+    while True:
+        for seen, at_s in await page.evaluate("shownAt"):
+            if seen == level:
+                await page.evaluate("shownAt.length = 0")
+                return float(at_s)
+        await asyncio.sleep(0.02)
+
+
+async def _loop_delays_s() -> list[float]:
+    """How late this loop comes to what is due."""
+    loop = asyncio.get_running_loop()
+    delays_s = []
+    until = loop.time() + PROBE_FOR_S
+    while loop.time() < until:
+        due_at = loop.time() + PROBE_S
+        await asyncio.sleep(PROBE_S)
+        delays_s.append(max(loop.time() - due_at, 0.0))
+    return delays_s
+
+
+def _percentiles(values_s: list[float]) -> dict[str, float]:
+    cuts = quantiles(values_s, n=100, method="inclusive")
+    return {"p50": cuts[49], "p99": cuts[98]}

@@ -1,0 +1,78 @@
+"""The pages of real daemons, with cameras, buses and radios: the demonstration as people see it."""
+
+import asyncio
+import math
+from pathlib import Path
+
+import pytest
+from playwright.async_api import Browser, Page, async_playwright, expect
+
+from sim_rig.live import Desk
+from sim_rig.scenario import load_scenario
+from tools import chromium
+
+pytestmark = [pytest.mark.browser, pytest.mark.live]
+
+SLOW_MS = 20_000
+"""Real daemons on a machine that is busy with browsers take their time."""
+TRIES = 5
+
+
+def test_a_group_forms_an_alarm_is_shown_and_a_restarted_car_comes_back(
+    chromium_path: str, tmp_path: Path
+) -> None:
+    asyncio.run(asyncio.wait_for(look_at_demo(chromium_path, tmp_path), 150.0))
+
+
+async def look_at_demo(path: str, folder: Path) -> None:
+    whole = load_scenario("tags")
+    pair = {name: whole.cars[name] for name in ("green", "red")}
+    scenario = whole.model_copy(update={"cars": pair, "duration_s": 300.0, "expect": ()})
+    async with Desk(scenario, 1, folder) as desk, async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
+        running = asyncio.create_task(desk.run())
+        while math.isinf(desk.start_s):
+            await asyncio.sleep(0.1)
+        green = await open_page(browser, desk.pages["green"])
+        red = await open_page(browser, desk.pages["red"])
+        engineer = await open_page(browser, desk.pages["engineer"])
+
+        await expect(red.locator("#state")).to_have_text("Member 2")
+        await expect(green.locator("#state")).to_have_text("Leader")
+        await expect(red.locator("#road .plate-text")).to_have_text("TAG1")
+
+        await brake_until_alarmed(green, red)
+        await expect(engineer.locator("#timeline .warning").first).to_be_visible()
+        await engineer.click("#earlier-warning")
+        await expect(engineer.locator('[data-car="red"].card .notes')).to_contain_text("group")
+
+        running.cancel()
+        await desk.processes.stop("red")
+        await expect(red.locator("#stale-headline")).to_have_text("No data")
+        await desk.processes.start("red", "-m", "onboard", "run", str(folder / "red.yaml"))
+        await expect(red.locator("#stale")).to_be_hidden()
+        await expect(red.locator("#state")).to_have_text("Member 2")
+        await browser.close()
+
+
+async def open_page(browser: Browser, address: str) -> Page:
+    page = await (await browser.new_context()).new_page()
+    page.on("pageerror", lambda error: pytest.fail(f"an error in the page: {error}"))
+    await page.goto(address)
+    return page
+
+
+async def brake_until_alarmed(green: Page, red: Page) -> None:
+    """Press the button. A camera that gets no time loses the group, and with it a warning."""
+    for _ in range(TRIES):
+        await expect(red.locator("#state")).to_have_text("Member 2")
+        await green.click("#brake")
+        try:
+            await expect(red.locator("#alarm")).to_be_visible(timeout=2000)
+        except AssertionError:
+            continue
+        return
+    raise AssertionError("no alarm after several brakings")
+
+
+expect.set_options(timeout=SLOW_MS)

@@ -1,0 +1,89 @@
+"""Takes the pictures of the pages in docs/pictures from the running demonstration.
+
+    .venv/bin/python -m tools.page_pictures
+
+Wants a machine that has nothing else to do: a browser beside four daemons takes its time from them.
+"""
+
+import asyncio
+import math
+import sys
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+from playwright.async_api import Browser, Page, async_playwright, expect
+
+from sim_rig.live import Desk
+from sim_rig.scenario import load_scenario
+from tools import chromium
+
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+PHONE = {"width": 390, "height": 800}
+LAPTOP = {"width": 1440, "height": 900}
+MARGIN_PX = 28
+GREY = (150, 150, 150)
+
+
+async def main() -> None:
+    """Run the demonstration up to its second braking."""
+    path = chromium.find()
+    if path is None:
+        sys.exit(chromium.HOW)
+    scenario = load_scenario("fig4")
+    with tempfile.TemporaryDirectory() as name:
+        async with Desk(scenario, scenario.seed, Path(name)) as desk, async_playwright() as play:
+            browser = await play.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
+            running = asyncio.create_task(desk.run())
+            while math.isinf(desk.start_s):
+                await asyncio.sleep(0.1)
+            await drivers(browser, desk.pages["blue"])
+            await engineers(browser, desk.pages["engineer"])
+            running.cancel()
+            await browser.close()
+
+
+async def drivers(browser: Browser, address: str) -> None:
+    """Day, night, and night with an alarm, side by side."""
+    day, night = [
+        await open_page(browser, address, PHONE, colours, 2) for colours in ("light", "dark")
+    ]
+    for page in (day, night):
+        await page.click("#sound")
+    await expect(night.locator("#state")).to_have_text("Member 3", timeout=30_000)
+    shots = [await day.screenshot(), await night.screenshot()]
+    await expect(night.locator("body")).to_have_attribute("data-alarm", "warning", timeout=30_000)
+    shots.append(await night.screenshot())
+    pictures = [cv2.imdecode(np.frombuffer(shot, np.uint8), cv2.IMREAD_COLOR) for shot in shots]
+    framed = [
+        cv2.copyMakeBorder(each, *[MARGIN_PX] * 4, cv2.BORDER_CONSTANT, value=GREY)
+        for each in pictures
+    ]
+    small = cv2.resize(np.hstack(framed), None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(PICTURES / "driver.png"), small)
+    for page in (day, night):
+        await page.context.close()
+
+
+async def engineers(browser: Browser, address: str) -> None:
+    """The moment of the last warning."""
+    page = await open_page(browser, address, LAPTOP, "dark", 1)
+    await page.wait_for_timeout(7_000)
+    await page.click("#earlier-warning")
+    await page.click("#windows button:nth-child(1)")
+    await page.wait_for_timeout(1_500)
+    await page.screenshot(path=PICTURES / "engineer.png")
+
+
+async def open_page(browser: Browser, address: str, size: object, colours: str, scale: int) -> Page:
+    """A page in a browser of its own."""
+    context = await browser.new_context(
+        viewport=size, color_scheme=colours, device_scale_factor=scale
+    )
+    page = await context.new_page()
+    await page.goto(address)
+    return page
+
+
+asyncio.run(main())
