@@ -13,6 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from PIL import Image
 from playwright.async_api import Browser, Page, async_playwright, expect
 
 from sim_rig.live import Desk
@@ -55,13 +56,12 @@ async def drivers(browser: Browser, address: str) -> None:
     shots = [await day.screenshot(), await night.screenshot()]
     await expect(night.locator("body")).to_have_attribute("data-alarm", "warning", timeout=30_000)
     shots.append(await night.screenshot())
-    pictures = [cv2.imdecode(np.frombuffer(shot, np.uint8), cv2.IMREAD_COLOR) for shot in shots]
     framed = [
-        cv2.copyMakeBorder(each, *[MARGIN_PX] * 4, cv2.BORDER_CONSTANT, value=GREY)
-        for each in pictures
+        cv2.copyMakeBorder(decode(shot), *[MARGIN_PX] * 4, cv2.BORDER_CONSTANT, value=GREY)
+        for shot in shots
     ]
     small = cv2.resize(np.hstack(framed), None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA)
-    cv2.imwrite(str(PICTURES / "driver.png"), small)
+    keep(small, "driver.png")
     for page in (day, night):
         await page.context.close()
 
@@ -73,7 +73,18 @@ async def engineers(browser: Browser, address: str) -> None:
     await page.click("#earlier-warning")
     await page.click("#windows button:nth-child(1)")
     await page.wait_for_timeout(1_500)
-    await page.screenshot(path=PICTURES / "engineer.png")
+    keep(decode(await page.screenshot()), "engineer.png")
+
+
+def decode(shot: bytes) -> np.ndarray:
+    """A screenshot as BGR."""
+    return cv2.imdecode(np.frombuffer(shot, np.uint8), cv2.IMREAD_COLOR)
+
+
+def keep(picture: np.ndarray, name: str) -> None:
+    """Write it with the 256 colours that matter, a third of the bytes."""
+    image = Image.fromarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB))
+    image.quantize(256, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
 
 
 async def open_page(browser: Browser, address: str, size: object, colours: str, scale: int) -> Page:

@@ -29,12 +29,13 @@ from onboard.observations import (
     SensorLost,
     Speed,
 )
+from onboard.recorder.notes import Recording
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.trace import Event
 
 SHOW_S = 0.2
 """Between views when nothing happens."""
-_AT_ONCE = frozenset({"alarm", "transition", "sensor_lost", "sensor_back"})
+_AT_ONCE = frozenset({"alarm", "transition", "sensor_lost", "sensor_back", "recorder"})
 _GROUP_DIGITS = 4
 _SAME_CAR_M = 5.0
 """A car on the map this near to the lead car's place, along the lane, is the lead car."""
@@ -78,6 +79,7 @@ class Display:
         self._cars: Sequence[KnownCar] = ()
         self._warning: WarningRaised | None = None
         self._alarms: dict[Cause, AlarmShown] = {}
+        self._not_recording: str | None = None
         self._show_at = -math.inf
 
     def receive_event(self, event: Event) -> None:
@@ -99,6 +101,8 @@ class Display:
                 self._warning = event
             case Alarm():
                 self._receive_alarm(event)
+            case Recording():
+                self._not_recording = None if event.is_recording else event.reason
         if event.kind in _AT_ONCE:
             self._show_at = -math.inf
 
@@ -127,6 +131,7 @@ class Display:
                 SensorShown(sensor, reason is not None, reason)
                 for sensor, reason in self._lost.items()
             ),
+            not_recording=self._not_recording,
             brake_button=self._brake_button,
         )
 

@@ -98,4 +98,6 @@ class DriverView:
     alarms: tuple[AlarmShown, ...]
     """The most urgent first."""
     sensors: tuple[SensorShown, ...]
+    not_recording: str | None
+    """Why the black box does not record; `None` while it does, or without one."""
     brake_button: bool

@@ -14,6 +14,7 @@ from prometheus_client.exposition import CONTENT_TYPE_LATEST
 from onboard.lcca.events import Transition
 from onboard.lcca.transitions import State
 from onboard.observations import Discarded, Lead, Sensor, SensorBack, SensorLost, Speed
+from onboard.recorder.notes import Recording
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.trace import Event
 from onboard.wave_link import Received, Sent
@@ -61,6 +62,9 @@ class Metrics:
         self._gap = Gauge(
             "onboard_gap_metres", "To the car ahead; NaN without one.", registry=registry
         )
+        self._recording = Gauge(
+            "onboard_recording", "1, or 0 while the black box does not.", registry=registry
+        )
         self._loop_delay = Histogram(
             "onboard_loop_delay_seconds",
             "How late the loop comes to what is due, sampled ten times a second.",
@@ -104,6 +108,8 @@ class Metrics:
             case Transition():
                 self._enter(event.state)
                 self._number.set(event.group_number)
+            case Recording():
+                self._recording.set(event.is_recording)
             case Speed():
                 self._speed.set(event.speed_m_s)
             case Lead():

@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from onboard.observations import Sensor, SensorLost
+from onboard.recorder.notes import Recording
 from onboard.risk.alarm import Alarm, Cause, Level
 from tests.hmi.row import Row
 
@@ -239,6 +240,13 @@ def test_a_lost_camera_is_shown_at_once_and_no_gap_is_claimed(page: Page, cars: 
     cars.camera_works = True
     expect(page.locator("#sensors .lost")).to_have_count(0)
     expect(page.locator("#state")).to_have_text("Member 3")
+
+
+def test_a_full_disk_is_shown_and_warnings_go_on(page: Page, cars: Row) -> None:
+    cars.say(Recording(cars.now, is_recording=False, reason="disk full", dropped=3))
+    expect(page.locator("#sensors .lost")).to_have_text("Not recordingdisk full")
+    cars.say(Recording(cars.now, is_recording=True, reason="", dropped=3))
+    expect(page.locator("#sensors .lost")).to_have_count(0)
 
 
 def test_a_page_whose_car_is_gone_says_so_and_comes_back_with_it(page: Page, cars: Row) -> None:

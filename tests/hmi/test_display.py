@@ -22,6 +22,7 @@ from onboard.observations import (
     SensorLost,
     Speed,
 )
+from onboard.recorder.notes import Recording
 from onboard.risk.alarm import Alarm, Cause, Level, Reason
 from onboard.trace import as_record
 
@@ -156,6 +157,15 @@ def test_a_lost_sensor_is_shown_with_its_reason_until_it_is_back() -> None:
 
     assert lost == {Sensor.CAMERA: (True, "frozen"), Sensor.SPEED: (False, None)}
     assert not any(each.lost for each in shown(page, 11.0).sensors)
+
+
+def test_a_black_box_that_does_not_record_is_shown_with_its_reason_until_it_does() -> None:
+    page = display()
+    assert shown(page, 10.0).not_recording is None
+    page.receive_event(Recording(10.01, is_recording=False, reason="disk full", dropped=3))
+    assert shown(page, 10.01).not_recording == "disk full"
+    page.receive_event(Recording(10.02, is_recording=True, reason="", dropped=3))
+    assert shown(page, 10.02).not_recording is None
 
 
 def test_an_alarm_stays_until_it_ends_and_tells_when_it_rose() -> None:

@@ -35,7 +35,7 @@ $("brake").onclick = () => link.send("brake");
 function show(view) {
   showPlace(view.place);
   showAhead(view);
-  showSensors(view.sensors);
+  showSensors(view.sensors, view.not_recording);
   showAlarms(view.alarms);
   for (const item of $("legend").children) {
     item.hidden = !view.cars.some((car) => car.known_by === item.className);
@@ -87,7 +87,7 @@ function showAhead({ ahead, speed_m_s }) {
   $("gap-note").textContent = fill(TEXTS.safeFrom, { headway, safe: Math.round(safe_gap_m) });
 }
 
-function showSensors(sensors) {
+function showSensors(sensors, not_recording) {
   const names = { camera: TEXTS.camera, speed: TEXTS.speedSensor, position: TEXTS.position, radio: TEXTS.radio };
   $("sensors").replaceChildren(...sensors.map(({ sensor, lost, reason }) => {
     const item = make("li", lost ? "lost" : "", "");
@@ -97,6 +97,12 @@ function showSensors(sensors) {
     item.append(icon(sensor), words);
     return item;
   }));
+  if (not_recording === null) return;
+  const words = make("span", "", TEXTS.notRecording);
+  words.append(make("small", "", not_recording));
+  const item = make("li", "lost", "");
+  item.append(icon("recorder"), words);
+  $("sensors").append(item);
 }
 
 function showAlarms(alarms) {

@@ -31,6 +31,7 @@ export const TEXTS = {
   position: "Position",
   radio: "Radio",
   lost: "{sensor} lost",
+  notRecording: "Not recording",
   why: {
     silent: "silent", frozen: "picture frozen", dark: "picture dark", end_of_recording: "recording ended",
   },
