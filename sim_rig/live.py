@@ -18,19 +18,24 @@ import yaml
 from onboard.obd.can_frame import CanFrame
 from onboard.security.authority import make_trial
 from onboard.security.key_files import write_credentials
+from onboard.security.security import Security
 from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
-from sim_rig.cars.ecu import Ecu
+from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.socketcand_server import SocketcandServer
+from sim_rig.cars.wrong_clock import BEGINS
 from sim_rig.engineer.window import ENGINEER, EngineerWindow
+from sim_rig.faults import WrongClock
 from sim_rig.processes import ProcessError, Processes
 from sim_rig.radio.air import Air
+from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.models import open_air
 from sim_rig.recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.run_log import RunLog, read_trace
 from sim_rig.scenario import Scenario
+from sim_rig.slow_cpu import slow_down
 from sim_rig.wiring import car_config, names_by_id
 
 _READY_WITHIN_S = 40.0
@@ -48,6 +53,7 @@ class Desk:
 
     def __init__(self, scenario: Scenario, seed: int, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
+        (folder / BEGINS).unlink(missing_ok=True)
         self.recorder = RigRecorder()
         self.processes = Processes(folder)
         self.start_s = float("inf")
@@ -80,10 +86,17 @@ class Desk:
         """
         await self._until_ready()
         self.start_s = time.monotonic()
+        (self._folder / BEGINS).write_text(repr(self.start_s), encoding="utf-8")
+        slowing = asyncio.create_task(slow_down(self._scenario, self.start_s, self.processes))
         assert self._cameras.stdin is not None  # noqa: S101 (started with pipes)
         self._cameras.stdin.write(f"{self.start_s}\n".encode())
         self._engineer.begin(self.start_s)
-        await self.processes.sleep_until(self.start_s + self._scenario.duration_s + _LINGER_S)
+        try:
+            end_at = self.start_s + self._scenario.duration_s + _LINGER_S
+            await self.processes.sleep_until(end_at)
+        finally:
+            slowing.cancel()
+            await asyncio.gather(slowing, return_exceptions=True)
         await self.processes.stop(*self._scenario.equipped)
 
     def log(self) -> RunLog:
@@ -125,7 +138,7 @@ class Desk:
             config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
             self._trace(car).unlink(missing_ok=True)
             shutil.rmtree(self._box(car), ignore_errors=True)
-            await self.processes.start(car, "-m", "onboard", "run", str(config_file))
+            await self.processes.start(car, *self._program(car), "run", str(config_file))
         self._engineer = await EngineerWindow.open(
             self.processes, self._scenario_file, self._folder, camera_port
         )
@@ -133,12 +146,26 @@ class Desk:
         self.pages = {ENGINEER: self._engineer.address} | self.pages
         self._open.callback(asyncio.create_task(self._engineer.follow(self.recorder)).cancel)
 
+    def _program(self, car: str) -> list[str]:
+        """The daemon; behind a clock that will be wrong, if the scenario wants it."""
+        clocks = [
+            fault
+            for fault in self._scenario.faults
+            if isinstance(fault, WrongClock) and fault.car == car
+        ]
+        if not clocks:
+            return ["-m", "onboard"]
+        begins = self._folder / BEGINS
+        faults = [fault.model_dump_json() for fault in clocks]
+        return ["-m", "sim_rig.cars.wrong_clock", str(begins), str(len(faults)), *faults]
+
     def _make_keys(self) -> None:
         """Give every car certificates of one authority: on the desk, too, messages are signed."""
         shutil.rmtree(self._keys, ignore_errors=True)
         self._keys.mkdir(mode=0o700)
-        trial = make_trial(self._scenario.equipped, {psid.BSM, psid.LCCA}, self._start_utc_s)
-        for car, credentials in trial.items():
+        psids = {psid.BSM, psid.LCCA}
+        self._trial = make_trial(self._scenario.equipped, psids, self._start_utc_s)
+        for car, credentials in self._trial.items():
             write_credentials(self._keys / car, credentials)
 
     async def _start_cameras(self) -> int:
@@ -163,9 +190,12 @@ class Desk:
         def note(frame: CanFrame) -> None:
             self.recorder.note_answer(car, frame)
 
-        ecu = Ecu(
-            lambda now: self._road.car_at(car, self._at_s(now)).speed_m_s,
-            runs=lambda now: not self._scenario.has_fault("ecu_stopped", car, self._at_s(now)),
+        ecu = FaultyEcu(
+            self._scenario,
+            car,
+            speed_m_s=lambda now: self._road.car_at(car, self._at_s(now)).speed_m_s,
+            at_s=self._at_s,
+            rng=np.random.default_rng(self._seed),
         )
         server = SocketcandServer(ecu, "can0", note)
         port = await server.start()
@@ -173,12 +203,15 @@ class Desk:
         return port
 
     def _air(self) -> Air:
-        return open_air(
+        utc_offset_s = time.time() - time.monotonic()
+        air = open_air(
             self._scenario.radio,
             lambda now: self._road.cars_at(self._at_s(now)),
             self._scenario.equipped,
             np.random.default_rng(self._seed),
         )
+        keys = {car: Security(utc_offset_s, own) for car, own in self._trial.items()}
+        return FaultyAir(air, self._scenario, self._at_s, keys)
 
     async def _until_ready(self) -> None:
         """Wait until every daemon is up, and has heard from its ECU and its camera."""

@@ -122,6 +122,8 @@ class Scenario(Settings):
     `onboard` knows cars from every side."""
     beacons: bool = True
     """Whether the cars also send BSMs, ten a second; no warning group needs them."""
+    signed: bool = False
+    """Whether messages are signed in virtual time, too; live they always are."""
     lcca: LccaSettings = LccaSettings()
     """Of every car."""
     faults: tuple[Fault, ...] = ()

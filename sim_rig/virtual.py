@@ -8,6 +8,7 @@ vision would have said of them is. Between events no time passes.
 
 import heapq
 import math
+from collections import deque
 from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
@@ -19,13 +20,20 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Sensor
 from onboard.recorder.recorded import put_together
+from onboard.security.authority import make_trial
+from onboard.security.credentials import Credentials
+from onboard.security.p256 import key_from
+from onboard.security.security import Security
 from onboard.settings import parse_settings
 from onboard.trace import as_record
+from onboard.wave_udp import psid
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
-from sim_rig.cars.ecu import Ecu
+from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.vehicle_camera import VehicleCamera
+from sim_rig.faults_of_car import FaultsOfCar
+from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.models import open_air
 from sim_rig.recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
@@ -75,14 +83,32 @@ class _VirtualRun:
         self._scenario = scenario
         self.recorder = RigRecorder()
         road = BreakpointRoad(scenario)
-        air_seed, *car_seeds, sky_seed = np.random.SeedSequence(seed).spawn(
-            2 + len(scenario.equipped)
+        air_seed, *car_seeds, sky_seed, keys_seed = np.random.SeedSequence(seed).spawn(
+            3 + len(scenario.equipped)
         )
+        credentials: Mapping[str, Credentials] = {}
+        if scenario.signed:
+            new_key = key_from(np.random.default_rng(keys_seed))
+            psids = {psid.BSM, psid.LCCA}
+            credentials = make_trial(scenario.equipped, psids, START_UTC_S, new_key)
         air_rng = np.random.default_rng(air_seed)
-        self._air = open_air(scenario.radio, road.cars_at, scenario.equipped, air_rng)
+        self._air = FaultyAir(
+            open_air(scenario.radio, road.cars_at, scenario.equipped, air_rng),
+            scenario,
+            lambda now: now,
+            {name: Security(START_UTC_S, credentials.get(name)) for name in scenario.equipped},
+        )
         self._air_planned_at = math.inf
         self.cars = {
-            name: _VirtualCar(scenario, road, name, car_seed, sky_seed, box=boxes.get(name))
+            name: _VirtualCar(
+                scenario,
+                road,
+                name,
+                car_seed,
+                sky_seed,
+                box=boxes.get(name),
+                credentials=credentials.get(name),
+            )
             for name, car_seed in zip(scenario.equipped, car_seeds, strict=True)
         }
         self._agenda: list[tuple[float, int, _VirtualCar | None]] = []
@@ -118,9 +144,7 @@ class _VirtualRun:
 
     def _settle(self, car: "_VirtualCar", now: float) -> None:
         """Carry away what a car sends, and plan when it wants to be called again."""
-        for user_priority, wsm in car.wsms_to_send(now):
-            if self._scenario.has_fault("radio_mute", car.name, now):
-                continue
+        for user_priority, wsm in [] if car.is_asleep(now) else car.wsms_to_send(now):
             self.recorder.note_on_air(car.name, wsm, user_priority, now)
             self._air.receive_wsm(car.name, wsm, user_priority, now)
         self._plan_air()
@@ -149,40 +173,49 @@ class _VirtualCar:
         sky_seed: np.random.SeedSequence,
         *,
         box: VirtualBox | None,
+        credentials: Credentials | None,
     ) -> None:
         self.name = name
         self.trace: list[Record] = []
         self.planned_at = math.inf
         self._stack_at = 0.0
-        own_seed, *other_seeds = seed.spawn(4)
+        own_seed, *other_seeds = seed.spawn(5)
         camera_rng, *others = (np.random.default_rng(each) for each in other_seeds)
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
         sensors = {Sensor.SPEED, Sensor.CAMERA, *([Sensor.POSITION] if scenario.gnss else [])}
+        self._faults = FaultsOfCar(scenario, name)
         self._stack = put_together(
-            box, config, frozenset(sensors), own_seed, now=0.0, utc_s=START_UTC_S
+            box,
+            config,
+            frozenset(sensors),
+            own_seed,
+            now=0.0,
+            utc_s=START_UTC_S + self._faults.clock_error_s(0.0),
+            credentials=credentials,
         )
-        self._ecu = Ecu(
-            lambda now: road.car_at(name, now).speed_m_s,
-            runs=lambda now: not scenario.has_fault("ecu_stopped", name, now),
-        )
+        self._waiting: deque[bytes] = deque()
         phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)
         self._camera = CameraModel(
             CameraView(scenario, road, name, camera_rng), config.vision, phase_s, camera_rng
         )
-        gnss_rng, vehicles_rng = others
+        gnss_rng, vehicles_rng, ecu_rng = others
+        self._ecu = FaultyEcu(
+            scenario,
+            name,
+            speed_m_s=lambda now: road.car_at(name, now).speed_m_s,
+            at_s=lambda now: now,
+            rng=ecu_rng,
+        )
         if scenario.camera is not None:
             vehicles = VehicleCamera(scenario.camera, name, road.cars_at, vehicles_rng)
             self._camera.look_for_vehicles(vehicles)
-
-        def receives(now: float) -> bool:
-            return not scenario.has_fault("gnss_silent", name, now)
 
         self._receiver: GnssReceiver | None = None
         if scenario.gnss is not None:
             self._gnss = NmeaReader(gnss_config(scenario.gnss))
             self._receiver = GnssReceiver(
                 scenario.gnss,
-                lambda now: road.car_at(name, now) if receives(now) else None,
+                lambda now: self._faults.received(road.car_at(name, now), now),
                 START_UTC_S,
                 gnss_rng,
                 np.random.default_rng(sky_seed),
@@ -194,14 +227,22 @@ class _VirtualCar:
         self._stack_at = self._stack.get_timer()
         camera_at = self._camera.get_timer()
         gnss_at = math.inf if self._receiver is None else self._receiver.get_timer()
-        return min(self._stack_at, camera_at, gnss_at, math.inf if ecu_at is None else ecu_at)
+        at = min(self._stack_at, camera_at, gnss_at, math.inf if ecu_at is None else ecu_at)
+        return self._faults.wakes_at(at)
+
+    def is_asleep(self, now: float) -> bool:
+        """Whether something else has the processor."""
+        return self._faults.wakes_at(now) > now
 
     def receive_wsm(self, wsm: bytes, now: float) -> None:
         """A frame arrives at the car's radio unit."""
-        self._stack.receive_wsm(wsm, now)
+        self._waiting.append(wsm)
+        if not self.is_asleep(now):
+            self._take_waiting(now)
 
     def handle_timer(self, now: float) -> list[CanFrame]:
         """Do what is due; the frames that the ECU has put on the bus are returned."""
+        self._take_waiting(now)
         answers = self._ecu.frames_to_send(now)
         for frame in answers:
             self._stack.receive_can(frame, now)
@@ -215,6 +256,12 @@ class _VirtualCar:
         if self._stack_at <= now:
             self._stack.handle_timer(now)
         return answers
+
+    def _take_waiting(self, now: float) -> None:
+        if self._faults.has_wrong_clock:
+            self._stack.set_utc(START_UTC_S + now + self._faults.clock_error_s(now), now)
+        while self._waiting:
+            self._stack.receive_wsm(self._waiting.popleft(), now)
 
     def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
         """What the radio unit is given to send; everything else is settled inside the car."""

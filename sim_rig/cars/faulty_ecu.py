@@ -1,0 +1,92 @@
+"""The ECU of a scenario's car, and what can be wrong with it and its bus, without I/O."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from onboard.obd.can_frame import CanFrame
+from sim_rig.cars.ecu import ENGINE_11_BIT, Ecu
+from sim_rig.faults import EcuBabbles, SpeedScaled
+from sim_rig.scenario import Scenario
+
+_REFUSAL = bytes([0x03, 0x7F, 0x01, 0x22]).ljust(8, b"\x55")
+"""To service 01: conditions not correct (ISO 14229-1)."""
+_STRANGERS = 0x100
+"""Identifiers of the babbler's own frames begin here."""
+_BURST_S = 0.005
+"""What it says in this time comes at once."""
+_LOOK_S = 0.1
+"""How often it looks whether it is to begin."""
+
+
+class FaultyEcu:
+    """An `Ecu` with the faults that the scenario orders for its car; the same verbs."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        car: str,
+        speed_m_s: Callable[[float], float],
+        at_s: Callable[[float], float],
+        rng: np.random.Generator,
+    ) -> None:
+        """Take the car's true speed at a `now`, and the scenario's time then.
+
+        `rng` draws what a babbler says.
+        """
+        self._scenario = scenario
+        self._car = car
+        self._true_speed_m_s = speed_m_s
+        self._at_s = at_s
+        self._rng = rng
+        self._ecu = Ecu(self._speed_m_s, runs=lambda now: not self._has("ecu_stopped", now))
+        self._babbles = [
+            fault for fault in scenario.faults if isinstance(fault, EcuBabbles) and fault.car == car
+        ]
+        self._babbles_at = 0.0
+
+    def receive_frame(self, frame: CanFrame, now: float) -> None:
+        """A frame was on the bus."""
+        self._ecu.receive_frame(frame, now)
+
+    def frames_to_send(self, now: float) -> list[CanFrame]:
+        """The frames that are due, in order."""
+        frames = self._ecu.frames_to_send(now)
+        if self._has("ecu_refuses", now):
+            frames = [replace(frame, data=_REFUSAL) for frame in frames]
+        if self._babbles and self._babbles_at <= now:
+            frames += self._babble(now)
+        return frames
+
+    def get_timer(self) -> float | None:
+        """When the next frame is due."""
+        ecu_at = self._ecu.get_timer()
+        if not self._babbles:
+            return ecu_at
+        return self._babbles_at if ecu_at is None else min(ecu_at, self._babbles_at)
+
+    def _babble(self, now: float) -> list[CanFrame]:
+        at_s = self._at_s(now)
+        rate_hz = sum(fault.rate_hz for fault in self._babbles if fault.holds(self._car, at_s))
+        if rate_hz == 0.0:
+            self._babbles_at = now + _LOOK_S
+            return []
+        self._babbles_at = now + max(_BURST_S, 1.0 / rate_hz)
+        return [self._nonsense(now) for _ in range(max(1, round(rate_hz * _BURST_S)))]
+
+    def _nonsense(self, now: float) -> CanFrame:
+        """Every fourth frame pretends to be the ECU's answer."""
+        stranger = _STRANGERS + int(self._rng.integers(_STRANGERS))
+        identifier = ENGINE_11_BIT.response if self._rng.integers(4) == 0 else stranger
+        return CanFrame(now, identifier, is_extended_id=False, data=self._rng.bytes(8))
+
+    def _speed_m_s(self, now: float) -> float:
+        at_s, speed_m_s = self._at_s(now), self._true_speed_m_s(now)
+        for fault in self._scenario.faults:
+            if isinstance(fault, SpeedScaled) and fault.holds(self._car, at_s):
+                speed_m_s *= fault.factor
+        return speed_m_s
+
+    def _has(self, what: str, now: float) -> bool:
+        return self._scenario.has_fault(what, self._car, self._at_s(now))

@@ -1,0 +1,57 @@
+"""The air, with the radios that fail and the cars that lie; live and virtual runs share it."""
+
+from collections.abc import Callable, Mapping
+
+from onboard.security.security import Security
+from sim_rig.faults import Lie
+from sim_rig.radio.air import Air, Delivery
+from sim_rig.radio.liar import Liar
+from sim_rig.scenario import Scenario
+
+
+class FaultyAir:
+    """An `Air` around another one."""
+
+    def __init__(
+        self,
+        air: Air,
+        scenario: Scenario,
+        at_s: Callable[[float], float],
+        keys: Mapping[str, Security],
+    ) -> None:
+        """Take the true air, the scenario's time at a `now`, and what each car signs with."""
+        self._air = air
+        self._scenario = scenario
+        self._at_s = at_s
+        self._liars = [
+            Liar(fault, keys[fault.car], at_s)
+            for fault in scenario.faults
+            if isinstance(fault, Lie)
+        ]
+
+    def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
+        """The unit of `sender` is given a frame to transmit."""
+        if self._has("radio_mute", sender, now) or self._has("radio_gone", sender, now):
+            return
+        for liar in self._liars:
+            liar.overhear(sender, wsm, user_priority, now)
+        self._air.receive_wsm(sender, wsm, user_priority, now)
+
+    def wsms_to_deliver(self, now: float) -> list[Delivery]:
+        """The copies that have arrived by now, in order."""
+        for liar in self._liars:
+            for user_priority, wsm in liar.wsms_to_send(now):
+                self._air.receive_wsm(liar.car, wsm, user_priority, now)
+        return [
+            delivery
+            for delivery in self._air.wsms_to_deliver(now)
+            if not self._has("radio_gone", delivery.receiver, now)
+        ]
+
+    def get_timer(self) -> float | None:
+        """When to ask again."""
+        wishes = [self._air.get_timer(), *(liar.get_timer() for liar in self._liars)]
+        return min((at for at in wishes if at is not None), default=None)
+
+    def _has(self, what: str, car: str, now: float) -> bool:
+        return self._scenario.has_fault(what, car, self._at_s(now))

@@ -1,0 +1,35 @@
+"""Takes the processor away from a daemon, part of the time, as something else on its box would."""
+
+import asyncio
+import contextlib
+import os
+import signal
+import time
+
+from sim_rig.faults import SlowCpu
+from sim_rig.processes import Processes
+from sim_rig.scenario import Scenario
+
+
+async def slow_down(scenario: Scenario, start_s: float, processes: Processes) -> None:
+    """Do so for every car that has the fault; when cancelled, let all of them run."""
+    faults = [fault for fault in scenario.faults if isinstance(fault, SlowCpu)]
+    await asyncio.gather(*(_slow_one(fault, start_s, processes.pid(fault.car)) for fault in faults))
+
+
+async def _slow_one(fault: SlowCpu, start_s: float, pid: int) -> None:
+    await asyncio.sleep(start_s + fault.from_s - time.monotonic())
+    asleep_s = (1.0 - fault.share) * fault.period_s
+    try:
+        while time.monotonic() < start_s + fault.until_s:
+            await asyncio.sleep(fault.share * fault.period_s)
+            _send(pid, signal.SIGSTOP)
+            await asyncio.sleep(asleep_s)
+            _send(pid, signal.SIGCONT)
+    finally:
+        _send(pid, signal.SIGCONT)
+
+
+def _send(pid: int, number: signal.Signals) -> None:
+    with contextlib.suppress(ProcessLookupError):  # it has ended; somebody else tells
+        os.kill(pid, number)
