@@ -1,0 +1,278 @@
+"""The faults that a scenario can order, each at the place where it happens."""
+
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from onboard.messages import bsm, lcca
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
+from onboard.messages.bsm_safety import VehicleEventFlags
+from onboard.messages.lcca import Reply, Warn
+from onboard.obd.can_frame import CanFrame
+from onboard.obd.car_bus import CarBus
+from onboard.obd.settings import ObdSettings
+from onboard.observations import Discarded, Speed
+from onboard.security import ieee1609dot2
+from onboard.security.security import Security
+from onboard.settings import parse_settings
+from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp.wsmp import WaveShortMessage
+from sim_rig.cars.faulty_ecu import FaultyEcu
+from sim_rig.cars.wrong_clock import Clock
+from sim_rig.faults import SlowCpu, WrongClock
+from sim_rig.faults_of_car import FaultsOfCar
+from sim_rig.radio.faulty_air import FaultyAir
+from sim_rig.radio.liar import GHOST_ID
+from sim_rig.radio.models import open_air
+from sim_rig.roads.breakpoints import BreakpointRoad
+from sim_rig.scenario import Scenario
+from sim_rig.studies.fault_cases import CASES, Case
+from sim_rig.studies.faults import outcome_of, scenario_of
+from sim_rig.virtual import run_virtual
+
+SPEED_M_S = 20.0
+
+
+def story(*faults: dict[str, Any]) -> Scenario:
+    """Ann before Ben, 12 m apart; each fault holds from 10 to 20 s."""
+    tree = {
+        "title": "Two cars drive, one behind the other.",
+        "seed": 1,
+        "duration_s": 30.0,
+        "radio": {"reach_m": 300.0},
+        "cars": {
+            name: {"plate": plate, "lane": 1, "start_m": start_m, "speed_m_s": SPEED_M_S}
+            for name, plate, start_m in (("ann", "AA11", 50.0), ("ben", "BB22", 33.5))
+        },
+        "faults": [{"car": "ann", "from_s": 10.0, "until_s": 20.0, **fault} for fault in faults],
+        "expect": [],
+    }
+    return parse_settings(tree, Scenario, "story")
+
+
+# ---- the bus ------------------------------------------------------------------------------
+
+
+def bus_events(*faults: dict[str, Any], from_s: float, until_s: float) -> list[object]:
+    """What the car's own bus core makes of an ECU with these faults."""
+    ecu = FaultyEcu(
+        story(*faults), "ann", lambda _: SPEED_M_S, lambda now: now, np.random.default_rng(1)
+    )
+    bus = CarBus(ObdSettings())
+    events: list[object] = []
+    for now in np.arange(from_s, until_s, 0.001).tolist():
+        bus.handle_timer(now)
+        for frame in bus.frames_to_send(now):
+            ecu.receive_frame(frame, now)
+        for frame in ecu.frames_to_send(now):
+            bus.receive_frame(frame, now)
+        events += iter(bus.next_event, None)
+    return events
+
+
+def speeds(events: list[object]) -> list[float]:
+    return [event.speed_m_s for event in events if isinstance(event, Speed)]
+
+
+def reasons(events: list[object]) -> set[str]:
+    return {event.reason for event in events if isinstance(event, Discarded)}
+
+
+def test_a_speed_in_a_wrong_scale_is_wrong_only_while_it_lasts() -> None:
+    scaled = {"what": "speed_scaled", "factor": 1.6}
+
+    assert set(speeds(bus_events(scaled, from_s=8.0, until_s=9.0))) == {SPEED_M_S}
+    assert speeds(bus_events(scaled, from_s=11.0, until_s=12.0))[-1] == pytest.approx(32.0, abs=0.2)
+
+
+def test_an_ecu_that_refuses_tells_no_speed_and_is_counted() -> None:
+    events = bus_events({"what": "ecu_refuses"}, from_s=11.0, until_s=12.0)
+
+    assert speeds(events) == []
+    assert reasons(events) == {"negative_response"}
+
+
+def test_a_babbler_is_counted_and_the_speed_still_comes() -> None:
+    events = bus_events({"what": "ecu_babbles", "rate_hz": 1000.0}, from_s=11.0, until_s=13.0)
+
+    assert len(speeds(events)) > 10
+    assert len([event for event in events if isinstance(event, Discarded)]) > 100
+
+
+def test_a_babbler_keeps_to_its_rate() -> None:
+    ecu = FaultyEcu(
+        story({"what": "ecu_babbles", "rate_hz": 400.0}),
+        "ann",
+        lambda _: SPEED_M_S,
+        lambda now: now,
+        np.random.default_rng(1),
+    )
+    frames: list[CanFrame] = []
+    now = 0.0
+    while (at := ecu.get_timer()) is not None and at < 30.0:
+        now = max(now, at)
+        frames += ecu.frames_to_send(now)
+
+    assert len(frames) == pytest.approx(4000, rel=0.02)
+    assert all(10.0 <= frame.stamp_s < 20.0 for frame in frames)
+
+
+# ---- clock, processor, sky ----------------------------------------------------------------
+
+
+def test_a_clock_that_drifts_is_further_ahead_the_longer_it_lasts() -> None:
+    fault = {"what": "clock_wrong", "skew_s": 1.0, "drift_ppm": 1000.0}
+    car = FaultsOfCar(story(fault), "ann")
+
+    assert [car.clock_error_s(at) for at in (9.9, 10.0, 15.0, 20.0)] == pytest.approx(
+        [0.0, 1.0, 1.005, 0.0]
+    )
+    assert not FaultsOfCar(story(fault), "ben").has_wrong_clock
+
+
+def test_the_clock_of_a_live_daemon_is_wrong_from_the_moment_that_the_scenario_begins(
+    tmp_path: Path,
+) -> None:
+    fault = WrongClock(what="clock_wrong", car="ann", from_s=0.0, until_s=60.0, skew_s=100.0)
+    begins = tmp_path / "begins"
+    clock = Clock(begins, [fault])
+    assert clock() == pytest.approx(time.time(), abs=1.0)
+
+    begins.write_text(repr(time.monotonic()))
+    clock._look_at = 0.0
+    assert clock() == pytest.approx(time.time() + 100.0, abs=1.0)
+
+
+def test_a_slow_processor_sleeps_its_share_and_always_wakes() -> None:
+    fault = SlowCpu(what="cpu_slow", car="ann", from_s=10.0, until_s=20.0, share=0.25, period_s=0.2)
+
+    assert [fault.wakes_at_s(at) for at in (10.0, 10.04, 10.1, 10.3)] == pytest.approx(
+        [10.0, 10.04, 10.2, 10.4]
+    )
+    wakes = [fault.wakes_at_s(at) for at in np.arange(10.0, 20.0, 0.013).tolist()]
+    assert all(fault.wakes_at_s(at) == at for at in wakes)
+
+
+def test_a_receiver_that_jumps_is_elsewhere_and_one_that_is_silent_nowhere() -> None:
+    scenario = story(
+        {"what": "gnss_jump", "east_m": 30.0}, {"what": "gnss_silent", "until_s": 12.0}
+    )
+    here = BreakpointRoad(scenario).car_at("ann", 15.0)
+    car = FaultsOfCar(scenario, "ann")
+
+    assert car.received(here, 11.0) is None
+    there = car.received(here, 15.0)
+    assert there is not None
+    assert there.x_m - here.x_m == pytest.approx(30.0)
+    assert car.received(here, 25.0) == here
+
+
+# ---- the radio ----------------------------------------------------------------------------
+
+UTC_S = 1_750_000_000.0
+
+
+class Air:
+    """The air of a story, and what each of the two cars hears."""
+
+    def __init__(self, *faults: dict[str, Any]) -> None:
+        scenario = story(*faults)
+        road = BreakpointRoad(scenario)
+        inner = open_air(scenario.radio, road.cars_at, ["ann", "ben"], np.random.default_rng(1))
+        keys = {name: Security(UTC_S) for name in ("ann", "ben")}
+        self.air = FaultyAir(inner, scenario, lambda now: now, keys)
+        self.heard: dict[str, list[bytes]] = {"ann": [], "ben": []}
+
+    def say(self, car: str, payload: bytes, service: int, now: float) -> bytes:
+        data = ieee1609dot2.encode_unsecured(payload)
+        wsm = wsmp.encode(WaveShortMessage(psid=service, payload=data))
+        self.air.receive_wsm(car, wsm, 5, now)
+        return wsm
+
+    def pass_until(self, end: float) -> None:
+        while (at := self.air.get_timer()) is not None and at <= end:
+            for delivery in self.air.wsms_to_deliver(at):
+                self.heard[delivery.receiver].append(delivery.wsm)
+
+    def payloads(self, car: str, service: int) -> list[bytes]:
+        frames = map(wsmp.decode, self.heard[car])
+        return [ieee1609dot2.decode(f.payload).payload for f in frames if f.psid == service]
+
+
+@pytest.mark.parametrize(
+    ("what", "ann_hears", "ben_hears"), [("radio_gone", 1, 1), ("radio_mute", 2, 1)]
+)
+def test_a_radio_that_is_gone_or_mute(what: str, ann_hears: int, ben_hears: int) -> None:
+    air = Air({"what": what})
+    for now in (5.0, 15.0):
+        air.say("ann", b"from ann", psid.LCCA, now)
+        air.say("ben", b"from ben", psid.LCCA, now)
+        air.pass_until(now + 1.0)
+
+    assert (len(air.heard["ann"]), len(air.heard["ben"])) == (ann_hears, ben_hears)
+
+
+def test_a_forged_brake_is_a_warning_to_the_liars_group() -> None:
+    air = Air({"what": "forged_brake", "every_s": 2.0})
+    reply = Reply(b"ann.....", b"leader..", 2, b"ben.....", 7, 1, 15.0)
+    air.say("ann", lcca.encode(reply), psid.LCCA, 11.0)
+    air.pass_until(25.0)
+
+    forged = [lcca.decode(each) for each in air.payloads("ben", psid.LCCA)][1:]
+    assert len(forged) == 5
+    assert all(isinstance(warn, Warn) for warn in forged)
+    assert {(warn.leader_id, warn.number) for warn in forged} == {(b"leader..", 2)}  # type: ignore[union-attr]
+    assert len({warn.event_sequence for warn in forged}) == 5  # type: ignore[union-attr]
+
+
+def test_a_ghost_drives_ahead_brakes_as_a_car_can_and_says_so() -> None:
+    air = Air({"what": "ghost_car", "every_s": 4.0, "ahead_m": 30.0})
+    core = CoreData(1, b"real", 1.0, 25.0, 121.0, speed_m_s=15.0, heading_rad=0.0)
+    air.say("ann", bsm.encode(BasicSafetyMessage(core)), bsm.PSID, 11.0)
+    air.pass_until(19.0)
+
+    said = [bsm.decode(each) for each in air.payloads("ben", bsm.PSID)]
+    ghost = [message for message in said if message.core.temporary_id == GHOST_ID]
+    assert len(ghost) == pytest.approx(80, abs=2)
+    assert ghost[0].core.latitude_deg == pytest.approx(25.0 + 30.0 / 111_320.0, abs=1e-6)
+    told = [message.core.speed_m_s for message in ghost]
+    assert min(told) < 4.0
+    assert all(abs(later - sooner) <= 0.7 for sooner, later in pairwise(told))
+    braking = [m for m in ghost if m.safety and m.safety.events == VehicleEventFlags.HARD_BRAKING]
+    assert len(braking) == pytest.approx(40, abs=2)
+
+
+def test_a_replay_is_heard_again_after_its_delay() -> None:
+    air = Air({"what": "replay", "delay_s": 3.0})
+    wsm = air.say("ben", b"said once", psid.LCCA, 11.0)
+    air.pass_until(13.0)
+    assert air.heard == {"ann": [wsm], "ben": []}
+    air.pass_until(20.0)
+
+    assert air.heard == {"ann": [wsm], "ben": [wsm]}
+
+
+# ---- the study ----------------------------------------------------------------------------
+
+
+def case(fault: str, car: str) -> Case:
+    return next(each for each in CASES if (each.fault, each.car) == (fault, car))
+
+
+def test_a_silent_ecu_of_the_braking_car_is_missed_shown_and_recovered_from() -> None:
+    outcome = outcome_of(run_virtual(scenario_of(case("ECU silent", "green"))), "green")
+
+    assert (outcome.missed, outcome.missed_after, outcome.false) == (1.0, 0.0, 0)
+    assert outcome.shown_s is not None
+    assert outcome.shown_s < 1.0
+    assert outcome.recovered_s is not None
+    assert outcome.recovered_s < 5.0
+
+
+def test_every_case_is_a_good_scenario() -> None:
+    assert all(scenario_of(each).duration_s > 0.0 for each in CASES)
