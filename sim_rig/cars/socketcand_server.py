@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 from onboard.obd.can_frame import CanFrame
 from sim_rig.cars.ecu import Ecu
+from sim_rig.cars.faulty_ecu import FaultyEcu
 
 _MESSAGE = re.compile(rb"<\s*([^<>]*?)\s*>")
 _LONGEST = 4096
@@ -21,7 +22,9 @@ _LONGEST = 4096
 class SocketcandServer:
     """Serves one car's bus to its daemon. Several clients are all on the same bus."""
 
-    def __init__(self, ecu: Ecu, bus: str, on_answer: Callable[[CanFrame], None]) -> None:
+    def __init__(
+        self, ecu: Ecu | FaultyEcu, bus: str, on_answer: Callable[[CanFrame], None]
+    ) -> None:
         """Call `on_answer` with each frame that the ECU puts on the bus."""
         self._ecu = ecu
         self._bus = bus

@@ -122,11 +122,10 @@ class Liar:
         lost_m_s = _GHOST_BRAKES_M_S2 * (half_s - abs(phase_s - half_s))
         flags = VehicleEventFlags.HARD_BRAKING if phase_s < half_s else None
         ghost = replace(
-            core,
+            _ahead(core, self._fault.ahead_m),
             temporary_id=GHOST_ID,
             msg_cnt=round(since_s / _GHOST_EVERY_S) % 128,
             speed_m_s=max(0.0, (core.speed_m_s or 0.0) - lost_m_s),
-            **_ahead(core, self._fault.ahead_m),
         )
         safety = VehicleSafetyExtensions(events=flags) if flags else None
         return BasicSafetyMessage(ghost, safety)
@@ -136,12 +135,15 @@ class Liar:
         return wsmp.encode(WaveShortMessage(psid=service, payload=secured))
 
 
-def _ahead(core: CoreData, ahead_m: float) -> dict[str, float]:
+def _ahead(core: CoreData, ahead_m: float) -> CoreData:
+    """The same further along its heading; where it is not known, nobody is ahead of it either."""
     if core.latitude_deg is None or core.longitude_deg is None or core.heading_rad is None:
-        return {}
+        return core
     north_deg = ahead_m * math.cos(core.heading_rad) / _METRES_PER_DEGREE
     east_deg = ahead_m * math.sin(core.heading_rad) / _METRES_PER_DEGREE
-    return {
-        "latitude_deg": core.latitude_deg + north_deg,
-        "longitude_deg": core.longitude_deg + east_deg / math.cos(math.radians(core.latitude_deg)),
-    }
+    east_deg /= math.cos(math.radians(core.latitude_deg))
+    return replace(
+        core,
+        latitude_deg=core.latitude_deg + north_deg,
+        longitude_deg=core.longitude_deg + east_deg,
+    )
