@@ -32,16 +32,16 @@ def kept_path(path: Path) -> Path:
 def to_delete(
     stored: Iterable[Stored], writing_bytes: int, settings: RecorderSettings, utc_s: float
 ) -> list[Path]:
-    """What has to go: what is too old and not kept, then the oldest until the rest fits.
+    """What has to go: what is too old, then the oldest until the rest fits, kept ones last.
 
-    Kept ones go last. `writing_bytes` is the size of the segment that is being written.
+    `writing_bytes` is the size of the segment that is being written.
     """
     oldest_first = sorted(stored, key=lambda each: (each.is_kept, each.until_utc_s))
-    too_old_s = utc_s - settings.ring_s
     room = settings.ring_mib * 2**20 - writing_bytes - sum(each.size_bytes for each in oldest_first)
     gone: list[Path] = []
     for each in oldest_first:
-        if room < 0 or (not each.is_kept and each.until_utc_s < too_old_s):
+        lifetime_s = settings.kept_ring_s if each.is_kept else settings.ring_s
+        if room < 0 or each.until_utc_s < utc_s - lifetime_s:
             gone.append(each.path)
             room += each.size_bytes
     return gone

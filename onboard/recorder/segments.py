@@ -91,7 +91,7 @@ class Segments:
                 stored.append(Stored(path, until_utc_s, status.st_size))
         writing_bytes = self._segment.size_bytes if self._segment is not None else 0
         for path in to_delete(stored, writing_bytes, self._settings, utc_s):
-            path.unlink()
+            path.unlink(missing_ok=True)
         self._ended = [each for each in self._ended if each[1].exists()]
 
     def _open_segment(self) -> Segment:

@@ -26,9 +26,11 @@ class RecorderSettings(Settings):
     segment_s: float = Field(60.0, ge=1.0, le=3600.0)
     """How much one file holds. Whole files are kept or given up."""
     ring_s: float = Field(86_400.0, ge=60.0, le=3.2e7)
-    """How old a segment becomes that nothing happened in."""
+    """How old a segment becomes that nothing happened in: a day."""
     ring_mib: float = Field(4096.0, ge=1.0)
     """How much disk all segments take; beyond it the oldest go, those around an event last."""
+    kept_ring_s: float = Field(2_592_000.0, ge=60.0, le=3.2e8)
+    """The same for those around an event: a month."""
     keep_s: float = Field(120.0, ge=0.0, le=3600.0)
     """How much before and after a warning, a hard brake or the button is kept when its time is
     over."""

@@ -24,6 +24,7 @@ _PLACES = {
 
 _CAMPAIGNS = {
     "faults": "faults:run:FaultsSettings",
+    "soak": "soak:run:SoakSettings",
     "mvs-figure8": "mvs_sharing:figure8:SharingSettings",
     "mvs-table1": "mvs_sharing:table1:SharingSettings",
     "radio": "radio:run:RadioSettings",

@@ -24,10 +24,11 @@ def gone(*segments: Stored, writing_mib: float = 0.0, **settings: float) -> list
     return [p.stem for p in to_delete(segments, round(writing_mib * MIB), chosen, NOW_UTC_S)]
 
 
-def test_what_is_older_than_the_ring_goes_unless_it_is_kept() -> None:
-    old, kept, new = stored("old", 3700.0), stored("old-kept", 9e6), stored("new", 3500.0)
+def test_what_is_older_than_the_ring_goes_and_what_is_kept_has_a_longer_life() -> None:
+    old, kept, new = stored("old", 3700.0), stored("old-kept", 9000.0), stored("new", 3500.0)
 
     assert gone(old, kept, new, ring_s=3600.0) == ["old"]
+    assert gone(old, kept, new, ring_s=3600.0, kept_ring_s=8000.0) == ["old", "old-kept"]
 
 
 def test_the_oldest_go_until_the_rest_fits_and_kept_ones_last() -> None:
