@@ -63,7 +63,9 @@ class Metrics:
             "onboard_gap_metres", "To the car ahead; NaN without one.", registry=registry
         )
         self._recording = Gauge(
-            "onboard_recording", "1, or 0 while the black box does not.", registry=registry
+            "onboard_recording",
+            "1, or 0 while the black box does not; NaN without one.",
+            registry=registry,
         )
         self._loop_delay = Histogram(
             "onboard_loop_delay_seconds",
@@ -85,7 +87,8 @@ class Metrics:
             self._sensor_up.labels(sensor.value).set(1)
         for cause in Cause:
             self._alarm_level.labels(cause.value).set(0)
-        self._gap.set(float("nan"))
+        for unknown in (self._gap, self._speed, self._recording):
+            unknown.set(float("nan"))
         self._number.set(1)
         self._enter(State.REGULAR)
 

@@ -1,0 +1,54 @@
+"""The dashboard asks for nothing that a car does not tell."""
+
+import json
+import re
+from pathlib import Path
+
+import yaml
+
+from onboard.hmi.metrics import Metrics
+from onboard.hmi.settings import HmiSettings
+from onboard.observations import Sensor
+
+FOLDER = Path(__file__).parents[2] / "deploy" / "grafana"
+DASHBOARD = json.loads((FOLDER / "onboard.json").read_text())
+
+
+def told() -> set[str]:
+    """Names of all metrics of a car, before anything has happened."""
+    metrics = Metrics(frozenset(Sensor))
+    text = metrics.exposition()[0].decode()
+    families = re.findall(r"^# TYPE (\w+) (\w+)$", text, re.MULTILINE)
+    names = {name for name, _ in families}
+    return names | {f"{name}_bucket" for name, kind in families if kind == "histogram"}
+
+
+def test_every_metric_of_the_dashboard_is_told_by_a_car() -> None:
+    names = told()
+    for panel in DASHBOARD["panels"]:
+        for target in panel["targets"]:
+            asked = re.findall(r"\b((?:onboard|process)_\w+)", target["expr"])
+            assert asked, panel["title"]
+            for name in asked:
+                assert name in names, panel["title"]
+
+
+def test_panels_do_not_overlap() -> None:
+    cells = [
+        (panel["gridPos"]["x"] + x, panel["gridPos"]["y"] + y)
+        for panel in DASHBOARD["panels"]
+        for x in range(panel["gridPos"]["w"])
+        for y in range(panel["gridPos"]["h"])
+    ]
+
+    assert len(cells) == len(set(cells))
+    assert max(x for x, _ in cells) < 24
+    ids = [panel["id"] for panel in DASHBOARD["panels"]]
+    assert len(ids) == len(set(ids))
+
+
+def test_prometheus_asks_at_the_port_that_a_car_has_by_default() -> None:
+    settings = yaml.safe_load((FOLDER / "prometheus.yaml").read_text())
+
+    (job,) = settings["scrape_configs"]
+    assert job["static_configs"] == [{"targets": [f"127.0.0.1:{HmiSettings().port}"]}]
