@@ -104,8 +104,8 @@ def _is_pattern(text: str) -> str:
     return text
 
 
-class VehicleModelSettings(Settings):
-    """A vehicle detector that the user brings: ONNX, as the YOLO family exports it.
+class BoxModelSettings(Settings):
+    """A detector that the user brings: ONNX, as the YOLO family exports it.
 
     Its output is (1, rows, values) or its transpose; a row is the centre, width and height of a box
     in pixels of the input, then a score for each class.
@@ -116,9 +116,16 @@ class VehicleModelSettings(Settings):
     input_height_px: int = Field(640, ge=32, le=4096)
     has_objectness: bool = False
     """Whether a score for "any object" comes before those of the classes, as in YOLOv5."""
+    classes: tuple[int, ...] = (0,)
+    """Rows of these count."""
+    least_score: float = Field(0.4, gt=0.0, lt=1.0)
+
+
+class VehicleModelSettings(BoxModelSettings):
+    """One that finds vehicles."""
+
     classes: tuple[int, ...] = (2, 3, 5, 7)
     """Rows of these count as vehicles. In COCO: car, motorcycle, bus, truck."""
-    least_score: float = Field(0.4, gt=0.0, lt=1.0)
     every_n_frames: int = Field(3, ge=1, le=100)
     """Such a model is heavy: it looks at each n-th frame."""
     vehicle_width_m: float = Field(1.8, gt=0.1, le=4.0)
@@ -157,4 +164,7 @@ class VisionSettings(Settings):
     """How long while its rear is still there, but no plate, tag or vehicle is found in it."""
     frozen_s: float = Field(0.6, gt=0.0, le=10.0)
     """The same picture for this long is a lost camera."""
+    plate_model: BoxModelSettings | None = None
+    """Finds plates in the place of the detector that comes with the package; theirs are its
+    corners all the same."""
     vehicle_model: VehicleModelSettings | None = None

@@ -23,6 +23,8 @@ from onboard.observations import (
     SensorBack,
     SensorLost,
 )
+from onboard.vision.box_model import BoxModel
+from onboard.vision.brought_plates import BroughtPlates
 from onboard.vision.car_track import CarTrack
 from onboard.vision.identity import PlateSyntax
 from onboard.vision.lane import MarkingFinder, OwnLane
@@ -37,7 +39,7 @@ from onboard.vision.settings import Calibration, VisionSettings, guessed_calibra
 from onboard.vision.sighting import Cue, Followed, Search, Sighting
 from onboard.vision.tags import TagFinder
 from onboard.vision.tracker import Tracker
-from onboard.vision.vehicle_detector import VehicleDetector, Vehicles
+from onboard.vision.vehicles import Vehicles
 
 Event = Plate | Lead | SensedCar | Discarded | SensorLost | SensorBack
 ROOM = "vision"
@@ -87,10 +89,10 @@ class Sight:
         self._finders: list[Finder] = []
         self._size_px = (0, 0)
         if settings.plates:
-            self._finder = finder or PlateDetector()
+            self._finder = finder or _plate_finder(settings)
             self._reader = reader or PlateReader()
         if settings.vehicle_model is not None:
-            self._vehicle_detector = VehicleDetector(settings.vehicle_model)
+            self._vehicle_model = BoxModel(settings.vehicle_model, "vision.vehicle_model")
         self._tracker = Tracker(
             settings.lane_width_m,
             settings.keep_s,
@@ -269,7 +271,7 @@ class Sight:
             )
         if settings.vehicle_model is not None:
             model = settings.vehicle_model
-            self._finders.append(Vehicles(self._vehicle_detector, model, perspective))
+            self._finders.append(Vehicles(self._vehicle_model, model, perspective))
         return True
 
     def _show(self, pairs: list[tuple[Sighting, CarTrack | None]], stamp_s: float) -> None:
@@ -283,6 +285,13 @@ class Sight:
             if track.confirmed and track.seen_at == stamp_s:
                 self._events.append(_sensed_car(track, stamp_s))
         self._events.append(_lead(lead, stamp_s))
+
+
+def _plate_finder(settings: VisionSettings) -> PlateFinder:
+    own = PlateDetector()
+    if settings.plate_model is None:
+        return own
+    return BroughtPlates(BoxModel(settings.plate_model, "vision.plate_model"), own)
 
 
 def _below_horizon(perspective: Perspective, width_px: int, height_px: int) -> Box:
