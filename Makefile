@@ -1,6 +1,6 @@
 # `make demo` runs the main job, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test test-pages test-live vm-test box lint bench fuzz train pictures system-packages lock clean
+.PHONY: demo test test-pages test-live lint bench fuzz train pictures system-packages lock clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
@@ -22,6 +22,15 @@ pictures: .venv/ready
 # Every scenario with real daemons, one after the other: some six minutes.
 test-live: .venv/ready
 	$(PYTHON) -m pytest -m live tests/sim_rig
+
+# A small Debian in QEMU, installed from the box, driven and ill-treated; no KVM needed. And the
+# same in namespaces of this machine (as root), at its speed and without what needs a kernel.
+.PHONY: vm-test box-test box
+vm-test: .venv/ready
+	$(PYTHON) -m deploy.vm
+
+box-test: .venv/ready
+	$(PYTHON) -m deploy.vm --here
 
 # Everything that goes onto a box, in one folder: copy it there and run its install.sh.
 box: .venv/ready

@@ -13,7 +13,6 @@ home=/opt/onboard etc=/etc/onboard state=/var/lib/onboard
 units=/etc/systemd/system networks=/etc/systemd/network
 journal=/etc/systemd/journald.conf.d/onboard.conf
 rules=/etc/udev/rules.d/70-onboard.rules
-export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1 PIP_ROOT_USER_ACTION=ignore
 
 complain() { echo "install.sh: $1" >&2; exit "${2:-1}"; }
 
@@ -40,7 +39,7 @@ install() {
     add_configuration
     add_system_files
     systemctl daemon-reload
-    udevadm control --reload
+    udevadm control --reload 2>/dev/null || true  # containers have no udev
     systemctl try-restart systemd-journald.service
     start_network
     systemctl enable --quiet gpsd.service onboard.service
@@ -70,7 +69,8 @@ add_user() {
 add_program() {
     mkdir -p "$home"
     [ -x "$home/venv/bin/python" ] || python3 -m venv "$home/venv"
-    pip="$home/venv/bin/python -m pip install --quiet --no-index --find-links $here/wheels"
+    pip="$home/venv/bin/python -m pip --isolated --disable-pip-version-check install --quiet"
+    pip="$pip --root-user-action=ignore --no-index --find-links $here/wheels"
     $pip --require-hashes --requirement "$here/requirements.lock"
     # Of one version there are many states: ours is installed anew each time.
     $pip --no-deps --force-reinstall onboard
@@ -121,7 +121,7 @@ uninstall() {
     rmdir "$units/gpsd.service.d" 2>/dev/null || true
     if ip link show vcan0 >/dev/null 2>&1; then ip link delete vcan0; fi
     systemctl daemon-reload
-    udevadm control --reload
+    udevadm control --reload 2>/dev/null || true  # containers have no udev
     if [ "$purge" = yes ]; then
         rm -rf "$etc" "$state"
         userdel onboard 2>/dev/null || true

@@ -53,7 +53,8 @@ def _is_synchronised() -> bool:
 def written_folders(config: CarConfig) -> set[Path]:
     """Every folder that the car writes to."""
     files = (config.trace.file, config.trace.capture, config.access.driver_file)
-    return {file.parent for file in files if file is not None}
+    folders = {file.parent for file in files if file is not None}
+    return folders if config.recorder is None else folders | {config.recorder.folder}
 
 
 def examine_disk(folders: Iterable[Path]) -> list[Finding]:

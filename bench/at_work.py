@@ -1,0 +1,256 @@
+"""One daemon at work: 15 pictures a second, OBD, GNSS, ten signed cars around it; and its start.
+
+The camera shows a car with a plate, the ECU is asked twenty times a second, gpsd tells ten fixes a
+second, and ten cars with a radio send BSMs ten times a second, each with a footer of the cars that
+it sees: everything is signed and verified. The reference for time and memory is a process that only
+decodes the same pictures; for start and stop it is Python with NumPy and OpenCV and nothing else.
+"""
+
+import asyncio
+import itertools
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import cv2
+import numpy as np
+import psutil
+import yaml
+
+from bench import Figure
+from bench.daemon import READ_AND_DECODE
+from onboard.config import CarConfig
+from onboard.observations import Position, SensedCar, Speed
+from onboard.security.authority import make_trial
+from onboard.security.credentials import Credentials
+from onboard.security.key_files import write_credentials
+from onboard.settings import parse_settings
+from onboard.stack import Stack
+from onboard.vision.settings import CameraSettings
+from onboard.wave_udp import psid
+from sim_rig.cars.camera_view import LENS
+from sim_rig.cars.ecu import Ecu
+from sim_rig.cars.socketcand_server import SocketcandServer
+from sim_rig.picture.scene import Picture, Scene, SceneCar
+from sim_rig.processes import Processes
+
+CAMERA_FPS, PICTURES = 15.0, 60
+OTHERS = 10
+SPEED_M_S = 15.0
+SETTLE_S, MEASURE_S = 5.0, 30.0
+STARTS = 5
+LATITUDE_DEG, LONGITUDE_DEG, M_PER_DEG = 52.0, 5.0, 111_000.0
+FIXES_HZ = 10.0
+
+
+def measure() -> Iterator[Figure]:
+    """Cores and memory at work; seconds to ready and to the end."""
+    with tempfile.TemporaryDirectory() as name:
+        own, reader = asyncio.run(_work(Path(name)))
+        beside = "a process that only decodes the pictures"
+        yield Figure("at_work.cpu", own[0], "cores", 1, beside, reader[0])
+        yield Figure("at_work.memory", own[1] / 2**20, "MiB", 1, beside, reader[1] / 2**20)
+        lives = [_life(Path(name)) for _ in range(STARTS)]
+        least = [_python_s() for _ in range(STARTS)]
+        beside = "Python that imports NumPy and OpenCV and ends"
+        for what, times in zip(
+            ("start_to_ready", "reload", "stop"), zip(*lives, strict=True), strict=True
+        ):
+            figure = (float(np.median(times)), "s", STARTS, beside, float(np.median(least)))
+            yield Figure(f"at_work.{what}", *figure)
+
+
+async def _work(folder: Path) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Cores and bytes of the daemon and of the reference."""
+    trial = make_trial(
+        ["own", *(f"car{number}" for number in range(OTHERS))], {psid.BSM, psid.LCCA}, time.time()
+    )
+    write_credentials(folder / "keys", trial.pop("own"))
+    ecu = SocketcandServer(Ecu(lambda _now: SPEED_M_S), "can0", lambda _frame: None)
+    camera = await asyncio.start_server(_Camera().serve, "127.0.0.1", 0)
+    gpsd = await asyncio.start_server(_serve_fixes, "127.0.0.1", 0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
+        unit.bind(("127.0.0.1", 0))
+        port = _free_port()
+        config = {
+            "car": {"plate": "OWN1"},
+            "can": {"channel": "can0", "port": await ecu.start()},
+            "camera": LENS.model_dump() | {"source": f"http://127.0.0.1:{_port(camera)}/"},
+            "vision": {"tag_dictionary": None},
+            "gnss": {"port": _port(gpsd)},
+            "radio": {
+                "endpoint": "iwcu",
+                "listen_port": port,
+                "unit_port": unit.getsockname()[1],
+            },
+            "security": {"keys_folder": str(folder / "keys")},
+        }
+        (folder / "car.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
+        async with Processes(folder) as processes:
+            await processes.start("car", "-m", "onboard", "run", str(folder / "car.yaml"))
+            await processes.start("reader", "-c", READ_AND_DECODE, str(folder / "car.yaml"))
+            traffic = asyncio.create_task(_traffic(list(trial.values()), unit, port))
+            running = [psutil.Process(processes.pid(name)) for name in ("car", "reader")]
+            await processes.sleep_until(time.monotonic() + SETTLE_S)
+            before = [process.cpu_times() for process in running]
+            await processes.sleep_until(time.monotonic() + MEASURE_S)
+            used = [
+                (
+                    (then.user + then.system - at.user - at.system) / MEASURE_S,
+                    process.memory_info().rss,
+                )
+                for process, at in zip(running, before, strict=True)
+                for then in (process.cpu_times(),)
+            ]
+            traffic.cancel()
+    await ecu.close()
+    camera.close()
+    gpsd.close()
+    return used[0], used[1]
+
+
+async def _traffic(credentials: list[Credentials], unit: socket.socket, port: int) -> None:
+    """Ten cars in two lanes behind, that see each other and the own car."""
+    now, utc_s = time.monotonic(), time.time()
+    config = parse_settings({"car": {"plate": "OTHER1"}}, CarConfig, "bench")
+    others = [
+        Stack(config, (), np.random.default_rng(number), now=now, utc_s=utc_s, credentials=own)
+        for number, own in enumerate(credentials)
+    ]
+    began_s = now
+    while True:
+        now = time.monotonic()
+        ahead_m = (now - began_s) * SPEED_M_S
+        for number, other in enumerate(others):
+            behind_m, beside_m = 15.0 * (number // 2 + 1), 3.5 * (number % 2)
+            other.set_utc(time.time(), now)
+            other.receive_observation(Speed(now, SPEED_M_S, 0.1, "bench"), now)
+            other.receive_observation(_position(now, ahead_m - behind_m, beside_m), now)
+            for track in (1, 2):
+                other.receive_observation(SensedCar(now, track, 15.0 * track, 0.5, 0.0, 0.02), now)
+            other.handle_timer(now)
+            for _, wsm in other.wsms_to_send(now):
+                unit.sendto(wsm, ("127.0.0.1", port))
+            while other.next_event() is not None:
+                pass
+            await asyncio.sleep(0)
+        await asyncio.sleep(max(0.0, now + 0.1 - time.monotonic()))
+
+
+def _position(now: float, north_m: float, east_m: float) -> Position:
+    return Position(
+        stamp_s=now,
+        latitude_deg=LATITUDE_DEG + north_m / M_PER_DEG,
+        longitude_deg=LONGITUDE_DEG + east_m / M_PER_DEG / np.cos(np.radians(LATITUDE_DEG)),
+        altitude_m=0.0,
+        sigma_m=1.5,
+        speed_m_s=SPEED_M_S,
+        course_rad=0.0,
+    )
+
+
+async def _serve_fixes(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """As gpsd tells them."""
+    began_s = time.monotonic()
+    while not writer.is_closing():
+        north_m = (time.monotonic() - began_s) * SPEED_M_S
+        report = {
+            "class": "TPV",
+            "mode": 3,
+            "time": datetime.now(UTC).isoformat().replace("+00:00", "Z"),
+            "lat": LATITUDE_DEG + north_m / M_PER_DEG,
+            "lon": LONGITUDE_DEG,
+            "epx": 3.0,
+            "epy": 3.0,
+            "speed": SPEED_M_S,
+            "track": 0.0,
+        }
+        writer.write(json.dumps(report, separators=(",", ":")).encode() + b"\n")
+        await asyncio.sleep(1 / FIXES_HZ)
+
+
+class _Camera:
+    """Pictures of a car some 15 m ahead, drawn before and shown round and round."""
+
+    def __init__(self) -> None:
+        picture = Picture(CameraSettings(source="bench", **LENS.model_dump()))
+        rng = np.random.default_rng(1)
+        self._jpegs = []
+        for number in range(PICTURES):
+            ahead = SceneCar(ahead_m=15.0 + np.sin(2 * np.pi * number / PICTURES), plate="AB123CD")
+            scene = Scene(cars=(ahead,), travelled_m=number * SPEED_M_S / CAMERA_FPS)
+            self._jpegs.append(cv2.imencode(".jpg", picture.draw(scene, rng))[1].tobytes())
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """MJPEG over HTTP."""
+        await reader.readuntil(b"\r\n\r\n")
+        kind = b"multipart/x-mixed-replace; boundary=picture"
+        writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: " + kind + b"\r\n\r\n")
+        for number in itertools.count():
+            if writer.is_closing():
+                return
+            jpeg = self._jpegs[number % PICTURES]
+            writer.write(b"--picture\r\nContent-Length: %d\r\n\r\n" % len(jpeg) + jpeg + b"\r\n")
+            await asyncio.sleep(1 / CAMERA_FPS)
+
+
+def _life(folder: Path) -> tuple[float, float, float]:
+    """Seconds from the process's start to ready, from SIGHUP to ready, from SIGTERM to its end."""
+    address = folder / "notify"
+    address.unlink(missing_ok=True)
+    config = folder / "start.yaml"
+    tree = {
+        "car": {"plate": "OWN1"},
+        "radio": {"endpoint": "iwcu", "listen_port": _free_port(), "unit_port": 9},
+        "security": {"keys_folder": str(folder / "keys")},
+        "trace": {"file": str(folder / "trace.jsonl")},
+    }
+    config.write_text(yaml.safe_dump(tree), encoding="utf-8")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(address))
+
+        def until_ready(since_s: float) -> float:
+            while not manager.recv(4096).startswith(b"READY=1"):
+                pass
+            return time.monotonic() - since_s
+
+        began_s = time.monotonic()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "onboard", "run", str(config)],
+            env=os.environ | {"NOTIFY_SOCKET": str(address)},
+            stderr=subprocess.DEVNULL,
+        )
+        start_s = until_ready(began_s)
+        time.sleep(1.0)  # it is at work when it is told something
+        told_s = time.monotonic()
+        process.send_signal(signal.SIGHUP)
+        reload_s = until_ready(told_s)
+        time.sleep(1.0)
+        told_s = time.monotonic()
+        process.terminate()
+        process.wait()
+        return start_s, reload_s, time.monotonic() - told_s
+
+
+def _python_s() -> float:
+    began_s = time.monotonic()
+    subprocess.run([sys.executable, "-c", "import numpy, cv2"], check=True)
+    return time.monotonic() - began_s
+
+
+def _port(server: asyncio.Server) -> int:
+    return int(server.sockets[0].getsockname()[1])
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,264 @@
+"""Build the machine, install the box on it, drive it, and print what came of it.
+
+python -m deploy.vm [--by-the-clock] [--again] [--record]
+"""
+
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import yaml
+
+from deploy.vm.drive import BOX, FOLDER, TRACE, Drive, NotSeenError, Row, slowness
+from deploy.vm.here import Here
+from deploy.vm.machine import Machine, MachineError, new_disk
+from deploy.vm.report import record, table
+from onboard.security.authority import make_trial
+from onboard.security.key_files import write_credentials
+from onboard.vision.settings import CameraSettings
+from onboard.wave_udp import psid
+from sim_rig.cars.camera_view import LENS
+from sim_rig.picture.scene import Picture, Scene, SceneCar
+
+ROOT = Path(__file__).parents[2]
+BUILD = ROOT / "build" / "vm"
+SHARE, DISK, SMALL_DISK = BUILD / "share", BUILD / "disk.qcow2", BUILD / "small.raw"
+DOCS = ROOT / "docs" / "in-the-car.md"
+
+SMALL_DISK_BYTES = 48 << 20
+PICTURES = 40
+TAG_M = 0.4
+"""Large, for small pictures: the guest is slow."""
+VIEW = LENS.model_dump() | {
+    "width_px": 320,
+    "height_px": 180,
+    "focal_x_px": 800.0,
+    "focal_y_px": 800.0,
+    "principal_x_px": 160.0,
+    "principal_y_px": 90.0,
+}
+CAR = {
+    "car": {"plate": "TAG2"},
+    "can": {"interface": "socketcan", "channel": "vcan0"},
+    "obd": {"polling_hz": 10.0},
+    "camera": {"source": "http://127.0.0.1:8081/", **VIEW},
+    "vision": {"plates": False, "tag_side_m": TAG_M},
+    "gnss": {},
+    "radio": {"endpoint": "iwcu", "listen_port": 5398, "unit_port": 5399},
+    "security": {"keys_folder": "/etc/onboard/keys", "plate_digest": {"scrypt_log2_n": 6}},
+    "watch": {"speed_s": 2.0, "camera_s": 3.0, "position_s": 3.0},
+    "trace": {"file": TRACE},
+    "recorder": {"folder": BOX, "segment_s": 10.0, "ring_mib": 24.0},
+}
+START_RIG = (
+    "systemd-run --quiet --unit=rig --property=Restart=always"
+    " /opt/onboard/venv/bin/python /share/rig.py /share/pictures /root/keys "
+)
+"""The other end of the wires runs on the same box, with the box's own Python."""
+MOUNT = f"""
+echo '/dev/vdb {FOLDER} ext4 defaults 0 2' >>/etc/fstab
+mkdir -p {FOLDER} && mount {FOLDER}
+"""
+SET_UP = """set -e
+sh /share/box/install.sh --vcan
+systemctl stop onboard
+chown -R onboard:onboard /var/lib/onboard
+cp -R /share/keys/ahead /root/keys && chmod -R go= /root/keys
+cp -R /share/keys/car /etc/onboard/keys
+cp /share/car.yaml /etc/onboard/car.yaml
+echo 'DEVICES="udp://127.0.0.1:5000"' >/etc/default/gpsd
+sh /share/box/install.sh --vcan
+systemctl stop onboard
+sync
+"""
+"""As docs/in-the-car.md tells it, and the installer twice: it changes nothing the second time."""
+
+
+def main() -> int:
+    """Run the test; 0 if every limit was kept."""
+    parser = argparse.ArgumentParser(prog="python -m deploy.vm")
+    parser.add_argument("--here", action="store_true", help="in namespaces, without QEMU")
+    parser.add_argument("--again", action="store_true", help="with what is installed already")
+    parser.add_argument("--record", action="store_true", help=f"write the table to {DOCS.name}")
+    arguments = parser.parse_args()
+    test = VmTest()
+    is_kept = test.run_here() if arguments.here else test.run(again=arguments.again)
+    text = test.table()
+    print(text)
+    if arguments.record and is_kept:
+        record(DOCS, "here" if arguments.here else "vm-test", text)
+    return 0 if is_kept else 1
+
+
+class VmTest:
+    """One run, and what it found."""
+
+    def __init__(self) -> None:
+        self._rows: list[Row] = []
+        self._failures: list[str] = []
+        self._took_s: dict[str, float] = {}
+        self._slowness = 1.0
+
+    def run(self, *, again: bool) -> bool:
+        """Do everything, go on after what fails; return whether nothing did."""
+        self._prepare(again=again)
+        with self._timed("boot"):
+            machine = self._boot(counted=True)
+        try:
+            self._slowness = slowness(machine)
+            machine.run(START_RIG + "vcan")
+            self._doctor(machine)
+            drive = Drive(machine, self._slowness)
+            self._drive(drive)
+            recording = drive.newest_recording()
+            with self._timed("power cut and boot"):
+                machine.cut_power()
+                machine = self._boot(counted=True)
+            machine.run(START_RIG + "vcan")
+            drive = Drive(machine, self._slowness)
+            self._do(partial(drive.after_power_cut, recording))
+            self._do(drive.stop)
+            self._uninstall(machine)
+        finally:
+            machine.cut_power()
+        return self._is_kept()
+
+    def run_here(self) -> bool:
+        """What can be done without a kernel of its own, at this machine's speed."""
+        self._make_share(CAR | {"can": {"interface": "socketcand", "channel": "can0"}})
+        machine = Here(BUILD, BUILD / "here", SHARE)
+        try:
+            with self._timed("install.sh twice"):
+                machine.run(SET_UP, timeout_s=600.0)
+            machine.run(START_RIG + "socketcand")
+            drive = Drive(machine, self._slowness)
+            self._drive(drive)
+            self._do(drive.stop)
+            self._uninstall(machine)
+        finally:
+            machine.cut_power()
+        return self._is_kept()
+
+    def _is_kept(self) -> bool:
+        return not self._failures and all(row.is_kept for row in self._rows)
+
+    def table(self) -> str:
+        """For people."""
+        return table(self._rows, self._failures, self._took_s, self._slowness)
+
+    # ---- before the drive ----------------------------------------------------------------
+
+    def _prepare(self, *, again: bool) -> None:
+        self._make_share(CAR)
+        if again and DISK.exists():
+            return
+        DISK.unlink(missing_ok=True)
+        new_disk(DISK, BUILD / "disk.raw", "raw")
+        SMALL_DISK.unlink(missing_ok=True)
+        with SMALL_DISK.open("wb") as file:
+            file.truncate(SMALL_DISK_BYTES)
+        _sh("mke2fs", "-q", "-F", "-t", "ext4", SMALL_DISK)
+        with self._timed("boot, install.sh twice"):
+            # By the clock and on two cores, which is sooner done.
+            machine = self._boot(counted=False)
+            try:
+                machine.run(MOUNT + SET_UP, timeout_s=1800.0)
+            finally:
+                machine.power_off()
+
+    def _make_share(self, car: dict[str, object]) -> None:
+        with self._timed("image (kept from run to run)"):
+            _sh("sh", ROOT / "deploy" / "vm" / "image.sh", BUILD)
+        with self._timed("make box"):
+            _sh("sh", ROOT / "deploy" / "box.sh", SHARE / "box")
+            _fill_share(car)
+
+    def _boot(self, *, counted: bool) -> Machine:
+        return Machine(BUILD, DISK, SMALL_DISK, SHARE, counted=counted)
+
+    def _doctor(self, machine: Machine) -> None:
+        """What it must find on this box: the camera is slow and the disk small."""
+        expected = dict.fromkeys(("bus", "ECU", "light", "calibration", "gpsd"), "good")
+        expected |= dict.fromkeys(("camera", "radio", "clock", "keys"), "doubtful")
+        expected["disk"] = "missing"
+        with self._timed("doctor"):
+            command = "runuser -u onboard -- onboard doctor --json --patience 15"
+            answer = machine.run(command, check=False)
+        found = {each["subject"]: each["verdict"] for each in json.loads(answer.output)}
+        if found != expected:
+            self._failures.append(f"doctor: {answer.output}")
+
+    # ---- the drive -----------------------------------------------------------------------
+
+    def _drive(self, drive: Drive) -> None:
+        for step in drive.steps():
+            self._do(step)
+
+    def _uninstall(self, machine: Machine | Here) -> None:
+        with self._timed("uninstall"):
+            machine.run(f"umount {FOLDER}; sh /share/box/install.sh --uninstall --purge")
+            left = machine.run(
+                "ls -d /opt/onboard /etc/onboard /var/lib/onboard /etc/systemd/system/*onboard*"
+                " /etc/systemd/network/*onboard* /usr/local/bin/onboard 2>/dev/null",
+                check=False,
+            )
+        if left.output:
+            self._failures.append(f"uninstall left {left.output}")
+
+    def _do(self, step: Callable[[], Iterator[Row]]) -> None:
+        name = getattr(step, "func", step).__name__.replace("_", " ")
+        with self._timed(name):
+            try:
+                self._rows.extend(step())
+            except (NotSeenError, MachineError) as error:
+                self._failures.append(f"{name}: {error}")
+        print(f"{name}: {self._took_s[name]:.0f} s", *self._failures[-1:], flush=True)
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        began_s = time.monotonic()
+        yield
+        self._took_s[name] = time.monotonic() - began_s
+
+
+def _fill_share(car: dict[str, object]) -> None:
+    """What the guest reads: the box, and what the rig shows and signs with."""
+    shutil.copy(Path(__file__).with_name("rig.py"), SHARE)
+    (SHARE / "car.yaml").write_text(yaml.safe_dump(car, sort_keys=False), encoding="utf-8")
+    shutil.rmtree(SHARE / "keys", ignore_errors=True)
+    (SHARE / "keys").mkdir(mode=0o700)
+    for name, credentials in make_trial(
+        ["car", "ahead"], {psid.BSM, psid.LCCA}, time.time()
+    ).items():
+        write_credentials(SHARE / "keys" / name, credentials)
+    if not (SHARE / "pictures").is_dir():
+        (SHARE / "pictures").mkdir()
+        _paint(SHARE / "pictures")
+
+
+def _paint(folder: Path) -> None:
+    """A car with a tag some 12 m ahead, which comes and goes a little, round and round."""
+    picture = Picture(CameraSettings(source="rig", **VIEW))
+    rng = np.random.default_rng(1)
+    for number in range(PICTURES):
+        gap_m = 12.0 + 0.3 * np.sin(2 * np.pi * number / PICTURES)
+        ahead = SceneCar(ahead_m=gap_m, tag_id=1, tag_side_m=TAG_M)
+        image = picture.draw(Scene(cars=(ahead,), travelled_m=3.75 * number), rng)
+        cv2.imwrite(str(folder / f"{number:03}.jpg"), image)
+
+
+def _sh(*command: str | Path) -> None:
+    subprocess.run(command, check=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

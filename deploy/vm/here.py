@@ -1,0 +1,96 @@
+"""The same box in namespaces of this machine, at this machine's speed: systemd is PID 1 of its own.
+
+Needs root and a kernel with cgroup 2. What concerns the kernel itself (vcan, the clock, a loss of
+power) is not tried here, since this machine is not ours to shake.
+"""
+
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+from deploy.vm.machine import Answer, MachineError
+
+BOOT = """
+set -e
+mount --make-rprivate /
+mount -o loop,ro,noload "$1/disk.raw" "$2/lower"
+mount -t overlay overlay -o "lowerdir=$2/lower,upperdir=$2/upper,workdir=$2/work" "$2/root"
+cd "$2/root"
+mount -t proc proc proc
+mount --bind -o ro proc/sys proc/sys
+mount -t sysfs -o ro sysfs sys
+mount -t cgroup2 cgroup2 sys/fs/cgroup
+mount -t tmpfs tmpfs run
+mount -t tmpfs tmpfs dev
+for device in null zero full random urandom; do
+    touch "dev/$device"; mount --bind "/dev/$device" "dev/$device"
+done
+mkdir dev/shm
+ln -s /proc/self/fd dev/fd
+mkdir -p share var/lib/onboard/drive old
+mount --bind -o ro "$3" share
+mount -t tmpfs -o size=48m tmpfs var/lib/onboard/drive
+ip link set lo up
+pivot_root . old
+umount -l old
+exec env -i container=vm-test /sbin/init
+"""
+NAMESPACES = ("--pid", "--mount", "--uts", "--ipc", "--net", "--cgroup")
+
+
+class Here:
+    """As `Machine`, without a processor of its own."""
+
+    def __init__(self, image: Path, folder: Path, share: Path) -> None:
+        """Boot what lies in `image`; what it writes goes to `folder`, which is emptied first."""
+        shutil.rmtree(folder, ignore_errors=True)
+        for name in ("lower", "upper", "work", "root"):
+            (folder / name).mkdir(parents=True)
+        self._unshare = subprocess.Popen(
+            [
+                *("unshare", "--fork", "--kill-child", *NAMESPACES),
+                *("sh", "-c", BOOT, "boot", image, folder, share),
+            ],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        children = Path(f"/proc/{self._unshare.pid}/task/{self._unshare.pid}/children")
+        give_up_at = time.monotonic() + 60.0
+        while True:
+            self._init = children.read_text().strip()
+            if self._init and self._is_up():
+                return
+            if time.monotonic() > give_up_at:
+                raise MachineError("systemd does not come up in namespaces; is this root?")
+            time.sleep(0.1)
+
+    def _is_up(self) -> bool:
+        state = self.run("systemctl is-system-running", check=False).output.strip()
+        return state in {"running", "degraded"}
+
+    def run(self, command: str, timeout_s: float = 120.0, *, check: bool = True) -> Answer:
+        """As `Machine.run`."""
+        began_s = time.monotonic()
+        done = subprocess.run(
+            [
+                *("nsenter", "--target", self._init, "--all", "--root", "--wd"),
+                *("env", "-i", "PATH=/usr/sbin:/usr/bin:/sbin:/bin", "/bin/bash", "-c", command),
+            ],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=timeout_s,
+            check=False,
+        )
+        answer = Answer(done.returncode, done.stdout, began_s, time.monotonic())
+        if check and answer.code != 0:
+            raise MachineError(f"{command}: exit code {answer.code}: {answer.output[-2000:]}")
+        return answer
+
+    def cut_power(self) -> None:
+        """End every process in the namespaces."""
+        self._unshare.kill()
+        self._unshare.wait()

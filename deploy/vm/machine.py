@@ -1,0 +1,144 @@
+"""A small Debian in QEMU without KVM, and commands that run in it.
+
+It has no network and no window: the test asks the agent in the guest (`agent.py`) over a virtio
+port. In counted time (`-icount shift=0`) the guest's clock goes one nanosecond an instruction: to
+itself it is a machine of one core and 1,000 MIPS, slower than a desk and about as fast as a small
+board, however busy the desk is that it runs on.
+"""
+
+import json
+import socket
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+MEMORY_MIB = 1536
+PATIENCE_S = 3000.0
+"""On the host's clock; a guest that takes longer hangs."""
+
+
+class MachineError(Exception):
+    """The guest does not answer, or a command in it failed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came of a command, with stamps of the guest's monotonic clock."""
+
+    code: int
+    output: str
+    began_s: float
+    ended_s: float
+
+    @property
+    def took_s(self) -> float:
+        """In the guest's time."""
+        return self.ended_s - self.began_s
+
+
+class Machine:
+    """One boot of the machine; what it wrote stays on its disk."""
+
+    def __init__(
+        self, image: Path, disk: Path, small_disk: Path, share: Path, *, counted: bool
+    ) -> None:
+        """Switch on.
+
+        Args:
+            image: the folder with the kernel and the initrd.
+            disk: what it writes goes there, qcow2.
+            small_disk: /dev/vdb, raw.
+            share: a folder of the host, which the guest reads at /share.
+            counted: by instructions and not by the host's clock.
+        """
+        self._address = disk.with_suffix(".agent")
+        self._address.unlink(missing_ok=True)
+        self._console = disk.with_suffix(".console").open("ab")
+        clock = ["-icount", "shift=0", "-smp", "1"] if counted else ["-smp", "2"]
+        threads = "single" if counted else "multi"
+        self._process = subprocess.Popen(
+            [
+                *("qemu-system-x86_64", "-machine", "q35", "-cpu", "max", *clock),
+                *("-accel", f"tcg,thread={threads},tb-size=512", "-m", str(MEMORY_MIB)),
+                *("-nodefaults", "-no-user-config", "-display", "none", "-no-reboot"),
+                *("-kernel", str(image / "vmlinuz"), "-initrd", str(image / "initrd")),
+                *("-append", "console=ttyS0 root=/dev/vda rw quiet panic=-1 mitigations=off"),
+                *("-serial", "stdio", "-rtc", "clock=vm" if counted else "clock=host"),
+                *("-drive", f"file={disk},format=qcow2,if=virtio"),
+                *("-drive", f"file={small_disk},format=raw,if=virtio"),
+                *("-device", "virtio-serial-pci"),
+                *("-chardev", f"socket,id=agent,path={self._address},server=on,wait=off"),
+                *("-device", "virtserialport,chardev=agent,name=host"),
+                "-virtfs",
+                f"local,path={share},mount_tag=share,security_model=none,readonly=on",
+                *("-device", "virtio-rng-pci"),
+            ],
+            stdin=subprocess.DEVNULL,
+            stdout=self._console,
+            stderr=subprocess.STDOUT,
+        )
+        self._wire = self._connect()
+        self._unread = b""
+        self._read_line()
+        self.run("mkdir -p /share; mount -t 9p -o trans=virtio,ro share /share")
+
+    def run(self, command: str, timeout_s: float = 120.0, *, check: bool = True) -> Answer:
+        """Run `command` in the guest's bash as root, for at most `timeout_s` of the guest's time.
+
+        Raises:
+            MachineError: it failed, where `check` is asked for, or the guest does not answer.
+        """
+        asked = {"command": command, "timeout_s": timeout_s}
+        self._wire.sendall(json.dumps(asked).encode() + b"\n")
+        answer = Answer(**json.loads(self._read_line()))
+        if check and answer.code != 0:
+            raise MachineError(f"{command}: exit code {answer.code}: {answer.output[-2000:]}")
+        return answer
+
+    def cut_power(self) -> None:
+        """Gone between two instructions; what had not reached the disk is lost."""
+        self._process.kill()
+        self._close()
+
+    def power_off(self) -> None:
+        """Shut down in order."""
+        self._wire.sendall(b'{"command": "systemctl --no-block poweroff", "timeout_s": 60}\n')
+        self._process.wait(PATIENCE_S)
+        self._close()
+
+    def _close(self) -> None:
+        self._process.wait()
+        self._wire.close()
+        self._console.close()
+
+    def _connect(self) -> socket.socket:
+        wire = socket.socket(socket.AF_UNIX)
+        wire.settimeout(PATIENCE_S)
+        while True:
+            try:
+                wire.connect(str(self._address))
+            except OSError as error:
+                if self._process.poll() is not None:
+                    raise MachineError(f"QEMU ended; see {self._console.name}") from error
+                time.sleep(0.05)
+            else:
+                return wire
+
+    def _read_line(self) -> bytes:
+        while b"\n" not in self._unread:
+            try:
+                data = self._wire.recv(65536)
+            except TimeoutError as error:
+                raise MachineError("the guest does not answer") from error
+            if not data:
+                raise MachineError(f"the guest is gone; see {self._console.name}")
+            self._unread += data
+        line, self._unread = self._unread.split(b"\n", 1)
+        return line
+
+
+def new_disk(disk: Path, base: Path, base_format: str) -> None:
+    """Make a disk that begins as `base`, which stays as it is."""
+    command = ["qemu-img", "create", "-q", "-f", "qcow2", "-F", base_format]
+    subprocess.run([*command, "-b", base.resolve(), disk], check=True)
