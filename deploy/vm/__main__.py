@@ -221,13 +221,14 @@ class VmTest:
                 self._rows.extend(step())
             except (NotSeenError, MachineError) as error:
                 self._failures.append(f"{name}: {error}")
-        print(f"{name}: {self._took_s[name]:.0f} s", *self._failures[-1:], flush=True)
+                print(self._failures[-1], flush=True)
 
     @contextmanager
     def _timed(self, name: str) -> Iterator[None]:
         began_s = time.monotonic()
         yield
         self._took_s[name] = time.monotonic() - began_s
+        print(f"{name}: {self._took_s[name]:.0f} s", flush=True)
 
 
 def _fill_share(car: dict[str, object]) -> None:
