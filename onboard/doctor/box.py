@@ -54,7 +54,10 @@ def written_folders(config: CarConfig) -> set[Path]:
     """Every folder that the car writes to."""
     files = (config.trace.file, config.trace.capture, config.access.driver_file)
     folders = {file.parent for file in files if file is not None}
-    return folders if config.recorder is None else folders | {config.recorder.folder}
+    if config.recorder is not None:
+        box = config.recorder.folder  # which the recorder makes
+        folders.add(box if box.exists() else box.parent)
+    return folders
 
 
 def examine_disk(folders: Iterable[Path]) -> list[Finding]:
