@@ -112,7 +112,7 @@ class Drive:
     def newest_recording(self) -> str:
         """The drive that is being recorded."""
         newest: str = self._run(f"ls -t {BOX}/*.mcap | head -1").output
-        return newest.rsplit("-", 1)[0]
+        return newest.partition("Z-")[0] + "Z"
 
     def open_recording(self, what: str, drive: str) -> Row:
         """As an engineer would."""

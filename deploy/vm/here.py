@@ -36,6 +36,7 @@ pivot_root . old
 umount -l old
 exec env -i container=vm-test /sbin/init
 """
+PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 NAMESPACES = ("--pid", "--mount", "--uts", "--ipc", "--net", "--cgroup")
 
 
@@ -76,7 +77,7 @@ class Here:
         done = subprocess.run(
             [
                 *("nsenter", "--target", self._init, "--all", "--root", "--wd"),
-                *("env", "-i", "PATH=/usr/sbin:/usr/bin:/sbin:/bin", "/bin/bash", "-c", command),
+                *("env", "-i", f"PATH={PATH}", "/bin/bash", "-c", command),
             ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
