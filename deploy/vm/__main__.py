@@ -59,11 +59,20 @@ CAR = {
     "trace": {"file": TRACE},
     "recorder": {"folder": BOX, "segment_s": 10.0, "ring_mib": 24.0},
 }
-START_RIG = (
-    "systemd-run --quiet --unit=rig --property=Restart=always"
-    " /opt/onboard/venv/bin/python /share/rig.py /share/pictures /root/keys "
-)
-"""The other end of the wires runs on the same box, with the box's own Python."""
+RIG_UNIT = """
+[Unit]
+Description=The other end of the wires, on the same box and with the box's own Python
+
+[Service]
+Type=exec
+ExecStart=/opt/onboard/venv/bin/python /root/rig.py /root/pictures /root/keys BUS
+# Port 8081: what a car has when it is switched on is there before the car looks for it.
+ExecStartPost=/bin/sh -c 'until grep -q :1F91 /proc/net/tcp; do sleep 0.2; done'
+Restart=always
+
+[Install]
+WantedBy=multi-user.target
+"""
 MOUNT = f"""
 echo '/dev/vdb {FOLDER} ext4 defaults 0 2' >>/etc/fstab
 mkdir -p {FOLDER} && mount {FOLDER}
@@ -74,6 +83,11 @@ systemctl stop onboard
 chown -R onboard:onboard /var/lib/onboard
 cp -R /share/keys/ahead /root/keys && chmod -R go= /root/keys
 cp -R /share/keys/car /etc/onboard/keys
+cp -R /share/rig.py /share/pictures /root/
+cp /share/rig.service /etc/systemd/system/
+mkdir -p /etc/systemd/system/onboard.service.d
+printf '[Unit]\\nAfter=rig.service\\n' >/etc/systemd/system/onboard.service.d/test.conf
+systemctl enable --quiet rig
 chown -R onboard:onboard /etc/onboard/keys && chmod -R go= /etc/onboard/keys
 cp /share/car.yaml /etc/onboard/car.yaml
 echo 'DEVICES="udp://127.0.0.1:5000"' >/etc/default/gpsd
@@ -121,7 +135,7 @@ class VmTest:
             machine = self._boot(counted=True)
         try:
             self._slowness = slowness(machine)
-            machine.run(START_RIG + "vcan")
+            machine.run("systemctl stop onboard")
             self._doctor(machine)
             drive = Drive(machine, self._slowness)
             self._drive(drive)
@@ -129,7 +143,6 @@ class VmTest:
             with self._timed("power cut and boot"):
                 machine.cut_power()
                 machine = self._boot(counted=True)
-            machine.run(START_RIG + "vcan")
             drive = Drive(machine, self._slowness)
             self._do(partial(drive.after_power_cut, recording))
             self._do(drive.stop)
@@ -140,7 +153,7 @@ class VmTest:
 
     def run_here(self) -> bool:
         """What can be done without a kernel of its own, at this machine's speed."""
-        self._make_share(CAR | {"can": {"interface": "socketcand", "channel": "can0"}})
+        self._make_share("socketcand", {"can": {"interface": "socketcand", "channel": "can0"}})
         machine = Here(BUILD, BUILD / "here", SHARE)
         try:
             with self._timed("install.sh twice"):
@@ -149,7 +162,7 @@ class VmTest:
                 machine.run("sh /share/box/install.sh --vcan; systemctl stop onboard")
                 if machine.run(STATE).output != before:
                     self._failures.append("install.sh changes something when it runs again")
-            machine.run(START_RIG + "socketcand")
+            machine.run("systemctl daemon-reload; systemctl start rig")
             drive = Drive(machine, self._slowness)
             self._drive(drive)
             self._do(drive.stop)
@@ -168,7 +181,7 @@ class VmTest:
     # ---- before the drive ----------------------------------------------------------------
 
     def _prepare(self, *, again: bool) -> None:
-        self._make_share(CAR)
+        self._make_share("vcan", {})
         if again and DISK.exists():
             return
         DISK.unlink(missing_ok=True)
@@ -185,12 +198,12 @@ class VmTest:
             finally:
                 machine.power_off()
 
-    def _make_share(self, car: dict[str, object]) -> None:
+    def _make_share(self, bus: str, changes: dict[str, object]) -> None:
         with self._timed("image (kept from run to run)"):
             _sh("sh", ROOT / "deploy" / "vm" / "image.sh", BUILD)
         with self._timed("make box"):
             _sh("sh", ROOT / "deploy" / "box.sh", SHARE / "box")
-            _fill_share(car)
+            _fill_share(bus, CAR | changes)
 
     def _boot(self, *, counted: bool) -> Machine:
         return Machine(BUILD, DISK, SMALL_DISK, SHARE, counted=counted)
@@ -241,9 +254,10 @@ class VmTest:
         print(f"{name}: {self._took_s[name]:.0f} s", flush=True)
 
 
-def _fill_share(car: dict[str, object]) -> None:
+def _fill_share(bus: str, car: dict[str, object]) -> None:
     """What the guest reads: the box, and what the rig shows and signs with."""
     shutil.copy(Path(__file__).with_name("rig.py"), SHARE)
+    (SHARE / "rig.service").write_text(RIG_UNIT.replace("BUS", bus), encoding="utf-8")
     (SHARE / "car.yaml").write_text(yaml.safe_dump(car, sort_keys=False), encoding="utf-8")
     shutil.rmtree(SHARE / "keys", ignore_errors=True)
     (SHARE / "keys").mkdir(mode=0o700)
