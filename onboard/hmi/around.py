@@ -1,7 +1,7 @@
 """Cars around, as the driver sees them: ahead and to the right of the own car."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from onboard.hmi.driver_view import CarAround
 from onboard.mvs.known_car import KnownBy, KnownCar
@@ -24,7 +24,11 @@ class Around:
         self._heading_rad: float | None = None
 
     def place(
-        self, own: KnownCar | None, cars: Sequence[KnownCar], seen: Sequence[SensedCar]
+        self,
+        own: KnownCar | None,
+        cars: Sequence[KnownCar],
+        seen: Sequence[SensedCar],
+        in_alarm: Collection[str] = (),
     ) -> list[CarAround]:
         """Map positions, the nearest first.
 
@@ -33,8 +37,9 @@ class Around:
             cars: the others, in the same frame.
             seen: by the own camera, in its last picture; only of use without a position, since
                 `cars` has them too.
+            in_alarm: names of the cars that an alarm is about.
         """
-        placed = self._seen(seen) if own is None else self._known(own, cars)
+        placed = self._seen(seen) if own is None else self._known(own, cars, in_alarm)
         near = [car for car in placed if math.hypot(car.ahead_m, car.right_m) <= RANGE_M]
         return sorted(near, key=lambda car: math.hypot(car.ahead_m, car.right_m))[:MOST_CARS]
 
@@ -49,7 +54,9 @@ class Around:
             right_m = car.range_m * math.sin(car.bearing_rad)
             yield CarAround(ahead_m, right_m, None, KnownBy.SEEN)
 
-    def _known(self, own: KnownCar, cars: Sequence[KnownCar]) -> Iterator[CarAround]:
+    def _known(
+        self, own: KnownCar, cars: Sequence[KnownCar], in_alarm: Collection[str] = ()
+    ) -> Iterator[CarAround]:
         if math.hypot(own.state[2], own.state[3]) >= MOVES_M_S:
             self._heading_rad = math.atan2(own.state[2], own.state[3])
         if self._heading_rad is None:
@@ -61,5 +68,9 @@ class Around:
             if math.hypot(car.state[2], car.state[3]) >= MOVES_M_S:
                 turned_rad = math.atan2(car.state[2], car.state[3]) - self._heading_rad
             yield CarAround(
-                east_m * sin + north_m * cos, east_m * cos - north_m * sin, turned_rad, car.known_by
+                east_m * sin + north_m * cos,
+                east_m * cos - north_m * sin,
+                turned_rad,
+                car.known_by,
+                car.name in in_alarm,
             )

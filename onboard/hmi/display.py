@@ -79,6 +79,8 @@ class Display:
         self._cars: Sequence[KnownCar] = ()
         self._warning: WarningRaised | None = None
         self._alarms: dict[Cause, AlarmShown] = {}
+        self._in_alarm: dict[Cause, frozenset[str]] = {}
+        """Names of the cars that each alarm is about."""
         self._not_recording: str | None = None
         self._show_at = -math.inf
 
@@ -138,7 +140,9 @@ class Display:
     def _receive_alarm(self, alarm: Alarm) -> None:
         if alarm.level is Level.NONE:
             self._alarms.pop(alarm.cause, None)
+            self._in_alarm.pop(alarm.cause, None)
             return
+        self._in_alarm[alarm.cause] = frozenset(reason.name for reason in alarm.reasons)
         cars_ahead = None
         if alarm.cause is Cause.GROUP and self._warning is not None:
             cars_ahead = self._warning.group_number - self._warning.origin_number
@@ -150,7 +154,7 @@ class Display:
         """Only crossing cars come from a side; the cars know which."""
         if alarm.cause is not Cause.CROSSING:
             return Direction.AHEAD
-        names = {reason.name for reason in alarm.reasons}
+        names = self._in_alarm[alarm.cause]
         for car in self._cars:
             right_m = self._around.right_m(self._own, car) if car.name in names else None
             if right_m is not None:
@@ -180,7 +184,8 @@ class Display:
         """Without the lead car, which the page draws by its gap."""
         lead = self._fresh_lead(now)
         seen = [car for car in self._seen if now - car.stamp_s <= self._lead_held_s]
-        cars = self._around.place(self._own, self._cars, () if lead is None else seen)
+        in_alarm = frozenset[str]().union(*self._in_alarm.values())
+        cars = self._around.place(self._own, self._cars, () if lead is None else seen, in_alarm)
         if lead is None or lead.identity is LeadIdentity.NO_LEAD or lead.gap_m is None:
             return cars
         lead_m = lead.gap_m + self._length_m

@@ -30,7 +30,7 @@ class Door:
             cookie: what `cookie_for` once gave.
             authorization: the `Authorization` header.
         """
-        if origin is not None and origin != f"http://{host}":
+        if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
             return "foreign_origin"
         if self._token is None:
             return None if _name_in(host) in OUR_NAMES else "foreign_host"

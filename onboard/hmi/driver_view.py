@@ -58,6 +58,8 @@ class CarAround:
     turned_rad: float | None
     """Its heading, clockwise from the own one; `None` if it stands or is not known to move."""
     known_by: KnownBy
+    in_alarm: bool = False
+    """Whether an alarm that holds is about it."""
 
 
 @dataclass(frozen=True, slots=True)

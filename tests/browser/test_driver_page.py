@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.observations import Sensor, SensorLost
 from onboard.recorder.notes import Recording
 from onboard.risk.alarm import Alarm, Cause, Level
@@ -286,6 +287,37 @@ def test_the_brake_button_is_a_braking_of_the_own_car_and_no_alarm_in_it(
     while 'onboard_sent_total{message="warn"}' not in metrics.text():
         metrics = page.context.request.get(f"{cars.address}metrics")
     expect(page.locator("#alarm")).to_be_hidden()
+
+
+def known_car(east_m: float, north_m: float, known_by: KnownBy) -> KnownCar:
+    state = (east_m, north_m, -10.0, 0.0) if known_by is not KnownBy.ITSELF else (0, 0, 0, 15.0)
+    return KnownCar(0.0, str(east_m), known_by, state, ((0.0,) * 4,) * 4, 0.1, frozenset())
+
+
+@pytest.mark.parametrize("size", [PHONE, PHONE_ON_ITS_SIDE, DESKTOP])
+def test_cars_to_the_side_are_on_the_map_the_nearer_the_nearer(
+    browser: Browser, cars: Row, size: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As far as 80 m away, and one on the next lane beside it."""
+    own = known_car(0.0, 0.0, KnownBy.ITSELF)
+    beside = [known_car(right_m, 22.0, KnownBy.RADIO) for right_m in (-80.0, -25.0, 3.5, 40.0)]
+    display = cars.page._display
+    tell = display.receive_surroundings
+    monkeypatch.setattr(display, "receive_surroundings", lambda *_: tell(own, beside))
+    page = open_page(browser, cars.address, size)
+    expect(page.locator(".car.radio")).to_have_count(4)
+
+    frame, boxes = page.evaluate(
+        """() => [document.querySelector("#road"), ...document.querySelectorAll(".car.radio")]
+            .map((e) => e.getBoundingClientRect()).map(({ left, right }) => [left, right])
+            .reduce(([frame, boxes], box) => frame ? [frame, [...boxes, box]] : [box, boxes],
+                [null, []])"""
+    )
+
+    page.context.close()
+    middles = sorted((left + right) / 2 - sum(frame) / 2 for left, right in boxes)
+    assert middles[0] < middles[1] < 0 < middles[2] < middles[3]
+    assert all(frame[0] <= left and right <= frame[1] for left, right in boxes)
 
 
 def test_twenty_browsers_see_the_same_alarm(browser: Browser, cars: Row) -> None:

@@ -226,6 +226,20 @@ def test_a_crossing_car_comes_from_its_side(east_m: float, direction: Direction)
     assert shown(page, 10.0).alarms[0].direction is direction
 
 
+def test_the_car_that_an_alarm_is_about_is_marked_as_long_as_it_holds() -> None:
+    page = display()
+    page.receive_surroundings(
+        known(0.0, 0.0, KnownBy.ITSELF, name="own"),
+        [known(-20.0, 5.0, KnownBy.RADIO, name="8"), known(30.0, 40.0, KnownBy.TOLD)],
+    )
+    page.receive_event(alarm(10.0, Cause.CROSSING, Level.CAUTION, "7"))
+    marked = [car.known_by for car in shown(page, 10.0).cars if car.in_alarm]
+    page.receive_event(Alarm(11.0, Cause.CROSSING, Level.NONE, 0.0, ()))
+
+    assert marked == [KnownBy.TOLD]
+    assert not any(car.in_alarm for car in shown(page, 11.0).cars)
+
+
 def test_a_crossing_car_that_is_gone_again_is_somewhere_ahead() -> None:
     page = display()
     page.receive_event(alarm(10.0, Cause.CROSSING, Level.WARNING))

@@ -16,6 +16,10 @@ def test_without_a_token_this_machine_is_served(host: str) -> None:
     assert Door(None).refusal(host, f"http://{host}", None, None) is None
 
 
+def test_a_proxy_with_tls_is_served_by_its_own_name() -> None:
+    assert Door(TOKEN).refusal("car.example", "https://car.example", TOKEN, None) is None
+
+
 @pytest.mark.parametrize("host", ["evil.example:8460", "127.0.0.1.evil.example", "", "[::1", "@"])
 def test_a_foreign_name_that_resolves_to_us_is_not_served(host: str) -> None:
     assert Door(None).refusal(host, None, None, None) == "foreign_host"

@@ -4,8 +4,10 @@ import { TEXTS, fill } from "./texts.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const RANGES_M = [25, 35, 50, 70, 100, 140];
-const SIDE_M = 4.0; // to here the sides are to scale
 const LANE_M = 3.5;
+const SIDE_M = 1.5 * LANE_M; // to here the sides are to scale
+const BEND_M = 8.0;          // from there on distances count by their logarithm, beginning with this
+const FARTHEST_M = 90.0;     // at the edge of the map, and whatever is beyond
 
 export class Road {
   #svg;
@@ -29,14 +31,14 @@ export class Road {
     const { width, height } = this.#size;
     if (width < 40 || height < 40) return;
     this.#chooseRange(view);
-    const lane = Math.min(Math.max(Math.min(width * 0.2, height * 0.24), 44), 96);
+    const lane = Math.min(Math.max(Math.min(width * 0.17, height * 0.24), 44), 96);
     const car = { width: lane * 0.5, length: lane * 0.95 };
     const behind = car.length * (view.place.followers > 0 ? 2.35 : 1.4);
     const own = { x: width / 2, y: height - behind };  // the own front bumper
     const scale = (own.y - 20) / this.#range_m;
-    const side = lane * (SIDE_M / LANE_M) / Math.asinh(1);
+    const edge = width / 2 - car.length * 0.55;
     const at = (ahead_m, right_m) => ({
-      x: own.x + side * Math.asinh(right_m / SIDE_M),
+      x: own.x + Math.sign(right_m) * aside(Math.abs(right_m), lane, edge),
       y: own.y + car.length / 2 - ahead_m * scale,
     });
     const parts = [...this.#lanes(own, lane, height)];
@@ -52,7 +54,7 @@ export class Road {
     for (const each of [...view.cars].reverse()) {
       const place = at(each.ahead_m, each.right_m);
       if (place.y > -car.length && place.y < height + car.length) {
-        parts.push(this.#car(place, car, each.known_by, each.turned_rad));
+        parts.push(this.#car(place, car, each.in_alarm ? `${each.known_by} in-alarm` : each.known_by, each.turned_rad));
       }
     }
     if (ahead?.gap_m != null) {
@@ -144,6 +146,14 @@ function body(w, l) {
 function glass(w, y, top, bottom, height) {
   const a = (w / 2) * top * 0.86, b = (w / 2) * bottom * 0.86;
   return `M${-a} ${y}Q0 ${y - height * 0.3} ${a} ${y}L${b} ${y + height}H${-b}Z`;
+}
+
+// Where a car to the side is drawn, in pixels from the middle of the own lane.
+function aside(right_m, lane, edge) {
+  if (right_m <= SIDE_M) return (right_m / LANE_M) * lane;
+  const beside = 1.5 * lane;
+  const far = Math.log1p((right_m - SIDE_M) / BEND_M) / Math.log1p((FARTHEST_M - SIDE_M) / BEND_M);
+  return beside + Math.max(edge - beside, 0) * Math.min(far, 1);
 }
 
 // The pattern of what nobody sees.
