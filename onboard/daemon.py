@@ -22,7 +22,7 @@ from onboard.hmi.driver_page import DriverPage
 from onboard.messages import bsm
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
-from onboard.observations import Lead, Sensor, SensorLost
+from onboard.observations import Discarded, Lead, Sensor, SensorLost
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.notes import Recording
 from onboard.recorder.recorded import put_together
@@ -34,6 +34,7 @@ from onboard.trace_file import TraceFile
 from onboard.vision.frames import CameraThread
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC, PcapWriter
 from onboard.wave_udp.endpoint import open_endpoint
+from onboard.wave_udp.receive_queue import ReceiveQueue
 
 log = structlog.get_logger()
 
@@ -56,6 +57,9 @@ GIL_INTERVAL_S = 0.000_5
 
 EPOCH_AHEAD_S = 10.0
 """So long before an epoch begins, the IDs that will hold in it are derived."""
+
+RADIO_TURN_S = 0.005
+"""How long a round may receive from a crowd, before the other wires are looked at again."""
 
 InputT = TypeVar("InputT")
 ReturnT = TypeVar("ReturnT")
@@ -98,6 +102,7 @@ class Daemon:
             credentials=credentials,
             driver=self._driver,
         )
+        self._wsms = ReceiveQueue(config.lcca_psid)
         self._inbox: deque[tuple[Callable[[Any, float], None], object]] = deque()
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -152,7 +157,7 @@ class Daemon:
             gpsd.start(self._loop)
             wires.callback(gpsd.close)
         if config.radio is not None:
-            radio = open_endpoint(config.radio, self._taker(self._receive_wsm))
+            radio = open_endpoint(config.radio, self._on_wsm)
             wires.callback(radio.close)
             radio.start(self._loop)
             self._send_wsm = radio.send
@@ -177,6 +182,7 @@ class Daemon:
         while self._inbox:
             receive, item = self._inbox.popleft()
             receive(item, now)
+        self._receive_wsms(now)
         if self._stack.get_timer() <= now:
             self._stack.handle_timer(now)
         for user_priority, wsm in self._stack.wsms_to_send(now):
@@ -192,6 +198,8 @@ class Daemon:
             self._timer.cancel()
         at = self._stack.get_timer()
         self._timer = None if at == math.inf else self._loop.call_at(at, self._step)
+        if self._wsms:
+            self._plan_step()
         self._manager.feed(now)
 
     def _rest(self) -> None:
@@ -204,15 +212,33 @@ class Daemon:
     def _take(self, receive: Callable[[InputT, float], None], item: InputT) -> None:
         """Have `item` received in the next round."""
         self._inbox.append((receive, item))
+        self._plan_step()
+
+    def _plan_step(self) -> None:
+        """Have a round as soon as the wires have been looked at."""
         if self._next_step is None and not self._is_resting:
             self._next_step = self._loop.call_soon(self._step)
 
     def _taker(self, receive: Callable[[InputT, float], None]) -> Callable[[InputT], None]:
         return lambda item: self._take(receive, item)
 
-    def _receive_wsm(self, wsm: bytes, now: float) -> None:
-        self._stack.receive_wsm(wsm, now)
-        self._keep(wsm, OTHER_MAC)
+    def _on_wsm(self, wsm: bytes) -> None:
+        self._wsms.put(wsm)
+        self._plan_step()
+
+    def _receive_wsms(self, now: float) -> None:
+        """Those of the warning group all, of the others as many as there is time for."""
+        shed = self._wsms.take_shed()
+        if shed:
+            overload = Discarded(now, "wsmp", "overload", f"{shed} frames")
+            self._stack.receive_observation(overload, now)
+        turn_ends_at = now + RADIO_TURN_S
+        while True:
+            wsm = self._wsms.take(only_urgent=time.monotonic() >= turn_ends_at)
+            if wsm is None:
+                return
+            self._stack.receive_wsm(wsm, now)
+            self._keep(wsm, OTHER_MAC)
 
     def _keep(self, wsm: bytes, mac: bytes) -> None:
         if self._capture is not None:
