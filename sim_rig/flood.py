@@ -1,10 +1,12 @@
 """A crowded road on one wire: BSMs of many strangers, at a steady rate, to one daemon's port.
 
-    python -m sim_rig.flood PORT RATE_HZ SECONDS [KEYS_FOLDER]
+    python -m sim_rig.flood PORT RATE_HZ SECONDS BEGIN_AT [KEYS_FOLDER]
 
-With the keys of a car every message is signed. It prints how many it has sent.
+It begins at a moment of the monotonic clock. With the keys of a car every message is signed. It
+prints how many it has sent.
 """
 
+import contextlib
 import socket
 import sys
 import time
@@ -27,17 +29,19 @@ BURST_S = 0.005
 
 def main() -> None:
     """Send until the time is over."""
-    _, port, rate_hz, seconds, *keys = sys.argv
+    _, port, rate_hz, seconds, begin_at, *keys = sys.argv
     credentials = read_credentials(Path(keys[0])) if keys else None
     security = Security(time.time() - time.monotonic(), credentials)
     messages = _messages(security)
+    time.sleep(max(0.0, float(begin_at) - time.monotonic()))
     began_at = time.monotonic()
     sent = 0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.connect(("127.0.0.1", int(port)))
         while (passed_s := time.monotonic() - began_at) < float(seconds):
             while sent < passed_s * float(rate_hz):
-                wire.send(next(messages))
+                with contextlib.suppress(ConnectionRefusedError):  # nobody listens any more
+                    wire.send(next(messages))
                 sent += 1
             time.sleep(BURST_S)
     print(sent)  # noqa: T201 (what it is asked for)

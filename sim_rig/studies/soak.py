@@ -63,11 +63,11 @@ async def _load(settings: SoakSettings, folder: Path) -> Rows:
         driving = asyncio.create_task(desk.run())
         while desk.start_s == float("inf") and not driving.done():
             await asyncio.sleep(0.05)
-        await asyncio.sleep(FIRST_S + settings.load_s)
+        begin_at = desk.start_s + FIRST_S + settings.load_s
         keys = [str(folder / "keys" / "blue")] if settings.signed else []
         flood = await asyncio.create_subprocess_exec(
             *(sys.executable, "-m", "sim_rig.flood", str(port)),
-            *(f"{settings.rate_hz:g}", f"{settings.load_s:g}", *keys),
+            *(f"{settings.rate_hz:g}", f"{settings.load_s:g}", f"{begin_at}", *keys),
             stdout=asyncio.subprocess.PIPE,
         )
         sent, _ = await flood.communicate()

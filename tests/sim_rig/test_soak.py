@@ -18,7 +18,7 @@ def test_a_flood_keeps_its_rate_and_is_made_of_messages() -> None:
         wire.bind(("127.0.0.1", 0))
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
         port = str(wire.getsockname()[1])
-        command = [sys.executable, "-m", "sim_rig.flood", port, "500", "0.5"]
+        command = [sys.executable, "-m", "sim_rig.flood", port, "500", "0.5", "0"]
         told = subprocess.run(command, capture_output=True, text=True, check=True)
         wire.setblocking(False)
         heard = []
