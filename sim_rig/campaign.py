@@ -75,8 +75,9 @@ def run_campaign(
 
 
 def _claim(folder: Path, name: str, settings: Settings) -> None:
-    """One folder is for one campaign; more of its runs may be added."""
-    claim = yaml.safe_dump({"run": name, "settings": settings.model_dump(mode="json")})
+    """One folder is for one campaign; only a setting `runs`, how many there are, may change."""
+    same = settings.model_dump(mode="json", exclude={"runs"})
+    claim = yaml.safe_dump({"run": name, "settings": same})
     path = folder / "campaign.yaml"
     if path.exists() and path.read_text("utf-8") != claim:
         raise CampaignError(f"{folder} holds runs with other settings: remove it, or take another")

@@ -47,6 +47,38 @@ class Cars:
         """Where a car stands in the arrays; `None` if it is not there."""
         return self.names.index(name) if name in self.names else None
 
+    def only(self, which: NDArray[np.intp]) -> "Cars":
+        """Some of the cars, by index."""
+        return Cars(
+            self.at_s,
+            tuple(self.names[i] for i in which.tolist()),
+            self.middle_m[which],
+            self.heading_rad[which],
+            self.speed_m_s[which],
+            self.acceleration_m_s2[which],
+            self.length_m[which],
+            self.width_m[which],
+        )
+
+    def without(self, name: str) -> "Cars":
+        """All but one, whether it is there or not."""
+        return self.only(
+            np.array([i for i, n in enumerate(self.names) if n != name], dtype=np.intp)
+        )
+
+    def joined(self, others: "Cars") -> "Cars":
+        """These and others."""
+        return Cars(
+            self.at_s,
+            self.names + others.names,
+            np.concatenate([self.middle_m, others.middle_m]),
+            np.concatenate([self.heading_rad, others.heading_rad]),
+            np.concatenate([self.speed_m_s, others.speed_m_s]),
+            np.concatenate([self.acceleration_m_s2, others.acceleration_m_s2]),
+            np.concatenate([self.length_m, others.length_m]),
+            np.concatenate([self.width_m, others.width_m]),
+        )
+
     def moved_on(self, seconds: float) -> "Cars":
         """The same cars a moment later: straight on, and never backwards."""
         if seconds == 0.0:

@@ -220,7 +220,7 @@ class LaneTraffic(Traffic):
         self._waiting += self._rng.poisson(rates * TICK_S)
         drivers = self._drivers
         for lane in np.flatnonzero(self._waiting).tolist():
-            there = self._lane == lane
+            there = (self._lane == lane) | ((self._left == lane) & self._changing())
             rears = (self._numbers[0] - self._numbers[4])[there]
             room = rears.min(initial=np.inf)
             last_speed = self._numbers[1][there][rears.argmin()] if len(rears) else np.inf

@@ -4,7 +4,7 @@ All drives are held at the same rate, so that any moment is one step of arithmet
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from typing_extensions import override
@@ -112,3 +112,29 @@ def record(traffic: Traffic, seconds: float, begin_s: float = 0.0) -> Recording:
         middle = np.stack([x, y], axis=1)
         drives.append(Drive(name, first[name], middle, np.unwrap(heading), speed, *sizes[name]))
     return Recording(drives)
+
+
+def keep_right(recording: Recording, by_m: float) -> Recording:
+    """Drives along the middle of their roads, moved to the right and rounded at the corners."""
+    return Recording(_kept_right(drive, by_m) for drive in recording.drives)
+
+
+def _kept_right(drive: Drive, by_m: float) -> Drive:
+    window = min(11, len(drive))
+    ahead = np.stack([np.cos(drive.heading_rad), np.sin(drive.heading_rad)], axis=1)
+    ahead = _rounded(ahead, window)
+    heading = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    right = np.stack([np.sin(heading), -np.cos(heading)], axis=1)
+    return replace(
+        drive, middle_m=_rounded(drive.middle_m, window) + by_m * right, heading_rad=heading
+    )
+
+
+def _rounded(samples: Array, window: int) -> Array:
+    """Mean over a window of samples; fewer at the ends."""
+    half = window // 2
+    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(samples, axis=0)])
+    at = np.arange(len(samples))
+    reach = np.minimum(half, np.minimum(at, len(samples) - 1 - at))
+    rounded: Array = (sums[at + reach + 1] - sums[at - reach]) / (2 * reach + 1)[:, None]
+    return rounded

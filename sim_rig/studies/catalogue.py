@@ -24,6 +24,8 @@ _PLACES = {
 
 _CAMPAIGNS = {
     "faults": "faults:run:FaultsSettings",
+    "mvs-figure3": "mvs_collisions:figure3:Figure3Settings",
+    "mvs-figure9": "mvs_collisions:figure9:CollisionSettings",
     "soak": "soak:run:SoakSettings",
     "mvs-figure8": "mvs_sharing:figure8:SharingSettings",
     "mvs-table1": "mvs_sharing:table1:SharingSettings",

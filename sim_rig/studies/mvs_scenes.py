@@ -14,11 +14,13 @@ import numpy as np
 
 from onboard.errors import UserError
 from sim_rig.roads.crossing import CrossingSettings, crossing
-from sim_rig.roads.recording import Recording, record
+from sim_rig.roads.recording import Recording, keep_right, record
 from sim_rig.roads.sight import Blocked, Corners
 from sim_rig.roads.trace_files import read_trace
 
 _DATA = Path(__file__).parents[3] / "shared" / "data"
+_CITY_LANE_M = 1.75
+"""The city's cars drive along the middle of their roads."""
 _CORNERS_M = 12.5
 """Buildings stand from here on, beside both roads."""
 
@@ -42,6 +44,7 @@ class Place:
     blocked: Blocked | None
     origin: str
     """What was driven there."""
+    has_lights: bool = True
 
     @property
     def names(self) -> list[str]:
@@ -61,7 +64,8 @@ def open_scene(scene: Scene) -> Place:
     if scene is Scene.CITY:
         if not city.is_file():
             raise UserError(f"the city needs {city} (RIG_DATA names the folder of recordings)")
-        return Place(read_trace(city), None, city.name)
+        recording = keep_right(read_trace(city), _CITY_LANE_M)
+        return Place(recording, None, city.name, has_lights=False)
     if scene is Scene.CROSSING and aim.is_file():
         return Place(read_trace(aim), Corners(_CORNERS_M), aim.name)
     traffic = crossing(CrossingSettings(), np.random.default_rng(0))

@@ -33,6 +33,8 @@ START_UTC_S = 1_750_000_000.0
 class WorldSettings(Settings):
     """What is true of sensors and air."""
 
+    senses: bool = True
+    """Whether cars with a radio see others at all."""
     sensing_range_m: float = Field(60.0, gt=0.0)
     detection: float = Field(0.95, ge=0.0, le=1.0)
     """Part of the pictures in which a car in view is found."""
@@ -121,6 +123,12 @@ class MvsWorld:
             self._act(name, cars.moved_on(self.now - began))
         self.now = began + TICK_S
 
+    def place_of(self, car: str, state: tuple[float, ...]) -> Array:
+        """Where in the world a car believes somebody (2), from a state in its own frame."""
+        turn, shift = ORIGIN.mapping_from(self.frame_of(car))
+        place: Array = turn @ np.array(state[:2]) + shift
+        return place
+
     def frame_of(self, car: str) -> LocalFrame:
         """The frame in which a car holds what it knows."""
         frame = self._shadows[car].frame
@@ -142,7 +150,7 @@ class MvsWorld:
         fix = self._fix(cars.middle_m[own], float(cars.speed_m_s[own]), course_rad + noisy)
         core.receive_position(fix)
         shadow.receive_position(fix)
-        for other in self._in_view(own, cars).tolist():
+        for other in self._in_view(own, cars).tolist() if settings.senses else ():
             east_m, north_m = (cars.middle_m[other] - cars.middle_m[own]).tolist()
             range_m = math.hypot(east_m, north_m)
             range_sigma_m = settings.range_sigma_m + settings.range_sigma_per_m * range_m

@@ -1,0 +1,272 @@
+"""A recording in which something goes wrong, and drivers who notice, late or warned.
+
+Everybody keeps to the recording until something touches him: the event itself, a warning, or
+another car that stands or slows on his way and was not there. A driver who sees that reacts after
+his own reaction time, and follows the intelligent driver model from then on; a warned one brakes.
+Ways are kept; only speeds change.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from typing_extensions import override
+
+from onboard.settings import Settings
+from sim_rig.roads.car_following import CarFollowing, idm_acceleration
+from sim_rig.roads.cars import Cars, Traffic
+from sim_rig.roads.crashes import Crash, boxes_overlap, first_crash
+from sim_rig.roads.events import SETTING_OFF_M_S2, SETTING_OFF_TO_M_S, Event, Kind
+from sim_rig.roads.paths import DrivePath, blocked_at_m
+from sim_rig.roads.recording import STEP_S, Recording
+
+COMFORTABLE_M_S2 = 3.0
+_WARNING_HELD_S = 0.5
+"""After the last word of a warning a driver lets go of the brake."""
+_NEEDED_M_S2 = 1.0
+"""A driver reacts to what asks for so much more braking than he planned."""
+
+
+class ReactionSettings(Settings):
+    """How drivers react; of each driver drawn once. Times are log-normal."""
+
+    unwarned_median_s: float = Field(1.3, gt=0.0, le=5.0)
+    """To a car ahead that unexpectedly brakes (Green, Transportation Human Factors 2, 2000)."""
+    unwarned_sigma: float = Field(0.4, ge=0.0, le=1.5)
+    """Of the logarithm."""
+    distracted: float = Field(0.25, ge=0.0, le=1.0)
+    """Part of the drivers who look elsewhere at first."""
+    distracted_s: tuple[float, float] = (0.5, 2.5)
+    """For how long, evenly."""
+    warned_median_s: float = Field(0.9, gt=0.0, le=5.0)
+    """From the warning to the brake."""
+    warned_sigma: float = Field(0.3, ge=0.0, le=1.5)
+    braking_m_s2: tuple[float, float] = (4.0, 8.0)
+    """Of a warned driver, evenly between these."""
+    following: CarFollowing = CarFollowing()
+
+
+@dataclass(slots=True)
+class _Driver:
+    """One who has left the recording, or is about to."""
+
+    unwarned_s: float
+    warned_s: float
+    braking_m_s2: float
+    path: DrivePath
+    way_m: float = 0.0
+    speed_m_s: float = 0.0
+    is_off: bool = False
+    """The recording."""
+    runs: bool = False
+    """A red light: keeps his speed until he notices."""
+    sets_off: bool = False
+    """At a red light: drives on from standing."""
+    noticed: bool = False
+    event_braking_m_s2: float = 0.0
+    needed_since_s: float = math.inf
+    brakes_at_s: float = math.inf
+    """When he brakes because he was warned."""
+    brakes_until_s: float = -math.inf
+
+
+class DisturbedTraffic(Traffic):
+    """Steps with the recording, `STEP_S` at a time; ends with the first crash."""
+
+    def __init__(
+        self, recording: Recording, event: Event | None, reactions: ReactionSettings, seed: int
+    ) -> None:
+        """Let `event` happen to drivers who are drawn by `seed`."""
+        self._recording, self._event, self._reactions, self._seed = (
+            recording,
+            event,
+            reactions,
+            seed,
+        )
+        self._numbers = {drive.name: i for i, drive in enumerate(recording.drives)}
+        self._drivers: dict[int, _Driver] = {}
+        self._step: int | None = None
+        self._cars: Cars | None = None
+        self._ignored: set[frozenset[str]] = set()
+        self.crash: Crash | None = None
+
+    @override
+    def cars_at(self, at_s: float) -> Cars:
+        step = math.floor(at_s / STEP_S + 1e-6)
+        if self._cars is None or self._step is None:
+            self._step = step
+            self._cars = self._look(step * STEP_S)
+            self._ignored |= self._overlapping(self._cars)
+        while self._step < step:
+            before = self._cars
+            self._decide(self._step * STEP_S, before)
+            self._step += 1
+            self._cars = self._look(self._step * STEP_S)
+            if self.crash is None:
+                self.crash = first_crash(before, self._cars, self._counts)
+            self._ignored |= self._overlapping(self._cars)
+        return self._cars.moved_on(max(at_s - self._step * STEP_S, 0.0))
+
+    def warn(self, name: str, at_s: float) -> None:
+        """The driver of a car is warned at this moment; he brakes for as long as that lasts."""
+        driver = self._driver(self._numbers[name])
+        reacts_s = at_s + driver.warned_s
+        if at_s > driver.brakes_until_s:
+            driver.brakes_at_s = reacts_s
+        driver.brakes_until_s = reacts_s + _WARNING_HELD_S
+
+    def is_disturbed(self, name: str) -> bool:
+        """Whether a car no longer keeps to the recording."""
+        driver, event = self._drivers.get(self._numbers[name]), self._event
+        if event is not None and event.sooner_s and self._numbers[name] == event.car:
+            return self._step is not None and self._step * STEP_S > event.at_s
+        return driver is not None and driver.is_off
+
+    def _driver(self, number: int) -> _Driver:
+        driver = self._drivers.get(number)
+        if driver is None:
+            settings, rng = self._reactions, np.random.default_rng([self._seed, number])
+            distracted = rng.random() < settings.distracted
+            away_s = rng.uniform(*settings.distracted_s)
+            unwarned = settings.unwarned_median_s * math.exp(settings.unwarned_sigma * rng.normal())
+            warned = settings.warned_median_s * math.exp(settings.warned_sigma * rng.normal())
+            driver = self._drivers[number] = _Driver(
+                unwarned + (away_s if distracted else 0.0),
+                warned,
+                rng.uniform(*settings.braking_m_s2),
+                DrivePath(self._recording.drives[number]),
+            )
+        return driver
+
+    def _look(self, at_s: float) -> Cars:
+        """The recording, with those who left it where they are."""
+        cars = self._recording.cars_at(at_s)
+        moved = [number for number, driver in self._drivers.items() if driver.is_off]
+        event = self._event
+        if event is not None and event.sooner_s and event.car not in moved:
+            sooner = self._recording.cars_at(at_s + event.sooner_s)
+            own = sooner.index(self._name(event.car))
+            cars = cars.without(self._name(event.car))
+            if own is not None:
+                cars = cars.joined(sooner.only(np.array([own])))
+        for number in moved:
+            driver = self._drivers[number]
+            cars = cars.without(self._name(number))
+            if driver.way_m <= driver.path.length_m:
+                middle, heading = driver.path.places(np.array([driver.way_m]))
+                drive = driver.path.drive
+                one = Cars(
+                    at_s, (drive.name,), middle, heading, np.array([driver.speed_m_s]),
+                    np.zeros(1), np.array([drive.length_m]), np.array([drive.width_m]),
+                )  # fmt: skip
+                cars = cars.joined(one)
+        return cars
+
+    def _name(self, number: int) -> str:
+        return self._recording.drives[number].name
+
+    def _decide(self, now: float, cars: Cars) -> None:
+        """Who leaves the recording now, and what those who have left it do in the next step."""
+        index = {self._numbers[name]: i for i, name in enumerate(cars.names)}
+        event = self._event
+        if event is not None and event.car in index and abs(event.at_s - now) < STEP_S / 2:
+            driver = self._driver(event.car)
+            driver.event_braking_m_s2 = event.deceleration_m_s2
+            driver.runs = event.kind is Kind.RED_LIGHT
+            driver.sets_off = event.sets_off
+            if not event.sooner_s:
+                self._leave(event.car, now, cars, index)
+        for number, driver in self._drivers.items():
+            if not driver.is_off and driver.brakes_at_s <= now and number in index:
+                self._leave(number, now, cars, index)
+        off = [n for n in index if n in self._drivers and self._drivers[n].is_off]
+        if event is not None and event.sooner_s and event.car in index and event.car not in off:
+            self._notice([event.car, *off], now, cars, index)
+        elif off:
+            self._notice(off, now, cars, index)
+        wishes = [(self._drivers[n], self._wish(n, now, cars, index)) for n in index if n in off]
+        for driver, acceleration in wishes:
+            faster = max(driver.speed_m_s + acceleration * STEP_S, 0.0)
+            driver.way_m += (driver.speed_m_s + faster) / 2.0 * STEP_S
+            driver.speed_m_s = faster
+
+    def _leave(self, number: int, now: float, cars: Cars, index: dict[int, int]) -> None:
+        driver, event = self._driver(number), self._event
+        sooner = event.sooner_s if event is not None and event.car == number else 0.0
+        driver.is_off = True
+        driver.way_m = driver.path.way_m(now + sooner)
+        driver.speed_m_s = float(cars.speed_m_s[index[number]])
+
+    def _notice(self, off: list[int], now: float, cars: Cars, index: dict[int, int]) -> None:
+        """Drivers with a disturbed car on their way react to it in their time."""
+        obstacles = np.array([index[number] for number in off], dtype=np.intp)
+        apart = np.hypot(*(cars.middle_m[:, None] - cars.middle_m[obstacles]).transpose(2, 0, 1))
+        for number, at in index.items():
+            near = obstacles[(apart[at] < 75.0) & (obstacles != at)]
+            driver = self._drivers.get(number)
+            unaware = driver is None or not driver.is_off or (driver.runs and not driver.noticed)
+            if not unaware or not len(near) or cars.speed_m_s[at] < 0.5:
+                continue
+            planned = float(cars.acceleration_m_s2[at])
+            driver = self._driver(number)
+            wish = self._follow(number, now, cars, at, near)
+            if wish > min(planned, 0.0) - _NEEDED_M_S2:
+                driver.needed_since_s = math.inf
+                continue
+            driver.needed_since_s = min(driver.needed_since_s, now)
+            if now - driver.needed_since_s >= driver.unwarned_s - 1e-9:
+                if not driver.is_off:
+                    self._leave(number, now, cars, index)
+                driver.noticed = True
+
+    def _follow(
+        self, number: int, now: float, cars: Cars, at: int, others: NDArray[np.intp]
+    ) -> float:
+        """The intelligent driver behind whoever of `others` is nearest on his way."""
+        driver, event = self._driver(number), self._event
+        sooner = event.sooner_s if event is not None and event.car == number else 0.0
+        way_m = driver.way_m if driver.is_off else driver.path.way_m(now + sooner)
+        gaps = blocked_at_m(driver.path, way_m, cars, at, others)
+        speed = float(cars.speed_m_s[at])
+        wished = max(driver.path.speed_m_s(way_m), 2.0)
+        gap, closing = np.inf, 0.0
+        if len(gaps) and np.isfinite(gaps.min()):
+            nearest = int(others[gaps.argmin()])
+            gap = max(float(gaps.min()), 0.1)
+            along = math.cos(cars.heading_rad[nearest] - cars.heading_rad[at])
+            closing = speed - float(cars.speed_m_s[nearest]) * max(along, 0.0)
+        return float(
+            idm_acceleration(
+                np.array(speed), np.array(max(wished, speed)), np.array(gap), np.array(closing),
+                COMFORTABLE_M_S2, self._reactions.following,
+            )
+        )  # fmt: skip
+
+    def _wish(self, number: int, now: float, cars: Cars, index: dict[int, int]) -> float:
+        driver = self._drivers[number]
+        if driver.event_braking_m_s2 > 0.0:
+            return -driver.event_braking_m_s2
+        at = index[number]
+        is_warned = driver.brakes_at_s <= now <= driver.brakes_until_s
+        warned = -driver.braking_m_s2 if is_warned else math.inf
+        if driver.runs and not driver.noticed:
+            gathers = driver.sets_off and driver.speed_m_s < SETTING_OFF_TO_M_S
+            return min(warned, SETTING_OFF_M_S2 if gathers else 0.0)
+        near = np.hypot(*(cars.middle_m - cars.middle_m[at]).T) < 75.0
+        near[at] = False
+        return min(warned, self._follow(number, now, cars, at, np.flatnonzero(near)))
+
+    def _counts(self, name: str, other: str) -> bool:
+        """Whether a touch of these two has to do with the event."""
+        disturbed = self.is_disturbed(name) or self.is_disturbed(other)
+        return disturbed and frozenset((name, other)) not in self._ignored
+
+    def _overlapping(self, cars: Cars) -> set[frozenset[str]]:
+        """Pairs that overlap in the recording itself, and are no crash of ours."""
+        return {
+            frozenset((cars.names[i], cars.names[j]))
+            for i, j in boxes_overlap(cars)
+            if not self.is_disturbed(cars.names[i]) and not self.is_disturbed(cars.names[j])
+        }

@@ -1,0 +1,228 @@
+"""The MVS paper's Fig. 9 and Fig. 3: how often an event ends in a crash, by share of radios.
+
+One run is one event of one seed under one case. The same seed has the same event, drivers and order
+in which cars get a radio in every case, so cases can be compared run by run.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from pydantic import Field
+
+from onboard.settings import Settings
+from sim_rig.campaign import Row, Workers, run_campaign
+from sim_rig.roads.events import Kind
+from sim_rig.studies.mvs_encounter import Case, Encounters, EncounterSettings, Method
+from sim_rig.studies.mvs_scenes import Scene
+from sim_rig.studies.results import write_results
+
+PAPER_REDUCTION = {Scene.CROSSING: 0.615, Scene.CITY: 0.601}
+"""Of the collision probability by MVS at 40 %; the paper prints no other figure of its Fig. 9."""
+_MOST_COMPARED = 0.4
+_Z = 1.96
+
+
+class CollisionSettings(Settings):
+    """One campaign."""
+
+    seed: int = Field(1, ge=0)
+    runs: int = Field(500, ge=1)
+    """Events of each kind."""
+    kinds: tuple[Kind, ...] = tuple(Kind)
+    shares: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
+    methods: tuple[Method, ...] = (Method.DSRC, Method.OWN, Method.MVS)
+    """At every share."""
+    compared_at: float | None = Field(default=_MOST_COMPARED, gt=0.0, le=1.0)
+    """At this share also: MO and RS, the other sizes of footer, and half of all messages lost."""
+    entries: tuple[int, ...] = (5, 20)
+    """M, where it is not 10."""
+    encounter: EncounterSettings = EncounterSettings()
+
+
+class Figure3Settings(CollisionSettings):
+    """Fig. 3: red-light runners and plain DSRC."""
+
+    runs: int = Field(1000, ge=1)
+    kinds: tuple[Kind, ...] = (Kind.RED_LIGHT,)
+    shares: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+    methods: tuple[Method, ...] = (Method.DSRC,)
+    compared_at: float | None = None
+
+
+def cases(settings: CollisionSettings) -> list[Case]:
+    """All cases of one seed."""
+    shape = []
+    for kind in settings.kinds:
+        shape.append(Case(kind, Method.NONE, 0.0))
+        shape += [Case(kind, m, share) for share in settings.shares for m in settings.methods]
+        share = settings.compared_at
+        if share is not None:
+            shape += [Case(kind, m, share) for m in (Method.MEASUREMENTS_ONLY, Method.RANDOM)]
+            shape += [Case(kind, Method.MVS, share, entries) for entries in settings.entries]
+            shape += [Case(kind, m, share, loss=0.5) for m in (Method.DSRC, Method.MVS)]
+    return shape
+
+
+@cache
+def encounters(settings: EncounterSettings) -> Encounters:
+    """Opened once in a process."""
+    return Encounters(settings)
+
+
+def case_of(settings: CollisionSettings, number: int) -> tuple[Case, int]:
+    """Case and seed of a run: all cases of a seed have numbers in a row."""
+    of_a_seed = cases(settings)
+    return of_a_seed[number % len(of_a_seed)], settings.seed + number // len(of_a_seed)
+
+
+def run_one(settings: CollisionSettings, number: int) -> Row:
+    """One run of the campaign."""
+    case, seed = case_of(settings, number)
+    outcome = encounters(settings.encounter).run(case, seed)
+    return {
+        "kind": case.kind.value,
+        "method": case.method.value,
+        "share": case.share,
+        "entries": case.entries,
+        "loss": case.loss,
+        "seed": seed,
+        "crash": outcome.crash is not None,
+        "speed_m_s": outcome.crash.speed_m_s if outcome.crash else None,
+        "first_warning_s": outcome.first_warning_s,
+        "warned": outcome.warned,
+        "false_warnings": outcome.false_warnings,
+        "driven_s": outcome.driven_s,
+        "messages": outcome.messages,
+    }
+
+
+def figure9(
+    out_dir: Path, settings: CollisionSettings | None = None, workers: Workers | None = None
+) -> str:
+    """Write collision probabilities, by method and share, with what the paper does not show."""
+    settings = settings or CollisionSettings()
+    rows = _all_runs(out_dir, settings, workers)
+    table = _table(settings, rows)
+    write_results(out_dir, _COLUMNS, table, settings, _draw(settings, table))
+    return _told(settings, rows, _MOST_COMPARED)
+
+
+def figure3(
+    out_dir: Path, settings: CollisionSettings | None = None, workers: Workers | None = None
+) -> str:
+    """Write the collision probability of red-light runners with plain DSRC."""
+    settings = settings or Figure3Settings()
+    rows = _all_runs(out_dir, settings, workers)
+    table = _table(settings, rows)
+    write_results(out_dir, _COLUMNS, table, settings, _draw(settings, table))
+    first, last = table[0], table[-1]
+    return f"P(collision) {first[6]:.2f} without radios, {last[6]:.2f} at a share of {last[2]:g}"
+
+
+def _all_runs(out_dir: Path, settings: CollisionSettings, workers: Workers | None) -> list[Row]:
+    numbers = range(len(cases(settings)) * settings.runs)
+    return run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
+
+
+_COLUMNS = (
+    "kind", "method", "share_with_radio", "M", "loss", "runs", "p_collision", "low_95", "high_95",
+    "reduction", "avoided", "caused", "warning_after_s", "false_warnings_per_h",
+)  # fmt: skip
+_Key = tuple[str, str, float, int, float]
+
+
+def _key(row: Row) -> _Key:
+    return row["kind"], row["method"], row["share"], row["entries"], row["loss"]
+
+
+def _table(settings: CollisionSettings, rows: Sequence[Row]) -> list[tuple[object, ...]]:
+    """A line for each case, for each kind and for both kinds together."""
+    both = [row | {"kind": "both"} for row in rows] if len(settings.kinds) > 1 else []
+    by_case: dict[_Key, list[Row]] = {}
+    for row in [*both, *rows]:
+        by_case.setdefault(_key(row), []).append(row)
+    return [_line(key, mine, by_case) for key, mine in by_case.items()]
+
+
+def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[object, ...]:
+    kind, method, share, entries, loss = key
+    none = by_case[kind, Method.NONE.value, 0.0, 10, 0.0]
+    p, low, high = wilson([row["crash"] for row in mine])
+    p_none = float(np.mean([row["crash"] for row in none]))
+    avoided, caused = changed(none, mine)
+    delays = [row["first_warning_s"] for row in mine if row["first_warning_s"] is not None]
+    hours = sum(row["driven_s"] for row in mine) / 3600.0
+    return (
+        kind, method, share, entries, loss, len(mine), p, low, high,
+        1.0 - p / p_none if p_none else math.nan,
+        avoided, caused,
+        float(np.median(delays)) if delays else math.nan,
+        sum(row["false_warnings"] for row in mine) / hours if hours else math.nan,
+    )  # fmt: skip
+
+
+def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[int, int]:
+    """Crashes of `before` that `after` has not, and the other way round, seed by seed."""
+    crashed = {(row["kind"], row["seed"]): row["crash"] for row in before}
+    pairs = [(crashed[row["kind"], row["seed"]], row["crash"]) for row in after]
+    return sum(a and not b for a, b in pairs), sum(b and not a for a, b in pairs)
+
+
+def wilson(outcomes: Sequence[bool]) -> tuple[float, float, float]:
+    """The share of `True`, and Wilson's 95 % interval of its probability."""
+    n = len(outcomes)
+    p = sum(outcomes) / n
+    middle = (p + _Z**2 / (2 * n)) / (1 + _Z**2 / n)
+    half = _Z * math.sqrt(p * (1 - p) / n + _Z**2 / (4 * n * n)) / (1 + _Z**2 / n)
+    return p, middle - half, middle + half
+
+
+def _told(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str:
+    def at(method: Method) -> list[Row]:
+        return [
+            row
+            for row in rows
+            if (row["method"], row["entries"], row["loss"]) == (method.value, 10, 0.0)
+            and (row["share"] == share or method is Method.NONE)
+        ]
+
+    none, mvs, own = at(Method.NONE), at(Method.MVS), at(Method.OWN)
+    if not mvs:
+        return f"{len(rows)} runs"
+    before, after = (sum(row["crash"] for row in some) for some in (none, mvs))
+    reduction = 1.0 - after / before if before else math.nan
+    paper = PAPER_REDUCTION.get(settings.encounter.scene, math.nan)
+    text = f"at {share:.0%} MVS reduces crashes by {reduction:.1%} (paper: {paper:.1%})"
+    avoided = {(r["kind"], r["seed"]) for r in none if r["crash"]}
+    avoided -= {(r["kind"], r["seed"]) for r in mvs if r["crash"]}
+    needed = [key for key in avoided if key in {(r["kind"], r["seed"]) for r in own if r["crash"]}]
+    if avoided and own:
+        text += f"; {len(needed)} of {len(avoided)} avoided crashes needed what others told"
+    return text
+
+
+def _draw(settings: CollisionSettings, table: Sequence[tuple[object, ...]]) -> Figure:
+    shown = "both" if len(settings.kinds) > 1 else settings.kinds[0].value
+    figure = Figure(figsize=(5.5, 4.0), layout="constrained")
+    axes = figure.subplots()
+    lines = [line for line in table if line[0] == shown and line[3] == 10 and line[4] == 0.0]
+    none = next(line for line in lines if line[1] == Method.NONE.value)
+    for method in settings.methods:
+        mine = [none, *(line for line in lines if line[1] == method.value)]
+        shares, p, low, high = np.array([[line[2], *line[6:9]] for line in mine], dtype=float).T
+        axes.errorbar(
+            shares, p, [p - low, high - p], marker="o", capsize=3, label=method.value.upper()
+        )
+    paper = PAPER_REDUCTION.get(settings.encounter.scene)
+    if paper is not None and Method.MVS in settings.methods:
+        at = float(none[6]) * (1.0 - paper)  # type: ignore[arg-type]
+        axes.plot([_MOST_COMPARED], [at], "k*", markersize=12, label=f"paper: -{paper:.1%}")
+    axes.set_xlabel("share of cars with a radio")
+    axes.set_ylabel("probability of a collision")
+    axes.set_ylim(0.0, 1.0)
+    axes.legend()
+    return figure

@@ -1,0 +1,102 @@
+"""When a car's driver is warned: the car's own risk monitor, and its closing gap to known cars.
+
+In a car, the gap ahead is what the camera measures. Here it is judged, with the same thresholds, to
+every known car ahead on the own path, so that what others tell of counts as well.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from onboard.mvs.known_car import KnownCar
+from onboard.observations import Speed
+from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.closing_gap import LeadMotion, level, required_deceleration_m_s2
+from onboard.risk.monitor import RiskMonitor
+from onboard.risk.settings import RiskSettings
+
+_BESIDE_M = 1.6
+_RANGE_M = 70.0
+_HEADING_RAD = 0.5
+_KNOWN_FOR = 3
+"""A gap is judged once it has been seen so often."""
+
+
+@dataclass(frozen=True, slots=True)
+class Warned:
+    """A driver is warned of a car, as of now."""
+
+    cause: Cause
+    of: KnownCar
+    """In the warned car's own frame."""
+
+
+class Warner:
+    """One car's."""
+
+    def __init__(self, settings: RiskSettings, length_m: float, width_m: float) -> None:
+        """For a car of the given size."""
+        self._settings = settings
+        self._length_m = length_m
+        self._monitor = RiskMonitor(settings, length_m, width_m)
+        self._leads: dict[str, tuple[LeadMotion, int]] = {}
+        self._held: dict[Cause, Warned] = {}
+        """Warnings of the monitor that are on."""
+
+    def assess(
+        self, own: KnownCar | None, cars: Sequence[KnownCar], speed_m_s: float, now: float
+    ) -> Warned | None:
+        """Judge what is known now; returns a warning that is on, if any."""
+        self._monitor.receive_speed(Speed(now, speed_m_s, 0.02, "study"))
+        self._monitor.assess(own, cars, now)
+        while (event := self._monitor.next_event()) is not None:
+            if isinstance(event, Alarm):
+                self._held.pop(event.cause, None)
+                if event.level is Level.WARNING:
+                    of = next(car for car in cars if car.name == event.reasons[-1].name)
+                    self._held[event.cause] = Warned(event.cause, of)
+        warned = next(iter(self._held.values()), None)
+        if warned is None and own is not None and speed_m_s >= self._settings.least_speed_m_s:
+            warned = self._ahead(own, cars, speed_m_s, now)
+        return warned
+
+    def _ahead(
+        self, own: KnownCar, cars: Sequence[KnownCar], speed_m_s: float, now: float
+    ) -> Warned | None:
+        settings = self._settings.closing_gap
+        leads = {}
+        warned = None
+        for car in cars:
+            gap_m, along_m_s = self._gap_and_speed(own, car)
+            if gap_m is None:
+                continue
+            motion, times = self._leads.get(car.name, (LeadMotion(settings), 0))
+            motion.receive(now, gap_m, along_m_s)
+            leads[car.name] = motion, times + 1
+            if times + 1 < _KNOWN_FOR or gap_m <= 0.0:
+                continue
+            braking = motion.deceleration_m_s2
+            needed = required_deceleration_m_s2(
+                gap_m, speed_m_s, along_m_s, braking, settings.reaction_s
+            )
+            if level(gap_m, speed_m_s - along_m_s, needed, settings) is Level.WARNING:
+                warned = Warned(Cause.CLOSING_GAP, car)
+        self._leads = leads
+        return warned
+
+    def _gap_and_speed(self, own: KnownCar, car: KnownCar) -> tuple[float | None, float]:
+        """Bumper to bumper and the speed along the own heading, of a car on the own path."""
+        heading = math.atan2(own.state[3], own.state[2])
+        cosine, sine = math.cos(heading), math.sin(heading)
+        east_m, north_m = car.state[0] - own.state[0], car.state[1] - own.state[1]
+        ahead_m = east_m * cosine + north_m * sine
+        beside_m = north_m * cosine - east_m * sine
+        along_m_s = car.state[2] * cosine + car.state[3] * sine
+        if not 0.0 < ahead_m <= _RANGE_M or abs(beside_m) > _BESIDE_M:
+            return None, 0.0
+        if math.hypot(*car.state[2:]) > 3.0:
+            turned = math.atan2(car.state[3], car.state[2]) - heading
+            if math.cos(turned) < math.cos(_HEADING_RAD):
+                return None, 0.0
+        length_m = (self._length_m + self._settings.other_length_m) / 2.0
+        return ahead_m - length_m, max(along_m_s, 0.0)
