@@ -1,10 +1,11 @@
-# `make demo` runs the main job, `make test` passes the tests; both set themselves up in .venv.
+# `make demo` runs the main jobs, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
 .PHONY: demo test test-pages test-live lint bench fuzz train pictures system-packages lock clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
 	$(PYTHON) -m onboard replay out/fig4-live/box/red --expect
+	$(PYTHON) -m sim_rig run third-car
 
 test: .venv/ready system-packages lint
 	$(PYTHON) -m pytest -n 2 --dist worksteal -m "not live and not browser"

@@ -241,7 +241,9 @@ class Stack:
             self._events.append(Discarded(now, "bsm", doubt, f"from {core.temporary_id.hex()}"))
             return
         position = position_in(core, now, self._security.utc_offset_s)
-        self._mvs.receive_bsm(core.temporary_id, position, message.footer, now)
+        self._mvs.receive_bsm(
+            core.temporary_id, position, message.footer, now, core.acceleration.longitudinal_m_s2
+        )
         self._beacon.receive_neighbour(sender, position, now)
         self._risk.receive_bsm(message, now)
 

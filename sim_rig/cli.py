@@ -18,6 +18,7 @@ from rich.console import Console
 from onboard.errors import UserError
 from sim_rig.campaign import Workers
 from sim_rig.engineer.window import ENGINEER
+from sim_rig.cars.gpsd_feed import gpsd_program
 from sim_rig.live import Desk
 from sim_rig.report import failures, print_report, print_verdict
 from sim_rig.run_log import RunLog
@@ -61,6 +62,9 @@ def run(
     story = load_scenario(scenario)
     console = Console(highlight=False)
     console.print(f"[bold]{story.title}[/bold]", soft_wrap=True)
+    if not virtual and (why := _only_virtual(story)) is not None:
+        console.print(f"{why}: in virtual time")
+        virtual = True
     folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
     chosen = story.seed if seed is None else seed
     began = time.monotonic()
@@ -123,6 +127,15 @@ def _settings_given(words: list[str]) -> dict[str, object]:
 def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:
     shutil.rmtree(folder / "box", ignore_errors=True)
     return run_virtual(scenario, seed, folder / "box")
+
+
+def _only_virtual(scenario: Scenario) -> str | None:
+    """Why the scenario cannot run live here; `None` if it can."""
+    if scenario.camera is not None:
+        return "Its cameras know cars from every side, which no picture shows onboard"
+    if scenario.gnss is not None and gpsd_program() is None:
+        return "gpsd is not installed (Debian: gpsd)"
+    return None
 
 
 def _run_live(scenario: Scenario, seed: int, folder: Path, watch: bool) -> RunLog:

@@ -2,7 +2,8 @@
 
 The rig is the far end of each wire: a socketcand server with an ECU for each bus, an MJPEG server
 for the cameras (a process of its own), a UDP unit for each radio with the air behind. The daemons
-are told their own plate and their ports, and no more.
+are told their own plate and their ports, and no more. Where a scenario has receivers, each feeds a
+real gpsd.
 """
 
 import asyncio
@@ -22,6 +23,9 @@ from onboard.security.security import Security
 from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.faulty_ecu import FaultyEcu
+from sim_rig.cars.gnss_receiver import GnssReceiver
+from sim_rig.cars.gpsd_feed import GpsdFeed
+from sim_rig.cars.settings import ReceiverSettings
 from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.cars.wrong_clock import BEGINS
 from sim_rig.engineer.window import ENGINEER, EngineerWindow
@@ -33,15 +37,19 @@ from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.models import open_air
 from sim_rig.recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
+from sim_rig.roads.road import CarState
 from sim_rig.run_log import RunLog, read_trace
 from sim_rig.scenario import Scenario
 from sim_rig.slow_cpu import slow_down
-from sim_rig.wiring import car_config, names_by_id
+from sim_rig.truth import true_states
+from sim_rig.wiring import car_config, gnss_config, names_by_id
 
 _READY_WITHIN_S = 40.0
 _LINGER_S = 0.5
 """After the scenario's end, for what is still on its way."""
 _SEEN_WHEN_READY = frozenset({"ready", "speed", "lead"})
+_SKY = 1_000_000
+"""In the place of a car's number, for the errors that all receivers share."""
 
 
 class Desk:
@@ -104,14 +112,17 @@ class Desk:
         return RunLog(
             start_s=self.start_s,
             traces={car: read_trace(self._trace(car)) for car in self._scenario.equipped},
-            rig=self.recorder.records,
+            rig=[
+                *self.recorder.records,
+                *true_states(self._road, self.start_s, self._scenario.duration_s),
+            ],
             names=names_by_id(self._scenario, self._start_utc_s, time.time()),
         )
 
     async def _set_up(self) -> None:
         self._make_keys()
         camera_port = await self._start_cameras()
-        units = RadioUnits(self._air(), self.recorder)
+        units = RadioUnits(self._air(), self.recorder, self._has_mute_radio)
         self._open.callback(units.close)
         for number, car in enumerate(self._scenario.equipped):
             listen_port, page_port = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
@@ -131,6 +142,8 @@ class Desk:
                 },
                 "recorder": {"folder": str(self._box(car)), "segment_s": 3600.0},
             }
+            if self._scenario.gnss is not None:
+                wires["gnss"] = await self._start_gnss(car, number, self._scenario.gnss)
             config_file = self._folder / f"{car}.yaml"
             seed = 1000 * self._seed + number  # cars with one seed would go by one name
             config = car_config(self._scenario, car, seed) | wires
@@ -202,6 +215,33 @@ class Desk:
         self._open.push_async_callback(server.close)
         return port
 
+    async def _start_gnss(
+        self, car: str, number: int, settings: ReceiverSettings
+    ) -> dict[str, object]:
+        """Start a receiver with its gpsd, and return how the daemon finds them."""
+        port, nmea_port = _free_port(socket.SOCK_STREAM), _free_port(socket.SOCK_DGRAM)
+        await GpsdFeed.start_gpsd(self.processes, car, port, nmea_port)
+
+        def state_at(now: float) -> CarState | None:
+            at_s = self._at_s(now)
+            is_silent = self._scenario.has_fault("gnss_silent", car, at_s)
+            return None if is_silent else self._road.car_at(car, at_s)
+
+        receiver = GnssReceiver(
+            settings,
+            state_at,
+            time.time() - time.monotonic(),
+            np.random.default_rng([self._seed, number]),
+            np.random.default_rng([self._seed, _SKY]),
+        )
+        feed = GpsdFeed(receiver, nmea_port)
+        feed.begin()
+        self._open.callback(feed.close)
+        return gnss_config(settings) | {"port": port}
+
+    def _has_mute_radio(self, car: str, now: float) -> bool:
+        return self._scenario.has_fault("radio_mute", car, self._at_s(now))
+
     def _air(self) -> Air:
         utc_offset_s = time.time() - time.monotonic()
         air = open_air(
@@ -228,7 +268,8 @@ class Desk:
     def _is_ready(self, car: str) -> bool:
         if not self._trace(car).exists():
             return False
-        return {record["kind"] for record in read_trace(self._trace(car))} >= _SEEN_WHEN_READY
+        seen = {record["kind"] for record in read_trace(self._trace(car))}
+        return seen >= _SEEN_WHEN_READY | ({"position"} if self._scenario.gnss else set())
 
     def _at_s(self, now: float) -> float:
         """The scenario's time; the world stands still before it begins."""

@@ -33,11 +33,16 @@ class Processes:
         self, name: str, *arguments: str, with_pipes: bool = False
     ) -> asyncio.subprocess.Process:
         """Run Python with `arguments`."""
+        return await self.start_program(name, sys.executable, *arguments, with_pipes=with_pipes)
+
+    async def start_program(
+        self, name: str, *command: str, with_pipes: bool = False
+    ) -> asyncio.subprocess.Process:
+        """Run `command`."""
         pipe = asyncio.subprocess.PIPE if with_pipes else asyncio.subprocess.DEVNULL
         with self._log(name).open("wb") as log:
             process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                *arguments,
+                *command,
                 stdin=pipe,
                 stdout=pipe,
                 stderr=log,

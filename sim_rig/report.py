@@ -10,8 +10,9 @@ from rich.table import Table
 from sim_rig.ledger import ledger
 from sim_rig.run_log import Record, RunLog
 from sim_rig.scenario import Scenario
+from sim_rig.truth import Known, known_cars, meant_by, touch_s
 
-_TOLD = frozenset({"transition", "hard_brake", "warning", "sensor_lost", "sensor_back"})
+_TOLD = frozenset({"transition", "hard_brake", "warning", "alarm", "sensor_lost", "sensor_back"})
 
 
 def failures(scenario: Scenario, log: RunLog) -> list[str]:
@@ -22,7 +23,10 @@ def failures(scenario: Scenario, log: RunLog) -> list[str]:
 def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
     """Print everything that a reader of a demonstration wants to know."""
     console.print(_timeline(scenario, log))
-    console.print(_warnings(log))
+    if any(True for car in log.traces for _ in log.of(car, "hard_brake")):
+        console.print(_warnings(log))
+    if scenario.gnss is not None:
+        console.print(_knowledge(log, scenario.duration_s))
     console.print(_discards(log))
     console.print(_ledger(log))
 
@@ -42,7 +46,7 @@ def _timeline(scenario: Scenario, log: RunLog) -> Table:
     for column, justify in (("s", "right"), ("car", "left"), ("what", "left")):
         table.add_column(column, justify=justify)  # type: ignore[arg-type]
     entries = [
-        (log.at_s(record), car, _told(log, record))
+        (log.at_s(record), car, _told(log, car, record))
         for car, records in log.traces.items()
         for record in records
         if record["kind"] in _TOLD and record.get("cause") != "refresh"
@@ -56,7 +60,7 @@ def _timeline(scenario: Scenario, log: RunLog) -> Table:
     return table
 
 
-def _told(log: RunLog, record: Record) -> str:
+def _told(log: RunLog, car: str, record: Record) -> str:
     match record["kind"]:
         case "transition":
             place = f"number {record['group_number']} behind {log.name(record['leader_id'])}"
@@ -68,10 +72,53 @@ def _told(log: RunLog, record: Record) -> str:
         case "warning":
             origin = log.name(record["origin_id"])
             return f"[bold red]WARNED: {origin} brakes[/bold red] [dim](hop {record['hops']})[/dim]"
+        case "alarm":
+            return _alarm(log, car, record)
         case "sensor_lost":
             return f"[yellow]{record['sensor']} lost[/yellow] [dim]({record['reason']})[/dim]"
         case _:
             return f"{record['sensor']} back"
+
+
+def _alarm(log: RunLog, car: str, alarm: Record) -> str:
+    """Which car it is about, how that is known, and how long before the two touch."""
+    cause = alarm["cause"].replace("_", " ")
+    if alarm["level"] == "none":
+        return f"[dim]{cause}: over[/dim]"
+    colour = "bold red" if alarm["level"] == "warning" else "yellow"
+    told = f"[{colour}]{alarm['level'].upper()}: {cause}[/{colour}]"
+    for reason in alarm["reasons"]:
+        known = meant_by(log, car, reason["name"], log.at_s(alarm))
+        if known is not None and known.meant is not None:
+            touch = touch_s(log, car, known.meant)
+            lead = "" if touch is None else f", {touch - log.at_s(alarm):.1f} s before they touch"
+            return f"{told} with {known.meant} [dim](known by: {known.known_by}{lead})[/dim]"
+    return told
+
+
+def _knowledge(log: RunLog, duration_s: float) -> Table:
+    """How each car knew the others: from when to when, and how far off at worst."""
+    table = Table(title="Who knew whom", box=box.SIMPLE, title_justify="left")
+    for column, justify in (
+        ("car", "left"), ("knew", "left"), ("by", "left"), ("from s", "right"),
+        ("until s", "right"), ("off by at most m", "right"),
+    ):  # fmt: skip
+        table.add_column(column, justify=justify)  # type: ignore[arg-type]
+    for car in log.traces:
+        found: dict[tuple[str, str], list[Known]] = {}
+        for telling in known_cars(log, car, 0.0, duration_s):
+            for known in telling:
+                found.setdefault((known.meant or "(nobody)", known.known_by), []).append(known)
+        for (meant, known_by), times in sorted(found.items()):
+            table.add_row(
+                car,
+                meant,
+                known_by,
+                f"{times[0].at_s:.0f}",
+                f"{times[-1].at_s:.0f}",
+                f"{max(known.off_m for known in times):.1f}",
+            )
+    return table
 
 
 def _warnings(log: RunLog) -> Table:

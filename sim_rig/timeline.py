@@ -45,7 +45,7 @@ def draw_timeline(scenario: Scenario, log: RunLog, path: Path) -> None:
     places.set_yticks(range(len(cars)), cars)
     places.invert_yaxis()
     places.set_xlim(0.0, scenario.duration_s)
-    places.set_xlabel("s        ▼ brakes hard     ▲ is warned     ✕ sensor lost")
+    places.set_xlabel("s        ▼ brakes hard     ▲ is warned     ◆ alarm     ✕ sensor lost")
     figure.suptitle(scenario.title, fontsize="medium", wrap=True)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
@@ -70,6 +70,10 @@ def _draw_place(axes: Axes, scenario: Scenario, log: RunLog, car: str, row: int)
     ):
         at_s = [log.at_s(record) for record in log.of(car, kind, 0.0, scenario.duration_s)]
         axes.plot(at_s, [row] * len(at_s), marker, color=colour, ms=6)
+    for level, colour in (("caution", "#d4a017"), ("warning", "#c0392b")):
+        alarms = log.of(car, "alarm", 0.0, scenario.duration_s, level=level)
+        at_s = [log.at_s(record) for record in alarms]
+        axes.plot(at_s, [row] * len(at_s), "D", color=colour, ms=5)
 
 
 def stays(log: RunLog, car: str, end_s: float) -> Iterator[Stay]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from onboard.config import CarConfig
 from onboard.gnss.nmea import NmeaReader
+from onboard.gnss.settings import GnssSettings
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Sensor
 from onboard.recorder.recorded import put_together
@@ -212,7 +213,7 @@ class _VirtualCar:
 
         self._receiver: GnssReceiver | None = None
         if scenario.gnss is not None:
-            self._gnss = NmeaReader(gnss_config(scenario.gnss))
+            self._gnss = NmeaReader(GnssSettings.model_validate(gnss_config(scenario.gnss)))
             self._receiver = GnssReceiver(
                 scenario.gnss,
                 lambda now: self._faults.received(road.car_at(name, now), now),

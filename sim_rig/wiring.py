@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-from onboard.gnss.settings import GnssSettings
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings
 from sim_rig.cars.settings import ReceiverSettings
@@ -35,9 +34,9 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
     }
 
 
-def gnss_config(receiver: ReceiverSettings) -> GnssSettings:
-    """What a car is told of its receiver."""
-    return GnssSettings(latency_s=receiver.latency_s)
+def gnss_config(receiver: ReceiverSettings) -> dict[str, object]:
+    """The tree of what a car is told of its receiver, without where gpsd is."""
+    return {"latency_s": receiver.latency_s}
 
 
 def names_by_id(scenario: Scenario, from_utc_s: float, until_utc_s: float) -> dict[str, str]:

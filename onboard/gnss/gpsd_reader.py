@@ -1,7 +1,11 @@
-"""Positions from gpsd's JSON reports (gpsd_json(5)): TPV time-position-velocity, SKY dilution.
+"""Positions from gpsd's JSON reports (gpsd_json(5)).
 
-gpsd may report one fix several times, as its parts come in; it is told once, since one measurement
-must not count twice.
+TPV has time, position and velocity, GST the accuracy, SKY the dilution of precision.
+
+What the receiver itself says of its accuracy (GST) comes before what gpsd makes of the dilution:
+gpsd 3.22 does not put the former into its TPV, and its own estimate is for a poor receiver. gpsd
+may report one fix several times, as its parts come in; it is told once, since one measurement must
+not count twice.
 """
 
 import datetime as dt
@@ -28,6 +32,9 @@ PER_CIRCLE_95 = 2.448
 """gpsd's error estimates hold with 95 % (its error model says so): standard deviations in the
 normal distribution on one axis, and in the Rayleigh distribution of the distance."""
 
+GST_HOLDS_S = 2.0
+"""How long a receiver's word on its accuracy is good for."""
+
 _QUALITY_BY_STATUS = {2: 2, 3: 4, 4: 5, 5: 6}
 """TPV status (2 differential, 3 RTK fixed, 4 RTK float, 5 dead reckoning) as GGA quality."""
 
@@ -48,6 +55,8 @@ class GpsdReader:
         self._clock = ReceiverClock(self._settings.latency_s)
         self._unread = b""
         self._hdop: float | None = None
+        self._gst: tuple[float, float] | None = None
+        """UTC of the last report of the receiver's accuracy, and sigma."""
         self._last_time: str | None = None
         self._events: deque[Position | Discarded] = deque()
 
@@ -76,6 +85,8 @@ class GpsdReader:
                 self._receive_tpv(report, now)
             case {"class": "SKY"}:
                 self._hdop = _number(report, "hdop", 0.0, 99.0)
+            case {"class": "GST"}:
+                self._receive_gst(report)
             case {"class": "ERROR"}:
                 self._discard("gpsd_error", str(report.get("message")), now)
             case {"class": str()}:
@@ -99,14 +110,23 @@ class GpsdReader:
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             altitude_m=_number(tpv, "altHAE", -1000.0, 100_000.0),
-            sigma_m=max(self._sigma_m(tpv), self._settings.least_sigma_m),
+            sigma_m=max(self._sigma_m(tpv, utc_s), self._settings.least_sigma_m),
             speed_m_s=_number(tpv, "speed", 0.0, 1000.0),
             course_rad=None if course_deg is None else math.radians(course_deg),
         )
         self._last_time = time
         self._events.append(position)
 
-    def _sigma_m(self, tpv: dict[str, Any]) -> float:
+    def _receive_gst(self, gst: dict[str, Any]) -> None:
+        north_m, east_m = _number(gst, "lat", 0.0, 1e6), _number(gst, "lon", 0.0, 1e6)
+        if north_m is not None and east_m is not None and gst.get("time") is not None:
+            self._gst = _utc_s(gst["time"]), sigma_of_axes_m(north_m, east_m)
+
+    def _sigma_m(self, tpv: dict[str, Any], utc_s: float | None) -> float:
+        if self._gst is not None and utc_s is not None:
+            said_s, sigma_m = self._gst
+            if abs(utc_s - said_s) <= GST_HOLDS_S:
+                return sigma_m
         north_m = _number(tpv, "epy", 0.0, 1e6)
         east_m = _number(tpv, "epx", 0.0, 1e6)
         if north_m is not None and east_m is not None:

@@ -37,3 +37,5 @@ class KnownCar:
     """Since it was last measured, or last spoke."""
     provenance: Provenance
     """The measurements in it, each used once; none for a car with a radio."""
+    acceleration_m_s2: float | None = None
+    """Along its course, if it says so itself."""

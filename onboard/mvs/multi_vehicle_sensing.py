@@ -3,6 +3,7 @@
 Without a position there is no MVS: nothing is measured, believed or sent.
 """
 
+import dataclasses
 import math
 from collections import Counter, deque
 from collections.abc import Sequence
@@ -35,6 +36,7 @@ class _Neighbour:
     """A car with a radio."""
 
     reported: ReportedState
+    acceleration_m_s2: float | None = None
     footer_at: float = -math.inf
     """When its last footer was read."""
 
@@ -109,6 +111,7 @@ class MultiVehicleSensing:
         state: Position | None,
         footer: bytes | MvsFooter | None,
         now: float,
+        acceleration_m_s2: float | None = None,
     ) -> None:
         """What a car with a radio says of itself, and what it tells of others.
 
@@ -117,12 +120,15 @@ class MultiVehicleSensing:
             state: where it says it is; `stamp_s` on the own car's clock.
             footer: the MVS footer behind its BSM, as it came or already decoded.
             now: when it was received.
+            acceleration_m_s2: what it says of its own, forwards.
         """
         if sender_id in self._own_ids:
             self._discard(now, "own_message", sender_id.hex())
         elif self.has_position(now):
             if state is not None:
                 self._receive_state(sender_id, state, now)
+                if (known := self._neighbours.get(sender_id)) is not None:
+                    known.acceleration_m_s2 = acceleration_m_s2
             if footer is not None:
                 self._receive_footer(sender_id, footer, now)
 
@@ -156,7 +162,10 @@ class MultiVehicleSensing:
         now_ms = self._utc_ms(now)
         tracks = self.cars_without_radio(now)
         cars = [
-            self._as_reported(now, sender_id.hex(), KnownBy.RADIO, neighbour.reported)
+            dataclasses.replace(
+                self._as_reported(now, sender_id.hex(), KnownBy.RADIO, neighbour.reported),
+                acceleration_m_s2=neighbour.acceleration_m_s2,
+            )
             for sender_id, neighbour in self._neighbours.items()
         ]
         estimates = [track.estimate for track in tracks]

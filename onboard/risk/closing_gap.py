@@ -1,12 +1,10 @@
 """The car ahead: time to collision, and how hard the driver will have to brake."""
 
 import math
-from collections import deque
-
-import numpy as np
 
 from onboard.risk.alarm import Level
 from onboard.risk.settings import ClosingGapSettings
+from onboard.speed_trend import SpeedTrend
 
 _NEW_CAR_M = 5.0
 """A gap that jumps by more is the gap to another car."""
@@ -17,33 +15,37 @@ class LeadMotion:
 
     def __init__(self, settings: ClosingGapSettings) -> None:
         self._settings = settings
-        self._speeds: deque[tuple[float, float]] = deque()
+        self._trend = SpeedTrend(settings.lead_window_s)
         self._gap_m: float | None = None
 
     def receive(self, stamp_s: float, gap_m: float, lead_speed_m_s: float) -> None:
         """Take one sight of it; an older one than the last is ignored."""
         if self._gap_m is not None and abs(gap_m - self._gap_m) > _NEW_CAR_M:
-            self._speeds.clear()
+            self._trend.clear()
         self._gap_m = gap_m
-        if self._speeds and stamp_s <= self._speeds[-1][0]:
-            return
-        self._speeds.append((stamp_s, lead_speed_m_s))
-        while stamp_s - self._speeds[0][0] > self._settings.lead_window_s:
-            self._speeds.popleft()
+        self._trend.receive(stamp_s, lead_speed_m_s)
+
+    def clear(self) -> None:
+        """Its speed is not known any more."""
+        self._trend.clear()
 
     @property
     def deceleration_m_s2(self) -> float:
         """0 while it is not clear that it brakes."""
-        if len(self._speeds) < 4 or self._span_s < self._settings.lead_window_s / 2:
-            return 0.0
-        times_s, speeds_m_s = np.array(self._speeds).T
-        times_s -= times_s.mean()
-        slope = float(times_s @ speeds_m_s / (times_s @ times_s))
-        return -slope if -slope >= self._settings.lead_deadband_m_s2 else 0.0
+        slope = self._trend.acceleration_m_s2
+        return 0.0 if slope is None or -slope < self._settings.lead_deadband_m_s2 else -slope
 
-    @property
-    def _span_s(self) -> float:
-        return self._speeds[-1][0] - self._speeds[0][0]
+
+def settled_closing_speed_m_s(
+    closing_speed_m_s: float, sigma_m_s: float | None, settings: ClosingGapSettings
+) -> float:
+    """What of a closing speed may be acted upon while it settles.
+
+    A car that has just come into view has a speed that is off by metres a second. What its sigma is
+    above that of a settled one counts against an alarm, twice. Without a sigma it is taken as exact.
+    """
+    excess_m_s = max((sigma_m_s or 0.0) - settings.settled_sigma_m_s, 0.0)
+    return closing_speed_m_s - 2.0 * excess_m_s
 
 
 def time_to_collision_s(gap_m: float, closing_speed_m_s: float) -> float:

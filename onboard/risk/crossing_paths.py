@@ -1,10 +1,13 @@
 """Where the own path and another car's cross, and how likely the two meet there.
 
-P_C is averaged over what is not known exactly: the distances and speeds of both cars, whose common
-covariance follows from those of their states. The average is a fixed rule of 25 points, exact for
-polynomials of the fifth degree, so the same states always give the same number.
+Of a car whose acceleration is known, that one is the likeliest (section III-E of the paper); of
+others, all are alike. P_C is averaged over what is not known exactly: the distances and speeds of
+both cars, whose common covariance follows from those of their states. The average is a fixed rule
+of 25 points, exact for polynomials of the fifth degree, so the same states always give the same
+number.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -13,7 +16,7 @@ import numpy as np
 from onboard.mvs.known_car import KnownCar
 from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
-from onboard.risk.driver_behaviour import Uniform
+from onboard.risk.driver_behaviour import Behaviour, Triangular, Uniform
 from onboard.risk.settings import CrossingSettings
 from onboard.risk.trajectory import Array
 
@@ -30,8 +33,22 @@ _ROUNDING = 1e-9
 """Relative; an eigenvalue this little below zero is zero."""
 
 
+_PAIRS_AT_ONCE = 512
+"""What stays in a processor's cache."""
+
+
 class CovarianceError(ValueError):
     """The uncertainty of a state is not finite, or negative in some direction."""
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """What of a car is not in its state."""
+
+    length_m: float
+    width_m: float
+    acceleration_m_s2: float | None = None
+    """Along its course; `None`: not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,19 +98,31 @@ def meeting(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> Meeti
 
 
 def averaged_collision_probabilities(
-    meetings: list[Meeting], sizes: list[tuple[float, float]], own_size: tuple[float, float],
-    settings: CrossingSettings,
-) -> Array:  # fmt: skip
+    meetings: Sequence[Meeting], others: Sequence[Driven], own: Driven, settings: CrossingSettings
+) -> Array:
     """P_C of each meeting, (n), averaged over its uncertainty.
 
     Args:
         meetings: n of them.
-        sizes: length and width of each other car in m.
-        own_size: of the own car.
+        others: the other car of each.
+        own: the own car.
         settings: what drivers may do.
     """
-    if not meetings:
-        return np.zeros(0)
+    p_c = np.zeros(len(meetings))
+    known = np.array([each.acceleration_m_s2 is not None for each in others], dtype=bool)
+    for group in (np.flatnonzero(known), np.flatnonzero(~known)):
+        for begin in range(0, len(group), _PAIRS_AT_ONCE // len(_POINTS)):
+            some = group[begin : begin + _PAIRS_AT_ONCE // len(_POINTS)]
+            p_c[some] = _averaged(
+                [meetings[at] for at in some], [others[at] for at in some], own, settings
+            )
+    return p_c
+
+
+def _averaged(
+    meetings: Sequence[Meeting], others: Sequence[Driven], own: Driven, settings: CrossingSettings
+) -> Array:
+    """P_C, (n), of meetings with cars whose acceleration is known of all, or of none."""
     means = np.array([each.mean for each in meetings])
     roots = np.array([_square_root(each.covariance) for each in meetings])
     drawn = means[:, None, :] + np.einsum("nij,pj->npi", roots, _POINTS)
@@ -102,22 +131,44 @@ def averaged_collision_probabilities(
     def each_point(values: list[float]) -> Array:
         return np.repeat(np.array(values), len(_POINTS))[:, None]
 
-    behaviour = Uniform(
-        np.array(-settings.hardest_braking_m_s2), np.array(settings.acceleration_m_s2)
-    )
+    accelerations = [
+        each.acceleration_m_s2 for each in others if each.acceleration_m_s2 is not None
+    ]
     top = np.array(settings.top_speed_m_s)
     zone = XCrossing(
-        CarSize(*map(np.array, own_size)),
-        CarSize(each_point([size[0] for size in sizes]), each_point([size[1] for size in sizes])),
+        CarSize(np.array(own.length_m), np.array(own.width_m)),
+        CarSize(
+            each_point([each.length_m for each in others]),
+            each_point([each.width_m for each in others]),
+        ),
         each_point([each.angle_rad for each in meetings]),
     )
     p_c = collision_probability(
-        Approach(own_d, np.maximum(own_v, 0.0), top, behaviour),
-        Approach(other_d, np.maximum(other_v, 0.0), top, behaviour),
+        Approach(
+            own_d,
+            np.maximum(own_v, 0.0),
+            top,
+            _behaviour(
+                None if own.acceleration_m_s2 is None else np.array(own.acceleration_m_s2), settings
+            ),
+        ),
+        Approach(
+            other_d,
+            np.maximum(other_v, 0.0),
+            top,
+            _behaviour(each_point(accelerations) if accelerations else None, settings),
+        ),
         zone,
     )
     averaged: Array = p_c.reshape(len(meetings), -1) @ _WEIGHTS
     return averaged
+
+
+def _behaviour(present_m_s2: Array | None, settings: CrossingSettings) -> Behaviour:
+    lowest, highest = np.array(-settings.hardest_braking_m_s2), np.array(settings.acceleration_m_s2)
+    if present_m_s2 is None:
+        return Uniform(lowest, highest)
+    return Triangular(lowest, present_m_s2, highest)
 
 
 def _approaches(states: Array) -> Array:

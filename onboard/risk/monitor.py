@@ -15,14 +15,21 @@ from onboard.messages.bsm_safety import VehicleEventFlags
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.observations import Discarded, Lead, Position, Speed
 from onboard.risk.alarm import NOTHING, Alarm, Assessment, Cause, Hysteresis, Level, Reason
-from onboard.risk.closing_gap import LeadMotion, level, required_deceleration_m_s2
+from onboard.risk.closing_gap import (
+    LeadMotion,
+    level,
+    required_deceleration_m_s2,
+    settled_closing_speed_m_s,
+)
 from onboard.risk.crossing_paths import (
     CovarianceError,
+    Driven,
     Meeting,
     averaged_collision_probabilities,
     meeting,
 )
 from onboard.risk.settings import RiskSettings
+from onboard.speed_trend import SpeedTrend
 
 _NO_BRAKING_HELPS_M_S2 = 20.0
 """Alarms name no greater need than this."""
@@ -54,6 +61,7 @@ class RiskMonitor:
         self._lead_motion = LeadMotion(settings.closing_gap)
         self._height_m: float | None = None
         self._said: dict[str, _Said] = {}
+        self._trends: dict[str, SpeedTrend] = {}
         self._warning: WarningRaised | None = None
         self._alarms = {
             cause: Hysteresis(
@@ -78,6 +86,8 @@ class RiskMonitor:
         self._lead = lead
         speed = self._fresh_speed(now)
         if speed is not None and lead.gap_m is not None and lead.closing_speed_m_s is not None:
+            if (lead.closing_speed_sigma_m_s or 0.0) > self._settings.closing_gap.settled_sigma_m_s:
+                self._lead_motion.clear()  # what settles is no braking
             lead_speed_m_s = speed.speed_m_s - lead.closing_speed_m_s
             self._lead_motion.receive(lead.stamp_s, lead.gap_m, lead_speed_m_s)
         self._judge(Cause.CLOSING_GAP, self._closing_gap(now), now)
@@ -114,6 +124,7 @@ class RiskMonitor:
         self._judge(Cause.GROUP, self._group(now), now)
         self._judge(Cause.CLOSING_GAP, self._closing_gap(now), now)
         others = [] if own is None else [car for car in cars if _is_other(car, own)]
+        self._follow_speeds([*others, own] if own is not None else [], now)
         if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:
             self._judge(Cause.HARD_BRAKING, NOTHING, now)
             self._judge(Cause.CROSSING, NOTHING, now)
@@ -149,15 +160,18 @@ class RiskMonitor:
             or speed.speed_m_s < self._settings.least_speed_m_s
         ):
             return NOTHING
+        closing_m_s = settled_closing_speed_m_s(
+            lead.closing_speed_m_s, lead.closing_speed_sigma_m_s, settings
+        )
         needed_m_s2 = required_deceleration_m_s2(
             lead.gap_m,
             speed.speed_m_s,
-            speed.speed_m_s - lead.closing_speed_m_s,
+            speed.speed_m_s - closing_m_s,
             self._lead_motion.deceleration_m_s2,
             settings.reaction_s,
         )
         return Assessment(
-            level(lead.gap_m, lead.closing_speed_m_s, needed_m_s2, settings),
+            level(lead.gap_m, closing_m_s, needed_m_s2, settings),
             min(needed_m_s2, _NO_BRAKING_HELPS_M_S2),
             (
                 Reason(lead.kind, lead.identity.value, now - lead.stamp_s),
@@ -209,7 +223,7 @@ class RiskMonitor:
         settings = self._settings.crossing
         found: list[tuple[KnownCar, Meeting]] = []
         for car in others:
-            if self._crossing_warning_p_c(car) is None:
+            if car.age_s > settings.oldest_s:
                 continue
             try:
                 met = meeting(own, car, settings)
@@ -220,25 +234,34 @@ class RiskMonitor:
                 found.append((car, met))
         p_c = averaged_collision_probabilities(
             [met for _, met in found],
-            [self._size(car.name) for car, _ in found],
-            self._own_size,
+            [self._driven(car) for car, _ in found],
+            Driven(*self._own_size, self._acceleration_m_s2(own)),
             settings,
         )
         seen = [self._grade(car, float(p), own) for (car, _), p in zip(found, p_c, strict=True)]
         return max(seen, key=lambda each: (each.level.rank, each.value), default=NOTHING)
 
     def _grade(self, car: KnownCar, p_c: float, own: KnownCar) -> Assessment:
-        warning_p_c = self._crossing_warning_p_c(car)
-        if warning_p_c is not None and p_c >= warning_p_c:
+        settings = self._settings.crossing
+        if p_c >= settings.warning_p_c:
             return Assessment(Level.WARNING, p_c, (_reason(car, own),))
-        if p_c >= self._settings.crossing.caution_p_c:
+        if p_c >= settings.caution_p_c:
             return Assessment(Level.CAUTION, p_c, (_reason(car, own),))
         return Assessment(Level.NONE, p_c, ())
 
-    def _crossing_warning_p_c(self, car: KnownCar) -> float | None:
-        """The threshold for data of the car's age; `None` where it is too old for any."""
-        thresholds = self._settings.crossing.warning_p_c
-        return next((p_c for age_s, p_c in thresholds if car.age_s <= age_s), None)
+    def _follow_speeds(self, cars: Sequence[KnownCar], now: float) -> None:
+        self._trends = {
+            car.name: self._trends.get(car.name) or SpeedTrend(self._settings.crossing.trend_s)
+            for car in cars
+        }
+        for car in cars:
+            self._trends[car.name].receive(now, math.hypot(*car.state[2:]))
+
+    def _acceleration_m_s2(self, car: KnownCar) -> float | None:
+        """As the car says, else as its speed changes."""
+        if car.acceleration_m_s2 is not None:
+            return car.acceleration_m_s2
+        return self._trends[car.name].acceleration_m_s2
 
     def _is_over_or_under(self, car: KnownCar, met: Meeting) -> bool:
         said = self._said.get(car.name)
@@ -252,11 +275,12 @@ class RiskMonitor:
         allowed_m = settings.other_level_m + settings.slope * to_go_m
         return abs(said.height_m - self._height_m) > allowed_m
 
-    def _size(self, name: str) -> tuple[float, float]:
-        said = self._said.get(name)
-        return (
+    def _driven(self, car: KnownCar) -> Driven:
+        said = self._said.get(car.name)
+        return Driven(
             (said.length_m if said else None) or self._settings.other_length_m,
             (said.width_m if said else None) or self._settings.other_width_m,
+            self._acceleration_m_s2(car),
         )
 
     def _fresh_speed(self, now: float) -> Speed | None:

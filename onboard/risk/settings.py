@@ -22,6 +22,8 @@ class ClosingGapSettings(Settings):
     """Over which the braking of the car ahead is estimated."""
     lead_deadband_m_s2: float = Field(1.5, ge=0.0, le=5.0)
     """Estimates below this may be noise, and count as none."""
+    settled_sigma_m_s: float = Field(1.5, gt=0.0, le=10.0)
+    """Of the closing speed of a car that has been in view for a while, at most."""
     confirm_s: float = Field(0.04, ge=0.0, le=1.0)
     """How long it must be so: one odd frame warns nobody."""
     lead_held_s: float = Field(0.5, gt=0.0, le=2.0)
@@ -47,11 +49,12 @@ class CrossingSettings(Settings):
 
     caution_p_c: float = Field(0.30, gt=0.0, le=1.0)
     """99 in 100 approaches without a crash stay below it (docs/risk.md)."""
-    warning_p_c: tuple[tuple[float, float], ...] = ((0.5, 0.45), (1.0, 0.24))
-    """(age of the data in s, P_C). Up to 0.5 s: above what any approach without a crash has
-    reached, and 99 in 100 crashes still reach it before they are unavoidable. Up to 1 s: the next
-    word may come too late, so what 99 in 100 reach then (our Table III, docs/risk.md). Beyond the
-    last: nothing."""
+    warning_p_c: float = Field(0.45, gt=0.0, le=1.0)
+    """Above what any approach without a crash has reached (docs/risk.md)."""
+    oldest_s: float = Field(1.0, gt=0.0, le=5.0)
+    """Older data raise nothing."""
+    trend_s: float = Field(0.8, gt=0.0, le=3.0)
+    """Over which the acceleration of a car is estimated that does not say it."""
     range_m: float = Field(120.0, gt=0.0, le=500.0)
     """Of either car from where the paths meet."""
     least_angle_rad: float = Field(0.35, gt=0.09, lt=1.57)

@@ -57,6 +57,10 @@ class GnssReceiver:
         self._bias_m = self._fresh_m()
         self._kept = math.exp(-1.0 / settings.rate_hz / settings.bias_time_s)
 
+    def skip_to(self, now: float) -> None:
+        """Make no fix before `now`."""
+        self._fixes = math.ceil((now + self._utc_offset_s) * self._settings.rate_hz)
+
     def get_timer(self) -> float:
         """When the next fix has been computed."""
         return self._fix_at + self._settings.latency_s

@@ -7,6 +7,7 @@ user priority (IP_TOS = priority << 5). One socket for each car's unit, one air 
 import asyncio
 import socket
 import time
+from collections.abc import Callable
 
 from sim_rig.radio.air import Air, Delivery
 from sim_rig.recorder import RigRecorder
@@ -18,8 +19,15 @@ _TOS_ROOM = socket.CMSG_SPACE(1)
 class RadioUnits:
     """All units of a run, on 127.0.0.1."""
 
-    def __init__(self, air: Air, recorder: RigRecorder) -> None:
+    def __init__(
+        self,
+        air: Air,
+        recorder: RigRecorder,
+        is_mute: Callable[[str, float], bool] = lambda _car, _now: False,
+    ) -> None:
+        """Join `air`; what `is_mute` (car, now) transmits, nobody hears."""
         self._air = air
+        self._is_mute = is_mute
         self._recorder = recorder
         self._sockets: dict[str, socket.socket] = {}
         self._car_ports: dict[str, int] = {}
@@ -52,6 +60,8 @@ class RadioUnits:
                 break
             user_priority = next((data[0] >> 5 for _, _, data in ancillary), 0)
             now = time.monotonic()
+            if self._is_mute(car, now):
+                continue
             self._recorder.note_on_air(car, wsm, user_priority, now)
             self._air.receive_wsm(car, wsm, user_priority, now)
         self._step()

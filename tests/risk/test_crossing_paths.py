@@ -12,6 +12,7 @@ from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
 from onboard.risk.crossing_paths import (
     CovarianceError,
+    Driven,
     averaged_collision_probabilities,
     meeting,
 )
@@ -19,7 +20,7 @@ from onboard.risk.driver_behaviour import Uniform
 from onboard.risk.settings import CrossingSettings
 
 SETTINGS = CrossingSettings()
-SIZE = (5.0, 1.75)
+CAR = Driven(5.0, 1.75)
 
 
 def car(
@@ -33,7 +34,7 @@ def car(
 def averaged(own: KnownCar, other: KnownCar) -> float:
     met = meeting(own, other, SETTINGS)
     assert met is not None
-    return float(averaged_collision_probabilities([met], [SIZE], SIZE, SETTINGS)[0])
+    return float(averaged_collision_probabilities([met], [CAR], CAR, SETTINGS)[0])
 
 
 def test_distances_are_along_the_courses_to_where_they_cross() -> None:
@@ -115,7 +116,7 @@ def test_the_average_is_that_of_drawn_states(
         for _ in range(400)
     ]
     met = [each for each in drawn if each is not None]
-    values = averaged_collision_probabilities(met, [SIZE] * len(met), SIZE, SETTINGS)
+    values = averaged_collision_probabilities(met, [CAR] * len(met), CAR, SETTINGS)
     standard_error = values.std() / math.sqrt(len(met))
 
     assert averaged(own, other) == pytest.approx(values.mean(), abs=4 * standard_error + 0.02)
@@ -140,4 +141,4 @@ def test_what_is_no_covariance_is_refused(diagonal: tuple[float, ...]) -> None:
 
 
 def test_nobody_to_meet() -> None:
-    assert len(averaged_collision_probabilities([], [], SIZE, SETTINGS)) == 0
+    assert len(averaged_collision_probabilities([], [], CAR, SETTINGS)) == 0
