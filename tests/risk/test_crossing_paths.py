@@ -142,3 +142,34 @@ def test_what_is_no_covariance_is_refused(diagonal: tuple[float, ...]) -> None:
 
 def test_nobody_to_meet() -> None:
     assert len(averaged_collision_probabilities([], [], CAR, SETTINGS)) == 0
+
+
+def test_a_car_that_is_known_to_keep_its_speed_is_likelier_to_be_met_than_one_that_may_brake() -> (
+    None
+):
+    met = meeting(car((-28.0, 0.0, 14.0, 0.0)), car((0.0, -28.0, 0.0, 14.0)), SETTINGS)
+    assert met is not None
+
+    def p_c(own: float | None, other: float | None) -> float:
+        cars = Driven(5.0, 1.75, other), Driven(5.0, 1.75, own)
+        return float(averaged_collision_probabilities([met], [cars[0]], cars[1], SETTINGS)[0])
+
+    assert p_c(0.0, 0.0) > p_c(0.0, None) > p_c(None, None)
+    assert p_c(0.0, 0.0) > p_c(0.0, -4.0) > 0.0
+
+
+def test_cars_of_known_and_unknown_acceleration_keep_their_order() -> None:
+    rng = np.random.default_rng(4)
+    others, met = [], []
+    for k in range(60):
+        state = (0.0, -float(rng.uniform(10, 40)), 0.0, float(rng.uniform(6, 15)))
+        each = meeting(car((-25.0, 0.0, 14.0, 0.0), 0.5, 0.3), car(state, 0.5, 0.3), SETTINGS)
+        assert each is not None
+        met.append(each)
+        others.append(Driven(5.0, 1.75, None if k % 3 else float(rng.uniform(-5, 1))))
+
+    together = averaged_collision_probabilities(met, others, CAR, SETTINGS)
+
+    for k in range(60):
+        (alone,) = averaged_collision_probabilities([met[k]], [others[k]], CAR, SETTINGS)
+        assert together[k] == pytest.approx(alone, abs=1e-12)
