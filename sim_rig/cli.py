@@ -17,8 +17,8 @@ from rich.console import Console
 
 from onboard.errors import UserError
 from sim_rig.campaign import Workers
-from sim_rig.engineer.window import ENGINEER
 from sim_rig.cars.gpsd_feed import gpsd_program
+from sim_rig.engineer.window import ENGINEER
 from sim_rig.live import Desk
 from sim_rig.report import failures, print_report, print_verdict
 from sim_rig.run_log import RunLog
