@@ -38,6 +38,10 @@ _SAID_HELD_S = 5.0
 """How long height and size of a car are kept without a word from it."""
 
 
+_NEW_HEIGHT = 0.1
+"""Share of a new height in the mean of the last ones: at 10 Hz, those of a second."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Said:
     """What a car's BSM says beside its motion."""
@@ -79,7 +83,7 @@ class RiskMonitor:
 
     def receive_position(self, position: Position) -> None:
         """The own height; place and motion come with `assess`."""
-        self._height_m = position.altitude_m
+        self._height_m = _mean_height_m(self._height_m, position.altitude_m)
 
     def receive_lead(self, lead: Lead, now: float) -> None:
         """The car ahead that the camera sees, or that there is none."""
@@ -106,9 +110,8 @@ class RiskMonitor:
         if events is not None and VehicleEventFlags.HARD_BRAKING in events:
             brakes_hard_at_s = now
         size = core.size
-        self._said[name] = _Said(
-            now, core.elevation_m, size.length_m, size.width_m, brakes_hard_at_s
-        )
+        height_m = _mean_height_m(before.height_m if before else None, core.elevation_m)
+        self._said[name] = _Said(now, height_m, size.length_m, size.width_m, brakes_hard_at_s)
 
     def assess(self, own: KnownCar | None, cars: Sequence[KnownCar], now: float) -> None:
         """Judge every cause; to be called at 10 Hz, also when nothing comes in.
@@ -287,6 +290,13 @@ class RiskMonitor:
         speed = self._speed
         fresh = speed is not None and now - speed.stamp_s <= self._settings.speed_held_s
         return speed if fresh else None
+
+
+def _mean_height_m(mean_m: float | None, height_m: float | None) -> float | None:
+    """A receiver's heights scatter: a single one would put a car on a bridge for a moment."""
+    if mean_m is None or height_m is None:
+        return height_m
+    return mean_m + _NEW_HEIGHT * (height_m - mean_m)
 
 
 def _is_other(car: KnownCar, own: KnownCar) -> bool:
