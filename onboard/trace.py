@@ -4,6 +4,7 @@ A trace line is the event itself: its `stamp_s`, its `kind`, then its fields und
 """
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -27,7 +28,26 @@ def as_line(event: Event, **more: float) -> str:
     Raises:
         TypeError: as in `as_record`.
     """
-    return json.dumps(as_record(event) | more, separators=(",", ":"))
+    return as_json(as_record(event) | more)
+
+
+def as_json(record: Any) -> str:
+    """The record on one line. JSON has no infinity: what is not finite is written as a string."""
+    try:
+        return json.dumps(record, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(record), separators=(",", ":"))
+
+
+def _finite(value: Any) -> Any:
+    match value:
+        case float() if not math.isfinite(value):
+            return str(value)
+        case dict():
+            return {key: _finite(item) for key, item in value.items()}
+        case list():
+            return [_finite(item) for item in value]
+    return value
 
 
 def as_record(event: Event) -> dict[str, Any]:

@@ -20,7 +20,7 @@ class VirtualBox:
     def begin(self, head: Head) -> None:
         """See `onboard.recorder.black_box.BlackBox`."""
         self._segments = Segments(self.settings, head)
-        self._segments.open(head.now_s)
+        self._segments.open(head.now_s, head.utc_s)
 
     def note(self, note: Note) -> None:
         """See `onboard.recorder.black_box.BlackBox`."""

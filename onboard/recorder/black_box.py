@@ -30,8 +30,8 @@ FLUSH_S: Final = 0.4
 """What a power cut may take, beside what the disk needs to write: less than a second in all."""
 RETRY_S: Final = 5.0
 """After the disk took no more, until it is tried again."""
-STOP_S: Final = 1.5
-"""How long the last notes may take when the car stops."""
+STOP_S: Final = 0.8
+"""How long the last notes may take when the car stops, once they are taken; half of it before."""
 NICENESS: Final = 5
 """Of the writing thread: its notes can wait for a moment."""
 FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
@@ -44,17 +44,21 @@ class BlackBox:
     def __init__(self, settings: RecorderSettings, on_state: Callable[[Recording], None]) -> None:
         """Open nothing yet; notes may come already.
 
-        `on_state` is called from the writing thread when recording begins or ends, and when notes
-        were lost.
+        `on_state` is called when recording begins or ends, and when notes were lost: from the
+        writing thread, or from whoever brings a note that a hanging disk has left no room for.
         """
         self.settings = settings
         self._on_state = on_state
         self._queue: queue.Queue[Note | None] = queue.Queue(QUEUE_NOTES)
         self._counting = threading.Lock()
         self._lost = 0
+        """Of those that found no room, since the last gap among the notes."""
         self._dropped = 0
+        self._missing = 0
+        """Before the first note of the next segment."""
         self._picture_at = 0.0
         self._told: tuple[str | None, int] = (None, 0)
+        self._telling = threading.Lock()
         self._segments: Segments | None = None
         self._thread = threading.Thread(target=self._run, name="black-box", daemon=True)
 
@@ -89,6 +93,8 @@ class BlackBox:
             self._queue.put_nowait(note)
         except queue.Full:
             self._lose()
+            if self._told[0] == "":
+                self._tell("the disk does not keep up")
 
     def note_picture(self, image: NDArray[np.uint8], stamp_s: float) -> None:
         """Have a picture written, (height, width, 3) in BGR, if it is time for one.
@@ -122,18 +128,25 @@ class BlackBox:
             try:
                 self._record(segments)
             except Exception as error:  # noqa: BLE001 (whatever it is, it is told, and the car drives)
-                segments.abandon(time.monotonic())
-                self._lose()
+                lost = segments.abandon(time.monotonic())
+                self._lose_in_thread(lost)
                 why_not = error.strerror if isinstance(error, OSError) else repr(error)
                 self._tell(why_not or repr(error))
-                if self._is_over_while_waiting():
+                waited = self._wait()
+                if waited is None:
                     return
+                self._missing += lost + waited
             else:
                 return
 
     def _record(self, segments: Segments) -> None:
         """Write until `close`."""
-        segments.open(time.monotonic())
+        now, utc_s = time.monotonic(), time.time()
+        segments.open(now, utc_s)
+        if self._missing:
+            segments.write(Note("/box/gap", utc_s, Gap(now, self._missing)))
+            segments.flush()
+            self._missing = 0
         self._tell("")
         mend(self.settings.folder, segments.path)
         flush_at = time.monotonic() + FLUSH_S
@@ -153,25 +166,36 @@ class BlackBox:
                 self._tell("")
                 flush_at = time.monotonic() + FLUSH_S
 
-    def _is_over_while_waiting(self) -> bool:
-        """Lose notes until the disk is tried again; whether the drive ended meanwhile."""
+    def _wait(self) -> int | None:
+        """Lose notes until the disk is tried again; how many, or `None` if the drive ended."""
+        lost = 0
         retry_at = time.monotonic() + RETRY_S
         while (left_s := retry_at - time.monotonic()) > 0.0:
             try:
-                if self._queue.get(timeout=left_s) is None:
-                    return True
+                note = self._queue.get(timeout=left_s)
             except queue.Empty:
                 break
-            self._lose()
-        return False
+            if note is None:
+                return None
+            if isinstance(note.value, Gap):
+                lost += note.value.dropped  # counted when they were lost
+            else:
+                self._lose_in_thread(1)
+                lost += 1
+        return lost
 
     def _lose(self) -> None:
         with self._counting:
             self._lost += 1
             self._dropped += 1
 
+    def _lose_in_thread(self, notes: int) -> None:
+        with self._counting:
+            self._dropped += notes
+
     def _tell(self, why_not: str) -> None:
-        if self._told != (why_not, self._dropped):
+        with self._telling:
+            if self._told == (why_not, self._dropped):
+                return
             self._told = (why_not, self._dropped)
-            state = Recording(time.monotonic(), not why_not, why_not, self._dropped)
-            self._on_state(state)
+        self._on_state(Recording(time.monotonic(), not why_not, why_not, self._dropped))

@@ -18,7 +18,8 @@ from onboard.recorder.identities import Aliases
 from onboard.security import p256
 from onboard.security.certificate_codec import decode_certificate
 from onboard.security.credentials import Credential, Credentials
-from onboard.settings import Settings, parse_settings
+from onboard.security.oer import Malformed, Unsupported
+from onboard.settings import Settings, SettingsError, parse_settings
 
 FORMAT = 1
 """Counts up when a replay of this software could no longer read what an older one wrote."""
@@ -74,17 +75,24 @@ class Head(Settings):
         return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=spawn_key))
 
     def credentials(self) -> Credentials | None:
-        """The car's certificates, each with a key that is not its own."""
+        """The car's certificates, each with a key that is not its own.
+
+        Raises:
+            SettingsError: one of them is none.
+        """
         if self.certificates is None:
             return None
-        pseudonyms, roots, authorities = (
-            tuple(decode_certificate(bytes.fromhex(each)) for each in encoded)
-            for encoded in (
-                self.certificates.pseudonyms,
-                self.certificates.roots,
-                self.certificates.authorities,
+        try:
+            pseudonyms, roots, authorities = (
+                tuple(decode_certificate(bytes.fromhex(each)) for each in encoded)
+                for encoded in (
+                    self.certificates.pseudonyms,
+                    self.certificates.roots,
+                    self.certificates.authorities,
+                )
             )
-        )
+        except (ValueError, Malformed, Unsupported) as error:
+            raise SettingsError(f"the recording of {self.drive}: a certificate: {error}") from error
         return Credentials(
             tuple(Credential(certificate, p256.new_key()) for certificate in pseudonyms),
             roots,

@@ -1,5 +1,6 @@
 """Finishes segments that a power cut left without their end, so that any MCAP reader opens them."""
 
+import contextlib
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,24 +10,26 @@ from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from onboard.recorder.reading import BoxError, is_finished, raw_records
+from onboard.recorder.ring import segments_in
+from onboard.recorder.segment import is_being_written
 
 
 def mend(folder: Path, except_for: Path) -> None:
     """Write anew every segment in `folder` that was not finished, up to where it was cut off.
 
-    Raises:
-        OSError: the disk takes no more; nothing is lost by it.
+    One that cannot be read or written anew is left as it is, and tried again after the next start.
     """
-    for path in sorted(folder.glob("*.mcap")):
-        if path != except_for and not is_finished(path):
-            mend_segment(path)
+    for path in sorted(segments_in(folder)):
+        with contextlib.suppress(OSError):
+            if path != except_for and not is_being_written(path) and not is_finished(path):
+                mend_segment(path)
 
 
 def mend_segment(path: Path) -> None:
     """Finish one segment, or delete it if it was cut off before it began.
 
     Raises:
-        OSError: as in `mend`.
+        OSError: it cannot be read, or the disk takes no more; nothing is lost by it.
     """
     try:
         records = list(raw_records(path))

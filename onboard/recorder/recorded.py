@@ -72,9 +72,12 @@ def put_together(
         )
     )
 
+    tap: Tap | None = None
+
     def note_identity(plate: str, epoch: int, car_id: bytes) -> None:
-        identity = Identity(now, aliases.word(plate), epoch, car_id)
-        writer.note(Note("/in/identity", utc_s, identity))
+        at_s, at_utc_s = (now, utc_s) if tap is None else tap.last_call
+        identity = Identity(at_s, aliases.word(plate), epoch, car_id)
+        writer.note(Note("/in/identity", at_utc_s, identity))
 
     stack = Stack(
         config,
@@ -86,7 +89,8 @@ def put_together(
         driver=driver,
         digest=NotedDigest(config.security.plate_digest, note_identity),
     )
-    return Tap(stack, writer.note, aliases, utc_s - now, positions=settings.positions)
+    tap = Tap(stack, writer.note, aliases, (now, utc_s), positions=settings.positions)
+    return tap
 
 
 def replayed_stack(
@@ -123,4 +127,4 @@ def replayed_stack(
             driver=head.known_driver(),
             digest=digest,
         )
-    return Tap(stack, note, Aliases(in_clear=True), utc_s - now_s, positions=True)
+    return Tap(stack, note, Aliases(in_clear=True), (now_s, utc_s), positions=True)

@@ -13,9 +13,8 @@ from onboard.recorder.inputs import Input, as_input
 from onboard.recorder.notes import Button, Gap, Identity, Note, ReceivedWsm, Round
 from onboard.recorder.reading import Box, BoxError
 from onboard.recorder.recorded import replayed_stack
-from onboard.recorder.segment import as_json
 from onboard.recorder.tap import Tap
-from onboard.trace import Event, as_record
+from onboard.trace import Event, as_json, as_record
 from onboard.wave_udp import wsmp
 
 _SIGNED_DATA = 0x81
@@ -189,7 +188,7 @@ def _give(tap: Tap, value: Input, now: float) -> None:
 
 
 def _said(note: Note) -> Said:
-    return Said(note.topic, as_json(as_record(note.value)))
+    return Said(note.topic, as_json(as_record(note.value)).encode())
 
 
 def _first_difference(moment: Moment) -> Difference | None:

@@ -1,6 +1,7 @@
 """Which segments are kept: the new ones, and those around an event longer; still without I/O."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +9,13 @@ from onboard.recorder.settings import RecorderSettings
 
 KEPT = "-kept"
 """Ends the name of a segment that something happened in."""
+_NAME = re.compile(rf"\d{{8}}T\d{{6}}\.\d{{3}}Z-\d{{4,}}({KEPT})?\.mcap")
+"""Of a drive and a segment; whatever else lies in the folder is somebody else's."""
+
+
+def segments_in(folder: Path) -> Iterator[Path]:
+    """Yield the files of the folder that a black box has written."""
+    return (path for path in folder.glob("*.mcap") if _NAME.fullmatch(path.name) and path.is_file())
 
 
 @dataclass(frozen=True, slots=True)

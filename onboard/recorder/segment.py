@@ -2,8 +2,8 @@
 
 import base64
 import contextlib
+import fcntl
 import json
-import math
 import os
 from functools import cache
 from pathlib import Path
@@ -15,7 +15,7 @@ from pydantic.errors import PydanticInvalidForJsonSchema, PydanticSchemaGenerati
 
 from onboard.recorder.head import FORMAT, Head
 from onboard.recorder.notes import Note, Picture
-from onboard.trace import as_record
+from onboard.trace import as_json, as_record
 
 METADATA: Final = "onboard"
 """Name of the metadata record that every segment begins with."""
@@ -45,6 +45,7 @@ class Segment:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         self.path = path
         self._file = os.fdopen(descriptor, "wb")
+        fcntl.flock(descriptor, fcntl.LOCK_EX)  # `is_being_written` sees it
         self._channels: dict[str, int] = {}
         self._writer = Writer(self._file, compression=CompressionType.ZSTD)
         try:
@@ -71,7 +72,7 @@ class Segment:
         channel = self._channels.get(note.topic)
         if channel is None:
             channel = self._channels[note.topic] = self._new_channel(note)
-        data = as_json(_record(note))
+        data = as_json(_record(note)).encode()
         self._writer.add_message(channel, stamp_ns, data, publish_time=stamp_ns)
 
     def flush(self) -> None:
@@ -126,24 +127,18 @@ def schema_of(value_type: type) -> dict[str, Any]:
     return schema
 
 
-def as_json(record: dict[str, Any]) -> bytes:
-    """The record on one line. JSON has no infinity: what is not finite is written as a string."""
-    try:
-        text = json.dumps(record, separators=(",", ":"), allow_nan=False)
-    except ValueError:
-        text = json.dumps(_finite(record), separators=(",", ":"))
-    return text.encode()
+def is_being_written(path: Path) -> bool:
+    """Whether a black box, in this process or another, has the file open.
 
-
-def _finite(value: Any) -> Any:
-    match value:
-        case float() if not math.isfinite(value):
-            return str(value)
-        case dict():
-            return {key: _finite(item) for key, item in value.items()}
-        case list():
-            return [_finite(item) for item in value]
-    return value
+    Raises:
+        OSError: it cannot be opened.
+    """
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def _sync_folder(folder: Path) -> None:

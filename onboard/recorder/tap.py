@@ -31,7 +31,7 @@ class Tap:
         stack: Stack,
         note: Callable[[Note], None],
         aliases: Aliases,
-        utc_offset_s: float,
+        begins: tuple[float, float],
         *,
         positions: bool,
     ) -> None:
@@ -41,18 +41,23 @@ class Tap:
             stack: what is listened to.
             note: must return at once.
             aliases: of plates.
-            utc_offset_s: UTC at 0 on the cores' clock, until they are told anew.
+            begins: when the cores begin, on their clock and in UTC.
             positions: whether to note where cars are.
         """
         self._stack = stack
         self._note = note
         self._aliases = aliases
-        self._utc_offset_s = utc_offset_s
+        self._now, utc_s = begins
+        self._utc_offset_s = utc_s - self._now
         self._positions = positions
         self._utc_s: float | None = None
         self._timer = False
         self._inputs: list[object] = []
-        self._now = 0.0
+
+    @property
+    def last_call(self) -> tuple[float, float]:
+        """When a verb was last called, on the cores' clock and in UTC."""
+        return self._now, self._now + self._utc_offset_s
 
     @property
     def digest(self) -> PlateDigest:

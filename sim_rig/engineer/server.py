@@ -18,6 +18,7 @@ from aiohttp import web
 
 from onboard.hmi.door import Door
 from onboard.hmi.page_files import Handler, add_page, read_page, under_rules
+from onboard.trace import as_json
 from onboard.vision.mjpeg import MjpegParts
 from sim_rig.engineer.album import Album
 from sim_rig.engineer.story import Story
@@ -127,7 +128,8 @@ class EngineerServer:
                 "now_s": time.monotonic(),
                 "next": first + len(entries),
                 "entries": entries,
-            }
+            },
+            dumps=as_json,
         )
 
     async def _tell_ledger(self, _request: web.Request) -> web.Response:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from onboard.observations import Box, Lead, LeadIdentity, Plate, Position
-from onboard.trace import as_line, as_record
+from onboard.trace import as_json, as_line, as_record
 
 
 def test_stamp_and_kind_come_first_then_the_fields_under_their_own_names() -> None:
@@ -40,3 +40,8 @@ def test_a_type_without_a_form_is_our_mistake_and_raises() -> None:
 
     with pytest.raises(TypeError, match="object has no form in a trace"):
         as_line(position)
+
+
+def test_what_is_not_finite_is_a_string_since_json_has_no_infinity() -> None:
+    record = {"value": float("inf"), "others": [1.5, float("-inf")], "at": {"x": float("nan")}}
+    assert as_json(record) == '{"value":"inf","others":[1.5,"-inf"],"at":{"x":"nan"}}'

@@ -39,7 +39,7 @@ class Written:
     def begin(self, head: Head) -> None:
         self.head = head
         self.segments = Segments(self.settings, head)
-        self.segments.open(head.now_s)
+        self.segments.open(head.now_s, head.utc_s)
 
     def note(self, note: Note) -> None:
         self.segments.write(note)

@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,7 +20,7 @@ from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
 from onboard.recorder import black_box
 from onboard.recorder.black_box import BlackBox
-from onboard.recorder.notes import Note, Recording
+from onboard.recorder.notes import Button, Note, Recording
 from onboard.recorder.reading import Box, is_finished
 from onboard.recorder.replay import compare
 from onboard.recorder.segments import Segments
@@ -46,10 +47,10 @@ def frame(number: int, size: int = 8) -> Note:
     )
 
 
-def numbers(folder: Path) -> list[int]:
+def numbers(of: Path) -> list[int]:
     return [
         int.from_bytes(bytes.fromhex(entry.record["data"])[:4])
-        for entry in Box([folder]).entries()
+        for entry in Box([of]).entries()
         if entry.topic == "/in/can"
     ]
 
@@ -110,6 +111,93 @@ def test_a_disk_slower_than_the_car_loses_notes_and_says_how_many(
     assert states[-1].dropped == 90
 
 
+def test_a_disk_that_hangs_is_told_by_whoever_brings_the_notes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(black_box, "QUEUE_NOTES", 10)
+    hangs, reached = threading.Event(), threading.Event()
+
+    def hang(self: Segments) -> None:
+        reached.set()
+        hangs.wait(WITHIN_S)
+
+    running = Running(tmp_path)
+    until(lambda: bool(running.states))
+    monkeypatch.setattr(Segments, "flush", hang)
+    reached.wait(WITHIN_S)
+    for number in range(100):
+        running.box.note(frame(number))
+
+    told = running.states[-1]
+    hangs.set()
+    monkeypatch.undo()
+    running.box.close()
+    assert not told.is_recording
+    assert told.reason == "the disk does not keep up"
+    assert running.states[-1].is_recording, "it has come back"
+    assert running.states[-1].dropped == 90
+
+
+def test_what_a_full_disk_took_is_counted_to_the_last_note(
+    tmp_path: Path, full_disk: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every note is on the disk, or counted in a gap."""
+    monkeypatch.setattr(black_box, "RETRY_S", 0.05)
+    running = Running(tmp_path)
+    until(lambda: bool(running.states))
+    full_disk(20_000)
+    for number in range(500):
+        running.box.note(frame(number, size=64))
+    until(lambda: any(not state.is_recording for state in running.states))
+    full_disk(resource.RLIM_INFINITY)
+    until(lambda: running.states[-1].is_recording)
+    running.box.close()
+
+    gaps = [entry.record for entry in Box([tmp_path]).entries() if entry.topic == "/box/gap"]
+    missing = sum(gap["dropped"] for gap in gaps)
+    # Some of the write that failed may be on the disk all the same.
+    assert len(numbers(tmp_path)) + missing >= 500
+    assert missing == running.states[-1].dropped <= 500
+
+
+def test_a_segment_that_was_taken_away_is_not_missed(tmp_path: Path) -> None:
+    segments = Segments(RecorderSettings(folder=tmp_path, segment_s=1.0), HEAD)
+    segments.open(HEAD.now_s, HEAD.utc_s)
+    for number in range(1500):
+        segments.write(frame(number))
+    first, *_ = sorted(tmp_path.iterdir())
+    first.rename(tmp_path.parent / "elsewhere.mcap")
+
+    segments.write(Note("/in/button", HEAD.utc_s + 1.5, Button(HEAD.now_s + 1.5)))
+    segments.close(HEAD.now_s + 1.6)
+
+    (left,) = tmp_path.iterdir()
+    assert left.stem.endswith("-kept")
+
+
+def test_what_is_not_ours_stays_as_it_is(tmp_path: Path) -> None:
+    """Somebody's recordings, and the one that another daemon is writing."""
+    theirs = tmp_path / "rosbag.mcap"
+    theirs.write_bytes(b"\x89MCAP0\r\n unfinished")
+    folder = tmp_path / "20200101T000000.000Z-0000.mcap"
+    folder.mkdir()
+    head = HEAD.model_copy(update={"drive": "20250615T160640.000Z"})
+    other = Segments(RecorderSettings(folder=tmp_path), head)
+    other.open(HEAD.now_s, HEAD.utc_s)
+    other.write(frame(1))
+    running = Running(tmp_path, ring_mib=1.0, ring_s=60.0)
+    until(lambda: bool(running.states))
+    running.box.close()
+    other.close(HEAD.now_s + 1.0)
+
+    folder.rmdir()
+    assert theirs.read_bytes().endswith(b"unfinished")
+    theirs.unlink()
+    (neighbour,) = tmp_path.glob(f"{head.drive}-*")
+    assert 1 in numbers(neighbour)
+    assert running.states[-1].is_recording
+
+
 def test_a_folder_that_cannot_be_made_is_the_users_mistake(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     box = BlackBox(RecorderSettings(folder=tmp_path / "file" / "box"), lambda _: None)
@@ -152,7 +240,7 @@ def test_a_full_disk_ends_the_recording_until_there_is_room_again(
 def test_a_power_cut_takes_only_what_was_not_flushed(tmp_path: Path) -> None:
     """Whatever was flushed is in the file, without any help of the one who wrote it."""
     segments = Segments(RecorderSettings(folder=tmp_path), HEAD)
-    segments.open(HEAD.now_s)
+    segments.open(HEAD.now_s, HEAD.utc_s)
     for number in range(100):
         segments.write(frame(number))
     segments.flush()

@@ -7,10 +7,13 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import Metadata
 
+from onboard.errors import UserError
+from onboard.recorder.head import Certificates
 from onboard.recorder.mending import mend, write_records
 from onboard.recorder.reading import Box, BoxError, Entry, is_finished, raw_records
 from onboard.recorder.replay import compare
 from tests.recorder.drive import record_drive
+from tests.recorder.heads import HEAD
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +75,7 @@ def test_a_mended_recording_opens_in_any_reader_with_all_that_was_left(
 ) -> None:
     path = cut(whole, tmp_path, whole.stat().st_size * 2 // 3)
     left = list(Box([path]).entries())
-    (tmp_path / "empty.mcap").write_bytes(whole.read_bytes()[:20])
+    (tmp_path / "20250615T150641.000Z-0000.mcap").write_bytes(whole.read_bytes()[:20])
 
     mend(tmp_path, except_for=tmp_path / "other.mcap")
 
@@ -141,3 +144,10 @@ def test_another_version_is_refused_clearly(
 
     with pytest.raises(Exception, match=told):
         Box([path])
+
+
+def test_a_head_with_a_damaged_certificate_is_refused_by_name() -> None:
+    damaged = Certificates(pseudonyms=("80 no certificate",), roots=("8003",), authorities=())
+    head = HEAD.model_copy(update={"certificates": damaged})
+    with pytest.raises(UserError, match=f"the recording of {HEAD.drive}: a certificate"):
+        head.credentials()

@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import HardBrake
-from onboard.recorder.notes import Note
+from onboard.recorder.notes import Button, Identity, Note, ReceivedWsm
 from onboard.recorder.reading import Box
 from onboard.recorder.ring import Stored, kept_path, to_delete
+from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
 from tests.recorder.drive import Written
 from tests.recorder.heads import HEAD
@@ -86,3 +89,33 @@ def test_a_drive_longer_than_the_ring_keeps_its_end_and_what_happened(tmp_path: 
     assert names(tmp_path)[0] == "0003-kept"
     assert names(tmp_path)[1:] == [f"{number:04}" for number in range(12, 20)]
     assert Box([tmp_path]).missing == list(range(4, 12))
+
+
+def test_the_ring_holds_while_one_long_segment_is_written(tmp_path: Path) -> None:
+    old = Written(tmp_path, segment_s=10.0)
+    drive(old, until_s=30.0, brakes_at=-1)
+    settings = RecorderSettings(folder=tmp_path, ring_mib=1.0, segment_s=3600.0)
+    new = Segments(settings, HEAD.model_copy(update={"drive": "20250615T160640.000Z"}))
+    new.open(HEAD.now_s, HEAD.utc_s)
+    for second in range(60):
+        noise = np.random.default_rng(second).bytes(40_000)
+        now = HEAD.now_s + second
+        new.write(Note("/in/wsm", HEAD.utc_s + second, ReceivedWsm(now, noise)))
+        new.flush()
+    new.close(HEAD.now_s + 60.0)
+
+    assert [path.stem for path in tmp_path.iterdir()] == ["20250615T160640.000Z-0000"]
+
+
+def test_each_segment_says_again_at_its_beginning_which_ids_hold(tmp_path: Path) -> None:
+    written = Written(tmp_path, segment_s=10.0)
+    written.begin(HEAD)
+    identity = Identity(HEAD.now_s, "plate-1", 7, b"12345678")
+    written.note(Note("/in/identity", HEAD.utc_s, identity))
+    drive_on = [Note("/in/button", HEAD.utc_s + at, Button(HEAD.now_s + at)) for at in (5, 15, 25)]
+    for note in drive_on:
+        written.note(note)
+    written.segments.close(HEAD.now_s + 30.0)
+
+    said = [each for each in Box([tmp_path]).entries() if each.topic == "/in/identity"]
+    assert [each.record["stamp_s"] - HEAD.now_s for each in said] == [0.0, 15.0, 25.0]
