@@ -42,7 +42,7 @@ async def look_at_demo(path: str, folder: Path) -> None:
         await expect(red.locator("#road .plate-text")).to_have_text("TAG1")
 
         await brake_until_alarmed(green, red)
-        await expect(engineer.locator("#timeline .warning").first).to_be_visible()
+        await expect(engineer.locator("#timeline .alarm").first).to_be_visible()
         await engineer.click("#earlier-warning")
         await expect(engineer.locator('[data-car="red"].card .notes')).to_contain_text("group")
 

@@ -12,7 +12,9 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from sim_rig.engineer.server import EngineerServer
-from sim_rig.scenario import load_scenario
+from sim_rig.engineer.story import Story
+from sim_rig.run_log import Record
+from sim_rig.scenario import Scenario, load_scenario
 from sim_rig.virtual import run_virtual
 
 pytestmark = pytest.mark.browser
@@ -22,45 +24,52 @@ TABLET = {"width": 820, "height": 1180}
 PLATE = "<b>GN</b>"
 
 
+class Shown:
+    """The page of a run in virtual time that has just ended, served in a thread of its own."""
+
+    def __init__(self, scenario: Scenario, folder: Path) -> None:
+        log = run_virtual(scenario)
+        self.offset_s = time.monotonic() - scenario.duration_s - 1.0
+        self.server = EngineerServer(scenario, folder, camera_port=1)
+        self.server.story = Story(log.names)
+        self.server.story.receive_rig({"kind": "start", "stamp_s": self.offset_s})
+        for car, trace in log.traces.items():
+            for record in trace:
+                self.tell(car, record)
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever)
+
+    def tell(self, car: str, record: Record) -> None:
+        shifted = {"stamp_s": record["stamp_s"] + self.offset_s}
+        self.server.story.receive(car, dict(record) | shifted)
+
+    def __enter__(self) -> str:
+        self._thread.start()
+        start = asyncio.run_coroutine_threadsafe(self.server.start(), self._loop)
+        return f"http://127.0.0.1:{start.result(20.0)}/"
+
+    def __exit__(self, *_: object) -> None:
+        asyncio.run_coroutine_threadsafe(self.server.close(), self._loop).result(20.0)
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A run of twelve seconds that has just ended."""
+    """Twelve seconds of the demonstration, with a picture of each, and lost sensors."""
     scenario = load_scenario("fig4").model_copy(update={"duration_s": 12.0})
-    log = run_virtual(scenario)
-    offset_s = time.monotonic() - 13.0
-    folder: Path = tmp_path_factory.mktemp("run")
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever)
-    thread.start()
-
-    async def start() -> tuple[EngineerServer, int]:
-        server = EngineerServer(scenario, folder, camera_port=1)
-        server.story = type(server.story)(log.names)
-        server.story.receive_rig({"kind": "start", "stamp_s": offset_s})
-        records = [
-            (car, dict(record) | {"stamp_s": record["stamp_s"] + offset_s})
-            for car, trace in log.traces.items()
-            for record in trace
-        ]
-        for car, record in records:
-            server.story.receive(car, record)
-        lost = {"kind": "sensor_lost", "stamp_s": offset_s + 11.0, "sensor": "camera"}
-        server.story.receive("yellow", lost | {"silent_s": 0.8, "reason": PLATE})
-        for kind, stamp_s in (("sensor_lost", 10.9), ("sensor_back", 10.2)):
-            record = {"kind": kind, "stamp_s": offset_s + stamp_s, "sensor": "camera"}
-            server.story.receive("green", record | {"reason": "silent"})
-        for second in range(13):
-            grey = np.full((360, 640, 3), 10 * second, np.uint8)
-            _, jpeg = cv2.imencode(".jpg", grey)
-            server.album.add("red", offset_s + second, jpeg.tobytes())
-        return server, await server.start()
-
-    server, port = asyncio.run_coroutine_threadsafe(start(), loop).result(20.0)
-    yield f"http://127.0.0.1:{port}/"
-    asyncio.run_coroutine_threadsafe(server.close(), loop).result(20.0)
-    loop.call_soon_threadsafe(loop.stop)
-    thread.join()
-    loop.close()
+    run = Shown(scenario, tmp_path_factory.mktemp("run"))
+    lost = {"kind": "sensor_lost", "sensor": "camera"}
+    run.tell("yellow", lost | {"stamp_s": 11.0, "reason": PLATE})
+    run.tell("green", lost | {"stamp_s": 10.9, "reason": "silent"})
+    run.tell("green", {"kind": "sensor_back", "sensor": "camera", "stamp_s": 10.2})
+    for second in range(13):
+        grey = np.full((360, 640, 3), 10 * second, np.uint8)
+        _, jpeg = cv2.imencode(".jpg", grey)
+        run.server.album.add("red", run.offset_s + second, jpeg.tobytes())
+    with run as address:
+        yield address
 
 
 @pytest.fixture
@@ -157,3 +166,25 @@ def test_nothing_hangs_over_the_edge(page: Page, size: dict[str, int]) -> None:
     page.set_viewport_size(size)  # type: ignore[arg-type]
 
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_a_fused_state_is_shown_with_each_measurement_once(
+    browser: Browser, tmp_path: Path
+) -> None:
+    """A car without a radio that two others see, and a third is told of."""
+    with Shown(load_scenario("third-car"), tmp_path) as address:
+        page = browser.new_page(viewport={"width": 1440, "height": 900})
+        page.goto(address)
+        box = page.locator("#timeline").bounding_box()
+        assert box is not None
+        page.mouse.click(box["x"] + 76 + 0.7 * (box["width"] - 88), box["y"] + 9)
+
+        told = page.locator("#fused tbody tr", has_text="told").first
+        expect(told).to_be_visible()
+        measured = told.locator("td").last.inner_text()
+        page.close()
+
+    by_observer = [each.split(": ") for each in measured.split("; ")]
+    assert all(len(observer) == 8 for observer, _ in by_observer)
+    for _, stamps in by_observer:
+        assert len(stamps.split()) == len(set(stamps.split()))

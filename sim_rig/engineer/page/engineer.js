@@ -2,7 +2,7 @@
 import { Card } from "./cards.js";
 import { html } from "./make.js";
 import { Sequence } from "./sequence.js";
-import { Store } from "./store.js";
+import { Store, isWarning } from "./store.js";
 import { drawDiscarded, drawFused, drawLedger, drawSaid } from "./tables.js";
 import { Timeline } from "./timeline.js";
 
@@ -34,17 +34,18 @@ for (const seconds of WINDOWS_S) {
 }
 
 const steps = {
-  "earlier": [-1], "later": [1], "earlier-warning": [-1, "warning"], "later-warning": [1, "warning"],
+  "earlier": [-1], "later": [1], "earlier-warning": [-1, isWarning], "later-warning": [1, isWarning],
 };
-for (const [id, [direction, kind]] of Object.entries(steps)) $(id).onclick = () => step(direction, kind);
+for (const [id, [direction, stopsAt]] of Object.entries(steps)) $(id).onclick = () => step(direction, stopsAt);
 $("pause").onclick = () => seek(paused_s === null ? moment() : null);
 document.onkeydown = (event) => {
   const doing = {
     " ": () => $("pause").onclick(), ArrowLeft: () => step(-1), ArrowRight: () => step(1),
-    w: () => step(1, "warning"), W: () => step(-1, "warning"),
+    w: () => step(1, isWarning), W: () => step(-1, isWarning),
   }[event.key];
   if (doing) { event.preventDefault(); doing(); }
 };
+new ResizeObserver(() => draw()).observe($("sequence"));
 setInterval(ask, ASK_MS);
 setInterval(async () => {
   try { drawLedger($("ledger"), await (await fetch("ledger")).json()); } catch { /* It stays as it was. */ }
@@ -66,8 +67,8 @@ function seek(at_s) {
   draw();
 }
 
-function step(direction, kind) {
-  const entry = store.next(moment(), direction, kind);
+function step(direction, stopsAt) {
+  const entry = store.next(moment(), direction, stopsAt);
   if (entry) seek(entry.stamp_s);
 }
 

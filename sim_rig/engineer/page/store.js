@@ -43,8 +43,8 @@ export class Store {
   }
 
   // The next entry to stop at, forwards (+1) or backwards (-1).
-  next(at_s, direction, kind) {
-    const list = kind ? this.told.filter((entry) => entry.kind === kind) : this.told;
+  next(at_s, direction, stopsAt) {
+    const list = stopsAt ? this.told.filter(stopsAt) : this.told;
     if (direction > 0) return list[after(list, at_s + 1e-7)];
     return list[after(list, at_s - 1e-7) - 1];
   }
@@ -54,6 +54,11 @@ export class Store {
     if (!this.#lists.has(key)) this.#lists.set(key, []);
     return this.#lists.get(key);
   }
+}
+
+// Of the group or of any other cause.
+export function isWarning({ kind, level }) {
+  return kind === "alarm" && level === "warning";
 }
 
 const OFTEN = new Set(["speed", "lead", "plate", "known_car"]);

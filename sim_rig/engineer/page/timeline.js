@@ -1,10 +1,11 @@
 // Who was what, when, and where it mattered; a click goes there.
 import { svg } from "./make.js";
+import { isWarning } from "./store.js";
 
 const MARKS = {
-  hard_brake: { path: "M-5-4H5L0 5Z", label: "brakes hard" },
-  warning: { path: "M-5 4H5L0-5Z", label: "is warned" },
-  sensor_lost: { path: "M-4-4 4 4M-4 4 4-4", label: "sensor lost" },
+  hard_brake: "M-5-4H5L0 5Z",
+  alarm: "M-5 4H5L0-5Z",
+  sensor_lost: "M-4-4 4 4M-4 4 4-4",
 };
 const LABEL_PX = 76, ROW_PX = 20;
 
@@ -34,8 +35,9 @@ export class Timeline {
           parts.push(svg("rect", { class: places[n].state, x: from, y: y + 3, width: to - from, height: ROW_PX - 6 }));
         }
       }
-      for (const [kind, { path }] of Object.entries(MARKS)) {
+      for (const [kind, path] of Object.entries(MARKS)) {
         for (const entry of this.store.between(name, kind, start_s, known_s)) {
+          if (kind === "alarm" && !isWarning(entry)) continue;
           parts.push(svg("path", { class: kind, d: path, transform: `translate(${x(entry.stamp_s)} ${y + ROW_PX / 2})` }));
         }
       }
