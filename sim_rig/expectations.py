@@ -192,12 +192,49 @@ class CountExpected(Expected):
             yield f"{what}: {count} times by {', '.join(self.cars)}, at most {self.at_most}"
 
 
+class HeardExpected(Expected):
+    """How often the unit of one car gets frames of another, as the rig itself saw it."""
+
+    what: Literal["heard"]
+    sender: CarName
+    car: CarName
+    """The receiver."""
+    user_priority: int | None = Field(default=None, ge=0, le=7)
+    """Only frames of this one; BSMs have 5, or 7 with an event flag up."""
+    from_s: Seconds
+    until_s: Seconds
+    at_least: int = Field(default=0, ge=0)
+    at_most: int | None = Field(default=None, ge=0)
+
+    @override
+    def cars_named(self) -> Iterator[str]:
+        yield self.sender
+        yield self.car
+
+    @override
+    def check(self, log: RunLog) -> Iterator[str]:
+        count = sum(
+            1
+            for record in log.rig
+            if record["kind"] == "delivered"
+            and (record["car"], record["sender"]) == (self.car, self.sender)
+            and self.user_priority in {None, record["user_priority"]}
+            and self.from_s <= log.at_s(record) <= self.until_s
+        )
+        told = f"{self.car} hears {self.sender} {count} times"
+        if count < self.at_least:
+            yield f"{told}, at least {self.at_least}"
+        if self.at_most is not None and count > self.at_most:
+            yield f"{told}, at most {self.at_most}"
+
+
 Expectation = Annotated[
     StateExpected
     | WarningExpected
     | QuietExpected
     | SensorExpected
     | CountExpected
+    | HeardExpected
     | AlarmExpected
     | NoAlarmExpected
     | KnowsExpected

@@ -22,6 +22,7 @@ from onboard.security.key_files import write_credentials
 from onboard.security.security import Security
 from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
+from sim_rig.cars.crowd import CrowdedAir, crowd_names
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.gpsd_feed import GpsdFeed
@@ -177,9 +178,11 @@ class Desk:
         shutil.rmtree(self._keys, ignore_errors=True)
         self._keys.mkdir(mode=0o700)
         psids = {psid.BSM, psid.LCCA}
-        self._trial = make_trial(self._scenario.equipped, psids, self._start_utc_s)
-        for car, credentials in self._trial.items():
-            write_credentials(self._keys / car, credentials)
+        self._trial = make_trial(
+            [*self._scenario.equipped, *crowd_names(self._scenario)], psids, self._start_utc_s
+        )
+        for car in self._scenario.equipped:
+            write_credentials(self._keys / car, self._trial[car])
 
     async def _start_cameras(self) -> int:
         """Start their process, and return its port."""
@@ -250,8 +253,14 @@ class Desk:
             self._scenario.equipped,
             np.random.default_rng(self._seed),
         )
-        keys = {car: Security(utc_offset_s, own) for car, own in self._trial.items()}
-        return FaultyAir(air, self._scenario, self._at_s, keys)
+        keys = {car: Security(utc_offset_s, self._trial[car]) for car in self._scenario.equipped}
+        return CrowdedAir(
+            FaultyAir(air, self._scenario, self._at_s, keys),
+            self._scenario,
+            now=time.monotonic(),
+            utc_s=time.time(),
+            credentials=self._trial,
+        )
 
     async def _until_ready(self) -> None:
         """Wait until every daemon is up, and has heard from its ECU and its camera."""

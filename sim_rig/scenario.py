@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, StringConstraints, model_validator
 
+from onboard.access.settings import AccessSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.settings import Settings, SettingsError, load_settings
 from sim_rig.cars.settings import ReceiverSettings, VehicleCameraSettings
@@ -98,6 +99,9 @@ class ScenarioCar(Settings):
     height_m: float = Field(default=1.5, gt=0.5, le=4.0)
     colour: Literal["green", "red", "blue", "yellow", "white", "grey"] = "grey"
 
+    access: AccessSettings = AccessSettings()
+    """Whether its driver's danger decides how often it talks."""
+
     @property
     def identity(self) -> str:
         """The text that this car is known by: its plate, or `TAG<n>`."""
@@ -126,6 +130,8 @@ class Scenario(Settings):
     """Whether messages are signed in virtual time, too; live they always are."""
     lcca: LccaSettings = LccaSettings()
     """Of every car."""
+    crowd: int = Field(default=0, ge=0, le=200)
+    """Cars around that nobody sees, and everybody hears sending BSMs."""
     faults: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...]
 

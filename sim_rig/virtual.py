@@ -30,6 +30,7 @@ from onboard.trace import as_record
 from onboard.wave_udp import psid
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
+from sim_rig.cars.crowd import CrowdedAir, crowd_names
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.vehicle_camera import VehicleCamera
@@ -91,14 +92,16 @@ class _VirtualRun:
         if scenario.signed:
             new_key = key_from(np.random.default_rng(keys_seed))
             psids = {psid.BSM, psid.LCCA}
-            credentials = make_trial(scenario.equipped, psids, START_UTC_S, new_key)
+            cars = [*scenario.equipped, *crowd_names(scenario)]
+            credentials = make_trial(cars, psids, START_UTC_S, new_key)
         air_rng = np.random.default_rng(air_seed)
-        self._air = FaultyAir(
+        air = FaultyAir(
             open_air(scenario.radio, road.cars_at, scenario.equipped, air_rng),
             scenario,
             lambda now: now,
             {name: Security(START_UTC_S, credentials.get(name)) for name in scenario.equipped},
         )
+        self._air = CrowdedAir(air, scenario, now=0.0, utc_s=START_UTC_S, credentials=credentials)
         self._air_planned_at = math.inf
         self.cars = {
             name: _VirtualCar(

@@ -30,6 +30,7 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
         "lcca": scenario.lcca.model_dump(),
         # The receiver's antenna is in the middle of the roof, the camera at the front bumper.
         "mvs": {"sensing": {"camera_ahead_m": it.length_m / 2}},
+        "access": it.access.model_dump(mode="json"),
         "security": {"plate_digest": DIGEST},
     }
 
