@@ -30,6 +30,7 @@ _CAMPAIGNS = {
     "mvs-figure8": "mvs_sharing:figure8:SharingSettings",
     "mvs-table1": "mvs_sharing:table1:SharingSettings",
     "radio": "radio:run:RadioSettings",
+    "rakhshan-csma": "rakhshan_csma:run:RakhshanCsmaSettings",
 }
 """Studies of many runs, which take settings and workers."""
 

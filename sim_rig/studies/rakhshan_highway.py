@@ -147,12 +147,12 @@ def collided(
 
 def collided_without_radio(drops: Drops) -> Array:
     """The same (drops,) with brake lights only."""
-    return _late(drops, without_radio_s(drops.reaction_s))
+    return late(drops, without_radio_s(drops.reaction_s))
 
 
 def collided_with_perfect_radio(drops: Drops) -> Array:
     """The same (drops,) if everybody knew at once: no channel access can do better."""
-    return _late(drops, np.zeros_like(drops.reaction_s))
+    return late(drops, np.zeros_like(drops.reaction_s))
 
 
 def mean_and_error(samples: Array) -> tuple[Array, Array]:
@@ -174,10 +174,11 @@ def _collided(settings: HighwaySettings, drops: Drops, slots: Array) -> Array:
     if settings.random_waits:
         slots = slots * -np.log(drops.luck)
     length_s = settings.slots_per_packet * slot_s(settings.data_rate_mbit_s, settings.packet_bytes)
-    return _late(drops, reception_delay_s(slots, length_s, drops.reaction_s))
+    return late(drops, reception_delay_s(slots, length_s, drops.reaction_s))
 
 
-def _late(drops: Drops, delay_s: Array) -> Array:
+def late(drops: Drops, delay_s: Array) -> Array:
+    """Part of each drop's following cars that brake too late, `delay_s` being D(i); (drops,)."""
     begins_s = delay_s + drops.reaction_s
     begins_s[..., 0] = 0.0
     late = np.diff(begins_s, axis=-1) > drops.lag_s[..., 1:]
