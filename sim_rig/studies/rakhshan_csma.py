@@ -19,12 +19,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydantic import Field
 
+from onboard.access.slotted import Array
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.radio.channel import Channel
 from sim_rig.radio.settings import CsmaSettings
 from sim_rig.studies.rakhshan_highway import (
-    Array,
     Drops,
     HighwaySettings,
     collided_with_perfect_radio,
@@ -41,6 +41,9 @@ BEACON_PRIORITY, WARNING_PRIORITY = 5, 7
 _WARM_S = 0.3
 """Everybody sends for so long before the first cars brake."""
 
+_SAME_S = 1e-9
+"""Times on two clocks that differ by less are the same."""
+
 
 class Traffic(Settings):
     """What is on the air."""
@@ -56,11 +59,10 @@ class RakhshanCsmaSettings(Settings):
     """One campaign; a run is one highway with every traffic and pair of intervals."""
 
     seed: int = Field(1, ge=0)
-    drops: int = Field(100, ge=4)
+    drops: int = Field(60, ge=4)
     intervals_s: tuple[float, ...] = (0.1, 0.3, 0.6)
     """For safe and for unsafe cars, each with each; all within what SAE J2945/1 allows."""
     traffics: tuple[Traffic, ...] = (
-        Traffic(name="BSM", beacon_bytes=200),
         Traffic(name="BSM with MVS", beacon_bytes=500),
         Traffic(name="BSM with MVS, LCCA", beacon_bytes=500, warns=True),
     )
@@ -70,6 +72,8 @@ class RakhshanCsmaSettings(Settings):
     warning_bytes: int = Field(200, gt=0)
     warning_repeats: int = Field(10, ge=0)
     warning_every_s: float = Field(0.1, gt=0.0)
+    lanes_apart_s: float = Field(0.1, ge=0.0)
+    """The first cars of the lanes begin to brake within this time, not in one microsecond."""
     longest_s: float = Field(6.0, gt=0.0)
     """Who has not heard by then hears no more."""
     channel: CsmaSettings = CsmaSettings(nakagami_m=1.0)
@@ -85,7 +89,7 @@ def run_one(settings: RakhshanCsmaSettings, number: int) -> Row:
     def part(kind: Traffic, others: int, safe_s: float, unsafe_s: float) -> float:
         interval_s = np.where(unsafe, unsafe_s, safe_s)
         rng = np.random.default_rng(air_seed)  # the same for all
-        return float(late(drops, _delay_s(settings, drops, rng, interval_s, (others, kind)))[0])
+        return float(late(drops, delay_s(settings, drops, rng, interval_s, (others, kind)))[0])
 
     each_s = settings.intervals_s
     collided = [
@@ -110,7 +114,8 @@ def run(
     settings = settings or RakhshanCsmaSettings()
     rows = run_campaign(run_one, settings, range(settings.drops), out_dir, workers or Workers())
     collided = np.moveaxis(np.array([row["collided"] for row in rows]), 0, -1)
-    lines, told = [], []
+    lines: list[tuple[object, ...]] = []
+    told = []
     for kind, by_load in zip(settings.traffics, collided, strict=True):
         for others, pairs in zip(settings.others, by_load, strict=True):
             equal_s, safe_s, unsafe_s, reduction, error = _gain(settings, pairs)
@@ -138,7 +143,7 @@ def run(
     return "; ".join([*told, f"brake lights only {dark:.4f}, all at once {bright:.4f}"])
 
 
-def _delay_s(
+def delay_s(
     settings: RakhshanCsmaSettings,
     drops: Drops,
     rng: np.random.Generator,
@@ -147,8 +152,8 @@ def _delay_s(
 ) -> Array:
     """When each car of the only drop hears of the braking; (1, lanes, cars), as D(i)."""
     others, kind = case
-    news = _News(drops, settings.longest_s)
     lanes, cars = interval_s.shape
+    news = _News(drops, rng.uniform(0.0, settings.lanes_apart_s, lanes), settings.longest_s)
     position_m = np.stack(
         [drops.position_m[0], np.broadcast_to(LANE_M * np.arange(lanes)[:, None], (lanes, cars))],
         axis=-1,
@@ -190,20 +195,22 @@ def _delay_s(
 class _News:
     """Who knows since when, and brakes from when; cars are numbered lane by lane."""
 
-    def __init__(self, drops: Drops, longest_s: float) -> None:
+    def __init__(self, drops: Drops, begins_s: Array, longest_s: float) -> None:
+        """`begins_s` is when the first car of each lane brakes."""
         _, self._lanes, self._cars = drops.reaction_s.shape
         self._reaction_s = drops.reaction_s[0].flatten()
         self._knows_s = np.full(self._lanes * self._cars, longest_s)
         self.brakes_s = np.full(self._lanes * self._cars, math.inf)
         self._told: list[int] = []
         self._reaction_s[:: self._cars] = 0.0
-        for first in range(0, self._lanes * self._cars, self._cars):
-            self._tell(first, 0.0)
+        self._begins_s = begins_s
+        for lane, begin_s in enumerate(begins_s.tolist()):
+            self._tell(lane * self._cars, begin_s)
 
     @property
     def delay_s(self) -> Array:
         """(lanes, cars): D(i)."""
-        return self._knows_s.reshape(self._lanes, self._cars)
+        return self._knows_s.reshape(self._lanes, self._cars) - self._begins_s[:, None]
 
     @property
     def all_know_s(self) -> float:
@@ -217,7 +224,7 @@ class _News:
 
     def hear(self, sender: int, queued_s: float, receivers: NDArray[np.int64], at_s: Array) -> None:
         """A frame has arrived; if it speaks of braking, those behind in the lane know."""
-        if sender >= len(self.brakes_s) or queued_s < self.brakes_s[sender]:
+        if sender >= len(self.brakes_s) or queued_s < self.brakes_s[sender] - _SAME_S:
             return
         last = (sender // self._cars + 1) * self._cars
         for receiver, when_s in zip(receivers.tolist(), at_s.tolist(), strict=True):

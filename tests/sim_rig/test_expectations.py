@@ -36,11 +36,15 @@ LOG = RunLog(
         ],
         "yellow": [record(5.3, "discarded", room="lcca", reason="not_in_group")],
     },
-    rig=[],
+    rig=[
+        record(at_s, "delivered", car="red", sender="green", user_priority=5)
+        for at_s in (3.0, 3.1, 3.2)
+    ],
     names={GREEN: "green", RED: "red"},
 )
 
 STATE = {"what": "state", "car": "red", "by_s": 3, "state": "member"}
+HEARD = {"what": "heard", "sender": "green", "car": "red", "from_s": 0, "until_s": 9}
 WARNING = {"what": "warning", "braking": "green", "at_s": [5]}
 
 
@@ -72,6 +76,12 @@ WARNING = {"what": "warning", "braking": "green", "at_s": [5]}
             WARNING | {"discarded": {"yellow": "stale"}},
             "yellow discards nothing as stale upon green braking at 5 s",
         ),
+        (HEARD | {"at_least": 3, "at_most": 3, "user_priority": 5}, None),
+        (HEARD | {"user_priority": 4, "at_most": 0}, None),
+        (HEARD | {"at_least": 4}, "red hears green 3 times, at least 4"),
+        (HEARD | {"at_most": 2}, "red hears green 3 times, at most 2"),
+        (HEARD | {"until_s": 3.15, "at_most": 2}, None),
+        (HEARD | {"sender": "yellow", "at_least": 1}, "red hears yellow 0 times, at least 1"),
         ({"what": "quiet", "cars": ["green", "red"], "from_s": 0, "until_s": 5}, None),
         (
             {"what": "quiet", "cars": ["red"], "from_s": 0, "until_s": 6},
