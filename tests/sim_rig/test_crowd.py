@@ -17,7 +17,7 @@ def crowded(crowd: int) -> tuple[CrowdedAir, Scenario]:
     scenario = load_scenario("unsafe-driver").model_copy(update={"crowd": crowd})
     road = BreakpointRoad(scenario)
     air = open_air(scenario.radio, road.cars_at, scenario.equipped, np.random.default_rng(1))
-    return CrowdedAir(air, scenario, now=0.0, utc_s=1_750_000_000.0), scenario
+    return CrowdedAir(air, scenario, now=0.0, utc_s=1_750_000_000.0, credentials={}), scenario
 
 
 def test_every_car_of_the_crowd_is_heard_by_everybody_twice_a_second() -> None:
