@@ -153,7 +153,7 @@ def delay_s(
     """When each car of the only drop hears of the braking; (1, lanes, cars), as D(i)."""
     others, kind = case
     lanes, cars = interval_s.shape
-    apart_s: Array = settings.lanes_apart_s * rng.random(lanes)
+    apart_s = rng.uniform(0.0, settings.lanes_apart_s, settings.highway.lanes)
     news = _News(drops, apart_s, settings.longest_s)
     position_m = np.stack(
         [drops.position_m[0], np.broadcast_to(LANE_M * np.arange(lanes)[:, None], (lanes, cars))],
