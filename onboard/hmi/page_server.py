@@ -25,6 +25,8 @@ MOST_PAGES = 64
 """Web sockets at a time; more are turned away."""
 SILENT_S = 10.0
 """A page that confirms nothing for so long is gone, whatever the network says."""
+GOODBYE_S = 0.5
+"""For a page to answer that it is closed; a car that is switched off does not wait longer."""
 _LONGEST_WORD = 64
 _PROBE_S = 0.1
 
@@ -77,9 +79,8 @@ class PageServer:
     async def close(self) -> None:
         """Say goodbye to every page."""
         self._probe.cancel()
-        for page in list(self._pages):
-            with contextlib.suppress(ConnectionError):
-                await page.close()
+        pages = list(self._pages)
+        await asyncio.gather(*(page.close() for page in pages), return_exceptions=True)
         await self._runner.cleanup()
 
     def publish(self, view: str) -> None:
@@ -129,7 +130,7 @@ class PageServer:
     async def _push(self, request: web.Request) -> web.StreamResponse:
         if len(self._pages) >= MOST_PAGES:
             raise web.HTTPServiceUnavailable(text="too many pages are open\n")
-        page = web.WebSocketResponse(max_msg_size=_LONGEST_WORD, compress=False)
+        page = web.WebSocketResponse(timeout=GOODBYE_S, max_msg_size=_LONGEST_WORD, compress=False)
         await page.prepare(request)
         self._pages.add(page)
         self._metrics.pages(len(self._pages))

@@ -11,7 +11,7 @@ import pytest
 from onboard.errors import UserError
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import read_page
-from onboard.hmi.page_server import MOST_PAGES, PageServer
+from onboard.hmi.page_server import GOODBYE_S, MOST_PAGES, PageServer
 from onboard.hmi.settings import HmiSettings
 from onboard.settings import parse_settings
 from tests.hmi.row import free_port
@@ -234,6 +234,16 @@ def test_a_page_that_says_too_much_is_closed() -> None:
             assert await it.status("") == 200
 
     run(talk())
+
+
+def test_pages_that_do_not_answer_do_not_keep_the_car_from_stopping() -> None:
+    async def stop() -> None:
+        async with served() as it:
+            pages = [await it.page(autoclose=False) for _ in range(10)]
+            await asyncio.wait_for(it.server.close(), 10 * GOODBYE_S)
+            assert len(pages) == 10
+
+    run(stop())
 
 
 def test_a_port_that_is_taken_is_the_users_mistake() -> None:
