@@ -12,6 +12,7 @@ Study = Callable[[Path], str]
 """Writes its table, figure and settings into a folder; returns what it found, for people."""
 
 _PLACES = {
+    "crossing-alarms": "crossing_alarms:run",
     "joerer": "joerer:run",
     "rakhshan-figure6": "rakhshan_drivers:figure6",
     "rakhshan-figure7": "rakhshan_drivers:figure7",

@@ -9,9 +9,12 @@ from hypothesis import strategies as st
 
 from onboard.messages import mvs_footer
 from onboard.mvs import own_car
+from onboard.mvs.evidence import Measurement, MeasurementId
+from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
+from onboard.mvs.track import Track
 from onboard.observations import Position, SensedCar
 from tests.mvs.world import EXACT, Car, Message, World
 
@@ -157,6 +160,53 @@ def test_whatever_the_radio_does_no_measurement_is_used_twice(
     world = ring(3, radio=radio, seed=seed)
     for _ in range(4):
         world.run(0.4)
+        assert_lists_each_measurement_once(world)
+
+
+def test_what_a_car_knows_is_what_a_central_filter_of_all_measurements_knows() -> None:
+    """The limit: a filter that is handed every car's measurements, unrounded and without radio."""
+    world = ring(4)
+    world.run(2.0)
+    mvs = world.mvs["c0"]
+    x = only(world.without_radio("c0"))
+
+    frame = mvs._own.frame
+    assert frame is not None
+    everything: dict[MeasurementId, Measurement] = {}
+    for name, core in world.mvs.items():
+        assert core._own.frame is not None
+        mapping = frame.mapping_from(core._own.frame)
+        for track in core._tracks:
+            for held in track.evidence.values():
+                if isinstance(held.piece, Measurement) and held.teller == world.car(name).id:
+                    everything[held.piece.id] = held.piece.mapped(*mapping)
+    (central,) = fuse([list(everything.values())], EXACT.acceleration_density)
+    (track,) = mvs.cars_without_radio(world.t)
+
+    assert x.provenance <= set(everything)
+    assert len(x.provenance) > 0.85 * len(everything)
+    states, _ = propagate([central], track.estimate.stamp_ms, EXACT.acceleration_density)
+    apart = states[:, 0] - track.estimate.state
+    assert np.abs(apart[:2]).max() < 0.3
+    assert np.abs(apart[2:]).max() < 0.6
+    sigma_m = np.sqrt(np.diagonal(track.estimate.covariance)[:2].sum())
+    central_sigma_m = np.sqrt(np.diagonal(central.covariance)[:2].sum())
+    assert sigma_m == pytest.approx(central_sigma_m, rel=0.25)
+
+
+def test_without_the_selection_measurements_would_be_used_twice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The property above can fail: it is the selection that keeps it."""
+
+    def use_everything(track: Track) -> None:
+        track.used = track.pieces
+
+    monkeypatch.setattr(Track, "choose", use_everything)
+    world = ring(3)
+    world.run(1.0)
+
+    with pytest.raises(AssertionError):
         assert_lists_each_measurement_once(world)
 
 

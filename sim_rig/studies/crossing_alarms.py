@@ -1,0 +1,160 @@
+"""How early crossing-path alarms come, how many are missed, and how many are false.
+
+Two parts. On the roads of Joerer's crossing, with the receivers of the rig and a BSM ten times a
+second, the car's own monitor judges every approach: crashes give lead times and misses, all others
+false alarms. And the rig's scenarios of two cars that meet, each in virtual time under many seeds:
+the whole car, from sentences and frames to alarms.
+"""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.monitor import RiskMonitor
+from onboard.risk.settings import RiskSettings
+from onboard.settings import Settings
+from sim_rig.cars.settings import ReceiverSettings
+from sim_rig.scenario import load_scenario
+from sim_rig.studies.joerer_traffic import Approaches, Outcome, TrafficSettings, drive
+from sim_rig.studies.results import write_results
+from sim_rig.truth import touch_s
+from sim_rig.virtual import run_virtual
+
+EVERY_S = 0.1
+LATE_S = 0.15
+"""How old a BSM's state is when it is judged, in the middle."""
+PAIRS = (("third-car", "v1", "v3"), ("red-light", "ann", "ben"), ("lost-beacons", "ann", "ben"))
+"""Scenarios, the car whose alarms count, and the one that it meets."""
+_REPORTED_SPEED_SIGMA_M_S = 0.5
+_COLUMNS = ("what", "n", "missed", "lead_median_s", "lead_5_percent_s", "false_alarms", "hours")
+
+
+class AlarmSettings(Settings):
+    """How much is driven."""
+
+    seed: int = Field(1, ge=0)
+    approaches: int = Field(1000, ge=10)
+    seeds: int = Field(10, ge=1)
+    """Of each scenario."""
+    traffic: TrafficSettings = TrafficSettings()
+    receivers: ReceiverSettings = ReceiverSettings()
+    risk: RiskSettings = RiskSettings()
+
+
+def run(out_dir: Path, settings: AlarmSettings | None = None) -> str:
+    """Write the table and the settings to `out_dir`; returns what was found."""
+    settings = settings or AlarmSettings()
+    rows = [*_on_approaches(settings), *_in_the_rig(settings)]
+    write_results(out_dir, _COLUMNS, rows, settings)
+    return "; ".join(
+        f"{what}: {n - missed} of {n} warned, {median:.2f} s ahead, {false} false in {hours:.1f} h"
+        for what, n, missed, median, _, false, hours in rows
+    )
+
+
+Row = tuple[str, int, int, float, float, int, float]
+
+
+def _on_approaches(settings: AlarmSettings) -> Iterator[Row]:
+    traffic = settings.traffic.model_copy(update={"approaches": settings.approaches})
+    rng = np.random.default_rng(settings.seed)
+    driven = drive(traffic, rng)
+    warned_s = np.array([_warned_s(driven, n, settings, rng) for n in range(settings.approaches)])
+    crash = driven.outcome == Outcome.CRASH
+    lead_s = (driven.over_s - warned_s)[crash & np.isfinite(warned_s)]
+    harmless = driven.outcome == Outcome.NO_CRASH
+    yield (
+        "approaches",
+        int(crash.sum()),
+        int(np.sum(crash & ~np.isfinite(warned_s))),
+        *_median_and_5_percent(lead_s.tolist()),
+        int(np.sum(harmless & np.isfinite(warned_s))),
+        float(driven.over_s[harmless].sum()) / 3600.0,
+    )
+
+
+def _warned_s(
+    driven: Approaches, n: int, settings: AlarmSettings, rng: np.random.Generator
+) -> float:
+    """When the first car of an approach is warned of the second; infinite if it never is."""
+    monitor = RiskMonitor(settings.risk, settings.traffic.length_m, settings.traffic.width_m)
+    own_share = math.sqrt(1.0 - settings.receivers.bias_shared)
+    bias_m = own_share * settings.receivers.bias_sigma_m * rng.standard_normal((2, 2))
+    step = round(EVERY_S / driven.tick_s)
+    for tick in range(0, int(driven.over_s[n] / driven.tick_s), step):
+        now = tick * driven.tick_s
+        own, other = (
+            _known(driven, (n, tick, car), bias_m[car], settings.receivers, rng) for car in (0, 1)
+        )
+        monitor.assess(own, [other], now)
+        while (event := monitor.next_event()) is not None:
+            if (
+                isinstance(event, Alarm)
+                and event.cause is Cause.CROSSING
+                and event.level is Level.WARNING
+            ):
+                return now
+    return math.inf
+
+
+def _known(
+    driven: Approaches,
+    at: tuple[int, int, int],
+    bias_m: np.ndarray,
+    receivers: ReceiverSettings,
+    rng: np.random.Generator,
+) -> KnownCar:
+    """The car as a BSM or the own receiver tells it: the first drives east, the second north."""
+    n, tick, car = at
+    age_s = LATE_S if car else LATE_S / 2
+    before = max(tick - round(age_s / driven.tick_s), 0)
+    speed_m_s = float(driven.speed_m_s[n, before, car])
+    along_m = -float(driven.distance_m[n, before, car]) + speed_m_s * age_s
+    place = (0.0, along_m) if car else (along_m, 0.0)
+    velocity = (0.0, speed_m_s) if car else (speed_m_s, 0.0)
+    noise = rng.standard_normal(4) * np.repeat(
+        [receivers.noise_sigma_m, receivers.speed_sigma_m_s], 2
+    )
+    state = np.array([*place, *velocity]) + noise + np.array([*bias_m, 0.0, 0.0])
+    sigma_m = math.hypot(receivers.bias_sigma_m, receivers.noise_sigma_m)
+    variances = np.repeat([sigma_m**2, _REPORTED_SPEED_SIGMA_M_S**2], 2)
+    return KnownCar(
+        stamp_s=tick * driven.tick_s,
+        name="other" if car else "own",
+        known_by=KnownBy.RADIO if car else KnownBy.ITSELF,
+        state=tuple(state.tolist()),
+        covariance=tuple(map(tuple, np.diag(variances).tolist())),
+        age_s=age_s,
+        provenance=frozenset(),
+        acceleration_m_s2=float(driven.acceleration_m_s2[n, before, car]) if car else None,
+    )
+
+
+def _in_the_rig(settings: AlarmSettings) -> Iterator[Row]:
+    for name, car, other in PAIRS:
+        scenario = load_scenario(name)
+        lead_s: list[float] = []
+        false = 0
+        for number in range(settings.seeds):
+            log = run_virtual(scenario, settings.seed + number)
+            warnings = log.of(car, "alarm", cause=Cause.CROSSING.value, level=Level.WARNING.value)
+            first = next(warnings, None)
+            touch = touch_s(log, car, other)
+            if first is not None and touch is not None:
+                lead_s.append(touch - log.at_s(first))
+            false += sum(1 for _ in log.of(car, "alarm", 0.0, 3.0))
+        hours = settings.seeds * scenario.duration_s / 3600.0
+        missed = settings.seeds - len(lead_s)
+        yield (name, settings.seeds, missed, *_median_and_5_percent(lead_s), false, hours)
+
+
+def _median_and_5_percent(lead_s: list[float]) -> tuple[float, float]:
+    if not lead_s:
+        return math.nan, math.nan
+    median, low = np.percentile(lead_s, [50.0, 5.0])
+    return float(median), float(low)
