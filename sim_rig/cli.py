@@ -112,6 +112,20 @@ def study(
         typer.echo(f"  in {out / name}")
 
 
+@app.command()
+def show(
+    folder: Annotated[Path, typer.Argument(help="Of a study: out/studies/mvs-figure9.")],
+    number: Annotated[int, typer.Argument(min=0, help="Of the run, as runs.jsonl has it.")],
+    out: Annotated[Path, typer.Option(help="The page.")] = Path("out/run.html"),
+) -> None:
+    """Write one run of a study as a page to look at: from above, with play, pause and step."""
+    from sim_rig.studies.show import show_run  # noqa: PLC0415 (only this command needs it)
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    typer.echo(show_run(folder, number, out))
+    typer.echo(f"  in {out}")
+
+
 def _settings_given(words: list[str]) -> dict[str, object]:
     """`--spacing-m 10` is the setting spacing_m."""
     names, values = words[::2], words[1::2]

@@ -25,6 +25,7 @@ _PLACES = {
 
 _CAMPAIGNS = {
     "faults": "faults:run:FaultsSettings",
+    "lcca-chain": "lcca_chain:chain:ChainSettings",
     "mvs-figure3": "mvs_collisions:figure3:Figure3Settings",
     "mvs-figure9": "mvs_collisions:figure9:CollisionSettings",
     "soak": "soak:run:SoakSettings",

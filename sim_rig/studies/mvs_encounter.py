@@ -107,12 +107,23 @@ class Encounters:
         """What is driven where nothing goes wrong."""
         return self._place.recording
 
-    def run(self, case: Case, seed: int, watch: Watch | None = None) -> Outcome:
-        """Run one case; the seed alone decides on event, drivers, and the order of radios."""
+    def run(
+        self,
+        case: Case,
+        seed: int,
+        watch: Watch | None = None,
+        opened: Callable[[DisturbedTraffic], None] | None = None,
+    ) -> Outcome:
+        """Run one case; the seed alone decides on event, drivers, and the order of radios.
+
+        `watch` is shown every tick with radios, `opened` the traffic before it drives.
+        """
         settings = self._settings
         event = self._events.draw(case.kind, np.random.default_rng([seed, 0]))
         traffic = DisturbedTraffic(self.recording, event, settings.reactions, seed)
         outcome = Outcome(event)
+        if opened is not None:
+            opened(traffic)
         begin_s = max(round(event.at_s - settings.warm_s, 1), 0.0)
         end_s = event.at_s + settings.after_s
         now = begin_s

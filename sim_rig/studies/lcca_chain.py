@@ -1,0 +1,292 @@
+"""Chain crashes in a platoon, with and without LCCA, and what its warnings cost the channel.
+
+The first car brakes hard. Every driver brakes when the car ahead has braked and his reaction time
+is over, or when his car has warned him and he has reacted to that. Whether he then runs into the
+car ahead is the same closed form as for channel access (`onboard/access/rear_end.py`). The warnings
+come from the real cores; a car without a radio is seen, but neither warns nor is warned.
+"""
+
+import heapq
+import math
+from collections.abc import Sequence
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from pydantic import Field
+
+from onboard.access.rear_end import tolerable_lag_s
+from onboard.lcca.events import Neighbour, WarningRaised
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.settings import LccaSettings
+from onboard.messages.lcca import LccaMessage, Warn
+from onboard.observations import HardBrake
+from onboard.settings import Settings
+from sim_rig.campaign import Row, Workers, run_campaign
+from sim_rig.studies.results import write_results
+
+_STEP_S = 0.01
+_FRAME_S = 0.1
+_AIR_S = 0.002
+
+
+class ChainSettings(Settings):
+    """One campaign; a run is one platoon under one share of radios."""
+
+    seed: int = Field(1, ge=0)
+    runs: int = Field(200, ge=1)
+    """Platoons of each length."""
+    cars: tuple[int, ...] = (5, 10, 20)
+    shares: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
+    """Of the cars with a radio."""
+    reaction_medians_s: tuple[float, ...] = (1.0, 1.5)
+    """Unwarned; log-normal."""
+    reaction_sigma: float = Field(0.35, ge=0.0, le=1.5)
+    warned_median_s: float = Field(0.9, gt=0.0, le=5.0)
+    warned_sigma: float = Field(0.3, ge=0.0, le=1.5)
+    speed_m_s: tuple[float, float] = (22.0, 32.0)
+    headway_s: tuple[float, float] = (0.8, 1.8)
+    """Bumper to bumper, all below the distance of joining."""
+    deceleration_m_s2: tuple[float, float] = (5.0, 8.0)
+    detection_s: float = Field(0.3, ge=0.0, le=2.0)
+    """From the brake to the car's own certainty of it."""
+    reach_m: float = Field(300.0, gt=0.0)
+    loss: float = Field(0.1, ge=0.0, lt=1.0)
+    forming_s: float = Field(4.0, ge=1.0, le=30.0)
+    """Before the brake the groups form."""
+    lcca: LccaSettings = LccaSettings()
+
+
+Case = tuple[float, int, float]
+"""Reaction median, cars, share."""
+
+
+def cases(settings: ChainSettings) -> list[Case]:
+    """All cases of one seed, in the order of runs."""
+    return [
+        (median_s, cars, share)
+        for median_s in settings.reaction_medians_s
+        for cars in settings.cars
+        for share in settings.shares
+    ]
+
+
+def run_one(settings: ChainSettings, number: int) -> Row:
+    """One platoon; all shares of a seed have the same cars and drivers."""
+    of_a_seed = cases(settings)
+    median_s, cars, share = of_a_seed[number % len(of_a_seed)]
+    seed = settings.seed + number // len(of_a_seed)
+    platoon = _Platoon(settings, cars, median_s, share, seed)
+    platoon.drive()
+    return {
+        "cars": cars,
+        "share": share,
+        "reaction_median_s": median_s,
+        "seed": seed,
+        "crashes": platoon.crashes(),
+        "warned": sum(math.isfinite(at) for at in platoon.warned_s),
+        "warn_messages": platoon.warn_messages,
+        "events": platoon.events,
+        "flooding_messages": platoon.flooding_messages,
+    }
+
+
+class _Platoon:
+    """Cars in one lane, number 0 first. Time 0 is the brake."""
+
+    def __init__(
+        self, settings: ChainSettings, cars: int, median_s: float, share: float, seed: int
+    ) -> None:
+        self._settings = settings
+        rng = np.random.default_rng([seed, cars])
+        self._speed = rng.uniform(*settings.speed_m_s)
+        self._gaps = self._speed * rng.uniform(*settings.headway_s, cars)
+        self._decelerations = rng.uniform(*settings.deceleration_m_s2, cars)
+        noise = rng.normal(size=(2, cars))
+        self._unwarned_s = median_s * np.exp(settings.reaction_sigma * noise[0])
+        self._warned_reaction_s = settings.warned_median_s * np.exp(
+            settings.warned_sigma * noise[1]
+        )
+        self._places = -np.cumsum(self._gaps + 4.5)
+        self._radios = np.flatnonzero(rng.random(cars) < share).tolist()
+        self._rng = np.random.default_rng([seed, cars, 1])
+        self._groups = {
+            car: WarningGroup(settings.lcca, _id(car), np.random.default_rng([seed, car]))
+            for car in self._radios
+        }
+        self._air: list[tuple[float, int, int, LccaMessage]] = []
+        self._order = count()
+        self.brakes_s = [0.0] + [math.inf] * (cars - 1)
+        self.warned_s = [math.inf] * cars
+        self.warn_messages = 0
+        self.events = 0
+        self.flooding_messages = 0
+
+    def drive(self) -> None:
+        """Let the groups form, the first car brake, and everybody react."""
+        certain: set[int] = set()
+        step = 0
+        while not all(map(math.isfinite, self.brakes_s)):
+            now = step * _STEP_S - self._settings.forming_s
+            self._react(now)
+            for car in self._radios:
+                if car not in certain and self.brakes_s[car] + self._settings.detection_s <= now:
+                    certain.add(car)
+                    self.events += 1
+                    self.flooding_messages += self._reached_by_flooding(car)
+                    brake = HardBrake(now, float(self._decelerations[car]), "study")
+                    self._groups[car].receive_hard_brake(brake, now)
+            if step % round(_FRAME_S / _STEP_S) == 0:
+                self._look(now)
+            self._deliver(now)
+            for car, group in self._groups.items():
+                at = group.get_timer()
+                if at is not None and at <= now:
+                    group.handle_timer(now)
+                self._send(car, group, now)
+            step += 1
+
+    def crashes(self) -> int:
+        """How many run into the car ahead."""
+        lag_s = tolerable_lag_s(
+            self._gaps[1:],
+            np.array(self._speed),
+            np.array(self._speed),
+            self._decelerations[:-1],
+            self._decelerations[1:],
+        )
+        return int((np.diff(self.brakes_s) > lag_s).sum())
+
+    def _react(self, now: float) -> None:
+        for car in range(1, len(self.brakes_s)):
+            if math.isinf(self.brakes_s[car]):
+                sees_s = self.brakes_s[car - 1] + self._unwarned_s[car]
+                hears_s = self.warned_s[car] + self._warned_reaction_s[car]
+                if min(sees_s, hears_s) <= now:
+                    self.brakes_s[car] = now
+
+    def _look(self, now: float) -> None:
+        """Cars keep their gaps until they brake; what is seen after that decides nothing here."""
+        for car, group in self._groups.items():
+            group.receive_speed(float(self._speed), now)
+            ahead = Neighbour(_id(car - 1), float(self._gaps[car]), 0.0) if car else None
+            group.receive_neighbour(ahead, now)
+
+    def _send(self, car: int, group: WarningGroup, now: float) -> None:
+        for message in group.messages_to_send(now):
+            self.warn_messages += isinstance(message, Warn)
+            for other in self._heard_by(car):
+                if self._rng.random() >= self._settings.loss:
+                    heapq.heappush(self._air, (now + _AIR_S, next(self._order), other, message))
+        while (event := group.next_event()) is not None:
+            if isinstance(event, WarningRaised):
+                self.warned_s[car] = min(self.warned_s[car], now)
+
+    def _deliver(self, now: float) -> None:
+        while self._air and self._air[0][0] <= now:
+            _, _, car, message = heapq.heappop(self._air)
+            self._groups[car].receive_message(message, now)
+            self._send(car, self._groups[car], now)
+
+    def _heard_by(self, car: int) -> list[int]:
+        reach_m = self._settings.reach_m
+        return [
+            other
+            for other in self._radios
+            if other != car and abs(self._places[other] - self._places[car]) <= reach_m
+        ]
+
+    def _reached_by_flooding(self, car: int) -> int:
+        """Everybody who hears it repeats it once: as many messages as cars that it reaches."""
+        reached, fresh = {car}, [car]
+        while fresh:
+            heard = [
+                other
+                for other in self._heard_by(fresh.pop())
+                if other not in reached and self._rng.random() >= self._settings.loss
+            ]
+            reached.update(heard)
+            fresh += heard
+        return len(reached)
+
+
+def _id(car: int) -> bytes:
+    return f"chain{car:03d}".encode()
+
+
+_COLUMNS = (
+    "reaction_median_s", "cars", "share_with_radio", "platoons", "crashes_per_platoon", "half_95",
+    "reduction", "warn_messages_per_event", "flooding_messages_per_event",
+)  # fmt: skip
+
+
+def chain(
+    out_dir: Path, settings: ChainSettings | None = None, workers: Workers | None = None
+) -> str:
+    """Write crashes and messages, by length of the platoon, share of radios and reaction time."""
+    settings = settings or ChainSettings()
+    numbers = range(len(cases(settings)) * settings.runs)
+    rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
+    table = [_line(case, rows) for case in cases(settings)]
+    write_results(out_dir, _COLUMNS, table, settings, _draw(settings, table))
+    first, last = table[-len(settings.shares)], table[-1]
+    return (
+        f"{last[1]} cars: {first[4]:.1f} crashes a platoon without radios, {last[4]:.1f} at a "
+        f"share of {last[2]:g}; {last[7]:.1f} messages a warning, {last[8]:.1f} by flooding"
+    )
+
+
+_Line = tuple[float, int, float, int, float, float, float, float, float]
+
+
+def _line(case: Case, rows: Sequence[Row]) -> _Line:
+    median_s, cars, share = case
+
+    def at(wanted: float) -> list[Row]:
+        return [
+            row
+            for row in rows
+            if (row["reaction_median_s"], row["cars"], row["share"]) == (median_s, cars, wanted)
+        ]
+
+    mine = at(share)
+    crashes, none = [row["crashes"] for row in mine], [row["crashes"] for row in at(0.0)]
+    events = sum(row["events"] for row in mine)
+    error = 1.96 * np.std(crashes, ddof=1) / math.sqrt(len(crashes)) if len(crashes) > 1 else 0.0
+    return (
+        median_s,
+        cars,
+        share,
+        len(mine),
+        float(np.mean(crashes)),
+        float(error),
+        1.0 - sum(crashes) / sum(none) if sum(none) else math.nan,
+        sum(row["warn_messages"] for row in mine) / events if events else 0.0,
+        sum(row["flooding_messages"] for row in mine) / events if events else 0.0,
+    )
+
+
+def _draw(settings: ChainSettings, table: Sequence[_Line]) -> Figure:
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for median_s in settings.reaction_medians_s:
+        for cars in settings.cars:
+            mine = [line for line in table if line[:2] == (median_s, cars)]
+            shares = [line[2] for line in mine]
+            label = f"{cars} cars, {median_s:g} s"
+            left.errorbar(
+                shares, [line[4] for line in mine], [line[5] for line in mine],
+                marker="o", capsize=3, label=label,
+            )  # fmt: skip
+            right.plot(shares, [line[7] for line in mine], marker="o", label=f"{label}: LCCA")
+    last = [line for line in table if line[:2] == table[-1][:2]]
+    right.plot(
+        [line[2] for line in last], [line[8] for line in last], "k--", label="flooding, last"
+    )
+    left.set_ylabel("crashes a platoon")
+    right.set_ylabel("messages a warning")
+    for axes in (left, right):
+        axes.set_xlabel("share of cars with a radio")
+        axes.legend(fontsize=7)
+    return figure

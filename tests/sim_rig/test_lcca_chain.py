@@ -1,0 +1,43 @@
+"""Chain crashes with and without LCCA, small."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from sim_rig.campaign import Workers
+from sim_rig.studies.catalogue import run_study
+from sim_rig.studies.lcca_chain import ChainSettings, cases, run_one
+
+SMALL = ChainSettings(cars=(6,), shares=(0.0, 1.0), reaction_medians_s=(1.5,), loss=0.0)
+
+
+def test_who_hears_of_it_crashes_less() -> None:
+    of_a_seed = len(cases(SMALL))
+    rows = [run_one(SMALL, number) for number in range(6 * of_a_seed)]
+
+    without, everybody = rows[::of_a_seed], rows[1::of_a_seed]
+
+    assert sum(row["crashes"] for row in everybody) < sum(row["crashes"] for row in without) / 2
+    assert all(row["warned"] == row["warn_messages"] == 0 for row in without)
+    assert all(row["warned"] == 5 for row in everybody)
+
+
+def test_flooding_takes_a_message_of_each_car() -> None:
+    row = run_one(SMALL, 1)
+
+    assert row["flooding_messages"] == 6 * row["events"]
+    assert row["warn_messages"] < row["flooding_messages"]
+
+
+def test_the_table_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "small.yaml"
+    path.write_text("runs: 2\ncars: [5]\nshares: [0.0, 1.0]\nreaction_medians_s: [1.5]\n")
+
+    told = run_study("lcca-chain", tmp_path / "out", path, Workers())
+
+    assert told.startswith("5 cars:")
+    with (tmp_path / "out/table.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["share_with_radio"]) for row in rows] == [0.0, 1.0]
+    assert float(rows[0]["reduction"]) == pytest.approx(0.0)
