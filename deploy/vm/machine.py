@@ -41,17 +41,17 @@ class Machine:
     """One boot of the machine; what it wrote stays on its disk."""
 
     def __init__(
-        self, image: Path, disk: Path, small_disk: Path, share: Path, *, counted: bool
+        self, image: Path, disks: tuple[Path, Path], share: Path, *, counted: bool
     ) -> None:
         """Switch on.
 
         Args:
             image: the folder with the kernel and the initrd.
-            disk: what it writes goes there, qcow2.
-            small_disk: /dev/vdb, raw.
+            disks: /dev/vda, qcow2, and /dev/vdb, raw; what it writes goes there.
             share: a folder of the host, which the guest reads at /share.
             counted: by instructions and not by the host's clock.
         """
+        disk, small_disk = disks
         self._address = disk.with_suffix(".agent")
         self._address.unlink(missing_ok=True)
         self._console = disk.with_suffix(".console").open("ab")
