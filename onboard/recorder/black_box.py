@@ -86,15 +86,20 @@ class BlackBox:
         """Have it written. From any thread; returns at once."""
         try:
             if self._lost:
-                with self._counting:
-                    gap = Gap(note.value.stamp_s, self._lost)
-                    self._queue.put_nowait(Note("/box/gap", note.utc_s, gap))
-                    self._lost = 0
+                self._mark_gap(note)
             self._queue.put_nowait(note)
         except queue.Full:
             self._lose()
             if self._told[0] == "":
                 self._tell("the disk does not keep up")
+
+    def _mark_gap(self, note: Note) -> None:
+        """Have it written that notes are missing before this one."""
+        with self._counting:
+            if self._lost:
+                gap = Gap(note.value.stamp_s, self._lost)
+                self._queue.put_nowait(Note("/box/gap", note.utc_s, gap))
+                self._lost = 0
 
     def note_picture(self, image: NDArray[np.uint8], stamp_s: float) -> None:
         """Have a picture written, (height, width, 3) in BGR, if it is time for one.
