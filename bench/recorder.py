@@ -1,8 +1,8 @@
 """The black box: bytes a minute, replay speed, and what recording does to the loop.
 
 The drive is the demonstration's, in virtual time. What a minute takes stands beside the same notes
-as bare JSON lines; the replay, by CPU time, beside real time; the loop's delay, and how long a noted round takes,
-beside the same without a recorder.
+as bare JSON lines; the replay, by CPU time, beside real time; the loop's delay, and how long a
+noted round takes, beside the same without a recorder.
 """
 
 import asyncio
