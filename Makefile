@@ -1,6 +1,6 @@
 # `make demo` runs the main jobs, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test test-pages test-live lint bench fuzz train pictures system-packages lock clean
+.PHONY: demo test drives test-pages test-live lint bench fuzz train pictures system-packages lock clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
@@ -32,6 +32,10 @@ vm-test: .venv/ready
 
 box-test: .venv/ready
 	$(PYTHON) -m deploy.vm --here
+
+# The drives that tests replay, recorded anew after a change of the cores that is meant.
+drives: .venv/ready
+	$(PYTHON) -m tests.drives.record
 
 # Everything that goes onto a box, in one folder: copy it there and run its install.sh.
 box: .venv/ready

@@ -1,0 +1,30 @@
+"""Drives that were recorded, decided again by the cores of today.
+
+Where one differs and the change is meant, `make drives` records them anew.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from onboard.recorder.reading import Box
+from onboard.recorder.replay import compare
+
+DRIVES = sorted((Path(__file__).parents[1] / "drives").glob("*.mcap"))
+LARGEST_BYTES = 300_000
+
+
+def test_there_are_drives_with_a_warning_a_lost_sensor_and_signatures() -> None:
+    entries = [entry for path in DRIVES for entry in Box([path]).entries()]
+
+    assert {"/out/warning", "/out/sensor_lost", "/out/discarded"} <= {e.topic for e in entries}
+    assert any(Box([path]).head.certificates for path in DRIVES)
+
+
+@pytest.mark.parametrize("path", DRIVES, ids=lambda path: str(path.stem))
+def test_the_drive_is_decided_again(path: Path) -> None:
+    comparison = compare(Box([path]))
+
+    assert comparison.difference is None
+    assert comparison.answers > 100
+    assert path.stat().st_size < LARGEST_BYTES
