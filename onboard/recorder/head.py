@@ -53,7 +53,8 @@ class Head(Settings):
     utc_s: float
     sensors: tuple[Sensor, ...]
     config: dict[str, Any]
-    """The tree of a `CarConfig`, without wires and keys."""
+    """The tree of a `CarConfig`, without wires and keys, and without what is as by default: a
+    replay takes the defaults of its own software, which may have other settings."""
     dbc: str | None
     """The file that `config` names, if it does."""
     certificates: Certificates | None
@@ -118,10 +119,11 @@ def make_head(
     is_complete: bool,
 ) -> Head:
     """Put together what the cores are about to be given."""
-    tree = json.loads(config.model_dump_json(include=set(OF_THE_CORES)))
+    tree = json.loads(config.model_dump_json(include=set(OF_THE_CORES), exclude_defaults=True))
     tree["car"]["plate"] = aliases.word(config.car.plate)
-    del tree["access"]["driver_file"], tree["security"]["keys_folder"]
-    del tree["security"]["plate_digest"]["community_key"]
+    tree.get("access", {}).pop("driver_file", None)
+    tree.get("security", {}).pop("keys_folder", None)
+    tree.get("security", {}).get("plate_digest", {}).pop("community_key", None)
     broadcast = config.obd.broadcast
     assert isinstance(seed.entropy, int)  # noqa: S101 (what numpy makes of None or a number)
     return Head(
