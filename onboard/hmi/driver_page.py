@@ -49,6 +49,7 @@ class DriverPage:
     def receive_event(self, event: Event) -> None:
         """Anything that the stack says."""
         self._metrics.receive_event(event)
+        self._display.receive_surroundings(*self._stack.surroundings)
         self._display.receive_event(event)
 
     def show(self, now: float) -> None:
