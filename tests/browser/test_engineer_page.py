@@ -168,6 +168,12 @@ def test_nothing_hangs_over_the_edge(page: Page, size: dict[str, int]) -> None:
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
+def test_four_cars_stand_side_by_side(page: Page) -> None:
+    tops = {box["y"] for each in page.locator(".card").all() if (box := each.bounding_box())}
+
+    assert len(tops) == 1
+
+
 def test_a_fused_state_is_shown_with_each_measurement_once(
     browser: Browser, tmp_path: Path
 ) -> None:
