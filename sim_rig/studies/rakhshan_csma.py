@@ -119,25 +119,24 @@ def run(
     for kind, by_load in zip(settings.traffics, collided, strict=True):
         for others, pairs in zip(settings.others, by_load, strict=True):
             equal_s, safe_s, unsafe_s, reduction, error = _gain(settings, pairs)
-            at = settings.intervals_s.index(equal_s)
-            least, least_error = mean_and_error(pairs[at, at])
-            lines.append(
-                (
-                    *(kind.name, others, equal_s, float(least), float(least_error)),
-                    *(safe_s, unsafe_s, reduction, error),
-                )
-            )
+            rarest = pairs[-1, -1]
+            for safe, other in np.ndindex(pairs.shape[:2]):
+                part, part_error = mean_and_error(pairs[safe, other])
+                fewer, fewer_error = reduction_and_error(pairs[safe, other], rarest)
+                intervals_s = settings.intervals_s[safe], settings.intervals_s[other]
+                sizes = (float(part), float(part_error), fewer, fewer_error)
+                lines.append((kind.name, others, *intervals_s, *sizes))
             told.append(
-                f"{kind.name}, {others} others: best equal {equal_s:g} s ({least:.4f}), pair"
+                f"{kind.name}, {others} others: best for all {equal_s:g} s, best pair"
                 f" {safe_s:g}/{unsafe_s:g} s: {100 * reduction:.1f} +- {100 * error:.1f} % fewer"
             )
     dark, dark_error = mean_and_error(np.array([row["without_radio"] for row in rows]))
     bright, bright_error = mean_and_error(np.array([row["perfect_radio"] for row in rows]))
-    lines.append(("brake lights only", 0, "", float(dark), float(dark_error), "", "", "", ""))
-    lines.append(("all at once", 0, "", float(bright), float(bright_error), "", "", "", ""))
+    lines.append(("brake lights only", 0, "", "", float(dark), float(dark_error), "", ""))
+    lines.append(("all at once", 0, "", "", float(bright), float(bright_error), "", ""))
     columns = (
-        *("traffic", "others", "equal_interval_s", "collided", "error_95", "safe_interval_s"),
-        *("unsafe_interval_s", "fewer_collisions", "fewer_error_95"),
+        *("traffic", "others", "safe_interval_s", "unsafe_interval_s", "collided", "error_95"),
+        *("fewer_than_all_rarest", "fewer_error_95"),
     )
     write_results(out_dir, columns, lines, settings, _figure(settings, collided))
     return "; ".join([*told, f"brake lights only {dark:.4f}, all at once {bright:.4f}"])

@@ -79,8 +79,8 @@ def test_one_command_writes_table_and_figure(tmp_path: Path) -> None:
     with (tmp_path / "table.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["traffic"] for row in rows][-2:] == ["brake lights only", "all at once"]
-    assert len(rows) == 2 + 2
+    assert len(rows) == 2 * 4 + 2
     assert float(rows[-1]["collided"]) < float(rows[0]["collided"]) + 0.05
     assert float(rows[0]["collided"]) < float(rows[-2]["collided"])
-    assert "best equal" in told
+    assert "best for all" in told
     assert (tmp_path / "figure.png").stat().st_size > 10_000
