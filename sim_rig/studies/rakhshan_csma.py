@@ -38,9 +38,6 @@ from sim_rig.studies.results import write_results
 
 LANE_M = 3.5
 BEACON_PRIORITY, WARNING_PRIORITY = 5, 7
-_WARM_S = 0.3
-"""Everybody sends for so long before the first cars brake."""
-
 _SAME_S = 1e-9
 """Times on two clocks that differ by less are the same."""
 
@@ -72,6 +69,8 @@ class RakhshanCsmaSettings(Settings):
     warning_bytes: int = Field(200, gt=0)
     warning_repeats: int = Field(10, ge=0)
     warning_every_s: float = Field(0.1, gt=0.0)
+    warm_s: float = Field(0.3, ge=0.0)
+    """Everybody sends for so long before the first cars brake."""
     lanes_apart_s: float = Field(0.1, ge=0.0)
     """The first cars of the lanes begin to brake within this time, not in one microsecond."""
     longest_s: float = Field(6.0, gt=0.0)
@@ -163,7 +162,7 @@ def delay_s(
     channel = Channel(settings.channel, lanes * cars + others, rng)
     channel.receive_positions(np.concatenate([position_m, position_m.mean(axis=0) + around_m]))
     every_s = np.concatenate([interval_s.ravel(), np.full(others, 0.1)])
-    begins_s = -_WARM_S + every_s * rng.uniform(0.0, 1.0, len(every_s))
+    begins_s = -settings.warm_s + every_s * rng.uniform(0.0, 1.0, len(every_s))
     agenda = [(float(at_s), BEACON_PRIORITY, each) for each, at_s in enumerate(begins_s)]
     heapq.heapify(agenda)
     repeats = dict.fromkeys(range(lanes * cars), settings.warning_repeats)
@@ -175,8 +174,8 @@ def delay_s(
             return news.delay_s[None]
         now, priority, sender = heapq.heappop(agenda)
         size = kind.beacon_bytes if priority == BEACON_PRIORITY else settings.warning_bytes
-        # Time on the channel begins at 0; the first cars brake _WARM_S later.
-        channel.receive_frame(sender, size, priority, now + _WARM_S)
+        # Time on the channel begins at 0; the first cars brake `warm_s` later.
+        channel.receive_frame(sender, size, priority, now + settings.warm_s)
         if priority == BEACON_PRIORITY:
             jitter_s = rng.uniform(-0.005, 0.005)
             heapq.heappush(agenda, (now + float(every_s[sender] + jitter_s), priority, sender))
@@ -186,9 +185,9 @@ def delay_s(
         while (reception := channel.next_event()) is not None:
             news.hear(
                 reception.sender,
-                reception.queued_s - _WARM_S,
+                reception.queued_s - settings.warm_s,
                 reception.receivers,
-                reception.at_s - _WARM_S,
+                reception.at_s - settings.warm_s,
             )
 
 
