@@ -79,6 +79,8 @@ def meeting(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> Meeti
     angle_rad = float(np.arctan2(_cross(velocity, velocity_other), dot))
     if abs(np.sin(angle_rad)) < np.sin(settings.least_angle_rad):
         return None
+    if any(_course_sigma_rad(car) > settings.course_sigma_rad for car in (own, other)):
+        return None
     mean = _approaches(states[:, None])[:, 0]
     if np.any(np.abs(mean[[0, 2]]) > settings.range_m):
         return None
@@ -169,6 +171,14 @@ def _behaviour(present_m_s2: Array | None, settings: CrossingSettings) -> Behavi
     if present_m_s2 is None:
         return Uniform(lowest, highest)
     return Triangular(lowest, present_m_s2, highest)
+
+
+def _course_sigma_rad(car: KnownCar) -> float:
+    """How far the course may be off: the speed's sigma across it, by the speed."""
+    velocity, spread = np.array(car.state[2:]), np.array(car.covariance)[2:, 2:]
+    across = np.array([-velocity[1], velocity[0]])
+    squared = across @ spread @ across / (velocity @ velocity) ** 2
+    return float(np.sqrt(max(squared, 0.0)))
 
 
 def _approaches(states: Array) -> Array:

@@ -173,3 +173,13 @@ def test_cars_of_known_and_unknown_acceleration_keep_their_order() -> None:
     for k in range(60):
         (alone,) = averaged_collision_probabilities([met[k]], [others[k]], CAR, SETTINGS)
         assert together[k] == pytest.approx(alone, abs=1e-12)
+
+
+@pytest.mark.parametrize(("sigma_m_s", "has_course"), [(0.5, True), (1.0, False), (3.0, False)])
+def test_a_car_that_was_just_seen_has_no_course_yet(sigma_m_s: float, has_course: bool) -> None:
+    """The car ahead, of which three pictures say that it may drive sideways with 2.5 m/s."""
+    ahead = car((13.0, 2.0, -0.1, 2.5), 1.0, sigma_m_s)
+
+    met = meeting(car((0.0, 0.0, 12.0, 0.0), 0.7, 0.5), ahead, SETTINGS)
+
+    assert (met is not None) == has_course
