@@ -141,7 +141,11 @@ def _key(row: Row) -> _Key:
 
 def _table(settings: CollisionSettings, rows: Sequence[Row]) -> list[tuple[object, ...]]:
     """A line for each case, for each kind and for both kinds together."""
-    both = [row | {"kind": "both"} for row in rows] if len(settings.kinds) > 1 else []
+    both = (
+        [row | {"kind": "both", "event": row["kind"]} for row in rows]
+        if len(settings.kinds) > 1
+        else []
+    )
     by_case: dict[_Key, list[Row]] = {}
     for row in [*both, *rows]:
         by_case.setdefault(_key(row), []).append(row)
@@ -167,8 +171,12 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[o
 
 def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[int, int]:
     """Crashes of `before` that `after` has not, and the other way round, seed by seed."""
-    crashed = {(row["kind"], row["seed"]): row["crash"] for row in before}
-    pairs = [(crashed[row["kind"], row["seed"]], row["crash"]) for row in after]
+
+    def event(row: Row) -> tuple[str, int]:
+        return str(row.get("event", row["kind"])), int(row["seed"])
+
+    crashed = {event(row): row["crash"] for row in before}
+    pairs = [(crashed[event(row)], row["crash"]) for row in after]
     return sum(a and not b for a, b in pairs), sum(b and not a for a, b in pairs)
 
 

@@ -59,8 +59,10 @@ class _Film:
         """Let the cars drive on for a while without radios, to see how it ends."""
         began = float(str(self.frames[-1]["at"])) if self.frames else outcome.event.at_s - 1.0
         end_s = outcome.crash.at_s + 1.0 if outcome.crash else outcome.event.at_s + seconds
+        radios = self.frames[-1]["radio"] if self.frames else []
         for step in range(1, round((end_s - began) * 10) + 1):
             self._picture(traffic, round(began + step / 10, 3))
+            self.frames[-1]["radio"] = radios
 
     def _picture(self, traffic: DisturbedTraffic, at_s: float) -> None:
         cars = traffic.cars_at(at_s)

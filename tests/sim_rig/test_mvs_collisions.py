@@ -36,6 +36,8 @@ def test_crashes_are_compared_seed_by_seed() -> None:
         return [{"kind": "k", "seed": seed, "crash": c} for seed, c in enumerate(crashes)]
 
     assert changed(rows(True, True, False), rows(False, True, True)) == (1, 1)
+    brakes, lights = rows(True), [row | {"event": "other"} for row in rows(False)]
+    assert changed([*brakes, *lights], [*brakes, *lights]) == (0, 0)
 
 
 def test_every_case_has_the_same_event_for_one_seed() -> None:

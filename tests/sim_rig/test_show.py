@@ -66,7 +66,7 @@ def test_the_page_holds_what_was_known_and_sent(page_file: Path) -> None:
     text = page_file.read_text("utf-8")
     film = json.loads(text.split("const film = ")[1].split(";\n")[0])
 
-    radios = [frame for frame in film["frames"] if "radio" in frame]
+    radios = [frame for frame in film["frames"] if "known" in frame]
     assert len(radios) == 15
     assert all(len(frame["sent"]) <= len(frame["radio"]) for frame in radios)
     assert any(how == "seen" for cars in radios[-1]["known"].values() for _, how in cars)
