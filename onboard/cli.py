@@ -87,6 +87,10 @@ def replay(
         bool,
         typer.Option("--expect", help="Only say whether BOX's decisions are made again (else 1)."),
     ] = False,
+    within: Annotated[
+        float,
+        typer.Option(min=0.0, help="Share by which numbers may differ, across kinds of processor."),
+    ] = 0.0,
 ) -> None:
     """Drive the cores with a recording; one JSON line per observation and decision.
 
@@ -96,7 +100,7 @@ def replay(
     if (box or expected) and (can or clip or nmea):
         raise UserError("replay either a recording of the black box, or others")
     if expected:
-        raise typer.Exit(0 if expect(box or []) else 1)
+        raise typer.Exit(0 if expect(box or [], within) else 1)
     if box:
         moments = play(Box(box))
         boxed = (event for moment in moments for event in moment.events)

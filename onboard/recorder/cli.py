@@ -35,9 +35,9 @@ def export(
             typer.echo(f"{candump}: {write_candump(recording, file)} frames")
 
 
-def expect(paths: Sequence[Path]) -> bool:
+def expect(paths: Sequence[Path], within: float = 0.0) -> bool:
     """Say whether the cores decide as they did when the drive was recorded."""
-    comparison = compare(Box(paths))
+    comparison = compare(Box(paths), within)
     for line in _verdict(comparison):
         typer.echo(line)
     if comparison.gap is not None:

@@ -1,10 +1,12 @@
 """Makes the calls of a recording again, and compares what the cores answer with what they answered.
 
 The comparison is exact, to the last bit of every number, with one exception: of a signed message
-everything but the signature, since a recording holds no private key.
+everything but the signature, since a recording holds no private key. Another kind of processor may
+round the last digit otherwise; for its recordings a tolerance can be given.
 """
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -121,8 +123,12 @@ def play(box: Box) -> Iterator[Moment]:
         yield moment
 
 
-def compare(box: Box) -> Comparison:
+def compare(box: Box, within: float = 0.0) -> Comparison:
     """Replay until something differs, or to the end.
+
+    Args:
+        box: the recording.
+        within: by how much a number may differ, as a share of it.
 
     Raises:
         BoxError: the recording cannot tell, since it does not begin with its drive, has segments
@@ -134,7 +140,7 @@ def compare(box: Box) -> Comparison:
     try:
         for moment in play(box):
             if before is not None:
-                difference = _first_difference(before)
+                difference = _first_difference(before, within)
                 if difference is not None:
                     return Comparison(answers, until_s, difference, None)
                 answers, until_s = answers + len(before.recorded), before.at_s
@@ -145,7 +151,7 @@ def compare(box: Box) -> Comparison:
         raise BoxError("nothing to compare: the recording was cut off before the first round")
     # The last round may have been cut off; what is there of it counts.
     before.came_out = before.came_out[: len(before.recorded)]
-    difference = _first_difference(before)
+    difference = _first_difference(before, within)
     if difference is not None:
         return Comparison(answers, until_s, difference, None)
     return Comparison(answers + len(before.recorded), before.at_s, None, None)
@@ -191,21 +197,40 @@ def _said(note: Note) -> Said:
     return Said(note.topic, as_json(as_record(note.value)).encode())
 
 
-def _first_difference(moment: Moment) -> Difference | None:
+def _first_difference(moment: Moment, within: float) -> Difference | None:
     for at in range(max(len(moment.recorded), len(moment.came_out))):
         recorded = moment.recorded[at] if at < len(moment.recorded) else None
         came_out = moment.came_out[at] if at < len(moment.came_out) else None
-        if recorded is None or came_out is None or not _is_same(recorded, came_out):
+        if recorded is None or came_out is None or not _is_same(recorded, came_out, within):
             return Difference(moment.at_s, recorded, came_out)
     return None
 
 
-def _is_same(recorded: Said, came_out: Said) -> bool:
+def _is_same(recorded: Said, came_out: Said, within: float) -> bool:
     if recorded == came_out:
         return True
-    if not recorded.topic == came_out.topic == "/out/wsm":
+    if recorded.topic != came_out.topic:
         return False
-    return _without_signature(recorded) == _without_signature(came_out)
+    if recorded.topic == "/out/wsm":
+        return _without_signature(recorded) == _without_signature(came_out)
+    if within == 0.0:
+        return False
+    return _is_close(json.loads(recorded.data), json.loads(came_out.data), within)
+
+
+def _is_close(one: object, other: object, within: float) -> bool:
+    match one, other:
+        case dict(), dict():
+            return one.keys() == other.keys() and all(
+                _is_close(value, other[key], within) for key, value in one.items()
+            )
+        case list(), list():
+            return len(one) == len(other) and all(
+                _is_close(*pair, within) for pair in zip(one, other, strict=True)
+            )
+        case float(), float():
+            return math.isclose(one, other, rel_tol=within, abs_tol=within)
+    return one == other
 
 
 def _without_signature(said: Said) -> dict[str, object]:

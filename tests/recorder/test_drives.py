@@ -12,6 +12,8 @@ from onboard.recorder.replay import compare
 
 DRIVES = sorted((Path(__file__).parents[1] / "drives").glob("*.mcap"))
 LARGEST_BYTES = 300_000
+OTHER_PROCESSOR = 1e-9
+"""The last digit of a number is not the same on every kind of processor."""
 
 
 def test_there_are_drives_with_a_warning_a_lost_sensor_and_signatures() -> None:
@@ -23,7 +25,7 @@ def test_there_are_drives_with_a_warning_a_lost_sensor_and_signatures() -> None:
 
 @pytest.mark.parametrize("path", DRIVES, ids=lambda path: str(path.stem))
 def test_the_drive_is_decided_again(path: Path) -> None:
-    comparison = compare(Box([path]))
+    comparison = compare(Box([path]), OTHER_PROCESSOR)
 
     assert comparison.difference is None
     assert comparison.answers > 100

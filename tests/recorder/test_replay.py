@@ -114,6 +114,7 @@ def test_one_bit_of_one_number_is_a_difference(drive: Path, tmp_path: Path) -> N
     assert difference.came_out is not None
     assert repr(other).encode() in difference.recorded.data
     assert repr(recorded).encode() in difference.came_out.data
+    assert compare(box, within=1e-9).difference is None, "unless it was another processor's"
 
 
 def test_a_forged_signed_message_differs_in_more_than_its_signature(tmp_path: Path) -> None:
