@@ -168,6 +168,10 @@ def test_nothing_hangs_over_the_edge(page: Page, size: dict[str, int]) -> None:
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
+def test_a_laptop_shows_everything_without_scrolling(page: Page) -> None:
+    assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+
+
 def test_four_cars_stand_side_by_side(page: Page) -> None:
     tops = {box["y"] for each in page.locator(".card").all() if (box := each.bounding_box())}
 
