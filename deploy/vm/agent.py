@@ -23,7 +23,9 @@ def main() -> None:
             unread += port.read(4096) or b""
             while b"\n" in unread:
                 line, unread = unread.split(b"\n", 1)
-                port.write(json.dumps(answer(json.loads(line))).encode() + b"\n")
+                rest = json.dumps(answer(json.loads(line))).encode() + b"\n"
+                while rest:  # the port takes some of a long answer at a time
+                    rest = rest[port.write(rest) or 0 :]
             time.sleep(0.01)
 
 
