@@ -1,12 +1,14 @@
 """How far away a plate can be read, by focal length: which lens to buy.
 
 `python -m bench plate_range` prints how wide a plate must be in the picture; `python -m
-bench.plate_range` writes distances into `docs/plates.md`. Measured on rendered plates, photographed
-with every fault that `sim_rig.picture.lens` knows, corners as exact as the detector's.
+bench.plate_range` writes distances into `docs/plates.md`, and beside it a picture of the smallest
+hits and the surest misses. Measured on rendered plates, photographed with every fault that
+`sim_rig.picture.lens` knows, corners as exact as the detector's.
 """
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -14,34 +16,56 @@ import numpy as np
 import numpy.typing as npt
 
 from bench import Figure
+from onboard.observations import Box
 from onboard.vision.plate_detector import PlateDetector
-from onboard.vision.plate_reader import CERTAIN, PlateReader
+from onboard.vision.plate_reader import CERTAIN, PlateReader, PlateText
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import FORMATS, PlateFormat, draw_plate
 from sim_rig.picture.plate_texts import text_of
 from sim_rig.picture.scene import warp_onto
 
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
+PICTURE = PAGE.parent / "pictures" / "plates-read.png"
 WIDTHS_PX = (25, 32, 40, 50, 65, 85, 110)
 FOCAL_LENGTHS_PX = (600, 800, 1100, 1500, 2200, 3300)
 PICTURE_WIDTH_PX = 1280
 _PLATES = 20
+_SHOWN, _COLUMNS = 10, 5
 _ENOUGH = 0.8
 """Share of single pictures read right; the vote over frames does the rest."""
 _MARKS = ("<!-- range -->\n", "<!-- end of range -->\n")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Read:
+    """One plate and what it was taken for."""
+
+    image: npt.NDArray[np.uint8]
+    """The plate and a little around it."""
+    width_px: float
+    truth: str
+    text: PlateText
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the whole text is."""
+        return self.text.text == self.truth
 
 
 def measure() -> Iterator[Figure]:
     """Least width for reading, beside the least width for finding, of each format."""
     cv2.setNumThreads(1)
     for name, plate_format in FORMATS.items():
-        read, found = least_widths(plate_format)
+        read, found = least_widths(plate_format, [])
         count = _PLATES * len(WIDTHS_PX)
         yield Figure(f"plate_range.{name}.read", read, "px", count, "least width found", found)
 
 
-def least_widths(plate_format: PlateFormat) -> tuple[float, float]:
-    """Least widths in px at which `_ENOUGH` of plates are read, and found; infinite if never."""
+def least_widths(plate_format: PlateFormat, reads: list[Read]) -> tuple[float, float]:
+    """Least widths in px at which `_ENOUGH` of plates are read, and found; infinite if never.
+
+    `reads` takes all that were read.
+    """
     detector, reader, rng = PlateDetector(), PlateReader(), np.random.default_rng(7)
     read: list[float] = []
     found: list[float] = []
@@ -54,6 +78,10 @@ def least_widths(plate_format: PlateFormat) -> tuple[float, float]:
             seen += bool(plates)
             texts = reader.read_many(image, [plate.corners_px for plate in plates[:1]])
             right += any(t.text == text and t.confidence >= CERTAIN / 2 for t in texts)
+            reads += [
+                Read(_cut(image, plate.box), width_px, text, got)
+                for plate, got in zip(plates, texts, strict=False)
+            ]
         read += [float(width_px)] if right >= _ENOUGH * _PLATES else []
         found += [float(width_px)] if seen >= _ENOUGH * _PLATES else []
     return min(read, default=math.inf), min(found, default=math.inf)
@@ -74,9 +102,38 @@ def _picture(
     return photograph(image, rng, fine_px=width_px / 45)
 
 
-def table() -> str:
+def _cut(image: npt.NDArray[np.uint8], box: Box) -> npt.NDArray[np.uint8]:
+    """The plate in a tile of 160 x 60 pixels."""
+    x, y = box.centre_px
+    half = (0.62 * box.w_px, 0.62 * box.w_px * 60 / 160)
+    left, top = max(0, int(x - half[0])), max(0, int(y - half[1]))
+    part = image[top : int(y + half[1]) + 1, left : int(x + half[0]) + 1]
+    return np.asarray(cv2.resize(part, (160, 60), interpolation=cv2.INTER_NEAREST), np.uint8)
+
+
+def sheet(reads: list[Read]) -> npt.NDArray[np.uint8]:
+    """Two rows of the smallest that were read rightly, two of the surest that were not."""
+    hits = sorted((r for r in reads if r.is_right), key=lambda r: r.width_px)[:_SHOWN]
+    misses = sorted((r for r in reads if not r.is_right), key=lambda r: -r.text.confidence)[:_SHOWN]
+    tiles = []
+    for shown in [*hits, *misses]:
+        tile = np.full((100, 168, 3), 255, np.uint8)
+        tile[2:62, 4:164] = shown.image
+        told = f"{shown.text.text or '-'} {shown.text.confidence:.2f}"
+        stands = f"{shown.truth}, {shown.width_px:.0f} px"
+        colour = (20, 130, 20) if shown.is_right else (30, 30, 200)
+        for line, (words, ink) in enumerate(((stands, (0, 0, 0)), (told, colour))):
+            at = (4, 77 + 16 * line)
+            cv2.putText(tile, words, at, cv2.FONT_HERSHEY_SIMPLEX, 0.42, ink, 1, cv2.LINE_AA)
+        tiles.append(tile)
+    tiles += [np.full((100, 168, 3), 255, np.uint8)] * (-len(tiles) % _COLUMNS)
+    rows = [np.hstack(tiles[i : i + _COLUMNS]) for i in range(0, len(tiles), _COLUMNS)]
+    return np.asarray(np.vstack(rows), np.uint8)
+
+
+def table(reads: list[Read]) -> str:
     """Distance in metres up to which each format can be read, by focal length."""
-    widths = {name: least_widths(plate_format)[0] for name, plate_format in FORMATS.items()}
+    widths = {name: least_widths(shape, reads)[0] for name, shape in FORMATS.items()}
     heads = [f"{name} plate ({widths[name]:.0f} px)" for name in FORMATS]
     lines = [
         f"| focal length | angle of view | {' | '.join(heads)} |",
@@ -93,8 +150,10 @@ def table() -> str:
 
 
 def main() -> None:
-    """Put the table into the page, between its marks."""
-    rows = table()
+    """Put the table into the page, between its marks, and the sheet beside it."""
+    reads: list[Read] = []
+    rows = table(reads)
+    cv2.imwrite(str(PICTURE), sheet(reads))
     before, rest = PAGE.read_text(encoding="utf-8").split(_MARKS[0])
     _, after = rest.split(_MARKS[1])
     PAGE.write_text(f"{before}{_MARKS[0]}{rows}{_MARKS[1]}{after}", encoding="utf-8")

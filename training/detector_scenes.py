@@ -8,6 +8,7 @@ from sim_rig.picture.clutter import add_car, add_lettering, surroundings
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import draw_plate
 from sim_rig.picture.plate_styles import random_plate
+from sim_rig.picture.wear import worn
 from training.reader_views import paste, posed
 
 SCENE_SIZE = (256, 192)
@@ -47,7 +48,8 @@ def _scene(corners: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.ND
             add_lettering(image, rng, rng.uniform(0.08, 0.25) * width_px)
         quad = posed(width_px, height_px, rng) + np.asarray(centre, np.float32)
         if all(_apart(quad, other) for _, other in plates):
-            plates.append((draw_plate(text, plate_format, _PX_PER_MM), quad))
+            art = worn(draw_plate(text, plate_format, _PX_PER_MM), rng)
+            plates.append((art, quad))
     finest_px = 1.0
     for place, (art, quad) in enumerate(plates[:count]):
         _housing(image, quad, rng)

@@ -27,7 +27,7 @@ def _conv(
 
 
 class ReaderNetwork(nn.Module):
-    """(n, 1, 48, 160) normalised grey views to (n, 37, 1, 40) logits of each class by column."""
+    """(n, 1, 64, 160) normalised grey views to (n, 37, 1, 40) logits of each class by column."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -38,12 +38,12 @@ class ReaderNetwork(nn.Module):
             _conv(48, 64),
             nn.MaxPool2d((2, 2)),
             _conv(64, 96),
-            _conv(96, 96),
+            _conv(96, 112),
         )
-        self.columns = _conv(96, 192, (6, 1), padding=0)
+        self.columns = _conv(112, 192, (8, 1), padding=0)
         self.context = nn.ModuleList(
             _conv(192, 192, (1, 5), padding=(0, 2 * reach), dilation=(1, reach))
-            for reach in (1, 2, 4)
+            for reach in (1, 2, 4, 8)
         )
         self.dropout = nn.Dropout2d(0.1)
         self.scores = nn.Conv2d(192, CLASSES, 1)

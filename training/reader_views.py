@@ -10,9 +10,10 @@ from onboard.vision.plate_reader import rectify
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import PlateFormat, draw_plate
 from sim_rig.picture.plate_styles import random_plate
+from sim_rig.picture.wear import worn
 
 View = npt.NDArray[np.uint8]
-"""(48, 160), grey."""
+"""(64, 160), grey."""
 Quad = npt.NDArray[np.float32]
 
 _PX_PER_MM = 0.9
@@ -27,13 +28,15 @@ class _Drawn:
     art: npt.NDArray[np.uint8]
 
 
-def render_views(count: int, rng: np.random.Generator) -> tuple[View, list[str]]:
-    """`count` views, (count, 48, 160), and what stands on each; some show no plate and no text."""
+def render_views(
+    count: int, rng: np.random.Generator, *, held_back: bool = False
+) -> tuple[View, list[str]]:
+    """`count` views, (count, 64, 160), and their texts, in the fonts held back or in the others."""
     views: list[View] = []
     texts: list[str] = []
     while len(views) < count:
-        text, plate_format = random_plate(rng)
-        drawn = _Drawn(text, plate_format, draw_plate(text, plate_format, _PX_PER_MM))
+        text, plate_format = random_plate(rng, held_back=held_back)
+        drawn = _Drawn(text, plate_format, worn(draw_plate(text, plate_format, _PX_PER_MM), rng))
         for _ in range(_VIEWS_A_PLATE):
             views.append(_view(drawn, rng))
             texts.append(text)
@@ -44,7 +47,7 @@ def _view(drawn: _Drawn, rng: np.random.Generator) -> View:
     shape = drawn.plate_format
     characters = max(5, len(drawn.text))
     # From barely legible to larger than the view; small ones are the difficult ones, so more.
-    width_px = float(np.exp(rng.uniform(np.log(6.0), np.log(30.0)))) * characters
+    width_px = float(np.exp(rng.uniform(np.log(6.5), np.log(30.0)))) * characters
     if shape.width_mm < 250:
         width_px *= 0.7
     height_px = width_px * shape.height_mm / shape.width_mm
@@ -85,11 +88,33 @@ def _surroundings(rows: int, columns: int, quad: Quad, rng: np.random.Generator)
         start, end = rng.integers(0, max(rows, columns), (2, 2)).tolist()
         cv2.line(scene, start, end, grey, int(rng.integers(1, max(2, rows // 10) + 1)), cv2.LINE_AA)
     if rng.random() < 0.65:
-        middle = quad.mean(axis=0)
-        around = middle + (quad - middle) * rng.uniform(1.01, 1.18, 2)
-        shade = (rng.integers(0, 90) + rng.normal(0, 8, 3)).clip(0, 255).tolist()
-        cv2.fillConvexPoly(scene, np.rint(around * 16).astype(np.int32), shade, cv2.LINE_AA, 4)
+        _around(scene, quad, rng.uniform(1.01, 1.18, 2), rng)
+    if rng.random() < 0.2:  # an edge of a recess or a lamp beside it, as upright as a 1
+        for _ in range(rng.integers(1, 3)):
+            side, other = quad[[1, 2]], quad[[0, 3]]
+            share = rng.uniform(1.0, 1.12)
+            bar = (
+                other + share * (side - other)
+                if rng.random() < 0.6
+                else side - share * (side - other)
+            )
+            shade = rng.integers(0, 255, 3).tolist()
+            line = np.rint(bar).astype(int).tolist()
+            thickness = int(rng.integers(1, max(2, rows // 14) + 1))
+            cv2.line(scene, line[0], line[1], shade, thickness, cv2.LINE_AA)
     return scene
+
+
+def _around(
+    scene: View, quad: Quad, share: npt.NDArray[np.float64], rng: np.random.Generator
+) -> None:
+    """A holder or a recess, `share` times as wide and high as the plate."""
+    middle = quad.mean(axis=0)
+    around = middle + (quad - middle) * share
+    dark = rng.random() < 0.8
+    shade = (rng.integers(0, 90) if dark else rng.integers(90, 250)) + rng.normal(0, 8, 3)
+    corners = np.rint(around * 16).astype(np.int32)
+    cv2.fillConvexPoly(scene, corners, shade.clip(0, 255).tolist(), cv2.LINE_AA, 4)
 
 
 def paste(scene: View, art: View, quad: Quad) -> None:
@@ -113,7 +138,8 @@ def _as_found(quad: Quad, rng: np.random.Generator) -> Quad:
     """The corners as a detector would place them: shifted, scaled, each a little off."""
     middle = quad.mean(axis=0)
     along, down = (quad[1] - quad[0]), (quad[3] - quad[0])
-    scale = 1 + rng.normal(0.01, 0.045, 2)
-    offset = rng.normal(0, 0.018, (4, 2)) + rng.normal(0, 0.02, 2)
+    wild = 2.0 if rng.random() < 0.15 else 1.0
+    scale = 1 + wild * rng.normal(0.012, 0.045, 2)
+    offset = wild * (rng.normal(0, 0.018, (4, 2)) + rng.normal(0, 0.022, 2))
     sides = np.asarray([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2 * scale + offset
     return np.asarray(middle + sides[:, :1] * along + sides[:, 1:] * down, np.float32)

@@ -16,12 +16,12 @@ class NetworkSettings(Settings):
     """Rendered pictures to learn from."""
     validation_pictures: int = Field(gt=0)
     """Rendered pictures, of other plates, to measure and to calibrate on."""
-    epochs: int = Field(gt=0)
-    """Times that every picture is seen."""
+    steps: int = Field(gt=0)
+    """Batches to learn from; the pictures are gone through as often as that takes."""
     batch: int = Field(gt=0)
     """Pictures a step."""
     peak_rate: float = Field(gt=0)
-    """Highest learning rate of the one-cycle schedule."""
+    """Learning rate after the warm-up and before the decay (`training/schooling.py`)."""
 
 
 class TrainingSettings(Settings):

@@ -1,7 +1,6 @@
 """Teaches the detector where plates are and writes it as ONNX."""
 
 import logging
-import time
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from onboard.vision.plate_detector import CELL_PX, CORNER_UNIT_PX, DEFAULT_MODEL
 from training.detector_scenes import render_scenes
 from training.networks import DetectorNetwork
 from training.pictures import rendered
+from training.schooling import school
 from training.settings import NetworkSettings
 
 _log = logging.getLogger(__name__)
@@ -33,37 +33,18 @@ def train_detector(settings: NetworkSettings, seed: int, folder: Path, processes
     torch.manual_seed(seed)
     # Not channels_last: with bfloat16 the gradient of a dilated convolution is then NaN.
     network = DetectorNetwork()
-    order = np.random.default_rng(seed)
-    steps = settings.epochs * (len(scenes) // settings.batch)
-    optimiser = torch.optim.AdamW(network.parameters(), settings.peak_rate, weight_decay=1e-3)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, settings.peak_rate, steps, pct_start=0.1
-    )
-    started, step, shown = time.monotonic(), 0, 0.0
-    for epoch in range(settings.epochs):
-        rows_of_epoch = order.permutation(len(scenes))
-        network.train()
-        for start in range(0, len(scenes) - settings.batch + 1, settings.batch):
-            rows = np.sort(rows_of_epoch[start : start + settings.batch])
-            pictures, places = _flipped(np.asarray(scenes[rows]), np.asarray(corners[rows]), order)
-            wanted = [torch.from_numpy(part) for part in targets(places, pictures.shape[1:])]
-            batch = torch.from_numpy(as_input(pictures))
-            with torch.autocast("cpu", torch.bfloat16):
-                answer = network(batch).float()
-            loss = _loss(answer, *wanted)
-            optimiser.zero_grad(set_to_none=True)
-            loss.backward()
-            nn.utils.clip_grad_norm_(network.parameters(), 5.0)
-            optimiser.step()
-            schedule.step()
-            step += 1
-            shown += (loss.item() - shown) / min(step, 100)
-            if step % 100 == 0:
-                rate = step * settings.batch / (time.monotonic() - started)
-                _log.info(f"epoch {epoch} step {step}/{steps} loss {shown:.3f} {rate:.0f}/s")
-        report(network, *held_back)
-        export(network, DEFAULT_MODEL)
-        torch.save(network.state_dict(), folder / "weights.pt")
+
+    def loss_of(rows: npt.NDArray[np.int64], rng: np.random.Generator) -> torch.Tensor:
+        pictures, places = _flipped(np.asarray(scenes[rows]), np.asarray(corners[rows]), rng)
+        wanted = [torch.from_numpy(part) for part in targets(places, pictures.shape[1:])]
+        batch = torch.from_numpy(as_input(pictures))
+        with torch.autocast("cpu", torch.bfloat16):
+            answer = network(batch).float()
+        return _loss(answer, *wanted)
+
+    school(network, loss_of, len(scenes), settings, seed=seed, saved=folder / "schooling.pt")
+    report(network, *held_back)
+    export(network, DEFAULT_MODEL)
 
 
 def targets(

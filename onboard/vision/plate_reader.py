@@ -21,7 +21,7 @@ corner of the top left one."""
 
 ALPHABET = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 """Class 0 of the network is the blank, class n the n-th character of this."""
-READER_SIZE = (160, 48)
+READER_SIZE = (160, 64)
 """(w, h) of what the network sees."""
 MARGIN = (0.06, 0.10)
 """Share of that size around the plate, on each side, since corners are never exact."""

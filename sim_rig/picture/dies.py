@@ -14,9 +14,6 @@ Mask = npt.NDArray[np.uint8]
 Point = tuple[float, float]
 Line = list[Point]
 
-_STROKE = 0.12
-"""Of the cap height."""
-
 
 @dataclass(frozen=True, slots=True)
 class Dies:
@@ -34,9 +31,21 @@ class Dies:
     """How deep the middle of M reaches, and how high that of W."""
     slanted: bool = False
     """Whether the stems of 6 and 9 lean instead of curving back."""
+    stroke: float = 0.12
+    """Width of a stroke, as a share of the cap height."""
+    bar: float = 0.48
+    """How far down the middle bars of A, E, F and H are, and the waists of B, P and R."""
+    flat_three: bool = False
+    """Whether 3 has a flat top."""
+    curved_seven: bool = True
+    """Whether the stem of 7 bends."""
+    serifs: bool = False
+    """Whether J has a bar on top."""
+    closed_four: bool = True
+    """Whether the slope of 4 reaches the top of its stem."""
 
 
-DIES = {
+_NAMED = {
     "dies-round": Dies(0.44, (0.5, 0.24), feet=True, upright=True, valley=0.55),
     "dies-plain": Dies(0.44, (0.5, 0.24), feet=False, upright=False, valley=0.65),
     "dies-square": Dies(0.46, (0.34, 0.17), feet=True, upright=False, valley=0.5),
@@ -46,13 +55,39 @@ DIES = {
 }
 
 
+def _drawn_at_random(count: int) -> dict[str, Dies]:
+    """Dies of nobody, around those that exist: the same ones on every machine."""
+    rng = np.random.default_rng(1906)  # the year in which a plate was first stamped for a car
+    dies = {}
+    for number in range(count):
+        width = float(rng.uniform(0.36, 0.6))
+        dies[f"dies-{number:02}"] = Dies(
+            width=width,
+            corner=(float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.16, 0.36))),
+            feet=bool(rng.random() < 0.5),
+            upright=bool(rng.random() < 0.4),
+            valley=float(rng.uniform(0.4, 1.0)),
+            slanted=bool(rng.random() < 0.3),
+            stroke=float(rng.uniform(0.095, 0.165)),
+            bar=float(rng.uniform(0.42, 0.58)),
+            flat_three=bool(rng.random() < 0.15),
+            curved_seven=bool(rng.random() < 0.5),
+            serifs=bool(rng.random() < 0.3),
+            closed_four=bool(rng.random() < 0.7),
+        )
+    return dies
+
+
+DIES = {**_NAMED, **_drawn_at_random(40)}
+
+
 def die(name: str, character: str, cap_height_px: int) -> Mask:
     """Mask of a character, `cap_height_px` high, 255 where there is ink; blank if there is none."""
     dies = DIES[name]
-    share = {"M": 1.15, "W": 1.15 if dies.upright else 1.3, "-": 0.6}.get(character, 1.0)
+    share = {"M": 1.2, "W": 1.25 if dies.upright else 1.3, "-": 0.6}.get(character, 1.0)
     if character in "1I":
         share = 0.75 if dies.feet else 0.35
-    stroke_px = max(1, round(_STROKE * cap_height_px))
+    stroke_px = max(1, round(dies.stroke * cap_height_px))
     width_px = max(stroke_px, round(dies.width * share * cap_height_px))
     mask = np.zeros((cap_height_px, width_px + stroke_px), np.uint8)
     inner = np.asarray([width_px - 1, cap_height_px - stroke_px - 1])
@@ -84,35 +119,46 @@ def _lines(character: str, dies: Dies) -> list[Line]:
     left: Line = [(0, 0), (0, 1)]
     foot: list[Line] = [[(0, 1), (1, 1)]] if dies.feet else []
     head: list[Line] = [[(0, 0), (1, 0)]] if dies.feet else []
-    upper_bow = [(0, 0), (0.6, 0), *_arc((0.6, 0.25), (0.4, 0.25), 270, 450), (0, 0.5)]
-    lower_bow = [(0.6, 0.5), *_arc((0.6, 0.75), (0.4, 0.25), 270, 450), (0, 1)]
+    serif: list[Line] = [[(0.4, 0), (1, 0)]] if dies.serifs else []
+    bar, half = dies.bar, dies.bar / 2
+    below, low = 1 - (1 - bar) / 2, 0.35 + 0.7 * bar
+    upper_bow = [(0, 0), (0.6, 0), *_arc((0.6, half), (0.4, half), 270, 450), (0, bar)]
+    lower_bow = [(0.6, bar), *_arc((0.6, below), (0.4, 1 - below), 270, 450), (0, 1)]
+    top_of_three: Line = (
+        [(0, 0), (0.95, 0), (0.5, 0.45)]
+        if dies.flat_three
+        else [*over_left, *_arc((1 - rx, 0.25), (rx, 0.25), 270, 430), (0.5, 0.48)]
+    )
+    waist = top_of_three[-1]
     low_ring = _arc((0.5, 0.7), (0.5, 0.3), 0, 360)
     shapes: dict[str, list[Line]] = {
         "0": [ring],
         "1": [[(0.05, 0.22), (0.5, 0), (0.5, 1)], *foot],
         "2": [[*over_left, *over_right, (0.93, 0.42), (0.75, 0.55), (0, 1), (1, 1)]],
         "3": [
-            [*over_left, *_arc((1 - rx, 0.25), (rx, 0.25), 270, 430), (0.5, 0.48)],
-            [(0.5, 0.48), *_arc((0.55, 0.74), (0.45, 0.26), 280, 360), *under_right, *under_left],
+            top_of_three,
+            [waist, *_arc((0.55, 0.74), (0.45, 0.26), 280, 360), *under_right, *under_left],
         ],
-        "4": [[(0.72, 1), (0.72, 0), (0, 0.7), (1, 0.7)]],
+        "4": [[(0.72, 1), (0.72, 0), (0, 0.7), (1, 0.7)]]
+        if dies.closed_four
+        else [[(0.72, 1), (0.72, 0.3)], [(0.45, 0), (0, 0.72), (1, 0.72)]],
         "5": [[(0.93, 0), (0.1, 0), (0.05, 0.5), *_arc((0.5, 0.69), (0.5, 0.31), 225, 515)]],
         "6": [stem, low_ring],
-        "7": [[(0, 0), (1, 0), (0.55, 0.45), (0.38, 1)]],
+        "7": [[(0, 0), (1, 0), *([(0.55, 0.45)] if dies.curved_seven else []), (0.38, 1)]],
         "8": [_arc((0.5, 0.25), (0.45, 0.25), 0, 360), _arc((0.5, 0.75), (0.5, 0.25), 0, 360)],
-        "A": [[(0, 1), (0.5, 0), (1, 1)], [(0.17, 0.68), (0.83, 0.68)]],
+        "A": [[(0, 1), (0.5, 0), (1, 1)], [(0.35 - 0.35 * bar, low), (0.65 + 0.35 * bar, low)]],
         "B": [left, upper_bow, lower_bow],
         "C": [[(1, 0.3), *over, *under, (1, 0.7)]],
         "D": [[(0, 0), (0, 1), *under_right[::-1], *over_right[::-1], (0, 0)]],
-        "E": [[(1, 0), (0, 0), (0, 1), (1, 1)], [(0, 0.48), (0.85, 0.48)]],
-        "F": [[(1, 0), (0, 0), (0, 1)], [(0, 0.48), (0.85, 0.48)]],
+        "E": [[(1, 0), (0, 0), (0, 1), (1, 1)], [(0, bar), (0.85, bar)]],
+        "F": [[(1, 0), (0, 0), (0, 1)], [(0, bar), (0.85, bar)]],
         "G": [
             [(1, 0.3), *over, *under],
             [(1, 1 - ry), (1, 0.55), (0.55, 0.55)],
         ],
-        "H": [left, [(1, 0), (1, 1)], [(0, 0.48), (1, 0.48)]],
+        "H": [left, [(1, 0), (1, 1)], [(0, bar), (1, bar)]],
         "I": [[(0.5, 0), (0.5, 1)], *foot, *head],
-        "J": [[(1, 0), *under_right, *under_left]],
+        "J": [[(1, 0), *under_right, *under_left], *serif],
         "K": [left, [(1, 0), (0, 0.6)], [(0.3, 0.42), (1, 1)]],
         "L": [[(0, 0), (0, 1), (1, 1)]],
         "M": [[(0, 1), (0, 0), (0.5, dies.valley), (1, 0), (1, 1)]],
@@ -120,7 +166,7 @@ def _lines(character: str, dies: Dies) -> list[Line]:
         "O": [ring],
         "P": [left, upper_bow],
         "Q": [ring, [(0.55, 0.72), (1, 1)]],
-        "R": [left, upper_bow, [(0.5, 0.5), (1, 1)]],
+        "R": [left, upper_bow, [(0.5, bar), (1, 1)]],
         "S": [[*over, (0.12, 0.4), (0.88, 0.6), *under[::-1]]],
         "T": [[(0, 0), (1, 0)], [(0.5, 0), (0.5, 1)]],
         "U": [[(0, 0), *under, (1, 0)]],

@@ -13,6 +13,8 @@ from sim_rig.picture.dies import DIES, die
 FONT_FOLDER = Path(__file__).parent / "fonts"
 CAP_HEIGHT_PX = 96
 """Height of a capital letter in every mask; whoever draws scales it from there."""
+SCRIPT = "script"
+"""Drawn by OpenCV, for names and slogans only."""
 
 Mask = npt.NDArray[np.uint8]
 """(h, w), 255 where there is ink."""
@@ -36,19 +38,34 @@ def _font(name: str) -> ImageFont.FreeTypeFont:
 
 @lru_cache(maxsize=4096)
 def glyph(font: str, character: str) -> Mask:
-    """Mask of one character, `CAP_HEIGHT_PX` high (a little cut where it hangs lower), tight in x.
+    """Mask of one character, `CAP_HEIGHT_PX` high (but for Q cut where it hangs lower), tight in x.
 
     Raises:
         ValueError: no such font.
     """
     if font in DIES:
         return die(font, character, CAP_HEIGHT_PX)
+    if font == SCRIPT:
+        return _handwritten(character)
     face = _font(font)
-    left, _, right, _ = face.getbbox(character)
+    left, _, right, bottom = face.getbbox(character)
     top = face.getbbox("H")[1]
-    image = Image.new("L", (max(1, int(right - left)), CAP_HEIGHT_PX))
+    # The tail of a Q hangs below the line: plates squeeze the letter rather than cut it off.
+    height_px = CAP_HEIGHT_PX if character != "Q" else max(CAP_HEIGHT_PX, int(bottom - top))
+    image = Image.new("L", (max(1, int(right - left)), height_px))
     ImageDraw.Draw(image).text((-left, -top), character, font=face, fill=255)
-    return np.asarray(image, dtype=np.uint8)
+    mask = np.asarray(image, dtype=np.uint8)
+    return np.asarray(cv2.resize(mask, (mask.shape[1], CAP_HEIGHT_PX)), np.uint8)
+
+
+def _handwritten(character: str) -> Mask:
+    """One character of OpenCV's script, as the names of some states are printed."""
+    face, scale, thickness = cv2.FONT_HERSHEY_SCRIPT_COMPLEX, 3.0, 6
+    (width, _), below = cv2.getTextSize(character, face, scale, thickness)
+    mask = np.zeros((CAP_HEIGHT_PX, max(1, width)), np.uint8)
+    at = (0, CAP_HEIGHT_PX - below // 2)
+    cv2.putText(mask, character, at, face, scale, 255, thickness, cv2.LINE_AA)
+    return mask
 
 
 def text_row(

@@ -32,14 +32,36 @@ def photograph(image: Image, rng: np.random.Generator, fine_px: float) -> Image:
     light = _blurred(light, rng, fine_px)
     light = _grained(light, rng)
     if rng.random() < 0.5:
-        soft = cv2.GaussianBlur(light, (0, 0), rng.uniform(0.7, 1.6))
-        light = light + rng.uniform(0.2, 2.0) * (light - np.asarray(soft))
+        light = _sharpened(light, rng)
     picture = np.clip(light, 0, 255).astype(np.uint8)
     if rng.random() < 0.15:
         picture = _grey(picture)
-    if rng.random() < 0.85:
+    if rng.random() < 0.2:
+        picture = _enlarged(picture, rng, fine_px)
+    elif rng.random() < 0.85:
         picture = _compressed(picture, int(rng.integers(25, 96)))
     return picture
+
+
+def _sharpened(light: _Light, rng: np.random.Generator) -> _Light:
+    """Halos along edges, as cameras and programs add them."""
+    soft = cv2.GaussianBlur(light, (0, 0), rng.uniform(0.7, 1.8))
+    return np.asarray(light + rng.uniform(0.2, 2.5) * (light - np.asarray(soft)), np.float32)
+
+
+def _enlarged(picture: Image, rng: np.random.Generator, fine_px: float) -> Image:
+    """Compressed small, then shown larger and sharpened, as video stills and crops are."""
+    rows, columns = picture.shape[:2]
+    least = max(0.35, 0.75 / max(fine_px, 0.75))  # so that what is fine is not wiped out
+    share = float(rng.uniform(min(least, 0.95), 0.95))
+    size = (max(2, round(columns * share)), max(2, round(rows * share)))
+    small = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+    small = _compressed(small, int(rng.integers(35, 96)))
+    way = (cv2.INTER_LINEAR, cv2.INTER_CUBIC, cv2.INTER_LANCZOS4)[rng.integers(3)]
+    large = np.asarray(cv2.resize(small, (columns, rows), interpolation=way), np.float32)
+    if rng.random() < 0.5:
+        large = _sharpened(large, rng)
+    return _compressed(np.clip(large, 0, 255).astype(np.uint8), int(rng.integers(50, 98)))
 
 
 def _lit(light: _Light, rng: np.random.Generator) -> _Light:
@@ -75,8 +97,13 @@ def _glared(light: _Light, rng: np.random.Generator) -> _Light:
 
 def _exposed(light: _Light, rng: np.random.Generator) -> _Light:
     """Right, too dark by much, or too bright until it clips; and haze."""
-    kind = rng.choice(4, p=[0.55, 0.2, 0.1, 0.15])
-    gain = (rng.uniform(0.6, 1.1), rng.uniform(0.12, 0.6), rng.uniform(1.1, 1.9), 0.0)[kind]
+    kind = rng.choice(4, p=[0.5, 0.24, 0.1, 0.16])
+    gain = (
+        rng.uniform(0.6, 1.1),
+        np.exp(rng.uniform(np.log(0.05), np.log(0.6))),
+        rng.uniform(1.1, 1.9),
+        0.0,
+    )[kind]
     if kind == 3:  # little contrast: haze, fog, a dirty or faded plate
         contrast = rng.uniform(0.15, 0.6)
         return np.asarray(light * contrast + rng.uniform(0, 200) * (1 - contrast), np.float32)

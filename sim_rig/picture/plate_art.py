@@ -55,6 +55,14 @@ class Disc:
 
 
 @dataclass(frozen=True, slots=True)
+class Outline:
+    """A filled shape: a mountain, a tree, a state on the map."""
+
+    points_mm: tuple[tuple[float, float], ...]
+    bgr: Bgr
+
+
+@dataclass(frozen=True, slots=True)
 class NumberRow:
     """Where one row of the number stands and how it is written."""
 
@@ -72,6 +80,8 @@ class NumberRow:
     """Between groups: a character of the font, `|` for a coloured mark, `:` for two seals, `.` for
     a dot in the ink's colour at half height."""
     mark_bgr: Bgr = (60, 60, 200)
+    mark_shape: tuple[tuple[float, float], ...] = ()
+    """Where given, the coloured mark is this shape, in row heights from its middle."""
     stretch: float = 1.0
     """Width of a character over the font's own."""
 
@@ -92,12 +102,16 @@ class PlateFormat:
     spacing: float = 0.12
     cell: float | None = None
     weight_px: int = 0
+    emboss: float = 0.0
+    """How many grey levels brighter and darker the edges of stamped characters are."""
     border_mm: float = 0.0
     corner_mm: float = 8.0
     patches: tuple[Patch, ...] = ()
     small_texts: tuple[SmallText, ...] = ()
     discs_below: tuple[Disc, ...] = ()
     """Under the number, as printed pictures are."""
+    outlines: tuple[Outline, ...] = ()
+    """Under the number too."""
     discs: tuple[Disc, ...] = ()
     """Over the number, as bolts are."""
     frame: tuple[Patch, ...] = ()
@@ -170,6 +184,8 @@ def draw_plate(text: str, plate_format: PlateFormat, px_per_mm: float = 1.0) -> 
         cv2.rectangle(plate, (line_px // 2,) * 2, corner, plate_format.ink_bgr, line_px)
     _paint_patches(plate, plate_format.patches, px_per_mm)
     _paint_discs(plate, plate_format.discs_below, px_per_mm)
+    for outline in plate_format.outlines:
+        _fill(plate, np.asarray(outline.points_mm) * px_per_mm, outline.bgr)
     _paint_small_texts(plate, plate_format.small_texts, px_per_mm)
     rest = text
     for row in plate_format.rows:
@@ -236,6 +252,8 @@ def _paint_number(
     stretched_px = mask.shape[1] / mask.shape[0] * height_px * row.stretch
     width_px = min(stretched_px, row.w_mm * px_per_mm)
     centre = (row.x_mm * px_per_mm, row.y_mm * px_per_mm)
+    if plate_format.emboss:
+        _emboss(plate, mask, centre, (width_px, height_px), plate_format.emboss)
     left, _ = _paint(
         plate, mask, centre, (width_px, height_px), plate_format.ink_bgr, keep_aspect=False
     )
@@ -250,12 +268,35 @@ def _paint_separator(
     (x_px, y_px), unit = at_px, max(1, round(0.07 * height_px))
     if row.separator == ".":
         cv2.circle(plate, at_px, unit, ink_bgr, cv2.FILLED, cv2.LINE_AA)
+    elif row.separator == "|" and row.mark_shape:
+        _fill(plate, np.asarray(row.mark_shape) * height_px + at_px, row.mark_bgr)
     elif row.separator == "|":
         top_left, bottom_right = (x_px - unit, y_px - 3 * unit), (x_px + unit, y_px + 3 * unit)
         cv2.rectangle(plate, top_left, bottom_right, row.mark_bgr, cv2.FILLED)
     else:
         for middle in ((x_px, y_px - 3 * unit), (x_px, y_px + 3 * unit)):
             cv2.circle(plate, middle, 2 * unit, row.mark_bgr, cv2.FILLED, cv2.LINE_AA)
+
+
+def _fill(plate: Art, points_px: npt.NDArray[np.float64], bgr: Bgr) -> None:
+    shape = [np.rint(points_px * 16).astype(np.int32)]
+    cv2.fillPoly(plate, shape, bgr, cv2.LINE_AA, 4)
+
+
+def _emboss(
+    plate: Art,
+    mask: Mask,
+    centre_px: tuple[float, float],
+    size_px: tuple[float, float],
+    strength: float,
+) -> None:
+    """Light from above on raised characters: their upper edges brighter, their lower darker."""
+    away = max(0.5, 0.025 * size_px[1])
+    x, y = centre_px
+    for shift, level in ((-away, 255), (away, 0)):
+        base = plate.copy()
+        _paint(base, mask, (x + shift, y + shift), size_px, (level,) * 3, keep_aspect=False)
+        plate[:] = cv2.addWeighted(plate, 1 - strength / 255, base, strength / 255, 0)
 
 
 def _gaps(mask: Mask, count: int) -> list[float]:

@@ -9,11 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim_rig.picture.glyphs import font_names
+from sim_rig.picture.dies import DIES
+from sim_rig.picture.glyphs import SCRIPT, font_names
 from sim_rig.picture.plate_art import (
     Bgr,
     Disc,
     NumberRow,
+    Outline,
     Patch,
     PlateFormat,
     SmallText,
@@ -27,8 +29,9 @@ from sim_rig.picture.plate_texts import (
     word,
 )
 
-_PRINT_FONTS = ("overpass-600", "barlow-semi-condensed-700", "roboto-condensed-700")
+_PRINT_FONTS = ("overpass-600", "barlow-semi-condensed-700", "roboto-condensed-700", SCRIPT)
 _US_FONTS = (
+    *DIES,
     *("dies-round", "dies-square", "dies-plain", "dies-narrow", "dies-slanted") * 4,
     *("routed-gothic-narrow", "routed-gothic", "barlow-condensed-500", "dies-wide") * 2,
     *("roadgeek-2014-b", "roadgeek-2014-c", "osp-din", "barlow-semi-condensed-500") * 2,
@@ -38,20 +41,27 @@ _EU_FONTS = (
     *("roadgeek-2014-c", "overpass-600", "roboto-condensed-500", "routed-gothic-narrow") * 2,
 )
 _BR_FONTS = (
-    "roadgeek-2014-c",
-    "routed-gothic",
-    "overpass-600",
-    "barlow-semi-condensed-700",
-    "dies-wide",
+    *("roadgeek-2014-c", "routed-gothic", "overpass-600", "barlow-semi-condensed-700") * 4,
+    *("dies-wide",) * 8,
+    *DIES,
 )
+HELD_BACK = (
+    *("archivo-narrow-600", "rajdhani-600", "roboto-condensed-700"),
+    *("dies-36", "dies-37", "dies-38", "dies-39"),
+)
+"""Fonts that number no plate unless asked for: to measure on what nobody has learnt."""
 
 
-def random_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
-    """A text without separators and the plate that carries it."""
-    draw = (_us_plate, _eu_plate, _br_plate)[rng.choice(3, p=[0.48, 0.34, 0.18])]
+def random_plate(rng: np.random.Generator, *, held_back: bool = False) -> tuple[str, PlateFormat]:
+    """A text without separators and the plate that carries it, in a font held back or another."""
+    draw = (_us_plate, _eu_plate, _br_plate)[rng.choice(3, p=[0.46, 0.31, 0.23])]
     text, plate = draw(rng)
     if rng.random() < 0.35:
         plate = _in_holder(plate, rng)
+    if rng.random() < 0.35:
+        plate = replace(plate, emboss=rng.uniform(20, 160))
+    if held_back:
+        plate = replace(plate, font=HELD_BACK[rng.integers(len(HELD_BACK))])
     return text, plate
 
 
@@ -77,20 +87,28 @@ def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         for _ in range(rng.integers(0, 5) if rng.random() < 0.4 else 0)
     )
     height = rng.uniform(58, 78)
-    separator = str(rng.choice(["|", " ", "-", ".", ""], p=[0.3, 0.35, 0.15, 0.1, 0.1]))
-    offset = 0.0
-    if rng.random() < 0.08:  # a small prefix in two rows that is not part of the number
-        for letter, y_mm in zip(text_of("LL", rng), (66, 100), strict=True):
-            small.append(SmallText(letter, 22, y_mm, 28, 20, "overpass-600", ink))
-        offset = 14.0
+    separator = str(rng.choice(["|", " ", "-", ".", ""], p=[0.35, 0.3, 0.15, 0.1, 0.1]))
+    left_mm, right_mm = 0.0, 0.0
+    outlines = _landscape(rng, ground) if rng.random() < 0.25 else ()
+    if rng.random() < 0.25:  # beside the number stands what is not part of it
+        beside_mm = float(rng.uniform(22, 62))
+        is_left = rng.random() < 0.6
+        at_mm = 8 + beside_mm / 2 if is_left else 297 - beside_mm / 2
+        if rng.random() < 0.5:
+            small.extend(_stacked(rng, at_mm, min(beside_mm, 34), ink))
+        else:
+            tall_mm = beside_mm * rng.uniform(0.7, 1.0)
+            outlines += (Outline(_blob(rng, at_mm, rng.uniform(70, 95), tall_mm), _colour(rng)),)
+        left_mm, right_mm = (beside_mm, 0.0) if is_left else (0.0, beside_mm)
     row = NumberRow(
-        x_mm=152 + offset + rng.normal(0, 3),
+        x_mm=152 + (left_mm - right_mm) / 2 + rng.normal(0, 3),
         y_mm=rng.uniform(72, 86),
         h_mm=height,
-        w_mm=rng.uniform(225, 290) - 2 * offset,
+        w_mm=min(rng.uniform(225, 296), 293 - left_mm - right_mm),
         groups=_groups(written),
         separator=separator,
         mark_bgr=_colour(rng),
+        mark_shape=_blob(rng, 0, 0, rng.uniform(0.3, 0.8)) if rng.random() < 0.6 else (),
         stretch=rng.uniform(0.62, 1.0),
     )
     plate = PlateFormat(
@@ -109,6 +127,7 @@ def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         patches=tuple(patches),
         small_texts=tuple(small),
         discs_below=discs_below,
+        outlines=outlines,
         discs=_bolts(rng, 305, 152),
     )
     return written.replace(" ", ""), plate
@@ -149,6 +168,7 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         groups=groups,
         separator=separator,
         mark_bgr=_colour(rng),
+        mark_shape=_blob(rng, 0, 0, rng.uniform(0.3, 0.6)) if rng.random() < 0.7 else (),
         stretch=rng.uniform(0.85, 1.3),
     )
     plate = PlateFormat(
@@ -172,7 +192,7 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
 
 
 def _br_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
-    written = _text(rng, BR_PATTERNS, free=0.25, rare=1.0)
+    written = _text(rng, BR_PATTERNS, free=0.15, rare=1.0)
     newer = rng.random() < 0.25
     grey = int(rng.integers(150, 225))
     ground = _near((235, 235, 235) if newer else (grey, grey, grey), rng, 8)
@@ -259,6 +279,43 @@ def _in_holder(plate: PlateFormat, rng: np.random.Generator) -> PlateFormat:
     return replace(plate, frame=frame, frame_texts=tuple(texts), discs=())
 
 
+def _stacked(rng: np.random.Generator, x_mm: float, w_mm: float, ink: Bgr) -> list[SmallText]:
+    """One to three small characters over each other, or two side by side: a class of vehicle."""
+    font = str(_US_FONTS[rng.integers(len(_US_FONTS))])
+    sign = "LL" if rng.random() < 0.7 else "##"
+    if rng.random() < 0.3:
+        return [SmallText(text_of(sign, rng), x_mm, rng.uniform(60, 110), 26, w_mm, font, ink)]
+    count = int(rng.integers(1, 4))
+    letters = text_of((sign * 2)[:count], rng)
+    height = min(32.0, 76 / count) * rng.uniform(0.75, 1.0)
+    places = 82 + (np.arange(count) - (count - 1) / 2) * height * 1.15
+    return [
+        SmallText(letter, x_mm, float(y_mm), height, w_mm, font, ink)
+        for letter, y_mm in zip(letters, places, strict=True)
+    ]
+
+
+def _blob(
+    rng: np.random.Generator, x: float, y: float, size: float
+) -> tuple[tuple[float, float], ...]:
+    """A crest, a state, a saint: corners at random around a middle."""
+    count = int(rng.integers(4, 12))
+    angles = np.sort(rng.uniform(0, 2 * np.pi, count))
+    reach = size / 2 * rng.uniform(0.3, 1.0, count)
+    narrow = rng.uniform(0.5, 1.0)
+    across, down = x + narrow * reach * np.cos(angles), y + reach * np.sin(angles)
+    return tuple((float(a), float(d)) for a, d in zip(across, down, strict=True))
+
+
+def _landscape(rng: np.random.Generator, ground: Bgr) -> tuple[Outline, ...]:
+    """Mountains or a skyline behind the number."""
+    count = int(rng.integers(4, 14))
+    x_mm = np.linspace(0, 305, count)
+    y_mm = rng.uniform(60, 150) - rng.uniform(0, 45) * rng.random(count)
+    ridge = tuple((float(a), float(d)) for a, d in zip(x_mm, y_mm, strict=True))
+    return (Outline((*ridge, (305.0, 152.0), (0.0, 152.0)), _near(ground, rng, 70)),)
+
+
 def _text(rng: np.random.Generator, patterns: tuple[str, ...], *, free: float, rare: float) -> str:
     if rng.random() < free:
         return any_text(rng)
@@ -271,7 +328,8 @@ def _groups(written: str) -> tuple[int, ...]:
 
 def _font(rng: np.random.Generator, preferred: tuple[str, ...]) -> str:
     fonts = preferred if rng.random() < 0.75 else font_names()
-    return str(fonts[rng.integers(len(fonts))])
+    known = [font for font in fonts if font not in HELD_BACK]
+    return known[rng.integers(len(known))]
 
 
 def _print(

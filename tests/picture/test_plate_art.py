@@ -8,8 +8,9 @@ import pytest
 from sim_rig.picture.dies import DIES
 from sim_rig.picture.glyphs import CAP_HEIGHT_PX, font_names, glyph, text_row
 from sim_rig.picture.plate_art import BR, EU, FORMATS, US, PlateFormat, draw_plate, split_groups
-from sim_rig.picture.plate_styles import random_plate
+from sim_rig.picture.plate_styles import HELD_BACK, random_plate
 from sim_rig.picture.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, any_text, text_of
+from sim_rig.picture.wear import worn
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 
@@ -28,6 +29,14 @@ def test_every_font_has_every_character_of_a_plate(font: str) -> None:
 def test_a_font_that_is_not_shipped_is_an_error_that_names_those_that_are() -> None:
     with pytest.raises(ValueError, match=r"no font 'comic'; there are .*barlow"):
         glyph("comic", "A")
+
+
+@pytest.mark.parametrize("font", font_names())
+def test_the_tail_of_a_q_is_not_cut_off(font: str) -> None:
+    q, o = (glyph(font, character) for character in "QO")
+    width = min(q.shape[1], o.shape[1])
+    differ = np.abs(q[:, :width].astype(int) - o[:, :width]) > 128
+    assert differ[CAP_HEIGHT_PX // 2 :].sum() > 0.01 * differ.size
 
 
 def test_cells_give_every_text_of_a_length_the_same_width() -> None:
@@ -74,6 +83,28 @@ def test_the_number_stays_inside_its_row() -> None:
     assert rows[-1] <= row.y_mm + row.h_mm / 2 + 1
 
 
+def test_stamped_characters_are_lit_from_above() -> None:
+    flat = replace(
+        US, ink_bgr=(128, 128, 128), ground_bgr=(128, 128, 128), small_texts=(), discs=()
+    )
+    stamped = draw_plate("EEEEEEE", replace(flat, emboss=100.0)).astype(int) - 128
+    letters = slice(50, 115), slice(30, 280)
+    assert not draw_plate("EEEEEEE", flat)[letters].std()
+    # Above the upper bar it is brighter, below the lower one darker.
+    rows = stamped[..., 0].mean(axis=1)
+    assert rows.argmax() < rows.argmin()
+    assert rows.max() > 10
+    assert rows.min() < -10
+
+
+def test_a_mark_may_have_a_shape_of_its_own() -> None:
+    diamond = ((0.0, -0.3), (0.1, 0.0), (0.0, 0.3), (-0.1, 0.0))
+    row = replace(US.rows[0], separator="|", mark_bgr=(0, 0, 255), mark_shape=diamond)
+    plate = draw_plate("ABC123", replace(US, rows=(row,)))
+    red = (plate == (0, 0, 255)).all(axis=2)
+    assert red.sum() == pytest.approx(0.5 * 0.6 * 0.2 * row.h_mm**2, rel=0.15)
+
+
 def test_a_text_in_two_rows_is_all_there() -> None:
     row = BR.rows[0]
     halves = (replace(row, y_mm=45, h_mm=40, groups=(3,)), replace(row, y_mm=100, h_mm=40))
@@ -114,6 +145,24 @@ def test_random_plates_can_be_read_by_the_readers_alphabet_and_drawn() -> None:
         assert set(text) <= set(ALPHABET)
         draw_plate(text, plate_format, 0.3)
     assert 3 <= len(any_text(rng).replace(" ", "")) <= 8
+
+
+def test_fonts_held_back_are_only_on_plates_that_ask_for_them() -> None:
+    rng = np.random.default_rng(5)
+    assert set(HELD_BACK) <= set(font_names())
+    for _ in range(100):
+        assert random_plate(rng)[1].font not in HELD_BACK
+        assert random_plate(rng, held_back=True)[1].font in HELD_BACK
+
+
+def test_years_on_the_road_change_a_plate_and_leave_its_shape() -> None:
+    new = draw_plate("ABC1234", EU)
+    worn_ones = [worn(new, np.random.default_rng(seed)) for seed in range(40)]
+    assert {plate.shape for plate in worn_ones} == {new.shape}
+    assert {plate.dtype for plate in worn_ones} == {new.dtype}
+    changed = sum(not np.array_equal(plate, new) for plate in worn_ones)
+    assert 10 <= changed <= 25
+    assert np.array_equal(worn(new, np.random.default_rng(3)), worn_ones[3])
 
 
 def test_the_same_seed_gives_the_same_plates() -> None:
