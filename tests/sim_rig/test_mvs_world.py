@@ -1,0 +1,58 @@
+"""The studies' world: footers may travel as values, since nothing else changes by it."""
+
+import numpy as np
+
+from onboard.messages import mvs_footer
+from onboard.messages.mvs_footer import MvsFooter
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.settings import MvsSettings, SensingSettings
+from sim_rig.studies.mvs_roads import SixLaneRoad
+from sim_rig.studies.mvs_world import START_UTC_S, MvsWorld, WorldSettings
+
+SETTINGS = MvsSettings(sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0))
+
+
+class Doubled:
+    """Two fresh cores of one car, the second of which gets every footer as bytes."""
+
+    def __init__(self, own_id: bytes) -> None:
+        self.core, self.twin = (
+            MultiVehicleSensing(SETTINGS, own_id, np.random.default_rng(0), START_UTC_S)
+            for _ in range(2)
+        )
+        self.footers = 0
+
+    def __getattr__(self, name: str) -> object:
+        def call(*arguments: object) -> object:
+            self.footers += sum(isinstance(each, MvsFooter) for each in arguments)
+            wire = [mvs_footer.encode(a) if isinstance(a, MvsFooter) else a for a in arguments]
+            getattr(self.twin, name)(*wire)
+            return getattr(self.core, name)(*arguments)
+
+        return call
+
+
+def test_a_core_knows_the_same_from_footers_as_values_and_as_bytes() -> None:
+    road = SixLaneRoad(4, 25.0, 2.0, 1.0, np.random.default_rng(1))
+    world = MvsWorld(road, set(road.names[::3]), WorldSettings(loss=0.2), SETTINGS, seed=1)
+    world.tick()
+    own = road.names[0]
+    doubled = world.cores[own] = Doubled(world.own_id(own))  # type: ignore[assignment]
+    for _ in range(9):
+        world.tick()
+
+    known = doubled.core.kinematic_info(world.now)
+
+    assert doubled.footers > 30
+    assert len(known) > 10
+    assert known == doubled.twin.kinematic_info(world.now)
+
+
+def test_a_lost_message_reaches_nobody_and_no_radio_is_no_core() -> None:
+    road = SixLaneRoad(2, 25.0, 1.0, 1.0, np.random.default_rng(1))
+    world = MvsWorld(road, set(road.names[:4]), WorldSettings(loss=1.0), SETTINGS, seed=1)
+    world.tick()
+
+    assert set(world.cores) == set(road.names[:4])
+    assert len(world.sent) == 4
+    assert all(sent.receivers == () for sent in world.sent)
