@@ -22,19 +22,30 @@ export class Card {
       this.numbers, this.notes);
   }
 
-  async draw(at_s) {
+  draw(at_s) {
     this.#drawWords(at_s);
-    if (this.busy) return;
+    this.wanted_s = at_s;
+    if (!this.busy) this.#drawPictures();
+  }
+
+  // One after the other, until that of the moment last asked for is there.
+  async #drawPictures() {
     this.busy = true;
-    try {
-      const answer = await fetch(`pictures/${this.car}?at_s=${at_s}`);
-      if (!answer.ok) return;
-      const stamp = answer.headers.get("X-Stamp");
-      if (stamp === this.stamp) return;
-      this.stamp = stamp;
-      const picture = await createImageBitmap(await answer.blob());
-      this.picture.getContext("2d").drawImage(picture, 0, 0, WIDTH_PX, HEIGHT_PX);
-    } catch { /* The run is over; the last picture stays. */ } finally { this.busy = false; }
+    let drawn_s;
+    while (drawn_s !== this.wanted_s) {
+      drawn_s = this.wanted_s;
+      try { await this.#drawPicture(drawn_s); } catch { /* The run is over; the last picture stays. */ }
+    }
+    this.busy = false;
+  }
+
+  async #drawPicture(at_s) {
+    const answer = await fetch(`pictures/${this.car}?at_s=${at_s}`);
+    const stamp = answer.headers.get("X-Stamp");
+    if (!answer.ok || stamp === this.stamp) return;
+    this.stamp = stamp;
+    const picture = await createImageBitmap(await answer.blob());
+    this.picture.getContext("2d").drawImage(picture, 0, 0, WIDTH_PX, HEIGHT_PX);
   }
 
   #drawWords(at_s) {
