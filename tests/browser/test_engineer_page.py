@@ -173,6 +173,7 @@ def test_a_laptop_shows_everything_without_scrolling(page: Page) -> None:
 
 
 def test_four_cars_stand_side_by_side(page: Page) -> None:
+    expect(page.locator(".card")).to_have_count(4)
     tops = {box["y"] for each in page.locator(".card").all() if (box := each.bounding_box())}
 
     assert len(tops) == 1
