@@ -26,7 +26,7 @@ class Corners:
                 side = np.array([east, north])
                 first, last = np.broadcast_arrays(side * here, side * there)
                 change = last - first
-                with np.errstate(divide="ignore", invalid="ignore"):
+                with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                     passes = (self._from_m - first) / change
                 inside = first > self._from_m
                 enters = np.where(change > 0.0, passes, np.where(inside, -np.inf, np.inf))

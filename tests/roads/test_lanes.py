@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from onboard.errors import UserError
@@ -79,6 +79,7 @@ def test_an_unknown_source_is_the_users_mistake() -> None:
     st.tuples(*[st.floats(-50.0, 50.0)] * 2),
     st.tuples(*[st.floats(-50.0, 50.0)] * 2),
 )
+@example(here=(0.0, 0.0), there=(0.0, 1e-308))
 def test_a_corner_hides_what_lies_behind_it(
     here: tuple[float, float], there: tuple[float, float]
 ) -> None:
