@@ -1,7 +1,7 @@
 """Where the MVS studies take place: the dense crossing and the city of the paper, or our own.
 
 The recordings of others are no part of this repository. Where they are (`RIG_DATA` names the
-folder), they are used; otherwise the dense crossing is driven by our own cars.
+folder), they are used; otherwise SUMO drives the dense crossing.
 """
 
 import os
@@ -32,6 +32,8 @@ class Scene(StrEnum):
     """Dense: some 100 cars on two six-lane roads; the AIM simulator's where it is there."""
     OWN_CROSSING = "own-crossing"
     """The same from our own car-following model."""
+    SUMO_CROSSING = "sumo-crossing"
+    """The same from SUMO."""
     CITY = "city"
     """Sparse: the paper's city trace."""
 
@@ -68,5 +70,10 @@ def open_scene(scene: Scene) -> Place:
         return Place(recording, None, city.name, has_lights=False)
     if scene is Scene.CROSSING and aim.is_file():
         return Place(read_trace(aim), Corners(_CORNERS_M), aim.name)
-    traffic = crossing(CrossingSettings(), np.random.default_rng(0))
-    return Place(record(traffic, 300.0, begin_s=90.0), Corners(_CORNERS_M), "own crossing")
+    if scene is Scene.OWN_CROSSING:
+        own = crossing(CrossingSettings(), np.random.default_rng(0))
+        return Place(record(own, 300.0, begin_s=90.0), Corners(_CORNERS_M), "own crossing")
+    from sim_rig.roads.sumo import NETWORKS, SumoTraffic  # noqa: PLC0415 (a large library)
+
+    with SumoTraffic(NETWORKS / "crossing.sumocfg", seed=0) as sumo:
+        return Place(record(sumo, 300.0, begin_s=90.0), Corners(_CORNERS_M), "SUMO's crossing")

@@ -1,0 +1,122 @@
+"""Traffic from the real libsumo: one interface with the other sources, and clear errors."""
+
+import shutil
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_rig.roads.crashes import Crash, boxes_overlap
+from sim_rig.roads.disturbed import DisturbedTraffic, ReactionSettings
+from sim_rig.roads.events import Event, Events, Kind
+from sim_rig.roads.recording import Recording, record
+from sim_rig.roads.sources import open_traffic
+from sim_rig.roads.sumo import NETWORKS, SumoError, SumoTraffic
+
+NOBODY_LOOKS = ReactionSettings(unwarned_median_s=5.0, unwarned_sigma=0.0)
+
+
+@pytest.fixture(scope="module")
+def crossing() -> Recording:
+    with SumoTraffic(NETWORKS / "crossing.sumocfg", seed=1) as traffic:
+        return record(traffic, 100.0, begin_s=60.0)
+
+
+def test_the_crossing_has_about_a_hundred_cars_that_come_and_go(crossing: Recording) -> None:
+    there = [set(crossing.cars_at(at_s).names) for at_s in range(0, 100, 20)]
+
+    assert 75 < np.mean([len(names) for names in there]) < 130
+    assert all(before - after and after - before for before, after in pairwise(there))
+
+
+def test_cars_drive_as_their_speed_and_heading_say(crossing: Recording) -> None:
+    for drive in crossing.drives:
+        moved = np.hypot(*np.diff(drive.middle_m, axis=0).T) / 0.1
+        assert np.abs(moved - drive.speed_m_s[1:]).max() < 3.0
+        assert np.median(np.abs(moved - drive.speed_m_s[1:])) < 0.1
+
+
+def test_hardly_anybody_overlaps(crossing: Recording) -> None:
+    """A car that has to stop while it changes over stands in two lanes, which SUMO lets others."""
+    for at_s in range(0, 100, 10):
+        assert len(boxes_overlap(crossing.cars_at(float(at_s)))) <= 3
+
+
+@pytest.mark.parametrize("kind", list(Kind))
+def test_things_go_wrong_and_warned_drivers_react(crossing: Recording, kind: Kind) -> None:
+    events = Events(crossing, has_lights=True)
+    crashes, avoided = 0, 0
+    for seed in range(5):
+        event = events.draw(kind, np.random.default_rng(seed))
+        crash = _crash(crossing, event, seed, warned=())
+        if crash is not None:
+            crashes += 1
+            then = _crash(crossing, event, seed, warned=crash.names)
+            # Who comes behind is not warned, and may run into those who now stand.
+            avoided += then is None or set(then.names) != set(crash.names)
+
+    assert crashes >= 3
+    assert avoided >= 2
+
+
+def _crash(recording: Recording, event: Event, seed: int, warned: Sequence[str]) -> Crash | None:
+    traffic = DisturbedTraffic(recording, event, NOBODY_LOOKS, seed)
+    for step in range(70):
+        at_s = event.at_s + step / 10
+        there = traffic.cars_at(at_s).names
+        for name in warned if step else ():
+            if name in there:
+                traffic.warn(name, at_s)
+    return traffic.crash
+
+
+def test_the_seed_decides_who_comes_and_when() -> None:
+    def first_cars(seed: int) -> list[list[float]]:
+        traffic = open_traffic("sumo-highway", np.random.default_rng(seed))
+        assert isinstance(traffic, SumoTraffic)
+        with traffic:
+            return traffic.cars_at(12.05).middle_m.tolist()
+
+    assert len(first_cars(1)) > 5
+    assert first_cars(1) == first_cars(1)
+    assert first_cars(1) != first_cars(2)
+
+
+def test_one_process_runs_one_simulation() -> None:
+    with (
+        SumoTraffic(NETWORKS / "highway.sumocfg", seed=1),
+        pytest.raises(SumoError, match="runs a simulation of SUMO already"),
+    ):
+        SumoTraffic(NETWORKS / "crossing.sumocfg", seed=1)
+
+
+@pytest.mark.parametrize(
+    ("routes", "said"),
+    [
+        ('<vehicle id="a" depart="900"><route edges="from_west to_mars"/></vehicle>', "'to_mars'"),
+        ('<flow id="f" from="from_west" to="to_mars" begin="0" end="9" number="2"/>', "'to_mars'"),
+        (
+            '<vehicle id="a" depart="1"><route edges="from_west to_west"/></vehicle>',
+            "No connection",
+        ),
+        ("<vehicle", "SUMO says"),
+    ],
+)
+def test_routes_that_do_not_fit_the_network_are_refused(
+    tmp_path: Path, routes: str, said: str
+) -> None:
+    for name in ("crossing.sumocfg", "crossing.net.xml"):
+        shutil.copy(NETWORKS / name, tmp_path)
+    (tmp_path / "crossing.rou.xml").write_text(f"<routes>{routes}</routes>")
+
+    with pytest.raises(SumoError, match=said):
+        open_traffic(str(tmp_path / "crossing.sumocfg"), np.random.default_rng(1)).cars_at(5.0)
+    with SumoTraffic(NETWORKS / "highway.sumocfg", seed=1) as next_one:
+        assert next_one.cars_at(1.0).at_s == 1.0
+
+
+def test_a_simulation_that_is_not_there_is_the_users_mistake(tmp_path: Path) -> None:
+    with pytest.raises(SumoError, match="Could not access"):
+        open_traffic(str(tmp_path / "none.sumocfg"), np.random.default_rng(1))
