@@ -2,13 +2,14 @@
 
 import asyncio
 import contextlib
+import gc
 import math
 import sys
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 import structlog
@@ -18,7 +19,6 @@ from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.config import CarConfig
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
-from onboard.hmi.driver_page import DriverPage
 from onboard.messages import bsm
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
@@ -35,6 +35,9 @@ from onboard.vision.frames import CameraThread
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC, PcapWriter
 from onboard.wave_udp.endpoint import open_endpoint
 from onboard.wave_udp.receive_queue import ReceiveQueue
+
+if TYPE_CHECKING:
+    from onboard.hmi.driver_page import DriverPage
 
 log = structlog.get_logger()
 
@@ -124,6 +127,7 @@ class Daemon:
         async with contextlib.AsyncExitStack() as wires:
             wires.callback(self._rest)
             await self._open(wires)
+            gc.freeze()  # or 100,000 things that stay are looked at again and again, for 30 ms
             self._show(Ready(time.monotonic()))
             self._step()
             self._manager.ready(f"driving as {self.config.car.plate}")
@@ -168,6 +172,9 @@ class Daemon:
             camera.start()
             wires.callback(camera.close)
         if config.hmi is not None:
+            # A web server is a tenth of a start, and a box may have nobody who looks.
+            from onboard.hmi.driver_page import DriverPage  # noqa: PLC0415 (said above)
+
             self._page = DriverPage(
                 config.hmi, config, stack, self._taker(self._press_brake_button)
             )

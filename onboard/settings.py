@@ -18,13 +18,7 @@ from onboard.errors import UserError
 class Settings(BaseModel):
     """Frozen and strict: an unknown key, a wrong type or an impossible value is an error."""
 
-    model_config = ConfigDict(
-        strict=True,
-        frozen=True,
-        extra="forbid",
-        allow_inf_nan=False,
-        use_attribute_docstrings=True,
-    )
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class SettingsError(UserError):

@@ -21,7 +21,7 @@ POLL_S, PATIENCE = 0.5, 120
 
 DESK_START_S = 4.0
 """How long a start may take on a desk's processor; the guest is slower by a measured factor."""
-RESTART_S = 1.0
+RESTART_S = 0.2
 """RestartSec of the unit."""
 WATCHDOG_S = 2.0
 STOP_S = 2.0

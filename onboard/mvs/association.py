@@ -7,15 +7,15 @@ taken (d^2 + ln det S, which keeps a vaguely known car from attracting its neigh
 after as many pieces as possible have found a car.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Self
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.special import chdtri
 
+from onboard.assignment import cheapest_pairs
 from onboard.mvs.evidence import Estimate, Evidence, Measurement
 from onboard.mvs.kalman import Array
 
@@ -84,7 +84,7 @@ def assign(
     if not len(pieces) or not len(cars):
         return {}
     squared, spread = _distances(pieces, cars, acceleration_density)
-    gates = np.where(pieces.has_speed > 0, _gate(gate_probability, 4), _gate(gate_probability, 2))
+    gates = np.where(pieces.has_speed > 0, gate(gate_probability, 4), gate(gate_probability, 2))
     inside = squared <= gates[:, None]
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
     if not len(rows):
@@ -95,17 +95,27 @@ def assign(
     alone = (most - least + 1) * len(rows)  # dearer than any other assignment of all pieces
     cost = np.where(allowed, cost - least, 2 * alone)
     to_nobody = np.full((len(rows), len(rows)), alone)
-    chosen = linear_sum_assignment(np.hstack([cost, to_nobody]))
     return {
         int(rows[row]): int(columns[column])
-        for row, column in zip(*chosen, strict=True)
+        for row, column in cheapest_pairs(np.hstack([cost, to_nobody]))
         if column < len(columns)
     }
 
 
 @cache
-def _gate(probability: float, degrees_of_freedom: int) -> float:
-    return float(chdtri(degrees_of_freedom, 1.0 - probability))
+def gate(probability: float, degrees_of_freedom: int) -> float:
+    """Return what a chi-squared variable of 2 or 4 degrees stays below with `probability`.
+
+    It lies above x with probability exp(-x/2), or exp(-x/2) (1 + x/2).
+    """
+    log_rest = math.log1p(-probability)
+    if degrees_of_freedom == 2:
+        return -2.0 * log_rest
+    above, x = math.inf, 4.0 - 4.0 * log_rest  # Newton's steps come down from the right
+    while x < above:
+        above = x
+        x += (2.0 * (x + 2.0) / x) * (math.log1p(x / 2.0) - x / 2.0 - log_rest)
+    return above
 
 
 def _distances(pieces: Kinematics, cars: Kinematics, q: float) -> tuple[Array, Array]:

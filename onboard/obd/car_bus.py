@@ -9,15 +9,18 @@ identifier, and is told to go on with a long answer under another one.
 """
 
 from collections import deque
+from typing import TYPE_CHECKING
 
 from onboard.obd import n_pdu, service_01
-from onboard.obd.broadcast import BroadcastSignals
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.hard_brake import HardBrakeDetector
 from onboard.obd.iso_tp import Aborted, Reassembly
-from onboard.obd.settings import ObdSettings
+from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.tester import ExternalTester
 from onboard.observations import BrakePedal, Discarded, HardBrake, Speed
+
+if TYPE_CHECKING:
+    from onboard.obd.broadcast import BroadcastSignals
 
 FUNCTIONAL_11_BIT = 0x7DF
 FUNCTIONAL_29_BIT = 0x18DB33F1
@@ -51,7 +54,7 @@ class CarBus:
             if settings.polling_hz is not None
             else None
         )
-        self._signals = BroadcastSignals(settings.broadcast) if settings.broadcast else None
+        self._signals = _signals(settings.broadcast) if settings.broadcast else None
         self._detector = HardBrakeDetector(settings.hard_brake_threshold_g)
         self._reassemblies: dict[tuple[int, bool], Reassembly] = {}
         self._speed_heard_at: dict[tuple[int, bool], float] = {}
@@ -204,3 +207,10 @@ def request_identifier(ecu: int, *, is_extended_id: bool) -> int:
     if is_extended_id:
         return 0x18DA00F1 | (ecu & 0xFF) << 8
     return ecu - 8
+
+
+def _signals(settings: BroadcastSettings) -> "BroadcastSignals":
+    """What reads a DBC file is a tenth of a start, and few cars have one."""
+    from onboard.obd.broadcast import BroadcastSignals  # noqa: PLC0415 (said above)
+
+    return BroadcastSignals(settings)

@@ -7,14 +7,13 @@ or more known distances gives focal length, height and pitch, though no distorti
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 
 from onboard.errors import UserError
 from onboard.settings import parse_settings
@@ -23,11 +22,14 @@ from onboard.vision.settings import Calibration
 
 Image = npt.NDArray[np.uint8]
 _Points = npt.NDArray[np.float32]
+_Unknowns = npt.NDArray[np.float64]
 
 LEAST_PICTURES = 5
 """Of a board; fewer leave the lens open."""
 LEAST_DISTANCES = 3
 """Of a plate: focal length, height and pitch are three unknowns."""
+_MOST_STEPS, _LEAST_CHANGE = 100, 1e-9
+"""Of a fit; the change as a share of what is large."""
 
 
 class CalibrationError(UserError):
@@ -212,7 +214,7 @@ def calibrate_by_plates(
     widths = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
     widths = (widths + np.linalg.norm(corners[:, 2] - corners[:, 3], axis=1)) / 2
 
-    def errors_px(unknown: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def errors_px(unknown: _Unknowns) -> _Unknowns:
         focal, drop, pitch, yaw, beside = unknown
         away = distances_m * np.cos(yaw) + beside * np.sin(yaw)
         across = beside * np.cos(yaw) - distances_m * np.sin(yaw)
@@ -222,8 +224,8 @@ def calibrate_by_plates(
         return np.concatenate([seen[0] - widths, seen[1] - middles[:, 0], seen[2] - middles[:, 1]])
 
     start = np.array([np.median(widths * distances_m) / width_m, 0.7, 0.0, 0.0, 0.0])
-    fitted = least_squares(errors_px, start, x_scale=(1000.0, 1.0, 0.1, 0.1, 1.0))
-    focal, drop, pitch, yaw, _ = (float(value) for value in fitted.x)
+    fitted = _least_squares(errors_px, start, np.array([1000.0, 1.0, 0.1, 0.1, 1.0]))
+    focal, drop, pitch, yaw, _ = (float(value) for value in fitted)
     lens = _checked(
         width_px=width_px,
         height_px=height_px,
@@ -232,8 +234,31 @@ def calibrate_by_plates(
         principal_x_px=width_px / 2,
         principal_y_px=height_px / 2,
     )
-    rms_px = float(np.sqrt(np.mean(fitted.fun**2)))
+    rms_px = float(np.sqrt(np.mean(errors_px(fitted) ** 2)))
     return Fit(_placed(lens, drop + height_m, pitch, yaw), rms_px, len(plates))
+
+
+def _least_squares(
+    errors_of: Callable[[_Unknowns], _Unknowns], start: _Unknowns, scale: _Unknowns
+) -> _Unknowns:
+    """Where the errors' squares are least in sum: Levenberg's and Marquardt's way down.
+
+    `scale`: what is a large change of each unknown.
+    """
+    at, errors, damping = start, errors_of(start), 1e-3
+    for _ in range(_MOST_STEPS):
+        steps = np.diag(1e-6 * scale)
+        slopes = np.stack([(errors_of(at + step) - errors) / 1e-6 for step in steps], axis=1)
+        damped = np.vstack([slopes, math.sqrt(damping) * np.eye(len(at))])
+        change = np.linalg.lstsq(damped, np.concatenate([-errors, np.zeros(len(at))]))[0]
+        tried = errors_of(at + change * scale)
+        if tried @ tried < errors @ errors:
+            at, errors, damping = at + change * scale, tried, damping / 10
+        else:
+            damping *= 10
+        if np.abs(change).max() < _LEAST_CHANGE:
+            break
+    return at
 
 
 def _placed(lens: Calibration, height_m: float, pitch_rad: float, yaw_rad: float) -> Calibration:

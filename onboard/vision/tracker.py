@@ -8,8 +8,8 @@ in one track. The best matching over all pairs is an assignment problem (Kuhn 19
 import math
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
+from onboard.assignment import cheapest_pairs
 from onboard.vision.car_track import CarTrack
 from onboard.vision.sighting import Cue, Sighting
 
@@ -74,7 +74,7 @@ class Tracker:
         taken: set[int] = set()
         if sightings and self.tracks:
             costs = np.array([[self._cost(s, t) for t in self.tracks] for s in sightings])
-            for row, column in zip(*linear_sum_assignment(costs), strict=True):
+            for row, column in cheapest_pairs(costs):
                 if costs[row, column] < _IMPOSSIBLE:
                     track = self.tracks[column]
                     track.update(sightings[row], stamp_s)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import norm
 
 from onboard.access import danger
-from onboard.access.danger import rear_end_danger
+from onboard.access.danger import normal_share_below, rear_end_danger
 from onboard.access.rear_end import Braking, collision_kind
 
 ORDINARY = (math.log(0.95), 0.35)
@@ -69,3 +70,8 @@ def test_many_at_once_are_what_each_is_alone() -> None:
 
     assert together.shape == (2, 2)
     assert together[1, 0] == rear_end_danger(gap_m[1, 0], 18.0, 20.0, ORDINARY, BRAKES)
+
+
+@given(st.floats(-40.0, 40.0))
+def test_a_normal_variable_is_below_a_point_as_often_as_it_should(z: float) -> None:
+    assert float(normal_share_below(np.array(z))) == pytest.approx(norm.cdf(z), abs=1e-7)

@@ -4,8 +4,11 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import chi2
 
-from onboard.mvs.association import Kinematics, assign, with_speed_prior
+from onboard.mvs.association import Kinematics, assign, gate, with_speed_prior
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
 
 Q = 1.0
@@ -105,3 +108,10 @@ def test_of_a_car_seen_once_the_speed_is_taken_to_be_a_cars() -> None:
 
     expected = np.linalg.inv(np.diag([1, 1, 1e-4 + 1 / 400, 1e-4 + 1 / 400]))
     np.testing.assert_allclose(learnt, expected)
+
+
+@given(probability=st.floats(1e-6, 1 - 1e-9), degrees_of_freedom=st.sampled_from([2, 4]))
+def test_the_gate_is_a_quantile_of_chi_squared(probability: float, degrees_of_freedom: int) -> None:
+    below = chi2.cdf(gate(probability, degrees_of_freedom), degrees_of_freedom)
+
+    assert below == pytest.approx(probability, rel=1e-6)
