@@ -9,7 +9,7 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
 import cv2
@@ -27,11 +27,15 @@ from onboard.recorder.settings import RecorderSettings
 QUEUE_NOTES: Final = 20_000
 """Ten seconds and more of a busy road."""
 FLUSH_S: Final = 0.4
-"""What a power cut may take, beside what the disk needs to write: less than a second in all."""
+"""What a power cut may take, beside what the disk needs to write: less than a second in all.
+
+The thread sleeps in between: woken by every note it would want the interpreter at the very moment
+that the car has something to decide.
+"""
 RETRY_S: Final = 5.0
 """After the disk took no more, until it is tried again."""
 STOP_S: Final = 0.8
-"""How long the last notes may take when the car stops, once they are taken; half of it before."""
+"""How long the last notes may take when the car stops."""
 NICENESS: Final = 5
 """Of the writing thread: its notes can wait for a moment."""
 FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
@@ -49,7 +53,8 @@ class BlackBox:
         """
         self.settings = settings
         self._on_state = on_state
-        self._queue: queue.Queue[Note | None] = queue.Queue(QUEUE_NOTES)
+        self._queue: queue.Queue[Note] = queue.Queue(QUEUE_NOTES)
+        self._ending = threading.Event()
         self._counting = threading.Lock()
         self._lost = 0
         """Of those that found no room, since the last gap among the notes."""
@@ -117,10 +122,7 @@ class BlackBox:
     def close(self) -> None:
         """Write what is left, finish the file, and stop; a disk that hangs is not waited for."""
         if self._thread.is_alive():
-            try:
-                self._queue.put(None, timeout=STOP_S / 2)
-            except queue.Full:
-                return
+            self._ending.set()
             self._thread.join(STOP_S)
 
     # ---- in the thread --------------------------------------------------------------------
@@ -154,40 +156,34 @@ class BlackBox:
             self._missing = 0
         self._tell("")
         mend(self.settings.folder, segments.path)
-        flush_at = time.monotonic() + FLUSH_S
-        while True:
-            try:
-                note = self._queue.get(timeout=max(0.0, flush_at - time.monotonic()))
-            except queue.Empty:
-                pass
-            else:
-                if note is None:
-                    segments.close(time.monotonic())
-                    self._tell("")
-                    return
+        ending = False
+        while not ending:
+            ending = self._ending.wait(FLUSH_S)
+            for note in self._waiting():
                 segments.write(note)
-            if time.monotonic() >= flush_at:
+            if not ending:
                 segments.flush()
                 self._tell("")
-                flush_at = time.monotonic() + FLUSH_S
+        segments.close(time.monotonic())
+        self._tell("")
 
     def _wait(self) -> int | None:
         """Lose notes until the disk is tried again; how many, or `None` if the drive ended."""
+        if self._ending.wait(RETRY_S):
+            return None
         lost = 0
-        retry_at = time.monotonic() + RETRY_S
-        while (left_s := retry_at - time.monotonic()) > 0.0:
-            try:
-                note = self._queue.get(timeout=left_s)
-            except queue.Empty:
-                break
-            if note is None:
-                return None
+        for note in self._waiting():
             if isinstance(note.value, Gap):
                 lost += note.value.dropped  # counted when they were lost
             else:
                 self._lose_in_thread(1)
                 lost += 1
         return lost
+
+    def _waiting(self) -> Iterator[Note]:
+        """The notes that have come so far."""
+        for _ in range(self._queue.qsize()):
+            yield self._queue.get_nowait()
 
     def _lose(self) -> None:
         with self._counting:

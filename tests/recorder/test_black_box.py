@@ -65,6 +65,14 @@ class Running:
         self.box.begin(HEAD)
         self.box.start()
 
+    def fill(self, full_disk: Callable[[int], None]) -> None:
+        """Bring 500 notes to a disk that does not take them all."""
+        until(lambda: bool(self.states))
+        full_disk(20_000)
+        for number in range(500):
+            self.box.note(frame(number, size=64))
+        until(lambda: any(not state.is_recording for state in self.states))
+
 
 def test_all_notes_are_written_in_order_and_the_file_is_finished(tmp_path: Path) -> None:
     running = Running(tmp_path / "new" / "box")
@@ -144,11 +152,7 @@ def test_what_a_full_disk_took_is_counted_to_the_last_note(
     """Every note is on the disk, or counted in a gap."""
     monkeypatch.setattr(black_box, "RETRY_S", 0.05)
     running = Running(tmp_path)
-    until(lambda: bool(running.states))
-    full_disk(20_000)
-    for number in range(500):
-        running.box.note(frame(number, size=64))
-    until(lambda: any(not state.is_recording for state in running.states))
+    running.fill(full_disk)
     full_disk(resource.RLIM_INFINITY)
     until(lambda: running.states[-1].is_recording)
     running.box.close()
@@ -219,11 +223,7 @@ def test_a_full_disk_ends_the_recording_until_there_is_room_again(
 ) -> None:
     monkeypatch.setattr(black_box, "RETRY_S", 0.05)
     running = Running(tmp_path)
-    until(lambda: bool(running.states))
-    full_disk(20_000)
-    for number in range(500):
-        running.box.note(frame(number, size=64))
-    until(lambda: any(not state.is_recording for state in running.states))
+    running.fill(full_disk)
     stopped = next(state for state in running.states if not state.is_recording)
     assert stopped.reason == "File too large"
 
