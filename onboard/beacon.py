@@ -5,8 +5,6 @@ said to be unavailable (docs/decisions/0003).
 """
 
 import math
-from collections import deque
-from statistics import linear_regression
 
 import numpy as np
 
@@ -25,6 +23,7 @@ from onboard.messages.bsm_schedule import BsmSchedule
 from onboard.observations import BrakePedal, HardBrake, Position, Speed
 from onboard.path_history import PathHistoryKeeper
 from onboard.security.pseudonyms import Pseudonym
+from onboard.speed_trend import SpeedTrend
 
 FRESH_S = 1.0
 """A speed or position older than this is said to be unavailable."""
@@ -37,9 +36,6 @@ UNKNOWN_SIGMA_M = 5.0
 
 ACCELERATION_WINDOW_S = 0.8
 """A line through speeds in whole km/h, twenty a second, is then steep to within 0.1 m/s^2 (rms)."""
-
-MIN_SPEEDS = 3
-"""Two always lie on a line."""
 
 ALL_WHEELS = (
     WheelBrakes.LEFT_FRONT | WheelBrakes.LEFT_REAR | WheelBrakes.RIGHT_FRONT
@@ -61,7 +57,8 @@ class Beacon:
     ) -> None:
         self._size = size
         self._schedule = BsmSchedule(rng, now)
-        self._speeds: deque[Speed] = deque()
+        self._speed: Speed | None = None
+        self._trend = SpeedTrend(ACCELERATION_WINDOW_S)
         self._pedal: BrakePedal | None = None
         self._path = PathHistoryKeeper()
         self._position: Position | None = None
@@ -75,9 +72,8 @@ class Beacon:
 
     def receive_speed(self, speed: Speed) -> None:
         """The own speed."""
-        self._speeds.append(speed)
-        while self._speeds[0].stamp_s < speed.stamp_s - ACCELERATION_WINDOW_S:
-            self._speeds.popleft()
+        self._speed = speed
+        self._trend.receive(speed.stamp_s, speed.speed_m_s)
 
     def receive_pedal(self, pedal: BrakePedal) -> None:
         """The own brake pedal, where the car tells it."""
@@ -129,8 +125,8 @@ class Beacon:
         return BasicSafetyMessage(self._core(now, utc_s - now), safety, footer=footer)
 
     def _core(self, now: float, utc_offset_s: float) -> CoreData:
-        speed = self._speeds[-1] if self._speeds and _is_fresh(self._speeds[-1], now) else None
-        acceleration = AccelerationSet(self._acceleration_m_s2() if speed else None)
+        speed = self._speed if _is_fresh(self._speed, now) else None
+        acceleration = AccelerationSet(self._trend.acceleration_m_s2 if speed else None)
         fix = self._position if _is_fresh(self._position, now) else None
         if fix is None:
             return CoreData(
@@ -156,12 +152,6 @@ class Beacon:
             brakes=self._brakes(now),
             size=self._size,
         )
-
-    def _acceleration_m_s2(self) -> float | None:
-        stamps_s = [speed.stamp_s for speed in self._speeds]
-        if len(stamps_s) < MIN_SPEEDS or stamps_s[-1] - stamps_s[0] < ACCELERATION_WINDOW_S / 2:
-            return None
-        return linear_regression(stamps_s, [speed.speed_m_s for speed in self._speeds]).slope
 
     def _brakes(self, now: float) -> BrakeSystemStatus:
         if self._pedal is None or not _is_fresh(self._pedal, now):

@@ -111,14 +111,11 @@ class NoAlarmExpected(Expected):
                     )
 
 
-class KnowsExpected(Expected):
-    """Whenever a car tells what it knows, a certain car is among it, and where it truly is."""
+class KnowledgeExpected(Expected):
+    """What a car tells that it knows of another one, for a while."""
 
-    what: Literal["knows"]
     car: CarName
     of: CarName
-    by: tuple[HowKnown, ...] = ANYHOW
-    within_m: float = Field(default=3.0, gt=0.0, le=6.0)
     from_s: Seconds
     until_s: Seconds
 
@@ -129,6 +126,14 @@ class KnowsExpected(Expected):
     @override
     def cars_telling(self) -> Iterator[str]:
         yield self.car
+
+
+class KnowsExpected(KnowledgeExpected):
+    """Whenever a car tells what it knows, a certain car is among it, and where it truly is."""
+
+    what: Literal["knows"]
+    by: tuple[HowKnown, ...] = ANYHOW
+    within_m: float = Field(default=3.0, gt=0.0, le=6.0)
 
     @override
     def check(self, log: RunLog) -> Iterator[str]:
@@ -155,23 +160,13 @@ class KnowsExpected(Expected):
                 )
 
 
-class KnowsNotExpected(Expected):
-    """A car does not know another one, or does not take itself for another."""
+class KnowsNotExpected(KnowledgeExpected):
+    """A car does not know another one.
+
+    That may be the car itself: what others tell of it must not become a car of its own.
+    """
 
     what: Literal["knows_not"]
-    car: CarName
-    of: CarName
-    """May be the car itself: then what others tell of it must not become a car of its own."""
-    from_s: Seconds
-    until_s: Seconds
-
-    @override
-    def cars_named(self) -> Iterator[str]:
-        yield from (self.car, self.of)
-
-    @override
-    def cars_telling(self) -> Iterator[str]:
-        yield self.car
 
     @override
     def check(self, log: RunLog) -> Iterator[str]:
