@@ -93,6 +93,9 @@ class MvsSettings(Settings):
     """Of the footer: what BSM and signature leave of a WSM."""
     shared_span_s: float = Field(0.3, gt=0.0, le=4.0)
     """The oldest measurement in anything that is broadcast is not older than this."""
+    settled_s: float = Field(0.4, gt=0.0, le=4.0)
+    """Evidence older than this is chosen for good: more than `shared_span_s`, so that what still
+    comes in has little in common with it."""
     memory_s: float = Field(2.0, gt=0.0, le=10.0)
     """Measurements older than this are not used."""
     acceleration_density: float = Field(2.0, gt=0.0, le=100.0)

@@ -37,6 +37,9 @@ class Track:
         """The own car's name for it."""
         self.first_teller = first.teller
         self.evidence: dict[Provenance, Held] = {first.piece.provenance: first}
+        self.settled: list[Evidence] = []
+        """What was used when it grew old: it stays in use, and its measurements are spent."""
+        self._spent: set[MeasurementId] = set()
         self._bits: dict[MeasurementId, int] = {}
         self._masks: dict[Provenance, int] = {}
         """Provenances as bit sets, one bit for each measurement of this car."""
@@ -52,12 +55,18 @@ class Track:
 
     def add(self, held: Held) -> None:
         """Take a piece. What an observer says of its own measurement replaces hearsay of it."""
-        known = self.evidence.get(held.piece.provenance)
+        provenance = held.piece.provenance
+        known = self.evidence.get(provenance)
+        if not self._spent.isdisjoint(provenance):
+            return
         if known is None or (held.is_from_observer() and not known.is_from_observer()):
-            self.evidence[held.piece.provenance] = held
+            self.evidence[provenance] = held
 
     def forget(self, before_ms: int, most_estimates: int, most: int) -> None:
         """Drop what has a measurement of `before_ms` or earlier, and the first of the too many."""
+        if any(piece.oldest_ms <= before_ms for piece in self.settled):
+            self.settled = [piece for piece in self.settled if piece.oldest_ms > before_ms]
+            self._spent = {identity for identity in self._spent if identity[1] > before_ms}
         for held in list(self.evidence.values()):
             if held.piece.oldest_ms <= before_ms:
                 del self.evidence[held.piece.provenance]
@@ -70,25 +79,45 @@ class Track:
             self._bits.clear()
             self._masks.clear()
 
+    def settle(self, before_ms: int) -> None:
+        """Decide for good on evidence of `before_ms` or earlier: in use now, or never again."""
+        for piece in self.used:
+            if piece.stamp_ms <= before_ms and piece.provenance in self.evidence:
+                del self.evidence[piece.provenance]
+                self._settle(piece)
+        self._drop_spent()
+
+    def take_over(self, other: "Track") -> None:
+        """Take all evidence of what has turned out to be the same car."""
+        for piece in other.settled:
+            if self._spent.isdisjoint(piece.provenance):
+                self._settle(piece)
+        self._drop_spent()
+        for held in other.evidence.values():
+            self.add(held)
+
     @property
     def pieces(self) -> list[Evidence]:
         """All evidence of it, as it came."""
-        return [held.piece for held in self.evidence.values()]
+        return self.settled + [held.piece for held in self.evidence.values()]
 
     def choose(self) -> None:
         """Choose anew which evidence to use, as `independent` does."""
-        latest_first = sorted(self.pieces, key=_stamp_ms, reverse=True)
+        latest_first = sorted(
+            (held.piece for held in self.evidence.values()), key=_stamp_ms, reverse=True
+        )
         masks = [self._mask(piece.provenance) for piece in latest_first]
-        self.used = [latest_first[index] for index in select_independent_masks(masks)]
+        chosen = [latest_first[index] for index in select_independent_masks(masks)]
+        self.used = self.settled + chosen
 
     @property
     def last_measured_ms(self) -> int:
         """The time of its last measurement, UTC."""
-        return max((held.piece.stamp_ms for held in self.evidence.values()), default=0)
+        return max((piece.stamp_ms for piece in self.pieces), default=0)
 
     def moments(self) -> int:
         """Of how many different moments there is evidence."""
-        return len({held.piece.stamp_ms for held in self.evidence.values()})
+        return len({piece.stamp_ms for piece in self.pieces})
 
     def was_seen_beside(self, other: "Track") -> bool:
         """Whether one observer at one moment measured both, which are therefore two cars."""
@@ -104,8 +133,20 @@ class Track:
             provenance: replace(held, piece=held.piece.mapped(turn, shift))
             for provenance, held in self.evidence.items()
         }
+        self.settled = [piece.mapped(turn, shift) for piece in self.settled]
         self.used = [piece.mapped(turn, shift) for piece in self.used]
         self.estimate = self.estimate.mapped(turn, shift)
+
+    def _settle(self, piece: Evidence) -> None:
+        self.settled.append(piece)
+        self._spent |= piece.provenance
+
+    def _drop_spent(self) -> None:
+        self.evidence = {
+            provenance: held
+            for provenance, held in self.evidence.items()
+            if self._spent.isdisjoint(provenance)
+        }
 
     def _mask(self, provenance: Provenance) -> int:
         mask = self._masks.get(provenance)

@@ -56,6 +56,7 @@ class Tracks:
         """Forget what is old, choose the evidence of each car anew, and fuse it."""
         settings, belief = self._settings, self._settings.belief
         memory_ms, unseen_ms = round(settings.memory_s * 1000), round(settings.unseen_s * 1000)
+        settled_ms = round(settings.settled_s * 1000)
         for track in self._tracks:
             track.forget(now_ms - memory_ms, belief.estimates_per_car, belief.evidence_per_car)
         self._tracks = [
@@ -63,6 +64,7 @@ class Tracks:
         ]
         for track in self._tracks:
             track.choose()
+            track.settle(now_ms - settled_ms)
         estimates = fuse([track.used for track in self._tracks], settings.acceleration_density)
         for track, estimate in zip(self._tracks, estimates, strict=True):
             track.estimate = estimate
@@ -153,8 +155,7 @@ class Tracks:
         for first, second in np.argwhere(near).tolist():
             one, other = self._tracks[first], self._tracks[second]
             if first not in gone and second not in gone and not one.was_seen_beside(other):
-                for held in other.evidence.values():
-                    one.add(held)
+                one.take_over(other)
                 gone.add(second)
         if gone:
             self._tracks = [track for at, track in enumerate(self._tracks) if at not in gone]

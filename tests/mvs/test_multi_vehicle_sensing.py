@@ -166,20 +166,20 @@ def test_whatever_the_radio_does_no_measurement_is_used_twice(
 def test_what_a_car_knows_is_what_a_central_filter_of_all_measurements_knows() -> None:
     """The limit: a filter that is handed every car's measurements, unrounded and without radio."""
     world = ring(4)
-    world.run(2.0)
     mvs = world.mvs["c0"]
-    x = only(world.without_radio("c0"))
-
-    frame = mvs._own.frame
-    assert frame is not None
     everything: dict[MeasurementId, Measurement] = {}
-    for name, core in world.mvs.items():
-        assert core._own.frame is not None
-        mapping = frame.mapping_from(core._own.frame)
-        for track in core._tracks:
-            for held in track.evidence.values():
+    for _ in range(20):
+        world.run(0.1)
+        for name, core in world.mvs.items():
+            frame, own_frame = mvs._own.frame, core._own.frame
+            assert frame is not None
+            assert own_frame is not None
+            mapping = frame.mapping_from(own_frame)
+            for held in (held for track in core._tracks for held in track.evidence.values()):
                 if isinstance(held.piece, Measurement) and held.teller == world.car(name).id:
                     everything[held.piece.id] = held.piece.mapped(*mapping)
+    x = only(world.without_radio("c0"))
+
     (central,) = fuse([list(everything.values())], EXACT.acceleration_density)
     (track,) = mvs.cars_without_radio(world.t)
 
