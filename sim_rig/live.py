@@ -19,7 +19,6 @@ import yaml
 from onboard.obd.can_frame import CanFrame
 from onboard.security.authority import make_trial
 from onboard.security.key_files import write_credentials
-from onboard.security.security import Security
 from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.crowd import CrowdedAir, crowd_names
@@ -253,9 +252,8 @@ class Desk:
             self._scenario.equipped,
             np.random.default_rng(self._seed),
         )
-        keys = {car: Security(utc_offset_s, self._trial[car]) for car in self._scenario.equipped}
         return CrowdedAir(
-            FaultyAir(air, self._scenario, self._at_s, keys),
+            FaultyAir(air, self._scenario, self._at_s, utc_offset_s, self._trial),
             self._scenario,
             now=time.monotonic(),
             utc_s=time.time(),

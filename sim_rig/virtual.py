@@ -24,7 +24,6 @@ from onboard.recorder.recorded import put_together
 from onboard.security.authority import make_trial
 from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
-from onboard.security.security import Security
 from onboard.settings import parse_settings
 from onboard.trace import as_record
 from onboard.wave_udp import psid
@@ -99,7 +98,8 @@ class _VirtualRun:
             open_air(scenario.radio, road.cars_at, scenario.equipped, air_rng),
             scenario,
             lambda now: now,
-            {name: Security(START_UTC_S, credentials.get(name)) for name in scenario.equipped},
+            START_UTC_S,
+            credentials,
         )
         self._air = CrowdedAir(air, scenario, now=0.0, utc_s=START_UTC_S, credentials=credentials)
         self._air_planned_at = math.inf

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from onboard.security.security import Security
+from onboard.security.credentials import Credentials
 from sim_rig.faults import Lie
 from sim_rig.radio.air import Air, Delivery
 from sim_rig.radio.liar import Liar
@@ -17,14 +17,15 @@ class FaultyAir:
         air: Air,
         scenario: Scenario,
         at_s: Callable[[float], float],
-        keys: Mapping[str, Security],
+        utc_offset_s: float,
+        credentials: Mapping[str, Credentials],
     ) -> None:
-        """Take the true air, the scenario's time at a `now`, and what each car signs with."""
+        """Take the true air, the scenario's time and UTC at a `now`, and what cars sign with."""
         self._air = air
         self._scenario = scenario
         self._at_s = at_s
         self._liars = [
-            Liar(fault, keys[fault.car], at_s)
+            Liar(fault, at_s, utc_offset_s, credentials.get(fault.car))
             for fault in scenario.faults
             if isinstance(fault, Lie)
         ]

@@ -17,6 +17,8 @@ from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensio
 from onboard.messages.declaration import DecodeError
 from onboard.messages.lcca import LccaMessage, Reply, Update, Warn
 from onboard.security import ieee1609dot2
+from onboard.security.credentials import Credentials
+from onboard.security.ieee1609dot2 import SignedData
 from onboard.security.security import Security
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
@@ -33,12 +35,21 @@ _METRES_PER_DEGREE = 111_320.0
 class Liar:
     """One fault of kind `Lie`, without I/O."""
 
-    def __init__(self, fault: Lie, keys: Security, at_s: Callable[[float], float]) -> None:
-        """Sign with `keys`; `at_s` tells the scenario's time at a `now`."""
+    def __init__(
+        self,
+        fault: Lie,
+        at_s: Callable[[float], float],
+        utc_offset_s: float,
+        credentials: Credentials | None,
+    ) -> None:
+        """Sign with `credentials`; `at_s` tells the scenario's time at a `now`."""
         self.car = fault.car
         self._fault = fault
-        self._keys = keys
         self._at_s = at_s
+        self._security = Security(utc_offset_s, credentials)
+        own = () if credentials is None else credentials.pseudonyms
+        self._credentials = {each.certificate.hashed_id8: each for each in own}
+        self._signer: bytes | None = None
         self._core: CoreData | None = None
         self._place: Reply | Update | None = None
         self._heard: list[tuple[float, int, int, bytes]] = []
@@ -83,9 +94,12 @@ class Liar:
                 yield ghost.user_priority, self._sealed(bsm.encode(ghost), bsm.PSID, now)
 
     def _learn(self, wsm: bytes) -> None:
-        """Where the car is, and its place in its group, from what it says itself."""
+        """Where the car is, its place in its group and its pseudonym, from what it says itself."""
         frame = wsmp.decode(wsm)
-        payload = ieee1609dot2.decode(frame.payload).payload
+        data = ieee1609dot2.decode(frame.payload)
+        if isinstance(data, SignedData):
+            self._sign_as(data)
+        payload = data.payload
         if frame.psid == bsm.PSID:
             self._core = bsm.decode(payload).core
             return
@@ -95,6 +109,13 @@ class Liar:
             return
         if isinstance(message, Reply | Update):
             self._place = message
+
+    def _sign_as(self, data: SignedData) -> None:
+        """One car, one pseudonym: nobody would believe two that go by one ID."""
+        signer = data.signer if isinstance(data.signer, bytes) else data.signer[0].hashed_id8
+        if signer != self._signer:
+            self._signer = signer
+            self._security.sign_with(self._credentials[signer])
 
     def _forged_warning(self, place: Reply | Update, now: float) -> bytes:
         self._sequence += 1
@@ -131,7 +152,7 @@ class Liar:
         return BasicSafetyMessage(ghost, safety)
 
     def _sealed(self, payload: bytes, service: int, now: float) -> bytes:
-        secured = self._keys.secure(payload, service, now)
+        secured = self._security.secure(payload, service, now)
         return wsmp.encode(WaveShortMessage(psid=service, payload=secured))
 
 

@@ -1,6 +1,7 @@
 """The faults that a scenario can order, each at the place where it happens."""
 
 import time
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,9 @@ from onboard.obd.car_bus import CarBus
 from onboard.obd.settings import ObdSettings
 from onboard.observations import Discarded, Speed
 from onboard.security import ieee1609dot2
+from onboard.security.authority import make_trial
+from onboard.security.credentials import Credentials
+from onboard.security.p256 import key_from
 from onboard.security.security import Security
 from onboard.settings import parse_settings
 from onboard.wave_udp import psid, wsmp
@@ -180,16 +184,19 @@ UTC_S = 1_750_000_000.0
 class Air:
     """The air of a story, and what each of the two cars hears."""
 
-    def __init__(self, *faults: dict[str, Any]) -> None:
+    def __init__(
+        self, *faults: dict[str, Any], credentials: Mapping[str, Credentials] | None = None
+    ) -> None:
         scenario = story(*faults)
         road = BreakpointRoad(scenario)
         inner = open_air(scenario.radio, road.cars_at, ["ann", "ben"], np.random.default_rng(1))
-        keys = {name: Security(UTC_S) for name in ("ann", "ben")}
-        self.air = FaultyAir(inner, scenario, lambda now: now, keys)
+        self.air = FaultyAir(inner, scenario, lambda now: now, UTC_S, credentials or {})
         self.heard: dict[str, list[bytes]] = {"ann": [], "ben": []}
 
     def say(self, car: str, payload: bytes, service: int, now: float) -> bytes:
-        data = ieee1609dot2.encode_unsecured(payload)
+        return self.send(car, ieee1609dot2.encode_unsecured(payload), service, now)
+
+    def send(self, car: str, data: bytes, service: int, now: float) -> bytes:
         wsm = wsmp.encode(WaveShortMessage(psid=service, payload=data))
         self.air.receive_wsm(car, wsm, 5, now)
         return wsm
@@ -228,6 +235,28 @@ def test_a_forged_brake_is_a_warning_to_the_liars_group() -> None:
     assert all(isinstance(warn, Warn) for warn in forged)
     assert {(warn.leader_id, warn.number) for warn in forged} == {(b"leader..", 2)}  # type: ignore[union-attr]
     assert len({warn.event_sequence for warn in forged}) == 5  # type: ignore[union-attr]
+
+
+def test_a_liar_signs_with_the_pseudonym_that_its_car_goes_by() -> None:
+    rng = np.random.default_rng(1)
+    trial = make_trial(["ann"], {psid.LCCA}, UTC_S, key_from(rng), pseudonyms=3)
+    air = Air({"what": "forged_brake", "every_s": 1.0}, credentials=trial)
+    reply = lcca.encode(Reply(b"ann.....", b"leader..", 2, b"ben.....", 7, 1, 15.0))
+    own = Security(UTC_S, trial["ann"])
+    for now, credential in zip((11.2, 15.2), reversed(trial["ann"].pseudonyms), strict=False):
+        own.sign_with(credential)
+        air.send("ann", own.secure(reply, psid.LCCA, now), psid.LCCA, now)
+        air.heard["ben"].clear()
+        air.pass_until(now + 3.5)
+
+        said = [ieee1609dot2.decode(wsmp.decode(each).payload) for each in air.heard["ben"]]
+        assert len(said) == 5
+        signers = [each.signer for each in said if isinstance(each, ieee1609dot2.SignedData)]
+        certificates = [each[0] for each in signers if isinstance(each, tuple)]
+        digests = [each for each in signers if isinstance(each, bytes)]
+        assert {each.hashed_id8 for each in certificates} | set(digests) == {
+            credential.certificate.hashed_id8
+        }
 
 
 def test_a_ghost_drives_ahead_brakes_as_a_car_can_and_says_so() -> None:
