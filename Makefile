@@ -1,6 +1,6 @@
 # `make demo` runs the main jobs, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test drives test-pages test-live lint bench fuzz train pictures system-packages lock clean
+.PHONY: demo test drives test-pages test-live lint bench fuzz train train-trial pictures system-packages lock clean
 
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
@@ -56,6 +56,13 @@ fuzz: .venv/ready
 train: .venv-training/ready
 	.venv-training/bin/python -m training detector
 	.venv-training/bin/python -m training reader
+
+# The same from end to end in some minutes, of too little to learn from: whether it works at all.
+train-trial: .venv-training/ready
+	.venv-training/bin/python -m training detector $(TRIAL)
+	.venv-training/bin/python -m training reader $(TRIAL)
+
+TRIAL := --settings training/trial.yaml --folder build/trial --models build/trial
 
 .venv-training/ready: training/requirements.lock
 	python3 -m venv .venv-training

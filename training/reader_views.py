@@ -47,7 +47,7 @@ def _view(drawn: _Drawn, rng: np.random.Generator) -> View:
     shape = drawn.plate_format
     characters = max(5, len(drawn.text))
     # From barely legible to larger than the view; small ones are the difficult ones, so more.
-    width_px = float(np.exp(rng.uniform(np.log(6.5), np.log(30.0)))) * characters
+    width_px = float(np.exp(rng.uniform(np.log(7.0), np.log(30.0)))) * characters
     if shape.width_mm < 250:
         width_px *= 0.7
     height_px = width_px * shape.height_mm / shape.width_mm
@@ -61,6 +61,8 @@ def _view(drawn: _Drawn, rng: np.random.Generator) -> View:
     paste(scene, drawn.art, quad)
     fine_px = width_px / characters / 6
     picture = photograph(scene, rng, fine_px)
+    if shape.name == "eu" and rng.random() < 0.25:  # a detector may leave the blue band outside
+        quad[[0, 3]] += np.float32(rng.uniform(0.04, 0.1)) * (quad[[1, 2]] - quad[[0, 3]])
     return rectify(picture, _as_found(quad, rng))
 
 
@@ -89,7 +91,7 @@ def _surroundings(rows: int, columns: int, quad: Quad, rng: np.random.Generator)
         cv2.line(scene, start, end, grey, int(rng.integers(1, max(2, rows // 10) + 1)), cv2.LINE_AA)
     if rng.random() < 0.65:
         _around(scene, quad, rng.uniform(1.01, 1.18, 2), rng)
-    if rng.random() < 0.2:  # an edge of a recess or a lamp beside it, as upright as a 1
+    if rng.random() < 0.3:  # an edge of a recess or a lamp beside it, as upright as a 1
         for _ in range(rng.integers(1, 3)):
             side, other = quad[[1, 2]], quad[[0, 3]]
             share = rng.uniform(1.0, 1.12)

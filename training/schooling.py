@@ -24,7 +24,7 @@ LossOf = Callable[[Rows, np.random.Generator], torch.Tensor]
 """Loss of the pictures in these rows; the generator is for changing them a little."""
 
 _WARM_UP_STEPS = 300
-_DECAY = 0.4
+_DECAY = 0.7
 """Share of the steps over which the rate falls."""
 _SAVED_EVERY = 200
 

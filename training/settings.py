@@ -22,6 +22,8 @@ class NetworkSettings(Settings):
     """Pictures a step."""
     peak_rate: float = Field(gt=0)
     """Learning rate after the warm-up and before the decay (`training/schooling.py`)."""
+    begins_with: str | None = None
+    """Exported network in this folder that the schooling goes on from; none: from nothing."""
 
 
 class TrainingSettings(Settings):
@@ -33,10 +35,10 @@ class TrainingSettings(Settings):
     detector: NetworkSettings
 
 
-def load_training_settings() -> TrainingSettings:
-    """Read `settings.yaml`.
+def load_training_settings(file: Path) -> TrainingSettings:
+    """Read `settings.yaml`, or another one.
 
     Raises:
         SettingsError: it does not fit.
     """
-    return load_settings(SETTINGS_FILE, TrainingSettings)
+    return load_settings(file, TrainingSettings)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import torch
 from torch import nn
 
-from onboard.vision.plate_detector import CELL_PX, CORNER_UNIT_PX, DEFAULT_MODEL, as_input
+from onboard.vision.plate_detector import CELL_PX, CORNER_UNIT_PX, as_input
 from training.detector_scenes import render_scenes
 from training.networks import DetectorNetwork
 from training.pictures import rendered
@@ -22,7 +22,9 @@ _INNER = 0.35
 _CORNER_WEIGHT = 2.0
 
 
-def train_detector(settings: NetworkSettings, seed: int, folder: Path, processes: int) -> None:
+def train_detector(
+    settings: NetworkSettings, seed: int, folder: Path, model: Path, processes: int
+) -> None:
     """Render, learn, export; prints what it sees on the way."""
     scenes, corners = rendered(
         folder / "train", render_scenes, settings.pictures, seed + 10, processes
@@ -44,7 +46,7 @@ def train_detector(settings: NetworkSettings, seed: int, folder: Path, processes
 
     school(network, loss_of, len(scenes), settings, seed=seed, saved=folder / "schooling.pt")
     report(network, *held_back)
-    export(network, DEFAULT_MODEL)
+    export(network, model)
 
 
 def targets(

@@ -9,12 +9,13 @@ import numpy.typing as npt
 import torch
 from torch import nn
 
-from onboard.vision.plate_reader import ALPHABET, CERTAIN, DEFAULT_MODEL, decode, normalised
+from onboard.vision.plate_reader import ALPHABET, CERTAIN, decode, normalised
 from training.networks import ReaderNetwork
 from training.pictures import rendered
 from training.reader_views import render_views
 from training.schooling import school
 from training.settings import NetworkSettings
+from training.start import take_over
 
 _log = logging.getLogger(__name__)
 
@@ -22,6 +23,7 @@ LONGEST = 8
 MOST_WRONG = 0.005
 """Share of wrong texts among the certain ones, on fonts that were held back."""
 _CALIBRATED_ON = 2500
+_MEASURED_ON = 1024
 
 
 def labelled_views(
@@ -35,7 +37,9 @@ def labelled_views(
     return views, labels
 
 
-def train_reader(settings: NetworkSettings, seed: int, folder: Path, processes: int) -> None:
+def train_reader(
+    settings: NetworkSettings, seed: int, folder: Path, model: Path, processes: int
+) -> None:
     """Render, learn, calibrate, export; prints what it sees on the way."""
     views, labels = rendered(folder / "train", labelled_views, settings.pictures, seed, processes)
     count = settings.validation_pictures
@@ -44,6 +48,9 @@ def train_reader(settings: NetworkSettings, seed: int, folder: Path, processes: 
     )
     torch.manual_seed(seed)
     network = ReaderNetwork().to(memory_format=torch.channels_last)
+    if settings.begins_with is not None:
+        some = torch.from_numpy(normalised(np.asarray(views[:_MEASURED_ON])))
+        take_over(network, Path(__file__).parent / settings.begins_with, some)
     loss_of_texts = nn.CTCLoss(zero_infinity=True)
 
     def loss_of(rows: npt.NDArray[np.int64], rng: np.random.Generator) -> torch.Tensor:
@@ -59,7 +66,7 @@ def train_reader(settings: NetworkSettings, seed: int, folder: Path, processes: 
 
     school(network, loss_of, len(views), settings, seed=seed, saved=folder / "schooling.pt")
     temperature = report(network, *held_back)
-    export(network, temperature, DEFAULT_MODEL)
+    export(network, temperature, model)
 
 
 def jittered(batch: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:

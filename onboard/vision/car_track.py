@@ -31,6 +31,8 @@ class CarTrack:
         """When it was last looked for."""
         self.read_at = stamp_s
         """When it was last tried what text it carries."""
+        self.is_doubted = False
+        """Whether its text last read as something else than it is known by."""
         self.sightings = 1
         self.last = first
         """The latest plate or tag, else the latest vehicle."""
@@ -115,6 +117,7 @@ class CarTrack:
             self.read_at = stamp_s
         if sighting.text is None:
             return
+        self.is_doubted = sighting.text != self.text
         ballot = self._tag if sighting.cue is Cue.TAG else self._plate
         ballot.vote(
             sighting.text, sighting.identity_confidence, sighting.character_confidences, stamp_s

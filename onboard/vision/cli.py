@@ -55,7 +55,12 @@ def see(
     """Find, read and follow plates in a recording; the whole of every frame is searched."""
     settings = load_settings(vision, VisionSettings) if vision is not None else VisionSettings()
     settings = settings.model_copy(
-        update={"search_every_s": 1e-3, "search_without_lead_every_s": 1e-3, "read_every_s": 0.0}
+        update={
+            "search_every_s": 1e-3,
+            "search_without_lead_every_s": 1e-3,
+            "read_every_s": 0.0,
+            "read_known_every_s": 0.0,
+        }
     )
     calibration = load_settings(camera, Calibration) if camera is not None else None
     source = open_frames(CameraSettings(source=recording, fps=fps))

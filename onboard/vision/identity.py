@@ -17,9 +17,7 @@ one, and the text is spelt as it was read most often.
 Old ballots fade, so that a new plate is believed after a few seconds of evidence, and not before.
 """
 
-import itertools
 import math
-import re
 from collections import defaultdict
 from typing import TypeVar
 
@@ -35,34 +33,6 @@ LEAST_LENGTH = 4
 """Of a plate; shorter texts are pieces of one, or of the bodywork's lettering."""
 _Choice = TypeVar("_Choice")
 _FOLD = str.maketrans("OI", "01")
-_ALIKE = ("0O", "0D", "0Q", "1I", "2Z", "5S", "6G", "8B")
-
-
-class PlateSyntax:
-    """The plates that there are, where the user named them."""
-
-    def __init__(self, patterns: tuple[str, ...]) -> None:
-        self._patterns = [re.compile(pattern) for pattern in patterns]
-
-    def fit(self, text: str) -> str | None:
-        """`text`, or the only text that fits and differs by characters that look alike."""
-        if not self._patterns or self._fits(text):
-            return text
-        spellings = (_alike(character) for character in text)
-        fitting = {
-            candidate
-            for letters in itertools.islice(itertools.product(*spellings), 4096)
-            if self._fits(candidate := "".join(letters))
-        }
-        return fitting.pop() if len(fitting) == 1 else None
-
-    def _fits(self, text: str) -> bool:
-        return any(pattern.fullmatch(text) for pattern in self._patterns)
-
-
-def _alike(character: str) -> str:
-    others = {other for pair in _ALIKE if character in pair for other in pair}
-    return "".join(sorted(others | {character}))
 
 
 class Ballot:

@@ -6,12 +6,15 @@ with repeats and blanks taken out (connectionist temporal classification, Graves
 network was trained on rendered plates only (`training/`); OpenCV runs it on one core.
 """
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+
+from onboard.vision.syntax import PlateSyntax
 
 Image = npt.NDArray[np.uint8]
 """(h, w, 3) BGR or (h, w) grey."""
@@ -31,6 +34,10 @@ DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_reader.onnx"
 _LOOKS = ((0.0, 0.0, 0.0), (0.06, 0.08, 0.04), (-0.02, 0.03, -0.04))
 """A plate is looked at three times, its corners nudged (wider, higher, lean): what only one cut of
 it seems to show is no evidence."""
+_LIKELIER = 20.0
+"""By so much a plate that fits the syntax is likelier to be met than one that does not."""
+_LEAST_DOUBT, _MOST_DOUBTS = 0.02, 8
+"""Probability from which another character is considered in a place; how many are, in a text."""
 _LEAST_CONTRAST = 1.0
 """Standard deviation in grey levels, below which there is nothing to read."""
 
@@ -52,8 +59,12 @@ class PlateText:
 class PlateReader:
     """One network, loaded once; not to be shared between threads."""
 
-    def __init__(self, model: Path = DEFAULT_MODEL) -> None:
+    def __init__(self, model: Path = DEFAULT_MODEL, syntax: PlateSyntax | None = None) -> None:
         """Load the network.
+
+        Args:
+            model: ONNX file.
+            syntax: the plates that are likelier than others; `None`: all are as likely.
 
         Raises:
             FileNotFoundError: there is no file `model`.
@@ -61,6 +72,7 @@ class PlateReader:
         if not model.is_file():
             raise FileNotFoundError(f"no plate reader model at {model}")
         self._network = cv2.dnn.readNetFromONNX(str(model))
+        self._syntax = syntax
 
     def read(self, image: Image, corners: Corners) -> PlateText:
         """The characters on the plate at `corners`; empty where they lie outside the picture."""
@@ -76,7 +88,7 @@ class PlateReader:
                 continue
             self._network.setInput(normalised(views))
             scores = np.asarray(self._network.forward(), np.float32)
-            texts.append(decode(scores[:, :, 0].transpose(0, 2, 1)))
+            texts.append(decode(scores[:, :, 0].transpose(0, 2, 1), self._syntax))
         return texts
 
 
@@ -131,27 +143,76 @@ def normalised(views: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
     return values[:, None]
 
 
-def decode(scores: npt.NDArray[np.float32]) -> PlateText:
+def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax | None = None) -> PlateText:
     """The text that (looks, 40 columns, 37 classes) of logits, all of one plate, agree on.
 
     Each look proposes the text of its best path; a text's confidence is its whole probability, over
     all paths that spell it, in the mean of the looks. A character's confidence is the highest
-    probability in the run of columns that show it, in the look that proposed the text.
+    probability in the run of columns that show it, in the look that proposed the text. Where there
+    is a `syntax`, texts that fit it and differ in up to two likely characters are proposed too.
     """
     likely = np.exp(scores - scores.max(axis=2, keepdims=True))
     likely /= likely.sum(axis=2, keepdims=True)
     merged = _alike_merged(likely)
-    texts: dict[str, PlateText] = {}
+    spellings: dict[tuple[int, ...], list[float]] = {}
     for look in likely:
-        labels, confidences = _best_path(look)
-        text = "".join(ALPHABET[label - 1] for label in labels)
-        if text in texts:
-            continue
-        whole = _probability(labels, likely)
+        labels, columns = _best_path(look)
+        spellings.setdefault(tuple(labels), [float(look[c].max()) for c in columns])
+        if syntax:
+            for other in _respelt(look, labels, columns):
+                if syntax.fits(_spelt(other)):
+                    confidences = [float(look[c, k]) for c, k in zip(columns, other, strict=True)]
+                    spellings.setdefault(tuple(other), confidences)
+    texts = []
+    for spelling, confidences in spellings.items():
+        whole = _probability(labels := list(spelling), likely)
         alike = [_MERGED.get(label, label) for label in labels]
         but_for_alike = _probability(alike, merged) if alike != labels else whole
-        texts[text] = PlateText(text, whole, tuple(confidences), but_for_alike)
-    return max(texts.values(), key=lambda text: text.confidence)
+        texts.append(PlateText(_spelt(labels), whole, tuple(confidences), but_for_alike))
+    if syntax:
+        texts = _weighed(texts, syntax)
+    return max(texts, key=lambda text: text.confidence)
+
+
+def _weighed(texts: list[PlateText], syntax: PlateSyntax) -> list[PlateText]:
+    """Their confidences once it is known that a text that fits is `_LIKELIER` to be met (Bayes).
+
+    What none of them says counts among the texts that fit.
+    """
+    strange = sum(text.confidence for text in texts if not syntax.fits(text.text))
+    evidence = _LIKELIER * max(0.0, 1.0 - strange) + strange
+    weighed = []
+    for text in texts:
+        share = (_LIKELIER if syntax.fits(text.text) else 1.0) / evidence
+        confidence = min(1.0, share * text.confidence)
+        alike = min(1.0, share * text.identity_confidence)
+        weighed.append(replace(text, confidence=confidence, identity_confidence=alike))
+    return weighed
+
+
+def _respelt(
+    look: npt.NDArray[np.float32], labels: list[int], columns: list[int]
+) -> list[list[int]]:
+    """The texts that differ from that of the best path in one or two characters."""
+    others = [
+        (place, int(label))
+        for place, column in enumerate(columns)
+        for label in np.flatnonzero(look[column] >= _LEAST_DOUBT)
+        if label not in (0, labels[place])
+    ]
+    others = sorted(others, key=lambda other: -look[columns[other[0]], other[1]])[:_MOST_DOUBTS]
+    changes = [(one,) for one in others] + list(itertools.combinations(others, 2))
+    texts = []
+    for change in changes:
+        text = list(labels)
+        for place, label in change:
+            text[place] = label
+        texts.append(text)
+    return texts
+
+
+def _spelt(labels: list[int]) -> str:
+    return "".join(ALPHABET[label - 1] for label in labels)
 
 
 _MERGED = {ALPHABET.index(one) + 1: ALPHABET.index(other) + 1 for one, other in ("O0", "I1")}
@@ -167,20 +228,20 @@ def _alike_merged(likely: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return merged
 
 
-def _best_path(likely: npt.NDArray[np.float32]) -> tuple[list[int], list[float]]:
-    """The most likely class of each column, repeats and blanks taken out, and how likely."""
+def _best_path(likely: npt.NDArray[np.float32]) -> tuple[list[int], list[int]]:
+    """The likeliest classes, repeats and blanks taken out, and the column that shows each best."""
     path, best = likely.argmax(axis=1), likely.max(axis=1)
     labels: list[int] = []
-    confidences: list[float] = []
+    columns: list[int] = []
     for column, label in enumerate(path):
         if label == 0:
             continue
-        if column and path[column - 1] == label:
-            confidences[-1] = max(confidences[-1], float(best[column]))
-        else:
+        if not column or path[column - 1] != label:
             labels.append(int(label))
-            confidences.append(float(best[column]))
-    return labels, confidences
+            columns.append(column)
+        elif best[column] > best[columns[-1]]:
+            columns[-1] = column
+    return labels, columns
 
 
 def _probability(labels: list[int], likely: npt.NDArray[np.float32]) -> float:

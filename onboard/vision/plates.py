@@ -11,11 +11,12 @@ import numpy.typing as npt
 from onboard.observations import Box
 from onboard.vision.blue_band import with_band
 from onboard.vision.ends import refine_ends
-from onboard.vision.identity import LEAST_LENGTH, LEAST_READ_CONFIDENCE, PlateSyntax
+from onboard.vision.identity import LEAST_LENGTH, LEAST_READ_CONFIDENCE
 from onboard.vision.perspective import Corners, Perspective
 from onboard.vision.plate_detector import FoundPlate
 from onboard.vision.plate_reader import PlateText
 from onboard.vision.sighting import Cue, Followed, Search, Sighting
+from onboard.vision.syntax import PlateSyntax
 
 Image = npt.NDArray[np.uint8]
 """(h, w, 3), BGR."""

@@ -158,6 +158,8 @@ class VisionSettings(Settings):
     """How often while there is none."""
     read_every_s: float = Field(0.5, ge=0.0, le=10.0)
     """How often a plate is read; the lead's, until it is known, in every frame."""
+    read_known_every_s: float = Field(1.0, ge=0.0, le=10.0)
+    """How often one that is known, as long as it reads as it did."""
     keep_s: float = Field(1.5, gt=0.0, le=10.0)
     """How long a car is believed to be there after it was last seen."""
     keep_unread_s: float = Field(10.0, gt=0.0, le=60.0)

@@ -26,7 +26,6 @@ from onboard.observations import (
 from onboard.vision.box_model import BoxModel
 from onboard.vision.brought_plates import BroughtPlates
 from onboard.vision.car_track import CarTrack
-from onboard.vision.identity import PlateSyntax
 from onboard.vision.lane import MarkingFinder, OwnLane
 from onboard.vision.lead import LeadChoice
 from onboard.vision.perspective import Perspective, Place, bounding_box
@@ -37,6 +36,7 @@ from onboard.vision.plates import PlateFinder, Plates, TextReader
 from onboard.vision.rear import Rear
 from onboard.vision.settings import Calibration, VisionSettings, guessed_calibration
 from onboard.vision.sighting import Cue, Followed, Search, Sighting
+from onboard.vision.syntax import PlateSyntax
 from onboard.vision.tags import TagFinder
 from onboard.vision.tracker import Tracker
 from onboard.vision.vehicles import Vehicles
@@ -88,9 +88,10 @@ class Sight:
         self._check = PictureCheck()
         self._finders: list[Finder] = []
         self._size_px = (0, 0)
+        self._syntax = PlateSyntax(settings.plate_patterns)
         if settings.plates:
             self._finder = finder or _plate_finder(settings)
-            self._reader = reader or PlateReader()
+            self._reader = reader or PlateReader(syntax=self._syntax)
         if settings.vehicle_model is not None:
             self._vehicle_model = BoxModel(settings.vehicle_model, "vision.vehicle_model")
         self._tracker = Tracker(
@@ -237,9 +238,12 @@ class Sight:
 
     def _is_to_read(self, track: CarTrack, stamp_s: float) -> bool:
         """The lead until it is known; then, and the others, now and then."""
-        if track is self._lead and track.text is None:
+        settings = self._settings
+        if track.text is None and track is self._lead:
             return True
-        return stamp_s - track.read_at >= self._settings.read_every_s
+        is_known = track.text is not None and not track.is_doubted
+        period_s = settings.read_known_every_s if is_known else settings.read_every_s
+        return stamp_s - track.read_at >= period_s
 
     def _fit(self, width_px: int, height_px: int) -> bool:
         """Have the lens fit the size of the pictures; whether it can."""
@@ -265,10 +269,10 @@ class Sight:
             tags = TagFinder(settings.tag_dictionary, settings.tag_side_m, perspective)
             self._finders.append(tags)
         if settings.plates:
-            syntax = PlateSyntax(settings.plate_patterns)
-            self._finders.append(
-                Plates(self._finder, self._reader, syntax, perspective, settings.plate_width_m)
+            plates = Plates(
+                self._finder, self._reader, self._syntax, perspective, settings.plate_width_m
             )
+            self._finders.append(plates)
         if settings.vehicle_model is not None:
             model = settings.vehicle_model
             self._finders.append(Vehicles(self._vehicle_model, model, perspective))

@@ -59,7 +59,7 @@ class SeenCar:
 
     def __init__(self, track_id: int, settings: VisionSettings, rng: np.random.Generator) -> None:
         self.track_id = track_id
-        self._read_every_s = settings.read_every_s
+        self._read_every_s = settings.read_known_every_s
         self._rng = rng
         self._ballot = Ballot(settings.identity_confidence)
         self._read_at = -math.inf

@@ -43,6 +43,8 @@ class Dies:
     """Whether J has a bar on top."""
     closed_four: bool = True
     """Whether the slope of 4 reaches the top of its stem."""
+    flag: float = 0.22
+    """How far down the flag of 1 reaches; 0: it is a bare upright."""
 
 
 _NAMED = {
@@ -52,12 +54,17 @@ _NAMED = {
     "dies-narrow": Dies(0.38, (0.5, 0.2), feet=False, upright=True, valley=0.8),
     "dies-slanted": Dies(0.45, (0.5, 0.26), feet=True, upright=False, valley=0.95, slanted=True),
     "dies-wide": Dies(0.54, (0.5, 0.32), feet=True, upright=False, valley=0.6),
+    "dies-bare": Dies(0.5, (0.5, 0.3), feet=False, upright=False, valley=0.95, flag=0.0),
+    "dies-bare-wide": Dies(
+        0.56, (0.45, 0.28), feet=False, upright=False, valley=0.65, flag=0.1, stroke=0.15
+    ),
 }
 
 
 def _drawn_at_random(count: int) -> dict[str, Dies]:
     """Dies of nobody, around those that exist: the same ones on every machine."""
     rng = np.random.default_rng(1906)  # the year in which a plate was first stamped for a car
+    flags = np.random.default_rng(1901).choice([0.0, 0.1, 0.22, 0.3], count, p=[0.3, 0.1, 0.4, 0.2])
     dies = {}
     for number in range(count):
         width = float(rng.uniform(0.36, 0.6))
@@ -74,6 +81,7 @@ def _drawn_at_random(count: int) -> dict[str, Dies]:
             curved_seven=bool(rng.random() < 0.5),
             serifs=bool(rng.random() < 0.3),
             closed_four=bool(rng.random() < 0.7),
+            flag=float(flags[number]),
         )
     return dies
 
@@ -86,7 +94,8 @@ def die(name: str, character: str, cap_height_px: int) -> Mask:
     dies = DIES[name]
     share = {"M": 1.2, "W": 1.25 if dies.upright else 1.3, "-": 0.6}.get(character, 1.0)
     if character in "1I":
-        share = 0.75 if dies.feet else 0.35
+        is_bare = not dies.feet and (character == "I" or dies.flag == 0)
+        share = 0.75 if dies.feet else 0.05 if is_bare else 0.35
     stroke_px = max(1, round(dies.stroke * cap_height_px))
     width_px = max(stroke_px, round(dies.width * share * cap_height_px))
     mask = np.zeros((cap_height_px, width_px + stroke_px), np.uint8)
@@ -133,7 +142,7 @@ def _lines(character: str, dies: Dies) -> list[Line]:
     low_ring = _arc((0.5, 0.7), (0.5, 0.3), 0, 360)
     shapes: dict[str, list[Line]] = {
         "0": [ring],
-        "1": [[(0.05, 0.22), (0.5, 0), (0.5, 1)], *foot],
+        "1": [[*([(0.05, dies.flag)] if dies.flag else []), (0.5, 0), (0.5, 1)], *foot],
         "2": [[*over_left, *over_right, (0.93, 0.42), (0.75, 0.55), (0, 1), (1, 1)]],
         "3": [
             top_of_three,

@@ -97,10 +97,10 @@ def _glared(light: _Light, rng: np.random.Generator) -> _Light:
 
 def _exposed(light: _Light, rng: np.random.Generator) -> _Light:
     """Right, too dark by much, or too bright until it clips; and haze."""
-    kind = rng.choice(4, p=[0.5, 0.24, 0.1, 0.16])
+    kind = rng.choice(4, p=[0.55, 0.19, 0.1, 0.16])
     gain = (
         rng.uniform(0.6, 1.1),
-        np.exp(rng.uniform(np.log(0.05), np.log(0.6))),
+        np.exp(rng.uniform(np.log(0.08), np.log(0.6))),
         rng.uniform(1.1, 1.9),
         0.0,
     )[kind]

@@ -80,8 +80,8 @@ class NumberRow:
     """Between groups: a character of the font, `|` for a coloured mark, `:` for two seals, `.` for
     a dot in the ink's colour at half height."""
     mark_bgr: Bgr = (60, 60, 200)
-    mark_shape: tuple[tuple[float, float], ...] = ()
-    """Where given, the coloured mark is this shape, in row heights from its middle."""
+    mark: tuple["Outline", ...] = ()
+    """Where given, the coloured mark is these shapes, in row heights from its middle."""
     stretch: float = 1.0
     """Width of a character over the font's own."""
 
@@ -268,8 +268,9 @@ def _paint_separator(
     (x_px, y_px), unit = at_px, max(1, round(0.07 * height_px))
     if row.separator == ".":
         cv2.circle(plate, at_px, unit, ink_bgr, cv2.FILLED, cv2.LINE_AA)
-    elif row.separator == "|" and row.mark_shape:
-        _fill(plate, np.asarray(row.mark_shape) * height_px + at_px, row.mark_bgr)
+    elif row.separator == "|" and row.mark:
+        for outline in row.mark:
+            _fill(plate, np.asarray(outline.points_mm) * height_px + at_px, outline.bgr)
     elif row.separator == "|":
         top_left, bottom_right = (x_px - unit, y_px - 3 * unit), (x_px + unit, y_px + 3 * unit)
         cv2.rectangle(plate, top_left, bottom_right, row.mark_bgr, cv2.FILLED)

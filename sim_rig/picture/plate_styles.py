@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim_rig.picture.dies import DIES
+from sim_rig.picture.emblems import colour, crest, emblem, landscape, mark, near
 from sim_rig.picture.glyphs import SCRIPT, font_names
 from sim_rig.picture.plate_art import (
     Bgr,
@@ -42,7 +43,7 @@ _EU_FONTS = (
 )
 _BR_FONTS = (
     *("roadgeek-2014-c", "routed-gothic", "overpass-600", "barlow-semi-condensed-700") * 4,
-    *("dies-wide",) * 8,
+    *("dies-wide", "dies-bare", "dies-bare-wide") * 5,
     *DIES,
 )
 HELD_BACK = (
@@ -76,29 +77,30 @@ def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
     for _ in range(rng.integers(0, 4)):
         corner = ((4, 8), (262, 8), (4, 118), (262, 118))[rng.integers(4)]
         size = rng.uniform(20, 38), rng.uniform(14, 26)
-        patches.append(Patch(*corner, *size, _colour(rng)))
+        patches.append(Patch(*corner, *size, colour(rng)))
     discs_below = tuple(
         Disc(
             rng.uniform(20, 285),
             rng.uniform(20, 132),
             rng.uniform(8, 40),
-            _near(ground, rng, 35),
+            near(ground, rng, 35),
         )
         for _ in range(rng.integers(0, 5) if rng.random() < 0.4 else 0)
     )
     height = rng.uniform(58, 78)
     separator = str(rng.choice(["|", " ", "-", ".", ""], p=[0.35, 0.3, 0.15, 0.1, 0.1]))
     left_mm, right_mm = 0.0, 0.0
-    outlines = _landscape(rng, ground) if rng.random() < 0.25 else ()
-    if rng.random() < 0.25:  # beside the number stands what is not part of it
+    outlines = landscape(rng, ground) if rng.random() < 0.25 else ()
+    if rng.random() < 0.3:  # beside the number stands what is not part of it
         beside_mm = float(rng.uniform(22, 62))
         is_left = rng.random() < 0.6
         at_mm = 8 + beside_mm / 2 if is_left else 297 - beside_mm / 2
         if rng.random() < 0.5:
             small.extend(_stacked(rng, at_mm, min(beside_mm, 34), ink))
         else:
-            tall_mm = beside_mm * rng.uniform(0.7, 1.0)
-            outlines += (Outline(_blob(rng, at_mm, rng.uniform(70, 95), tall_mm), _colour(rng)),)
+            tall_mm = min(80.0, beside_mm * rng.uniform(0.8, 2.0))
+            size = beside_mm * rng.uniform(0.6, 0.95), tall_mm
+            outlines += emblem(rng, (at_mm, rng.uniform(72, 95)), size, ink)
         left_mm, right_mm = (beside_mm, 0.0) if is_left else (0.0, beside_mm)
     row = NumberRow(
         x_mm=152 + (left_mm - right_mm) / 2 + rng.normal(0, 3),
@@ -107,8 +109,8 @@ def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         w_mm=min(rng.uniform(225, 296), 293 - left_mm - right_mm),
         groups=_groups(written),
         separator=separator,
-        mark_bgr=_colour(rng),
-        mark_shape=_blob(rng, 0, 0, rng.uniform(0.3, 0.8)) if rng.random() < 0.6 else (),
+        mark_bgr=colour(rng),
+        mark=mark(rng, ink) if rng.random() < 0.65 else (),
         stretch=rng.uniform(0.62, 1.0),
     )
     plate = PlateFormat(
@@ -118,7 +120,7 @@ def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         font=_font(rng, _US_FONTS),
         rows=(row,),
         ground_bgr=ground,
-        ground_bottom_bgr=_near(ground, rng, 60) if rng.random() < 0.35 else None,
+        ground_bottom_bgr=near(ground, rng, 60) if rng.random() < 0.35 else None,
         ink_bgr=ink,
         spacing=rng.uniform(0.06, 0.2),
         cell=rng.uniform(0.5, 0.62) if rng.random() < 0.5 else None,
@@ -142,20 +144,21 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         ground = (40, 200, 240)
     elif rng.random() < 0.06:
         ground, ink = (25, 22, 20), (235, 238, 240)
-    ground = _near(ground, rng, 12)
+    ground = near(ground, rng, 12)
     width = float(rng.choice([520.0, 480.0, 440.0], p=[0.8, 0.1, 0.1]))
     has_band = rng.random() < 0.75
     left = 48.0 if has_band else 10.0
     patches, small, discs = [], [], []
+    crests: tuple[Outline, ...] = ()
     if has_band:
         code = text_of("LL"[: rng.integers(1, 3)], rng)
         if rng.random() < 0.65:
             patches.append(Patch(0, 0, 44, 110, (int(rng.integers(90, 190)), 60, 15)))
             small.append(SmallText(code, 22, 85, 22, 32, "osp-din", (240, 240, 240)))
+            discs.append(Disc(22, 38, rng.uniform(8, 15), (int(rng.integers(0, 220)), 170, 200)))
         else:  # on the plate's own ground, under a coat of arms
             small.append(SmallText(code, 24, 84, rng.uniform(20, 30), 34, "osp-din", ink))
-            patches.append(Patch(12, 12, rng.uniform(18, 28), rng.uniform(20, 36), _colour(rng)))
-        discs.append(Disc(22, 38, rng.uniform(8, 15), (int(rng.integers(0, 220)), 170, 200)))
+            crests = crest(rng, (24, 34), (rng.uniform(18, 30), rng.uniform(24, 44)), ink)
     height = rng.uniform(68, 82)
     seals = rng.random() < 0.45
     separator = str(rng.choice([":", "|"] if seals else [" ", "-", "-"]))
@@ -167,8 +170,8 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         w_mm=room,
         groups=groups,
         separator=separator,
-        mark_bgr=_colour(rng),
-        mark_shape=_blob(rng, 0, 0, rng.uniform(0.3, 0.6)) if rng.random() < 0.7 else (),
+        mark_bgr=colour(rng),
+        mark=mark(rng, ink) if rng.random() < 0.75 else (),
         stretch=rng.uniform(0.85, 1.3),
     )
     plate = PlateFormat(
@@ -186,6 +189,7 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         patches=tuple(patches),
         small_texts=tuple(small),
         discs_below=tuple(discs),
+        outlines=crests,
         discs=_bolts(rng, width, 110) if rng.random() < 0.3 else (),
     )
     return written.replace(" ", ""), plate
@@ -195,10 +199,10 @@ def _br_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
     written = _text(rng, BR_PATTERNS, free=0.15, rare=1.0)
     newer = rng.random() < 0.25
     grey = int(rng.integers(150, 225))
-    ground = _near((235, 235, 235) if newer else (grey, grey, grey), rng, 8)
+    ground = near((235, 235, 235) if newer else (grey, grey, grey), rng, 8)
     ink: Bgr = (30, 28, 28)
     if not newer and rng.random() < 0.1:
-        ground, ink = _near((40, 40, 170), rng, 20), (235, 235, 235)
+        ground, ink = near((40, 40, 170), rng, 20), (235, 235, 235)
     small, patches = [], []
     if newer:
         patches.append(Patch(0, 0, 400, 32, (150, 60, 10)))
@@ -257,18 +261,18 @@ def _in_two_rows(plate: PlateFormat, written: str, rng: np.random.Generator) -> 
 def _in_holder(plate: PlateFormat, rng: np.random.Generator) -> PlateFormat:
     """A dealer's frame: bars at top and bottom, often with a name, sometimes over the number."""
     width, height = plate.width_mm, plate.height_mm
-    colour: Bgr = (28, 28, 28) if rng.random() < 0.6 else _colour(rng)
-    ink: Bgr = (235, 235, 235) if sum(colour) < 380 else (20, 20, 20)
+    shade: Bgr = (28, 28, 28) if rng.random() < 0.6 else colour(rng)
+    ink: Bgr = (235, 235, 235) if sum(shade) < 380 else (20, 20, 20)
     row = plate.rows[-1]
     free_below = height - (row.y_mm + row.h_mm / 2)
     bottom = float(np.clip(free_below + rng.uniform(-14, 5), 5, 34))
     top = rng.uniform(4, 28) if plate.name == "us" else rng.uniform(2, 8)
     side = rng.uniform(2, 8)
     frame = (
-        Patch(0, height - bottom, width, bottom, colour),
-        Patch(0, 0, width, top, colour),
-        Patch(0, 0, side, height, colour),
-        Patch(width - side, 0, side, height, colour),
+        Patch(0, height - bottom, width, bottom, shade),
+        Patch(0, 0, width, top, shade),
+        Patch(0, 0, side, height, shade),
+        Patch(width - side, 0, side, height, shade),
     )
     texts = []
     for y, thickness in ((height - bottom / 2, bottom), (top / 2, top)):
@@ -293,27 +297,6 @@ def _stacked(rng: np.random.Generator, x_mm: float, w_mm: float, ink: Bgr) -> li
         SmallText(letter, x_mm, float(y_mm), height, w_mm, font, ink)
         for letter, y_mm in zip(letters, places, strict=True)
     ]
-
-
-def _blob(
-    rng: np.random.Generator, x: float, y: float, size: float
-) -> tuple[tuple[float, float], ...]:
-    """A crest, a state, a saint: corners at random around a middle."""
-    count = int(rng.integers(4, 12))
-    angles = np.sort(rng.uniform(0, 2 * np.pi, count))
-    reach = size / 2 * rng.uniform(0.3, 1.0, count)
-    narrow = rng.uniform(0.5, 1.0)
-    across, down = x + narrow * reach * np.cos(angles), y + reach * np.sin(angles)
-    return tuple((float(a), float(d)) for a, d in zip(across, down, strict=True))
-
-
-def _landscape(rng: np.random.Generator, ground: Bgr) -> tuple[Outline, ...]:
-    """Mountains or a skyline behind the number."""
-    count = int(rng.integers(4, 14))
-    x_mm = np.linspace(0, 305, count)
-    y_mm = rng.uniform(60, 150) - rng.uniform(0, 45) * rng.random(count)
-    ridge = tuple((float(a), float(d)) for a, d in zip(x_mm, y_mm, strict=True))
-    return (Outline((*ridge, (305.0, 152.0), (0.0, 152.0)), _near(ground, rng, 70)),)
 
 
 def _text(rng: np.random.Generator, patterns: tuple[str, ...], *, free: float, rare: float) -> str:
@@ -342,29 +325,18 @@ def _print(
     w_mm: float = 190,
 ) -> SmallText:
     font = _PRINT_FONTS[rng.integers(len(_PRINT_FONTS))]
-    return SmallText(word(rng), x_mm, y_mm, h_mm, 0.85 * w_mm, font, bgr or _colour(rng))
+    return SmallText(word(rng), x_mm, y_mm, h_mm, 0.85 * w_mm, font, bgr or colour(rng))
 
 
 def _us_colours(rng: np.random.Generator) -> tuple[Bgr, Bgr]:
     """Ground and ink: mostly dark on pale, sometimes white on dark."""
     inks: tuple[Bgr, ...] = ((20, 20, 20), (95, 45, 30), (60, 20, 20), (40, 90, 20), (40, 30, 150))
-    ink = _near(inks[rng.choice(5, p=[0.35, 0.35, 0.15, 0.08, 0.07])], rng, 15)
+    ink = near(inks[rng.choice(5, p=[0.35, 0.35, 0.15, 0.08, 0.07])], rng, 15)
     pale = int(rng.integers(190, 250))
-    ground = _near((pale, pale, pale), rng, 22)
+    ground = near((pale, pale, pale), rng, 22)
     if rng.random() < 0.08:
-        return _near((120, 60, 30), rng, 40), (240, 240, 240)
+        return near((120, 60, 30), rng, 40), (240, 240, 240)
     return ground, ink
-
-
-def _colour(rng: np.random.Generator) -> Bgr:
-    blue, green, red = (int(channel) for channel in rng.integers(10, 245, 3))
-    return blue, green, red
-
-
-def _near(bgr: Bgr, rng: np.random.Generator, spread: int) -> Bgr:
-    moved = np.clip(np.asarray(bgr) + rng.integers(-spread, spread + 1, 3), 0, 255)
-    blue, green, red = (int(channel) for channel in moved)
-    return blue, green, red
 
 
 def _bolts(rng: np.random.Generator, width: float, height: float) -> tuple[Disc, ...]:

@@ -2,7 +2,8 @@
 
 import pytest
 
-from onboard.vision.identity import Ballot, PlateSyntax
+from onboard.vision.identity import Ballot
+from onboard.vision.syntax import PlateSyntax
 
 SHARE = 0.9
 
