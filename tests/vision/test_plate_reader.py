@@ -13,6 +13,7 @@ from onboard.vision.plate_reader import (
     decode,
     rectify,
 )
+from onboard.vision.syntax import PlateSyntax
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import FORMATS, PlateFormat, draw_plate
 from sim_rig.picture.scene import warp_onto
@@ -191,3 +192,40 @@ def test_one_doubtful_column_makes_the_text_doubtful() -> None:
 def test_a_missing_model_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"no plate reader model at .*none\.onnx"):
         PlateReader(tmp_path / "none.onnx")
+
+
+def look_of(columns: list[dict[str, float]]) -> np.ndarray:
+    """One look: likely characters of some columns, a blank after each."""
+    look = np.full((2 * len(columns), len(ALPHABET) + 1), -20.0, np.float32)
+    look[1::2, 0] = 0.0
+    for place, chances in enumerate(columns):
+        for character, chance in chances.items():
+            look[2 * place, ALPHABET.index(character) + 1] = np.log(chance)
+    return look[None]
+
+
+SERIES = PlateSyntax(("[A-Z]{3}[0-9]{4}",))
+DOUBTED = [{c: 1.0} for c in "MYX3"] + [{"I": 0.6, "1": 0.4}, {"5": 1.0}, {"2": 1.0}]
+
+
+def test_a_syntax_decides_between_spellings_by_how_likely_they_are() -> None:
+    assert decode(look_of(DOUBTED)).text == "MYX3I52"
+    assert decode(look_of(DOUBTED)).confidence == pytest.approx(0.6, abs=0.01)
+
+    read = decode(look_of(DOUBTED), SERIES)
+
+    assert read.text == "MYX3152"
+    assert read.confidence == pytest.approx(20 * 0.4 / (20 * 0.4 + 0.6), abs=0.01)
+
+
+def test_a_plate_from_elsewhere_is_not_bent_to_the_syntax() -> None:
+    strange = [{c: 1.0} for c in "MYX"] + [{"I": 0.995, "1": 0.005}] + [{c: 1.0} for c in "152"]
+
+    assert decode(look_of(strange), SERIES).text == "MYXI152"
+    assert decode(look_of(strange), SERIES).confidence == pytest.approx(0.909, abs=0.01)
+
+
+def test_a_text_that_fits_and_is_sure_stays_as_it_is() -> None:
+    plain = look_of([{c: 1.0} for c in "ABC1234"])
+
+    assert decode(plain, SERIES) == decode(plain)
