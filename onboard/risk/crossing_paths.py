@@ -7,11 +7,13 @@ of 25 points, exact for polynomials of the fifth degree, so the same states alwa
 number.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from onboard.mvs.known_car import KnownCar
 from onboard.risk.collision_probability import Approach, collision_probability
@@ -79,7 +81,7 @@ def meeting(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> Meeti
     angle_rad = float(np.arctan2(_cross(velocity, velocity_other), dot))
     if abs(np.sin(angle_rad)) < np.sin(settings.least_angle_rad):
         return None
-    if any(_course_sigma_rad(car) > settings.course_sigma_rad for car in (own, other)):
+    if not all(has_course(car, settings) for car in (own, other)):
         return None
     mean = _approaches(states[:, None])[:, 0]
     if np.any(np.abs(mean[[0, 2]]) > settings.range_m):
@@ -112,13 +114,35 @@ def averaged_collision_probabilities(
     """
     p_c = np.zeros(len(meetings))
     known = np.array([each.acceleration_m_s2 is not None for each in others], dtype=bool)
-    for group in (np.flatnonzero(known), np.flatnonzero(~known)):
+    ahead = _may_meet(meetings, others, own)
+    for group in (np.flatnonzero(ahead & known), np.flatnonzero(ahead & ~known)):
         for begin in range(0, len(group), _PAIRS_AT_ONCE // len(_POINTS)):
             some = group[begin : begin + _PAIRS_AT_ONCE // len(_POINTS)]
             p_c[some] = _averaged(
                 [meetings[at] for at in some], [others[at] for at in some], own, settings
             )
     return p_c
+
+
+def _may_meet(
+    meetings: Sequence[Meeting], others: Sequence[Driven], own: Driven
+) -> NDArray[np.bool_]:
+    """Whether neither car is behind the crossing for certain, (n); if one is, P_C is exactly 0."""
+    if not meetings:
+        return np.zeros(0, dtype=bool)
+    size = CarSize(np.array(own.length_m), np.array(own.width_m))
+    theirs = CarSize(
+        np.array([each.length_m for each in others]), np.array([each.width_m for each in others])
+    )
+    angle = np.array([each.angle_rad for each in meetings])
+    means = np.array([each.mean for each in meetings])
+    spread = np.array([each.covariance.diagonal() for each in meetings])
+    # No point is farther from the mean than sqrt(6) sigma.
+    nearest = means + np.sqrt(6.0 * np.maximum(spread, 0.0)) * (1.0 + _ROUNDING) + _ROUNDING
+    _, end = XCrossing(size, theirs, angle).extent_m()
+    _, end_other = XCrossing(theirs, size, angle).extent_m()
+    may: NDArray[np.bool_] = (nearest[:, 0] > -end) & (nearest[:, 2] > -end_other)
+    return may
 
 
 def _averaged(
@@ -173,12 +197,15 @@ def _behaviour(present_m_s2: Array | None, settings: CrossingSettings) -> Behavi
     return Triangular(lowest, present_m_s2, highest)
 
 
-def _course_sigma_rad(car: KnownCar) -> float:
-    """How far the course may be off: the speed's sigma across it, by the speed."""
-    velocity, spread = np.array(car.state[2:]), np.array(car.covariance)[2:, 2:]
-    across = np.array([-velocity[1], velocity[0]])
-    squared = across @ spread @ across / (velocity @ velocity) ** 2
-    return float(np.sqrt(max(squared, 0.0)))
+def has_course(car: KnownCar, settings: CrossingSettings) -> bool:
+    """Whether a velocity has settled: its largest sigma, and the one across it, by the speed."""
+    east, north = car.state[2:]
+    (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
+    largest = (a + c) / 2.0 + math.hypot((a - c) / 2.0, b)
+    across = north * north * a - 2.0 * north * east * b + east * east * c
+    is_vague = largest > settings.settled_sigma_m_s**2
+    is_vague |= across > (settings.course_sigma_rad * (east * east + north * north)) ** 2
+    return not is_vague  # what is no number is told of later
 
 
 def _approaches(states: Array) -> Array:

@@ -63,6 +63,8 @@ class CrossingSettings(Settings):
     """A slower car has no course."""
     course_sigma_rad: float = Field(0.35, gt=0.0, le=1.0)
     """A car whose course is less certain has none: one just seen, whose speed settles."""
+    settled_sigma_m_s: float = Field(1.5, gt=0.0, le=10.0)
+    """Of a velocity, on any axis: above it, two cars may have been taken for one that is fast."""
     hardest_braking_m_s2: float = Field(9.55, gt=0.0, le=15.0)
     """Table I."""
     acceleration_m_s2: float = Field(2.1, gt=0.0, le=10.0)

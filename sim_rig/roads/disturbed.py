@@ -58,6 +58,7 @@ class _Driver:
     path: DrivePath
     way_m: float = 0.0
     speed_m_s: float = 0.0
+    acceleration_m_s2: float = 0.0
     is_off: bool = False
     """The recording."""
     runs: bool = False
@@ -124,6 +125,11 @@ class DisturbedTraffic(Traffic):
             return self._step is not None and self._step * STEP_S > event.at_s
         return driver is not None and driver.is_off
 
+    def has_moved(self, name: str) -> bool:
+        """Whether a car is the event's, and the event has begun."""
+        event = self._event
+        return event is not None and self._numbers[name] == event.car and self.is_disturbed(name)
+
     def _driver(self, number: int) -> _Driver:
         driver = self._drivers.get(number)
         if driver is None:
@@ -159,7 +165,8 @@ class DisturbedTraffic(Traffic):
                 drive = driver.path.drive
                 one = Cars(
                     at_s, (drive.name,), middle, heading, np.array([driver.speed_m_s]),
-                    np.zeros(1), np.array([drive.length_m]), np.array([drive.width_m]),
+                    np.array([driver.acceleration_m_s2]),
+                    np.array([drive.length_m]), np.array([drive.width_m]),
                 )  # fmt: skip
                 cars = cars.joined(one)
         return cars
@@ -190,6 +197,7 @@ class DisturbedTraffic(Traffic):
         for driver, acceleration in wishes:
             faster = max(driver.speed_m_s + acceleration * STEP_S, 0.0)
             driver.way_m += (driver.speed_m_s + faster) / 2.0 * STEP_S
+            driver.acceleration_m_s2 = (faster - driver.speed_m_s) / STEP_S
             driver.speed_m_s = faster
 
     def _leave(self, number: int, now: float, cars: Cars, index: dict[int, int]) -> None:

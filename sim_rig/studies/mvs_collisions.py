@@ -17,6 +17,7 @@ from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.roads.events import Kind
 from sim_rig.studies.mvs_encounter import Case, Encounters, EncounterSettings, Method
+from sim_rig.studies.mvs_fates import Fate
 from sim_rig.studies.mvs_scenes import Scene
 from sim_rig.studies.results import write_results
 
@@ -40,6 +41,9 @@ class CollisionSettings(Settings):
     """At this share also: MO and RS, the other sizes of footer, and half of all messages lost."""
     entries: tuple[int, ...] = (5, 20)
     """M, where it is not 10."""
+    calm_every: int = Field(1, ge=1, le=100)
+    """Where nobody who can act has a radio, or nothing is to be avoided, only every so many-th
+    event is run with radios, and counted as often: for what warnings cause."""
     encounter: EncounterSettings = EncounterSettings()
 
 
@@ -82,16 +86,29 @@ def case_of(settings: CollisionSettings, number: int) -> tuple[Case, int]:
 def run_one(settings: CollisionSettings, number: int) -> Row:
     """One run of the campaign."""
     case, seed = case_of(settings, number)
-    outcome = encounters(settings.encounter).run(case, seed)
-    return {
+    scene = encounters(settings.encounter)
+    row: Row = {
         "kind": case.kind.value,
         "method": case.method.value,
         "share": case.share,
         "entries": case.entries,
         "loss": case.loss,
         "seed": seed,
+        "weight": 1,
+    }
+    if settings.calm_every > 1 and case.method is not Method.NONE:
+        before, is_calm = scene.without_radios(case, seed)
+        if is_calm and seed % settings.calm_every:
+            fate = Fate.NO_RADIO.value if before is not None else None
+            return row | {"weight": 0, "crash": before is not None, "fate": fate}
+        row["weight"] = settings.calm_every if is_calm else 1
+    outcome = scene.run(case, seed)
+    return row | {
         "crash": outcome.crash is not None,
         "speed_m_s": outcome.crash.speed_m_s if outcome.crash else None,
+        "fate": outcome.fate.value if outcome.fate else None,
+        "known_before_s": outcome.known_before_s,
+        "warned_before_s": outcome.warned_before_s,
         "first_warning_s": outcome.first_warning_s,
         "warned": outcome.warned,
         "false_warnings": outcome.false_warnings,
@@ -131,6 +148,7 @@ def _all_runs(out_dir: Path, settings: CollisionSettings, workers: Workers | Non
 _COLUMNS = (
     "kind", "method", "share_with_radio", "M", "loss", "runs", "p_collision", "low_95", "high_95",
     "reduction", "avoided", "caused", "warning_after_s", "false_warnings_per_h",
+    "known_before_s", "warned_before_s", *(fate.value for fate in Fate),
 )  # fmt: skip
 _Key = tuple[str, str, float, int, float]
 
@@ -155,18 +173,26 @@ def _table(settings: CollisionSettings, rows: Sequence[Row]) -> list[tuple[objec
 def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[object, ...]:
     kind, method, share, entries, loss = key
     none = by_case[kind, Method.NONE.value, 0.0, 10, 0.0]
-    p, low, high = wilson([row["crash"] for row in mine])
     p_none = float(np.mean([row["crash"] for row in none]))
     avoided, caused = changed(none, mine)
-    delays = [row["first_warning_s"] for row in mine if row["first_warning_s"] is not None]
-    hours = sum(row["driven_s"] for row in mine) / 3600.0
+    p, low, high = wilson(p_none - (avoided - caused) / len(mine), len(mine))
+    run = [row for row in mine if "driven_s" in row]
+    hours = sum(row["weight"] * row["driven_s"] for row in run) / 3600.0
+    false_warnings = sum(row["weight"] * row["false_warnings"] for row in run)
     return (
         kind, method, share, entries, loss, len(mine), p, low, high,
         1.0 - p / p_none if p_none else math.nan,
         avoided, caused,
-        float(np.median(delays)) if delays else math.nan,
-        sum(row["false_warnings"] for row in mine) / hours if hours else math.nan,
+        _median(run, "first_warning_s"),
+        false_warnings / hours if hours else math.nan,
+        _median(run, "known_before_s"), _median(run, "warned_before_s"),
+        *(sum(row["fate"] == fate for row in mine) for fate in Fate),
     )  # fmt: skip
+
+
+def _median(rows: Sequence[Row], column: str) -> float:
+    known = [row[column] for row in rows if row[column] is not None]
+    return float(np.median(known)) if known else math.nan
 
 
 def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[int, int]:
@@ -176,14 +202,14 @@ def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[int, int]:
         return str(row.get("event", row["kind"])), int(row["seed"])
 
     crashed = {event(row): row["crash"] for row in before}
-    pairs = [(crashed[event(row)], row["crash"]) for row in after]
-    return sum(a and not b for a, b in pairs), sum(b and not a for a, b in pairs)
+    pairs = [(crashed[event(row)], row["crash"], row["weight"]) for row in after]
+    avoided = sum(weight for a, b, weight in pairs if a and not b)
+    return avoided, sum(weight for a, b, weight in pairs if b and not a)
 
 
-def wilson(outcomes: Sequence[bool]) -> tuple[float, float, float]:
-    """The share of `True`, and Wilson's 95 % interval of its probability."""
-    n = len(outcomes)
-    p = sum(outcomes) / n
+def wilson(p: float, n: int) -> tuple[float, float, float]:
+    """A share of n, and Wilson's 95 % interval of its probability; `p` is brought into 0 to 1."""
+    p = min(max(p, 0.0), 1.0)
     middle = (p + _Z**2 / (2 * n)) / (1 + _Z**2 / n)
     half = _Z * math.sqrt(p * (1 - p) / n + _Z**2 / (4 * n * n)) / (1 + _Z**2 / n)
     return p, middle - half, middle + half
@@ -201,8 +227,9 @@ def _told(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str
     none, mvs, own = at(Method.NONE), at(Method.MVS), at(Method.OWN)
     if not mvs:
         return f"{len(rows)} runs"
-    before, after = (sum(row["crash"] for row in some) for some in (none, mvs))
-    reduction = 1.0 - after / before if before else math.nan
+    before = sum(row["crash"] for row in none)
+    fewer, more = changed(none, mvs)
+    reduction = (fewer - more) / before if before else math.nan
     paper = PAPER_REDUCTION.get(settings.encounter.scene, math.nan)
     text = f"at {share:.0%} MVS reduces crashes by {reduction:.1%} (paper: {paper:.1%})"
     avoided = {(r["kind"], r["seed"]) for r in none if r["crash"]}

@@ -15,14 +15,15 @@ from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic, ReactionSettings
 from sim_rig.roads.events import Event, Events, Kind
+from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import Recording
+from sim_rig.studies.mvs_fates import SAME_PLACE_M, Concerned, Fate
 from sim_rig.studies.mvs_scenes import Place, Scene, open_scene
 from sim_rig.studies.mvs_warner import Warned, Warner
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
 
-_GHOST_M = 4.0
-"""Nobody is within this of what was warned of."""
-_SHOWN_S = 0.1
+_WAY_M = np.arange(0.0, 61.0, 10.0)
+"""Ahead of the event's car: where it may meet somebody."""
 
 
 class Method(StrEnum):
@@ -52,8 +53,10 @@ class EncounterSettings(Settings):
     """A crash later than this has nothing to do with the event."""
     watched_s: float = Field(5.0, ge=0.5, le=30.0)
     """So long after the event drivers may be warned."""
-    near_m: float = Field(150.0, gt=0.0, le=2000.0)
-    """Radios farther from the event than this are left out, to save time."""
+    near_m: float = Field(80.0, gt=0.0, le=2000.0)
+    """Radios farther from the way that the event's car has ahead are left out, to save time."""
+    straight_on_s: float | None = Field(default=None, gt=0.0, le=10.0)
+    """Warn also of who would be touched within this time if all kept speed and course."""
     reactions: ReactionSettings = ReactionSettings()
     world: WorldSettings = WorldSettings()
     risk: RiskSettings = RiskSettings()
@@ -78,6 +81,12 @@ class Outcome:
 
     event: Event
     crash: Crash | None = None
+    fate: Fate | None = None
+    """Of the crash without radios, if there is one."""
+    known_before_s: float | None = None
+    """How long before that crash one of the two with a radio first knew the other."""
+    warned_before_s: float | None = None
+    """And was first warned of it."""
     first_warning_s: float | None = None
     """After the event, of a car that the event concerns."""
     warned: int = 0
@@ -101,6 +110,7 @@ class Encounters:
         self._settings = settings
         self._place: Place = open_scene(settings.scene)
         self._events = Events(self._place.recording, has_lights=self._place.has_lights)
+        self._without_radios: dict[tuple[Kind, int], Crash | None] = {}
 
     @property
     def recording(self) -> Recording:
@@ -118,45 +128,86 @@ class Encounters:
 
         `watch` is shown every tick with radios, `opened` the traffic before it drives.
         """
-        settings = self._settings
-        event = self._events.draw(case.kind, np.random.default_rng([seed, 0]))
-        traffic = DisturbedTraffic(self.recording, event, settings.reactions, seed)
-        outcome = Outcome(event)
+        event = self._event(case.kind, seed)
+        traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
         if opened is not None:
             opened(traffic)
-        begin_s = max(round(event.at_s - settings.warm_s, 1), 0.0)
-        end_s = event.at_s + settings.after_s
-        now = begin_s
-        if case.method is not Method.NONE:
-            now = self._with_radios(case, seed, traffic, outcome, watch)
-        while now < end_s and traffic.crash is None:
-            now = round(now + TICK_S, 3)
-            traffic.cars_at(now)
-        outcome.crash = traffic.crash if traffic.crash and traffic.crash.at_s <= end_s else None
+        outcome = Outcome(event)
+        if case.method is Method.NONE:
+            outcome.crash = self._play_on(traffic, event, self._begin_s(event))
+            self._without_radios[case.kind, seed] = outcome.crash
+            return outcome
+        before = self._crash_without_radios(case.kind, seed)
+        equipped = self._equipped(case, seed, traffic.cars_at(self._begin_s(event)), event)
+        concerned = None if before is None else Concerned(before, self._can_act(before, event))
+        world = self._world(case, seed, traffic, equipped)
+        self._with_radios(world, traffic, outcome, concerned, watch)
+        outcome.crash = self._play_on(traffic, event, world.now)
+        if concerned is not None:
+            outcome.fate = concerned.fate(outcome.crash, equipped)
+            outcome.known_before_s, outcome.warned_before_s = concerned.before_s()
         return outcome
 
-    def _with_radios(
-        self,
-        case: Case,
-        seed: int,
-        traffic: DisturbedTraffic,
-        outcome: Outcome,
-        watch: Watch | None,
-    ) -> float:
-        """Let the radios work until nothing they say matters any more; returns when that is."""
-        settings, event = self._settings, outcome.event
-        begin_s = max(round(event.at_s - settings.warm_s, 1), 0.0)
+    def without_radios(self, case: Case, seed: int) -> tuple[Crash | None, bool]:
+        """The crash that there is without radios, and whether nobody is there to avoid it."""
+        before, event = self._crash_without_radios(case.kind, seed), self._event(case.kind, seed)
+        if before is None:
+            return None, True
+        traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
+        cars = traffic.cars_at(self._begin_s(event))
+        equipped = self._equipped(case, seed, cars, event)
+        return before, equipped.isdisjoint(self._can_act(before, event))
+
+    def _can_act(self, crash: Crash, event: Event) -> tuple[str, ...]:
+        """Who of a crash can do anything about it: not who brakes, it is he that is run into."""
+        brakes = self.recording.drives[event.car].name if event.deceleration_m_s2 else None
+        return tuple(name for name in crash.names if name != brakes)
+
+    def _world(
+        self, case: Case, seed: int, traffic: DisturbedTraffic, equipped: set[str]
+    ) -> MvsWorld:
+        senses = case.method is not Method.DSRC
         world = MvsWorld(
             traffic,
-            self._equipped(case, seed, traffic.cars_at(begin_s), event),
-            settings.world.model_copy(
-                update={"senses": case.method is not Method.DSRC, "loss": case.loss}
-            ),
+            equipped,
+            self._settings.world.model_copy(update={"senses": senses, "loss": case.loss}),
             _mvs(case),
             seed,
             blocked=self._place.blocked,
         )
-        world.now = begin_s
+        world.now = self._begin_s(self._event(case.kind, seed))
+        return world
+
+    def _event(self, kind: Kind, seed: int) -> Event:
+        return self._events.draw(kind, np.random.default_rng([seed, 0]))
+
+    def _begin_s(self, event: Event) -> float:
+        return max(round(event.at_s - self._settings.warm_s, 1), 0.0)
+
+    def _crash_without_radios(self, kind: Kind, seed: int) -> Crash | None:
+        """Of the same event and drivers; kept, since all cases of a seed ask for it."""
+        if (kind, seed) not in self._without_radios:
+            self.run(Case(kind, Method.NONE, 0.0), seed)
+        return self._without_radios[kind, seed]
+
+    def _play_on(self, traffic: DisturbedTraffic, event: Event, now: float) -> Crash | None:
+        """Let the cars drive on without radios; a crash much later is none of the event's."""
+        end_s = event.at_s + self._settings.after_s
+        while now < end_s and traffic.crash is None:
+            now = round(now + TICK_S, 3)
+            traffic.cars_at(now)
+        return traffic.crash if traffic.crash and traffic.crash.at_s <= end_s else None
+
+    def _with_radios(
+        self,
+        world: MvsWorld,
+        traffic: DisturbedTraffic,
+        outcome: Outcome,
+        concerned: Concerned | None,
+        watch: Watch | None,
+    ) -> None:
+        """Let the radios work until nothing they say matters any more."""
+        settings, event = self._settings, outcome.event
         warners: dict[str, Warner] = {}
         warned_until: dict[str, float] = {}
         while world.now < event.at_s + settings.watched_s and traffic.crash is None:
@@ -172,39 +223,45 @@ class Encounters:
                 warner = warners.get(name)
                 if warner is None:
                     size = float(cars.length_m[at]), float(cars.width_m[at])
-                    warner = warners[name] = Warner(settings.risk, *size)
+                    warner = warners[name] = Warner(settings.risk, *size, settings.straight_on_s)
                 own, speed = core.own_car(world.now), float(cars.speed_m_s[at])
-                told = warner.assess(own, core.kinematic_info(world.now), speed, world.now)
+                known = core.kinematic_info(world.now)
+                if concerned is not None and concerned.is_one(name):
+                    places = np.array([world.place_of(name, car.state) for car in known])
+                    concerned.receive_known(name, places, cars)
+                told = warner.assess(own, known, speed, world.now)
                 if told is None:
                     continue
                 right = self._is_right(world, traffic, cars, name, told)
                 shown.append((name, told, right))
                 traffic.warn(name, world.now)
+                if right and concerned is not None:
+                    concerned.receive_warning(name, world.now)
                 if world.now >= warned_until.get(name, -math.inf):
                     self._count(outcome, right=right, now=world.now)
                 warned_until[name] = world.now + settings.risk.release_s
             if watch is not None:
                 watch(world, traffic, shown)
-        return world.now
 
     def _equipped(self, case: Case, seed: int, cars: Cars, event: Event) -> set[str]:
-        """More of the same cars as the share grows; none that is far from the event."""
-        luck = np.random.default_rng([seed, 1]).random(len(self.recording.drives))
+        """More of the same cars as the share grows; none that is far from the event's way."""
         drives = self.recording.drives
-        equipped = {d.name for d, mine in zip(drives, luck, strict=True) if mine < case.share}
-        at_s = event.at_s + event.sooner_s
-        step = max(round(at_s / TICK_S) - drives[event.car].first, 0)
-        middle_m = drives[event.car].middle_m[min(step, len(drives[event.car]) - 1)]
-        far = np.hypot(*(cars.middle_m - middle_m).T) > self._settings.near_m
-        return equipped - {cars.names[i] for i in np.flatnonzero(far)}
+        luck = np.random.default_rng([seed, 1]).random(len(drives))
+        path = DrivePath(drives[event.car])
+        way, _ = path.places(path.way_m(event.at_s + event.sooner_s) + _WAY_M)
+        away_m = np.hypot(*(cars.middle_m[:, None] - way).transpose(2, 0, 1)).min(axis=1)
+        near = {cars.names[i] for i in np.flatnonzero(away_m <= self._settings.near_m)}
+        return {d.name for d, mine in zip(drives, luck, strict=True) if mine < case.share} & near
 
     def _is_right(
         self, world: MvsWorld, traffic: DisturbedTraffic, cars: Cars, name: str, told: Warned
     ) -> bool:
-        """Whether who is warned, or who he is warned of, no longer drives as ever."""
+        """Whether who is warned is the event's car, or who he is warned of drives otherwise."""
+        if traffic.has_moved(name):
+            return True
         away_m = np.hypot(*(cars.middle_m - world.place_of(name, told.of.state)).T)
         nearest = int(away_m.argmin())
-        is_there = away_m[nearest] < _GHOST_M
+        is_there = away_m[nearest] < SAME_PLACE_M
         return bool(is_there and traffic.is_disturbed(cars.names[nearest]))
 
     @staticmethod

@@ -1,19 +1,31 @@
 """When a car's driver is warned: the car's own risk monitor, and its closing gap to known cars.
 
-In a car, the gap ahead is what the camera measures. Here it is judged, with the same thresholds, to
-every known car ahead on the own path, so that what others tell of counts as well.
+In a car, the gap ahead is what the camera measures. Here it is judged, with the same thresholds,
+to every known car ahead on the own path, so that what others tell of counts as well, and what a
+car with a radio says of its own braking. Who brakes hard enough already is told nothing.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from onboard.mvs.known_car import KnownCar
 from onboard.observations import Speed
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.risk.closing_gap import LeadMotion, level, required_deceleration_m_s2
+from onboard.risk.closing_gap import (
+    LeadMotion,
+    level,
+    required_deceleration_m_s2,
+    settled_closing_speed_m_s,
+)
+from onboard.risk.crossing_paths import has_course
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
+from onboard.speed_trend import SpeedTrend
+from sim_rig.roads.cars import Cars
+from sim_rig.roads.crashes import first_crash
 
 _BESIDE_M = 1.6
 _RANGE_M = 70.0
@@ -34,10 +46,22 @@ class Warned:
 class Warner:
     """One car's."""
 
-    def __init__(self, settings: RiskSettings, length_m: float, width_m: float) -> None:
-        """For a car of the given size."""
+    def __init__(
+        self,
+        settings: RiskSettings,
+        length_m: float,
+        width_m: float,
+        straight_on_s: float | None = None,
+    ) -> None:
+        """For a car of the given size.
+
+        With `straight_on_s`, the driver is also warned of whom he would touch within that time if
+        both kept speed and course: the earliest alarm there can be, and the least certain.
+        """
+        self._straight_on_s = straight_on_s
         self._settings = settings
         self._length_m = length_m
+        self._trend = SpeedTrend(settings.closing_gap.lead_window_s)
         self._monitor = RiskMonitor(settings, length_m, width_m)
         self._leads: dict[str, tuple[LeadMotion, int]] = {}
         self._held: dict[Cause, Warned] = {}
@@ -47,6 +71,7 @@ class Warner:
         self, own: KnownCar | None, cars: Sequence[KnownCar], speed_m_s: float, now: float
     ) -> Warned | None:
         """Judge what is known now; returns a warning that is on, if any."""
+        self._trend.receive(now, speed_m_s)
         self._monitor.receive_speed(Speed(now, speed_m_s, 0.02, "study"))
         self._monitor.assess(own, cars, now)
         while (event := self._monitor.next_event()) is not None:
@@ -57,13 +82,14 @@ class Warner:
                     self._held[event.cause] = Warned(event.cause, of)
         warned = next(iter(self._held.values()), None)
         if warned is None and own is not None and speed_m_s >= self._settings.least_speed_m_s:
-            warned = self._ahead(own, cars, speed_m_s, now)
+            warned = self._ahead(own, cars, speed_m_s, now) or self._straight_on(own, cars)
         return warned
 
     def _ahead(
         self, own: KnownCar, cars: Sequence[KnownCar], speed_m_s: float, now: float
     ) -> Warned | None:
         settings = self._settings.closing_gap
+        braking_m_s2 = max(-(self._trend.acceleration_m_s2 or 0.0), 0.0)
         leads = {}
         warned = None
         for car in cars:
@@ -71,18 +97,37 @@ class Warner:
             if gap_m is None:
                 continue
             motion, times = self._leads.get(car.name, (LeadMotion(settings), 0))
+            sigma_m_s = _sigma_m_s(own, car)
+            if sigma_m_s > settings.settled_sigma_m_s:
+                motion.clear()  # what settles is no braking
             motion.receive(now, gap_m, along_m_s)
             leads[car.name] = motion, times + 1
             if times + 1 < _KNOWN_FOR or gap_m <= 0.0:
                 continue
-            braking = motion.deceleration_m_s2
-            needed = required_deceleration_m_s2(
-                gap_m, speed_m_s, along_m_s, braking, settings.reaction_s
-            )
-            if level(gap_m, speed_m_s - along_m_s, needed, settings) is Level.WARNING:
+            closing_m_s = settled_closing_speed_m_s(speed_m_s - along_m_s, sigma_m_s, settings)
+            said_m_s2 = -(car.acceleration_m_s2 or 0.0)
+            lead = (speed_m_s - closing_m_s, max(motion.deceleration_m_s2, said_m_s2))
+            needed = required_deceleration_m_s2(gap_m, speed_m_s, *lead, settings.reaction_s)
+            if level(gap_m, closing_m_s, needed, settings) is not Level.WARNING:
+                continue
+            if required_deceleration_m_s2(gap_m, speed_m_s, *lead, 0.0) > braking_m_s2:
                 warned = Warned(Cause.CLOSING_GAP, car)
         self._leads = leads
         return warned
+
+    def _straight_on(self, own: KnownCar, cars: Sequence[KnownCar]) -> Warned | None:
+        """Whoever would be touched first."""
+        if self._straight_on_s is None:
+            return None
+        settled = self._settings.crossing
+        others = [car for car in cars if has_course(car, settled) and car.age_s <= settled.oldest_s]
+        now = _as_cars([own, *others], self._length_m, self._settings)
+        then = replace(now, middle_m=now.middle_m + self._straight_on_s * now.velocity_m_s)
+        crash = first_crash(now, then, lambda one, other: own.name in {one, other})
+        if crash is None:
+            return None
+        name = crash.names[1] if crash.names[0] == own.name else crash.names[0]
+        return Warned(Cause.CROSSING, next(car for car in others if car.name == name))
 
     def _gap_and_speed(self, own: KnownCar, car: KnownCar) -> tuple[float | None, float]:
         """Bumper to bumper and the speed along the own heading, of a car on the own path."""
@@ -100,3 +145,27 @@ class Warner:
                 return None, 0.0
         length_m = (self._length_m + self._settings.other_length_m) / 2.0
         return ahead_m - length_m, max(along_m_s, 0.0)
+
+
+def _as_cars(cars: Sequence[KnownCar], own_length_m: float, settings: RiskSettings) -> Cars:
+    """The own car first."""
+    states = np.array([car.state for car in cars])
+    n = len(cars)
+    return Cars(
+        0.0,
+        tuple(car.name for car in cars),
+        states[:, :2],
+        np.arctan2(states[:, 3], states[:, 2]),
+        np.hypot(states[:, 2], states[:, 3]),
+        np.zeros(n),
+        np.array([own_length_m, *np.full(n - 1, settings.other_length_m)]),
+        np.full(n, settings.other_width_m),
+    )
+
+
+def _sigma_m_s(own: KnownCar, car: KnownCar) -> float:
+    """Of the speed of a car along the own heading."""
+    heading = math.atan2(own.state[3], own.state[2])
+    cosine, sine = math.cos(heading), math.sin(heading)
+    (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
+    return math.sqrt(max(cosine * cosine * a + 2.0 * cosine * sine * b + sine * sine * c, 0.0))

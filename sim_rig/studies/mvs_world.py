@@ -214,8 +214,11 @@ class MvsWorld:
         sender, told = cars.names[own], mvs_footer.decode(footer)
         receivers = [cars.names[i] for i in np.flatnonzero(reached) if cars.names[i] in self.cores]
         self.sent.append(Sent(self.now, sender, told, tuple(receivers)))
+        acceleration_m_s2 = float(cars.acceleration_m_s2[own])
         for receiver in receivers:
-            self.cores[receiver].receive_bsm(self.own_id(sender), fix, told, self.now)
+            self.cores[receiver].receive_bsm(
+                self.own_id(sender), fix, told, self.now, acceleration_m_s2
+            )
 
 
 def to_degrees(position_m: Array) -> tuple[float, float]:

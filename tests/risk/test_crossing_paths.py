@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.risk import crossing_paths
 from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
 from onboard.risk.crossing_paths import (
@@ -124,7 +125,7 @@ def test_the_average_is_that_of_drawn_states(
 
 def test_not_knowing_makes_a_sure_crash_less_sure() -> None:
     exact = averaged(car((-9.0, 0.0, 15.0, 0.0)), car((0.0, -9.0, 0.0, 15.0)))
-    vague = averaged(car((-9.0, 0.0, 15.0, 0.0)), car((0.0, -9.0, 0.0, 15.0), 10.0, 5.0))
+    vague = averaged(car((-9.0, 0.0, 15.0, 0.0)), car((0.0, -9.0, 0.0, 15.0), 10.0, 1.4))
 
     assert vague < 0.7 * exact
 
@@ -173,6 +174,35 @@ def test_cars_of_known_and_unknown_acceleration_keep_their_order() -> None:
     for k in range(60):
         (alone,) = averaged_collision_probabilities([met[k]], [others[k]], CAR, SETTINGS)
         assert together[k] == pytest.approx(alone, abs=1e-12)
+
+
+def test_who_is_behind_the_crossing_for_certain_meets_nobody() -> None:
+    """No point of the rule is farther than sqrt(6) sigma, so nothing is lost by not asking."""
+    rng = np.random.default_rng(7)
+    met = []
+    for _ in range(200):
+        east, north = rng.uniform(-30, 30, 2)
+        state = (0.0, float(north), 0.0, float(rng.uniform(3, 15)))
+        each = meeting(car((float(east), 0.0, 12.0, 0.0), 0.7, 0.5), car(state, 0.7, 0.5), SETTINGS)
+        assert each is not None
+        met.append(each)
+
+    asked = crossing_paths._averaged(met, [CAR] * 200, CAR, SETTINGS)
+
+    may_meet = crossing_paths._may_meet(met, [CAR] * 200, CAR)
+    assert 20 < may_meet.sum() < 120
+    assert (asked[~may_meet] == 0.0).all()
+    assert averaged_collision_probabilities(met, [CAR] * 200, CAR, SETTINGS) == pytest.approx(
+        asked, abs=1e-12
+    )
+
+
+def test_two_cars_taken_for_a_fast_one_have_no_course() -> None:
+    """28 m/s, known to 1.7 m/s on either axis: made of pictures of two cars that stand."""
+    own = car((0.0, 0.0, 12.0, 0.0), 0.7, 0.5)
+
+    assert meeting(own, car((20.0, -40.0, 0.0, 28.0), 1.0, 1.7), SETTINGS) is None
+    assert meeting(own, car((20.0, -40.0, 0.0, 28.0), 1.0, 1.3), SETTINGS) is not None
 
 
 @pytest.mark.parametrize(("sigma_m_s", "has_course"), [(0.5, True), (1.0, False), (3.0, False)])

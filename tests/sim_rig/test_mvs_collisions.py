@@ -3,14 +3,18 @@
 import csv
 from pathlib import Path
 
+import numpy as np
 import pytest
 from statsmodels.stats.proportion import proportion_confint
 
 from sim_rig.campaign import Workers
+from sim_rig.roads.cars import Cars
+from sim_rig.roads.crashes import Crash
 from sim_rig.roads.events import Kind
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.mvs_collisions import CollisionSettings, cases, changed, run_one, wilson
 from sim_rig.studies.mvs_encounter import EncounterSettings, Method
+from sim_rig.studies.mvs_fates import Concerned, Fate
 from sim_rig.studies.mvs_scenes import Scene
 
 ENCOUNTER = EncounterSettings(
@@ -23,7 +27,7 @@ SMALL = CollisionSettings(
 
 @pytest.mark.parametrize(("crashes", "runs"), [(0, 10), (3, 10), (500, 1000), (10, 10)])
 def test_the_interval_is_wilsons(crashes: int, runs: int) -> None:
-    p, low, high = wilson([True] * crashes + [False] * (runs - crashes))
+    p, low, high = wilson(crashes / runs, runs)
 
     theirs = proportion_confint(crashes, runs, method="wilson")
 
@@ -33,7 +37,9 @@ def test_the_interval_is_wilsons(crashes: int, runs: int) -> None:
 
 def test_crashes_are_compared_seed_by_seed() -> None:
     def rows(*crashes: bool) -> list[dict[str, object]]:
-        return [{"kind": "k", "seed": seed, "crash": c} for seed, c in enumerate(crashes)]
+        return [
+            {"kind": "k", "seed": seed, "crash": c, "weight": 1} for seed, c in enumerate(crashes)
+        ]
 
     assert changed(rows(True, True, False), rows(False, True, True)) == (1, 1)
     brakes, lights = rows(True), [row | {"event": "other"} for row in rows(False)]
@@ -50,6 +56,54 @@ def test_every_case_has_the_same_event_for_one_seed() -> None:
     assert first["method"] == "none"
     assert first == run_one(other, 0)
     assert run_one(SMALL, len(of_a_seed))["seed"] == SMALL.seed + 1
+
+
+CRASH = Crash(5.0, ("ann", "bob"), 8.0)
+OTHERS = Crash(5.5, ("bob", "cid"), 8.0)
+
+
+@pytest.mark.parametrize(
+    ("crash", "known", "warned", "equipped", "fate"),
+    [
+        (None, True, True, {"bob"}, Fate.AVOIDED),
+        (OTHERS, True, True, {"bob"}, Fate.ANOTHER),
+        (CRASH, False, False, {"ann", "cid"}, Fate.NO_RADIO),
+        (CRASH, False, False, {"bob"}, Fate.UNKNOWN),
+        (CRASH, True, False, {"bob"}, Fate.UNWARNED),
+        (CRASH, True, True, {"bob"}, Fate.TOO_LATE),
+    ],
+)
+def test_a_crash_has_one_fate(
+    crash: Crash | None, known: bool, warned: bool, equipped: set[str], fate: Fate
+) -> None:
+    """Ann brakes; Bob behind her is the one who can do something."""
+    concerned = Concerned(CRASH, ["bob"])
+    cars = platoon_of("ann", "bob")
+    if known:
+        concerned.receive_known("bob", cars.middle_m[:1] + 1.0, cars)
+    if warned:
+        concerned.receive_warning("bob", 3.5)
+
+    assert concerned.fate(crash, equipped) is fate
+    assert concerned.before_s() == (3.0 if known else None, 1.5 if warned else None)
+
+
+def platoon_of(*names: str) -> Cars:
+    n = len(names)
+    middle = np.array([[-20.0 * i, 0.0] for i in range(n)])
+    return Cars(2.0, names, middle, *np.zeros((3, n)), *np.full((2, n), 2.0))
+
+
+def test_calm_events_are_counted_as_without_radios(tmp_path: Path) -> None:
+    """Nobody has a radio in any of them, so what is not run gives what it would have given."""
+    settings = SMALL.model_copy(update={"shares": (0.001,), "methods": (Method.DSRC,)})
+    some = settings.model_copy(update={"calm_every": 100})
+
+    rows = [run_one(each, number) for each in (settings, some) for number in (1, 3)]
+
+    assert [row["weight"] for row in rows] == [1, 1, 0, 0]
+    assert [row["crash"] for row in rows[:2]] == [row["crash"] for row in rows[2:]]
+    assert [row["fate"] for row in rows[:2]] == [row["fate"] for row in rows[2:]]
 
 
 def test_figure_9_is_written(tmp_path: Path) -> None:

@@ -1,0 +1,78 @@
+"""What became of a crash that there is without radios: avoided, or why it was there again."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+
+import numpy as np
+
+from sim_rig.roads.cars import Array, Cars
+from sim_rig.roads.crashes import Crash
+
+SAME_PLACE_M = 4.0
+"""A car stands where another believes somebody, if it is no farther away."""
+
+
+class Fate(StrEnum):
+    """Of the crash of two cars."""
+
+    NO_RADIO = "no_radio"
+    """There again: who could have done something has no radio to be warned by."""
+    UNKNOWN = "unknown"
+    """There again: who has a radio did not know of the other."""
+    UNWARNED = "unwarned"
+    """There again: he knew, and was not warned."""
+    TOO_LATE = "too_late"
+    """There again, though he was warned."""
+    ANOTHER = "another"
+    """These two did not crash, but others did."""
+    AVOIDED = "avoided"
+
+
+class Concerned:
+    """The two cars of that crash: what who can act knew of the other, and when."""
+
+    def __init__(self, crash: Crash, can_act: Sequence[str]) -> None:
+        """Watch those of the two who can act."""
+        self._crash, self._can_act = crash, can_act
+        self._known_at: float | None = None
+        self._warned_at: float | None = None
+
+    def is_one(self, name: str) -> bool:
+        """Whether a car is one of these."""
+        return name in self._can_act
+
+    def receive_known(self, name: str, places_m: Array, cars: Cars) -> None:
+        """Where one of these believes others, (n, 2), and where all are."""
+        if self._known_at is not None:
+            return
+        one, other = self._crash.names
+        at = cars.index(other if name == one else one)
+        if at is not None and len(places_m):
+            away_m = np.hypot(*(places_m - cars.middle_m[at]).T)
+            if away_m.min() < SAME_PLACE_M:
+                self._known_at = cars.at_s
+
+    def receive_warning(self, name: str, at_s: float) -> None:
+        """A driver was warned of what the event has moved."""
+        if name in self._can_act and self._warned_at is None:
+            self._warned_at = at_s
+
+    def before_s(self) -> tuple[float | None, float | None]:
+        """How long before the crash one first knew of the other, and was first warned."""
+        known, warned = (
+            None if at_s is None else round(self._crash.at_s - at_s, 3)
+            for at_s in (self._known_at, self._warned_at)
+        )
+        return known, warned
+
+    def fate(self, crash: Crash | None, equipped: set[str]) -> Fate:
+        """Given the crash that there was with radios, and who has one."""
+        if crash is None:
+            return Fate.AVOIDED
+        if set(crash.names) != set(self._crash.names):
+            return Fate.ANOTHER
+        if equipped.isdisjoint(self._can_act):
+            return Fate.NO_RADIO
+        if self._warned_at is not None:
+            return Fate.TOO_LATE
+        return Fate.UNWARNED if self._known_at is not None else Fate.UNKNOWN

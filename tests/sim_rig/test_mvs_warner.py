@@ -1,0 +1,78 @@
+"""When a driver of the studies is warned, and of whom."""
+
+import math
+
+import pytest
+
+from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.risk.alarm import Cause
+from onboard.risk.settings import RiskSettings
+from sim_rig.studies.mvs_warner import Warned, Warner
+
+SPEED_M_S = 15.0
+
+
+def car(
+    name: str,
+    east_m: float,
+    speed_m_s: float,
+    *,
+    north_m: float = 0.0,
+    course_rad: float = 0.0,
+    sigma_m_s: float = 0.5,
+    acceleration_m_s2: float | None = None,
+) -> KnownCar:
+    spread = (0.25, 0.25, sigma_m_s**2, sigma_m_s**2)
+    covariance = tuple(tuple(v if i == j else 0.0 for j in range(4)) for i, v in enumerate(spread))
+    velocity = speed_m_s * math.cos(course_rad), speed_m_s * math.sin(course_rad)
+    known_by = KnownBy.ITSELF if name == "own" else KnownBy.RADIO
+    return KnownCar(
+        0.0, name, known_by, (east_m, north_m, *velocity), covariance, 0.0, frozenset(),
+        acceleration_m_s2,
+    )  # fmt: skip
+
+
+def drive_up_to(
+    lead: KnownCar, *, braking_m_s2: float = 0.0, straight_on_s: float | None = None
+) -> Warned | None:
+    """For 0.8 s at nearly the same gap, judged ten times a second."""
+    warner = Warner(RiskSettings(), 4.5, 1.8, straight_on_s)
+    warned = None
+    for step in range(8):
+        speed_m_s = SPEED_M_S - braking_m_s2 * step / 10
+        warned = warner.assess(car("own", 0.0, speed_m_s), [lead], speed_m_s, step / 10)
+    return warned
+
+
+def test_a_standing_car_close_ahead_is_warned_of() -> None:
+    warned = drive_up_to(car("lead", 35.0, 0.0))
+
+    assert warned is not None
+    assert (warned.cause, warned.of.name) == (Cause.CLOSING_GAP, "lead")
+
+
+def test_a_speed_that_is_still_settling_counts_for_less() -> None:
+    assert drive_up_to(car("lead", 18.0, SPEED_M_S - 6.0)) is not None
+    assert drive_up_to(car("lead", 18.0, SPEED_M_S - 6.0, sigma_m_s=3.5)) is None
+
+
+def test_who_brakes_hard_enough_is_told_nothing() -> None:
+    assert drive_up_to(car("lead", 35.0, 0.0), braking_m_s2=6.0) is None
+
+
+def test_what_a_car_says_of_its_own_braking_counts() -> None:
+    assert drive_up_to(car("lead", 22.0, SPEED_M_S)) is None
+    assert drive_up_to(car("lead", 22.0, SPEED_M_S, acceleration_m_s2=-7.0)) is not None
+
+
+@pytest.mark.parametrize(("within_s", "is_warned"), [(None, False), (2.5, False), (4.0, True)])
+def test_who_would_be_touched_straight_on_is_warned_of_if_wished(
+    within_s: float | None, is_warned: bool
+) -> None:
+    """Both are 3 s from where their ways cross."""
+    crossing = car("other", 45.0, SPEED_M_S, north_m=-45.0, course_rad=math.pi / 2)
+
+    warned = drive_up_to(crossing, straight_on_s=within_s)
+
+    assert (warned is not None) == is_warned
+    assert warned is None or warned.cause is Cause.CROSSING
