@@ -61,8 +61,8 @@ GIL_INTERVAL_S = 0.000_5
 EPOCH_AHEAD_S = 10.0
 """So long before an epoch begins, the IDs that will hold in it are derived."""
 
-RADIO_TURN_S = 0.005
-"""How long a round may receive from a crowd, before the other wires are looked at again."""
+RADIO_TURN_S = 0.000_7
+"""How long a round may hear a crowd, before the wires are looked at again: three or four BSMs."""
 
 InputT = TypeVar("InputT")
 ReturnT = TypeVar("ReturnT")
@@ -206,7 +206,7 @@ class Daemon:
         at = self._stack.get_timer()
         self._timer = None if at == math.inf else self._loop.call_at(at, self._step)
         if self._wsms:
-            self._plan_step()
+            self._next_step = self._loop.call_soon(self._look_first)
         self._manager.feed(now)
 
     def _rest(self) -> None:
@@ -226,6 +226,10 @@ class Daemon:
         if self._next_step is None and not self._is_resting:
             self._next_step = self._loop.call_soon(self._step)
 
+    def _look_first(self) -> None:
+        """At the wires: a loop calls what was planned before what they bring in the same round."""
+        self._next_step = self._loop.call_soon(self._step)
+
     def _taker(self, receive: Callable[[InputT, float], None]) -> Callable[[InputT], None]:
         return lambda item: self._take(receive, item)
 
@@ -234,12 +238,15 @@ class Daemon:
         self._plan_step()
 
     def _receive_wsms(self, now: float) -> None:
-        """Those of the warning group all, of the others as many as there is time for."""
+        """All of the warning group; without any, as many others as there is time for.
+
+        So what a group message leads to is sent and shown before the crowd is heard.
+        """
         shed = self._wsms.take_shed()
         if shed:
             overload = Discarded(now, "wsmp", "overload", f"{shed} frames")
             self._stack.receive_observation(overload, now)
-        turn_ends_at = now + RADIO_TURN_S
+        turn_ends_at = now if self._wsms.has_urgent else now + RADIO_TURN_S
         while True:
             wsm = self._wsms.take(only_urgent=time.monotonic() >= turn_ends_at)
             if wsm is None:

@@ -1,9 +1,10 @@
-"""A crowded road on one wire: BSMs of many strangers, at a steady rate, to one daemon's port.
+"""A crowded road on one wire: signed BSMs of many strangers, at a steady rate, to one daemon.
 
-    python -m sim_rig.flood PORT RATE_HZ SECONDS BEGIN_AT [KEYS_FOLDER]
+    python -m sim_rig.flood PORT RATE_HZ SECONDS BEGIN_AT KEYS_FOLDER
 
-It begins at a moment of the monotonic clock. With the keys of a car every message is signed. It
-prints how many it has sent.
+Each pseudonym in the folder is a stranger, parked along the road from (LATITUDE_DEG,
+LONGITUDE_DEG) on, and they speak in turns. It begins at a moment of the monotonic clock, and prints
+how many messages it has sent.
 """
 
 import contextlib
@@ -17,29 +18,29 @@ from pathlib import Path
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
+from onboard.security.credentials import Credentials
 from onboard.security.key_files import read_credentials
 from onboard.security.security import Security
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 
-STRANGERS = 300
+LATITUDE_DEG, LONGITUDE_DEG = 52.0, 5.0
+_APART_DEG = 3.0 / 111_000
 BURST_S = 0.005
 """What is due in this time is sent at once, as a radio unit hands over what it has."""
 
 
 def main() -> None:
     """Send until the time is over."""
-    _, port, rate_hz, seconds, begin_at, *keys = sys.argv
-    credentials = read_credentials(Path(keys[0])) if keys else None
-    security = Security(time.time() - time.monotonic(), credentials)
-    messages = _messages(security)
-    time.sleep(max(0.0, float(begin_at) - time.monotonic()))
+    port, rate_hz, seconds, begin_at = (float(word) for word in sys.argv[1:5])
+    messages = _messages(read_credentials(Path(sys.argv[5])))
+    time.sleep(max(0.0, begin_at - time.monotonic()))
     began_at = time.monotonic()
     sent = 0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.connect(("127.0.0.1", int(port)))
-        while (passed_s := time.monotonic() - began_at) < float(seconds):
-            while sent < passed_s * float(rate_hz):
+        while (passed_s := time.monotonic() - began_at) < seconds:
+            while sent < passed_s * rate_hz:
                 with contextlib.suppress(ConnectionRefusedError):  # nobody listens any more
                     wire.send(next(messages))
                 sent += 1
@@ -47,14 +48,27 @@ def main() -> None:
     print(sent)  # noqa: T201 (what it is asked for)
 
 
-def _messages(security: Security) -> Iterator[bytes]:
-    """Frames of all strangers in turns, standing where nobody knows."""
-    for number in count():
-        turn, stranger = divmod(number, STRANGERS)
-        core = CoreData(turn % 128, (0x5000_0000 + stranger).to_bytes(4))
-        payload = bsm.encode(BasicSafetyMessage(core))
-        secured = security.secure(payload, bsm.PSID, time.monotonic())
-        yield wsmp.encode(WaveShortMessage(psid=bsm.PSID, payload=secured))
+def _messages(credentials: Credentials) -> Iterator[bytes]:
+    """Frames of all strangers in turns."""
+    utc_offset_s = time.time() - time.monotonic()
+    strangers = [
+        Security(utc_offset_s, Credentials((own,), credentials.roots, credentials.authorities))
+        for own in credentials.pseudonyms
+    ]
+    for turn in count():
+        for number, stranger in enumerate(strangers):
+            now = time.monotonic()
+            core = CoreData(
+                turn % 128,
+                (0x5000_0000 + number).to_bytes(4),
+                sec_mark_s=(now + utc_offset_s) % 60.0,
+                latitude_deg=LATITUDE_DEG + number * _APART_DEG,
+                longitude_deg=LONGITUDE_DEG,
+                speed_m_s=0.0,
+                heading_rad=0.0,
+            )
+            secured = stranger.secure(bsm.encode(BasicSafetyMessage(core)), bsm.PSID, now)
+            yield wsmp.encode(WaveShortMessage(psid=bsm.PSID, payload=secured))
 
 
 if __name__ == "__main__":

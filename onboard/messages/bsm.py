@@ -129,6 +129,19 @@ def decode(frame: bytes) -> BasicSafetyMessage:
     )
 
 
+def temporary_id_in(frame: bytes) -> bytes | None:
+    """The sender's temporary ID, at a tenth of the cost of `decode`; `None`: it is no BSM.
+
+    Nothing else is looked at. The ID begins with the eleventh bit of the message in its frame,
+    after three bits that say what is present and seven of `msgCnt`.
+    """
+    octets_of_length = 2 if frame[2:3] >= b"\x80" else 1
+    start = frame[2 + octets_of_length : 8 + octets_of_length]
+    if frame[:2] != MESSAGE_ID.to_bytes(2) or len(start) < 6:
+        return None
+    return (int.from_bytes(start) >> 6 & 0xFFFF_FFFF).to_bytes(4)
+
+
 def as_dict(bsm: BasicSafetyMessage) -> dict[str, Any]:
     """Return the message as it stands in a trace line."""
     fields: dict[str, Any] = printed(bsm)

@@ -3,7 +3,6 @@
 Without a position there is no MVS: nothing is measured, believed or sent.
 """
 
-import dataclasses
 import math
 from collections import Counter, deque
 from collections.abc import Sequence
@@ -161,13 +160,14 @@ class MultiVehicleSensing:
             return []
         now_ms = self._utc_ms(now)
         tracks = self.cars_without_radio(now)
-        cars = [
-            dataclasses.replace(
-                self._as_reported(now, sender_id.hex(), KnownBy.RADIO, neighbour.reported),
-                acceleration_m_s2=neighbour.acceleration_m_s2,
-            )
-            for sender_id, neighbour in self._neighbours.items()
-        ]
+        neighbours = self._neighbours.values()
+        cars = self._as_reported(
+            now,
+            [sender_id.hex() for sender_id in self._neighbours],
+            KnownBy.RADIO,
+            [neighbour.reported for neighbour in neighbours],
+            [neighbour.acceleration_m_s2 for neighbour in neighbours],
+        )
         estimates = [track.estimate for track in tracks]
         states, covariances = propagate(estimates, now_ms, self._settings.acceleration_density)
         for at, track in enumerate(tracks):
@@ -194,7 +194,7 @@ class MultiVehicleSensing:
         own = self._own.state()
         if own is None or not self.has_position(now):
             return None
-        return self._as_reported(now, self.own_id.hex(), KnownBy.ITSELF, own)
+        return self._as_reported(now, [self.own_id.hex()], KnownBy.ITSELF, [own], [None])[0]
 
     def next_event(self) -> Discarded | None:
         """The oldest event not yet taken."""
@@ -348,24 +348,42 @@ class MultiVehicleSensing:
         )
 
     def _as_reported(
-        self, now: float, name: str, known_by: KnownBy, reported: ReportedState
-    ) -> KnownCar:
-        age_s = max(now - reported.stamp_s, 0.0)
+        self,
+        now: float,
+        names: Sequence[str],
+        known_by: KnownBy,
+        reported: Sequence[ReportedState],
+        accelerations_m_s2: Sequence[float | None],
+    ) -> list[KnownCar]:
+        if not reported:
+            return []
+        ages_s = [max(now - each.stamp_s, 0.0) for each in reported]
         states, covariances = predict(
-            reported.state[:, None],
-            reported.covariance[:, :, None],
-            np.array([age_s]),
+            np.stack([each.state for each in reported], axis=-1),
+            np.stack([each.covariance for each in reported], axis=-1),
+            np.array(ages_s),
             self._settings.acceleration_density,
         )
-        return KnownCar(
-            stamp_s=now,
-            name=name,
-            known_by=known_by,
-            state=tuple(states[:, 0].tolist()),
-            covariance=tuple(map(tuple, covariances[:, :, 0].tolist())),
-            age_s=age_s,
-            provenance=frozenset(),
-        )
+        return [
+            KnownCar(
+                stamp_s=now,
+                name=name,
+                known_by=known_by,
+                state=tuple(state),
+                covariance=tuple(map(tuple, covariance)),
+                age_s=age_s,
+                provenance=frozenset(),
+                acceleration_m_s2=acceleration_m_s2,
+            )
+            for name, state, covariance, age_s, acceleration_m_s2 in zip(
+                names,
+                states.T.tolist(),
+                covariances.transpose(2, 0, 1).tolist(),
+                ages_s,
+                accelerations_m_s2,
+                strict=True,
+            )
+        ]
 
     def _utc_ms(self, stamp_s: float) -> int:
         return round((stamp_s + self._utc_offset_s) * 1000)

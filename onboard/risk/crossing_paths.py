@@ -71,18 +71,21 @@ def meeting(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> Meeti
     Raises:
         CovarianceError: what is said of either car's uncertainty cannot be.
     """
-    states = np.array([own.state, other.state]).reshape(8)
-    if not np.all(np.isfinite(states)):
+    *_, east, north = own.state
+    *_, east_other, north_other = other.state
+    if not all(map(math.isfinite, (*own.state, *other.state))):
         return None
-    velocity, velocity_other = states[2:4], states[6:8]
-    if min(np.hypot(*velocity), np.hypot(*velocity_other)) < settings.least_speed_m_s:
+    # Most of many cars around end here, so it is done without arrays.
+    speed, speed_other = math.hypot(east, north), math.hypot(east_other, north_other)
+    if min(speed, speed_other) < settings.least_speed_m_s:
         return None
-    dot = velocity @ velocity_other
-    angle_rad = float(np.arctan2(_cross(velocity, velocity_other), dot))
-    if abs(np.sin(angle_rad)) < np.sin(settings.least_angle_rad):
+    turned = east * north_other - north * east_other
+    if abs(turned) < speed * speed_other * math.sin(settings.least_angle_rad):
         return None
+    angle_rad = math.atan2(turned, east * east_other + north * north_other)
     if not all(has_course(car, settings) for car in (own, other)):
         return None
+    states = np.array([*own.state, *other.state])
     mean = _approaches(states[:, None])[:, 0]
     if np.any(np.abs(mean[[0, 2]]) > settings.range_m):
         return None

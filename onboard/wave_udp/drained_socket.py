@@ -16,7 +16,7 @@ RECEIVE_BUFFER_BYTES = 4 << 20
 LARGEST_DATAGRAM = 8192
 """A WSM is 2,302 bytes at most (802.11), twice that as hex text."""
 
-GULP = 256
+GULP = 64
 """At most so many datagrams in one go, then the loop looks after the rest of the car."""
 
 

@@ -410,6 +410,20 @@ def _reason(data):
     return refused.value.reason
 
 
+@given(core=cores, safety=safeties)
+def test_the_temporary_id_is_found_without_reading_the_rest(core, safety):
+    frame = framed(core, safety)
+    assert bsm.temporary_id_in(frame) == bsm.decode(frame).core.temporary_id
+
+
+@given(st.binary(max_size=20))
+def test_a_temporary_id_is_four_bytes_or_none_whatever_comes(noise):
+    for given_bytes in (noise, b"\x00\x14" + noise):
+        found = bsm.temporary_id_in(given_bytes)
+        assert found is None or len(found) == 4
+    assert bsm.temporary_id_in(b"\x00\x13" + noise) is None, "another message"
+
+
 @given(core=cores, safety=safeties, data=st.data())
 def test_a_truncated_message_is_too_short_wherever_it_was_cut(core, safety, data):
     frame = framed(core, safety)

@@ -87,6 +87,20 @@ def test_another_implementation_reads_what_we_signed(oracle, payload, psid):
     assert by_digest["content"][1]["signer"] == ("digest", OWN.hashed_id8)
 
 
+@given(payload=st.binary(max_size=300), noise=st.binary(max_size=20))
+def test_a_payload_is_found_without_reading_the_rest(payload, noise):
+    for secured in (
+        ieee1609dot2.encode_unsecured(payload),
+        security(ALICE).secure(payload, BSM, now=1.0),
+    ):
+        found = ieee1609dot2.payload_in(secured)
+        assert found is not None
+        assert found.startswith(payload)
+    for head in (b"", b"\x03\x80", b"\x03\x81\x00\x40\x03\x80"):
+        ieee1609dot2.payload_in(head + noise)
+    assert ieee1609dot2.payload_in(b"\x02" + noise) is None
+
+
 def test_the_signature_is_over_the_hashes_that_the_standard_names(oracle):
     """IEEE 1609.2, 5.3.1.2.2, done again by hand from the oracle's reading."""
     value = reread(oracle.Ieee1609Dot2Data, security(ALICE).secure(b"words", BSM, now=0.0))

@@ -3,23 +3,32 @@
 import socket
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from onboard.messages import bsm
-from onboard.security import ieee1609dot2
-from onboard.wave_udp import wsmp
+from onboard.security.authority import make_trial
+from onboard.security.key_files import write_credentials
+from onboard.security.security import Security
+from onboard.wave_udp import psid, wsmp
 from sim_rig.studies.soak_fleet import STRANGERS, Fleet
 
 
-def test_a_flood_keeps_its_rate_and_is_made_of_messages() -> None:
+def test_a_flood_keeps_its_rate_and_is_of_many_cars_that_can_be_believed(tmp_path: Path) -> None:
+    utc_s = time.time()
+    trial = make_trial(["crowd", "own"], {psid.BSM}, utc_s, pseudonyms=20)
+    write_credentials(tmp_path / "crowd", trial["crowd"])
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.bind(("127.0.0.1", 0))
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
         port = str(wire.getsockname()[1])
         command = [sys.executable, "-m", "sim_rig.flood", port, "500", "0.5", "0"]
-        told = subprocess.run(command, capture_output=True, text=True, check=True)
+        told = subprocess.run(
+            [*command, str(tmp_path / "crowd")], capture_output=True, text=True, check=True
+        )
         wire.setblocking(False)
         heard = []
         while True:
@@ -29,9 +38,12 @@ def test_a_flood_keeps_its_rate_and_is_made_of_messages() -> None:
                 break
 
     assert len(heard) == int(told.stdout) == pytest.approx(250, rel=0.2)
-    frames = [wsmp.decode(each) for each in heard]
-    cores = [bsm.decode(ieee1609dot2.decode(f.payload).payload).core for f in frames]
-    assert len({core.temporary_id for core in cores}) > 200
+    own = Security(utc_s, trial["own"])
+    opened = [own.open(wsmp.decode(each).payload, psid.BSM, 1.0) for each in heard]
+    cores = [bsm.decode(each.payload).core for each in opened]
+    assert len({core.temporary_id for core in cores}) == 20
+    assert len({each.signer_id for each in opened}) == 20
+    assert all(core.latitude_deg is not None for core in cores)
 
 
 def test_the_fleet_meets_strangers_that_come_and_go() -> None:

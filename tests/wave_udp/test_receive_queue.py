@@ -1,5 +1,13 @@
 """What comes first when more comes than can be looked at."""
 
+from collections.abc import Callable
+
+import pytest
+
+from onboard.messages import bsm
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
+from onboard.security.ieee1609dot2 import encode_signed, encode_to_be_signed, encode_unsecured
 from onboard.wave_udp import psid
 from onboard.wave_udp.receive_queue import MOST_WAITING, ReceiveQueue
 from onboard.wave_udp.wsmp import WaveShortMessage, encode
@@ -7,6 +15,10 @@ from onboard.wave_udp.wsmp import WaveShortMessage, encode
 
 def wsm(service: int, number: int) -> bytes:
     return encode(WaveShortMessage(psid=service, payload=number.to_bytes(4)))
+
+
+def signed(payload: bytes) -> bytes:
+    return encode_signed(encode_to_be_signed(payload, psid.BSM, 1), b"signer..", (1, 1))
 
 
 def test_group_messages_come_first_and_each_kind_in_its_order() -> None:
@@ -32,18 +44,59 @@ def test_when_time_is_over_only_group_messages_are_taken() -> None:
     assert queue, "the other one still waits"
 
 
-def test_of_too_many_bsms_the_newest_stay_and_the_rest_are_counted() -> None:
+def said_by(sender: int, number: int, *, secure: Callable[[bytes], bytes]) -> bytes:
+    message = BasicSafetyMessage(CoreData(number, sender.to_bytes(4)))
+    return encode(WaveShortMessage(psid=psid.BSM, payload=secure(bsm.encode(message))))
+
+
+@pytest.mark.parametrize("secure", [encode_unsecured, signed])
+def test_of_each_sender_only_the_newest_bsm_waits_and_all_take_turns(
+    secure: Callable[[bytes], bytes],
+) -> None:
     queue = ReceiveQueue(psid.LCCA)
-    queue.put(wsm(psid.LCCA, 7))
-    for number in range(MOST_WAITING + 100):
-        queue.put(wsm(psid.BSM, number))
+    for number in range(3):
+        for sender in (1, 2, 3):
+            queue.put(said_by(sender, number, secure=secure))
+    queue.put(said_by(1, 3, secure=secure))
 
     taken = list(iter(queue.take, None))
 
-    assert taken[0] == wsm(psid.LCCA, 7)
-    assert taken[1:] == [wsm(psid.BSM, 100 + number) for number in range(MOST_WAITING)]
-    assert queue.take_shed() == 100
+    newest = {1: 3, 2: 2, 3: 2}
+    assert taken == [said_by(sender, newest[sender], secure=secure) for sender in (1, 2, 3)]
+    assert queue.take_shed() == 7
     assert queue.take_shed() == 0
+
+
+def test_a_sender_that_was_heard_goes_to_the_end_of_the_line() -> None:
+    queue = ReceiveQueue(psid.LCCA)
+    one, two, again = (said_by(s, n, secure=encode_unsecured) for s, n in ((1, 0), (2, 0), (1, 1)))
+    queue.put(one)
+    queue.put(two)
+
+    assert queue.take() == one
+    queue.put(again)
+    assert list(iter(queue.take, None)) == [two, again]
+
+
+def test_made_up_senders_cannot_fill_the_memory_nor_displace_the_group() -> None:
+    queue = ReceiveQueue(psid.LCCA)
+    queue.put(wsm(psid.LCCA, 7))
+    frames = [said_by(n, 0, secure=encode_unsecured) for n in range(MOST_WAITING + 100)]
+    for frame in frames:
+        queue.put(frame)
+
+    taken = list(iter(queue.take, None))
+
+    assert taken == [wsm(psid.LCCA, 7), *frames[100:]]
+    assert queue.take_shed() == 100
+
+
+def test_it_is_known_whether_a_group_message_waits() -> None:
+    queue = ReceiveQueue(psid.LCCA)
+    queue.put(wsm(psid.BSM, 1))
+    assert not queue.has_urgent
+    queue.put(wsm(psid.LCCA, 2))
+    assert queue.has_urgent
 
 
 def test_what_is_no_wsm_waits_like_a_bsm() -> None:

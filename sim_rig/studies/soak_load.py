@@ -1,0 +1,302 @@
+"""One real daemon behind a car that brakes again and again, first alone with it, then in a crowd.
+
+The car ahead is a stack in this process, and everything else that the daemon has wires to is as
+cheap as can be, so that processor time is the daemon's and the crowd's (`sim_rig.flood`).
+"""
+
+import asyncio
+import itertools
+import json
+import os
+import socket
+import sys
+import time
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+
+from onboard.config import CarConfig
+from onboard.obd.hard_brake import HardBrakeDetector
+from onboard.obd.settings import ObdSettings
+from onboard.observations import HardBrake, Position, Speed
+from onboard.security.authority import make_trial
+from onboard.security.credentials import Credentials
+from onboard.security.key_files import write_credentials
+from onboard.settings import parse_settings
+from onboard.stack import Stack
+from onboard.vision.settings import CameraSettings
+from onboard.wave_udp import psid
+from sim_rig.cars.camera_view import LENS
+from sim_rig.cars.ecu import Ecu
+from sim_rig.cars.socketcand_server import SocketcandServer
+from sim_rig.flood import LATITUDE_DEG, LONGITUDE_DEG
+from sim_rig.ledger import alarm_stamp_s
+from sim_rig.picture.scene import Picture, Scene, SceneCar
+from sim_rig.processes import Processes
+from sim_rig.run_log import Record, read_trace
+from sim_rig.wiring import DIGEST
+
+SETTLE_S = 6.0
+"""By then the group has formed."""
+PERIOD_S = 1.1
+"""From brake to brake."""
+STEP_S = 0.05
+STRANGERS = 300
+PICTURES_HZ, FIXES_HZ = 10.0, 10.0
+GAP_M, TAG_M = 12.0, 0.4
+_VIEW = LENS.model_dump() | {
+    "width_px": 320,
+    "height_px": 180,
+    "focal_x_px": 800.0,
+    "focal_y_px": 800.0,
+    "principal_x_px": 160.0,
+    "principal_y_px": 90.0,
+}
+_FAST_M_S, _DROP_M_S = 15.0, 4.0
+_MEAN_M_S = _FAST_M_S - _DROP_M_S / 2.0 / PERIOD_S
+_DEG_PER_M = 1.0 / 111_000
+Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What came of it."""
+
+    sent: int
+    """By the crowd."""
+    dropped_by_kernel: int
+    shed: int
+    """Given up by the daemon, because newer ones came or there was no room."""
+    quiet_ms: list[float]
+    """From a warning's being sent to the alarm, for each that came."""
+    loaded_ms: list[float]
+    due: tuple[int, int]
+    """Warnings sent, without and with the crowd."""
+    cores: tuple[float, float]
+    """That the daemon had, without and with the crowd."""
+
+
+async def load(folder: Path, rate_hz: float, during_s: float) -> Load:
+    """Drive for `during_s` without the crowd and then for as long with it."""
+    async with AsyncExitStack() as open_wires:
+        desk = await _Desk.set_up(folder, open_wires)
+        quiet_at = time.monotonic() + SETTLE_S
+        loaded_at = quiet_at + during_s
+        end_at = loaded_at + during_s
+        driving = asyncio.create_task(desk.ahead.drive(quiet_at, end_at))
+        flood = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "sim_rig.flood", str(desk.port), f"{rate_hz:g}"),
+            *(f"{during_s:g}", f"{loaded_at}", str(folder / "crowd")),
+            stdout=asyncio.subprocess.PIPE,
+        )
+        used_s = []
+        for at in (quiet_at, loaded_at, end_at):
+            await desk.processes.sleep_until(at)
+            used_s.append(_processor_s(desk.processes.pid("car")))
+        sent, _ = await flood.communicate()
+        dropped = _dropped_by_kernel(desk.port)
+        await driving
+    trace = list(read_trace(folder / "trace.jsonl"))
+    quiet, loaded = (
+        [at for at in desk.ahead.warned_at if begin <= at < begin + during_s]
+        for begin in (quiet_at, loaded_at)
+    )
+    return Load(
+        int(sent),
+        dropped,
+        sum(int(each["detail"].split()[0]) for each in trace if each.get("reason") == "overload"),
+        list(_delays_ms(trace, quiet)),
+        list(_delays_ms(trace, loaded)),
+        (len(quiet), len(loaded)),
+        ((used_s[1] - used_s[0]) / during_s, (used_s[2] - used_s[1]) / during_s),
+    )
+
+
+class _CarAhead:
+    """Another car's cores, on a wire of their own to the daemon."""
+
+    def __init__(self, credentials: Credentials, unit: socket.socket, port: int) -> None:
+        self.warned_at: list[float] = []
+        """When a warning of a new brake was sent."""
+        self._unit, self._port = unit, port
+        self._stack = Stack(
+            parse_settings(_config("TAG1"), CarConfig, "ahead"),
+            (),
+            np.random.default_rng(1),
+            now=time.monotonic(),
+            utc_s=time.time(),
+            credentials=credentials,
+        )
+        self._detector = HardBrakeDetector(ObdSettings().hard_brake_threshold_g)
+        unit.setblocking(False)
+        asyncio.get_running_loop().add_reader(unit, self._receive)
+
+    async def drive(self, brakes_from_at: float, until_at: float) -> None:
+        """Straight on, and brake every `PERIOD_S`."""
+        at, ahead_m = time.monotonic(), GAP_M
+        while at < until_at:
+            into_s = (at - brakes_from_at) % PERIOD_S if at >= brakes_from_at else PERIOD_S
+            speed = Speed(at, _speed_m_s(into_s), 0.1, "ahead")
+            ahead_m += speed.speed_m_s * STEP_S
+            self._stack.receive_observation(speed, at)
+            self._stack.receive_observation(_place(at, ahead_m, speed.speed_m_s), at)
+            if (brake := self._detector.receive_speed(speed)) is not None:
+                self._stack.receive_observation(brake, at)
+            self._step()
+            at += STEP_S
+            await asyncio.sleep(max(0.0, at - time.monotonic()))
+
+    def _receive(self) -> None:
+        self._stack.receive_wsm(self._unit.recv(8192), time.monotonic())
+        self._step()
+
+    def _step(self) -> None:
+        now = time.monotonic()
+        self._stack.set_utc(time.time(), now)
+        if self._stack.get_timer() <= now:
+            self._stack.handle_timer(now)
+        wsms = self._stack.wsms_to_send(now)
+        sent_at = time.monotonic()
+        for _, wsm in wsms:
+            self._unit.sendto(wsm, ("127.0.0.1", self._port))
+        while (event := self._stack.next_event()) is not None:
+            if isinstance(event, HardBrake):
+                self.warned_at.append(sent_at)
+
+
+def _speed_m_s(into_s: float) -> float:
+    """A sawtooth: down in half a second, up in another."""
+    return _FAST_M_S - _DROP_M_S * max(0.0, 1.0 - abs(into_s - 0.5) / 0.5)
+
+
+def _place(now: float, ahead_m: float, speed_m_s: float) -> Position:
+    latitude_deg = LATITUDE_DEG + ahead_m * _DEG_PER_M
+    return Position(now, latitude_deg, LONGITUDE_DEG, 0.0, 1.5, speed_m_s, 0.0)
+
+
+def _config(plate: str) -> dict[str, Any]:
+    return {"car": {"plate": plate}, "security": {"plate_digest": DIGEST}}
+
+
+@dataclass(frozen=True, slots=True)
+class _Desk:
+    """The daemon with its wires."""
+
+    ahead: _CarAhead
+    processes: Processes
+    port: int
+    """On which the daemon hears the radio."""
+
+    @classmethod
+    async def set_up(cls, folder: Path, wires: AsyncExitStack) -> "_Desk":
+        """Start the daemon, with everything it needs."""
+        utc_s, psids = time.time(), {psid.BSM, psid.LCCA}
+        trial = make_trial(["own", "ahead", "crowd"], psids, utc_s, pseudonyms=STRANGERS)
+        for name in ("own", "crowd"):
+            write_credentials(folder / name, trial[name])
+        bus = SocketcandServer(Ecu(lambda _now: _MEAN_M_S), "can0", lambda _frame: None)
+        bus_port = await bus.start()
+        wires.push_async_callback(bus.close)
+        ports = []
+        for serve in (_serve_camera(), _serve_fixes):
+            server = await asyncio.start_server(serve, "127.0.0.1", 0)
+            wires.callback(server.close)
+            ports.append(server.sockets[0].getsockname()[1])
+        unit = wires.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        unit.bind(("127.0.0.1", 0))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = int(probe.getsockname()[1])
+        config = _config("TAG2") | {
+            "can": {"channel": "can0", "port": bus_port},
+            "camera": _VIEW | {"source": f"http://127.0.0.1:{ports[0]}/"},
+            "vision": {"plates": False, "tag_side_m": TAG_M},
+            "gnss": {"port": ports[1]},
+            "radio": {
+                "endpoint": "iwcu",
+                "listen_port": port,
+                "unit_port": unit.getsockname()[1],
+            },
+            "trace": {"file": str(folder / "trace.jsonl")},
+            "recorder": {"folder": str(folder / "box")},
+        }
+        config["security"]["keys_folder"] = str(folder / "own")
+        (folder / "car.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
+        processes = await wires.enter_async_context(Processes(folder))
+        await processes.start("car", "-m", "onboard", "run", str(folder / "car.yaml"))
+        return cls(_CarAhead(trial["ahead"], unit, port), processes, port)
+
+
+def _serve_camera() -> Handler:
+    """A car with a tag a little way ahead, as MJPEG, from pictures drawn before."""
+    picture = Picture(CameraSettings(source="rig", **_VIEW))
+    rng = np.random.default_rng(1)
+    jpegs = []
+    for number in range(10):
+        ahead = SceneCar(ahead_m=GAP_M + 0.05 * number, tag_id=1, tag_side_m=TAG_M)
+        image = picture.draw(Scene(cars=(ahead,), travelled_m=1.4 * number), rng)
+        jpegs.append(cv2.imencode(".jpg", image)[1].tobytes())
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        kind = b"multipart/x-mixed-replace; boundary=picture"
+        writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: " + kind + b"\r\n\r\n")
+        for jpeg in itertools.cycle(jpegs):
+            if writer.is_closing():
+                return
+            writer.write(b"--picture\r\nContent-Length: %d\r\n\r\n" % len(jpeg) + jpeg + b"\r\n")
+            await asyncio.sleep(1 / PICTURES_HZ)
+
+    return serve
+
+
+async def _serve_fixes(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """The own car's fixes, as gpsd tells them."""
+    began_at = time.monotonic()
+    while not writer.is_closing():
+        now = time.monotonic()
+        place = _place(now, (now - began_at) * _MEAN_M_S, _MEAN_M_S)
+        report = {
+            "class": "TPV",
+            "mode": 3,
+            "time": datetime.now(UTC).isoformat().replace("+00:00", "Z"),
+            "lat": place.latitude_deg,
+            "lon": place.longitude_deg,
+            "epx": 3.0,
+            "epy": 3.0,
+            "speed": place.speed_m_s,
+            "track": 0.0,
+        }
+        writer.write(json.dumps(report, separators=(",", ":")).encode() + b"\n")
+        await asyncio.sleep(1 / FIXES_HZ)
+
+
+def _delays_ms(trace: Sequence[Record], warned_at: Sequence[float]) -> Iterator[float]:
+    """From each warning's being sent to the alarm that it raised."""
+    alarms = [alarm_stamp_s(each) for each in trace if each["kind"] == "warning"]
+    for at in warned_at:
+        raised = [alarm for alarm in alarms if at <= alarm < at + 0.9 * PERIOD_S]
+        if raised:
+            yield (raised[0] - at) * 1e3
+
+
+def _processor_s(pid: int) -> float:
+    """What a process has had of the processors; the fields of proc(5) behind the name."""
+    fields = Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _dropped_by_kernel(port: int) -> int:
+    """The last column of /proc/net/udp: what the receive buffer had no room for."""
+    for line in Path("/proc/net/udp").read_text("ascii").splitlines()[1:]:
+        fields = line.split()
+        if int(fields[1].rpartition(":")[2], 16) == port:
+            return int(fields[-1])
+    return 0
