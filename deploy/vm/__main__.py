@@ -20,7 +20,7 @@ import yaml
 
 from deploy.vm.drive import BOX, FOLDER, TRACE, Drive, NotSeenError, Row, slowness
 from deploy.vm.here import Here
-from deploy.vm.machine import Machine, MachineError, new_disk
+from deploy.vm.machine import PATIENCE_S, Machine, MachineError, new_disk
 from deploy.vm.report import record, table
 from onboard.security.authority import make_trial
 from onboard.security.key_files import write_credentials
@@ -203,7 +203,7 @@ class VmTest:
             # By the clock and on two cores, which is sooner done.
             machine = Machine(BUILD, INSTALLED, SHARE, counted=False)
             try:
-                machine.run(MOUNT + SET_UP, timeout_s=1800.0)
+                machine.run(MOUNT + SET_UP, timeout_s=PATIENCE_S - 300.0)
             except MachineError:
                 disk.unlink()
                 raise

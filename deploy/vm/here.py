@@ -9,7 +9,7 @@ import subprocess
 import time
 from pathlib import Path
 
-from deploy.vm.machine import Answer, MachineError
+from deploy.vm.machine import COUNTED_S, Answer, MachineError
 
 BOOT = """
 set -e
@@ -71,7 +71,7 @@ class Here:
         state = self.run("systemctl is-system-running", check=False).output.strip()
         return state in {"running", "degraded"}
 
-    def run(self, command: str, timeout_s: float = 120.0, *, check: bool = True) -> Answer:
+    def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Answer:
         """As `Machine.run`."""
         began_s = time.monotonic()
         done = subprocess.run(
@@ -83,7 +83,7 @@ class Here:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=timeout_s,
+            timeout=timeout_s or COUNTED_S,
             check=False,
         )
         answer = Answer(done.returncode, done.stdout, began_s, time.monotonic())
