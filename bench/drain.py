@@ -102,7 +102,7 @@ async def _count(wire: socket.socket, until: int, quiet_s: float) -> int:
         if count == until:
             done.set()
 
-    drained = DrainedSocket(wire, on_datagram)
+    drained = DrainedSocket(wire, on_datagram, print)
     drained.start(loop)
     seen = -1
     while seen != count and not done.is_set():

@@ -93,5 +93,6 @@ class CarConfig(Settings):
             Sensor.SPEED: self.can,
             Sensor.CAMERA: self.camera,
             Sensor.POSITION: self.gnss,
+            Sensor.RADIO: self.radio,
         }
         return frozenset(sensor for sensor, wire in wires.items() if wire is not None)

@@ -22,7 +22,7 @@ from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.messages import bsm
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
-from onboard.observations import Discarded, Lead, Sensor, SensorLost
+from onboard.observations import Discarded, Lead, Sensor, SensorBack, SensorLost
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.notes import Recording
 from onboard.recorder.recorded import put_together
@@ -63,6 +63,9 @@ EPOCH_AHEAD_S = 10.0
 
 RADIO_TURN_S = 0.000_7
 """How long a round may hear a crowd, before the wires are looked at again: three or four BSMs."""
+
+RADIO_BACK_S = 4.0
+"""A host that is gone is noticed every third second (ARP), a port that is closed every second."""
 
 InputT = TypeVar("InputT")
 ReturnT = TypeVar("ReturnT")
@@ -109,6 +112,7 @@ class Daemon:
         self._inbox: deque[tuple[Callable[[Any, float], None], object]] = deque()
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
+        self._radio_back: asyncio.TimerHandle | None = None
         self._is_resting = False
         self._page: DriverPage | None = None
         self._trace: TraceFile | None = None
@@ -161,7 +165,7 @@ class Daemon:
             gpsd.start(self._loop)
             wires.callback(gpsd.close)
         if config.radio is not None:
-            radio = open_endpoint(config.radio, self._on_wsm)
+            radio = open_endpoint(config.radio, self._on_wsm, self._on_radio_trouble)
             wires.callback(radio.close)
             radio.start(self._loop)
             self._send_wsm = radio.send
@@ -212,7 +216,7 @@ class Daemon:
     def _rest(self) -> None:
         """No step any more, whatever the camera's thread still brings."""
         self._is_resting = True
-        for handle in (self._timer, self._next_step):
+        for handle in (self._timer, self._next_step, self._radio_back):
             if handle is not None:
                 handle.cancel()
 
@@ -267,6 +271,19 @@ class Daemon:
         if not up:
             lost = SensorLost(self._loop.time(), Sensor.POSITION, silent_s=None, reason=why)
             self._take(self._stack.receive_observation, lost)
+
+    def _on_radio_trouble(self, why: str) -> None:
+        """It comes as often as something is sent, so when it no longer does, the radio is back."""
+        now = self._loop.time()
+        lost = SensorLost(now, Sensor.RADIO, silent_s=None, reason=why)
+        self._take(self._stack.receive_observation, lost)
+        if self._radio_back is not None:
+            self._radio_back.cancel()
+        self._radio_back = self._loop.call_later(RADIO_BACK_S, self._on_radio_back)
+
+    def _on_radio_back(self) -> None:
+        back = SensorBack(self._loop.time(), Sensor.RADIO)
+        self._take(self._stack.receive_observation, back)
 
     def _receive_gnss(self, data: bytes, now: float) -> None:
         self._gnss.receive_bytes(data, now)

@@ -405,5 +405,6 @@ def _limits_s(watch: WatchSettings, sensors: Iterable[Sensor]) -> dict[Sensor, f
         Sensor.SPEED: watch.speed_s,
         Sensor.CAMERA: watch.camera_s,
         Sensor.POSITION: watch.position_s,
+        Sensor.RADIO: math.inf,  # which may be silent: nobody need be near
     }
     return {sensor: limits_s[sensor] for sensor in sensors}

@@ -2,14 +2,13 @@
 
 Without a token only this machine is served, and a page of another origin that a browser on this
 machine has open must not look either. Two ways it could: by a name of its own that resolves to
-127.0.0.1 (so the name asked for must be ours), and by a web socket, which browsers let cross
+this machine (so it must be asked for by address), and by a web socket, which browsers let cross
 origins (so its origin must be the page).
 """
 
 import hmac
+from ipaddress import ip_address
 from urllib.parse import urlsplit
-
-OUR_NAMES = frozenset({"127.0.0.1", "localhost"})
 
 
 class Door:
@@ -33,7 +32,7 @@ class Door:
         if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
             return "foreign_origin"
         if self._token is None:
-            return None if _name_in(host) in OUR_NAMES else "foreign_host"
+            return None if _is_this_machine(host) else "foreign_host"
         scheme, _, bearer = (authorization or "").partition(" ")
         offered = cookie if cookie is not None else bearer if scheme == "Bearer" else None
         if offered is None:
@@ -46,8 +45,10 @@ class Door:
         return bool(token) and hmac.compare_digest(offered.encode(), token.encode())
 
 
-def _name_in(host: str) -> str | None:
+def _is_this_machine(host: str) -> bool:
+    """Whether it is asked for by an address of its own; any name may resolve to one."""
     try:
-        return urlsplit(f"//{host}").hostname
+        name = urlsplit(f"//{host}").hostname
+        return name == "localhost" or ip_address(name or "").is_loopback
     except ValueError:
-        return None
+        return False

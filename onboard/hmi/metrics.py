@@ -67,6 +67,11 @@ class Metrics:
             "1, or 0 while the black box does not; NaN without one.",
             registry=registry,
         )
+        self._notes_lost = Gauge(
+            "onboard_notes_lost",
+            "Notes that the black box has lost since the start.",
+            registry=registry,
+        )
         self._loop_delay = Histogram(
             "onboard_loop_delay_seconds",
             "How late the loop comes to what is due, sampled ten times a second.",
@@ -113,6 +118,7 @@ class Metrics:
                 self._number.set(event.group_number)
             case Recording():
                 self._recording.set(event.is_recording)
+                self._notes_lost.set(event.dropped)
             case Speed():
                 self._speed.set(event.speed_m_s)
             case Lead():

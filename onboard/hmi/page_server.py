@@ -14,6 +14,7 @@ from aiohttp import WSMsgType, web
 
 from onboard.errors import UserError
 from onboard.hmi.door import Door
+from onboard.hmi.doorkeeper import Doorkeeper
 from onboard.hmi.feed import Feed, Reader
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import HEADERS, Handler, add_page, read_page, under_rules
@@ -68,8 +69,12 @@ class PageServer:
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
         await self._runner.setup()
         host, port = str(self._settings.host), self._settings.port
+        server = self._runner.server
+        assert server is not None  # noqa: S101 (it has been set up)
+        self._doorkeeper = Doorkeeper(server)
+        loop = asyncio.get_running_loop()
         try:
-            await web.TCPSite(self._runner, host, port).start()
+            self._listener = await loop.create_server(self._doorkeeper, host, port, backlog=128)
         except OSError as error:
             await self._runner.cleanup()
             raise UserError(f"hmi: {host}:{port}: {error.strerror}") from error
@@ -79,6 +84,8 @@ class PageServer:
     async def close(self) -> None:
         """Say goodbye to every page."""
         self._probe.cancel()
+        self._doorkeeper.close()
+        self._listener.close()
         pages = list(self._pages)
         await asyncio.gather(*(page.close() for page in pages), return_exceptions=True)
         await self._runner.cleanup()

@@ -23,16 +23,27 @@ class Endpoint(Protocol):
         """Leave the wire."""
 
 
-def open_endpoint(settings: RadioSettings, on_wsm: Callable[[bytes], None]) -> Endpoint:
-    """Open the wire; `on_wsm` gets what the radio hands over, garbage included.
+def open_endpoint(
+    settings: RadioSettings,
+    on_wsm: Callable[[bytes], None],
+    on_trouble: Callable[[str], None] = lambda _why: None,
+) -> Endpoint:
+    """Open the wire.
+
+    Args:
+        settings: which.
+        on_wsm: gets what the radio hands over, garbage included.
+        on_trouble: told why the radio cannot be reached, as often as that is noticed. Only what
+            the network says is: that nothing listens there, nobody has the address, or the
+            interface is down. A unit that takes everything and sends nothing is not noticed.
 
     Raises:
         RadioError: it cannot be opened.
     """
     match settings:
         case IwcuSettings():
-            return IwcuEndpoint(settings, on_wsm)
+            return IwcuEndpoint(settings, on_wsm, on_trouble)
         case Rsu41Settings():
-            return Rsu41Endpoint(settings, on_wsm)
+            return Rsu41Endpoint(settings, on_wsm, on_trouble)
         case _:
-            return RawEndpoint(settings, on_wsm)
+            return RawEndpoint(settings, on_wsm, on_trouble)

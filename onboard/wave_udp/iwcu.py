@@ -5,7 +5,6 @@ precedence, the three high bits of the type of service octet (RFC 791, 3.1).
 """
 
 import asyncio
-import contextlib
 import socket
 import struct
 from collections.abc import Callable
@@ -21,11 +20,16 @@ _TOS = [
 class IwcuEndpoint:
     """Sends WSMs to the unit, and hands over those that come from it."""
 
-    def __init__(self, settings: IwcuSettings, on_wsm: Callable[[bytes], None]) -> None:
+    def __init__(
+        self,
+        settings: IwcuSettings,
+        on_wsm: Callable[[bytes], None],
+        on_trouble: Callable[[str], None],
+    ) -> None:
         """Bind the port. Raises `RadioError`."""
         self._unit = str(settings.unit_host), settings.unit_port
         wire = udp_socket(str(settings.listen_host), settings.listen_port)
-        self._socket = DrainedSocket(wire, on_wsm)
+        self._socket = DrainedSocket(wire, on_wsm, on_trouble)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Receive on `loop` from now on."""
@@ -33,8 +37,7 @@ class IwcuEndpoint:
 
     def send(self, wsm: bytes, user_priority: int) -> None:
         """Give `wsm` to the unit; it is lost where the unit is not there, as it is on the air."""
-        with contextlib.suppress(OSError):
-            self._socket.wire.sendmsg((wsm,), _TOS[user_priority], 0, self._unit)
+        self._socket.send(wsm, self._unit, _TOS[user_priority])
 
     def close(self) -> None:
         """Leave the wire."""

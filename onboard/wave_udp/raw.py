@@ -19,11 +19,16 @@ _USER_PRIORITY_BASE = 256
 class RawEndpoint:
     """Sends WSMs as broadcast frames, and hands over those of others."""
 
-    def __init__(self, settings: RawSettings, on_wsm: Callable[[bytes], None]) -> None:
+    def __init__(
+        self,
+        settings: RawSettings,
+        on_wsm: Callable[[bytes], None],
+        on_trouble: Callable[[str], None],
+    ) -> None:
         """Bind the interface. Raises `RadioError`."""
         self._address = settings.interface, ETHERTYPE, 0, 0, BROADCAST
         self._user_priority: int | None = None
-        self._socket = DrainedSocket(_open(settings.interface), on_wsm)
+        self._socket = DrainedSocket(_open(settings.interface), on_wsm, on_trouble)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Receive on `loop` from now on."""
@@ -38,7 +43,7 @@ class RawEndpoint:
                     socket.SOL_SOCKET, socket.SO_PRIORITY, _USER_PRIORITY_BASE + user_priority
                 )
                 self._user_priority = user_priority
-            wire.sendto(wsm, self._address)
+        self._socket.send(wsm, self._address)
 
     def close(self) -> None:
         """Leave the wire."""

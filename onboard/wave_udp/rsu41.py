@@ -5,7 +5,6 @@ configuration says: as the WSM, or as the 1609.2 data in it. Both are taken.
 """
 
 import asyncio
-import contextlib
 from collections.abc import Callable
 
 from onboard.messages.declaration import DecodeError
@@ -20,13 +19,18 @@ from onboard.wave_udp.wsmp import WaveShortMessage
 class Rsu41Endpoint:
     """Sends WSMs through the unit, and hands over those that it forwards."""
 
-    def __init__(self, settings: Rsu41Settings, on_wsm: Callable[[bytes], None]) -> None:
+    def __init__(
+        self,
+        settings: Rsu41Settings,
+        on_wsm: Callable[[bytes], None],
+        on_trouble: Callable[[str], None],
+    ) -> None:
         """Bind the port. Raises `RadioError`."""
         self._settings = settings
         self._unit = str(settings.unit_host), settings.unit_port
         self._on_wsm = on_wsm
         wire = udp_socket(str(settings.listen_host), settings.listen_port)
-        self._socket = DrainedSocket(wire, self._receive)
+        self._socket = DrainedSocket(wire, self._receive, on_trouble)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Receive on `loop` from now on."""
@@ -35,8 +39,7 @@ class Rsu41Endpoint:
     def send(self, wsm: bytes, user_priority: int) -> None:
         """Give `wsm` to the unit; it is lost where the unit is not there, as it is on the air."""
         text = immediate_forward.encode(as_immediate_forward(wsm, user_priority, self._settings))
-        with contextlib.suppress(OSError):
-            self._socket.wire.sendto(text, self._unit)
+        self._socket.send(text, self._unit)
 
     def close(self) -> None:
         """Leave the wire."""

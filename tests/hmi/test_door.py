@@ -10,7 +10,10 @@ from onboard.settings import parse_settings
 TOKEN = "aaaabbbbccccdddd"  # noqa: S105 (of this test)
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1:8460", "localhost:8460", "localhost", "127.0.0.1"])
+@pytest.mark.parametrize(
+    "host",
+    ["127.0.0.1:8460", "localhost:8460", "localhost", "127.0.0.1", "127.0.0.2:8460", "[::1]:8460"],
+)
 def test_without_a_token_this_machine_is_served(host: str) -> None:
     assert Door(None).refusal(host, None, None, None) is None
     assert Door(None).refusal(host, f"http://{host}", None, None) is None

@@ -1,8 +1,12 @@
 """Whole cars, joined by a wire that loses nothing: from observations to the other car's warning."""
 
+import numpy as np
 import pytest
 
-from onboard.observations import Sensor, SensorLost
+from onboard.config import CarConfig
+from onboard.observations import Sensor, SensorBack, SensorLost
+from onboard.settings import parse_settings
+from onboard.stack import Stack
 from onboard.trace import as_record
 from tests.house.platoon import Platoon, car
 
@@ -69,3 +73,27 @@ def test_a_car_without_samples_says_which_sensors_are_lost() -> None:
     lost = [event for event in iter(stack.next_event, None) if isinstance(event, SensorLost)]
 
     assert {event.sensor for event in lost} == {Sensor.SPEED, Sensor.CAMERA}
+
+
+def test_a_radio_is_lost_when_its_wire_says_so_and_never_for_being_silent() -> None:
+    tree = {
+        "car": {"plate": "AAA1"},
+        "radio": {"endpoint": "iwcu", "listen_port": 1, "unit_port": 2},
+    }
+    config = parse_settings(tree, CarConfig, "test")
+    stack = Stack(config, config.sensors(), np.random.default_rng(1), now=0.0, utc_s=0.0)
+    said = []
+    for now in np.arange(0.0, 20.0, 0.1).tolist():
+        if now == pytest.approx(5.0):
+            stack.receive_observation(SensorLost(now, Sensor.RADIO, None, "no route"), now)
+        if now == pytest.approx(9.0):
+            stack.receive_observation(SensorBack(now, Sensor.RADIO), now)
+        stack.handle_timer(now)
+        stack.wsms_to_send(now)
+        said += [e for e in iter(stack.next_event, None) if isinstance(e, SensorLost | SensorBack)]
+
+    assert [(type(event), event.sensor) for event in said] == [
+        (SensorLost, Sensor.RADIO),
+        (SensorBack, Sensor.RADIO),
+    ]
+    assert [event.stamp_s for event in said] == pytest.approx([5.0, 9.0])

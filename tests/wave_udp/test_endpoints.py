@@ -116,6 +116,29 @@ def test_a_unit_that_is_not_there_stops_nothing(free_port):
     assert asyncio.run(talk()) == WSM
 
 
+@pytest.mark.parametrize(("kind", "endpoint"), [(IwcuSettings, "iwcu"), (Rsu41Settings, "rsu41")])
+def test_a_unit_that_is_not_there_is_told_as_often_as_something_is_sent(kind, endpoint, free_port):
+    """What ICMP brings wakes the loop, and must not wake it again and again."""
+    settings = kind(endpoint=endpoint, unit_port=9, listen_port=free_port)
+
+    async def talk():
+        told = asyncio.Queue()
+        loop = asyncio.get_running_loop()
+        with contextlib.closing(open_endpoint(settings, print, told.put_nowait)) as wire:
+            wire.start(loop)
+            whys = []
+            for _ in range(2):
+                wire.send(WSM, 7)
+                whys.append(await asyncio.wait_for(told.get(), 10.0))
+            for _ in range(20):
+                await asyncio.sleep(0)
+            return whys, told.qsize()
+
+    whys, more = asyncio.run(talk())
+    assert whys == ["Connection refused"] * 2
+    assert more == 0
+
+
 def test_no_callback_comes_after_close(free_port):
     async def talk():
         got = []
