@@ -30,6 +30,8 @@ class Scene(StrEnum):
 
     CROSSING = "crossing"
     """Dense: some 100 cars on two six-lane roads; the AIM simulator's where it is there."""
+    LIGHTER_CROSSING = "lighter-crossing"
+    """The same with some 50 cars; only where AIM's recording is."""
     OWN_CROSSING = "own-crossing"
     """The same from our own car-following model."""
     SUMO_CROSSING = "sumo-crossing"
@@ -59,15 +61,17 @@ def open_scene(scene: Scene) -> Place:
     """Read or drive it, once in a process.
 
     Raises:
-        UserError: the city's trace is not there.
+        UserError: the recording is not there, and nobody else drives this scene.
     """
     traces = Path(os.environ.get("RIG_DATA", _DATA)) / "traces"
-    aim, city = traces / "crossing-signals-100-cars.csv.gz", traces / "city-99-cars.ns2"
+    aim = traces / "crossing-signals-100-cars.csv.gz"
     if scene is Scene.CITY:
-        if not city.is_file():
-            raise UserError(f"the city needs {city} (RIG_DATA names the folder of recordings)")
+        city = _there(traces / "city-99-cars.ns2")
         recording = keep_right(read_trace(city), _CITY_LANE_M)
         return Place(recording, None, city.name, has_lights=False)
+    if scene is Scene.LIGHTER_CROSSING:
+        lighter = _there(traces / "crossing-signals-50-cars.csv.gz")
+        return Place(read_trace(lighter), Corners(_CORNERS_M), lighter.name)
     if scene is Scene.CROSSING and aim.is_file():
         return Place(read_trace(aim), Corners(_CORNERS_M), aim.name)
     if scene is Scene.OWN_CROSSING:
@@ -77,3 +81,9 @@ def open_scene(scene: Scene) -> Place:
 
     with SumoTraffic(NETWORKS / "crossing.sumocfg", seed=0) as sumo:
         return Place(record(sumo, 300.0, begin_s=90.0), Corners(_CORNERS_M), "SUMO's crossing")
+
+
+def _there(path: Path) -> Path:
+    if not path.is_file():
+        raise UserError(f"this scene needs {path} (RIG_DATA names the folder of recordings)")
+    return path
