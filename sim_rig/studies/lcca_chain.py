@@ -24,6 +24,8 @@ from onboard.messages.lcca import LccaMessage, Warn
 from onboard.observations import HardBrake
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
+from sim_rig.radio.settings import CsmaSettings
+from sim_rig.studies.lcca_channel import STEP_S, PlatoonChannel
 from sim_rig.studies.results import write_results
 
 _STEP_S = 0.01
@@ -53,6 +55,10 @@ class ChainSettings(Settings):
     """From the brake to the car's own certainty of it."""
     reach_m: float = Field(300.0, gt=0.0)
     loss: float = Field(0.1, ge=0.0, lt=1.0)
+    csma: CsmaSettings | None = None
+    """The 802.11p channel, in the place of `reach_m` and `loss`; all radios send BSMs then."""
+    cars_around: int = Field(0, ge=0, le=1000)
+    """With the channel: so many more cars with radios, on half a kilometre before and behind."""
     forming_s: float = Field(4.0, ge=1.0, le=30.0)
     """Before the brake the groups form."""
     lcca: LccaSettings = LccaSettings()
@@ -117,6 +123,17 @@ class _Platoon:
         }
         self._air: list[tuple[float, int, int, LccaMessage]] = []
         self._order = count()
+        self._channel: PlatoonChannel | None = None
+        if settings.csma is not None:
+            channel_rng = np.random.default_rng([seed, cars, 2])
+            self._channel = PlatoonChannel(
+                settings.csma,
+                self._places,
+                self._radios,
+                settings.cars_around,
+                channel_rng,
+                begin_s=-settings.forming_s,
+            )
         self.brakes_s = [0.0] + [math.inf] * (cars - 1)
         self.warned_s = [math.inf] * cars
         self.warn_messages = 0
@@ -126,9 +143,9 @@ class _Platoon:
     def drive(self) -> None:
         """Let the groups form, the first car brake, and everybody react."""
         certain: set[int] = set()
-        step = 0
+        step, step_s = 0, _STEP_S if self._channel is None else STEP_S
         while not all(map(math.isfinite, self.brakes_s)):
-            now = step * _STEP_S - self._settings.forming_s
+            now = step * step_s - self._settings.forming_s
             self._react(now)
             for car in self._radios:
                 if car not in certain and self.brakes_s[car] + self._settings.detection_s <= now:
@@ -137,7 +154,7 @@ class _Platoon:
                     self.flooding_messages += self._reached_by_flooding(car)
                     brake = HardBrake(now, float(self._decelerations[car]), "study")
                     self._groups[car].receive_hard_brake(brake, now)
-            if step % round(_FRAME_S / _STEP_S) == 0:
+            if step % round(_FRAME_S / step_s) == 0:
                 self._look(now)
             self._deliver(now)
             for car, group in self._groups.items():
@@ -176,6 +193,9 @@ class _Platoon:
     def _send(self, car: int, group: WarningGroup, now: float) -> None:
         for message in group.messages_to_send(now):
             self.warn_messages += isinstance(message, Warn)
+            if self._channel is not None:
+                self._channel.send(car, message, now)
+                continue
             for other in self._heard_by(car):
                 if self._rng.random() >= self._settings.loss:
                     heapq.heappush(self._air, (now + _AIR_S, next(self._order), other, message))
@@ -184,6 +204,9 @@ class _Platoon:
                 self.warned_s[car] = min(self.warned_s[car], now)
 
     def _deliver(self, now: float) -> None:
+        for message, receivers in self._channel.heard(now) if self._channel is not None else ():
+            for car in receivers:
+                heapq.heappush(self._air, (now, next(self._order), car, message))
         while self._air and self._air[0][0] <= now:
             _, _, car, message = heapq.heappop(self._air)
             self._groups[car].receive_message(message, now)

@@ -2,11 +2,12 @@
 
 What the cores are given is made from the true motion: fixes with noise, and cars seen by a ranging
 sensor all around, with range, noise, misses, and no view through cars or buildings. What they send
-is carried to everybody in reach, or lost. Footers travel as values, each decoded once.
+is carried to everybody in reach, or lost, or over the 802.11p channel. Footers travel as values,
+each decoded once.
 """
 
 import math
-from collections.abc import Container
+from collections.abc import Iterable, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,12 +23,16 @@ from onboard.mvs.own_car import OwnCar
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Position, SensedCar
 from onboard.settings import Settings
+from sim_rig.radio.settings import CsmaSettings
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.sight import Blocked
+from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
 ORIGIN = LocalFrame(47.37, 8.54)
 TICK_S = 0.1
 START_UTC_S = 1_750_000_000.0
+_PRIORITY = 5
+"""Of a BSM."""
 
 
 class WorldSettings(Settings):
@@ -47,6 +52,8 @@ class WorldSettings(Settings):
     """Of the radio."""
     loss: float = Field(0.0, ge=0.0, le=1.0)
     """Part of the copies of a message that do not arrive."""
+    csma: CsmaSettings | None = None
+    """The 802.11p channel, in the place of `reach_m` and `loss`."""
     blocker_radius_m: float = Field(0.9, ge=0.0)
     """A car hides what lies behind a disc of this radius."""
 
@@ -61,8 +68,18 @@ class TrueMeasurement:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Bsm:
+    """What is on the air."""
+
+    sender: str
+    fix: Position
+    acceleration_m_s2: float
+    footer: MvsFooter
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Sent:
-    """One footer on the air."""
+    """One footer that was on the air."""
 
     at_s: float
     sender: str
@@ -77,7 +94,7 @@ class MvsWorld:
     def __init__(
         self,
         traffic: Traffic,
-        equipped: Container[str],
+        equipped: Set[str],
         settings: WorldSettings,
         mvs: MvsSettings,
         seed: int,
@@ -101,6 +118,10 @@ class MvsWorld:
         self.sent: list[Sent] = []
         """In the last tick."""
         self.now = 0.0
+        self._channel: StudyChannel[_Bsm] | None = None
+        if settings.csma is not None:
+            rng = np.random.default_rng([seed, 2])
+            self._channel = StudyChannel(settings.csma, sorted(equipped), rng)
 
     def own_id(self, car: str) -> bytes:
         """Temporary ID of a car."""
@@ -112,6 +133,8 @@ class MvsWorld:
         self.sent.clear()
         began = self.now
         cars = self.traffic.cars_at(began)
+        if self._channel is not None:
+            self._channel.place(cars)
         with_radio = [name for name in cars.names if name in self.equipped]
         for gone in self.cores.keys() - set(with_radio):
             del self.cores[gone]
@@ -120,8 +143,10 @@ class MvsWorld:
                 self._join(name)
         for name in sorted(with_radio, key=self._phases.__getitem__):
             self.now = began + self._phases[name] * TICK_S
+            self._listen()
             self._act(name, cars.moved_on(self.now - began))
         self.now = began + TICK_S
+        self._listen()
 
     def place_of(self, car: str, state: tuple[float, ...]) -> Array:
         """Where in the world a car believes somebody (2), from a state in its own frame."""
@@ -206,18 +231,28 @@ class MvsWorld:
         return in_view
 
     def _broadcast(self, own: int, fix: Position, footer: bytes, cars: Cars) -> None:
+        told = mvs_footer.decode(footer)
+        bsm = _Bsm(cars.names[own], fix, float(cars.acceleration_m_s2[own]), told)
+        if self._channel is not None:
+            self._channel.send(bsm.sender, bsm, BSM_BYTES + len(footer), _PRIORITY, self.now)
+            return
         apart_m = np.hypot(*(cars.middle_m - cars.middle_m[own]).T)
         reached = (apart_m < self.settings.reach_m) & (
             self._rng.random(len(cars)) >= self.settings.loss
         )
         reached[own] = False
-        sender, told = cars.names[own], mvs_footer.decode(footer)
-        receivers = [cars.names[i] for i in np.flatnonzero(reached) if cars.names[i] in self.cores]
-        self.sent.append(Sent(self.now, sender, told, tuple(receivers)))
-        acceleration_m_s2 = float(cars.acceleration_m_s2[own])
+        self._hand_over(bsm, [cars.names[i] for i in np.flatnonzero(reached)])
+
+    def _listen(self) -> None:
+        for bsm, receivers in self._channel.heard(self.now) if self._channel is not None else ():
+            self._hand_over(bsm, receivers)
+
+    def _hand_over(self, bsm: _Bsm, reached: Iterable[str]) -> None:
+        receivers = tuple(name for name in reached if name in self.cores)
+        self.sent.append(Sent(self.now, bsm.sender, bsm.footer, receivers))
         for receiver in receivers:
             self.cores[receiver].receive_bsm(
-                self.own_id(sender), fix, told, self.now, acceleration_m_s2
+                self.own_id(bsm.sender), bsm.fix, bsm.footer, self.now, bsm.acceleration_m_s2
             )
 
 

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from sim_rig.campaign import Workers
+from sim_rig.radio.propagation import LogDistance
+from sim_rig.radio.settings import CsmaSettings
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.lcca_chain import ChainSettings, cases, run_one
 
@@ -41,3 +43,24 @@ def test_the_table_is_written(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [float(row["share_with_radio"]) for row in rows] == [0.0, 1.0]
     assert float(rows[0]["reduction"]) == pytest.approx(0.0)
+
+
+def test_over_the_channel_warnings_arrive_as_well_and_are_few() -> None:
+    """Nobody is hidden and nothing fades: one message each, and none repeated."""
+    over_channel = SMALL.model_copy(update={"csma": CsmaSettings(), "cars_around": 10})
+
+    row = run_one(over_channel, 1)
+
+    assert row["warned"] == 5
+    assert row["warn_messages"] == row["events"]
+    assert row == run_one(over_channel, 1)
+
+
+def test_who_hears_nobody_on_the_channel_is_not_warned() -> None:
+    deaf = CsmaSettings(tx_power_dbm=-10.0, path_loss=LogDistance(exponent=5.0))
+    over_channel = SMALL.model_copy(update={"csma": deaf})
+
+    row = run_one(over_channel, 1)
+
+    assert row["warned"] == 0
+    assert row["crashes"] == run_one(SMALL, 0)["crashes"]

@@ -6,6 +6,8 @@ from onboard.messages import mvs_footer
 from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings
+from sim_rig.radio.propagation import LogDistance
+from sim_rig.radio.settings import CsmaSettings
 from sim_rig.studies.mvs_roads import SixLaneRoad
 from sim_rig.studies.mvs_world import START_UTC_S, MvsWorld, WorldSettings
 
@@ -56,3 +58,22 @@ def test_a_lost_message_reaches_nobody_and_no_radio_is_no_core() -> None:
     assert set(world.cores) == set(road.names[:4])
     assert len(world.sent) == 4
     assert all(sent.receivers == () for sent in world.sent)
+
+
+def test_over_the_channel_the_near_hear_and_the_far_do_not() -> None:
+    road = SixLaneRoad(2, 25.0, 3.0, 1.0, np.random.default_rng(1))
+    near = WorldSettings(csma=CsmaSettings())
+    world = MvsWorld(road, set(road.names[::2]), near, SETTINGS, seed=1)
+    for _ in range(10):
+        world.tick()
+    heard = {sent.sender: set(sent.receivers) for sent in world.sent}
+
+    assert len(heard) >= 5
+    assert all(receivers == set(world.cores) - {sender} for sender, receivers in heard.items())
+    assert len(world.cores[road.names[0]].kinematic_info(world.now)) > len(world.cores)
+
+    deaf = CsmaSettings(tx_power_dbm=-10.0, path_loss=LogDistance(exponent=5.0))
+    far = near.model_copy(update={"csma": deaf})
+    faint = MvsWorld(road, set(road.names[::2]), far, SETTINGS, seed=1)
+    faint.tick()
+    assert all(len(sent.receivers) < len(faint.cores) - 1 for sent in faint.sent)
