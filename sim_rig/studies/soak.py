@@ -1,4 +1,4 @@
-"""Load and time: a daemon in a crowd of datagrams, and an hour of cars that come and go."""
+"""Load and time: a daemon in a crowd, a desk of daemons, an hour of cars that come and go."""
 
 import asyncio
 import tempfile
@@ -10,9 +10,11 @@ from pydantic import Field
 from onboard.settings import Settings
 from sim_rig.campaign import Workers
 from sim_rig.studies.results import write_results
+from sim_rig.studies.soak_desk import crowd_the_desk
 from sim_rig.studies.soak_fleet import Fleet, resident_bytes
 from sim_rig.studies.soak_load import load
 
+DESK_S = 30.0
 COLUMNS = ("what", "value", "unit")
 Rows = list[tuple[str, float, str]]
 
@@ -21,20 +23,25 @@ class SoakSettings(Settings):
     """One run of the study."""
 
     load_s: float = Field(20.0, ge=0.0, le=600.0)
-    """How long the crowd talks, after as long without it; 0 leaves this part out."""
+    """How long the crowd talks, after as long without it or a minute; 0 leaves this part out."""
     rate_hz: float = Field(3000.0, gt=0.0, le=20_000.0)
     """Datagrams a second."""
+    desk_cars: int = Field(20, ge=0, le=100)
+    """Daemons at a time, for half a minute; 0 leaves this part out."""
     fleet_s: float = Field(3600.0, ge=0.0, le=36_000.0)
     """How long the fleet drives, in virtual time; 0 leaves this part out."""
 
 
 def run(out_dir: Path, settings: SoakSettings | None, _workers: Workers) -> str:
-    """Run both parts and write what they gave."""
+    """Run all parts and write what they gave."""
     chosen = settings or SoakSettings()
     rows: Rows = []
     if chosen.load_s > 0.0:
         with tempfile.TemporaryDirectory() as folder:
             rows += _load(chosen, Path(folder))
+    if chosen.desk_cars > 0:
+        with tempfile.TemporaryDirectory() as folder:
+            rows += _desk(chosen.desk_cars, Path(folder))
     if chosen.fleet_s > 0.0:
         rows += _fleet(chosen.fleet_s)
     write_results(out_dir, COLUMNS, rows, chosen)
@@ -67,6 +74,17 @@ def _load(settings: SoakSettings, folder: Path) -> Rows:
                 (f"processor, {name}", cores, "cores"),
             )
         ),
+    ]
+
+
+def _desk(cars: int, folder: Path) -> Rows:
+    found = asyncio.run(crowd_the_desk(folder, cars, DESK_S))
+    return [
+        ("daemons at a time", float(cars), ""),
+        ("processor, all", sum(found.cores), "cores"),
+        ("memory, the largest", max(found.memory_mib), "MiB"),
+        ("messages sent, the least", min(found.sent_per_s), "/s"),
+        ("between two messages, the longest", max(found.longest_gaps_s), "s"),
     ]
 
 

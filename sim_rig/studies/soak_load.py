@@ -5,8 +5,10 @@ cheap as can be, so that processor time is the daemon's and the crowd's (`sim_ri
 """
 
 import asyncio
+import contextlib
 import itertools
 import json
+import math
 import os
 import socket
 import sys
@@ -39,12 +41,12 @@ from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.flood import LATITUDE_DEG, LONGITUDE_DEG
 from sim_rig.ledger import alarm_stamp_s
 from sim_rig.picture.scene import Picture, Scene, SceneCar
-from sim_rig.processes import Processes
+from sim_rig.processes import ProcessError, Processes
 from sim_rig.run_log import Record, read_trace
 from sim_rig.wiring import DIGEST
 
-SETTLE_S = 6.0
-"""By then the group has formed."""
+GROUP_WITHIN_S, SETTLE_S = 60.0, 2.0
+LONGEST_QUIET_S = 60.0
 PERIOD_S = 1.1
 """From brake to brake."""
 STEP_S = 0.05
@@ -84,13 +86,20 @@ class Load:
 
 
 async def load(folder: Path, rate_hz: float, during_s: float) -> Load:
-    """Drive for `during_s` without the crowd and then for as long with it."""
+    """Drive for a while without the crowd, a minute at most, and then for `during_s` with it."""
+    quiet_s = min(during_s, LONGEST_QUIET_S)
     async with AsyncExitStack() as open_wires:
         desk = await _Desk.set_up(folder, open_wires)
+        driving = asyncio.create_task(desk.ahead.drive())
+        give_up_at = time.monotonic() + GROUP_WITHIN_S
+        while not desk.ahead.is_followed:
+            await desk.processes.sleep_until(time.monotonic() + 0.1)
+            if time.monotonic() > give_up_at:
+                raise ProcessError(f"no group after {GROUP_WITHIN_S:g} s; see {folder}")
         quiet_at = time.monotonic() + SETTLE_S
-        loaded_at = quiet_at + during_s
+        loaded_at = quiet_at + quiet_s
         end_at = loaded_at + during_s
-        driving = asyncio.create_task(desk.ahead.drive(quiet_at, end_at))
+        desk.ahead.brakes_from_at = quiet_at
         flood = await asyncio.create_subprocess_exec(
             *(sys.executable, "-m", "sim_rig.flood", str(desk.port), f"{rate_hz:g}"),
             *(f"{during_s:g}", f"{loaded_at}", str(folder / "crowd")),
@@ -99,14 +108,14 @@ async def load(folder: Path, rate_hz: float, during_s: float) -> Load:
         used_s = []
         for at in (quiet_at, loaded_at, end_at):
             await desk.processes.sleep_until(at)
-            used_s.append(_processor_s(desk.processes.pid("car")))
+            used_s.append(processor_s(desk.processes.pid("car")))
         sent, _ = await flood.communicate()
         dropped = _dropped_by_kernel(desk.port)
-        await driving
+        driving.cancel()
     trace = list(read_trace(folder / "trace.jsonl"))
     quiet, loaded = (
-        [at for at in desk.ahead.warned_at if begin <= at < begin + during_s]
-        for begin in (quiet_at, loaded_at)
+        [at for at in desk.ahead.warned_at if begin <= at < end]
+        for begin, end in ((quiet_at, loaded_at), (loaded_at, end_at))
     )
     return Load(
         int(sent),
@@ -115,7 +124,7 @@ async def load(folder: Path, rate_hz: float, during_s: float) -> Load:
         list(_delays_ms(trace, quiet)),
         list(_delays_ms(trace, loaded)),
         (len(quiet), len(loaded)),
-        ((used_s[1] - used_s[0]) / during_s, (used_s[2] - used_s[1]) / during_s),
+        ((used_s[1] - used_s[0]) / quiet_s, (used_s[2] - used_s[1]) / during_s),
     )
 
 
@@ -125,6 +134,7 @@ class _CarAhead:
     def __init__(self, credentials: Credentials, unit: socket.socket, port: int) -> None:
         self.warned_at: list[float] = []
         """When a warning of a new brake was sent."""
+        self.brakes_from_at = math.inf
         self._unit, self._port = unit, port
         self._stack = Stack(
             parse_settings(_config("TAG1"), CarConfig, "ahead"),
@@ -138,11 +148,18 @@ class _CarAhead:
         unit.setblocking(False)
         asyncio.get_running_loop().add_reader(unit, self._receive)
 
-    async def drive(self, brakes_from_at: float, until_at: float) -> None:
-        """Straight on, and brake every `PERIOD_S`."""
+    @property
+    def is_followed(self) -> bool:
+        """Whether the car behind has joined."""
+        return bool(self._stack.group.followers)
+
+    async def drive(self) -> None:
+        """Straight on, and brake every `PERIOD_S` from `brakes_from_at` on, until cancelled."""
         at, ahead_m = time.monotonic(), GAP_M
-        while at < until_at:
-            into_s = (at - brakes_from_at) % PERIOD_S if at >= brakes_from_at else PERIOD_S
+        while True:
+            into_s = (
+                (at - self.brakes_from_at) % PERIOD_S if at >= self.brakes_from_at else PERIOD_S
+            )
             speed = Speed(at, _speed_m_s(into_s), 0.1, "ahead")
             ahead_m += speed.speed_m_s * STEP_S
             self._stack.receive_observation(speed, at)
@@ -211,9 +228,7 @@ class _Desk:
             ports.append(server.sockets[0].getsockname()[1])
         unit = wires.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         unit.bind(("127.0.0.1", 0))
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = int(probe.getsockname()[1])
+        port = free_port()
         config = _config("TAG2") | {
             "can": {"channel": "can0", "port": bus_port},
             "camera": _VIEW | {"source": f"http://127.0.0.1:{ports[0]}/"},
@@ -248,11 +263,13 @@ def _serve_camera() -> Handler:
         await reader.readuntil(b"\r\n\r\n")
         kind = b"multipart/x-mixed-replace; boundary=picture"
         writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: " + kind + b"\r\n\r\n")
-        for jpeg in itertools.cycle(jpegs):
-            if writer.is_closing():
-                return
-            writer.write(b"--picture\r\nContent-Length: %d\r\n\r\n" % len(jpeg) + jpeg + b"\r\n")
-            await asyncio.sleep(1 / PICTURES_HZ)
+        with contextlib.suppress(asyncio.CancelledError):  # which a stream would log
+            for jpeg in itertools.takewhile(
+                lambda _: not writer.is_closing(), itertools.cycle(jpegs)
+            ):
+                head = b"--picture\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
+                writer.write(head + jpeg + b"\r\n")
+                await asyncio.sleep(1 / PICTURES_HZ)
 
     return serve
 
@@ -260,22 +277,26 @@ def _serve_camera() -> Handler:
 async def _serve_fixes(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
     """The own car's fixes, as gpsd tells them."""
     began_at = time.monotonic()
-    while not writer.is_closing():
-        now = time.monotonic()
-        place = _place(now, (now - began_at) * _MEAN_M_S, _MEAN_M_S)
-        report = {
-            "class": "TPV",
-            "mode": 3,
-            "time": datetime.now(UTC).isoformat().replace("+00:00", "Z"),
-            "lat": place.latitude_deg,
-            "lon": place.longitude_deg,
-            "epx": 3.0,
-            "epy": 3.0,
-            "speed": place.speed_m_s,
-            "track": 0.0,
-        }
-        writer.write(json.dumps(report, separators=(",", ":")).encode() + b"\n")
-        await asyncio.sleep(1 / FIXES_HZ)
+    with contextlib.suppress(asyncio.CancelledError):  # which a stream would log
+        while not writer.is_closing():
+            now = time.monotonic()
+            writer.write(_report(_place(now, (now - began_at) * _MEAN_M_S, _MEAN_M_S)))
+            await asyncio.sleep(1 / FIXES_HZ)
+
+
+def _report(place: Position) -> bytes:
+    report = {
+        "class": "TPV",
+        "mode": 3,
+        "time": datetime.now(UTC).isoformat().replace("+00:00", "Z"),
+        "lat": place.latitude_deg,
+        "lon": place.longitude_deg,
+        "epx": 3.0,
+        "epy": 3.0,
+        "speed": place.speed_m_s,
+        "track": 0.0,
+    }
+    return json.dumps(report, separators=(",", ":")).encode() + b"\n"
 
 
 def _delays_ms(trace: Sequence[Record], warned_at: Sequence[float]) -> Iterator[float]:
@@ -287,7 +308,14 @@ def _delays_ms(trace: Sequence[Record], warned_at: Sequence[float]) -> Iterator[
             yield (raised[0] - at) * 1e3
 
 
-def _processor_s(pid: int) -> float:
+def free_port() -> int:
+    """A UDP port that nobody has; the daemon binds it a moment later."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def processor_s(pid: int) -> float:
     """What a process has had of the processors; the fields of proc(5) behind the name."""
     fields = Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,5 +1,6 @@
 """The parts of the soak study, small."""
 
+import asyncio
 import socket
 import subprocess
 import sys
@@ -14,7 +15,9 @@ from onboard.security.authority import make_trial
 from onboard.security.key_files import write_credentials
 from onboard.security.security import Security
 from onboard.wave_udp import psid, wsmp
+from sim_rig.studies.soak_desk import crowd_the_desk
 from sim_rig.studies.soak_fleet import STRANGERS, Fleet
+from sim_rig.studies.soak_load import load
 
 
 def test_a_flood_keeps_its_rate_and_is_of_many_cars_that_can_be_believed(tmp_path: Path) -> None:
@@ -52,3 +55,23 @@ def test_the_fleet_meets_strangers_that_come_and_go() -> None:
 
     assert fleet.strangers_met == STRANGERS
     assert fleet.messages == STRANGERS * 20
+
+
+@pytest.mark.live
+def test_a_daemon_in_a_crowd_still_warns(tmp_path: Path) -> None:
+    found = asyncio.run(load(tmp_path, rate_hz=500.0, during_s=8.0))
+
+    assert found.sent == pytest.approx(4000, rel=0.1)
+    assert found.dropped_by_kernel == 0
+    assert min(found.due) >= 6
+    assert len(found.quiet_ms) > found.due[0] // 2
+    assert len(found.loaded_ms) > found.due[1] // 2
+
+
+@pytest.mark.live
+def test_daemons_share_a_desk(tmp_path: Path) -> None:
+    found = asyncio.run(crowd_the_desk(tmp_path, cars=3, during_s=5.0))
+
+    assert len(found.cores) == len(found.memory_mib) == 3
+    assert min(found.sent_per_s) > 5.0
+    assert max(found.longest_gaps_s) < 1.0
