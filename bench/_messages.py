@@ -69,7 +69,7 @@ def bsm(entries: int, car: int, count: int) -> BasicSafetyMessage:
 def footer(entries: int) -> MvsFooter:
     """Half of them measurements, half estimates made from six measurements of two observers."""
     state = mvs_footer.SharedState(
-        12.5, -40.0, 3.0, 13.0, 0.6, 0.9, 0.4, 0.5, 0.1, 0.2, 0.0, 0.0, 0.3, -0.1, runs=2
+        3, 12.5, -40.0, 3.0, 13.0, 0.6, 0.9, 0.4, 0.5, 0.1, 0.2, 0.0, 0.0, 0.3, -0.1, runs=2
     )
     estimates = entries // 2
     return MvsFooter(
@@ -78,7 +78,7 @@ def footer(entries: int) -> MvsFooter:
         longitude_deg=121.5654,
         observers=tuple(n.to_bytes(4) for n in range(OBSERVERS)),
         measurements=tuple(
-            SharedMeasurement(n % OBSERVERS, 10 * n, 0, 5.0 * n, 30.0, 0.5, 0.5, 0.1)
+            SharedMeasurement(n % OBSERVERS, n, 10 * n, 0, 5.0 * n, 30.0, 0.5, 0.5, 0.1)
             for n in range(entries - estimates)
         ),
         estimates=tuple(

@@ -14,9 +14,9 @@ import numpy as np
 
 from bench import Figure
 from onboard.messages import mvs_footer
-from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings
+from onboard.mvs.told import Told
 from sim_rig.studies.mvs_roads import SixLaneRoad
 from sim_rig.studies.mvs_world import START_UTC_S, TICK_S, MvsWorld, WorldSettings
 
@@ -32,18 +32,22 @@ Call = tuple[str, tuple[Any, ...]]
 class _Noting:
     """An MVS core whose inputs are noted."""
 
-    def __init__(self, core: MultiVehicleSensing) -> None:
+    def __init__(self, core: MultiVehicleSensing, world: MvsWorld) -> None:
         self._core = core
+        self._world = world
         self.calls: list[Call] = []
 
     def __getattr__(self, name: str) -> Callable[..., object]:
         def call(*arguments: object) -> object:
             # In a car footers come as bytes.
-            wire = (mvs_footer.encode(a) if isinstance(a, MvsFooter) else a for a in arguments)
-            self.calls.append((name, tuple(wire)))
+            wire = tuple(self._written() if isinstance(a, Told) else a for a in arguments)
+            self.calls.append((name, wire))
             return getattr(self._core, name)(*arguments)
 
         return call
+
+    def _written(self) -> bytes:
+        return mvs_footer.encode(self._world.sent[-1].footer)
 
 
 def measure() -> Iterator[Figure]:
@@ -80,7 +84,7 @@ def _inputs(settings: MvsSettings) -> list[list[Call]]:
     equipped = {own, *(others[i] for i in rng.permutation(len(others))[: RADIOS - 1])}
     world = MvsWorld(traffic, equipped, WorldSettings(reach_m=1000.0), settings, seed=1)
     world.tick()
-    noting = _Noting(world.cores[own])
+    noting = _Noting(world.cores[own], world)
     world.cores[own] = noting  # type: ignore[assignment]
     inputs = []
     for _ in range(TICKS):

@@ -1,7 +1,7 @@
 """The MVS footer: what a car knows of cars without a radio, behind the BSM it sends (section II-A).
 
 Each part is declared once, below. The footer places everything relative to an anchor near the
-sender and to one moment, so an entry is small: 11 bytes for a measurement, 20 for an estimate and
+sender and to one moment, so an entry is small: 12 bytes for a measurement, 21 for an estimate and
 some 3 bytes for every two measurements in its provenance.
 
 A covariance travels as standard deviations and partial correlations (of the Cholesky factor, row by
@@ -22,7 +22,7 @@ from typing_extensions import override
 
 from onboard.messages.declaration import DecodeError, Layout, Number, Wire
 
-VERSION = 1
+VERSION = 2
 OBSERVER_BYTES = 4
 """A BSM's temporary ID."""
 LONGEST_AGE_MS = 4095
@@ -55,6 +55,8 @@ class Sigma(Wire):
 
 _Count = Annotated[int, Wire(8)]
 _Observer = Annotated[int, Wire(8)]
+_Car = Annotated[int, Wire(8)]
+"""The sender's own number for the car, the same in all its footers."""
 _Offset = Annotated[float, Number(18, 0.01, "m", lowest=-131071, highest=131071)]
 _Speed = Annotated[float, Number(14, 0.02, "m/s", lowest=-8191, highest=8191)]
 _SigmaM = Annotated[float, Sigma()]
@@ -86,6 +88,7 @@ class SharedMeasurement:
 
     observer: _Observer
     """Place in the table of observers."""
+    car: _Car
     age_ms: Annotated[int, Wire(12)]
     reserved: Annotated[int, Wire(4)]
     east_m: _Offset
@@ -99,6 +102,7 @@ class SharedMeasurement:
 class SharedState:
     """The state in `e<v, T>`, at the time of the last measurement in T."""
 
+    car: _Car
     east_m: _Offset
     north_m: _Offset
     speed_east_m_s: _Speed
@@ -150,11 +154,11 @@ class MvsFooter:
 
 HEAD = Layout(Head)
 MEASUREMENT = Layout(SharedMeasurement)
-MEASUREMENT_NUMBERS = tuple(MEASUREMENT.wires)[3:]
+MEASUREMENT_NUMBERS = tuple(MEASUREMENT.wires)[4:]
 """Its fields from the position on."""
 STATE = Layout(SharedState)
-STATE_NUMBERS = tuple(STATE.wires)[:-1]
-"""Its fields but the number of runs."""
+STATE_NUMBERS = tuple(STATE.wires)[1:-1]
+"""Its fields between the car's number and that of the runs."""
 
 
 def encode(footer: MvsFooter) -> bytes:

@@ -8,57 +8,17 @@ after as many pieces as possible have found a car.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection
 from functools import cache
-from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from onboard.assignment import cheapest_pairs
-from onboard.mvs.evidence import Estimate, Evidence, Measurement
 from onboard.mvs.kalman import Array
+from onboard.mvs.kinematics import Kinematics
 
-_POSITION, _SPEED = slice(0, 2), slice(2, 4)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Kinematics:
-    """N states of cars, or pieces of evidence about them, each at its own time."""
-
-    stamps_ms: Array
-    """(N)"""
-    states: Array
-    """(4, N); the speed of a mere position is 0 and means nothing."""
-    covariances: Array
-    """(4, 4, N)"""
-    has_speed: Array
-    """(N), 1.0 or 0.0."""
-
-    def __len__(self) -> int:
-        return len(self.stamps_ms)
-
-    def positions_m(self, at_ms: int) -> Array:
-        """Where they are at `at_ms`: (2, N)."""
-        positions: Array = self.states[:2] + (at_ms - self.stamps_ms) / 1000 * self.states[2:]
-        return positions
-
-    @classmethod
-    def of(cls, pieces: Sequence[Evidence]) -> Self:
-        """Take what is to be compared of `pieces`."""
-        n = len(pieces)
-        states, covariances = np.zeros((n, 4)), np.zeros((n, 4, 4))
-        for at, piece in enumerate(pieces):
-            if isinstance(piece, Measurement):
-                states[at, :2], covariances[at, :2, :2] = piece.position_m, piece.covariance
-            else:
-                states[at], covariances[at] = piece.state, piece.covariance
-        return cls(
-            np.array([piece.stamp_ms for piece in pieces], dtype=np.float64),
-            states.T,
-            covariances.transpose(1, 2, 0),
-            np.array([isinstance(piece, Estimate) for piece in pieces], dtype=np.float64),
-        )
+_SPEED = slice(2, 4)
 
 
 def with_speed_prior(covariances: Array, sigma_m_s: float) -> Array:
@@ -78,19 +38,36 @@ def with_speed_prior(covariances: Array, sigma_m_s: float) -> Array:
 
 
 def assign(
-    pieces: Kinematics, cars: Kinematics, gate_probability: float, acceleration_density: float
+    pieces: Kinematics,
+    cars: Kinematics,
+    gate_probability: float,
+    acceleration_density: float,
+    *,
+    vaguest_m: float = math.inf,
+    barred: Collection[int] = (),
 ) -> dict[int, int]:
-    """Assign M pieces to N cars; returns the car of each piece that has found one."""
+    """Assign M pieces to N cars; returns the car of each piece that has found one.
+
+    Args:
+        pieces: M.
+        cars: N.
+        gate_probability: of the evidence of a car, how much its gate lets in.
+        acceleration_density: q of the process noise, m^2/s^3.
+        vaguest_m: a piece and a car whose places are together known less well, by the root of the
+            sum of their variances, are not assigned to each other.
+        barred: cars that no piece may be assigned to.
+    """
     if not len(pieces) or not len(cars):
         return {}
-    squared, spread = _distances(pieces, cars, acceleration_density)
-    gates = np.where(pieces.has_speed > 0, gate(gate_probability, 4), gate(gate_probability, 2))
-    inside = squared <= gates[:, None]
+    squared, log_det, variance = distances(pieces[:, None], cars, acceleration_density)
+    inside = squared <= gates(pieces[:, None], gate_probability)
+    inside &= variance <= vaguest_m**2
+    inside[:, list(barred)] = False
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
     if not len(rows):
         return {}
     allowed = inside[np.ix_(rows, columns)]
-    cost = (squared + spread)[np.ix_(rows, columns)]
+    cost = (squared + log_det)[np.ix_(rows, columns)]
     least, most = cost[allowed].min(), cost[allowed].max()
     alone = (most - least + 1) * len(rows)  # dearer than any other assignment of all pieces
     cost = np.where(allowed, cost - least, 2 * alone)
@@ -100,6 +77,21 @@ def assign(
         for row, column in cheapest_pairs(np.hstack([cost, to_nobody]))
         if column < len(columns)
     }
+
+
+def are_inside(
+    pieces: Kinematics, cars: Kinematics, gate_probability: float, acceleration_density: float
+) -> NDArray[np.bool_]:
+    """Whether each of N pieces is inside the gate of its car, the one of N at the same place."""
+    squared, _, _ = distances(pieces, cars, acceleration_density)
+    inside: NDArray[np.bool_] = squared <= gates(pieces, gate_probability)
+    return inside
+
+
+def gates(pieces: Kinematics, probability: float) -> Array:
+    """The largest d^2 that belongs, for each piece."""
+    largest: Array = np.where(pieces.has_speed > 0, gate(probability, 4), gate(probability, 2))
+    return largest
 
 
 @cache
@@ -118,35 +110,38 @@ def gate(probability: float, degrees_of_freedom: int) -> float:
     return above
 
 
-def _distances(pieces: Kinematics, cars: Kinematics, q: float) -> tuple[Array, Array]:
-    """d^2 and ln det S of M pieces from N cars, (M, N) each, in position and, if known, speed."""
-    dt = (pieces.stamps_ms[:, None] - cars.stamps_ms) / 1000
+def distances(pieces: Kinematics, cars: Kinematics, q: float) -> tuple[Array, Array, Array]:
+    """d^2 and ln det S in position and, if known, speed; and the trace of S in position.
+
+    Pieces and cars are broadcast against each other: a column of M pieces against N cars gives
+    (M, N), as many pieces as cars give (N).
+    """
+    dt = (pieces.stamps_ms - cars.stamps_ms) / 1000
     drift = q * np.abs(dt)
-    x, p, z, r = cars.states, cars.covariances, pieces.states[:, :, None], pieces.covariances
+    x, p, z, r = cars.states, cars.covariances, pieces.states, pieces.covariances
 
     def carried(i: int, j: int) -> Array:
-        spread: Array = p[i, j] + dt * (p[i, j + 2] + p[i + 2, j] + dt * p[i + 2, j + 2])
-        return spread + r[i, j, :, None]
+        grown = p[i, j] + dt * (p[i, j + 2] + p[i + 2, j] + dt * p[i + 2, j + 2])
+        spread: Array = grown + r[i, j]
+        return spread
 
     noise = drift * dt**2 / 3
-    squared, log_det = _mahalanobis(
-        z[0] - x[0] - dt * x[2],
-        z[1] - x[1] - dt * x[3],
-        (carried(0, 0) + noise, carried(0, 1), carried(1, 1) + noise),
-    )
-    both = pieces.has_speed[:, None] * cars.has_speed
+    a, b, c = carried(0, 0) + noise, carried(0, 1), carried(1, 1) + noise
+    squared, log_det = _mahalanobis(z[0] - x[0] - dt * x[2], z[1] - x[1] - dt * x[3], (a, b, c))
+    both = pieces.has_speed * cars.has_speed
     if not both.any():
-        return squared, log_det
+        return squared, log_det, a + c
     speed_squared, speed_log_det = _mahalanobis(
         z[2] - x[2],
         z[3] - x[3],
         (
-            p[2, 2] + r[2, 2, :, None] + drift + 1e-9,
-            p[2, 3] + r[2, 3, :, None],
-            p[3, 3] + r[3, 3, :, None] + drift + 1e-9,
+            p[2, 2] + r[2, 2] + drift + 1e-9,
+            p[2, 3] + r[2, 3],
+            p[3, 3] + r[3, 3] + drift + 1e-9,
         ),
     )
-    return squared + both * speed_squared, log_det + both * speed_log_det
+    squared, log_det = squared + both * speed_squared, log_det + both * speed_log_det
+    return squared, log_det, a + c
 
 
 def _mahalanobis(dx: Array, dy: Array, spread: tuple[Array, Array, Array]) -> tuple[Array, Array]:

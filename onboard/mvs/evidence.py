@@ -32,6 +32,26 @@ measurement_id = lru_cache(maxsize=1 << 16)(MeasurementId)
 Provenance = frozenset[MeasurementId]
 
 
+class Times(NamedTuple):
+    """When the measurements of a provenance were made."""
+
+    first_ms: int
+    """UTC."""
+    last_ms: int
+    spread_s2: float
+    """The sum of the squares of their distances from their mean."""
+
+
+@lru_cache(maxsize=1 << 14)
+def times_of(provenance: Provenance) -> Times:
+    """Look the times up; a provenance is asked for them by many."""
+    stamps_ms = [stamp_ms for _, stamp_ms in provenance]
+    last_ms = max(stamps_ms)
+    ages_ms = [last_ms - stamp_ms for stamp_ms in stamps_ms]
+    squares = sum([age_ms * age_ms for age_ms in ages_ms])
+    return Times(min(stamps_ms), last_ms, (squares - sum(ages_ms) ** 2 / len(ages_ms)) / 1e6)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
     """`dm<v, t>` if the own car made it, `im<v, t>` if it came over the radio."""
@@ -78,9 +98,9 @@ class Estimate:
     """The first time in T."""
 
     def __post_init__(self) -> None:
-        stamps_ms = [identity[1] for identity in self.provenance]
-        object.__setattr__(self, "stamp_ms", max(stamps_ms))
-        object.__setattr__(self, "oldest_ms", min(stamps_ms))
+        times = times_of(self.provenance)
+        object.__setattr__(self, "stamp_ms", times.last_ms)
+        object.__setattr__(self, "oldest_ms", times.first_ms)
 
     def mapped(self, turn: Array, shift: Array) -> Self:
         """The same in another frame (`LocalFrame.mapping_from`)."""

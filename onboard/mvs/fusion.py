@@ -33,7 +33,8 @@ def fuse(
     order = sorted(range(len(cars)), key=lambda car: -len(cars[car]))
     states, covariances = np.empty((4, len(cars))), np.empty((4, 4, len(cars)))
     for place, car in enumerate(order):
-        states[:, place], covariances[:, :, place] = _whole_state(cars[car][0])
+        first = as_estimate(cars[car][0])
+        states[:, place], covariances[:, :, place] = first.state, first.covariance
     for step in range(1, max((len(evidence) for evidence in cars), default=0)):
         pieces = [cars[car][step] for car in order if len(cars[car]) > step]
         before = [cars[car][step - 1] for car in order[: len(pieces)]]
@@ -63,16 +64,17 @@ def propagate(
     return predict(states, covariances.transpose(1, 2, 0), dt_s, acceleration_density)
 
 
-def _stamp_ms(piece: Evidence) -> int:
-    return piece.stamp_ms
-
-
-def _whole_state(piece: Evidence) -> tuple[Array, Array]:
+def as_estimate(piece: Evidence) -> Estimate:
+    """What one piece says of the whole state: a position says nothing of the speed."""
     if isinstance(piece, Estimate):
-        return piece.state, piece.covariance
+        return piece
     state, covariance = np.zeros(4), np.eye(4) * UNKNOWN_SPEED_SIGMA_M_S**2
     state[:2], covariance[:2, :2] = piece.position_m, piece.covariance
-    return state, covariance
+    return Estimate(piece.provenance, state, covariance)
+
+
+def _stamp_ms(piece: Evidence) -> int:
+    return piece.stamp_ms
 
 
 def _update(states: Array, covariances: Array, pieces: Sequence[Evidence]) -> tuple[Array, Array]:

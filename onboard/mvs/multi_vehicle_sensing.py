@@ -13,19 +13,19 @@ import numpy as np
 
 from onboard.messages import mvs_footer
 from onboard.messages.declaration import DecodeError
-from onboard.messages.mvs_footer import MvsFooter
-from onboard.mvs.association import Kinematics
-from onboard.mvs.belief import doubts, weighted_down
-from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, map_state
+from onboard.mvs.belief import doubts, excess_of_trust
+from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, map_state, times_of
 from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.kalman import Array, predict
+from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.own_car import OwnCar, ReportedState
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.sharing import encode_within, evidence_in
-from onboard.mvs.track import Track, independent
+from onboard.mvs.sharing import encode_within, read
+from onboard.mvs.told import Batch, Told, placed
+from onboard.mvs.track import OWN, Track, independent
 from onboard.mvs.tracks import Tracks
 from onboard.observations import Discarded, Position, SensedCar
 
@@ -38,6 +38,17 @@ class _Neighbour:
     acceleration_m_s2: float | None = None
     footer_at: float = -math.inf
     """When its last footer was read."""
+
+
+@dataclass(slots=True, eq=False)
+class _Heard:
+    """A footer not yet taken up."""
+
+    told: Told
+    sender_id: bytes
+    sender_m: Array
+    """Where the sender said it was (2)."""
+    at: float
 
 
 class MultiVehicleSensing:
@@ -66,8 +77,12 @@ class MultiVehicleSensing:
         self._own = OwnCar(settings.sensing)
         self._seen: deque[SensedCar] = deque(maxlen=1024)
         """Not yet assigned: the cars of one picture are assigned together."""
+        self._heard: list[_Heard] = []
+        """Not yet assigned: what has come in since somebody last asked is looked at together."""
         self._neighbours: dict[bytes, _Neighbour] = {}
         self._tracks = Tracks(settings)
+        self._told_ms = 0
+        """When the last footer was made, UTC."""
         self._refreshed_ms: int | None = None
         """When the tracks were last brought up to date."""
         self._events: deque[Discarded] = deque(maxlen=1024)
@@ -99,6 +114,9 @@ class MultiVehicleSensing:
                 state, covariance = neighbour.reported.state, neighbour.reported.covariance
                 mapped = map_state(state, covariance, *moved)
                 neighbour.reported = ReportedState(neighbour.reported.stamp_s, *mapped)
+            turn, shift = moved
+            for heard in self._heard:
+                heard.sender_m = turn @ heard.sender_m + shift
 
     def receive_sensed_car(self, seen: SensedCar) -> None:
         """A car that the own camera sees, whether it has a radio or not."""
@@ -108,7 +126,7 @@ class MultiVehicleSensing:
         self,
         sender_id: bytes,
         state: Position | None,
-        footer: bytes | MvsFooter | None,
+        footer: bytes | Told | None,
         now: float,
         acceleration_m_s2: float | None = None,
     ) -> None:
@@ -117,7 +135,7 @@ class MultiVehicleSensing:
         Args:
             sender_id: temporary ID, 4 bytes.
             state: where it says it is; `stamp_s` on the own car's clock.
-            footer: the MVS footer behind its BSM, as it came or already decoded.
+            footer: the MVS footer behind its BSM, as it came or already read.
             now: when it was received.
             acceleration_m_s2: what it says of its own, forwards.
         """
@@ -148,10 +166,11 @@ class MultiVehicleSensing:
         )
         for at, _ in selected:
             known[at][0].told_ms = now_ms
+        self._told_ms = now_ms
         frame = self._own.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         anchor = LocalFrame(*self._own.anchor)
-        chosen = [piece for _, piece in selected]
+        chosen = [(known[at][0].number, piece) for at, piece in selected]
         return encode_within(chosen, now_ms, frame, anchor, self._settings.most_bytes)
 
     def kinematic_info(self, now: float) -> list[KnownCar]:
@@ -175,7 +194,7 @@ class MultiVehicleSensing:
                 KnownCar(
                     stamp_s=now,
                     name=str(track.number),
-                    known_by=KnownBy.SEEN if self._is_seen(track) else KnownBy.TOLD,
+                    known_by=KnownBy.SEEN if track.is_seen else KnownBy.TOLD,
                     state=tuple(states[:, at].tolist()),
                     covariance=tuple(map(tuple, covariances[:, :, at].tolist())),
                     age_s=(now_ms - track.estimate.stamp_ms) / 1000,
@@ -187,7 +206,7 @@ class MultiVehicleSensing:
     def cars_without_radio(self, now: float) -> list[Track]:
         """The known cars that have no radio, with the evidence of each."""
         self._bring_up_to_date(now)
-        return [track for track in self._tracks if track.is_confirmed and track.radio_id is None]
+        return [track for track in self._tracks if track.is_known and track.radio_id is None]
 
     def own_car(self, now: float) -> KnownCar | None:
         """The own car in the same frame; `None` without a position."""
@@ -216,7 +235,7 @@ class MultiVehicleSensing:
         elif known.reported.stamp_s <= state.stamp_s:
             known.reported = reported
 
-    def _receive_footer(self, sender_id: bytes, data: bytes | MvsFooter, now: float) -> None:
+    def _receive_footer(self, sender_id: bytes, data: bytes | Told, now: float) -> None:
         belief = self._settings.belief
         neighbour = self._neighbours.get(sender_id)
         if neighbour is None:
@@ -225,54 +244,83 @@ class MultiVehicleSensing:
             return self._discard(now, "too_often", sender_id.hex())
         neighbour.footer_at = now
         try:
-            footer = data if isinstance(data, MvsFooter) else mvs_footer.decode(data)
+            told = data if isinstance(data, Told) else read(mvs_footer.decode(data))
         except DecodeError as error:
             return self._discard(now, error.reason, str(error))
-        entries = len(footer.measurements) + len(footer.estimates)
-        if entries > belief.entries_per_footer:
-            return self._discard(now, "too_many_entries", f"{entries} from {sender_id.hex()}")
-        return self._take_up(footer, sender_id, now)
+        if len(told) > belief.entries_per_footer:
+            return self._discard(now, "too_many_entries", f"{len(told)} from {sender_id.hex()}")
+        if len(told):
+            self._heard.append(_Heard(told, sender_id, neighbour.reported.state[:2], now))
+        if len(self._heard) >= _MOST_HEARD:
+            self._take_up(now)
+        return None
 
-    def _take_up(self, footer: MvsFooter, sender_id: bytes, now: float) -> None:
-        belief = self._settings.belief
-        assert self._own.frame is not None  # noqa: S101 (a position comes with a frame)
+    def _take_up(self, now: float) -> None:
+        """Use what has come in: pictures first, then footers."""
         self._assign_seen(now)
-        pieces = evidence_in(footer, self._own.frame)
-        doubted = self._doubts(pieces, sender_id, now)
-        refused = Counter(doubted.values())
-        believed = [piece for at, piece in enumerate(pieces) if at not in doubted]
-        too_sure = weighted_down(believed, belief.sharpest_sigma_m)
-        refused["too_sure"] = len(too_sure)
-        believed = [too_sure.get(at, piece) for at, piece in enumerate(believed)]
-        refused["too_many_cars"] = self._tracks.receive(believed, sender_id, self._utc_ms(now))
-        for reason, entries in refused.items():
-            if entries:
-                self._discard(now, reason, f"{entries} entries from {sender_id.hex()}")
+        heard, self._heard = self._heard, []
+        if not heard:
+            return
+        frame = self._own.frame
+        assert frame is not None  # noqa: S101 (a position comes with a frame)
+        sources = [each for each in heard for _ in range(len(each.told))]
+        batch = Batch(
+            [each.sender_id for each in sources],
+            [car for each in heard for car in each.told.cars],
+            [provenance for each in heard for provenance in each.told.provenances],
+            [self._utc_ms(each.at) for each in sources],
+            placed([each.told for each in heard], frame),
+        )
+        refused = self._doubts(batch, heard, sources)
+        believed = [row for row in range(len(batch)) if row not in refused]
+        believed_batch = batch.rows(believed)
+        excess = excess_of_trust(
+            believed_batch.entries,
+            believed_batch.provenances,
+            self._settings.belief.sharpest_sigma_m,
+        )
+        believed_batch.entries.covariances[:] *= excess
+        refused |= {believed[at]: "too_sure" for at in np.flatnonzero(excess > 1.0).tolist()}
+        refused |= {believed[at]: "too_many_cars" for at in self._tracks.receive(believed_batch)}
+        for (_, sender_id, at, reason), entries in Counter(
+            (id(sources[row]), sources[row].sender_id, sources[row].at, reason)
+            for row, reason in refused.items()
+        ).items():
+            self._discard(at, reason, f"{entries} entries from {sender_id.hex()}")
 
-    def _doubts(self, pieces: Sequence[Evidence], sender_id: bytes, now: float) -> dict[int, str]:
-        """A reason not to use it for each piece that has one; see `belief.py`."""
-        if not pieces:
-            return {}
-        belief, now_ms = self._settings.belief, self._utc_ms(now)
-        reaches_m = np.full(len(pieces), belief.sensing_range_m + belief.radio_range_m)
+    def _doubts(
+        self, batch: Batch, heard: Sequence[_Heard], sources: Sequence[_Heard]
+    ) -> dict[int, str]:
+        """A reason not to use it for each entry that has one; see `belief.py`."""
+        belief = self._settings.belief
+        reaches_m = np.full(len(batch), belief.sensing_range_m + belief.radio_range_m)
+        oldest = round(self._settings.memory_s * 1000)
+        own_ids = frozenset(self._own_ids)
         doubted: dict[int, str] = {}
-        oldest_ms = now_ms - round(self._settings.memory_s * 1000)
-        for at, piece in enumerate(pieces):
-            if isinstance(piece, Measurement) and piece.id.observer == sender_id:
-                reaches_m[at] = belief.sensing_range_m
-            if piece.oldest_ms <= oldest_ms:
-                doubted[at] = "stale"
-            elif not all(
+        makers = [observers for each in heard for observers in each.told.observers]
+        for row, (observers, provenance) in enumerate(zip(makers, batch.provenances, strict=True)):
+            if times_of(provenance).first_ms <= batch.received_ms[row] - oldest:
+                doubted[row] = "stale"
+            elif not own_ids.isdisjoint(observers) and not all(
                 stamp_ms in self._own_stamps_ms
-                for observer, stamp_ms in piece.provenance
-                if observer in self._own_ids
+                for observer, stamp_ms in provenance
+                if observer in own_ids
             ):
-                doubted[at] = "not_my_measurement"
-        teller_m = self._neighbours[sender_id].reported.state[:2]
-        return doubts(pieces, reaches_m, teller_m, now_ms, belief) | doubted
+                doubted[row] = "not_my_measurement"
+            if not batch.entries.has_speed[row] and batch.tellers[row] in observers:
+                reaches_m[row] = belief.sensing_range_m
+        impossible = doubts(
+            batch.entries,
+            batch.provenances,
+            belief,
+            reaches_m=reaches_m,
+            tellers_m=np.array([each.sender_m for each in sources]).T,
+            now_ms=np.array(batch.received_ms, dtype=np.float64),
+        )
+        return impossible | doubted
 
     def _bring_up_to_date(self, now: float) -> None:
-        self._assign_seen(now)
+        self._take_up(now)
         now_ms = self._utc_ms(now)
         refresh_ms = round(self._settings.refresh_s * 1000)
         if self._refreshed_ms is not None and now_ms - self._refreshed_ms < refresh_ms:
@@ -295,26 +343,32 @@ class MultiVehicleSensing:
         """Make direct measurements of what the camera saw, a picture at a time."""
         pictures = groupby(sorted(self._seen, key=_stamp_s), key=_stamp_s)
         for stamp_s, picture in [(stamp_s, list(cars)) for stamp_s, cars in pictures]:
-            stamp_ms = self._utc_ms(stamp_s)
-            measured: list[Evidence] = []
+            identity = MeasurementId(self.own_id, self._utc_ms(stamp_s))
+            measured: dict[int, Measurement] = {}
             for seen in picture:
                 placed = self._own.measure(seen)
                 if isinstance(placed, str):
                     self._discard(now, placed, f"car {seen.track_id} seen")
                 else:
-                    measured.append(Measurement(MeasurementId(self.own_id, stamp_ms), *placed))
+                    measured[seen.track_id] = Measurement(identity, *placed)
             if measured:
-                self._own_stamps_ms.append(stamp_ms)
-                self._tracks.receive(measured, self.own_id, self._utc_ms(now), is_own=True)
+                n = len(measured)
+                self._own_stamps_ms.append(identity.stamp_ms)
+                provenances = [piece.provenance for piece in measured.values()]
+                entries = Kinematics.of(list(measured.values()))
+                self._tracks.receive(
+                    Batch([OWN] * n, list(measured), provenances, [self._utc_ms(now)] * n, entries)
+                )
         self._seen.clear()
 
     def _candidate(self, track: Track, now_ms: int) -> Candidate | None:
-        """What Algorithm 1 is given of a car: the MEs of the window, and which may be sent on."""
-        window_ms = round(self._settings.window_s * 1000)
+        """What Algorithm 1 is given of a car: the MEs of the window, and which may be sent on.
+
+        The window is the time since the last broadcast, if that is less.
+        """
+        since_ms = max(now_ms - round(self._settings.window_s * 1000), self._told_ms)
         span_ms = round(self._settings.shared_span_s * 1000)
-        received = [
-            held.piece for held in track.evidence.values() if held.received_ms >= now_ms - window_ms
-        ]
+        received = [held.piece for held in track.evidence.values() if held.received_ms > since_ms]
         evidence = [piece for piece in received if piece.oldest_ms >= now_ms - span_ms]
         if not evidence:
             return None
@@ -327,9 +381,6 @@ class MultiVehicleSensing:
         several = [evidence for evidence in chosen if len(evidence) > 1]
         estimates = iter(fuse(several, self._settings.acceleration_density))
         return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
-
-    def _is_seen(self, track: Track) -> bool:
-        return any(self._is_own_measurement(held.piece) for held in track.evidence.values())
 
     def _is_own_measurement(self, piece: Evidence) -> bool:
         return isinstance(piece, Measurement) and piece.id.observer in self._own_ids
@@ -390,6 +441,10 @@ class MultiVehicleSensing:
 
     def _discard(self, now: float, reason: str, detail: str) -> None:
         self._events.append(Discarded(now, "mvs", reason, detail))
+
+
+_MOST_HEARD = 256
+"""Footers that may wait, where nobody asks."""
 
 
 def _stamp_s(seen: SensedCar) -> float:

@@ -49,6 +49,10 @@ class AssociationSettings(Settings):
     """Cars are about this fast; used where nothing else is known of a car's speed."""
     radio_offset_sigma_m: float = Field(0.5, ge=0.0, le=10.0)
     """What a BSM's position and the middle of the seen car may differ by, over their own noise."""
+    certain_m: float = Field(0.75, gt=0.0, le=5.0)
+    """What is less well known, by the root of the sum of the variances, is not assigned by its
+    place alone: cars are 3 m apart. Tracks of which one has been known for a second may be joined
+    at twice this, and so on."""
     overlap_m: float = Field(1.5, ge=0.0, le=5.0)
     """Middles closer than this are one car: two cannot be."""
 
@@ -106,6 +110,8 @@ class MvsSettings(Settings):
     """A car is known, and passed on, with evidence of so many different moments."""
     unseen_s: float = Field(1.0, gt=0.0, le=10.0)
     """A car that nobody has measured for this long is forgotten."""
+    vaguest_known_m: float = Field(4.0, gt=0.0, le=100.0)
+    """A car that is less well placed now, by the root of the sum of its variances, is not known."""
     radio_silence_s: float = Field(1.5, gt=0.0, le=10.0)
     """A car with a radio that has been silent for this long is not one any more."""
     sensing: SensingSettings = SensingSettings()

@@ -18,39 +18,47 @@ from onboard.messages.mvs_footer import (
     SharedState,
 )
 from onboard.mvs.evidence import (
-    Estimate,
     Evidence,
     Measurement,
     MeasurementId,
+    Provenance,
     measurement_id,
-    turn_of_state,
+    times_of,
 )
 from onboard.mvs.kalman import Array
+from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.local_frame import LocalFrame
+from onboard.mvs.told import Told
 
 MOST_OBSERVERS = 255
+_CARS = 256
+"""Numbers for cars on the wire."""
 
 _MEASURED = attrgetter(*mvs_footer.MEASUREMENT_NUMBERS)
 _STATED = attrgetter(*mvs_footer.STATE_NUMBERS)
 
+Entry = tuple[int, Evidence]
+"""The sender's number for a car, and what it tells of it."""
+
 
 def footer_of(
-    evidence: Iterable[Evidence], reference_ms: int, frame: LocalFrame, anchor: LocalFrame
+    entries: Iterable[Entry], reference_ms: int, frame: LocalFrame, anchor: LocalFrame
 ) -> MvsFooter:
-    """Put `evidence`, given in `frame`, into a footer around `anchor`.
+    """Put `entries`, given in `frame`, into a footer around `anchor`.
 
     `reference_ms` is not before the last of its measurements and at most 4,095 ms behind the first.
     """
     mapping = anchor.mapping_from(frame)
     observers: dict[bytes, int] = {}
     measurements, estimates = [], []
-    for piece in (piece.mapped(*mapping) for piece in evidence):
+    for number, piece in ((number, piece.mapped(*mapping)) for number, piece in entries):
         sigmas, correlations = to_correlations(piece.covariance)
         if isinstance(piece, Measurement):
             east_m, north_m = piece.position_m.tolist()
             measurements.append(
                 SharedMeasurement(
                     observers.setdefault(piece.id.observer, len(observers)),
+                    number % _CARS,
                     reference_ms - piece.id.stamp_ms,
                     0,
                     east_m,
@@ -62,7 +70,7 @@ def footer_of(
         else:
             runs = _runs(piece.provenance, reference_ms, observers)
             numbers: list[Any] = [*piece.state.tolist(), *sigmas, *correlations, len(runs)]
-            estimates.append(SharedEstimate(SharedState(*numbers), runs))
+            estimates.append(SharedEstimate(SharedState(number % _CARS, *numbers), runs))
     return MvsFooter(
         reference_ms,
         anchor.latitude_deg,
@@ -73,51 +81,65 @@ def footer_of(
     )
 
 
-def evidence_in(footer: MvsFooter, frame: LocalFrame) -> list[Evidence]:
-    """Read the entries of `footer`, placed in `frame`."""
-    turn, shift = frame.mapping_from(LocalFrame(footer.latitude_deg, footer.longitude_deg))
-    evidence: list[Evidence] = []
-    if footer.measurements:
-        numbers = np.array([_MEASURED(shared) for shared in footer.measurements])
-        positions = numbers[:, :2] @ turn.T + shift
-        covariances = turn @ from_correlations(numbers[:, 2:4], numbers[:, 4:]) @ turn.T
-        for at, shared in enumerate(footer.measurements):
-            stamp_ms = footer.reference_ms - shared.age_ms
-            identity = measurement_id(footer.observers[shared.observer], stamp_ms)
-            evidence.append(Measurement(identity, positions[at], covariances[at]))
-    if footer.estimates:
-        numbers = np.array([_STATED(estimate.state) for estimate in footer.estimates])
-        both = turn_of_state(turn)
-        states = numbers[:, :4] @ both.T
-        states[:, :2] += shift
-        covariances = both @ from_correlations(numbers[:, 4:8], numbers[:, 8:]) @ both.T
-        for at, estimate in enumerate(footer.estimates):
-            provenance = frozenset(
-                [
-                    measurement_id(footer.observers[run.observer], footer.reference_ms - age_ms)
-                    for run in estimate.provenance
-                    for age_ms in run.ages_ms
-                ]
-            )
-            evidence.append(Estimate(provenance, states[at], covariances[at]))
-    return evidence
+def read(footer: MvsFooter) -> Told:
+    """Read the entries of `footer`, measurements first."""
+    measured, estimated = footer.measurements, footer.estimates
+    n, every = len(measured), len(measured) + len(estimated)
+    states, covariances = np.zeros((every, 4)), np.zeros((every, 4, 4))
+    if measured:
+        numbers = np.array([_MEASURED(shared) for shared in measured])
+        states[:n, :2] = numbers[:, :2]
+        covariances[:n, :2, :2] = from_correlations(numbers[:, 2:4], numbers[:, 4:])
+    if estimated:
+        numbers = np.array([_STATED(shared.state) for shared in estimated])
+        states[n:] = numbers[:, :4]
+        covariances[n:] = from_correlations(numbers[:, 4:8], numbers[:, 8:])
+    reference_ms, observers = footer.reference_ms, footer.observers
+    provenances: list[Provenance] = [
+        frozenset((measurement_id(observers[each.observer], reference_ms - each.age_ms),))
+        for each in measured
+    ]
+    provenances += [
+        frozenset(
+            [
+                measurement_id(observers[run.observer], reference_ms - age_ms)
+                for run in shared.provenance
+                for age_ms in run.ages_ms
+            ]
+        )
+        for shared in estimated
+    ]
+    makers = [frozenset((observers[each.observer],)) for each in measured]
+    makers += [frozenset([observers[run.observer] for run in e.provenance]) for e in estimated]
+    return Told(
+        LocalFrame(footer.latitude_deg, footer.longitude_deg),
+        tuple([each.car for each in measured] + [each.state.car for each in estimated]),
+        tuple(provenances),
+        tuple(makers),
+        Kinematics(
+            np.array([times_of(provenance).last_ms for provenance in provenances], np.float64),
+            states.T,
+            covariances.transpose(1, 2, 0),
+            np.repeat([0.0, 1.0], [n, every - n]),
+        ),
+    )
 
 
 def encode_within(
-    evidence: Sequence[Evidence],
+    entries: Sequence[Entry],
     reference_ms: int,
     frame: LocalFrame,
     anchor: LocalFrame,
     most_bytes: int,
 ) -> bytes:
-    """Encode as many of `evidence`, the first ones first, as `most_bytes` hold."""
+    """Encode as many of `entries`, the first ones first, as `most_bytes` hold."""
     fitting = [
-        piece
-        for piece in evidence
+        (number, piece)
+        for number, piece in entries
         if all(0 <= reference_ms - stamp_ms <= LONGEST_AGE_MS for _, stamp_ms in piece.provenance)
     ]
     while True:
-        names = {observer for piece in fitting for observer, _ in piece.provenance}
+        names = {observer for _, piece in fitting for observer, _ in piece.provenance}
         if len(names) <= MOST_OBSERVERS:
             data = mvs_footer.encode(footer_of(fitting, reference_ms, frame, anchor))
             if len(data) <= most_bytes or not fitting:

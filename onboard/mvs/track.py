@@ -5,13 +5,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId, Provenance
-from onboard.mvs.fusion import fuse
+from onboard.mvs.fusion import as_estimate
 from onboard.mvs.independent_set import select_independent, select_independent_masks
 from onboard.mvs.kalman import Array
 
 _MOST_BITS = 512
 _SAME_PLACE_M = 0.1
 """One measurement told by two is the same place, but for the rounding on its ways."""
+
+OWN = b""
+"""The teller of what the own camera sees."""
+Name = tuple[bytes, int]
+"""Who tells of a car, and what he calls it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,22 +25,24 @@ class Held:
 
     piece: Evidence
     teller: bytes
-    """Who sent it; the own ID for the own measurements."""
+    """Who sent it; `OWN` for the own measurements."""
     received_ms: int
     """UTC."""
 
     def is_from_observer(self) -> bool:
         """Whether the teller has measured it itself."""
-        return isinstance(self.piece, Measurement) and self.piece.id.observer == self.teller
+        return isinstance(self.piece, Measurement) and self.teller in {OWN, self.piece.id.observer}
 
 
 class Track:
     """What the own car holds of one car without a radio."""
 
-    def __init__(self, number: int, first: Held, acceleration_density: float) -> None:
+    def __init__(self, number: int, first: Held) -> None:
         self.number = number
         """The own car's name for it."""
         self.first_teller = first.teller
+        self.names: dict[Name, int] = {}
+        """What others, and the own camera, call it, and when they last did; UTC, as all times."""
         self.evidence: dict[Provenance, Held] = {first.piece.provenance: first}
         self.settled: list[Evidence] = []
         """What was used when it grew old: it stays in use, and its measurements are spent."""
@@ -43,15 +50,37 @@ class Track:
         self._bits: dict[MeasurementId, int] = {}
         self._masks: dict[Provenance, int] = {}
         """Provenances as bit sets, one bit for each measurement of this car."""
+        self._mask(first.piece.provenance)
         self.used: list[Evidence] = [first.piece]
         """The independent evidence in `estimate`."""
-        (self.estimate,) = fuse([self.used], acceleration_density)
+        self.estimate = as_estimate(first.piece)
+        self.first_ms = self.last_ms = first.piece.stamp_ms
+        """Of the first evidence of it and of the last."""
         self.is_confirmed = False
+        self.is_known = False
+        """Whether it is confirmed, well placed, and no other car seen twice."""
         self.radio_id: bytes | None = None
         """The car with a radio that it has turned out to be."""
         self.radio_until_ms = 0
         self.told_ms = 0
-        """When the own car last told others of it; UTC, as all times."""
+        """When the own car last told others of it."""
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the own camera has seen it, as long as that is remembered."""
+        return any(teller == OWN for teller, _ in self.names)
+
+    def has(self, provenance: Provenance) -> bool:
+        """Whether a piece with this provenance would say nothing new."""
+        return provenance in self.evidence or not self._spent.isdisjoint(provenance)
+
+    def shares(self, provenance: Provenance) -> bool:
+        """Whether a measurement in `provenance` has been told of this car."""
+        return not self._bits.keys().isdisjoint(provenance)
+
+    def shares_with(self, other: "Track") -> bool:
+        """Whether one measurement has been told of both."""
+        return not self._bits.keys().isdisjoint(other._bits)  # noqa: SLF001 (of the same class)
 
     def add(self, held: Held) -> None:
         """Take a piece. What an observer says of its own measurement replaces hearsay of it."""
@@ -61,59 +90,62 @@ class Track:
             return
         if known is None or (held.is_from_observer() and not known.is_from_observer()):
             self.evidence[provenance] = held
+            self._mask(provenance)
+            self.last_ms = max(self.last_ms, held.piece.stamp_ms)
 
     def forget(self, before_ms: int, most_estimates: int, most: int) -> None:
         """Drop what has a measurement of `before_ms` or earlier, and the first of the too many."""
         if any(piece.oldest_ms <= before_ms for piece in self.settled):
             self.settled = [piece for piece in self.settled if piece.oldest_ms > before_ms]
             self._spent = {identity for identity in self._spent if identity[1] > before_ms}
-        for held in list(self.evidence.values()):
-            if held.piece.oldest_ms <= before_ms:
-                del self.evidence[held.piece.provenance]
+        self.evidence = {
+            provenance: held
+            for provenance, held in self.evidence.items()
+            if held.piece.oldest_ms > before_ms
+        }
         estimates = [p for p, held in self.evidence.items() if isinstance(held.piece, Estimate)]
         for provenance in estimates[: max(0, len(estimates) - most_estimates)]:
             del self.evidence[provenance]
         for provenance in list(self.evidence)[: max(0, len(self.evidence) - most)]:
             del self.evidence[provenance]
+        self.names = {name: at for name, at in self.names.items() if at > before_ms}
         if len(self._bits) > _MOST_BITS:
             self._bits.clear()
             self._masks.clear()
 
-    def settle(self, before_ms: int) -> None:
-        """Decide for good on evidence of `before_ms` or earlier: in use now, or never again."""
-        for piece in self.used:
-            if piece.stamp_ms <= before_ms and piece.provenance in self.evidence:
-                del self.evidence[piece.provenance]
-                self._settle(piece)
-        self._drop_spent()
-
-    def take_over(self, other: "Track") -> None:
-        """Take all evidence of what has turned out to be the same car."""
-        for piece in other.settled:
-            if self._spent.isdisjoint(piece.provenance):
-                self._settle(piece)
-        self._drop_spent()
-        for held in other.evidence.values():
-            self.add(held)
-
-    @property
-    def pieces(self) -> list[Evidence]:
-        """All evidence of it, as it came."""
-        return self.settled + [held.piece for held in self.evidence.values()]
-
     def choose(self) -> None:
         """Choose anew which evidence to use, as `independent` does."""
         latest_first = sorted(
-            (held.piece for held in self.evidence.values()), key=_stamp_ms, reverse=True
+            [held.piece for held in self.evidence.values()], key=_stamp_ms, reverse=True
         )
         masks = [self._mask(piece.provenance) for piece in latest_first]
         chosen = [latest_first[index] for index in select_independent_masks(masks)]
         self.used = self.settled + chosen
 
+    def settle(self, before_ms: int) -> None:
+        """Decide for good on evidence of `before_ms` or earlier: in use now, or never again."""
+        old = [
+            piece
+            for piece in self.used
+            if piece.stamp_ms <= before_ms and piece.provenance in self.evidence
+        ]
+        if old:
+            self._settle(old)
+
+    def take_over(self, other: "Track") -> None:
+        """Take all evidence of what has turned out to be the same car."""
+        self._settle([piece for piece in other.settled if self._spent.isdisjoint(piece.provenance)])
+        for held in other.evidence.values():
+            self.add(held)
+        self.first_ms = min(self.first_ms, other.first_ms)
+        self.last_ms = max(self.last_ms, other.last_ms)
+        self.is_confirmed |= other.is_confirmed
+        self.names |= other.names
+
     @property
-    def last_measured_ms(self) -> int:
-        """The time of its last measurement, UTC."""
-        return max((piece.stamp_ms for piece in self.pieces), default=0)
+    def pieces(self) -> list[Evidence]:
+        """All evidence of it, as it came."""
+        return self.settled + [held.piece for held in self.evidence.values()]
 
     def moments(self) -> int:
         """Of how many different moments there is evidence."""
@@ -137,11 +169,10 @@ class Track:
         self.used = [piece.mapped(turn, shift) for piece in self.used]
         self.estimate = self.estimate.mapped(turn, shift)
 
-    def _settle(self, piece: Evidence) -> None:
-        self.settled.append(piece)
-        self._spent |= piece.provenance
-
-    def _drop_spent(self) -> None:
+    def _settle(self, pieces: Iterable[Evidence]) -> None:
+        for piece in pieces:
+            self.settled.append(piece)
+            self._spent |= piece.provenance
         self.evidence = {
             provenance: held
             for provenance, held in self.evidence.items()

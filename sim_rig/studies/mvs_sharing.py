@@ -17,7 +17,8 @@ from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.evidence import Evidence, Measurement, Provenance
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
-from onboard.mvs.sharing import evidence_in
+from onboard.mvs.sharing import read
+from onboard.mvs.told import evidence_in
 from onboard.mvs.track import independent
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
@@ -170,7 +171,7 @@ def _told(footer: MvsFooter, cars: Cars, world: MvsWorld) -> set[tuple[str, Prov
     """Entries by the car that they are truly about, and what they were made from."""
     told = set()
     now_ms = (world.now + START_UTC_S) * 1000
-    for piece in evidence_in(footer, ORIGIN):
+    for piece in evidence_in(read(footer), ORIGIN):
         place = piece.position_m if isinstance(piece, Measurement) else piece.state[:2]
         then = cars.middle_m - (now_ms - piece.stamp_ms) / 1000 * cars.velocity_m_s
         away = np.hypot(*(then - place).T)

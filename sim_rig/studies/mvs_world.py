@@ -21,6 +21,7 @@ from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.own_car import OwnCar
 from onboard.mvs.settings import MvsSettings
+from onboard.mvs.sharing import read
 from onboard.observations import Position, SensedCar
 from onboard.settings import Settings
 from sim_rig.radio.settings import CsmaSettings
@@ -182,7 +183,7 @@ class MvsWorld:
             bearing_rad = math.atan2(east_m, north_m) - course_rad
             seen = SensedCar(
                 self.now,
-                other,
+                int.from_bytes(self.own_id(cars.names[other])),
                 max(range_m + range_sigma_m * self._rng.normal(), 0.0),
                 range_sigma_m,
                 bearing_rad + settings.bearing_sigma_rad * self._rng.normal(),
@@ -250,9 +251,10 @@ class MvsWorld:
     def _hand_over(self, bsm: _Bsm, reached: Iterable[str]) -> None:
         receivers = tuple(name for name in reached if name in self.cores)
         self.sent.append(Sent(self.now, bsm.sender, bsm.footer, receivers))
+        told = read(bsm.footer)
         for receiver in receivers:
             self.cores[receiver].receive_bsm(
-                self.own_id(bsm.sender), bsm.fix, bsm.footer, self.now, bsm.acceleration_m_s2
+                self.own_id(bsm.sender), bsm.fix, told, self.now, bsm.acceleration_m_s2
             )
 
 

@@ -22,9 +22,9 @@ from onboard.messages.mvs_footer import (
     encode,
 )
 
-MEASURED = SharedMeasurement(0, 100, 0, 12.34, -56.78, 0.5, 0.7, 0.25)
+MEASURED = SharedMeasurement(0, 9, 100, 0, 12.34, -56.78, 0.5, 0.7, 0.25)
 STATED = SharedState(
-    -100.0, 200.0, 13.88, -0.02, 0.4, 0.4, 1.1, 1.2, 0.0, 0.75, 0.0, 0.0, 0.75, 0.125, runs=2
+    8, -100.0, 200.0, 13.88, -0.02, 0.4, 0.4, 1.1, 1.2, 0.0, 0.75, 0.0, 0.0, 0.75, 0.125, runs=2
 )
 ESTIMATED = SharedEstimate(STATED, (Run(0, (0, 100, 200)), Run(1, (50,))))
 FOOTER = MvsFooter(
@@ -43,9 +43,9 @@ def raw_entries(size_bytes: int) -> st.SearchStrategy[bytes]:
 
 
 def test_sizes_are_those_that_the_documentation_names() -> None:
-    assert (HEAD.size_bytes, MEASUREMENT.size_bytes, STATE.size_bytes) == (18, 11, 20)
+    assert (HEAD.size_bytes, MEASUREMENT.size_bytes, STATE.size_bytes) == (18, 12, 21)
     provenance_bytes = (2 * 12 + 4 * 12 + 7) // 8
-    assert len(encode(FOOTER)) == 18 + 2 * 4 + 11 + 20 + provenance_bytes
+    assert len(encode(FOOTER)) == 18 + 2 * 4 + 12 + 21 + provenance_bytes
 
 
 def test_ten_cars_measured_three_times_by_four_observers_fit_500_bytes() -> None:
@@ -56,7 +56,7 @@ def test_ten_cars_measured_three_times_by_four_observers_fit_500_bytes() -> None
         FOOTER, observers=observers, measurements=(), estimates=(estimate,) * 10
     )
 
-    assert len(encode(footer)) == 474
+    assert len(encode(footer)) == 484
 
 
 def test_a_footer_comes_back_as_it_was_sent() -> None:
@@ -127,7 +127,7 @@ def test_a_truncated_footer_is_too_short(size: int) -> None:
     ("data", "reason"),
     [
         (encode(FOOTER) + b"\0", "trailing_bytes"),
-        (b"\x02" + encode(FOOTER)[1:], "unknown_version"),
+        (b"\x03" + encode(FOOTER)[1:], "unknown_version"),
         (encode(dataclasses.replace(FOOTER, observers=(b"abcd",))), "unknown_observer"),
         (
             encode(

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from onboard.mvs.association import Kinematics, assign, gate, with_speed_prior
+from onboard.mvs.association import assign, gate, with_speed_prior
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.mvs.kinematics import Kinematics
 
 Q = 1.0
 

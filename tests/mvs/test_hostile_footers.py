@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from onboard.messages import mvs_footer
 from onboard.messages.mvs_footer import MvsFooter, Run, SharedEstimate, SharedMeasurement
-from onboard.mvs.belief import doubts, weighted_down
+from onboard.mvs.belief import doubts, excess_of_trust
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
 from onboard.mvs.fusion import fuse
+from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import BeliefSettings
@@ -35,6 +36,7 @@ def say(mvs: MultiVehicleSensing, footer: MvsFooter | bytes, at: float = NOW) ->
     data = footer if isinstance(footer, bytes) else mvs_footer.encode(footer)
     place = Position(at, 48.1009, 11.5, None, 0.5, 10.0, 0.0)
     mvs.receive_bsm(LIAR, place, data, at)
+    mvs.cars_without_radio(at)
     reasons = []
     while (event := mvs.next_event()) is not None:
         reasons.append(event.reason)
@@ -50,7 +52,7 @@ def estimate_at(
 
 
 def footer_with(*evidence: Evidence, reference_ms: int = 1_000_000) -> MvsFooter:
-    return footer_of(evidence, reference_ms, HERE, HERE)
+    return footer_of(enumerate(evidence), reference_ms, HERE, HERE)
 
 
 def tracks(mvs: MultiVehicleSensing, now: float = NOW) -> list[Estimate]:
@@ -229,7 +231,7 @@ def test_no_bytes_stop_the_car(data: bytes, with_head: bool) -> None:
         assert np.linalg.eigvalsh(np.array(car.covariance))[0] > 0
 
 
-@given(st.lists(st.tuples(st.integers(0, 2**88 - 1)), max_size=20), st.integers(0, 2**160 - 1))
+@given(st.lists(st.tuples(st.integers(0, 2**96 - 1)), max_size=20), st.integers(0, 2**168 - 1))
 def test_whatever_entries_say_the_state_is_finite_and_positive(
     measurements: list[tuple[int]], estimate: int
 ) -> None:
@@ -238,7 +240,7 @@ def test_whatever_entries_say_the_state_is_finite_and_positive(
     shared = []
     for (bits,) in measurements:
         try:
-            entry = mvs_footer.MEASUREMENT.decode(bits.to_bytes(11))
+            entry = mvs_footer.MEASUREMENT.decode(bits.to_bytes(12))
         except mvs_footer.DecodeError:
             continue
         shared.append(dataclasses.replace(entry, observer=0, age_ms=entry.age_ms % 500))
@@ -246,7 +248,7 @@ def test_whatever_entries_say_the_state_is_finite_and_positive(
         footer_with(estimate_at(20, 60, RECENT)), measurements=tuple(shared)
     )
     try:
-        state = mvs_footer.STATE.decode(estimate.to_bytes(20))
+        state = mvs_footer.STATE.decode(estimate.to_bytes(21))
     except mvs_footer.DecodeError:
         pass
     else:
@@ -290,9 +292,22 @@ def test_impossible_estimates_are_named(
 
     honest = Estimate(frozenset({MeasurementId(LIAR, 5)}), np.zeros(4), np.eye(4))
 
-    doubted = doubts([honest, piece], np.full(2, 1700.0), np.zeros(2), 10, BeliefSettings())
+    pieces: list[Evidence] = [honest, piece]
+
+    doubted = doubts(
+        Kinematics.of(pieces),
+        [each.provenance for each in pieces],
+        BeliefSettings(),
+        reaches_m=np.full(2, 1700.0),
+        tellers_m=np.zeros((2, 2)),
+        now_ms=np.full(2, 10.0),
+    )
 
     assert doubted == {1: reason}
+
+
+def excess_of_trust_in(*pieces: Evidence) -> np.ndarray:
+    return excess_of_trust(Kinematics.of(pieces), [piece.provenance for piece in pieces], 0.1)
 
 
 def test_honest_estimates_are_not_weighted_down() -> None:
@@ -303,17 +318,15 @@ def test_honest_estimates_are_not_weighted_down() -> None:
             for t in rng.choice(300, n, replace=False)
         ]
         (estimate,) = fuse([evidence], 1.0)
-        assert weighted_down([estimate, *evidence], 0.1) == {}
+        assert (excess_of_trust_in(estimate, *evidence) == 1.0).all()
 
 
 def test_weighting_down_keeps_the_shape_of_a_covariance() -> None:
     sure = estimate_at(0, 0, RECENT, sigma_m=0.001)
 
-    weighed = weighted_down([sure], 0.1)[0]
+    (excess,) = excess_of_trust_in(sure)
 
-    ratio = weighed.covariance[0, 0] / sure.covariance[0, 0]
-    np.testing.assert_allclose(weighed.covariance, sure.covariance * ratio)
-    assert np.sqrt(weighed.covariance[0, 0]) == pytest.approx(0.1 / np.sqrt(3))
+    assert np.sqrt(sure.covariance[0, 0] * excess) == pytest.approx(0.1 / np.sqrt(3))
 
 
 def test_an_observer_corrects_what_others_said_of_his_measurement() -> None:
@@ -325,13 +338,13 @@ def test_an_observer_corrects_what_others_said_of_his_measurement() -> None:
     place = Position(NOW, 48.1003, 11.5, None, 0.5, 10.0, 0.0)
     mvs.receive_bsm(WITNESS, place, mvs_footer.encode(footer_with(own_word)), NOW)
 
-    mvs.kinematic_info(NOW)
+    mvs.kinematic_info(NOW + EXACT.refresh_s)
     (track,) = mvs._tracks
     assert track.estimate.state[0] == pytest.approx(0.6, abs=0.01)
 
 
 def test_a_measurement_names_its_observer() -> None:
-    entry = SharedMeasurement(3, 100, 0, 1.0, 2.0, 0.5, 0.5, 0.0)
+    entry = SharedMeasurement(3, 0, 100, 0, 1.0, 2.0, 0.5, 0.5, 0.0)
     footer = dataclasses.replace(footer_with(), measurements=(entry,))
 
     assert say(victim(), footer) == ["unknown_observer"]

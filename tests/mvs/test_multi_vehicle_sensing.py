@@ -14,7 +14,7 @@ from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.track import Track
+from onboard.mvs.track import OWN, Track
 from onboard.observations import Position, SensedCar
 from tests.mvs.world import EXACT, Car, Message, World
 
@@ -170,13 +170,13 @@ def test_what_a_car_knows_is_what_a_central_filter_of_all_measurements_knows() -
     everything: dict[MeasurementId, Measurement] = {}
     for _ in range(20):
         world.run(0.1)
-        for name, core in world.mvs.items():
+        for core in world.mvs.values():
             frame, own_frame = mvs._own.frame, core._own.frame
             assert frame is not None
             assert own_frame is not None
             mapping = frame.mapping_from(own_frame)
             for held in (held for track in core._tracks for held in track.evidence.values()):
-                if isinstance(held.piece, Measurement) and held.teller == world.car(name).id:
+                if isinstance(held.piece, Measurement) and held.teller == OWN:
                     everything[held.piece.id] = held.piece.mapped(*mapping)
     x = only(world.without_radio("c0"))
 

@@ -10,19 +10,21 @@ from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
 from onboard.mvs.fusion import fuse
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.sharing import (
+    Entry,
     encode_within,
-    evidence_in,
     footer_of,
     from_correlations,
+    read,
     to_correlations,
 )
+from onboard.mvs.told import Told, evidence_in
 
 SENDER, RECEIVER = LocalFrame(48.1, 11.5), LocalFrame(48.12, 11.53)
 ANCHOR = LocalFrame(48.1012345, 11.5012345)
 
 
-def some_evidence(rng: np.random.Generator, cars: int) -> list[Evidence]:
-    evidence: list[Evidence] = []
+def some_evidence(rng: np.random.Generator, cars: int) -> list[Entry]:
+    entries: list[Entry] = []
     for car in range(cars):
         measurements = [
             Measurement(
@@ -33,19 +35,24 @@ def some_evidence(rng: np.random.Generator, cars: int) -> list[Evidence]:
             for at, observer in enumerate((b"aaaa", b"bbbb"))
             for k in range(3)
         ]
-        evidence += fuse([measurements], 1.0) if car % 3 else measurements[:1]
-    return evidence
+        pieces: list[Evidence] = [*fuse([measurements], 1.0)] if car % 3 else [measurements[0]]
+        entries += [(car, piece) for piece in pieces]
+    return entries
+
+
+def read_bytes(data: bytes) -> Told:
+    return read(mvs_footer.decode(data))
 
 
 def test_what_was_sent_is_in_the_receivers_frame_what_it_was_in_the_senders() -> None:
     sent = some_evidence(np.random.default_rng(0), 9)
     data = encode_within(sent, 100_000, SENDER, ANCHOR, 1000)
 
-    came = evidence_in(mvs_footer.decode(data), RECEIVER)
+    came = evidence_in(read_bytes(data), RECEIVER)
 
     by_provenance = {piece.provenance: piece for piece in came if isinstance(piece, Estimate)}
     mapping = RECEIVER.mapping_from(SENDER)
-    for piece in (piece for piece in sent if isinstance(piece, Estimate)):
+    for piece in (piece for _, piece in sent if isinstance(piece, Estimate)):
         expected, got = piece.mapped(*mapping), by_provenance[piece.provenance]
         assert np.abs(expected.state[:2] - got.state[:2]).max() < 0.02
         assert np.abs(expected.state[2:] - got.state[2:]).max() < 0.02
@@ -55,7 +62,7 @@ def test_what_was_sent_is_in_the_receivers_frame_what_it_was_in_the_senders() ->
         assert relative.max() < 1.07
     measured = [piece for piece in came if isinstance(piece, Measurement)]
     assert [piece.id for piece in measured] == [
-        piece.id for piece in sent if isinstance(piece, Measurement)
+        piece.id for _, piece in sent if isinstance(piece, Measurement)
     ]
 
 
@@ -66,17 +73,14 @@ def test_what_does_not_fit_is_left_out_from_the_end() -> None:
     data = encode_within(sent, 100_000, SENDER, ANCHOR, 200)
 
     assert len(data) <= 200 < len(whole)
-    came = {piece.provenance for piece in evidence_in(mvs_footer.decode(data), SENDER)}
-    assert came == {piece.provenance for piece in sent[: len(came)]}
-    assert (
-        evidence_in(mvs_footer.decode(encode_within(sent, 100_000, SENDER, ANCHOR, 18)), SENDER)
-        == []
-    )
+    came = {piece.provenance for piece in evidence_in(read_bytes(data), SENDER)}
+    assert came == {piece.provenance for _, piece in sent[: len(came)]}
+    assert evidence_in(read_bytes(encode_within(sent, 100_000, SENDER, ANCHOR, 18)), SENDER) == []
 
 
 def test_what_is_too_old_or_not_yet_is_not_sent() -> None:
     pieces = [
-        Measurement(MeasurementId(b"aaaa", stamp_ms), np.zeros(2), np.eye(2))
+        (0, Measurement(MeasurementId(b"aaaa", stamp_ms), np.zeros(2), np.eye(2)))
         for stamp_ms in (95_904, 95_905, 100_000, 100_001)
     ]
 
@@ -89,16 +93,16 @@ def test_a_long_provenance_is_several_runs_of_an_observer() -> None:
     provenance = frozenset(MeasurementId(b"aaaa", 100_000 - k) for k in range(40))
     estimate = Estimate(provenance, np.zeros(4), np.eye(4))
 
-    footer = footer_of([estimate], 100_000, SENDER, ANCHOR)
+    footer = footer_of([(7, estimate)], 100_000, SENDER, ANCHOR)
 
     assert [len(run.ages_ms) for run in footer.estimates[0].provenance] == [16, 16, 8]
-    (came,) = evidence_in(mvs_footer.decode(mvs_footer.encode(footer)), SENDER)
+    (came,) = evidence_in(read_bytes(mvs_footer.encode(footer)), SENDER)
     assert came.provenance == provenance
 
 
 def test_more_observers_than_a_footer_can_name_are_left_out_from_the_end() -> None:
     pieces = [
-        Measurement(MeasurementId(k.to_bytes(4), 100_000), np.zeros(2), np.eye(2))
+        (k, Measurement(MeasurementId(k.to_bytes(4), 100_000), np.zeros(2), np.eye(2)))
         for k in range(300)
     ]
 
@@ -131,3 +135,13 @@ def test_any_deviations_and_correlations_are_a_positive_covariance(
     assert (covariance == covariance.T).all()
     np.linalg.cholesky(covariance)
     assert np.sqrt(np.diagonal(covariance)) == pytest.approx(sigmas)
+
+
+def test_a_car_keeps_the_number_that_its_sender_gave_it() -> None:
+    measured, estimated = some_evidence(np.random.default_rng(0), 2)
+    entries = [(300, measured[1]), (2, estimated[1])]
+
+    told = read_bytes(encode_within(entries, 100_000, SENDER, ANCHOR, 1000))
+
+    assert told.cars == (300 % 256, 2)
+    assert told.observers == (frozenset({b"aaaa"}), frozenset({b"aaaa", b"bbbb"}))

@@ -3,9 +3,9 @@
 import numpy as np
 
 from onboard.messages import mvs_footer
-from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings
+from onboard.mvs.told import Told
 from sim_rig.radio.propagation import LogDistance
 from sim_rig.radio.settings import CsmaSettings
 from sim_rig.studies.mvs_roads import SixLaneRoad
@@ -17,7 +17,8 @@ SETTINGS = MvsSettings(sensing=SensingSettings(face_to_centre_m=0.0, face_to_cen
 class Doubled:
     """Two fresh cores of one car, the second of which gets every footer as bytes."""
 
-    def __init__(self, own_id: bytes) -> None:
+    def __init__(self, own_id: bytes, world: MvsWorld) -> None:
+        self.world = world
         self.core, self.twin = (
             MultiVehicleSensing(SETTINGS, own_id, np.random.default_rng(0), START_UTC_S)
             for _ in range(2)
@@ -26,8 +27,9 @@ class Doubled:
 
     def __getattr__(self, name: str) -> object:
         def call(*arguments: object) -> object:
-            self.footers += sum(isinstance(each, MvsFooter) for each in arguments)
-            wire = [mvs_footer.encode(a) if isinstance(a, MvsFooter) else a for a in arguments]
+            self.footers += sum(isinstance(each, Told) for each in arguments)
+            data = mvs_footer.encode(self.world.sent[-1].footer) if self.world.sent else b""
+            wire = [data if isinstance(each, Told) else each for each in arguments]
             getattr(self.twin, name)(*wire)
             return getattr(self.core, name)(*arguments)
 
@@ -39,7 +41,7 @@ def test_a_core_knows_the_same_from_footers_as_values_and_as_bytes() -> None:
     world = MvsWorld(road, set(road.names[::3]), WorldSettings(loss=0.2), SETTINGS, seed=1)
     world.tick()
     own = road.names[0]
-    doubled = world.cores[own] = Doubled(world.own_id(own))  # type: ignore[assignment]
+    doubled = world.cores[own] = Doubled(world.own_id(own), world)  # type: ignore[assignment]
     for _ in range(9):
         world.tick()
 

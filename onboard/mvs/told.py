@@ -1,0 +1,85 @@
+"""What came in: the entries of footers and of pictures, as arrays.
+
+A tick brings hundreds of entries, most of which say nothing new. They are looked at together, and a
+piece of evidence is made of an entry only when a car takes it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from onboard.mvs.evidence import Estimate, Evidence, Measurement, Provenance
+from onboard.mvs.kinematics import Kinematics
+from onboard.mvs.local_frame import LocalFrame
+
+Observers = frozenset[bytes]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """The N entries of one footer, in the frame of its anchor; many cars may read the same."""
+
+    anchor: LocalFrame
+    cars: tuple[int, ...]
+    """What the teller calls each car; its other footers call it the same."""
+    provenances: tuple[Provenance, ...]
+    observers: tuple[Observers, ...]
+    """Who made the measurements of each."""
+    entries: Kinematics
+
+    def __len__(self) -> int:
+        return len(self.cars)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """N entries of any tellers, in the own car's frame, in the order in which they came."""
+
+    tellers: Sequence[bytes]
+    cars: Sequence[int]
+    provenances: Sequence[Provenance]
+    received_ms: Sequence[int]
+    """UTC."""
+    entries: Kinematics
+
+    def __len__(self) -> int:
+        return len(self.cars)
+
+    def rows(self, rows: Sequence[int]) -> "Batch":
+        """Some of them."""
+        return Batch(
+            [self.tellers[row] for row in rows],
+            [self.cars[row] for row in rows],
+            [self.provenances[row] for row in rows],
+            [self.received_ms[row] for row in rows],
+            self.entries[list(rows)],
+        )
+
+    def piece(self, row: int) -> Evidence:
+        """The piece of evidence that an entry is."""
+        return piece_of(self.provenances[row], self.entries, row)
+
+
+def piece_of(provenance: Provenance, entries: Kinematics, row: int) -> Evidence:
+    """Make evidence of an entry with this provenance."""
+    state, covariance = entries.states[:, row], entries.covariances[:, :, row]
+    if entries.has_speed[row]:
+        return Estimate(provenance, state, covariance)
+    (identity,) = provenance
+    return Measurement(identity, state[:2], covariance[:2, :2])
+
+
+def placed(footers: Sequence[Told], frame: LocalFrame) -> Kinematics:
+    """Bring the entries of all `footers` into `frame`, one footer after the other."""
+    mappings = [frame.mapping_from(footer.anchor) for footer in footers]
+    counts = [len(footer) for footer in footers]
+    turns = np.repeat([turn for turn, _ in mappings], counts, axis=0)
+    shifts = np.repeat([shift for _, shift in mappings], counts, axis=0)
+    return Kinematics.together([footer.entries for footer in footers]).mapped(turns, shifts)
+
+
+def evidence_in(footer: Told, frame: LocalFrame) -> list[Evidence]:
+    """All entries of a footer as evidence in `frame`."""
+    entries = placed([footer], frame)
+    return [piece_of(p, entries, row) for row, p in enumerate(footer.provenances)]
