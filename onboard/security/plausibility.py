@@ -33,6 +33,9 @@ BRAKE_WINDOW_S = 2.0
 ENOUGH_S = 0.3
 """Speeds over less time than this prove nothing."""
 
+FORGOTTEN_S = 60.0
+"""A car not heard for so long begins anew: nothing that it said then proves anything now."""
+
 _SENDERS = 512
 _SPEEDS = 32
 """Samples kept of one sender: three seconds of BSMs."""
@@ -82,6 +85,7 @@ class Plausibility:
         core = message.core
         if not self._temporary_ids.receive(core.temporary_id, sender):
             return Implausible.IDENTITY
+        self._forget(stamp_s)
         known = self._senders.setdefault(sender, _Sender())
         self._senders.move_to_end(sender)
         if len(self._senders) > _SENDERS:
@@ -117,6 +121,13 @@ class Plausibility:
         """Whether the car has told a speed after `stamp_s`."""
         sender = self._sender_by(car_id)
         return sender is not None and bool(sender.speeds) and sender.speeds[-1][0] > stamp_s
+
+    def _forget(self, stamp_s: float) -> None:
+        while self._senders:
+            last = next(iter(self._senders.values())).last
+            if last is None or stamp_s - last[0] <= FORGOTTEN_S:
+                return
+            self._senders.popitem(last=False)
 
     def _sender_by(self, car_id: bytes) -> _Sender | None:
         sender = self._car_ids.owner(car_id)

@@ -8,7 +8,7 @@ import pytest
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.security.plausibility import Plausibility
+from onboard.security.plausibility import FORGOTTEN_S, Plausibility
 from onboard.units import KM_H
 
 CORE = CoreData(0, b"abcd", latitude_deg=25.0, longitude_deg=121.5, speed_m_s=20.0)
@@ -173,3 +173,13 @@ def test_many_forged_senders_take_bounded_memory():
     assert len(plausibility._senders) <= 512
     assert len(plausibility._car_ids) <= 512
     assert len(plausibility._temporary_ids) <= 512
+
+
+def test_who_has_not_been_heard_for_long_is_forgotten():
+    plausibility = Plausibility()
+    for number in range(10):
+        core = replace(CORE, temporary_id=number.to_bytes(4))
+        plausibility.receive_bsm(number.to_bytes(8), BasicSafetyMessage(core), float(number))
+    plausibility.receive_bsm(b"another.", _bsm(), FORGOTTEN_S + 4.5)
+
+    assert list(plausibility._senders) == [*(n.to_bytes(8) for n in range(5, 10)), b"another."]
