@@ -84,9 +84,9 @@ class Outcome:
     fate: Fate | None = None
     """Of the crash without radios, if there is one."""
     known_before_s: float | None = None
-    """How long before that crash one of the two with a radio first knew the other."""
+    """How long before that crash one of those who can act first knew the other."""
     warned_before_s: float | None = None
-    """And was first warned of it."""
+    """And was first warned."""
     first_warning_s: float | None = None
     """After the event, of a car that the event concerns."""
     warned: int = 0
