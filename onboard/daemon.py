@@ -209,7 +209,7 @@ class Daemon:
             self._timer.cancel()
         at = self._stack.get_timer()
         self._timer = None if at == math.inf else self._loop.call_at(at, self._step)
-        if self._wsms:
+        if self._wsms and self._next_step is None:
             self._next_step = self._loop.call_soon(self._look_first)
         self._manager.feed(now)
 

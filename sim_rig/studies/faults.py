@@ -44,7 +44,7 @@ COLUMNS = (
 class FaultsSettings(Settings):
     """One run of the study."""
 
-    seeds: tuple[int, ...] = Field((1, 2), min_length=1)
+    seeds: tuple[int, ...] = Field((1, 2, 3), min_length=1)
     cases: tuple[str, ...] = ()
     """Names of faults; all if none is named."""
 
