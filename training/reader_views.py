@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.vision.plate_reader import rectify
+from onboard.vision.plate_reader import looks_at, rectify
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import PlateFormat, draw_plate
 from sim_rig.picture.plate_styles import random_plate
@@ -28,22 +28,33 @@ class _Drawn:
     art: npt.NDArray[np.uint8]
 
 
-def render_views(
-    count: int, rng: np.random.Generator, *, held_back: bool = False
-) -> tuple[View, list[str]]:
-    """`count` views, (count, 64, 160), and their texts, in the fonts held back or in the others."""
-    views: list[View] = []
+def render_views(count: int, rng: np.random.Generator) -> tuple[View, list[str]]:
+    """`count` views to learn from, (count, 64, 160), and their texts."""
+    found, texts = _photographed(count, rng, held_back=False)
+    return np.stack([rectify(picture, corners) for picture, corners in found]), texts
+
+
+def render_looks(count: int, rng: np.random.Generator) -> tuple[View, list[str]]:
+    """`count` plates in fonts held back, (count, looks, 64, 160), as the reader looks at them."""
+    found, texts = _photographed(count, rng, held_back=True)
+    return np.stack([looks_at(picture, corners) for picture, corners in found]), texts
+
+
+def _photographed(
+    count: int, rng: np.random.Generator, *, held_back: bool
+) -> tuple[list[tuple[View, Quad]], list[str]]:
+    """Pictures of plates with the corners that a detector gives, and the texts."""
+    found: list[tuple[View, Quad]] = []
     texts: list[str] = []
-    while len(views) < count:
+    while len(found) < count:
         text, plate_format = random_plate(rng, held_back=held_back)
         drawn = _Drawn(text, plate_format, worn(draw_plate(text, plate_format, _PX_PER_MM), rng))
-        for _ in range(_VIEWS_A_PLATE):
-            views.append(_view(drawn, rng))
-            texts.append(text)
-    return np.stack(views[:count]), texts[:count]
+        found += [_photograph(drawn, rng) for _ in range(_VIEWS_A_PLATE)]
+        texts += [text] * _VIEWS_A_PLATE
+    return found[:count], texts[:count]
 
 
-def _view(drawn: _Drawn, rng: np.random.Generator) -> View:
+def _photograph(drawn: _Drawn, rng: np.random.Generator) -> tuple[View, Quad]:
     shape = drawn.plate_format
     characters = max(5, len(drawn.text))
     # From barely legible to larger than the view; small ones are the difficult ones, so more.
@@ -63,7 +74,7 @@ def _view(drawn: _Drawn, rng: np.random.Generator) -> View:
     picture = photograph(scene, rng, fine_px)
     if shape.name == "eu" and rng.random() < 0.25:  # a detector may leave the blue band outside
         quad[[0, 3]] += np.float32(rng.uniform(0.04, 0.1)) * (quad[[1, 2]] - quad[[0, 3]])
-    return rectify(picture, _as_found(quad, rng))
+    return np.asarray(picture, np.uint8), _as_found(quad, rng)
 
 
 def posed(width_px: float, height_px: float, rng: np.random.Generator) -> Quad:

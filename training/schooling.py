@@ -1,8 +1,8 @@
 """What both networks' schooling shares: which pictures when, how fast to learn, how to go on later.
 
 Everything depends on the number of the step alone, so that a run that was broken off and went on is
-the same run. The learning rate rises, stays, and falls to nothing over the last part (warm-up,
-stable, decay; Hu et al. 2024, MiniCPM, section 4): how long the middle lasts may be decided late.
+the same run. The learning rate rises, stays, and falls to nothing (warm-up, stable, decay; Hu et
+al. 2024, MiniCPM, section 4): how long the middle lasts, and the fall, may be decided late.
 """
 
 import logging
@@ -23,9 +23,6 @@ Rows = npt.NDArray[np.int64]
 LossOf = Callable[[Rows, np.random.Generator], torch.Tensor]
 """Loss of the pictures in these rows; the generator is for changing them a little."""
 
-_WARM_UP_STEPS = 300
-_DECAY = 0.7
-"""Share of the steps over which the rate falls."""
 _SAVED_EVERY = 200
 
 
@@ -39,7 +36,7 @@ def school(
     saved: Path,
 ) -> None:
     """All steps of one network's schooling, from where `saved` has it, if it is there."""
-    optimiser = torch.optim.AdamW(network.parameters(), settings.peak_rate, weight_decay=1e-3)
+    optimiser = torch.optim.AdamW(network.parameters(), weight_decay=1e-3)
     step = 0
     if saved.is_file():
         state = torch.load(saved, weights_only=True)
@@ -50,7 +47,7 @@ def school(
     network.train()
     while step < settings.steps:
         for group in optimiser.param_groups:
-            group["lr"] = settings.peak_rate * rate_at(step, settings.steps)
+            group["lr"] = settings.rate_at(step)
         torch.manual_seed(seed + step)
         loss = loss_of(
             rows_of(step, pictures, settings.batch, seed), np.random.default_rng([seed, step])
@@ -69,11 +66,6 @@ def school(
             state = {"network": network.state_dict(), "optimiser": optimiser.state_dict()}
             torch.save({**state, "step": step}, part)
             part.rename(saved)
-
-
-def rate_at(step: int, steps: int) -> float:
-    """Learning rate of a step, as a share of the highest."""
-    return min(1.0, (step + 1) / _WARM_UP_STEPS, (steps - step) / (_DECAY * steps))
 
 
 def rows_of(step: int, pictures: int, batch: int, seed: int) -> Rows:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 from pydantic import Field
 
 from onboard.settings import Settings, load_settings
@@ -16,14 +17,23 @@ class NetworkSettings(Settings):
     """Rendered pictures to learn from."""
     validation_pictures: int = Field(gt=0)
     """Rendered pictures, of other plates, to measure and to calibrate on."""
-    steps: int = Field(gt=0)
-    """Batches to learn from; the pictures are gone through as often as that takes."""
+    rates: tuple[tuple[int, float], ...] = Field(min_length=2)
+    """Learning rates at some steps, linear in between; the schooling ends at the last of them. The
+    pictures are gone through as often as that takes."""
     batch: int = Field(gt=0)
     """Pictures a step."""
-    peak_rate: float = Field(gt=0)
-    """Learning rate after the warm-up and before the decay (`training/schooling.py`)."""
     begins_with: str | None = None
     """Exported network in this folder that the schooling goes on from; none: from nothing."""
+
+    @property
+    def steps(self) -> int:
+        """Batches to learn from."""
+        return self.rates[-1][0]
+
+    def rate_at(self, step: int) -> float:
+        """Learning rate of a step."""
+        steps, rates = zip(*self.rates, strict=True)
+        return float(np.interp(step, steps, rates))
 
 
 class TrainingSettings(Settings):

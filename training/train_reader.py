@@ -1,7 +1,6 @@
 """Teaches the reader, calibrates how sure it is, and writes it as ONNX."""
 
 import logging
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +11,14 @@ from torch import nn
 from onboard.vision.plate_reader import ALPHABET, CERTAIN, decode, normalised
 from training.networks import ReaderNetwork
 from training.pictures import rendered
-from training.reader_views import render_views
+from training.reader_views import render_looks, render_views
 from training.schooling import school
 from training.settings import NetworkSettings
 from training.start import take_over
 
 _log = logging.getLogger(__name__)
+
+_Views = npt.NDArray[np.uint8]
 
 LONGEST = 8
 MOST_WRONG = 0.005
@@ -26,15 +27,23 @@ _CALIBRATED_ON = 2500
 _MEASURED_ON = 1024
 
 
-def labelled_views(
-    count: int, rng: np.random.Generator, *, held_back: bool = False
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+def labelled_views(count: int, rng: np.random.Generator) -> tuple[_Views, _Views]:
     """Views, and their texts as class numbers, 0 behind the end."""
-    views, texts = render_views(count, rng, held_back=held_back)
-    labels = np.zeros((count, LONGEST), np.uint8)
+    views, texts = render_views(count, rng)
+    return views, _labels(texts)
+
+
+def labelled_looks(count: int, rng: np.random.Generator) -> tuple[_Views, _Views]:
+    """The same of looks at plates in fonts that are held back."""
+    looks, texts = render_looks(count, rng)
+    return looks, _labels(texts)
+
+
+def _labels(texts: list[str]) -> _Views:
+    labels = np.zeros((len(texts), LONGEST), np.uint8)
     for row, text in zip(labels, texts, strict=True):
         row[: len(text)] = [ALPHABET.index(character) + 1 for character in text]
-    return views, labels
+    return labels
 
 
 def train_reader(
@@ -43,9 +52,7 @@ def train_reader(
     """Render, learn, calibrate, export; prints what it sees on the way."""
     views, labels = rendered(folder / "train", labelled_views, settings.pictures, seed, processes)
     count = settings.validation_pictures
-    held_back = rendered(
-        folder / "validation", partial(labelled_views, held_back=True), count, seed + 1, processes
-    )
+    held_back = rendered(folder / "validation", labelled_looks, count, seed + 1, processes)
     torch.manual_seed(seed)
     network = ReaderNetwork().to(memory_format=torch.channels_last)
     if settings.begins_with is not None:
@@ -88,21 +95,18 @@ def jittered(batch: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
 
 
 @torch.no_grad()
-def report(
-    network: ReaderNetwork, views: npt.NDArray[np.uint8], labels: npt.NDArray[np.uint8]
-) -> float:
+def report(network: ReaderNetwork, looks: _Views, labels: _Views) -> float:
     """Print how much of the rendered validation set is right; gives the temperature that fits."""
     network.eval()
-    scores = torch.cat(
+    scores = torch.stack(
         [
-            network(torch.from_numpy(normalised(np.asarray(views[start : start + 256]))))
-            for start in range(0, len(views), 256)
+            network(torch.from_numpy(normalised(np.asarray(plate)))).squeeze(2).transpose(1, 2)
+            for plate in looks
         ]
     )
-    scores = scores.squeeze(2).transpose(1, 2)
     texts = ["".join(ALPHABET[label - 1] for label in row if label) for row in labels]
     right = np.asarray(
-        [decode(s[None]).text == text for s, text in zip(scores.numpy(), texts, strict=True)]
+        [decode(s).text == text for s, text in zip(scores.numpy(), texts, strict=True)]
     )
     temperature = _temperature(scores, right)
     sure = _confidences(scores, temperature)
@@ -135,7 +139,7 @@ def _temperature(scores: torch.Tensor, right: npt.NDArray[np.bool_]) -> float:
 
 
 def _confidences(scores: torch.Tensor, temperature: float) -> npt.NDArray[np.float64]:
-    return np.asarray([decode(look[None]).confidence for look in (scores / temperature).numpy()])
+    return np.asarray([decode(looks).confidence for looks in (scores / temperature).numpy()])
 
 
 def export(network: ReaderNetwork, temperature: float, path: Path) -> None:

@@ -82,7 +82,7 @@ class PlateReader:
         """As `read`, for several plates of one picture."""
         texts = []
         for corners in plates:
-            views = np.stack([rectify(image, _nudged(corners, *nudge)) for nudge in _LOOKS])
+            views = looks_at(image, corners)
             if views[0].std() < _LEAST_CONTRAST:
                 texts.append(PlateText("", 0.0, (), 0.0))
                 continue
@@ -90,6 +90,11 @@ class PlateReader:
             scores = np.asarray(self._network.forward(), np.float32)
             texts.append(decode(scores[:, :, 0].transpose(0, 2, 1), self._syntax))
         return texts
+
+
+def looks_at(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
+    """A plate as the network is shown it: (looks, 64, 160), each cut out a little differently."""
+    return np.stack([rectify(image, _nudged(corners, *nudge)) for nudge in _LOOKS])
 
 
 def _nudged(corners: Corners, wider: float, higher: float, lean: float) -> Corners:

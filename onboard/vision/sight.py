@@ -48,6 +48,8 @@ CALIBRATED_SLOPE, GUESSED_SLOPE = 0.04, 0.15
 calibrated: so much, by distance, things may be above and below where they belong."""
 MOST_FOLLOWED = 2
 """Cars looked for in one frame; more are looked for in turn."""
+OTHERS_EVERY_S = 0.19
+"""Who is not the lead is looked for this often, five times a second at 15 or 30 frames."""
 CAR_SIZE = (0.7, 0.6)
 """Width and height of what hides the road, in lane widths: 2.4 by 2.1 m."""
 REAR_SIZE, REAR_ABOVE = (0.4, 0.27), 0.7
@@ -221,9 +223,14 @@ class Sight:
                 self._road, read_already=tuple(bounding_box(track.corners_px) for track in read)
             )
         # The lead in every frame, the others in turn.
-        order = sorted(
-            self._tracker.tracks, key=lambda track: (track is not self._lead, track.looked_at)
+        due = (
+            track
+            for track in self._tracker.tracks
+            if track is self._lead
+            or not track.confirmed
+            or stamp_s - track.looked_at >= OTHERS_EVERY_S
         )
+        order = sorted(due, key=lambda track: (track is not self._lead, track.looked_at))
         return Search(
             followed=tuple(self._follow(track, stamp_s) for track in order[:MOST_FOLLOWED])
         )

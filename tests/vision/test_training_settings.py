@@ -1,0 +1,36 @@
+"""What `make train` reads. The schooling itself needs PyTorch: `make train-trial`."""
+
+from pathlib import Path
+
+import pytest
+
+from onboard.settings import SettingsError
+from training.settings import SETTINGS_FILE, load_training_settings
+
+FILES = SETTINGS_FILE, SETTINGS_FILE.with_name("trial.yaml")
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_rates_rise_from_little_and_fall_to_nothing(file: Path) -> None:
+    settings = load_training_settings(file)
+
+    for network in (settings.reader, settings.detector):
+        rates = [network.rate_at(step) for step in range(network.steps)]
+        assert all(0 < rate < 0.01 for rate in rates)
+        assert rates[-1] < 0.1 * max(rates)
+        assert network.rate_at(network.steps) == 0
+
+
+def test_what_the_reader_begins_with_is_there() -> None:
+    begins_with = load_training_settings(SETTINGS_FILE).reader.begins_with
+
+    assert begins_with is not None
+    assert SETTINGS_FILE.with_name(begins_with).is_file()
+
+
+def test_a_setting_that_is_unknown_is_an_error(tmp_path: Path) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text(SETTINGS_FILE.read_text(encoding="utf-8") + "speed: 3\n", encoding="utf-8")
+
+    with pytest.raises(SettingsError, match="speed"):
+        load_training_settings(file)
