@@ -7,10 +7,9 @@ characters are misread independently. A text is known when
 
 - its weakest place and its length each have at least `confidence` of the votes,
 - the votes weigh as much as two perfect reads, and
-- two frames read exactly this text with at least `confidence`, or many with little less. A mixture
-  of two plates is the plate of no car; and a plate too small to be read is misread in the same way
-  in every frame, so that many doubtful votes are hardly more certain than one: a read with twice
-  the doubt counts a sixteenth, one with more than `MOST_DOUBT` times the doubt nothing.
+- two frames read exactly this text with at least `confidence`. A mixture of two plates is the plate
+  of no car; and a plate too small to be read is misread in the same way in every frame, so that
+  many doubtful votes are no more certain than one.
 
 Many plate fonts draw 0 and O, or 1 and I, alike, and no identity tells them apart: they count as
 one, and the text is spelt as it was read most often.
@@ -28,11 +27,6 @@ LEAST_WEIGHT = 2.0
 """In perfect reads."""
 LEAST_CERTAIN = 1.5
 """Certain reads of the whole text, faded: two of them, one not long ago."""
-MOST_DOUBT = 2.5
-"""Of a read that may still make a text certain, over the doubt that `confidence` leaves: 0.75 for
-0.9."""
-APART_S = 0.1
-"""Reads with some doubt that are nearer in time count less: they are the same look again."""
 LEAST_READ_CONFIDENCE = 0.3
 """Below it a read is noise and no ballot."""
 LEAST_LENGTH = 4
@@ -63,15 +57,11 @@ class Ballot:
         """Count one read of a whole text."""
         if confidence < LEAST_READ_CONFIDENCE or len(text) < LEAST_LENGTH:
             return
-        apart = min(1.0, (stamp_s - self._stamp_s) / APART_S)
         self._fade(stamp_s)
         self._spellings[folded := text.translate(_FOLD)][text] += confidence
         self._lengths[len(text)] += confidence
-        doubt = (1.0 - confidence) / (1.0 - self._confidence)
-        if doubt <= 1.0:
+        if confidence >= self._confidence:
             self._certain[folded] += 1.0
-        elif doubt <= MOST_DOUBT:
-            self._certain[folded] += apart / (2.0 * doubt) ** 2
         weights = character_confidences or (1.0,) * len(text)
         for index, (character, weight) in enumerate(zip(folded, weights, strict=True)):
             self._places[len(text), index][character] += confidence * weight

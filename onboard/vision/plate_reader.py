@@ -172,7 +172,7 @@ def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax | None = None) -
     for spelling, confidences in spellings.items():
         whole = _probability(labels := list(spelling), likely)
         alike = [_MERGED.get(label, label) for label in labels]
-        but_for_alike = _probability(alike, merged) if alike != labels else whole
+        but_for_alike = _probability(alike, merged) if set(alike) & _DRAWN_ALIKE else whole
         texts.append(PlateText(_spelt(labels), whole, tuple(confidences), but_for_alike))
     if syntax:
         texts = _weighed(texts, syntax)
@@ -222,6 +222,7 @@ def _spelt(labels: list[int]) -> str:
 
 _MERGED = {ALPHABET.index(one) + 1: ALPHABET.index(other) + 1 for one, other in ("O0", "I1")}
 """Classes of characters that are drawn alike."""
+_DRAWN_ALIKE = frozenset(_MERGED.values())
 
 
 def _alike_merged(likely: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

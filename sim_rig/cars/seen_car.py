@@ -20,9 +20,10 @@ PLATE_OVER_ROAD_M = 0.6
 
 WIDTHS_PX = (29.0, 33.0, 36.0, 40.0, 44.0, 49.0, 64.0, 92.0)
 """Of the plate in the picture, for the tables below; linear in between, constant outside.
-Measured with 200 looks at each of two plates that are read well, on the way from 36 m to 6 m. Of
-seven plates tried, two are read rightly from 15 m on, with a confidence of 0.81 to 0.84 only, and
-never known: no car of a scenario has one like them."""
+Measured with 200 looks at each of two plates on the way from 36 m to 6 m, by the first reader.
+Twelve looks at each of 14 plates by the present one give the same within 0.1, but for more wrong
+texts at 40 and 36 px (0.33 and 0.18); four in 1344 looks were wrong with certainty, which the model
+never is."""
 FOUND = (0.0, 1.0, 0.96, 1.0, 1.0, 1.0, 1.0, 1.0)
 """Part of the frames in which the plate is found."""
 CERTAIN = (0.0, 0.0, 0.0, 0.0, 0.27, 0.56, 0.98, 1.0)

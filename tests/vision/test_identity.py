@@ -32,16 +32,6 @@ def test_doubtful_reads_are_never_certain_however_many() -> None:
     assert ballot(*[("H417KB", 0.7)] * 100).text is None
 
 
-def test_reads_with_little_doubt_are_certain_in_the_end() -> None:
-    """A font that the reader has not learnt is read rightly with the same doubt each time."""
-    assert ballot(*[("GN417KB", 0.82)] * 10).text is None
-    assert ballot(*[("GN417KB", 0.82)] * 30).text == "GN417KB"
-
-
-def test_more_frames_in_the_same_time_are_no_more_evidence() -> None:
-    assert ballot(*[("GN417KB", 0.82)] * 30, step_s=0.02).text is None
-
-
 def test_a_few_certain_reads_after_many_doubtful_ones_make_it_known() -> None:
     assert ballot(*[("GN417KB", 0.5)] * 20, *[("GN417KB", 0.95)] * 2).text == "GN417KB"
 

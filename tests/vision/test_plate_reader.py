@@ -229,3 +229,12 @@ def test_a_text_that_fits_and_is_sure_stays_as_it_is() -> None:
     plain = look_of([{c: 1.0} for c in "ABC1234"])
 
     assert decode(plain, SERIES) == decode(plain)
+
+
+def test_an_identity_is_as_sure_whichever_of_two_alike_spellings_is_read() -> None:
+    for zero in (0.7, 0.4):
+        columns = [{c: 1.0} for c in "CL22"] + [{"0": zero, "O": 1.0 - zero}, {"S": 1.0}]
+        read = decode(look_of(columns))
+
+        assert read.confidence == pytest.approx(max(zero, 1.0 - zero), abs=0.01)
+        assert read.identity_confidence == pytest.approx(1.0, abs=0.01)
