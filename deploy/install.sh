@@ -13,6 +13,7 @@ home=/opt/onboard etc=/etc/onboard state=/var/lib/onboard
 units=/etc/systemd/system networks=/etc/systemd/network
 journal=/etc/systemd/journald.conf.d/onboard.conf
 rules=/etc/udev/rules.d/70-onboard.rules
+sysctl=/etc/sysctl.d/80-onboard.conf
 
 complain() { echo "install.sh: $1" >&2; exit "${2:-1}"; }
 
@@ -40,6 +41,7 @@ install() {
     add_system_files
     systemctl daemon-reload
     udevadm control --reload 2>/dev/null || true  # containers have no udev
+    /lib/systemd/systemd-sysctl "$sysctl" 2>/dev/null || true  # nor a kernel of their own
     systemctl try-restart systemd-journald.service
     start_network
     systemctl enable --quiet gpsd.service onboard.service
@@ -92,11 +94,12 @@ add_configuration() {
 }
 
 add_system_files() {
-    mkdir -p "$networks" "${journal%/*}" "$units/gpsd.service.d"
+    mkdir -p "$networks" "${journal%/*}" "${sysctl%/*}" "$units/gpsd.service.d"
     cp "$files/onboard.service" "$units/"
     cp "$files/onboard-gpsd.conf" "$units/gpsd.service.d/onboard.conf"
     cp "$files/onboard-journald.conf" "$journal"
     cp "$files/70-onboard.rules" "$rules"
+    cp "$files/80-onboard-sysctl.conf" "$sysctl"
     cp "$files/80-onboard-can.network" "$networks/"
     if [ "$vcan" = yes ]; then
         cp "$files/80-onboard-vcan.netdev" "$files/80-onboard-vcan.network" "$networks/"
@@ -116,7 +119,7 @@ start_network() {
 uninstall() {
     systemctl disable --quiet --now onboard.service 2>/dev/null || true
     rm -rf "$home" "$units/gpsd.service.d/onboard.conf" "$units/onboard.service.d"
-    rm -f "$units/onboard.service" "$journal" "$rules" /usr/local/bin/onboard
+    rm -f "$units/onboard.service" "$journal" "$rules" "$sysctl" /usr/local/bin/onboard
     rm -f "$networks"/80-onboard-can.network "$networks"/80-onboard-vcan.*
     rmdir "$units/gpsd.service.d" 2>/dev/null || true
     if ip link show vcan0 >/dev/null 2>&1; then ip link delete vcan0; fi

@@ -201,14 +201,15 @@ class VmTest:
         _sh("mke2fs", "-q", "-F", "-t", "ext4", small_disk)
         with self._timed("boot and install.sh"):
             # By the clock and on two cores, which is sooner done.
-            machine = Machine(BUILD, INSTALLED, SHARE, counted=False)
             try:
-                machine.run(MOUNT + SET_UP, timeout_s=PATIENCE_S - 300.0)
+                machine = Machine(BUILD, INSTALLED, SHARE, counted=False)
+                try:
+                    machine.run(MOUNT + SET_UP, timeout_s=PATIENCE_S - 300.0)
+                finally:
+                    machine.power_off()
             except MachineError:
                 disk.unlink()
                 raise
-            finally:
-                machine.power_off()
 
     def _make_share(self, bus: str, changes: dict[str, object]) -> None:
         with self._timed("image (kept from run to run)"):
@@ -240,7 +241,8 @@ class VmTest:
             machine.run(f"umount {FOLDER}; sh /share/box/install.sh --uninstall --purge")
             left = machine.run(
                 "ls -d /opt/onboard /etc/onboard /var/lib/onboard /etc/systemd/system/*onboard*"
-                " /etc/systemd/network/*onboard* /usr/local/bin/onboard 2>/dev/null",
+                " /etc/systemd/network/*onboard* /etc/sysctl.d/*onboard* /usr/local/bin/onboard"
+                " 2>/dev/null",
                 check=False,
             )
         if left.output:

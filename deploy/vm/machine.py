@@ -83,10 +83,14 @@ class Machine:
             stdout=self._console,
             stderr=subprocess.STDOUT,
         )
-        self._wire = self._connect()
-        self._unread = b""
-        self._read_line()
-        self.run("mkdir -p /share; mount -t 9p -o trans=virtio,ro share /share")
+        try:
+            self._wire = self._connect()
+            self._unread = b""
+            self._read_line()
+            self.run("mkdir -p /share; mount -t 9p -o trans=virtio,ro share /share")
+        except BaseException:
+            self._process.kill()
+            raise
 
     def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Answer:
         """Run `command` in the guest's bash as root, for at most `timeout_s` of the guest's time.
