@@ -1,6 +1,6 @@
 """One tick (100 ms) of one car's MVS that knows 100 others: 40 with a radio, 60 without.
 
-Each of the 40 has an MVS core and sends its footer. What reaches the first car in 2.5 s is noted,
+Each of the 40 has an MVS core and sends its footer. What reaches the first car in 2 s is noted,
 and then given to fresh cores. A tick is all that MVS does in it: own fix, the cars in the picture,
 40 BSMs with footers, the own footer, and the kinematic-info. Times are the processor's, since the
 machine is shared.
@@ -20,7 +20,7 @@ from onboard.mvs.told import Told
 from sim_rig.studies.mvs_roads import SixLaneRoad
 from sim_rig.studies.mvs_world import START_UTC_S, TICK_S, MvsWorld, WorldSettings
 
-TICKS, WARM, ROUNDS = 25, 15, 20
+TICKS, WARM, ROUNDS = 20, 10, 10
 RADIOS, SPACING_M = 41, 22.0
 CARS_PER_LANE = 17
 OWN = 40
