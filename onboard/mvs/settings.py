@@ -51,8 +51,8 @@ class AssociationSettings(Settings):
     """What a BSM's position and the middle of the seen car may differ by, over their own noise."""
     certain_m: float = Field(0.75, gt=0.0, le=5.0)
     """What is less well known, by the root of the sum of the variances, is not assigned by its
-    place alone: cars are 3 m apart. Tracks of which one has been known for a second may be joined
-    at twice this, and so on."""
+    place alone: cars are 3 m apart. Two tracks may be joined at twice this once both are 0.25 s
+    old, at five times this after a second: else what is only ever seen vaguely stayed two."""
     overlap_m: float = Field(1.5, ge=0.0, le=5.0)
     """Middles closer than this are one car: two cannot be."""
 
