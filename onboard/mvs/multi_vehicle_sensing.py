@@ -13,9 +13,10 @@ import numpy as np
 
 from onboard.messages import mvs_footer
 from onboard.messages.declaration import DecodeError
-from onboard.mvs.belief import doubts, excess_of_trust
-from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, map_state, times_of
+from onboard.mvs.belief import excess_of_trust
+from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, map_state
 from onboard.mvs.fusion import fuse, propagate
+from onboard.mvs.hearing import Heard, OwnMeasurements, doubts_of_heard, together
 from onboard.mvs.kalman import Array, predict
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.known_car import KnownBy, KnownCar
@@ -24,7 +25,7 @@ from onboard.mvs.own_car import OwnCar, ReportedState
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
 from onboard.mvs.sharing import encode_within, read
-from onboard.mvs.told import Batch, Told, placed
+from onboard.mvs.told import Batch, Told
 from onboard.mvs.track import OWN, Track, independent
 from onboard.mvs.tracks import Tracks
 from onboard.observations import Discarded, Position, SensedCar
@@ -38,17 +39,6 @@ class _Neighbour:
     acceleration_m_s2: float | None = None
     footer_at: float = -math.inf
     """When its last footer was read."""
-
-
-@dataclass(slots=True, eq=False)
-class _Heard:
-    """A footer not yet taken up."""
-
-    told: Told
-    sender_id: bytes
-    sender_m: Array
-    """Where the sender said it was (2)."""
-    at: float
 
 
 class MultiVehicleSensing:
@@ -77,7 +67,7 @@ class MultiVehicleSensing:
         self._own = OwnCar(settings.sensing)
         self._seen: deque[SensedCar] = deque(maxlen=1024)
         """Not yet assigned: the cars of one picture are assigned together."""
-        self._heard: list[_Heard] = []
+        self._heard: list[Heard] = []
         """Not yet assigned: what has come in since somebody last asked is looked at together."""
         self._neighbours: dict[bytes, _Neighbour] = {}
         self._tracks = Tracks(settings)
@@ -250,7 +240,7 @@ class MultiVehicleSensing:
         if len(told) > belief.entries_per_footer:
             return self._discard(now, "too_many_entries", f"{len(told)} from {sender_id.hex()}")
         if len(told):
-            self._heard.append(_Heard(told, sender_id, neighbour.reported.state[:2], now))
+            self._heard.append(Heard(told, sender_id, neighbour.reported.state[:2], now))
         if len(self._heard) >= _MOST_HEARD:
             self._take_up(now)
         return None
@@ -264,14 +254,9 @@ class MultiVehicleSensing:
         frame = self._own.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         sources = [each for each in heard for _ in range(len(each.told))]
-        batch = Batch(
-            [each.sender_id for each in sources],
-            [car for each in heard for car in each.told.cars],
-            [provenance for each in heard for provenance in each.told.provenances],
-            [self._utc_ms(each.at) for each in sources],
-            placed([each.told for each in heard], frame),
-        )
-        refused = self._doubts(batch, heard, sources)
+        batch = together(heard, frame, self._utc_ms)
+        own = OwnMeasurements(frozenset(self._own_ids), self._own_stamps_ms)
+        refused = doubts_of_heard(batch, heard, own, self._settings)
         believed = [row for row in range(len(batch)) if row not in refused]
         believed_batch = batch.rows(believed)
         excess = excess_of_trust(
@@ -287,37 +272,6 @@ class MultiVehicleSensing:
             for row, reason in refused.items()
         ).items():
             self._discard(at, reason, f"{entries} entries from {sender_id.hex()}")
-
-    def _doubts(
-        self, batch: Batch, heard: Sequence[_Heard], sources: Sequence[_Heard]
-    ) -> dict[int, str]:
-        """A reason not to use it for each entry that has one; see `belief.py`."""
-        belief = self._settings.belief
-        reaches_m = np.full(len(batch), belief.sensing_range_m + belief.radio_range_m)
-        oldest = round(self._settings.memory_s * 1000)
-        own_ids = frozenset(self._own_ids)
-        doubted: dict[int, str] = {}
-        makers = [observers for each in heard for observers in each.told.observers]
-        for row, (observers, provenance) in enumerate(zip(makers, batch.provenances, strict=True)):
-            if times_of(provenance).first_ms <= batch.received_ms[row] - oldest:
-                doubted[row] = "stale"
-            elif not own_ids.isdisjoint(observers) and not all(
-                stamp_ms in self._own_stamps_ms
-                for observer, stamp_ms in provenance
-                if observer in own_ids
-            ):
-                doubted[row] = "not_my_measurement"
-            if not batch.entries.has_speed[row] and batch.tellers[row] in observers:
-                reaches_m[row] = belief.sensing_range_m
-        impossible = doubts(
-            batch.entries,
-            batch.provenances,
-            belief,
-            reaches_m=reaches_m,
-            tellers_m=np.array([each.sender_m for each in sources]).T,
-            now_ms=np.array(batch.received_ms, dtype=np.float64),
-        )
-        return impossible | doubted
 
     def _bring_up_to_date(self, now: float) -> None:
         self._take_up(now)
