@@ -263,7 +263,8 @@ def _serve_camera() -> Handler:
         await reader.readuntil(b"\r\n\r\n")
         kind = b"multipart/x-mixed-replace; boundary=picture"
         writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: " + kind + b"\r\n\r\n")
-        with contextlib.suppress(asyncio.CancelledError):  # which a stream would log
+        # A stream would log that it was cancelled.
+        with contextlib.closing(writer), contextlib.suppress(asyncio.CancelledError):
             for jpeg in itertools.takewhile(
                 lambda _: not writer.is_closing(), itertools.cycle(jpegs)
             ):
@@ -277,7 +278,7 @@ def _serve_camera() -> Handler:
 async def _serve_fixes(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
     """The own car's fixes, as gpsd tells them."""
     began_at = time.monotonic()
-    with contextlib.suppress(asyncio.CancelledError):  # which a stream would log
+    with contextlib.closing(writer), contextlib.suppress(asyncio.CancelledError):
         while not writer.is_closing():
             now = time.monotonic()
             writer.write(_report(_place(now, (now - began_at) * _MEAN_M_S, _MEAN_M_S)))
