@@ -5,7 +5,7 @@ import socket
 
 import numpy as np
 
-from onboard.wave_udp.iwcu import IwcuEndpoint
+from onboard.wave_udp.endpoint import open_endpoint
 from onboard.wave_udp.settings import IwcuSettings
 from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.reach import ReachAir
@@ -33,7 +33,7 @@ def test_a_wsm_goes_to_all_in_reach_with_its_priority_and_to_nobody_else() -> No
         for car in CARS:
             port = free_port()
             wire = IwcuSettings(endpoint="iwcu", listen_port=port, unit_port=units.add(car, port))
-            endpoints[car] = IwcuEndpoint(wire, heard[car].append)
+            endpoints[car] = open_endpoint(wire, heard[car].append)
             endpoints[car].start(loop)
         endpoints["ann"].send(b"\x03 frame", 7)
         endpoints["cat"].send(b"nobody hears", 0)
