@@ -91,6 +91,9 @@ class Tracks:
         self._tracks = [track for track in self._tracks if now_ms - track.last_ms <= unseen_ms]
         for track in self._tracks:
             track.forget(now_ms - memory_ms, belief.estimates_per_car, belief.evidence_per_car)
+        # An estimate goes by its oldest measurement, so a car may lose all before it is unseen.
+        self._tracks = [track for track in self._tracks if track.pieces]
+        for track in self._tracks:
             track.choose()
             track.settle(now_ms - settled_ms)
         estimates = fuse([track.used for track in self._tracks], settings.acceleration_density)

@@ -135,3 +135,24 @@ def test_what_is_spent_is_not_used_again() -> None:
     used = [identity for piece in track.used for identity in piece.provenance]
     assert len(used) == len(set(used)) == 8
     assert all(isinstance(piece, Measurement) for piece in track.used)
+
+
+def test_a_car_is_forgotten_with_the_last_of_its_evidence() -> None:
+    """An estimate with an old measurement is dropped before the car counts as unseen."""
+    tracks = Tracks(SETTINGS)
+    tell(tracks, A, {7: estimated(0, 0, 1100, 3000, sigma_m=0.5)}, 3000)
+    assert len(tracks) == 1
+
+    tracks.refresh(3150)
+
+    assert len(tracks) == 0
+
+
+def test_a_car_may_be_remembered_for_less_than_it_may_be_unseen() -> None:
+    tracks = Tracks(MvsSettings(unseen_s=3.0, memory_s=2.0))
+    for k in range(4):
+        tell(tracks, OWN, {7: measured(0, 0, 1000 + 100 * k, 0.5)}, 1000 + 100 * k)
+
+    tracks.refresh(3400)
+
+    assert len(tracks) == 0
