@@ -39,3 +39,5 @@ class KnownCar:
     """The measurements in it, each used once; none for a car with a radio."""
     acceleration_m_s2: float | None = None
     """Along its course, if it says so itself."""
+    known_for_s: float = 0.0
+    """Since a car without a radio was first measured."""

@@ -189,6 +189,7 @@ class MultiVehicleSensing:
                     covariance=tuple(map(tuple, covariances[:, :, at].tolist())),
                     age_s=(now_ms - track.estimate.stamp_ms) / 1000,
                     provenance=track.estimate.provenance,
+                    known_for_s=(now_ms - track.first_ms) / 1000,
                 )
             )
         return cars

@@ -201,12 +201,13 @@ def _behaviour(present_m_s2: Array | None, settings: CrossingSettings) -> Behavi
 
 
 def has_course(car: KnownCar, settings: CrossingSettings) -> bool:
-    """Whether a velocity has settled: its largest sigma, and the one across it, by the speed."""
+    """Whether a velocity has settled, by its largest sigma or by time, and its direction has."""
     east, north = car.state[2:]
     (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
     largest = (a + c) / 2.0 + math.hypot((a - c) / 2.0, b)
     across = north * north * a - 2.0 * north * east * b + east * east * c
-    is_vague = largest > settings.settled_sigma_m_s**2
+    is_new = car.known_for_s < settings.settled_after_s
+    is_vague = is_new and largest > settings.settled_sigma_m_s**2
     is_vague |= across > (settings.course_sigma_rad * (east * east + north * north)) ** 2
     return not is_vague  # what is no number is told of later
 

@@ -65,6 +65,9 @@ class CrossingSettings(Settings):
     """A car whose course is less certain has none: one just seen, whose speed settles."""
     settled_sigma_m_s: float = Field(1.5, gt=0.0, le=10.0)
     """Of a velocity, on any axis: above it, two cars may have been taken for one that is fast."""
+    settled_after_s: float = Field(1.0, gt=0.0, le=10.0)
+    """Known for so long, a velocity has settled all the same: what is left of its sigma is mostly
+    that of the own place, which all pictures share."""
     hardest_braking_m_s2: float = Field(9.55, gt=0.0, le=15.0)
     """Table I."""
     acceleration_m_s2: float = Field(2.1, gt=0.0, le=10.0)

@@ -63,6 +63,14 @@ def test_v1_learns_of_v3_which_only_v4_sees() -> None:
     assert only(world.without_radio("v4")).known_by is KnownBy.SEEN
 
 
+def test_a_car_without_a_radio_is_known_since_it_was_first_seen() -> None:
+    world = figure_1()
+
+    world.run(1.5)
+
+    assert 1.2 < only(world.without_radio("v4")).known_for_s <= 1.5
+
+
 def test_a_car_with_a_radio_is_known_by_it() -> None:
     world = figure_1()
 

@@ -1,6 +1,7 @@
 """Where two courses cross, and P_C averaged over what is not known exactly."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -203,6 +204,15 @@ def test_two_cars_taken_for_a_fast_one_have_no_course() -> None:
 
     assert meeting(own, car((20.0, -40.0, 0.0, 28.0), 1.0, 1.7), SETTINGS) is None
     assert meeting(own, car((20.0, -40.0, 0.0, 28.0), 1.0, 1.3), SETTINGS) is not None
+
+
+def test_a_car_known_for_a_second_has_a_course_though_the_own_place_is_vague() -> None:
+    """With 3 m of GNSS, which all pictures share, no velocity seen comes below 1.5 m/s."""
+    own = car((0.0, 0.0, 12.0, 0.0), 0.7, 0.5)
+    seen = replace(car((20.0, -20.0, 0.0, 10.0), 3.0, 1.8), known_by=KnownBy.SEEN)
+
+    assert meeting(own, replace(seen, known_for_s=0.5), SETTINGS) is None
+    assert meeting(own, replace(seen, known_for_s=1.0), SETTINGS) is not None
 
 
 @pytest.mark.parametrize(("sigma_m_s", "has_course"), [(0.5, True), (1.0, False), (3.0, False)])
