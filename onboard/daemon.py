@@ -131,16 +131,20 @@ class Daemon:
         async with contextlib.AsyncExitStack() as wires:
             wires.callback(self._rest)
             await self._open(wires)
-            gc.freeze()  # or 100,000 things that stay are looked at again and again, for 30 ms
+            _keep_garbage_collection_short()
             self._show(Ready(time.monotonic()))
             self._step()
             self._manager.ready(f"driving as {self.config.car.plate}")
             log.info("ready", plate=self.config.car.plate)
             came = await until()
-        if self.config.access.driver_file is not None:
-            save_driver(self.config.access.driver_file, self._driver)
+        self.save_driver()
         log.info("stopped")
         return came
+
+    def save_driver(self) -> None:
+        """Remember what was learnt of the driver, where the configuration says where."""
+        if self.config.access.driver_file is not None:
+            save_driver(self.config.access.driver_file, self._driver)
 
     async def _open(self, wires: contextlib.AsyncExitStack) -> None:
         config, stack = self.config, self._stack
@@ -187,7 +191,9 @@ class Daemon:
 
     def _step(self) -> None:
         """One round, in a fixed order: receive, decide, send, show, arm the next timer."""
-        self._next_step = None
+        if self._next_step is not None:
+            self._next_step.cancel()  # planned, and the timer was sooner
+            self._next_step = None
         now = time.monotonic()
         self._stack.set_utc(time.time(), now)
         while self._inbox:
@@ -274,14 +280,15 @@ class Daemon:
 
     def _on_radio_trouble(self, why: str) -> None:
         """It comes as often as something is sent, so when it no longer does, the radio is back."""
-        now = self._loop.time()
-        lost = SensorLost(now, Sensor.RADIO, silent_s=None, reason=why)
-        self._take(self._stack.receive_observation, lost)
-        if self._radio_back is not None:
+        if self._radio_back is None:
+            lost = SensorLost(self._loop.time(), Sensor.RADIO, silent_s=None, reason=why)
+            self._take(self._stack.receive_observation, lost)
+        else:
             self._radio_back.cancel()
         self._radio_back = self._loop.call_later(RADIO_BACK_S, self._on_radio_back)
 
     def _on_radio_back(self) -> None:
+        self._radio_back = None
         back = SensorBack(self._loop.time(), Sensor.RADIO)
         self._take(self._stack.receive_observation, back)
 
@@ -315,6 +322,13 @@ class Daemon:
             self._trace.write(as_line(event, traced_s=time.monotonic()).encode() + b"\n")
         if event.kind in LOGGED_KINDS:
             log.info(event.kind, details=as_record(event))
+
+
+def _keep_garbage_collection_short() -> None:
+    """Or 100,000 things that stay are looked at again and again, for 30 ms each time."""
+    gc.unfreeze()  # what a daemon before this one left
+    gc.collect()
+    gc.freeze()
 
 
 def _nowhere(*_: object) -> None:

@@ -4,6 +4,7 @@ A sensor that is silent is shown as lost, never as its last value. The limit of 
 how long a gap is normal for it.
 """
 
+import math
 from collections import deque
 from collections.abc import Mapping
 
@@ -40,7 +41,8 @@ class SensorWatch:
         """The sensor's own room found it lost (unplugged, frozen) before its limit passed."""
         if sensor not in self._limits_s or sensor in self._lost:
             return
-        heard_at = self._heard_at[sensor]
+        may_be_silent = self._limits_s[sensor] == math.inf
+        heard_at = None if may_be_silent else self._heard_at[sensor]
         self._lost.add(sensor)
         self._events.append(
             SensorLost(

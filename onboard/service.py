@@ -8,6 +8,7 @@ and the car goes on with the one before.
 import asyncio
 import os
 import signal
+from functools import partial
 from pathlib import Path
 
 import structlog
@@ -44,7 +45,7 @@ class Service:
         daemon: Daemon | None = Daemon(config, self._manager)
         while daemon is not None:
             try:
-                following = await daemon.run(self._until_asked)
+                following = await daemon.run(partial(self._until_asked, daemon))
             except UserError as error:
                 if proven is None:
                     raise
@@ -55,10 +56,11 @@ class Service:
                 proven = daemon.config
             daemon = following
 
-    async def _until_asked(self) -> Daemon | None:
+    async def _until_asked(self, driving: Daemon) -> Daemon | None:
         """Wait for a configuration that can be driven with, or for the end (`None`)."""
         while await self._asked.get() is signal.SIGHUP:
             self._manager.reloading()
+            driving.save_driver()  # for the one that follows to read
             try:
                 following = Daemon(self._read(), self._manager)
             except UserError as error:

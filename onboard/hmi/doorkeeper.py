@@ -1,8 +1,8 @@
 """Keeps whoever opens connections and says nothing from using up what the daemon may open.
 
 Between the network and the web server: a connection on which nothing comes for a while is closed,
-and of too many the one that has been silent longest. A page confirms what it is shown, so one that
-is alive is never silent for so long.
+and of too many the first that has not said anything yet, be it the newest. A page asks at once
+and confirms what it is shown: one that is alive is neither silent for so long nor thrown out.
 """
 
 import asyncio
@@ -26,6 +26,8 @@ class Doorkeeper:
         self._make_protocol = make_protocol
         self._guests: dict[_Guest, None] = {}
         """Those silent longest come first."""
+        self._strangers: dict[_Guest, None] = {}
+        """Those of them that have never said anything, oldest first."""
         self._timer: asyncio.TimerHandle | None = None
 
     def __call__(self) -> asyncio.Protocol:
@@ -40,18 +42,24 @@ class Doorkeeper:
         if self._timer is not None:
             self._timer.cancel()
 
-    def hear(self, guest: "_Guest") -> None:
-        """Something came from `guest`, which may be new."""
-        self._guests.pop(guest, None)
-        self._guests[guest] = None
+    def welcome(self, guest: "_Guest") -> None:
+        """Somebody has come."""
+        self._guests[guest] = self._strangers[guest] = None
         if len(self._guests) > MOST_CONNECTIONS:
-            self._dismiss(next(iter(self._guests)))
+            self._dismiss(next(iter(self._strangers)))
         if self._timer is None:
             self._look()
+
+    def hear(self, guest: "_Guest") -> None:
+        """Something came from `guest`."""
+        self._strangers.pop(guest, None)
+        del self._guests[guest]
+        self._guests[guest] = None
 
     def forget(self, guest: "_Guest") -> None:
         """The connection is closed."""
         self._guests.pop(guest, None)
+        self._strangers.pop(guest, None)
 
     def _look(self) -> None:
         loop = asyncio.get_running_loop()
@@ -83,19 +91,17 @@ class _Guest(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)  # noqa: S101 (of a TCP server)
         self.transport = transport
+        self.heard_at = asyncio.get_running_loop().time()
         self._server.connection_made(transport)
-        self._hear()
+        self._keeper.welcome(self)
 
     @override
     def data_received(self, data: bytes) -> None:
-        self._hear()
+        self.heard_at = asyncio.get_running_loop().time()
+        self._keeper.hear(self)
         self._server.data_received(data)
 
     @override
     def connection_lost(self, exc: Exception | None) -> None:
         self._keeper.forget(self)
         self._server.connection_lost(exc)
-
-    def _hear(self) -> None:
-        self.heard_at = asyncio.get_running_loop().time()
-        self._keeper.hear(self)

@@ -135,23 +135,23 @@ class Plates:
             right_sigma_m=math.hypot(width_m * share, share * place.right_m),
             was_read=text is not None,
         )
-        fitting = self._fitting(text)
-        if text is None or fitting is None:
+        if text is None or not self._may_be(text):
             return sighting
         return replace(
             sighting,
-            text=fitting,
+            text=text.text,
             confidence=text.confidence,
             character_confidences=text.character_confidences,
             identity_confidence=text.identity_confidence,
         )
 
-    def _fitting(self, text: PlateText | None) -> str | None:
-        """What may stand on a plate of what was read."""
-        if text is None or text.identity_confidence < LEAST_READ_CONFIDENCE:
-            return None
-        fitting = self._syntax.fit(text.text)
-        return None if fitting is None or len(fitting) < LEAST_LENGTH else fitting
+    def _may_be(self, text: PlateText) -> bool:
+        """Whether this may stand on a plate, as far as is known."""
+        return (
+            text.identity_confidence >= LEAST_READ_CONFIDENCE
+            and len(text.text) >= LEAST_LENGTH
+            and self._syntax.fits(text.text)
+        )
 
     def _likely_width_m(self, corners_px: Corners) -> float:
         """Of the kind that fits the shape best; kinds seen often in this drive are likelier."""

@@ -6,6 +6,7 @@ as much for each datagram and loses where this does not (docs/decisions/0043).
 
 import asyncio
 import contextlib
+import errno
 import socket
 from collections.abc import Callable, Sequence
 
@@ -19,6 +20,9 @@ LARGEST_DATAGRAM = 8192
 
 _IP_RECVERR = 11
 """Of <linux/in.h>: have errors told that ICMP brings."""
+
+_OF_ONE_DATAGRAM = (errno.ENOBUFS, errno.EMSGSIZE)
+"""The interface's queue is full, or the datagram too long: the radio is there."""
 
 GULP = 64
 """At most so many datagrams in one go, then the loop looks after the rest of the car."""
@@ -61,9 +65,10 @@ class DrainedSocket:
         try:
             self.wire.sendmsg((data,), options, 0, address)
         except BlockingIOError:
-            pass  # more than the interface takes at a time
+            pass  # more than the socket takes at a time
         except OSError as error:
-            self._tell(error)
+            if error.errno not in _OF_ONE_DATAGRAM:
+                self._tell(error)
 
     def close(self) -> None:
         """Leave the wire. No callback comes any more."""

@@ -29,21 +29,31 @@ class RawEndpoint:
         self._address = settings.interface, ETHERTYPE, 0, 0, BROADCAST
         self._user_priority: int | None = None
         self._socket = DrainedSocket(_open(settings.interface), on_wsm, on_trouble)
+        self._index = socket.if_nametoindex(settings.interface)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Receive on `loop` from now on."""
         self._socket.start(loop)
 
     def send(self, wsm: bytes, user_priority: int) -> None:
-        """Broadcast `wsm`; it is lost where the interface is down or its queue full."""
+        """Broadcast `wsm`; it is lost where the interface is away or down, or its queue full."""
         wire = self._socket.wire
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):  # what keeps it from being sent, the socket tells
+            self._follow(wire)
             if user_priority != self._user_priority:
                 wire.setsockopt(
                     socket.SOL_SOCKET, socket.SO_PRIORITY, _USER_PRIORITY_BASE + user_priority
                 )
                 self._user_priority = user_priority
         self._socket.send(wsm, self._address)
+
+    def _follow(self, wire: socket.socket) -> None:
+        """A radio that was plugged in again has the old name and is another interface."""
+        interface = self._address[0]
+        index = socket.if_nametoindex(interface)
+        if index != self._index:
+            wire.bind((interface, ETHERTYPE))
+            self._index = index
 
     def close(self) -> None:
         """Leave the wire."""

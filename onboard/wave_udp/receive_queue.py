@@ -1,9 +1,9 @@
 """Frames from the radio that wait for the cores, still without I/O.
 
 A crowd can send more than one processor verifies. Then the few messages of the warning group must
-not wait behind hundreds of BSMs: they come first, and none of them is given up. Of every other
-sender only the newest BSM waits, since an older one has been said again; the senders take turns. So
-a crowd that is too much is heard from less often, all of it alike, and always fresh.
+not wait behind hundreds of BSMs: they come first, and none of them is given up. Where many others
+wait, of each sender only the newest BSM does, since an older one has been said again; the senders
+take turns. So a crowd that is too much is heard from less often, all of it alike, and always fresh.
 """
 
 from collections import OrderedDict, deque
@@ -15,6 +15,8 @@ from onboard.wave_udp import wsmp
 
 MOST_WAITING = 1024
 """Senders. No road has more in reach; of made-up ones those that came first are given up."""
+FEW_WAITING = 64
+"""So few are heard in a twentieth of a second: all of them, whoever says that they are of one."""
 MOST_URGENT = 4096
 """No trial has so many cars; whoever sends more wants the car to have no memory left."""
 
@@ -62,6 +64,8 @@ class ReceiveQueue:
         return shed
 
     def _put_other(self, sender: bytes, wsm: bytes) -> None:
+        if sender in self._others and len(self._others) < FEW_WAITING:
+            sender = wsm
         self._shed += sender in self._others
         self._others[sender] = wsm  # in the place of the older one
         if len(self._others) > MOST_WAITING:

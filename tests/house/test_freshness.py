@@ -1,5 +1,7 @@
 """A silent sensor is shown as lost, within its limit, and recovers by itself."""
 
+import math
+
 import pytest
 
 from onboard.freshness import SensorWatch
@@ -74,3 +76,17 @@ def test_a_sensor_that_the_car_does_not_have_is_never_lost(watch: SensorWatch) -
     watch.receive_sample(Sensor.POSITION, 100.2)
 
     assert watch.next_event() is None
+
+
+def test_a_sensor_that_may_be_silent_is_lost_by_its_room_alone() -> None:
+    watch = SensorWatch({Sensor.RADIO: math.inf}, now=100.0)
+    watch.handle_timer(9000.0)
+    assert watch.next_event() is None
+
+    for lost_at in (9000.0, 9100.0):
+        watch.receive_loss(Sensor.RADIO, "Connection refused", lost_at)
+        assert watch.next_event() == SensorLost(
+            lost_at, Sensor.RADIO, silent_s=None, reason="Connection refused"
+        )
+        watch.receive_sample(Sensor.RADIO, lost_at + 4.0)
+        assert watch.next_event() == SensorBack(lost_at + 4.0, Sensor.RADIO)

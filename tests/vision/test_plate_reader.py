@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from onboard.vision.perspective import Perspective
+from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import (
     ALPHABET,
     CERTAIN,
@@ -13,6 +15,9 @@ from onboard.vision.plate_reader import (
     decode,
     rectify,
 )
+from onboard.vision.plates import Plates
+from onboard.vision.settings import Calibration
+from onboard.vision.sighting import Search
 from onboard.vision.syntax import PlateSyntax
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import FORMATS, PlateFormat, draw_plate
@@ -238,3 +243,16 @@ def test_an_identity_is_as_sure_whichever_of_two_alike_spellings_is_read() -> No
 
         assert read.confidence == pytest.approx(max(zero, 1.0 - zero), abs=0.01)
         assert read.identity_confidence == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("text", ["RNE4S39", "ABC1234"])
+def test_what_fits_no_named_series_is_seen_and_not_believed(text: str) -> None:
+    """RNE4539 would be the only look-alike of the first, and is another car."""
+    image, _ = shown(text, FORMATS["eu"], 160, 0.0)
+    reader = PlateReader(syntax=SERIES)
+    plates = Plates(PlateDetector(), reader, SERIES, Perspective(Calibration()), None)
+
+    (sighting,) = plates.find(image, Search())
+
+    assert sighting.was_read
+    assert sighting.text == (text if SERIES.fits(text) else None)

@@ -9,7 +9,7 @@ from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.security.ieee1609dot2 import encode_signed, encode_to_be_signed, encode_unsecured
 from onboard.wave_udp import psid
-from onboard.wave_udp.receive_queue import MOST_WAITING, ReceiveQueue
+from onboard.wave_udp.receive_queue import FEW_WAITING, MOST_WAITING, ReceiveQueue
 from onboard.wave_udp.wsmp import WaveShortMessage, encode
 
 
@@ -50,10 +50,25 @@ def said_by(sender: int, number: int, *, secure: Callable[[bytes], bytes]) -> by
 
 
 @pytest.mark.parametrize("secure", [encode_unsecured, signed])
-def test_of_each_sender_only_the_newest_bsm_waits_and_all_take_turns(
+def test_where_few_wait_all_are_heard(secure: Callable[[bytes], bytes]) -> None:
+    """Or whoever writes another's ID on a frame could have the other's not heard."""
+    queue = ReceiveQueue(psid.LCCA)
+    said = [said_by(1, number, secure=secure) for number in range(FEW_WAITING)]
+    for frame in said:
+        queue.put(frame)
+
+    assert list(iter(queue.take, None)) == said
+    assert queue.take_shed() == 0
+
+
+@pytest.mark.parametrize("secure", [encode_unsecured, signed])
+def test_in_a_crowd_only_the_newest_bsm_of_each_sender_waits_and_all_take_turns(
     secure: Callable[[bytes], bytes],
 ) -> None:
     queue = ReceiveQueue(psid.LCCA)
+    crowd = [said_by(number, 0, secure=secure) for number in range(100, 100 + FEW_WAITING)]
+    for frame in crowd:
+        queue.put(frame)
     for number in range(3):
         for sender in (1, 2, 3):
             queue.put(said_by(sender, number, secure=secure))
@@ -62,7 +77,8 @@ def test_of_each_sender_only_the_newest_bsm_waits_and_all_take_turns(
     taken = list(iter(queue.take, None))
 
     newest = {1: 3, 2: 2, 3: 2}
-    assert taken == [said_by(sender, newest[sender], secure=secure) for sender in (1, 2, 3)]
+    three = [said_by(sender, newest[sender], secure=secure) for sender in (1, 2, 3)]
+    assert taken == crowd + three
     assert queue.take_shed() == 7
     assert queue.take_shed() == 0
 
