@@ -231,7 +231,8 @@ class Tracks:
         """Join tracks that are one car, and say which are known as a car of their own.
 
         Two tracks in each other's place are one car, unless they were seen side by side. Two that
-        might be one, but are not known well enough to say so, are not told of as two.
+        might be one, but are not known well enough to say so, are not told of as two: the one that
+        the own camera sees is told of, or else the better placed one, whatever a liar says.
         """
         settings, association = self._settings, self._settings.association
         q = settings.acceleration_density
@@ -239,7 +240,7 @@ class Tracks:
         apart = _apart_m(places := cars.places_m(now_ms), places)
         variances = _variances(cars, now_ms, q)
         near = np.argwhere(np.triu(apart < _NEAR_M, k=1))
-        doubles: set[int] = set()
+        doubles: list[set[int]] = [set() for _ in self._tracks]
         gone: set[int] = set()
         if len(near):
             one, other = cars[near[:, 0]], cars[near[:, 1]]
@@ -260,10 +261,21 @@ class Tracks:
                     first.take_over(second)
                     gone.add(j)
                 elif fits and first.is_confirmed and second.is_confirmed:
-                    doubles.add(i if variances[i] > variances[j] else j)
-        for at, track in enumerate(self._tracks):
+                    doubles[i].add(j)
+                    doubles[j].add(i)
+        # The first to be told of hides its doubles; who is hidden itself hides nobody.
+        told: set[int] = set()
+        for at in sorted(
+            set(range(len(cars))) - gone,
+            key=lambda at: (not self._tracks[at].is_seen, variances[at]),
+        ):
+            track = self._tracks[at]
             well_placed = variances[at] <= settings.vaguest_known_m**2
-            track.is_known = bool(track.is_confirmed and well_placed and at not in doubles)
+            track.is_known = bool(
+                track.is_confirmed and well_placed and told.isdisjoint(doubles[at])
+            )
+            if track.is_known:
+                told.add(at)
         if gone:
             self._tracks = [track for at, track in enumerate(self._tracks) if at not in gone]
             kept = [at for at in range(len(cars)) if at not in gone]

@@ -124,6 +124,31 @@ def test_two_that_one_picture_shows_are_never_joined() -> None:
     assert all(track.is_known for track in tracks)
 
 
+def test_a_ghost_does_not_hide_what_the_own_camera_sees() -> None:
+    tracks = Tracks(SETTINGS)
+    for k in range(4):
+        now_ms = 1000 + 100 * k
+        tell(tracks, OWN, {1: measured(0, 0, now_ms, 0.8)}, now_ms)
+        tell(tracks, B, {1: estimated(2, 0, now_ms, by=B, sigma_m=0.5)}, now_ms)
+
+    seen, ghost = tracks
+    assert np.trace(ghost.estimate.covariance[:2, :2]) < np.trace(seen.estimate.covariance[:2, :2])
+    assert (seen.is_known, ghost.is_known) == (True, False)
+
+
+def test_who_is_hidden_hides_nobody() -> None:
+    """Each is the double of the one before, and vaguer; the last is no double of the first."""
+    tracks = Tracks(SETTINGS)
+    for k in range(4):
+        now_ms = 1000 + 100 * k
+        for at in range(3):
+            teller = bytes([at + 1]) * 4
+            told = estimated(2.1 * at, 0, now_ms, by=teller, sigma_m=0.7 + 0.1 * at)
+            tell(tracks, teller, {1: told}, now_ms)
+
+    assert [track.is_known for track in tracks] == [True, False, True]
+
+
 def test_what_is_spent_is_not_used_again() -> None:
     tracks = Tracks(SETTINGS)
     for k in range(8):
