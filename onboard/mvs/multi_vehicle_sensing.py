@@ -88,7 +88,11 @@ class MultiVehicleSensing:
             self._own_ids.append(own_id)
 
     def set_utc_offset(self, utc_offset_s: float) -> None:
-        """Say anew what UTC less `now` is."""
+        """Say anew what UTC less `now` is. What has been known by another UTC is forgotten."""
+        if abs(utc_offset_s - self._utc_offset_s) > _UTC_STEP_S:
+            self._tracks.clear()
+            self._own_stamps_ms.clear()
+            self._told_ms, self._refreshed_ms = 0, None
         self._utc_offset_s = utc_offset_s
 
     def has_position(self, now: float) -> bool:
@@ -278,8 +282,8 @@ class MultiVehicleSensing:
         self._take_up(now)
         now_ms = self._utc_ms(now)
         refresh_ms = round(self._settings.refresh_s * 1000)
-        if self._refreshed_ms is not None and now_ms - self._refreshed_ms < refresh_ms:
-            return
+        if self._refreshed_ms is not None and 0 <= now_ms - self._refreshed_ms < refresh_ms:
+            return  # below 0, UTC has gone back, and nobody is to wait until it is there again
         silent_at = now - self._settings.radio_silence_s
         for sender_id in [
             sender_id
@@ -400,6 +404,8 @@ class MultiVehicleSensing:
 
 _MOST_HEARD = 256
 """Footers that may wait, where nobody asks."""
+_UTC_STEP_S = 0.1
+"""A change of UTC by more is a correction and no drift: a car moves 3 m in that time."""
 
 
 def _stamp_s(seen: SensedCar) -> float:

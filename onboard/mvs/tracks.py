@@ -130,6 +130,12 @@ class Tracks:
             elif now_ms > track.radio_until_ms:
                 track.radio_id = None
 
+    def clear(self) -> None:
+        """Forget all cars, but give none of their numbers to another."""
+        self._tracks.clear()
+        self._named.clear()
+        self._compared = None
+
     def map_to(self, turn: Array, shift: Array) -> None:
         """Bring everything into another frame (`LocalFrame.mapping_from`)."""
         for track in self._tracks:

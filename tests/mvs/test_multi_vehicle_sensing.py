@@ -464,6 +464,26 @@ def test_after_a_change_of_pseudonym_the_own_measurements_are_still_own() -> Non
     assert "not_my_measurement" not in world.discarded("c0")
 
 
+@pytest.mark.parametrize("step_s", [-5.0, -0.5, -0.08, 0.5, 5.0])
+def test_when_utc_is_corrected_a_car_in_view_is_known_again_at_once(step_s: float) -> None:
+    """The car drives along: whoever goes on with the old clock places it elsewhere."""
+    mvs = MultiVehicleSensing(MvsSettings(), b"-own", np.random.default_rng(0))
+    known: list[KnownCar] = []
+    for k in range(40):
+        now = 1000.0 + k * 0.05
+        if k == 30:
+            assert only(known)
+            mvs.set_utc_offset(step_s)
+        mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 0.0, 0.0))
+        seen = SensedCar(now, 1, 30.0 + 15.0 * (now - 1000.0), 0.5, 0.0, 0.01)
+        mvs.receive_sensed_car(seen)
+        known = mvs.kinematic_info(now)
+        if k >= 34:
+            car = only(known)
+            assert car.age_s == pytest.approx(0.0, abs=0.01)
+            assert car.state[1] - seen.range_m - 2.2 == pytest.approx(0.0, abs=1.0)
+
+
 @pytest.mark.parametrize("selection", ["mvs", "mo", "rs"])
 def test_a_footer_keeps_to_m_entries_and_to_its_bytes(selection: str) -> None:
     observers = [Car("a", 0, 0, 0, 10, sees=frozenset(f"x{k}" for k in range(12)))]
