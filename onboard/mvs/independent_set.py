@@ -14,14 +14,22 @@ preference is the order of the totals that are compared.
 
 Entries of one measurement, the great majority, need no decision: whatever the others leave, they
 cover. So another entry is worth the measurements that it adds to theirs, and each that it spares.
+
+Provenances made for it double the states with every measurement. Beyond `_MOST_STATES` only the
+best so far are kept, and only there something better may be missed; honest cars need a handful.
 """
 
+import heapq
 from collections.abc import Hashable, Sequence
+from operator import itemgetter
+
+_MOST_STATES = 1000
 
 
 def select_independent(provenances: Sequence[frozenset[Hashable]]) -> list[int]:
     """Return the indices of the independent set of most measurements and fewest entries.
 
+    That is exact up to `_MOST_STATES` undecided combinations; more are only made on purpose.
     Among several such sets the one is taken that contains the earlier entries, so put those first
     that should be preferred. Entries without a measurement are never taken.
     """
@@ -95,6 +103,8 @@ def _choose(entries: Sequence[tuple[int, int]], covered: int) -> list[int]:
                     left = (taken | mask) & later
                     if settled.get(left, -1) < total + worth:
                         settled[left] = total + worth
+        if len(settled) > _MOST_STATES:
+            settled = dict(heapq.nlargest(_MOST_STATES, settled.items(), key=itemgetter(1)))
         totals = settled
     best = totals[0]
     return [entry[0] for place, entry in enumerate(entries) if best >> (shift - 1 - place) & 1]

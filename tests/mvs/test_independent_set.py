@@ -153,6 +153,14 @@ def test_nothing_comes_of_nothing() -> None:
     assert select_independent_masks([0, 0]) == []
 
 
+def test_what_would_double_the_states_at_every_step_is_chosen_of_at_once() -> None:
+    """Pairs {e_i, x_i} that leave open which x are taken, 2^60 ways, and one of all x."""
+    n = 60
+    masks = [1 << i | 1 << n + i for i in range(n)] + [(1 << n) - 1 << n]
+
+    assert select_independent_masks(masks) == list(range(n))
+
+
 def test_sets_made_to_be_hard_stay_within_a_bounded_number_of_steps() -> None:
     # Twelve pairs {i, i + 12}, and twelve that join their ends: the most undecided combinations.
     hard = [1 << i | 1 << i + 12 for i in range(12)]
