@@ -24,7 +24,7 @@ from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.own_car import OwnCar, ReportedState
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.sharing import encode_within, read
+from onboard.mvs.sharing import encode_within, free_number, read
 from onboard.mvs.told import Batch, Told
 from onboard.mvs.track import OWN, Track, independent
 from onboard.mvs.tracks import Tracks
@@ -158,13 +158,18 @@ class MultiVehicleSensing:
             self._estimate,
             self._rng,
         )
-        for at, _ in selected:
-            known[at][0].told_ms = now_ms
+        chosen = []
+        for at, piece in selected:
+            track, _ = known[at]
+            track.told_ms = now_ms
+            if track.wire_number is None:
+                used = {each.wire_number for each in self._tracks}
+                track.wire_number = free_number(track.number, used)
+            chosen.append((track.wire_number, piece))
         self._told_ms = now_ms
         frame = self._own.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         anchor = LocalFrame(*self._own.anchor)
-        chosen = [(known[at][0].number, piece) for at, piece in selected]
         return encode_within(chosen, now_ms, frame, anchor, self._settings.most_bytes)
 
     def kinematic_info(self, now: float) -> list[KnownCar]:

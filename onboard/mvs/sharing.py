@@ -1,7 +1,7 @@
 """Between evidence as the core holds it and the footer as it travels."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from operator import attrgetter
 from typing import Any
 
@@ -39,6 +39,15 @@ _STATED = attrgetter(*mvs_footer.STATE_NUMBERS)
 
 Entry = tuple[int, Evidence]
 """The sender's number for a car, and what it tells of it."""
+
+
+def free_number(number: int, used: Container[int | None]) -> int:
+    """A number on the wire for the car `number`, none of `used` as long as one is left.
+
+    Two cars of one number would take each other's place with every footer, and neither be known.
+    """
+    wanted = ((number + others) % _CARS for others in range(_CARS))
+    return next((free for free in wanted if free not in used), number % _CARS)
 
 
 def footer_of(

@@ -62,6 +62,8 @@ class Track:
         self.radio_id: bytes | None = None
         """The car with a radio that it has turned out to be."""
         self.radio_until_ms = 0
+        self.wire_number: int | None = None
+        """The own car's name for it in footers, once it has told of it."""
         self.told_ms = 0
         """When the own car last told others of it."""
 

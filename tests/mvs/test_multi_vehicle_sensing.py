@@ -14,6 +14,7 @@ from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
+from onboard.mvs.sharing import read
 from onboard.mvs.track import OWN, Track
 from onboard.observations import Position, SensedCar
 from tests.mvs.world import EXACT, Car, Message, World
@@ -503,3 +504,20 @@ def test_a_footer_keeps_to_m_entries_and_to_its_bytes(selection: str) -> None:
     assert max(len(message.footer) for message in world.sent) <= 150
     assert min(entries) >= 2
     assert_lists_each_measurement_once(world)
+
+
+def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
+    """A number has 8 bits there: of cars 1 and 257 neither was ever known to who was told."""
+    mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
+    told: list[tuple[int, ...]] = []
+    for k in range(12):
+        at = 1000.0 + k / 10
+        mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 0.0, 0.0))
+        for number in range(1 if k < 4 else 2):
+            mvs.receive_sensed_car(SensedCar(at, number, 30.0, 0.3, 0.6 * number, 0.01))
+        told.append(read(mvs_footer.decode(mvs.footer_to_send(at))).cars)
+        mvs._tracks._last_number = 256
+
+    assert {track.number for track in mvs._tracks} == {1, 257}
+    assert (1,) in told
+    assert set(told[-1]) == {1, 2}

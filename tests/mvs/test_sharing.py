@@ -13,6 +13,7 @@ from onboard.mvs.sharing import (
     Entry,
     encode_within,
     footer_of,
+    free_number,
     from_correlations,
     read,
     to_correlations,
@@ -145,3 +146,10 @@ def test_a_car_keeps_the_number_that_its_sender_gave_it() -> None:
 
     assert told.cars == (300 % 256, 2)
     assert told.observers == (frozenset({b"aaaa"}), frozenset({b"aaaa", b"bbbb"}))
+
+
+def test_a_number_on_the_wire_is_free_as_long_as_one_is() -> None:
+    assert free_number(5, set()) == 5
+    assert free_number(261, {5, 6, None}) == 7
+    assert free_number(511, {255}) == 0
+    assert free_number(261, set(range(256))) == 5
