@@ -16,7 +16,12 @@ def cheapest_pairs(costs: Costs) -> list[tuple[int, int]]:
 
     Args:
         costs: (rows, columns), finite.
+
+    Raises:
+        ValueError: they are not; no path would be the shortest, and the search for it without end.
     """
+    if not np.isfinite(costs).all():
+        raise ValueError("a cost is not finite")
     rows, columns = costs.shape
     if rows > columns:
         return sorted((row, column) for column, row in cheapest_pairs(costs.T))

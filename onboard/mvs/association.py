@@ -128,7 +128,7 @@ def distances(pieces: Kinematics, cars: Kinematics, q: float) -> tuple[Array, Ar
     noise = drift * dt**2 / 3
     a, b, c = carried(0, 0) + noise, carried(0, 1), carried(1, 1) + noise
     squared, log_det = _mahalanobis(z[0] - x[0] - dt * x[2], z[1] - x[1] - dt * x[3], (a, b, c))
-    both = pieces.has_speed * cars.has_speed
+    both = (pieces.has_speed * cars.has_speed) > 0
     if not both.any():
         return squared, log_det, a + c
     speed_squared, speed_log_det = _mahalanobis(
@@ -140,12 +140,16 @@ def distances(pieces: Kinematics, cars: Kinematics, q: float) -> tuple[Array, Ar
             p[3, 3] + r[3, 3] + drift + 1e-9,
         ),
     )
-    squared, log_det = squared + both * speed_squared, log_det + both * speed_log_det
-    return squared, log_det, a + c
+    squared = squared + np.where(both, speed_squared, 0.0)
+    return squared, log_det + both * speed_log_det, a + c
 
 
 def _mahalanobis(dx: Array, dy: Array, spread: tuple[Array, Array, Array]) -> tuple[Array, Array]:
     """Of differences with the covariances [[a, b], [b, c]]."""
     a, b, c = spread
     determinant = a * c - b * b
-    return (c * dx * dx - 2 * b * dx * dy + a * dy * dy) / determinant, np.log(determinant)
+    # Rounding may leave of a needle what is no covariance: nothing is near to that.
+    positive = (determinant > 0.0) & (a > 0.0)
+    divisor = np.where(positive, determinant, 1.0)
+    squared = (c * dx * dx - 2 * b * dx * dy + a * dy * dy) / divisor
+    return np.where(positive, squared, np.inf), np.log(divisor)

@@ -18,6 +18,8 @@ from onboard.mvs.settings import BeliefSettings
 _NO_SPEED_SIGMA_M_S = 50.0
 """One position says nothing of the speed."""
 _FIVE_SIGMA = 5.0
+_MOST_EXCESS = 1e5
+"""Weighting down by more says nothing of a car, and of a lopsided covariance leaves rounding."""
 
 
 def doubts(
@@ -41,7 +43,8 @@ def doubts(
 
     Returns:
         a reason not to use it for each entry that has one, a short stable word: `not_finite`,
-        `not_positive`, `future`, `too_many_measurements`, `far`, `too_vague`, `too_fast`.
+        `not_positive`, `future`, `too_many_measurements`, `far`, `too_vague`, `too_fast`,
+        `far_too_sure` (what weighting down could not mend).
     """
     whole = entries.has_speed > 0
     finite = np.isfinite(entries.states).all(axis=0)
@@ -52,14 +55,24 @@ def doubts(
     speeds_m_s = np.hypot(*states[2:])
     speed_sigmas_m_s = np.sqrt(np.abs(variances[2] + variances[3]))
     counts = np.array([len(provenance) for provenance in provenances])
+    positive = _are_positive(covariances, whole)
+    sound = Kinematics(
+        entries.stamps_ms,
+        states,
+        np.where(positive, covariances, np.eye(4)[:, :, None]),
+        entries.has_speed,
+    )
+    excess = excess_of_trust(sound, provenances, settings.sharpest_sigma_m)
+    vagueness = (variances[0] + variances[1]) / settings.vaguest_sigma_m**2
     wrong = {
         "not_finite": ~finite,
-        "not_positive": ~_are_positive(covariances, whole),
+        "not_positive": ~positive,
         "future": entries.stamps_ms > now_ms + settings.clock_tolerance_s * 1000,
         "too_many_measurements": counts > settings.measurements_per_estimate,
         "far": np.hypot(*(states[:2] - tellers_m)) > reaches_m,
-        "too_vague": variances[0] + variances[1] > settings.vaguest_sigma_m**2,
+        "too_vague": vagueness > 1.0,
         "too_fast": whole & (speeds_m_s > settings.fastest_m_s + _FIVE_SIGMA * speed_sigmas_m_s),
+        "far_too_sure": (excess > _MOST_EXCESS) | (excess * vagueness > 1.0),
     }
     reasons: dict[int, str] = {}
     for reason, of_entries in wrong.items():

@@ -28,6 +28,14 @@ def test_of_nothing_there_are_no_pairs(shape: tuple[int, int]) -> None:
     assert cheapest_pairs(np.zeros(shape)) == []
 
 
+@pytest.mark.parametrize("costs", [[[np.nan, 1.0], [1.0, 2.0]], [[np.inf, 1.0], [np.inf, 2.0]]])
+def test_costs_that_are_none_are_refused_and_not_searched_without_end(
+    costs: list[list[float]],
+) -> None:
+    with pytest.raises(ValueError, match="finite"):
+        cheapest_pairs(np.array(costs))
+
+
 def test_a_row_gives_way_where_that_costs_less_in_all() -> None:
     """Both like column 0 best; the second would have to pay more for the other one."""
     assert cheapest_pairs(np.array([[1.0, 2.0], [1.0, 9.0]])) == [(0, 1), (1, 0)]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from onboard.mvs.association import assign, gate, with_speed_prior
+from onboard.mvs.association import are_inside, assign, gate, with_speed_prior
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
 from onboard.mvs.kinematics import Kinematics
 
@@ -39,6 +39,22 @@ def test_what_is_near_no_car_is_assigned_to_none() -> None:
     assert found([measured(0), measured(50)], [car(0.5)]) == {0: 0}
     assert found([measured(0)], []) == {}
     assert found([], [car(0)]) == {}
+
+
+@pytest.mark.parametrize("of_speed", [False, True])
+@pytest.mark.parametrize("block", [[[1.0, 9.0], [9.0, 1.0]], [[-9.0, 0.0], [0.0, -9.0]]])
+def test_nothing_is_near_to_a_car_whose_covariance_is_none(
+    block: list[list[float]], of_speed: bool
+) -> None:
+    """Rounding can leave such a one; half of these would be at a distance below 0."""
+    bad, at = car(0), slice(2, 4) if of_speed else slice(0, 2)
+    bad.covariance[at, at] = np.array(block)
+
+    assert found([car(0.1)], [bad]) == {}
+    both = Kinematics.of([bad, car(0)])
+    assert are_inside(Kinematics.of([car(0), car(0)]), both, 0.99, Q).tolist() == [False, True]
+    measured_too = Kinematics.of([measured(0), car(0)])
+    assert are_inside(measured_too, both, 0.99, Q).tolist() == [of_speed, True]
 
 
 def test_two_pieces_never_share_a_car() -> None:
