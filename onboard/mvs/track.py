@@ -110,6 +110,7 @@ class Track:
             del self.evidence[provenance]
         for provenance in list(self.evidence)[: max(0, len(self.evidence) - most)]:
             del self.evidence[provenance]
+        self._masks = {known: self._masks[known] for known in self.evidence if known in self._masks}
         self.names = {name: at for name, at in self.names.items() if at > before_ms}
         if len(self._bits) > _MOST_BITS:
             self._bits.clear()

@@ -181,3 +181,17 @@ def test_a_car_may_be_remembered_for_less_than_it_may_be_unseen() -> None:
     tracks.refresh(3400)
 
     assert len(tracks) == 0
+
+
+def test_what_is_noted_of_evidence_goes_with_it() -> None:
+    """Else a liar who tells the same measurements in ever new combinations fills the memory."""
+    tracks = Tracks(SETTINGS)
+    for k in range(60):
+        now_ms = 1000 + 50 * k
+        since_ms = now_ms // 300 * 300
+        told = estimated(0, 0, since_ms, since_ms - 1 - k, by=B, sigma_m=0.5)
+        tell(tracks, B, {1: told}, now_ms)
+    tracks.refresh(now_ms)
+
+    (track,) = tracks
+    assert track._masks.keys() <= track.evidence.keys()
