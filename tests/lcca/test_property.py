@@ -221,7 +221,6 @@ def assert_each_warning_reaches_its_group_only(drive: Drive) -> None:
 @settings(
     max_examples=EXAMPLES,
     derandomize=EXAMPLES == IN_THE_GATE,
-    deadline=None,
     database=None,
     phases=[Phase.explicit, Phase.generate],  # a road does not shrink in reasonable time
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],

@@ -65,7 +65,7 @@ steps = st.one_of(
 
 
 @given(st.lists(steps, max_size=60))
-@settings(max_examples=300, deadline=None, derandomize=True, database=None)
+@settings(max_examples=300, derandomize=True, database=None)
 def test_whatever_comes_the_car_stays_consistent_and_can_say_where_it_is(
     script: list[Step],
 ) -> None:
@@ -102,7 +102,7 @@ def test_whatever_comes_the_car_stays_consistent_and_can_say_where_it_is(
 
 
 @given(st.lists(messages, max_size=30))
-@settings(max_examples=100, deadline=None, derandomize=True, database=None)
+@settings(max_examples=100, derandomize=True, database=None)
 def test_a_car_that_nobody_follows_and_that_follows_nobody_is_never_warned(
     script: list[LccaMessage],
 ) -> None:

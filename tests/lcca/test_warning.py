@@ -117,7 +117,7 @@ def test_each_braking_is_one_alarm_and_two_at_once_are_two() -> None:
 # How many messages, and how soon
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(
     gaps_m=st.lists(st.floats(6.0, 38.0), min_size=2, max_size=14),
     reach_m=st.floats(39.0, 200.0),

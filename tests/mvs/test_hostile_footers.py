@@ -318,7 +318,7 @@ LOPSIDED = st.tuples(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.lists(LOPSIDED, min_size=1, max_size=3), min_size=2, max_size=8))
 def test_footers_about_a_seen_car_leave_all_states_finite_and_positive(footers: list[Any]) -> None:
     """Covariances as lopsided as can be encoded, fused with each other and with own pictures."""

@@ -150,7 +150,7 @@ def test_a_ring_that_has_lost_sight_does_not_keep_a_car_alive() -> None:
     assert all(len(message.footer) == mvs_footer.HEAD.size_bytes for message in world.sent[-4:])
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     seed=st.integers(0, 2**16),
     loss=st.sampled_from([0.0, 0.3, 0.8]),

@@ -213,7 +213,7 @@ def test_handled_in_large_steps_everything_happens_as_in_small_ones() -> None:
     assert told(1.0) == told(1e-4)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.lists(st.floats(0.0, 0.01), min_size=2, max_size=12), st.integers(0, 7))
 def test_within_reach_and_far_apart_in_time_everybody_hears(
     offsets_s: list[float], user_priority: int

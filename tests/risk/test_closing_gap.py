@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from onboard.observations import Lead, LeadIdentity, Speed
@@ -42,7 +42,6 @@ def least_gap_m(gap_m: float, own: Motion, lead: Motion, until_s: float = 30.0) 
     return min(gap_m + lead(t)[0] - own(t)[0] for t in np.linspace(0.0, until_s, 1500))
 
 
-@settings(deadline=None)
 @given(
     gap_m=st.floats(1.0, 150.0),
     speed=st.floats(0.0, 40.0),

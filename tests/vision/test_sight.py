@@ -193,7 +193,7 @@ def test_sudden_exposure_changes_lose_no_lead() -> None:
     assert {lead.text for lead in seen.leads[4:]} == {"TAG1"}
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     hnp.arrays(
         np.uint8,
