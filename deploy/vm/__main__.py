@@ -26,7 +26,7 @@ from onboard.security.authority import make_trial
 from onboard.security.key_files import write_credentials
 from onboard.vision.settings import CameraSettings
 from onboard.wave_udp import psid
-from sim_rig.cars.camera_view import LENS
+from sim_rig.cars.camera_view import SMALL_LENS
 from sim_rig.picture.scene import Picture, Scene, SceneCar
 
 ROOT = Path(__file__).parents[2]
@@ -41,14 +41,7 @@ SMALL_DISK_BYTES = 48 << 20
 PICTURES = 40
 TAG_M = 0.4
 """Large, for small pictures: the guest is slow."""
-VIEW = LENS.model_dump() | {
-    "width_px": 320,
-    "height_px": 180,
-    "focal_x_px": 800.0,
-    "focal_y_px": 800.0,
-    "principal_x_px": 160.0,
-    "principal_y_px": 90.0,
-}
+VIEW = SMALL_LENS.model_dump()
 CAR = {
     "car": {"plate": "TAG2"},
     "can": {"interface": "socketcan", "channel": "vcan0"},

@@ -31,6 +31,18 @@ LENS = Calibration(
 """Of every camera in the rig: 23 degrees wide, as a camera for plates is. A European plate is 55 px
 wide at 15 m, and four daemons with such pictures share two cores."""
 
+SMALL_LENS = LENS.model_copy(
+    update={
+        "width_px": 320,
+        "height_px": 180,
+        "focal_x_px": 800.0,
+        "focal_y_px": 800.0,
+        "principal_x_px": 160.0,
+        "principal_y_px": 90.0,
+    }
+)
+"""The same with half the pixels each way, where a machine has other things to do."""
+
 SIGHT_M = 120.0
 OTHER_LEVEL_M = 2.0
 """A car on a road so much higher or lower is hidden by the bridge."""

@@ -35,7 +35,7 @@ from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.vision.settings import CameraSettings
 from onboard.wave_udp import psid
-from sim_rig.cars.camera_view import LENS
+from sim_rig.cars.camera_view import SMALL_LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.flood import LATITUDE_DEG, LONGITUDE_DEG
@@ -53,14 +53,7 @@ STEP_S = 0.05
 STRANGERS = 300
 PICTURES_HZ, FIXES_HZ = 10.0, 10.0
 GAP_M, TAG_M = 12.0, 0.4
-_VIEW = LENS.model_dump() | {
-    "width_px": 320,
-    "height_px": 180,
-    "focal_x_px": 800.0,
-    "focal_y_px": 800.0,
-    "principal_x_px": 160.0,
-    "principal_y_px": 90.0,
-}
+_VIEW = SMALL_LENS.model_dump()
 _FAST_M_S, _DROP_M_S = 15.0, 4.0
 _MEAN_M_S = _FAST_M_S - _DROP_M_S / 2.0 / PERIOD_S
 _DEG_PER_M = 1.0 / 111_000
