@@ -4,9 +4,11 @@
 A simulation of one's own is the `.sumocfg` of its network and routes.
 """
 
+import gzip
 import math
 from pathlib import Path
 from typing import Self
+from xml.etree import ElementTree as ET
 
 import libsumo
 import numpy as np
@@ -43,6 +45,7 @@ class SumoTraffic(Traffic):
         if libsumo.simulation.isLoaded():
             raise SumoError(f"{config}: this process runs a simulation of SUMO already")
         self._config, self._step = config, 0
+        _check_network(config)
         try:
             libsumo.start(["sumo", "-c", str(config), "--seed", str(seed), *_OPTIONS])
             libsumo.simulationStep()  # the first puts on the road who is there at its beginning
@@ -96,3 +99,23 @@ class SumoTraffic(Traffic):
 
     def _wrong(self, error: Exception) -> SumoError:
         return SumoError(f"{self._config}: SUMO says: {' '.join(str(error).split())}")
+
+
+def _check_network(config: Path) -> None:
+    """Whether the network is there and is XML; a process that had SUMO fail on it is lost."""
+    try:
+        named = ET.parse(config).iter("net-file")  # noqa: S314 (the user's own file)
+    except (OSError, ET.ParseError):
+        return  # of its configuration SUMO itself says what is wrong
+    for option in named:
+        network = config.parent / option.get("value", "")
+        opened = gzip.open if network.suffix == ".gz" else open
+        try:
+            with opened(network, "rb") as file:
+                for _, element in ET.iterparse(file):  # noqa: S314 (as above)
+                    element.clear()
+        except (OSError, EOFError) as error:
+            said = getattr(error, "strerror", None) or error
+            raise SumoError(f"{config}: its network {network} cannot be read: {said}") from error
+        except ET.ParseError as error:
+            raise SumoError(f"{config}: its network {network} is no XML: {error}") from error

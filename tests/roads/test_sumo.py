@@ -1,5 +1,6 @@
 """Traffic from the real libsumo: one interface with the other sources, and clear errors."""
 
+import gzip
 import shutil
 from collections.abc import Sequence
 from itertools import pairwise
@@ -120,3 +121,34 @@ def test_routes_that_do_not_fit_the_network_are_refused(
 def test_a_simulation_that_is_not_there_is_the_users_mistake(tmp_path: Path) -> None:
     with pytest.raises(SumoError, match="Could not access"):
         open_traffic(str(tmp_path / "none.sumocfg"), np.random.default_rng(1))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("crossing.net.xml", None, "cannot be read: No such file or directory"),
+        ("crossing.net.xml", b"<net><edge", "is no XML: unclosed token"),
+        ("crossing.net.xml.gz", b"<net/>", "cannot be read: Not a gzipped file"),
+        ("crossing.net.xml.gz", gzip.compress(b"<net/>")[:9], "cannot be read: "),
+    ],
+)
+def test_a_network_that_cannot_be_loaded_is_named(
+    tmp_path: Path, name: str, content: bytes | None, said: str
+) -> None:
+    """SUMO would say "Process Error", and the next simulation of the process would crash."""
+    config = (NETWORKS / "crossing.sumocfg").read_text()
+    (tmp_path / "crossing.sumocfg").write_text(config.replace("crossing.net.xml", name))
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+
+    with pytest.raises(SumoError, match=f"crossing.sumocfg: its network .*{name} {said}"):
+        SumoTraffic(tmp_path / "crossing.sumocfg", seed=1)
+
+
+def test_a_network_of_other_roads_is_told_from_its_routes(tmp_path: Path) -> None:
+    for name in ("crossing.sumocfg", "crossing.rou.xml"):
+        shutil.copy(NETWORKS / name, tmp_path)
+    shutil.copy(NETWORKS / "highway.net.xml", tmp_path / "crossing.net.xml")
+
+    with pytest.raises(SumoError, match="'from_east' within the route for flow"):
+        SumoTraffic(tmp_path / "crossing.sumocfg", seed=1)
