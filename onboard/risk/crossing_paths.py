@@ -1,14 +1,16 @@
 """Where the own path and another car's cross, and how likely the two meet there.
 
 Of a car whose acceleration is known, that one is the likeliest (section III-E of the paper); of
-others, all are alike. P_C is averaged over what is not known exactly: the distances and speeds of
-both cars, whose common covariance follows from those of their states. The average is a fixed rule
-of 25 points, exact for polynomials of the fifth degree, so the same states always give the same
-number.
+others, all are alike. But who would have to brake harder than drivers who stop do, and does not,
+drives on; between two of these P_C leaves out that anybody stops.
+
+P_C is averaged over what is not known exactly: the distances and speeds of both cars, whose common
+covariance follows from those of their states. The average is a fixed rule of 25 points, exact for
+polynomials of the fifth degree, so the same states always give the same number.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -109,6 +111,8 @@ def averaged_collision_probabilities(
 ) -> Array:
     """P_C of each meeting, (n), averaged over its uncertainty.
 
+    Where both cars drive on, that of two that do, if it is greater.
+
     Args:
         meetings: n of them.
         others: the other car of each.
@@ -118,13 +122,38 @@ def averaged_collision_probabilities(
     p_c = np.zeros(len(meetings))
     known = np.array([each.acceleration_m_s2 is not None for each in others], dtype=bool)
     ahead = _may_meet(meetings, others, own)
-    for group in (np.flatnonzero(ahead & known), np.flatnonzero(ahead & ~known)):
+    driving_on = ahead & known & _drive_on(meetings, others, own, settings)
+    for chosen, behaviour in (
+        (ahead & known, _behaviour),
+        (ahead & ~known, _behaviour),
+        (driving_on, _behaviour_driving_on),
+    ):
+        group = np.flatnonzero(chosen)
         for begin in range(0, len(group), _PAIRS_AT_ONCE // len(_POINTS)):
             some = group[begin : begin + _PAIRS_AT_ONCE // len(_POINTS)]
-            p_c[some] = _averaged(
-                [meetings[at] for at in some], [others[at] for at in some], own, settings
+            averaged = _averaged(
+                [meetings[at] for at in some], [others[at] for at in some], own, settings, behaviour
             )
+            p_c[some] = np.maximum(p_c[some], averaged)
     return p_c
+
+
+def _drive_on(
+    meetings: Sequence[Meeting], others: Sequence[Driven], own: Driven, settings: CrossingSettings
+) -> NDArray[np.bool_]:
+    """Whether to stay out of the other's way asks more braking of both than drivers do, (n).
+
+    The own driver, who is the one to be warned, has time to react.
+    """
+    if not meetings or own.acceleration_m_s2 is None:
+        return np.zeros(len(meetings), dtype=bool)
+    means = np.array([each.mean for each in meetings])
+    half, half_other = _zone_halves_m(meetings, others, own)
+    own_room_m = means[:, 0] - half - settings.reaction_s * means[:, 1]
+    other_room_m = means[:, 2] - half_other
+    stopping_m = means[:, [1, 3]] ** 2 / (2.0 * settings.stopping_m_s2)
+    both: NDArray[np.bool_] = (own_room_m <= stopping_m[:, 0]) & (other_room_m <= stopping_m[:, 1])
+    return both
 
 
 def _may_meet(
@@ -133,23 +162,35 @@ def _may_meet(
     """Whether neither car is behind the crossing for certain, (n); if one is, P_C is exactly 0."""
     if not meetings:
         return np.zeros(0, dtype=bool)
+    means = np.array([each.mean for each in meetings])
+    spread = np.array([each.covariance.diagonal() for each in meetings])
+    # No point is farther from the mean than sqrt(6) sigma.
+    nearest = means + np.sqrt(6.0 * np.maximum(spread, 0.0)) * (1.0 + _ROUNDING) + _ROUNDING
+    half, half_other = _zone_halves_m(meetings, others, own)
+    may: NDArray[np.bool_] = (nearest[:, 0] > -half) & (nearest[:, 2] > -half_other)
+    return may
+
+
+def _zone_halves_m(
+    meetings: Sequence[Meeting], others: Sequence[Driven], own: Driven
+) -> tuple[Array, Array]:
+    """How far the zone extends from where the courses cross, along the own and the other's, (n)."""
     size = CarSize(np.array(own.length_m), np.array(own.width_m))
     theirs = CarSize(
         np.array([each.length_m for each in others]), np.array([each.width_m for each in others])
     )
     angle = np.array([each.angle_rad for each in meetings])
-    means = np.array([each.mean for each in meetings])
-    spread = np.array([each.covariance.diagonal() for each in meetings])
-    # No point is farther from the mean than sqrt(6) sigma.
-    nearest = means + np.sqrt(6.0 * np.maximum(spread, 0.0)) * (1.0 + _ROUNDING) + _ROUNDING
-    _, end = XCrossing(size, theirs, angle).extent_m()
-    _, end_other = XCrossing(theirs, size, angle).extent_m()
-    may: NDArray[np.bool_] = (nearest[:, 0] > -end) & (nearest[:, 2] > -end_other)
-    return may
+    return XCrossing(size, theirs, angle).extent_m()[1], XCrossing(theirs, size, angle).extent_m()[
+        1
+    ]
 
 
 def _averaged(
-    meetings: Sequence[Meeting], others: Sequence[Driven], own: Driven, settings: CrossingSettings
+    meetings: Sequence[Meeting],
+    others: Sequence[Driven],
+    own: Driven,
+    settings: CrossingSettings,
+    behaviour: Callable[[Array | None, CrossingSettings], Behaviour],
 ) -> Array:
     """P_C, (n), of meetings with cars whose acceleration is known of all, or of none."""
     means = np.array([each.mean for each in meetings])
@@ -177,7 +218,7 @@ def _averaged(
             own_d,
             np.maximum(own_v, 0.0),
             top,
-            _behaviour(
+            behaviour(
                 None if own.acceleration_m_s2 is None else np.array(own.acceleration_m_s2), settings
             ),
         ),
@@ -185,7 +226,7 @@ def _averaged(
             other_d,
             np.maximum(other_v, 0.0),
             top,
-            _behaviour(each_point(accelerations) if accelerations else None, settings),
+            behaviour(each_point(accelerations) if accelerations else None, settings),
         ),
         zone,
     )
@@ -197,6 +238,14 @@ def _behaviour(present_m_s2: Array | None, settings: CrossingSettings) -> Behavi
     lowest, highest = np.array(-settings.hardest_braking_m_s2), np.array(settings.acceleration_m_s2)
     if present_m_s2 is None:
         return Uniform(lowest, highest)
+    return Triangular(lowest, present_m_s2, highest)
+
+
+def _behaviour_driving_on(present_m_s2: Array | None, settings: CrossingSettings) -> Behaviour:
+    """Of one who does not stop: goes on as he does, or coasts, a little more or less."""
+    assert present_m_s2 is not None  # noqa: S101 (asked of those that say it)
+    around = settings.driving_on_m_s2
+    lowest, highest = np.minimum(present_m_s2, 0.0) - around, np.maximum(present_m_s2, 0.0) + around
     return Triangular(lowest, present_m_s2, highest)
 
 

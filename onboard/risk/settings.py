@@ -72,6 +72,13 @@ class CrossingSettings(Settings):
     """Table I."""
     acceleration_m_s2: float = Field(2.1, gt=0.0, le=10.0)
     """Table I."""
+    stopping_m_s2: float = Field(3.0, gt=0.0, le=9.0)
+    """Who needs more than this to stay out of the other's way, and does not brake, drives on: what
+    drivers who stop do is less (signals are timed for 10 ft/s^2)."""
+    reaction_s: float = Field(1.0, ge=0.0, le=3.0)
+    """Until the own driver, who is the one to be warned, would brake."""
+    driving_on_m_s2: float = Field(1.0, gt=0.0, le=5.0)
+    """How much more or less someone who drives on accelerates than he does, or than not at all."""
     top_speed_m_s: float = Field(70.0, gt=0.0, le=150.0)
     other_level_m: float = Field(3.5, gt=0.0, le=20.0)
     """A car so much higher or lower is on a bridge over our road, or under it."""

@@ -188,7 +188,7 @@ def test_who_is_behind_the_crossing_for_certain_meets_nobody() -> None:
         assert each is not None
         met.append(each)
 
-    asked = crossing_paths._averaged(met, [CAR] * 200, CAR, SETTINGS)
+    asked = crossing_paths._averaged(met, [CAR] * 200, CAR, SETTINGS, crossing_paths._behaviour)
 
     may_meet = crossing_paths._may_meet(met, [CAR] * 200, CAR)
     assert 20 < may_meet.sum() < 120
@@ -196,6 +196,58 @@ def test_who_is_behind_the_crossing_for_certain_meets_nobody() -> None:
     assert averaged_collision_probabilities(met, [CAR] * 200, CAR, SETTINGS) == pytest.approx(
         asked, abs=1e-12
     )
+
+
+def meet(
+    own_m: float, other_m: float, *, own: float | None = 0.0, other: float | None = 0.0
+) -> float:
+    """P_C at right angles, both at 14 m/s so far before the crossing, with their accelerations."""
+    met = meeting(car((-own_m, 0.0, 14.0, 0.0)), car((0.0, -other_m, 0.0, 14.0)), SETTINGS)
+    assert met is not None
+    cars = Driven(5.0, 1.75, other), Driven(5.0, 1.75, own)
+    return float(averaged_collision_probabilities([met], [cars[0]], cars[1], SETTINGS)[0])
+
+
+def test_two_that_can_hardly_stop_any_more_are_taken_to_drive_on() -> None:
+    """At 14 m/s, 3 m/s^2 stop in 32.7 m: less than what is left to the zone, or more."""
+    still_stops, drives_on = meet(37.0, 37.0), meet(35.0, 35.0)
+
+    assert still_stops < SETTINGS.caution_p_c
+    assert drives_on > SETTINGS.warning_p_c
+    assert meet(35.0, 37.0) < SETTINGS.caution_p_c  # the other one still stops
+    assert meet(37.0, 35.0) > SETTINGS.warning_p_c  # the own driver has to react first
+
+
+def test_who_brakes_or_is_out_of_turn_is_not_taken_to_drive_into_anybody() -> None:
+    assert meet(35.0, 35.0, other=-3.5) < SETTINGS.warning_p_c
+    assert meet(35.0, 35.0, own=-3.5) < SETTINGS.warning_p_c
+    assert meet(35.0, 22.0) < SETTINGS.caution_p_c  # passes before us
+    assert meet(35.0, 35.0, other=None) < SETTINGS.warning_p_c  # nobody knows what he does
+    assert meet(35.0, 35.0, own=None) < SETTINGS.warning_p_c
+
+
+@given(
+    distance=st.tuples(st.floats(-20, 90), st.floats(-20, 90)),
+    acceleration=st.tuples(st.floats(-9, 4), st.floats(-9, 4)),
+    sigma_m=st.floats(0.0, 3.0),
+)
+def test_that_two_drive_on_never_makes_a_crash_less_likely(
+    distance: tuple[float, float], acceleration: tuple[float, float], sigma_m: float
+) -> None:
+    met = meeting(
+        car((-distance[0], 0.0, 14.0, 0.0), sigma_m, 0.5),
+        car((0.0, -distance[1], 0.0, 11.0), sigma_m, 0.5),
+        SETTINGS,
+    )
+    own, other = (Driven(5.0, 1.75, each) for each in acceleration)
+    assert met is not None
+
+    (p_c,) = averaged_collision_probabilities([met], [other], own, SETTINGS)
+    (before,) = averaged_collision_probabilities(
+        [met], [other], own, SETTINGS.model_copy(update={"reaction_s": 0.0, "stopping_m_s2": 1e9})
+    )
+
+    assert before <= p_c <= 1.0
 
 
 def test_two_cars_taken_for_a_fast_one_have_no_course() -> None:
