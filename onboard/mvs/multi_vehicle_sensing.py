@@ -37,8 +37,8 @@ class _Neighbour:
 
     reported: ReportedState
     acceleration_m_s2: float | None = None
-    footer_at: float = -math.inf
-    """When its last footer was read."""
+    footers_due_at: float = -math.inf
+    """When it has had its time for all footers that were read."""
 
 
 class MultiVehicleSensing:
@@ -161,6 +161,7 @@ class MultiVehicleSensing:
         chosen = []
         for at, piece in selected:
             track, _ = known[at]
+            track.told |= piece.provenance
             track.told_ms = now_ms
             if track.wire_number is None:
                 used = {each.wire_number for each in self._tracks}
@@ -240,9 +241,9 @@ class MultiVehicleSensing:
         neighbour = self._neighbours.get(sender_id)
         if neighbour is None:
             return self._discard(now, "unplaced_sender", sender_id.hex())
-        if now - neighbour.footer_at < 1.0 / belief.footers_per_s:
+        if neighbour.footers_due_at - now > (belief.footers_at_once - 1) / belief.footers_per_s:
             return self._discard(now, "too_often", sender_id.hex())
-        neighbour.footer_at = now
+        neighbour.footers_due_at = max(neighbour.footers_due_at, now) + 1.0 / belief.footers_per_s
         try:
             told = data if isinstance(data, Told) else read(mvs_footer.decode(data))
         except DecodeError as error:
@@ -328,12 +329,19 @@ class MultiVehicleSensing:
     def _candidate(self, track: Track, now_ms: int) -> Candidate | None:
         """What Algorithm 1 is given of a car: the MEs of the window, and which may be sent on.
 
-        The window is the time since the last broadcast, if that is less.
+        The paper's window is the interval of the broadcasts, so it begins with the last one: what
+        comes in between is told once, however punctual they are. What was told before and comes
+        back from others is not told again: old news would make an estimate old.
         """
-        since_ms = max(now_ms - round(self._settings.window_s * 1000), self._told_ms)
         span_ms = round(self._settings.shared_span_s * 1000)
-        received = [held.piece for held in track.evidence.values() if held.received_ms > since_ms]
-        evidence = [piece for piece in received if piece.oldest_ms >= now_ms - span_ms]
+        received = [
+            held.piece for held in track.evidence.values() if held.received_ms >= self._told_ms
+        ]
+        evidence = [
+            piece
+            for piece in received
+            if piece.oldest_ms >= now_ms - span_ms and not piece.provenance <= track.told
+        ]
         if not evidence:
             return None
         is_seen = any(map(self._is_own_measurement, evidence))

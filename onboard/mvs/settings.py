@@ -72,7 +72,9 @@ class BeliefSettings(Settings):
     vaguest_sigma_m: float = Field(30.0, gt=0.0, le=1000.0)
     """A position worse than this tells nothing."""
     footers_per_s: float = Field(20.0, gt=0.0, le=100.0)
-    """Of one sender; what comes faster is dropped."""
+    """Of one sender; what comes faster for long is dropped."""
+    footers_at_once: int = Field(5, ge=1, le=100)
+    """Of one sender: on its way one is held up, and the next ones come with it."""
     senders: int = Field(512, ge=1, le=10_000)
     entries_per_footer: int = Field(64, ge=1, le=510)
     cars: int = Field(256, ge=1, le=10_000)
@@ -88,16 +90,13 @@ class MvsSettings(Settings):
     """Shared sensing of cars without a radio."""
 
     selection: Selection = Selection.MVS
-    window_s: float = Field(0.1, gt=0.0, le=2.0)
-    """What was sensed or received within it is considered for the next broadcast (0.1 s in the
-    paper, the interval of the BSM)."""
     most_entries: int = Field(10, ge=0, le=64)
     """M: measurements and estimates in one footer."""
     most_bytes: int = Field(MAX_FOOTER_BYTES, ge=18, le=MAX_FOOTER_BYTES)
     """Of the footer: what BSM and signature leave of a WSM."""
-    shared_span_s: float = Field(0.3, gt=0.0, le=4.0)
+    shared_span_s: float = Field(0.5, gt=0.0, le=4.0)
     """The oldest measurement in anything that is broadcast is not older than this."""
-    settled_s: float = Field(0.4, gt=0.0, le=4.0)
+    settled_s: float = Field(0.6, gt=0.0, le=4.0)
     """Evidence older than this is chosen for good: more than `shared_span_s`, so that what still
     comes in has little in common with it."""
     memory_s: float = Field(2.0, gt=0.0, le=10.0)

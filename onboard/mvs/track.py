@@ -64,6 +64,8 @@ class Track:
         self.radio_until_ms = 0
         self.wire_number: int | None = None
         """The own car's name for it in footers, once it has told of it."""
+        self.told: set[MeasurementId] = set()
+        """The measurements in what the own car has told others of it."""
         self.told_ms = 0
         """When the own car last told others of it."""
 
@@ -111,6 +113,7 @@ class Track:
         for provenance in list(self.evidence)[: max(0, len(self.evidence) - most)]:
             del self.evidence[provenance]
         self._masks = {known: self._masks[known] for known in self.evidence if known in self._masks}
+        self.told = {identity for identity in self.told if identity[1] > before_ms}
         self.names = {name: at for name, at in self.names.items() if at > before_ms}
         if len(self._bits) > _MOST_BITS:
             self._bits.clear()
@@ -144,6 +147,7 @@ class Track:
         self.last_ms = max(self.last_ms, other.last_ms)
         self.is_confirmed |= other.is_confirmed
         self.names |= other.names
+        self.told |= other.told
 
     @property
     def pieces(self) -> list[Evidence]:

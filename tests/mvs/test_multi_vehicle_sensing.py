@@ -17,7 +17,7 @@ from onboard.mvs.settings import MvsSettings
 from onboard.mvs.sharing import read
 from onboard.mvs.track import OWN, Track
 from onboard.observations import Position, SensedCar
-from tests.mvs.world import EXACT, Car, Message, World
+from tests.mvs.world import EXACT, Car, Message, World, to_degrees
 
 
 def assert_lists_each_measurement_once(world: World) -> None:
@@ -504,6 +504,50 @@ def test_a_footer_keeps_to_m_entries_and_to_its_bytes(selection: str) -> None:
     assert max(len(message.footer) for message in world.sent) <= 150
     assert min(entries) >= 2
     assert_lists_each_measurement_once(world)
+
+
+@pytest.mark.parametrize("interval_s", [0.07, 0.1, 0.105, 0.25])
+def test_what_was_heard_is_passed_on_once_however_punctual_the_footers_are(
+    interval_s: float,
+) -> None:
+    cars = [Car("a", 0, 0, 0, 10, sees=frozenset({"x"})), Car("x", 0, 40, 0, 10, radio=False)]
+    world = World(cars)
+    world.run(4.0)
+    mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
+    told: list[int] = []
+    for k in range(round(4.0 / interval_s)):
+        now = world.start + 0.14 + k * interval_s
+        fix = Position(now, *to_degrees(0.0, -50.0), None, 0.5, 0.0, 0.0)
+        mvs.receive_position(fix)
+        while world.sent and (heard_at := world.sent[0].state.stamp_s + 0.02) <= now:
+            message = world.sent.pop(0)
+            mvs.receive_bsm(message.sender.id, message.state, message.footer, heard_at)
+        for provenance in read(mvs_footer.decode(mvs.footer_to_send(now))).provenances:
+            told += [stamp_ms for _, stamp_ms in provenance]
+
+    assert len(told) == len(set(told))
+    assert set(range(1_001_000, 1_003_600, 100)) <= set(told)
+
+
+def test_what_comes_back_from_others_is_not_told_again() -> None:
+    """Else old news would ride on every new measurement, and make it too old to be passed on."""
+
+    def radio(message: Message, receiver: Car, t: float) -> list[float]:
+        return [0.03 + 0.1 * (round(t * 10) % 2)]  # so b has two to tell of at a time
+
+    cars = [
+        Car("a", 0, 0, 0, 10, sees=frozenset({"x"})),
+        Car("b", 0, -60, 0, 10),
+        Car("x", 0, 40, 0, 10, radio=False),
+    ]
+    world = World(cars, radio=radio)
+
+    world.run(3.0)
+
+    of_a = [read(mvs_footer.decode(m.footer)) for m in world.sent if m.sender.name == "a"]
+    of_b = [read(mvs_footer.decode(m.footer)) for m in world.sent if m.sender.name == "b"]
+    assert [len(provenance) for told in of_a[5:] for provenance in told.provenances] == [1] * 25
+    assert {len(provenance) for told in of_b for provenance in told.provenances} == {2}
 
 
 def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
