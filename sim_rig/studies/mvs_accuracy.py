@@ -86,11 +86,16 @@ MODELLED = MvsSettings(
 
 
 def accuracy(
-    mvs: MvsSettings, radio: float, loss: float, seed: int, seconds: float = 4.0
+    mvs: MvsSettings,
+    radio: float,
+    loss: float,
+    seed: int,
+    seconds: float = 4.0,
+    road: type[SixLaneRoad] = SixLaneRoad,
 ) -> Accuracy:
-    """Run the six-lane road with a part `radio` of the cars equipped."""
+    """Run the road with a part `radio` of the cars equipped."""
     rng = np.random.default_rng(seed)
-    traffic = SixLaneRoad(7, 25.0, seconds + 2.0, Q, rng)
+    traffic = road(7, 25.0, seconds + 2.0, Q, rng)
     n = len(traffic.names)
     equipped = {traffic.names[i] for i in rng.permutation(n)[: round(radio * n)]}
     world = MvsWorld(traffic, equipped, WorldSettings(loss=loss), mvs, seed)

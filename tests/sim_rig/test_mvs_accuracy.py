@@ -1,0 +1,27 @@
+"""Whether what is claimed of cars is right, on roads where that can be said."""
+
+import numpy as np
+import pytest
+
+from sim_rig.studies.mvs_accuracy import BLIND, CENTRALISED, MODELLED, MVS, accuracy
+from sim_rig.studies.mvs_roads import FreeCars, states_of
+
+
+def test_free_cars_stray_as_white_acceleration_has_it() -> None:
+    road = FreeCars(100, 25.0, 3.0, 2.0, np.random.default_rng(1))
+    at_once, later = (states_of(road.cars_at(t)) for t in (0.0, 3.0))
+    strayed = later - at_once
+    strayed[:, :2] -= 3.0 * at_once[:, 2:]
+
+    variances = np.tile([2.0 * 3.0**3 / 3.0, 2.0 * 3.0], (2, 1)).T.ravel()
+    assert strayed.var(axis=0) == pytest.approx(variances, rel=0.2)
+
+
+def test_where_cars_are_what_the_filter_takes_them_for_its_covariances_are_right() -> None:
+    found = accuracy(MODELLED, 0.15, 0.0, seed=1, seconds=0.5, road=FreeCars).errors
+
+    assert len(found[MVS].nees) > 200
+    for method in (CENTRALISED, MVS):
+        assert 3.0 < found[method].mean_nees < 5.0
+        assert found[method].inside_95 > 0.94
+    assert found[BLIND].inside_95 < 0.85
