@@ -4,9 +4,9 @@ Root mean square errors of MVS, of a filter that uses all it got blindly, of cov
 and of the own sensing alone, at 10 to 40 % radios, M = 5 to 20, 0 to 50 % loss. The reference of
 each is the centralised filter over the same cars; the aim is 1.10 at 40 % and M = 10.
 
-The NEES is 4 where a covariance is right. Cars that keep their place are better known than the filter
-claims; whether it is right is seen with free cars, which move as it takes them to, beside the
-centralised filter's.
+The NEES is 4 where a covariance is right. Cars that keep their place are better known than the
+filter claims; whether it is right is seen with free cars, which move as it takes them to, beside
+the centralised filter's.
 """
 
 from collections.abc import Iterator

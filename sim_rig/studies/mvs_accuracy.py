@@ -90,6 +90,7 @@ def accuracy(
     radio: float,
     loss: float,
     seed: int,
+    *,
     seconds: float = 4.0,
     road: type[SixLaneRoad] = SixLaneRoad,
 ) -> Accuracy:

@@ -34,8 +34,8 @@ class SixLaneRoad(Traffic):
         offsets = np.repeat(rng.uniform(0.0, spacing_m, len(LANES_M)), cars_per_lane)
         places = np.tile((np.arange(cars_per_lane) - cars_per_lane / 2) * spacing_m, len(LANES_M))
         self._places, self._lanes = places + offsets, np.repeat(LANES_M, cars_per_lane)
-        start = rng.normal(0, 1.5, n), rng.normal(0, 0.9, n)
-        self._strays, self._speeds = _stray(*start, duration_s, q, rng, spring=0.25, damper=0.7)
+        start = np.stack([rng.normal(0, 1.5, n), rng.normal(0, 0.9, n)])
+        self._strays, self._speeds = _stray(start, duration_s, q, rng, spring=0.25, damper=0.7)
         self._across = self._strays * 0.0, self._speeds * 0.0
 
     @override
@@ -75,24 +75,27 @@ class FreeCars(SixLaneRoad):
         """As `SixLaneRoad`, the lanes three times as wide, since nobody keeps his."""
         super().__init__(cars_per_lane, spacing_m, duration_s, q, rng)
         self._lanes = 3.0 * self._lanes
-        still = np.zeros(len(self.names))
-        self._strays, self._speeds = _stray(still, still, duration_s, q, rng)
-        self._across = _stray(still, still, duration_s, q, rng)
+        still = np.zeros((2, len(self.names)))
+        self._strays, self._speeds = _stray(still, duration_s, q, rng)
+        self._across = _stray(still, duration_s, q, rng)
 
 
 def _stray(
-    stray_m: Array,
-    speed_m_s: Array,
+    start: Array,
     duration_s: float,
     q: float,
     rng: np.random.Generator,
+    *,
     spring: float = 0.0,
     damper: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Distances and speeds of N cars under white acceleration of density q, a row for each step."""
-    steps, n = math.ceil(duration_s / STEP_S) + 2, len(stray_m)
+    """Distances and speeds of N cars under white acceleration of density q, a row for each step.
+
+    `start` (2, N) is the first row of either.
+    """
+    steps, n = math.ceil(duration_s / STEP_S) + 2, start.shape[1]
     strays, speeds = np.zeros((steps, n)), np.zeros((steps, n))
-    strays[0], speeds[0] = stray_m, speed_m_s
+    strays[0], speeds[0] = start
     for step in range(1, steps):
         pull = -spring * strays[step - 1] - damper * speeds[step - 1]
         noise = rng.normal(0, math.sqrt(q * STEP_S), n)
