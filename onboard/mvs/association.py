@@ -8,7 +8,7 @@ after as many pieces as possible have found a car.
 """
 
 import math
-from collections.abc import Collection
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -21,32 +21,61 @@ from onboard.mvs.kinematics import Kinematics
 _SPEED = slice(2, 4)
 
 
-def with_speed_prior(covariances: Array, sigma_m_s: float) -> Array:
-    """Covariances (4, 4, N) after learning that cars drive at 0 +- `sigma_m_s` on either axis.
+def with_speed_prior(cars: Kinematics, sigma_m_s: float) -> Kinematics:
+    """The same after learning that cars drive at 0 +- `sigma_m_s` on either axis.
 
     Used for distances only: of a car seen once the speed is not known, but it is no cannonball.
     """
-    speed = covariances[_SPEED, _SPEED] + sigma_m_s**2 * np.eye(2)[:, :, None]
+    p = cars.covariances
+    speed = p[_SPEED, _SPEED] + sigma_m_s**2 * np.eye(2)[:, :, None]
     a, b, c = speed[0, 0], speed[0, 1], speed[1, 1]
-    cross = covariances[:, _SPEED] / (a * c - b * b)
+    cross = p[:, _SPEED] / (a * c - b * b)
     gain_x = cross[:, 0] * c - cross[:, 1] * b
     gain_y = cross[:, 1] * a - cross[:, 0] * b
-    learnt: Array = (
-        covariances - gain_x[:, None] * covariances[2] - gain_y[:, None] * covariances[3]
-    )
-    return learnt
+    learnt = p - gain_x[:, None] * p[2] - gain_y[:, None] * p[3]
+    return Kinematics(cars.stamps_ms, cars.states, learnt, cars.has_speed)
 
 
-def assign(
+@dataclass(frozen=True, slots=True, eq=False)
+class Compared:
+    """M pieces held against N cars."""
+
+    inside: NDArray[np.bool_]
+    """(M, N) whether the piece may be the car's."""
+    cost: Array
+    """(M, N) how unlikely that is, and more so the higher."""
+
+    def assign(self) -> dict[int, int]:
+        """Find the car of each piece that has one."""
+        rows = np.flatnonzero(self.inside.any(axis=1))
+        if not len(rows):
+            return {}
+        columns = np.flatnonzero(self.inside.any(axis=0))
+        allowed, cost = self.inside[np.ix_(rows, columns)], self.cost[np.ix_(rows, columns)]
+        least, most = cost[allowed].min(), cost[allowed].max()
+        alone = (most - least + 1) * len(rows)  # dearer than any other assignment of all pieces
+        cost = np.where(allowed, cost - least, 2 * alone)
+        to_nobody = np.full((len(rows), len(rows)), alone)
+        return {
+            int(rows[row]): int(columns[column])
+            for row, column in cheapest_pairs(np.hstack([cost, to_nobody]))
+            if column < len(columns)
+        }
+
+    def among(self, pieces: slice, cars: NDArray[np.bool_]) -> "Compared":
+        """Some of the pieces, which may be the cars' that are `True` in `cars` (N)."""
+        return Compared(self.inside[pieces] & cars, self.cost[pieces])
+
+
+def compare(
     pieces: Kinematics,
     cars: Kinematics,
     gate_probability: float,
     acceleration_density: float,
     *,
     vaguest_m: float = math.inf,
-    barred: Collection[int] = (),
-) -> dict[int, int]:
-    """Assign M pieces to N cars; returns the car of each piece that has found one.
+) -> Compared:
+    """Hold M pieces against N cars.
 
     Args:
         pieces: M.
@@ -54,29 +83,12 @@ def assign(
         gate_probability: of the evidence of a car, how much its gate lets in.
         acceleration_density: q of the process noise, m^2/s^3.
         vaguest_m: a piece and a car whose places are together known less well, by the root of the
-            sum of their variances, are not assigned to each other.
-        barred: cars that no piece may be assigned to.
+            sum of their variances, do not belong together.
     """
-    if not len(pieces) or not len(cars):
-        return {}
     squared, log_det, variance = distances(pieces[:, None], cars, acceleration_density)
     inside = squared <= gates(pieces[:, None], gate_probability)
     inside &= variance <= vaguest_m**2
-    inside[:, list(barred)] = False
-    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
-    if not len(rows):
-        return {}
-    allowed = inside[np.ix_(rows, columns)]
-    cost = (squared + log_det)[np.ix_(rows, columns)]
-    least, most = cost[allowed].min(), cost[allowed].max()
-    alone = (most - least + 1) * len(rows)  # dearer than any other assignment of all pieces
-    cost = np.where(allowed, cost - least, 2 * alone)
-    to_nobody = np.full((len(rows), len(rows)), alone)
-    return {
-        int(rows[row]): int(columns[column])
-        for row, column in cheapest_pairs(np.hstack([cost, to_nobody]))
-        if column < len(columns)
-    }
+    return Compared(inside, squared + log_det)
 
 
 def are_inside(

@@ -6,11 +6,13 @@ provenance and on nothing else.
 """
 
 from collections.abc import Sequence
+from itertools import zip_longest
 
 import numpy as np
 
-from onboard.mvs.evidence import Estimate, Evidence, Measurement
+from onboard.mvs.evidence import Estimate, Evidence
 from onboard.mvs.kalman import Array, predict, update_position, update_state
+from onboard.mvs.kinematics import Kinematics
 
 UNKNOWN_SPEED_SIGMA_M_S = 100.0
 """Of a car of which one position is known: no knowledge, with margin."""
@@ -31,27 +33,31 @@ def fuse(
     cars = [sorted(evidence, key=_stamp_ms) for evidence in evidence_of_cars]
     # The longest first: at step k, the cars that have a k-th piece are the first ones.
     order = sorted(range(len(cars)), key=lambda car: -len(cars[car]))
-    states, covariances = np.empty((4, len(cars))), np.empty((4, 4, len(cars)))
-    for place, car in enumerate(order):
-        first = as_estimate(cars[car][0])
-        states[:, place], covariances[:, :, place] = first.state, first.covariance
-    for step in range(1, max((len(evidence) for evidence in cars), default=0)):
-        pieces = [cars[car][step] for car in order if len(cars[car]) > step]
-        before = [cars[car][step - 1] for car in order[: len(pieces)]]
-        dt_s = np.array([b.stamp_ms - a.stamp_ms for a, b in zip(before, pieces, strict=True)])
-        n = len(pieces)
+    steps = [
+        [piece for piece in pieces if piece is not None]
+        for pieces in zip_longest(*(cars[car] for car in order))
+    ]
+    pieces = Kinematics.of([piece for step in steps for piece in step])
+    begin = len(cars)
+    first = pieces[:begin].with_any_speed(UNKNOWN_SPEED_SIGMA_M_S)
+    stamps_ms, states, covariances = first.stamps_ms, first.states, first.covariances
+    for step in steps[1:]:
+        n, begin = len(step), begin + len(step)
+        piece = pieces[begin - n : begin]
+        dt_s = (piece.stamps_ms - stamps_ms[:n]) / 1000
         states[:, :n], covariances[:, :, :n] = _update(
-            *predict(states[:, :n], covariances[:, :, :n], dt_s / 1000, acceleration_density),
-            pieces,
+            *predict(states[:, :n], covariances[:, :, :n], dt_s, acceleration_density), piece
         )
-    estimates: list[Estimate | None] = [None] * len(cars)
-    for place, car in enumerate(order):
-        estimates[car] = Estimate(
-            frozenset().union(*(piece.provenance for piece in cars[car])),
-            states[:, place].copy(),
-            covariances[:, :, place].copy(),
+        stamps_ms[:n] = piece.stamps_ms
+    place_of = {car: place for place, car in enumerate(order)}
+    return [
+        Estimate(
+            frozenset().union(*[piece.provenance for piece in evidence]),
+            states[:, place_of[car]].copy(),
+            covariances[:, :, place_of[car]].copy(),
         )
-    return estimates  # type: ignore[return-value]
+        for car, evidence in enumerate(cars)
+    ]
 
 
 def propagate(
@@ -77,23 +83,20 @@ def _stamp_ms(piece: Evidence) -> int:
     return piece.stamp_ms
 
 
-def _update(states: Array, covariances: Array, pieces: Sequence[Evidence]) -> tuple[Array, Array]:
+def _update(states: Array, covariances: Array, pieces: Kinematics) -> tuple[Array, Array]:
     """Use one piece of each car: the 2 x 4 model for measurements, the 4 x 4 for estimates."""
-    measured = np.array([isinstance(piece, Measurement) for piece in pieces])
+    measured = pieces.has_speed == 0
     if measured.any():
-        some = [piece for piece in pieces if isinstance(piece, Measurement)]
+        some = pieces[measured]
         states[:, measured], covariances[:, :, measured] = update_position(
             states[:, measured],
             covariances[:, :, measured],
-            np.array([piece.position_m for piece in some]).T,
-            np.array([piece.covariance for piece in some]).transpose(1, 2, 0),
+            some.states[:2],
+            some.covariances[:2, :2],
         )
     if not measured.all():
-        rest = [piece for piece in pieces if isinstance(piece, Estimate)]
+        rest = pieces[~measured]
         states[:, ~measured], covariances[:, :, ~measured] = update_state(
-            states[:, ~measured],
-            covariances[:, :, ~measured],
-            np.array([piece.state for piece in rest]).T,
-            np.array([piece.covariance for piece in rest]).transpose(1, 2, 0),
+            states[:, ~measured], covariances[:, :, ~measured], rest.states, rest.covariances
         )
     return states, covariances

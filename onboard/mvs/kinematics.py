@@ -42,6 +42,12 @@ class Kinematics:
         places: Array = self.states[:2] + (at_ms - self.stamps_ms) / 1000 * self.states[2:]
         return places
 
+    def with_any_speed(self, sigma_m_s: float) -> Self:
+        """The same as whole states: a mere position says of the speed 0 +- `sigma_m_s`."""
+        covariances = self.covariances.copy()
+        covariances[[2, 3], [2, 3]] += (1.0 - self.has_speed) * sigma_m_s**2
+        return type(self)(self.stamps_ms, self.states, covariances, np.ones(len(self)))
+
     def mapped(self, turns: Array, shifts: Array) -> Self:
         """The same in other frames, (N, 2, 2) and (N, 2) (`LocalFrame.mapping_from`)."""
         both = np.zeros((len(self), 4, 4))

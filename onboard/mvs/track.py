@@ -31,7 +31,7 @@ class Held:
 
     def is_from_observer(self) -> bool:
         """Whether the teller has measured it itself."""
-        return isinstance(self.piece, Measurement) and self.teller in {OWN, self.piece.id.observer}
+        return isinstance(self.piece, Measurement) and _is_by(self.piece.provenance, self.teller)
 
 
 class Track:
@@ -48,9 +48,11 @@ class Track:
         """What was used when it grew old: it stays in use, and its measurements are spent."""
         self._spent: set[MeasurementId] = set()
         self._bits: dict[MeasurementId, int] = {}
-        self._masks: dict[Provenance, int] = {}
-        """Provenances as bit sets, one bit for each measurement of this car."""
-        self._mask(first.piece.provenance)
+        """What has been told of this car, one bit for each measurement."""
+        self._masks = {first.piece.provenance: self._mask(first.piece.provenance)}
+        """The provenances in `evidence` as bit sets."""
+        self._next_old_ms = first.piece.oldest_ms
+        """Nothing that is held of it is older than this."""
         self.used: list[Evidence] = [first.piece]
         """The independent evidence in `estimate`."""
         self.estimate = as_estimate(first.piece)
@@ -74,9 +76,22 @@ class Track:
         """Whether the own camera has seen it, as long as that is remembered."""
         return any(teller == OWN for teller, _ in self.names)
 
-    def has(self, provenance: Provenance) -> bool:
-        """Whether a piece with this provenance would say nothing new."""
-        return provenance in self.evidence or not self._spent.isdisjoint(provenance)
+    def call(self, name: Name, at_ms: int) -> None:
+        """Note what somebody has called it just now."""
+        self.names[name] = at_ms
+        self._next_old_ms = min(self._next_old_ms, at_ms)
+
+    def wants(self, provenance: Provenance, teller: bytes, *, measured: bool) -> bool:
+        """Whether a piece would say something new.
+
+        What an observer says of its own measurement replaces hearsay of it.
+        """
+        if not self._spent.isdisjoint(provenance):
+            return False
+        known = self.evidence.get(provenance)
+        return known is None or (
+            measured and _is_by(provenance, teller) and not known.is_from_observer()
+        )
 
     def shares(self, provenance: Provenance) -> bool:
         """Whether a measurement in `provenance` has been told of this car."""
@@ -87,44 +102,40 @@ class Track:
         return not self._bits.keys().isdisjoint(other._bits)  # noqa: SLF001 (of the same class)
 
     def add(self, held: Held) -> None:
-        """Take a piece. What an observer says of its own measurement replaces hearsay of it."""
+        """Take a piece that it wants."""
         provenance = held.piece.provenance
-        known = self.evidence.get(provenance)
-        if not self._spent.isdisjoint(provenance):
-            return
-        if known is None or (held.is_from_observer() and not known.is_from_observer()):
-            self.evidence[provenance] = held
-            self._mask(provenance)
-            self.last_ms = max(self.last_ms, held.piece.stamp_ms)
+        self.evidence[provenance] = held
+        self._masks[provenance] = self._mask(provenance)
+        self.last_ms = max(self.last_ms, held.piece.stamp_ms)
+        self._next_old_ms = min(self._next_old_ms, held.piece.oldest_ms)
 
     def forget(self, before_ms: int, most_estimates: int, most: int) -> None:
         """Drop what has a measurement of `before_ms` or earlier, and the first of the too many."""
-        if any(piece.oldest_ms <= before_ms for piece in self.settled):
+        if self._next_old_ms <= before_ms:
             self.settled = [piece for piece in self.settled if piece.oldest_ms > before_ms]
             self._spent = {identity for identity in self._spent if identity[1] > before_ms}
-        self.evidence = {
-            provenance: held
-            for provenance, held in self.evidence.items()
-            if held.piece.oldest_ms > before_ms
-        }
-        estimates = [p for p, held in self.evidence.items() if isinstance(held.piece, Estimate)]
-        for provenance in estimates[: max(0, len(estimates) - most_estimates)]:
-            del self.evidence[provenance]
-        for provenance in list(self.evidence)[: max(0, len(self.evidence) - most)]:
-            del self.evidence[provenance]
-        self._masks = {known: self._masks[known] for known in self.evidence if known in self._masks}
-        self.told = {identity for identity in self.told if identity[1] > before_ms}
-        self.names = {name: at for name, at in self.names.items() if at > before_ms}
+            self._keep(p for p, held in self.evidence.items() if held.piece.oldest_ms > before_ms)
+            self.told = {identity for identity in self.told if identity[1] > before_ms}
+            self.names = {name: at_ms for name, at_ms in self.names.items() if at_ms > before_ms}
+            times_ms = [piece.oldest_ms for piece in self.pieces] + list(self.names.values())
+            self._next_old_ms = min(times_ms, default=before_ms)
+        if len(self.evidence) > min(most_estimates, most):
+            estimates = [p for p, held in self.evidence.items() if isinstance(held.piece, Estimate)]
+            too_many = set(estimates[: max(0, len(estimates) - most_estimates)])
+            kept = [provenance for provenance in self.evidence if provenance not in too_many]
+            self._keep(kept[-most:])
         if len(self._bits) > _MOST_BITS:
             self._bits.clear()
-            self._masks.clear()
+            for piece in self.settled:
+                self._mask(piece.provenance)
+            self._masks = {provenance: self._mask(provenance) for provenance in self.evidence}
 
     def choose(self) -> None:
         """Choose anew which evidence to use, as `independent` does."""
         latest_first = sorted(
             [held.piece for held in self.evidence.values()], key=_stamp_ms, reverse=True
         )
-        masks = [self._mask(piece.provenance) for piece in latest_first]
+        masks = [self._masks[piece.provenance] for piece in latest_first]
         chosen = [latest_first[index] for index in select_independent_masks(masks)]
         self.used = self.settled + chosen
 
@@ -141,13 +152,15 @@ class Track:
     def take_over(self, other: "Track") -> None:
         """Take all evidence of what has turned out to be the same car."""
         self._settle([piece for piece in other.settled if self._spent.isdisjoint(piece.provenance)])
-        for held in other.evidence.values():
-            self.add(held)
+        for provenance, held in other.evidence.items():
+            if self.wants(provenance, held.teller, measured=isinstance(held.piece, Measurement)):
+                self.add(held)
         self.first_ms = min(self.first_ms, other.first_ms)
         self.last_ms = max(self.last_ms, other.last_ms)
         self.is_confirmed |= other.is_confirmed
         self.names |= other.names
         self.told |= other.told
+        self._next_old_ms = min(self._next_old_ms, other._next_old_ms)  # noqa: SLF001 (of the same class)
 
     @property
     def pieces(self) -> list[Evidence]:
@@ -160,11 +173,15 @@ class Track:
 
     def was_seen_beside(self, other: "Track") -> bool:
         """Whether one observer at one moment measured both, which are therefore two cars."""
-        mine, others = self._positions(), other._positions()  # noqa: SLF001 (of the same class)
-        return any(
-            math.dist(mine[both], others[both]) > _SAME_PLACE_M
-            for both in mine.keys() & others.keys()
-        )
+        for both in self.evidence.keys() & other.evidence.keys():
+            mine, others = self.evidence[both].piece, other.evidence[both].piece
+            if (
+                isinstance(mine, Measurement)
+                and isinstance(others, Measurement)
+                and math.dist(mine.position_m, others.position_m) > _SAME_PLACE_M
+            ):
+                return True
+        return False
 
     def map_to(self, turn: Array, shift: Array) -> None:
         """Bring everything into another frame (`LocalFrame.mapping_from`)."""
@@ -180,30 +197,20 @@ class Track:
         for piece in pieces:
             self.settled.append(piece)
             self._spent |= piece.provenance
-        self.evidence = {
-            provenance: held
-            for provenance, held in self.evidence.items()
-            if self._spent.isdisjoint(provenance)
-        }
+        self._keep(p for p in self.evidence if self._spent.isdisjoint(p))
+
+    def _keep(self, provenances: Iterable[Provenance]) -> None:
+        self.evidence = {provenance: self.evidence[provenance] for provenance in provenances}
+        self._masks = {provenance: self._masks[provenance] for provenance in self.evidence}
 
     def _mask(self, provenance: Provenance) -> int:
-        mask = self._masks.get(provenance)
-        if mask is None:
-            mask, bits = 0, self._bits
-            for identity in provenance:
-                bit = bits.get(identity)
-                if bit is None:
-                    bit = bits[identity] = 1 << len(bits)
-                mask |= bit
-            self._masks[provenance] = mask
+        mask, bits = 0, self._bits
+        for identity in provenance:
+            bit = bits.get(identity)
+            if bit is None:
+                bit = bits[identity] = 1 << len(bits)
+            mask |= bit
         return mask
-
-    def _positions(self) -> dict[Provenance, Array]:
-        return {
-            provenance: held.piece.position_m
-            for provenance, held in self.evidence.items()
-            if isinstance(held.piece, Measurement)
-        }
 
 
 def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
@@ -215,3 +222,9 @@ def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
 
 def _stamp_ms(piece: Evidence) -> int:
     return piece.stamp_ms
+
+
+def _is_by(provenance: Provenance, teller: bytes) -> bool:
+    """Whether `teller` has made this one measurement."""
+    (identity,) = provenance
+    return teller in (OWN, identity.observer)

@@ -9,23 +9,26 @@ its place only where that leaves no doubt; otherwise it begins a track of its ow
 another when both are known well enough to say that they are one.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
 
-from onboard.mvs.association import are_inside, assign, distances, gates, with_speed_prior
+from onboard.mvs.association import are_inside, compare, distances, gates, with_speed_prior
 from onboard.mvs.fusion import fuse
 from onboard.mvs.kalman import Array
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.settings import MvsSettings
+from onboard.mvs.strangers import Strangers
 from onboard.mvs.told import Batch
 from onboard.mvs.track import OWN, Held, Name, Track
 
 _RADIO_REMEMBERED_MS = 500
 """So long a car stays recognised as one with a radio after it last matched."""
 
-
+_SAYINGS_AT_ONCE = 8
+"""Compared with all cars together: many enough for arrays to pay, few enough for hostile ones."""
 _NEAR_M = 4.0
 """Tracks farther from each other than this are told of as two cars, however vague they are."""
 
@@ -75,12 +78,15 @@ class Tracks:
                 else:
                     self._unname(names[row])
                     strangers.add(row)
+        sayings = [
+            (list(rows), barred.get(said, set()))
+            for said, rows in groupby(
+                sorted(strangers), key=lambda row: (batch.tellers[row], batch.received_ms[row])
+            )
+        ]
         refused: list[int] = []
-        at_once = groupby(
-            sorted(strangers), key=lambda row: (batch.tellers[row], batch.received_ms[row])
-        )
-        for said, group in at_once:
-            refused += self._assign(batch, list(group), frozenset(barred.get(said, ())))
+        for first in range(0, len(sayings), _SAYINGS_AT_ONCE):
+            refused += self._assign(batch, sayings[first : first + _SAYINGS_AT_ONCE])
         return refused
 
     def refresh(self, now_ms: int) -> None:
@@ -93,13 +99,17 @@ class Tracks:
             track.forget(now_ms - memory_ms, belief.estimates_per_car, belief.evidence_per_car)
         # An estimate goes by its oldest measurement, so a car may lose all before it is unseen.
         self._tracks = [track for track in self._tracks if track.pieces]
+        changed = []
         for track in self._tracks:
+            used_before = track.used
             track.choose()
             track.settle(now_ms - settled_ms)
-        estimates = fuse([track.used for track in self._tracks], settings.acceleration_density)
-        for track, estimate in zip(self._tracks, estimates, strict=True):
-            track.estimate = estimate
             track.is_confirmed = track.is_confirmed or track.moments() >= settings.confirmed_by
+            if track.used != used_before:
+                changed.append(track)
+        estimates = fuse([track.used for track in changed], settings.acceleration_density)
+        for track, estimate in zip(changed, estimates, strict=True):
+            track.estimate = estimate
         self._compared = None
         self._tell_apart(now_ms)
         self._named = {name: track for track in self._tracks for name in track.names}
@@ -118,7 +128,7 @@ class Tracks:
         cars = Kinematics(
             reported.stamps_ms, reported.states, reported.covariances + offset, reported.has_speed
         )
-        found = assign(cars, self._comparison(), settings.recognition_probability, q)
+        found = compare(cars, self._comparison(), settings.recognition_probability, q).assign()
         radio_of = {track: row for row, track in found.items()}
         apart = _apart_m(reported.places_m(now_ms), self._comparison().places_m(now_ms))
         for at, track in enumerate(self._tracks):
@@ -143,9 +153,9 @@ class Tracks:
         self._compared = None
 
     def _add(self, track: Track, batch: Batch, row: int) -> None:
-        teller = batch.tellers[row]
-        track.names[teller, batch.cars[row]] = batch.received_ms[row]
-        if batch.entries.has_speed[row] == 0 or not track.has(batch.provenances[row]):
+        teller, provenance = batch.tellers[row], batch.provenances[row]
+        track.call((teller, batch.cars[row]), batch.received_ms[row])
+        if track.wants(provenance, teller, measured=batch.entries.has_speed[row] == 0):
             track.add(Held(batch.piece(row), teller, batch.received_ms[row]))
 
     def _unname(self, name: Name) -> None:
@@ -153,71 +163,60 @@ class Tracks:
         if track is not None:
             track.names.pop(name, None)
 
-    def _assign(self, batch: Batch, rows: list[int], barred: frozenset[int]) -> list[int]:
-        """Find the cars of entries that one teller tells of at once, under names not yet known."""
-        association, q = self._settings.association, self._settings.acceleration_density
-        entries = batch.entries[rows]
-        found = assign(
-            entries,
+    def _assign(self, batch: Batch, sayings: Sequence[tuple[list[int], set[int]]]) -> list[int]:
+        """Give entries under names not yet known to cars, or begin cars.
+
+        Args:
+            batch: entries.
+            sayings: the rows of what one teller told at once, and the places of the tracks that he
+                told of by their names.
+
+        Returns:
+            the rows that found no room.
+        """
+        settings = self._settings
+        rows = [row for saying, _ in sayings for row in saying]
+        strangers = Strangers(
+            batch.rows(rows),
+            self._tracks,
             self._comparison(),
-            association.gate_probability,
-            q,
-            vaguest_m=association.certain_m,
-            barred=barred,
+            settings.association,
+            settings.acceleration_density,
         )
-        found = self._sharing(batch, rows, barred, found) | found
-        refused, begun = [], []
-        for at, row in enumerate(rows):
-            name = batch.tellers[row], batch.cars[row]
-            if at in found:
-                track = self._tracks[found[at]]
-                self._add(track, batch, row)
-            elif self._has_room(batch.tellers[row]):
-                self._last_number += 1
-                held = Held(batch.piece(row), batch.tellers[row], batch.received_ms[row])
-                track = Track(self._last_number, held)
-                track.names[name] = held.received_ms
-                self._tracks.append(track)
-                begun.append(track)
-            else:
-                refused.append(row)
-                continue
-            self._named[name] = track
-        if begun:
-            self._compared = Kinematics.together([self._comparison(), self._as_compared(begun)])
+        first_told = Counter(track.first_teller for track in self._tracks)
+        refused = []
+        at = 0
+        for saying, barred in sayings:
+            found = strangers.tracks_of(range(at, at + len(saying)), barred)
+            for row in saying:
+                teller, name = batch.tellers[row], (batch.tellers[row], batch.cars[row])
+                if (track := found.get(at)) is not None:
+                    self._add(track, batch, row)
+                elif self._has_room(teller, first_told[teller]):
+                    track = self._begin(batch, row)
+                    strangers.begin(at, track)
+                    first_told[teller] += 1
+                else:
+                    refused.append(row)
+                if track is not None:
+                    self._named[name] = track
+                at += 1
+        self._compared = strangers.cars
         return refused
 
-    def _sharing(
-        self, batch: Batch, rows: list[int], barred: frozenset[int], found: dict[int, int]
-    ) -> dict[int, int]:
-        """Find cars by a measurement that has been told of them already.
+    def _begin(self, batch: Batch, row: int) -> Track:
+        self._last_number += 1
+        held = Held(batch.piece(row), batch.tellers[row], batch.received_ms[row])
+        track = Track(self._last_number, held)
+        track.call((held.teller, batch.cars[row]), held.received_ms)
+        self._tracks.append(track)
+        return track
 
-        Of two entries that share a measurement the errors are much the same, so they may be vague
-        and are yet known to be of one car if they are in one place. An observer measures several
-        cars at a moment, but not two in one place.
-        """
-        cars, taken = self._comparison(), barred | set(found.values())
-        if not len(cars):
-            return {}
-        entries = batch.entries[rows]
-        dt_s = (entries.stamps_ms[:, None] - cars.stamps_ms) / 1000
-        places = cars.states[:2, None] + dt_s * cars.states[2:, None]
-        apart = np.hypot(*(entries.states[:2, :, None] - places))
-        sharing: dict[int, int] = {}
-        for at, place in np.argwhere(apart <= self._settings.association.overlap_m).tolist():
-            if at in found or at in sharing or place in taken:
-                continue
-            if self._tracks[place].shares(batch.provenances[rows[at]]):
-                sharing[at] = place
-                taken |= {place}
-        return sharing
-
-    def _has_room(self, teller: bytes) -> bool:
+    def _has_room(self, teller: bytes, first_told: int) -> bool:
         """What others tell of leaves room for what the own camera sees."""
         belief = self._settings.belief
         if teller == OWN:
             return len(self._tracks) < belief.cars
-        first_told = sum(track.first_teller == teller for track in self._tracks)
         return (
             len(self._tracks) < belief.cars - belief.cars_per_sender
             and first_told < belief.cars_per_sender
@@ -225,13 +224,10 @@ class Tracks:
 
     def _comparison(self) -> Kinematics:
         if self._compared is None:
-            self._compared = self._as_compared(self._tracks)
+            cars = Kinematics.of([track.estimate for track in self._tracks])
+            sigma_m_s = self._settings.association.speed_sigma_m_s
+            self._compared = with_speed_prior(cars, sigma_m_s)
         return self._compared
-
-    def _as_compared(self, tracks: Sequence[Track]) -> Kinematics:
-        cars = Kinematics.of([track.estimate for track in tracks])
-        covariances = with_speed_prior(cars.covariances, self._settings.association.speed_sigma_m_s)
-        return Kinematics(cars.stamps_ms, cars.states, covariances, cars.has_speed)
 
     def _tell_apart(self, now_ms: int) -> None:
         """Join tracks that are one car, and say which are known as a car of their own.
@@ -253,10 +249,15 @@ class Tracks:
             squared, _, variance = distances(one, other, q)
             compatible = squared <= gates(one, association.gate_probability)
             close = apart[near[:, 0], near[:, 1]] <= association.overlap_m
+            maybe_one = compatible | close
             for (i, j), fits, touches, spread in zip(
-                near.tolist(), compatible.tolist(), close.tolist(), variance.tolist(), strict=True
+                near[maybe_one].tolist(),
+                compatible[maybe_one].tolist(),
+                close[maybe_one].tolist(),
+                variance[maybe_one].tolist(),
+                strict=True,
             ):
-                if not (fits or touches) or i in gone or j in gone:
+                if i in gone or j in gone:
                     continue
                 first, second = self._tracks[i], self._tracks[j]
                 if first.was_seen_beside(second):

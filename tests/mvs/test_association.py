@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from onboard.mvs.association import are_inside, assign, gate, with_speed_prior
+from onboard.mvs.association import are_inside, compare, gate, with_speed_prior
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
 from onboard.mvs.kinematics import Kinematics
 
@@ -28,7 +28,7 @@ def car(x_m: float, y_m: float = 0.0, vx_m_s: float = 0.0, sigma_m: float = 1.0)
 
 
 def found(pieces: list[Evidence], cars: list[Estimate], gate: float = 0.99) -> dict[int, int]:
-    return assign(Kinematics.of(pieces), Kinematics.of(cars), gate, Q)
+    return compare(Kinematics.of(pieces), Kinematics.of(cars), gate, Q).assign()
 
 
 def test_each_piece_goes_to_the_car_where_it_was_measured() -> None:
@@ -119,9 +119,9 @@ def test_the_assignment_is_the_best_of_all(seed: int) -> None:
 
 
 def test_of_a_car_seen_once_the_speed_is_taken_to_be_a_cars() -> None:
-    covariances = np.diag([1.0, 1.0, 1e4, 1e4])[:, :, None]
+    measured_once = Kinematics.of([measured(0.0)]).with_any_speed(100.0)
 
-    learnt = with_speed_prior(covariances, 20.0)[:, :, 0]
+    learnt = with_speed_prior(measured_once, 20.0).covariances[:, :, 0]
 
     expected = np.linalg.inv(np.diag([1, 1, 1e-4 + 1 / 400, 1e-4 + 1 / 400]))
     np.testing.assert_allclose(learnt, expected)
