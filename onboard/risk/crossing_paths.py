@@ -143,17 +143,37 @@ def _drive_on(
 ) -> NDArray[np.bool_]:
     """Whether to stay out of the other's way asks more braking of both than drivers do, (n).
 
-    The own driver, who is the one to be warned, has time to react.
+    The own driver, who is the one to be warned, has time to react. So has who still accelerates,
+    and does so until then.
     """
     if not meetings or own.acceleration_m_s2 is None:
         return np.zeros(len(meetings), dtype=bool)
-    means = np.array([each.mean for each in meetings])
+    own_d, own_v, other_d, other_v = np.array([each.mean for each in meetings]).T
     half, half_other = _zone_halves_m(meetings, others, own)
-    own_room_m = means[:, 0] - half - settings.reaction_s * means[:, 1]
-    other_room_m = means[:, 2] - half_other
-    stopping_m = means[:, [1, 3]] ** 2 / (2.0 * settings.stopping_m_s2)
-    both: NDArray[np.bool_] = (own_room_m <= stopping_m[:, 0]) & (other_room_m <= stopping_m[:, 1])
-    return both
+    gaining = np.array([_gaining_m_s2(each.acceleration_m_s2, settings) for each in others])
+    own_gaining = np.full(len(meetings), _gaining_m_s2(own.acceleration_m_s2, settings))
+    reaction_s = np.full(len(meetings), settings.reaction_s)
+    return _has_to_brake_hard(
+        own_d - half, own_v, own_gaining, reaction_s, settings
+    ) & _has_to_brake_hard(
+        other_d - half_other, other_v, gaining, np.where(gaining > 0.0, reaction_s, 0.0), settings
+    )
+
+
+def _gaining_m_s2(acceleration_m_s2: float | None, settings: CrossingSettings) -> float:
+    """0 of one who does not clearly accelerate."""
+    gaining = acceleration_m_s2 or 0.0
+    return gaining if gaining > settings.gaining_m_s2 else 0.0
+
+
+def _has_to_brake_hard(
+    room_m: Array, speed_m_s: Array, gaining_m_s2: Array, after_s: Array, settings: CrossingSettings
+) -> NDArray[np.bool_]:
+    """Whether more than `stopping_m_s2` is needed to stop in `room_m`, from `after_s` on."""
+    then_m_s = speed_m_s + gaining_m_s2 * after_s
+    left_m = room_m - (speed_m_s + then_m_s) / 2.0 * after_s
+    hard: NDArray[np.bool_] = left_m <= then_m_s**2 / (2.0 * settings.stopping_m_s2)
+    return hard
 
 
 def _may_meet(

@@ -76,7 +76,9 @@ class CrossingSettings(Settings):
     """Who needs more than this to stay out of the other's way, and does not brake, drives on: what
     drivers who stop do is less (signals are timed for 10 ft/s^2)."""
     reaction_s: float = Field(1.0, ge=0.0, le=3.0)
-    """Until the own driver, who is the one to be warned, would brake."""
+    """Until the own driver, who is the one to be warned, would brake, or one who gains speed."""
+    gaining_m_s2: float = Field(1.0, ge=0.0, le=5.0)
+    """Who accelerates by more clearly does not mean to stop yet."""
     driving_on_m_s2: float = Field(1.0, gt=0.0, le=5.0)
     """How much more or less someone who drives on accelerates than he does, or than not at all."""
     top_speed_m_s: float = Field(70.0, gt=0.0, le=150.0)

@@ -218,6 +218,21 @@ def test_two_that_can_hardly_stop_any_more_are_taken_to_drive_on() -> None:
     assert meet(37.0, 35.0) > SETTINGS.warning_p_c  # the own driver has to react first
 
 
+def test_who_sets_off_does_not_mean_to_stop() -> None:
+    """At 4 m/s, 8 m before the zone: 3 m/s^2 stop in 2.7 m, but after a second of 2.5 m/s^2 not."""
+    own = car((-35.0, 0.0, 14.0, 0.0))
+    met = meeting(own, car((0.0, -11.4, 0.0, 4.0)), SETTINGS)
+    assert met is not None
+
+    def p_c(acceleration_m_s2: float) -> float:
+        others = [Driven(5.0, 1.75, acceleration_m_s2)]
+        me = Driven(5.0, 1.75, 0.0)
+        return float(averaged_collision_probabilities([met], others, me, SETTINGS)[0])
+
+    assert p_c(2.5) > SETTINGS.warning_p_c
+    assert p_c(SETTINGS.gaining_m_s2) < SETTINGS.caution_p_c
+
+
 def test_who_brakes_or_is_out_of_turn_is_not_taken_to_drive_into_anybody() -> None:
     assert meet(35.0, 35.0, other=-3.5) < SETTINGS.warning_p_c
     assert meet(35.0, 35.0, own=-3.5) < SETTINGS.warning_p_c
