@@ -112,6 +112,9 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
         "first_warning_s": outcome.first_warning_s,
         "warned": outcome.warned,
         "false_warnings": outcome.false_warnings,
+        "straight_on_crash": outcome.straight_on_crash is not None,
+        "straight_on_before_s": outcome.straight_on_before_s,
+        "straight_on_false": outcome.straight_on_false,
         "driven_s": outcome.driven_s,
         "messages": outcome.messages,
     }
@@ -148,7 +151,8 @@ def _all_runs(out_dir: Path, settings: CollisionSettings, workers: Workers | Non
 _COLUMNS = (
     "kind", "method", "share_with_radio", "M", "loss", "runs", "p_collision", "low_95", "high_95",
     "reduction", "avoided", "caused", "warning_after_s", "false_warnings_per_h",
-    "known_before_s", "warned_before_s", *(fate.value for fate in Fate),
+    "known_before_s", "warned_before_s", "straight_on_p_collision", "straight_on_avoided",
+    "straight_on_before_s", "straight_on_false_per_h", *(fate.value for fate in Fate),
 )  # fmt: skip
 _Key = tuple[str, str, float, int, float]
 
@@ -178,7 +182,11 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[o
     p, low, high = wilson(p_none - (avoided - caused) / len(mine), len(mine))
     run = [row for row in mine if "driven_s" in row]
     hours = sum(row["weight"] * row["driven_s"] for row in run) / 3600.0
-    false_warnings = sum(row["weight"] * row["false_warnings"] for row in run)
+    false_warnings, straight_on_false = (
+        sum(row["weight"] * row[column] for row in run)
+        for column in ("false_warnings", "straight_on_false")
+    )
+    straight_on = [row for row in run if row["fate"] and not row["straight_on_crash"]]
     return (
         kind, method, share, entries, loss, len(mine), p, low, high,
         1.0 - p / p_none if p_none else math.nan,
@@ -186,6 +194,9 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[o
         _median(run, "first_warning_s"),
         false_warnings / hours if hours else math.nan,
         _median(run, "known_before_s"), _median(run, "warned_before_s"),
+        p_none - len(straight_on) / len(mine), len(straight_on),
+        _median(run, "straight_on_before_s"),
+        straight_on_false / hours if hours else math.nan,
         *(sum(row["fate"] == fate for row in mine) for fate in Fate),
     )  # fmt: skip
 

@@ -8,6 +8,7 @@ from enum import StrEnum
 import numpy as np
 from pydantic import Field
 
+from onboard.mvs.known_car import KnownCar
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
 from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
@@ -19,6 +20,7 @@ from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import Recording
 from sim_rig.studies.mvs_fates import SAME_PLACE_M, Concerned, Fate
 from sim_rig.studies.mvs_scenes import Place, Scene, open_scene
+from sim_rig.studies.mvs_straight_on import touched_straight_on
 from sim_rig.studies.mvs_warner import Warned, Warner
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
 
@@ -55,8 +57,8 @@ class EncounterSettings(Settings):
     """So long after the event drivers may be warned."""
     near_m: float = Field(80.0, gt=0.0, le=2000.0)
     """Radios farther from the way that the event's car has ahead are left out, to save time."""
-    straight_on_s: float | None = Field(default=None, gt=0.0, le=10.0)
-    """Warn also of who would be touched within this time if all kept speed and course."""
+    straight_on_s: float = Field(10.0, gt=0.0, le=30.0)
+    """The paper's alarm looks so far ahead; it says no limit."""
     reactions: ReactionSettings = ReactionSettings()
     world: WorldSettings = WorldSettings()
     risk: RiskSettings = RiskSettings()
@@ -93,6 +95,12 @@ class Outcome:
     """Drivers warned of somebody whom the event had moved."""
     false_warnings: int = 0
     """Drivers warned of somebody who drives on as ever, or of nobody."""
+    straight_on_crash: Crash | None = None
+    """Of the same event, if drivers were warned by the paper's alarm (and never for nothing)."""
+    straight_on_before_s: float | None = None
+    """How long before the crash without radios that alarm would have come."""
+    straight_on_false: int = 0
+    """Drivers whom it would have warned of somebody who drives on as ever, or of nobody."""
     driven_s: float = 0.0
     """By cars that could have been warned, all together."""
     messages: int = 0
@@ -143,9 +151,11 @@ class Encounters:
         world = self._world(case, seed, traffic, equipped)
         self._with_radios(world, traffic, outcome, concerned, watch)
         outcome.crash = self._play_on(traffic, event, world.now)
-        if concerned is not None:
+        if before is not None and concerned is not None:
             outcome.fate = concerned.fate(outcome.crash, equipped)
             outcome.known_before_s, outcome.warned_before_s = concerned.before_s()
+            outcome.straight_on_before_s = concerned.straight_on_before_s()
+            outcome.straight_on_crash = self._warned_straight_on(case, seed, before, concerned)
         return outcome
 
     def without_radios(self, case: Case, seed: int) -> tuple[Crash | None, bool]:
@@ -157,6 +167,22 @@ class Encounters:
         cars = traffic.cars_at(self._begin_s(event))
         equipped = self._equipped(case, seed, cars, event)
         return before, equipped.isdisjoint(self._can_act(before, event))
+
+    def _warned_straight_on(
+        self, case: Case, seed: int, before: Crash, concerned: Concerned
+    ) -> Crash | None:
+        """The same event again, whose drivers the paper's alarm warns until they would crash."""
+        if not concerned.straight_on_at:
+            return before
+        event = self._event(case.kind, seed)
+        traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
+
+        def warn(now: float) -> None:
+            for name, from_s in concerned.straight_on_at.items():
+                if from_s <= now <= before.at_s:
+                    traffic.warn(name, now)
+
+        return self._play_on(traffic, event, self._begin_s(event), warn)
 
     def _can_act(self, crash: Crash, event: Event) -> tuple[str, ...]:
         """Who of a crash can do anything about it: not who brakes, it is he that is run into."""
@@ -190,12 +216,20 @@ class Encounters:
             self.run(Case(kind, Method.NONE, 0.0), seed)
         return self._without_radios[kind, seed]
 
-    def _play_on(self, traffic: DisturbedTraffic, event: Event, now: float) -> Crash | None:
+    def _play_on(
+        self,
+        traffic: DisturbedTraffic,
+        event: Event,
+        now: float,
+        warn: Callable[[float], None] | None = None,
+    ) -> Crash | None:
         """Let the cars drive on without radios; a crash much later is none of the event's."""
         end_s = event.at_s + self._settings.after_s
         while now < end_s and traffic.crash is None:
             now = round(now + TICK_S, 3)
             traffic.cars_at(now)
+            if warn is not None:
+                warn(now)
         return traffic.crash if traffic.crash and traffic.crash.at_s <= end_s else None
 
     def _with_radios(
@@ -209,7 +243,7 @@ class Encounters:
         """Let the radios work until nothing they say matters any more."""
         settings, event = self._settings, outcome.event
         warners: dict[str, Warner] = {}
-        warned_until: dict[str, float] = {}
+        ours, straight_on = _Alarms(settings.risk.release_s), _Alarms(settings.risk.release_s)
         while world.now < event.at_s + settings.watched_s and traffic.crash is None:
             world.tick()
             outcome.messages += len(world.sent)
@@ -222,26 +256,39 @@ class Encounters:
                     continue
                 warner = warners.get(name)
                 if warner is None:
-                    size = float(cars.length_m[at]), float(cars.width_m[at])
-                    warner = warners[name] = Warner(settings.risk, *size, settings.straight_on_s)
+                    warner = warners[name] = Warner(settings.risk, *_size_m(cars, at))
                 own, speed = core.own_car(world.now), float(cars.speed_m_s[at])
                 known = core.kinematic_info(world.now)
+                of = self._touched(own, known, cars, at)
+                if of is not None:
+                    right = self._is_right(world, traffic, cars, name, of)
+                    if right and concerned is not None:
+                        concerned.receive_straight_on(name, world.now)
+                    outcome.straight_on_false += straight_on.begins(name, world.now) and not right
                 if concerned is not None and concerned.is_one(name):
                     places = np.array([world.place_of(name, car.state) for car in known])
                     concerned.receive_known(name, places, cars)
                 told = warner.assess(own, known, speed, world.now)
                 if told is None:
                     continue
-                right = self._is_right(world, traffic, cars, name, told)
+                right = self._is_right(world, traffic, cars, name, told.of)
                 shown.append((name, told, right))
                 traffic.warn(name, world.now)
                 if right and concerned is not None:
                     concerned.receive_warning(name, world.now)
-                if world.now >= warned_until.get(name, -math.inf):
+                if ours.begins(name, world.now):
                     self._count(outcome, right=right, now=world.now)
-                warned_until[name] = world.now + settings.risk.release_s
             if watch is not None:
                 watch(world, traffic, shown)
+
+    def _touched(
+        self, own: KnownCar | None, known: list[KnownCar], cars: Cars, at: int
+    ) -> KnownCar | None:
+        """Of whom the paper's alarm warns a driver."""
+        risk, within_s = self._settings.risk, self._settings.straight_on_s
+        if own is None or cars.speed_m_s[at] < risk.least_speed_m_s:
+            return None
+        return touched_straight_on(own, known, _size_m(cars, at), risk, within_s)
 
     def _equipped(self, case: Case, seed: int, cars: Cars, event: Event) -> set[str]:
         """More of the same cars as the share grows; none that is far from the event's way."""
@@ -254,12 +301,12 @@ class Encounters:
         return {d.name for d, mine in zip(drives, luck, strict=True) if mine < case.share} & near
 
     def _is_right(
-        self, world: MvsWorld, traffic: DisturbedTraffic, cars: Cars, name: str, told: Warned
+        self, world: MvsWorld, traffic: DisturbedTraffic, cars: Cars, name: str, of: KnownCar
     ) -> bool:
         """Whether who is warned is the event's car, or who he is warned of drives otherwise."""
         if traffic.has_moved(name):
             return True
-        away_m = np.hypot(*(cars.middle_m - world.place_of(name, told.of.state)).T)
+        away_m = np.hypot(*(cars.middle_m - world.place_of(name, of.state)).T)
         nearest = int(away_m.argmin())
         is_there = away_m[nearest] < SAME_PLACE_M
         return bool(is_there and traffic.is_disturbed(cars.names[nearest]))
@@ -272,6 +319,24 @@ class Encounters:
         outcome.warned += 1
         if outcome.first_warning_s is None:
             outcome.first_warning_s = round(now - outcome.event.at_s, 3)
+
+
+class _Alarms:
+    """Whose driver is being warned; a pause ends that."""
+
+    def __init__(self, release_s: float) -> None:
+        self._release_s = release_s
+        self._until: dict[str, float] = {}
+
+    def begins(self, name: str, now: float) -> bool:
+        """A driver is warned now; whether he was not before."""
+        begins = now >= self._until.get(name, -math.inf)
+        self._until[name] = now + self._release_s
+        return begins
+
+
+def _size_m(cars: Cars, at: int) -> tuple[float, float]:
+    return float(cars.length_m[at]), float(cars.width_m[at])
 
 
 def _mvs(case: Case) -> MvsSettings:

@@ -36,6 +36,8 @@ class Concerned:
         self._crash, self._can_act = crash, can_act
         self._known_at: float | None = None
         self._warned_at: float | None = None
+        self.straight_on_at: dict[str, float] = {}
+        """When the paper's alarm would first have warned whom of the two."""
 
     def is_one(self, name: str) -> bool:
         """Whether a car is one of these."""
@@ -56,6 +58,16 @@ class Concerned:
         """A driver was warned of what the event has moved."""
         if name in self._can_act and self._warned_at is None:
             self._warned_at = at_s
+
+    def receive_straight_on(self, name: str, at_s: float) -> None:
+        """The paper's alarm would warn a driver of what the event has moved."""
+        if name in self._can_act:
+            self.straight_on_at.setdefault(name, at_s)
+
+    def straight_on_before_s(self) -> float | None:
+        """How long before the crash the paper's alarm would first have warned one of the two."""
+        first_s = min(self.straight_on_at.values(), default=None)
+        return None if first_s is None else round(self._crash.at_s - first_s, 3)
 
     def before_s(self) -> tuple[float | None, float | None]:
         """How long before the crash one first knew of the other, and was first warned."""

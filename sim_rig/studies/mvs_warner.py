@@ -7,9 +7,7 @@ car with a radio says of its own braking. Who brakes hard enough already is told
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from onboard.mvs.known_car import KnownCar
 from onboard.observations import Speed
@@ -20,12 +18,9 @@ from onboard.risk.closing_gap import (
     required_deceleration_m_s2,
     settled_closing_speed_m_s,
 )
-from onboard.risk.crossing_paths import has_course
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.speed_trend import SpeedTrend
-from sim_rig.roads.cars import Cars
-from sim_rig.roads.crashes import first_crash
 
 _BESIDE_M = 1.6
 _RANGE_M = 70.0
@@ -46,19 +41,8 @@ class Warned:
 class Warner:
     """One car's."""
 
-    def __init__(
-        self,
-        settings: RiskSettings,
-        length_m: float,
-        width_m: float,
-        straight_on_s: float | None = None,
-    ) -> None:
-        """For a car of the given size.
-
-        With `straight_on_s`, the driver is also warned of whom he would touch within that time if
-        both kept speed and course: the earliest alarm there can be, and the least certain.
-        """
-        self._straight_on_s = straight_on_s
+    def __init__(self, settings: RiskSettings, length_m: float, width_m: float) -> None:
+        """For a car of the given size."""
         self._settings = settings
         self._length_m = length_m
         self._trend = SpeedTrend(settings.closing_gap.lead_window_s)
@@ -82,7 +66,7 @@ class Warner:
                     self._held[event.cause] = Warned(event.cause, of)
         warned = next(iter(self._held.values()), None)
         if warned is None and own is not None and speed_m_s >= self._settings.least_speed_m_s:
-            warned = self._ahead(own, cars, speed_m_s, now) or self._straight_on(own, cars)
+            warned = self._ahead(own, cars, speed_m_s, now)
         return warned
 
     def _ahead(
@@ -115,20 +99,6 @@ class Warner:
         self._leads = leads
         return warned
 
-    def _straight_on(self, own: KnownCar, cars: Sequence[KnownCar]) -> Warned | None:
-        """Whoever would be touched first."""
-        if self._straight_on_s is None:
-            return None
-        settled = self._settings.crossing
-        others = [car for car in cars if has_course(car, settled) and car.age_s <= settled.oldest_s]
-        now = _as_cars([own, *others], self._length_m, self._settings)
-        then = replace(now, middle_m=now.middle_m + self._straight_on_s * now.velocity_m_s)
-        crash = first_crash(now, then, lambda one, other: own.name in {one, other})
-        if crash is None:
-            return None
-        name = crash.names[1] if crash.names[0] == own.name else crash.names[0]
-        return Warned(Cause.CROSSING, next(car for car in others if car.name == name))
-
     def _gap_and_speed(self, own: KnownCar, car: KnownCar) -> tuple[float | None, float]:
         """Bumper to bumper and the speed along the own heading, of a car on the own path."""
         heading = math.atan2(own.state[3], own.state[2])
@@ -145,22 +115,6 @@ class Warner:
                 return None, 0.0
         length_m = (self._length_m + self._settings.other_length_m) / 2.0
         return ahead_m - length_m, max(along_m_s, 0.0)
-
-
-def _as_cars(cars: Sequence[KnownCar], own_length_m: float, settings: RiskSettings) -> Cars:
-    """The own car first."""
-    states = np.array([car.state for car in cars])
-    n = len(cars)
-    return Cars(
-        0.0,
-        tuple(car.name for car in cars),
-        states[:, :2],
-        np.arctan2(states[:, 3], states[:, 2]),
-        np.hypot(states[:, 2], states[:, 3]),
-        np.zeros(n),
-        np.array([own_length_m, *np.full(n - 1, settings.other_length_m)]),
-        np.full(n, settings.other_width_m),
-    )
 
 
 def _sigma_m_s(own: KnownCar, car: KnownCar) -> float:

@@ -13,7 +13,7 @@ from sim_rig.roads.crashes import Crash
 from sim_rig.roads.events import Kind
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.mvs_collisions import CollisionSettings, cases, changed, run_one, wilson
-from sim_rig.studies.mvs_encounter import EncounterSettings, Method
+from sim_rig.studies.mvs_encounter import Case, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs_fates import Concerned, Fate
 from sim_rig.studies.mvs_scenes import Scene
 
@@ -124,3 +124,20 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
     }
     assert (tmp_path / "out/figure.png").read_bytes().startswith(b"\x89PNG")
     assert told
+
+
+def test_the_papers_alarm_is_judged_in_the_same_run() -> None:
+    """One runner is heard of; of another nobody hears, and no alarm changes that."""
+    scene = Encounters(ENCOUNTER.model_copy(update={"warm_s": 0.6, "watched_s": 2.5}))
+    half = Case(Kind.RED_LIGHT, Method.DSRC, 0.5)
+
+    heard, unknown = scene.run(half, 6), scene.run(half, 2)
+
+    assert heard.known_before_s is not None
+    assert heard.straight_on_before_s is not None
+    assert 0.0 < heard.straight_on_before_s <= heard.known_before_s
+    assert heard.straight_on_crash is None
+    assert heard.straight_on_false > heard.false_warnings
+    assert unknown.fate is Fate.UNKNOWN
+    assert unknown.straight_on_before_s is None
+    assert unknown.straight_on_crash == unknown.crash

@@ -7,6 +7,7 @@ import pytest
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.risk.alarm import Cause
 from onboard.risk.settings import RiskSettings
+from sim_rig.studies.mvs_straight_on import touched_straight_on
 from sim_rig.studies.mvs_warner import Warned, Warner
 
 SPEED_M_S = 15.0
@@ -32,11 +33,9 @@ def car(
     )  # fmt: skip
 
 
-def drive_up_to(
-    lead: KnownCar, *, braking_m_s2: float = 0.0, straight_on_s: float | None = None
-) -> Warned | None:
+def drive_up_to(lead: KnownCar, *, braking_m_s2: float = 0.0) -> Warned | None:
     """For 0.8 s at nearly the same gap, judged ten times a second."""
-    warner = Warner(RiskSettings(), 4.5, 1.8, straight_on_s)
+    warner = Warner(RiskSettings(), 4.5, 1.8)
     warned = None
     for step in range(8):
         speed_m_s = SPEED_M_S - braking_m_s2 * step / 10
@@ -65,14 +64,29 @@ def test_what_a_car_says_of_its_own_braking_counts() -> None:
     assert drive_up_to(car("lead", 22.0, SPEED_M_S, acceleration_m_s2=-7.0)) is not None
 
 
-@pytest.mark.parametrize(("within_s", "is_warned"), [(None, False), (2.5, False), (4.0, True)])
-def test_who_would_be_touched_straight_on_is_warned_of_if_wished(
-    within_s: float | None, is_warned: bool
+def touched(*others: KnownCar, within_s: float = 10.0) -> str | None:
+    own = car("own", 0.0, SPEED_M_S)
+    of = touched_straight_on(own, list(others), (4.5, 1.8), RiskSettings(), within_s)
+    return None if of is None else of.name
+
+
+@pytest.mark.parametrize(("within_s", "name"), [(2.5, None), (4.0, "other"), (10.0, "other")])
+def test_the_papers_alarm_is_of_who_would_be_touched_straight_on(
+    within_s: float, name: str | None
 ) -> None:
     """Both are 3 s from where their ways cross."""
     crossing = car("other", 45.0, SPEED_M_S, north_m=-45.0, course_rad=math.pi / 2)
 
-    warned = drive_up_to(crossing, straight_on_s=within_s)
+    assert touched(crossing, within_s=within_s) == name
 
-    assert (warned is not None) == is_warned
-    assert warned is None or warned.cause is Cause.CROSSING
+
+def test_the_papers_alarm_is_of_the_first_and_of_nobody_who_passes() -> None:
+    slow = car("slow", 60.0, SPEED_M_S - 8.0)
+    standing = car("standing", 80.0, 0.1)
+    beside = car("beside", 30.0, SPEED_M_S - 8.0, north_m=3.5)
+    ahead = car("ahead", 20.0, SPEED_M_S + 1.0)
+    unsure = car("unsure", 15.0, SPEED_M_S - 8.0, sigma_m_s=3.0)
+
+    assert touched(standing, beside, slow, ahead, unsure) == "standing"
+    assert touched(beside, ahead) is None
+    assert touched() is None
