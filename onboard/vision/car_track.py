@@ -2,7 +2,7 @@
 
 import math
 
-from onboard.vision.identity import Ballot
+from onboard.vision.identity import LEAST_READ_CONFIDENCE, Ballot
 from onboard.vision.motion import Motion
 from onboard.vision.rear import Growth
 from onboard.vision.sighting import Cue, Sighting
@@ -115,7 +115,7 @@ class CarTrack:
     def _vote(self, sighting: Sighting, stamp_s: float) -> None:
         if sighting.was_read:
             self.read_at = stamp_s
-        if sighting.text is None:
+        if sighting.text is None or sighting.identity_confidence < LEAST_READ_CONFIDENCE:
             return
         self.is_doubted = sighting.text != self.text
         ballot = self._tag if sighting.cue is Cue.TAG else self._plate

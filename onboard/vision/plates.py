@@ -11,7 +11,7 @@ import numpy.typing as npt
 from onboard.observations import Box
 from onboard.vision.blue_band import with_band
 from onboard.vision.ends import refine_ends
-from onboard.vision.identity import LEAST_LENGTH, LEAST_READ_CONFIDENCE
+from onboard.vision.identity import LEAST_LENGTH
 from onboard.vision.perspective import Corners, Perspective
 from onboard.vision.plate_detector import FoundPlate
 from onboard.vision.plate_reader import PlateText
@@ -33,6 +33,8 @@ LEAST_PX = 24.0
 """Of narrower plates the detector finds pieces."""
 SURE_SCORE = 0.7
 """Of a plate that cannot be read: nine in ten real ones have more, patches of road less."""
+LEAST_TEXT_CONFIDENCE = 0.05
+"""Of a text that is told at all; what the reader makes of things that are no plates has less."""
 LEAST_EUROPEAN_SHAPE = 3.3
 """Width by height from which a plate may have a blue band."""
 
@@ -148,7 +150,7 @@ class Plates:
     def _may_be(self, text: PlateText) -> bool:
         """Whether this may stand on a plate, as far as is known."""
         return (
-            text.identity_confidence >= LEAST_READ_CONFIDENCE
+            text.identity_confidence >= LEAST_TEXT_CONFIDENCE
             and len(text.text) >= LEAST_LENGTH
             and self._syntax.fits(text.text)
         )

@@ -17,6 +17,9 @@ SQUARE = (0.7, 1.4)
 """Width by height of what may be a tag: leaves and railings make other quads."""
 SMALL_REGION_PX = 200
 """A region narrower than this is looked at enlarged."""
+LEAST_WHITE_CELLS = 5
+"""Of a tag that is believed: number 17 of `4X4_50` is one white square on black, as a dark window
+with a lamp in it is, and some larger dictionaries have barer ones."""
 EDGE_REACH = 0.15
 """Share of a tag's side in which its edge is looked for: less than a cell, a sixth."""
 SIDE_SIGMA_PX = 0.2
@@ -32,9 +35,14 @@ class TagFinder:
         parameters.perspectiveRemovePixelPerCell = 8
         parameters.minMarkerPerimeterRate = 0.02
         number = int(getattr(cv2.aruco, f"DICT_{dictionary}"))
-        self._detector = cv2.aruco.ArucoDetector(
-            cv2.aruco.getPredefinedDictionary(number), parameters
-        )
+        tags = cv2.aruco.getPredefinedDictionary(number)
+        self._detector = cv2.aruco.ArucoDetector(tags, parameters)
+        cells = tags.markerSize + 2  # with the border, all black
+        self._bare = {
+            tag
+            for tag in range(len(tags.bytesList))
+            if np.count_nonzero(cv2.aruco.generateImageMarker(tags, tag, cells)) < LEAST_WHITE_CELLS
+        }
         self._side_m = side_m
         self._perspective = perspective
 
@@ -68,6 +76,8 @@ class TagFinder:
         corner = np.array([left, top], np.float32)
         found = []
         for quad, number in zip(quads, numbers.ravel(), strict=True):
+            if int(number) in self._bare:
+                continue
             # OpenCV counts from the middle of the first pixel, the calibration from its corner.
             corners_px = _upright(np.asarray((quad[0] + 0.5) / scale - 0.5, np.float32))
             side_px = float(np.hypot(*(corners_px[1] - corners_px[0])))

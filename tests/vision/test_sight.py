@@ -42,6 +42,13 @@ def test_no_lead_unknown_lead_and_known_lead_are_three_things() -> None:
     assert somebody.leads[-1].text == "TAG1"
 
 
+def test_a_lamp_in_a_dark_window_is_no_tag_though_one_looks_like_it() -> None:
+    seen = see(Sight(CAMERA, SETTINGS), frames(lambda _: road(tagged(10, 0, 17)), 1.0))
+
+    assert seen.plates == []
+    assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
+
+
 @pytest.mark.parametrize("gap_m", [5.0, 10.0, 15.0, 20.0])
 def test_the_gap_is_told_by_the_size_of_the_tag(gap_m: float) -> None:
     seen = see(Sight(CAMERA, SETTINGS), frames(lambda _: road(tagged(gap_m, 0, 1)), 1.0))
