@@ -5,6 +5,7 @@ closely; the first car at a red light does not stop, or drives off again, where 
 recording without lights, a car that passed before or after another comes out of its turn.
 """
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -36,6 +37,10 @@ _SOONEST_S = 3.0
 _AHEAD_S = 7.0
 _TIMING_S = 1.0
 """A red-light runner does not aim: so much sooner or later, evenly."""
+_OUT_OF_TURN_S = 4.0
+"""Before he meets somebody, who is moved in time is looked at."""
+_ROOM_M = 7.0
+"""From middle to middle; who is moved in time has nobody so near who drives his way."""
 _MOST_DRAWS = 4000
 
 
@@ -83,10 +88,13 @@ class Events:
         """
         if kind is Kind.SUDDEN_BRAKE:
             return _sudden_brake(self._recording, rng)
-        if self._out_of_turn:
+        for _ in range(_MOST_DRAWS if self._out_of_turn else 0):
             car, at_s, sooner_s = self._out_of_turn[rng.integers(len(self._out_of_turn))]
             sooner_s += rng.uniform(-_TIMING_S, _TIMING_S)
-            return Event(kind, car, round(at_s - sooner_s - 4.0, 1), sooner_s=sooner_s)
+            begins_s = round(at_s - sooner_s - _OUT_OF_TURN_S, 1)
+            event = Event(kind, car, begins_s, sooner_s=sooner_s)
+            if _has_room(self._recording, event):
+                return event
         for _ in range(_MOST_DRAWS if self._red else 0):
             car, at_s, sets_off = self._red[rng.integers(len(self._red))]
             event = Event(kind, car, at_s, sets_off=sets_off)
@@ -175,6 +183,21 @@ def _may_hit(recording: Recording, event: Event) -> bool:
             if (near & (np.abs(np.sin(cars.heading_rad - heading[i])) > 0.5)).any():
                 return True
     return False
+
+
+def _has_room(recording: Recording, event: Event) -> bool:
+    """Whether who is moved in time drives into nobody ahead of him in his lane, nor is driven into.
+
+    Such a crash would be none of a crossing, and nobody's fault but of moving him.
+    """
+    path = DrivePath(recording.drives[event.car])
+    for at_s in event.at_s + np.arange(-1.6, _OUT_OF_TURN_S + 1.0, 0.2):
+        middle, heading = path.places(np.array([path.way_m(at_s + event.sooner_s)]))
+        cars = recording.cars_at(at_s).without(path.drive.name)
+        near = np.hypot(*(cars.middle_m - middle).T) < _ROOM_M
+        if (near & (np.cos(cars.heading_rad - heading) > math.cos(_STRAIGHT_RAD))).any():
+            return False
+    return True
 
 
 def _is_first(recording: Recording, number: int, at_s: float) -> bool:

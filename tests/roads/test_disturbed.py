@@ -127,6 +127,32 @@ def test_where_nobody_crosses_nobody_can_run_a_light() -> None:
         Events(platoon(1), has_lights=False).draw(Kind.SUDDEN_BRAKE, np.random.default_rng(0))
 
 
+def test_who_comes_out_of_his_turn_is_not_put_into_the_car_ahead_of_him() -> None:
+    """Two go east, the second 24.5 m behind; one goes north 0.5 s before the first of them."""
+
+    def straight(name: str, first: int, behind_m: float, heading: float) -> Drive:
+        along = np.array([np.cos(heading), np.sin(heading)])
+        way = SPEED_M_S * STEP_S * np.arange(-100, 101) - behind_m
+        n = len(way)
+        speeds = np.full(n, SPEED_M_S)
+        return Drive(name, first, way[:, None] * along, np.full(n, heading), speeds, LENGTH_M, 1.8)
+
+    east = [straight("car0", 100, 0.0, 0.0), straight("car1", 100, GAP_M + LENGTH_M, 0.0)]
+    recording = Recording([*east, straight("north", 95, 0.0, np.pi / 2)])
+    events = Events(recording, has_lights=False)
+
+    drawn = [events.draw(Kind.RED_LIGHT, np.random.default_rng(seed)) for seed in range(40)]
+
+    assert {event.car for event in drawn} == {0, 1, 2}
+    for event in drawn:
+        traffic = DisturbedTraffic(recording, event, LOST, seed=1)
+        for step in range(50):
+            cars = traffic.cars_at(event.at_s - 1.0 + step * STEP_S)
+            one, other = (cars.index(f"car{i}") for i in (0, 1))
+            if one is not None and other is not None and traffic.crash is None:
+                assert np.hypot(*(cars.middle_m[one] - cars.middle_m[other])) > LENGTH_M
+
+
 def test_cars_on_the_middle_of_a_road_are_moved_to_the_right() -> None:
     moved = keep_right(platoon(1), 1.75).cars_at(3.0)
 
