@@ -152,13 +152,23 @@ class MvsFooter:
     estimates: tuple[SharedEstimate, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """A footer taken apart, its measurements and states not yet read."""
+
+    head: Head
+    observers: tuple[bytes, ...]
+    measurements: bytes
+    """Of all, one after the other."""
+    states: bytes
+    """Of all estimates, one after the other."""
+    provenances: list[list[tuple[int, list[int]]]]
+    """Of each estimate the runs: place in the table of observers, ages in ms."""
+
+
 HEAD = Layout(Head)
 MEASUREMENT = Layout(SharedMeasurement)
-MEASUREMENT_NUMBERS = tuple(MEASUREMENT.wires)[4:]
-"""Its fields from the position on."""
 STATE = Layout(SharedState)
-STATE_NUMBERS = tuple(STATE.wires)[1:-1]
-"""Its fields between the car's number and that of the runs."""
 
 
 def encode(footer: MvsFooter) -> bytes:
@@ -196,6 +206,33 @@ def decode(data: bytes) -> MvsFooter:
     """Read a footer from the air.
 
     Raises:
+        DecodeError: those of `take_apart`, `out_of_range`.
+    """
+    parts = take_apart(data)
+    head = parts.head
+    states = _pieces(parts.states, STATE.size_bytes)
+    return MvsFooter(
+        head.reference_ms,
+        head.latitude_deg,
+        head.longitude_deg,
+        parts.observers,
+        tuple(
+            MEASUREMENT.decode(measurement)
+            for measurement in _pieces(parts.measurements, MEASUREMENT.size_bytes)
+        ),
+        tuple(
+            SharedEstimate(
+                STATE.decode(state), tuple(Run(observer, tuple(ages)) for observer, ages in runs)
+            )
+            for state, runs in zip(states, parts.provenances, strict=True)
+        ),
+    )
+
+
+def take_apart(data: bytes) -> Parts:
+    """Find the parts of a footer from the air.
+
+    Raises:
         DecodeError: `too_short`, `trailing_bytes`, `out_of_range`, `unknown_version`,
             `unknown_observer`, `empty_provenance` or `repeated_measurement`.
     """
@@ -203,28 +240,23 @@ def decode(data: bytes) -> MvsFooter:
         raise DecodeError("unknown_version", f"{data[0]} instead of {VERSION}")
     reader = _Reader(data)
     head = HEAD.decode(reader.take(HEAD.size_bytes))
-    observers = tuple(reader.take(OBSERVER_BYTES) for _ in range(head.observers))
-    measurements = tuple(
-        MEASUREMENT.decode(reader.take(MEASUREMENT.size_bytes)) for _ in range(head.measurements)
-    )
-    estimates = []
+    observers = _pieces(reader.take(OBSERVER_BYTES * head.observers), OBSERVER_BYTES)
+    measurements = reader.take(MEASUREMENT.size_bytes * head.measurements)
+    states, provenances = [], []
     for _ in range(head.estimates):
-        state = STATE.decode(reader.take(STATE.size_bytes))
-        estimates.append(SharedEstimate(state, _decode_provenance(reader, state.runs)))
+        state = reader.take(STATE.size_bytes)
+        states.append(state)
+        provenances.append(_decode_provenance(reader, state[-1]))  # its last field counts the runs
     reader.finish()
-    for named in [m.observer for m in measurements] + [
-        run.observer for estimate in estimates for run in estimate.provenance
-    ]:
-        if named >= head.observers:
-            raise DecodeError("unknown_observer", f"number {named} of {head.observers}")
-    return MvsFooter(
-        head.reference_ms,
-        head.latitude_deg,
-        head.longitude_deg,
-        observers,
-        measurements,
-        tuple(estimates),
-    )
+    named = {observer for runs in provenances for observer, _ in runs}
+    named.update(measurements[:: MEASUREMENT.size_bytes])  # their first field
+    if named and max(named) >= head.observers:
+        raise DecodeError("unknown_observer", f"number {max(named)} of {head.observers}")
+    return Parts(head, tuple(observers), measurements, b"".join(states), provenances)
+
+
+def _pieces(data: bytes, size: int) -> list[bytes]:
+    return [data[at : at + size] for at in range(0, len(data), size)]
 
 
 def as_dict(footer: MvsFooter) -> dict[str, Any]:
@@ -256,31 +288,17 @@ def _encode_provenance(runs: tuple[Run, ...]) -> bytes:
     return (number << filling).to_bytes((bits + filling) // 8)
 
 
-def _decode_provenance(reader: "_Reader", count: int) -> tuple[Run, ...]:
+def _decode_provenance(reader: "_Reader", count: int) -> list[tuple[int, list[int]]]:
     """Run heads and ages are words of 12 bits; each head says how many ages follow."""
     if not count:
         raise DecodeError("empty_provenance", "an estimate is made from something")
-    heads = []
-    length = 0
-    for _ in range(count):
-        heads.append(length)
-        length += (reader.peek_word(length) & 15) + 2
-    bits = length * _AGE_BITS
-    number = int.from_bytes(reader.take((bits + 7) // 8))
-    filling = -bits % 8
-    if number & (1 << filling) - 1:
-        raise DecodeError("out_of_range", "the filling bits are not zero")
-    shifts = range(bits + filling - _AGE_BITS, filling - 1, -_AGE_BITS)
-    words = [number >> shift & LONGEST_AGE_MS for shift in shifts]
-    runs = tuple(
-        [
-            Run(words[start] >> 4, tuple(words[start + 1 : end]))
-            for start, end in pairwise([*heads, length])
-        ]
-    )
-    named = {(run.observer, age_ms) for run in runs for age_ms in run.ages_ms}
-    if len(named) < length - count:
-        raise DecodeError("repeated_measurement", "in the provenance of an estimate")
+    words, ends = reader.take_runs(count)
+    runs = [(words[at] >> 4, words[at + 1 : end]) for at, end in pairwise([0, *ends])]
+    ages_ms = [age_ms for _, ages in runs for age_ms in ages]
+    if len(set(ages_ms)) < len(ages_ms):  # seldom, since observers measure when they like
+        named = {(observer, age_ms) for observer, ages in runs for age_ms in ages}
+        if len(named) < len(ages_ms):
+            raise DecodeError("repeated_measurement", "in the provenance of an estimate")
     return runs
 
 
@@ -296,13 +314,23 @@ class _Reader:
             raise DecodeError("too_short", f"{len(self._data)} bytes are not all of it")
         return self._data[start : self._at]
 
-    def peek_word(self, number: int) -> int:
-        """The word of 12 bits after `number` others, from here on."""
-        start = self._at + number * 3 // 2
-        if start + 2 > len(self._data):
-            raise DecodeError("too_short", f"{len(self._data)} bytes are not all of it")
-        two = self._data[start] << 8 | self._data[start + 1]
-        return two & 0xFFF if number % 2 else two >> 4
+    def take_runs(self, count: int) -> tuple[list[int], list[int]]:
+        """The words of so many runs and where each run ends; the last byte is filled with zeros."""
+        ahead = self._data[self._at : self._at + count * (LONGEST_RUN + 1) * 2]
+        number, bits = int.from_bytes(ahead), len(ahead) * 8
+        left, ends = bits, []
+        for _ in range(count):
+            left -= _RUN_BITS
+            if left >= 0:
+                left -= _AGE_BITS * ((number >> left & 15) + 1)
+            if left < 0:
+                raise DecodeError("too_short", f"{len(self._data)} bytes are not all of it")
+            ends.append((bits - left) // _AGE_BITS)
+        self._at += (bits - left + 7) // 8
+        if number >> left // 8 * 8 & (1 << left % 8) - 1:
+            raise DecodeError("out_of_range", "the filling bits are not zero")
+        shifts = range(bits - _AGE_BITS, left - 1, -_AGE_BITS)
+        return [number >> shift & LONGEST_AGE_MS for shift in shifts], ends
 
     def finish(self) -> None:
         rest = len(self._data) - self._at

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.mvs.evidence import Provenance, times_of
+from onboard.mvs.evidence import Provenance, spread_s2
 from onboard.mvs.kalman import Array
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.settings import BeliefSettings
@@ -92,9 +92,8 @@ def excess_of_trust(
     Returns:
         N factors, at least 1.
     """
-    times = [times_of(provenance) for provenance in provenances]
     counts = np.array([len(provenance) for provenance in provenances])
-    spreads = np.array([each.spread_s2 for each in times])
+    spreads = np.array([spread_s2(provenance) for provenance in provenances])
     variance = sharpest_sigma_m**2
     of_speed = variance / np.maximum(spreads, variance / _NO_SPEED_SIGMA_M_S**2)
     factors = variance / counts / _least_eigenvalues(entries.covariances[:2, :2])

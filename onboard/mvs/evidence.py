@@ -8,8 +8,10 @@ Positions are metres east and north in the frame of the car that holds the evide
 (`local_frame.py`), times are whole milliseconds of UTC, the clock that all cars share.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from operator import attrgetter
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -38,18 +40,22 @@ class Times(NamedTuple):
     first_ms: int
     """UTC."""
     last_ms: int
-    spread_s2: float
-    """The sum of the squares of their distances from their mean."""
 
 
 @lru_cache(maxsize=1 << 14)
 def times_of(provenance: Provenance) -> Times:
     """Look the times up; a provenance is asked for them by many."""
     stamps_ms = [stamp_ms for _, stamp_ms in provenance]
-    last_ms = max(stamps_ms)
-    ages_ms = [last_ms - stamp_ms for stamp_ms in stamps_ms]
+    return Times(min(stamps_ms), max(stamps_ms))
+
+
+@lru_cache(maxsize=1 << 14)
+def spread_s2(provenance: Provenance) -> float:
+    """Return the sum of the squares of the distances of its times from their mean."""
+    last_ms = times_of(provenance).last_ms
+    ages_ms = [last_ms - stamp_ms for _, stamp_ms in provenance]
     squares = sum([age_ms * age_ms for age_ms in ages_ms])
-    return Times(min(stamps_ms), last_ms, (squares - sum(ages_ms) ** 2 / len(ages_ms)) / 1e6)
+    return (squares - sum(ages_ms) ** 2 / len(ages_ms)) / 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,19 +69,15 @@ class Measurement:
     """(2, 2), m^2."""
     provenance: Provenance = field(init=False)
     """Itself."""
+    stamp_ms: int = field(init=False)
+    """When it was made."""
+    oldest_ms: int = field(init=False)
+    """The same."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "provenance", frozenset((self.id,)))
-
-    @property
-    def stamp_ms(self) -> int:
-        """When it was made."""
-        return self.id.stamp_ms
-
-    @property
-    def oldest_ms(self) -> int:
-        """The same."""
-        return self.id.stamp_ms
+        object.__setattr__(self, "stamp_ms", self.id.stamp_ms)
+        object.__setattr__(self, "oldest_ms", self.id.stamp_ms)
 
     def mapped(self, turn: Array, shift: Array) -> Self:
         """The same in another frame (`LocalFrame.mapping_from`)."""
@@ -110,6 +112,9 @@ class Estimate:
 
 Evidence = Measurement | Estimate
 """An ME of the paper."""
+
+stamp_ms_of: Callable[[Evidence], int] = attrgetter("stamp_ms")
+"""To put evidence in order."""
 
 
 def map_state(state: Array, covariance: Array, turn: Array, shift: Array) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-from onboard.mvs.evidence import Estimate, Evidence
+from onboard.mvs.evidence import Estimate, Evidence, stamp_ms_of
 from onboard.mvs.kalman import Array, predict, update_position, update_state
 from onboard.mvs.kinematics import Kinematics
 
@@ -30,7 +30,7 @@ def fuse(
     Returns:
         N estimates, each at the time of its last measurement.
     """
-    cars = [sorted(evidence, key=_stamp_ms) for evidence in evidence_of_cars]
+    cars = [sorted(evidence, key=stamp_ms_of) for evidence in evidence_of_cars]
     # The longest first: at step k, the cars that have a k-th piece are the first ones.
     order = sorted(range(len(cars)), key=lambda car: -len(cars[car]))
     steps = [
@@ -77,10 +77,6 @@ def as_estimate(piece: Evidence) -> Estimate:
     state, covariance = np.zeros(4), np.eye(4) * UNKNOWN_SPEED_SIGMA_M_S**2
     state[:2], covariance[:2, :2] = piece.position_m, piece.covariance
     return Estimate(piece.provenance, state, covariance)
-
-
-def _stamp_ms(piece: Evidence) -> int:
-    return piece.stamp_ms
 
 
 def _update(states: Array, covariances: Array, pieces: Kinematics) -> tuple[Array, Array]:

@@ -72,14 +72,14 @@ class Kinematics:
         """Take what is to be compared of `pieces`."""
         n = len(pieces)
         states, covariances = np.zeros((n, 4)), np.zeros((n, 4, 4))
-        for at, piece in enumerate(pieces):
-            if isinstance(piece, Measurement):
-                states[at, :2], covariances[at, :2, :2] = piece.position_m, piece.covariance
-            else:
-                states[at], covariances[at] = piece.state, piece.covariance
-        return cls(
-            np.array([piece.stamp_ms for piece in pieces], dtype=np.float64),
-            states.T,
-            covariances.transpose(1, 2, 0),
-            np.array([isinstance(piece, Estimate) for piece in pieces], dtype=np.float64),
-        )
+        has_speed = np.array([isinstance(piece, Estimate) for piece in pieces], dtype=np.float64)
+        if estimates := [piece for piece in pieces if isinstance(piece, Estimate)]:
+            whole = has_speed > 0
+            states[whole] = [piece.state for piece in estimates]
+            covariances[whole] = [piece.covariance for piece in estimates]
+        if measurements := [piece for piece in pieces if isinstance(piece, Measurement)]:
+            measured = has_speed == 0
+            states[measured, :2] = [piece.position_m for piece in measurements]
+            covariances[measured, :2, :2] = [piece.covariance for piece in measurements]
+        stamps_ms = np.array([piece.stamp_ms for piece in pieces], dtype=np.float64)
+        return cls(stamps_ms, states.T, covariances.transpose(1, 2, 0), has_speed)

@@ -6,6 +6,7 @@ and north of it, so a receiver maps the sender's frame to its own by a turn and 
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -30,10 +31,9 @@ class LocalFrame:
     def position_m(self, latitude_deg: float, longitude_deg: float) -> Array:
         """Place a point of the ellipsoid: (2) east, north."""
         latitude, longitude = math.radians(self.latitude_deg), math.radians(self.longitude_deg)
-        x, y, z = np.subtract(
-            _earth_centred(latitude_deg, longitude_deg),
-            _earth_centred(self.latitude_deg, self.longitude_deg),
-        )
+        there = _earth_centred(latitude_deg, longitude_deg)
+        here = _earth_centred(self.latitude_deg, self.longitude_deg)
+        x, y, z = there[0] - here[0], there[1] - here[1], there[2] - here[2]
         outwards = math.cos(longitude) * x + math.sin(longitude) * y
         return np.array(
             [
@@ -56,6 +56,7 @@ class LocalFrame:
         return np.array([[cos, -sin], [sin, cos]]), shift
 
 
+@lru_cache(maxsize=1024)
 def _earth_centred(latitude_deg: float, longitude_deg: float) -> tuple[float, float, float]:
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     sin = math.sin(latitude)

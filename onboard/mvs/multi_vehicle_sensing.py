@@ -11,7 +11,6 @@ from itertools import groupby
 
 import numpy as np
 
-from onboard.messages import mvs_footer
 from onboard.messages.declaration import DecodeError
 from onboard.mvs.belief import excess_of_trust
 from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, map_state
@@ -245,7 +244,7 @@ class MultiVehicleSensing:
             return self._discard(now, "too_often", sender_id.hex())
         neighbour.footers_due_at = max(neighbour.footers_due_at, now) + 1.0 / belief.footers_per_s
         try:
-            told = data if isinstance(data, Told) else read(mvs_footer.decode(data))
+            told = data if isinstance(data, Told) else read(data)
         except DecodeError as error:
             return self._discard(now, error.reason, str(error))
         if len(told) > belief.entries_per_footer:

@@ -2,12 +2,13 @@
 
 from collections import defaultdict
 from collections.abc import Container, Iterable, Sequence
-from operator import attrgetter
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from onboard.messages import mvs_footer
+from onboard.messages.columns import Columns
 from onboard.messages.mvs_footer import (
     LONGEST_AGE_MS,
     LONGEST_RUN,
@@ -34,8 +35,8 @@ MOST_OBSERVERS = 255
 _CARS = 256
 """Numbers for cars on the wire."""
 
-_MEASURED = attrgetter(*mvs_footer.MEASUREMENT_NUMBERS)
-_STATED = attrgetter(*mvs_footer.STATE_NUMBERS)
+_MEASUREMENTS = Columns(mvs_footer.MEASUREMENT)
+_STATES = Columns(mvs_footer.STATE)
 
 Entry = tuple[int, Evidence]
 """The sender's number for a car, and what it tells of it."""
@@ -90,41 +91,44 @@ def footer_of(
     )
 
 
-def read(footer: MvsFooter) -> Told:
-    """Read the entries of `footer`, measurements first."""
-    measured, estimated = footer.measurements, footer.estimates
-    n, every = len(measured), len(measured) + len(estimated)
-    states, covariances = np.zeros((every, 4)), np.zeros((every, 4, 4))
-    if measured:
-        numbers = np.array([_MEASURED(shared) for shared in measured])
-        states[:n, :2] = numbers[:, :2]
-        covariances[:n, :2, :2] = from_correlations(numbers[:, 2:4], numbers[:, 4:])
-    if estimated:
-        numbers = np.array([_STATED(shared.state) for shared in estimated])
-        states[n:] = numbers[:, :4]
-        covariances[n:] = from_correlations(numbers[:, 4:8], numbers[:, 8:])
-    reference_ms, observers = footer.reference_ms, footer.observers
+def read(data: bytes) -> Told:
+    """Read the entries of a footer from the air, measurements first.
+
+    Raises:
+        DecodeError: those of `mvs_footer.decode`.
+    """
+    parts = mvs_footer.take_apart(data)
+    head, observers = parts.head, parts.observers
+    measured, stated = _MEASUREMENTS.read(parts.measurements), _STATES.read(parts.states)
+    n, every = len(measured), len(measured) + len(stated)
+    by, cars, ages_ms = measured[:, 0].tolist(), measured[:, 1].tolist(), measured[:, 2].tolist()
+    makers = [observers[int(maker)] for maker in by]
     provenances: list[Provenance] = [
-        frozenset((measurement_id(observers[each.observer], reference_ms - each.age_ms),))
-        for each in measured
+        frozenset((measurement_id(maker, head.reference_ms - int(age_ms)),))
+        for maker, age_ms in zip(makers, ages_ms, strict=True)
     ]
     provenances += [
         frozenset(
             [
-                measurement_id(observers[run.observer], reference_ms - age_ms)
-                for run in shared.provenance
-                for age_ms in run.ages_ms
+                measurement_id(observers[observer], head.reference_ms - age_ms)
+                for observer, ages_ms in runs
+                for age_ms in ages_ms
             ]
         )
-        for shared in estimated
+        for runs in parts.provenances
     ]
-    makers = [frozenset((observers[each.observer],)) for each in measured]
-    makers += [frozenset([observers[run.observer] for run in e.provenance]) for e in estimated]
+    states, covariances = np.zeros((every, 4)), np.zeros((every, 4, 4))
+    states[:n, :2], states[n:] = measured[:, 4:6], stated[:, 1:5]
+    covariances[:n, :2, :2] = from_correlations(measured[:, 6:8], measured[:, 8:])
+    covariances[n:] = from_correlations(stated[:, 5:9], stated[:, 9:-1])
     return Told(
-        LocalFrame(footer.latitude_deg, footer.longitude_deg),
-        tuple([each.car for each in measured] + [each.state.car for each in estimated]),
+        LocalFrame(head.latitude_deg, head.longitude_deg),
+        tuple(map(int, cars + stated[:, 0].tolist())),
         tuple(provenances),
-        tuple(makers),
+        tuple(
+            [frozenset((maker,)) for maker in makers]
+            + [frozenset([observers[at] for at, _ in runs]) for runs in parts.provenances]
+        ),
         Kinematics(
             np.array([times_of(provenance).last_ms for provenance in provenances], np.float64),
             states.T,
@@ -195,13 +199,15 @@ def from_correlations(sigmas: Array, correlations: Array) -> Array:
     """
     many, n = sigmas.shape
     factor = np.zeros((many, n, n))
-    each = iter(correlations.T)
-    for i in range(n):
-        left = np.ones(many)
-        for j in range(i):
-            factor[:, i, j] = next(each) * np.sqrt(left)
-            left -= factor[:, i, j] ** 2
-        factor[:, i, i] = np.sqrt(left)
+    factor[:, *_below_diagonal(n)] = correlations
+    left = np.ones((many, n))  # of the length of each row, as in `to_correlations`
+    for j in range(n - 1):
+        factor[:, j + 1 :, j] *= np.sqrt(left[:, j + 1 :])
+        left[:, j + 1 :] -= factor[:, j + 1 :, j] ** 2
+    factor[:, range(n), range(n)] = np.sqrt(left)
     scaled = sigmas[:, :, None] * factor
     covariances: Array = scaled @ scaled.transpose(0, 2, 1)
     return covariances
+
+
+_below_diagonal = cache(partial(np.tril_indices, k=-1))

@@ -4,7 +4,14 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId, Provenance
+from onboard.mvs.evidence import (
+    Estimate,
+    Evidence,
+    Measurement,
+    MeasurementId,
+    Provenance,
+    stamp_ms_of,
+)
 from onboard.mvs.fusion import as_estimate
 from onboard.mvs.independent_set import select_independent, select_independent_masks
 from onboard.mvs.kalman import Array
@@ -133,7 +140,7 @@ class Track:
     def choose(self) -> None:
         """Choose anew which evidence to use, as `independent` does."""
         latest_first = sorted(
-            [held.piece for held in self.evidence.values()], key=_stamp_ms, reverse=True
+            [held.piece for held in self.evidence.values()], key=stamp_ms_of, reverse=True
         )
         masks = [self._masks[piece.provenance] for piece in latest_first]
         chosen = [latest_first[index] for index in select_independent_masks(masks)]
@@ -141,13 +148,8 @@ class Track:
 
     def settle(self, before_ms: int) -> None:
         """Decide for good on evidence of `before_ms` or earlier: in use now, or never again."""
-        old = [
-            piece
-            for piece in self.used
-            if piece.stamp_ms <= before_ms and piece.provenance in self.evidence
-        ]
-        if old:
-            self._settle(old)
+        chosen = self.used[len(self.settled) :]
+        self._settle([piece for piece in chosen if piece.stamp_ms <= before_ms])
 
     def take_over(self, other: "Track") -> None:
         """Take all evidence of what has turned out to be the same car."""
@@ -194,10 +196,13 @@ class Track:
         self.estimate = self.estimate.mapped(turn, shift)
 
     def _settle(self, pieces: Iterable[Evidence]) -> None:
+        spent = 0
         for piece in pieces:
             self.settled.append(piece)
             self._spent |= piece.provenance
-        self._keep(p for p in self.evidence if self._spent.isdisjoint(p))
+            spent |= self._mask(piece.provenance)
+        if spent:
+            self._keep(p for p, mask in self._masks.items() if not mask & spent)
 
     def _keep(self, provenances: Iterable[Provenance]) -> None:
         self.evidence = {provenance: self.evidence[provenance] for provenance in provenances}
@@ -215,13 +220,9 @@ class Track:
 
 def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
     """The most measurements, none twice, in the fewest pieces; the latest among equals."""
-    latest_first = sorted(pieces, key=_stamp_ms, reverse=True)
+    latest_first = sorted(pieces, key=stamp_ms_of, reverse=True)
     chosen = select_independent([piece.provenance for piece in latest_first])
     return [latest_first[index] for index in chosen]
-
-
-def _stamp_ms(piece: Evidence) -> int:
-    return piece.stamp_ms
 
 
 def _is_by(provenance: Provenance, teller: bytes) -> bool:

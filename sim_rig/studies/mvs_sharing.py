@@ -13,12 +13,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from pydantic import Field
 
-from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.evidence import Evidence, Measurement, Provenance
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
-from onboard.mvs.sharing import read
-from onboard.mvs.told import evidence_in
+from onboard.mvs.told import Told, evidence_in
 from onboard.mvs.track import independent
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
@@ -110,7 +108,7 @@ class _Counts:
         cars = world.traffic.cars_at(world.now)
         heard: dict[str, set[tuple[str, Provenance]]] = {name: set() for name in world.cores}
         for sent in world.sent:
-            told = _told(sent.footer, cars, world)
+            told = _told(sent.told, cars, world)
             for receiver in sent.receivers:
                 heard[receiver] |= told
         self._different += [len(different) for different in heard.values()]
@@ -167,11 +165,11 @@ def _reused(pieces: Iterable[Evidence]) -> int:
     return len(all_of_them) - len(set(all_of_them))
 
 
-def _told(footer: MvsFooter, cars: Cars, world: MvsWorld) -> set[tuple[str, Provenance]]:
+def _told(footer: Told, cars: Cars, world: MvsWorld) -> set[tuple[str, Provenance]]:
     """Entries by the car that they are truly about, and what they were made from."""
     told = set()
     now_ms = (world.now + START_UTC_S) * 1000
-    for piece in evidence_in(read(footer), ORIGIN):
+    for piece in evidence_in(footer, ORIGIN):
         place = piece.position_m if isinstance(piece, Measurement) else piece.state[:2]
         then = cars.middle_m - (now_ms - piece.stamp_ms) / 1000 * cars.velocity_m_s
         away = np.hypot(*(then - place).T)

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from onboard.messages import mvs_footer
-from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.evidence import Measurement, MeasurementId
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.own_car import OwnCar
 from onboard.mvs.settings import MvsSettings
 from onboard.mvs.sharing import read
+from onboard.mvs.told import Told
 from onboard.observations import Position, SensedCar
 from onboard.settings import Settings
 from sim_rig.radio.settings import CsmaSettings
@@ -75,7 +74,7 @@ class _Bsm:
     sender: str
     fix: Position
     acceleration_m_s2: float
-    footer: MvsFooter
+    footer: bytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +83,9 @@ class Sent:
 
     at_s: float
     sender: str
-    footer: MvsFooter
+    footer: bytes
+    told: Told
+    """What it says."""
     receivers: tuple[str, ...]
     """Those that got it."""
 
@@ -232,8 +233,7 @@ class MvsWorld:
         return in_view
 
     def _broadcast(self, own: int, fix: Position, footer: bytes, cars: Cars) -> None:
-        told = mvs_footer.decode(footer)
-        bsm = _Bsm(cars.names[own], fix, float(cars.acceleration_m_s2[own]), told)
+        bsm = _Bsm(cars.names[own], fix, float(cars.acceleration_m_s2[own]), footer)
         if self._channel is not None:
             self._channel.send(bsm.sender, bsm, BSM_BYTES + len(footer), _PRIORITY, self.now)
             return
@@ -250,8 +250,8 @@ class MvsWorld:
 
     def _hand_over(self, bsm: _Bsm, reached: Iterable[str]) -> None:
         receivers = tuple(name for name in reached if name in self.cores)
-        self.sent.append(Sent(self.now, bsm.sender, bsm.footer, receivers))
         told = read(bsm.footer)
+        self.sent.append(Sent(self.now, bsm.sender, bsm.footer, told, receivers))
         for receiver in receivers:
             self.cores[receiver].receive_bsm(
                 self.own_id(bsm.sender), bsm.fix, told, self.now, bsm.acceleration_m_s2

@@ -40,10 +40,7 @@ class _Film:
         self._picture(traffic, world.now)
         frame = self.frames[-1]
         frame["radio"] = sorted(world.cores)
-        frame["sent"] = [
-            [sent.sender, len(sent.footer.measurements) + len(sent.footer.estimates)]
-            for sent in world.sent
-        ]
+        frame["sent"] = [[sent.sender, len(sent.told)] for sent in world.sent]
         frame["warned"] = [[name, told.cause.value, right] for name, told, right in warned]
         known: dict[str, list[tuple[str, str]]] = {}
         for name, core in world.cores.items():

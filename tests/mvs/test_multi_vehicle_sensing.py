@@ -522,7 +522,7 @@ def test_what_was_heard_is_passed_on_once_however_punctual_the_footers_are(
         while world.sent and (heard_at := world.sent[0].state.stamp_s + 0.02) <= now:
             message = world.sent.pop(0)
             mvs.receive_bsm(message.sender.id, message.state, message.footer, heard_at)
-        for provenance in read(mvs_footer.decode(mvs.footer_to_send(now))).provenances:
+        for provenance in read(mvs.footer_to_send(now)).provenances:
             told += [stamp_ms for _, stamp_ms in provenance]
 
     assert len(told) == len(set(told))
@@ -544,8 +544,8 @@ def test_what_comes_back_from_others_is_not_told_again() -> None:
 
     world.run(3.0)
 
-    of_a = [read(mvs_footer.decode(m.footer)) for m in world.sent if m.sender.name == "a"]
-    of_b = [read(mvs_footer.decode(m.footer)) for m in world.sent if m.sender.name == "b"]
+    of_a = [read(m.footer) for m in world.sent if m.sender.name == "a"]
+    of_b = [read(m.footer) for m in world.sent if m.sender.name == "b"]
     assert [len(provenance) for told in of_a[5:] for provenance in told.provenances] == [1] * 25
     assert {len(provenance) for told in of_b for provenance in told.provenances} == {2}
 
@@ -559,7 +559,7 @@ def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
         mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 0.0, 0.0))
         for number in range(1 if k < 4 else 2):
             mvs.receive_sensed_car(SensedCar(at, number, 30.0, 0.3, 0.6 * number, 0.01))
-        told.append(read(mvs_footer.decode(mvs.footer_to_send(at))).cars)
+        told.append(read(mvs.footer_to_send(at)).cars)
         mvs._tracks._last_number = 256
 
     assert {track.number for track in mvs._tracks} == {1, 257}

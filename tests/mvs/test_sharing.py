@@ -42,7 +42,7 @@ def some_evidence(rng: np.random.Generator, cars: int) -> list[Entry]:
 
 
 def read_bytes(data: bytes) -> Told:
-    return read(mvs_footer.decode(data))
+    return read(data)
 
 
 def test_what_was_sent_is_in_the_receivers_frame_what_it_was_in_the_senders() -> None:

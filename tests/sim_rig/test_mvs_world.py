@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from onboard.messages import mvs_footer
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from onboard.mvs.told import Told
@@ -28,7 +27,7 @@ class Doubled:
     def __getattr__(self, name: str) -> object:
         def call(*arguments: object) -> object:
             self.footers += sum(isinstance(each, Told) for each in arguments)
-            data = mvs_footer.encode(self.world.sent[-1].footer) if self.world.sent else b""
+            data = self.world.sent[-1].footer if self.world.sent else b""
             wire = [data if isinstance(each, Told) else each for each in arguments]
             getattr(self.twin, name)(*wire)
             return getattr(self.core, name)(*arguments)

@@ -1,0 +1,54 @@
+"""Messages read as columns say what each of them says when it is read alone."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.messages.columns import Columns
+from onboard.messages.declaration import DecodeError, Layout
+from onboard.messages.mvs_footer import MEASUREMENT, STATE
+
+Read = tuple[float, ...]
+
+
+def one_by_one(layout: Layout[object], data: bytes) -> list[Read] | None:
+    size = layout.size_bytes
+    try:
+        messages = [layout.decode(data[at : at + size]) for at in range(0, len(data), size)]
+    except DecodeError:
+        return None
+    return [dataclasses.astuple(message) for message in messages]  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize("layout", [MEASUREMENT, STATE])
+@given(data=st.data())
+def test_columns_say_what_the_messages_say(layout: Layout[object], data: st.DataObject) -> None:
+    size = layout.size_bytes
+    messages = b"".join(data.draw(st.lists(st.binary(min_size=size, max_size=size), max_size=5)))
+    expected = one_by_one(layout, messages)
+    columns = Columns(layout)
+
+    if expected is None:
+        with pytest.raises(DecodeError, match="out_of_range"):
+            columns.read(messages)
+    else:
+        read = columns.read(messages)
+        assert read.shape == (len(expected), len(layout.wires))
+        np.testing.assert_array_equal(read, np.array(expected).reshape(read.shape))
+
+
+@pytest.mark.parametrize("layout", [MEASUREMENT, STATE])
+@pytest.mark.parametrize("filling", [0x00, 0x7F, 0x80, 0x81, 0xFF])
+def test_the_ends_of_the_ranges(layout: Layout[object], filling: int) -> None:
+    messages = bytes([filling]) * layout.size_bytes
+    expected = one_by_one(layout, messages)
+
+    try:
+        read = Columns(layout).read(messages).tolist()
+    except DecodeError:
+        assert expected is None
+    else:
+        assert [tuple(row) for row in read] == expected
