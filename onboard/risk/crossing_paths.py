@@ -1,8 +1,8 @@
 """Where the own path and another car's cross, and how likely the two meet there.
 
 Of a car whose acceleration is known, that one is the likeliest (section III-E of the paper); of
-others, all are alike. But who would have to brake harder than drivers who stop do, and does not,
-drives on; between two of these P_C leaves out that anybody stops.
+others, all are alike. But who goes straight on and would have to brake harder than drivers who stop
+do, and does not, drives on; between two of these P_C leaves out that anybody stops.
 
 P_C is averaged over what is not known exactly: the distances and speeds of both cars, whose common
 covariance follows from those of their states. The average is a fixed rule of 25 points, exact for
@@ -53,6 +53,8 @@ class Driven:
     width_m: float
     acceleration_m_s2: float | None = None
     """Along its course; `None`: not known."""
+    sideways_m_s2: float | None = None
+    """Across its course, in a bend; `None`: not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,20 +146,32 @@ def _drive_on(
     """Whether to stay out of the other's way asks more braking of both than drivers do, (n).
 
     The own driver, who is the one to be warned, has time to react. So has who still accelerates,
-    and does so until then.
+    and does so until then. Both must be known to go straight on: in a bend, the courses of all that
+    come towards us cross ours.
     """
-    if not meetings or own.acceleration_m_s2 is None:
+    if not meetings or own.acceleration_m_s2 is None or not _goes_straight(own, settings):
         return np.zeros(len(meetings), dtype=bool)
     own_d, own_v, other_d, other_v = np.array([each.mean for each in meetings]).T
     half, half_other = _zone_halves_m(meetings, others, own)
     gaining = np.array([_gaining_m_s2(each.acceleration_m_s2, settings) for each in others])
     own_gaining = np.full(len(meetings), _gaining_m_s2(own.acceleration_m_s2, settings))
     reaction_s = np.full(len(meetings), settings.reaction_s)
-    return _has_to_brake_hard(
-        own_d - half, own_v, own_gaining, reaction_s, settings
-    ) & _has_to_brake_hard(
-        other_d - half_other, other_v, gaining, np.where(gaining > 0.0, reaction_s, 0.0), settings
+    straight = np.array([_goes_straight(each, settings) for each in others])
+    return (
+        straight
+        & _has_to_brake_hard(own_d - half, own_v, own_gaining, reaction_s, settings)
+        & _has_to_brake_hard(
+            other_d - half_other,
+            other_v,
+            gaining,
+            np.where(gaining > 0.0, reaction_s, 0.0),
+            settings,
+        )
     )
+
+
+def _goes_straight(car: Driven, settings: CrossingSettings) -> bool:
+    return car.sideways_m_s2 is not None and abs(car.sideways_m_s2) <= settings.straight_m_s2
 
 
 def _gaining_m_s2(acceleration_m_s2: float | None, settings: CrossingSettings) -> float:

@@ -28,8 +28,8 @@ from onboard.risk.crossing_paths import (
     averaged_collision_probabilities,
     meeting,
 )
+from onboard.risk.motion import Motion
 from onboard.risk.settings import RiskSettings
-from onboard.speed_trend import SpeedTrend
 
 _NO_BRAKING_HELPS_M_S2 = 20.0
 """Alarms name no greater need than this."""
@@ -65,7 +65,7 @@ class RiskMonitor:
         self._lead_motion = LeadMotion(settings.closing_gap)
         self._height_m: float | None = None
         self._said: dict[str, _Said] = {}
-        self._trends: dict[str, SpeedTrend] = {}
+        self._motions: dict[str, Motion] = {}
         self._warning: WarningRaised | None = None
         self._alarms = {
             cause: Hysteresis(
@@ -127,7 +127,7 @@ class RiskMonitor:
         self._judge(Cause.GROUP, self._group(now), now)
         self._judge(Cause.CLOSING_GAP, self._closing_gap(now), now)
         others = [] if own is None else [car for car in cars if _is_other(car, own)]
-        self._follow_speeds([*others, own] if own is not None else [], now)
+        self._follow_motions([*others, own] if own is not None else [], now)
         if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:
             self._judge(Cause.HARD_BRAKING, NOTHING, now)
             self._judge(Cause.CROSSING, NOTHING, now)
@@ -238,7 +238,7 @@ class RiskMonitor:
         p_c = averaged_collision_probabilities(
             [met for _, met in found],
             [self._driven(car) for car, _ in found],
-            Driven(*self._own_size, self._acceleration_m_s2(own)),
+            Driven(*self._own_size, *self._changes(own)),
             settings,
         )
         seen = [self._grade(car, float(p), own) for (car, _), p in zip(found, p_c, strict=True)]
@@ -252,19 +252,20 @@ class RiskMonitor:
             return Assessment(Level.CAUTION, p_c, (_reason(car, own),))
         return Assessment(Level.NONE, p_c, ())
 
-    def _follow_speeds(self, cars: Sequence[KnownCar], now: float) -> None:
-        self._trends = {
-            car.name: self._trends.get(car.name) or SpeedTrend(self._settings.crossing.trend_s)
+    def _follow_motions(self, cars: Sequence[KnownCar], now: float) -> None:
+        self._motions = {
+            car.name: self._motions.get(car.name) or Motion(self._settings.crossing.trend_s)
             for car in cars
         }
         for car in cars:
-            self._trends[car.name].receive(now, math.hypot(*car.state[2:]))
+            _, _, east_m_s, north_m_s = car.state
+            self._motions[car.name].receive(now, east_m_s, north_m_s)
 
-    def _acceleration_m_s2(self, car: KnownCar) -> float | None:
-        """As the car says, else as its speed changes."""
-        if car.acceleration_m_s2 is not None:
-            return car.acceleration_m_s2
-        return self._trends[car.name].acceleration_m_s2
+    def _changes(self, car: KnownCar) -> tuple[float | None, float | None]:
+        """Acceleration, as the car says, else as its speed changes; and that across."""
+        motion = self._motions[car.name]
+        said_m_s2 = car.acceleration_m_s2
+        return motion.acceleration_m_s2 if said_m_s2 is None else said_m_s2, motion.sideways_m_s2
 
     def _is_over_or_under(self, car: KnownCar, met: Meeting) -> bool:
         said = self._said.get(car.name)
@@ -283,7 +284,7 @@ class RiskMonitor:
         return Driven(
             (said.length_m if said else None) or self._settings.other_length_m,
             (said.width_m if said else None) or self._settings.other_width_m,
-            self._acceleration_m_s2(car),
+            *self._changes(car),
         )
 
     def _fresh_speed(self, now: float) -> Speed | None:

@@ -81,6 +81,8 @@ class CrossingSettings(Settings):
     """Who accelerates by more clearly does not mean to stop yet."""
     driving_on_m_s2: float = Field(1.0, gt=0.0, le=5.0)
     """How much more or less someone who drives on accelerates than he does, or than not at all."""
+    straight_m_s2: float = Field(1.0, gt=0.0, le=10.0)
+    """Who is drawn aside by more is in a bend, and will not be where the present course leads."""
     top_speed_m_s: float = Field(70.0, gt=0.0, le=150.0)
     other_level_m: float = Field(3.5, gt=0.0, le=20.0)
     """A car so much higher or lower is on a bridge over our road, or under it."""

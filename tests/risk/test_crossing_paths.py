@@ -199,13 +199,18 @@ def test_who_is_behind_the_crossing_for_certain_meets_nobody() -> None:
 
 
 def meet(
-    own_m: float, other_m: float, *, own: float | None = 0.0, other: float | None = 0.0
+    own_m: float,
+    other_m: float,
+    *,
+    own: float | None = 0.0,
+    other: float | None = 0.0,
+    sideways: tuple[float | None, float | None] = (0.0, 0.0),
 ) -> float:
-    """P_C at right angles, both at 14 m/s so far before the crossing, with their accelerations."""
+    """P_C at right angles, both at 14 m/s so far before the crossing, with how that changes."""
     met = meeting(car((-own_m, 0.0, 14.0, 0.0)), car((0.0, -other_m, 0.0, 14.0)), SETTINGS)
     assert met is not None
-    cars = Driven(5.0, 1.75, other), Driven(5.0, 1.75, own)
-    return float(averaged_collision_probabilities([met], [cars[0]], cars[1], SETTINGS)[0])
+    mine, others = Driven(5.0, 1.75, own, sideways[0]), [Driven(5.0, 1.75, other, sideways[1])]
+    return float(averaged_collision_probabilities([met], others, mine, SETTINGS)[0])
 
 
 def test_two_that_can_hardly_stop_any_more_are_taken_to_drive_on() -> None:
@@ -225,8 +230,8 @@ def test_who_sets_off_does_not_mean_to_stop() -> None:
     assert met is not None
 
     def p_c(acceleration_m_s2: float) -> float:
-        others = [Driven(5.0, 1.75, acceleration_m_s2)]
-        me = Driven(5.0, 1.75, 0.0)
+        others = [Driven(5.0, 1.75, acceleration_m_s2, 0.0)]
+        me = Driven(5.0, 1.75, 0.0, 0.0)
         return float(averaged_collision_probabilities([met], others, me, SETTINGS)[0])
 
     assert p_c(2.5) > SETTINGS.warning_p_c
@@ -239,6 +244,8 @@ def test_who_brakes_or_is_out_of_turn_is_not_taken_to_drive_into_anybody() -> No
     assert meet(35.0, 22.0) < SETTINGS.caution_p_c  # passes before us
     assert meet(35.0, 35.0, other=None) < SETTINGS.warning_p_c  # nobody knows what he does
     assert meet(35.0, 35.0, own=None) < SETTINGS.warning_p_c
+    for sideways in ((1.5, 0.0), (0.0, -1.5), (None, 0.0), (0.0, None)):
+        assert meet(35.0, 35.0, sideways=sideways) < SETTINGS.warning_p_c
 
 
 @given(
@@ -254,7 +261,7 @@ def test_that_two_drive_on_never_makes_a_crash_less_likely(
         car((0.0, -distance[1], 0.0, 11.0), sigma_m, 0.5),
         SETTINGS,
     )
-    own, other = (Driven(5.0, 1.75, each) for each in acceleration)
+    own, other = (Driven(5.0, 1.75, each, 0.0) for each in acceleration)
     assert met is not None
 
     (p_c,) = averaged_collision_probabilities([met], [other], own, SETTINGS)

@@ -79,6 +79,18 @@ def drive(of: RiskMonitor, mine: Drive, other: Drive, until_s: float, **how: obj
     return alarms(of)
 
 
+def bend(speed_m_s: float, radius_m: float, meets_s: float) -> Drive:
+    """Round the origin, to the left if `radius_m` is positive; northmost at `meets_s`."""
+
+    def at(t: float) -> State:
+        angle = math.pi / 2 + speed_m_s * (t - meets_s) / radius_m
+        across, up = abs(radius_m) * math.cos(angle), abs(radius_m) * math.sin(angle)
+        turned = math.copysign(speed_m_s, radius_m)
+        return across, up, -turned * math.sin(angle), turned * math.cos(angle)
+
+    return at
+
+
 def worst(seen: Iterable[Alarm]) -> Level:
     return max((alarm.level for alarm in seen), key=lambda level: level.rank, default=Level.NONE)
 
@@ -109,6 +121,19 @@ def test_a_car_that_comes_out_of_the_side_road_of_a_t_junction() -> None:
     seen = drive(monitor(), east(13.0, 50.0), north(6.0, 50.0 * 6 / 13), 3.8)
 
     assert worst(seen) is Level.WARNING
+
+
+@pytest.mark.parametrize(
+    ("radius_m", "speed_m_s"), [(75.0, 14.0), (150.0, 20.0), (300.0, 25.0), (300.0, 30.0)]
+)
+def test_who_comes_towards_us_in_a_bend_is_not_taken_to_drive_into_us(
+    radius_m: float, speed_m_s: float
+) -> None:
+    """Each in its own lane; their courses cross between them, as far from the one as the other."""
+    inner, outer = bend(speed_m_s, radius_m - 1.75, 5.0), bend(speed_m_s, -radius_m - 1.75, 5.0)
+
+    assert worst(drive(monitor(), inner, outer, 5.0)) is not Level.WARNING
+    assert worst(drive(monitor(), outer, inner, 5.0)) is not Level.WARNING
 
 
 def test_one_lost_beacon_in_two_still_warns() -> None:
