@@ -108,6 +108,19 @@ class Forwarding:
             known.heard_at = now
             known.repeat_at = now + self._wait_s(message.reach, distance)
 
+    def owe(self, car_id: CarId, now: float) -> None:
+        """That car follows from now on: tell it, after its reply, if this one has just braked.
+
+        Of brakings farther ahead it is not told. They may have been in another lane.
+        """
+        horizon = now - self._settings.event_lifetime_s
+        for known in self._known.values():
+            is_own_braking = isinstance(known.message, Warn) and known.distance == 0
+            if is_own_braking and known.heard_at >= horizon:
+                known.owing.add(car_id)
+                known.repeats_left = self._settings.warn_repeats
+                known.check_at = known.check_at or now + self._settings.slot_s
+
     def hear_acknowledgement(self, event: EventId, car_id: CarId, behind: int) -> None:
         """A car of the own group, `behind` cars behind, says that it has heard this event.
 

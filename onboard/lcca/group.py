@@ -85,9 +85,7 @@ class WarningGroup:
         self._join_if_due(now)
 
     def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
-        """The own car brakes hard: warn everybody behind in the group."""
-        if self._state is State.REGULAR:
-            return
+        """The own car brakes hard: warn all behind in the group, and who joins them meanwhile."""
         warn = Warn(
             *self._place.header,
             event_origin_id=self._place.own_id,
@@ -98,7 +96,8 @@ class WarningGroup:
             age_s=max(now - brake.stamp_s, 0.0),
             hops=1,
         )
-        self._outbox.append(warn)
+        if self._state is not State.REGULAR:
+            self._outbox.append(warn)
         self._forwarding.originate(warn, now)
 
     def set_own_id(self, car_id: CarId, now: float) -> None:
@@ -231,6 +230,8 @@ class WarningGroup:
 
     def _receive_join(self, join: Join, now: float) -> None:
         is_for_us = join.to_id in self._place.own_ids
+        if is_for_us and join.sender_id not in self._followers.ids:
+            self._forwarding.owe(join.sender_id, now)
         heard = (join.heard_origin_id, join.heard_sequence)
         if heard != _NO_EVENT and (is_for_us or join.leader_id == self._place.leader_id):
             behind = 1 if is_for_us else join.number - self._place.number

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from onboard.lcca.events import Neighbour, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.settings import LccaSettings
+from onboard.lcca.transitions import State
 from onboard.messages.lcca import Join, Reply, Update, Warn
 from onboard.observations import Discarded, HardBrake
 from tests.lcca.road import Air, Road, Transmission, car_id, places, true_places
@@ -271,6 +272,43 @@ def test_a_warning_is_repeated_to_a_follower_that_does_not_acknowledge_but_not_f
     ages = [entry.message.age_s for entry in road.warns()]
     assert ages == pytest.approx([n * road.settings.acknowledge_s for n in range(len(ages))])
     assert {entry.message.hops for entry in road.warns()} == {1}
+
+
+@pytest.mark.parametrize("others", ["", "X"])
+def test_who_comes_too_close_while_the_car_ahead_brakes_is_told_when_it_joins(others: str) -> None:
+    """The gap shrinks because that car brakes, so this is when cars join."""
+    road = Road()
+    road.add("A", 0.0)
+    for name in others:  # which follows already
+        road.add(name, -25.0)
+    late = [road.add("B", -10.0, lane=1), road.add("C", -20.0, lane=1)]
+    road.run(3.0)
+    road.brake("A")
+    road.run(0.8)
+    assert warned(road) == others
+    for car in late:
+        car.lane = 0
+    road.run(0.5)
+    assert "B" in warned(road)
+    assert road.cars["B"].warnings[0].age_s == pytest.approx(1.0, abs=0.2)
+    before = len(road.warns())
+    road.run(5.0)
+    assert warned(road) == others + "BC"
+    assert all(len(car.warnings) <= 1 for car in road.cars.values())
+    assert len(road.warns()) == before
+
+
+def test_a_braking_that_is_over_is_not_told_to_who_joins() -> None:
+    road = Road()
+    road.add("A", 0.0)
+    late = road.add("B", -10.0, lane=1)
+    road.run(3.0)
+    road.brake("A")
+    road.run(LccaSettings().event_lifetime_s)
+    late.lane = 0
+    road.run(2.0)
+    assert late.group.state is State.MEMBER
+    assert road.warns() == []
 
 
 def test_a_lost_acknowledgement_is_given_again_and_raises_no_second_alarm() -> None:
