@@ -7,7 +7,8 @@
                so a bus whose ECUs sleep or refuse is not flooded.
 
 All requests are functional: every ECU may answer, and the next one is there when the first fails.
-"Response pending" holds the next request back until the answer comes, at most P2* long.
+"Response pending" holds the next request back until the answer comes, be it a refusal, at most P2*
+long.
 """
 
 from dataclasses import dataclass
@@ -85,11 +86,13 @@ class ExternalTester:
         self, answer: CurrentData | Refused, now: float, *, is_extended_id: bool
     ) -> None:
         """Any ECU's answer, to us or to another tester."""
-        if isinstance(answer, Refused):
-            if answer.response_code == RESPONSE_PENDING and self._open is not None:
+        if isinstance(answer, Refused) and answer.response_code == RESPONSE_PENDING:
+            if self._open is not None:
                 self._pending_until = now + P2_STAR_S
             return
-        self._pending_until = 0.0
+        self._pending_until = 0.0  # whatever came is what was waited for
+        if isinstance(answer, Refused):
+            return
         if VEHICLE_SPEED in answer.values:
             self._heard_at = now
             if self._phase is Phase.SEARCHING:

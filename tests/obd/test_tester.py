@@ -136,6 +136,15 @@ def test_the_answer_after_response_pending_lets_polling_go_on():
     assert tester.phase is Phase.POLLING
 
 
+def test_a_refusal_after_response_pending_lets_polling_go_on():
+    tester = polling_tester(10.0)
+    tester.requests_to_send(10.05)
+    tester.receive_answer(Refused(0x78), 10.06, is_extended_id=False)
+    tester.receive_answer(Refused(0x22), 10.2, is_extended_id=False)
+    assert tester.requests_to_send(10.2) == [ASK_SPEED]
+    assert tester.phase is Phase.POLLING
+
+
 def test_pending_without_an_answer_ends_in_searching():
     tester = polling_tester(10.0)
     tester.requests_to_send(10.05)
