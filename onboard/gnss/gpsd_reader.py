@@ -134,7 +134,8 @@ class GpsdReader:
         radius_m = _number(tpv, "eph", 0.0, 1e6)
         if radius_m is not None:
             return radius_m / PER_CIRCLE_95
-        quality = _QUALITY_BY_STATUS.get(tpv.get("status", 0))
+        status = _number(tpv, "status", 0.0, 99.0)
+        quality = _QUALITY_BY_STATUS.get(int(status or 0))
         return sigma_from_hdop_m(self._hdop, quality, self._settings.range_error_m)
 
     def _discard(self, reason: str, detail: str, now: float) -> None:

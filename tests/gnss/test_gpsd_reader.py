@@ -149,6 +149,7 @@ def test_gpsds_own_complaint_is_counted():
         TPV | {"lon": "10.1"},
         TPV | {"lat": True},
         TPV | {"time": "yesterday"},
+        without("epx", "eph", status=[2]),
         TPV | {"time": 17},
         TPV | {"speed": -1},
         TPV | {"eph": -1, "epx": None},
