@@ -74,6 +74,9 @@ class Plausibility:
     ) -> Implausible | None:
         """Compare `message` with those before it, and remember it.
 
+        One that a later one has overtaken on its way is compared with that, and not remembered.
+        Else whoever dates his messages back could say anything.
+
         Args:
             sender: the signer's HashedId8, or the temporary ID where nobody signs.
             message: what it says.
@@ -90,13 +93,13 @@ class Plausibility:
         self._senders.move_to_end(sender)
         if len(self._senders) > _SENDERS:
             self._senders.popitem(last=False)
-        if known.last is not None and stamp_s < known.last[0]:
-            return None  # overtaken by a later one on its way
         doubt = _compare(known.last, core, stamp_s)
-        known.last = (stamp_s, core)
+        is_overtaken = known.last is not None and stamp_s < known.last[0]
+        if not is_overtaken:
+            known.last = (stamp_s, core)
         if doubt is not None:
             return doubt
-        if core.speed_m_s is not None:
+        if core.speed_m_s is not None and not is_overtaken:
             known.speeds.append((stamp_s, core.speed_m_s))
         is_braking = message.safety is not None and bool(
             (message.safety.events or 0) & VehicleEventFlags.HARD_BRAKING

@@ -137,11 +137,27 @@ def test_speeds_that_were_doubted_do_not_bear_out_a_brake():
     assert plausibility.check_warning(b"plate id", braked_at_s=1.5) == "implausible_brake"
 
 
-def test_a_message_overtaken_by_a_later_one_is_not_compared_with_it():
+def test_a_message_overtaken_by_a_later_one_is_believed_and_not_remembered():
     plausibility = Plausibility()
     plausibility.receive_bsm(b"car", _bsm(20.0, north_m=10.0), 1.0)
-    assert plausibility.receive_bsm(b"car", _bsm(40.0, north_m=900.0), 0.5) is None
+    assert plausibility.receive_bsm(b"car", _bsm(20.0, north_m=8.0), 0.9) is None
     assert plausibility.receive_bsm(b"car", _bsm(20.0, north_m=12.0), 1.1) is None
+    plausibility.receive_car_id(b"car", b"plate id")
+    assert not plausibility.is_heard_since(b"plate id", 1.1)
+
+
+@pytest.mark.parametrize(
+    ("message", "doubt"),
+    [
+        (_bsm(40.0, north_m=50.0), "implausible_acceleration"),
+        (_bsm(20.0, north_m=900.0), "implausible_position"),
+        (_bsm(20.0, north_m=57.0, braking=True), "implausible_brake"),
+    ],
+)
+def test_whoever_dates_his_messages_back_is_doubted_all_the_same(message, doubt):
+    plausibility = Plausibility()
+    _drive(np.full(30, 20.0), plausibility)
+    assert plausibility.receive_bsm(b"car", message, 2.85) == doubt
 
 
 # ---- warnings of a group ------------------------------------------------------------------------
