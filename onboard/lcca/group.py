@@ -177,8 +177,9 @@ class WarningGroup:
         followed = self._membership.predecessor
         if reply.to_id not in self._place.own_ids:
             if reply.to_id == followed:
-                has_news = (reply.leader_id, reply.number + 2) != self._place.in_group
-                self._membership.hear_predecessor_refresh(now, has_news=has_news)
+                moved = (reply.leader_id, reply.number + 2) != self._place.in_group
+                news = self._place.is_news(reply.leader_id, reply.beat)
+                self._membership.hear_predecessor_refresh(now, moved=moved, news=news)
             return
         refusal = self._membership.refusal(reply, now)
         if refusal is not None:

@@ -30,7 +30,6 @@ class Membership:
         """Another car that the camera wants joined."""
         self._unanswered = 0
         self._join_at = 0.0
-        self._joined_at = _NEVER
         self._sequence = int(rng.integers(_SEQUENCES))
         self._answered_sequence = self._sequence
         self._answered_at = _NEVER
@@ -65,7 +64,6 @@ class Membership:
             wait_s = min(wait_s * 2**self._unanswered, self._settings.retry_max_s)
         self._unanswered = min(self._unanswered + 1, _MOST_DOUBLINGS)
         self._join_at = now + wait_s + self._spread()
-        self._joined_at = now
         self._sequence = (self._sequence + 1) % _SEQUENCES
         return to_id, self._sequence
 
@@ -77,9 +75,9 @@ class Membership:
         """Bring the next join forward to now."""
         self._join_at = now
 
-    def hear_predecessor_refresh(self, now: float, *, has_news: bool) -> None:
-        """The car ahead was answered: ask it in turn, unless we did just now and know the rest."""
-        if has_news or now - self._joined_at >= self._settings.refresh_s / 2:
+    def hear_predecessor_refresh(self, now: float, *, moved: bool, news: bool) -> None:
+        """The car ahead was answered: ask it in turn, if it moved or we had no news for long."""
+        if moved or (news and now - self._news_at >= self._settings.refresh_s / 2):
             self.join_soon(now)
 
     def refusal(self, reply: Reply, now: float) -> str | None:

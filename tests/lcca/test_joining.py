@@ -394,6 +394,20 @@ def test_news_that_no_update_brought_comes_down_the_row_as_a_wave() -> None:
     assert all(later - earlier <= one_car_s for earlier, later in pairwise(reached))
 
 
+@pytest.mark.parametrize(("cars", "loss"), [(40, 0.0), (16, 0.3)])
+def test_news_of_a_living_leader_reaches_the_end_of_a_long_row_in_time(
+    cars: int, loss: float
+) -> None:
+    road = Road(Air(reach_m=150.0, loss=loss), seed=3)
+    for i in range(cars):
+        road.add(f"{i:02d}", -20.0 * i)
+    road.run(10.0)
+    assert places(road) == true_places(road)
+    settled = {name: len(car.transitions) for name, car in road.cars.items()}
+    road.run(15.0)
+    assert {name: len(car.transitions) for name, car in road.cars.items()} == settled
+
+
 def test_every_listed_transition_happens_on_the_road() -> None:
     road = Road()
     cars = road.add_row("ABC", gap_m=15.0)  # REGULAR is followed, joins; a MEMBER is followed
