@@ -6,6 +6,7 @@ from typing import Annotated
 from pydantic import Field, StringConstraints, field_validator
 
 from onboard.access.settings import AccessSettings
+from onboard.detector.settings import DetectorSettings
 from onboard.gnss.settings import GnssSettings
 from onboard.hmi.settings import HmiSettings
 from onboard.lcca.settings import LccaSettings
@@ -41,6 +42,7 @@ class WatchSettings(Settings):
     speed_s: float = Field(0.8, gt=0.0, le=10.0)
     camera_s: float = Field(0.8, gt=0.0, le=10.0)
     position_s: float = Field(3.0, gt=0.0, le=60.0)
+    detector_s: float = Field(1.0, gt=0.0, le=10.0)
 
 
 class TraceSettings(Settings):
@@ -63,6 +65,8 @@ class CarConfig(Settings):
     obd: ObdSettings = ObdSettings()
     camera: CameraSettings | None = None
     vision: VisionSettings = VisionSettings()
+    detector: DetectorSettings | None = None
+    """A detector of the user's, which knows cars from every side."""
     gnss: GnssSettings | None = None
     radio: RadioSettings | None = None
     security: SecuritySettings = SecuritySettings()
@@ -94,5 +98,6 @@ class CarConfig(Settings):
             Sensor.CAMERA: self.camera,
             Sensor.POSITION: self.gnss,
             Sensor.RADIO: self.radio,
+            Sensor.DETECTOR: self.detector,
         }
         return frozenset(sensor for sensor, wire in wires.items() if wire is not None)

@@ -17,6 +17,8 @@ import structlog
 from onboard.access.driver_file import load_driver, save_driver
 from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.config import CarConfig
+from onboard.detector.detector_socket import open_detector
+from onboard.detector.object_list import ObjectListReader
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.messages import bsm
@@ -181,6 +183,10 @@ class Daemon:
             camera = CameraThread(config.camera, config.vision, self._on_seen, on_picture)
             camera.start()
             wires.callback(camera.close)
+        if config.detector is not None:
+            self._object_lists = ObjectListReader()
+            detector = await open_detector(config.detector, self._taker(self._receive_objects))
+            wires.callback(detector.close)
         if config.hmi is not None:
             # A web server is a tenth of a start, and a box may have nobody who looks.
             from onboard.hmi.driver_page import DriverPage  # noqa: PLC0415 (said above)
@@ -297,6 +303,11 @@ class Daemon:
     def _receive_gnss(self, data: bytes, now: float) -> None:
         self._gnss.receive_bytes(data, now)
         while (observation := self._gnss.next_event()) is not None:
+            self._stack.receive_observation(observation, now)
+
+    def _receive_objects(self, data: bytes, now: float) -> None:
+        self._object_lists.receive_bytes(data, now)
+        while (observation := self._object_lists.next_event()) is not None:
             self._stack.receive_observation(observation, now)
 
     def _on_seen(self, observations: Sequence[Observation]) -> None:

@@ -16,6 +16,7 @@ class Sensor(StrEnum):
     CAMERA = "camera"
     POSITION = "position"
     RADIO = "radio"
+    DETECTOR = "detector"
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +122,19 @@ class SensedCar:
     """Clockwise from the car's heading, as headings are."""
     bearing_sigma_rad: float
     text: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DetectedCars:
+    """All cars that a detector of the user's found in one picture; to find none says that it looks.
+
+    Where there is such a detector, what the own vision senses by plates is not shared besides.
+    """
+
+    kind: ClassVar[str] = "detected_cars"
+    stamp_s: float
+    cars: tuple[SensedCar, ...]
+    """All of this stamp, each `track_id` once."""
 
 
 @dataclass(frozen=True, slots=True)

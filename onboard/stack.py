@@ -26,6 +26,7 @@ from onboard.obd.can_frame import CanFrame
 from onboard.obd.car_bus import CarBus
 from onboard.observations import (
     BrakePedal,
+    DetectedCars,
     Discarded,
     HardBrake,
     Lead,
@@ -50,7 +51,7 @@ from onboard.units import STANDARD_GRAVITY_M_S2
 from onboard.wave_link import Received, Sent, WaveLink
 
 Observation = (
-    Speed | BrakePedal | HardBrake | Plate | Lead | SensedCar | Position
+    Speed | BrakePedal | HardBrake | Plate | Lead | SensedCar | DetectedCars | Position
     | SensorLost | SensorBack | Discarded
 )  # fmt: skip
 """What the sensors' rooms say."""
@@ -122,7 +123,9 @@ class Stack:
         self._surroundings: tuple[KnownCar | None, list[KnownCar]] = (None, [])
         self._events: deque[Event] = deque()
         self._sign(now)
-        self._watch = SensorWatch(_limits_s(config.watch, sensors), now)
+        limits_s = _limits_s(config.watch, sensors)
+        self._watch = SensorWatch(limits_s, now)
+        self._has_detector = Sensor.DETECTOR in limits_s
 
     @property
     def digest(self) -> PlateDigest:
@@ -153,6 +156,8 @@ class Stack:
 
     def receive_observation(self, observation: Observation, now: float) -> None:
         """What the bus, vision or GNSS saw, or the loss of a sensor that its room has noticed."""
+        if self._is_of_no_use(observation):
+            return
         match observation:
             case Speed():
                 self._watch.receive_sample(Sensor.SPEED, observation.stamp_s)
@@ -173,10 +178,8 @@ class Stack:
                 self._beacon.receive_position(observation)
                 self._mvs.receive_position(observation)
                 self._risk.receive_position(observation)
-            case SensedCar():
-                self._mvs.receive_sensed_car(observation)
-            case Plate(text=None):
-                return  # something like a plate that nobody could read is no plate
+            case SensedCar() | DetectedCars():
+                self._receive_cars(observation)
             case SensorLost():
                 self._watch.receive_loss(observation.sensor, observation.reason, now)
                 return
@@ -327,6 +330,23 @@ class Stack:
 
     # ---- between the rooms ----------------------------------------------------------------
 
+    def _receive_cars(self, observation: SensedCar | DetectedCars) -> None:
+        match observation:
+            case SensedCar():
+                self._mvs.receive_sensed_car(observation)
+            case DetectedCars():
+                self._watch.receive_sample(Sensor.DETECTOR, observation.stamp_s)
+                for car in observation.cars:
+                    self._mvs.receive_sensed_car(car)
+
+    def _is_of_no_use(self, observation: Observation) -> bool:
+        match observation:
+            case Plate(text=None):
+                return True  # something like a plate that nobody could read is no plate
+            case SensedCar():
+                return self._has_detector  # which calls the same car by another name
+        return False
+
     def _adapt_access(self, access: AccessAdaptation, observation: Observation, now: float) -> None:
         match observation:
             case Speed():
@@ -405,6 +425,7 @@ def _limits_s(watch: WatchSettings, sensors: Iterable[Sensor]) -> dict[Sensor, f
         Sensor.SPEED: watch.speed_s,
         Sensor.CAMERA: watch.camera_s,
         Sensor.POSITION: watch.position_s,
+        Sensor.DETECTOR: watch.detector_s,
         Sensor.RADIO: math.inf,  # which may be silent: nobody need be near
     }
     return {sensor: limits_s[sensor] for sensor in sensors}

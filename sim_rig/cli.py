@@ -145,8 +145,6 @@ def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:
 
 def _only_virtual(scenario: Scenario) -> str | None:
     """Why the scenario cannot run live here; `None` if it can."""
-    if scenario.camera is not None:
-        return "Its cameras know cars from every side, which no picture shows onboard"
     if scenario.gnss is not None and gpsd_program() is None:
         return "gpsd is not installed (Debian: gpsd)"
     return None

@@ -24,9 +24,12 @@ from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.crowd import CrowdedAir, crowd_names
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
-from sim_rig.cars.gpsd_feed import GpsdFeed
-from sim_rig.cars.settings import ReceiverSettings
+from sim_rig.cars.gpsd_feed import start_gpsd
+from sim_rig.cars.settings import ReceiverSettings, VehicleCameraSettings
 from sim_rig.cars.socketcand_server import SocketcandServer
+from sim_rig.cars.udp_line import UdpLine
+from sim_rig.cars.vehicle_camera import VehicleCamera
+from sim_rig.cars.vehicle_detector import VehicleDetector
 from sim_rig.cars.wrong_clock import BEGINS
 from sim_rig.engineer.window import ENGINEER, EngineerWindow
 from sim_rig.faults import WrongClock
@@ -50,6 +53,8 @@ _LINGER_S = 0.5
 _SEEN_WHEN_READY = frozenset({"ready", "speed", "lead"})
 _SKY = 1_000_000
 """In the place of a car's number, for the errors that all receivers share."""
+_DETECTOR = 1
+"""Beside a car's number, for the errors of its vehicle detector."""
 
 
 class Desk:
@@ -144,6 +149,8 @@ class Desk:
             }
             if self._scenario.gnss is not None:
                 wires["gnss"] = await self._start_gnss(car, number, self._scenario.gnss)
+            if self._scenario.detector is not None:
+                wires["detector"] = self._start_detector(car, number, self._scenario.detector)
             config_file = self._folder / f"{car}.yaml"
             seed = 1000 * self._seed + number  # cars with one seed would go by one name
             config = car_config(self._scenario, car, seed) | wires
@@ -222,7 +229,7 @@ class Desk:
     ) -> dict[str, object]:
         """Start a receiver with its gpsd, and return how the daemon finds them."""
         port, nmea_port = _free_port(socket.SOCK_STREAM), _free_port(socket.SOCK_DGRAM)
-        await GpsdFeed.start_gpsd(self.processes, car, port, nmea_port)
+        await start_gpsd(self.processes, car, port, nmea_port)
 
         def state_at(now: float) -> CarState | None:
             at_s = self._at_s(now)
@@ -236,10 +243,22 @@ class Desk:
             np.random.default_rng([self._seed, number]),
             np.random.default_rng([self._seed, _SKY]),
         )
-        feed = GpsdFeed(receiver, nmea_port)
-        feed.begin()
-        self._open.callback(feed.close)
+        self._open.callback(UdpLine(receiver, nmea_port).close)
         return gnss_config(settings) | {"port": port}
+
+    def _start_detector(
+        self, car: str, number: int, settings: VehicleCameraSettings
+    ) -> dict[str, object]:
+        """Start a vehicle detector, and return where the daemon hears it."""
+        port = _free_port(socket.SOCK_DGRAM)
+        camera = VehicleCamera(
+            settings,
+            car,
+            lambda now: self._road.cars_at(self._at_s(now)),
+            np.random.default_rng([self._seed, number, _DETECTOR]),
+        )
+        self._open.callback(UdpLine(VehicleDetector(camera, phase_s=0.0), port).close)
+        return {"port": port}
 
     def _has_mute_radio(self, car: str, now: float) -> bool:
         return self._scenario.has_fault("radio_mute", car, self._at_s(now))

@@ -121,9 +121,8 @@ class Scenario(Settings):
     radio: AirSettings
     gnss: ReceiverSettings | None = None
     """Of every car that is equipped; without it no car knows where it is."""
-    camera: VehicleCameraSettings | None = None
-    """In the place of the plate cameras, and in virtual time only: nothing that comes with
-    `onboard` knows cars from every side."""
+    detector: VehicleCameraSettings | None = None
+    """Of every car that is equipped, beside its plate camera: it knows cars from every side."""
     beacons: bool = True
     """Whether the cars also send BSMs, ten a second; no warning group needs them."""
     signed: bool = False

@@ -1,9 +1,9 @@
 """The same cores in virtual time: faster than real time, and the same to the bit for one seed.
 
 Each car is a `Stack`, the very one that its daemon drives, with the rig's own ECU on its bus, the
-rig's air behind its radio and its receiver's sentences read by the car's own reader. Only the
-camera is a model (`cars/camera_model.py`, `cars/vehicle_camera.py`): pictures are not drawn, what
-vision would have said of them is. Between events no time passes.
+rig's air behind its radio, and what its receiver and its detector send read by the car's own
+readers. Only the camera is a model (`cars/camera_model.py`): pictures are not drawn, what vision
+would have said of them is. Between events no time passes.
 """
 
 import heapq
@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from onboard.config import CarConfig
+from onboard.detector.object_list import ObjectListReader
 from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
 from onboard.obd.can_frame import CanFrame
@@ -33,6 +34,7 @@ from sim_rig.cars.crowd import CrowdedAir, crowd_names
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.vehicle_camera import VehicleCamera
+from sim_rig.cars.vehicle_detector import VehicleDetector
 from sim_rig.faults_of_car import FaultsOfCar
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.models import open_air
@@ -186,7 +188,12 @@ class _VirtualCar:
         own_seed, *other_seeds = seed.spawn(5)
         camera_rng, *others = (np.random.default_rng(each) for each in other_seeds)
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
-        sensors = {Sensor.SPEED, Sensor.CAMERA, *([Sensor.POSITION] if scenario.gnss else [])}
+        sensors = {
+            Sensor.SPEED,
+            Sensor.CAMERA,
+            *([Sensor.POSITION] if scenario.gnss else []),
+            *([Sensor.DETECTOR] if scenario.detector else []),
+        }
         self._faults = FaultsOfCar(scenario, name)
         self._stack = put_together(
             box,
@@ -210,10 +217,11 @@ class _VirtualCar:
             at_s=lambda now: now,
             rng=ecu_rng,
         )
-        if scenario.camera is not None:
-            vehicles = VehicleCamera(scenario.camera, name, road.cars_at, vehicles_rng)
-            self._camera.look_for_vehicles(vehicles)
-
+        self._detector: VehicleDetector | None = None
+        if scenario.detector is not None:
+            self._object_lists = ObjectListReader()
+            vehicles = VehicleCamera(scenario.detector, name, road.cars_at, vehicles_rng)
+            self._detector = VehicleDetector(vehicles, phase_s)
         self._receiver: GnssReceiver | None = None
         if scenario.gnss is not None:
             self._gnss = NmeaReader(GnssSettings.model_validate(gnss_config(scenario.gnss)))
@@ -230,9 +238,9 @@ class _VirtualCar:
         ecu_at = self._ecu.get_timer()
         self._stack_at = self._stack.get_timer()
         camera_at = self._camera.get_timer()
-        gnss_at = math.inf if self._receiver is None else self._receiver.get_timer()
-        at = min(self._stack_at, camera_at, gnss_at, math.inf if ecu_at is None else ecu_at)
-        return self._faults.wakes_at(at)
+        devices = [each for each in (self._receiver, self._detector) if each is not None]
+        at = min(self._stack_at, camera_at, *(device.get_timer() for device in devices))
+        return self._faults.wakes_at(at if ecu_at is None else min(at, ecu_at))
 
     def is_asleep(self, now: float) -> bool:
         """Whether something else has the processor."""
@@ -257,6 +265,10 @@ class _VirtualCar:
             self._gnss.receive_bytes(self._receiver.bytes_to_send(now), now)
             while (fix := self._gnss.next_event()) is not None:
                 self._stack.receive_observation(fix, now)
+        if self._detector is not None and (data := self._detector.bytes_to_send(now)):
+            self._object_lists.receive_bytes(data, now)
+            while (found := self._object_lists.next_event()) is not None:
+                self._stack.receive_observation(found, now)
         if self._stack_at <= now:
             self._stack.handle_timer(now)
         return answers

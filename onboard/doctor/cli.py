@@ -14,6 +14,7 @@ from onboard.config import CarConfig
 from onboard.doctor.box import examine_clock, examine_disk, examine_keys, written_folders
 from onboard.doctor.bus import examine_bus
 from onboard.doctor.camera import examine_camera
+from onboard.doctor.detector import examine_detector
 from onboard.doctor.finding import Finding, Verdict
 from onboard.doctor.radio import examine_radio
 from onboard.doctor.satellites import examine_satellites
@@ -22,7 +23,7 @@ from onboard.settings import load_settings
 
 INSTALLED = Path("/etc/onboard/car.yaml")
 
-WIRES = ("bus", "camera", "gpsd", "radio")
+WIRES = ("bus", "camera", "detector", "gpsd", "radio")
 
 CORRECT = "correct the configuration; `onboard check` names every mistake"
 
@@ -62,6 +63,8 @@ async def examine(config: CarConfig, patience_s: float) -> list[Finding]:
         wires["bus"] = examine_bus(config.can, config.obd, patience_s)
     if config.camera is not None:
         wires["camera"] = asyncio.to_thread(examine_camera, config.camera, patience_s)
+    if config.detector is not None:
+        wires["detector"] = examine_detector(config.detector, patience_s)
     if config.gnss is not None:
         wires["gpsd"] = examine_satellites(config.gnss, patience_s)
     if config.radio is not None:

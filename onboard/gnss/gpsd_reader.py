@@ -15,9 +15,9 @@ from collections import deque
 from typing import Any
 
 from onboard.gnss.accuracy import sigma_from_hdop_m, sigma_of_axes_m
-from onboard.gnss.receiver_clock import ReceiverClock
 from onboard.gnss.settings import GnssSettings
 from onboard.observations import Discarded, Position
+from onboard.remote_clock import RemoteClock
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 """What a client sends to be told everything."""
@@ -52,7 +52,7 @@ class GpsdReader:
 
     def __init__(self, settings: GnssSettings | None = None) -> None:
         self._settings = settings or GnssSettings()
-        self._clock = ReceiverClock(self._settings.latency_s)
+        self._clock = RemoteClock(self._settings.latency_s)
         self._unread = b""
         self._hdop: float | None = None
         self._gst: tuple[float, float] | None = None

@@ -15,9 +15,9 @@ from dataclasses import dataclass, fields, replace
 from onboard.gnss import nmea_sentence
 from onboard.gnss.accuracy import sigma_from_hdop_m, sigma_of_axes_m
 from onboard.gnss.nmea_sentence import Sentence, SentenceError
-from onboard.gnss.receiver_clock import ReceiverClock
 from onboard.gnss.settings import GnssSettings
 from onboard.observations import Discarded, Position
+from onboard.remote_clock import RemoteClock
 
 MAX_LINE_BYTES = 1024
 """A sentence has 82; binary messages between sentences have no line ends."""
@@ -45,7 +45,7 @@ class NmeaReader:
 
     def __init__(self, settings: GnssSettings | None = None) -> None:
         self._settings = settings or GnssSettings()
-        self._clock = ReceiverClock(self._settings.latency_s)
+        self._clock = RemoteClock(self._settings.latency_s)
         self._unread = b""
         self._epoch: _Epoch | None = None
         self._ends_with: str | None = None

@@ -21,6 +21,7 @@ from onboard.lcca.events import WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.mvs.known_car import KnownCar
 from onboard.observations import (
+    DetectedCars,
     Lead,
     LeadIdentity,
     SensedCar,
@@ -95,6 +96,8 @@ class Display:
                 if self._seen and self._seen[0].stamp_s != event.stamp_s:
                     self._seen.clear()
                 self._seen.append(event)
+            case DetectedCars():
+                self._seen = list(event.cars)
             case SensorLost():
                 self._lost[event.sensor] = event.reason
             case SensorBack():

@@ -29,8 +29,9 @@ _RADIO_REMEMBERED_MS = 500
 
 _SAYINGS_AT_ONCE = 8
 """Compared with all cars together: many enough for arrays to pay, few enough for hostile ones."""
-_NEAR_M = 4.0
-"""Tracks farther from each other than this are told of as two cars, however vague they are."""
+_NEAR_M = 6.0
+"""Tracks farther from each other than this are told of as two cars, however vague they are: the
+middles of two cars in one lane are."""
 
 
 class Tracks:

@@ -11,6 +11,7 @@ from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import (
     BrakePedal,
+    DetectedCars,
     Discarded,
     HardBrake,
     Lead,
@@ -26,7 +27,7 @@ from onboard.recorder.reading import Entry
 
 Input = (
     CanFrame | ReceivedWsm | Button | Round | Identity | Gap
-    | Speed | BrakePedal | HardBrake | Plate | Lead | SensedCar | Position
+    | Speed | BrakePedal | HardBrake | Plate | Lead | SensedCar | DetectedCars | Position
     | SensorLost | SensorBack | Discarded
 )  # fmt: skip
 
@@ -68,11 +69,18 @@ def _reader_of(hint: Any) -> Reader:
         (inner,) = (each for each in get_args(hint) if each is not type(None))
         reader = _reader_of(inner)
         return lambda value: None if value is None else reader(value)
-    if hint is bytes:
+    if get_origin(hint) is tuple:
+        inner, _ = get_args(hint)  # tuple[X, ...]
+        reader = _reader_of(inner)
+        return lambda value: tuple(map(reader, value))
+    return _reader_of_one(hint)
+
+
+def _reader_of_one(kind: type) -> Reader:
+    if kind is bytes:
         return bytes.fromhex
-    if hint is float:
+    if kind is float:
         return float  # also of the strings that stand for what is not finite
-    kind: type = hint
     if is_dataclass(kind):
         return _reader(kind)
     if issubclass(kind, Enum):

@@ -24,7 +24,6 @@ from sim_rig.cars.seen_car import (
     SeenCar,
     plate_width_px,
 )
-from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.picture.scene import SceneCar
 
 Observation = Plate | Lead | SensedCar | SensorLost | SensorBack | Discarded
@@ -56,13 +55,8 @@ class CameraModel:
         self._is_lost = False
         self._seen: dict[str, SeenCar] = {}
         self._tracks = 0
-        self._vehicles: VehicleCamera | None = None
         self._in_lane: set[str] = set()
         self._events: deque[Observation] = deque()
-
-    def look_for_vehicles(self, vehicles: VehicleCamera) -> None:
-        """Tell shared sensing what a vehicle detector sees, and not what plates give away."""
-        self._vehicles = vehicles
 
     def get_timer(self) -> float:
         """When vision is done with the next picture."""
@@ -95,10 +89,8 @@ class CameraModel:
         for name, car in found:
             seen = self._seen[name]
             self._events.append(Plate(stamp_s, _box(car), *seen.last_read, is_lead=seen is lead))
-            if seen.is_confirmed and self._vehicles is None:
+            if seen.is_confirmed:
                 self._events.append(seen.sensed(stamp_s))
-        if self._vehicles is not None:
-            self._events.extend(self._vehicles.look(picture_at, stamp_s))
         self._tell(lead, stamp_s)
 
     def _repeat(self, stamp_s: float) -> None:

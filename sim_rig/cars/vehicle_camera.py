@@ -42,7 +42,7 @@ class VehicleCamera:
         self._ids: dict[str, int] = {}
         self._false_ids = _FALSE_IDS
 
-    def look(self, picture_at: float, stamp_s: float) -> list[SensedCar]:
+    def look(self, picture_at: float) -> list[SensedCar]:
         """One picture."""
         seen: list[SensedCar] = []
         hidden: list[_Span] = []
@@ -71,11 +71,11 @@ class VehicleCamera:
                     self._ids[name],
                     range_m + sigma_m * error,
                     bearing_rad + self._settings.bearing_sigma_rad * float(bearing_error),
-                    stamp_s,
+                    picture_at,
                 )
                 seen.append(sensed)
             hidden.append(span)
-        return seen + self._false_detections(stamp_s)
+        return seen + self._false_detections(picture_at)
 
     def _is_in_view(self, range_m: float, span: _Span) -> bool:
         half_rad = math.radians(self._settings.view_deg) / 2.0

@@ -8,7 +8,7 @@ from typing import Any
 from sim_rig.run_log import Record, RunLog
 
 _ID = re.compile(r"\b[0-9a-f]{16}\b")
-UNTOLD = frozenset({"sensed_car", "position", "brake_pedal"})
+UNTOLD = frozenset({"sensed_car", "detected_cars", "position", "brake_pedal"})
 """Kinds that come often and that no view of the page shows."""
 
 

@@ -14,6 +14,7 @@ from onboard.lcca.transitions import State
 from onboard.messages.lcca import Join
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.observations import (
+    DetectedCars,
     Lead,
     LeadIdentity,
     SensedCar,
@@ -147,6 +148,18 @@ def test_no_car_ahead_an_unread_one_and_a_blind_camera_are_three_things() -> Non
     assert (nobody.identity, nobody.gap_m) == (LeadIdentity.NO_LEAD, None)
     assert (unread.identity, unread.plate, unread.gap_m) == (LeadIdentity.UNKNOWN, None, 20.0)
     assert shown(page, 10.6).ahead is None
+
+
+def test_without_a_position_the_cars_of_the_last_picture_are_shown() -> None:
+    page = display()
+    page.receive_event(Lead(10.0, LeadIdentity.NO_LEAD))
+    first, second = (SensedCar(10.0, number, 20.0 + number, 1.0, 0.0, 0.01) for number in (1, 2))
+    page.receive_event(DetectedCars(10.0, (first, second)))
+    both = shown(page, 10.0).cars
+    page.receive_event(DetectedCars(10.3, (second,)))
+
+    assert len(both) == 2
+    assert len(shown(page, 10.3).cars) == 1
 
 
 def test_a_lost_sensor_is_shown_with_its_reason_until_it_is_back() -> None:

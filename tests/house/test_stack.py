@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from onboard.config import CarConfig
-from onboard.observations import Sensor, SensorBack, SensorLost
+from onboard.observations import (
+    DetectedCars,
+    Position,
+    SensedCar,
+    Sensor,
+    SensorBack,
+    SensorLost,
+)
 from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.trace import as_record
@@ -97,3 +104,41 @@ def test_a_radio_is_lost_when_its_wire_says_so_and_never_for_being_silent() -> N
         (SensorBack, Sensor.RADIO),
     ]
     assert [event.stamp_s for event in said] == pytest.approx([5.0, 9.0])
+
+
+def test_where_there_is_a_detector_its_cars_are_shared_and_those_by_plates_are_not() -> None:
+    tree = {"car": {"plate": "AAA1"}, "gnss": {}, "detector": {}}
+    config = parse_settings(tree, CarConfig, "test")
+    stack = Stack(config, config.sensors(), np.random.default_rng(1), now=0.0, utc_s=0.0)
+    for k in range(20):
+        now = k / 10
+        stack.receive_observation(Position(now, 48.1, 11.5, None, 0.5, 0.0, 0.0), now)
+        stack.receive_observation(SensedCar(now, 1, 50.0, 0.5, 0.4, 0.01), now)
+        stack.receive_observation(
+            DetectedCars(now, (SensedCar(now, 1, 20.0, 0.5, 0.0, 0.01),)), now
+        )
+        stack.handle_timer(now)
+        stack.wsms_to_send(now)
+
+    (known,) = stack.known_cars(1.9)
+    own, _ = stack.surroundings
+    assert own is not None
+    assert known.state[1] - own.state[1] == pytest.approx(22.2, abs=0.5)
+
+
+def test_a_detector_that_finds_nobody_is_there_and_one_that_says_nothing_is_lost() -> None:
+    tree = {"car": {"plate": "AAA1"}, "detector": {}}
+    config = parse_settings(tree, CarConfig, "test")
+    stack = Stack(config, config.sensors(), np.random.default_rng(1), now=0.0, utc_s=0.0)
+    said = []
+    for now in np.arange(0.0, 6.0, 0.1).tolist():
+        if not 2.0 < now < 4.0:
+            stack.receive_observation(DetectedCars(now, ()), now)
+        stack.handle_timer(now)
+        stack.wsms_to_send(now)
+        said += [e for e in iter(stack.next_event, None) if isinstance(e, SensorLost | SensorBack)]
+
+    assert [(type(event), event.sensor) for event in said] == [
+        (SensorLost, Sensor.DETECTOR),
+        (SensorBack, Sensor.DETECTOR),
+    ]

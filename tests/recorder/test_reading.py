@@ -8,10 +8,13 @@ from mcap.reader import make_reader
 from mcap.records import Metadata
 
 from onboard.errors import UserError
+from onboard.observations import DetectedCars, SensedCar
 from onboard.recorder.head import Certificates
+from onboard.recorder.inputs import as_input
 from onboard.recorder.mending import mend, write_records
 from onboard.recorder.reading import Box, BoxError, Entry, is_finished, raw_records
 from onboard.recorder.replay import compare
+from onboard.trace import as_json, as_record
 from tests.recorder.drive import record_drive
 from tests.recorder.heads import HEAD
 
@@ -151,3 +154,10 @@ def test_a_head_with_a_damaged_certificate_is_refused_by_name() -> None:
     head = HEAD.model_copy(update={"certificates": damaged})
     with pytest.raises(UserError, match=f"the recording of {HEAD.drive}: a certificate"):
         head.credentials()
+
+
+def test_what_a_detector_found_is_read_as_it_was_written() -> None:
+    found = DetectedCars(7.0, tuple(SensedCar(7.0, k, 20.0 + k, 1.0, 0.1, 0.01) for k in range(3)))
+    line = as_json(as_record(found)).encode()
+
+    assert as_input(Entry("/in/detected_cars", 1.75e9, line)) == found

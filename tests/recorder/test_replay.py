@@ -200,7 +200,17 @@ def test_by_default_no_plate_and_no_key_is_in_a_recording(drive: Path) -> None:
 
 def test_of_every_section_of_a_configuration_it_is_decided_whether_it_is_recorded() -> None:
     """A new one goes into `OF_THE_CORES`, or here: it is a wire, a file, or written otherwise."""
-    not_recorded = {"seed", "can", "camera", "gnss", "radio", "hmi", "trace", "recorder"}
+    not_recorded = {
+        "seed",
+        "can",
+        "camera",
+        "detector",
+        "gnss",
+        "radio",
+        "hmi",
+        "trace",
+        "recorder",
+    }
 
     assert set(CarConfig.model_fields) == OF_THE_CORES | not_recorded
     assert not OF_THE_CORES & not_recorded

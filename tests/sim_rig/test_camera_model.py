@@ -14,6 +14,7 @@ import pytest
 
 from onboard.observations import Lead, LeadIdentity, Plate
 from onboard.settings import parse_settings
+from onboard.vision.identity import LEAST_READ_CONFIDENCE
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.sight import Event, Sight
 from sim_rig.cars.camera_model import STAMP_S, CameraModel
@@ -84,7 +85,7 @@ class Stretch:
     read: float
     """Part of the frames in which the plate is read, and rightly."""
     misread: float
-    """Part of the frames in which it is read as something else."""
+    """Part of the frames in which it is read as something else, with enough confidence to count."""
     gap_bias: float
     """Mean error of the gap, as a share of it."""
     gap_sigma: float
@@ -107,7 +108,8 @@ def _stretch(runs: list[tuple[str, list[Event]]], near_m: float, far_m: float) -
             if not near_m <= gap_m < far_m:
                 continue
             if isinstance(event, Plate):
-                in_frame.add(None if event.text is None else event.text == plate)
+                counts = event.text is not None and event.confidence >= LEAST_READ_CONFIDENCE
+                in_frame.add(event.text == plate if counts else None)
             if isinstance(event, Lead):
                 frames += 1
                 texts.append(in_frame)

@@ -88,7 +88,7 @@ function showAhead({ ahead, speed_m_s }) {
 }
 
 function showSensors(sensors, not_recording) {
-  const names = { camera: TEXTS.camera, speed: TEXTS.speedSensor, position: TEXTS.position, radio: TEXTS.radio };
+  const names = { camera: TEXTS.camera, speed: TEXTS.speedSensor, position: TEXTS.position, radio: TEXTS.radio, detector: TEXTS.detector };
   $("sensors").replaceChildren(...sensors.map(({ sensor, lost, reason }) => {
     const item = make("li", lost ? "lost" : "", "");
     item.dataset.sensor = sensor;

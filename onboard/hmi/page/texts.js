@@ -30,6 +30,7 @@ export const TEXTS = {
   speedSensor: "Speed",
   position: "Position",
   radio: "Radio",
+  detector: "Detector",
   lost: "{sensor} lost",
   notRecording: "Not recording",
   why: {

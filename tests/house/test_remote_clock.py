@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.gnss.receiver_clock import ReceiverClock
+from onboard.remote_clock import RemoteClock
 
 UTC_S = 1.7e9
 
 
 def stamps(arrivals, latency_s=0.1, start_utc_s=UTC_S):
-    clock = ReceiverClock(latency_s)
+    clock = RemoteClock(latency_s)
     return [clock.stamp_s(start_utc_s + n, now) for n, now in enumerate(arrivals)]
 
 
@@ -36,14 +36,14 @@ def test_a_clock_that_drifts_is_followed():
 
 
 def test_a_receiver_that_learns_its_leap_seconds_or_its_date_is_followed_at_once():
-    clock = ReceiverClock(0.1)
+    clock = RemoteClock(0.1)
     assert clock.stamp_s(UTC_S, 50.1) == pytest.approx(50.0)
     assert clock.stamp_s(UTC_S + 1 - 18, 51.1) == pytest.approx(51.0)
     assert clock.stamp_s(UTC_S + 2 - 18 + 1024 * 7 * 86400, 52.1) == pytest.approx(52.0)
 
 
 def test_without_utc_the_arrival_is_all_there_is():
-    assert ReceiverClock(0.1).stamp_s(None, 50.1) == pytest.approx(50.0)
+    assert RemoteClock(0.1).stamp_s(None, 50.1) == pytest.approx(50.0)
 
 
 @given(
@@ -52,7 +52,7 @@ def test_without_utc_the_arrival_is_all_there_is():
     )
 )
 def test_a_stamp_is_never_later_than_its_arrival(steps):
-    clock = ReceiverClock(0.1)
+    clock = RemoteClock(0.1)
     now = 0.0
     for step_s, utc_s, is_known in steps:
         now += step_s

@@ -1,0 +1,55 @@
+"""What the rig's detector sends, read by the car's own reader."""
+
+import numpy as np
+import pytest
+
+from onboard.detector.object_list import ObjectListReader
+from onboard.observations import DetectedCars
+from sim_rig.cars.settings import VehicleCameraSettings
+from sim_rig.cars.vehicle_camera import FPS, VehicleCamera
+from sim_rig.cars.vehicle_detector import LATENCY_S, VehicleDetector
+from sim_rig.roads.road import CarState
+
+
+def detector(seed: int = 1) -> VehicleDetector:
+    own = CarState(0.0, 0.0, 0.0, 0.0, 0.0, 10.0, 0.0, 4.5, 1.8, 1.5)
+    other = CarState(3.0, 30.0, 1.0, 0.0, 0.0, 10.0, 0.0, 4.5, 1.8, 1.5)
+    cars = {"own": own, "other": other}
+    settings = VehicleCameraSettings(misses=0.5)
+    camera = VehicleCamera(settings, "own", lambda _at: cars, np.random.default_rng(seed))
+    return VehicleDetector(camera, phase_s=0.03)
+
+
+def test_every_picture_is_told_when_it_has_been_looked_through_with_cars_or_without() -> None:
+    device, reader = detector(), ObjectListReader()
+    told: list[DetectedCars] = []
+    while (now := device.get_timer()) < 2.0:
+        assert device.bytes_to_send(now - 0.001) == b""
+        reader.receive_bytes(device.bytes_to_send(now), now)
+        event = reader.next_event()
+        assert isinstance(event, DetectedCars)
+        told.append(event)
+
+    assert [each.stamp_s for each in told] == pytest.approx(
+        [0.03 + k / FPS for k in range(len(told))]
+    )
+    assert {len(each.cars) for each in told} >= {0, 1}
+    assert all(car.range_m == pytest.approx(28.0, abs=8.0) for each in told for car in each.cars)
+
+
+def test_who_is_late_in_sending_says_how_old_the_picture_is() -> None:
+    device, reader = detector(), ObjectListReader()
+    for late_s in (0.0, 0.3):
+        now = device.get_timer() + late_s
+        reader.receive_bytes(device.bytes_to_send(now), now)
+
+    first, second = iter(reader.next_event, None)
+    assert second.stamp_s - first.stamp_s == pytest.approx(1 / FPS)
+    assert first.stamp_s == pytest.approx(0.03)
+
+
+def test_nothing_is_told_of_what_was_before_it_began() -> None:
+    device = detector()
+    device.skip_to(77.0)
+
+    assert device.get_timer() == pytest.approx(77.0 + LATENCY_S)
