@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bench import Figure
-from onboard.daemon import keep_garbage_collection_short
+from onboard.garbage import keep_collection_short
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from onboard.mvs.told import Told
@@ -59,7 +59,7 @@ def measure() -> Iterator[Figure]:
     ticks = _inputs(settings)
     times_s = []
     known = 0
-    keep_garbage_collection_short()
+    keep_collection_short()
     for _ in range(ROUNDS):
         core = MultiVehicleSensing(settings, OWN.to_bytes(4), np.random.default_rng(1), START_UTC_S)
         for number, calls in enumerate(ticks):

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import gc
 import math
 import sys
 import time
@@ -19,6 +18,7 @@ from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.config import CarConfig
 from onboard.detector.detector_socket import open_detector
 from onboard.detector.object_list import ObjectListReader
+from onboard.garbage import keep_collection_short
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.messages import bsm
@@ -57,8 +57,6 @@ LOGGED_KINDS = frozenset(
 )
 """What an operator wants to read in the journal; the trace has the rest."""
 
-_GARBAGE_THRESHOLDS = (10_000, 10, 50)
-"""A tenth of a second with a hundred cars around makes some 20,000 things that live for 2 s."""
 GIL_INTERVAL_S = 0.000_5
 """How long the camera's thread may keep the interpreter while a warning waits; 5 ms by default."""
 
@@ -135,7 +133,7 @@ class Daemon:
         async with contextlib.AsyncExitStack() as wires:
             wires.callback(self._rest)
             await self._open(wires)
-            keep_garbage_collection_short()
+            keep_collection_short()
             self._show(Ready(time.monotonic()))
             self._step()
             self._manager.ready(f"driving as {self.config.car.plate}")
@@ -335,14 +333,6 @@ class Daemon:
             self._trace.write(as_line(event, traced_s=time.monotonic()).encode() + b"\n")
         if event.kind in LOGGED_KINDS:
             log.info(event.kind, details=as_record(event))
-
-
-def keep_garbage_collection_short() -> None:
-    """Or 100,000 things that stay are looked at again and again, for 30 ms each time."""
-    gc.unfreeze()  # what a daemon before this one left
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(*_GARBAGE_THRESHOLDS)
 
 
 def _nowhere(*_: object) -> None:

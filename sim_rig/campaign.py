@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from onboard.errors import UserError
+from onboard.garbage import keep_collection_short
 from onboard.settings import Settings
 
 Row = dict[str, Any]
@@ -101,6 +102,7 @@ def _spread(
     if workers.dask is not None:
         yield from _on_dask(run, settings, numbers, workers.dask)
     elif workers.processes == 1:
+        keep_collection_short()
         yield from ((number, run(settings, number)) for number in numbers)
     else:
         yield from _in_processes(run, settings, numbers, workers.processes)
@@ -115,7 +117,11 @@ def _in_processes(
         try:
             with (
                 _one_thread_each(),
-                ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool,
+                ProcessPoolExecutor(
+                    processes,
+                    mp_context=get_context("spawn"),
+                    initializer=keep_collection_short,
+                ) as pool,
             ):
                 futures = {pool.submit(run, settings, number): number for number in left}
                 for future in as_completed(futures):

@@ -30,7 +30,7 @@ def doubts(
     reaches_m: Array,
     tellers_m: Array,
     now_ms: Array,
-) -> dict[int, str]:
+) -> tuple[dict[int, str], Array]:
     """Hold evidence against what is possible.
 
     Args:
@@ -44,7 +44,8 @@ def doubts(
     Returns:
         a reason not to use it for each entry that has one, a short stable word: `not_finite`,
         `not_positive`, `future`, `too_many_measurements`, `far`, `too_vague`, `too_fast`,
-        `far_too_sure` (what weighting down could not mend).
+        `far_too_sure` (what weighting down could not mend); and the N factors of
+        `excess_of_trust`, which mean nothing for what is not used.
     """
     whole = entries.has_speed > 0
     finite = np.isfinite(entries.states).all(axis=0)
@@ -78,7 +79,7 @@ def doubts(
     for reason, of_entries in wrong.items():
         for at in np.flatnonzero(of_entries).tolist():
             reasons.setdefault(at, reason)
-    return reasons
+    return reasons, excess
 
 
 def excess_of_trust(

@@ -94,20 +94,21 @@ class Estimate:
     """(4) east, north in m; speed east, north in m/s."""
     covariance: Array
     """(4, 4), m and s."""
-    stamp_ms: int = field(init=False)
-    """The last time in T."""
-    oldest_ms: int = field(init=False)
-    """The first time in T."""
+    stamp_ms: int = 0
+    """The last time in T; looked up there if it is not given."""
+    oldest_ms: int = 0
+    """The first time in T, as well."""
 
     def __post_init__(self) -> None:
-        times = times_of(self.provenance)
-        object.__setattr__(self, "stamp_ms", times.last_ms)
-        object.__setattr__(self, "oldest_ms", times.first_ms)
+        if not self.stamp_ms:
+            times = times_of(self.provenance)
+            object.__setattr__(self, "stamp_ms", times.last_ms)
+            object.__setattr__(self, "oldest_ms", times.first_ms)
 
     def mapped(self, turn: Array, shift: Array) -> Self:
         """The same in another frame (`LocalFrame.mapping_from`)."""
         state, covariance = map_state(self.state, self.covariance, turn, shift)
-        return type(self)(self.provenance, state, covariance)
+        return type(self)(self.provenance, state, covariance, self.stamp_ms, self.oldest_ms)
 
 
 Evidence = Measurement | Estimate

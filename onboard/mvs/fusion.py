@@ -55,6 +55,8 @@ def fuse(
             frozenset().union(*[piece.provenance for piece in evidence]),
             states[:, place_of[car]].copy(),
             covariances[:, :, place_of[car]].copy(),
+            evidence[-1].stamp_ms,
+            min([piece.oldest_ms for piece in evidence]),
         )
         for car, evidence in enumerate(cars)
     ]
@@ -81,18 +83,13 @@ def as_estimate(piece: Evidence) -> Estimate:
 
 def _update(states: Array, covariances: Array, pieces: Kinematics) -> tuple[Array, Array]:
     """Use one piece of each car: the 2 x 4 model for measurements, the 4 x 4 for estimates."""
-    measured = pieces.has_speed == 0
-    if measured.any():
-        some = pieces[measured]
-        states[:, measured], covariances[:, :, measured] = update_position(
-            states[:, measured],
-            covariances[:, :, measured],
-            some.states[:2],
-            some.covariances[:2, :2],
-        )
-    if not measured.all():
-        rest = pieces[~measured]
-        states[:, ~measured], covariances[:, :, ~measured] = update_state(
-            states[:, ~measured], covariances[:, :, ~measured], rest.states, rest.covariances
-        )
+    for model, size, uses in ((update_position, 2, 0.0), (update_state, 4, 1.0)):
+        at = np.flatnonzero(pieces.has_speed == uses)
+        if len(at):
+            states[:, at], covariances[:, :, at] = model(
+                states.take(at, axis=1),
+                covariances.take(at, axis=2),
+                pieces.states[:size].take(at, axis=1),
+                pieces.covariances[:size, :size].take(at, axis=2),
+            )
     return states, covariances

@@ -1,6 +1,6 @@
 """Footers that have come in: their entries side by side, and why some of them are not used."""
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +29,7 @@ class OwnMeasurements:
     """What the own car knows of its own measurements."""
 
     own_ids: frozenset[bytes]
-    stamps_ms: Container[int]
+    stamps_ms: frozenset[int]
     """When it made some, UTC."""
 
 
@@ -47,18 +47,19 @@ def together(heard: Sequence[Heard], frame: LocalFrame, utc_ms: Callable[[float]
 
 def doubts_of_heard(
     batch: Batch, heard: Sequence[Heard], own: OwnMeasurements, settings: MvsSettings
-) -> dict[int, str]:
+) -> tuple[dict[int, str], Array]:
     """Hold entries against what is possible (`belief.py`), recent, and known of the own car.
 
     Returns:
         a reason not to use it for each row of `batch` that has one: those of `belief.doubts`,
-        `stale`, `not_my_measurement`.
+        `stale`, `not_my_measurement`; and for each row by what to weight it down.
     """
     belief = settings.belief
     reaches_m = np.full(len(batch), belief.sensing_range_m + belief.radio_range_m)
     oldest_ms = round(settings.memory_s * 1000)
     doubted: dict[int, str] = {}
     makers = [observers for each in heard for observers in each.told.observers]
+    has_speed = batch.entries.has_speed.tolist()
     for row, (observers, provenance) in enumerate(zip(makers, batch.provenances, strict=True)):
         if times_of(provenance).first_ms <= batch.received_ms[row] - oldest_ms:
             doubted[row] = "stale"
@@ -68,9 +69,9 @@ def doubts_of_heard(
             if observer in own.own_ids
         ):
             doubted[row] = "not_my_measurement"
-        if not batch.entries.has_speed[row] and batch.tellers[row] in observers:
+        if not has_speed[row] and batch.tellers[row] in observers:
             reaches_m[row] = belief.sensing_range_m
-    impossible = doubts(
+    impossible, excess = doubts(
         batch.entries,
         batch.provenances,
         belief,
@@ -78,4 +79,4 @@ def doubts_of_heard(
         tellers_m=np.array([each.sender_m for each in heard for _ in range(len(each.told))]).T,
         now_ms=np.array(batch.received_ms, dtype=np.float64),
     )
-    return impossible | doubted
+    return impossible | doubted, excess

@@ -3,23 +3,20 @@
 Without a position there is no MVS: nothing is measured, believed or sent.
 """
 
-import math
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
 
 from onboard.messages.declaration import DecodeError
-from onboard.mvs.belief import excess_of_trust
-from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, map_state
+from onboard.mvs.evidence import Evidence, Measurement, MeasurementId
 from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.hearing import Heard, OwnMeasurements, doubts_of_heard, together
-from onboard.mvs.kalman import Array, predict
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.mvs.local_frame import LocalFrame
+from onboard.mvs.neighbours import Neighbour, Neighbours, as_kinematics, as_known
 from onboard.mvs.own_car import OwnCar, ReportedState
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
@@ -28,16 +25,6 @@ from onboard.mvs.told import Batch, Told
 from onboard.mvs.track import OWN, Track, independent
 from onboard.mvs.tracks import Tracks
 from onboard.observations import Discarded, Position, SensedCar
-
-
-@dataclass(slots=True, eq=False)
-class _Neighbour:
-    """A car with a radio."""
-
-    reported: ReportedState
-    acceleration_m_s2: float | None = None
-    footers_due_at: float = -math.inf
-    """When it has had its time for all footers that were read."""
 
 
 class MultiVehicleSensing:
@@ -68,7 +55,7 @@ class MultiVehicleSensing:
         """Not yet assigned: the cars of one picture are assigned together."""
         self._heard: list[Heard] = []
         """Not yet assigned: what has come in since somebody last asked is looked at together."""
-        self._neighbours: dict[bytes, _Neighbour] = {}
+        self._neighbours = Neighbours()
         self._tracks = Tracks(settings)
         self._told_ms = 0
         """When the last footer was made, UTC."""
@@ -103,10 +90,7 @@ class MultiVehicleSensing:
         moved = self._own.receive_position(fix)
         if moved is not None:
             self._tracks.map_to(*moved)
-            for neighbour in self._neighbours.values():
-                state, covariance = neighbour.reported.state, neighbour.reported.covariance
-                mapped = map_state(state, covariance, *moved)
-                neighbour.reported = ReportedState(neighbour.reported.stamp_s, *mapped)
+            self._neighbours.map_to(*moved)
             turn, shift = moved
             for heard in self._heard:
                 heard.sender_m = turn @ heard.sender_m + shift
@@ -136,9 +120,17 @@ class MultiVehicleSensing:
             self._discard(now, "own_message", sender_id.hex())
         elif self.has_position(now):
             if state is not None:
-                self._receive_state(sender_id, state, now)
-                if (known := self._neighbours.get(sender_id)) is not None:
-                    known.acceleration_m_s2 = acceleration_m_s2
+                reported = self._own.place(state)
+                refused = self._neighbours.receive(
+                    sender_id,
+                    reported,
+                    acceleration_m_s2,
+                    own_m=self._own_state().state[:2],
+                    settings=self._settings.belief,
+                    now=now,
+                )
+                if refused is not None:
+                    self._discard(now, *refused)
             if footer is not None:
                 self._receive_footer(sender_id, footer, now)
 
@@ -178,16 +170,10 @@ class MultiVehicleSensing:
             return []
         now_ms = self._utc_ms(now)
         tracks = self.cars_without_radio(now)
-        neighbours = self._neighbours.values()
-        cars = self._as_reported(
-            now,
-            [sender_id.hex() for sender_id in self._neighbours],
-            KnownBy.RADIO,
-            [neighbour.reported for neighbour in neighbours],
-            [neighbour.acceleration_m_s2 for neighbour in neighbours],
-        )
+        q = self._settings.acceleration_density
+        cars = as_known(now, KnownBy.RADIO, self._neighbours, q)
         estimates = [track.estimate for track in tracks]
-        states, covariances = propagate(estimates, now_ms, self._settings.acceleration_density)
+        states, covariances = propagate(estimates, now_ms, q)
         for at, track in enumerate(tracks):
             cars.append(
                 KnownCar(
@@ -210,39 +196,22 @@ class MultiVehicleSensing:
 
     def own_car(self, now: float) -> KnownCar | None:
         """The own car in the same frame; `None` without a position."""
-        own = self._own.state()
-        if own is None or not self.has_position(now):
+        if not self.has_position(now):
             return None
-        return self._as_reported(now, [self.own_id.hex()], KnownBy.ITSELF, [own], [None])[0]
+        own, q = Neighbour(self._own_state()), self._settings.acceleration_density
+        return as_known(now, KnownBy.ITSELF, {self.own_id: own}, q)[0]
 
     def next_event(self) -> Discarded | None:
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None
-
-    def _receive_state(self, sender_id: bytes, state: Position, now: float) -> None:
-        belief = self._settings.belief
-        reported = self._own.place(state)
-        away_m = math.hypot(*(reported.state[:2] - self._own_place()))
-        known = self._neighbours.get(sender_id)
-        if state.stamp_s > now + belief.clock_tolerance_s:
-            self._discard(now, "future", f"BSM of {sender_id.hex()}")
-        elif not away_m <= belief.radio_range_m:
-            self._discard(now, "sender_far", f"{sender_id.hex()} at {away_m:.0f} m")
-        elif known is None and len(self._neighbours) >= belief.senders:
-            self._discard(now, "too_many_senders", sender_id.hex())
-        elif known is None:
-            self._neighbours[sender_id] = _Neighbour(reported)
-        elif known.reported.stamp_s <= state.stamp_s:
-            known.reported = reported
 
     def _receive_footer(self, sender_id: bytes, data: bytes | Told, now: float) -> None:
         belief = self._settings.belief
         neighbour = self._neighbours.get(sender_id)
         if neighbour is None:
             return self._discard(now, "unplaced_sender", sender_id.hex())
-        if neighbour.footers_due_at - now > (belief.footers_at_once - 1) / belief.footers_per_s:
+        if not neighbour.may_send_footer(belief, now):
             return self._discard(now, "too_often", sender_id.hex())
-        neighbour.footers_due_at = max(neighbour.footers_due_at, now) + 1.0 / belief.footers_per_s
         try:
             told = data if isinstance(data, Told) else read(data)
         except DecodeError as error:
@@ -265,15 +234,10 @@ class MultiVehicleSensing:
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         sources = [each for each in heard for _ in range(len(each.told))]
         batch = together(heard, frame, self._utc_ms)
-        own = OwnMeasurements(frozenset(self._own_ids), self._own_stamps_ms)
-        refused = doubts_of_heard(batch, heard, own, self._settings)
+        own = OwnMeasurements(frozenset(self._own_ids), frozenset(self._own_stamps_ms))
+        refused, excess = doubts_of_heard(batch, heard, own, self._settings)
         believed = [row for row in range(len(batch)) if row not in refused]
-        believed_batch = batch.rows(believed)
-        excess = excess_of_trust(
-            believed_batch.entries,
-            believed_batch.provenances,
-            self._settings.belief.sharpest_sigma_m,
-        )
+        believed_batch, excess = batch.rows(believed), excess[believed]
         believed_batch.entries.covariances[:] *= excess
         refused |= {believed[at]: "too_sure" for at in np.flatnonzero(excess > 1.0).tolist()}
         refused |= {believed[at]: "too_many_cars" for at in self._tracks.receive(believed_batch)}
@@ -289,18 +253,12 @@ class MultiVehicleSensing:
         refresh_ms = round(self._settings.refresh_s * 1000)
         if self._refreshed_ms is not None and 0 <= now_ms - self._refreshed_ms < refresh_ms:
             return  # below 0, UTC has gone back, and nobody is to wait until it is there again
-        silent_at = now - self._settings.radio_silence_s
-        for sender_id in [
-            sender_id
-            for sender_id, neighbour in self._neighbours.items()
-            if neighbour.reported.stamp_s < silent_at
-        ]:
-            del self._neighbours[sender_id]
+        self._neighbours.forget(now - self._settings.radio_silence_s)
         self._tracks.refresh(now_ms)
-        reported = {self.own_id: self._own.state()}
+        reported = {self.own_id: self._own_state()}
         reported |= {key: neighbour.reported for key, neighbour in self._neighbours.items()}
-        states = [state for state in reported.values() if state is not None]
-        self._tracks.recognise(list(reported), self._kinematics(states), now_ms)
+        cars = as_kinematics(list(reported.values()), self._utc_ms)
+        self._tracks.recognise(list(reported), cars, now_ms)
         self._refreshed_ms = now_ms
 
     def _assign_seen(self, now: float) -> None:
@@ -356,56 +314,10 @@ class MultiVehicleSensing:
     def _is_own_measurement(self, piece: Evidence) -> bool:
         return isinstance(piece, Measurement) and piece.id.observer in self._own_ids
 
-    def _own_place(self) -> Array:
+    def _own_state(self) -> ReportedState:
         own = self._own.state()
         assert own is not None  # noqa: S101 (callers have asked for the position)
-        return own.state[:2]
-
-    def _kinematics(self, reported: Sequence[ReportedState]) -> Kinematics:
-        return Kinematics(
-            np.array([self._utc_ms(each.stamp_s) for each in reported], dtype=np.float64),
-            np.array([each.state for each in reported]).T,
-            np.array([each.covariance for each in reported]).transpose(1, 2, 0),
-            np.ones(len(reported)),
-        )
-
-    def _as_reported(
-        self,
-        now: float,
-        names: Sequence[str],
-        known_by: KnownBy,
-        reported: Sequence[ReportedState],
-        accelerations_m_s2: Sequence[float | None],
-    ) -> list[KnownCar]:
-        if not reported:
-            return []
-        ages_s = [max(now - each.stamp_s, 0.0) for each in reported]
-        states, covariances = predict(
-            np.stack([each.state for each in reported], axis=-1),
-            np.stack([each.covariance for each in reported], axis=-1),
-            np.array(ages_s),
-            self._settings.acceleration_density,
-        )
-        return [
-            KnownCar(
-                stamp_s=now,
-                name=name,
-                known_by=known_by,
-                state=tuple(state),
-                covariance=tuple(map(tuple, covariance)),
-                age_s=age_s,
-                provenance=frozenset(),
-                acceleration_m_s2=acceleration_m_s2,
-            )
-            for name, state, covariance, age_s, acceleration_m_s2 in zip(
-                names,
-                states.T.tolist(),
-                covariances.transpose(2, 0, 1).tolist(),
-                ages_s,
-                accelerations_m_s2,
-                strict=True,
-            )
-        ]
+        return own
 
     def _utc_ms(self, stamp_s: float) -> int:
         return round((stamp_s + self._utc_offset_s) * 1000)

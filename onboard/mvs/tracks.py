@@ -156,7 +156,9 @@ class Tracks:
     def _add(self, track: Track, batch: Batch, row: int) -> None:
         teller, provenance = batch.tellers[row], batch.provenances[row]
         track.call((teller, batch.cars[row]), batch.received_ms[row])
-        if track.wants(provenance, teller, measured=batch.entries.has_speed[row] == 0):
+        if track.wants(
+            provenance, teller, measured=len(provenance) == 1 and batch.entries.has_speed[row] == 0
+        ):
             track.add(Held(batch.piece(row), teller, batch.received_ms[row]))
 
     def _unname(self, name: Name) -> None:

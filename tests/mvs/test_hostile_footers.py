@@ -392,7 +392,7 @@ def test_impossible_estimates_are_named(
 
     pieces: list[Evidence] = [honest, piece]
 
-    doubted = doubts(
+    doubted, _ = doubts(
         Kinematics.of(pieces),
         [each.provenance for each in pieces],
         BeliefSettings(),
