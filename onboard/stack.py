@@ -428,4 +428,6 @@ def _limits_s(watch: WatchSettings, sensors: Iterable[Sensor]) -> dict[Sensor, f
         Sensor.DETECTOR: watch.detector_s,
         Sensor.RADIO: math.inf,  # which may be silent: nobody need be near
     }
-    return {sensor: limits_s[sensor] for sensor in sensors}
+    # In this order, whatever a set's is: two that are lost at once are told the same again.
+    given = frozenset(sensors)
+    return {sensor: limit_s for sensor, limit_s in limits_s.items() if sensor in given}

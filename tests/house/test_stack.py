@@ -82,6 +82,18 @@ def test_a_car_without_samples_says_which_sensors_are_lost() -> None:
     assert {event.sensor for event in lost} == {Sensor.SPEED, Sensor.CAMERA}
 
 
+@pytest.mark.parametrize("step", [1, -1])
+def test_sensors_that_are_lost_at_once_are_told_in_one_order(step: int) -> None:
+    """A set of them has another order in each process, and a replay must say the same again."""
+    sensors = [Sensor.SPEED, Sensor.CAMERA, Sensor.POSITION]
+    config = parse_settings({"car": {"plate": "AAA1"}}, CarConfig, "test")
+    stack = Stack(config, sensors[::step], np.random.default_rng(1), now=0.0, utc_s=0.0)
+    stack.handle_timer(60.0)
+    lost = [event.sensor for event in iter(stack.next_event, None) if isinstance(event, SensorLost)]
+
+    assert lost == sensors
+
+
 def test_a_radio_is_lost_when_its_wire_says_so_and_never_for_being_silent() -> None:
     tree = {
         "car": {"plate": "AAA1"},
