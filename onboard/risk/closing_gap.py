@@ -9,6 +9,9 @@ from onboard.speed_trend import SpeedTrend
 _NEW_CAR_M = 5.0
 """A gap that jumps by more is the gap to another car."""
 
+_HARDEST_BRAKING_M_S2 = 12.0
+"""No tyre on a dry road does more; a larger step is the picture's, not the car's."""
+
 
 class LeadMotion:
     """How the car ahead moves: its braking is the slope of its speed over a short window."""
@@ -16,13 +19,18 @@ class LeadMotion:
     def __init__(self, settings: ClosingGapSettings) -> None:
         self._settings = settings
         self._trend = SpeedTrend(settings.lead_window_s)
-        self._gap_m: float | None = None
+        self._last: tuple[float, float, float] | None = None
 
     def receive(self, stamp_s: float, gap_m: float, lead_speed_m_s: float) -> None:
-        """Take one sight of it; an older one than the last is ignored."""
-        if self._gap_m is not None and abs(gap_m - self._gap_m) > _NEW_CAR_M:
+        """Take one sight of it. After a jump to another gap or speed, what came before is void."""
+        before_s, gap_before_m, speed_before_m_s = self._last or (stamp_s, gap_m, lead_speed_m_s)
+        most_m_s = (
+            _HARDEST_BRAKING_M_S2 * abs(stamp_s - before_s) + self._settings.settled_sigma_m_s
+        )
+        is_other_speed = abs(lead_speed_m_s - speed_before_m_s) > most_m_s
+        if is_other_speed or abs(gap_m - gap_before_m) > _NEW_CAR_M:
             self._trend.clear()
-        self._gap_m = gap_m
+        self._last = stamp_s, gap_m, lead_speed_m_s
         self._trend.receive(stamp_s, lead_speed_m_s)
 
     def clear(self) -> None:

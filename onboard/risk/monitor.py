@@ -125,7 +125,9 @@ class RiskMonitor:
             name: said for name, said in self._said.items() if now - said.at_s <= _SAID_HELD_S
         }
         self._judge(Cause.GROUP, self._group(now), now)
-        self._judge(Cause.CLOSING_GAP, self._closing_gap(now), now)
+        closing_gap = self._closing_gap(now)
+        if closing_gap.level is Level.NONE:  # time only ends it, and each frame counts once
+            self._judge(Cause.CLOSING_GAP, closing_gap, now)
         others = [] if own is None else [car for car in cars if _is_other(car, own)]
         self._follow_motions([*others, own] if own is not None else [], now)
         if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:

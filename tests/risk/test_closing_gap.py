@@ -170,13 +170,19 @@ def test_a_noisy_camera_behind_a_steady_car_warns_nobody() -> None:
     assert monitor.next_event() is None
 
 
-def test_one_odd_frame_warns_nobody() -> None:
+@pytest.mark.parametrize("frames_a_second", [8, 10, 15, 20, 30])
+@pytest.mark.parametrize("odd_m_s", [-15.0, 5.0, 15.0])
+def test_one_odd_frame_warns_nobody(odd_m_s: float, frames_a_second: int) -> None:
+    """Not by itself, though it is looked at again until the next one, nor as braking."""
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
-    monitor.receive_speed(Speed(0.0, 25.0, KM_H, "obd:7E8"))
-    for now, closing in ((0.0, 0.0), (0.05, 20.0), (0.1, 0.0), (0.15, 0.0)):
+    for k in range(4 * frames_a_second):
+        now = k / frames_a_second
+        closing_m_s = odd_m_s if k == 2 * frames_a_second else 0.0
+        monitor.receive_speed(Speed(now, 20.0, KM_H, "obd:7E8"))
         monitor.receive_lead(
-            Lead(now, LeadIdentity.UNKNOWN, gap_m=30.0, closing_speed_m_s=closing), now
+            Lead(now, LeadIdentity.UNKNOWN, gap_m=30.0, closing_speed_m_s=closing_m_s), now
         )
+        monitor.assess(None, [], now + 0.9 / frames_a_second)
 
     assert monitor.next_event() is None
 
