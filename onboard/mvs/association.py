@@ -55,12 +55,15 @@ class Compared:
         least, most = cost[allowed].min(), cost[allowed].max()
         alone = (most - least + 1) * len(rows)  # dearer than any other assignment of all pieces
         cost = np.where(allowed, cost - least, 2 * alone)
-        to_nobody = np.full((len(rows), len(rows)), alone)
-        return {
-            int(rows[row]): int(columns[column])
-            for row, column in cheapest_pairs(np.hstack([cost, to_nobody]))
-            if column < len(columns)
-        }
+        is_wide = len(rows) <= len(columns)
+        of_few = cost if is_wide else cost.T  # a path for each of a jam would take long
+        to_nobody = np.full((len(of_few), len(of_few)), alone)
+        pairs = [
+            (few, many) if is_wide else (many, few)
+            for few, many in cheapest_pairs(np.hstack([of_few, to_nobody]))
+            if many < of_few.shape[1]
+        ]
+        return {int(rows[row]): int(columns[column]) for row, column in sorted(pairs)}
 
     def among(self, pieces: slice, cars: NDArray[np.bool_]) -> "Compared":
         """Some of the pieces, which may be the cars' that are `True` in `cars` (N)."""

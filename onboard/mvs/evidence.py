@@ -58,6 +58,12 @@ def spread_s2(provenance: Provenance) -> float:
     return (squares - sum(ages_ms) ** 2 / len(ages_ms)) / 1e6
 
 
+def is_made_by(observer: bytes, provenance: Provenance) -> bool:
+    """Whether `observer` has made the one measurement in `provenance`."""
+    (identity,) = provenance
+    return identity.observer == observer
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
     """`dm<v, t>` if the own car made it, `im<v, t>` if it came over the radio."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from onboard.mvs.belief import doubts
-from onboard.mvs.evidence import times_of
+from onboard.mvs.evidence import is_made_by, times_of
 from onboard.mvs.kalman import Array
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.settings import MvsSettings
@@ -58,9 +58,9 @@ def doubts_of_heard(
     reaches_m = np.full(len(batch), belief.sensing_range_m + belief.radio_range_m)
     oldest_ms = round(settings.memory_s * 1000)
     doubted: dict[int, str] = {}
-    makers = [observers for each in heard for observers in each.told.observers]
+    tables = [each.told.observers for each in heard for _ in range(len(each.told))]
     has_speed = batch.entries.has_speed.tolist()
-    for row, (observers, provenance) in enumerate(zip(makers, batch.provenances, strict=True)):
+    for row, (observers, provenance) in enumerate(zip(tables, batch.provenances, strict=True)):
         if times_of(provenance).first_ms <= batch.received_ms[row] - oldest_ms:
             doubted[row] = "stale"
         elif not own.own_ids.isdisjoint(observers) and not all(
@@ -69,7 +69,7 @@ def doubts_of_heard(
             if observer in own.own_ids
         ):
             doubted[row] = "not_my_measurement"
-        if not has_speed[row] and batch.tellers[row] in observers:
+        if not has_speed[row] and is_made_by(batch.tellers[row], provenance):
             reaches_m[row] = belief.sensing_range_m
     impossible, excess = doubts(
         batch.entries,

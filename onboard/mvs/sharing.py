@@ -102,10 +102,9 @@ def read(data: bytes) -> Told:
     measured, stated = _MEASUREMENTS.read(parts.measurements), _STATES.read(parts.states)
     n, every = len(measured), len(measured) + len(stated)
     by, cars, ages_ms = measured[:, 0].tolist(), measured[:, 1].tolist(), measured[:, 2].tolist()
-    makers = [observers[int(maker)] for maker in by]
     provenances: list[Provenance] = [
-        frozenset((measurement_id(maker, head.reference_ms - int(age_ms)),))
-        for maker, age_ms in zip(makers, ages_ms, strict=True)
+        frozenset((measurement_id(observers[int(maker)], head.reference_ms - int(age_ms)),))
+        for maker, age_ms in zip(by, ages_ms, strict=True)
     ]
     provenances += [
         frozenset(
@@ -125,10 +124,7 @@ def read(data: bytes) -> Told:
         LocalFrame(head.latitude_deg, head.longitude_deg),
         tuple(map(int, cars + stated[:, 0].tolist())),
         tuple(provenances),
-        tuple(
-            [frozenset((maker,)) for maker in makers]
-            + [frozenset([observers[at] for at, _ in runs]) for runs in parts.provenances]
-        ),
+        frozenset(observers),
         Kinematics(
             np.array([times_of(provenance).last_ms for provenance in provenances], np.float64),
             states.T,

@@ -13,8 +13,6 @@ from onboard.mvs.evidence import Estimate, Evidence, Measurement, Provenance
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.local_frame import LocalFrame
 
-Observers = frozenset[bytes]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Told:
@@ -24,8 +22,8 @@ class Told:
     cars: tuple[int, ...]
     """What the teller calls each car; its other footers call it the same."""
     provenances: tuple[Provenance, ...]
-    observers: tuple[Observers, ...]
-    """Who made the measurements of each."""
+    observers: frozenset[bytes]
+    """Who made the measurements in them."""
     entries: Kinematics
 
     def __len__(self) -> int:

@@ -10,6 +10,7 @@ from onboard.mvs.evidence import (
     Measurement,
     MeasurementId,
     Provenance,
+    is_made_by,
     stamp_ms_of,
 )
 from onboard.mvs.fusion import as_estimate
@@ -38,7 +39,9 @@ class Held:
 
     def is_from_observer(self) -> bool:
         """Whether the teller has measured it itself."""
-        return isinstance(self.piece, Measurement) and _is_by(self.piece.provenance, self.teller)
+        return isinstance(self.piece, Measurement) and _is_own_word(
+            self.teller, self.piece.provenance
+        )
 
 
 class Track:
@@ -97,7 +100,7 @@ class Track:
             return False
         known = self.evidence.get(provenance)
         return known is None or (
-            measured and _is_by(provenance, teller) and not known.is_from_observer()
+            measured and _is_own_word(teller, provenance) and not known.is_from_observer()
         )
 
     def shares(self, provenance: Provenance) -> bool:
@@ -225,7 +228,6 @@ def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
     return [latest_first[index] for index in chosen]
 
 
-def _is_by(provenance: Provenance, teller: bytes) -> bool:
+def _is_own_word(teller: bytes, provenance: Provenance) -> bool:
     """Whether `teller` has made this one measurement."""
-    (identity,) = provenance
-    return teller in (OWN, identity.observer)
+    return teller == OWN or is_made_by(teller, provenance)

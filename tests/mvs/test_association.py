@@ -98,24 +98,34 @@ def test_a_vaguely_known_car_does_not_attract_its_neighbours_evidence() -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_the_assignment_is_the_best_of_all(seed: int) -> None:
+@pytest.mark.parametrize(("many", "few"), [(4, 4), (6, 3)])
+@pytest.mark.parametrize("pieces_are_more", [False, True])
+def test_the_assignment_is_the_best_of_all(
+    seed: int, many: int, few: int, *, pieces_are_more: bool
+) -> None:
     """Against trying every assignment, for cars so close that all gates overlap."""
     rng = np.random.default_rng(seed)
-    cars = [car(*rng.uniform(0, 2, 2), sigma_m=rng.uniform(1, 2)) for _ in range(4)]
-    pieces: list[Evidence] = [measured(*rng.uniform(0, 2, 2)) for _ in range(4)]
+    n_pieces, n_cars = (many, few) if pieces_are_more else (few, many)
+    cars = [car(*rng.uniform(0, 2, 2), sigma_m=rng.uniform(1, 2)) for _ in range(n_cars)]
+    pieces: list[Evidence] = [measured(*rng.uniform(0, 2, 2)) for _ in range(n_pieces)]
 
-    def cost(assignment: tuple[int, ...]) -> float:
+    def cost(pairs: tuple[tuple[int, int], ...]) -> float:
         total = 0.0
-        for piece, at in zip(pieces, assignment, strict=True):
-            difference = piece.position_m - cars[at].state[:2]  # type: ignore[union-attr]
-            spread = piece.covariance + cars[at].covariance[:2, :2]
+        for at, of in pairs:
+            piece = pieces[at]
+            difference = piece.position_m - cars[of].state[:2]  # type: ignore[union-attr]
+            spread = piece.covariance + cars[of].covariance[:2, :2]
             total += difference @ np.linalg.solve(spread, difference)
             total += np.log(np.linalg.det(spread))
         return total
 
-    best = min(permutations(range(4)), key=cost)
+    def pairs(chosen: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
+        both = enumerate(chosen)
+        return tuple((of, at) if pieces_are_more else (at, of) for at, of in both)
 
-    assert found(pieces, cars, 0.9999) == dict(enumerate(best))
+    best = min(map(pairs, permutations(range(many), few)), key=cost)
+
+    assert found(pieces, cars, 0.999_999) == dict(best)
 
 
 def test_of_a_car_seen_once_the_speed_is_taken_to_be_a_cars() -> None:
