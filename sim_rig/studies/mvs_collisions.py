@@ -263,6 +263,14 @@ def _draw(settings: CollisionSettings, table: Sequence[tuple[object, ...]]) -> F
         axes.errorbar(
             shares, p, [p - low, high - p], marker="o", capsize=3, label=method.value.upper()
         )
+        if method is settings.methods[-1]:
+            alarm, no_radio, runs = (
+                np.array([line[_COLUMNS.index(column)] for line in mine], dtype=float)
+                for column in ("straight_on_p_collision", "no_radio", "runs")
+            )
+            axes.plot(shares, alarm, "k--", label=f"{method.value.upper()}, the paper's alarm")
+            bound = np.where(shares > 0.0, no_radio / runs, p)
+            axes.plot(shares, bound, "k:", label="nobody to be warned")
     paper = PAPER_REDUCTION.get(settings.encounter.scene)
     if paper is not None and Method.MVS in settings.methods:
         at = float(none[6]) * (1.0 - paper)  # type: ignore[arg-type]
