@@ -26,6 +26,8 @@ from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
 
 _WAY_M = np.arange(0.0, 61.0, 10.0)
 """Ahead of the event's car: where it may meet somebody."""
+_LATER_S = (2.0, 4.0, 6.0)
+"""After the radios are on; fast cars are far away then that will be there."""
 
 
 class Method(StrEnum):
@@ -56,7 +58,8 @@ class EncounterSettings(Settings):
     watched_s: float = Field(5.0, ge=0.5, le=30.0)
     """So long after the event drivers may be warned."""
     near_m: float = Field(80.0, gt=0.0, le=2000.0)
-    """Radios farther from the way that the event's car has ahead are left out, to save time."""
+    """Radios that come no nearer to the way that the event's car has ahead are left out, to save
+    time."""
     straight_on_s: float = Field(10.0, gt=0.0, le=30.0)
     """The paper's alarm looks so far ahead; it says no limit."""
     reactions: ReactionSettings = ReactionSettings()
@@ -291,13 +294,15 @@ class Encounters:
         return touched_straight_on(own, known, _size_m(cars, at), risk, within_s)
 
     def _equipped(self, case: Case, seed: int, cars: Cars, event: Event) -> set[str]:
-        """More of the same cars as the share grows; none that is far from the event's way."""
+        """More of the same cars as the share grows, of those that come near the event's way."""
         drives = self.recording.drives
         luck = np.random.default_rng([seed, 1]).random(len(drives))
         path = DrivePath(drives[event.car])
         way, _ = path.places(path.way_m(event.at_s + event.sooner_s) + _WAY_M)
-        away_m = np.hypot(*(cars.middle_m[:, None] - way).transpose(2, 0, 1)).min(axis=1)
-        near = {cars.names[i] for i in np.flatnonzero(away_m <= self._settings.near_m)}
+        near: set[str] = set()
+        for then in (cars, *(self.recording.cars_at(cars.at_s + later) for later in _LATER_S)):
+            away_m = np.hypot(*(then.middle_m[:, None] - way).transpose(2, 0, 1)).min(axis=1)
+            near |= {then.names[i] for i in np.flatnonzero(away_m <= self._settings.near_m)}
         return {d.name for d, mine in zip(drives, luck, strict=True) if mine < case.share} & near
 
     def _is_right(
