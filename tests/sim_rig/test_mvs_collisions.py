@@ -128,7 +128,9 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
 
 def test_the_papers_alarm_is_judged_in_the_same_run() -> None:
     """One runner is heard of; of another nobody hears, and no alarm changes that."""
-    scene = Encounters(ENCOUNTER.model_copy(update={"warm_s": 0.6, "watched_s": 2.5}))
+    scene = Encounters(
+        ENCOUNTER.model_copy(update={"warm_s": 0.6, "watched_s": 2.5, "near_m": 20.0})
+    )
     half = Case(Kind.RED_LIGHT, Method.DSRC, 0.5)
 
     heard, unknown = scene.run(half, 6), scene.run(half, 2)
@@ -141,3 +143,18 @@ def test_the_papers_alarm_is_judged_in_the_same_run() -> None:
     assert unknown.fate is Fate.UNKNOWN
     assert unknown.straight_on_before_s is None
     assert unknown.straight_on_crash == unknown.crash
+
+
+def test_who_will_be_there_has_a_radio_though_he_is_far_when_the_event_begins() -> None:
+    scene = Encounters(ENCOUNTER.model_copy(update={"near_m": 20.0}))
+    everybody = Case(Kind.RED_LIGHT, Method.DSRC, 1.0)
+
+    for seed in range(4):
+        crash, _ = scene.without_radios(everybody, seed)
+        event = scene._event(Kind.RED_LIGHT, seed)
+        cars = scene.recording.cars_at(event.at_s - ENCOUNTER.warm_s)
+        equipped = scene._equipped(everybody, seed, cars, event)
+
+        assert crash is not None
+        assert set(crash.names) <= equipped
+        assert len(equipped) < len(cars)
