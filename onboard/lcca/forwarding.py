@@ -211,6 +211,9 @@ class Forwarding:
         self._known = {key: old for key, old in self._known.items() if old.heard_at >= horizon}
 
     def _wait_s(self, reach: int, distance: int) -> float:
-        """The named car none, the one beyond it half a slot, the one before it a slot, and on."""
+        """The named car none, the one beyond it half a slot, the one before it a slot, and on.
+
+        None longer than for an acknowledgement: whoever lies about its number would stop the news.
+        """
         slots = abs(reach - distance) - (0.5 if distance > reach else 0.0)
-        return slots * self._settings.slot_s
+        return min(slots * self._settings.slot_s, self._settings.acknowledge_s)

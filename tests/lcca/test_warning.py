@@ -9,7 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.lcca.events import Neighbour, WarningRaised
+from onboard.lcca.followers import Followers
+from onboard.lcca.forwarding import Forwarding
 from onboard.lcca.group import WarningGroup
+from onboard.lcca.place import Place
 from onboard.lcca.settings import LccaSettings
 from onboard.lcca.transitions import State
 from onboard.messages.lcca import Join, Reply, Update, Warn
@@ -215,6 +218,13 @@ def test_the_one_beyond_waits_half_a_slot_less_than_the_one_before() -> None:
     road.brake("A")
     road.run(0.05)
     assert [entry.sender for entry in road.warns()] == ["A", "E"]
+
+
+def test_a_reach_that_no_radio_has_does_not_hold_an_update_back() -> None:
+    # Anybody may claim to be the 65,535th of a group, and its leader then names that reach.
+    forwarding = Forwarding(LccaSettings(), Place(B, 3.0, 0), Followers(2.5))
+    forwarding.receive(Update(A, A, 1, A, 7, 65535, C, 1, 0), 1, 10.0)
+    assert forwarding.get_timer() == pytest.approx(10.0 + LccaSettings().acknowledge_s)
 
 
 def test_one_beyond_gives_way_to_the_named_one_that_has_heard() -> None:
