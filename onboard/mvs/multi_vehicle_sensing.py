@@ -152,8 +152,6 @@ class MultiVehicleSensing:
         chosen = []
         for at, piece in selected:
             track, _ = known[at]
-            track.told |= piece.provenance
-            track.told_ms = now_ms
             if track.wire_number is None:
                 used = {each.wire_number for each in self._tracks}
                 track.wire_number = free_number(track.number, used)
@@ -162,7 +160,12 @@ class MultiVehicleSensing:
         frame = self._own.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         anchor = LocalFrame(*self._own.anchor)
-        return encode_within(chosen, now_ms, frame, anchor, self._settings.most_bytes)
+        data, fitting = encode_within(chosen, now_ms, frame, anchor, self._settings.most_bytes)
+        called = {track.wire_number: track for track in tracks}
+        for number, piece in fitting:
+            called[number].told |= piece.provenance
+            called[number].told_ms = now_ms
+        return data
 
     def kinematic_info(self, now: float) -> list[KnownCar]:
         """Every known car but the own one, as it is expected to be at `now`."""

@@ -140,8 +140,12 @@ def encode_within(
     frame: LocalFrame,
     anchor: LocalFrame,
     most_bytes: int,
-) -> bytes:
-    """Encode as many of `entries`, the first ones first, as `most_bytes` hold."""
+) -> tuple[bytes, list[Entry]]:
+    """Encode as many of `entries`, the first ones first, as `most_bytes` hold.
+
+    Returns:
+        the footer, and the entries in it.
+    """
     fitting = [
         (number, piece)
         for number, piece in entries
@@ -152,7 +156,7 @@ def encode_within(
         if len(names) <= MOST_OBSERVERS:
             data = mvs_footer.encode(footer_of(fitting, reference_ms, frame, anchor))
             if len(data) <= most_bytes or not fitting:
-                return data
+                return data, fitting
         fitting.pop()
 
 

@@ -565,3 +565,20 @@ def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
     assert {track.number for track in mvs._tracks} == {1, 257}
     assert (1,) in told
     assert set(told[-1]) == {1, 2}
+
+
+def test_what_did_not_fit_into_a_footer_is_told_first_in_the_next() -> None:
+    """Else the last of three cars in view would never be told of, where two fit at most."""
+    tight = EXACT.model_copy(update={"most_bytes": 50})
+    mvs = MultiVehicleSensing(tight, b"-own", np.random.default_rng(0))
+    told: list[int] = []
+    for k in range(12):
+        now = 1000.0 + k / 10
+        mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 0.0, 0.0))
+        for number in range(3):
+            mvs.receive_sensed_car(SensedCar(now, number, 30.0, 0.3, 0.5 * number, 0.01))
+        told += read(mvs.footer_to_send(now)).cars
+
+    times_told = [told.count(car) for car in sorted(set(told))]
+    assert len(times_told) == 3
+    assert max(times_told) - min(times_told) <= 1

@@ -47,7 +47,7 @@ def read_bytes(data: bytes) -> Told:
 
 def test_what_was_sent_is_in_the_receivers_frame_what_it_was_in_the_senders() -> None:
     sent = some_evidence(np.random.default_rng(0), 9)
-    data = encode_within(sent, 100_000, SENDER, ANCHOR, 1000)
+    data, _ = encode_within(sent, 100_000, SENDER, ANCHOR, 1000)
 
     came = evidence_in(read_bytes(data), RECEIVER)
 
@@ -69,14 +69,16 @@ def test_what_was_sent_is_in_the_receivers_frame_what_it_was_in_the_senders() ->
 
 def test_what_does_not_fit_is_left_out_from_the_end() -> None:
     sent = some_evidence(np.random.default_rng(0), 12)
-    whole = encode_within(sent, 100_000, SENDER, ANCHOR, 1400)
+    whole, _ = encode_within(sent, 100_000, SENDER, ANCHOR, 1400)
 
-    data = encode_within(sent, 100_000, SENDER, ANCHOR, 200)
+    data, fitting = encode_within(sent, 100_000, SENDER, ANCHOR, 200)
 
     assert len(data) <= 200 < len(whole)
     came = {piece.provenance for piece in evidence_in(read_bytes(data), SENDER)}
     assert came == {piece.provenance for _, piece in sent[: len(came)]}
-    assert evidence_in(read_bytes(encode_within(sent, 100_000, SENDER, ANCHOR, 18)), SENDER) == []
+    assert fitting == sent[: len(came)]
+    data, fitting = encode_within(sent, 100_000, SENDER, ANCHOR, 18)
+    assert evidence_in(read_bytes(data), SENDER) == fitting == []
 
 
 def test_what_is_too_old_or_not_yet_is_not_sent() -> None:
@@ -85,7 +87,8 @@ def test_what_is_too_old_or_not_yet_is_not_sent() -> None:
         for stamp_ms in (95_904, 95_905, 100_000, 100_001)
     ]
 
-    footer = mvs_footer.decode(encode_within(pieces, 100_000, SENDER, ANCHOR, 1000))
+    data, _ = encode_within(pieces, 100_000, SENDER, ANCHOR, 1000)
+    footer = mvs_footer.decode(data)
 
     assert [entry.age_ms for entry in footer.measurements] == [4095, 0]
 
@@ -107,7 +110,7 @@ def test_more_observers_than_a_footer_can_name_are_left_out_from_the_end() -> No
         for k in range(300)
     ]
 
-    data = encode_within(pieces, 100_000, SENDER, ANCHOR, 10_000)
+    data, _ = encode_within(pieces, 100_000, SENDER, ANCHOR, 10_000)
 
     assert len(mvs_footer.decode(data).observers) == 255
 
@@ -142,7 +145,8 @@ def test_a_car_keeps_the_number_that_its_sender_gave_it() -> None:
     measured, estimated = some_evidence(np.random.default_rng(0), 2)
     entries = [(300, measured[1]), (2, estimated[1])]
 
-    told = read_bytes(encode_within(entries, 100_000, SENDER, ANCHOR, 1000))
+    data, _ = encode_within(entries, 100_000, SENDER, ANCHOR, 1000)
+    told = read_bytes(data)
 
     assert told.cars == (300 % 256, 2)
     assert told.observers == {b"aaaa", b"bbbb"}
