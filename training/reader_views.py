@@ -19,6 +19,8 @@ Quad = npt.NDArray[np.float32]
 _PX_PER_MM = 0.9
 _VIEWS_A_PLATE = 4
 """Drawing a plate costs more than photographing it once more."""
+_MISTAKEN = 0.22
+"""Share of the views whose corners are those of the recess or holder that the plate sits in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,18 +65,22 @@ def _photograph(drawn: _Drawn, rng: np.random.Generator) -> tuple[View, Quad]:
         width_px *= 0.7
     height_px = width_px * shape.height_mm / shape.width_mm
     quad = posed(width_px, height_px, rng)
-    size = np.ceil(quad.max(axis=0) - quad.min(axis=0)) + np.asarray(
-        [0.3 * width_px, 0.8 * height_px]
-    )
+    mistaken = rng.random() < _MISTAKEN
+    recess = _around(quad, rng.uniform(-0.1, 0.32, 4).clip(0)) if mistaken else quad
+    least, most = recess.min(axis=0), recess.max(axis=0)
+    size = np.ceil(most - least) + np.asarray([0.3 * width_px, 0.8 * height_px])
     columns, rows = (int(value) for value in size)
-    quad += size.astype(np.float32) / 2
+    shift = (size - most - least).astype(np.float32) / 2
+    quad, recess = quad + shift, recess + shift
     scene = _surroundings(rows, columns, quad, rng)
+    if mistaken:
+        _draw_recess(scene, recess, rng)
     paste(scene, drawn.art, quad)
     fine_px = width_px / characters / 6
     picture = photograph(scene, rng, fine_px)
     if shape.name == "eu" and rng.random() < 0.25:  # a detector may leave the blue band outside
         quad[[0, 3]] += np.float32(rng.uniform(0.04, 0.1)) * (quad[[1, 2]] - quad[[0, 3]])
-    return np.asarray(picture, np.uint8), _as_found(quad, rng)
+    return np.asarray(picture, np.uint8), _as_found(recess if mistaken else quad, rng)
 
 
 def posed(width_px: float, height_px: float, rng: np.random.Generator) -> Quad:
@@ -98,10 +104,15 @@ def _surroundings(rows: int, columns: int, quad: Quad, rng: np.random.Generator)
     scene[:] = np.clip(paint + share, 0, 255).astype(np.uint8)
     for _ in range(rng.integers(0, 4)):
         grey = rng.integers(0, 255, 3).tolist()
+        if rng.random() < 0.2:  # a lamp, a handle, a badge
+            place = rng.integers(0, (columns, rows)).tolist()
+            axes = rng.integers(1, max(2, rows // 3) + 1, 2).tolist()
+            cv2.ellipse(scene, place, axes, 0, 0, 360, grey, cv2.FILLED, cv2.LINE_AA)
+            continue
         start, end = rng.integers(0, max(rows, columns), (2, 2)).tolist()
         cv2.line(scene, start, end, grey, int(rng.integers(1, max(2, rows // 10) + 1)), cv2.LINE_AA)
     if rng.random() < 0.65:
-        _around(scene, quad, rng.uniform(1.01, 1.18, 2), rng)
+        _holder(scene, quad, rng.uniform(1.01, 1.18, 2), rng)
     if rng.random() < 0.3:  # an edge of a recess or a lamp beside it, as upright as a 1
         for _ in range(rng.integers(1, 3)):
             side, other = quad[[1, 2]], quad[[0, 3]]
@@ -118,7 +129,7 @@ def _surroundings(rows: int, columns: int, quad: Quad, rng: np.random.Generator)
     return scene
 
 
-def _around(
+def _holder(
     scene: View, quad: Quad, share: npt.NDArray[np.float64], rng: np.random.Generator
 ) -> None:
     """A holder or a recess, `share` times as wide and high as the plate."""
@@ -128,6 +139,26 @@ def _around(
     shade = (rng.integers(0, 90) if dark else rng.integers(90, 250)) + rng.normal(0, 8, 3)
     corners = np.rint(around * 16).astype(np.int32)
     cv2.fillConvexPoly(scene, corners, shade.clip(0, 255).tolist(), cv2.LINE_AA, 4)
+
+
+def _around(quad: Quad, shares: npt.NDArray[np.float64]) -> Quad:
+    """A plate's corners moved outward at the left, top, right and bottom, in shares of its size."""
+    left, top, right, bottom = shares
+    along, down = quad[1] - quad[0], quad[3] - quad[0]
+    outward = np.asarray([(-left, -top), (right, -top), (right, bottom), (-left, bottom)])
+    return np.asarray(quad + outward[:, :1] * along + outward[:, 1:] * down, np.float32)
+
+
+def _draw_recess(scene: View, recess: Quad, rng: np.random.Generator) -> None:
+    """Sheet metal of another shade, or only the edges of it."""
+    corners = np.rint(recess * 16).astype(np.int32)
+    shade, edge = rng.integers(0, 255, 2).repeat(3).reshape(2, 3) + rng.normal(0, 12, (2, 3))
+    if rng.random() < 0.6:
+        cv2.fillConvexPoly(scene, corners, shade.clip(0, 255).tolist(), cv2.LINE_AA, 4)
+    if rng.random() < 0.7:
+        thickness = int(rng.integers(1, max(2, scene.shape[0] // 20) + 1))
+        colour = edge.clip(0, 255).tolist()
+        cv2.polylines(scene, [corners], True, colour, thickness, cv2.LINE_AA, 4)
 
 
 def paste(scene: View, art: View, quad: Quad) -> None:

@@ -3,7 +3,7 @@
 A small convolutional network looks at the picture at a few sizes. For each cell of 8 x 8 pixels it
 says how sure it is that the cell lies in the middle of a plate, and where that plate's corners are.
 Cells that mean the same plate are merged. A second look at each candidate, enlarged or shrunk so
-that the plate is about 80 pixels wide, gives sharper corners and drops what only seemed a plate.
+that the plate is 80 to 92 pixels wide, gives sharper corners and drops what only seemed a plate.
 The network was trained on rendered pictures only (`training/`); OpenCV runs it on one core.
 """
 
@@ -32,7 +32,8 @@ WIDTHS_PX = (12.0, 130.0)
 DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_detector.onnx"
 
 _SECOND_LOOK_SIZE = (192, 96)
-_SECOND_LOOK_PLATE_PX = 80.0
+_SECOND_LOOK_PLATE_PX = (80.0, 92.0)
+"""Smaller plates are enlarged to the first of these, larger ones shrunk to the second."""
 _MOST_CANDIDATES = 8
 
 
@@ -129,8 +130,9 @@ class PlateDetector:
         return FoundPlate(found.corners_px + origin, found.score)
 
     def _second_look(self, grey: Image, first: FoundPlate) -> FoundPlate:
-        """The candidate again, in a view centred on it, the plate about 80 px wide."""
-        scale = _SECOND_LOOK_PLATE_PX / max(first.width_px, 4.0)
+        """The candidate again, in a view centred on it, the plate 80 to 92 px wide."""
+        width_px = max(first.width_px, 4.0)
+        scale = float(np.clip(width_px, *_SECOND_LOOK_PLATE_PX)) / width_px
         middle = first.corners_px.mean(axis=0)
         width, height = _SECOND_LOOK_SIZE
         if scale < 0.7:
@@ -154,7 +156,7 @@ class PlateDetector:
             seen,
             key=lambda found: (
                 found.score
-                - np.hypot(*(found.corners_px.mean(axis=0) - centre)) / _SECOND_LOOK_PLATE_PX
+                - np.hypot(*(found.corners_px.mean(axis=0) - centre)) / _SECOND_LOOK_PLATE_PX[0]
             ),
         )
         corners = (best.corners_px - shift.astype(np.float32)) / np.float32(scale)

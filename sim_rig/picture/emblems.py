@@ -41,8 +41,8 @@ def crest(
 def mark(rng: np.random.Generator, ink: Bgr) -> tuple[Outline, ...]:
     """What separates groups, in row heights around (0, 0): a shape, or seals about a hyphen."""
     if rng.random() < 0.5:
-        height = rng.uniform(0.3, 0.7)
-        return emblem(rng, (0.0, 0.0), (height * rng.uniform(0.6, 0.9), height), ink)
+        height = rng.uniform(0.3, 1.0)
+        return emblem(rng, (0.0, 0.0), (min(height * rng.uniform(0.6, 0.9), 0.6), height), ink)
     hyphen = _bar(np.zeros(2), np.asarray([rng.uniform(0.15, 0.3), rng.uniform(0.07, 0.14)]))
     radius, ground, seals = rng.uniform(0.08, 0.17), colour(rng), list[Outline]()
     kind = rng.integers(3)  # a seal over the hyphen, one below it too, or two and no hyphen

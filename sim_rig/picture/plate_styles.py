@@ -235,7 +235,7 @@ def _br_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         small_texts=tuple(small),
         discs=_bolts(rng, 400, 130),
     )
-    if rng.random() < 0.2:
+    if rng.random() < 0.08:
         plate = _in_two_rows(plate, written, rng)
     return written.replace(" ", ""), plate
 

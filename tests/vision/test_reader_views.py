@@ -1,0 +1,24 @@
+"""What the reader learns from: rendered plates, cut out as the detector would have them cut out."""
+
+import numpy as np
+
+from onboard.vision.plate_reader import ALPHABET, READER_SIZE, looks_at
+from training.reader_views import render_looks, render_views
+
+
+def test_the_same_seed_gives_the_same_views_and_texts() -> None:
+    views, texts = render_views(12, np.random.default_rng(4))
+    again, texts_again = render_views(12, np.random.default_rng(4))
+
+    assert views.shape == (12, *READER_SIZE[::-1])
+    assert np.array_equal(views, again)
+    assert texts == texts_again
+    assert all(set(text) <= set(ALPHABET) for text in texts)
+
+
+def test_a_plate_to_measure_on_is_looked_at_as_the_reader_looks() -> None:
+    looks, texts = render_looks(4, np.random.default_rng(4))
+    nothing = looks_at(np.zeros((20, 40), np.uint8), np.zeros((4, 2), np.float32))
+
+    assert looks.shape == (4, *nothing.shape)
+    assert len(set(texts)) == 1, "one plate is photographed four times"
