@@ -118,8 +118,11 @@ class Tracks:
     def recognise(self, ids: Sequence[bytes], reported: Kinematics, now_ms: int) -> None:
         """Find the tracks that are cars with a radio, or the own car.
 
+        What only others tell of is one of them only where they touch, the own car apart: whoever
+        tells of it has told it from the cars with a radio beside it, which he does not tell of.
+
         Args:
-            ids: of those cars.
+            ids: of those cars, the own one first.
             reported: what they say of themselves.
             now_ms: UTC.
         """
@@ -129,9 +132,13 @@ class Tracks:
         cars = Kinematics(
             reported.stamps_ms, reported.states, reported.covariances + offset, reported.has_speed
         )
-        found = compare(cars, self._comparison(), settings.recognition_probability, q).assign()
-        radio_of = {track: row for row, track in found.items()}
         apart = _apart_m(reported.places_m(now_ms), self._comparison().places_m(now_ms))
+        eligible = apart <= settings.overlap_m
+        eligible |= np.array([track.is_seen for track in self._tracks], dtype=bool)
+        eligible[:1] = True
+        compared = compare(cars, self._comparison(), settings.recognition_probability, q)
+        compared.inside[:] &= eligible
+        radio_of = {track: row for row, track in compared.assign().items()}
         for at, track in enumerate(self._tracks):
             row = radio_of.get(at)
             if row is None and len(ids) and apart[:, at].min() <= settings.overlap_m:

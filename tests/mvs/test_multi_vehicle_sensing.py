@@ -348,6 +348,22 @@ def test_a_car_without_a_radio_beside_one_with_is_still_known() -> None:
         assert math.dist(world.place_of("b", x)[:2], world.truth("x")[:2]) < 1.0
 
 
+@pytest.mark.parametrize("lane_m", [3.0, 3.5])
+def test_a_car_that_is_only_told_of_is_known_beside_one_with_a_radio(lane_m: float) -> None:
+    """From 80 m away it is placed to 0.9 m across: that may be the next lane, and is not."""
+    cars = [
+        Car("v", 0, 0, 0, 12),
+        Car("r", lane_m, 60, 0, 12),
+        Car("x", 0, 60, 0, 12, radio=False),
+        Car("w", 0, -20, 0, 12, sees=frozenset({"r", "x"})),
+    ]
+    world = World(cars, bearing_sigma_rad=0.015)
+    world.run(1.5)
+    for _ in range(20):
+        world.run(0.1)
+        assert only(world.without_radio("v")).known_by is KnownBy.TOLD
+
+
 def test_a_car_whose_radio_falls_silent_is_one_without() -> None:
     silent = False
 
