@@ -27,7 +27,9 @@ class Columns:
             self._weights[places, column] = 2.0 ** np.arange(wire.bits)[::-1]
             first += wire.bits
         self._narrow = [at for at, wire in enumerate(wires) if wire.bits <= _TABLE_BITS]
-        self._said = np.array([_table(wires[at]) for at in self._narrow])
+        tables = [_table(wires[at]) for at in self._narrow]
+        self._said = np.concatenate(tables)
+        self._starts = np.cumsum([0] + [len(table) for table in tables[:-1]])
         self._wide = [at for at, wire in enumerate(wires) if wire.bits > _TABLE_BITS]
         numbers = [wire for wire in wires if isinstance(wire, Number) and wire.bits > _TABLE_BITS]
         self._half = np.array([2.0 ** (n.bits - (n.lowest < 0)) for n in numbers])
@@ -44,7 +46,7 @@ class Columns:
         codes = bits @ self._weights
         values = np.empty_like(codes)
         narrow = codes[:, self._narrow].astype(np.intp)
-        values[:, self._narrow] = self._said[np.arange(len(self._narrow)), narrow]
+        values[:, self._narrow] = self._said[self._starts + narrow]
         steps = codes[:, self._wide]
         steps -= (steps >= self._half) * (2.0 * self._half)
         lowest, highest = self._bounds
@@ -56,7 +58,7 @@ class Columns:
 
 
 def _table(wire: Wire) -> Array:
-    said = np.full(1 << _TABLE_BITS, np.nan)
+    said = np.full(1 << wire.bits, np.nan)
     for code in range(1 << wire.bits):
         try:
             said[code] = wire.from_raw(code)
