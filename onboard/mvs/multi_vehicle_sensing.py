@@ -22,7 +22,7 @@ from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
 from onboard.mvs.sharing import encode_within, free_number, read
 from onboard.mvs.told import Batch, Told
-from onboard.mvs.track import OWN, Track, independent
+from onboard.mvs.track import OWN, Track, independent, up_to
 from onboard.mvs.tracks import Tracks
 from onboard.observations import Discarded, Position, SensedCar
 
@@ -308,8 +308,12 @@ class MultiVehicleSensing:
         return Candidate(evidence, len(received), is_seen, track.told_ms)
 
     def _estimate(self, evidence_of_cars: Sequence[Sequence[Evidence]]) -> list[Evidence]:
-        """The paper's Estimate: from the independent ones of all MEs about a car, for each car."""
-        chosen = [independent(evidence) for evidence in evidence_of_cars]
+        """The paper's Estimate: from the independent ones of all MEs about a car, for each car.
+
+        The latest of them, where all are more measurements than anybody believes an estimate.
+        """
+        most = self._settings.belief.measurements_per_estimate
+        chosen = [up_to(most, independent(evidence)) for evidence in evidence_of_cars]
         several = [evidence for evidence in chosen if len(evidence) > 1]
         estimates = iter(fuse(several, self._settings.acceleration_density))
         return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]

@@ -228,6 +228,16 @@ def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
     return [latest_first[index] for index in chosen]
 
 
+def up_to(most: int, pieces: Iterable[Evidence]) -> list[Evidence]:
+    """Those that make `most` measurements together at most, the first ones first."""
+    fitting = []
+    for piece in pieces:
+        if len(piece.provenance) <= most:
+            most -= len(piece.provenance)
+            fitting.append(piece)
+    return fitting
+
+
 def _is_own_word(teller: bytes, provenance: Provenance) -> bool:
     """Whether `teller` has made this one measurement."""
     return teller == OWN or is_made_by(teller, provenance)

@@ -13,7 +13,7 @@ from onboard.mvs.evidence import Measurement, MeasurementId
 from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.settings import MvsSettings
+from onboard.mvs.settings import BeliefSettings, MvsSettings
 from onboard.mvs.sharing import read
 from onboard.mvs.track import OWN, Track
 from onboard.observations import Position, SensedCar
@@ -598,3 +598,21 @@ def test_what_did_not_fit_into_a_footer_is_told_first_in_the_next() -> None:
     times_told = [told.count(car) for car in sorted(set(told))]
     assert len(times_told) == 3
     assert max(times_told) - min(times_told) <= 1
+
+
+def test_nobody_tells_more_measurements_at_once_than_are_believed() -> None:
+    """Estimates that come back grow with each round, up to all that anybody measured lately."""
+    most = BeliefSettings(measurements_per_estimate=8)
+    names = [f"r{k}" for k in range(4)]
+    cars = [Car(name, 9.0 * k, 0, 0, 10, sees=frozenset({"x"})) for k, name in enumerate(names)]
+    world = World(
+        [*cars, Car("x", 12, 50, 0, 10, radio=False)],
+        settings=EXACT.model_copy(update={"belief": most}),
+    )
+
+    world.run(2.0)
+
+    assert [world.discarded(name) for name in names] == [[]] * 4
+    longest = [max(map(len, read(message.footer).provenances)) for message in world.sent[20:]]
+    assert max(longest) == 8
+    assert all(len(world.without_radio(name)) == 1 for name in names)
