@@ -27,6 +27,9 @@ from onboard.mvs.track import OWN, Held, Name, Track
 _RADIO_REMEMBERED_MS = 500
 """So long a car stays recognised as one with a radio after it last matched."""
 
+_PLACE_HOLDS_MS = 500
+"""So long a car with a radio is where it would be by its last word: 1 m off, if it brakes hard."""
+
 _SAYINGS_AT_ONCE = 8
 """Compared with all cars together: many enough for arrays to pay, few enough for hostile ones."""
 _NEAR_M = 6.0
@@ -133,6 +136,9 @@ class Tracks:
             reported.stamps_ms, reported.states, reported.covariances + offset, reported.has_speed
         )
         apart = _apart_m(reported.places_m(now_ms), self._comparison().places_m(now_ms))
+        silent = now_ms - reported.stamps_ms > _PLACE_HOLDS_MS
+        silent[:1] = False
+        apart[silent] = np.inf
         eligible = apart <= settings.overlap_m
         eligible |= np.array([track.is_seen for track in self._tracks], dtype=bool)
         eligible[:1] = True

@@ -348,6 +348,26 @@ def test_a_car_without_a_radio_beside_one_with_is_still_known() -> None:
         assert math.dist(world.place_of("b", x)[:2], world.truth("x")[:2]) < 1.0
 
 
+def test_a_radio_that_falls_silent_hides_nobody_on_its_way() -> None:
+    """It may have braked behind the queue through which its last word would have led it."""
+
+    def radio(message: Message, receiver: Car, t: float) -> list[float]:
+        return [] if message.sender.name == "r" and t > 1002.0 else [0.002]
+
+    queue = frozenset({"a", "b"})
+    cars = [
+        Car("v", -10, 0, heading_rad=0.0, sees=queue),
+        Car("r", 0, -10, 0, 13),
+        Car("a", 0, 29, radio=False),
+        Car("b", 0, 36, radio=False),
+    ]
+    world = World(cars, radio=radio)
+    world.run(1.5)
+    for _ in range(25):
+        world.run(0.1)
+        assert len(world.without_radio("v")) == 2
+
+
 @pytest.mark.parametrize("lane_m", [3.0, 3.5])
 def test_a_car_that_is_only_told_of_is_known_beside_one_with_a_radio(lane_m: float) -> None:
     """From 80 m away it is placed to 0.9 m across: that may be the next lane, and is not."""
