@@ -22,6 +22,8 @@ MOST_CARS = 64
 OLDEST_S = 1.0
 LEAST_INTERVAL_S = 0.01
 """Pictures that come faster are dropped."""
+_LATEST_S = 1e11
+"""Three thousand years: more is not in seconds, but perhaps in ms since 1970."""
 
 
 class _Outside(BaseModel):
@@ -37,7 +39,7 @@ class _Car(_Outside):
 
 
 class _ObjectList(_Outside):
-    sent_s: float
+    sent_s: float = Field(ge=-_LATEST_S, le=_LATEST_S)
     age_s: float = Field(ge=0.0, le=OLDEST_S)
     cars: list[_Car] = Field(max_length=MOST_CARS)
 

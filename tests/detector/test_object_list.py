@@ -110,6 +110,8 @@ def test_a_car_that_cannot_be_costs_the_whole_picture(change: dict[str, Any]) ->
         datagram(age_s=-0.1),
         datagram(age_s=1.1),
         datagram(sent_s=math.inf),
+        datagram(sent_s=1.79e12),
+        datagram(sent_s=-1.79e18),
         datagram(*[CAR | {"id": k} for k in range(MOST_CARS + 1)]),
         b"[" * 60_000,
     ],
