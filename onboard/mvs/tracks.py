@@ -32,9 +32,9 @@ _PLACE_HOLDS_MS = 500
 
 _SAYINGS_AT_ONCE = 8
 """Compared with all cars together: many enough for arrays to pay, few enough for hostile ones."""
-_NEAR_M = 6.0
-"""Tracks farther from each other than this are told of as two cars, however vague they are: the
-middles of two cars in one lane are."""
+_NEAR_M = 8.0
+"""Tracks farther from each other than this are told of as two cars, however vague they are. So far
+apart do errors of two observers place one car, which stay from picture to picture."""
 
 
 class Tracks:
