@@ -201,7 +201,7 @@ class MultiVehicleSensing:
         """The own car in the same frame; `None` without a position."""
         if not self.has_position(now):
             return None
-        own, q = Neighbour(self._own_state()), self._settings.acceleration_density
+        own, q = Neighbour(self._own_state(), now), self._settings.acceleration_density
         return as_known(now, KnownBy.ITSELF, {self.own_id: own}, q)[0]
 
     def next_event(self) -> Discarded | None:
@@ -256,7 +256,8 @@ class MultiVehicleSensing:
         refresh_ms = round(self._settings.refresh_s * 1000)
         if self._refreshed_ms is not None and 0 <= now_ms - self._refreshed_ms < refresh_ms:
             return  # below 0, UTC has gone back, and nobody is to wait until it is there again
-        self._neighbours.forget(now - self._settings.radio_silence_s)
+        overlap_m = self._settings.association.overlap_m
+        self._neighbours.forget(self._settings.radio_silence_s, overlap_m, now)
         self._tracks.refresh(now_ms)
         reported = {self.own_id: self._own_state()}
         reported |= {key: neighbour.reported for key, neighbour in self._neighbours.items()}

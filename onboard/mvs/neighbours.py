@@ -13,12 +13,17 @@ from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.mvs.own_car import ReportedState
 from onboard.mvs.settings import BeliefSettings
 
+_QUIET_S = 0.25
+"""Who speaks ten times a second and has been silent for so long has lost two in a row, or more."""
+
 
 @dataclass(slots=True, eq=False)
 class Neighbour:
     """A car with a radio."""
 
     reported: ReportedState
+    first_s: float
+    """Stamp of the first that was heard of it under its ID."""
     acceleration_m_s2: float | None = None
     footers_due_at: float = -math.inf
     """When it has had its time for all footers that were read."""
@@ -68,23 +73,39 @@ class Neighbours(dict[bytes, Neighbour]):
         elif known is None and len(self) >= settings.senders:
             refused = "too_many_senders", sender_id.hex()
         elif known is None:
-            known = self[sender_id] = Neighbour(reported)
+            known = self[sender_id] = Neighbour(reported, reported.stamp_s)
         elif known.reported.stamp_s <= reported.stamp_s:
             known.reported = reported
         if known is not None:
             known.acceleration_m_s2 = acceleration_m_s2
         return refused
 
-    def forget(self, silent_at: float) -> None:
-        """Drop those that have said nothing since."""
-        for sender_id in [key for key, car in self.items() if car.reported.stamp_s < silent_at]:
-            del self[sender_id]
+    def forget(self, silence_s: float, overlap_m: float, now: float) -> None:
+        """Drop those that have been silent for so long, or speak on under another ID.
+
+        A car that changes its pseudonym falls silent where a new one begins to speak.
+        """
+        quiet = [key for key, car in self.items() if now - car.reported.stamp_s > _QUIET_S]
+        for key in quiet:
+            was = self[key].reported
+            is_gone = now - was.stamp_s > silence_s
+            if is_gone or any(
+                car.first_s > was.stamp_s and _apart_m(was, car.reported) <= overlap_m
+                for car in self.values()
+            ):
+                del self[key]
 
     def map_to(self, turn: Array, shift: Array) -> None:
         """Bring everything into another frame (`LocalFrame.mapping_from`)."""
         for car in self.values():
             mapped = map_state(car.reported.state, car.reported.covariance, turn, shift)
             car.reported = ReportedState(car.reported.stamp_s, *mapped)
+
+
+def _apart_m(earlier: ReportedState, later: ReportedState) -> float:
+    dt_s = later.stamp_s - earlier.stamp_s
+    place = earlier.state[:2] + dt_s * earlier.state[2:]
+    return math.hypot(*(later.state[:2] - place))
 
 
 def as_kinematics(reported: Sequence[ReportedState], utc_ms: Callable[[float], int]) -> Kinematics:

@@ -501,6 +501,19 @@ def test_after_a_change_of_pseudonym_the_own_measurements_are_still_own() -> Non
     assert "not_my_measurement" not in world.discarded("c0")
 
 
+def test_a_car_that_changes_its_pseudonym_is_one_car() -> None:
+    cars = [Car("a", 0, 0, 0, 10), Car("b", 3.5, 40, 0, 10), Car("c", 0, 40, 0, 10)]
+    world = World(cars)
+    world.run(1.0)
+
+    world.cars[1].name = "new"
+    world.mvs["new"] = world.mvs.pop("b")
+    world.mvs["new"].set_own_id(world.cars[1].id)
+    world.run(0.4)
+
+    assert {known.name for known in world.known("a")} == {car.id.hex() for car in cars[1:]}
+
+
 @pytest.mark.parametrize("step_s", [-5.0, -0.5, -0.08, 0.5, 5.0])
 def test_when_utc_is_corrected_a_car_in_view_is_known_again_at_once(step_s: float) -> None:
     """The car drives along: whoever goes on with the old clock places it elsewhere."""
