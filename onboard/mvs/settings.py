@@ -107,7 +107,7 @@ class MvsSettings(Settings):
     """What has come in since is fused when somebody asks, but not more often than this."""
     confirmed_by: int = Field(3, ge=1, le=20)
     """A car is known, and passed on, with evidence of so many different moments."""
-    unseen_s: float = Field(1.0, gt=0.0, le=10.0)
+    unseen_s: float = Field(1.5, gt=0.0, le=10.0)
     """A car that nobody has measured for this long is forgotten."""
     vaguest_known_m: float = Field(4.0, gt=0.0, le=100.0)
     """A car that is less well placed now, by the root of the sum of its variances, is not known."""
