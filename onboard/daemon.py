@@ -166,8 +166,8 @@ class Daemon:
             wires.callback(bus.close)
             self._send_can = bus.send
         if config.gnss is not None:
-            self._gnss = GpsdReader(config.gnss)
-            gpsd = Gpsd(config.gnss, self._taker(self._receive_gnss), self._on_gpsd_state)
+            take_data = self._reading(GpsdReader(config.gnss))
+            gpsd = Gpsd(config.gnss, take_data, self._on_gpsd_state)
             gpsd.start(self._loop)
             wires.callback(gpsd.close)
         if config.radio is not None:
@@ -182,8 +182,7 @@ class Daemon:
             camera.start()
             wires.callback(camera.close)
         if config.detector is not None:
-            self._object_lists = ObjectListReader()
-            detector = await open_detector(config.detector, self._taker(self._receive_objects))
+            detector = await open_detector(config.detector, self._reading(ObjectListReader()))
             wires.callback(detector.close)
         if config.hmi is not None:
             # A web server is a tenth of a start, and a box may have nobody who looks.
@@ -249,6 +248,16 @@ class Daemon:
     def _taker(self, receive: Callable[[InputT, float], None]) -> Callable[[InputT], None]:
         return lambda item: self._take(receive, item)
 
+    def _reading(self, reader: GpsdReader | ObjectListReader) -> Callable[[bytes], None]:
+        """Have what comes read by `reader` in the next round, and what it says received."""
+
+        def receive(data: bytes, now: float) -> None:
+            reader.receive_bytes(data, now)
+            while (observation := reader.next_event()) is not None:
+                self._stack.receive_observation(observation, now)
+
+        return self._taker(receive)
+
     def _on_wsm(self, wsm: bytes) -> None:
         self._wsms.put(wsm)
         self._plan_step()
@@ -297,16 +306,6 @@ class Daemon:
         self._radio_back = None
         back = SensorBack(self._loop.time(), Sensor.RADIO)
         self._take(self._stack.receive_observation, back)
-
-    def _receive_gnss(self, data: bytes, now: float) -> None:
-        self._gnss.receive_bytes(data, now)
-        while (observation := self._gnss.next_event()) is not None:
-            self._stack.receive_observation(observation, now)
-
-    def _receive_objects(self, data: bytes, now: float) -> None:
-        self._object_lists.receive_bytes(data, now)
-        while (observation := self._object_lists.next_event()) is not None:
-            self._stack.receive_observation(observation, now)
 
     def _on_seen(self, observations: Sequence[Observation]) -> None:
         """Called from the camera's thread, where there is time for the slow derivation of IDs."""
