@@ -23,6 +23,15 @@ def free_port() -> int:
     return port
 
 
+def is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
+        try:
+            trial.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
 def test_each_datagram_is_handed_over_as_it_came() -> None:
     async def run() -> list[bytes]:
         settings = DetectorSettings(port=free_port())
@@ -56,7 +65,8 @@ def test_the_doctor_listens_to_it(data: bytes | None, verdict: Verdict, says: st
     async def run() -> list[Finding]:
         settings = DetectorSettings(port=free_port())
         examining = asyncio.create_task(examine_detector(settings, 0.1))
-        await asyncio.sleep(0.01)
+        while is_free(settings.port):
+            await asyncio.sleep(0)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as detector:
             if data is not None:
                 detector.sendto(data, (settings.host, settings.port))
