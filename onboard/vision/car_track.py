@@ -4,6 +4,7 @@ import math
 
 from onboard.vision.identity import LEAST_READ_CONFIDENCE, Ballot
 from onboard.vision.motion import Motion
+from onboard.vision.plate_kinds import MeanShape, PlateKinds
 from onboard.vision.rear import Growth
 from onboard.vision.sighting import Cue, Sighting
 
@@ -20,7 +21,12 @@ class CarTrack:
     """A car: where it is, how it moves, what its plate says."""
 
     def __init__(
-        self, track_id: int, first: Sighting, stamp_s: float, identity_confidence: float
+        self,
+        track_id: int,
+        first: Sighting,
+        stamp_s: float,
+        identity_confidence: float,
+        kinds: PlateKinds,
     ) -> None:
         self.track_id = track_id
         self.seen_at = stamp_s
@@ -54,8 +60,13 @@ class CarTrack:
         )
         self.followed_at = stamp_s
         """Up to when its rear was followed."""
+        self._kinds = kinds
+        self._shape = MeanShape()
+        self._width_m: float | None = None
         self._plate = Ballot(identity_confidence)
         self._tag = Ballot(identity_confidence)
+        self._has_only_plates = first.cue is Cue.PLATE
+        self._of_its_kind(first)
         self._vote(first, stamp_s)
 
     @property
@@ -80,8 +91,15 @@ class CarTrack:
         self.ahead.predict(stamp_s)
         self.right.predict(stamp_s)
 
+    def if_of_its_kind(self, sighting: Sighting) -> Sighting:
+        """A sighting, if its plate is of the kind that this car's is taken to be."""
+        if self._width_m is None or not sighting.places:
+            return sighting
+        return sighting.if_wide(self._width_m)
+
     def update(self, sighting: Sighting, stamp_s: float) -> None:
         """Take in a sighting of this car in the frame that it was predicted to."""
+        sighting = self._of_its_kind(sighting)
         self.ahead.update(sighting.place.ahead_m, sighting.ahead_sigma_m)
         self.right.update(sighting.place.right_m, sighting.right_sigma_m)
         if stamp_s > self.seen_at:
@@ -111,6 +129,24 @@ class CarTrack:
         sigma_m = abs(right_slope) * self.gap_sigma_m
         self.right.update(ahead_m * right_slope, math.hypot(sigma_m, BEARING_SIGMA * ahead_m))
         self.present_at = stamp_s
+
+    def _of_its_kind(self, sighting: Sighting) -> Sighting:
+        """The sighting, once it has had its say about the kind of this car's plate.
+
+        If that is another than was taken, the car is and always was that much nearer or farther.
+        """
+        self._has_only_plates &= sighting.cue is Cue.PLATE
+        if not sighting.places:
+            return sighting
+        self._shape.add(sighting.shape, sighting.box.w_px)
+        width_m = self._kinds.likely_width_m(self._shape.log_shape, self._width_m)
+        self._kinds.count(width_m)
+        if self._width_m is not None and self._has_only_plates:
+            self.ahead.scale(width_m / self._width_m)
+            self.right.scale(width_m / self._width_m)
+            self.last = self.last.if_wide(width_m)
+        self._width_m = width_m
+        return sighting.if_wide(width_m)
 
     def _vote(self, sighting: Sighting, stamp_s: float) -> None:
         if sighting.was_read:

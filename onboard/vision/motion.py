@@ -76,6 +76,12 @@ class Motion:
         self._pr *= sigma_m_s**2 / variance
         self._rr *= sigma_m_s**2 / variance
 
+    def scale(self, factor: float) -> None:
+        """Take the unit of length to have been another."""
+        self._position_m *= factor
+        self._rate_m_s *= factor
+        self._pp, self._pr, self._rr = (factor**2 * each for each in (self._pp, self._pr, self._rr))
+
     def _correct(self, innovation: float, position_gain: float, rate_gain: float) -> None:
         self._position_m += position_gain * innovation
         self._rate_m_s += rate_gain * innovation

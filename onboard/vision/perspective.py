@@ -104,6 +104,19 @@ class Perspective:
         height_m = self._calibration.mounting_height_m - ahead_m * float(down)
         return Place(ahead_m, ahead_m * float(right), height_m)
 
+    def locate_kinds(self, corners_px: Corners, widths_m: Sequence[float]) -> dict[float, Place]:
+        """As `locate_upright`, for each width that it may have."""
+        unit = self.locate_upright(corners_px, 1.0)
+        lens_m = self._calibration.mounting_height_m
+        return {
+            width_m: Place(
+                width_m * unit.ahead_m,
+                width_m * unit.right_m,
+                lens_m + width_m * (unit.height_m - lens_m),
+            )
+            for width_m in widths_m
+        }
+
     def locate_on_road(self, u_px: float, v_px: float) -> Place | None:
         """The place on the road that the pixel shows; `None` at and above the horizon."""
         right, down = self._slopes(np.array([[u_px, v_px]], np.float32))[0]

@@ -14,6 +14,7 @@ from onboard.vision.ends import refine_ends
 from onboard.vision.identity import LEAST_LENGTH
 from onboard.vision.perspective import Corners, Perspective
 from onboard.vision.plate_detector import FoundPlate
+from onboard.vision.plate_kinds import PlateKinds
 from onboard.vision.plate_reader import PlateText
 from onboard.vision.sighting import Cue, Followed, Search, Sighting
 from onboard.vision.syntax import PlateSyntax
@@ -21,11 +22,6 @@ from onboard.vision.syntax import PlateSyntax
 Image = npt.NDArray[np.uint8]
 """(h, w, 3), BGR."""
 
-PLATE_KINDS = ((0.520, 5.0, 4), (0.400, 3.4, 4), (0.305, 2.1, 4), (0.280, 1.5, 1), (0.200, 1.2, 1))
-"""Width in m, width by height as the detector finds it, and how common: Europe (520 x 110 mm),
-Brazil (400 x 130), North America (305 x 152, SAE J686), Europe in two rows, motorcycles."""
-SHAPE_SIGMA = 0.12
-"""Of the logarithm of a found plate's width by height."""
 WIDTH_SIGMA_PX, WIDTH_SIGMA, BLUR_PX = 0.6, 0.015, 17.0
 """Of a found plate's width: in pixels; as a share of it; and, cubed by that share, what the
 detector loses of small plates: 2 % of 70 px, 12 % of 35 px, 20 % of 28 px on rendered pictures."""
@@ -68,15 +64,13 @@ class Plates:
         reader: TextReader,
         syntax: PlateSyntax,
         perspective: Perspective,
-        width_m: float | None,
+        kinds: PlateKinds,
     ) -> None:
-        """`width_m`: of all plates; `None` tells it from each plate's shape."""
         self._finder = finder
         self._reader = reader
         self._syntax = syntax
         self._perspective = perspective
-        self._width_m = width_m
-        self._kinds_seen = [common for _, _, common in PLATE_KINDS]
+        self._kinds = kinds
 
     def find(self, image: Image, search: Search) -> list[Sighting]:
         """Plates in the picture, or where they are followed."""
@@ -124,8 +118,12 @@ class Plates:
         return FoundPlate(with_band(image, plate.corners_px), plate.score)
 
     def _sighting(self, image: Image, plate: FoundPlate, text: PlateText | None) -> Sighting:
-        width_m = self._width_m or self._likely_width_m(plate.corners_px)
-        place = self._perspective.locate_upright(refine_ends(image, plate.corners_px), width_m)
+        shape = max(self._perspective.shape(plate.corners_px), 1e-3)
+        width_m = self._kinds.likely_width_m(math.log(shape))
+        places = self._perspective.locate_kinds(
+            refine_ends(image, plate.corners_px), self._kinds.widths_m
+        )
+        place = places[width_m]
         width_px = max(plate.width_px, 1.0)
         share = math.hypot(WIDTH_SIGMA_PX / width_px, WIDTH_SIGMA, (BLUR_PX / width_px) ** 3)
         ahead_sigma_m = place.ahead_m * share
@@ -136,6 +134,9 @@ class Plates:
             ahead_sigma_m=ahead_sigma_m,
             right_sigma_m=math.hypot(width_m * share, share * place.right_m),
             was_read=text is not None,
+            shape=shape,
+            width_m=width_m,
+            places=places,
         )
         if text is None or not self._may_be(text):
             return sighting
@@ -154,17 +155,6 @@ class Plates:
             and len(text.text) >= LEAST_LENGTH
             and self._syntax.fits(text.text)
         )
-
-    def _likely_width_m(self, corners_px: Corners) -> float:
-        """Of the kind that fits the shape best; kinds seen often in this drive are likelier."""
-        shape = max(self._perspective.shape(corners_px), 1e-3)
-        scores = [
-            math.log(seen) - 0.5 * (math.log(shape / usual) / SHAPE_SIGMA) ** 2
-            for (_, usual, _), seen in zip(PLATE_KINDS, self._kinds_seen, strict=True)
-        ]
-        best = int(np.argmax(scores))
-        self._kinds_seen[best] += 1
-        return PLATE_KINDS[best][0]
 
 
 def _same(one: Box, other: Box) -> bool:

@@ -31,6 +31,7 @@ from onboard.vision.lead import LeadChoice
 from onboard.vision.perspective import Perspective, Place, bounding_box
 from onboard.vision.picture_check import PictureCheck
 from onboard.vision.plate_detector import PlateDetector
+from onboard.vision.plate_kinds import PlateKinds
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.plates import PlateFinder, Plates, TextReader
 from onboard.vision.rear import Rear
@@ -96,12 +97,14 @@ class Sight:
             self._reader = reader or PlateReader(syntax=self._syntax)
         if settings.vehicle_model is not None:
             self._vehicle_model = BoxModel(settings.vehicle_model, "vision.vehicle_model")
+        self._kinds = PlateKinds(settings.plate_width_m)
         self._tracker = Tracker(
             settings.lane_width_m,
             settings.keep_s,
             settings.keep_unread_s,
             settings.identity_confidence,
-            CALIBRATED_SLOPE if calibration is not None else GUESSED_SLOPE,
+            slope=CALIBRATED_SLOPE if calibration is not None else GUESSED_SLOPE,
+            kinds=self._kinds,
         )
         self._lane = OwnLane(settings.lane_width_m)
         self._choice = LeadChoice(self._lane)
@@ -276,9 +279,7 @@ class Sight:
             tags = TagFinder(settings.tag_dictionary, settings.tag_side_m, perspective)
             self._finders.append(tags)
         if settings.plates:
-            plates = Plates(
-                self._finder, self._reader, self._syntax, perspective, settings.plate_width_m
-            )
+            plates = Plates(self._finder, self._reader, self._syntax, perspective, self._kinds)
             self._finders.append(plates)
         if settings.vehicle_model is not None:
             model = settings.vehicle_model

@@ -1,6 +1,7 @@
 """Where to look in one frame, and what it gives: plates, tags and vehicles, put into metres."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from onboard.observations import Box
@@ -32,11 +33,28 @@ class Sighting:
     """Of the text, but for characters that no identity tells apart."""
     was_read: bool = True
     """Whether it was tried what text it carries."""
+    shape: float = 0.0
+    """Of a plate: width by height."""
+    width_m: float = 0.0
+    """Of a plate: what `place` takes it to be."""
+    places: Mapping[float, Place] = field(default_factory=dict)
+    """Of a plate: where it is, for each width that it may have."""
 
     @property
     def box(self) -> Box:
         """The upright rectangle around the corners."""
         return bounding_box(self.corners_px)
+
+    def if_wide(self, width_m: float) -> "Sighting":
+        """The same plate, taken to be of another width: as much farther away."""
+        factor = width_m / self.width_m
+        return replace(
+            self,
+            place=self.places[width_m],
+            ahead_sigma_m=factor * self.ahead_sigma_m,
+            right_sigma_m=factor * self.right_sigma_m,
+            width_m=width_m,
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

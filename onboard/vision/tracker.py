@@ -11,6 +11,7 @@ import numpy as np
 
 from onboard.assignment import cheapest_pairs
 from onboard.vision.car_track import CarTrack
+from onboard.vision.plate_kinds import PlateKinds
 from onboard.vision.sighting import Cue, Sighting
 
 GATE_SIGMA = 4.0
@@ -30,9 +31,21 @@ class Tracker:
         keep_s: float,
         keep_unread_s: float,
         identity_confidence: float,
+        *,
         slope: float = 0.04,
+        kinds: PlateKinds | None = None,
     ) -> None:
-        """`slope`: how far the car pitches and the road climbs against what was calibrated."""
+        """Watch an empty road.
+
+        Args:
+            lane_width_m: of the lane.
+            keep_s: how long a car is kept that is not there any more.
+            keep_unread_s: how long one of which only the rear is.
+            identity_confidence: share of the votes that a text needs.
+            slope: how far the car pitches and the road climbs against what was calibrated.
+            kinds: of plates; `None`: all that are known.
+        """
+        self._kinds = kinds or PlateKinds()
         self._lane_width_m = lane_width_m
         self._keep_s = keep_s
         self._keep_unread_s = keep_unread_s
@@ -91,6 +104,7 @@ class Tracker:
         return pairs
 
     def _cost(self, sighting: Sighting, track: CarTrack) -> float:
+        sighting = track.if_of_its_kind(sighting)
         ahead_m = sighting.place.ahead_m - track.ahead.position_m
         right_m = sighting.place.right_m - track.right.position_m
         ahead_sigma_m = math.hypot(sighting.ahead_sigma_m, track.gap_sigma_m, 0.5)
@@ -108,7 +122,7 @@ class Tracker:
         return cost
 
     def _begin(self, sighting: Sighting, stamp_s: float) -> CarTrack:
-        track = CarTrack(self._next_id, sighting, stamp_s, self._identity_confidence)
+        track = CarTrack(self._next_id, sighting, stamp_s, self._identity_confidence, self._kinds)
         self._next_id += 1
         self.tracks.append(track)
         return track

@@ -1,0 +1,86 @@
+"""A car's plate is of one kind, whatever the shape of a single frame's seems to be."""
+
+import math
+
+import numpy as np
+import pytest
+
+from onboard.vision.perspective import Place
+from onboard.vision.plate_kinds import MeanShape, PlateKinds
+from onboard.vision.sighting import Cue, Sighting
+from onboard.vision.tracker import Tracker
+
+FOCAL_PX = 1400.0
+EUROPE_M, BRAZIL_M, AMERICA_M = 0.52, 0.4, 0.305
+
+
+def sighting(kinds: PlateKinds, ahead_m: float, true_width_m: float, shape: float) -> Sighting:
+    """A plate as it is found: so wide in the picture, and of that shape in this frame."""
+    width_px = FOCAL_PX * true_width_m / ahead_m
+    x, y = width_px / 2, width_px / 2 / shape
+    places = {width_m: Place(FOCAL_PX * width_m / width_px, 0.0, 0.6) for width_m in kinds.widths_m}
+    width_m = kinds.likely_width_m(math.log(shape))
+    return Sighting(
+        cue=Cue.PLATE,
+        corners_px=np.array([(-x, -y), (x, -y), (x, y), (-x, y)], np.float32),
+        place=places[width_m],
+        ahead_sigma_m=0.02 * places[width_m].ahead_m,
+        right_sigma_m=0.1,
+        shape=shape,
+        width_m=width_m,
+        places=places,
+    )
+
+
+def test_a_shape_that_is_off_in_single_frames_makes_no_second_car_and_no_leap() -> None:
+    kinds = PlateKinds()
+    tracker = Tracker(3.5, 1.5, 10.0, 0.9, kinds=kinds)
+    gaps_m = []
+    for index in range(30):
+        shape = 3.6 if index % 5 == 4 else 5.0
+        seen = sighting(kinds, 10.0, EUROPE_M, shape)
+        tracker.receive_sightings([seen], index / 10)
+        gaps_m += [track.ahead.position_m for track in tracker.tracks]
+
+    assert gaps_m == pytest.approx([10.0] * 30)
+
+
+def test_a_plate_that_came_out_too_long_while_it_was_small_is_known_when_it_is_near() -> None:
+    kinds = PlateKinds()
+    tracker = Tracker(3.5, 1.5, 10.0, 0.9, kinds=kinds)
+    for index in range(60):
+        ahead_m = 12.0 - 0.12 * index
+        shape = 2.9 if ahead_m > 9.0 else 2.1
+        tracker.receive_sightings([sighting(kinds, ahead_m, AMERICA_M, shape)], index / 10)
+
+    (track,) = tracker.tracks
+    assert track.ahead.position_m == pytest.approx(12.0 - 0.12 * 59, rel=0.02)
+    assert track.ahead.rate_m_s == pytest.approx(-1.2, abs=0.2)
+
+
+def test_near_sightings_outweigh_many_from_afar() -> None:
+    shape = MeanShape()
+    for _ in range(100):
+        shape.add(2.9, 35.0)
+    for _ in range(5):
+        shape.add(2.1, 120.0)
+
+    assert math.exp(shape.log_shape) == pytest.approx(2.1, rel=0.1)
+
+
+def test_what_is_common_in_a_drive_is_likelier_and_what_was_taken_is_kept_in_doubt() -> None:
+    between = math.log(math.sqrt(5.0 * 3.4))
+    kinds = PlateKinds()
+    for _ in range(20):
+        kinds.count(BRAZIL_M)
+
+    assert kinds.likely_width_m(between) == BRAZIL_M
+    assert PlateKinds().likely_width_m(between, EUROPE_M) == EUROPE_M
+    assert PlateKinds().likely_width_m(between, BRAZIL_M) == BRAZIL_M
+
+
+def test_a_width_that_the_user_gives_is_that_of_all_plates() -> None:
+    kinds = PlateKinds(0.44)
+
+    assert kinds.widths_m == (0.44,)
+    assert kinds.likely_width_m(math.log(5.0)) == 0.44
