@@ -127,15 +127,27 @@ def show(
 
 
 def _settings_given(words: list[str]) -> dict[str, object]:
-    """`--spacing-m 10` is the setting spacing_m."""
-    names, values = words[::2], words[1::2]
+    """`--spacing-m 10` and `--spacing-m=10` are the setting spacing_m."""
+    split = [
+        part for word in words for part in (word.split("=", 1) if word.startswith("--") else [word])
+    ]
+    names, values = split[::2], split[1::2]
     for name in names:
         if not name.startswith("--") or len(names) != len(values):
             raise UserError(f"settings are given as --name value (given {' '.join(words)!r})")
+        if names.count(name) > 1:
+            raise UserError(f"the setting {name} is given twice")
     return {
-        name[2:].replace("-", "_"): yaml.safe_load(value)
+        name[2:].replace("-", "_"): _setting(name, value)
         for name, value in zip(names, values, strict=True)
     }
+
+
+def _setting(name: str, text: str) -> object:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise UserError(f"{name}: not YAML: {' '.join(str(error).split())}") from error
 
 
 def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:

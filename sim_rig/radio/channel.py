@@ -46,13 +46,14 @@ NOTICED_AFTER_S = 4e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reception:
-    """A frame has ended: who has it."""
+    """What has become of a frame: who has it."""
 
     number: int
     """As `receive_frame` gave it."""
     sender: int
     queued_s: float
     sent_s: float
+    """NaN for one that its sender has given up, as the channel was never free."""
     receivers: NDArray[np.int64]
     at_s: Array
     """When each of them has it."""
@@ -164,7 +165,16 @@ class Channel:
             heapq.heappush(self._agenda, entry)
 
     def _transmit(self, sender: int, now: float) -> None:
-        queued = self._stations[sender].take(now, self._free_s(sender))
+        its = self._stations[sender]
+        if given_up := its.give_up(now):
+            nobody = np.zeros(0, dtype=np.int64)
+            self._received += [
+                Reception(each.number, sender, each.queued_s, math.nan, nobody, np.zeros(0))
+                for each in given_up
+            ]
+            self._replan(sender, now)
+            return  # if another frame may go now, that is due again at once
+        queued = its.take(now, self._free_s(sender))
         settings = self._settings
         on_air_s = airtime_s(queued.psdu_bytes, settings.data_rate_mbit_s, settings.symbol_us)
         power_mw = self._fading.faded(self._links.mean_mw[sender])

@@ -20,6 +20,9 @@ SLOT_S = 13e-6
 SIFS_S = 32e-6
 EIFS_EXTRA_S = SIFS_S + 88e-6
 """Longer than after a good frame: SIFS and the time of the acknowledgement that might come."""
+LIFETIME_S = 0.5
+"""A frame that has waited longer is given up (dot11EDCATableMSDULifetime, 500 TU by default; ns-3
+has 500 ms)."""
 _SAME_S = 1e-10
 """Times that differ by less are the same, whatever floats say."""
 
@@ -150,6 +153,15 @@ class Station:
     def is_at_rest(self) -> bool:
         """Nothing to send, and no backoff left to count."""
         return not any(each.slots or each.queue for each in self._contentions)
+
+    def give_up(self, now: float) -> list[QueuedFrame]:
+        """Drop the frames that have waited for too long; they are returned."""
+        given_up: list[QueuedFrame] = []
+        for contention in self._contentions:
+            queue = contention.queue
+            while queue and queue[0].queued_s < now - LIFETIME_S:
+                given_up.append(queue.popleft())
+        return given_up
 
     def take(self, now: float, free_s: float) -> QueuedFrame:
         """The frame that is transmitted now: others that are due lose, and draw again."""

@@ -16,9 +16,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
+from onboard.errors import UserError
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
-from sim_rig.radio.channel import Channel, Reception
+from sim_rig.radio.channel import Channel
 from sim_rig.radio.propagation import DualSlope, LogDistance, PathLoss, TwoRay
 from sim_rig.radio.settings import CsmaSettings
 from sim_rig.studies.results import write_results
@@ -67,9 +68,9 @@ def parse_fading(text: str) -> float | None:
         return None
     if text == "rayleigh":
         return 1.0
-    if name == "nakagami" and number:
+    if name == "nakagami" and number and 0.5 <= float(number) <= 50.0:
         return float(number)
-    raise ValueError("must be none, rayleigh or nakagami:M")
+    raise ValueError("must be none, rayleigh or nakagami:M, M from 0.5 to 50")
 
 
 def _checked_loss(text: str) -> str:
@@ -106,11 +107,11 @@ class RadioSettings(Settings):
     user_priority: int = Field(5, ge=0, le=7)
     """5 is of AC_VI, 7 of AC_VO."""
     data_rate_mbit_s: Literal[3, 6, 9, 12, 18, 24, 27] = 6
-    tx_power_dbm: float = 20.0
-    noise_figure_db: float = 7.0
-    preamble_snr_db: float = 4.0
-    preamble_dbm: float = -95.0
-    energy_detection_dbm: float = -88.0
+    tx_power_dbm: float = Field(20.0, ge=-10.0, le=40.0)
+    noise_figure_db: float = Field(7.0, ge=0.0, le=30.0)
+    preamble_snr_db: float = Field(4.0, ge=-10.0, le=30.0)
+    preamble_dbm: float = Field(-95.0, ge=-120.0, le=0.0)
+    energy_detection_dbm: float = Field(-88.0, ge=-120.0, le=0.0)
     """ns-3 takes the -85 dBm of 20 MHz for half of that in 10 MHz."""
     symbol_us: Literal[4, 8] = 4
     """ns-3 rounds frames to 4 us; the standard has 8 us in 10 MHz."""
@@ -142,12 +143,16 @@ def run_one(settings: RadioSettings, number: int) -> Row:
     bins = int(bin_of.max()) + 1
     in_middle = np.zeros(settings.cars, dtype=np.bool_)
     in_middle[settings.cars // 3 : 2 * settings.cars // 3] = True
-    heard: list[tuple[int, NDArray[np.int64], Array]] = []
     sent = np.zeros(settings.cars, dtype=np.int64)
-    for reception in _broadcasts(settings, channel, rng):
-        sent[reception.sender] += 1
-        delay_us = 1e6 * (reception.at_s - reception.queued_s)
-        heard.append((reception.sender, reception.receivers, delay_us))
+    nobody = np.zeros(0, dtype=np.int64)
+    heard: list[tuple[int, NDArray[np.int64], Array]] = [(0, nobody, np.zeros(0))]
+    for now, car in _moments(settings, rng):
+        channel.receive_frame(car, settings.payload_bytes, settings.user_priority, now)
+        # What is still waiting at the end has not been delivered.
+        sent[car] += now >= settings.warm_s
+        heard += _receptions(settings, channel)
+    channel.handle_timer(settings.seconds)
+    heard += _receptions(settings, channel)
     pairs = np.array([np.bincount(row, minlength=bins) for row in bin_of])
     pairs[:, 0] -= 1  # nobody is a receiver of its own
     heard_in = np.concatenate([bin_of[sender, receivers] for sender, receivers, _ in heard])
@@ -194,6 +199,8 @@ def run(
     runs = out_dir / f"runs-{zlib.crc32(settings.model_dump_json().encode()):08x}"
     rows = run_campaign(run_one, settings, range(settings.seeds), runs, workers or Workers())
     lines = table(rows)
+    if not lines:
+        raise UserError("radio: nobody sent anything between warm_s and seconds")
     write_results(out_dir, COLUMNS, lines, settings, _figure(settings, lines))
     reach_m = max((float(line[0]) for line in lines if float(line[1]) >= 0.5), default=0.0)
     first = lines[0]
@@ -203,21 +210,26 @@ def run(
     )
 
 
-def _broadcasts(
-    settings: RadioSettings, channel: Channel, rng: np.random.Generator
-) -> Iterator[Reception]:
-    """What becomes of each frame that was queued after the warm-up."""
+def _moments(settings: RadioSettings, rng: np.random.Generator) -> Iterator[tuple[float, int]]:
+    """When each car has something to send, in order."""
     begins_s = rng.uniform(0.0, settings.interval_s, settings.cars)
     queue = [(float(at_s), car) for car, at_s in enumerate(begins_s)]
     heapq.heapify(queue)
     while queue[0][0] < settings.seconds:
         now, car = queue[0]
-        channel.receive_frame(car, settings.payload_bytes, settings.user_priority, now)
+        yield now, car
         next_s = now + settings.interval_s + float(rng.uniform(0.0, settings.jitter_s))
         heapq.heapreplace(queue, (next_s, car))
-        while (reception := channel.next_event()) is not None:
-            if reception.queued_s >= settings.warm_s:
-                yield reception
+
+
+def _receptions(
+    settings: RadioSettings, channel: Channel
+) -> Iterator[tuple[int, NDArray[np.int64], Array]]:
+    """Sender, receivers and delays of the frames queued after the warm-up that have ended."""
+    while (reception := channel.next_event()) is not None:
+        if reception.queued_s >= settings.warm_s:
+            delay_us = 1e6 * (reception.at_s - reception.queued_s)
+            yield reception.sender, reception.receivers, delay_us
 
 
 def _figure(settings: RadioSettings, lines: list[tuple[float | str, ...]]) -> Figure:

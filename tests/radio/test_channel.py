@@ -67,6 +67,30 @@ def test_who_hears_another_waits_and_both_get_through() -> None:
     assert second.receivers.tolist() == [0, 1]
 
 
+def test_a_frame_that_waits_for_half_a_second_is_given_up() -> None:
+    it = channel(0.0, 50.0)
+    for _ in range(1200):  # each takes some 0.5 ms
+        it.receive_frame(0, 250, BEACON, 1.0)
+
+    found = receptions(it)
+    assert len(found) == 1200
+    sent = [each for each in found if each.receivers.tolist() == [1]]
+    given_up = [each for each in found if math.isnan(each.sent_s)]
+    assert len(sent) + len(given_up) == 1200
+    assert max(each.sent_s for each in sent) == pytest.approx(1.5, abs=0.001)
+    assert {each.number for each in given_up} == set(range(len(sent), 1200))
+
+
+def test_what_follows_a_frame_that_is_given_up_goes_at_once() -> None:
+    it = channel(0.0, 50.0)
+    for _ in range(1200):
+        it.receive_frame(0, 250, BEACON, 1.0)
+    young = it.receive_frame(0, 250, BEACON, 1.4)
+
+    last = [each for each in receptions(it) if each.number == young]
+    assert last[0].sent_s == pytest.approx(1.5, abs=0.001)
+
+
 def test_hidden_stations_do_not_wait_and_spoil_each_other_between_them() -> None:
     it = channel(0.0, 440.0, 880.0)
     it.receive_frame(0, 250, BEACON, 1.0)

@@ -70,6 +70,12 @@ def test_one_command_writes_table_figure_and_settings(tmp_path: Path) -> None:
         (["--loss", "tree"], "no such path loss 'tree'"),
         (["--loss", "two-ray:1:2"], "two-ray takes at most 1 numbers"),
         (["--fading", "rician"], "must be none, rayleigh or nakagami:M"),
+        (["--fading", "nakagami:0.1"], "M from 0.5 to 50"),
+        (["--fading", "nakagami:nan"], "M from 0.5 to 50"),
+        (["--tx-power-dbm", "99"], "tx_power_dbm: Input should be less than or equal to 40"),
+        (["--cars", "2", "--seeds", "1", "--warm-s", "5"], "nobody sent anything"),
+        (["--cars=4", "--cars=5"], "--cars is given twice"),
+        (["--cars", "[4"], "--cars: not YAML"),
         (["--seeds"], "settings are given as --name value"),
     ],
 )
@@ -78,6 +84,28 @@ def test_a_mistake_is_told(tmp_path: Path, words: list[str], told: str) -> None:
 
     assert code != 0
     assert told in output
+
+
+def test_a_setting_may_be_joined_to_its_name(tmp_path: Path) -> None:
+    code, told = study("--cars=3", "--seeds=1", "--seconds=1.2", "--workers", "1", out=tmp_path)
+
+    assert code == 0, told
+    assert told.startswith("radio: 3 cars, 1 seeds")
+
+
+def test_what_waits_too_long_is_given_up_and_counts_as_sent() -> None:
+    """Two cars with more than the channel takes: ns-3 3.37 delivers 0.630 after 409 ms (4 seeds).
+
+    A frame of 1438 bytes at 3 Mbit/s takes 3.9 ms, and there are 333 of them each second.
+    """
+    settings = RadioSettings(
+        cars=2, spacing_m=1.0, payload_bytes=1400, data_rate_mbit_s=3,
+        interval_s=0.004, jitter_s=0.004,
+    )  # fmt: skip
+    ((_, pdr, _, delay_us, _),) = table([run_one(settings, number) for number in range(2)])
+
+    assert pdr == pytest.approx(0.630, abs=0.03)
+    assert delay_us == pytest.approx(409e3, rel=0.15)
 
 
 def test_other_settings_may_follow_in_the_same_folder(tmp_path: Path) -> None:
