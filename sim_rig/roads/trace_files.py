@@ -8,6 +8,7 @@ import csv
 import gzip
 import math
 import re
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,6 +27,8 @@ FASTEST_M_S = 90.0
 """What moves faster than this has jumped."""
 LONGEST_HOLE_S = 1.05
 """Traces give a car at least once a second."""
+LONGEST_S = 86_400.0
+"""A day: what lasts longer is a mistake in its times."""
 
 
 class TraceError(UserError):
@@ -54,18 +57,22 @@ def read_trace(path: Path) -> Recording:
     if reader is None:
         raise TraceError(f"{path}: a trace ends in one of {', '.join(sorted(_READERS))} (.gz)")
     try:
-        with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as file:
+        # Spreadsheets put a byte order mark before UTF-8.
+        opened = gzip.open if path.suffix == ".gz" else open
+        with opened(path, "rt", encoding="utf-8-sig") as file:
             return reader(file, str(path))
-    except (OSError, EOFError, UnicodeDecodeError) as error:
+    except (OSError, EOFError, UnicodeDecodeError, csv.Error, zlib.error) as error:
         raise TraceError(f"{path}: cannot be read: {error}") from error
 
 
-_NUMBER = r"([-+.\deE]+)"
-_SET = re.compile(rf"\$node_\((\w+)\) set ([XYZ])_ {_NUMBER}")
+_NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+_SET = re.compile(rf"\$node_\((\w+)\) set ([XYZ])_ {_NUMBER}(?!\S)")
 _SETDEST = re.compile(
     rf'\$ns_ at {_NUMBER} "\$node_\((\w+)\) setdest {_NUMBER} {_NUMBER} {_NUMBER}"'
 )
 _SWITCH = re.compile(rf'\$ns_ at {_NUMBER} "\$node_\((\w+)\) switch (ON|OFF)"')
+_GOD = re.compile(rf'(\$ns_ at {_NUMBER} ")?\$god_ set-dist ')
+"""What `setdest` itself writes between: how many hops two nodes are apart. No movement."""
 
 
 @dataclass(slots=True)
@@ -95,7 +102,7 @@ class _Node:
             return None
         if self.place == [None, None] and len(self.corners) > 1:
             return "jumps"
-        if speed_m_s > FASTEST_M_S:
+        if not 0.0 <= speed_m_s <= FASTEST_M_S:
             return f"drives at {speed_m_s:g} m/s"
         self._be_at(at_s)
         _, x0, y0 = self.corners[-1]
@@ -143,17 +150,17 @@ def _read_setdest(lines: Iterable[str], origin: str) -> Recording:
             node = nodes.setdefault(name, _Node())
             if state == "OFF" and len(node.corners) > 1:
                 node.off_at_s = min(node.off_at_s, float(at_s))
-        else:
-            raise TraceError(f"{origin}, line {number}: no command of setdest: {text[:60]}")
-    drives = [_drive_along(name, node) for name, node in nodes.items()]
+        elif not _GOD.match(text):
+            raise TraceError(f"{origin}, line {number}: no command of setdest: {text[:60]!r}")
+    drives = [_drive_along(name, node, origin) for name, node in nodes.items()]
     return _recording([drive for drive in drives if drive is not None], origin)
 
 
-def _drive_along(name: str, node: _Node) -> Drive | None:
+def _drive_along(name: str, node: _Node, origin: str) -> Drive | None:
     if len(node.corners) < 2:
         return None
     times_s, x, y = np.array(node.corners).T
-    steps = _steps(np.minimum(times_s, node.off_at_s))
+    steps = _steps(np.minimum(times_s, node.off_at_s), name, origin)
     if len(steps) < 2:
         return None
     at_s = steps * STEP_S
@@ -202,8 +209,12 @@ def _read_fcd(file: IO[str], origin: str) -> Recording:
                 _note(seen, said["id"], now_s, row, origin)
             elif event == "end" and element.tag == "timestep":
                 element.clear()
-    except (ET.ParseError, KeyError, ValueError) as error:
-        raise TraceError(f"{origin}: no floating car data: {error!r}") from error
+    except KeyError as error:
+        raise TraceError(f"{origin}: no floating car data: no attribute {error}") from error
+    except UnicodeDecodeError:
+        raise  # as for every file
+    except (ET.ParseError, ValueError) as error:
+        raise TraceError(f"{origin}: no floating car data: {error}") from error
     return _recording(_drives(seen, origin), origin)
 
 
@@ -214,23 +225,33 @@ _COLUMNS = {"t": "t", "id": "id", "vin": "id", "x": "x", "y": "y", "heading": "h
     "width": "width",
 }
 _NEEDED = ("t", "id", "x", "y", "heading", "v")
+_ONCE_AROUND = 2.0 * math.pi + 1e-3
 
 
 def _read_csv(file: IO[str], origin: str) -> Recording:
     """Columns t, id (or vin), x, y of the front bumper, heading, v (or speed); length, width."""
     rows = csv.DictReader(file)
-    names = {_COLUMNS[name]: name for name in rows.fieldnames or () if name in _COLUMNS}
+    given = [name for name in rows.fieldnames or () if name in _COLUMNS]
+    names = {_COLUMNS[name]: name for name in given}
+    if len(given) > len(names):
+        raise TraceError(f"{origin}: columns that say the same: {', '.join(given)}")
     missing = [name for name in _NEEDED if name not in names]
     if missing:
         raise TraceError(f"{origin}: no column {', '.join(missing)}")
     seen: dict[str, _Seen] = {}
     last_s = -math.inf
     for number, row in enumerate(rows, 2):
+        if None in row.values() or None in row:
+            raise TraceError(f"{origin}, line {number}: not as many fields as columns")
         try:
             at_s, x, y, heading, v = (float(row[names[key]]) for key in _NEEDED if key != "id")
             sizes = {key: float(row[names[key]]) for key in ("length", "width") if key in names}
-        except (TypeError, ValueError) as error:
+        except ValueError as error:
             raise TraceError(f"{origin}, line {number}: {error}") from error
+        if not all(0.0 < size < math.inf for size in sizes.values()):
+            raise TraceError(f"{origin}, line {number}: a car of no length or width")
+        if abs(heading) > _ONCE_AROUND:
+            raise TraceError(f"{origin}, line {number}: a heading of {heading:g} rad (degrees?)")
         if at_s < last_s:
             raise TraceError(f"{origin}, line {number}: time {at_s:g} s comes after {last_s:g} s")
         last_s = at_s
@@ -244,8 +265,12 @@ def _note(
     seen: dict[str, _Seen], name: str, at_s: float, row: tuple[float, float, float, float],
     origin: str,
 ) -> _Seen:  # fmt: skip
+    if not name:
+        raise TraceError(f"{origin}: a car without a name")
     if not all(map(math.isfinite, (at_s, *row))):
         raise TraceError(f"{origin}: car {name} is nowhere at {at_s:g} s")
+    if not 0.0 <= row[3] <= FASTEST_M_S:
+        raise TraceError(f"{origin}: car {name} drives at {row[3]:g} m/s")
     car = seen.setdefault(name, _Seen())
     if car.times_s:
         passed_s = at_s - car.times_s[-1]
@@ -267,7 +292,7 @@ def _drives(seen: dict[str, _Seen], origin: str) -> Iterator[Drive]:
     begin_s = min((car.times_s[0] for car in seen.values()), default=0.0)
     for name, car in seen.items():
         times_s = np.array(car.times_s) - begin_s
-        steps = _steps(times_s)
+        steps = _steps(times_s, name, origin)
         if len(steps) < 2:
             continue
         x, y, heading, v = np.array(car.rows).T
@@ -276,12 +301,12 @@ def _drives(seen: dict[str, _Seen], origin: str) -> Iterator[Drive]:
         angle, speed = np.interp(at_s, times_s, heading), np.interp(at_s, times_s, v)
         front = np.stack([np.interp(at_s, times_s, x), np.interp(at_s, times_s, y)], axis=1)
         middle = front - car.length_m / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        if (speed < 0.0).any():
-            raise TraceError(f"{origin}: car {name} has a negative speed")
         yield Drive(name, int(steps[0]), middle, angle, speed, car.length_m, car.width_m)
 
 
-def _steps(times_s: Array) -> Array:
+def _steps(times_s: Array, name: str, origin: str) -> Array:
+    if times_s[-1] > LONGEST_S:
+        raise TraceError(f"{origin}: car {name} drives until {times_s[-1]:g} s: more than a day")
     first, last = math.ceil(times_s[0] / STEP_S - 1e-6), math.floor(times_s[-1] / STEP_S + 1e-6)
     return np.arange(first, last + 1)
 

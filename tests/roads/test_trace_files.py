@@ -98,6 +98,19 @@ FCD = '<fcd-export><timestep time="1"/><timestep time="{}"/></fcd-export>'
         ("number.csv", HEAD + "0,a,here,0,0,5,4,2\n", "line 2: could not convert"),
         ("columns.csv", "t,x,y\n0,0,0\n", "no column id, heading, v"),
         ("empty.csv", HEAD, "no car drives"),
+        ("short.csv", HEAD + "0,a,0\n", "line 2: not as many fields as columns"),
+        ("long.csv", HEAD + "0,a,0,0,0,5,4,2,7\n", "line 2: not as many fields as columns"),
+        ("flat.csv", HEAD + "0,a,0,0,0,5,nan,2\n", "line 2: a car of no length or width"),
+        ("degrees.csv", HEAD + "0,a,0,0,90,5,4,2\n", "a heading of 90 rad (degrees"),
+        ("back.csv", HEAD + "0,a,0,0,0,-5,4,2\n", "car a drives at -5 m/s"),
+        ("light.csv", HEAD + "0,a,0,0,0,1e300,4,2\n", "car a drives at 1e.300 m/s"),
+        ("nobody.csv", HEAD + "0,,0,0,0,5,4,2\n", "a car without a name"),
+        ("both.csv", "t,id,vin,x,y,heading,v\n0,a,b,0,0,0,5\n", "columns that say the same"),
+        ("large.csv", HEAD + "0," + 200_000 * "a" + ",0,0,0,5,4,2\n", "cannot be read"),
+        ("number.ns2", "$node_(0) set X_ 1e\n", "line 1: no command of setdest"),
+        ("minus.ns2", "$node_(0) set X_ --1\n", "line 1: no command of setdest"),
+        ("back.ns2", NODE + '$ns_ at 0 "$node_(0) setdest 1 1 -5"\n', "car 0 drives at -5 m/s"),
+        ("ever.ns2", NODE + '$ns_ at 0 "$node_(0) setdest 1e12 1 5"\n', "more than a day"),
         ("twice.ns2", NODE + NODE, "line 3: two cars are named 0"),
         ("place.ns2", '$ns_ at 0 "$node_(3) setdest 1 1 5"\n', "car 3 moves before it has a place"),
         ("fast.ns2", NODE + '$ns_ at 0 "$node_(0) setdest 1 1 500"\n', "car 0 drives at 500 m/s"),
@@ -112,7 +125,7 @@ FCD = '<fcd-export><timestep time="1"/><timestep time="{}"/></fcd-export>'
             '$ns_ at 4 "$node_(0) setdest 9 9 5"\n',
             "line 5: car 0 jumps",
         ),
-        ("words.ns2", "hello\n", "line 1: no command of setdest: hello"),
+        ("words.ns2", "hello\n", "line 1: no command of setdest: 'hello'"),
         ("back.xml", FCD.format("0.5"), "time 0.5 s comes after 1 s"),
         ("words.xml", "<fcd-export><timestep", "no floating car data"),
         ("words.txt", "", "a trace ends in one of .csv"),
@@ -127,9 +140,26 @@ def test_a_missing_or_broken_file_is_the_users_mistake(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="cannot be read"):
         read_trace(tmp_path / "none.csv")
     broken = tmp_path / "a.csv.gz"
-    broken.write_bytes(gzip.compress(HEAD.encode())[:-9])
-    with pytest.raises(TraceError, match="cannot be read"):
-        read_trace(broken)
+    whole = gzip.compress(HEAD.encode() + b"0,a,0,0,0,5,4,2\n")
+    for wrong in (whole[:-9], b"no gzip", whole[:20] + b"\xff\xff\xff" + whole[23:], b"\x1f\x8b"):
+        broken.write_bytes(wrong)
+        with pytest.raises(TraceError, match="cannot be read"):
+            read_trace(broken)
+
+
+def test_a_spreadsheets_mark_of_utf8_is_no_part_of_the_first_column(tmp_path: Path) -> None:
+    text = "\ufeff" + HEAD + "0,a,0,0,0,10,4,2\n0.1,a,1,0,0,10,4,2\n"
+
+    assert len(read_trace(written(tmp_path, "a.csv", text)).drives) == 1
+
+
+def test_what_setdest_tells_of_hops_moves_nobody(tmp_path: Path) -> None:
+    hops = '$god_ set-dist 0 1 2\n$ns_ at 1.5 "$god_ set-dist 0 1 3"\n'
+    moves = '$ns_ at 0 "$node_(0) setdest 20 5 5"\n'
+
+    recording = read_trace(written(tmp_path, "a.ns2", NODE + hops + moves + hops))
+
+    assert [drive.name for drive in recording.drives] == ["0"]
 
 
 @pytest.mark.realdata
