@@ -5,15 +5,13 @@ possible; what is impossible is dropped under a reason, what is too good to be t
 down to what is possible. What that leaves to a liar is in decision 0074.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.mvs.evidence import Provenance, spread_s2
 from onboard.mvs.kalman import Array
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.settings import BeliefSettings
+from onboard.mvs.spans import Spans
 
 _NO_SPEED_SIGMA_M_S = 50.0
 """One position says nothing of the speed."""
@@ -24,7 +22,7 @@ _MOST_EXCESS = 1e5
 
 def doubts(
     entries: Kinematics,
-    provenances: Sequence[Provenance],
+    spans: Spans,
     settings: BeliefSettings,
     *,
     reaches_m: Array,
@@ -35,7 +33,7 @@ def doubts(
 
     Args:
         entries: N, in the own car's frame.
-        provenances: N, of what each was made.
+        spans: N, of what each was made.
         settings: the bounds.
         reaches_m: (N) how far the car that tells of them can know of each.
         tellers_m: (2, N) where that car is, in the same frame.
@@ -55,7 +53,6 @@ def doubts(
     variances = np.diagonal(covariances).T
     speeds_m_s = np.hypot(*states[2:])
     speed_sigmas_m_s = np.sqrt(np.abs(variances[2] + variances[3]))
-    counts = np.array([len(provenance) for provenance in provenances])
     positive = _are_positive(covariances, whole)
     sound = Kinematics(
         entries.stamps_ms,
@@ -63,13 +60,13 @@ def doubts(
         np.where(positive, covariances, np.eye(4)[:, :, None]),
         entries.has_speed,
     )
-    excess = excess_of_trust(sound, provenances, settings.sharpest_sigma_m)
+    excess = excess_of_trust(sound, spans, settings.sharpest_sigma_m)
     vagueness = (variances[0] + variances[1]) / settings.vaguest_sigma_m**2
     wrong = {
         "not_finite": ~finite,
         "not_positive": ~positive,
         "future": entries.stamps_ms > now_ms + settings.clock_tolerance_s * 1000,
-        "too_many_measurements": counts > settings.measurements_per_estimate,
+        "too_many_measurements": spans.counts > settings.measurements_per_estimate,
         "far": np.hypot(*(states[:2] - tellers_m)) > reaches_m,
         "too_vague": vagueness > 1.0,
         "too_fast": whole & (speeds_m_s > settings.fastest_m_s + _FIVE_SIGMA * speed_sigmas_m_s),
@@ -82,9 +79,7 @@ def doubts(
     return reasons, excess
 
 
-def excess_of_trust(
-    entries: Kinematics, provenances: Sequence[Provenance], sharpest_sigma_m: float
-) -> Array:
+def excess_of_trust(entries: Kinematics, spans: Spans, sharpest_sigma_m: float) -> Array:
     """By what to multiply each covariance that claims to know more than its provenance allows.
 
     The best that positions of n moments t_i, each known to sigma, can say of a car that drives
@@ -93,11 +88,9 @@ def excess_of_trust(
     Returns:
         N factors, at least 1.
     """
-    counts = np.array([len(provenance) for provenance in provenances])
-    spreads = np.array([spread_s2(provenance) for provenance in provenances])
     variance = sharpest_sigma_m**2
-    of_speed = variance / np.maximum(spreads, variance / _NO_SPEED_SIGMA_M_S**2)
-    factors = variance / counts / _least_eigenvalues(entries.covariances[:2, :2])
+    of_speed = variance / np.maximum(spans.spreads_s2, variance / _NO_SPEED_SIGMA_M_S**2)
+    factors = variance / spans.counts / _least_eigenvalues(entries.covariances[:2, :2])
     speeds = entries.covariances[2:, 2:] + (1 - entries.has_speed) * np.eye(2)[:, :, None]
     factors_of_speed = entries.has_speed * of_speed / _least_eigenvalues(speeds)
     excess: Array = np.maximum(np.maximum(factors, factors_of_speed), 1.0)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from operator import attrgetter
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -32,36 +32,6 @@ measurement_id = lru_cache(maxsize=1 << 16)(MeasurementId)
 """The same object every time: a measurement is named in many estimates."""
 
 Provenance = frozenset[MeasurementId]
-
-
-class Times(NamedTuple):
-    """When the measurements of a provenance were made."""
-
-    first_ms: int
-    """UTC."""
-    last_ms: int
-
-
-@lru_cache(maxsize=1 << 14)
-def times_of(provenance: Provenance) -> Times:
-    """Look the times up; a provenance is asked for them by many."""
-    stamps_ms = [stamp_ms for _, stamp_ms in provenance]
-    return Times(min(stamps_ms), max(stamps_ms))
-
-
-@lru_cache(maxsize=1 << 14)
-def spread_s2(provenance: Provenance) -> float:
-    """Return the sum of the squares of the distances of its times from their mean."""
-    last_ms = times_of(provenance).last_ms
-    ages_ms = [last_ms - stamp_ms for _, stamp_ms in provenance]
-    squares = sum([age_ms * age_ms for age_ms in ages_ms])
-    return (squares - sum(ages_ms) ** 2 / len(ages_ms)) / 1e6
-
-
-def is_made_by(observer: bytes, provenance: Provenance) -> bool:
-    """Whether `observer` has made the one measurement in `provenance`."""
-    (identity,) = provenance
-    return identity.observer == observer
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,9 +77,9 @@ class Estimate:
 
     def __post_init__(self) -> None:
         if not self.stamp_ms:
-            times = times_of(self.provenance)
-            object.__setattr__(self, "stamp_ms", times.last_ms)
-            object.__setattr__(self, "oldest_ms", times.first_ms)
+            stamps_ms = [stamp_ms for _, stamp_ms in self.provenance]
+            object.__setattr__(self, "stamp_ms", max(stamps_ms))
+            object.__setattr__(self, "oldest_ms", min(stamps_ms))
 
     def mapped(self, turn: Array, shift: Array) -> Self:
         """The same in another frame (`LocalFrame.mapping_from`)."""
@@ -120,7 +90,7 @@ class Estimate:
 Evidence = Measurement | Estimate
 """An ME of the paper."""
 
-stamp_ms_of: Callable[[Evidence], int] = attrgetter("stamp_ms")
+stamp_ms_of: Callable[[Any], int] = attrgetter("stamp_ms")
 """To put evidence in order."""
 
 

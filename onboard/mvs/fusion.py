@@ -6,11 +6,11 @@ provenance and on nothing else.
 """
 
 from collections.abc import Sequence
-from itertools import zip_longest
 
 import numpy as np
 
-from onboard.mvs.evidence import Estimate, Evidence, stamp_ms_of
+from onboard.mvs.evidence import Estimate, Evidence
+from onboard.mvs.held import Held
 from onboard.mvs.kalman import Array, predict, update_position, update_state
 from onboard.mvs.kinematics import Kinematics
 
@@ -30,35 +30,49 @@ def fuse(
     Returns:
         N estimates, each at the time of its last measurement.
     """
-    cars = [sorted(evidence, key=stamp_ms_of) for evidence in evidence_of_cars]
+    pieces = [piece for evidence in evidence_of_cars for piece in evidence]
+    counts = [len(evidence) for evidence in evidence_of_cars]
+    fused = filtered(Kinematics.of(pieces), counts, acceleration_density)
+    return as_estimates(evidence_of_cars, fused)
+
+
+def filtered(pieces: Kinematics, counts: Sequence[int], acceleration_density: float) -> Kinematics:
+    """Estimate N cars: the first `counts[0]` of the pieces are of the first car, and so on."""
     # The longest first: at step k, the cars that have a k-th piece are the first ones.
-    order = sorted(range(len(cars)), key=lambda car: -len(cars[car]))
-    steps = [
-        [piece for piece in pieces if piece is not None]
-        for pieces in zip_longest(*(cars[car] for car in order))
-    ]
-    pieces = Kinematics.of([piece for step in steps for piece in step])
-    begin = len(cars)
+    lengths = np.asarray(counts, dtype=np.intp)
+    place_of = np.empty_like(lengths)
+    place_of[np.argsort(-lengths, kind="stable")] = np.arange(len(lengths))
+    cars = np.repeat(np.arange(len(lengths)), lengths)
+    by_time = np.lexsort((pieces.stamps_ms, cars))  # of each car, the cars one after the other
+    steps = np.arange(len(cars)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    pieces = pieces[by_time[np.lexsort((place_of[cars], steps))]]
+    begin = len(lengths)
     first = pieces[:begin].with_any_speed(UNKNOWN_SPEED_SIGMA_M_S)
     stamps_ms, states, covariances = first.stamps_ms, first.states, first.covariances
-    for step in steps[1:]:
-        n, begin = len(step), begin + len(step)
-        piece = pieces[begin - n : begin]
+    for n in np.bincount(steps)[1:].tolist():
+        piece, begin = pieces[begin : begin + n], begin + n
         dt_s = (piece.stamps_ms - stamps_ms[:n]) / 1000
         states[:, :n], covariances[:, :, :n] = _update(
             *predict(states[:, :n], covariances[:, :, :n], dt_s, acceleration_density), piece
         )
         stamps_ms[:n] = piece.stamps_ms
-    place_of = {car: place for place, car in enumerate(order)}
+    return first[place_of]
+
+
+def as_estimates(
+    evidence_of_cars: Sequence[Sequence[Held | Evidence]], fused: Kinematics
+) -> list[Estimate]:
+    """Say of N cars from what each has been fused."""
+    states, covariances = fused.states.T.copy(), fused.covariances.transpose(2, 0, 1).copy()
     return [
         Estimate(
             frozenset().union(*[piece.provenance for piece in evidence]),
-            states[:, place_of[car]].copy(),
-            covariances[:, :, place_of[car]].copy(),
-            evidence[-1].stamp_ms,
+            state,
+            covariance,
+            max([piece.stamp_ms for piece in evidence]),
             min([piece.oldest_ms for piece in evidence]),
         )
-        for car, evidence in enumerate(cars)
+        for evidence, state, covariance in zip(evidence_of_cars, states, covariances, strict=True)
     ]
 
 

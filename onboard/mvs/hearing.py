@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from onboard.mvs.belief import doubts
-from onboard.mvs.evidence import is_made_by, times_of
 from onboard.mvs.kalman import Array
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.told import Batch, Told, placed
+from onboard.mvs.spans import Spans
+from onboard.mvs.told import Batch, Told, are_firsthand, placed
 
 
 @dataclass(slots=True, eq=False)
@@ -35,13 +35,17 @@ class OwnMeasurements:
 
 def together(heard: Sequence[Heard], frame: LocalFrame, utc_ms: Callable[[float], int]) -> Batch:
     """Put the entries of all footers side by side, placed in `frame`."""
-    sources = [each for each in heard for _ in range(len(each.told))]
+    tellers = [each.sender_id for each in heard for _ in range(len(each.told))]
+    provenances = [provenance for each in heard for provenance in each.told.provenances]
+    entries = placed([each.told for each in heard], frame)
     return Batch(
-        [each.sender_id for each in sources],
+        tellers,
         [car for each in heard for car in each.told.cars],
-        [provenance for each in heard for provenance in each.told.provenances],
-        [utc_ms(each.at) for each in sources],
-        placed([each.told for each in heard], frame),
+        provenances,
+        [at_ms for each in heard for at_ms in [utc_ms(each.at)] * len(each.told)],
+        Spans.together([each.told.spans for each in heard]),
+        are_firsthand(tellers, provenances, entries),
+        entries,
     )
 
 
@@ -55,28 +59,38 @@ def doubts_of_heard(
         `stale`, `not_my_measurement`; and for each row by what to weight it down.
     """
     belief = settings.belief
-    reaches_m = np.full(len(batch), belief.sensing_range_m + belief.radio_range_m)
-    oldest_ms = round(settings.memory_s * 1000)
-    doubted: dict[int, str] = {}
-    tables = [each.told.observers for each in heard for _ in range(len(each.told))]
-    has_speed = batch.entries.has_speed.tolist()
-    for row, (observers, provenance) in enumerate(zip(tables, batch.provenances, strict=True)):
-        if times_of(provenance).first_ms <= batch.received_ms[row] - oldest_ms:
-            doubted[row] = "stale"
-        elif not own.own_ids.isdisjoint(observers) and not all(
-            stamp_ms in own.stamps_ms
-            for observer, stamp_ms in provenance
-            if observer in own.own_ids
-        ):
-            doubted[row] = "not_my_measurement"
-        if not has_speed[row] and is_made_by(batch.tellers[row], provenance):
-            reaches_m[row] = belief.sensing_range_m
+    received_ms = np.array(batch.received_ms, dtype=np.float64)
+    doubted = dict.fromkeys(_with_what_is_not_mine(heard, own), "not_my_measurement")
+    stale = batch.spans.oldest_ms <= received_ms - round(settings.memory_s * 1000)
+    doubted |= dict.fromkeys(np.flatnonzero(stale).tolist(), "stale")
+    reaches_m = np.where(
+        batch.firsthand, belief.sensing_range_m, belief.sensing_range_m + belief.radio_range_m
+    )
     impossible, excess = doubts(
         batch.entries,
-        batch.provenances,
+        batch.spans,
         belief,
         reaches_m=reaches_m,
         tellers_m=np.array([each.sender_m for each in heard for _ in range(len(each.told))]).T,
-        now_ms=np.array(batch.received_ms, dtype=np.float64),
+        now_ms=received_ms,
     )
-    return impossible | doubted, excess
+    return impossible | dict(sorted(doubted.items())), excess
+
+
+def _with_what_is_not_mine(heard: Sequence[Heard], own: OwnMeasurements) -> list[int]:
+    """The rows that name a measurement of the own car's which it has not made."""
+    rows, first = [], 0
+    for told in (each.told for each in heard):
+        if not own.own_ids.isdisjoint(told.observers):
+            not_mine = {
+                identity
+                for identity in frozenset().union(*told.provenances)
+                if identity.observer in own.own_ids and identity.stamp_ms not in own.stamps_ms
+            }
+            rows += [
+                first + at
+                for at, provenance in enumerate(told.provenances)
+                if not not_mine.isdisjoint(provenance)
+            ]
+        first += len(told)
+    return rows

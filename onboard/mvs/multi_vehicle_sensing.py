@@ -13,6 +13,7 @@ from onboard.messages.declaration import DecodeError
 from onboard.mvs.evidence import Evidence, Measurement, MeasurementId
 from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.hearing import Heard, OwnMeasurements, doubts_of_heard, together
+from onboard.mvs.held import Held, Pieces
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.mvs.local_frame import LocalFrame
@@ -21,8 +22,9 @@ from onboard.mvs.own_car import OwnCar, ReportedState
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
 from onboard.mvs.sharing import encode_within, free_number, read
-from onboard.mvs.told import Batch, Told
-from onboard.mvs.track import OWN, Track, independent, up_to
+from onboard.mvs.spans import Spans
+from onboard.mvs.told import OWN, Batch, Told
+from onboard.mvs.track import Track, independent, up_to
 from onboard.mvs.tracks import Tracks
 from onboard.observations import Discarded, Position, SensedCar
 
@@ -280,10 +282,17 @@ class MultiVehicleSensing:
             if measured:
                 n = len(measured)
                 self._own_stamps_ms.append(identity.stamp_ms)
-                provenances = [piece.provenance for piece in measured.values()]
-                entries = Kinematics.of(list(measured.values()))
+                provenances = [frozenset((identity,))] * n
                 self._tracks.receive(
-                    Batch([OWN] * n, list(measured), provenances, [self._utc_ms(now)] * n, entries)
+                    Batch(
+                        [OWN] * n,
+                        list(measured),
+                        provenances,
+                        [self._utc_ms(now)] * n,
+                        Spans.of(provenances),
+                        [True] * n,
+                        Kinematics.of(list(measured.values())),
+                    )
                 )
         self._seen.clear()
 
@@ -295,18 +304,16 @@ class MultiVehicleSensing:
         back from others is not told again: old news would make an estimate old.
         """
         span_ms = round(self._settings.shared_span_s * 1000)
-        received = [
-            held.piece for held in track.evidence.values() if held.received_ms >= self._told_ms
+        received = [held for held in track.evidence.values() if held.received_ms >= self._told_ms]
+        untold = [
+            held
+            for held in received
+            if held.oldest_ms >= now_ms - span_ms and not held.provenance <= track.told
         ]
-        evidence = [
-            piece
-            for piece in received
-            if piece.oldest_ms >= now_ms - span_ms and not piece.provenance <= track.told
-        ]
-        if not evidence:
+        if not untold:
             return None
-        is_seen = any(map(self._is_own_measurement, evidence))
-        return Candidate(evidence, len(received), is_seen, track.told_ms)
+        is_seen = any(map(self._is_own_measurement, untold))
+        return Candidate(Pieces(untold), len(received), is_seen, track.told_ms)
 
     def _estimate(self, evidence_of_cars: Sequence[Sequence[Evidence]]) -> list[Evidence]:
         """The paper's Estimate: from the independent ones of all MEs about a car, for each car.
@@ -319,8 +326,8 @@ class MultiVehicleSensing:
         estimates = iter(fuse(several, self._settings.acceleration_density))
         return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
 
-    def _is_own_measurement(self, piece: Evidence) -> bool:
-        return isinstance(piece, Measurement) and piece.id.observer in self._own_ids
+    def _is_own_measurement(self, held: Held) -> bool:
+        return held.is_measurement and all(by in self._own_ids for by, _ in held.provenance)
 
     def _own_state(self) -> ReportedState:
         own = self._own.state()

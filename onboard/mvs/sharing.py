@@ -24,11 +24,11 @@ from onboard.mvs.evidence import (
     MeasurementId,
     Provenance,
     measurement_id,
-    times_of,
 )
 from onboard.mvs.kalman import Array
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.local_frame import LocalFrame
+from onboard.mvs.spans import Spans
 from onboard.mvs.told import Told
 
 MOST_OBSERVERS = 255
@@ -120,13 +120,15 @@ def read(data: bytes) -> Told:
     states[:n, :2], states[n:] = measured[:, 4:6], stated[:, 1:5]
     covariances[:n, :2, :2] = from_correlations(measured[:, 6:8], measured[:, 8:])
     covariances[n:] = from_correlations(stated[:, 5:9], stated[:, 9:-1])
+    spans = Spans.of(provenances)
     return Told(
         LocalFrame(head.latitude_deg, head.longitude_deg),
         tuple(map(int, cars + stated[:, 0].tolist())),
         tuple(provenances),
         frozenset(observers),
+        spans,
         Kinematics(
-            np.array([times_of(provenance).last_ms for provenance in provenances], np.float64),
+            spans.newest_ms,
             states.T,
             covariances.transpose(1, 2, 0),
             np.repeat([0.0, 1.0], [n, every - n]),

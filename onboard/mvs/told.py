@@ -9,9 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, Provenance
+from onboard.mvs.evidence import Evidence, Provenance
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.local_frame import LocalFrame
+from onboard.mvs.shelf import piece_of
+from onboard.mvs.spans import Spans
+
+OWN = b""
+"""The teller of what the own camera sees."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +29,8 @@ class Told:
     provenances: tuple[Provenance, ...]
     observers: frozenset[bytes]
     """Who made the measurements in them."""
+    spans: Spans
+    """Of the provenances."""
     entries: Kinematics
 
     def __len__(self) -> int:
@@ -39,6 +46,10 @@ class Batch:
     provenances: Sequence[Provenance]
     received_ms: Sequence[int]
     """UTC."""
+    spans: Spans
+    """Of the provenances."""
+    firsthand: Sequence[bool]
+    """Whether it is a measurement that its teller has made himself."""
     entries: Kinematics
 
     def __len__(self) -> int:
@@ -53,21 +64,22 @@ class Batch:
             [self.cars[row] for row in rows],
             [self.provenances[row] for row in rows],
             [self.received_ms[row] for row in rows],
+            self.spans[list(rows)],
+            [self.firsthand[row] for row in rows],
             self.entries[list(rows)],
         )
 
-    def piece(self, row: int) -> Evidence:
-        """The piece of evidence that an entry is."""
-        return piece_of(self.provenances[row], self.entries, row)
 
-
-def piece_of(provenance: Provenance, entries: Kinematics, row: int) -> Evidence:
-    """Make evidence of an entry with this provenance."""
-    state, covariance = entries.states[:, row], entries.covariances[:, :, row]
-    if entries.has_speed[row]:
-        return Estimate(provenance, state, covariance)
-    (identity,) = provenance
-    return Measurement(identity, state[:2], covariance[:2, :2])
+def are_firsthand(
+    tellers: Sequence[bytes], provenances: Sequence[Provenance], entries: Kinematics
+) -> list[bool]:
+    """Of each entry whether it is a measurement that its teller has made himself."""
+    return [
+        not has_speed and all(by == teller for by, _ in provenance)
+        for teller, provenance, has_speed in zip(
+            tellers, provenances, entries.has_speed.tolist(), strict=True
+        )
+    ]
 
 
 def placed(footers: Sequence[Told], frame: LocalFrame) -> Kinematics:

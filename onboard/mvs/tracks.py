@@ -9,20 +9,22 @@ its place only where that leaves no doubt; otherwise it begins a track of its ow
 another when both are known well enough to say that they are one.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
 
 from onboard.mvs.association import are_inside, compare, distances, gates, with_speed_prior
-from onboard.mvs.fusion import fuse
+from onboard.mvs.fusion import as_estimates, filtered
+from onboard.mvs.held import Held
 from onboard.mvs.kalman import Array
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.settings import MvsSettings
+from onboard.mvs.shelf import Shelf
 from onboard.mvs.strangers import Strangers
-from onboard.mvs.told import Batch
-from onboard.mvs.track import OWN, Held, Name, Track
+from onboard.mvs.told import OWN, Batch
+from onboard.mvs.track import Name, Track
 
 _RADIO_REMEMBERED_MS = 500
 """So long a car stays recognised as one with a radio after it last matched."""
@@ -45,6 +47,7 @@ class Tracks:
         self._tracks: list[Track] = []
         self._named: dict[Name, Track] = {}
         self._last_number = 0
+        self._shelf = Shelf()
         self._compared: Kinematics | None = None
         """What evidence is compared with, a column for each track; `None` before it is needed."""
 
@@ -61,11 +64,12 @@ class Tracks:
             the rows that would have been one new car too many.
         """
         names = list(zip(batch.tellers, batch.cars, strict=True))
+        shelved = self._shelf.put(batch.entries)
         place_of = {track.number: at for at, track in enumerate(self._tracks)}
         rows = [row for row, name in enumerate(names) if name in self._named]
         places = [place_of[self._named[names[row]].number] for row in rows]
         strangers = set(range(len(batch))) - set(rows)
-        barred: dict[tuple[bytes, int], set[int]] = {}
+        told_of: dict[tuple[bytes, int], set[int]] = defaultdict(set)
         if rows:
             association, q = self._settings.association, self._settings.acceleration_density
             fitting = are_inside(
@@ -76,21 +80,20 @@ class Tracks:
             )
             for row, place, fits in zip(rows, places, fitting.tolist(), strict=True):
                 if fits:
-                    self._add(self._tracks[place], batch, row)
-                    said = batch.tellers[row], batch.received_ms[row]
-                    barred.setdefault(said, set()).add(place)
+                    self._add(self._tracks[place], batch, row, shelved + row)
+                    told_of[batch.tellers[row], batch.received_ms[row]].add(place)
                 else:
                     self._unname(names[row])
                     strangers.add(row)
         sayings = [
-            (list(rows), barred.get(said, set()))
+            (list(rows), told_of[said])
             for said, rows in groupby(
                 sorted(strangers), key=lambda row: (batch.tellers[row], batch.received_ms[row])
             )
         ]
         refused: list[int] = []
         for first in range(0, len(sayings), _SAYINGS_AT_ONCE):
-            refused += self._assign(batch, sayings[first : first + _SAYINGS_AT_ONCE])
+            refused += self._assign(batch, shelved, sayings[first : first + _SAYINGS_AT_ONCE])
         return refused
 
     def refresh(self, now_ms: int) -> None:
@@ -102,21 +105,26 @@ class Tracks:
         for track in self._tracks:
             track.forget(now_ms - memory_ms, belief.estimates_per_car, belief.evidence_per_car)
         # An estimate goes by its oldest measurement, so a car may lose all before it is unseen.
-        self._tracks = [track for track in self._tracks if track.pieces]
+        self._tracks = [track for track in self._tracks if track.held]
         changed = []
         for track in self._tracks:
-            used_before = track.used
+            chosen_before = track.chosen
             track.choose()
             track.settle(now_ms - settled_ms)
             track.is_confirmed = track.is_confirmed or track.moments() >= settings.confirmed_by
-            if track.used != used_before:
+            if track.chosen != chosen_before:
                 changed.append(track)
-        estimates = fuse([track.used for track in changed], settings.acceleration_density)
-        for track, estimate in zip(changed, estimates, strict=True):
+        chosen = [track.chosen for track in changed]
+        rows = [held.row for of_a_track in chosen for held in of_a_track]
+        fused = filtered(
+            self._shelf.at(rows), list(map(len, chosen)), settings.acceleration_density
+        )
+        for track, estimate in zip(changed, as_estimates(chosen, fused), strict=True):
             track.estimate = estimate
         self._compared = None
         self._tell_apart(now_ms)
         self._named = {name: track for track in self._tracks for name in track.names}
+        self._tidy()
 
     def recognise(self, ids: Sequence[bytes], reported: Kinematics, now_ms: int) -> None:
         """Find the tracks that are cars with a radio, or the own car.
@@ -162,28 +170,51 @@ class Tracks:
 
     def map_to(self, turn: Array, shift: Array) -> None:
         """Bring everything into another frame (`LocalFrame.mapping_from`)."""
+        self._shelf.map_to(turn, shift)
         for track in self._tracks:
-            track.map_to(turn, shift)
+            track.estimate = track.estimate.mapped(turn, shift)
         self._compared = None
 
-    def _add(self, track: Track, batch: Batch, row: int) -> None:
-        teller, provenance = batch.tellers[row], batch.provenances[row]
-        track.call((teller, batch.cars[row]), batch.received_ms[row])
-        if track.wants(
-            provenance, teller, measured=len(provenance) == 1 and batch.entries.has_speed[row] == 0
-        ):
-            track.add(Held(batch.piece(row), teller, batch.received_ms[row]))
+    def _tidy(self) -> None:
+        """Keep of the numbers only those of what is held."""
+        if self._shelf.is_due(sum(len(track.evidence) + len(track.settled) for track in self)):
+            held = {held for track in self for held in (*track.held, *track.chosen)}
+            self._shelf.keep([each.row for each in held])
+            for row, each in enumerate(held):
+                each.row = row
+
+    def _add(self, track: Track, batch: Batch, row: int, shelved: int) -> None:
+        track.call((batch.tellers[row], batch.cars[row]), batch.received_ms[row])
+        if track.wants(batch.provenances[row], is_firsthand=batch.firsthand[row]):
+            track.add(self._held(batch, row, shelved))
+
+    def _held(self, batch: Batch, row: int, shelved: int) -> Held:
+        """An entry as evidence; its numbers stand in the row `shelved` of the shelf."""
+        return Held(
+            batch.provenances[row],
+            int(batch.spans.newest_ms[row]),
+            int(batch.spans.oldest_ms[row]),
+            not batch.entries.has_speed[row],
+            batch.firsthand[row],
+            batch.tellers[row],
+            batch.received_ms[row],
+            self._shelf,
+            shelved,
+        )
 
     def _unname(self, name: Name) -> None:
         track = self._named.pop(name, None)
-        if track is not None:
-            track.names.pop(name, None)
+        if track is not None and name in track.names:
+            track.uncall([name])
 
-    def _assign(self, batch: Batch, sayings: Sequence[tuple[list[int], set[int]]]) -> list[int]:
+    def _assign(
+        self, batch: Batch, shelved: int, sayings: Sequence[tuple[list[int], set[int]]]
+    ) -> list[int]:
         """Give entries under names not yet known to cars, or begin cars.
 
         Args:
             batch: entries.
+            shelved: where the first of them stands on the shelf.
             sayings: the rows of what one teller told at once, and the places of the tracks that he
                 told of by their names.
 
@@ -207,9 +238,9 @@ class Tracks:
             for row in saying:
                 teller, name = batch.tellers[row], (batch.tellers[row], batch.cars[row])
                 if (track := found.get(at)) is not None:
-                    self._add(track, batch, row)
+                    self._add(track, batch, row, shelved + row)
                 elif self._has_room(teller, first_told[teller]):
-                    track = self._begin(batch, row)
+                    track = self._begin(name, self._held(batch, row, shelved + row))
                     strangers.begin(at, track)
                     first_told[teller] += 1
                 else:
@@ -220,11 +251,10 @@ class Tracks:
         self._compared = strangers.cars
         return refused
 
-    def _begin(self, batch: Batch, row: int) -> Track:
+    def _begin(self, name: Name, first: Held) -> Track:
         self._last_number += 1
-        held = Held(batch.piece(row), batch.tellers[row], batch.received_ms[row])
-        track = Track(self._last_number, held)
-        track.call((held.teller, batch.cars[row]), held.received_ms)
+        track = Track(self._last_number, first)
+        track.call(name, first.received_ms)
         self._tracks.append(track)
         return track
 

@@ -26,6 +26,7 @@ from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import BeliefSettings
 from onboard.mvs.sharing import footer_of
+from onboard.mvs.spans import Spans
 from onboard.observations import Position, SensedCar
 from tests.mvs.world import EXACT
 
@@ -394,7 +395,7 @@ def test_impossible_estimates_are_named(
 
     doubted, _ = doubts(
         Kinematics.of(pieces),
-        [each.provenance for each in pieces],
+        Spans.of([each.provenance for each in pieces]),
         BeliefSettings(),
         reaches_m=np.full(2, 1700.0),
         tellers_m=np.zeros((2, 2)),
@@ -405,7 +406,8 @@ def test_impossible_estimates_are_named(
 
 
 def excess_of_trust_in(*pieces: Evidence) -> np.ndarray:
-    return excess_of_trust(Kinematics.of(pieces), [piece.provenance for piece in pieces], 0.1)
+    spans = Spans.of([piece.provenance for piece in pieces])
+    return excess_of_trust(Kinematics.of(pieces), spans, 0.1)
 
 
 def test_honest_estimates_are_not_weighted_down() -> None:

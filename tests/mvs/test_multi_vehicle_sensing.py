@@ -15,7 +15,8 @@ from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import BeliefSettings, MvsSettings
 from onboard.mvs.sharing import read
-from onboard.mvs.track import OWN, Track
+from onboard.mvs.told import OWN
+from onboard.mvs.track import Track
 from onboard.observations import Position, SensedCar
 from tests.mvs.world import EXACT, Car, Message, World, to_degrees
 
@@ -185,8 +186,9 @@ def test_what_a_car_knows_is_what_a_central_filter_of_all_measurements_knows() -
             assert own_frame is not None
             mapping = frame.mapping_from(own_frame)
             for held in (held for track in core._tracks for held in track.evidence.values()):
-                if isinstance(held.piece, Measurement) and held.teller == OWN:
-                    everything[held.piece.id] = held.piece.mapped(*mapping)
+                piece = held.piece
+                if isinstance(piece, Measurement) and held.teller == OWN:
+                    everything[piece.id] = piece.mapped(*mapping)
     x = only(world.without_radio("c0"))
 
     (central,) = fuse([list(everything.values())], EXACT.acceleration_density)
@@ -209,7 +211,7 @@ def test_without_the_selection_measurements_would_be_used_twice(
     """The property above can fail: it is the selection that keeps it."""
 
     def use_everything(track: Track) -> None:
-        track.used = track.pieces
+        track.chosen = track.held
 
     monkeypatch.setattr(Track, "choose", use_everything)
     world = ring(3)

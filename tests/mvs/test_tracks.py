@@ -5,8 +5,8 @@ import numpy as np
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.told import Batch
-from onboard.mvs.track import OWN
+from onboard.mvs.spans import Spans
+from onboard.mvs.told import OWN, Batch
 from onboard.mvs.tracks import Tracks
 
 SETTINGS = MvsSettings()
@@ -27,12 +27,15 @@ def estimated(x_m: float, y_m: float, *stamps_ms: int, by: bytes = A, sigma_m: f
 def tell(tracks: Tracks, teller: bytes, cars: dict[int, Evidence], now_ms: int) -> list[int]:
     """Let `teller` tell of cars by his numbers, and look what comes of it."""
     pieces = list(cars.values())
+    provenances = [piece.provenance for piece in pieces]
     refused = tracks.receive(
         Batch(
             [teller] * len(pieces),
             list(cars),
-            [piece.provenance for piece in pieces],
+            provenances,
             [now_ms] * len(pieces),
+            Spans.of(provenances),
+            [isinstance(piece, Measurement) for piece in pieces],
             Kinematics.of(pieces),
         )
     )
@@ -183,15 +186,20 @@ def test_a_car_may_be_remembered_for_less_than_it_may_be_unseen() -> None:
     assert len(tracks) == 0
 
 
-def test_what_is_noted_of_evidence_goes_with_it() -> None:
-    """Else a liar who tells the same measurements in ever new combinations fills the memory."""
+def test_the_numbers_of_evidence_go_with_it() -> None:
+    """And those of what is still held stay what they were, wherever they stand now."""
     tracks = Tracks(SETTINGS)
     for k in range(60):
-        now_ms = 1000 + 50 * k
-        since_ms = now_ms // 300 * 300
-        told = estimated(0, 0, since_ms, since_ms - 1 - k, by=B, sigma_m=0.5)
-        tell(tracks, B, {1: told}, now_ms)
-    tracks.refresh(now_ms)
+        now_ms = 1000 + 100 * k
+        told: dict[int, Evidence] = {n: measured(50 * n, k, now_ms - n, 1.0) for n in range(30)}
+        tell(tracks, OWN, told, now_ms)
 
-    (track,) = tracks
-    assert track._masks.keys() <= track.evidence.keys()
+    assert len(tracks) == 30
+    held = [each for track in tracks for each in track.held]
+    assert max(each.row for each in held) < 2 * len(held) + 30
+    for track in tracks:
+        for piece in track.pieces:
+            assert isinstance(piece, Measurement)
+            tick, n = divmod(piece.stamp_ms - 1000 + track.number - 1, 100)
+            assert n == 0
+            assert piece.position_m.tolist() == [50.0 * (track.number - 1), tick]
