@@ -8,6 +8,8 @@ from onboard.vision.plate_kinds import MeanShape, PlateKinds
 from onboard.vision.rear import Growth
 from onboard.vision.sighting import Cue, Sighting
 
+MOST_OFF = 3.0
+"""Sigmas that a sighting may be off; one that is farther off is taken to be that much worse."""
 CONFIRM_SIGHTINGS = 3
 """Fewer may be a trick of the light."""
 BEARING_SIGMA = 0.003
@@ -60,6 +62,7 @@ class CarTrack:
         )
         self.followed_at = stamp_s
         """Up to when its rear was followed."""
+        self._identity_confidence = identity_confidence
         self._kinds = kinds
         self._shape = MeanShape()
         self._width_m: float | None = None
@@ -78,6 +81,21 @@ class CarTrack:
     def text(self) -> str | None:
         """Its identity: the tag's, which cannot be misread, before the plate's."""
         return self._tag.text or self._plate.text
+
+    def text_of(self, sighting: Sighting) -> tuple[str | None, float]:
+        """What the plate of a sighting of this car says, and how sure that is by all its frames.
+
+        A read that is not certain gives way to what the plate is known by; a certain one is as
+        certain as the other frames leave it.
+        """
+        if sighting.cue is not Cue.PLATE:
+            return sighting.text, sighting.confidence
+        known = self._plate.text
+        if known is not None and sighting.identity_confidence < self._identity_confidence:
+            return known, self._plate.share(known)
+        if sighting.text is None:
+            return None, 0.0
+        return sighting.text, min(sighting.confidence, self._plate.share(sighting.text))
 
     @property
     def gap_sigma_m(self) -> float:
@@ -100,7 +118,9 @@ class CarTrack:
     def update(self, sighting: Sighting, stamp_s: float) -> None:
         """Take in a sighting of this car in the frame that it was predicted to."""
         sighting = self._of_its_kind(sighting)
-        self.ahead.update(sighting.place.ahead_m, sighting.ahead_sigma_m)
+        # What is far off, such as a piece of the plate, counts for less.
+        off_m = abs(sighting.place.ahead_m - self.ahead.position_m)
+        self.ahead.update(sighting.place.ahead_m, max(sighting.ahead_sigma_m, off_m / MOST_OFF))
         self.right.update(sighting.place.right_m, sighting.right_sigma_m)
         if stamp_s > self.seen_at:
             self.sightings += 1

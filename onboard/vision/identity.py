@@ -73,15 +73,10 @@ class Ballot:
         if total < LEAST_WEIGHT:
             return None
         length, weight = max(self._lengths.items(), key=lambda item: item[1])
-        share = weight / total
-        text = ""
-        for index in range(length):
-            votes = self._places[length, index]
-            character, most = max(votes.items(), key=lambda item: item[1])
-            share = min(share, most / sum(votes.values()))
-            text += character
+        places = (self._places[length, index] for index in range(length))
+        text = "".join(max(votes, key=lambda character: votes[character]) for votes in places)
         is_certain = (
-            share >= self._confidence
+            self.share(text) >= self._confidence
             and weight >= LEAST_WEIGHT
             and self._certain.get(text, 0.0) >= LEAST_CERTAIN
         )
@@ -89,6 +84,17 @@ class Ballot:
             return None
         spellings = self._spellings[text]
         return max(spellings, key=lambda spelling: spellings[spelling])
+
+    def share(self, text: str) -> float:
+        """Of the votes, those for `text`: for its length, and for its weakest place; 1 of none."""
+        total = sum(self._lengths.values())
+        if not total:
+            return 1.0
+        shares = [self._lengths.get(len(text), 0.0) / total]
+        for index, character in enumerate(text.translate(_FOLD)):
+            votes: dict[str, float] = self._places.get((len(text), index), defaultdict(float))
+            shares.append(votes.get(character, 0.0) / max(sum(votes.values()), 1e-9))
+        return min(shares)
 
     def _fade(self, stamp_s: float) -> None:
         keep = math.exp((self._stamp_s - stamp_s) / FADE_S)

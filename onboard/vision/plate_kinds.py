@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-PLATE_KINDS = ((0.520, 5.0, 4), (0.400, 3.4, 4), (0.305, 2.1, 4), (0.280, 1.5, 1), (0.200, 1.2, 1))
-"""Width in m, width by height as the detector finds it, and how common: Europe (520 x 110 mm),
-Brazil (400 x 130), North America (305 x 152, SAE J686), Europe in two rows, motorcycles."""
+PLATE_KINDS = ((0.520, 4.6, 4), (0.400, 3.25, 4), (0.305, 2.1, 4), (0.280, 1.5, 1), (0.200, 1.2, 1))
+"""Width in m, width by height as the detector finds it in photographs, and how common: Europe
+(520 x 110 mm), Brazil (400 x 130), North America (305 x 152, SAE J686), Europe in two rows,
+motorcycles."""
 SHAPE_SIGMA = 0.12
 """Of the logarithm of a found plate's width by height."""
 LIKELIER = 2.0

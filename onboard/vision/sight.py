@@ -292,7 +292,7 @@ class Sight:
         for sighting, track in pairs:
             if sighting.cue is not Cue.VEHICLE:
                 is_lead = lead is not None and track is lead
-                self._events.append(_plate(sighting, stamp_s, is_lead=is_lead))
+                self._events.append(_plate(sighting, track, stamp_s, is_lead=is_lead))
         for track in self._tracker.tracks:
             if track.confirmed and track.seen_at == stamp_s:
                 self._events.append(_sensed_car(track, stamp_s))
@@ -324,8 +324,11 @@ def _around(track: CarTrack, stamp_s: float) -> Box:
     )
 
 
-def _plate(sighting: Sighting, stamp_s: float, *, is_lead: bool) -> Plate:
-    return Plate(stamp_s, sighting.box, sighting.text, sighting.confidence, is_lead)
+def _plate(sighting: Sighting, track: CarTrack | None, stamp_s: float, *, is_lead: bool) -> Plate:
+    text, confidence = sighting.text, sighting.confidence
+    if track is not None:
+        text, confidence = track.text_of(sighting)
+    return Plate(stamp_s, sighting.box, text, confidence, is_lead)
 
 
 def _sensed_car(track: CarTrack, stamp_s: float) -> SensedCar:

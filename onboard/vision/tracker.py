@@ -10,7 +10,9 @@ import math
 import numpy as np
 
 from onboard.assignment import cheapest_pairs
+from onboard.observations import Box
 from onboard.vision.car_track import CarTrack
+from onboard.vision.perspective import bounding_box
 from onboard.vision.plate_kinds import PlateKinds
 from onboard.vision.sighting import Cue, Sighting
 
@@ -19,6 +21,9 @@ HEIGHTS = (0.0, 0.5)
 """Of plates over the road, in lane widths: up to 1.75 m, on a van's door."""
 UNCONFIRMED_SHARE = 0.4
 """Of the time that a car is kept: what was seen once or twice goes sooner."""
+MOMENT_S, PIECE = 0.25, 1.8
+"""How long a plate is still about where it was in the picture, and how much wider a whole one is
+than the piece of it that a detector finds now and then: no other car, however far away it seems."""
 _IMPOSSIBLE = 1e6
 
 
@@ -86,7 +91,7 @@ class Tracker:
         pairs: list[tuple[Sighting, CarTrack | None]] = []
         taken: set[int] = set()
         if sightings and self.tracks:
-            costs = np.array([[self._cost(s, t) for t in self.tracks] for s in sightings])
+            costs = np.array([[self._cost(s, t, stamp_s) for t in self.tracks] for s in sightings])
             for row, column in cheapest_pairs(costs):
                 if costs[row, column] < _IMPOSSIBLE:
                     track = self.tracks[column]
@@ -96,14 +101,14 @@ class Tracker:
         for index, sighting in enumerate(sightings):
             if index not in taken:
                 doubled = any(
-                    self._cost(sighting, track) < _IMPOSSIBLE
+                    self._cost(sighting, track, stamp_s) < _IMPOSSIBLE
                     for _, track in pairs
                     if track is not None
                 )
                 pairs.append((sighting, None if doubled else self._begin(sighting, stamp_s)))
         return pairs
 
-    def _cost(self, sighting: Sighting, track: CarTrack) -> float:
+    def _cost(self, sighting: Sighting, track: CarTrack, stamp_s: float) -> float:
         sighting = track.if_of_its_kind(sighting)
         ahead_m = sighting.place.ahead_m - track.ahead.position_m
         right_m = sighting.place.right_m - track.right.position_m
@@ -111,15 +116,28 @@ class Tracker:
         right_sigma_m = math.hypot(
             sighting.right_sigma_m, track.right.position_sigma_m, 0.04 * self._lane_width_m
         )
+        cost = (ahead_m / ahead_sigma_m) ** 2 + (right_m / right_sigma_m) ** 2
+        if self._is_in_its_place(sighting, track, stamp_s):
+            return cost
         if abs(right_m) > 0.5 * self._lane_width_m:
             return _IMPOSSIBLE
         if abs(ahead_m) > GATE_SIGMA * ahead_sigma_m or abs(right_m) > GATE_SIGMA * right_sigma_m:
             return _IMPOSSIBLE
-        cost = (ahead_m / ahead_sigma_m) ** 2 + (right_m / right_sigma_m) ** 2
         if sighting.cue is track.last.cue:
             height_m = sighting.place.height_m - track.last.place.height_m
             cost += (height_m / (0.04 * self._lane_width_m)) ** 2
         return cost
+
+    def _is_in_its_place(self, sighting: Sighting, track: CarTrack, stamp_s: float) -> bool:
+        """Whether the picture shows it, or a piece of it, where this car's was a moment ago."""
+        if sighting.cue is not track.last.cue or stamp_s - track.present_at > MOMENT_S:
+            return False
+        box, last = sighting.box, bounding_box(track.corners_px)
+        return (
+            box.w_px < PIECE * last.w_px
+            and last.w_px < PIECE * box.w_px
+            and (_holds(box, last) or _holds(last, box))
+        )
 
     def _begin(self, sighting: Sighting, stamp_s: float) -> CarTrack:
         track = CarTrack(self._next_id, sighting, stamp_s, self._identity_confidence, self._kinds)
@@ -136,3 +154,9 @@ class Tracker:
             stamp_s - track.present_at <= self._keep_s
             and stamp_s - track.seen_at <= self._keep_unread_s
         )
+
+
+def _holds(one: Box, other: Box) -> bool:
+    """Whether the middle of `other` lies in `one`."""
+    x, y = other.centre_px
+    return one.x_px <= x <= one.x_px + one.w_px and one.y_px <= y <= one.y_px + one.h_px

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from onboard.vision.perspective import Place
-from onboard.vision.plate_kinds import MeanShape, PlateKinds
+from onboard.vision.plate_kinds import PLATE_KINDS, MeanShape, PlateKinds
 from onboard.vision.sighting import Cue, Sighting
 from onboard.vision.tracker import Tracker
 
@@ -69,7 +69,7 @@ def test_near_sightings_outweigh_many_from_afar() -> None:
 
 
 def test_what_is_common_in_a_drive_is_likelier_and_what_was_taken_is_kept_in_doubt() -> None:
-    between = math.log(math.sqrt(5.0 * 3.4))
+    between = math.log(math.sqrt(PLATE_KINDS[0][1] * PLATE_KINDS[1][1]))
     kinds = PlateKinds()
     for _ in range(20):
         kinds.count(BRAZIL_M)
@@ -84,3 +84,14 @@ def test_a_width_that_the_user_gives_is_that_of_all_plates() -> None:
 
     assert kinds.widths_m == (0.44,)
     assert kinds.likely_width_m(math.log(5.0)) == 0.44
+
+
+def test_a_piece_of_the_plate_is_no_other_car_beyond_it() -> None:
+    kinds = PlateKinds(EUROPE_M)
+    tracker = Tracker(3.5, 1.5, 10.0, 0.9, kinds=kinds)
+    for index in range(20):
+        seen = sighting(kinds, 10.0 if index % 6 != 5 else 15.5, EUROPE_M, 5.0)
+        tracker.receive_sightings([seen], index / 10)
+
+    (track,) = tracker.tracks
+    assert track.ahead.position_m == pytest.approx(10.0, rel=0.08)

@@ -1,0 +1,84 @@
+"""Plates as sightings: by a finder and a reader that say what they are told to."""
+
+import numpy as np
+import pytest
+
+from onboard.observations import Box, Plate
+from onboard.vision.plate_detector import Corners, FoundPlate, Image
+from onboard.vision.plate_reader import PlateText
+from onboard.vision.settings import VisionSettings
+from onboard.vision.sight import Sight
+from tests.vision.drive import CAMERA
+
+SETTINGS = VisionSettings(tag_dictionary=None)
+
+
+class Finder:
+    """Finds one plate, 90 px wide."""
+
+    def __init__(self, left_px: float) -> None:
+        x0, x1 = left_px, min(left_px + 90.0, CAMERA.width_px + 2.0)
+        corners = [(x0, 300), (x1, 300), (x1, 320), (x0, 320)]
+        self._found = FoundPlate(np.array(corners, np.float32), 0.95)
+
+    def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:
+        return [self._found]
+
+    def find_again(self, image: Image, last: Corners) -> FoundPlate | None:
+        return self._found
+
+
+class Reader:
+    """Reads what it is told to, picture by picture."""
+
+    def __init__(self, *reads: tuple[str, float]) -> None:
+        self._reads = list(reads)
+
+    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+        text, confidence = self._reads.pop(0)
+        return [PlateText(text, confidence, (confidence,) * len(text), confidence)]
+
+
+def plates(finder: Finder, *reads: tuple[str, float]) -> list[Plate]:
+    rng = np.random.default_rng(1)
+    settings = SETTINGS.model_copy(update={"read_known_every_s": 0.0, "read_every_s": 0.0})
+    sight = Sight(CAMERA, settings, finder=finder, reader=Reader(*reads))
+    told = []
+    for index in range(len(reads)):
+        sight.receive_frame(rng.integers(0, 255, (540, 960, 3), np.uint8), index / 10)
+        while (event := sight.next_event()) is not None:
+            told += [event] if isinstance(event, Plate) else []
+    return told
+
+
+@pytest.mark.parametrize("left_px", [-60.0, 0.0, 890.0, 930.0])
+def test_a_plate_that_the_picture_cuts_off_is_never_certain(left_px: float) -> None:
+    (plate,) = plates(Finder(left_px), ("B2414", 0.96))
+
+    assert plate.text == "B2414"
+    assert plate.confidence < 0.5
+
+
+def test_a_read_is_as_certain_as_the_other_frames_leave_it() -> None:
+    told = plates(
+        Finder(435.0), ("CMW2245", 0.5), ("CWW2245", 0.8), ("CWM2245", 0.7), ("CMW2245", 0.97)
+    )
+
+    assert [plate.text for plate in told] == ["CMW2245", "CWW2245", "CWM2245", "CMW2245"]
+    assert told[-1].confidence < 0.6
+
+
+def test_a_car_that_is_known_is_called_so_in_frames_that_show_its_plate_badly() -> None:
+    told = plates(
+        Finder(435.0), ("GN417KB", 0.97), ("GN417KB", 0.97), ("GN417K8", 0.4), ("GN417KB", 0.97)
+    )
+
+    assert {plate.text for plate in told} == {"GN417KB"}
+    assert told[2].confidence >= 0.9
+
+
+def test_a_certain_read_of_something_else_is_told_and_is_not_certain() -> None:
+    told = plates(Finder(435.0), *[("GN417KB", 0.97)] * 5, ("RD288HX", 0.95))
+
+    assert told[-1].text == "RD288HX"
+    assert told[-1].confidence < 0.5
