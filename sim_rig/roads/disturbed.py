@@ -1,9 +1,11 @@
 """A recording in which something goes wrong, and drivers who notice, late or warned.
 
 Everybody keeps to the recording until something touches him: the event itself, a warning, or
-another car that stands or slows on his way and was not there. A driver who sees that reacts after
-his own reaction time, and follows the intelligent driver model from then on; a warned one brakes.
-Ways are kept; only speeds change.
+another car that stands or slows on his way and was not there. A driver who sees that stops
+accelerating, brakes after his own reaction time, and follows the intelligent driver model from then
+on; a warned one brakes, and not only until the warning ends if he would still meet somebody who
+crosses his way. Where the recording waits at a light, he waits too. Ways are kept; only speeds
+change.
 """
 
 import math
@@ -19,14 +21,20 @@ from sim_rig.roads.car_following import CarFollowing, idm_acceleration
 from sim_rig.roads.cars import Cars, Traffic
 from sim_rig.roads.crashes import Crash, boxes_overlap, first_crash
 from sim_rig.roads.events import SETTING_OFF_M_S2, SETTING_OFF_TO_M_S, Event, Kind
-from sim_rig.roads.paths import DrivePath, blocked_at_m
+from sim_rig.roads.paths import DrivePath, blocked_at_m, would_meet
 from sim_rig.roads.recording import STEP_S, Recording
 
 COMFORTABLE_M_S2 = 3.0
 _WARNING_HELD_S = 0.5
 """After the last word of a warning a driver lets go of the brake."""
 _NEEDED_M_S2 = 1.0
-"""A driver reacts to what asks for so much more braking than he planned."""
+"""Who is not on his own way by the recording reacts to what asks for so much more braking."""
+_NOTICED_M_S2 = 0.3
+"""Others, to so much more than the same cars asked for in the recording: what asks for it may be
+brake lights, from which reaction times are counted."""
+_STANDS_M_S = 0.5
+_AHEAD_S = np.arange(0.2, 5.1, 0.2)
+"""A driver who looks out for others looks so far ahead."""
 
 
 class ReactionSettings(Settings):
@@ -66,6 +74,10 @@ class _Driver:
     sets_off: bool = False
     """At a red light: drives on from standing."""
     noticed: bool = False
+    """That he runs a light, or what he was warned of: looks out for who crosses his way."""
+    reacts_at_s: float = -math.inf
+    """To what made him leave the recording; until then he does not accelerate, and brakes only
+    where the recording does."""
     event_braking_m_s2: float = 0.0
     needed_since_s: float = math.inf
     brakes_at_s: float = math.inf
@@ -88,6 +100,11 @@ class DisturbedTraffic(Traffic):
         )
         self._numbers = {drive.name: i for i, drive in enumerate(recording.drives)}
         self._drivers: dict[int, _Driver] = {}
+        # What two situations ask for is compared beyond what brakes can do.
+        self._unbounded = reactions.following.model_copy(
+            update={"hardest_deceleration_m_s2": math.inf}
+        )
+        self._moved_in_time = event.car if event is not None and event.sooner_s else None
         self._step: int | None = None
         self._cars: Cars | None = None
         self._ignored: set[frozenset[str]] = set()
@@ -193,7 +210,8 @@ class DisturbedTraffic(Traffic):
             self._notice([event.car, *off], now, cars, index)
         elif off:
             self._notice(off, now, cars, index)
-        wishes = [(self._drivers[n], self._wish(n, now, cars, index)) for n in index if n in off]
+        off = [n for n in index if n in self._drivers and self._drivers[n].is_off]
+        wishes = [(self._drivers[n], self._wish(n, now, cars, index[n])) for n in off]
         for driver, acceleration in wishes:
             faster = max(driver.speed_m_s + acceleration * STEP_S, 0.0)
             driver.way_m += (driver.speed_m_s + faster) / 2.0 * STEP_S
@@ -201,10 +219,9 @@ class DisturbedTraffic(Traffic):
             driver.speed_m_s = faster
 
     def _leave(self, number: int, now: float, cars: Cars, index: dict[int, int]) -> None:
-        driver, event = self._driver(number), self._event
-        sooner = event.sooner_s if event is not None and event.car == number else 0.0
+        driver = self._driver(number)
+        driver.way_m = self._way_m(number, now)
         driver.is_off = True
-        driver.way_m = driver.path.way_m(now + sooner)
         driver.speed_m_s = float(cars.speed_m_s[index[number]])
 
     def _notice(self, off: list[int], now: float, cars: Cars, index: dict[int, int]) -> None:
@@ -215,11 +232,21 @@ class DisturbedTraffic(Traffic):
             near = obstacles[(apart[at] < 75.0) & (obstacles != at)]
             driver = self._drivers.get(number)
             unaware = driver is None or not driver.is_off or (driver.runs and not driver.noticed)
-            if not unaware or not len(near) or cars.speed_m_s[at] < 0.5:
+            if not unaware or not len(near) or cars.speed_m_s[at] < _STANDS_M_S:
+                continue
+            driver = self._driver(number)
+            ahead = self._ahead(number, now, cars, at, near)
+            if math.isinf(ahead[0]):
+                driver.needed_since_s = math.inf
                 continue
             planned = float(cars.acceleration_m_s2[at])
-            driver = self._driver(number)
-            wish = self._follow(number, now, cars, at, near)
+            wish = self._follow(number, now, cars, at, ahead)
+            if not driver.is_off and number != self._moved_in_time:
+                as_ever = self._followed(number, now, cars, near)
+                if wish < min(planned, as_ever - _NOTICED_M_S2):
+                    self._leave(number, now, cars, index)
+                    driver.reacts_at_s = now + driver.unwarned_s
+                continue
             if wish > min(planned, 0.0) - _NEEDED_M_S2:
                 driver.needed_since_s = math.inf
                 continue
@@ -229,42 +256,86 @@ class DisturbedTraffic(Traffic):
                     self._leave(number, now, cars, index)
                 driver.noticed = True
 
-    def _follow(
+    def _followed(self, number: int, now: float, cars: Cars, others: NDArray[np.intp]) -> float:
+        """What the intelligent driver does behind `others` where the recording has them."""
+        recorded = self._recording.cars_at(now)
+        own = recorded.names.index(self._name(number))
+        there = [
+            recorded.index(cars.names[i])
+            for i in others
+            if self._numbers[cars.names[i]] != self._moved_in_time
+        ]
+        which = np.array([i for i in there if i is not None], dtype=np.intp)
+        ahead = self._ahead(number, now, recorded, own, which)
+        return self._follow(number, now, recorded, own, ahead)
+
+    def _way_m(self, number: int, now: float) -> float:
+        driver = self._driver(number)
+        recorded_s = self._recorded_s(number, now)
+        return driver.way_m if driver.is_off else driver.path.way_m(recorded_s)
+
+    def _recorded_s(self, number: int, now: float) -> float:
+        """The moment of a drive that would be now: another for one that is moved in time."""
+        event = self._event
+        return now + (event.sooner_s if event is not None and event.car == number else 0.0)
+
+    def _ahead(
         self, number: int, now: float, cars: Cars, at: int, others: NDArray[np.intp]
-    ) -> float:
-        """The intelligent driver behind whoever of `others` is nearest on his way."""
-        driver, event = self._driver(number), self._event
-        sooner = event.sooner_s if event is not None and event.car == number else 0.0
-        way_m = driver.way_m if driver.is_off else driver.path.way_m(now + sooner)
+    ) -> tuple[float, float]:
+        """Gap to whoever of `others` is nearest on his way, and how fast it shrinks."""
+        driver, way_m = self._driver(number), self._way_m(number, now)
         gaps = blocked_at_m(driver.path, way_m, cars, at, others)
+        if not np.isfinite(gaps).any():
+            return math.inf, 0.0
+        nearest = int(others[gaps.argmin()])
+        along = math.cos(cars.heading_rad[nearest] - cars.heading_rad[at])
+        closing = float(cars.speed_m_s[at]) - float(cars.speed_m_s[nearest]) * max(along, 0.0)
+        return max(float(gaps.min()), 0.1), closing
+
+    def _follow(
+        self, number: int, now: float, cars: Cars, at: int, ahead: tuple[float, float]
+    ) -> float:
+        """What the gap ahead asks for of the intelligent driver, be it more than brakes can do."""
         speed = float(cars.speed_m_s[at])
-        wished = max(driver.path.speed_m_s(way_m), 2.0)
-        gap, closing = np.inf, 0.0
-        if len(gaps) and np.isfinite(gaps.min()):
-            nearest = int(others[gaps.argmin()])
-            gap = max(float(gaps.min()), 0.1)
-            along = math.cos(cars.heading_rad[nearest] - cars.heading_rad[at])
-            closing = speed - float(cars.speed_m_s[nearest]) * max(along, 0.0)
+        wished = max(self._driver(number).path.speed_m_s(self._way_m(number, now)), 2.0)
+        gap, closing = ahead
         return float(
             idm_acceleration(
                 np.array(speed), np.array(max(wished, speed)), np.array(gap), np.array(closing),
-                COMFORTABLE_M_S2, self._reactions.following,
+                COMFORTABLE_M_S2, self._unbounded,
             )
         )  # fmt: skip
 
-    def _wish(self, number: int, now: float, cars: Cars, index: dict[int, int]) -> float:
+    def _wish(self, number: int, now: float, cars: Cars, at: int) -> float:
         driver = self._drivers[number]
         if driver.event_braking_m_s2 > 0.0:
             return -driver.event_braking_m_s2
-        at = index[number]
         is_warned = driver.brakes_at_s <= now <= driver.brakes_until_s
         warned = -driver.braking_m_s2 if is_warned else math.inf
+        driver.noticed |= is_warned
         if driver.runs and not driver.noticed:
             gathers = driver.sets_off and driver.speed_m_s < SETTING_OFF_TO_M_S
             return min(warned, SETTING_OFF_M_S2 if gathers else 0.0)
+        recorded_s = self._recorded_s(number, now)
+        if now < driver.reacts_at_s - 1e-9:
+            return min(warned, driver.path.acceleration_m_s2(recorded_s), 0.0)
         near = np.hypot(*(cars.middle_m - cars.middle_m[at]).T) < 75.0
         near[at] = False
-        return min(warned, self._follow(number, now, cars, at, np.flatnonzero(near)))
+        others = np.flatnonzero(near)
+        ahead = self._ahead(number, now, cars, at, others)
+        waits_m = driver.path.waits_m(driver.way_m, recorded_s)
+        waits_m = max(waits_m + self._reactions.following.standing_gap_m, 0.1)
+        if waits_m < ahead[0]:
+            ahead = waits_m, driver.speed_m_s
+        follows = self._follow(number, now, cars, at, ahead)
+        wish = min(warned, max(follows, -self._reactions.following.hardest_deceleration_m_s2))
+        if driver.speed_m_s >= _STANDS_M_S and not driver.runs:
+            if not driver.noticed:
+                return wish
+            others = np.array([i for i in others if self.is_disturbed(cars.names[i])], np.intp)
+        ways_m = driver.way_m + driver.speed_m_s * _AHEAD_S + max(wish, 0.0) * _AHEAD_S**2 / 2.0
+        meets = would_meet(driver.path, ways_m, _AHEAD_S, cars, at, others)
+        return min(wish, -driver.braking_m_s2) if meets else wish
 
     def _counts(self, name: str, other: str) -> bool:
         """Whether a touch of these two has to do with the event."""

@@ -1,5 +1,7 @@
 """The way that a drive takes, whatever its speed, and what stands on it."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,13 @@ from sim_rig.roads.recording import STEP_S, Drive
 LOOK_M = 70.0
 """How far ahead a driver looks."""
 _EVERY_M = 1.0
+_STANDS_M_S = 0.2
+_BEHIND_M = 0.5
+"""Who has come so far beyond where the drive stands has not stopped there."""
+_SAME_WAY = 0.87
+"""The cosine of the least angle between two ways that are not the same, 30 degrees."""
+_MARGIN_M = 0.3
+"""Who looks out for others wants so much room."""
 _SHARE_OF_WIDTH = 0.9
 """Of the own width, what must be free."""
 
@@ -24,6 +33,23 @@ class DrivePath:
         self._ways = np.concatenate([[0.0], np.cumsum(np.maximum(moved, 1e-9))])
         self._steps = np.arange(len(drive), dtype=np.float64)
         self.length_m = float(self._ways[-1])
+        stands = np.concatenate([[False], drive.speed_m_s < _STANDS_M_S, [False]])
+        edges = np.flatnonzero(np.diff(stands.astype(np.int8)))
+        self._waits = [
+            (float(self._ways[begin]), (drive.first + end) * STEP_S)
+            for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        ]
+
+    def acceleration_m_s2(self, at_s: float) -> float:
+        """Of the drive by then; 0 when it is over."""
+        step = min(max(math.floor(at_s / STEP_S + 1e-6) - self.drive.first, 0), len(self.drive) - 1)
+        after = self.drive.speed_m_s[step : step + 2]
+        return float(after[-1] - after[0]) / STEP_S
+
+    def waits_m(self, way_m: float, at_s: float) -> float:
+        """How far ahead is where the drive stands by then or later; infinite if nowhere."""
+        ahead = (stood_m - way_m for stood_m, until_s in self._waits if at_s < until_s)
+        return min((gap_m for gap_m in ahead if gap_m > -_BEHIND_M), default=np.inf)
 
     def way_m(self, at_s: float) -> float:
         """How far the drive has come by then."""
@@ -54,14 +80,48 @@ def blocked_at_m(
     if not len(others):
         return np.zeros(0)
     ahead_m = np.arange(0.0, LOOK_M, _EVERY_M)
-    middle, _ = path.places(way_m + cars.length_m[own] / 2.0 + ahead_m)
+    middle, heading = path.places(way_m + cars.length_m[own] / 2.0 + ahead_m)
     cosine, sine = np.cos(cars.heading_rad[others]), np.sin(cars.heading_rad[others])
     apart = middle[None] - cars.middle_m[others][:, None]
     along = apart[..., 0] * cosine[:, None] + apart[..., 1] * sine[:, None]
     aside = apart[..., 1] * cosine[:, None] - apart[..., 0] * sine[:, None]
     room = _SHARE_OF_WIDTH * cars.width_m[own] / 2.0
-    inside = (np.abs(along) <= cars.length_m[others][:, None] / 2.0 + _EVERY_M / 2.0) & (
-        np.abs(aside) <= cars.width_m[others][:, None] / 2.0 + room
+    turn = heading - cars.heading_rad[others][:, None]
+    cosine, sine = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    room_along, room_aside = (
+        room * mine + _EVERY_M / 2.0 * other for mine, other in ((sine, cosine), (cosine, sine))
+    )
+    inside = (np.abs(along) <= cars.length_m[others][:, None] / 2.0 + room_along) & (
+        np.abs(aside) <= cars.width_m[others][:, None] / 2.0 + room_aside
     )
     gaps: Array = np.where(inside.any(axis=1), ahead_m[inside.argmax(axis=1)], np.inf)
     return gaps
+
+
+def would_meet(  # noqa: PLR0917 (as above, with when he is where)
+    path: DrivePath, ways_m: Array, after_s: Array, cars: Cars, own: int, others: NDArray[np.intp]
+) -> bool:
+    """Whether any of `others` who drives another way than `own` would be touched.
+
+    Args:
+        path: of `own`.
+        ways_m: where on it he would be, (n).
+        after_s: when, (n); the others keep speed and course until then.
+        cars: as they are now.
+        own: index in `cars`.
+        others: indices in `cars`.
+    """
+    otherwise = np.cos(cars.heading_rad[others] - cars.heading_rad[own]) < _SAME_WAY
+    others = others[otherwise & (cars.speed_m_s[others] > _STANDS_M_S)]
+    middle, heading = path.places(ways_m)
+    driven = cars.velocity_m_s[others][:, None] * after_s[:, None]
+    apart = cars.middle_m[others][:, None] + driven - middle
+    along = np.abs(apart[..., 0] * np.cos(heading) + apart[..., 1] * np.sin(heading))
+    aside = np.abs(apart[..., 1] * np.cos(heading) - apart[..., 0] * np.sin(heading))
+    turn = cars.heading_rad[others][:, None] - heading
+    cosine, sine = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    length, width = (size[others][:, None] / 2.0 for size in (cars.length_m, cars.width_m))
+    touched = (along < cars.length_m[own] / 2.0 + length * cosine + width * sine + _MARGIN_M) & (
+        aside < cars.width_m[own] / 2.0 + length * sine + width * cosine + _MARGIN_M
+    )
+    return bool(touched.any())

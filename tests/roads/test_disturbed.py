@@ -1,11 +1,15 @@
 """Events in a recording, and what drivers do: the rest of the world drives on as ever."""
 
+import itertools
+
 import numpy as np
 import pytest
 
+from sim_rig.roads.cars import Cars
 from sim_rig.roads.crossing import CrossingSettings, crossing
 from sim_rig.roads.disturbed import DisturbedTraffic, ReactionSettings
 from sim_rig.roads.events import Event, Events, Kind, NoEventError
+from sim_rig.roads.paths import DrivePath, blocked_at_m
 from sim_rig.roads.recording import STEP_S, Drive, Recording, keep_right, record
 
 SPEED_M_S, GAP_M, LENGTH_M = 15.0, 20.0, 4.5
@@ -157,3 +161,136 @@ def test_cars_on_the_middle_of_a_road_are_moved_to_the_right() -> None:
     moved = keep_right(platoon(1), 1.75).cars_at(3.0)
 
     assert moved.middle_m[0] == pytest.approx([3.0 * SPEED_M_S, -1.75])
+
+
+def queue_that_drives_off(seconds: float = 12.0) -> Recording:
+    """Two cars 3 m apart that both drive off at 2 m/s^2 at 2.0 s, as if tied together."""
+    steps = np.arange(round(seconds / STEP_S) + 1)
+    speed = np.minimum(2.0 * np.maximum(steps * STEP_S - 2.0, 0.0), 12.0)
+    way = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * STEP_S)])
+    return Recording(
+        Drive(
+            f"car{i}",
+            0,
+            np.stack([way - i * (LENGTH_M + 3.0), np.zeros(len(way))], axis=1),
+            np.zeros(len(way)),
+            speed,
+            LENGTH_M,
+            1.8,
+        )
+        for i in range(2)
+    )
+
+
+def test_nobody_speeds_up_towards_a_car_that_brakes() -> None:
+    """What he would have accelerated was his answer to a car that drives off."""
+    brake = Event(Kind.SUDDEN_BRAKE, 0, 4.0, deceleration_m_s2=6.0)
+    traffic = DisturbedTraffic(queue_that_drives_off(), brake, LOST, seed=1)
+
+    speeds = []
+    for step in range(8):
+        cars = traffic.cars_at(4.3 + step * STEP_S)
+        speeds.append(float(cars.speed_m_s[cars.names.index("car1")]))
+
+    assert all(later <= before + 1e-9 for before, later in itertools.pairwise(speeds))
+    assert speeds[0] < 4.7
+
+
+def test_a_reaction_time_is_counted_from_the_brake_lights_though_he_brakes_already() -> None:
+    """Both slow down evenly with 2 m/s^2; then the one ahead brakes with 6."""
+    steps = np.arange(120)
+    speed = np.maximum(15.0 - 2.0 * np.maximum(steps * STEP_S - 1.0, 0.0), 0.0)
+    way = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * STEP_S)])
+    recording = Recording(
+        Drive(
+            f"car{i}",
+            0,
+            np.stack([way - i * (LENGTH_M + 15.0), np.zeros(len(way))], axis=1),
+            np.zeros(len(way)),
+            speed,
+            LENGTH_M,
+            1.8,
+        )
+        for i in range(2)
+    )
+    brake = Event(Kind.SUDDEN_BRAKE, 0, 2.0, deceleration_m_s2=6.0)
+    traffic = DisturbedTraffic(recording, brake, ALERT, seed=1)
+
+    for step in range(50):
+        cars = traffic.cars_at(step * STEP_S)
+        acceleration_m_s2 = cars.acceleration_m_s2[cars.names.index("car1")]
+        if step * STEP_S < 3.05:
+            assert acceleration_m_s2 >= -2.1
+        elif 3.25 < step * STEP_S < 3.75:
+            assert acceleration_m_s2 < -2.5
+    assert traffic.crash is None
+
+
+def stops_at_a_light() -> Drive:
+    """East at 10 m/s, stands at x = 0 from 5 s to 15 s, then on."""
+    times = np.arange(0.0, 25.0, STEP_S)
+    speed = np.interp(times, [0.0, 2.0, 5.0, 15.0, 19.0, 25.0], [10.0, 10.0, 0.0, 0.0, 10.0, 10.0])
+    way = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * STEP_S)])
+    middle = np.stack([way - way[50], np.zeros(len(way))], axis=1)
+    return Drive("east", 0, middle, np.zeros(len(way)), speed, LENGTH_M, 1.8)
+
+
+def test_who_was_warned_for_nothing_still_stops_at_the_light() -> None:
+    traffic = DisturbedTraffic(Recording([stops_at_a_light()]), None, ALERT, seed=1)
+    traffic.cars_at(0.0)
+    traffic.warn("east", 0.0)
+
+    waits, later = traffic.cars_at(14.0), traffic.cars_at(20.0)
+
+    assert waits.speed_m_s[0] < 0.2
+    assert -4.0 < waits.middle_m[0, 0] < 0.5
+    assert later.middle_m[0, 0] > 5.0
+
+
+def test_a_runner_who_was_warned_lets_those_pass_who_cross_his_way() -> None:
+    """He sets off at red, is warned and stands; a car comes from the left 4 s later."""
+    steps = np.arange(250)
+    north = Drive(
+        "north",
+        0,
+        np.stack([np.full(250, 12.0), 12.0 * (steps * STEP_S - 13.5)], axis=1),
+        np.full(250, np.pi / 2),
+        np.full(250, 12.0),
+        LENGTH_M,
+        1.8,
+    )
+    event = Event(Kind.RED_LIGHT, 0, 7.0, sets_off=True)
+    traffic = DisturbedTraffic(Recording([stops_at_a_light(), north]), event, LOST, seed=1)
+    traffic.cars_at(6.0)
+    for step in range(90):
+        cars = traffic.cars_at(6.0 + step * STEP_S)
+        if 8.0 <= cars.at_s <= 9.0:
+            traffic.warn("east", cars.at_s)
+        if 9.5 <= cars.at_s <= 11.5:
+            assert cars.speed_m_s[cars.names.index("east")] == 0.0
+
+    assert traffic.crash is None
+    cars = traffic.cars_at(18.0)
+    assert cars.middle_m[cars.names.index("east"), 0] > 12.0
+
+
+def test_a_bumper_in_the_lane_is_in_the_way() -> None:
+    """A car stands across, its middle beside the lane, half a metre of it in the way."""
+    way = SPEED_M_S * STEP_S * np.arange(100)
+    zero = np.zeros(100)
+    east = Drive("east", 0, np.stack([way, zero], axis=1), zero, zero + SPEED_M_S, 4.5, 1.8)
+    y_m = 0.9 + LENGTH_M / 2.0 - 0.5
+    cars = Cars(
+        0.0,
+        ("east", "across"),
+        np.array([[0.0, 0.0], [30.0, y_m]]),
+        np.array([0.0, np.pi / 2]),
+        np.array([SPEED_M_S, 0.0]),
+        np.zeros(2),
+        np.full(2, LENGTH_M),
+        np.full(2, 1.8),
+    )
+
+    gap_m = blocked_at_m(DrivePath(east), 0.0, cars, 0, np.array([1]))[0]
+
+    assert gap_m == pytest.approx(30.0 - 0.9 - LENGTH_M / 2.0, abs=1.01)
