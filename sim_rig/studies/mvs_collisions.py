@@ -113,6 +113,7 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
         "warned": outcome.warned,
         "false_warnings": outcome.false_warnings,
         "straight_on_crash": outcome.straight_on_crash is not None,
+        "straight_on_these_two": outcome.straight_on_these_two,
         "straight_on_before_s": outcome.straight_on_before_s,
         "straight_on_false": outcome.straight_on_false,
         "driven_s": outcome.driven_s,
@@ -153,6 +154,7 @@ _COLUMNS = (
     "reduction", "avoided", "caused", "warning_after_s", "false_warnings_per_h",
     "known_before_s", "warned_before_s", "straight_on_p_collision", "straight_on_avoided",
     "straight_on_before_s", "straight_on_false_per_h", *(fate.value for fate in Fate),
+    "two_cars_p_collision", "two_cars_reduction", "straight_on_two_cars_reduction",
 )  # fmt: skip
 _Key = tuple[str, str, float, int, float]
 
@@ -187,6 +189,10 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[o
         for column in ("false_warnings", "straight_on_false")
     )
     straight_on = [row for row in run if row["fate"] and not row["straight_on_crash"]]
+    # As the paper counts: whether these two crash, whoever else does.
+    apart = sum(row["fate"] in {Fate.AVOIDED, Fate.ANOTHER} for row in mine)
+    straight_on_apart = sum(bool(row["fate"]) and not row["straight_on_these_two"] for row in run)
+    crashes = p_none * len(mine)
     return (
         kind, method, share, entries, loss, len(mine), p, low, high,
         1.0 - p / p_none if p_none else math.nan,
@@ -198,6 +204,9 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[o
         _median(run, "straight_on_before_s"),
         straight_on_false / hours if hours else math.nan,
         *(sum(row["fate"] == fate for row in mine) for fate in Fate),
+        p_none - apart / len(mine),
+        apart / crashes if crashes else math.nan,
+        straight_on_apart / crashes if crashes else math.nan,
     )  # fmt: skip
 
 
@@ -242,7 +251,10 @@ def _told(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str
     fewer, more = changed(none, mvs)
     reduction = (fewer - more) / before if before else math.nan
     paper = PAPER_REDUCTION.get(settings.encounter.scene, math.nan)
-    text = f"at {share:.0%} MVS reduces crashes by {reduction:.1%} (paper: {paper:.1%})"
+    apart = sum(row["fate"] in {Fate.AVOIDED, Fate.ANOTHER} for row in mvs)
+    two_cars = apart / before if before else math.nan
+    text = f"at {share:.0%} MVS reduces crashes by {reduction:.1%}"
+    text += f", of the two cars alone {two_cars:.1%} (paper: {paper:.1%})"
     avoided = {(r["kind"], r["seed"]) for r in none if r["crash"]}
     avoided -= {(r["kind"], r["seed"]) for r in mvs if r["crash"]}
     needed = [key for key in avoided if key in {(r["kind"], r["seed"]) for r in own if r["crash"]}]

@@ -100,6 +100,8 @@ class Outcome:
     """Drivers warned of somebody who drives on as ever, or of nobody."""
     straight_on_crash: Crash | None = None
     """Of the same event, if drivers were warned by the paper's alarm (and never for nothing)."""
+    straight_on_these_two: bool = False
+    """Whether that is again the crash of the two without radios."""
     straight_on_before_s: float | None = None
     """How long before the crash without radios that alarm would have come."""
     straight_on_false: int = 0
@@ -158,7 +160,9 @@ class Encounters:
             outcome.fate = concerned.fate(outcome.crash, equipped)
             outcome.known_before_s, outcome.warned_before_s = concerned.before_s()
             outcome.straight_on_before_s = concerned.straight_on_before_s()
-            outcome.straight_on_crash = self._warned_straight_on(case, seed, before, concerned)
+            again = self._warned_straight_on(case, seed, before, concerned)
+            outcome.straight_on_crash = again
+            outcome.straight_on_these_two = again is not None and concerned.are_both(again)
         return outcome
 
     def without_radios(self, case: Case, seed: int) -> tuple[Crash | None, bool]:

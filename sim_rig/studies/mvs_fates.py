@@ -43,6 +43,10 @@ class Concerned:
         """Whether a car is one of these."""
         return name in self._can_act
 
+    def are_both(self, crash: Crash) -> bool:
+        """Whether a crash is one of the same two."""
+        return set(crash.names) == set(self._crash.names)
+
     def receive_known(self, name: str, places_m: Array, cars: Cars) -> None:
         """Where one of these believes others, (n, 2), and where all are."""
         if self._known_at is not None:
@@ -81,7 +85,7 @@ class Concerned:
         """Given the crash that there was with radios, and who has one."""
         if crash is None:
             return Fate.AVOIDED
-        if set(crash.names) != set(self._crash.names):
+        if not self.are_both(crash):
             return Fate.ANOTHER
         if equipped.isdisjoint(self._can_act):
             return Fate.NO_RADIO

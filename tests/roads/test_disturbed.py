@@ -187,6 +187,7 @@ def test_nobody_speeds_up_towards_a_car_that_brakes() -> None:
     brake = Event(Kind.SUDDEN_BRAKE, 0, 4.0, deceleration_m_s2=6.0)
     traffic = DisturbedTraffic(queue_that_drives_off(), brake, LOST, seed=1)
 
+    traffic.cars_at(3.0)
     speeds = []
     for step in range(8):
         cars = traffic.cars_at(4.3 + step * STEP_S)

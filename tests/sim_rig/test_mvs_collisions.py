@@ -143,6 +143,7 @@ def test_the_papers_alarm_is_judged_in_the_same_run() -> None:
     assert unknown.fate is Fate.UNKNOWN
     assert unknown.straight_on_before_s is None
     assert unknown.straight_on_crash == unknown.crash
+    assert (heard.straight_on_these_two, unknown.straight_on_these_two) == (False, True)
 
 
 def test_who_will_be_there_has_a_radio_though_he_is_far_when_the_event_begins() -> None:
