@@ -15,7 +15,7 @@ import yaml
 
 from onboard.errors import UserError
 from onboard.observations import Discarded
-from onboard.settings import load_settings
+from onboard.settings import load_settings, parse_settings
 from onboard.vision.calibrate import (
     Board,
     CharucoBoard,
@@ -27,10 +27,11 @@ from onboard.vision.calibrate import (
 )
 from onboard.vision.frames import Frame, Image, LiveFrames, Pictures, open_frames
 from onboard.vision.plate_detector import PlateDetector
-from onboard.vision.score import Scores, Truth
+from onboard.vision.score import Scores
 from onboard.vision.seen_frame import COLUMNS, SeenFrame, see_frames
 from onboard.vision.settings import Calibration, CameraSettings, VisionSettings
 from onboard.vision.sight import Sight
+from onboard.vision.truth import Truth
 
 Use = Callable[[SeenFrame], None]
 
@@ -63,9 +64,15 @@ def see(
         }
     )
     calibration = load_settings(camera, Calibration) if camera is not None else None
-    source = open_frames(CameraSettings(source=recording, fps=fps))
+    given = {"source": recording, "fps": fps}
+    source = open_frames(parse_settings(given, CameraSettings, "onboard see"))
     if isinstance(source, LiveFrames):
         raise UserError(f"{recording}: a live camera has no end; record it first")
+    alone = isinstance(source, Pictures) and fps is None
+    if alone:
+        typer.echo("each picture by itself; --fps makes them a drive, with a lead", err=True)
+    if calibration is None:
+        typer.echo("no --camera: a lens of 60 degrees is guessed, gaps are rough", err=True)
     scores = Scores(Truth.read(truth), settings.identity_confidence) if truth is not None else None
     tally = Tally()
     with contextlib.ExitStack() as files:
@@ -76,12 +83,14 @@ def see(
             uses.append(_csv_writer(csv_file, files))
         if video is not None:
             uses.append(_video_writer(video, source.fps, files))
-        alone = isinstance(source, Pictures) and fps is None
         for seen in see_frames(source, Sight(calibration, settings), alone=alone):
             for use in uses:
                 use(seen)
     typer.echo(tally.text())
     if scores is not None:
+        if not scores.frames:
+            told = f"{truth}: tells of {scores.truth.example}, and of none of these frames"
+            raise UserError(f"{told}, such as {tally.example}")
         _print_table(list(scores.rows()))
 
 
@@ -90,9 +99,12 @@ class Tally:
 
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
+        self.example = "nothing"
+        """Name and number of the last frame."""
 
     def add(self, seen: SeenFrame) -> None:
         """Count one frame."""
+        self.example = f"{seen.frame.name}, frame {seen.index}"
         self._counts["frames"] += 1
         self._counts["plates"] += len(seen.plates)
         self._counts["plates read"] += sum(plate.text is not None for plate in seen.plates)
@@ -101,7 +113,8 @@ class Tally:
             self._counts["frames with a known lead"] += seen.lead.text is not None
         for event in seen.events:
             if isinstance(event, Discarded):
-                self._counts[f"discarded: {event.reason}"] += 1
+                why = f" ({event.detail})" if event.reason == "picture_size" else ""
+                self._counts[f"discarded: {event.reason}{why}"] += 1
 
     def text(self) -> str:
         """For people."""

@@ -39,7 +39,7 @@ RECONNECT_S = (0.1, 2.0)
 """Pause before the first and the longest before later attempts."""
 NICENESS = 10
 """Of the thread that sees."""
-_PICTURES = {".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"}
+PICTURES = {".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"}
 _NO_IMAGE: Image = np.zeros((0, 0, 3), np.uint8)
 
 
@@ -266,7 +266,7 @@ def _picture_files(source: str) -> list[tuple[str, Path]]:
     """(name, path) of the pictures in a folder or fitting a glob, 2 before 10; else none."""
     path = Path(source)
     if path.is_file():
-        return [(path.name, path)] if path.suffix.lower() in _PICTURES else []
+        return [(path.name, path)] if path.suffix.lower() in PICTURES else []
     if path.is_dir():
         base, pattern = path, "**/*"
     else:
@@ -274,7 +274,7 @@ def _picture_files(source: str) -> list[tuple[str, Path]]:
         if len(fixed) == len(path.parts):
             return []
         base, pattern = Path(*fixed), str(Path(*path.parts[len(fixed) :]))
-    files = [file for file in base.glob(pattern) if file.suffix.lower() in _PICTURES]
+    files = [file for file in base.glob(pattern) if file.suffix.lower() in PICTURES]
     named = [(file.relative_to(base).as_posix(), file) for file in files if file.is_file()]
     return sorted(named, key=lambda item: _natural(item[0]))
 

@@ -5,9 +5,15 @@ import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from onboard.settings import Settings
+
+
+def _with_k3(distortion: object) -> object:
+    if not isinstance(distortion, list | tuple):
+        return distortion
+    return (*distortion, 0.0) if len(distortion) == 4 else tuple(distortion)
 
 
 class Calibration(Settings):
@@ -26,8 +32,14 @@ class Calibration(Settings):
     principal_x_px: float = 640.0
     """Where the optical axis meets the picture."""
     principal_y_px: float = 360.0
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """k1, k2, p1, p2, k3 of the Brown-Conrady model, as OpenCV orders them."""
+    distortion: Annotated[tuple[float, float, float, float, float], BeforeValidator(_with_k3)] = (
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
+    """k1, k2, p1, p2, k3 of the Brown-Conrady model, as OpenCV orders them; k3 may be left out."""
     mounting_height_m: float = Field(1.3, gt=0.01, le=5.0)
     """Lens over the road."""
     pitch_rad: float = Field(0.0, ge=-0.5, le=0.5)
@@ -37,13 +49,14 @@ class Calibration(Settings):
 
     @model_validator(mode="after")
     def _principal_point_is_near_the_middle(self) -> Self:
-        for name, value, side in (
-            ("principal_x_px", self.principal_x_px, self.width_px),
-            ("principal_y_px", self.principal_y_px, self.height_px),
+        for name, value, side, side_px in (
+            ("principal_x_px", self.principal_x_px, "width_px", self.width_px),
+            ("principal_y_px", self.principal_y_px, "height_px", self.height_px),
         ):
-            if not 0.35 * side <= value <= 0.65 * side:
+            if not 0.35 * side_px <= value <= 0.65 * side_px:
                 raise ValueError(
-                    f"{name} is {value:g}, but lies in the middle 30 % of the picture's {side} px"
+                    f"{name} is {value:g}, but lies in the middle 30 % of the picture, "
+                    f"whose {side} is {side_px}"
                 )
         return self
 

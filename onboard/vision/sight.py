@@ -139,7 +139,7 @@ class Sight:
             self._discard(stamp_s, verdict.fault, verdict.detail)
             return
         if not self._fit(image.shape[1], image.shape[0]):
-            self._discard(stamp_s, "picture_size", f"{image.shape[1]} x {image.shape[0]} px")
+            self._discard(stamp_s, "picture_size", self._unlike(image.shape[1], image.shape[0]))
             return
         self._stamp_s = stamp_s
         if verdict.is_repeat:
@@ -254,6 +254,11 @@ class Sight:
         is_known = track.text is not None and not track.is_doubted
         period_s = settings.read_known_every_s if is_known else settings.read_every_s
         return stamp_s - track.read_at >= period_s
+
+    def _unlike(self, width_px: int, height_px: int) -> str:
+        asked = self._calibration
+        shape = f", calibrated for {asked.width_px} x {asked.height_px}" if asked else ""
+        return f"{width_px} x {height_px} px{shape}"
 
     def _fit(self, width_px: int, height_px: int) -> bool:
         """Have the lens fit the size of the pictures; whether it can."""

@@ -1,6 +1,7 @@
 """`onboard see`: rows, pictures and scores of a recording."""
 
 import csv
+import textwrap
 from pathlib import Path
 
 import av
@@ -12,10 +13,13 @@ from typer.testing import CliRunner
 
 from onboard.errors import UserError
 from onboard.observations import Box, Plate
+from onboard.settings import load_settings
 from onboard.vision.cli import see
 from onboard.vision.frames import Frame
-from onboard.vision.score import Scores, Truth, edit_distance, overlap
+from onboard.vision.score import Scores, edit_distance, overlap
 from onboard.vision.seen_frame import COLUMNS, SeenFrame
+from onboard.vision.settings import Calibration
+from onboard.vision.truth import Truth
 from sim_rig.picture.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, PICTURE, frames
 
@@ -124,6 +128,77 @@ def test_a_users_mistake_is_told(drive: Path, arguments: list[str]) -> None:
         run(*(argument.format(drive / "pictures") for argument in arguments))
 
 
+def truth_of(folder: Path, *rows: str) -> Path:
+    path = folder / "rows-of-truth.csv"
+    path.write_text("\n".join(rows), encoding="utf-8-sig")  # as spreadsheets write it
+    return path
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("frame,gap_m", "{0},{1}"),
+        ("frame,stamp_s,gap_m", "{0},0,{1}"),
+        ("file,text,gap_m", "f{0}.png,TAG1,{1}"),
+        ("file,frame,gap_m", "pictures/f{0}.png,{2},{1}"),  # counted from somewhere else
+        ("file,x_px,y_px,w_px,h_px,text,gap_m", "f{0},,,,,TAG1,{1}"),
+    ],
+)
+def test_a_lead_is_scored_by_what_is_known_of_it(
+    drive: Path, tmp_path: Path, head: str, row: str
+) -> None:
+    """A range finder knows distances, and nothing of boxes."""
+    rows = [row.format(index, 12 - 0.2 * index, index + 40) for index in range(10)]
+
+    told = run(
+        drive / "pictures",
+        "--fps",
+        "10",
+        *options(drive),
+        "--truth",
+        truth_of(tmp_path, head, *rows),
+    ).splitlines()
+
+    assert told[1].split()[-4:] == ["right", "lead", "gap", "error"]
+    assert told[2].split()[-4:-2] == ["80.0", "%"]
+    assert float(told[2].split()[-2]) < 3.0
+    if "text" in head:
+        assert "100.0 %" in told[2]
+
+
+@pytest.mark.parametrize(
+    ("rows", "why"),
+    [
+        (["picture,plate", "f1.png,TAG1"], "has the columns picture, plate; allowed are"),
+        (["file,text", "g1.png,TAG1"], "tells of g1.png, and of none of these frames, such as f9"),
+        (["frame,gap_m", "1,near"], ":2: could not convert"),
+        (["file,x_px,text", "f1.png,3,TAG1"], ":2: a box has four numbers"),
+        (["frame,gap_m", "1,0"], ":2: gap_m is 0"),
+    ],
+)
+def test_a_truth_that_says_nothing_is_told(
+    drive: Path, tmp_path: Path, rows: list[str], why: str
+) -> None:
+    with pytest.raises(UserError) as told:
+        run(drive / "pictures", *options(drive), "--truth", truth_of(tmp_path, *rows))
+
+    assert why in str(told.value)
+
+
+def test_a_rate_of_nothing_is_told(drive: Path) -> None:
+    with pytest.raises(UserError, match="fps: Input should be greater than 0"):
+        run(drive / "pictures", "--fps", "0")
+
+
+def test_pictures_of_another_shape_than_calibrated_are_told(drive: Path, tmp_path: Path) -> None:
+    camera = tmp_path / "camera.yaml"
+    camera.write_text("width_px: 1242\nheight_px: 375\nprincipal_y_px: 180\n")
+
+    assert "picture_size (960 x 540 px, calibrated for 1242 x 375): 10" in run(
+        drive / "pictures", "--camera", camera
+    )
+
+
 def seen(name: str, *plates: Plate) -> SeenFrame:
     return SeenFrame(0, Frame(0.0, np.zeros((8, 8, 3), np.uint8), name), plates)
 
@@ -174,3 +249,15 @@ def test_edit_distance(one: str, other: str, distance: int) -> None:
 def test_overlap_is_intersection_over_union() -> None:
     assert overlap(Box(0, 0, 2, 2), Box(1, 1, 2, 2)) == pytest.approx(1 / 7)
     assert overlap(Box(0, 0, 2, 2), Box(2, 0, 2, 2)) == 0.0
+
+
+def test_the_calibration_in_the_docs_is_one(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "vision.md").read_text()
+    example = page.split("writes them down:\n\n")[1].split("\n\nPixels count")[0]
+    camera = tmp_path / "camera.yaml"
+    camera.write_text(textwrap.dedent(example))
+
+    assert load_settings(camera, Calibration).width_px == 1242
+    four = camera.read_text().replace(", 0.0]", "]")
+    camera.write_text(four)
+    assert load_settings(camera, Calibration).distortion == (-0.37, 0.19, 0.0, 0.0, 0.0)

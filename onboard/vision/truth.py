@@ -1,0 +1,114 @@
+"""The table of what is true of a recording.
+
+A CSV with one row for each plate and frame. `file` names a picture or video, `frame` is an index
+where one file has many; either is enough. What is not known of a plate is left empty, or its column
+left out: `x_px, y_px, w_px, h_px`, `text`, and `gap_m`, which makes it the lead's.
+"""
+
+import csv
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from onboard.errors import UserError
+from onboard.observations import Box
+from onboard.vision.frames import PICTURES
+from onboard.vision.seen_frame import SeenFrame
+
+_BOX = ("x_px", "y_px", "w_px", "h_px")
+_ALLOWED = (
+    "allowed are file or frame or both, and what is known of x_px, y_px, w_px, h_px (all four), "
+    "text, gap_m"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TruePlate:
+    """A plate that is there."""
+
+    box: Box | None
+    """`None` where nobody measured it."""
+    text: str
+    """Empty where nobody could tell."""
+    gap_m: float | None
+    """Of the lead's, the distance."""
+
+    @property
+    def is_told(self) -> bool:
+        """Whether more is known of it than how far away it is."""
+        return self.box is not None or bool(self.text)
+
+
+_Frames = defaultdict[int | None, list[TruePlate]]
+
+
+class Truth:
+    """What is true of a recording."""
+
+    def __init__(self, files: dict[str, _Frames]) -> None:
+        """`files`: by name and frame; frame `None` where a file is one picture, name "" for any."""
+        self._files = files
+        self._by_short_name: dict[str, _Frames] = {}
+        for name, frames in files.items():
+            path = PurePosixPath(name)
+            self._by_short_name |= {path.name: frames, path.stem: frames}
+
+    @classmethod
+    def read(cls, path: Path) -> "Truth":
+        """Read the table.
+
+        Raises:
+            UserError: it is missing or has other columns; names the line.
+        """
+        files: dict[str, _Frames] = {}
+        line = 1
+        try:
+            with path.open(newline="", encoding="utf-8-sig") as table:
+                rows = csv.DictReader(table, skipinitialspace=True)
+                names = rows.fieldnames or ()
+                if not {"file", "frame"} & set(names) or not {*_BOX, "text", "gap_m"} & set(names):
+                    raise UserError(f"{path}: has the columns {', '.join(names)}; {_ALLOWED}")
+                for row in rows:
+                    line += 1
+                    cells = {name: (cell or "").strip() for name, cell in row.items() if name}
+                    frame = int(cells["frame"]) if cells.get("frame") else None
+                    frames = files.setdefault(cells.get("file", ""), defaultdict(list))
+                    frames[frame].append(_true_plate(cells))
+        except OSError as error:
+            raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+        except (csv.Error, AttributeError, ValueError) as error:
+            raise UserError(f"{path}:{line}: {error}; {_ALLOWED}") from error
+        return cls(files)
+
+    @property
+    def example(self) -> str:
+        """One of the files and frames that it speaks of."""
+        for name, frames in self._files.items():
+            for frame in frames:
+                return f"{name or 'any file'}{'' if frame is None else f', frame {frame}'}"
+        return "nothing"
+
+    def of(self, seen: SeenFrame) -> list[TruePlate] | None:
+        """The plates of a frame; `None` where the table does not speak of it."""
+        path = PurePosixPath(seen.frame.name)
+        frames = (
+            self._files.get(seen.frame.name)
+            or self._by_short_name.get(path.name)
+            or self._by_short_name.get(path.stem)
+        )
+        if frames is None:
+            anything = self._files.get("")
+            return None if anything is None else anything.get(seen.index)
+        if path.suffix.lower() in PICTURES and len(frames) == 1:
+            return next(iter(frames.values()))  # its name says which one it is
+        return frames.get(seen.index) or frames.get(None)
+
+
+def _true_plate(cells: dict[str, str]) -> TruePlate:
+    sides = [float(cells[name]) for name in _BOX if cells.get(name)]
+    if len(sides) not in {0, len(_BOX)}:
+        raise ValueError("a box has four numbers")
+    gap_m = float(cells["gap_m"]) if cells.get("gap_m") else None
+    if gap_m is not None and gap_m <= 0.0:
+        raise ValueError(f"gap_m is {gap_m:g}")
+    return TruePlate(Box(*sides) if sides else None, cells.get("text", ""), gap_m)
