@@ -64,9 +64,9 @@ def _only(cars: Cars, names: list[str]) -> Cars:
 def _near(cars: Cars, moved_m: Array) -> list[tuple[int, int]]:
     """Pairs whose surrounding circles come close."""
     reach = np.hypot(cars.length_m, cars.width_m) / 2.0 + moved_m
-    apart = np.hypot(*(cars.middle_m[:, None] - cars.middle_m[None]).transpose(2, 0, 1))
-    pairs = np.argwhere(np.triu(apart <= reach[:, None] + reach[None], k=1))
-    return [(int(i), int(j)) for i, j in pairs]
+    east_m, north_m = (line[:, None] - line for line in cars.middle_m.T)
+    near = east_m * east_m + north_m * north_m <= (reach[:, None] + reach) ** 2
+    return [(i, j) for i, j in np.argwhere(near).tolist() if i < j]
 
 
 def _gap_m(cars: Cars, i: int, j: int) -> float:

@@ -33,6 +33,8 @@ _NOTICED_M_S2 = 0.3
 """Others, to so much more than the same cars asked for in the recording: what asks for it may be
 brake lights, from which reaction times are counted."""
 _STANDS_M_S = 0.5
+_SEEN_M = 75.0
+"""Who is farther away is nothing to react to."""
 _AHEAD_S = np.arange(0.2, 5.1, 0.2)
 """A driver who looks out for others looks so far ahead."""
 
@@ -205,18 +207,20 @@ class DisturbedTraffic(Traffic):
         for number, driver in self._drivers.items():
             if not driver.is_off and driver.brakes_at_s <= now and number in index:
                 self._leave(number, now, cars, index)
-        off = [n for n in index if n in self._drivers and self._drivers[n].is_off]
+        off = self._off(index)
         if event is not None and event.sooner_s and event.car in index and event.car not in off:
             self._notice([event.car, *off], now, cars, index)
         elif off:
             self._notice(off, now, cars, index)
-        off = [n for n in index if n in self._drivers and self._drivers[n].is_off]
-        wishes = [(self._drivers[n], self._wish(n, now, cars, index[n])) for n in off]
+        wishes = [(self._drivers[n], self._wish(n, now, cars, index[n])) for n in self._off(index)]
         for driver, acceleration in wishes:
             faster = max(driver.speed_m_s + acceleration * STEP_S, 0.0)
             driver.way_m += (driver.speed_m_s + faster) / 2.0 * STEP_S
             driver.acceleration_m_s2 = (faster - driver.speed_m_s) / STEP_S
             driver.speed_m_s = faster
+
+    def _off(self, index: dict[int, int]) -> list[int]:
+        return [n for n, driver in self._drivers.items() if driver.is_off and n in index]
 
     def _leave(self, number: int, now: float, cars: Cars, index: dict[int, int]) -> None:
         driver = self._driver(number)
@@ -227,12 +231,15 @@ class DisturbedTraffic(Traffic):
     def _notice(self, off: list[int], now: float, cars: Cars, index: dict[int, int]) -> None:
         """Drivers with a disturbed car on their way react to it in their time."""
         obstacles = np.array([index[number] for number in off], dtype=np.intp)
-        apart = np.hypot(*(cars.middle_m[:, None] - cars.middle_m[obstacles]).transpose(2, 0, 1))
-        for number, at in index.items():
-            near = obstacles[(apart[at] < 75.0) & (obstacles != at)]
+        apart = cars.middle_m[:, None] - cars.middle_m[obstacles]
+        close = (apart * apart).sum(axis=2) < _SEEN_M**2
+        close[obstacles, np.arange(len(obstacles))] = False
+        drives = cars.speed_m_s >= _STANDS_M_S
+        numbers = list(index)
+        for at in np.flatnonzero(close.any(axis=1) & drives).tolist():
+            number, near = numbers[at], obstacles[close[at]]
             driver = self._drivers.get(number)
-            unaware = driver is None or not driver.is_off or (driver.runs and not driver.noticed)
-            if not unaware or not len(near) or cars.speed_m_s[at] < _STANDS_M_S:
+            if driver is not None and driver.is_off and (driver.noticed or not driver.runs):
                 continue
             driver = self._driver(number)
             ahead = self._ahead(number, now, cars, at, near)
@@ -319,7 +326,7 @@ class DisturbedTraffic(Traffic):
         recorded_s = self._recorded_s(number, now)
         if now < driver.reacts_at_s - 1e-9:
             return min(warned, driver.path.acceleration_m_s2(recorded_s), 0.0)
-        near = np.hypot(*(cars.middle_m - cars.middle_m[at]).T) < 75.0
+        near = np.hypot(*(cars.middle_m - cars.middle_m[at]).T) < _SEEN_M
         near[at] = False
         others = np.flatnonzero(near)
         ahead = self._ahead(number, now, cars, at, others)
