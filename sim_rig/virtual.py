@@ -259,19 +259,22 @@ class _VirtualCar:
         for frame in answers:
             self._stack.receive_can(frame, now)
         self._camera.handle_timer(now)
-        while (observation := self._camera.next_event()) is not None:
-            self._stack.receive_observation(observation, now)
+        self._take_observations(self._camera, now)
         if self._receiver is not None:
             self._gnss.receive_bytes(self._receiver.bytes_to_send(now), now)
-            while (fix := self._gnss.next_event()) is not None:
-                self._stack.receive_observation(fix, now)
+            self._take_observations(self._gnss, now)
         if self._detector is not None and (data := self._detector.bytes_to_send(now)):
             self._object_lists.receive_bytes(data, now)
-            while (found := self._object_lists.next_event()) is not None:
-                self._stack.receive_observation(found, now)
+            self._take_observations(self._object_lists, now)
         if self._stack_at <= now:
             self._stack.handle_timer(now)
         return answers
+
+    def _take_observations(
+        self, source: CameraModel | NmeaReader | ObjectListReader, now: float
+    ) -> None:
+        while (observation := source.next_event()) is not None:
+            self._stack.receive_observation(observation, now)
 
     def _take_waiting(self, now: float) -> None:
         if self._faults.has_wrong_clock:

@@ -11,7 +11,6 @@ all go through it. Fields follow one another without padding, most significant b
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import Enum
-from functools import cache
 from typing import Any, Generic, TypeVar, get_type_hints
 
 from typing_extensions import override
@@ -137,7 +136,6 @@ class Code(Wire):
 
 
 MessageT = TypeVar("MessageT")
-_NARROW_BITS = 12
 
 
 class Layout(Generic[MessageT]):
@@ -160,9 +158,7 @@ class Layout(Generic[MessageT]):
         """What reads each field, its shift and its mask."""
         for wire in self.wires.values():
             bits -= wire.bits
-            # Of narrow fields what each code says is kept: a tick brings ten thousand of them.
-            read = cache(wire.from_raw) if wire.bits <= _NARROW_BITS else wire.from_raw
-            self._readers.append((read, bits, (1 << wire.bits) - 1))
+            self._readers.append((wire.from_raw, bits, (1 << wire.bits) - 1))
 
     def encode(self, message: MessageT) -> bytes:
         """Return `size_bytes` bytes. Raises `ValueError` naming a field that cannot be carried."""

@@ -101,10 +101,16 @@ def _are_positive(covariances: Array, whole: NDArray[np.bool_]) -> NDArray[np.bo
     """Whether each (4, 4) of finite numbers is symmetric and positive; of positions, the (2, 2)."""
     full = np.where(whole, covariances, np.eye(4)[:, :, None])
     full[:2, :2] = covariances[:2, :2]
-    full = full.transpose(2, 0, 1)
-    largest = np.abs(full).max(axis=(1, 2))
-    symmetric = np.abs(full - full.transpose(0, 2, 1)).max(axis=(1, 2)) <= 1e-6 * largest
-    positive: NDArray[np.bool_] = symmetric & (np.linalg.eigvalsh(full)[:, 0] > 0.0)
+    largest = np.abs(full).max(axis=(0, 1))
+    positive: NDArray[np.bool_] = np.abs(full - full.swapaxes(0, 1)).max(axis=(0, 1)) <= (
+        1e-6 * largest
+    )
+    # By Sylvester: if every pivot is, as the variables are eliminated one after the other.
+    while len(full):
+        pivot = full[0, 0]
+        positive &= pivot > 0.0
+        column = full[1:, 0] / np.where(pivot > 0.0, pivot, 1.0)
+        full = full[1:, 1:] - column[:, None] * full[0, 1:]
     return positive
 
 

@@ -20,6 +20,7 @@ best so far are kept, and only there something better may be missed; honest cars
 """
 
 import heapq
+from collections import defaultdict
 from collections.abc import Hashable, Sequence
 from operator import itemgetter
 
@@ -70,15 +71,16 @@ def _choose(entries: Sequence[tuple[int, int]], covered: int) -> list[int]:
     bit for every entry taken, the earlier the higher.
     """
     shift = len(entries)
-    spared_bits = 1 + (covered.bit_count() + shift).bit_length()
-    by_earliest: dict[int, list[tuple[int, int]]] = {}
-    taken_bit = 1 << shift
+    # A measurement gained weighs more than all entries spared, and one spared than all preferences.
+    spared = 1 << shift
+    gained = spared << 1 + (covered.bit_count() + shift).bit_length()
+    by_earliest: dict[int, list[tuple[int, int]]] = defaultdict(list)
+    taken_bit = spared
     for _, mask in entries:
         taken_bit >>= 1
-        gained = (mask & ~covered).bit_count()
-        spared = (mask & covered).bit_count() - 1
-        worth = (((gained << spared_bits) + spared) << shift) + taken_bit
-        by_earliest.setdefault(mask & -mask, []).append((mask, worth))
+        size, known = mask.bit_count(), (mask & covered).bit_count()
+        worth = (size - known) * gained + (known - 1) * spared + taken_bit
+        by_earliest[mask & -mask].append((mask, worth))
 
     steps = []
     later = 0
@@ -94,15 +96,15 @@ def _choose(entries: Sequence[tuple[int, int]], covered: int) -> list[int]:
         settled: dict[int, int] = {}
         for taken, total in totals.items():
             left = taken & later
-            if settled.get(left, -1) < total:
+            if left not in settled or settled[left] < total:
                 settled[left] = total
             if taken & earliest:
                 continue
             for mask, worth in starting:
                 if not mask & taken:
-                    left = (taken | mask) & later
-                    if settled.get(left, -1) < total + worth:
-                        settled[left] = total + worth
+                    left, more = (taken | mask) & later, total + worth
+                    if left not in settled or settled[left] < more:
+                        settled[left] = more
         if len(settled) > _MOST_STATES:
             settled = dict(heapq.nlargest(_MOST_STATES, settled.items(), key=itemgetter(1)))
         totals = settled
