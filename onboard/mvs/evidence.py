@@ -28,7 +28,7 @@ class MeasurementId(NamedTuple):
     """UTC."""
 
 
-measurement_id = lru_cache(maxsize=1 << 16)(MeasurementId)
+measurement_id = lru_cache(maxsize=1 << 14)(MeasurementId)
 """The same object every time: a measurement is named in many estimates."""
 
 Provenance = frozenset[MeasurementId]

@@ -127,13 +127,28 @@ class Track:
         if len(self._bits) > _MOST_BITS:
             self._number_anew(before_ms)
 
-    def choose(self) -> None:
-        """Choose anew which evidence to use, as `independent` does."""
-        if self._has_changed:
-            latest_first = sorted(self.evidence.values(), key=stamp_ms_of, reverse=True)
-            indices = select_independent_masks([held.mask for held in latest_first])
-            self.chosen = self.settled + [latest_first[index] for index in indices]
-            self._has_changed = False
+    def choose(self) -> bool:
+        """Choose anew which evidence to use, as `independent` does; whether that is another."""
+        if not self._has_changed:
+            return False
+        before, self.chosen = self.chosen, self._choice(self.evidence.values())
+        self._has_changed = False
+        return self.chosen != before
+
+    def chosen_without_repeaters(self) -> list[Held]:
+        """What would be chosen if nobody repeated what the own camera has measured.
+
+        Empty, if nothing that is chosen does.
+        """
+        own = 0
+        for held in self.evidence.values() if self.is_seen else ():
+            if held.teller == OWN:
+                own |= held.mask
+        if not any(held.mask & own and held.teller != OWN for held in self.chosen):
+            return []
+        return self._choice(
+            held for held in self.evidence.values() if held.teller == OWN or not held.mask & own
+        )
 
     def settle(self, before_ms: int) -> None:
         """Decide for good on evidence of `before_ms` or earlier: in use now, or never again."""
@@ -176,6 +191,11 @@ class Track:
             ):
                 return True
         return False
+
+    def _choice(self, evidence: Iterable[Held]) -> list[Held]:
+        latest_first = sorted(evidence, key=stamp_ms_of, reverse=True)
+        indices = select_independent_masks([held.mask for held in latest_first])
+        return self.settled + [latest_first[index] for index in indices]
 
     def _settle(self, some: Iterable[Held]) -> None:
         spent = 0

@@ -16,7 +16,7 @@ from itertools import groupby
 import numpy as np
 
 from onboard.mvs.association import are_inside, compare, distances, gates, with_speed_prior
-from onboard.mvs.fusion import as_estimates, filtered
+from onboard.mvs.choosing import choose_and_fuse
 from onboard.mvs.held import Held
 from onboard.mvs.kalman import Array
 from onboard.mvs.kinematics import Kinematics
@@ -106,21 +106,10 @@ class Tracks:
             track.forget(now_ms - memory_ms, belief.estimates_per_car, belief.evidence_per_car)
         # An estimate goes by its oldest measurement, so a car may lose all before it is unseen.
         self._tracks = [track for track in self._tracks if track.held]
-        changed = []
+        choose_and_fuse(self._tracks, self._shelf, now_ms, settings.acceleration_density)
         for track in self._tracks:
-            chosen_before = track.chosen
-            track.choose()
             track.settle(now_ms - settled_ms)
             track.is_confirmed = track.is_confirmed or track.moments() >= settings.confirmed_by
-            if track.chosen != chosen_before:
-                changed.append(track)
-        chosen = [track.chosen for track in changed]
-        rows = [held.row for of_a_track in chosen for held in of_a_track]
-        fused = filtered(
-            self._shelf.at(rows), list(map(len, chosen)), settings.acceleration_density
-        )
-        for track, estimate in zip(changed, as_estimates(chosen, fused), strict=True):
-            track.estimate = estimate
         self._compared = None
         self._tell_apart(now_ms)
         self._named = {name: track for track in self._tracks for name in track.names}

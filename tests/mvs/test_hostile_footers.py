@@ -20,7 +20,7 @@ from onboard.messages.mvs_footer import (
 )
 from onboard.mvs.belief import doubts, excess_of_trust
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
-from onboard.mvs.fusion import fuse
+from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
@@ -195,6 +195,57 @@ def test_ghosts_without_end_are_bounded_and_leave_room_for_the_own_camera() -> N
 
     assert len(tracks(mvs, NOW + 1.0)) <= EXACT.belief.cars_per_sender
     assert "too_many_cars" in reasons or len(near) == 0
+
+
+def variances_of_a_seen_car(
+    lie_every: int = 0, span_ms: int = 0, sigma_m: float = 1.0, sigma_m_s: float = 1.0
+) -> np.ndarray:
+    """Of its place and speed at each of 50 pictures, 0.05 s apart.
+
+    Every so many pictures the liar repeats, in one estimate, the own measurements of the last
+    `span_ms`, adds one of his own, and says that he hardly knows where the car is.
+    """
+    mvs, rng, found = victim(), np.random.default_rng(1), []
+    for k in range(50):
+        at, ahead_m = NOW + 0.05 * k, 0.5 * k
+        place = LocalFrame(48.1 + ahead_m / 111_200, 11.5)
+        mvs.receive_position(
+            Position(at, place.latitude_deg, place.longitude_deg, None, 0.5, 10.0, 0.0)
+        )
+        mvs.receive_sensed_car(
+            SensedCar(at, 1, 30.0 + rng.normal(0, 0.3), 0.5, rng.normal(0, 0.005), 0.01)
+        )
+        stamps = [round(1000 * (NOW + 0.05 * earlier)) for earlier in range(k + 1)]
+        now_ms = stamps[-1] + 10
+        if lie_every and k >= 20 and k % lie_every == 0:
+            own = {MeasurementId(OWN, stamp) for stamp in stamps if stamp > now_ms - span_ms}
+            lie = Estimate(
+                frozenset(own | {MeasurementId(LIAR, now_ms - 1)}),
+                np.array([0.0, 30.0 + ahead_m, 0.0, 10.0]),
+                np.diag([sigma_m**2, sigma_m**2, sigma_m_s**2, sigma_m_s**2]),
+            )
+            say(mvs, footer_with(lie, reference_ms=now_ms), at + 0.01)
+        mvs.kinematic_info(at + 0.02)
+        (track,) = (track for track in mvs._tracks if track.is_seen)
+        _, covariances = propagate([track.estimate], stamps[-1] + 20, EXACT.acceleration_density)
+        x, y, vx, vy = np.diagonal(covariances[:, :, 0])
+        found.append((x + y, vx + vy))
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("lie_every", "span_ms", "sigma_m", "sigma_m_s"),
+    [(2, 100, 20.0, 1000.0), (4, 200, 20.0, 1000.0), (4, 200, 20.0, 0.8), (4, 200, 0.5, 1000.0)],
+)
+def test_who_repeats_our_measurements_does_not_make_a_seen_car_vague(
+    lie_every: int, span_ms: int, sigma_m: float, sigma_m_s: float
+) -> None:
+    """Believed for naming one measurement more, he made its variances 1,200 times as large."""
+    alone = variances_of_a_seen_car()
+
+    with_lies = variances_of_a_seen_car(lie_every, span_ms, sigma_m, sigma_m_s)
+
+    assert (with_lies[20:] <= 1.2 * alone[20:]).all()
 
 
 def test_a_ghost_is_believed_no_more_than_its_provenance_allows() -> None:

@@ -210,8 +210,9 @@ def test_without_the_selection_measurements_would_be_used_twice(
 ) -> None:
     """The property above can fail: it is the selection that keeps it."""
 
-    def use_everything(track: Track) -> None:
+    def use_everything(track: Track) -> bool:
         track.chosen = track.held
+        return True
 
     monkeypatch.setattr(Track, "choose", use_everything)
     world = ring(3)
