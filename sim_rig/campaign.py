@@ -5,16 +5,20 @@ what it gave in the campaign, and an interrupted campaign ends like one that was
 gives is kept as one line of `runs.jsonl` as soon as it is known.
 """
 
+import fcntl
 import json
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.connection import wait
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import yaml
 from rich.console import Console
@@ -59,20 +63,40 @@ def run_campaign(
     """Do those runs that `folder` does not hold yet; returns all, in the order of `numbers`.
 
     Raises:
-        CampaignError: the folder holds a campaign with other settings, or workers keep dying.
+        CampaignError: the folder holds a campaign with other settings or what is no campaign,
+            another process is at it, or workers keep dying.
+        OSError: nothing can be written there.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    _claim(folder, f"{run.__module__}.{run.__qualname__}", settings)
-    done = _read(folder / "runs.jsonl")
-    missing = [number for number in numbers if number not in done]
     with (folder / "runs.jsonl").open("a", encoding="utf-8") as kept, _bar(folder.name) as advance:
+        _lock(kept, folder)
+        _claim(folder, f"{run.__module__}.{run.__qualname__}", settings)
+        done = kept_runs(folder)
+        _cut(folder / "runs.jsonl")
+        missing = [number for number in numbers if number not in done]
         advance(len(numbers), len(numbers) - len(missing))
-        for number, row in _spread(run, settings, missing, workers):
-            done[number] = json.loads(json.dumps(row))
-            kept.write(json.dumps({"run": number} | row) + "\n")
-            kept.flush()
-            advance(len(numbers), 1)
+        try:
+            for number, row in _spread(run, settings, missing, workers):
+                done[number] = json.loads(json.dumps(row))
+                kept.write(json.dumps({"run": number} | row) + "\n")
+                kept.flush()
+                advance(len(numbers), 1)
+        except KeyboardInterrupt:
+            finished = sum(number in done for number in numbers)
+            Console(stderr=True, highlight=False, soft_wrap=True).print(
+                f"interrupted: {finished} of {len(numbers)} runs are kept in {folder};"
+                " the same command goes on from there"
+            )
+            raise
     return [done[number] for number in numbers]
+
+
+def _lock(kept: IO[str], folder: Path) -> None:
+    """Until the file is closed, no other process may do runs of this folder."""
+    try:
+        fcntl.flock(kept, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise CampaignError(f"{folder}: another process is doing these runs now") from error
 
 
 def _claim(folder: Path, name: str, settings: Settings) -> None:
@@ -80,20 +104,34 @@ def _claim(folder: Path, name: str, settings: Settings) -> None:
     same = settings.model_dump(mode="json", exclude={"runs"})
     claim = yaml.safe_dump({"run": name, "settings": same})
     path = folder / "campaign.yaml"
-    if path.exists() and path.read_text("utf-8") != claim:
+    if path.exists() and path.read_bytes() != claim.encode():
         raise CampaignError(f"{folder} holds runs with other settings: remove it, or take another")
     path.write_text(claim, "utf-8")
 
 
-def _read(path: Path) -> dict[int, Row]:
-    """The runs that are kept; a last line that was cut off is cut away."""
-    if not path.exists():
-        return {}
-    whole, end, cut = path.read_text("utf-8").rpartition("\n")
+def kept_runs(folder: Path) -> dict[int, Row]:
+    """The runs that `folder` holds by number, without a last one that was cut off.
+
+    Raises:
+        CampaignError: a line is no run.
+        OSError: it cannot be read.
+    """
+    path = folder / "runs.jsonl"
+    rows: dict[int, Row] = {}
+    for line, text in enumerate(path.read_bytes().split(b"\n")[:-1], 1):
+        try:
+            row = json.loads(text)
+            rows[row.pop("run")] = row
+        except (ValueError, LookupError, AttributeError, TypeError) as error:
+            raise CampaignError(f"{path}, line {line}: no run: remove it") from error
+    return rows
+
+
+def _cut(path: Path) -> None:
+    """Cut away a last line that was not written to its end."""
+    whole, end, cut = path.read_bytes().rpartition(b"\n")
     if cut:
-        path.write_text(whole + end, "utf-8")
-    rows = [json.loads(line) for line in whole.splitlines()]
-    return {row.pop("run"): row for row in rows}
+        os.truncate(path, len(whole + end))
 
 
 def _spread(
@@ -118,12 +156,12 @@ def _in_processes(
             with (
                 _one_thread_each(),
                 ProcessPoolExecutor(
-                    processes,
-                    mp_context=get_context("spawn"),
-                    initializer=keep_collection_short,
+                    processes, mp_context=get_context("spawn"), initializer=_become_worker
                 ) as pool,
+                _ended_with_us(),
             ):
-                futures = {pool.submit(run, settings, number): number for number in left}
+                with _deaf_to_interrupts():
+                    futures = {pool.submit(run, settings, number): number for number in left}
                 for future in as_completed(futures):
                     row = future.result()
                     left.remove(futures[future])
@@ -136,6 +174,44 @@ def _in_processes(
                     f"worker processes keep dying (out of memory?); {len(left)} runs are missing, "
                     "the others are kept"
                 ) from error
+
+
+def _become_worker() -> None:
+    """A worker whose campaign was killed has nobody to tell its results: it ends."""
+    keep_collection_short()
+    parent = parent_process()
+    assert parent is not None  # noqa: S101 (it was started by one)
+
+    def end_with_it() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=end_with_it, daemon=True).start()
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Processes started inside leave Ctrl-C, which a terminal sends to all, to this one."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # which is the only one that may say what a signal does
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def _ended_with_us() -> Iterator[None]:
+    """Do not wait for processes started inside, nor for what they have yet to do, if we fail."""
+    before = set(active_children())
+    try:
+        yield
+    except BaseException:
+        for process in set(active_children()) - before:
+            process.terminate()
+        raise
 
 
 @contextmanager
@@ -167,7 +243,18 @@ def _on_dask(
         raise CampaignError(f"no Dask scheduler answers at {address}: {error}") from error
     with client:
         futures = [client.submit(_numbered, run, settings, number) for number in numbers]
-        for _, (number, row) in distributed.as_completed(futures, with_results=True):  # type: ignore[no-untyped-call]
+        for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]
+            try:
+                number, row = future.result()
+            except (CancelledError, OSError, TimeoutError) as error:
+                raise CampaignError(
+                    f"the Dask scheduler at {address} has gone; the runs that were done are kept"
+                ) from error
+            except distributed.KilledWorker as error:
+                raise CampaignError(
+                    f"workers of the Dask scheduler at {address} keep dying (out of memory?);"
+                    " the runs that were done are kept"
+                ) from error
             yield number, row
 
 

@@ -1,12 +1,15 @@
 """The rig's commands: list the scenarios, run one of them live or in virtual time."""
 
 import asyncio
+import errno
 import os
 import shutil
 import signal
 import sys
 import time
 import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import takewhile
 from pathlib import Path
 from typing import Annotated
@@ -107,7 +110,11 @@ def study(
     named = list(takewhile(lambda word: not word.startswith("-"), names))
     given = _settings_given(names[len(named) :])
     for name in named:
-        found = run_study(name, out / name, settings, Workers(workers, dask), given)
+        if name not in study_names():
+            raise UserError(f"no study {name!r}; there are: {', '.join(study_names())}")
+    for name in named:
+        with _writing(out / name):
+            found = run_study(name, out / name, settings, Workers(workers, dask), given)
         typer.echo(f"{name}: {found}")
         typer.echo(f"  in {out / name}")
 
@@ -121,9 +128,30 @@ def show(
     """Write one run of a study as a page to look at: from above, with play, pause and step."""
     from sim_rig.studies.show import show_run  # noqa: PLC0415 (only this command needs it)
 
-    out.parent.mkdir(parents=True, exist_ok=True)
-    typer.echo(show_run(folder, number, out))
+    with _writing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        told = show_run(folder, number, out)
+    typer.echo(told)
     typer.echo(f"  in {out}")
+
+
+@contextmanager
+def _writing(place: Path) -> Iterator[None]:
+    """A disk that is full or may not be written is no fault of ours."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _OF_THE_DISK:
+            raise
+        raise UserError(
+            f"{error.filename or place}: cannot be written: {error.strerror}"
+        ) from error
+
+
+_OF_THE_DISK = (
+    errno.EACCES, errno.EDQUOT, errno.EEXIST, errno.EFBIG, errno.EIO, errno.EISDIR,
+    errno.ENAMETOOLONG, errno.ENOENT, errno.ENOSPC, errno.ENOTDIR, errno.EPERM, errno.EROFS,
+)  # fmt: skip
 
 
 def _settings_given(words: list[str]) -> dict[str, object]:

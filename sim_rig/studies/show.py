@@ -10,6 +10,7 @@ import yaml
 from onboard.errors import UserError
 from onboard.mvs.known_car import KnownBy
 from onboard.settings import parse_settings
+from sim_rig.campaign import kept_runs
 from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.studies.mvs_collisions import CollisionSettings, case_of, encounters
 from sim_rig.studies.mvs_encounter import Outcome
@@ -75,6 +76,26 @@ class _Film:
         )
 
 
+def _settings_of(path: Path) -> CollisionSettings:
+    """Those of the campaign that has left its settings at `path`."""
+    try:
+        claim = yaml.safe_load(path.read_text("utf-8"))
+    except OSError as error:
+        raise UserError(
+            f"{path}: cannot be read: {error.strerror}; runs of mvs-figure3 and mvs-figure9 can"
+            " be shown, by the folder of the study"
+        ) from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(claim, dict) or claim.get("run") != _RUN:
+        named = claim.get("run") if isinstance(claim, dict) else None
+        raise UserError(
+            f"{path}: runs of {named or 'what is no campaign'} cannot be shown, only those of"
+            " mvs-figure3 and mvs-figure9"
+        )
+    return parse_settings(claim.get("settings"), CollisionSettings, str(path))
+
+
 def show_run(folder: Path, number: int, page: Path) -> str:
     """Run one run of a study again and write its page; returns what happened in it.
 
@@ -84,16 +105,12 @@ def show_run(folder: Path, number: int, page: Path) -> str:
         page: where to write to.
 
     Raises:
-        UserError: the folder holds no such study.
+        UserError: the folder holds no such study, or the study has no such run.
     """
-    path = folder / "runs" / "campaign.yaml"
-    try:
-        claim = yaml.safe_load(path.read_text("utf-8"))
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-    if claim["run"] != _RUN:
-        raise UserError(f"{folder}: runs of {claim['run']} cannot be shown")
-    settings = parse_settings(claim["settings"], CollisionSettings, str(path))
+    settings = _settings_of(folder / "runs" / "campaign.yaml")
+    if number not in (done := kept_runs(folder / "runs")):
+        most = f", the last is {max(done)}" if done else ""
+        raise UserError(f"{folder}: no run {number} was done: it holds {len(done)}{most}")
     case, seed = case_of(settings, number)
     film = _Film(f"run {number}: {case.kind.value}, {case.method.value}, {case.share:.0%} radios")
     scene = encounters(settings.encounter)

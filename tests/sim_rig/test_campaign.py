@@ -1,7 +1,12 @@
 """A campaign ends the same however it is run: here, in processes, resumed, with dying workers."""
 
+import fcntl
 import os
+import resource
 import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +34,12 @@ def throw(settings: DiceSettings, number: int) -> Row:
         os.kill(os.getpid(), signal.SIGKILL)
     rng = np.random.default_rng([settings.sides, number])
     return {"eyes": int(rng.integers(settings.sides)) + 1, "share": float(rng.random())}
+
+
+def linger(settings: DiceSettings, number: int) -> Row:
+    """The first is quick, the others have time to be interrupted."""
+    time.sleep(0.0 if number == 0 else 1.0)
+    return throw(settings, number)
 
 
 def test_one_run_alone_gives_what_it_gave_in_the_campaign(tmp_path: Path) -> None:
@@ -66,6 +77,63 @@ def test_a_worker_that_is_killed_changes_nothing(tmp_path: Path) -> None:
 
     assert (tmp_path / "killed").exists()
     assert rows == run_campaign(throw, settings, NUMBERS, tmp_path / "b", Workers())
+
+
+def test_a_file_that_holds_no_runs_is_told_of(tmp_path: Path) -> None:
+    run_campaign(throw, DiceSettings(), range(2), tmp_path, Workers())
+    kept = tmp_path / "runs.jsonl"
+    kept.write_bytes(kept.read_bytes() + b"\xff\x00\n")
+
+    with pytest.raises(CampaignError, match=r"runs\.jsonl, line 3: no run"):
+        run_campaign(throw, DiceSettings(), range(2), tmp_path, Workers())
+
+
+def test_two_campaigns_do_not_write_into_one_folder(tmp_path: Path) -> None:
+    run_campaign(throw, DiceSettings(), range(2), tmp_path, Workers())
+
+    with (tmp_path / "runs.jsonl").open() as others:
+        fcntl.flock(others, fcntl.LOCK_EX)
+        with pytest.raises(CampaignError, match="another process is doing these runs now"):
+            run_campaign(throw, DiceSettings(), range(3), tmp_path, Workers())
+    run_campaign(throw, DiceSettings(), range(3), tmp_path, Workers())
+
+
+def test_a_full_disk_costs_nothing_that_was_done(tmp_path: Path) -> None:
+    whole = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "whole", Workers())
+    room = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (250, room[1]))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "a", Workers())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, room)
+
+    assert (tmp_path / "a" / "runs.jsonl").stat().st_size == 250
+    assert run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "a", Workers()) == whole
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_an_interrupted_campaign_ends_at_once_and_says_what_is_kept(
+    tmp_path: Path, processes: int
+) -> None:
+    code = (
+        "from tests.sim_rig.test_campaign import *\n"
+        f"run_campaign(linger, DiceSettings(), range(30), Path({str(tmp_path)!r}),"
+        f" Workers({processes}))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, start_new_session=True,
+        cwd=Path(__file__).parents[2],
+    )  # fmt: skip
+    kept = tmp_path / "runs.jsonl"
+    while process.poll() is None and not (kept.exists() and kept.stat().st_size):
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    _, told = process.communicate(timeout=60.0)
+
+    assert process.returncode == -signal.SIGINT
+    assert f"of 30 runs are kept in {tmp_path}; the same command goes on" in told
+    assert "SpawnProcess" not in told  # no worker has anything to say
 
 
 def test_workers_that_always_die_are_told_of(tmp_path: Path) -> None:

@@ -76,3 +76,25 @@ def test_the_page_holds_what_was_known_and_sent(page_file: Path) -> None:
 def test_a_folder_without_a_study_is_the_users_mistake(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"campaign\.yaml: cannot be read"):
         show_run(tmp_path, 1, tmp_path / "run.html")
+
+
+@pytest.mark.parametrize(
+    ("claim", "said"),
+    [
+        ("", "what is no campaign"),
+        ("[1]", "what is no campaign"),
+        ("a: [", "not YAML"),
+        ("run: sim_rig.studies.radio.run_one", "runs of sim_rig.studies.radio.run_one cannot"),
+        ("run: sim_rig.studies.mvs_collisions.run_one", "should be an object"),
+    ],
+)
+def test_what_is_no_campaign_to_show_is_told(tmp_path: Path, claim: str, said: str) -> None:
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "campaign.yaml").write_text(claim)
+    with pytest.raises(UserError, match=said):
+        show_run(tmp_path, 1, tmp_path / "run.html")
+
+
+def test_a_run_that_was_not_done_is_told(page_file: Path) -> None:
+    with pytest.raises(UserError, match="no run 7 was done: it holds 1, the last is 1"):
+        show_run(page_file.parent, 7, page_file.with_name("other.html"))
