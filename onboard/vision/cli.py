@@ -258,5 +258,6 @@ def _fit_by_plates(
 
 def _yaml(calibration: Calibration) -> str:
     head = "# Written by `onboard calibrate`; also fits under `camera:` in a car's configuration.\n"
-    values = calibration.model_dump(mode="json")
+    # What the pictures did not say, such as the place by a lens alone, is left open.
+    values = calibration.model_dump(mode="json", exclude_unset=True)
     return head + yaml.safe_dump(values, sort_keys=False, default_flow_style=None)

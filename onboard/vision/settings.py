@@ -60,6 +60,11 @@ class Calibration(Settings):
                 )
         return self
 
+    @property
+    def is_placed(self) -> bool:
+        """Whether somebody said how far the camera looks down; else level is only the likeliest."""
+        return "pitch_rad" in self.model_fields_set
+
     def for_size(self, width_px: int, height_px: int) -> "Calibration | None":
         """The same camera delivering pictures of another size, whole and not cropped.
 

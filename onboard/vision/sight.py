@@ -45,8 +45,8 @@ from onboard.vision.vehicles import Vehicles
 Event = Plate | Lead | SensedCar | Discarded | SensorLost | SensorBack
 ROOM = "vision"
 CALIBRATED_SLOPE, GUESSED_SLOPE = 0.04, 0.15
-"""How far the car pitches and the road climbs, and how far a camera may be off that is not
-calibrated: so much, by distance, things may be above and below where they belong."""
+"""How far the car pitches and the road climbs, and how far a camera may be off of which nobody said
+how it is mounted: so much, by distance, things may be above and below where they belong."""
 MOST_FOLLOWED = 2
 """Cars looked for in one frame; more are looked for in turn."""
 OTHERS_EVERY_S = 0.19
@@ -98,12 +98,14 @@ class Sight:
         if settings.vehicle_model is not None:
             self._vehicle_model = BoxModel(settings.vehicle_model, "vision.vehicle_model")
         self._kinds = PlateKinds(settings.plate_width_m)
+        is_placed = calibration is not None and calibration.is_placed
+        self._slope = CALIBRATED_SLOPE if is_placed else GUESSED_SLOPE
         self._tracker = Tracker(
             settings.lane_width_m,
             settings.keep_s,
             settings.keep_unread_s,
             settings.identity_confidence,
-            slope=CALIBRATED_SLOPE if calibration is not None else GUESSED_SLOPE,
+            slope=self._slope,
             kinds=self._kinds,
         )
         self._lane = OwnLane(settings.lane_width_m)
@@ -278,7 +280,7 @@ class Sight:
         perspective = self._perspective = Perspective(calibration)
         if self._calibration is not None:
             self._markings = MarkingFinder(perspective, settings.lane_width_m)
-            self._road = _below_horizon(perspective, width_px, height_px)
+            self._road = _below_horizon(perspective, self._slope, width_px, height_px)
         self._finders.clear()
         if settings.tag_dictionary is not None:
             tags = TagFinder(settings.tag_dictionary, settings.tag_side_m, perspective)
@@ -311,13 +313,13 @@ def _plate_finder(settings: VisionSettings) -> PlateFinder:
     return BroughtPlates(BoxModel(settings.plate_model, "vision.plate_model"), own)
 
 
-def _below_horizon(perspective: Perspective, width_px: int, height_px: int) -> Box:
+def _below_horizon(perspective: Perspective, slope: float, width_px: int, height_px: int) -> Box:
     """Where plates can be: on the road's side of a line a little above the horizon."""
     _, horizon_px = perspective.project(Place(1e6, 0.0, 0.0))
-    top_px = float(
-        np.clip(horizon_px - CALIBRATED_SLOPE * perspective.width_px(1.0, 1.0), 0, height_px / 2)
-    )
-    return Box(0.0, top_px, width_px, height_px - top_px)
+    top_px = float(np.clip(horizon_px - slope * perspective.width_px(1.0, 1.0), 0, height_px / 2))
+    # The detector shrinks it by 2 and 8: whole multiples are averaged many times faster.
+    rows_px = min(8 * math.ceil((height_px - top_px) / 8), height_px)
+    return Box(0.0, height_px - rows_px, width_px, rows_px)
 
 
 def _around(track: CarTrack, stamp_s: float) -> Box:

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from onboard.observations import Box, Plate
+from onboard.observations import Box, Lead, Plate
+from onboard.vision.perspective import Perspective, Place
 from onboard.vision.plate_detector import Corners, FoundPlate, Image
 from onboard.vision.plate_reader import PlateText
-from onboard.vision.settings import VisionSettings
+from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.sight import Sight
 from tests.vision.drive import CAMERA
 
@@ -19,13 +20,13 @@ class Finder:
     def __init__(self, left_px: float) -> None:
         x0, x1 = left_px, min(left_px + 90.0, CAMERA.width_px + 2.0)
         corners = [(x0, 300), (x1, 300), (x1, 320), (x0, 320)]
-        self._found = FoundPlate(np.array(corners, np.float32), 0.95)
+        self.found = FoundPlate(np.array(corners, np.float32), 0.95)
 
     def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:
-        return [self._found]
+        return [self.found]
 
     def find_again(self, image: Image, last: Corners) -> FoundPlate | None:
-        return self._found
+        return self.found
 
 
 class Reader:
@@ -82,3 +83,30 @@ def test_a_certain_read_of_something_else_is_told_and_is_not_certain() -> None:
 
     assert told[-1].text == "RD288HX"
     assert told[-1].confidence < 0.5
+
+
+@pytest.mark.parametrize("pitch_rad", [-0.12, 0.12])
+def test_a_camera_of_which_only_the_lens_is_known_may_look_up_or_down(pitch_rad: float) -> None:
+    """A plate 0.6 m over the road, 9.5 m ahead of a camera that is thought to be level."""
+    lens = CAMERA.model_dump(exclude={"source", "fps", "pitch_rad", "mounting_height_m", "yaw_rad"})
+    mounted = Calibration(**lens, pitch_rad=pitch_rad)
+    art = Perspective(mounted)
+    quad = art.project_all(
+        [
+            Place(9.5, x, y)
+            for x, y in ((-0.26, 0.655), (0.26, 0.655), (0.26, 0.545), (-0.26, 0.545))
+        ]
+    )
+    finder = Finder(0.0)
+    finder.found = FoundPlate(quad.astype(np.float32), 0.95)
+    sight = Sight(
+        Calibration(**lens), SETTINGS, finder=finder, reader=Reader(*[("GN417KB", 0.9)] * 5)
+    )
+    rng = np.random.default_rng(1)
+    leads = []
+    for index in range(5):
+        sight.receive_frame(rng.integers(0, 255, (540, 960, 3), np.uint8), index / 10)
+        while (event := sight.next_event()) is not None:
+            leads += [event] if isinstance(event, Lead) else []
+
+    assert leads[-1].gap_m == pytest.approx(9.5, rel=0.1)
