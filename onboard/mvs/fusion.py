@@ -69,10 +69,12 @@ def as_estimates(
             frozenset().union(*[piece.provenance for piece in evidence]),
             state,
             covariance,
-            max([piece.stamp_ms for piece in evidence]),
+            round(stamp_ms),
             min([piece.oldest_ms for piece in evidence]),
         )
-        for evidence, state, covariance in zip(evidence_of_cars, states, covariances, strict=True)
+        for evidence, state, covariance, stamp_ms in zip(
+            evidence_of_cars, states, covariances, fused.stamps_ms.tolist(), strict=True
+        )
     ]
 
 

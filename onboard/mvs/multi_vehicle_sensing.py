@@ -179,14 +179,16 @@ class MultiVehicleSensing:
         cars = as_known(now, KnownBy.RADIO, self._neighbours, q)
         estimates = [track.estimate for track in tracks]
         states, covariances = propagate(estimates, now_ms, q)
-        for at, track in enumerate(tracks):
+        for track, state, covariance in zip(
+            tracks, states.T.tolist(), covariances.transpose(2, 0, 1).tolist(), strict=True
+        ):
             cars.append(
                 KnownCar(
                     stamp_s=now,
                     name=str(track.number),
                     known_by=KnownBy.SEEN if track.is_seen else KnownBy.TOLD,
-                    state=tuple(states[:, at].tolist()),
-                    covariance=tuple(map(tuple, covariances[:, :, at].tolist())),
+                    state=tuple(state),
+                    covariance=tuple(map(tuple, covariance)),
                     age_s=(now_ms - track.estimate.stamp_ms) / 1000,
                     provenance=track.estimate.provenance,
                     known_for_s=(now_ms - track.first_ms) / 1000,

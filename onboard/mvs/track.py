@@ -42,6 +42,8 @@ class Track:
         """What has been told of this car, one bit for each measurement."""
         self._has_changed = False
         """Whether evidence has come or gone since it was last chosen."""
+        self._oldest_ms = first.oldest_ms
+        """Nothing that is held of it is older than this."""
         self.chosen = [first]
         """The independent evidence in `estimate`."""
         self.first_ms = self.last_ms = first.stamp_ms
@@ -110,14 +112,16 @@ class Track:
         held.mask = self._mask(held.provenance)
         self.evidence[held.provenance] = held
         self.last_ms = max(self.last_ms, held.stamp_ms)
+        self._oldest_ms = min(self._oldest_ms, held.oldest_ms)
         self._has_changed = True
 
     def forget(self, before_ms: int, most_estimates: int, most: int) -> None:
         """Drop what has a measurement of `before_ms` or earlier, and the first of the too many."""
-        if any(held.oldest_ms <= before_ms for held in self.settled):
+        if self._oldest_ms <= before_ms:
             self.settled = [held for held in self.settled if held.oldest_ms > before_ms]
+            self._drop([p for p, held in self.evidence.items() if held.oldest_ms <= before_ms])
+            self._oldest_ms = min([held.oldest_ms for held in self.held], default=before_ms)
             self._has_changed = True
-        self._drop([p for p, held in self.evidence.items() if held.oldest_ms <= before_ms])
         if old := [name for name, at_ms in self.names.items() if at_ms <= before_ms]:
             self.uncall(old)
         if len(self.evidence) > min(most_estimates, most):
@@ -174,6 +178,7 @@ class Track:
         self.names |= other.names
         self.is_seen |= other.is_seen
         self.told |= other.told
+        self._oldest_ms = min(self._oldest_ms, other._oldest_ms)  # noqa: SLF001 (of the same class)
         self._has_changed = True
 
     def moments(self) -> int:

@@ -11,7 +11,7 @@ another when both are known well enough to say that they are one.
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from itertools import groupby
+from itertools import accumulate, groupby
 
 import numpy as np
 
@@ -32,7 +32,7 @@ _RADIO_REMEMBERED_MS = 500
 _PLACE_HOLDS_MS = 500
 """So long a car with a radio is where it would be by its last word: 1 m off, if it brakes hard."""
 
-_SAYINGS_AT_ONCE = 8
+_ENTRIES_AT_ONCE = 64
 """Compared with all cars together: many enough for arrays to pay, few enough for hostile ones."""
 _NEAR_M = 8.0
 """Tracks farther from each other than this are told of as two cars, however vague they are. So far
@@ -92,8 +92,11 @@ class Tracks:
             )
         ]
         refused: list[int] = []
-        for first in range(0, len(sayings), _SAYINGS_AT_ONCE):
-            refused += self._assign(batch, shelved, sayings[first : first + _SAYINGS_AT_ONCE])
+        while sayings:
+            entries = accumulate(len(saying) for saying, _ in sayings)
+            together = max(1, sum(so_far <= _ENTRIES_AT_ONCE for so_far in entries))
+            refused += self._assign(batch, shelved, sayings[:together])
+            sayings = sayings[together:]
         return refused
 
     def refresh(self, now_ms: int) -> None:
