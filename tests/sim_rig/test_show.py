@@ -62,6 +62,25 @@ def test_the_page_steps_through_the_run_and_fetches_nothing(page: Page) -> None:
     assert page.inner_text("#play") == "Pause"
 
 
+def test_a_click_on_a_car_shows_whom_it_knows_and_a_drag_moves_the_road(page: Page) -> None:
+    name, (x, y) = page.evaluate(
+        "() => { const n = names.find(n => place(n, film.frames[at]));"
+        " middle = film.frames[at].cars[n].slice(0, 2); draw();"
+        " return [n, place(n, film.frames[at])]; }"
+    )
+    box = page.locator("#view").bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + x, box["y"] + y)
+    assert page.input_value("#who") == name
+
+    before = page.evaluate("middle[0]")
+    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 150, box["y"] + 100)
+    page.mouse.up()
+    assert page.evaluate("middle[0]") == pytest.approx(before - 50 / 5)
+
+
 def test_the_page_holds_what_was_known_and_sent(page_file: Path) -> None:
     text = page_file.read_text("utf-8")
     film = json.loads(text.split("const film = ")[1].split(";\n")[0])
