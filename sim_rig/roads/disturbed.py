@@ -324,7 +324,7 @@ class DisturbedTraffic(Traffic):
             gathers = driver.sets_off and driver.speed_m_s < SETTING_OFF_TO_M_S
             return min(warned, SETTING_OFF_M_S2 if gathers else 0.0)
         recorded_s = self._recorded_s(number, now)
-        if now < driver.reacts_at_s - 1e-9:
+        if now < driver.reacts_at_s - 1e-9 and not driver.noticed:
             return min(warned, driver.path.acceleration_m_s2(recorded_s), 0.0)
         near = np.hypot(*(cars.middle_m - cars.middle_m[at]).T) < _SEEN_M
         near[at] = False

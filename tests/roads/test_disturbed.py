@@ -227,6 +227,15 @@ def test_a_reaction_time_is_counted_from_the_brake_lights_though_he_brakes_alrea
     assert traffic.crash is None
 
 
+def test_who_was_warned_brakes_as_hard_as_it_takes() -> None:
+    """He would not look for 5 s; warned drivers begin with 3 m/s^2, which is too little."""
+    gentle = LOST.model_copy(update={"braking_m_s2": (3.0, 3.0)})
+
+    assert drive(gentle).crash is not None
+    crash = drive(gentle, warned_at_s=2.2).crash
+    assert crash is None or set(crash.names) == {"car1", "car2"}
+
+
 def stops_at_a_light() -> Drive:
     """East at 10 m/s, stands at x = 0 from 5 s to 15 s, then on."""
     times = np.arange(0.0, 25.0, STEP_S)
