@@ -197,6 +197,8 @@ def calibrate(
     out: Annotated[Path, typer.Option(help="Where to write.")] = Path("CALIBRATION.yaml"),
 ) -> None:
     """Find out what the camera's lens is and where it is mounted."""
+    if (upright is None) != (lowest_corners_m is None):
+        raise UserError("--upright and --lowest-corners-m go together")
     images = [frame.image for frame in _still_frames(pictures)]
     if plate_at_m is not None and plate_height_m is not None:
         fit = _fit_by_plates(images, plate_at_m, plate_width_m, plate_height_m)

@@ -213,6 +213,11 @@ def test_the_command_writes_what_a_car_can_read(tmp_path: Path) -> None:
     assert found.pitch_rad == pytest.approx(TRUE.pitch_rad, abs=0.01)
     assert found.mounting_height_m == pytest.approx(1.25, abs=0.03)
 
+    run(tmp_path / "board", "--board", "7x5", "--square-m", "0.1", "--out", tmp_path / "lens.yaml")
+
+    assert found.is_placed
+    assert not load_settings(tmp_path / "lens.yaml", Calibration).is_placed
+
 
 @pytest.mark.parametrize(
     ("options", "told"),
@@ -223,6 +228,7 @@ def test_the_command_writes_what_a_car_can_read(tmp_path: Path) -> None:
         (["--plate-at-m", "4,x", "--plate-height-m", "0.6"], "must be like 4,6,8"),
         (["--plate-at-m", "4,5,6", "--plate-height-m", "0.6"], "3 distances for 1 pictures"),
         (["--board", "7x5"], "found in 0 of 1"),
+        (["--board", "7x5", "--upright", "1.png"], "--lowest-corners-m go together"),
     ],
 )
 def test_a_users_mistake_is_told(tmp_path: Path, options: list[str], told: str) -> None:
