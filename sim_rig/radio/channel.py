@@ -232,24 +232,23 @@ class Channel:
 
     def _hold(self, station: int, frame: _OnAir, busy_until: float) -> None:
         """Stop a station's counting if the channel, busy before `busy_until`, is so for longer."""
+        if self._busy_until[station] <= busy_until:
+            return
         its = self._stations[station]
-        held_until = float(self._busy_until[station])
-        free_s = max(busy_until + SIFS_S, float(self._eifs_until[station]))
-        if held_until > busy_until:
-            onset_s = frame.start_s + float(frame.delay_s[station]) + NOTICED_AFTER_S
-            if its.access_s < onset_s:  # it begins to talk before it notices
-                self._busy_until[station] = busy_until
-                frame.listening[station] = False
-                return
-            its.pause(onset_s, free_s)
-            if its.is_at_rest:
-                self._counting.discard(station)
-            else:
-                self._replan(station, onset_s)
+        onset_s = frame.start_s + float(frame.delay_s[station]) + NOTICED_AFTER_S
+        if its.access_s < onset_s:  # it begins to talk before it notices
+            self._busy_until[station] = busy_until
+            frame.listening[station] = False
+            return
+        its.pause(onset_s, max(busy_until + SIFS_S, float(self._eifs_until[station])))
+        if its.is_at_rest:
+            self._counting.discard(station)
+        else:
+            self._replan(station, onset_s)
 
     def _end(self, frame: _OnAir) -> None:
         self._on_air.remove(frame)
-        listeners = np.flatnonzero(frame.listening)
+        listeners = frame.listening.nonzero()[0]
         at_s = frame.end_s + frame.delay_s[listeners]
         lost, garbled = self._losses(frame, listeners)
         if len(lost):
@@ -274,25 +273,29 @@ class Channel:
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Which of the listeners have lost the frame; which of those by its data alone."""
         power_mw = frame.power_mw[listeners]
+        header_s, data_s = frame.start_s + PREAMBLE_S, frame.start_s + HEADERS_S
         others = frame.overlapping
         if not others:
-            at_risk = np.flatnonzero(power_mw < self._sure_mw)
+            at_risk = (power_mw < self._sure_mw).nonzero()[0]
             if not len(at_risk):
                 return at_risk, at_risk
             power_mw, listeners = power_mw[at_risk], listeners[at_risk]
+            stretches = [(header_s, data_s), (data_s, frame.end_s)]
+            noise_mw = np.array([[self._noise_mw]])  # the same for all
         else:
             at_risk = np.arange(len(listeners))
-        header_s, data_s = frame.start_s + PREAMBLE_S, frame.start_s + HEADERS_S
-        edges_s = {header_s, data_s, frame.end_s}
-        for other in others:
-            edges_s.update(
-                at_s for at_s in (other.start_s, other.end_s) if header_s < at_s < frame.end_s
-            )
-        stretches = list(pairwise(sorted(edges_s)))
-        noise_mw = np.full((len(stretches), len(listeners)), self._noise_mw)
-        for other in others:
-            overlaps = [other.start_s <= at_s and other.end_s >= to_s for at_s, to_s in stretches]
-            noise_mw[overlaps] += other.power_mw[listeners]
+            edges_s = {header_s, data_s, frame.end_s}
+            for other in others:
+                edges_s.update(
+                    at_s for at_s in (other.start_s, other.end_s) if header_s < at_s < frame.end_s
+                )
+            stretches = list(pairwise(sorted(edges_s)))
+            noise_mw = np.full((len(stretches), len(listeners)), self._noise_mw)
+            for other in others:
+                overlaps = [
+                    other.start_s <= at_s and other.end_s >= to_s for at_s, to_s in stretches
+                ]
+                noise_mw[overlaps] += other.power_mw[listeners]
         of_header = [from_s < data_s for from_s, _ in stretches]
         log_survival = self._survival.log_survival(
             power_mw / noise_mw, of_header, [until_s - from_s for from_s, until_s in stretches]

@@ -74,7 +74,7 @@ class SurvivalInNoise:
         """The logarithm of the probability that each stretch survives.
 
         Args:
-            sinr: (stretches, receivers), not in dB.
+            sinr: (stretches, receivers), not in dB; (1, receivers) if it is the same for all.
             of_header: (stretches,) whether it is one of the PLCP header or of the data.
             durations_s: (stretches,).
 
