@@ -111,9 +111,7 @@ class CarTrack:
 
     def if_of_its_kind(self, sighting: Sighting) -> Sighting:
         """A sighting, if its plate is of the kind that this car's is taken to be."""
-        if self._width_m is None or not sighting.places:
-            return sighting
-        return sighting.if_wide(self._width_m)
+        return sighting if self._width_m is None else sighting.if_wide(self._width_m)
 
     def update(self, sighting: Sighting, stamp_s: float) -> None:
         """Take in a sighting of this car in the frame that it was predicted to."""

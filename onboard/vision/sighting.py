@@ -38,7 +38,7 @@ class Sighting:
     width_m: float = 0.0
     """Of a plate: what `place` takes it to be."""
     places: Mapping[float, Place] = field(default_factory=dict)
-    """Of a plate: where it is, for each width that it may have."""
+    """Of a plate that is seen whole: where it is, for each width that it may have."""
 
     @property
     def box(self) -> Box:
@@ -47,6 +47,8 @@ class Sighting:
 
     def if_wide(self, width_m: float) -> "Sighting":
         """The same plate, taken to be of another width: as much farther away."""
+        if not self.places:
+            return self
         factor = width_m / self.width_m
         return replace(
             self,

@@ -1,6 +1,7 @@
 """A car's plate is of one kind, whatever the shape of a single frame's seems to be."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,3 +96,14 @@ def test_a_piece_of_the_plate_is_no_other_car_beyond_it() -> None:
 
     (track,) = tracker.tracks
     assert track.ahead.position_m == pytest.approx(10.0, rel=0.08)
+
+
+def test_a_plate_that_was_cut_off_for_a_moment_is_followed_on() -> None:
+    kinds = PlateKinds()
+    tracker = Tracker(3.5, 1.5, 10.0, 0.9, kinds=kinds)
+    whole = sighting(kinds, 10.0, EUROPE_M, 5.0)
+    for index, seen in enumerate([whole, whole, replace(whole, places={}), whole, whole]):
+        tracker.receive_sightings([seen], index / 10)
+
+    (track,) = tracker.tracks
+    assert track.ahead.position_m == pytest.approx(10.0)
