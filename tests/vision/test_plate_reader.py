@@ -7,6 +7,7 @@ import pytest
 
 from onboard.vision.perspective import Perspective
 from onboard.vision.plate_detector import PlateDetector
+from onboard.vision.plate_kinds import PlateKinds
 from onboard.vision.plate_reader import (
     ALPHABET,
     CERTAIN,
@@ -250,7 +251,7 @@ def test_what_fits_no_named_series_is_seen_and_not_believed(text: str) -> None:
     """RNE4539 would be the only look-alike of the first, and is another car."""
     image, _ = shown(text, FORMATS["eu"], 160, 0.0)
     reader = PlateReader(syntax=SERIES)
-    plates = Plates(PlateDetector(), reader, SERIES, Perspective(Calibration()), None)
+    plates = Plates(PlateDetector(), reader, SERIES, Perspective(Calibration()), PlateKinds())
 
     (sighting,) = plates.find(image, Search())
 
