@@ -9,7 +9,7 @@ from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import draw_plate
 from sim_rig.picture.plate_styles import random_plate
 from sim_rig.picture.wear import worn
-from training.reader_views import paste, posed
+from training.reader_views import around, draw_recess, paste, posed
 
 SCENE_SIZE = (256, 192)
 """(w, h) of a scene, in the pixels that the network sees."""
@@ -69,9 +69,12 @@ def _apart(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> bool
 def _housing(
     image: npt.NDArray[np.uint8], quad: npt.NDArray[np.float32], rng: np.random.Generator
 ) -> None:
-    """The recess or holder that a plate sits in, and the shadow over it."""
-    if rng.random() < 0.4:
-        return
-    around = quad.mean(axis=0) + (quad - quad.mean(axis=0)) * rng.uniform(1.02, 1.5, 2)
-    shade = (rng.integers(0, 120) + rng.normal(0, 10, 3)).clip(0, 255).tolist()
-    cv2.fillConvexPoly(image, np.rint(around * 16).astype(np.int32), shade, cv2.LINE_AA, 4)
+    """What a plate sits in: a recess, of any shade or only its edges; a holder; names on either."""
+    if rng.random() < 0.5:
+        recess = around(quad, rng.uniform(-0.05, 0.4, 4).clip(0))
+        draw_recess(image, recess, rng)
+    if rng.random() < 0.5:
+        holder = around(quad, rng.uniform(0.01, 0.07, 4) * (1, 2, 1, 2))
+        shade = (rng.integers(0, 90) if rng.random() < 0.75 else rng.integers(90, 250)).repeat(3)
+        shade = (shade + rng.normal(0, 8, 3)).clip(0, 255).tolist()
+        cv2.fillConvexPoly(image, np.rint(holder * 16).astype(np.int32), shade, cv2.LINE_AA, 4)

@@ -66,7 +66,7 @@ def _photograph(drawn: _Drawn, rng: np.random.Generator) -> tuple[View, Quad]:
     height_px = width_px * shape.height_mm / shape.width_mm
     quad = posed(width_px, height_px, rng)
     mistaken = rng.random() < _MISTAKEN
-    recess = _around(quad, rng.uniform(-0.1, 0.32, 4).clip(0)) if mistaken else quad
+    recess = around(quad, rng.uniform(-0.1, 0.32, 4).clip(0)) if mistaken else quad
     least, most = recess.min(axis=0), recess.max(axis=0)
     size = np.ceil(most - least) + np.asarray([0.3 * width_px, 0.8 * height_px])
     columns, rows = (int(value) for value in size)
@@ -74,7 +74,7 @@ def _photograph(drawn: _Drawn, rng: np.random.Generator) -> tuple[View, Quad]:
     quad, recess = quad + shift, recess + shift
     scene = _surroundings(rows, columns, quad, rng)
     if mistaken:
-        _draw_recess(scene, recess, rng)
+        draw_recess(scene, recess, rng)
     paste(scene, drawn.art, quad)
     fine_px = width_px / characters / 6
     picture = photograph(scene, rng, fine_px)
@@ -141,7 +141,7 @@ def _holder(
     cv2.fillConvexPoly(scene, corners, shade.clip(0, 255).tolist(), cv2.LINE_AA, 4)
 
 
-def _around(quad: Quad, shares: npt.NDArray[np.float64]) -> Quad:
+def around(quad: Quad, shares: npt.NDArray[np.float64]) -> Quad:
     """A plate's corners moved outward at the left, top, right and bottom, in shares of its size."""
     left, top, right, bottom = shares
     along, down = quad[1] - quad[0], quad[3] - quad[0]
@@ -149,7 +149,7 @@ def _around(quad: Quad, shares: npt.NDArray[np.float64]) -> Quad:
     return np.asarray(quad + outward[:, :1] * along + outward[:, 1:] * down, np.float32)
 
 
-def _draw_recess(scene: View, recess: Quad, rng: np.random.Generator) -> None:
+def draw_recess(scene: View, recess: Quad, rng: np.random.Generator) -> None:
     """Sheet metal of another shade, or only the edges of it."""
     corners = np.rint(recess * 16).astype(np.int32)
     shade, edge = rng.integers(0, 255, 2).repeat(3).reshape(2, 3) + rng.normal(0, 12, (2, 3))

@@ -4,6 +4,7 @@ An exported network has no batch normalisation left, it is folded into the convo
 back such that it changes nothing: what some views give is measured, and undone again.
 """
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -12,38 +13,45 @@ import torch
 from onnx import numpy_helper
 from torch import nn
 
+_log = logging.getLogger(__name__)
+
 
 @torch.no_grad()
 def take_over(network: nn.Module, exported: Path, inputs: torch.Tensor) -> None:
-    """Give `network` the weights in `exported`, written from one of the same shape.
+    """Give `network` the weights in `exported`; a layer that is not there, or of another shape,
+    stays as it is, and is told.
 
     Args:
         network: of convolutions, each but the last followed by batch normalisation.
-        exported: ONNX.
+        exported: ONNX, as `torch.onnx` writes it: its nodes are named after the layers.
         inputs: some of what it will see; batch statistics are taken from these.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it holds a network of another shape.
     """
     model = onnx.load(str(exported))
     weights = {tensor.name: tensor for tensor in model.graph.initializer}
-    folded = [
-        [torch.from_numpy(numpy_helper.to_array(weights[name]).copy()) for name in node.input[1:]]
+    folded = {
+        node.name.split("/")[-2]: [
+            torch.from_numpy(numpy_helper.to_array(weights[name]).copy()) for name in node.input[1:]
+        ]
         for node in model.graph.node
         if node.op_type == "Conv"
-    ]
-    layers = [layer for layer in network.modules() if isinstance(layer, nn.Conv2d)]
-    norms = [layer for layer in network.modules() if isinstance(layer, nn.BatchNorm2d)]
-    if [tuple(weight.shape) for weight, _ in folded] != [tuple(n.weight.shape) for n in layers]:
-        raise ValueError(f"{exported} holds a network of another shape")
-    for layer, (weight, _) in zip(layers, folded, strict=True):
-        layer.weight.copy_(weight)
-    if (last := layers[-1].bias) is not None:
-        last.copy_(folded[-1][1])
+    }
     hooks = []
-    for norm, (_, bias) in zip(norms, folded, strict=False):
-        hooks.append(norm.register_forward_pre_hook(_undone(bias)))
+    for name, layer in network.named_modules():
+        if not isinstance(layer, nn.Conv2d):
+            continue
+        if name not in folded or folded[name][0].shape != layer.weight.shape:
+            _log.info(f"{name} begins from nothing")
+            continue
+        weight, bias = folded[name]
+        layer.weight.copy_(weight)
+        if layer.bias is not None:
+            layer.bias.copy_(bias)
+        else:
+            norm = network.get_submodule(f"{name.rpartition('.')[0]}.1")
+            hooks.append(norm.register_forward_pre_hook(_undone(bias)))
     network.eval()
     network(inputs)
     for hook in hooks:

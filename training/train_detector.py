@@ -3,6 +3,7 @@
 import logging
 from pathlib import Path
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import torch
@@ -14,12 +15,14 @@ from training.networks import DetectorNetwork
 from training.pictures import rendered
 from training.schooling import school
 from training.settings import NetworkSettings
+from training.start import take_over
 
 _log = logging.getLogger(__name__)
 
 _INNER = 0.35
 """A cell in this share of the plate's half extent (or the nearest one) is to say `plate`."""
 _CORNER_WEIGHT = 2.0
+_MEASURED_ON = 128
 
 
 def train_detector(
@@ -35,9 +38,12 @@ def train_detector(
     torch.manual_seed(seed)
     # Not channels_last: with bfloat16 the gradient of a dilated convolution is then NaN.
     network = DetectorNetwork()
+    if settings.begins_with is not None:
+        some = torch.from_numpy(as_input(np.asarray(scenes[:_MEASURED_ON])))
+        take_over(network, Path(__file__).parent / settings.begins_with, some)
 
     def loss_of(rows: npt.NDArray[np.int64], rng: np.random.Generator) -> torch.Tensor:
-        pictures, places = _flipped(np.asarray(scenes[rows]), np.asarray(corners[rows]), rng)
+        pictures, places = _flipped(*_moved(scenes[rows], corners[rows], rng), rng)
         wanted = [torch.from_numpy(part) for part in targets(places, pictures.shape[1:])]
         batch = torch.from_numpy(as_input(pictures))
         with torch.autocast("cpu", torch.bfloat16):
@@ -105,6 +111,24 @@ def _loss(
     error = (answer[:, 1:] - offsets.nan_to_num()).abs().mean(1)[near] / scale[near]
     corner_loss = error.sum() / max(1, int(near.sum()))
     return score_loss + _CORNER_WEIGHT * corner_loss
+
+
+def _moved(
+    scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], rng: np.random.Generator
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
+    """Each scene a little larger or smaller, wider or narrower, and from another place."""
+    rows, columns = scenes.shape[1:]
+    middle = np.asarray([columns / 2, rows / 2])
+    moved, places = np.empty_like(scenes), np.empty_like(corners)
+    for index, scene in enumerate(scenes):
+        scale = np.exp(rng.uniform(-0.25, 0.25) + rng.normal(0, 0.04, 2))
+        shift = middle * (1 + rng.uniform(-0.3, 0.3, 2)) - scale * middle
+        matrix = np.column_stack([np.diag(scale), shift + (scale - 1) / 2])
+        cv2.warpAffine(
+            scene, matrix, (columns, rows), moved[index], borderMode=cv2.BORDER_REPLICATE
+        )
+        places[index] = corners[index] * scale + shift
+    return moved, places
 
 
 def _flipped(

@@ -5,6 +5,7 @@ on a foot. Each character is a few lines in a box of 1 by 1, y pointing down.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -45,6 +46,12 @@ class Dies:
     """Whether the slope of 4 reaches the top of its stem."""
     flag: float = 0.22
     """How far down the flag of 1 reaches; 0: it is a bare upright."""
+    four: tuple[float, float] = (0.72, 0.7)
+    """Where the stem of 4 stands, and how far down its bar is."""
+    boxed_eight: bool = False
+    """Whether 8 has corners as 0 has them, which makes it look like a B."""
+    slope_of_s: float = 0.1
+    """How far the middle of S falls to either side of the waist."""
 
 
 _NAMED = {
@@ -61,13 +68,23 @@ _NAMED = {
 }
 
 
+_PLAIN = 40
+"""The first so many of those drawn at random have the usual 4, 8 and S."""
+
+
 def _drawn_at_random(count: int) -> dict[str, Dies]:
     """Dies of nobody, around those that exist: the same ones on every machine."""
     rng = np.random.default_rng(1906)  # the year in which a plate was first stamped for a car
     flags = np.random.default_rng(1901).choice([0.0, 0.1, 0.22, 0.3], count, p=[0.3, 0.1, 0.4, 0.2])
+    shapes = np.random.default_rng(1903)
     dies = {}
     for number in range(count):
         width = float(rng.uniform(0.36, 0.6))
+        varied: dict[str, Any] = {}
+        if number >= _PLAIN:
+            varied["four"] = (float(shapes.uniform(0.6, 0.85)), float(shapes.uniform(0.6, 0.82)))
+            varied["boxed_eight"] = bool(shapes.random() < 0.5)
+            varied["slope_of_s"] = float(shapes.uniform(0.0, 0.2))
         dies[f"dies-{number:02}"] = Dies(
             width=width,
             corner=(float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.16, 0.36))),
@@ -82,11 +99,12 @@ def _drawn_at_random(count: int) -> dict[str, Dies]:
             serifs=bool(rng.random() < 0.3),
             closed_four=bool(rng.random() < 0.7),
             flag=float(flags[number]),
+            **varied,
         )
     return dies
 
 
-DIES = {**_NAMED, **_drawn_at_random(40)}
+DIES = {**_NAMED, **_drawn_at_random(80)}
 
 
 def die(name: str, character: str, cap_height_px: int) -> Mask:
@@ -115,6 +133,18 @@ def _arc(centre: Point, radii: Point, start_deg: float, end_deg: float) -> Line:
     ]
 
 
+def _box(least: Point, most: Point, radii: Point) -> Line:
+    """A ring with round corners."""
+    (left, top), (right, bottom), (rx, ry) = least, most, radii
+    ring = [
+        *_arc((left + rx, top + ry), radii, 180, 270),
+        *_arc((right - rx, top + ry), radii, 270, 360),
+        *_arc((right - rx, bottom - ry), radii, 0, 90),
+        *_arc((left + rx, bottom - ry), radii, 90, 180),
+    ]
+    return [*ring, ring[0]]
+
+
 def _lines(character: str, dies: Dies) -> list[Line]:
     rx, ry = dies.corner
     over_left = _arc((rx, ry), (rx, ry), 180, 270)
@@ -139,6 +169,7 @@ def _lines(character: str, dies: Dies) -> list[Line]:
         else [*over_left, *_arc((1 - rx, 0.25), (rx, 0.25), 270, 430), (0.5, 0.48)]
     )
     waist = top_of_three[-1]
+    stem_x, bar_y = dies.four
     low_ring = _arc((0.5, 0.7), (0.5, 0.3), 0, 360)
     shapes: dict[str, list[Line]] = {
         "0": [ring],
@@ -148,13 +179,15 @@ def _lines(character: str, dies: Dies) -> list[Line]:
             top_of_three,
             [waist, *_arc((0.55, 0.74), (0.45, 0.26), 280, 360), *under_right, *under_left],
         ],
-        "4": [[(0.72, 1), (0.72, 0), (0, 0.7), (1, 0.7)]]
+        "4": [[(stem_x, 1), (stem_x, 0), (0, bar_y), (1, bar_y)]]
         if dies.closed_four
-        else [[(0.72, 1), (0.72, 0.3)], [(0.45, 0), (0, 0.72), (1, 0.72)]],
+        else [[(stem_x, 1), (stem_x, 0.3)], [(0.45, 0), (0, bar_y + 0.02), (1, bar_y + 0.02)]],
         "5": [[(0.93, 0), (0.1, 0), (0.05, 0.5), *_arc((0.5, 0.69), (0.5, 0.31), 225, 515)]],
         "6": [stem, low_ring],
         "7": [[(0, 0), (1, 0), *([(0.55, 0.45)] if dies.curved_seven else []), (0.38, 1)]],
-        "8": [_arc((0.5, 0.25), (0.45, 0.25), 0, 360), _arc((0.5, 0.75), (0.5, 0.25), 0, 360)],
+        "8": [_box((0.05, 0), (0.95, 0.5), (rx, 0.7 * ry)), _box((0, 0.5), (1, 1), (rx, 0.7 * ry))]
+        if dies.boxed_eight
+        else [_arc((0.5, 0.25), (0.45, 0.25), 0, 360), _arc((0.5, 0.75), (0.5, 0.25), 0, 360)],
         "A": [[(0, 1), (0.5, 0), (1, 1)], [(0.35 - 0.35 * bar, low), (0.65 + 0.35 * bar, low)]],
         "B": [left, upper_bow, lower_bow],
         "C": [[(1, 0.3), *over, *under, (1, 0.7)]],
@@ -176,7 +209,7 @@ def _lines(character: str, dies: Dies) -> list[Line]:
         "P": [left, upper_bow],
         "Q": [ring, [(0.55, 0.72), (1, 1)]],
         "R": [left, upper_bow, [(0.5, bar), (1, 1)]],
-        "S": [[*over, (0.12, 0.4), (0.88, 0.6), *under[::-1]]],
+        "S": [[*over, (0.12, 0.5 - dies.slope_of_s), (0.88, 0.5 + dies.slope_of_s), *under[::-1]]],
         "T": [[(0, 0), (1, 0)], [(0.5, 0), (0.5, 1)]],
         "U": [[(0, 0), *under, (1, 0)]],
         "V": [[(0, 0), (0.5, 1), (1, 0)]],

@@ -44,10 +44,13 @@ def mark(rng: np.random.Generator, ink: Bgr) -> tuple[Outline, ...]:
         height = rng.uniform(0.3, 1.0)
         return emblem(rng, (0.0, 0.0), (min(height * rng.uniform(0.6, 0.9), 0.6), height), ink)
     hyphen = _bar(np.zeros(2), np.asarray([rng.uniform(0.15, 0.3), rng.uniform(0.07, 0.14)]))
-    radius, ground, seals = rng.uniform(0.08, 0.17), colour(rng), list[Outline]()
+    radius, ground, seals = rng.uniform(0.08, 0.22), colour(rng), list[Outline]()
+    rim = rng.uniform(1.15, 1.4) if rng.random() < 0.4 else 0.0  # then two of them look like an 8
     kind = rng.integers(3)  # a seal over the hyphen, one below it too, or two and no hyphen
     for up in (-1, 1)[: 1 if kind == 0 else 2]:
-        middle = np.asarray([0.0, up * (radius + rng.uniform(0.06, 0.16))])
+        middle = np.asarray([0.0, up * (radius + rng.uniform(0.04, 0.16))])
+        if rim:
+            seals.append(Outline(_points(_round(middle, rim * radius)), ink))
         seals.append(Outline(_points(_round(middle, radius)), ground))
         if rng.random() < 0.7:
             seals += _charges(rng, middle, np.asarray([1.2 * radius, 1.2 * radius]))

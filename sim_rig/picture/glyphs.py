@@ -36,7 +36,7 @@ def _font(name: str) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(path, 200 * CAP_HEIGHT_PX / (bottom - top))
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=8192)
 def glyph(font: str, character: str) -> Mask:
     """Mask of one character, `CAP_HEIGHT_PX` high (but for Q cut where it hangs lower), tight in x.
 

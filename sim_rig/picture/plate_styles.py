@@ -67,7 +67,7 @@ def random_plate(rng: np.random.Generator, *, held_back: bool = False) -> tuple[
 
 
 def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
-    written = _text(rng, US_PATTERNS, free=0.3, rare=0.5)
+    written = _text(rng, US_PATTERNS, free=0.22, rare=0.4)
     ground, ink = _us_colours(rng)
     small, patches = [], []
     if rng.random() < 0.85:
@@ -88,16 +88,18 @@ def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         for _ in range(rng.integers(0, 5) if rng.random() < 0.4 else 0)
     )
     height = rng.uniform(58, 78)
-    separator = str(rng.choice(["|", " ", "-", ".", ""], p=[0.35, 0.3, 0.15, 0.1, 0.1]))
+    separator = str(rng.choice(["|", " ", "-", ".", ""], p=[0.4, 0.28, 0.14, 0.08, 0.1]))
     left_mm, right_mm = 0.0, 0.0
     outlines = landscape(rng, ground) if rng.random() < 0.25 else ()
     if rng.random() < 0.3:  # beside the number stands what is not part of it
         beside_mm = float(rng.uniform(22, 62))
         is_left = rng.random() < 0.6
         at_mm = 8 + beside_mm / 2 if is_left else 297 - beside_mm / 2
-        if rng.random() < 0.5:
-            small.extend(_stacked(rng, at_mm, min(beside_mm, 34), ink))
-        else:
+        what = rng.choice(3, p=[0.4, 0.4, 0.2])  # letters, an emblem, both
+        if what != 1:
+            inner_mm = at_mm + (8 if is_left else -8) * (what == 2)
+            small.extend(_stacked(rng, inner_mm, min(beside_mm, 34), ink))
+        if what != 0:
             tall_mm = min(80.0, beside_mm * rng.uniform(0.8, 2.0))
             size = beside_mm * rng.uniform(0.6, 0.95), tall_mm
             outlines += emblem(rng, (at_mm, rng.uniform(72, 95)), size, ink)
@@ -265,7 +267,7 @@ def _in_holder(plate: PlateFormat, rng: np.random.Generator) -> PlateFormat:
     ink: Bgr = (235, 235, 235) if sum(shade) < 380 else (20, 20, 20)
     row = plate.rows[-1]
     free_below = height - (row.y_mm + row.h_mm / 2)
-    bottom = float(np.clip(free_below + rng.uniform(-14, 5), 5, 34))
+    bottom = float(np.clip(free_below + rng.uniform(-14, 8), 5, 36))
     top = rng.uniform(4, 28) if plate.name == "us" else rng.uniform(2, 8)
     side = rng.uniform(2, 8)
     frame = (

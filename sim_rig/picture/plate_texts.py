@@ -7,8 +7,8 @@ The patterns are facts about public series; the numbers drawn from them are rand
 import numpy as np
 
 US_PATTERNS = (
-    *("LL# L#L",) * 3,
-    *("LLL ###", "LLL ####", "### LLL", "LLL L##", "#LLL###") * 2,
+    *("LL# L#L",) * 4,
+    *("LLL ###", "LLL ####", "### LLL", "LLL L##", "#LLL###") * 3,
     "LL# L###",
     "#####L#",
     "L## ####",
@@ -23,6 +23,18 @@ US_PATTERNS = (
     "#####LL",
     "L#####L",
     "#### LL",
+    "L## ##L",
+    "L## #LL",
+    "L## LLL",
+    "#LL L##",
+    "#LL####",
+    "### L##",
+    "##LL###",
+    "#L# ####",
+    "#L #####",
+    "##L####",
+    "L ######",
+    "LL### L",
 )
 EU_PATTERNS = (
     *("LL ###LL",) * 3,

@@ -1,0 +1,139 @@
+"""What vision makes of plates on the way from 36 m to 6 m, as tables for the rig's camera model.
+
+`python -m tools.camera_tables` prints what `sim_rig/cars/seen_car.py` says: the networks that are
+shipped, the lens, the rate and the JPEG of the rig's cameras, fourteen plates, some three minutes.
+"""
+
+import math
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from statistics import fmean, pstdev
+
+import cv2
+import numpy as np
+
+from onboard.observations import Lead, Plate
+from onboard.security.plate_digest import normalised
+from onboard.vision.identity import LEAST_READ_CONFIDENCE
+from onboard.vision.plate_reader import CERTAIN, Corners, Image, PlateReader, PlateText
+from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sight import Sight
+from sim_rig.cars.camera_view import FPS, LENS
+from sim_rig.cars.seen_car import WIDTHS_PX, plate_width_px
+from sim_rig.picture.plate_texts import text_of
+from sim_rig.picture.scene import Picture, Scene, SceneCar
+
+PLATES, FAR_M, NEAR_M, CLOSING_M_S = 14, 36.0, 6.0, 1.5
+_JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
+_READ_ALWAYS = VisionSettings(read_every_s=0.0, read_known_every_s=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One frame of an approach."""
+
+    width_px: float
+    is_found: bool
+    is_right: bool
+    confidence: float
+    """Of the plate's identity; 0 where nothing was read."""
+    gap_error: float
+    """As a share of the gap; NaN without a lead."""
+    closing_error_m_s: float
+
+
+class _Noting:
+    """Reads, and keeps what it read last."""
+
+    def __init__(self) -> None:
+        self._reader = PlateReader()
+        self.last: PlateText | None = None
+
+    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+        texts = self._reader.read_many(image, plates)
+        self.last = texts[0] if texts else None
+        return texts
+
+
+def approach(plate: str, rng: np.random.Generator) -> Iterator[Look]:
+    """A car with that plate comes nearer."""
+    camera = CameraSettings(source="rig", **LENS.model_dump())
+    reader = _Noting()
+    picture, sight = Picture(camera), Sight(camera, _READ_ALWAYS, reader=reader)
+    for number in range(int((FAR_M - NEAR_M) / CLOSING_M_S * FPS)):
+        stamp_s = number / FPS
+        car = SceneCar(FAR_M - CLOSING_M_S * stamp_s, plate=plate)
+        drawn = picture.draw(Scene((car,), travelled_m=15.0 * stamp_s), rng)
+        reader.last, is_found, lead = None, False, None
+        sight.receive_frame(_through_jpeg(drawn), stamp_s)
+        while (event := sight.next_event()) is not None:
+            is_found |= isinstance(event, Plate)
+            lead = event if isinstance(event, Lead) else lead
+        gap_m = lead.gap_m if lead is not None else None
+        closing_m_s = lead.closing_speed_m_s if lead is not None else None
+        read = reader.last
+        yield Look(
+            plate_width_px(car),
+            is_found,
+            read is not None and normalised(read.text) == normalised(plate),
+            read.identity_confidence if read is not None and is_found else 0.0,
+            gap_m / car.ahead_m - 1 if gap_m is not None else np.nan,
+            closing_m_s - CLOSING_M_S if closing_m_s is not None else np.nan,
+        )
+
+
+def _through_jpeg(image: Image) -> Image:
+    _, data = cv2.imencode(".jpg", image, _JPEG)
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
+
+
+def main() -> None:
+    """Print the tables."""
+    cv2.setNumThreads(1)
+    rng = np.random.default_rng(36)
+    looks = [
+        look for _ in range(PLATES) for look in approach(text_of("LL###LL", rng, rare=0.0), rng)
+    ]
+    nearest = np.abs(np.log(np.divide.outer([look.width_px for look in looks], WIDTHS_PX)))
+    bins = nearest.argmin(axis=1)
+    rows = [
+        _row([look for look, chosen in zip(looks, bins, strict=True) if chosen == number])
+        for number in range(len(WIDTHS_PX))
+    ]
+    for name in rows[0]:
+        sys.stdout.write(f"{name} = ({', '.join(f'{row[name]:.3g}' for row in rows)})\n")
+
+
+def _row(looks: list[Look]) -> dict[str, float]:
+    """One column of the tables."""
+    found = [look for look in looks if look.is_found]
+    counted = [look for look in found if look.confidence >= LEAST_READ_CONFIDENCE]
+    certain = [look for look in counted if look.is_right and look.confidence >= CERTAIN]
+    doubtful = [look for look in counted if look.is_right and look.confidence < CERTAIN]
+    wrong = [look for look in counted if not look.is_right]
+    gap_errors = [look.gap_error for look in looks if not np.isnan(look.gap_error)]
+    closing_errors = [look.closing_error_m_s for look in looks if not np.isnan(look.gap_error)]
+    of = max(1, len(found))
+    return {
+        "LOOKS": len(looks),
+        "FOUND": len(found) / len(looks),
+        "CERTAIN": len(certain) / of,
+        "DOUBTFUL": len(doubtful) / of,
+        "WRONG": len(wrong) / of,
+        "WRONG_AND_CERTAIN": sum(look.confidence >= CERTAIN for look in wrong) / of,
+        "CERTAIN_CONFIDENCE": _mean([look.confidence for look in certain]),
+        "DOUBTFUL_CONFIDENCE": _mean([look.confidence for look in doubtful]),
+        "WRONG_CONFIDENCE": _mean([look.confidence for look in wrong]),
+        "GAP_BIAS": _mean(gap_errors),
+        "GAP_SIGMA": pstdev(gap_errors) if gap_errors else math.nan,
+        "CLOSING_SIGMA_M_S": pstdev(closing_errors) if closing_errors else math.nan,
+    }
+
+
+def _mean(values: list[float]) -> float:
+    return fmean(values) if values else math.nan
+
+
+if __name__ == "__main__":
+    main()
