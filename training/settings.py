@@ -36,12 +36,19 @@ class NetworkSettings(Settings):
         return float(np.interp(step, steps, rates))
 
 
+class ReaderSettings(NetworkSettings):
+    """The reader's."""
+
+    keeps: float = Field(0.0, ge=0.0, lt=1.0)
+    """Share of what it began with in the weights that it ends with."""
+
+
 class TrainingSettings(Settings):
     """The whole of it."""
 
     seed: int
     """Of everything drawn at random."""
-    reader: NetworkSettings
+    reader: ReaderSettings
     detector: NetworkSettings
 
 

@@ -18,8 +18,9 @@ _log = logging.getLogger(__name__)
 
 @torch.no_grad()
 def take_over(network: nn.Module, exported: Path, inputs: torch.Tensor) -> None:
-    """Give `network` the weights in `exported`; a layer that is not there, or of another shape,
-    stays as it is, and is told.
+    """Give `network` the weights in `exported`.
+
+    A layer that is not there, or has another shape, stays as it is, and is told.
 
     Args:
         network: of convolutions, each but the last followed by batch normalisation.

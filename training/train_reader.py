@@ -2,6 +2,7 @@
 
 import logging
 import math
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,12 @@ import torch
 from torch import nn
 
 from onboard.vision.plate_reader import ALPHABET, CERTAIN, decode, normalised
+from training.between import go_between
 from training.networks import ReaderNetwork
 from training.pictures import rendered
 from training.reader_views import render_looks, render_views
 from training.schooling import school
-from training.settings import NetworkSettings
+from training.settings import ReaderSettings
 from training.start import take_over
 
 _log = logging.getLogger(__name__)
@@ -48,7 +50,7 @@ def _labels(texts: list[str]) -> _Views:
 
 
 def train_reader(
-    settings: NetworkSettings, seed: int, folder: Path, model: Path, processes: int
+    settings: ReaderSettings, seed: int, folder: Path, model: Path, processes: int
 ) -> None:
     """Render, learn, calibrate, export; prints what it sees on the way."""
     views, labels = rendered(folder / "train", labelled_views, settings.pictures, seed, processes)
@@ -59,6 +61,7 @@ def train_reader(
     if settings.begins_with is not None:
         some = torch.from_numpy(normalised(np.asarray(views[:_MEASURED_ON])))
         take_over(network, Path(__file__).parent / settings.begins_with, some)
+    began = deepcopy(network)
     loss_of_texts = nn.CTCLoss(zero_infinity=True)
 
     def loss_of(rows: npt.NDArray[np.int64], rng: np.random.Generator) -> torch.Tensor:
@@ -73,6 +76,7 @@ def train_reader(
         return loss
 
     school(network, loss_of, len(views), settings, seed=seed, saved=folder / "schooling.pt")
+    go_between(network, began, settings.keeps)
     temperature = report(network, *held_back)
     export(network, temperature, model)
 

@@ -21,8 +21,9 @@ def test_rates_rise_from_little_and_fall_to_nothing(file: Path) -> None:
         assert network.rate_at(network.steps) == 0
 
 
-def test_what_the_reader_begins_with_is_there() -> None:
-    begins_with = load_training_settings(SETTINGS_FILE).reader.begins_with
+@pytest.mark.parametrize("network", ["reader", "detector"])
+def test_what_a_schooling_begins_with_is_there(network: str) -> None:
+    begins_with = getattr(load_training_settings(SETTINGS_FILE), network).begins_with
 
     assert begins_with is not None
     assert SETTINGS_FILE.with_name(begins_with).is_file()
