@@ -8,6 +8,7 @@ recording without lights, a car that passed before or after another comes out of
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -75,10 +76,17 @@ class Events:
     """What can go wrong in one recording."""
 
     def __init__(self, recording: Recording, *, has_lights: bool) -> None:
-        """Look for places; without lights a way is crossed out of turn."""
+        """Without lights a way is crossed out of turn."""
         self._recording = recording
-        self._red = _at_red(recording) if has_lights else ()
-        self._out_of_turn = () if has_lights else _ways_crossed(recording)
+        self._has_lights = has_lights
+
+    @cached_property
+    def _red(self) -> list[tuple[int, float, bool]]:
+        return _at_red(self._recording) if self._has_lights else []
+
+    @cached_property
+    def _out_of_turn(self) -> list[tuple[int, float, float]]:
+        return [] if self._has_lights else _ways_crossed(self._recording)
 
     def draw(self, kind: Kind, rng: np.random.Generator) -> Event:
         """Choose who does it, and when.

@@ -21,7 +21,7 @@ from sim_rig.studies.mvs_fates import Fate
 from sim_rig.studies.mvs_scenes import Scene
 from sim_rig.studies.results import write_results
 
-PAPER_REDUCTION = {Scene.CROSSING: 0.615, Scene.CITY: 0.601}
+PAPER_REDUCTION: dict[Scene | Path, float] = {Scene.CROSSING: 0.615, Scene.CITY: 0.601}
 """Of the collision probability by MVS at 40 %; the paper prints no other figure of its Fig. 9."""
 _MOST_COMPARED = 0.4
 _Z = 1.96
@@ -250,11 +250,13 @@ def _told(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str
     before = sum(row["crash"] for row in none)
     fewer, more = changed(none, mvs)
     reduction = (fewer - more) / before if before else math.nan
-    paper = PAPER_REDUCTION.get(settings.encounter.scene, math.nan)
+    paper = PAPER_REDUCTION.get(settings.encounter.scene)
     apart = sum(row["fate"] in {Fate.AVOIDED, Fate.ANOTHER} for row in mvs)
     two_cars = apart / before if before else math.nan
     text = f"at {share:.0%} MVS reduces crashes by {reduction:.1%}"
-    text += f", of the two cars alone {two_cars:.1%} (paper: {paper:.1%})"
+    text += f", of the two cars alone {two_cars:.1%}"
+    if paper is not None:
+        text += f" (paper: {paper:.1%})"
     avoided = {(r["kind"], r["seed"]) for r in none if r["crash"]}
     avoided -= {(r["kind"], r["seed"]) for r in mvs if r["crash"]}
     needed = [key for key in avoided if key in {(r["kind"], r["seed"]) for r in own if r["crash"]}]

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 
 import numpy as np
 from pydantic import Field
@@ -50,7 +51,8 @@ class Method(StrEnum):
 class EncounterSettings(Settings):
     """What is the same in all runs."""
 
-    scene: Scene = Scene.CROSSING
+    scene: Scene | Path = Field(Scene.CROSSING, union_mode="left_to_right")
+    """By name, or the file of a trace or of a simulation of SUMO's."""
     warm_s: float = Field(1.2, ge=0.3, le=30.0)
     """Before the event, cars get to know each other."""
     after_s: float = Field(7.0, ge=1.0, le=30.0)

@@ -5,6 +5,7 @@ folder), they are used; otherwise SUMO drives the dense crossing.
 """
 
 import os
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
@@ -16,11 +17,14 @@ from onboard.errors import UserError
 from sim_rig.roads.crossing import CrossingSettings, crossing
 from sim_rig.roads.recording import Recording, keep_right, record
 from sim_rig.roads.sight import Blocked, Corners
+from sim_rig.roads.sources import open_traffic
 from sim_rig.roads.trace_files import read_trace
 
 _DATA = Path(__file__).parents[3] / "shared" / "data"
 _CITY_LANE_M = 1.75
 """The city's cars drive along the middle of their roads."""
+_DRIVEN_S, _WARM_S = 300.0, 90.0
+"""Of a simulation, after it has filled its roads."""
 _CORNERS_M = 12.5
 """Buildings stand from here on, beside both roads."""
 
@@ -57,12 +61,14 @@ class Place:
 
 
 @cache
-def open_scene(scene: Scene) -> Place:
-    """Read or drive it, once in a process.
+def open_scene(scene: Scene | Path) -> Place:
+    """Read or drive it, once in a process; a path is traffic of the user's own.
 
     Raises:
         UserError: the recording is not there, and nobody else drives this scene.
     """
+    if isinstance(scene, Path):
+        return _brought(scene)
     traces = Path(os.environ.get("RIG_DATA", _DATA)) / "traces"
     aim = traces / "crossing-signals-100-cars.csv.gz"
     if scene is Scene.CITY:
@@ -76,11 +82,20 @@ def open_scene(scene: Scene) -> Place:
         return Place(read_trace(aim), Corners(_CORNERS_M), aim.name)
     if scene is Scene.OWN_CROSSING:
         own = crossing(CrossingSettings(), np.random.default_rng(0))
-        return Place(record(own, 300.0, begin_s=90.0), Corners(_CORNERS_M), "own crossing")
+        return Place(record(own, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "own crossing")
     from sim_rig.roads.sumo import NETWORKS, SumoTraffic  # noqa: PLC0415 (a large library)
 
     with SumoTraffic(NETWORKS / "crossing.sumocfg", seed=0) as sumo:
-        return Place(record(sumo, 300.0, begin_s=90.0), Corners(_CORNERS_M), "SUMO's crossing")
+        return Place(record(sumo, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "SUMO's crossing")
+
+
+def _brought(path: Path) -> Place:
+    """A trace, a simulation of SUMO's, or a source by name; nothing is known of its buildings."""
+    traffic = open_traffic(str(path), np.random.default_rng(0))
+    with traffic if isinstance(traffic, AbstractContextManager) else nullcontext():
+        if not isinstance(traffic, Recording):
+            traffic = record(traffic, _DRIVEN_S, _WARM_S)
+    return Place(traffic, None, path.name, has_lights=False)
 
 
 def _there(path: Path) -> Path:

@@ -40,7 +40,8 @@ class SharingSettings(Settings):
 
     seed: int = Field(1, ge=0)
     seeds: int = Field(3, ge=1)
-    scene: Scene = Scene.CROSSING
+    scene: Scene | Path = Field(Scene.CROSSING, union_mode="left_to_right")
+    """By name, or the file of a trace or of a simulation of SUMO's."""
     shares: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
     entries: tuple[int, ...] = (5, 10, 20)
     """M."""

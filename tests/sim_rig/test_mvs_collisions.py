@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from statsmodels.stats.proportion import proportion_confint
 
+from onboard.errors import UserError
 from sim_rig.campaign import Workers
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
@@ -159,3 +160,30 @@ def test_who_will_be_there_has_a_radio_though_he_is_far_when_the_event_begins() 
         assert crash is not None
         assert set(crash.names) <= equipped
         assert len(equipped) < len(cars)
+
+
+def test_traffic_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
+    """Two cars at 15 m/s, 12 m from bumper to bumper."""
+    trace = tmp_path / "lane.csv"
+    rows = [
+        f"{at_s:.1f},{name},{15.0 * at_s - behind_m},0,0,15,4,2"
+        for at_s in np.arange(0.0, 30.0, 0.1)
+        for name, behind_m in (("first", 0.0), ("second", 16.0))
+    ]
+    trace.write_text("\n".join(["t,id,x,y,heading,v,length,width", *rows]))
+    settings = SMALL.model_copy(
+        update={
+            "kinds": (Kind.SUDDEN_BRAKE,),
+            "shares": (1.0,),
+            "encounter": ENCOUNTER.model_copy(update={"scene": trace}),
+        }
+    )
+    rows_of = [run_one(settings, number) for number in range(3)]
+
+    assert [row["method"] for row in rows_of] == ["none", "dsrc", "mvs"]
+    assert all(row["messages"] for row in rows_of[1:])
+
+
+def test_no_such_traffic_is_said_with_what_there_is(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"crossing, highway.*a \.sumocfg, or a trace's file"):
+        Encounters(EncounterSettings(scene=tmp_path / "none.csv"))
