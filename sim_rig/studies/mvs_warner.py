@@ -2,7 +2,8 @@
 
 In a car, the gap ahead is what the camera measures. Here it is judged, with the same thresholds,
 to every known car ahead on the own path, so that what others tell of counts as well, and what a
-car with a radio says of its own braking. Who brakes hard enough already is told nothing.
+car with a radio says of its own braking. Who brakes hard enough already is told nothing, and nobody
+is before it is known whether he does: radios begin in the middle of a drive.
 """
 
 import math
@@ -73,7 +74,8 @@ class Warner:
         self, own: KnownCar, cars: Sequence[KnownCar], speed_m_s: float, now: float
     ) -> Warned | None:
         settings = self._settings.closing_gap
-        braking_m_s2 = max(-(self._trend.acceleration_m_s2 or 0.0), 0.0)
+        slope = self._trend.acceleration_m_s2
+        braking_m_s2 = math.inf if slope is None else max(-slope, 0.0)
         leads = {}
         warned = None
         for car in cars:

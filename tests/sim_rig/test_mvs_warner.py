@@ -33,14 +33,19 @@ def car(
     )  # fmt: skip
 
 
-def drive_up_to(lead: KnownCar, *, braking_m_s2: float = 0.0) -> Warned | None:
-    """For 0.8 s at nearly the same gap, judged ten times a second."""
+def each_tick(lead: KnownCar, *, braking_m_s2: float = 0.0) -> list[Warned | None]:
+    """0.8 s at nearly the same gap, judged ten times a second."""
     warner = Warner(RiskSettings(), 4.5, 1.8)
-    warned = None
-    for step in range(8):
-        speed_m_s = SPEED_M_S - braking_m_s2 * step / 10
-        warned = warner.assess(car("own", 0.0, speed_m_s), [lead], speed_m_s, step / 10)
-    return warned
+    speeds_m_s = [SPEED_M_S - braking_m_s2 * step / 10 for step in range(8)]
+    return [
+        warner.assess(car("own", 0.0, speed_m_s), [lead], speed_m_s, step / 10)
+        for step, speed_m_s in enumerate(speeds_m_s)
+    ]
+
+
+def drive_up_to(lead: KnownCar) -> Warned | None:
+    """What the driver is told at the end."""
+    return each_tick(lead)[-1]
 
 
 def test_a_standing_car_close_ahead_is_warned_of() -> None:
@@ -56,7 +61,8 @@ def test_a_speed_that_is_still_settling_counts_for_less() -> None:
 
 
 def test_who_brakes_hard_enough_is_told_nothing() -> None:
-    assert drive_up_to(car("lead", 35.0, 0.0), braking_m_s2=6.0) is None
+    """Not at first either, when it is not known yet whether he brakes."""
+    assert not any(each_tick(car("lead", 35.0, 0.0), braking_m_s2=6.0))
 
 
 def test_what_a_car_says_of_its_own_braking_counts() -> None:
