@@ -41,6 +41,8 @@ class ReaderSettings(NetworkSettings):
 
     keeps: float = Field(0.0, ge=0.0, lt=1.0)
     """Share of what it began with in the weights that it ends with."""
+    temperature: float | None = Field(None, gt=0.0)
+    """What the logits are divided by; none: what fits the validation pictures (0213)."""
 
 
 class TrainingSettings(Settings):

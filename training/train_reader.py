@@ -77,8 +77,8 @@ def train_reader(
 
     school(network, loss_of, len(views), settings, seed=seed, saved=folder / "schooling.pt")
     go_between(network, began, settings.keeps)
-    temperature = report(network, *held_back)
-    export(network, temperature, model)
+    fitting = report(network, *held_back)
+    export(network, settings.temperature or fitting, model)
 
 
 def jittered(batch: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
