@@ -50,12 +50,24 @@ def load_settings(path: Path, schema: type[SettingsT]) -> SettingsT:
             per mistake.
     """
     try:
-        tree = yaml.load(path.read_text(encoding="utf-8"), _UniqueKeyLoader)  # noqa: S506 (a SafeLoader)
+        data = path.read_bytes()
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+    tree = parse_yaml(data, str(path))
     return parse_settings(tree if tree is not None else {}, schema, str(path))
+
+
+def parse_yaml(data: str | bytes, origin: str) -> object:
+    """The tree in a YAML text; `origin` names it in errors.
+
+    Raises:
+        SettingsError: it is not YAML, or not UTF-8, or a key stands twice.
+    """
+    try:
+        text = data if isinstance(data, str) else data.decode("utf-8")
+        return yaml.load(text, _UniqueKeyLoader)  # noqa: S506 (a SafeLoader)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{origin}: not YAML: {' '.join(str(error).split())}") from error
 
 
 def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> SettingsT:

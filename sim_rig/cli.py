@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-import yaml
 from rich.console import Console
 
 from onboard.errors import UserError
+from onboard.settings import parse_yaml
 from sim_rig.campaign import Workers
 from sim_rig.cars.gpsd_feed import gpsd_program
 from sim_rig.engineer.window import ENGINEER
@@ -26,7 +26,7 @@ from sim_rig.live import Desk
 from sim_rig.report import failures, print_report, print_verdict
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario, load_scenario, scenario_names
-from sim_rig.studies.catalogue import run_study, study_names
+from sim_rig.studies.catalogue import check_study, run_study, study_names
 from sim_rig.timeline import draw_timeline
 from sim_rig.virtual import run_virtual
 
@@ -110,8 +110,7 @@ def study(
     named = list(takewhile(lambda word: not word.startswith("-"), names))
     given = _settings_given(names[len(named) :])
     for name in named:
-        if name not in study_names():
-            raise UserError(f"no study {name!r}; there are: {', '.join(study_names())}")
+        check_study(name)
     for name in named:
         with _writing(out / name):
             found = run_study(name, out / name, settings, Workers(workers, dask), given)
@@ -166,16 +165,9 @@ def _settings_given(words: list[str]) -> dict[str, object]:
         if names.count(name) > 1:
             raise UserError(f"the setting {name} is given twice")
     return {
-        name[2:].replace("-", "_"): _setting(name, value)
+        name[2:].replace("-", "_"): parse_yaml(value, name)
         for name, value in zip(names, values, strict=True)
     }
-
-
-def _setting(name: str, text: str) -> object:
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise UserError(f"{name}: not YAML: {' '.join(str(error).split())}") from error
 
 
 def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:

@@ -19,13 +19,13 @@ from onboard.vision.identity import LEAST_READ_CONFIDENCE
 from onboard.vision.plate_reader import CERTAIN, Corners, Image, PlateReader, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.sight import Sight
+from sim_rig.cars.camera_server import JPEG_QUALITY
 from sim_rig.cars.camera_view import FPS, LENS
 from sim_rig.cars.seen_car import WIDTHS_PX, plate_width_px
 from sim_rig.picture.plate_texts import text_of
 from sim_rig.picture.scene import Picture, Scene, SceneCar
 
 PLATES, FAR_M, NEAR_M, CLOSING_M_S = 14, 36.0, 6.0, 1.5
-_JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
 _READ_ALWAYS = VisionSettings(read_every_s=0.0, read_known_every_s=0.0)
 
 
@@ -84,7 +84,7 @@ def approach(plate: str, rng: np.random.Generator) -> Iterator[Look]:
 
 
 def _through_jpeg(image: Image) -> Image:
-    _, data = cv2.imencode(".jpg", image, _JPEG)
+    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
 
 

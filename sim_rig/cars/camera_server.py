@@ -27,7 +27,7 @@ from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario import Scenario, load_scenario
 
 _BOUNDARY = "picture"
-_JPEG_QUALITY = 90
+JPEG_QUALITY = 90
 
 
 class Camera:
@@ -46,7 +46,7 @@ class Camera:
         image = self._picture.draw(self._view.scene(at_s), self._rng)
         if self._view.is_dark(at_s):
             image[:] = 0
-        _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         self._last = data.tobytes()
         return self._last
 

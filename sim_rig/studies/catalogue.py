@@ -71,15 +71,23 @@ def run_study(
     return found
 
 
+def check_study(name: str) -> None:
+    """Whether there is a study of this name.
+
+    Raises:
+        UserError: there is none.
+    """
+    if name not in _PLACES and name not in _CAMPAIGNS:
+        raise UserError(f"no study {name!r}; there are: {', '.join(study_names())}")
+
+
 def find_study(name: str) -> Study:
     """Import one study.
 
     Raises:
         UserError: there is none of this name.
     """
-    place = _PLACES.get(name)
-    if place is None:
-        raise UserError(f"no study {name!r}; there are: {', '.join(study_names())}")
-    module, function = place.split(":")
+    check_study(name)
+    module, function = _PLACES[name].split(":")
     study: Study = getattr(import_module(f"sim_rig.studies.{module}"), function)
     return study

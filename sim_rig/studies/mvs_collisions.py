@@ -18,10 +18,10 @@ from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.roads.events import Kind
 from sim_rig.studies.mvs_encounter import Case, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs_fates import Fate
-from sim_rig.studies.mvs_scenes import Scene
+from sim_rig.studies.mvs_scenes import Scene, Where
 from sim_rig.studies.results import write_results
 
-PAPER_REDUCTION: dict[Scene | Path, float] = {Scene.CROSSING: 0.615, Scene.CITY: 0.601}
+PAPER_REDUCTION: dict[Where, float] = {Scene.CROSSING: 0.615, Scene.CITY: 0.601}
 """Of the collision probability by MVS at 40 %; the paper prints no other figure of its Fig. 9."""
 _MOST_COMPARED = 0.4
 _Z = 1.96
@@ -189,8 +189,7 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[o
         for column in ("false_warnings", "straight_on_false")
     )
     straight_on = [row for row in run if row["fate"] and not row["straight_on_crash"]]
-    # As the paper counts: whether these two crash, whoever else does.
-    apart = sum(row["fate"] in {Fate.AVOIDED, Fate.ANOTHER} for row in mine)
+    apart = _kept_apart(mine)
     straight_on_apart = sum(bool(row["fate"]) and not row["straight_on_these_two"] for row in run)
     crashes = p_none * len(mine)
     return (
@@ -208,6 +207,11 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[o
         apart / crashes if crashes else math.nan,
         straight_on_apart / crashes if crashes else math.nan,
     )  # fmt: skip
+
+
+def _kept_apart(rows: Iterable[Row]) -> int:
+    """Crashes avoided as the paper counts: these two have none, whoever else has."""
+    return sum(row["fate"] in {Fate.AVOIDED, Fate.ANOTHER} for row in rows)
 
 
 def _median(rows: Sequence[Row], column: str) -> float:
@@ -251,8 +255,7 @@ def _told(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str
     fewer, more = changed(none, mvs)
     reduction = (fewer - more) / before if before else math.nan
     paper = PAPER_REDUCTION.get(settings.encounter.scene)
-    apart = sum(row["fate"] in {Fate.AVOIDED, Fate.ANOTHER} for row in mvs)
-    two_cars = apart / before if before else math.nan
+    two_cars = _kept_apart(mvs) / before if before else math.nan
     text = f"at {share:.0%} MVS reduces crashes by {reduction:.1%}"
     text += f", of the two cars alone {two_cars:.1%}"
     if paper is not None:

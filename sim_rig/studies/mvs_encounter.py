@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 
 import numpy as np
 from pydantic import Field
@@ -20,7 +19,7 @@ from sim_rig.roads.events import Event, Events, Kind
 from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import Recording
 from sim_rig.studies.mvs_fates import SAME_PLACE_M, Concerned, Fate
-from sim_rig.studies.mvs_scenes import Place, Scene, open_scene
+from sim_rig.studies.mvs_scenes import Place, Scene, Where, open_scene
 from sim_rig.studies.mvs_straight_on import touched_straight_on
 from sim_rig.studies.mvs_warner import Warned, Warner
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
@@ -51,8 +50,7 @@ class Method(StrEnum):
 class EncounterSettings(Settings):
     """What is the same in all runs."""
 
-    scene: Scene | Path = Field(Scene.CROSSING, union_mode="left_to_right")
-    """By name, or the file of a trace or of a simulation of SUMO's."""
+    scene: Where = Scene.CROSSING
     warm_s: float = Field(1.2, ge=0.3, le=30.0)
     """Before the event, cars get to know each other."""
     after_s: float = Field(7.0, ge=1.0, le=30.0)

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from onboard.errors import UserError
 from sim_rig.roads.crossing import CrossingSettings, crossing
@@ -44,6 +46,10 @@ class Scene(StrEnum):
     """Sparse: the paper's city trace."""
 
 
+Where = Annotated[Scene | Path, Field(union_mode="left_to_right")]
+"""A scene by name, or the file of a trace or of a simulation of SUMO's."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
     """A scene that is open."""
@@ -61,7 +67,7 @@ class Place:
 
 
 @cache
-def open_scene(scene: Scene | Path) -> Place:
+def open_scene(scene: Where) -> Place:
     """Read or drive it, once in a process; a path is traffic of the user's own.
 
     Raises:

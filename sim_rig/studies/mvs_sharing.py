@@ -21,7 +21,7 @@ from onboard.mvs.track import independent
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.roads.cars import Cars
-from sim_rig.studies.mvs_scenes import Scene, open_scene
+from sim_rig.studies.mvs_scenes import Scene, Where, open_scene
 from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, MvsWorld, WorldSettings
 from sim_rig.studies.results import write_results
 
@@ -40,8 +40,7 @@ class SharingSettings(Settings):
 
     seed: int = Field(1, ge=0)
     seeds: int = Field(3, ge=1)
-    scene: Scene | Path = Field(Scene.CROSSING, union_mode="left_to_right")
-    """By name, or the file of a trace or of a simulation of SUMO's."""
+    scene: Where = Scene.CROSSING
     shares: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
     entries: tuple[int, ...] = (5, 10, 20)
     """M."""

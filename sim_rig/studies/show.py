@@ -5,11 +5,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from onboard.errors import UserError
 from onboard.mvs.known_car import KnownBy
-from onboard.settings import parse_settings
+from onboard.settings import parse_settings, parse_yaml
 from sim_rig.campaign import kept_runs
 from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.studies.mvs_collisions import CollisionSettings, case_of, encounters
@@ -79,14 +78,13 @@ class _Film:
 def _settings_of(path: Path) -> CollisionSettings:
     """Those of the campaign that has left its settings at `path`."""
     try:
-        claim = yaml.safe_load(path.read_text("utf-8"))
+        data = path.read_bytes()
     except OSError as error:
         raise UserError(
             f"{path}: cannot be read: {error.strerror}; runs of mvs-figure3 and mvs-figure9 can"
             " be shown, by the folder of the study"
         ) from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+    claim = parse_yaml(data, str(path))
     if not isinstance(claim, dict) or claim.get("run") != _RUN:
         named = claim.get("run") if isinstance(claim, dict) else None
         raise UserError(

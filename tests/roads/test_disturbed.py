@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from sim_rig.roads.cars import Cars
+from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crossing import CrossingSettings, crossing
 from sim_rig.roads.disturbed import DisturbedTraffic, ReactionSettings
 from sim_rig.roads.events import Event, Events, Kind, NoEventError
@@ -19,22 +19,25 @@ ALERT = ReactionSettings(
 LOST = ALERT.model_copy(update={"unwarned_median_s": 5.0})
 
 
-def platoon(cars: int, seconds: float = 20.0) -> Recording:
-    """Cars in one lane, the first ones ahead."""
-    steps = round(seconds / STEP_S) + 1
-    way = SPEED_M_S * STEP_S * np.arange(steps)
+def in_line(cars: int, gap_m: float, speed_m_s: Array) -> Recording:
+    """Cars in one lane that all drive at the same speed, the first ones ahead."""
+    way = np.concatenate([[0.0], np.cumsum((speed_m_s[1:] + speed_m_s[:-1]) / 2.0 * STEP_S)])
     return Recording(
         Drive(
             f"car{i}",
             0,
-            np.stack([way - i * (GAP_M + LENGTH_M), np.zeros(steps)], axis=1),
-            np.zeros(steps),
-            np.full(steps, SPEED_M_S),
+            np.stack([way - i * (gap_m + LENGTH_M), np.zeros(len(way))], axis=1),
+            np.zeros(len(way)),
+            speed_m_s,
             LENGTH_M,
             1.8,
         )
         for i in range(cars)
     )
+
+
+def platoon(cars: int, seconds: float = 20.0) -> Recording:
+    return in_line(cars, GAP_M, np.full(round(seconds / STEP_S) + 1, SPEED_M_S))
 
 
 BRAKE = Event(Kind.SUDDEN_BRAKE, 0, 2.0, deceleration_m_s2=6.0)
@@ -166,20 +169,7 @@ def test_cars_on_the_middle_of_a_road_are_moved_to_the_right() -> None:
 def queue_that_drives_off(seconds: float = 12.0) -> Recording:
     """Two cars 3 m apart that both drive off at 2 m/s^2 at 2.0 s, as if tied together."""
     steps = np.arange(round(seconds / STEP_S) + 1)
-    speed = np.minimum(2.0 * np.maximum(steps * STEP_S - 2.0, 0.0), 12.0)
-    way = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * STEP_S)])
-    return Recording(
-        Drive(
-            f"car{i}",
-            0,
-            np.stack([way - i * (LENGTH_M + 3.0), np.zeros(len(way))], axis=1),
-            np.zeros(len(way)),
-            speed,
-            LENGTH_M,
-            1.8,
-        )
-        for i in range(2)
-    )
+    return in_line(2, 3.0, np.minimum(2.0 * np.maximum(steps * STEP_S - 2.0, 0.0), 12.0))
 
 
 def test_nobody_speeds_up_towards_a_car_that_brakes() -> None:
@@ -200,22 +190,10 @@ def test_nobody_speeds_up_towards_a_car_that_brakes() -> None:
 def test_a_reaction_time_is_counted_from_the_brake_lights_though_he_brakes_already() -> None:
     """Both slow down evenly with 2 m/s^2; then the one ahead brakes with 6."""
     steps = np.arange(120)
-    speed = np.maximum(15.0 - 2.0 * np.maximum(steps * STEP_S - 1.0, 0.0), 0.0)
-    way = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * STEP_S)])
-    recording = Recording(
-        Drive(
-            f"car{i}",
-            0,
-            np.stack([way - i * (LENGTH_M + 15.0), np.zeros(len(way))], axis=1),
-            np.zeros(len(way)),
-            speed,
-            LENGTH_M,
-            1.8,
-        )
-        for i in range(2)
+    recording = in_line(
+        2, 15.0, np.maximum(15.0 - 2.0 * np.maximum(steps * STEP_S - 1.0, 0.0), 0.0)
     )
-    brake = Event(Kind.SUDDEN_BRAKE, 0, 2.0, deceleration_m_s2=6.0)
-    traffic = DisturbedTraffic(recording, brake, ALERT, seed=1)
+    traffic = DisturbedTraffic(recording, BRAKE, ALERT, seed=1)
 
     for step in range(50):
         cars = traffic.cars_at(step * STEP_S)

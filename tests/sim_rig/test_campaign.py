@@ -37,8 +37,9 @@ def throw(settings: DiceSettings, number: int) -> Row:
 
 
 def linger(settings: DiceSettings, number: int) -> Row:
-    """The first is quick, the others have time to be interrupted."""
-    time.sleep(0.0 if number == 0 else 1.0)
+    """The first is done, the others last until they are ended."""
+    if number:
+        signal.pause()
     return throw(settings, number)
 
 
