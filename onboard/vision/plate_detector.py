@@ -83,8 +83,9 @@ class PlateDetector:
         """
         if not model.is_file():
             raise FileNotFoundError(f"no plate detector model at {model}")
-        self._network = cv2.dnn.readNetFromONNX(str(model))
-        self._shrinks = shrinks
+        # One for each size of view: a network allocates anew whenever it is shown another.
+        self._first_looks = [(shrink, cv2.dnn.readNetFromONNX(str(model))) for shrink in shrinks]
+        self._second_looks = cv2.dnn.readNetFromONNX(str(model))
         self._least_score = least_score
 
     def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:
@@ -95,7 +96,7 @@ class PlateDetector:
         grey = part if part.ndim == 2 else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY).astype(np.uint8)
         # The score in the end is the geometric mean with that of the second look, at most 1.
         least, candidates = self._least_score**2, list[FoundPlate]()
-        for shrink in self._shrinks:
+        for shrink, network in self._first_looks:
             size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
             if min(size) < CELL_PX:
                 continue
@@ -103,7 +104,7 @@ class PlateDetector:
             scale = np.asarray([grey.shape[1] / size[0], grey.shape[0] / size[1]], np.float32)
             candidates += [
                 FoundPlate(found.corners_px * scale, found.score)
-                for found in self._look(np.asarray(view, np.uint8), least)
+                for found in _look(network, np.asarray(view, np.uint8), least)
             ]
         firsts = _one_each(candidates)[:_MOST_CANDIDATES]
         seconds = _one_each(self._second_look(grey, first) for first in firsts)
@@ -147,7 +148,7 @@ class PlateDetector:
         inner = shift + (scale - 1) / 2
         matrix = np.asarray([[scale, 0, inner[0]], [0, scale, inner[1]]])
         view = cv2.warpAffine(grey, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
-        seen = self._look(np.asarray(view, np.uint8), 0.05)
+        seen = _look(self._second_looks, np.asarray(view, np.uint8), 0.05)
         if not seen:
             return FoundPlate(first.corners_px, 0.0)
         centre = np.asarray([width / 2, height / 2])
@@ -162,21 +163,23 @@ class PlateDetector:
         corners = (best.corners_px - shift.astype(np.float32)) / np.float32(scale)
         return FoundPlate(corners, (best.score * first.score) ** 0.5)
 
-    def _look(self, grey: Image, least: float) -> list[FoundPlate]:
-        """One pass of the network over a grey picture."""
-        rows, columns = (-(-side // CELL_PX) * CELL_PX for side in grey.shape)
-        padded = cv2.copyMakeBorder(
-            grey, 0, rows - grey.shape[0], 0, columns - grey.shape[1], cv2.BORDER_REPLICATE
-        )
-        self._network.setInput(as_input(np.asarray(padded, np.uint8)[None]))
-        answer = self._network.forward()[0]
-        scores = 1 / (1 + np.exp(-answer[0]))
-        return _merged(scores, answer[1:], least)
+
+def _look(network: cv2.dnn.Net, grey: Image, least: float) -> list[FoundPlate]:
+    """One pass of the network over a grey picture."""
+    rows, columns = (-(-side // CELL_PX) * CELL_PX for side in grey.shape)
+    padded = cv2.copyMakeBorder(
+        grey, 0, rows - grey.shape[0], 0, columns - grey.shape[1], cv2.BORDER_REPLICATE
+    )
+    network.setInput(as_input(np.asarray(padded, np.uint8)[None]))
+    answer = network.forward()[0]
+    scores = 1 / (1 + np.exp(-answer[0]))
+    return _merged(scores, answer[1:], least)
 
 
 def as_input(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
     """(n, h, w) grey pictures as (n, 1, h, w): logarithms, so that light only shifts the values."""
-    return np.asarray(_LOGARITHM[grey][:, None], np.float32)
+    values = cv2.LUT(grey.reshape(-1, grey.shape[-1]), _LOGARITHM)
+    return np.asarray(values, np.float32).reshape(len(grey), 1, *grey.shape[1:])
 
 
 _LOGARITHM = ((np.log(np.arange(256) + 10.0) - 4.3) / 0.9).astype(np.float32)
@@ -207,16 +210,15 @@ def _merged(
     heights = np.ptp(corners[..., 1], axis=1)
     plates: list[FoundPlate] = []
     free = np.ones(len(rows), bool)
-    for best in range(len(rows)):
-        if not free[best]:
-            continue
+    while free.any():
+        best = int(free.argmax())
         away = np.abs(centres - centres[best])
         same = free & (away[:, 0] < 0.5 * widths[best]) & (away[:, 1] < 0.6 * heights[best])
         same[best] = True
         free &= ~same
-        weights = strength[same] ** 2
-        mean = np.average(corners[same], axis=0, weights=weights).astype(np.float32)
-        plates.append(FoundPlate(mean, float(strength[best])))
+        weights = (strength[same] ** 2).astype(np.float64)
+        mean = (corners[same] * weights[:, None, None]).sum(axis=0) / weights.sum()
+        plates.append(FoundPlate(mean.astype(np.float32), float(strength[best])))
     return plates
 
 
