@@ -1,5 +1,6 @@
 """How fast a speed changes: the slope of its samples over a short window."""
 
+import math
 from collections import deque
 
 import numpy as np
@@ -41,3 +42,14 @@ class SpeedTrend:
         times_s, speeds_m_s = np.array(samples).T
         times_s -= times_s.mean()
         return float(times_s @ speeds_m_s / (times_s @ times_s))
+
+    def largest_error_m_s2(self, step_m_s: float) -> float:
+        """By how much at most the acceleration is off since speeds come in steps of `step_m_s`.
+
+        Infinite while none is told. Holds for rounding and for cutting off alike.
+        """
+        if self.acceleration_m_s2 is None:
+            return math.inf
+        times_s = np.array(self._samples)[:, 0]
+        times_s -= times_s.mean()
+        return float(step_m_s / 2.0 * np.abs(times_s).sum() / (times_s @ times_s))

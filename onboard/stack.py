@@ -166,6 +166,7 @@ class Stack:
                 self._risk.receive_speed(observation)
             case BrakePedal():
                 self._beacon.receive_pedal(observation)
+                self._risk.receive_pedal(observation)
             case HardBrake():
                 self._group.receive_hard_brake(observation, now)
                 self._beacon.receive_hard_brake(observation, now)

@@ -1,4 +1,4 @@
-"""The car ahead: time to collision, and how hard the driver will have to brake."""
+"""The car ahead: time to collision, how hard the driver will have to brake, and whether he does."""
 
 import math
 
@@ -103,3 +103,40 @@ def level(
     if required_m_s2 >= settings.caution_m_s2 or ttc_s <= settings.caution_ttc_s:
         return Level.CAUTION
     return Level.NONE
+
+
+def is_answered(
+    gap_m: float,
+    speed_m_s: float,
+    lead_speed_m_s: float,
+    lead_deceleration_m_s2: float,
+    braking_m_s2: float | None,
+) -> bool:
+    """Whether who goes on braking with `braking_m_s2` stays clear of the car ahead.
+
+    `None`, or what is no number: it is not known, so he has not answered.
+    """
+    return braking_m_s2 is not None and braking_m_s2 >= required_deceleration_m_s2(
+        gap_m, speed_m_s, lead_speed_m_s, lead_deceleration_m_s2, reaction_s=0.0
+    )
+
+
+def judged(
+    gap_m: float,
+    speed_m_s: float,
+    closing_speed_m_s: float,
+    lead_deceleration_m_s2: float,
+    braking_m_s2: float | None,
+    *,
+    settings: ClosingGapSettings,
+) -> tuple[Level, float]:
+    """How urgent it is, and the braking needed after a reaction in m/s^2.
+
+    Who brakes enough already is not told to brake (docs/decisions/0305).
+    """
+    lead = speed_m_s - closing_speed_m_s, lead_deceleration_m_s2
+    needed_m_s2 = required_deceleration_m_s2(gap_m, speed_m_s, *lead, settings.reaction_s)
+    seen = level(gap_m, closing_speed_m_s, needed_m_s2, settings)
+    if seen is Level.WARNING and is_answered(gap_m, speed_m_s, *lead, braking_m_s2):
+        seen = Level.CAUTION
+    return seen, needed_m_s2

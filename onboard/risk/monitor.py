@@ -13,11 +13,11 @@ from onboard.lcca.events import WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_safety import VehicleEventFlags
 from onboard.mvs.known_car import KnownBy, KnownCar
-from onboard.observations import Discarded, Lead, Position, Speed
+from onboard.observations import BrakePedal, Discarded, Lead, Position, Speed
 from onboard.risk.alarm import NOTHING, Alarm, Assessment, Cause, Hysteresis, Level, Reason
 from onboard.risk.closing_gap import (
     LeadMotion,
-    level,
+    judged,
     required_deceleration_m_s2,
     settled_closing_speed_m_s,
 )
@@ -29,6 +29,7 @@ from onboard.risk.crossing_paths import (
     meeting,
 )
 from onboard.risk.motion import Motion
+from onboard.risk.own_braking import OwnBraking
 from onboard.risk.settings import RiskSettings
 
 _NO_BRAKING_HELPS_M_S2 = 20.0
@@ -61,6 +62,7 @@ class RiskMonitor:
         self._settings = settings
         self._own_size = (length_m, width_m)
         self._speed: Speed | None = None
+        self._own_braking = OwnBraking(settings.closing_gap.lead_window_s)
         self._lead: Lead | None = None
         self._lead_motion = LeadMotion(settings.closing_gap)
         self._height_m: float | None = None
@@ -80,6 +82,11 @@ class RiskMonitor:
     def receive_speed(self, speed: Speed) -> None:
         """The own speed."""
         self._speed = speed
+        self._own_braking.receive_speed(speed)
+
+    def receive_pedal(self, pedal: BrakePedal) -> None:
+        """The own brake pedal, where the car tells it."""
+        self._own_braking.receive_pedal(pedal)
 
     def receive_position(self, position: Position) -> None:
         """The own height; place and motion come with `assess`."""
@@ -168,15 +175,16 @@ class RiskMonitor:
         closing_m_s = settled_closing_speed_m_s(
             lead.closing_speed_m_s, lead.closing_speed_sigma_m_s, settings
         )
-        needed_m_s2 = required_deceleration_m_s2(
+        seen, needed_m_s2 = judged(
             lead.gap_m,
             speed.speed_m_s,
-            speed.speed_m_s - closing_m_s,
+            closing_m_s,
             self._lead_motion.deceleration_m_s2,
-            settings.reaction_s,
+            self._own_braking.at_least_m_s2(now),
+            settings=settings,
         )
         return Assessment(
-            level(lead.gap_m, closing_m_s, needed_m_s2, settings),
+            seen,
             min(needed_m_s2, _NO_BRAKING_HELPS_M_S2),
             (
                 Reason(lead.kind, lead.identity.value, now - lead.stamp_s),

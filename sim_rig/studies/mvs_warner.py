@@ -2,8 +2,8 @@
 
 In a car, the gap ahead is what the camera measures. Here it is judged, with the same thresholds,
 to every known car ahead on the own path, so that what others tell of counts as well, and what a
-car with a radio says of its own braking. Who brakes hard enough already is told nothing, and nobody
-is before it is known whether he does: radios begin in the middle of a drive.
+car with a radio says of its own braking. Nobody is told anything before it is known whether he
+brakes already: radios begin in the middle of a drive.
 """
 
 import math
@@ -13,12 +13,7 @@ from dataclasses import dataclass
 from onboard.mvs.known_car import KnownCar
 from onboard.observations import Speed
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.risk.closing_gap import (
-    LeadMotion,
-    level,
-    required_deceleration_m_s2,
-    settled_closing_speed_m_s,
-)
+from onboard.risk.closing_gap import LeadMotion, judged, settled_closing_speed_m_s
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.speed_trend import SpeedTrend
@@ -91,12 +86,11 @@ class Warner:
             if times + 1 < _KNOWN_FOR or gap_m <= 0.0:
                 continue
             closing_m_s = settled_closing_speed_m_s(speed_m_s - along_m_s, sigma_m_s, settings)
-            said_m_s2 = -(car.acceleration_m_s2 or 0.0)
-            lead = (speed_m_s - closing_m_s, max(motion.deceleration_m_s2, said_m_s2))
-            needed = required_deceleration_m_s2(gap_m, speed_m_s, *lead, settings.reaction_s)
-            if level(gap_m, closing_m_s, needed, settings) is not Level.WARNING:
-                continue
-            if required_deceleration_m_s2(gap_m, speed_m_s, *lead, 0.0) > braking_m_s2:
+            lead_m_s2 = max(motion.deceleration_m_s2, -(car.acceleration_m_s2 or 0.0))
+            seen, _ = judged(
+                gap_m, speed_m_s, closing_m_s, lead_m_s2, braking_m_s2, settings=settings
+            )
+            if seen is Level.WARNING:
                 warned = Warned(Cause.CLOSING_GAP, car)
         self._leads = leads
         return warned

@@ -12,6 +12,8 @@ from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.closing_gap import (
     LeadMotion,
+    is_answered,
+    judged,
     required_deceleration_m_s2,
     settled_closing_speed_m_s,
     time_to_collision_s,
@@ -58,6 +60,71 @@ def test_the_braking_asked_for_just_avoids_the_car_ahead(
 
     assert least_gap_m(gap_m, braking(speed, needed * 1.01, 1.0), lead, standing_s) >= 0.0
     assert least_gap_m(gap_m, braking(speed, needed * 0.95, 1.0), lead, standing_s) <= 0.02
+
+
+STEP_S = 2e-3
+
+
+def touches(
+    gap_m: float, speeds_m_s: tuple[float, float], braking_m_s2: tuple[float, float]
+) -> bool:
+    """Both go on braking as they do until they stand, in small steps; own first, then the lead."""
+    (speed, lead_speed), (braking, lead_braking) = speeds_m_s, braking_m_s2
+    while gap_m > 0.0 and speed > 0.0:
+        next_speed = max(speed - braking * STEP_S, 0.0)
+        next_lead = max(lead_speed - lead_braking * STEP_S, 0.0)
+        gap_m += (lead_speed + next_lead - speed - next_speed) / 2.0 * STEP_S
+        if next_speed == speed and next_lead == lead_speed and speed <= lead_speed:
+            return False
+        speed, lead_speed = next_speed, next_lead
+    return gap_m <= 0.0
+
+
+@given(
+    gap_m=st.floats(0.2, 100.0),
+    speed=st.floats(2.0, 40.0),
+    lead_speed=st.floats(-3.0, 40.0),
+    braking=st.floats(0.0, 9.0),
+    lead_braking=st.sampled_from([0.0, 1.5, 3.0, 6.0, 9.0]),
+)
+def test_who_has_answered_does_not_touch_and_who_touches_has_not_answered(
+    gap_m: float, speed: float, lead_speed: float, braking: float, lead_braking: float
+) -> None:
+    def answered(braking_m_s2: float) -> bool:
+        return is_answered(gap_m, speed, lead_speed, lead_braking, braking_m_s2)
+
+    lead = max(lead_speed, 0.0)  # one that reverses is taken for standing
+    assume(
+        answered(braking * 0.98) == answered(braking * 1.02)
+    )  # what decides is no hair's breadth
+
+    assert answered(braking) != touches(gap_m, (speed, lead), (braking, lead_braking))
+
+
+@pytest.mark.parametrize("braking", [None, math.nan])
+def test_whose_braking_is_not_known_has_not_answered(braking: float | None) -> None:
+    assert not is_answered(100.0, 5.0, 20.0, 0.0, braking)
+
+
+BEHIND_A_STANDING_CAR = {
+    "far": (60.0, Level.NONE),
+    "nearer": (31.0, Level.CAUTION),
+    "near": (25.0, Level.WARNING),
+}
+"""At 10 m/s: the gap, and what a driver who does nothing is told. 5 m/s^2 need 10 m to stop."""
+
+
+@pytest.mark.parametrize(("braking", "is_enough"), [(None, False), (0.0, False), (5.0, True)])
+@pytest.mark.parametrize("place", BEHIND_A_STANDING_CAR)
+def test_who_brakes_enough_is_told_to_keep_his_distance_at_most(
+    place: str, braking: float | None, is_enough: bool
+) -> None:
+    gap_m, before = BEHIND_A_STANDING_CAR[place]
+
+    seen, needed = judged(gap_m, 10.0, 10.0, 0.0, braking, settings=ClosingGapSettings())
+
+    assert seen is (Level.CAUTION if is_enough and before is Level.WARNING else before)
+    assert needed == required_deceleration_m_s2(gap_m, 10.0, 0.0, 0.0, 1.0)
 
 
 def test_no_braking_is_asked_for_behind_a_faster_car_and_none_helps_too_late() -> None:
