@@ -38,6 +38,9 @@ UNCONFIGURED = CarConfig(car=CarSettings(plate="REPLAY"))
 PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
 """Of syslog (RFC 5424, table 2), by the name that structlog gives."""
 
+WIRES = ("can", "camera", "detector", "gnss", "radio", "hmi", "recorder")
+"""Sections of the configuration that may be left out, and the car then does without."""
+
 app.add_typer(keys, name="keys")
 app.command()(doctor)
 app.command()(decode)
@@ -57,9 +60,14 @@ def run(config: ConfigFile) -> None:
 
 @app.command()
 def check(config: ConfigFile) -> None:
-    """Read the configuration and say whether it is good; nothing is opened."""
+    """Read the configuration, and say whether it is good and which wires it has; none is opened."""
     loaded = load_settings(config, CarConfig)
+    left_out = [wire for wire in WIRES if getattr(loaded, wire) is None]
+    wired = [wire for wire in WIRES if wire not in left_out]
     typer.echo(f"{config}: good, car {loaded.car.plate}")
+    typer.echo(f"  with {', '.join(wired) or 'no wire at all'}")
+    if left_out:
+        typer.echo(f"  without {', '.join(left_out)}")
 
 
 @app.command()
@@ -99,6 +107,10 @@ def replay(
     """
     if (box or expected) and (can or clip or nmea):
         raise UserError("replay either a recording of the black box, or others")
+    if expected and not box:
+        raise UserError("--expect compares a recording of the black box: say which")
+    if not (box or can or clip or nmea):
+        raise UserError("nothing to replay: give a black box, or any of --can, --clip and --nmea")
     if expected:
         raise typer.Exit(0 if expect(box or [], within) else 1)
     if box:

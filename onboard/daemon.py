@@ -18,6 +18,7 @@ from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.config import CarConfig
 from onboard.detector.detector_socket import open_detector
 from onboard.detector.object_list import ObjectListReader
+from onboard.errors import UserError
 from onboard.garbage import keep_collection_short
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
@@ -144,12 +145,20 @@ class Daemon:
         return came
 
     def save_driver(self) -> None:
-        """Remember what was learnt of the driver, where the configuration says where."""
+        """Remember what was learnt of the driver, where the configuration says where.
+
+        A disk that is full by now costs what was learnt, and not the drive.
+        """
         if self.config.access.driver_file is not None:
-            save_driver(self.config.access.driver_file, self._driver)
+            try:
+                save_driver(self.config.access.driver_file, self._driver)
+            except UserError as error:
+                log.error("driver not remembered", reason=str(error))  # noqa: TRY400 (no fault of the program)
 
     async def _open(self, wires: contextlib.AsyncExitStack) -> None:
         config, stack = self.config, self._stack
+        if config.access.driver_file is not None:
+            save_driver(config.access.driver_file, self._driver)  # whether it can be, is said now
         if self._box is not None:
             self._box.start()
             wires.callback(self._box.close)

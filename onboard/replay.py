@@ -15,9 +15,10 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.obd.can_bus import read_can_log
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Discarded, Sensor
+from onboard.settings import parse_settings
 from onboard.stack import Observation, Stack
 from onboard.trace import Event
-from onboard.vision.frames import open_frames
+from onboard.vision.frames import LiveFrames, open_frames
 from onboard.vision.settings import CameraSettings
 from onboard.vision.sight import Sight
 
@@ -56,7 +57,7 @@ def replay(recording: Recording, config: CarConfig) -> Iterator[Event]:
     inputs = _inputs(recording, config)
     first = next(inputs, None)
     if first is None:
-        raise UserError("nothing to replay: the recording has no frame")
+        raise UserError("nothing to replay: no frame, picture or sentence in it can be read")
     # Only listening: what was asked in the drive has been answered in the drive.
     listening = config.obd.model_copy(update={"polling_hz": None})
     stack = Stack(
@@ -122,9 +123,13 @@ def _from_can(path: Path) -> Iterator[Input]:
 
 def _from_clip(clip: str, fps: float | None, config: CarConfig, start_s: float) -> Iterator[Input]:
     calibration = config.camera.model_dump() if config.camera is not None else {}
-    camera = CameraSettings.model_validate(calibration | {"source": clip, "fps": fps})
+    given = calibration | {"source": clip, "fps": fps}
+    camera = parse_settings(given, CameraSettings, "onboard replay")
+    frames = open_frames(camera)
+    if isinstance(frames, LiveFrames):
+        raise UserError(f"{clip}: a live camera has no end; record it first")
     sight = Sight(camera, config.vision)
-    for frame in open_frames(camera):
+    for frame in frames:
         sight.receive_frame(frame.image, start_s + frame.stamp_s)
         while (observation := sight.next_event()) is not None:
             yield observation.stamp_s, 1, _observed(observation)

@@ -66,8 +66,17 @@ def parse_yaml(data: str | bytes, origin: str) -> object:
     try:
         text = data if isinstance(data, str) else data.decode("utf-8")
         return yaml.load(text, _UniqueKeyLoader)  # noqa: S506 (a SafeLoader)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except yaml.MarkedYAMLError as error:
+        raise SettingsError(f"{origin}: not YAML: {_where(error)}{error.problem}") from error
+    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, or the 31st of February
         raise SettingsError(f"{origin}: not YAML: {' '.join(str(error).split())}") from error
+    except RecursionError as error:
+        raise SettingsError(f"{origin}: nested too deeply") from error
+
+
+def _where(error: yaml.MarkedYAMLError) -> str:
+    mark = error.problem_mark
+    return f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
 
 
 def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> SettingsT:
@@ -78,7 +87,11 @@ def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> Settin
     """
     try:
         # JSON mode lets a list stand for a tuple and a string for an enum, and nothing else.
-        return schema.model_validate_json(json.dumps(tree, default=str))
+        text = json.dumps(tree, default=str)
+    except (TypeError, ValueError) as error:  # a date for a key, a mapping within itself
+        raise SettingsError(f"{origin}: {error}") from error
+    try:
+        return schema.model_validate_json(text)
     except ValidationError as error:
         lines = [_explain(dict(item), schema) for item in error.errors(include_url=False)]
         raise SettingsError("\n".join(f"{origin}: {line}" for line in lines)) from error
@@ -90,6 +103,9 @@ def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
         return f"{field}: is required and missing"
     if error["type"] == "extra_forbidden":
         return f"{field}: unknown key (given {error['input']!r}){_hint(error['loc'], schema)}"
+    if error["type"] == "string_type" and isinstance(error["input"], bool | int | float):
+        # YAML 1.1 takes NO for false and 0123 for 83.
+        return f"{field}: is a text, write it in quotes (YAML understood {error['input']!r})"
     return f"{field}: {error['msg']} (given {error['input']!r})"
 
 

@@ -71,12 +71,15 @@ def run(
     folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
     chosen = story.seed if seed is None else seed
     began = time.monotonic()
-    log = (
-        _run_virtual(story, chosen, folder) if virtual else _run_live(story, chosen, folder, watch)
-    )
-    took_s = time.monotonic() - began
-    log.write(folder)
-    draw_timeline(story, log, folder / "timeline.png")
+    with _writing(folder):
+        log = (
+            _run_virtual(story, chosen, folder)
+            if virtual
+            else _run_live(story, chosen, folder, watch)
+        )
+        took_s = time.monotonic() - began
+        log.write(folder)
+        draw_timeline(story, log, folder / "timeline.png")
     print_report(story, log, console)
     console.print(
         f"{story.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces,"

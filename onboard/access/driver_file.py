@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from onboard.access.drivers import Driver, DriverMemory, Population
+from onboard.errors import UserError
 from onboard.settings import load_settings
 
 
@@ -21,12 +22,15 @@ def save_driver(path: Path, driver: Driver) -> None:
     """Write all or nothing, readable by its owner only.
 
     Raises:
-        OSError: the folder cannot be written to.
+        UserError: it cannot be written there.
     """
     new = path.with_name(path.name + ".new")
-    descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        file.write(driver.memory().model_dump_json() + "\n")
-        file.flush()
-        os.fsync(file.fileno())
-    new.replace(path)
+    try:
+        descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(driver.memory().model_dump_json() + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written: {error.strerror}") from error

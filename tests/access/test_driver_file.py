@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from onboard.access.driver_file import load_driver, save_driver
 from onboard.access.drivers import ORDINARY_DRIVERS, Driver
+from onboard.errors import UserError
 from onboard.settings import SettingsError
 
 
@@ -36,6 +37,13 @@ def test_a_deleted_file_is_a_driver_nobody_has_watched(tmp_path: Path) -> None:
     assert load_driver(path, ORDINARY_DRIVERS).log_reaction(1.0) == (
         Driver(ORDINARY_DRIVERS).log_reaction(1.0)
     )
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "nowhere" / "driver.json"
+
+    with pytest.raises(UserError, match=r"driver\.json: cannot be written: No such file"):
+        save_driver(path, Driver(ORDINARY_DRIVERS))
 
 
 @pytest.mark.parametrize(

@@ -16,12 +16,16 @@ def onboard(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 def test_a_good_configuration_is_called_good(tmp_path: Path) -> None:
     config = tmp_path / "car.yaml"
-    config.write_text("car: {plate: ABC1234}\n")
+    config.write_text("car: {plate: ABC1234}\ngnss: {}\ncan:\nhmi: {port: 8460}\n")
 
     result = onboard("check", str(config))
 
     assert result.returncode == 0
-    assert result.stdout == f"{config}: good, car ABC1234\n"
+    assert result.stdout == (
+        f"{config}: good, car ABC1234\n"
+        "  with gnss, hmi\n"
+        "  without can, camera, detector, radio, recorder\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -56,6 +60,7 @@ def test_a_mistake_in_the_configuration_is_one_line(tmp_path: Path, text: str, t
         "radio: {endpoint: raw, interface: nosuchwlan9}",
         "trace: {file: /nonexistent/trace.jsonl}",
         "security: {keys_folder: /nonexistent}",
+        "access: {driver_file: /nonexistent/driver.json}",
     ],
 )
 def test_a_missing_wire_is_one_line(tmp_path: Path, wire: str) -> None:

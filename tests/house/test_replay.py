@@ -67,6 +67,11 @@ def test_nothing_to_replay_is_the_users_mistake() -> None:
         list(replay(Recording(), UNCONFIGURED))
 
 
+def test_pictures_that_are_none_a_second_are_the_users_mistake(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"onboard replay: fps: Input should be greater than 0"):
+        list(replay(Recording(clip=str(tmp_path), fps=-3.0), UNCONFIGURED))
+
+
 def test_a_recording_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"drive\.log"):
         list(replay(Recording(can=tmp_path / "drive.log"), UNCONFIGURED))

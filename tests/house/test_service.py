@@ -103,6 +103,28 @@ def test_a_good_configuration_takes_effect_and_a_bad_one_is_refused(
         assert reason in line
 
 
+def test_a_driver_who_cannot_be_remembered_does_not_stop_the_car(
+    car: subprocess.Popen[str], systemd: Systemd, tmp_path: Path
+) -> None:
+    config, disk = tmp_path / "car.yaml", tmp_path / "disk"
+    disk.mkdir()
+    systemd.told_next("READY")
+    config.write_text(f"car: {{plate: NEW1}}\naccess: {{driver_file: {disk}/driver.json}}\n")
+    car.send_signal(signal.SIGHUP)
+    assert "NEW1" in systemd.told_next("READY")["STATUS"]
+    (disk / "driver.json").unlink()
+    disk.rmdir()
+
+    config.write_text("car: {plate: NEW2}\n")
+    car.send_signal(signal.SIGHUP)
+
+    assert "NEW2" in systemd.told_next("READY")["STATUS"]
+    car.terminate()
+    _, log = car.communicate(timeout=20)
+    assert car.returncode == 0
+    assert log.count("driver.json: cannot be written: No such file or directory") == 2
+
+
 def test_the_watchdog_is_fed_a_few_times_in_its_interval_and_not_at_each_step(
     systemd: Systemd,
 ) -> None:

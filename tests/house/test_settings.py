@@ -21,6 +21,7 @@ class Wheel(Settings):
 
 class Cart(Settings):
     seed: int = 0
+    name: str = ""
     wheels: tuple[Wheel, ...] = ()
 
 
@@ -53,7 +54,7 @@ def test_an_empty_file_is_all_defaults(yaml_file: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("sead: 3", "sead: unknown key (given 3); allowed: seed, wheels; did you mean seed?"),
+        ("sead: 3", "sead: unknown key (given 3); allowed: name, seed, wheels; did you mean seed?"),
         ("seed: three", "seed: Input should be a valid integer (given 'three')"),
         ("seed: 1.5", "seed: Input should be a valid integer"),
         ("wheels: [{}]", "wheels.0.radius_m: is required and missing"),
@@ -70,8 +71,17 @@ def test_an_empty_file_is_all_defaults(yaml_file: Path) -> None:
             "wheels: [{radius_m: 1, colour: pink}]",
             "wheels.0.colour: Input should be 'red' or 'blue' (given 'pink')",
         ),
-        ("seed: 1\nseed: 2", "key 'seed' stands twice"),
+        ("name: NO", "name: is a text, write it in quotes (YAML understood False)"),
+        ("name: 00123", "name: is a text, write it in quotes (YAML understood 83)"),
+        ("name: [a]", "name: Input should be a valid string (given ['a'])"),
+        ("seed: 1\nseed: 2", "line 1, column 1: key 'seed' stands twice"),
         ("seed: [", "not YAML"),
+        ("wheels:\n\t- 1", "line 2, column 1: found character '\\t' that cannot start any token"),
+        ("seed: 2026-02-31", "not YAML: day is out of range for month"),
+        ("2026-02-03: 1", "keys must be str, int, float, bool or None, not date"),
+        ("seed: &own {again: *own}", "Circular reference detected"),
+        ("seed: " + "[" * 2000, "nested too deeply"),
+        ("seed: " + "9" * 5000, "not YAML: Exceeds the limit"),
         (
             "just a sentence",
             "(the whole file): Input should be an object (given 'just a sentence')",
