@@ -25,7 +25,7 @@ from onboard.vision.calibrate import (
     calibrate_lens,
     place_by_board,
 )
-from onboard.vision.frames import Frame, Image, LiveFrames, Pictures, open_frames
+from onboard.vision.frames import Clip, Frame, Image, LiveFrames, Pictures, open_frames
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.score import Scores
 from onboard.vision.seen_frame import COLUMNS, SeenFrame, see_frames
@@ -87,6 +87,9 @@ def see(
             for use in uses:
                 use(seen)
     typer.echo(tally.text())
+    if isinstance(source, Clip) and source.even_from is not None:
+        even = f"from frame {source.even_from} on they stand evenly, {source.fps:g} a second"
+        typer.echo(f"{recording}: does not tell when its frames were taken; {even}", err=True)
     if scores is not None:
         if not scores.frames:
             told = f"{truth}: tells of {scores.truth.example}, and of none of these frames"

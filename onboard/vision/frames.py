@@ -33,6 +33,8 @@ Image = npt.NDArray[np.uint8]
 """(h, w, 3), BGR; empty where a picture could not be decoded."""
 
 DEFAULT_FPS = 25.0
+LONGEST_PAUSE_S = 60.0
+"""Between two frames of a video whose times are believed."""
 TIMEOUT_S = 2.0
 """A live source that says nothing for this long is opened again."""
 RECONNECT_S = (0.1, 2.0)
@@ -114,12 +116,14 @@ class Pictures:
 
 
 class Clip:
-    """A video file."""
+    """A video file; its frames stand when the file says, or evenly where it cannot be believed."""
 
     live = False
+    even_from: int | None = None
+    """The first frame whose time the file does not tell, or tells wrongly, once one was met."""
 
     def __init__(self, source: str, fps: float | None) -> None:
-        """Open `source`; `fps` overrules what it states.
+        """Open `source`; `fps` overrules what it states, and lets frames stand evenly.
 
         Raises:
             CameraError: it is not there or no video.
@@ -132,17 +136,33 @@ class Clip:
             raise CameraError(f"camera.source: {source}: not a video that can be read")
         stated = self._capture.get(cv2.CAP_PROP_FPS)
         self.fps = fps or (stated if 1.0 <= stated <= 1000.0 else DEFAULT_FPS)
+        self._stands_evenly = fps is not None
         self._closed = False
 
     def __iter__(self) -> Iterator[Frame]:
-        index = 0
+        index, stamp_s, first_s = 0, 0.0, 0.0
         while not self._closed:
             read, image = self._capture.read()
             if not read:
                 break
-            yield Frame(index / self.fps, np.asarray(image, np.uint8), self._name)
+            told_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0  # of the frame just read
+            if index == 0:
+                first_s = told_s
+            else:
+                stamp_s = self._stamp_s(index, told_s - first_s, stamp_s)
+            yield Frame(stamp_s, np.asarray(image, np.uint8), self._name)
             index += 1
         self._capture.release()
+
+    def _stamp_s(self, index: int, told_s: float, last_s: float) -> float:
+        """When a frame stands, by what the file tells and when the last one stood."""
+        if self._stands_evenly:
+            return index / self.fps
+        if self.even_from is None and last_s < told_s < last_s + LONGEST_PAUSE_S:
+            return told_s
+        if self.even_from is None:
+            self.even_from = index
+        return last_s + 1.0 / self.fps
 
     def close(self) -> None:
         """End the iteration."""

@@ -61,6 +61,11 @@ class Calibration(Settings):
         return self
 
     @property
+    def has_lens(self) -> bool:
+        """Whether somebody said what the lens is like; else distances are a guess."""
+        return "focal_x_px" in self.model_fields_set
+
+    @property
     def is_placed(self) -> bool:
         """Whether somebody said how far the camera looks down; else level is only the likeliest."""
         return "pitch_rad" in self.model_fields_set

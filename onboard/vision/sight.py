@@ -47,6 +47,9 @@ ROOM = "vision"
 CALIBRATED_SLOPE, GUESSED_SLOPE = 0.04, 0.15
 """How far the car pitches and the road climbs, and how far a camera may be off of which nobody said
 how it is mounted: so much, by distance, things may be above and below where they belong."""
+GUESSED_LENS_SIGMA = 0.5
+"""Of every distance and speed where nobody said what the lens is like, as a share of it: cameras in
+cars see 35 to 120 degrees, which is 1.8 to 0.33 times what is guessed."""
 MOST_FOLLOWED = 2
 """Cars looked for in one frame; more are looked for in turn."""
 OTHERS_EVERY_S = 0.19
@@ -100,6 +103,8 @@ class Sight:
         self._kinds = PlateKinds(settings.plate_width_m)
         is_placed = calibration is not None and calibration.is_placed
         self._slope = CALIBRATED_SLOPE if is_placed else GUESSED_SLOPE
+        has_lens = calibration is not None and calibration.has_lens
+        self._lens_sigma = 0.0 if has_lens else GUESSED_LENS_SIGMA
         self._tracker = Tracker(
             settings.lane_width_m,
             settings.keep_s,
@@ -302,8 +307,8 @@ class Sight:
                 self._events.append(_plate(sighting, track, stamp_s, is_lead=is_lead))
         for track in self._tracker.tracks:
             if track.confirmed and track.seen_at == stamp_s:
-                self._events.append(_sensed_car(track, stamp_s))
-        self._events.append(_lead(lead, stamp_s))
+                self._events.append(_sensed_car(track, stamp_s, self._lens_sigma))
+        self._events.append(_lead(lead, stamp_s, self._lens_sigma))
 
 
 def _plate_finder(settings: VisionSettings) -> PlateFinder:
@@ -338,30 +343,32 @@ def _plate(sighting: Sighting, track: CarTrack | None, stamp_s: float, *, is_lea
     return Plate(stamp_s, sighting.box, text, confidence, is_lead)
 
 
-def _sensed_car(track: CarTrack, stamp_s: float) -> SensedCar:
+def _sensed_car(track: CarTrack, stamp_s: float, lens_sigma: float) -> SensedCar:
     ahead_m, right_m = track.ahead.position_m, track.right.position_m
-    range_m = math.hypot(ahead_m, right_m)
+    range_m, bearing_rad = math.hypot(ahead_m, right_m), math.atan2(right_m, ahead_m)
     return SensedCar(
         stamp_s=stamp_s,
         track_id=track.track_id,
         range_m=range_m,
-        range_sigma_m=track.gap_sigma_m,
-        bearing_rad=math.atan2(right_m, ahead_m),
-        bearing_sigma_rad=track.right.position_sigma_m / range_m,
+        range_sigma_m=math.hypot(track.gap_sigma_m, lens_sigma * range_m),
+        bearing_rad=bearing_rad,
+        bearing_sigma_rad=math.hypot(
+            track.right.position_sigma_m / range_m, lens_sigma * bearing_rad
+        ),
         text=track.text,
     )
 
 
-def _lead(track: CarTrack | None, stamp_s: float) -> Lead:
+def _lead(track: CarTrack | None, stamp_s: float, lens_sigma: float) -> Lead:
     if track is None:
         return Lead(stamp_s, LeadIdentity.NO_LEAD)
-    text = track.text
+    text, ahead = track.text, track.ahead
     return Lead(
         stamp_s=stamp_s,
         identity=LeadIdentity.UNKNOWN if text is None else LeadIdentity.KNOWN,
         text=text,
-        gap_m=track.ahead.position_m,
-        gap_sigma_m=track.gap_sigma_m,
-        closing_speed_m_s=-track.ahead.rate_m_s,
-        closing_speed_sigma_m_s=track.ahead.rate_sigma_m_s,
+        gap_m=ahead.position_m,
+        gap_sigma_m=math.hypot(track.gap_sigma_m, lens_sigma * ahead.position_m),
+        closing_speed_m_s=-ahead.rate_m_s,
+        closing_speed_sigma_m_s=math.hypot(ahead.rate_sigma_m_s, lens_sigma * ahead.rate_m_s),
     )

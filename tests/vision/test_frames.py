@@ -6,6 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -14,7 +15,14 @@ import numpy as np
 import pytest
 
 from onboard.observations import Discarded, Lead, SensorLost
-from onboard.vision.frames import CameraError, CameraThread, Frame, decode_picture, open_frames
+from onboard.vision.frames import (
+    CameraError,
+    CameraThread,
+    Clip,
+    Frame,
+    decode_picture,
+    open_frames,
+)
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.picture.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, frames
@@ -41,11 +49,17 @@ def write_pictures(folder: Path, names: list[str]) -> None:
 
 
 def write_clip(path: Path, count: int, fps: int) -> None:
+    write_clip_at(path, [index / fps for index in range(count)], fps)
+
+
+def write_clip_at(path: Path, times_s: list[float], fps: int = 25, *, codec: str = "mpeg4") -> None:
     with av.open(str(path), "w") as container:
-        stream = container.add_stream("mpeg4", rate=fps)
+        stream = container.add_stream(codec, rate=fps)
         stream.width, stream.height = 64, 48
-        for index in range(count):
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for index, time_s in enumerate(times_s):
             frame = av.VideoFrame.from_ndarray(picture(20 * index), format="bgr24")
+            frame.pts, frame.time_base = round(1000 * time_s), Fraction(1, 1000)
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
 
@@ -138,6 +152,40 @@ def test_a_clip_that_states_a_wrong_rate_is_overruled(tmp_path: Path) -> None:
     stamps = [frame.stamp_s for frame in open_frames(settings(tmp_path / "clip.mp4", fps=20.0))]
 
     assert stamps == pytest.approx([0.0, 0.05, 0.1])
+
+
+@pytest.mark.parametrize("ending", ["mp4", "mkv"])
+def test_frames_of_a_clip_stand_when_the_file_says(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"clip.{ending}"
+    write_clip_at(path, [5.0, 5.04, 5.2, 5.24, 6.0])
+
+    source = open_frames(settings(path))
+
+    assert [frame.stamp_s for frame in source] == pytest.approx([0.0, 0.04, 0.2, 0.24, 1.0])
+    assert isinstance(source, Clip)
+    assert source.even_from is None
+
+
+def test_a_pause_of_minutes_in_a_clip_is_not_believed(tmp_path: Path) -> None:
+    write_clip_at(tmp_path / "clip.mp4", [0.0, 0.5, 300.0, 300.1])
+
+    source = open_frames(settings(tmp_path / "clip.mp4"))
+    stamps = [frame.stamp_s for frame in source]
+
+    assert isinstance(source, Clip)
+    assert source.even_from == 2
+    assert stamps == pytest.approx([0.0, 0.5, 0.5 + 1 / source.fps, 0.5 + 2 / source.fps])
+
+
+def test_frames_of_a_bare_stream_which_tells_no_times_stand_evenly(tmp_path: Path) -> None:
+    write_clip_at(tmp_path / "clip.h264", [0.0, 0.04, 0.08], codec="h264")
+
+    source = open_frames(settings(tmp_path / "clip.h264"))
+    stamps = [frame.stamp_s for frame in source]
+
+    assert isinstance(source, Clip)
+    assert source.even_from == 1
+    assert stamps == pytest.approx([0.0, 1 / source.fps, 2 / source.fps])
 
 
 def test_broken_pictures_are_frames_without_an_image(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from onboard.observations import LeadIdentity, Sensor, SensorBack, SensorLost
-from onboard.vision.settings import VisionSettings
-from onboard.vision.sight import Sight
+from onboard.observations import Lead, LeadIdentity, SensedCar, Sensor, SensorBack, SensorLost
+from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sight import GUESSED_LENS_SIGMA, Sight
 from sim_rig.picture.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, TAGS, frames, see
 
@@ -212,6 +212,25 @@ def test_no_picture_raises(image: np.ndarray[tuple[int, int, int], np.dtype[np.u
     for index in range(3):
         sight.receive_frame(image, 0.1 * index)
     assert sight.next_event() is not None
+
+
+def test_who_guesses_the_lens_says_that_distances_are_a_guess() -> None:
+    rest = CAMERA.model_dump(exclude={"focal_x_px"})
+    guessed, told = CameraSettings(**rest), CameraSettings(**rest, focal_x_px=1100.0)
+    assert guessed == told
+
+    def lead_and_car(camera: CameraSettings) -> tuple[Lead, SensedCar]:
+        seen = see(Sight(camera, SETTINGS), frames(lambda t: road(tagged(15 - 2 * t, 0, 1)), 1.0))
+        return seen.leads[-1], seen.cars[-1]
+
+    (unsure, unsure_car), (sure, sure_car) = lead_and_car(guessed), lead_and_car(told)
+    assert sure.gap_m is not None
+    assert sure.closing_speed_m_s is not None
+    assert unsure.gap_m == sure.gap_m
+    assert (sure.gap_sigma_m or 0.0) < 0.05 * sure.gap_m
+    assert unsure.gap_sigma_m == pytest.approx(GUESSED_LENS_SIGMA * sure.gap_m, rel=0.01)
+    assert (unsure.closing_speed_sigma_m_s or 0.0) > GUESSED_LENS_SIGMA * sure.closing_speed_m_s
+    assert unsure_car.range_sigma_m > GUESSED_LENS_SIGMA * sure_car.range_m
 
 
 def test_without_a_calibration_any_size_is_looked_at() -> None:
