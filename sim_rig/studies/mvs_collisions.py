@@ -153,7 +153,7 @@ _COLUMNS = (
     "kind", "method", "share_with_radio", "M", "loss", "runs", "p_collision", "low_95", "high_95",
     "reduction", "avoided", "caused", "warning_after_s", "false_warnings_per_h",
     "known_before_s", "warned_before_s", "straight_on_p_collision", "straight_on_avoided",
-    "straight_on_before_s", "straight_on_false_per_h", *(fate.value for fate in Fate),
+    "straight_on_before_s", "straight_on_false_per_h", *(f"fate_{fate.value}" for fate in Fate),
     "two_cars_p_collision", "two_cars_reduction", "straight_on_two_cars_reduction",
 )  # fmt: skip
 _Key = tuple[str, str, float, int, float]
@@ -283,7 +283,7 @@ def _draw(settings: CollisionSettings, table: Sequence[tuple[object, ...]]) -> F
         if method is settings.methods[-1]:
             alarm, no_radio, runs = (
                 np.array([line[_COLUMNS.index(column)] for line in mine], dtype=float)
-                for column in ("straight_on_p_collision", "no_radio", "runs")
+                for column in ("straight_on_p_collision", "fate_no_radio", "runs")
             )
             axes.plot(shares, alarm, "k--", label=f"{method.value.upper()}, the paper's alarm")
             bound = np.where(shares > 0.0, no_radio / runs, p)

@@ -19,7 +19,7 @@ from onboard.errors import UserError
 from sim_rig.roads.crossing import CrossingSettings, crossing
 from sim_rig.roads.recording import Recording, keep_right, record
 from sim_rig.roads.sight import Blocked, Corners
-from sim_rig.roads.sources import open_traffic
+from sim_rig.roads.sources import NAMES, RoadSourceError, open_traffic
 from sim_rig.roads.trace_files import read_trace
 
 _DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -97,7 +97,13 @@ def open_scene(scene: Where) -> Place:
 
 def _brought(path: Path) -> Place:
     """A trace, a simulation of SUMO's, or a source by name; nothing is known of its buildings."""
-    traffic = open_traffic(str(path), np.random.default_rng(0))
+    try:
+        traffic = open_traffic(str(path), np.random.default_rng(0))
+    except RoadSourceError as error:
+        names = ", ".join(dict.fromkeys((*Scene, *NAMES)))
+        raise UserError(
+            f"no scene {str(path)!r}: it is one of {names}, a .sumocfg, or a trace's file"
+        ) from error
     with traffic if isinstance(traffic, AbstractContextManager) else nullcontext():
         if not isinstance(traffic, Recording):
             traffic = record(traffic, _DRIVEN_S, _WARM_S)
