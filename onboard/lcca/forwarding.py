@@ -15,6 +15,7 @@ names the warning in it, so the acknowledgement is a message that was due anyway
 warning to a follower that owes it one, a bounded number of times.
 """
 
+from collections import OrderedDict, deque
 from dataclasses import dataclass, field, replace
 
 from onboard.lcca.followers import Followers
@@ -29,7 +30,10 @@ _LATELY = 3.0
 """For how many refreshings of its membership a car once heard counts as within reach."""
 
 _REMEMBERED = 32
-"""Acknowledgements kept, of warnings known here or not yet."""
+"""Acknowledgements kept of messages that are not known here yet."""
+
+_MOST_KNOWN = 64
+"""Messages of others known at a time. A group has more only if somebody makes them up."""
 
 
 def event_of(message: Update | Warn) -> EventId:
@@ -42,17 +46,23 @@ class Reach:
 
     def __init__(self, settings: LccaSettings) -> None:
         self._lifetime_s = _LATELY * settings.refresh_s
-        self._heard: dict[CarId, tuple[int, float]] = {}
+        self._heard: OrderedDict[CarId, tuple[int, float]] = OrderedDict()
+        """The car heard longest ago first."""
 
     def hear(self, car_id: CarId, distance: int, now: float) -> None:
         """A car of the own group, `distance` > 0 cars behind, was heard."""
         self._heard[car_id] = (distance, now)
+        self._heard.move_to_end(car_id)
+        self._forget(now)
 
     def distance(self, now: float) -> int:
         """Return how many cars behind the farthest car lately heard drives; 0 if there is none."""
-        horizon = now - self._lifetime_s
-        self._heard = {car: heard for car, heard in self._heard.items() if heard[1] >= horizon}
+        self._forget(now)
         return max((distance for distance, _ in self._heard.values()), default=0)
+
+    def _forget(self, now: float) -> None:
+        while self._heard and next(iter(self._heard.values()))[1] < now - self._lifetime_s:
+            self._heard.popitem(last=False)
 
 
 @dataclass(slots=True)
@@ -81,7 +91,7 @@ class Forwarding:
         self._place = place
         self._followers = followers
         self._known: dict[EventId, _Known] = {}
-        self._acknowledged: dict[EventId, set[CarId]] = {}
+        self._acknowledged: deque[tuple[EventId, CarId]] = deque(maxlen=_REMEMBERED)
 
     def knows(self, message: Update | Warn) -> bool:
         """Whether a copy came before."""
@@ -128,9 +138,8 @@ class Forwarding:
         """
         known = self._known.get(event)
         if known is None:
-            self._acknowledged.setdefault(event, set()).add(car_id)
-            while len(self._acknowledged) > _REMEMBERED:
-                del self._acknowledged[next(iter(self._acknowledged))]
+            if (event, car_id) not in self._acknowledged:
+                self._acknowledged.append((event, car_id))
             return
         known.owing.discard(car_id)
         if behind == known.message.reach - known.distance:
@@ -202,13 +211,17 @@ class Forwarding:
         self, message: Update | Warn, distance: int, repeat_at: float | None, now: float
     ) -> None:
         event = event_of(message)
-        owing = set(self._followers.ids) - self._acknowledged.get(event, set())
+        owing = set(self._followers.ids)
+        owing -= {car_id for heard, car_id in self._acknowledged if heard == event}
         check_at = now + self._settings.acknowledge_s if isinstance(message, Warn) else None
         self._known[event] = _Known(
             message, now, distance, repeat_at, check_at, self._settings.warn_repeats, owing
         )
         horizon = now - 2 * self._settings.event_lifetime_s
         self._known = {key: old for key, old in self._known.items() if old.heard_at >= horizon}
+        others = [key for key, known in self._known.items() if known.distance != 0]
+        for key in others[:-_MOST_KNOWN]:
+            del self._known[key]
 
     def _wait_s(self, reach: int, distance: int) -> float:
         """The named car none, the one beyond it half a slot, the one before it a slot, and on.

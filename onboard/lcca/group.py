@@ -231,7 +231,7 @@ class WarningGroup:
 
     def _receive_join(self, join: Join, now: float) -> None:
         is_for_us = join.to_id in self._place.own_ids
-        if is_for_us and join.sender_id not in self._followers.ids:
+        if is_for_us and join.sender_id not in self._followers:
             self._forwarding.owe(join.sender_id, now)
         heard = (join.heard_origin_id, join.heard_sequence)
         if heard != _NO_EVENT and (is_for_us or join.leader_id == self._place.leader_id):

@@ -1,6 +1,10 @@
 """No message from the air, in whatever order, can break a car or make it lie about its place."""
 
+import tracemalloc
+from collections.abc import Iterator
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -111,3 +115,35 @@ def test_a_car_that_nobody_follows_and_that_follows_nobody_is_never_warned(
         group.receive_message(message, 0.0)
         while (event := group.next_event()) is not None:
             assert event.kind != "warning"
+
+
+def made_up_joins(to_id: bytes) -> Iterator[Join]:
+    """Each from another car, which is in our group and acknowledges a message nobody has sent."""
+    for name in range(1_000_000):
+        yield Join(name.to_bytes(8), OWN, 2, to_id, 0, b"made-up-", 7)
+
+
+@pytest.mark.parametrize("to_id", [OWN, A], ids=["to us", "to another"])
+def test_who_speaks_under_ever_new_names_fills_no_memory(to_id: bytes) -> None:
+    group = WarningGroup(LccaSettings(), OWN, np.random.default_rng(1))
+    joins = made_up_joins(to_id)
+
+    def hear_them_for(seconds: float, since: float) -> None:
+        for step in range(int(seconds * 500)):
+            now = since + step / 500
+            group.receive_message(next(joins), now)
+            group.handle_timer(now)
+            group.messages_to_send(now)
+            while group.next_event() is not None:
+                pass
+
+    tracemalloc.start()
+    try:
+        hear_them_for(4.0, since=0.0)
+        of_the_first_s, _ = tracemalloc.get_traced_memory()
+        hear_them_for(6.0, since=4.0)
+        of_all, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+
+    assert of_all < of_the_first_s + 50_000, "bytes: a name that is not heard again is forgotten"
