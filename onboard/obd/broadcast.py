@@ -23,6 +23,9 @@ _UNITS: Mapping[str, float] = {
 }
 """What DBC authors write, in lower case."""
 
+HIGHEST_SPEED_M_S = 100.0
+"""Many DBC files state no range, or all that the bits can say: a faster car is "not available"."""
+
 
 class BroadcastSignals:
     """Turns the frames of the named signals into observations."""
@@ -77,7 +80,7 @@ class BroadcastSignals:
     ) -> Speed | Discarded:
         for signal in signals:
             value = values[signal.name]
-            if not _in_range(signal, value):
+            if not (_in_range(signal, value) and abs(value) * self._factor <= HIGHEST_SPEED_M_S):
                 return _discarded(
                     frame, "signal_range", f"{_source(message, signal)} = {value} {signal.unit}"
                 )

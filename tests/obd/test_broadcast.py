@@ -24,6 +24,10 @@ BO_ 2566869221 CLUSTER: 2 CAR
  SG_ SPEED : 0|8@1+ (1,0) [0|200] "MPH" CAR
 BO_ 256 PEDALS: 1 CAR
  SG_ BRAKE : 0|1@1+ (1,0) [0|1] "" CAR
+BO_ 177 NO_RANGES: 6 CAR
+ SG_ WHEEL : 7|16@0+ (0.01,0) [0|0] "km/h" CAR
+ SG_ FLOAT : 23|32@0+ (1,0) [0|0] "km/h" CAR
+SIG_VALTYPE_ 177 FLOAT : 1;
 VAL_ 256 BRAKE 1 "pressed" 0 "released" ;
 """
 
@@ -98,6 +102,16 @@ def test_an_identifier_is_its_kind_too(dbc):
 def test_beyond_the_range_stands_not_available(dbc):
     bus = CarBus(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     (discarded,) = hear(bus, CanFrame(2.0, 176, is_extended_id=False, data=b"\xff" * 8))
+    assert (discarded.room, discarded.reason) == ("obd", "signal_range")
+
+
+@pytest.mark.parametrize("signal", ["WHEEL", "FLOAT"])
+@pytest.mark.parametrize("number", ["ffffffff", "7f800000", "7fc00000", "47000000", "c7000000"])
+def test_without_a_range_stands_there_what_no_car_can_drive(dbc, signal, number):
+    """All ones, and as floating point: infinite, no number, too fast either way."""
+    bus = CarBus(settings(dbc, speed=(f"NO_RANGES.{signal}",)))
+    wheel = b"\xff\xff"
+    (discarded,) = hear(bus, CanFrame(2.0, 177, False, wheel + bytes.fromhex(number)))
     assert (discarded.room, discarded.reason) == ("obd", "signal_range")
 
 
