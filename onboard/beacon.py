@@ -22,11 +22,15 @@ from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensio
 from onboard.messages.bsm_schedule import BsmSchedule
 from onboard.observations import BrakePedal, HardBrake, Position, Speed
 from onboard.path_history import PathHistoryKeeper
+from onboard.path_prediction import PathPredictor
 from onboard.security.pseudonyms import Pseudonym
 from onboard.speed_trend import SpeedTrend
 
 FRESH_S = 1.0
-"""A speed or position older than this is said to be unavailable."""
+"""A speed or pedal older than this is said to be unavailable."""
+
+POSITION_FRESH_S = 1.6
+"""And a position: a receiver that gives one a second is late with it. When it was true is said."""
 
 HARD_BRAKING_S = 1.0
 """How long the event flag stays up after the detector's certainty, which comes once a braking."""
@@ -61,6 +65,7 @@ class Beacon:
         self._trend = SpeedTrend(ACCELERATION_WINDOW_S)
         self._pedal: BrakePedal | None = None
         self._path = PathHistoryKeeper()
+        self._predictor = PathPredictor()
         self._position: Position | None = None
         self._braking_until = -math.inf
         self.change_identity(who)
@@ -83,6 +88,7 @@ class Beacon:
         """The own position."""
         self._position = position
         self._path.receive_position(position)
+        self._predictor.receive_position(position)
 
     def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
         """The own car brakes hard: the next BSM says so, and is due at once."""
@@ -120,14 +126,21 @@ class Beacon:
         """The next BSM, with `footer` riding on it; `now` is `utc_s` in seconds since 1970."""
         self._msg_cnt = (self._msg_cnt + 1) % MESSAGE_COUNTS
         events = VehicleEventFlags.HARD_BRAKING if self._is_braking(now) else None
-        path = self._path.history(now) if _is_fresh(self._position, now) else None
-        safety = VehicleSafetyExtensions(events, path) if events or path else None
+        path, prediction = None, None
+        if self._fix(now) is not None:
+            path, prediction = self._path.history(now), self._predictor.prediction
+        safety = None
+        if events or path or prediction:
+            safety = VehicleSafetyExtensions(events, path, prediction)
         return BasicSafetyMessage(self._core(now, utc_s - now), safety, footer=footer)
 
     def _core(self, now: float, utc_offset_s: float) -> CoreData:
         speed = self._speed if _is_fresh(self._speed, now) else None
-        acceleration = AccelerationSet(self._trend.acceleration_m_s2 if speed else None)
-        fix = self._position if _is_fresh(self._position, now) else None
+        fix = self._fix(now)
+        acceleration = AccelerationSet(
+            longitudinal_m_s2=self._trend.acceleration_m_s2 if speed else None,
+            yaw_rate_rad_s=(self._predictor.yaw_rate_rad_s if fix else None) or 0.0,
+        )
         if fix is None:
             return CoreData(
                 self._msg_cnt,
@@ -152,6 +165,9 @@ class Beacon:
             brakes=self._brakes(now),
             size=self._size,
         )
+
+    def _fix(self, now: float) -> Position | None:
+        return self._position if _is_fresh(self._position, now, POSITION_FRESH_S) else None
 
     def _brakes(self, now: float) -> BrakeSystemStatus:
         if self._pedal is None or not _is_fresh(self._pedal, now):
@@ -182,5 +198,7 @@ def position_in(core: CoreData, now: float, utc_offset_s: float) -> Position | N
     )
 
 
-def _is_fresh(observation: Speed | BrakePedal | Position | None, now: float) -> bool:
-    return observation is not None and now - observation.stamp_s <= FRESH_S
+def _is_fresh(
+    observation: Speed | BrakePedal | Position | None, now: float, limit_s: float = FRESH_S
+) -> bool:
+    return observation is not None and now - observation.stamp_s <= limit_s

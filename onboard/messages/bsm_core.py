@@ -90,6 +90,7 @@ class AccelerationSet:
         float | None, Number(-126, 127, 0.02 * STANDARD_GRAVITY_M_S2, "m/s2", unavailable=-127)
     ] = None
     yaw_rate_rad_s: Annotated[float, Number(-32767, 32767, math.radians(0.01), "rad/s")] = 0.0
+    """The standard has no code for "unavailable"."""
 
 
 @dataclass(frozen=True, slots=True)
