@@ -27,9 +27,9 @@ class SensorWatch:
         """The watched sensors that are lost now."""
         return frozenset(self._lost)
 
-    def receive_sample(self, sensor: Sensor, stamp_s: float) -> None:
-        """A valid sample of `sensor` arrived."""
-        if sensor not in self._limits_s:
+    def receive_sample(self, sensor: Sensor, stamp_s: float, now: float) -> None:
+        """A valid sample of `sensor` arrived; one that is older than its limit does not count."""
+        if sensor not in self._limits_s or now >= stamp_s + self._limits_s[sensor]:
             return
         self._heard_at[sensor] = stamp_s
         self._lost_at[sensor] = stamp_s + self._limits_s[sensor]

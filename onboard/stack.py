@@ -160,7 +160,7 @@ class Stack:
             return
         match observation:
             case Speed():
-                self._watch.receive_sample(Sensor.SPEED, observation.stamp_s)
+                self._watch.receive_sample(Sensor.SPEED, observation.stamp_s, now)
                 self._group.receive_speed(observation.speed_m_s, now)
                 self._beacon.receive_speed(observation)
                 self._risk.receive_speed(observation)
@@ -171,21 +171,21 @@ class Stack:
                 self._group.receive_hard_brake(observation, now)
                 self._beacon.receive_hard_brake(observation, now)
             case Lead():
-                self._watch.receive_sample(Sensor.CAMERA, observation.stamp_s)
+                self._watch.receive_sample(Sensor.CAMERA, observation.stamp_s, now)
                 self._group.receive_neighbour(self._neighbour(observation, now), now)
                 self._risk.receive_lead(observation, now)
             case Position():
-                self._watch.receive_sample(Sensor.POSITION, observation.stamp_s)
+                self._watch.receive_sample(Sensor.POSITION, observation.stamp_s, now)
                 self._beacon.receive_position(observation)
                 self._mvs.receive_position(observation)
                 self._risk.receive_position(observation)
             case SensedCar() | DetectedCars():
-                self._receive_cars(observation)
+                self._receive_cars(observation, now)
             case SensorLost():
                 self._watch.receive_loss(observation.sensor, observation.reason, now)
                 return
             case SensorBack():
-                self._watch.receive_sample(observation.sensor, observation.stamp_s)
+                self._watch.receive_sample(observation.sensor, observation.stamp_s, now)
                 return
         if self._access is not None:
             self._adapt_access(self._access, observation, now)
@@ -331,12 +331,12 @@ class Stack:
 
     # ---- between the rooms ----------------------------------------------------------------
 
-    def _receive_cars(self, observation: SensedCar | DetectedCars) -> None:
+    def _receive_cars(self, observation: SensedCar | DetectedCars, now: float) -> None:
         match observation:
             case SensedCar():
                 self._mvs.receive_sensed_car(observation)
             case DetectedCars():
-                self._watch.receive_sample(Sensor.DETECTOR, observation.stamp_s)
+                self._watch.receive_sample(Sensor.DETECTOR, observation.stamp_s, now)
                 for car in observation.cars:
                     self._mvs.receive_sensed_car(car)
 

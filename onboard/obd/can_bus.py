@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import logging
 import socket
 import time
@@ -27,6 +28,8 @@ RECONNECT_PERIOD_S = 0.5
 
 DRAIN_FRAMES = 256
 """At most so many frames in one go, then the loop looks after the rest of the car."""
+
+NO_SOCKETCAN = "the kernel has no SocketCAN (modprobe can_raw)"
 
 MAX_QUEUED_S = 1.0
 """A kernel stamp older than this is a clock that was set, not a frame that waited."""
@@ -251,7 +254,8 @@ def _open_socketcan(channel: str) -> can.BusABC:
     try:
         bus = SocketcanBus(channel=channel)
     except OSError as error:
-        raise CanBusError(f"CAN bus {channel} cannot be opened: {error.strerror}") from error
+        why = NO_SOCKETCAN if error.errno == errno.EAFNOSUPPORT else error.strerror
+        raise CanBusError(f"CAN bus {channel} cannot be opened: {why}") from error
     # An interface that is down binds without complaint, and says so on the socket.
     if bus.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
         bus.shutdown()

@@ -24,8 +24,8 @@ def test_a_sensor_that_never_spoke_is_lost_after_its_limit(watch: SensorWatch) -
 
 
 def test_each_sample_renews_the_limit(watch: SensorWatch) -> None:
-    watch.receive_sample(Sensor.SPEED, 100.7)
-    watch.receive_sample(Sensor.CAMERA, 100.7)
+    watch.receive_sample(Sensor.SPEED, 100.7, 100.7)
+    watch.receive_sample(Sensor.CAMERA, 100.7, 100.7)
 
     watch.handle_timer(101.4)
 
@@ -36,8 +36,8 @@ def test_each_sample_renews_the_limit(watch: SensorWatch) -> None:
 def test_it_is_said_once_that_a_sensor_is_lost_and_how_long_it_was_silent(
     watch: SensorWatch,
 ) -> None:
-    watch.receive_sample(Sensor.SPEED, 100.5)
-    watch.receive_sample(Sensor.CAMERA, 101.5)
+    watch.receive_sample(Sensor.SPEED, 100.5, 100.5)
+    watch.receive_sample(Sensor.CAMERA, 101.5, 101.5)
 
     watch.handle_timer(101.5)
     watch.handle_timer(101.6)
@@ -51,15 +51,29 @@ def test_the_first_sample_after_a_loss_brings_it_back(watch: SensorWatch) -> Non
     watch.handle_timer(100.8)
     watch.next_event()
 
-    watch.receive_sample(Sensor.SPEED, 130.0)
+    watch.receive_sample(Sensor.SPEED, 130.0, 130.0)
 
     assert watch.next_event() == SensorBack(130.0, Sensor.SPEED)
     assert watch.lost == frozenset()
     assert watch.get_timer() == pytest.approx(101.0)
 
 
+def test_samples_that_all_come_too_late_do_not_bring_a_sensor_back(watch: SensorWatch) -> None:
+    """A camera whose pictures take longer than its limit to look at."""
+    watch.receive_sample(Sensor.SPEED, 104.0, 104.0)
+    told = []
+    for tenth in range(1, 40):
+        now = 100.0 + tenth / 10
+        watch.receive_sample(Sensor.CAMERA, now - 1.2, now)
+        watch.handle_timer(now)
+        while (event := watch.next_event()) is not None:
+            told.append(event)
+
+    assert told == [SensorLost(101.0, Sensor.CAMERA, silent_s=None, reason="silent")]
+
+
 def test_a_room_may_know_of_a_loss_before_the_limit(watch: SensorWatch) -> None:
-    watch.receive_sample(Sensor.CAMERA, 100.2)
+    watch.receive_sample(Sensor.CAMERA, 100.2, 100.2)
 
     watch.receive_loss(Sensor.CAMERA, "frozen", 100.4)
     watch.receive_loss(Sensor.CAMERA, "frozen", 100.5)
@@ -73,7 +87,7 @@ def test_a_room_may_know_of_a_loss_before_the_limit(watch: SensorWatch) -> None:
 
 def test_a_sensor_that_the_car_does_not_have_is_never_lost(watch: SensorWatch) -> None:
     watch.receive_loss(Sensor.POSITION, "unplugged", 100.1)
-    watch.receive_sample(Sensor.POSITION, 100.2)
+    watch.receive_sample(Sensor.POSITION, 100.2, 100.2)
 
     assert watch.next_event() is None
 
@@ -88,5 +102,5 @@ def test_a_sensor_that_may_be_silent_is_lost_by_its_room_alone() -> None:
         assert watch.next_event() == SensorLost(
             lost_at, Sensor.RADIO, silent_s=None, reason="Connection refused"
         )
-        watch.receive_sample(Sensor.RADIO, lost_at + 4.0)
+        watch.receive_sample(Sensor.RADIO, lost_at + 4.0, lost_at + 4.0)
         assert watch.next_event() == SensorBack(lost_at + 4.0, Sensor.RADIO)
