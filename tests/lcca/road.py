@@ -15,6 +15,7 @@ import numpy as np
 from onboard.lcca.events import Neighbour, Transition, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.settings import LccaSettings
+from onboard.lcca.transitions import Event
 from onboard.messages.lcca import CarId, LccaMessage, Warn, decode, encode
 from onboard.observations import Discarded, HardBrake
 
@@ -262,3 +263,8 @@ def true_places(road: Road) -> dict[str, tuple[str, int]]:
         row = list(nx.topological_sort(graph.subgraph(component)))
         out |= {name: (row[0], number) for number, name in enumerate(row, start=1)}
     return out
+
+
+def events_of(car: Car) -> list[tuple[Event, str]]:
+    """What happened to its place, and why."""
+    return [(transition.event, transition.cause) for transition in car.transitions]

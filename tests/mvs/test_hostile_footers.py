@@ -18,60 +18,31 @@ from onboard.messages.mvs_footer import (
     SharedMeasurement,
     SharedState,
 )
-from onboard.mvs.belief import doubts, excess_of_trust
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
-from onboard.mvs.fusion import fuse, propagate
-from onboard.mvs.kinematics import Kinematics
+from onboard.mvs.evidence import Estimate, Measurement, MeasurementId
+from onboard.mvs.fusion import propagate
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.settings import BeliefSettings
 from onboard.mvs.sharing import footer_of
-from onboard.mvs.spans import Spans
 from onboard.observations import Position, SensedCar
+from tests.mvs.liar import (
+    HERE,
+    LIAR,
+    NOW,
+    OWN,
+    RECENT,
+    WITNESS,
+    estimate_at,
+    footer_with,
+    say,
+    victim,
+)
 from tests.mvs.world import EXACT
-
-HERE = LocalFrame(48.1, 11.5)
-NOW = 1000.0
-LIAR, WITNESS, OWN = b"liar", b"wit.", b"-own"
-
-
-def victim() -> MultiVehicleSensing:
-    mvs = MultiVehicleSensing(EXACT, OWN, np.random.default_rng(0))
-    mvs.receive_position(Position(NOW, 48.1, 11.5, None, 0.5, 10.0, 0.0))
-    return mvs
-
-
-def say(mvs: MultiVehicleSensing, footer: MvsFooter | bytes, at: float = NOW) -> list[str]:
-    """The liar drives 100 m ahead and sends `footer`; returns why it was not believed."""
-    data = footer if isinstance(footer, bytes) else mvs_footer.encode(footer)
-    place = Position(at, 48.1009, 11.5, None, 0.5, 10.0, 0.0)
-    mvs.receive_bsm(LIAR, place, data, at)
-    mvs.cars_without_radio(at)
-    reasons = []
-    while (event := mvs.next_event()) is not None:
-        reasons.append(event.reason)
-    return reasons
-
-
-def estimate_at(
-    x_m: float, y_m: float, stamps_ms: list[int], observer: bytes = LIAR, sigma_m: float = 0.5
-) -> Estimate:
-    provenance = frozenset(MeasurementId(observer, stamp_ms) for stamp_ms in stamps_ms)
-    covariance = np.diag([sigma_m**2, sigma_m**2, 1.0, 1.0])
-    return Estimate(provenance, np.array([x_m, y_m, 0.0, 10.0]), covariance)
-
-
-def footer_with(*evidence: Evidence, reference_ms: int = 1_000_000) -> MvsFooter:
-    return footer_of(enumerate(evidence), reference_ms, HERE, HERE)
 
 
 def tracks(mvs: MultiVehicleSensing, now: float = NOW) -> list[Estimate]:
     """What it holds of cars without a radio, known or not yet."""
     mvs.kinematic_info(now)
     return [track.estimate for track in mvs._tracks]
-
-
-RECENT = [999_700, 999_800, 999_900]
 
 
 def test_an_honest_footer_is_believed() -> None:
@@ -410,74 +381,6 @@ def test_pairs_that_leave_all_open_cost_no_more_than_their_number() -> None:
     say(mvs, footer, NOW + 0.06)
 
     assert time.process_time() - started < 0.5
-
-
-# --- What cannot be encoded, but might come some other way ---------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("state", "covariance", "reason"),
-    [
-        ([np.nan, 0, 0, 0], np.eye(4), "not_finite"),
-        ([0, np.inf, 0, 0], np.eye(4), "not_finite"),
-        ([0, 0, 0, 0], np.full((4, 4), np.nan), "not_finite"),
-        ([0, 0, 0, 0], np.zeros((4, 4)), "not_positive"),
-        ([0, 0, 0, 0], -np.eye(4), "not_positive"),
-        ([0, 0, 0, 0], np.diag([1.0, 1.0, 1.0, -1.0]), "not_positive"),
-        ([0, 0, 0, 0], np.eye(4) + np.eye(4, k=1), "not_positive"),
-        ([3000, 0, 0, 0], np.eye(4), "far"),
-        ([0, 0, 200, 0], np.eye(4), "too_fast"),
-        ([0, 0, 0, 0], np.diag([0.0, 1.0, 1.0, 1.0]), "not_positive"),
-        ([0, 0, 0, 0], np.eye(4) * 1000, "too_vague"),
-        ([0, 0, 0, 0], np.eye(4) * 1e-8, "far_too_sure"),
-        ([0, 0, 0, 0], np.diag([1.0, 1.0, 1e-4, 1e-4]), "far_too_sure"),
-        ([0, 0, 0, 0], np.diag([400.0, 400.0, 1.0, 1.0]), "far_too_sure"),
-    ],
-)
-def test_impossible_estimates_are_named(
-    state: list[float], covariance: np.ndarray, reason: str
-) -> None:
-    piece = Estimate(frozenset({MeasurementId(LIAR, 5)}), np.array(state, float), covariance)
-
-    moments = frozenset({MeasurementId(LIAR, 5), MeasurementId(LIAR, 905)})
-    honest = Estimate(moments, np.zeros(4), np.eye(4))
-
-    pieces: list[Evidence] = [honest, piece]
-
-    doubted, _ = doubts(
-        Kinematics.of(pieces),
-        Spans.of([each.provenance for each in pieces]),
-        BeliefSettings(),
-        reaches_m=np.full(2, 1700.0),
-        tellers_m=np.zeros((2, 2)),
-        now_ms=np.full(2, 1000.0),
-    )
-
-    assert doubted == {1: reason}
-
-
-def excess_of_trust_in(*pieces: Evidence) -> np.ndarray:
-    spans = Spans.of([piece.provenance for piece in pieces])
-    return excess_of_trust(Kinematics.of(pieces), spans, 0.1)
-
-
-def test_honest_estimates_are_not_weighted_down() -> None:
-    rng = np.random.default_rng(1)
-    for n in range(1, 12):
-        evidence = [
-            Measurement(MeasurementId(b"abcd", int(t)), rng.normal(size=2), np.eye(2) * 0.1**2)
-            for t in rng.choice(300, n, replace=False)
-        ]
-        (estimate,) = fuse([evidence], 1.0)
-        assert (excess_of_trust_in(estimate, *evidence) == 1.0).all()
-
-
-def test_weighting_down_keeps_the_shape_of_a_covariance() -> None:
-    sure = estimate_at(0, 0, RECENT, sigma_m=0.001)
-
-    (excess,) = excess_of_trust_in(sure)
-
-    assert np.sqrt(sure.covariance[0, 0] * excess) == pytest.approx(0.1 / np.sqrt(3))
 
 
 def test_an_observer_corrects_what_others_said_of_his_measurement() -> None:

@@ -201,3 +201,35 @@ class World:
         while (event := self.mvs[name].next_event()) is not None:
             reasons.append(event.reason)
         return reasons
+
+
+def assert_lists_each_measurement_once(world: World) -> None:
+    """The invariant: whatever is known, its evidence has no measurement in common."""
+    for name, mvs in world.mvs.items():
+        for track in mvs._tracks:
+            used = [identity for piece in track.used for identity in piece.provenance]
+            assert len(used) == len(set(used)), name
+        for known in world.without_radio(name):
+            assert known.provenance
+            assert all(stamp_ms <= world.t * 1000 + 1 for _, stamp_ms in known.provenance)
+
+
+def only(known: list[KnownCar]) -> KnownCar:
+    (car,) = known
+    return car
+
+
+def ring(n: int, **changes: object) -> World:
+    """n cars with radios around one without; each sees it, all hear each other."""
+    cars = [
+        Car(
+            f"c{k}",
+            40 * math.cos(2 * math.pi * k / n),
+            40 * math.sin(2 * math.pi * k / n),
+            clock_offset_s=100.0 * k,
+            sees=frozenset({"x"}),
+            heading_rad=k * 0.5,
+        )
+        for k in range(n)
+    ]
+    return World([*cars, Car("x", -5, 3, 4.0, -2.0, radio=False)], **changes)  # type: ignore[arg-type]

@@ -22,3 +22,12 @@ ALICE, BOB, CAROL = (
 
 def security(credentials=None):
     return Security(utc_offset_s=UTC_S, credentials=credentials)
+
+
+def reread(structure, data):
+    """What the oracle understood of `data`, once it has written the same bytes again."""
+    structure.from_coer(data)
+    value = structure.get_val()
+    structure.set_val(value)
+    assert structure.to_coer() == data
+    return value

@@ -1,0 +1,54 @@
+"""A single core, told by hand what its camera and its radio get."""
+
+import numpy as np
+
+from onboard.lcca.events import Neighbour, Transition
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.settings import LccaSettings
+from onboard.messages.lcca import CarId, Join, LccaMessage, Reply
+from onboard.observations import Discarded
+from tests.lcca.road import car_id
+
+A, B = (car_id(name) for name in "AB")
+
+
+class OneCar:
+    """B, unless told otherwise, alone at 20 m/s."""
+
+    def __init__(self, own_id: CarId = B, **settings: float) -> None:
+        prompt = LccaSettings(**{"identity_dwell_s": 0.0, "spread_s": 0.0, **settings})  # type: ignore[arg-type]
+        self.group = WarningGroup(prompt, own_id, np.random.default_rng(1))
+        self.group.receive_speed(20.0, 0.0)
+
+    def sees(self, ahead: CarId | None, now: float, gap_m: float = 20.0, closing: float = 0.0):
+        self.group.receive_speed(20.0, now)
+        self.group.receive_neighbour(Neighbour(ahead, gap_m, closing), now)
+
+    def says(self, now: float) -> list[LccaMessage]:
+        self.group.handle_timer(now)
+        return self.group.messages_to_send(now)
+
+    def asks(self, now: float) -> Join:
+        joins = [message for message in self.says(now) if isinstance(message, Join)]
+        assert len(joins) == 1
+        return joins[0]
+
+    def hears(self, message: LccaMessage, now: float) -> list[str]:
+        """What the core made of it: events and refusals as words."""
+        self.group.receive_message(message, now)
+        words = []
+        while (event := self.group.next_event()) is not None:
+            assert isinstance(event, Transition | Discarded)
+            words.append(event.reason if isinstance(event, Discarded) else event.event.value)
+        return words
+
+
+def answer(join: Join, leader: CarId = A, number: int = 1, beat: int = 10, speed: float = 20.0):
+    return Reply(join.to_id, leader, number, join.sender_id, join.sequence, beat, speed)
+
+
+def member_of_a(**settings: float) -> OneCar:
+    car = OneCar(**settings)
+    car.sees(A, 0.0)
+    assert car.hears(answer(car.asks(0.0)), 0.0) == ["joined"]
+    return car

@@ -1,0 +1,218 @@
+"""Groups that split, merge, close into circles and change their IDs."""
+
+from itertools import pairwise
+
+import pytest
+
+from onboard.lcca.transitions import TRANSITIONS, Event, State
+from onboard.messages.lcca import Join, Leave, LeaveReason, Update
+from tests.lcca.one_car import OneCar
+from tests.lcca.road import Air, Road, car_id, events_of, places, true_places
+
+A, B, C, X = (car_id(name) for name in "ABCX")
+
+
+# Another car ahead
+
+
+def test_a_car_that_cuts_in_takes_its_place_without_anybody_leaving_the_group() -> None:
+    road = Road()
+    a, b, c = road.add_row("ABC", gap_m=30.0)
+    road.run(3.0)
+    x = road.add("X", -15.0)
+    road.run(3.0)
+    assert places(road) == {"A": ("A", 1), "X": ("A", 2), "B": ("A", 3), "C": ("A", 4)}
+    assert {event for event, _ in events_of(b)[2:]} <= {Event.JOINED, Event.RENUMBERED}
+    assert {event for event, _ in events_of(c)[1:]} == {Event.RENUMBERED}
+    leaves = [entry.message for entry in road.sent if isinstance(entry.message, Leave)]
+    assert [(leave.sender_id, leave.reason) for leave in leaves] == [
+        (B, LeaveReason.FOLLOWS_ANOTHER)
+    ]
+    assert a.group.followers == (X,)
+    assert x.group.followers == (B,)
+
+
+def test_a_car_that_changes_lanes_out_of_the_group_is_closed_up_behind() -> None:
+    road = Road()
+    _, b, c = road.add_row("ABC", gap_m=15.0)
+    road.run(3.0)
+    b.lane = 1
+    road.run(3.0)
+    assert places(road) == {"A": ("A", 1), "B": ("B", 1), "C": ("A", 2)}
+    assert events_of(b)[-1] == (Event.LEFT_ALONE, "not_ahead")
+    assert Event.LEFT_ALONE not in {event for event, _ in events_of(c)}
+
+
+@pytest.mark.parametrize("updates_lost", [False, True])
+def test_a_group_splits_where_the_gap_opens(updates_lost: bool) -> None:
+    road = Road()
+    road.drops = lambda entry, _: updates_lost and isinstance(entry.message, Update)
+    cars = road.add_row("ABCDE")
+    road.run(3.0)
+    for car in cars[2:]:
+        car.position_m -= 40.0
+    road.run(1.2)
+    assert (Event.LEFT_LEADING, "gap") in events_of(cars[2])
+    road.run(1.5 if updates_lost else 0.0)
+    assert places(road) == {
+        "A": ("A", 1),
+        "B": ("A", 2),
+        "C": ("C", 1),
+        "D": ("C", 2),  # GN_j - GN_i + 1: number 4 behind number 3 is number 2
+        "E": ("C", 3),
+    }
+    assert [car.group.state for car in cars[1:3]] == [State.MEMBER, State.LEADER]
+
+
+@pytest.mark.parametrize("updates_lost", [False, True])
+def test_two_groups_merge_and_the_second_learns_its_new_leader(updates_lost: bool) -> None:
+    road = Road()
+    road.drops = lambda entry, _: updates_lost and isinstance(entry.message, Update)
+    road.add_row("AB")
+    for i, name in enumerate("CDE"):
+        road.add(name, -80.0 - 20.0 * i)
+    road.run(3.0)
+    assert places(road)["E"] == ("C", 3)
+    for name in "CDE":
+        road.cars[name].position_m += 40.0
+    road.run(1.5 if updates_lost else 0.5)
+    assert places(road) == true_places(road)
+    assert places(road)["E"] == ("A", 5)
+
+
+def test_news_that_no_update_brought_comes_down_the_row_as_a_wave() -> None:
+    road = Road()
+    road.drops = lambda entry, _: isinstance(entry.message, Update)
+    for i, name in enumerate("ABCDEFGHIJ"):
+        road.add(name, -80.0 - 20.0 * i)
+    road.add("Z", 0.0)
+    road.run(5.0)
+    for name in "ABCDEFGHIJ":
+        road.cars[name].position_m += 50.0
+    road.run(2.0)
+    assert places(road)["J"] == ("Z", 11)
+    reached = [road.cars[name].transitions[-1].stamp_s for name in "ABCDEFGHIJ"]
+    one_car_s = road.settings.spread_s + 3 * road.air.delay_s
+    assert all(later - earlier <= one_car_s for earlier, later in pairwise(reached))
+
+
+@pytest.mark.parametrize(("cars", "loss"), [(40, 0.0), (16, 0.3)])
+def test_news_of_a_living_leader_reaches_the_end_of_a_long_row_in_time(
+    cars: int, loss: float
+) -> None:
+    road = Road(Air(reach_m=150.0, loss=loss), seed=3)
+    for i in range(cars):
+        road.add(f"{i:02d}", -20.0 * i)
+    road.run(10.0)
+    assert places(road) == true_places(road)
+    settled = {name: len(car.transitions) for name, car in road.cars.items()}
+    road.run(15.0)
+    assert {name: len(car.transitions) for name, car in road.cars.items()} == settled
+
+
+def test_every_listed_transition_happens_on_the_road() -> None:
+    road = Road()
+    cars = road.add_row("ABC", gap_m=15.0)  # REGULAR is followed, joins; a MEMBER is followed
+    road.run(2.0)
+    x = road.add("X", -7.0)  # cuts in: a MEMBER joins another car, C is renumbered
+    road.run(3.0)
+    cars[2].position_m = -100.0  # falls back: a MEMBER leaves alone, another is followed no more
+    road.run(3.0)
+    x.position_m, cars[1].position_m = -60.0, -75.0  # a MEMBER leaves leading
+    road.run(3.0)
+    x.position_m = -15.0  # a LEADER joins
+    road.run(3.0)
+    x.lane = 1  # a LEADER is followed no more, and is REGULAR
+    cars[1].lane = 2
+    road.run(3.0)
+    happened = {(t.state_before, t.event) for car in road.cars.values() for t in car.transitions}
+    assert happened == {(state, event) for state, row in TRANSITIONS.items() for event in row}
+
+
+# Circles
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_two_cars_that_read_each_others_plate_do_not_count_up(seed: int) -> None:
+    road = Road(Air(jitter_s=0.08), seed=seed)
+    a, b = road.add_row("AB")
+    ahead = road.add("Z", 20.0)
+    ahead.has_radio = False
+    a.misread_as = B
+    for _ in range(100):
+        road.run(0.1)
+        assert a.group.group_number <= 2
+        assert b.group.group_number <= 2
+    a.misread_as = None
+    road.run(5.0)
+    assert places(road) == true_places(road)
+
+
+def test_the_first_of_a_row_that_reads_the_lasts_plate_stays_the_first() -> None:
+    road = Road()
+    road.add("Z", 20.0).has_radio = False
+    cars = road.add_row("ABCD")
+    road.run(2.0)
+    cars[0].misread_as = car_id("D")
+    road.run(10.0)
+    assert places(road) == true_places(road)
+    assert "loop" in cars[0].discarded
+    # D is asked, but does not list its own leader as a follower.
+    assert "loop" in cars[3].discarded
+    assert cars[3].group.followers == ()
+
+
+def test_a_member_that_reads_the_plate_of_a_car_behind_does_not_follow_it() -> None:
+    road = Road()
+    cars = road.add_row("ABCD")
+    road.run(2.0)
+    cars[1].misread_as = car_id("D")
+    for _ in range(100):
+        road.run(0.1)
+        assert all(car.group.group_number <= 4 for car in cars)
+        assert cars[1].group.predecessor_id != car_id("D")
+
+
+# IDs that change
+
+
+@pytest.mark.parametrize("spread_s", [0.0, 0.5, 1.5])
+def test_a_group_outlives_the_change_of_everybodys_id(spread_s: float) -> None:
+    road = Road()
+    cars = road.add_row("ABCDE")
+    road.run(3.0)
+    said = [len(car.transitions) for car in cars]
+    before_change = len(road.sent)
+    road.change_ids(spread_s)
+    road.run(spread_s + 3.0)
+    assert places(road) == true_places(road)
+    for car, before in zip(cars, said, strict=True):
+        assert {t.event for t in car.transitions[before:]} <= {Event.JOINED, Event.RENUMBERED}
+        assert car.group.leader_id == car_id("A", 1)
+    assert not any(isinstance(entry.message, Leave) for entry in road.sent[before_change:])
+
+
+def test_no_message_names_both_the_old_and_the_new_id_of_one_car() -> None:
+    road = Road()
+    road.add_row("ABCDE")
+    road.run(3.0)
+    before = len(road.sent)
+    road.change_ids()
+    road.run(3.0)
+    assert not any(isinstance(entry.message, Update) for entry in road.sent[before:])
+
+
+def test_after_the_change_the_previous_id_is_nobodys() -> None:
+    car = OneCar(own_id=B)
+    car.group.set_own_id(X, 1.0)
+    car.says(1.0)
+    assert car.hears(Join(C, C, 1, B, 0, bytes(8), 0), 2.0) == ["followed"]
+    assert car.hears(Leave(C, X, 2, B, LeaveReason.GAP), 2.1) == ["unfollowed"]
+    car.says(3.0)
+    assert car.hears(Join(C, C, 1, B, 0, bytes(8), 0), 3.1) == []
+    assert car.hears(Join(C, C, 1, X, 0, bytes(8), 0), 3.1) == ["followed"]
+
+
+def test_the_own_voice_is_not_listened_to() -> None:
+    car = OneCar(own_id=B)
+    assert car.hears(Join(B, B, 1, B, 0, bytes(8), 0), 0.0) == ["own_echo"]

@@ -1,0 +1,301 @@
+"""Certificates: the bytes that another implementation writes and reads, and what they grant."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.security import its_time, p256
+from onboard.security.authority import make_pseudonyms
+from onboard.security.certificate_codec import (
+    decode_certificate,
+    encode_certificate,
+    encode_signature,
+    encode_to_be_signed,
+)
+from onboard.security.certificates import IssuePermission, Permission, Subject
+from onboard.security.oer import Malformed, Unsupported
+from tests.security.trial import ALICE, BSM, ISSUING, ROOT, UTC_S, new_key, reread
+
+OWN = ALICE.pseudonyms[0].certificate
+
+
+@pytest.mark.parametrize(
+    "certificate",
+    [ROOT.credential.certificate, ISSUING.credential.certificate, OWN],
+    ids=["root", "issuing", "pseudonym"],
+)
+def test_another_implementation_reads_our_certificates(oracle, certificate):
+    value = reread(oracle.Certificate, certificate.encoded)
+    assert value["type"] == "explicit"
+    body = value["toBeSigned"]
+    assert body["id"] == (
+        ("name", certificate.subject.name) if certificate.subject.name else ("none", 0)
+    )
+    assert body["validityPeriod"]["start"] == its_time.to_time32(UTC_S - 3600)
+    oracle.ToBeSignedCertificate.set_val(body)
+    assert oracle.ToBeSignedCertificate.to_coer() == certificate.to_be_signed
+    assert decode_certificate(certificate.encoded) == certificate
+
+
+def test_a_pseudonym_names_nobody_and_differs_from_the_next():
+    certificates = [own.certificate for own in ALICE.pseudonyms]
+    assert {certificate.subject.name for certificate in certificates} == {None}
+    assert len({certificate.subject.public_key for certificate in certificates}) == 3
+    assert len({certificate.hashed_id8 for certificate in certificates}) == 3
+
+
+eight = st.binary(min_size=8, max_size=8)
+small = st.integers(0, 65535)
+key_points = st.tuples(
+    st.sampled_from(["compressed-y-0", "compressed-y-1"]), st.binary(min_size=32, max_size=32)
+)
+regions = st.one_of(
+    st.tuples(
+        st.just("circularRegion"),
+        st.fixed_dictionaries(
+            {"center": st.just({"latitude": 1, "longitude": -1}), "radius": small}
+        ),
+    ),
+    st.tuples(
+        st.just("polygonalRegion"),
+        st.lists(st.just({"latitude": 1, "longitude": 2}), min_size=3, max_size=5),
+    ),
+    st.tuples(
+        st.just("identifiedRegion"),
+        st.lists(
+            st.one_of(
+                st.tuples(st.just("countryOnly"), small),
+                st.tuples(
+                    st.just("countryAndRegions"),
+                    st.fixed_dictionaries(
+                        {
+                            "countryOnly": small,
+                            "regions": st.lists(st.integers(0, 255), min_size=1, max_size=3),
+                        }
+                    ),
+                ),
+            ),
+            min_size=1,
+            max_size=3,
+        ),
+    ),
+)
+psid_groups = st.lists(
+    st.fixed_dictionaries(
+        {
+            "subjectPermissions": st.one_of(
+                st.just(("all", 0)),
+                st.tuples(
+                    st.just("explicit"),
+                    st.lists(
+                        st.fixed_dictionaries(
+                            {"psid": small},
+                            optional={
+                                "sspRange": st.sampled_from([("all", 0), ("opaque", [b"", b"abc"])])
+                            },
+                        ),
+                        min_size=1,
+                        max_size=3,
+                    ),
+                ),
+            )
+        },
+        optional={
+            "minChainLength": st.integers(2, 300),
+            "chainLengthRange": st.sampled_from([-1, 1, 2]),
+        },
+    ),
+    min_size=1,
+    max_size=3,
+)
+bodies = st.fixed_dictionaries(
+    {
+        "id": st.one_of(
+            st.just(("none", 0)),
+            st.tuples(st.just("name"), st.text(max_size=20)),
+            st.tuples(st.just("binaryId"), st.binary(min_size=1, max_size=64)),
+            st.tuples(
+                st.just("linkageData"),
+                st.fixed_dictionaries(
+                    {"iCert": small, "linkage-value": st.binary(min_size=9, max_size=9)},
+                    optional={
+                        "group-linkage-value": st.fixed_dictionaries(
+                            {
+                                "jValue": st.binary(min_size=4, max_size=4),
+                                "value": st.binary(min_size=9, max_size=9),
+                            }
+                        )
+                    },
+                ),
+            ),
+        ),
+        "cracaId": st.binary(min_size=3, max_size=3),
+        "crlSeries": small,
+        "validityPeriod": st.fixed_dictionaries(
+            {
+                "start": st.integers(0, 2**32 - 1),
+                "duration": st.tuples(
+                    st.sampled_from(["milliseconds", "seconds", "hours", "sixtyHours", "years"]),
+                    small,
+                ),
+            }
+        ),
+        "verifyKeyIndicator": st.tuples(
+            st.just("verificationKey"), st.tuples(st.just("ecdsaNistP256"), key_points)
+        ),
+    },
+    optional={
+        "region": regions,
+        "assuranceLevel": st.binary(min_size=1, max_size=1),
+        "appPermissions": st.lists(
+            st.fixed_dictionaries(
+                {"psid": small}, optional={"ssp": st.tuples(st.just("opaque"), st.binary())}
+            ),
+            min_size=1,
+            max_size=4,
+        ),
+        "certIssuePermissions": psid_groups,
+        "certRequestPermissions": psid_groups,
+        "canRequestRollover": st.just(0),
+        "encryptionKey": st.fixed_dictionaries(
+            {
+                "supportedSymmAlg": st.just("aes128Ccm"),
+                "publicKey": st.tuples(st.just("eciesNistP256"), key_points),
+            }
+        ),
+    },
+)
+
+
+@given(body=bodies, issuer=st.just(("self", "sha256")) | st.tuples(
+    st.just("sha256AndDigest"), eight), s=st.binary(min_size=32, max_size=32))  # fmt: skip
+def test_we_read_another_implementation_s_certificates(oracle, body, issuer, s):
+    oracle.Certificate.set_val(
+        {
+            "version": 3,
+            "type": "explicit",
+            "issuer": issuer,
+            "toBeSigned": body,
+            "signature": ("ecdsaNistP256Signature", {"rSig": ("x-only", bytes(32)), "sSig": s}),
+        }
+    )
+    encoded = oracle.Certificate.to_coer()
+    read = decode_certificate(encoded)
+    assert read.encoded == encoded
+    oracle.ToBeSignedCertificate.set_val(body)
+    assert read.to_be_signed == oracle.ToBeSignedCertificate.to_coer()
+    assert read.issuer_id == (issuer[1] if issuer[0] == "sha256AndDigest" else None)
+    assert [(p.psid, p.ssp) for p in read.subject.permissions] == [
+        (p["psid"], p["ssp"][1] if "ssp" in p else None) for p in body.get("appPermissions", [])
+    ]
+    assert [
+        (grant.psids is None, grant.min_chain_length, grant.chain_length_range)
+        for grant in read.subject.issue_permissions
+    ] == [
+        (
+            group["subjectPermissions"][0] == "all",
+            group.get("minChainLength", 1),
+            group.get("chainLengthRange", 0),
+        )
+        for group in body.get("certIssuePermissions", [])
+    ]
+    parity, x = body["verifyKeyIndicator"][1][1]
+    assert read.subject.public_key == (b"\x02" if parity == "compressed-y-0" else b"\x03") + x
+
+
+def test_points_written_at_length_are_compressed_before_they_are_hashed(oracle):
+    """Clause 6.4: whoever wrote the certificate, and however, its hash is the same."""
+    value = reread(oracle.Certificate, OWN.encoded)
+    key = p256.public_key(OWN.subject.public_key).public_numbers()
+    value["toBeSigned"]["verifyKeyIndicator"] = (
+        "verificationKey",
+        (
+            "ecdsaNistP256",
+            ("uncompressedP256", {"x": key.x.to_bytes(32), "y": key.y.to_bytes(32)}),
+        ),
+    )
+    r = value["signature"][1]["rSig"][1]
+    value["signature"][1]["rSig"] = ("compressed-y-1", r)
+    oracle.Certificate.set_val(value)
+    assert oracle.Certificate.to_coer() != OWN.encoded
+    assert decode_certificate(oracle.Certificate.to_coer()) == OWN
+
+
+@pytest.mark.parametrize("valid_for_s", [1, 65_535, 65_536, 604_800, 3.15e8, 9e9])
+def test_a_certificate_holds_at_least_as_long_as_was_asked(valid_for_s):
+    credentials = make_pseudonyms(
+        ISSUING, 1, {BSM}, new_key=new_key, valid_from_utc_s=UTC_S, valid_for_s=valid_for_s
+    )
+    subject = credentials.pseudonyms[0].certificate.subject
+    assert valid_for_s <= subject.valid_for_s <= max(valid_for_s * 1.01, valid_for_s + 1)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"public_key": None}, {"permissions": ()}, {"valid_for_s": 1e13}],
+    ids=["no key", "no permission", "longer than years can say"],
+)
+def test_what_cannot_be_certified_is_our_own_mistake(change):
+    fields = {
+        "name": None,
+        "valid_from_utc_s": UTC_S,
+        "valid_for_s": 60.0,
+        "public_key": OWN.subject.public_key,
+        "permissions": (Permission(BSM),),
+    }
+    with pytest.raises(ValueError, match=r"has a public key|longer than"):
+        encode_to_be_signed(Subject(**fields | change))
+
+
+@pytest.mark.parametrize(
+    ("grant", "permission", "heights"),
+    [
+        (IssuePermission(frozenset({BSM})), Permission(BSM), [1]),
+        (IssuePermission(frozenset({BSM})), Permission(BSM, ssp=b"any"), []),
+        (IssuePermission(frozenset(), any_ssp=frozenset({BSM})), Permission(BSM, b"any"), [1]),
+        (IssuePermission(frozenset({BSM})), Permission(0x21), []),
+        (IssuePermission(None), Permission(0x21, ssp=b"any"), [1]),
+        (IssuePermission(None, min_chain_length=2), Permission(BSM), [2]),
+        (IssuePermission(None, min_chain_length=1, chain_length_range=1), Permission(BSM), [1, 2]),
+        (IssuePermission(None, min_chain_length=2, chain_length_range=-1), Permission(1), [2, 3]),
+    ],
+)
+def test_what_an_authority_may_grant_and_how_far_below(grant, permission, heights):
+    assert [height for height in (1, 2, 3) if grant.covers(permission, height)] == heights
+
+
+psid_sets = st.frozensets(st.integers(0, 2**20), max_size=4)
+
+
+@given(
+    st.lists(
+        st.builds(
+            lambda psids, any_ssp, shortest, further: IssuePermission(
+                psids and psids - any_ssp, any_ssp, shortest, further
+            ),
+            psid_sets,
+            psid_sets,
+            st.integers(1, 5),
+            st.integers(-1, 3),
+        )
+        | st.just(IssuePermission(None)),
+        min_size=1,
+        max_size=3,
+    )
+)
+def test_what_an_authority_may_grant_survives(grants):
+    subject = Subject("a", UTC_S, 60.0, OWN.subject.public_key, (), tuple(grants))
+    body = encode_to_be_signed(subject)
+    own = decode_certificate(encode_certificate(None, body, encode_signature((1, 1))))
+    assert own.subject == subject
+
+
+@given(st.binary(max_size=120), st.data())
+def test_no_bytes_raise_anything_but_the_two_declared_errors(noise, data):
+    changed = bytearray(OWN.encoded)
+    changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
+    for given_bytes in (noise, b"\x80\x03\x00" + noise, bytes(changed)):
+        try:
+            decode_certificate(given_bytes)
+        except (Malformed, Unsupported):
+            continue
