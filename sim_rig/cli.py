@@ -86,7 +86,15 @@ def run(
         f" recordings and picture in {folder}"
     )
     print_verdict(story, log, console)
-    raise typer.Exit(1 if failures(story, log) else 0)
+    failed = bool(failures(story, log))
+    load, cores = os.getloadavg()[0], os.cpu_count() or 1
+    if failed and not virtual and load > cores:
+        console.print(
+            f"This machine was busy (load {load:.1f}, {cores} cores), and real time does not wait:"
+            " run it again when it is not, or with --virtual.",
+            soft_wrap=True,
+        )
+    raise typer.Exit(1 if failed else 0)
 
 
 @app.command(context_settings={"ignore_unknown_options": True})

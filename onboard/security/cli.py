@@ -77,9 +77,12 @@ def car(
     psid: Psids = None,
 ) -> None:
     """Make a batch of pseudonym certificates for one car, which takes the next every epoch."""
-    made = authority.make_pseudonyms(
-        key_files.read_authority(issuing), count, _numbers(psid), **_valid(days)
-    )
+    issuer = key_files.read_authority(issuing)
+    if issuer.credential.certificate.issuer_id is None:
+        raise key_files.KeyFilesError(
+            f"{issuing}: is a root; a car takes what `onboard keys issuing` makes"
+        )
+    made = authority.make_pseudonyms(issuer, count, _numbers(psid), **_valid(days))
     key_files.write_credentials(folder, made)
     _tell_pseudonyms(folder, made)
 

@@ -86,6 +86,17 @@ def test_a_run_that_does_not_come_as_expected_fails_with_1(
     assert "FAILED ann is not warned of ann braking at 0 s" in shown
 
 
+def test_an_output_folder_that_cannot_be_made_is_the_users_mistake(
+    terminal: Terminal, impossible: Path
+) -> None:
+    code, _, complaint = terminal.run(
+        "run", "--virtual", str(impossible), "--out", str(impossible / "out")
+    )
+
+    assert code == 2
+    assert "cannot be written: Not a directory" in complaint
+
+
 @pytest.mark.parametrize("arguments", [("run", "fig5"), ("run",), ("jump",)])
 def test_a_mistake_of_the_user_ends_with_2(terminal: Terminal, arguments: tuple[str, ...]) -> None:
     code, shown, complaint = terminal.run(*arguments)
