@@ -3,7 +3,9 @@
 Between two moments a car's middle and heading change evenly. Two boxes are apart by at least the
 widest gap on any of their four side directions, and are disjoint exactly if that is positive
 (separating axes). No point of them moves faster than a bound; so time can jump by gap over bound
-and never past the first touch (conservative advancement).
+and never past the first touch (conservative advancement). Where that would be less than
+`_LEAST_JUMP` of the step it is that much: a touch may be found so much too late, and one that is
+over sooner is none.
 """
 
 from collections.abc import Callable
@@ -14,7 +16,7 @@ import numpy as np
 from sim_rig.roads.cars import Array, Cars
 
 _TOUCH_M = 1e-6
-_MOST_JUMPS = 200
+_LEAST_JUMP = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,7 @@ def _first_touch(begin: Cars, end: Cars, i: int, j: int) -> float | None:
     # Side directions turn as well, hence twice the corners; the bound is on the gap's change.
     fastest += float(np.abs(turn).max() * max(np.hypot(*apart), np.hypot(*apart_end)))
     share = 0.0
-    for _ in range(_MOST_JUMPS):
+    while share <= 1.0:
         now = headings + share * turn
         gap_m = _widest_gap_m(
             apart + share * (apart_end - apart),
@@ -103,10 +105,8 @@ def _first_touch(begin: Cars, end: Cars, i: int, j: int) -> float | None:
         )
         if gap_m <= _TOUCH_M:
             return share
-        share += gap_m / fastest
-        if share > 1.0:
-            return None
-    return share  # closer than the jumps can tell
+        share += max(gap_m / fastest, _LEAST_JUMP)
+    return None
 
 
 def _widest_gap_m(
