@@ -159,6 +159,34 @@ def test_a_car_that_stops_in_time_raises_no_warning() -> None:
     assert worst(seen).rank < Level.WARNING.rank
 
 
+def stopping(from_s: float, braking_m_s2: float) -> Drive:
+    """Like `east(14.0, 60.0)` until he brakes."""
+
+    def at(t: float) -> State:
+        braked_s = min(max(t - from_s, 0.0), 14.0 / braking_m_s2)
+        covered_m = 14.0 * (min(t, from_s) + braked_s) - braking_m_s2 * braked_s**2 / 2
+        return covered_m - 60.0, 0.0, 14.0 - braking_m_s2 * braked_s, 0.0
+
+    return at
+
+
+@pytest.mark.parametrize("braking_m_s2", [3.0, 5.0, 8.0])
+def test_who_brakes_in_time_for_who_crosses_is_not_told_to(braking_m_s2: float) -> None:
+    """His own braking is in P_C. The other drives on."""
+    seen = drive(monitor(), stopping(1.0, braking_m_s2), north(14.0, 60.0), 5.5)
+
+    assert worst(seen) is not Level.WARNING
+
+
+@pytest.mark.parametrize("braking_m_s2", [5.0, 8.0])
+def test_a_warning_of_who_crosses_ends_once_the_driver_brakes_enough(braking_m_s2: float) -> None:
+    seen = drive(monitor(), stopping(2.0, braking_m_s2), north(14.0, 60.0), 5.5)
+
+    warned, *_, ended = seen
+    assert (warned.level, ended.level) == (Level.WARNING, Level.NONE)
+    assert ended.stamp_s <= 2.0 + 0.4 + RiskSettings().release_s
+
+
 @pytest.mark.parametrize("beside_m", [-3.5, 3.5, 12.0])
 @pytest.mark.parametrize("speed_m_s", [-14.0, 10.0, 14.0])
 def test_parallel_roads(beside_m: float, speed_m_s: float) -> None:
