@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from onboard.errors import UserError
 from onboard.security import authority, key_files
 from onboard.security.certificates import Certificate
 from onboard.security.credentials import Credentials
+from onboard.security.its_time import to_time32
 from onboard.wave_udp import psid as psids
 
 keys = typer.Typer(
@@ -26,8 +28,8 @@ _LONGEST_NAME = 255
 
 
 def _fits(name: str) -> str:
-    if len(name.encode()) > _LONGEST_NAME:
-        raise typer.BadParameter(f"longer than {_LONGEST_NAME} octets")
+    if not 0 < len(name.encode()) <= _LONGEST_NAME:
+        raise typer.BadParameter(f"empty, or longer than {_LONGEST_NAME} octets")
     return name
 
 
@@ -109,8 +111,11 @@ def _numbers(given: list[str] | None) -> list[int]:
 
 
 def _valid(days: float) -> authority.Validity:
+    since_utc_s = time.time() - _CLOCKS_DIFFER_S
+    if to_time32(since_utc_s) < 0:
+        raise UserError("the clock stands before 2004: set it first, certificates go by it")
     return {
-        "valid_from_utc_s": time.time() - _CLOCKS_DIFFER_S,
+        "valid_from_utc_s": since_utc_s,
         "valid_for_s": days * authority.DAY_S + _CLOCKS_DIFFER_S,
     }
 

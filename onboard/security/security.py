@@ -93,8 +93,11 @@ class Security:
         )
 
     def _generation_time64(self, now: float) -> int:
-        """Return the time to stamp; no two messages of a car have the same."""
-        generation = to_time64(now + self.utc_offset_s)
+        """Return the time to stamp; no two messages of a car have the same.
+
+        The clock of a box may stand before 2004 until it is set. Nobody believes the car till then.
+        """
+        generation = max(0, to_time64(now + self.utc_offset_s))
         if 0 <= self._last_generation - generation < 1_000:
             generation = self._last_generation + 1
         self._last_generation = generation

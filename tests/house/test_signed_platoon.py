@@ -124,6 +124,24 @@ def test_a_car_whose_certificates_are_over_says_so() -> None:
     assert event.kind == "certificate_expired"
 
 
+@pytest.mark.parametrize("shown_s", [0.0, 946_684_800.0], ids=["1970", "2000"])
+def test_a_car_whose_clock_is_yet_to_be_set_drives_and_is_believed_from_then_on(
+    shown_s: float,
+) -> None:
+    """A box without a battery for its clock; 1609.2 counts from 2004."""
+    unset = car("AAA1", credentials=ALICE, utc_s=shown_s)
+    platoon = Platoon({"AAA1": unset, "BBB2": car("BBB2", credentials=BOB, utc_s=UTC_S)})
+    platoon.drive(2.0)
+    assert set(reasons(platoon, "BBB2")) == {"stale"}
+    assert list(platoon.said("BBB2", "transition")) == []
+
+    unset.set_utc(UTC_S + platoon.now, platoon.now)
+    platoon.drive(2.0)
+    brake_for_real(platoon, "AAA1")
+
+    assert len(list(platoon.said("BBB2", "warning"))) == 1
+
+
 def test_wireshark_finds_nothing_malformed_in_a_drive(platoon: Platoon, tmp_path: Path) -> None:
     if shutil.which("tshark") is None:
         pytest.skip("tshark is not installed")

@@ -147,8 +147,17 @@ def test_a_service_that_cannot_be_is_a_usage_error(tmp_path, psid):
     assert "a PSID is" in result.output
 
 
-def test_a_name_that_no_certificate_has_room_for_is_a_usage_error(tmp_path):
-    result = _run("root", tmp_path / "root", "--name", "x" * 256)
+def test_a_clock_that_was_never_set_is_to_be_set_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(time, "time", lambda: 1000.0)
+    result = _run("root", tmp_path / "root")
+    assert isinstance(result.exception, UserError)
+    assert "clock" in str(result.exception)
+    assert not (tmp_path / "root").exists()
+
+
+@pytest.mark.parametrize("name", ["x" * 256, ""])
+def test_a_name_that_no_certificate_has_room_for_is_a_usage_error(tmp_path, name):
+    result = _run("root", tmp_path / "root", "--name", name)
     assert result.exit_code == 2
     assert "255 octets" in result.output
 
