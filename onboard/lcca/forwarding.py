@@ -56,9 +56,13 @@ class Reach:
         self._forget(now)
 
     def distance(self, now: float) -> int:
-        """Return how many cars behind the farthest car lately heard drives; 0 if there is none."""
+        """Return how many cars behind the farthest car lately heard drives; 0 if there is none.
+
+        Never more than have been heard: whoever makes up a large number moves it by one.
+        """
         self._forget(now)
-        return max((distance for distance, _ in self._heard.values()), default=0)
+        farthest = max((distance for distance, _ in self._heard.values()), default=0)
+        return min(farthest, len(self._heard))
 
     def _forget(self, now: float) -> None:
         while self._heard and next(iter(self._heard.values()))[1] < now - self._lifetime_s:

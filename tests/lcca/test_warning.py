@@ -218,6 +218,21 @@ def test_the_one_beyond_waits_half_a_slot_less_than_the_one_before() -> None:
     assert [entry.sender for entry in road.warns()] == ["A", "E"]
 
 
+def test_a_car_that_makes_up_a_number_costs_a_warning_a_slot_or_two_a_hop() -> None:
+    road = row("ABCDEFGH", Air(reach_m=45.0))
+    lie = Join(b"a liar--", A, 60_000, b"somebody", 0, bytes(8), 0)
+    for car in road.cars.values():
+        car.group.receive_message(lie, road.now)
+    began = road.now
+
+    road.brake("A")
+    road.run(2.0)
+
+    delays_s = [road.cars[name].warnings[0].stamp_s - began for name in "BCDEFGH"]
+    assert max(delays_s) < 0.05
+    assert len(road.warns()) == 4
+
+
 def test_a_reach_that_no_radio_has_does_not_hold_an_update_back() -> None:
     # Anybody may claim to be the 65,535th of a group, and its leader then names that reach.
     forwarding = Forwarding(LccaSettings(), Place(B, 3.0, 0), Followers(2.5))
