@@ -32,6 +32,9 @@ FRESH_S = 1.0
 POSITION_FRESH_S = 1.6
 """And a position: a receiver that gives one a second is late with it. When it was true is said."""
 
+FIX_SPEED_S = 0.25
+"""So old a fix may be that its speed is told rather than the bus's, which is rounded but of now."""
+
 HARD_BRAKING_S = 1.0
 """How long the event flag stays up after the detector's certainty, which comes once a braking."""
 
@@ -145,7 +148,7 @@ class Beacon:
             return CoreData(
                 self._msg_cnt,
                 self._temporary_id,
-                sec_mark_s=(now + utc_offset_s) % 60.0,
+                sec_mark_s=_sec_mark_s(now + utc_offset_s),
                 speed_m_s=speed.speed_m_s if speed else None,
                 acceleration=acceleration,
                 brakes=self._brakes(now),
@@ -154,17 +157,24 @@ class Beacon:
         return CoreData(
             self._msg_cnt,
             self._temporary_id,
-            sec_mark_s=(fix.stamp_s + utc_offset_s) % 60.0,
+            sec_mark_s=_sec_mark_s(fix.stamp_s + utc_offset_s),
             latitude_deg=fix.latitude_deg,
             longitude_deg=fix.longitude_deg,
             elevation_m=fix.altitude_m,
             accuracy=PositionalAccuracy(fix.sigma_m, fix.sigma_m, 0.0),
-            speed_m_s=fix.speed_m_s if fix.speed_m_s is not None or not speed else speed.speed_m_s,
+            speed_m_s=self._speed_m_s(fix, speed, now),
             heading_rad=fix.course_rad,
             acceleration=acceleration,
             brakes=self._brakes(now),
             size=self._size,
         )
+
+    def _speed_m_s(self, fix: Position, speed: Speed | None, now: float) -> float | None:
+        if speed is None:
+            return fix.speed_m_s
+        if fix.speed_m_s is None or now - fix.stamp_s > FIX_SPEED_S:
+            return speed.speed_m_s
+        return fix.speed_m_s
 
     def _fix(self, now: float) -> Position | None:
         return self._position if _is_fresh(self._position, now, POSITION_FRESH_S) else None
@@ -196,6 +206,11 @@ def position_in(core: CoreData, now: float, utc_offset_s: float) -> Position | N
         speed_m_s=core.speed_m_s,
         course_rad=core.heading_rad,
     )
+
+
+def _sec_mark_s(utc_s: float) -> float:
+    """Within the minute, in whole ms: 60.000 s and on would be a leap second."""
+    return round(utc_s * 1e3) % 60_000 / 1e3
 
 
 def _is_fresh(

@@ -6,6 +6,7 @@ show in the sender's own speeds; nobody may go by another's temporary ID. Where 
 too little, it is believed.
 """
 
+import math
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -22,6 +23,8 @@ HIGHEST_ACCELERATION_M_S2 = 12.0
 """Sports tyres on dry road, both ways."""
 SPEED_ERROR_M_S = 1.0
 """Two samples of a speed polled in whole km/h and some old, added to every difference."""
+OLDEST_POSITION_S = 2.0
+"""Of a receiver that gives one a second, and late."""
 POSITION_ERROR_M = 20.0
 """A receiver that leaves a tunnel or changes satellites."""
 BRAKE_M_S2 = 2.0
@@ -167,9 +170,21 @@ def _compare(
     else:
         fastest_m_s = HIGHEST_SPEED_M_S
     way_m = _way_m(past, core)
-    if way_m is not None and way_m > fastest_m_s * elapsed_s + POSITION_ERROR_M:
+    driven_s = elapsed_s + _behind_s(past, before[0], core, stamp_s)
+    if way_m is not None and way_m > fastest_m_s * driven_s + POSITION_ERROR_M:
         return Implausible.POSITION
     return None
+
+
+def _behind_s(past: CoreData, past_at_s: float, core: CoreData, at_s: float) -> float:
+    """How much longer ago than the messages were made their positions were true, at most.
+
+    A receiver of one fix a second is told of ten times, and then is a second's way further on.
+    """
+    if past.sec_mark_s is None or core.sec_mark_s is None:
+        return 0.0
+    between_s = math.remainder(core.sec_mark_s - past.sec_mark_s, 60.0)
+    return min(max(0.0, between_s - (at_s - past_at_s)), OLDEST_POSITION_S)
 
 
 def _way_m(one: CoreData, other: CoreData) -> float | None:

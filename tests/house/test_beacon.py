@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from onboard.beacon import ALL_WHEELS, Beacon
+from onboard.messages import bsm
 from onboard.messages.bsm_core import CoreData, VehicleSize, WheelBrakes
-from onboard.observations import BrakePedal, Speed
+from onboard.observations import BrakePedal, Position, Speed
 from onboard.security.pseudonyms import Pseudonym
 from onboard.units import KM_H
 
@@ -32,6 +33,28 @@ def test_the_acceleration_follows_from_speeds_in_whole_km_h(
     said = core(beacon, 1.0).acceleration.longitudinal_m_s2
 
     assert said == pytest.approx(-deceleration_m_s2, abs=0.35)
+
+
+@pytest.mark.parametrize(("fix_at_s", "speed_m_s"), [(0.8, 20.0), (0.7, 14.0), (-0.7, 14.0)])
+def test_the_speed_is_the_fix_s_while_that_is_of_now_and_then_the_bus_s(
+    beacon: Beacon, fix_at_s: float, speed_m_s: float
+) -> None:
+    beacon.receive_position(Position(fix_at_s, 48.0, 11.0, None, 1.0, 20.0, 0.0))
+    beacon.receive_speed(Speed(0.95, 14.0, KM_H, "obd:7E8"))
+
+    assert core(beacon, 1.0).speed_m_s == speed_m_s
+
+
+@pytest.mark.parametrize(
+    ("utc_s", "sec_mark_s"),
+    [(59.9994, 59.999), (59.9996, 0.0), (120.0, 0.0), (1_700_000_099.9999, 0.0)],
+)
+def test_the_end_of_a_minute_is_no_leap_second(
+    beacon: Beacon, utc_s: float, sec_mark_s: float
+) -> None:
+    said = bsm.decode(bsm.encode(beacon.bsm(None, 1.0, utc_s))).core
+
+    assert said.sec_mark_s == pytest.approx(sec_mark_s)
 
 
 def test_nothing_is_said_of_what_is_not_known(beacon: Beacon) -> None:

@@ -10,7 +10,7 @@ import pytest
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
-from onboard.observations import HardBrake
+from onboard.observations import HardBrake, Position
 from onboard.security.security import Security
 from onboard.trace import as_record
 from onboard.units import KM_H
@@ -66,6 +66,46 @@ def brake_for_real(platoon: Platoon, plate: str) -> None:
     brake = HardBrake(platoon.now, 7.0, source="obd")
     platoon.cars[plate].receive_observation(brake, platoon.now)
     platoon.settle()
+
+
+@pytest.mark.parametrize("speed_m_s", [15.0, 30.0])
+@pytest.mark.parametrize("latest_fix_s", [0.0, 0.3, 0.6, 0.9])
+def test_a_warning_is_believed_at_once_of_a_car_whose_receiver_gives_one_fix_a_second(
+    speed_m_s: float, latest_fix_s: float
+) -> None:
+    """Its position is up to 1.3 s old; its speed is not, nor do others take its ways for leaps."""
+    cars = {"AAA1": ALICE, "BBB2": BOB}
+    platoon = Platoon(
+        {plate: car(plate, credentials=keys, utc_s=UTC_S) for plate, keys in cars.items()}
+    )
+    way_m, decelerated_m_s = 0.0, 0.0
+    for tenth in range(70):
+        braking = tenth >= 50
+        decelerated_m_s += 0.6 * braking
+        platoon.speed_m_s = dict.fromkeys(cars, speed_m_s - decelerated_m_s)
+        way_m += 0.1 * platoon.speed_m_s["AAA1"]
+        if (tenth - round(10 * latest_fix_s)) % 10 == 0:
+            north_deg = 48.0 + (way_m - 0.3 * speed_m_s) / 111_195
+            stamp_s = platoon.now - 0.3
+            fix = Position(
+                stamp_s,
+                north_deg,
+                11.0,
+                None,
+                1.0,
+                speed_m_s - max(0.0, decelerated_m_s - 1.8),
+                0.0,
+            )
+            platoon.cars["AAA1"].receive_observation(fix, platoon.now)
+        if tenth == 53:
+            braked_at = platoon.now
+            brake = HardBrake(braked_at, 6.0, source="obd:7E8")
+            platoon.cars["AAA1"].receive_observation(brake, braked_at)
+        platoon.drive(0.1)
+
+    (warning,) = platoon.said("BBB2", "warning")
+    assert warning.stamp_s < braked_at + 0.05
+    assert not {reason for reason in reasons(platoon, "BBB2") if reason.startswith("implausible")}
 
 
 def car_id(platoon: Platoon, plate: str) -> bytes:

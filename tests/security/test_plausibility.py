@@ -147,6 +147,28 @@ def test_a_message_overtaken_by_a_later_one_is_believed_and_not_remembered():
 
 
 @pytest.mark.parametrize(
+    ("way_m", "told_after_s", "doubt"),
+    [
+        (60.0, 1.0, None),
+        (60.0, 0.1, "implausible_position"),
+        (300.0, 30.0, "implausible_position"),
+        (60.0, -1.0, "implausible_position"),
+    ],
+    ids=["a second on", "at once", "made up", "back"],
+)
+def test_a_receiver_of_one_fix_a_second_is_a_second_further_on_at_once(way_m, told_after_s, doubt):
+    """Its messages tell ten times when one fix was true, then another, across a minute's end."""
+    plausibility = Plausibility()
+    for tenth, (north_m, sec_mark_s) in enumerate(
+        [(0.0, 59.4)] * 9 + [(way_m, 59.4 + told_after_s)]
+    ):
+        said = _bsm(40.0, north_m)
+        core = replace(said.core, sec_mark_s=sec_mark_s % 60.0)
+        told = plausibility.receive_bsm(b"car", replace(said, core=core), tenth / 10)
+    assert told == doubt
+
+
+@pytest.mark.parametrize(
     ("message", "doubt"),
     [
         (_bsm(40.0, north_m=50.0), "implausible_acceleration"),
