@@ -58,7 +58,9 @@ class Metrics:
             "onboard_group_state", "1 for the state that holds.", ["state"], registry=registry
         )
         self._number = Gauge("onboard_group_number", "1 unless a member.", registry=registry)
-        self._speed = Gauge("onboard_speed_metres_per_second", "Own speed.", registry=registry)
+        self._speed = Gauge(
+            "onboard_speed_metres_per_second", "Own speed; NaN while lost.", registry=registry
+        )
         self._gap = Gauge(
             "onboard_gap_metres", "To the car ahead; NaN without one.", registry=registry
         )
@@ -111,8 +113,11 @@ class Metrics:
                 self._alarm_level.labels(event.cause.value).set(event.level.rank)
                 if event.level is not Level.NONE:
                     self._alarms.labels(event.cause.value, event.level.value).inc()
-            case SensorLost() | SensorBack():
-                self._sensor_up.labels(event.sensor.value).set(isinstance(event, SensorBack))
+            case SensorBack():
+                self._sensor_up.labels(event.sensor.value).set(1)
+            case SensorLost():
+                self._sensor_up.labels(event.sensor.value).set(0)
+                self._forget(event.sensor)
             case Transition():
                 self._enter(event.state)
                 self._number.set(event.group_number)
@@ -143,6 +148,14 @@ class Metrics:
     def exposition(self) -> tuple[bytes, str]:
         """All of it as text, and its content type."""
         return generate_latest(self._registry), CONTENT_TYPE_LATEST
+
+    def _forget(self, sensor: Sensor) -> None:
+        """The last value of a sensor that is lost is not the present one."""
+        match sensor:
+            case Sensor.SPEED:
+                self._speed.set(float("nan"))
+            case Sensor.CAMERA:
+                self._gap.set(float("nan"))
 
     def _enter(self, state: State) -> None:
         for each in State:

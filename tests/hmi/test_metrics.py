@@ -1,11 +1,21 @@
 """What an operator counts, read back by Prometheus' own parser."""
 
+import math
+
 from prometheus_client.parser import text_string_to_metric_families
 
 from onboard.hmi.metrics import Metrics
 from onboard.lcca.events import Transition
 from onboard.lcca.transitions import Event, State
-from onboard.observations import Discarded, Lead, LeadIdentity, Sensor, SensorBack, SensorLost
+from onboard.observations import (
+    Discarded,
+    Lead,
+    LeadIdentity,
+    Sensor,
+    SensorBack,
+    SensorLost,
+    Speed,
+)
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.wave_link import Received, Sent
 
@@ -50,6 +60,18 @@ def test_what_the_stack_says_is_counted() -> None:
     assert counted["onboard_group_state state=regular"] == 0
     assert counted["onboard_group_number"] == 3
     assert counted["onboard_gap_metres"] == 21.5
+
+
+def test_of_a_lost_sensor_nothing_is_told_that_it_said_last() -> None:
+    metrics = Metrics(frozenset({Sensor.CAMERA, Sensor.SPEED}))
+    metrics.receive_event(Speed(1.0, 20.0, 0.28, "obd:7E8"))
+    metrics.receive_event(Lead(1.0, LeadIdentity.UNKNOWN, None, 21.5))
+    metrics.receive_event(SensorLost(2.0, Sensor.SPEED, 0.8, "silent"))
+    assert math.isnan(read(metrics)["onboard_speed_metres_per_second"])
+    assert read(metrics)["onboard_gap_metres"] == 21.5
+
+    metrics.receive_event(SensorLost(2.0, Sensor.CAMERA, 0.8, "silent"))
+    assert math.isnan(read(metrics)["onboard_gap_metres"])
 
 
 def test_what_is_over_is_shown_as_over() -> None:
