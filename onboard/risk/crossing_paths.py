@@ -87,11 +87,11 @@ def meeting(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> Meeti
     if abs(turned) < speed * speed_other * math.sin(settings.least_angle_rad):
         return None
     angle_rad = math.atan2(turned, east * east_other + north * north_other)
-    if not all(has_course(car, settings) for car in (own, other)):
+    if not all(has_course(car, settings) for car in (own, other)) or _may_be_parallel(own, other):
         return None
     states = np.array([*own.state, *other.state])
     mean = _approaches(states[:, None])[:, 0]
-    if np.any(np.abs(mean[[0, 2]]) > settings.range_m):
+    if not np.all(np.abs(mean[[0, 2]]) <= settings.range_m):  # nor what overflowed
         return None
     offsets = _STEP * np.eye(8)
     derivative = (
@@ -285,14 +285,30 @@ def _behaviour_driving_on(present_m_s2: Array | None, settings: CrossingSettings
 
 def has_course(car: KnownCar, settings: CrossingSettings) -> bool:
     """Whether a velocity has settled, by its largest sigma or by time, and its direction has."""
-    east, north = car.state[2:]
     (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
     largest = (a + c) / 2.0 + math.hypot((a - c) / 2.0, b)
-    across = north * north * a - 2.0 * north * east * b + east * east * c
     is_new = car.known_for_s < settings.settled_after_s
     is_vague = is_new and largest > settings.settled_sigma_m_s**2
-    is_vague |= across > (settings.course_sigma_rad * (east * east + north * north)) ** 2
+    is_vague |= _course_variance(car) > settings.course_sigma_rad**2
     return not is_vague  # what is no number is told of later
+
+
+def _may_be_parallel(own: KnownCar, other: KnownCar) -> bool:
+    """Whether two courses may be parallel, to two sigma of the angle between them."""
+    east, north = own.state[2:]
+    east_other, north_other = other.state[2:]
+    turned = abs(east * north_other - north * east_other)
+    sine = turned / (math.hypot(east, north) * math.hypot(east_other, north_other))
+    sigma_rad = math.sqrt(max(_course_variance(own) + _course_variance(other), 0.0))
+    return math.asin(min(sine, 1.0)) < 2.0 * sigma_rad
+
+
+def _course_variance(car: KnownCar) -> float:
+    """Of the direction in which a car drives, in rad^2."""
+    east, north = car.state[2:]
+    (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
+    across = north * north * a - 2.0 * north * east * b + east * east * c
+    return across / (east * east + north * north) ** 2
 
 
 def _approaches(states: Array) -> Array:

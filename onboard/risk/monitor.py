@@ -168,7 +168,7 @@ class RiskMonitor:
             or speed is None
             or lead.gap_m is None
             or lead.closing_speed_m_s is None
-            or now - lead.stamp_s > settings.lead_held_s
+            or abs(now - lead.stamp_s) > settings.lead_held_s
             or speed.speed_m_s < self._settings.least_speed_m_s
         ):
             return NOTHING
@@ -204,8 +204,9 @@ class RiskMonitor:
                 continue
             speed_m_s, other_m_s = math.hypot(*own.state[2:]), math.hypot(*car.state[2:])
             reaction_s = self._settings.closing_gap.reaction_s
+            braking_m_s2 = max(settings.assumed_m_s2, -(car.acceleration_m_s2 or 0.0))
             needed_m_s2 = required_deceleration_m_s2(
-                gap_m, speed_m_s, other_m_s, settings.assumed_m_s2, reaction_s
+                gap_m, speed_m_s, other_m_s, braking_m_s2, reaction_s
             )
             urgent = needed_m_s2 >= self._settings.closing_gap.warning_m_s2
             if worst is NOTHING or needed_m_s2 > worst.value:
@@ -299,7 +300,7 @@ class RiskMonitor:
 
     def _fresh_speed(self, now: float) -> Speed | None:
         speed = self._speed
-        fresh = speed is not None and now - speed.stamp_s <= self._settings.speed_held_s
+        fresh = speed is not None and abs(now - speed.stamp_s) <= self._settings.speed_held_s
         return speed if fresh else None
 
 

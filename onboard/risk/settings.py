@@ -41,7 +41,7 @@ class HardBrakingSettings(Settings):
     held_s: float = Field(1.0, gt=0.0, le=5.0)
     """How long a flag is good for."""
     assumed_m_s2: float = Field(4.0, gt=0.0, le=12.0)
-    """What the flag stands for: more than 0.4 g (SAE J2735)."""
+    """What the flag stands for: more than 0.4 g (SAE J2735). Who says more is believed."""
 
 
 class CrossingSettings(Settings):

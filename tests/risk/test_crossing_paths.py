@@ -70,6 +70,31 @@ def test_any_heading_is_as_good_as_any_other(
 
 
 @pytest.mark.parametrize(
+    ("angle_deg", "speed_m_s", "sigma_m_s", "crosses"),
+    [
+        (25.0, 4.0, 0.9, False),
+        (25.0, 4.0, 0.2, True),
+        (25.0, 14.0, 0.9, True),
+        (50.0, 4.0, 0.9, True),
+        (90.0, 3.0, 1.0, True),
+        (155.0, 4.0, 0.9, False),
+    ],
+)
+def test_courses_that_may_be_parallel_do_not_cross(
+    angle_deg: float, speed_m_s: float, sigma_m_s: float, crosses: bool
+) -> None:
+    """To two sigma: two cars of a queue, seen to 0.9 m/s, seem to drive at 25 degrees."""
+    angle = math.radians(angle_deg)
+    other = (20.0, -20.0, speed_m_s * math.cos(angle), speed_m_s * math.sin(angle))
+
+    met = meeting(
+        car((0.0, 0.0, speed_m_s, 0.0), 0.5, sigma_m_s), car(other, 0.5, sigma_m_s), SETTINGS
+    )
+
+    assert (met is not None) == crosses
+
+
+@pytest.mark.parametrize(
     "other",
     [
         (-10.0, 3.5, 12.0, 0.0),

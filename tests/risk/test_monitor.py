@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -283,6 +284,22 @@ def test_hard_braking_told_by_radio(
         assert seen[0].reasons[0].age_s == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize(
+    ("said_m_s2", "level"),
+    [(None, Level.CAUTION), (-2.0, Level.CAUTION), (-8.0, Level.WARNING)],
+)
+def test_who_says_that_he_brakes_harder_than_the_flag_is_believed(
+    said_m_s2: float | None, level: Level
+) -> None:
+    of = monitor()
+    of.receive_bsm(bsm(brakes_hard=True), 9.9)
+    ahead = replace(known((27.0, 0.0, 16.0, 0.0), 10.0), acceleration_m_s2=said_m_s2)
+
+    of.assess(own((0.0, 0.0, 16.0, 0.0), 10.0), [ahead], 10.0)
+
+    assert worst(alarms(of)) is level
+
+
 def test_a_hard_braking_flag_grows_old_and_its_alarm_ends() -> None:
     of = monitor()
     of.receive_bsm(bsm(brakes_hard=True), 0.0)
@@ -323,7 +340,14 @@ def test_an_alarm_can_be_written_to_the_trace() -> None:
 
 @pytest.mark.parametrize(
     ("speed_age_s", "lead_age_s", "speed_m_s"),
-    [(1.2, 0.0, 20.0), (0.0, 0.6, 20.0), (0.0, 0.0, 1.0)],
+    [
+        (1.2, 0.0, 20.0),
+        (0.0, 0.6, 20.0),
+        (0.0, 0.0, 1.0),
+        (-60.0, 0.0, 20.0),
+        (0.0, -60.0, 20.0),
+    ],
+    ids=["old speed", "old sight", "hardly moves", "speed to come", "sight to come"],
 )
 def test_a_gap_without_fresh_speed_or_sight_or_motion_raises_nothing(
     speed_age_s: float, lead_age_s: float, speed_m_s: float
