@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, SecretStr, ValidationError
 from typing_extensions import override
 
 from onboard.errors import UserError
@@ -103,31 +103,48 @@ def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
         return f"{field}: is required and missing"
     if error["type"] == "extra_forbidden":
         return f"{field}: unknown key (given {error['input']!r}){_hint(error['loc'], schema)}"
-    if error["type"] == "string_type" and isinstance(error["input"], bool | int | float):
+    given, what = error["input"], error["msg"].removeprefix("Value error, ")
+    is_secret = _is_secret(error["loc"], schema)
+    if error["type"] == "string_type" and isinstance(given, bool | int | float):
         # YAML 1.1 takes NO for false and 0123 for 83.
-        return f"{field}: is a text, write it in quotes (YAML understood {error['input']!r})"
-    return f"{field}: {error['msg']} (given {error['input']!r})"
+        shown = "" if is_secret else f" (YAML understood {given!r})"
+        return f"{field}: is a text, write it in quotes{shown}"
+    if is_secret:
+        least = error.get("ctx", {}).get("min_length")
+        return f"{field}: {what if least is None else f'has fewer than {least} characters'}"
+    # Of a whole section only the keys: there may be a secret among its values.
+    shown = ", ".join(map(str, given)) if isinstance(given, dict) else repr(given)
+    return f"{field}: {what} (given {shown})"
 
 
 def _hint(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
     """Name the keys allowed where `location` ends, the nearest one first."""
-    allowed = _fields_at(location[:-1], schema)
-    if not allowed:
+    model = _model_at(location[:-1], schema)
+    if model is None:
         return ""
+    allowed = list(model.model_fields)
     near = difflib.get_close_matches(str(location[-1]), allowed, n=1, cutoff=0.5)
     suggestion = f"; did you mean {near[0]}?" if near else ""
     return f"; allowed: {', '.join(sorted(allowed))}{suggestion}"
 
 
-def _fields_at(location: tuple[int | str, ...], schema: type[BaseModel]) -> list[str]:
+def _is_secret(location: tuple[int | str, ...], schema: type[BaseModel]) -> bool:
+    """Whether what stands there must not come into a log."""
+    model = _model_at(location[:-1], schema)
+    field = model.model_fields.get(str(location[-1])) if model is not None and location else None
+    annotation = field.annotation if field is not None else None
+    return SecretStr in (annotation, *getattr(annotation, "__args__", ()))
+
+
+def _model_at(location: tuple[int | str, ...], schema: type[BaseModel]) -> type[BaseModel] | None:
     model: type[BaseModel] = schema
     for part in location:
         if part in model.model_fields:
             inner = _model_in(model.model_fields[str(part)].annotation)
             if inner is None:
-                return []
+                return None
             model = inner
-    return list(model.model_fields)
+    return model
 
 
 def _model_in(annotation: object) -> type[BaseModel] | None:

@@ -4,7 +4,7 @@ from enum import StrEnum
 from pathlib import Path
 
 import pytest
-from pydantic import Field
+from pydantic import Field, SecretStr
 
 from onboard.settings import Settings, SettingsError, load_settings
 
@@ -22,6 +22,7 @@ class Wheel(Settings):
 class Cart(Settings):
     seed: int = 0
     name: str = ""
+    key: SecretStr = Field(default=SecretStr("enough"), min_length=6)
     wheels: tuple[Wheel, ...] = ()
 
 
@@ -54,7 +55,10 @@ def test_an_empty_file_is_all_defaults(yaml_file: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("sead: 3", "sead: unknown key (given 3); allowed: name, seed, wheels; did you mean seed?"),
+        (
+            "sead: 3",
+            "sead: unknown key (given 3); allowed: key, name, seed, wheels; did you mean seed?",
+        ),
         ("seed: three", "seed: Input should be a valid integer (given 'three')"),
         ("seed: 1.5", "seed: Input should be a valid integer"),
         ("wheels: [{}]", "wheels.0.radius_m: is required and missing"),
@@ -71,6 +75,11 @@ def test_an_empty_file_is_all_defaults(yaml_file: Path) -> None:
             "wheels: [{radius_m: 1, colour: pink}]",
             "wheels.0.colour: Input should be 'red' or 'blue' (given 'pink')",
         ),
+        ("wheels: [{radius_m: 1}, {}, 3]", "wheels.2: Input should be an object (given 3)"),
+        ("seed: {a: 1, b: 2}", "seed: Input should be a valid integer (given a, b)"),
+        ("key: hush", "key: has fewer than 6 characters"),
+        ("key: 987654", "key: is a text, write it in quotes"),
+        ("key: [987654]", "key: Input should be a valid string"),
         ("name: NO", "name: is a text, write it in quotes (YAML understood False)"),
         ("name: 00123", "name: is a text, write it in quotes (YAML understood 83)"),
         ("name: [a]", "name: Input should be a valid string (given ['a'])"),
@@ -93,6 +102,8 @@ def test_a_mistake_is_named(yaml_file: Path, text: str, told: str) -> None:
 
     assert told in message
     assert message.startswith(str(yaml_file))
+    assert "hush" not in message
+    assert "987654" not in message
 
 
 def test_every_mistake_is_named_at_once(yaml_file: Path) -> None:
