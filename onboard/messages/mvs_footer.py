@@ -197,11 +197,6 @@ def encode(footer: MvsFooter) -> bytes:
     return b"".join(parts)
 
 
-def estimate_size_bytes(runs: int, measurements: int) -> int:
-    """How much an estimate takes, with `measurements` of `runs` observers in its provenance."""
-    return STATE.size_bytes + (runs * _RUN_BITS + measurements * _AGE_BITS + 7) // 8
-
-
 def decode(data: bytes) -> MvsFooter:
     """Read a footer from the air.
 
