@@ -111,7 +111,7 @@ def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
         return f"{field}: is a text, write it in quotes{shown}"
     if is_secret:
         least = error.get("ctx", {}).get("min_length")
-        return f"{field}: {what if least is None else f'has fewer than {least} characters'}"
+        return f"{field}: {what if least is None else f'needs at least {least} characters'}"
     # Of a whole section only the keys: there may be a secret among its values.
     shown = ", ".join(map(str, given)) if isinstance(given, dict) else repr(given)
     return f"{field}: {what} (given {shown})"

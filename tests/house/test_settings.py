@@ -77,7 +77,7 @@ def test_an_empty_file_is_all_defaults(yaml_file: Path) -> None:
         ),
         ("wheels: [{radius_m: 1}, {}, 3]", "wheels.2: Input should be an object (given 3)"),
         ("seed: {a: 1, b: 2}", "seed: Input should be a valid integer (given a, b)"),
-        ("key: hush", "key: has fewer than 6 characters"),
+        ("key: hush", "key: needs at least 6 characters"),
         ("key: 987654", "key: is a text, write it in quotes"),
         ("key: [987654]", "key: Input should be a valid string"),
         ("name: NO", "name: is a text, write it in quotes (YAML understood False)"),
