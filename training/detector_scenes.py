@@ -16,6 +16,9 @@ SCENE_SIZE = (256, 192)
 MOST_PLATES = 2
 SMALLEST_PX, LARGEST_PX = 11.0, 140.0
 """Width of a plate: outside it another level of the picture's pyramid shows it in this range."""
+_CENTRED, _CENTRED_PX, _LEAST_CENTRED_PX = 0.5, (70.0, 105.0), 24.0
+"""Share of the plates that are shown about as the second look shows them, how wide they are then,
+and how wide they must have been: blurred as there."""
 _PX_PER_MM = 0.35
 _CAR_OVER_PLATE = {"us": 5.9, "eu": 3.5, "br": 4.5, "br motorcycle": 4.0}
 
@@ -29,6 +32,41 @@ def render_scenes(
     for index in range(count):
         scenes[index] = _scene(corners[index], rng)
     return scenes, corners
+
+
+def moved(
+    scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], rng: np.random.Generator
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
+    """Each scene larger or smaller, wider or narrower, and from another place."""
+    rows, columns = scenes.shape[1:]
+    middle = np.asarray([columns / 2, rows / 2])
+    views, places = np.empty_like(scenes), np.empty_like(corners)
+    for index, scene in enumerate(scenes):
+        scale = np.exp(rng.uniform(-0.25, 0.25) + rng.normal(0, 0.04, 2))
+        shift = middle * (1 + rng.uniform(-0.3, 0.3, 2)) - scale * middle
+        plate = corners[index, 0]
+        width_px = float(np.ptp(plate[:, 0]))  # NaN where there is none
+        if width_px >= _LEAST_CENTRED_PX and rng.random() < _CENTRED:
+            scale = rng.uniform(*_CENTRED_PX) / width_px * np.exp(rng.normal(0, 0.04, 2))
+            # As far from the scene's rim as from that of a second look.
+            shift = rng.uniform((96, 48), (columns - 96, rows - 48)) - scale * plate.mean(axis=0)
+        matrix = np.column_stack([np.diag(scale), shift + (scale - 1) / 2])
+        cv2.warpAffine(
+            scene, matrix, (columns, rows), views[index], borderMode=cv2.BORDER_REPLICATE
+        )
+        places[index] = corners[index] * scale + shift
+    return views, places
+
+
+def mirrored(
+    scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], rng: np.random.Generator
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
+    """Half of the batches mirrored: a plate is one from behind a mirror too."""
+    if rng.random() < 0.5:
+        return scenes, corners
+    places = corners[:, :, [1, 0, 3, 2]].copy()
+    places[..., 0] = scenes.shape[2] - places[..., 0]
+    return np.ascontiguousarray(scenes[:, :, ::-1]), places
 
 
 def _scene(corners: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.NDArray[np.uint8]:

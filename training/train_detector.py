@@ -3,14 +3,15 @@
 import logging
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 import torch
 from torch import nn
 
-from onboard.vision.plate_detector import CELL_PX, CORNER_UNIT_PX, as_input
-from training.detector_scenes import render_scenes
+from onboard.vision.perspective import bounding_box
+from onboard.vision.plate_detector import CELL_PX, CORNER_UNIT_PX, PlateDetector, as_input
+from onboard.vision.score import overlap
+from training.detector_scenes import mirrored, moved, render_scenes
 from training.networks import DetectorNetwork
 from training.pictures import rendered
 from training.schooling import school
@@ -23,6 +24,8 @@ _INNER = 0.35
 """A cell in this share of the plate's half extent (or the nearest one) is to say `plate`."""
 _CORNER_WEIGHT = 2.0
 _MEASURED_ON = 128
+_FOUND, _BESIDE = 0.5, 0.1
+"""Intersection over union from which a plate is found, and up to which what is found is none."""
 
 
 def train_detector(
@@ -43,7 +46,7 @@ def train_detector(
         take_over(network, Path(__file__).parent / settings.begins_with, some)
 
     def loss_of(rows: npt.NDArray[np.int64], rng: np.random.Generator) -> torch.Tensor:
-        pictures, places = _flipped(*_moved(scenes[rows], corners[rows], rng), rng)
+        pictures, places = mirrored(*moved(scenes[rows], corners[rows], rng), rng)
         wanted = [torch.from_numpy(part) for part in targets(places, pictures.shape[1:])]
         batch = torch.from_numpy(as_input(pictures))
         with torch.autocast("cpu", torch.bfloat16):
@@ -51,8 +54,8 @@ def train_detector(
         return _loss(answer, *wanted)
 
     school(network, loss_of, len(scenes), settings, seed=seed, saved=folder / "schooling.pt")
-    report(network, *held_back)
     export(network, model)
+    report(PlateDetector(model, shrinks=(1.0,)), *held_back)
 
 
 def targets(
@@ -113,55 +116,6 @@ def _loss(
     return score_loss + _CORNER_WEIGHT * corner_loss
 
 
-def _moved(
-    scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], rng: np.random.Generator
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Each scene a little larger or smaller, wider or narrower, and from another place."""
-    rows, columns = scenes.shape[1:]
-    middle = np.asarray([columns / 2, rows / 2])
-    moved, places = np.empty_like(scenes), np.empty_like(corners)
-    for index, scene in enumerate(scenes):
-        scale = np.exp(rng.uniform(-0.25, 0.25) + rng.normal(0, 0.04, 2))
-        shift = middle * (1 + rng.uniform(-0.3, 0.3, 2)) - scale * middle
-        matrix = np.column_stack([np.diag(scale), shift + (scale - 1) / 2])
-        cv2.warpAffine(
-            scene, matrix, (columns, rows), moved[index], borderMode=cv2.BORDER_REPLICATE
-        )
-        places[index] = corners[index] * scale + shift
-    return moved, places
-
-
-def _flipped(
-    scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], rng: np.random.Generator
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Half of the batches mirrored: a plate is one from behind a mirror too."""
-    if rng.random() < 0.5:
-        return scenes, corners
-    mirrored = corners[:, :, [1, 0, 3, 2]].copy()
-    mirrored[..., 0] = scenes.shape[2] - 1 - mirrored[..., 0]
-    return np.ascontiguousarray(scenes[:, :, ::-1]), mirrored
-
-
-@torch.no_grad()
-def report(
-    network: DetectorNetwork, scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32]
-) -> None:
-    """Print how many middles of plates score over 0.5, and how many cells elsewhere do."""
-    network.eval()
-    found = plates = false = 0
-    for start in range(0, len(scenes), 100):
-        pictures = np.asarray(scenes[start : start + 100])
-        heat, _, _ = targets(np.asarray(corners[start : start + 100]), pictures.shape[1:])
-        sure = network(torch.from_numpy(as_input(pictures)))[:, 0].sigmoid().numpy() > 0.5
-        found += int((sure & (heat == 1)).sum())
-        plates += int((heat == 1).sum())
-        false += int((sure & (heat == 0)).sum())
-    _log.info(
-        f"validation: {found / plates:.3f} of the middle cells, "
-        f"{false / len(scenes):.3f} false cells a scene",
-    )
-
-
 def export(network: DetectorNetwork, path: Path) -> None:
     """Write the network, for pictures of any size."""
     network.eval()
@@ -175,4 +129,22 @@ def export(network: DetectorNetwork, path: Path) -> None:
         dynamic_axes={"pictures": {0: "n", 2: "h", 3: "w"}, "answer": {0: "n", 2: "h8", 3: "w8"}},
         opset_version=13,
         dynamo=False,
+    )
+
+
+def report(
+    detector: PlateDetector, scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32]
+) -> None:
+    """Tell how many plates are found as the car finds them, how well, and how much else is."""
+    overlaps: list[float] = []
+    false = 0
+    for scene, quads in zip(scenes, corners, strict=True):
+        found = [plate.box for plate in detector.find(scene)]
+        true = [bounding_box(quad) for quad in quads if not np.isnan(quad).any()]
+        overlaps += [max((overlap(box, at) for box in found), default=0.0) for at in true]
+        false += sum(all(overlap(box, at) < _BESIDE for at in true) for box in found)
+    well = [share for share in overlaps if share >= _FOUND]
+    _log.info(
+        f"validation: {len(well) / max(1, len(overlaps)):.3f} of the plates found, median overlap "
+        f"{np.median(well or [0.0]):.3f}, {false / len(scenes):.3f} false ones a scene"
     )
