@@ -20,6 +20,8 @@ SLOWEST_M_S = 5.0
 """In a queue people brake before they must."""
 FRESH_S = 1.0
 """An observation older than this is of another situation."""
+NEW_CAR_M = 5.0
+"""A gap that jumps by more is the gap to another car, which need not have braked to be so near."""
 
 
 class Reaction(NamedTuple):
@@ -36,9 +38,10 @@ class ReactionWatch:
     def __init__(self) -> None:
         self._speed: Speed | None = None
         self._steady: Lead | None = None
+        self._gap_m: float | None = None
         self._pending: tuple[float, float] | None = None
         self._closes = False
-        self._pedal_pressed = False
+        self._pedal: BrakePedal | None = None
 
     def receive_speed(self, speed: Speed) -> None:
         """The own speed."""
@@ -46,10 +49,14 @@ class ReactionWatch:
 
     def receive_lead(self, lead: Lead) -> None:
         """The car ahead, in each frame."""
-        closing_m_s = lead.closing_speed_m_s
+        closing_m_s, before_m = lead.closing_speed_m_s, self._gap_m
+        self._gap_m = lead.gap_m
         if lead.gap_m is None or closing_m_s is None:
-            self._steady, self._pending, self._closes = None, None, False
-        elif closing_m_s <= STEADY_M_S:
+            self._forget()
+            return
+        if before_m is not None and abs(lead.gap_m - before_m) > NEW_CAR_M:
+            self._forget()
+        if closing_m_s <= STEADY_M_S:
             self._steady = lead
             if self._closes:
                 self._pending, self._closes = None, False
@@ -64,17 +71,22 @@ class ReactionWatch:
 
     def receive_brake_pedal(self, pedal: BrakePedal) -> Reaction | None:
         """The driver's foot, where the car tells; the reaction if this is one."""
-        pressed_now = pedal.pressed and not self._pedal_pressed
-        self._pedal_pressed = pedal.pressed
+        pressed_now = pedal.pressed and (self._pedal is None or not self._pedal.pressed)
+        self._pedal = pedal
         return self._end(pedal.stamp_s) if pressed_now else None
 
     def receive_hard_brake(self, brake: HardBrake) -> Reaction | None:
         """The own car brakes hard: the only sign in a car that does not tell of its pedal."""
         return self._end(brake.stamp_s)
 
+    def _forget(self) -> None:
+        self._steady, self._pending, self._closes = None, None, False
+
     def _begin(self, began_s: float, certain_s: float) -> None:
-        steady, speed = self._steady, self._speed
-        if self._pending is not None or self._pedal_pressed or steady is None or speed is None:
+        steady, speed, pedal = self._steady, self._speed, self._pedal
+        if self._pending is not None or steady is None or speed is None:
+            return
+        if pedal is not None and pedal.pressed and certain_s - pedal.stamp_s <= FRESH_S:
             return
         if certain_s - min(steady.stamp_s, speed.stamp_s) > FRESH_S or steady.gap_m is None:
             return

@@ -75,6 +75,28 @@ def test_a_foot_that_was_on_the_brake_does_not_react(watch: ReactionWatch) -> No
     assert watch.receive_brake_pedal(pedal(11.1)) is None
 
 
+def test_a_pedal_that_has_not_been_heard_of_for_long_says_nothing(watch: ReactionWatch) -> None:
+    """Pressed when its message was lost; hard braking still tells."""
+    watch.receive_brake_pedal(pedal(8.0))
+    close(watch)
+
+    assert watch.receive_hard_brake(hard(11.5)) == pytest.approx(Reaction(1.5, 1.5))
+
+
+def test_a_car_that_cuts_in_has_not_braked(watch: ReactionWatch) -> None:
+    for tenth, gap_m in enumerate((14.0, 13.7, 13.4, 13.1), 1):
+        watch.receive_lead(lead(10.0 + 0.1 * tenth, 3.0, gap_m))
+
+    assert watch.receive_brake_pedal(pedal(11.1)) is None
+
+
+def test_a_car_that_has_cut_in_and_brakes_is_reacted_to(watch: ReactionWatch) -> None:
+    for tenth, closing_m_s in enumerate((0.3, 0.3, 1.2, 2.4), 1):
+        watch.receive_lead(lead(10.0 + 0.1 * tenth, closing_m_s, 14.0))
+
+    assert watch.receive_brake_pedal(pedal(11.1)) == pytest.approx(Reaction(0.9, 0.7))
+
+
 def test_a_foot_that_came_off_in_time_does(watch: ReactionWatch) -> None:
     watch.receive_brake_pedal(pedal(9.8))
     watch.receive_brake_pedal(pedal(9.95, pressed=False))
