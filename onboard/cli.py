@@ -87,7 +87,10 @@ def replay(
     config: Annotated[
         Path | None, typer.Option(help="The car's configuration; its wires are not opened.")
     ] = None,
-    fps: Annotated[float | None, typer.Option(help="Of pictures, and of a clip that lies.")] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Frames a second, of a folder, or of a video that states a wrong rate."),
+    ] = None,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="At the speed of the drive, not of the machine.")
     ] = False,
@@ -97,13 +100,13 @@ def replay(
     ] = False,
     within: Annotated[
         float,
-        typer.Option(min=0.0, help="Share by which numbers may differ, across kinds of processor."),
+        typer.Option(min=0.0, help="Relative tolerance of numbers, for another kind of processor."),
     ] = 0.0,
 ) -> None:
     """Drive the cores with a recording; one JSON line per observation and decision.
 
-    It is BOX, or any of CAN log, clip and sentences; a clip begins with the first CAN frame, or at
-    0 alone.
+    The recording is BOX, or any of --can, --clip and --nmea together. A clip has no time of its
+    own: it begins with the first CAN frame, or at 0 without one.
     """
     if (box or expected) and (can or clip or nmea):
         raise UserError("replay either a recording of the black box, or others")

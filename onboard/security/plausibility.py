@@ -177,9 +177,9 @@ def _compare(
 
 
 def _behind_s(past: CoreData, past_at_s: float, core: CoreData, at_s: float) -> float:
-    """How much longer ago than the messages were made their positions were true, at most.
+    """How much more time lies between the two positions than between the messages, at most.
 
-    A receiver of one fix a second is told of ten times, and then is a second's way further on.
+    A fix a second is told ten times over, and the next one is a second's way further on.
     """
     if past.sec_mark_s is None or core.sec_mark_s is None:
         return 0.0
