@@ -106,7 +106,7 @@ def replay(
     """Drive the cores with a recording; one JSON line per observation and decision.
 
     The recording is BOX, or any of --can, --clip and --nmea together. A clip has no time of its
-    own: it begins with the first CAN frame, or at 0 without one.
+    own: it begins with the first CAN frame, or else the first fix.
     """
     if (box or expected) and (can or clip or nmea):
         raise UserError("replay either a recording of the black box, or others")

@@ -3,7 +3,7 @@
 import heapq
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -14,13 +14,16 @@ from onboard.errors import UserError
 from onboard.gnss.nmea import NmeaReader
 from onboard.obd.can_bus import read_can_log
 from onboard.obd.can_frame import CanFrame
-from onboard.observations import Discarded, Sensor
+from onboard.observations import Discarded, Position, Sensor
 from onboard.settings import parse_settings
 from onboard.stack import Observation, Stack
 from onboard.trace import Event
 from onboard.vision.frames import LiveFrames, open_frames
 from onboard.vision.settings import CameraSettings
 from onboard.vision.sight import Sight
+
+LONGEST_PAUSE_S = 86_400.0
+"""A car may stand for a night in its recording."""
 
 Input = tuple[float, int, Callable[[Stack, float], None]]
 """When it came, which recording it came from, and how the stack is given it."""
@@ -48,11 +51,11 @@ class Recording:
 def replay(recording: Recording, config: CarConfig) -> Iterator[Event]:
     """Yield what the car would have seen and decided, in order.
 
-    CAN frames and NMEA sentences keep their own stamps. A clip has none: it begins at 0, or with
-    the first CAN frame.
+    CAN frames and NMEA sentences keep their own stamps. A clip has none: it begins with the first
+    CAN frame, without any with the first fix, or at 0 alone.
 
     Raises:
-        UserError: there is nothing to replay, or it cannot be read.
+        UserError: there is nothing to replay, it cannot be read, or a day is missing in it.
     """
     inputs = _inputs(recording, config)
     first = next(inputs, None)
@@ -69,6 +72,11 @@ def replay(recording: Recording, config: CarConfig) -> Iterator[Event]:
     )
     now = first[0]
     for stamp_s, _, give in chain((first,), inputs):
+        if stamp_s - now > LONGEST_PAUSE_S:
+            raise UserError(
+                f"the recording jumps from {now:.0f} to {stamp_s:.0f} s: is it of one drive, and"
+                " are all its parts by one clock?"
+            )
         while (at := stack.get_timer()) <= stamp_s:
             now = max(now, at)
             stack.handle_timer(now)
@@ -98,18 +106,20 @@ def _said(stack: Stack, now: float) -> Iterator[Event]:
 
 def _inputs(recording: Recording, config: CarConfig) -> Iterator[Input]:
     """All recordings, merged by stamp."""
+    stamped = [
+        *([_from_can(recording.can)] if recording.can is not None else []),
+        *([_from_nmea(recording.nmea)] if recording.nmea is not None else []),
+    ]
     sources: list[Iterator[Input]] = []
-    clip_start_s = 0.0
-    if recording.can is not None:
-        from_can = _from_can(recording.can)
-        first = next(from_can, None)
+    begins_s: list[float] = []
+    for source in stamped:
+        first = next(source, None)
         if first is not None:
-            clip_start_s = first[0]
-            sources.append(chain((first,), from_can))
+            begins_s.append(first[0])
+            sources.append(chain((first,), source))
     if recording.clip is not None:
-        sources.append(_from_clip(recording.clip, recording.fps, config, clip_start_s))
-    if recording.nmea is not None:
-        sources.append(_from_nmea(recording.nmea))
+        begin_s = begins_s[0] if begins_s else 0.0
+        sources.append(_from_clip(recording.clip, recording.fps, config, begin_s))
     return heapq.merge(*sources, key=lambda each: each[:2])
 
 
@@ -136,13 +146,27 @@ def _from_clip(clip: str, fps: float | None, config: CarConfig, start_s: float) 
 
 
 def _from_nmea(path: Path) -> Iterator[Input]:
+    """What is said before the first fix knows no date; it is told with that fix."""
+    undated: list[Discarded] = []
+    began = False
+    for observation in _read_nmea(path):
+        if isinstance(observation, Discarded) and not began:
+            undated.append(observation)
+            continue
+        stamp_s, began = observation.stamp_s, True
+        while undated:
+            yield stamp_s, 2, _observed(replace(undated.pop(0), stamp_s=stamp_s))
+        yield stamp_s, 2, _observed(observation)
+
+
+def _read_nmea(path: Path) -> Iterator[Position | Discarded]:
     reader = NmeaReader()
     try:
         with path.open("rb") as sentences:
             for sentence in sentences:
                 reader.receive_bytes(sentence)
                 while (observation := reader.next_event()) is not None:
-                    yield observation.stamp_s, 2, _observed(observation)
+                    yield observation
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
 

@@ -4,6 +4,8 @@ import csv
 from collections import Counter
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from onboard.cli import UNCONFIGURED
@@ -60,6 +62,45 @@ def test_bus_and_receiver_are_merged_in_order_of_time(rig_data: Path) -> None:
 
     assert kinds["speed"] == 1203
     assert kinds["position"] > 500
+
+
+@pytest.mark.realdata
+def test_a_receivers_log_that_begins_within_a_sentence_begins_with_its_first_fix(
+    rig_data: Path, tmp_path: Path
+) -> None:
+    whole = (rig_data / "gnss" / "drive-a.nmea").read_bytes().splitlines(keepends=True)[:60]
+    log = tmp_path / "cut.nmea"
+    log.write_bytes(b"$GPRMC,bad*00\r\n" + b"".join(whole))
+
+    events = list(replay(Recording(nmea=log), UNCONFIGURED))
+
+    assert [event.kind for event in events][:2] == ["discarded", "position"]
+    assert events[0].stamp_s == events[1].stamp_s > 1e9
+    assert events[-1].stamp_s < events[0].stamp_s + 30.0
+
+
+@pytest.mark.realdata
+def test_a_clip_without_a_bus_begins_with_the_first_fix(rig_data: Path, tmp_path: Path) -> None:
+    whole = (rig_data / "gnss" / "drive-a.nmea").read_bytes().splitlines(keepends=True)[:60]
+    log = tmp_path / "drive.nmea"
+    log.write_bytes(b"".join(whole))
+    picture = np.random.default_rng(1).integers(0, 255, (180, 320, 3), dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "1.png"), picture)
+
+    events = list(replay(Recording(clip=str(tmp_path / "1.png"), nmea=log), UNCONFIGURED))
+
+    begins_s = {event.kind: event.stamp_s for event in reversed(events)}
+    assert begins_s["lead"] == begins_s["position"]
+
+
+@pytest.mark.realdata
+def test_parts_by_different_clocks_are_the_users_mistake(rig_data: Path, tmp_path: Path) -> None:
+    bus = tmp_path / "drive.log"
+    bus.write_text("(0.000000) can0 7E8#03410D3C00000000\n")
+    recording = Recording(can=bus, nmea=rig_data / "gnss" / "drive-a.nmea")
+
+    with pytest.raises(UserError, match=r"jumps from 0 to \d{10} s: is it of one drive"):
+        list(replay(recording, UNCONFIGURED))
 
 
 def test_nothing_to_replay_is_the_users_mistake() -> None:
