@@ -46,7 +46,7 @@ SMALL_LENS = LENS.model_copy(
 SIGHT_M = 120.0
 OTHER_LEVEL_M = 2.0
 """A car on a road so much higher or lower is hidden by the bridge."""
-_COLOURS_BGR = {
+COLOURS_BGR = {
     "green": (60, 120, 40),
     "red": (40, 40, 170),
     "blue": (150, 80, 30),
@@ -103,7 +103,7 @@ class CameraView:
                 length_m=car.length_m,
                 plate=self._plate(name, at_s),
                 tag_id=car.tag_id,
-                colour_bgr=_COLOURS_BGR[car.colour],
+                colour_bgr=COLOURS_BGR[car.colour],
                 braking=other.acceleration_m_s2 < _BRAKE_LIGHTS_M_S2,
             )
             cars.append((name, seen))
