@@ -29,11 +29,6 @@ class SpeedTrend:
         self._samples.clear()
 
     @property
-    def last_at(self) -> float | None:
-        """Stamp of the last sample."""
-        return self._samples[-1][0] if self._samples else None
-
-    @property
     def acceleration_m_s2(self) -> float | None:
         """By least squares, true of the middle of the window; `None` while it is not covered."""
         samples = self._samples

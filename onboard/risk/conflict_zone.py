@@ -12,9 +12,6 @@ import numpy as np
 
 from onboard.risk.trajectory import Array
 
-NEARLY_PARALLEL_RAD = np.deg2rad(5.0)
-"""Paths that differ by less do not cross; they share a lane or run side by side."""
-
 SHALLOW_RAD = np.deg2rad(20.0)
 """Paths that differ by less are looked at in more places."""
 

@@ -68,6 +68,10 @@ def open_frames(settings: CameraSettings) -> "FrameSource":
     source = settings.source
     if source.startswith(("http://", "https://")):
         return LiveFrames(lambda: _mjpeg_pictures(source))
+    if "://" in source:
+        raise CameraError(
+            f"camera.source: {source}: of streams, only MJPEG by http:// or https:// is read"
+        )
     if source.isdigit() or source.startswith("/dev/"):
         return LiveFrames(lambda: _device_pictures(settings))
     if pictures := _picture_files(source):

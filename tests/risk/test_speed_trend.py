@@ -52,7 +52,6 @@ def test_old_samples_leave_and_late_ones_are_ignored() -> None:
     trend.receive(0.3, 99.0)
 
     assert trend.acceleration_m_s2 == pytest.approx(0.0, abs=1e-9)
-    assert trend.last_at == pytest.approx(1.7)
 
 
 def test_another_car_begins_anew() -> None:
@@ -60,4 +59,3 @@ def test_another_car_begins_anew() -> None:
     trend.clear()
 
     assert trend.acceleration_m_s2 is None
-    assert trend.last_at is None

@@ -214,6 +214,11 @@ def test_a_camera_that_is_not_there_is_told_at_once(source: str, capfd: object) 
         open_frames(settings(source))
 
 
+def test_a_stream_of_another_kind_is_told_what_is_read() -> None:
+    with pytest.raises(CameraError, match=r"rtsp://127\.0\.0\.1/cam: .*http://"):
+        open_frames(settings("rtsp://127.0.0.1/cam"))
+
+
 def test_a_file_that_is_no_video_is_told(tmp_path: Path, capfd: object) -> None:
     (tmp_path / "clip.mp4").write_text("no video")
     with pytest.raises(CameraError, match="not a video"):
