@@ -5,6 +5,7 @@ import json
 import pytest
 
 from onboard.stack import Stack
+from sim_rig.cars.settings import ReceiverSettings
 from sim_rig.report import failures
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario, load_scenario, scenario_names
@@ -14,6 +15,18 @@ from sim_rig.virtual import run_virtual
 @pytest.mark.parametrize("name", scenario_names())
 def test_everything_comes_as_the_scenario_expects(name: str) -> None:
     scenario = load_scenario(name)
+
+    assert failures(scenario, run_virtual(scenario)) == []
+
+
+@pytest.mark.parametrize("name", ["fig4", "lane-change", "red-light", "third-car"])
+def test_signed_and_with_one_late_fix_a_second_it_comes_all_the_same(name: str) -> None:
+    """As with a receiver out of the box: 1 Hz, each fix told 0.4 s after it was."""
+    scenario = load_scenario(name)
+    receiver = (scenario.gnss or ReceiverSettings()).model_copy(
+        update={"rate_hz": 1.0, "latency_s": 0.4}
+    )
+    scenario = scenario.model_copy(update={"signed": True, "gnss": receiver})
 
     assert failures(scenario, run_virtual(scenario)) == []
 
