@@ -23,6 +23,7 @@ from bench import Figure
 from onboard.observations import Box
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader
+from onboard.vision.score import edit_distance, overlap
 from onboard.vision.syntax import PlateSyntax
 from sim_rig.picture.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS
 
@@ -87,7 +88,7 @@ class Tally:
         self.certain_elsewhere += len(sure) - len(certain)
         self.exact_and_certain += any(reading.text == truth for reading in certain)
         self.characters += len(truth)
-        wrong = [edits(reading.text, truth) for reading in readings]
+        wrong = [edit_distance(reading.text, truth) for reading in readings]
         self.characters_right += len(truth) - min([*wrong, len(truth)])
         self.false_texts += sum(bool(r.text) and r.text != truth for r in readings)
         self.certain_texts += len(certain)
@@ -214,24 +215,6 @@ def score(ways: Mapping[str, Way]) -> dict[str, Tally]:
         tallies[photograph.region].seconds.append(time.perf_counter() - started)
         tallies[photograph.region].add(photograph, readings)
     return tallies
-
-
-def overlap(one: Box, other: Box) -> float:
-    """Intersection over union."""
-    width = min(one.x_px + one.w_px, other.x_px + other.w_px) - max(one.x_px, other.x_px)
-    height = min(one.y_px + one.h_px, other.y_px + other.h_px) - max(one.y_px, other.y_px)
-    shared = max(0.0, width) * max(0.0, height)
-    return shared / (one.w_px * one.h_px + other.w_px * other.h_px - shared)
-
-
-def edits(one: str, other: str) -> int:
-    """Fewest characters to insert, delete or change."""
-    row = list(range(len(other) + 1))
-    for i, a in enumerate(one, 1):
-        previous, row[0] = row[0], i
-        for j, b in enumerate(other, 1):
-            previous, row[j] = row[j], min(row[j] + 1, row[j - 1] + 1, previous + (a != b))
-    return row[-1]
 
 
 def table() -> str:

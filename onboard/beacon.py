@@ -170,11 +170,8 @@ class Beacon:
         )
 
     def _speed_m_s(self, fix: Position, speed: Speed | None, now: float) -> float | None:
-        if speed is None:
-            return fix.speed_m_s
-        if fix.speed_m_s is None or now - fix.stamp_s > FIX_SPEED_S:
-            return speed.speed_m_s
-        return fix.speed_m_s
+        is_better = fix.speed_m_s is None or now - fix.stamp_s > FIX_SPEED_S
+        return speed.speed_m_s if speed is not None and is_better else fix.speed_m_s
 
     def _fix(self, now: float) -> Position | None:
         return self._position if _is_fresh(self._position, now, POSITION_FRESH_S) else None

@@ -12,6 +12,7 @@ import numpy as np
 
 from onboard.messages.bsm_safety import PathPrediction
 from onboard.observations import Position
+from onboard.speed_trend import slope
 
 WINDOW_S = 1.2
 """Two fixes of a receiver that gives one a second lie in it, and their jitter."""
@@ -87,9 +88,7 @@ class PathPredictor:
 
 
 def _slope(courses: _Courses) -> float | None:
-    """By least squares; `None` if they cover less than half of the window."""
+    """`None` if they cover less than half of the window."""
     if not courses or courses[-1][0] - courses[0][0] < WINDOW_S / 2:
         return None
-    times, values = np.array(courses).T
-    times -= times.mean()
-    return float(times @ (values - values.mean()) / (times @ times))
+    return slope(courses)

@@ -2,10 +2,26 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
 LEAST_SAMPLES = 4
+
+_HARDEST_BRAKING_M_S2 = 12.0
+"""No tyre on a dry road does more."""
+
+
+def is_jump(step_m_s: float, elapsed_s: float, error_m_s: float) -> bool:
+    """Whether a speed changed by more than a car's can, and its error explains."""
+    return abs(step_m_s) > _HARDEST_BRAKING_M_S2 * elapsed_s + error_m_s
+
+
+def slope(samples: Sequence[tuple[float, float]]) -> float:
+    """Of values by their stamps, (stamp in s, value), by least squares."""
+    times_s, values = np.array(samples).T
+    times_s -= times_s.mean()
+    return float(times_s @ values / (times_s @ times_s))
 
 
 class SpeedTrend:
@@ -31,20 +47,22 @@ class SpeedTrend:
     @property
     def acceleration_m_s2(self) -> float | None:
         """By least squares, true of the middle of the window; `None` while it is not covered."""
-        samples = self._samples
-        if len(samples) < LEAST_SAMPLES or samples[-1][0] - samples[0][0] < self._window_s / 2:
-            return None
-        times_s, speeds_m_s = np.array(samples).T
-        times_s -= times_s.mean()
-        return float(times_s @ speeds_m_s / (times_s @ times_s))
+        return slope(self._samples) if self._is_covered else None
 
     def largest_error_m_s2(self, step_m_s: float) -> float:
         """By how much at most the acceleration is off since speeds come in steps of `step_m_s`.
 
         Infinite while none is told. Holds for rounding and for cutting off alike.
         """
-        if self.acceleration_m_s2 is None:
+        if not self._is_covered:
             return math.inf
         times_s = np.array(self._samples)[:, 0]
         times_s -= times_s.mean()
         return float(step_m_s / 2.0 * np.abs(times_s).sum() / (times_s @ times_s))
+
+    @property
+    def _is_covered(self) -> bool:
+        samples = self._samples
+        return (
+            len(samples) >= LEAST_SAMPLES and samples[-1][0] - samples[0][0] >= self._window_s / 2
+        )

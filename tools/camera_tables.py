@@ -16,11 +16,12 @@ import numpy as np
 
 from onboard.observations import Lead, Plate
 from onboard.security.plate_digest import normalised
+from onboard.vision.frames import decode_picture
 from onboard.vision.identity import LEAST_READ_CONFIDENCE
 from onboard.vision.plate_reader import CERTAIN, Corners, Image, PlateReader, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.sight import Sight
-from sim_rig.cars.camera_server import JPEG_QUALITY
+from sim_rig.cars.camera_server import as_jpeg
 from sim_rig.cars.camera_view import COLOURS_BGR, FPS, LENS
 from sim_rig.cars.seen_car import PLATE_WIDTH_M, WIDTHS_PX, plate_width_px
 from sim_rig.picture.plate_texts import text_of
@@ -72,7 +73,7 @@ def approach(
         car = SceneCar(FAR_M - CLOSING_M_S * stamp_s, plate=plate, colour_bgr=colour_bgr)
         drawn = picture.draw(Scene((car,), travelled_m=15.0 * stamp_s), rng)
         reader.last, is_found, lead = None, False, None
-        sight.receive_frame(_through_jpeg(drawn), stamp_s)
+        sight.receive_frame(decode_picture(as_jpeg(drawn)), stamp_s)
         while (event := sight.next_event()) is not None:
             is_found |= isinstance(event, Plate)
             lead = event if isinstance(event, Lead) else lead
@@ -87,11 +88,6 @@ def approach(
             gap_m / car.ahead_m - 1 if gap_m is not None else np.nan,
             closing_m_s - CLOSING_M_S if closing_m_s is not None else np.nan,
         )
-
-
-def _through_jpeg(image: Image) -> Image:
-    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
 
 
 def main() -> None:

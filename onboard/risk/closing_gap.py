@@ -4,13 +4,10 @@ import math
 
 from onboard.risk.alarm import Level
 from onboard.risk.settings import ClosingGapSettings
-from onboard.speed_trend import SpeedTrend
+from onboard.speed_trend import SpeedTrend, is_jump
 
 _NEW_CAR_M = 5.0
 """A gap that jumps by more is the gap to another car."""
-
-_HARDEST_BRAKING_M_S2 = 12.0
-"""No tyre on a dry road does more; a larger step is the picture's, not the car's."""
 
 
 class LeadMotion:
@@ -24,10 +21,11 @@ class LeadMotion:
     def receive(self, stamp_s: float, gap_m: float, lead_speed_m_s: float) -> None:
         """Take one sight of it. After a jump to another gap or speed, what came before is void."""
         before_s, gap_before_m, speed_before_m_s = self._last or (stamp_s, gap_m, lead_speed_m_s)
-        most_m_s = (
-            _HARDEST_BRAKING_M_S2 * abs(stamp_s - before_s) + self._settings.settled_sigma_m_s
+        is_other_speed = is_jump(
+            lead_speed_m_s - speed_before_m_s,
+            abs(stamp_s - before_s),
+            self._settings.settled_sigma_m_s,
         )
-        is_other_speed = abs(lead_speed_m_s - speed_before_m_s) > most_m_s
         if is_other_speed or abs(gap_m - gap_before_m) > _NEW_CAR_M:
             self._trend.clear()
         self._last = stamp_s, gap_m, lead_speed_m_s

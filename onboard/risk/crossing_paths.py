@@ -87,7 +87,9 @@ def meeting(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> Meeti
     if abs(turned) < speed * speed_other * math.sin(settings.least_angle_rad):
         return None
     angle_rad = math.atan2(turned, east * east_other + north * north_other)
-    if not all(has_course(car, settings) for car in (own, other)) or _may_be_parallel(own, other):
+    if not all(has_course(car, settings) for car in (own, other)) or _may_be_parallel(
+        abs(turned) / (speed * speed_other), own, other
+    ):
         return None
     states = np.array([*own.state, *other.state])
     mean = _approaches(states[:, None])[:, 0]
@@ -293,12 +295,8 @@ def has_course(car: KnownCar, settings: CrossingSettings) -> bool:
     return not is_vague  # what is no number is told of later
 
 
-def _may_be_parallel(own: KnownCar, other: KnownCar) -> bool:
-    """Whether two courses may be parallel, to two sigma of the angle between them."""
-    east, north = own.state[2:]
-    east_other, north_other = other.state[2:]
-    turned = abs(east * north_other - north * east_other)
-    sine = turned / (math.hypot(east, north) * math.hypot(east_other, north_other))
+def _may_be_parallel(sine: float, own: KnownCar, other: KnownCar) -> bool:
+    """Whether courses at an angle of that sine may be parallel, to two sigma of the angle."""
     sigma_rad = math.sqrt(max(_course_variance(own) + _course_variance(other), 0.0))
     return math.asin(min(sine, 1.0)) < 2.0 * sigma_rad
 

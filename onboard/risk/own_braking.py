@@ -1,10 +1,7 @@
 """How hard the own driver brakes already, where it is known."""
 
 from onboard.observations import BrakePedal, Speed
-from onboard.speed_trend import SpeedTrend
-
-_HARDEST_BRAKING_M_S2 = 12.0
-"""No tyre on a dry road does more; a larger step is the sensor's, not the car's."""
+from onboard.speed_trend import SpeedTrend, is_jump
 
 
 class OwnBraking:
@@ -22,7 +19,7 @@ class OwnBraking:
         last = self._speed
         if last is not None and speed.stamp_s <= last.stamp_s:
             return
-        if last is not None and (speed.source != last.source or _is_jump(last, speed)):
+        if last is not None and (speed.source != last.source or _jumps(last, speed)):
             self._trend.clear()
         self._speed = speed
         self._trend.receive(speed.stamp_s, speed.speed_m_s)
@@ -49,7 +46,6 @@ class OwnBraking:
         return max(-slope_m_s2 - error_m_s2, 0.0)
 
 
-def _is_jump(last: Speed, new: Speed) -> bool:
-    step_m_s = abs(new.speed_m_s - last.speed_m_s)
-    most_m_s = _HARDEST_BRAKING_M_S2 * (new.stamp_s - last.stamp_s)
-    return step_m_s > most_m_s + new.resolution_m_s
+def _jumps(last: Speed, new: Speed) -> bool:
+    step_m_s, elapsed_s = new.speed_m_s - last.speed_m_s, new.stamp_s - last.stamp_s
+    return is_jump(step_m_s, elapsed_s, new.resolution_m_s)

@@ -162,9 +162,9 @@ class Clip:
         """When a frame stands, by what the file tells and when the last one stood."""
         if self._stands_evenly:
             return index / self.fps
-        if self.even_from is None and last_s < told_s < last_s + LONGEST_PAUSE_S:
-            return told_s
         if self.even_from is None:
+            if last_s < told_s < last_s + LONGEST_PAUSE_S:
+                return told_s
             self.even_from = index
         return last_s + 1.0 / self.fps
 

@@ -17,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from aiohttp import web
 
 from onboard.hmi.feed import Feed
@@ -27,7 +28,7 @@ from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario import Scenario, load_scenario
 
 _BOUNDARY = "picture"
-JPEG_QUALITY = 90
+_JPEG_QUALITY = 90
 
 
 class Camera:
@@ -46,8 +47,7 @@ class Camera:
         image = self._picture.draw(self._view.scene(at_s), self._rng)
         if self._view.is_dark(at_s):
             image[:] = 0
-        _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        self._last = data.tobytes()
+        self._last = as_jpeg(image)
         return self._last
 
 
@@ -115,6 +115,12 @@ class CameraServer:
         )
         await response.prepare(request)
         return car, response
+
+
+def as_jpeg(image: npt.NDArray[np.uint8]) -> bytes:
+    """A picture as the rig's cameras send it."""
+    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    return data.tobytes()
 
 
 def _part(jpeg: bytes) -> bytes:

@@ -78,7 +78,7 @@ def check_study(name: str) -> None:
         UserError: there is none.
     """
     if name not in _PLACES and name not in _CAMPAIGNS:
-        raise UserError(f"no study {name!r}; there are: {', '.join(study_names())}")
+        raise _unknown(name)
 
 
 def find_study(name: str) -> Study:
@@ -87,7 +87,13 @@ def find_study(name: str) -> Study:
     Raises:
         UserError: there is none of this name.
     """
-    check_study(name)
-    module, function = _PLACES[name].split(":")
+    place = _PLACES.get(name)
+    if place is None:
+        raise _unknown(name)
+    module, function = place.split(":")
     study: Study = getattr(import_module(f"sim_rig.studies.{module}"), function)
     return study
+
+
+def _unknown(name: str) -> UserError:
+    return UserError(f"no study {name!r}; there are: {', '.join(study_names())}")
