@@ -16,9 +16,9 @@ from onboard.access.adaptation import AccessAdaptation
 from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.access.rear_end import tolerable_lag_s
 from onboard.access.settings import AccessSettings
-from onboard.access.slotted import from_db, slot_s
 from onboard.observations import Lead, LeadIdentity, Speed
 from sim_rig.studies.rakhshan_highway import Drops, HighwaySettings, collided, draw
+from sim_rig.studies.rakhshan_slotted import from_db, slot_s
 
 ROUNDS = 5
 DROPS, PLAIN_DROPS = 50, 2

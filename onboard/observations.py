@@ -108,6 +108,10 @@ class Lead:
     closing_speed_sigma_m_s: float | None = None
 
 
+NEW_LEAD_M = 5.0
+"""A gap that jumps by more from one `Lead` to the next is the gap to another car."""
+
+
 @dataclass(frozen=True, slots=True)
 class SensedCar:
     """Any car in the camera's view, relative to the camera (for MVS)."""

@@ -1,5 +1,5 @@
 """Who should talk how often: driver-based channel access.
 
 Source: Rakhshan, Pishro-Nik, Nekoui, "Driver-Based Adaptation of Vehicular Ad hoc Networks for
-Design of Active Safety Systems". The studies of the rig and the car share these formulas.
+Design of Active Safety Systems".
 """

@@ -79,10 +79,6 @@ class AccessAdaptation:
         self._good_until = now + self._settings.hold_s
         self._judge(lead.stamp_s, self._danger(lead, lead.gap_m, speed.speed_m_s))
 
-    def receive_lead_hard_brake(self, now: float) -> None:
-        """The car ahead has the hard-brake flag up in its BSM."""
-        self._watch.receive_lead_hard_brake(now)
-
     def receive_brake_pedal(self, pedal: BrakePedal) -> None:
         """The driver's foot."""
         self._learn(pedal.stamp_s, self._watch.receive_brake_pedal(pedal))

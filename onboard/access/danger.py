@@ -9,8 +9,7 @@ import math
 
 import numpy as np
 
-from onboard.access.rear_end import tolerable_lag_s
-from onboard.access.slotted import Array
+from onboard.access.rear_end import Array, tolerable_lag_s
 
 POINTS = 8
 """At which an unknown deceleration is looked at; 32 change the probability by under 0.003."""

@@ -18,7 +18,7 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from onboard.access.slotted import Array
+from onboard.access.rear_end import Array
 from onboard.settings import Settings
 
 SHORTEST_REACTION_S = 0.15

@@ -1,14 +1,13 @@
 """Reaction times from what the box sees: the car ahead brakes, and then the driver does.
 
-The car ahead is seen to brake when the gap begins to close fast, or says so itself by a hard-brake
-flag. Closing is certain late, so it is dated back to the last frame in which it was slow. The foot
-must have been off the brake; a lead car that ceases to close without the driver's braking asked for
-no reaction.
+The car ahead is seen to brake when the gap begins to close fast. That is certain only late, so it
+is dated back to the last frame in which the gap closed slowly. The driver's foot must have been off
+the brake; if the gap stops closing without the driver's braking, there was no reaction to learn.
 """
 
 from typing import NamedTuple
 
-from onboard.observations import BrakePedal, HardBrake, Lead, Speed
+from onboard.observations import NEW_LEAD_M, BrakePedal, HardBrake, Lead, Speed
 
 STEADY_M_S = 0.5
 """Closing slower than this, nobody brakes."""
@@ -20,8 +19,6 @@ SLOWEST_M_S = 5.0
 """In a queue people brake before they must."""
 FRESH_S = 1.0
 """An observation older than this is of another situation."""
-NEW_CAR_M = 5.0
-"""A gap that jumps by more is the gap to another car, which need not have braked to be so near."""
 
 
 class Reaction(NamedTuple):
@@ -54,7 +51,7 @@ class ReactionWatch:
         if lead.gap_m is None or closing_m_s is None:
             self._forget()
             return
-        if before_m is not None and abs(lead.gap_m - before_m) > NEW_CAR_M:
+        if before_m is not None and abs(lead.gap_m - before_m) > NEW_LEAD_M:
             self._forget()
         if closing_m_s <= STEADY_M_S:
             self._steady = lead
@@ -64,10 +61,6 @@ class ReactionWatch:
             if self._steady is not None and not self._closes:
                 self._begin(self._steady.stamp_s, lead.stamp_s)
             self._closes = True
-
-    def receive_lead_hard_brake(self, stamp_s: float) -> None:
-        """The car ahead says that it brakes hard."""
-        self._begin(stamp_s, stamp_s)
 
     def receive_brake_pedal(self, pedal: BrakePedal) -> Reaction | None:
         """The driver's foot, where the car tells; the reaction if this is one."""

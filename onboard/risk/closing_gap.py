@@ -2,12 +2,10 @@
 
 import math
 
+from onboard.observations import NEW_LEAD_M
 from onboard.risk.alarm import Level
 from onboard.risk.settings import ClosingGapSettings
 from onboard.speed_trend import SpeedTrend, is_jump
-
-_NEW_CAR_M = 5.0
-"""A gap that jumps by more is the gap to another car."""
 
 
 class LeadMotion:
@@ -26,7 +24,7 @@ class LeadMotion:
             abs(stamp_s - before_s),
             self._settings.settled_sigma_m_s,
         )
-        if is_other_speed or abs(gap_m - gap_before_m) > _NEW_CAR_M:
+        if is_other_speed or abs(gap_m - gap_before_m) > NEW_LEAD_M:
             self._trend.clear()
         self._last = stamp_s, gap_m, lead_speed_m_s
         self._trend.receive(stamp_s, lead_speed_m_s)

@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from onboard.risk.conflict_zone import ConflictZone
+from onboard.risk.conflict_zone import XCrossing
 from onboard.risk.driver_behaviour import Behaviour
 from onboard.risk.trajectory import (
     Array,
@@ -44,7 +44,7 @@ class Approach:
     behaviour: Behaviour
 
 
-def collision_probability(a: Approach, b: Approach, zone: ConflictZone) -> Array:
+def collision_probability(a: Approach, b: Approach, zone: XCrossing) -> Array:
     """Return P_C, shape (n,), exactly 0 where impossible and 1 where certain.
 
     Raises:
@@ -62,7 +62,7 @@ def collision_probability(a: Approach, b: Approach, zone: ConflictZone) -> Array
     return result
 
 
-def _colliding_share(acceleration: Array, a: Approach, b: Approach, zone: ConflictZone) -> Array:
+def _colliding_share(acceleration: Array, a: Approach, b: Approach, zone: XCrossing) -> Array:
     """Return how likely B meets A, which keeps `acceleration`; shape (n, nodes)."""
     top_a, top_b = (np.maximum(car.top_speed_m_s, car.speed_m_s) for car in (a, b))
     start = -a.distance_m

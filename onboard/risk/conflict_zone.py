@@ -1,4 +1,4 @@
-"""Where two cars on crossing or merging paths touch, in terms of how far each has come.
+"""Where two cars on crossing paths touch, in terms of how far each has come.
 
 `s_a_m` and `s_b_m` are the positions of the cars' centres along their own paths, 0 where the paths
 meet (figure 1). For every position of car A there is one interval of positions of car B in which
@@ -6,7 +6,6 @@ the two rectangles overlap; that interval, for all of A's positions, is the zone
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -25,23 +24,6 @@ class CarSize:
 
     length_m: Array
     width_m: Array
-
-
-class ConflictZone(Protocol):
-    """What the collision probability needs to know of a crossing."""
-
-    @property
-    def positions(self) -> int:
-        """At how many of A's positions the interval must be looked at; 2 if that never changes."""
-
-    def corners_m(self) -> tuple[Array, ...]:
-        """Return A's positions where an end of B's interval bends, to be looked at as well."""
-
-    def extent_m(self) -> tuple[Array, Array]:
-        """Return A's first and last position with any overlap."""
-
-    def interval_m(self, s_a_m: Array) -> tuple[Array, Array]:
-        """Return B's first and last position that overlap with A at `s_a_m`, inside the extent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,50 +90,4 @@ class XCrossing:
         """Half the sum of both cars' lengths as seen along `own`'s path."""
         sine, cosine = np.abs(np.sin(self.angle_rad)), np.abs(np.cos(self.angle_rad))
         result: Array = 0.5 * (own.length_m + other.length_m * cosine + other.width_m * sine)
-        return result
-
-
-@dataclass(frozen=True, slots=True)
-class YCrossing:
-    """B's path joins A's straight one at `angle_rad` and goes on in A's lane (figure 1b).
-
-    Before the junction B stands at the angle, behind it B is in line with A. Only the first
-    `merged_m` behind the junction count: what follows is car following, not a crossing.
-    """
-
-    a: CarSize
-    b: CarSize
-    angle_rad: Array
-    merged_m: Array
-
-    positions = 65
-
-    def corners_m(self) -> tuple[Array, ...]:
-        """Return none: B's interval jumps at the junction, and many positions are looked at."""
-        return ()
-
-    def extent_m(self) -> tuple[Array, Array]:
-        """Return A's first and last position with any overlap."""
-        low, high = self._before.extent_m()
-        return np.minimum(low, -self._half_sum_m), np.maximum(high, self.merged_m)
-
-    def interval_m(self, s_a_m: Array) -> tuple[Array, Array]:
-        """Return B's first and last position that overlap with A at `s_a_m`."""
-        first, last = self._before.extent_m()
-        low, high = self._before.interval_m(s_a_m)
-        joining = (s_a_m > first) & (s_a_m < last) & (low < 0.0)
-        in_line_low = np.maximum(s_a_m - self._half_sum_m, 0.0)
-        in_line_high = s_a_m + self._half_sum_m
-        return (
-            np.where(joining, low, in_line_low),
-            np.where(in_line_high > 0.0, in_line_high, np.minimum(high, 0.0)),
-        )
-
-    @property
-    def _before(self) -> XCrossing:
-        return XCrossing(self.a, self.b, self.angle_rad)
-
-    @property
-    def _half_sum_m(self) -> Array:
-        result: Array = 0.5 * (self.a.length_m + self.b.length_m)
         return result

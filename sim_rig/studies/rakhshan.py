@@ -11,17 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from pydantic import Field
 
-from onboard.access.slotted import (
-    Array,
-    Channel,
-    Links,
-    asynchronous,
-    from_db,
-    opportunities,
-    packet_success,
-    slots_needed,
-    success_after,
-)
+from onboard.access.rear_end import Array
 from onboard.settings import Settings
 from sim_rig.studies.rakhshan_highway import (
     Drops,
@@ -33,6 +23,16 @@ from sim_rig.studies.rakhshan_highway import (
     draw,
     mean_and_error,
     reduction_and_error,
+)
+from sim_rig.studies.rakhshan_slotted import (
+    Channel,
+    Links,
+    asynchronous,
+    from_db,
+    opportunities,
+    packet_success,
+    slots_needed,
+    success_after,
 )
 from sim_rig.studies.results import write_results
 

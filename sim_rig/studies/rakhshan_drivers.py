@@ -18,7 +18,7 @@ from statsmodels.regression.mixed_linear_model import MixedLM
 from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
 from onboard.access.drivers import ORDINARY_DRIVERS, Driver, Population
-from onboard.access.slotted import Array
+from onboard.access.rear_end import Array
 from onboard.settings import Settings
 from sim_rig.studies.results import write_results
 

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from onboard.access.chain import lane_links, reception_delay_s, without_radio_s
 from onboard.access.danger import rear_end_danger
 from onboard.access.drivers import ORDINARY_DRIVERS
-from onboard.access.rear_end import tolerable_lag_s
-from onboard.access.slotted import (
-    Array,
+from onboard.access.rear_end import Array, tolerable_lag_s
+from onboard.settings import Settings
+from sim_rig.studies.rakhshan_chain import lane_links, reception_delay_s, without_radio_s
+from sim_rig.studies.rakhshan_slotted import (
     Channel,
     Links,
     asynchronous,
@@ -28,7 +28,6 @@ from onboard.access.slotted import (
     slot_s,
     slots_needed,
 )
-from onboard.settings import Settings
 
 
 class Spacing(StrEnum):
@@ -49,6 +48,7 @@ class HighwaySettings(Settings):
     deceleration_high_m_s2: float = Field(8.0, gt=0.0)
     """Each car's own, evenly from low to high."""
     threshold_db: float = 11.0
+    """Signal to interference that 9 Mbit/s need (Table II)."""
     data_rate_mbit_s: float = Field(9.0, gt=0.0)
     packet_bytes: int = Field(250, gt=0)
 

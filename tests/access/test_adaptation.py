@@ -137,8 +137,8 @@ def test_a_standing_car_is_safe() -> None:
 
 def test_reactions_are_learned_and_told() -> None:
     core = adaptation()
-    follow(core, 30.0, now=10.0)
-    core.receive_lead_hard_brake(10.1)
+    follow(core, 30.0, now=10.1)
+    follow(core, 30.0, now=10.2, closing_m_s=1.8)
 
     core.receive_brake_pedal(BrakePedal(11.3, True, "dbc:BRAKE.PEDAL"))
 
@@ -152,8 +152,8 @@ def test_reactions_are_learned_and_told() -> None:
 @pytest.mark.parametrize("reaction_s", [0.05, 20.0])
 def test_what_is_no_reaction_is_counted_and_not_told(reaction_s: float) -> None:
     core = adaptation()
-    follow(core, 30.0, now=10.0)
-    core.receive_lead_hard_brake(10.1)
+    follow(core, 30.0, now=10.1)
+    follow(core, 30.0, now=10.2, closing_m_s=1.8)
 
     core.receive_hard_brake(HardBrake(10.1 + reaction_s, 6.0, "obd:7e8"))
 

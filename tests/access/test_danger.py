@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from onboard.access import danger
 from onboard.access.danger import normal_share_below, rear_end_danger
-from onboard.access.rear_end import Braking, collision_kind
+from onboard.access.rear_end import tolerable_lag_s
 
 ORDINARY = (math.log(0.95), 0.35)
 BRAKES = (4.0, 8.0)
@@ -21,9 +21,8 @@ def test_it_is_how_often_drawn_reactions_and_decelerations_collide() -> None:
     n = 200_000
     for gap_m in (8.0, 20.0, 45.0):
         reaction_s = np.exp(rng.normal(*ORDINARY, n))
-        lead = Braking(rng.uniform(*BRAKES, n), np.zeros(n))
-        follower = Braking(rng.uniform(*BRAKES, n), reaction_s)
-        collided = collision_kind(np.array(gap_m), np.array(20.0), lead, follower) > 0
+        lead_a, a = rng.uniform(*BRAKES, (2, n))
+        collided = reaction_s > tolerable_lag_s(np.array(gap_m), 20.0, 20.0, lead_a, a)
 
         found = rear_end_danger(np.array(gap_m), 20.0, 20.0, ORDINARY, BRAKES)
 

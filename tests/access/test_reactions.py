@@ -42,14 +42,6 @@ def test_closing_is_dated_back_to_the_last_steady_frame(watch: ReactionWatch) ->
     assert watch.receive_brake_pedal(pedal(11.1)) == pytest.approx(Reaction(1.1, 1.5))
 
 
-def test_a_flag_is_dated_when_it_comes(watch: ReactionWatch) -> None:
-    watch.receive_lead_hard_brake(10.2)
-    watch.receive_lead(lead(10.21, 0.2))
-    close(watch)
-
-    assert watch.receive_brake_pedal(pedal(11.1)) == pytest.approx(Reaction(0.9, 1.5))
-
-
 def test_a_car_without_a_pedal_signal_shows_hard_braking_only(watch: ReactionWatch) -> None:
     close(watch)
 
@@ -147,7 +139,6 @@ def test_in_a_queue_or_without_a_fresh_speed_nothing_is_learned(
 
 def test_nothing_known_nothing_learned() -> None:
     watch = ReactionWatch()
-    watch.receive_lead_hard_brake(1.0)
     watch.receive_lead(lead(1.1, 5.0))
 
     assert watch.receive_hard_brake(hard(2.0)) is None

@@ -8,15 +8,13 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from onboard.access.chain import lane_links, reception_delay_s
 from onboard.access.drivers import ORDINARY_DRIVERS
-from onboard.access.rear_end import Braking, collision_kind
-from onboard.access.slotted import Channel, Links, from_db, packet_success, slot_s, slots_needed
 from onboard.errors import UserError
 from sim_rig.cli import app
 from sim_rig.studies import rakhshan, rakhshan_drivers
 from sim_rig.studies.catalogue import find_study, study_names
 from sim_rig.studies.rakhshan import RakhshanSettings, gain, simulate
+from sim_rig.studies.rakhshan_chain import lane_links, reception_delay_s
 from sim_rig.studies.rakhshan_drivers import DriversSettings, fit_population, simulate_reactions
 from sim_rig.studies.rakhshan_highway import (
     Drops,
@@ -28,6 +26,14 @@ from sim_rig.studies.rakhshan_highway import (
     draw,
     mean_and_error,
     reduction_and_error,
+)
+from sim_rig.studies.rakhshan_slotted import (
+    Channel,
+    Links,
+    from_db,
+    packet_success,
+    slot_s,
+    slots_needed,
 )
 
 SMALL = RakhshanSettings(drops=60, access=(0.002, 0.02, 0.1, 0.4))
@@ -67,18 +73,13 @@ def test_one_drop_lane_by_lane_with_the_plain_formulas() -> None:
     assert part == collisions / 10
 
 
-def test_what_a_car_may_lag_by_is_what_the_collision_kinds_say() -> None:
+def test_cars_that_brake_alike_may_lag_by_their_headways() -> None:
     settings = HighwaySettings(deceleration_low_m_s2=5.0, deceleration_high_m_s2=5.0)
     some = drops(settings)
+
     gap_m = np.diff(some.position_m, axis=-1) - settings.car_length_m
-    reaction_s = some.reaction_s[..., 1:]
 
-    kinds = collision_kind(
-        gap_m, np.array(20.0), Braking(np.array(5.0), np.array(0.0)),
-        Braking(np.array(5.0), reaction_s),
-    )  # fmt: skip
-
-    assert np.array_equal(kinds > 0, reaction_s > some.lag_s[..., 1:])
+    assert some.lag_s[..., 1:] == pytest.approx(gap_m / settings.speed_m_s)
 
 
 def test_danger_is_how_often_a_driver_without_radio_would_collide() -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onboard.access.chain import without_radio_s
 from sim_rig.campaign import Workers
 from sim_rig.radio.settings import CsmaSettings
 from sim_rig.studies.catalogue import run_study
+from sim_rig.studies.rakhshan_chain import without_radio_s
 from sim_rig.studies.rakhshan_csma import RakhshanCsmaSettings, Traffic, delay_s, run_one
 from sim_rig.studies.rakhshan_highway import draw
 

@@ -17,7 +17,8 @@ from itertools import combinations
 
 import numpy as np
 
-from onboard.access.slotted import Array, Links
+from onboard.access.rear_end import Array
+from sim_rig.studies.rakhshan_slotted import Links
 
 
 def lane_links(cars: int) -> Links:

@@ -10,19 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from onboard.access.rear_end import Array
 
-DECODING_THRESHOLD_DB = {
-    3.0: 5.0,
-    4.5: 6.0,
-    6.0: 8.0,
-    9.0: 11.0,
-    12.0: 15.0,
-    18.0: 20.0,
-    24.0: 25.0,
-}
-"""Signal to interference that each data rate in Mbit/s needs (Table II)."""
+Indices = NDArray[np.int64]
 
 
 class Links(NamedTuple):

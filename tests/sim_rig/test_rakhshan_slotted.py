@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from onboard.access.slotted import (
-    DECODING_THRESHOLD_DB,
+from sim_rig.studies.rakhshan_slotted import (
     Channel,
     Links,
     asynchronous,
@@ -78,12 +77,6 @@ def test_slots_that_are_not_synchronised_meet_an_interferer_twice() -> None:
 
 def test_the_papers_packet_fills_an_opportunity_in_222_us() -> None:
     assert opportunities(np.array(0.1), data_rate_mbit_s=9.0, packet_bytes=250) == 450
-
-
-def test_faster_rates_need_more_signal() -> None:
-    thresholds = list(DECODING_THRESHOLD_DB.values())
-
-    assert thresholds == sorted(thresholds)
 
 
 def test_a_chain_alone_loses_nothing_and_a_car_beside_the_receiver_everything() -> None:

@@ -6,7 +6,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from onboard.access.chain import lane_links, reception_delay_s, without_radio_s
+from sim_rig.studies.rakhshan_chain import lane_links, reception_delay_s, without_radio_s
 
 SLOT_S = 0.000_222
 
