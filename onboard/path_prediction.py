@@ -12,7 +12,7 @@ import numpy as np
 
 from onboard.messages.bsm_safety import PathPrediction
 from onboard.observations import Position
-from onboard.speed_trend import slope
+from onboard.speed_trend import is_late, slope
 
 WINDOW_S = 1.2
 """Two fixes of a receiver that gives one a second lie in it, and their jitter."""
@@ -39,16 +39,16 @@ class PathPredictor:
         self._speed_m_s: float | None = None
 
     def receive_position(self, fix: Position) -> None:
-        """Take the next fix; one that is not newer than the last is ignored."""
+        """Take the next fix; one that comes late is ignored."""
         courses = self._courses
-        if courses and fix.stamp_s <= courses[-1][0]:
+        if courses and is_late(fix.stamp_s, courses[-1][0], 2 * WINDOW_S):
             return
         self._speed_m_s = fix.speed_m_s
         if fix.course_rad is None or fix.speed_m_s is None or fix.speed_m_s < STANDING_M_S:
             courses.clear()
             return
         course = fix.course_rad
-        if courses and fix.stamp_s - courses[-1][0] <= WINDOW_S:
+        if courses and abs(fix.stamp_s - courses[-1][0]) <= WINDOW_S:
             last = courses[-1][1]
             course = last + math.remainder(course - last, math.tau)
         else:

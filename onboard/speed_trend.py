@@ -24,6 +24,15 @@ def slope(samples: Sequence[tuple[float, float]]) -> float:
     return float(times_s @ values / (times_s @ times_s))
 
 
+def is_late(stamp_s: float, newest_s: float, window_s: float) -> bool:
+    """Whether a sample is no newer than the newest one so far, and so of no use.
+
+    If it lies back by more than the window, it was the newest stamp that was wrong: take the sample
+    and begin anew. Otherwise one stamp far ahead would have all later samples ignored.
+    """
+    return newest_s - window_s <= stamp_s <= newest_s
+
+
 class SpeedTrend:
     """Takes samples of one car's speed, tells its acceleration."""
 
@@ -33,9 +42,13 @@ class SpeedTrend:
         self._samples: deque[tuple[float, float]] = deque()
 
     def receive(self, stamp_s: float, speed_m_s: float) -> None:
-        """Take a sample; one that is not newer than the last is ignored."""
-        if self._samples and stamp_s <= self._samples[-1][0]:
-            return
+        """Take a sample; one that comes late is ignored."""
+        if self._samples:
+            newest_s = self._samples[-1][0]
+            if is_late(stamp_s, newest_s, self._window_s):
+                return
+            if stamp_s < newest_s:
+                self.clear()
         self._samples.append((stamp_s, speed_m_s))
         while stamp_s - self._samples[0][0] > self._window_s:
             self._samples.popleft()

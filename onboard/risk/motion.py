@@ -15,7 +15,7 @@ class Motion:
         self._velocity_m_s = 0.0, 0.0
 
     def receive(self, stamp_s: float, east_m_s: float, north_m_s: float) -> None:
-        """Take a velocity; one that is not newer than the last is ignored."""
+        """Take a velocity; one that comes late is ignored."""
         self._velocity_m_s = east_m_s, north_m_s
         self._along.receive(stamp_s, math.hypot(east_m_s, north_m_s))
         self._east.receive(stamp_s, east_m_s)

@@ -1,7 +1,7 @@
 """How hard the own driver brakes already, where it is known."""
 
 from onboard.observations import BrakePedal, Speed
-from onboard.speed_trend import SpeedTrend, is_jump
+from onboard.speed_trend import SpeedTrend, is_jump, is_late
 
 
 class OwnBraking:
@@ -17,7 +17,7 @@ class OwnBraking:
     def receive_speed(self, speed: Speed) -> None:
         """Take a sample. After a step that no car drives, or from another source, all is new."""
         last = self._speed
-        if last is not None and speed.stamp_s <= last.stamp_s:
+        if last is not None and is_late(speed.stamp_s, last.stamp_s, self._window_s):
             return
         if last is not None and (speed.source != last.source or _jumps(last, speed)):
             self._trend.clear()

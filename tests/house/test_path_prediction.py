@@ -95,7 +95,7 @@ def test_what_is_not_known_is_not_told(fixes: list[Position]) -> None:
 def test_a_fix_that_comes_late_changes_nothing() -> None:
     fixes = [fix(t / 10, t / 100) for t in range(40)]
 
-    late = driven([*fixes, fixes[20], fix(3.9, 3.0), fix(0.0, None)])
+    late = driven([*fixes, fixes[20], fix(3.9, 3.0), fix(3.0, None)])
 
     assert late.prediction == driven(fixes).prediction is not None
 
@@ -151,3 +151,11 @@ def test_on_a_real_drive_it_foretells_the_course_better_than_straight_on(rig_dat
         missed_deg["straight"].append(abs(math.degrees(turned)))
     assert len(missed_deg["circle"]) > 100
     assert np.mean(missed_deg["circle"]) < 0.75 * np.mean(missed_deg["straight"])
+
+
+def test_one_stamp_far_ahead_costs_the_window_and_no_more() -> None:
+    stamps = [0.0, 0.5, 1e6, *np.arange(1.0, 6.0, 0.5).tolist()]
+
+    predictor = driven(fix(stamp_s, 0.1 * stamp_s) for stamp_s in stamps)
+
+    assert predictor.yaw_rate_rad_s == pytest.approx(0.1)

@@ -88,6 +88,15 @@ def test_a_pedal_that_has_not_been_heard_of_for_long_says_nothing() -> None:
     assert own.at_least_m_s2(1.0) == pytest.approx(BRAKING_M_S2, abs=0.05)
 
 
+def test_one_stamp_far_ahead_costs_the_window_and_no_more() -> None:
+    own = braking_until(1.0)
+    own.receive_speed(speed(1e6, 20.0))
+    for k in range(21, 40):
+        own.receive_speed(speed(k / 20, 25.0 - BRAKING_M_S2 * k / 20))
+
+    assert own.at_least_m_s2(1.95) == pytest.approx(BRAKING_M_S2, abs=0.05)
+
+
 def test_who_gains_speed_does_not_brake() -> None:
     own = OwnBraking(WINDOW_S)
     for k in range(20):

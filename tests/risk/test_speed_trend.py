@@ -49,9 +49,18 @@ def test_nothing_is_told_of_too_little(samples: list[tuple[float, float]]) -> No
 
 def test_old_samples_leave_and_late_ones_are_ignored() -> None:
     trend = trend_of([(k / 10, 30.0) for k in range(10)] + [(1.0 + k / 10, 20.0) for k in range(8)])
-    trend.receive(0.3, 99.0)
+    trend.receive(1.65, 99.0)
 
     assert trend.acceleration_m_s2 == pytest.approx(0.0, abs=1e-9)
+
+
+def test_one_stamp_far_ahead_costs_the_window_and_no_more() -> None:
+    trend = trend_of([(k / 10, 10.0) for k in range(10)] + [(1e6, 10.0)])
+
+    for k in range(10, 20):
+        trend.receive(k / 10, 10.0 - 3.0 * k / 10)
+
+    assert trend.acceleration_m_s2 == pytest.approx(-3.0)
 
 
 def test_another_car_begins_anew() -> None:
