@@ -165,8 +165,14 @@ class CanBus:
     async def _reopen(self) -> None:
         while self._bus is None:
             await asyncio.sleep(RECONNECT_PERIOD_S)
-            with contextlib.suppress(CanBusError):
-                self._attach(await self._loop.run_in_executor(None, self._open))
+            opening = self._loop.run_in_executor(None, self._open)
+            try:
+                self._attach(await asyncio.shield(opening))
+            except CanBusError:
+                continue
+            except asyncio.CancelledError:
+                opening.add_done_callback(_shut_down)  # its thread cannot be cancelled
+                raise
         self._on_state(True, "")
 
     async def _play(self, first: CanFrame, others: Iterator[CanFrame]) -> None:
@@ -261,6 +267,11 @@ def _open_socketcan(channel: str) -> can.BusABC:
         bus.shutdown()
         raise CanBusError(f"CAN bus {channel} cannot be opened: it is down (ip link set up)")
     return bus
+
+
+def _shut_down(opening: asyncio.Future[can.BusABC]) -> None:
+    if opening.exception() is None:
+        opening.result().shutdown()
 
 
 def _frame(message: can.Message, stamp_s: float) -> CanFrame:

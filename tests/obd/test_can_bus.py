@@ -186,6 +186,24 @@ def test_a_bus_that_is_closed_while_it_looks_for_its_server_stays_closed():
     on_a_loop(scenario)
 
 
+def test_a_bus_that_is_closed_while_it_is_opened_hangs_up(caplog):
+    async def scenario():
+        ears = Ears()
+        async with Server() as server:
+            bus = ears.bus(server.port)
+            await open_in_thread(bus)
+            client = await soon(server.clients.get())
+            server.greeting, server.answers = b"", ()
+            client.close()
+            again = await soon(server.clients.get())
+            bus.close()
+            again.write(b"< hi >< ok >< ok >")
+            await soon(again.wait_closed())
+
+    on_a_loop(scenario)
+    assert "not properly shut down" not in caplog.text
+
+
 @pytest.mark.parametrize(
     ("greeting", "answers", "why"),
     [
