@@ -54,3 +54,18 @@ def test_on_a_blue_car_nobody_can_tell() -> None:
 @pytest.mark.parametrize("shift", [(-150, -150), (250, 150), (-400, 0)])
 def test_at_and_beyond_the_rim_it_does_no_harm(shift: tuple[int, int]) -> None:
     assert with_band(plate(), corners(LEFT) + np.array(shift, np.float32)).shape == (4, 2)
+
+
+@pytest.mark.parametrize("share", [-0.03, 0.02, 0.045, 0.07])
+@pytest.mark.parametrize("body", [(20, 20, 20), (230, 230, 230), (40, 40, 180)])
+def test_where_the_band_begins_the_plate_begins(share: float, body: tuple[int, int, int]) -> None:
+    """The detector may cut the band in two, or take in some of the bodywork."""
+    found = with_band(plate(body), corners(LEFT + share * WIDTH))
+
+    assert found == pytest.approx(corners(LEFT), abs=1.5)
+
+
+def test_a_blue_car_under_a_white_rim_has_no_band() -> None:
+    image = plate(body=BLUE, band=None)
+
+    assert with_band(image, corners(LEFT + 5.0)) == pytest.approx(corners(LEFT + 5.0))
