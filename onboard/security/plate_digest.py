@@ -35,13 +35,14 @@ class PlateDigest:
         Raises:
             ValueError: the plate has no letter and no digit.
         """
-        return self._derive(normalised(plate_text), self._epoch(utc_s))
+        return self._derive(normalised(plate_text), self.epoch(utc_s))
 
     def epoch_ends_at(self, utc_s: float) -> float:
         """Return the UTC second from which the IDs of the next epoch hold."""
-        return (self._epoch(utc_s) + 1) * self._settings.epoch_s
+        return (self.epoch(utc_s) + 1) * self._settings.epoch_s
 
-    def _epoch(self, utc_s: float) -> int:
+    def epoch(self, utc_s: float) -> int:
+        """Return the number of the epoch at `utc_s`; the same for all cars."""
         return math.floor(utc_s / self._settings.epoch_s)
 
     def _derive_slowly(self, plate: str, epoch: int) -> bytes:

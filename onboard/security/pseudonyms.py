@@ -56,11 +56,10 @@ class Pseudonyms:
         credentials: Credentials | None,
         rng: np.random.Generator,
     ) -> None:
-        """Take the pseudonym certificates of `credentials` in turns, from anywhere."""
+        """Take the pseudonym certificates of `credentials` in turns."""
         self._plate_text = plate_text
         self._digest = digest
         self._credentials = () if credentials is None else credentials.pseudonyms
-        self._turn = int(rng.integers(len(self._credentials))) if self._credentials else 0
         self._rng = rng
         self._current: Pseudonym | None = None
 
@@ -72,25 +71,25 @@ class Pseudonyms:
                 car_id=self._digest.car_id(self._plate_text, utc_s),
                 temporary_id=self._rng.bytes(4),
                 first_msg_cnt=int(self._rng.integers(128)),
-                credential=self._next_credential(utc_s, ends_at_utc_s),
+                credential=self._credential(utc_s, ends_at_utc_s),
                 ends_at_utc_s=ends_at_utc_s,
             )
         return self._current
 
-    def _next_credential(self, utc_s: float, ends_at_utc_s: float) -> Credential | None:
-        """Return the next one that holds for the whole epoch.
+    def _credential(self, utc_s: float, ends_at_utc_s: float) -> Credential | None:
+        """Return the certificate of this epoch, among those that hold for all of it.
 
-        Where none does, the next in turn: others will refuse it as `expired` and say so, which is
-        better than a car that falls silent.
+        It follows from the epoch's number: a car that starts again within an epoch signs as before,
+        and is not taken for a second one that goes by the same plate digest.
+
+        Where none holds, one of all: others will refuse it as `expired` and say so, which is better
+        than a car that falls silent.
         """
-        count = len(self._credentials)
-        if count == 0:
-            return None
-        turns = [turn % count for turn in range(self._turn, self._turn + count)]
-        chosen = next((turn for turn in turns if self._holds(turn, utc_s, ends_at_utc_s)), turns[0])
-        self._turn = chosen + 1
-        return self._credentials[chosen]
+        holding = [each for each in self._credentials if _holds(each, utc_s, ends_at_utc_s)]
+        among = holding or self._credentials
+        return among[self._digest.epoch(utc_s) % len(among)] if among else None
 
-    def _holds(self, turn: int, utc_s: float, ends_at_utc_s: float) -> bool:
-        subject = self._credentials[turn].certificate.subject
-        return subject.valid_from_utc_s <= utc_s and ends_at_utc_s <= subject.valid_until_utc_s
+
+def _holds(credential: Credential, utc_s: float, ends_at_utc_s: float) -> bool:
+    subject = credential.certificate.subject
+    return subject.valid_from_utc_s <= utc_s and ends_at_utc_s <= subject.valid_until_utc_s

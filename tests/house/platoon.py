@@ -20,6 +20,7 @@ def car(
     epoch_s: float = 300.0,
     credentials: Credentials | None = None,
     utc_s: float = NOON_UTC_S,
+    seed: int = 1,
 ) -> Stack:
     tree = {
         "car": {"plate": plate},
@@ -28,7 +29,7 @@ def car(
     return Stack(
         parse_settings(tree, CarConfig, plate),
         (Sensor.SPEED, Sensor.CAMERA),
-        np.random.default_rng(1),
+        np.random.default_rng(seed),
         now=0.0,
         utc_s=utc_s,
         credentials=credentials,

@@ -125,6 +125,17 @@ def test_nobody_takes_a_follower_out_of_reach_of_warnings_by_leaving_in_its_name
     assert len(list(platoon.said("BBB2", "warning"))) == 1
 
 
+def test_a_car_that_starts_again_is_taken_for_the_same_one(platoon: Platoon) -> None:
+    platoon.cars["BBB2"] = car("BBB2", credentials=BOB, utc_s=UTC_S, seed=2)
+    platoon.drive(2.0)
+    assert platoon.cars["AAA1"].group.followers == (car_id(platoon, "BBB2"),)
+
+    platoon.drive(5.0, gap_m=100.0)
+
+    assert "claimed_by_two" not in reasons(platoon, "AAA1")
+    assert not platoon.cars["AAA1"].group.followers
+
+
 def test_a_warning_held_back_for_seconds_is_as_old_as_it_is(platoon: Platoon) -> None:
     leader = car_id(platoon, "AAA1")
     warning = lcca.Warn(leader, leader, 1, b"somebody", 1, 0, 1, 6.0, 0.01, 1)
