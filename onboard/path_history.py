@@ -10,7 +10,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from onboard.geodesy import distance_m
-from onboard.messages.bsm_safety import PathHistory, PathHistoryPoint
+from onboard.messages.bsm_safety import FARTHEST_OFFSET_DEG, PathHistory, PathHistoryPoint
 from onboard.observations import Position
 
 MOST_ERROR_M = 1.0
@@ -70,7 +70,10 @@ class PathHistoryKeeper:
             way_m = _way_m(last, point)
             if way_m < MOST_ERROR_M or now - point.stamp_s > OLDEST_S:
                 continue
-            crumbs.append(_crumb(point, last, now))
+            crumb = _crumb(point, last, now)
+            if crumb is None:
+                break
+            crumbs.append(crumb)
             if way_m > LENGTH_M:
                 break
         return PathHistory(None, None, tuple(crumbs)) if crumbs else None
@@ -90,12 +93,16 @@ class PathHistoryKeeper:
         return way_m <= LONGEST_CHORD_M and self._cone.narrow(direction, way_m)
 
 
-def _crumb(point: Position, last: Position, now: float) -> PathHistoryPoint:
+def _crumb(point: Position, last: Position, now: float) -> PathHistoryPoint | None:
+    """`None` if `point` is farther off than the message can say: behind a tunnel, near a pole."""
+    north_deg = point.latitude_deg - last.latitude_deg
+    east_deg = math.remainder(point.longitude_deg - last.longitude_deg, 360.0)
+    if max(abs(north_deg), abs(east_deg)) > FARTHEST_OFFSET_DEG:
+        return None
     has_heights = point.altitude_m is not None and last.altitude_m is not None
-    turn_deg = math.remainder(point.longitude_deg - last.longitude_deg, 360.0)
     return PathHistoryPoint(
-        latitude_offset_deg=point.latitude_deg - last.latitude_deg,
-        longitude_offset_deg=turn_deg,
+        latitude_offset_deg=north_deg,
+        longitude_offset_deg=east_deg,
         elevation_offset_m=point.altitude_m - last.altitude_m if has_heights else None,  # type: ignore[operator]
         age_s=max(0.01, now - point.stamp_s),
     )

@@ -130,6 +130,8 @@ class FullPositionVector:
     motion_confidence: Annotated[MotionConfidence | None, Optional(Row(MotionConfidence))]
 
 
+FARTHEST_OFFSET_DEG = 0.013_107_1
+"""1.4 km to the north; to the east less than 400 m beyond 74 degrees of latitude."""
 _OFFSET = Number(-131071, 131071, 1e-7, "deg", unavailable=-131072)
 
 

@@ -4,6 +4,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -101,13 +102,44 @@ def test_the_way_lies_near_the_lines_whatever_the_turns(turns_rad: list[float]) 
     assert off_the_line_m(way, points) <= 2 * MOST_ERROR_M
 
 
+def received(history: PathHistory | None) -> PathHistory | None:
+    """What another car reads of it."""
+    sent = BasicSafetyMessage(CoreData(0, b"abcd"), VehicleSafetyExtensions(None, history))
+    safety = bsm.decode(bsm.encode(sent)).safety
+    return None if safety is None else safety.path_history
+
+
 def test_it_travels_in_a_bsm() -> None:
     history, _ = drive(straight(100.0))
-    sent = BasicSafetyMessage(CoreData(0, b"abcd"), VehicleSafetyExtensions(None, history))
 
-    got = bsm.decode(bsm.encode(sent))
+    got = received(history)
 
     assert history is not None
-    assert got.safety is not None
-    assert got.safety.path_history is not None
-    assert len(got.safety.path_history.crumb_data) == len(history.crumb_data)
+    assert got is not None
+    assert len(got.crumb_data) == len(history.crumb_data)
+
+
+@pytest.mark.parametrize(
+    ("latitude_deg", "silent_m"),
+    [(48.0, 0.0), (78.2, 0.0), (-89.0, 0.0), (48.0, 3000.0)],
+    ids=["anywhere", "far north", "near the pole", "behind a tunnel"],
+)
+def test_every_point_is_told_where_the_car_was_then(latitude_deg: float, silent_m: float) -> None:
+    """East by 600 m, without a fix for `silent_m` before the last 60 m."""
+    keeper = PathHistoryKeeper()
+    metre_deg = METRE_DEG / math.cos(math.radians(latitude_deg))
+    ways_m = [x if x < 540.0 else x + silent_m for x in np.arange(0.0, 600.0, 1.5)]
+    driven = [
+        Position(way_m / SPEED_M_S, latitude_deg, way_m * metre_deg, None, 1.0, SPEED_M_S, None)
+        for way_m in ways_m
+    ]
+    for position in driven:
+        keeper.receive_position(position)
+
+    told = received(keeper.history(driven[-1].stamp_s))
+
+    for crumb in () if told is None else told.crumb_data:
+        assert crumb.longitude_offset_deg is not None
+        assert crumb.age_s is not None
+        behind_m = -crumb.longitude_offset_deg / metre_deg
+        assert behind_m == pytest.approx(crumb.age_s * SPEED_M_S, abs=1.0)
