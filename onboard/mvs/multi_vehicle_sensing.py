@@ -99,7 +99,8 @@ class MultiVehicleSensing:
 
     def receive_sensed_car(self, seen: SensedCar) -> None:
         """A car that the own camera sees, whether it has a radio or not."""
-        self._seen.append(seen)
+        if self.has_position(seen.stamp_s):
+            self._seen.append(seen)
 
     def receive_bsm(
         self,

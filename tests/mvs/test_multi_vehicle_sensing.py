@@ -241,6 +241,17 @@ def test_without_a_position_there_is_no_mvs() -> None:
     assert mvs.own_car(10.0) is None
 
 
+def test_what_is_seen_without_a_position_is_not_kept_for_when_there_is_one() -> None:
+    mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
+    for tenth in range(100):
+        mvs.receive_sensed_car(SensedCar(tenth / 10, 1, 20.0, 0.5, 0.1, 0.01))
+
+    mvs.receive_position(Position(60.0, 48.0, 11.0, None, 1.0, 5.0, 0.0))
+
+    assert mvs.kinematic_info(60.0) == []
+    assert mvs.next_event() is None
+
+
 def test_a_position_that_is_too_old_is_none() -> None:
     world = figure_1()
     world.run(1.0)
