@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from onboard.mvs.heading import HeadingFilter
 from onboard.mvs.kalman import Array
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.settings import SensingSettings
@@ -17,6 +18,8 @@ SPEED_SIGMA_M_S = 0.5
 UNKNOWN_SPEED_SIGMA_M_S = 30.0
 ACCELERATION_M_S2 = 3.0
 """What a car may do between two fixes; twice this is hard braking."""
+VAGUEST_HEADING_RAD = 0.35
+"""With a heading that is less certain, nothing is placed: its error is no small, linear one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +39,7 @@ class OwnCar:
     def __init__(self, settings: SensingSettings) -> None:
         self._settings = settings
         self._fix: Position | None = None
-        self._heading_rad: float | None = None
+        self._heading = HeadingFilter(settings)
         self._state: ReportedState | None = None
         self.frame: LocalFrame | None = None
 
@@ -49,9 +52,7 @@ class OwnCar:
         if self._fix is not None and fix.stamp_s < self._fix.stamp_s:
             return None
         self._fix = fix
-        moving = fix.speed_m_s is None or fix.speed_m_s >= self._settings.heading_held_below_m_s
-        if fix.course_rad is not None and (moving or self._heading_rad is None):
-            self._heading_rad = fix.course_rad
+        self._heading.receive_position(fix)
         here = LocalFrame(fix.latitude_deg, fix.longitude_deg)
         moved = None
         if self.frame is None:
@@ -104,21 +105,22 @@ class OwnCar:
         """
         if self._fix is None or self._state is None or not self.has_position(seen.stamp_s):
             return "no_position"
-        if self._heading_rad is None:
+        facing = self._heading.at(seen.stamp_s)
+        if facing is None or facing.sigma_rad > VAGUEST_HEADING_RAD:
             return "no_heading"
         settings = self._settings
         own = self._state
         since_fix_s = seen.stamp_s - self._fix.stamp_s
         speed = own.state[2:] if self._fix.speed_m_s is not None else np.zeros(2)
-        heading = np.array([math.sin(self._heading_rad), math.cos(self._heading_rad)])
+        heading = np.array([math.sin(facing.heading_rad), math.cos(facing.heading_rad)])
         camera = own.state[:2] + since_fix_s * speed + settings.camera_ahead_m * heading
 
-        direction = self._heading_rad + seen.bearing_rad
+        direction = facing.heading_rad + seen.bearing_rad
         along = np.array([math.sin(direction), math.cos(direction)])
         across = np.array([along[1], -along[0]])
         range_m = seen.range_m + settings.face_to_centre_m
         range_variance = seen.range_sigma_m**2 + settings.face_to_centre_sigma_m**2
-        bearing_variance = seen.bearing_sigma_rad**2 + settings.heading_sigma_rad**2
+        bearing_variance = seen.bearing_sigma_rad**2 + facing.sigma_rad**2
         own_variance = self._fix.sigma_m**2 + (ACCELERATION_M_S2 * since_fix_s**2 / 2) ** 2
         covariance = (
             own_variance * np.eye(2)

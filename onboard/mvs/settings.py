@@ -29,9 +29,12 @@ class SensingSettings(Settings):
     face_to_centre_sigma_m: float = Field(0.5, ge=0.0, le=5.0)
     """Cars are not equally long, nor always seen from behind."""
     heading_sigma_rad: float = Field(0.02, gt=0.0, le=0.5)
-    """Of the course that the receiver reports, while driving."""
-    heading_held_below_m_s: float = Field(1.5, ge=0.0, le=10.0)
-    """Slower than this, the course is noise, and the last good one is kept."""
+    """Of the angle between the camera's axis and the course, which no fix tells: how it is mounted,
+    and how the car drifts."""
+    velocity_sigma_m_s: float = Field(0.1, gt=0.0, le=2.0)
+    """Of the receiver's velocity, on either axis: a course is wrong by this over the speed."""
+    heading_held_below_m_s: float = Field(1.0, gt=0.0, le=10.0)
+    """Slower than this, the course tells nothing, and what is known of the heading is kept."""
     position_held_s: float = Field(1.5, gt=0.0, le=10.0)
     """How long a fix is carried on at its speed before the position counts as missing."""
 

@@ -80,9 +80,12 @@ class Accuracy:
 
 MODELLED = MvsSettings(
     acceleration_density=Q,
-    sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
+    sensing=SensingSettings(
+        face_to_centre_m=0.0, face_to_centre_sigma_m=0.0, heading_sigma_rad=0.001
+    ),
 )
-"""The filter's model is that of the cars along their lane; across, they keep it."""
+"""The filter's model is that of the cars along their lane; across, they keep it. Their sensors are
+mounted without an error."""
 
 
 def accuracy(

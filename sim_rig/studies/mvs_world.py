@@ -33,6 +33,7 @@ TICK_S = 0.1
 START_UTC_S = 1_750_000_000.0
 _PRIORITY = 5
 """Of a BSM."""
+_ARRIVAL_M_S = 10.0
 
 
 class WorldSettings(Settings):
@@ -48,6 +49,8 @@ class WorldSettings(Settings):
     """On top, of the range."""
     bearing_sigma_rad: float = Field(0.01, gt=0.0)
     position_sigma_m: float = Field(0.4, gt=0.0)
+    speed_sigma_m_s: float = Field(0.1, ge=0.0)
+    """Of a velocity, on either axis; the course is as uncertain as this makes it."""
     reach_m: float = Field(300.0, gt=0.0)
     """Of the radio."""
     loss: float = Field(0.0, ge=0.0, le=1.0)
@@ -142,7 +145,7 @@ class MvsWorld:
             del self.cores[gone]
         for name in with_radio:
             if name not in self.cores:
-                self._join(name)
+                self._join(name, cars)
         for name in sorted(with_radio, key=self._phases.__getitem__):
             self.now = began + self._phases[name] * TICK_S
             self._listen()
@@ -162,19 +165,22 @@ class MvsWorld:
         assert frame is not None  # noqa: S101 (a core acts with a fix)
         return frame
 
-    def _join(self, name: str) -> None:
+    def _join(self, name: str, cars: Cars) -> None:
+        """A car that stands when it joins has come there driving: it knows its heading by that."""
         own_id = self.own_id(name)
         rng = np.random.default_rng([self._seed, *own_id])
         self._phases[name] = float(rng.random())
         self.cores[name] = MultiVehicleSensing(self._mvs_settings, own_id, rng, START_UTC_S)
         self._shadows[name] = OwnCar(self._mvs_settings.sensing)
+        arrival = self._fix(cars, cars.names.index(name), speed_m_s=_ARRIVAL_M_S)
+        self.cores[name].receive_position(arrival)
+        self._shadows[name].receive_position(arrival)
 
     def _act(self, name: str, cars: Cars) -> None:
         core, shadow, settings = self.cores[name], self._shadows[name], self.settings
         own = cars.names.index(name)
         course_rad = math.pi / 2.0 - float(cars.heading_rad[own])
-        noisy = self._mvs_settings.sensing.heading_sigma_rad * self._rng.normal()
-        fix = self._fix(cars.middle_m[own], float(cars.speed_m_s[own]), course_rad + noisy)
+        fix = self._fix(cars, own, float(cars.speed_m_s[own]))
         core.receive_position(fix)
         shadow.receive_position(fix)
         for other in self._in_view(own, cars).tolist() if settings.senses else ():
@@ -194,10 +200,19 @@ class MvsWorld:
             self._note(name, cars.names[other], seen)
         self._broadcast(own, fix, core.footer_to_send(self.now), cars)
 
-    def _fix(self, middle_m: Array, speed_m_s: float, course_rad: float) -> Position:
-        noisy = middle_m + self.settings.position_sigma_m * self._rng.normal(size=2)
-        sigma_m = self.settings.position_sigma_m
-        return Position(self.now, *to_degrees(noisy), None, sigma_m, speed_m_s, course_rad)
+    def _fix(self, cars: Cars, own: int, speed_m_s: float) -> Position:
+        settings = self.settings
+        noisy_m = cars.middle_m[own] + settings.position_sigma_m * self._rng.normal(size=2)
+        velocity_m_s = speed_m_s * cars.ahead[own]
+        east_m_s, north_m_s = velocity_m_s + settings.speed_sigma_m_s * self._rng.normal(size=2)
+        return Position(
+            self.now,
+            *to_degrees(noisy_m),
+            None,
+            settings.position_sigma_m,
+            math.hypot(east_m_s, north_m_s),
+            math.atan2(east_m_s, north_m_s),
+        )
 
     def _note(self, car: str, other: str, seen: SensedCar) -> None:
         placed = self._shadows[car].measure(seen)

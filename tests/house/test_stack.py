@@ -124,7 +124,7 @@ def test_where_there_is_a_detector_its_cars_are_shared_and_those_by_plates_are_n
     stack = Stack(config, config.sensors(), np.random.default_rng(1), now=0.0, utc_s=0.0)
     for k in range(20):
         now = k / 10
-        stack.receive_observation(Position(now, 48.1, 11.5, None, 0.5, 0.0, 0.0), now)
+        stack.receive_observation(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0), now)
         stack.receive_observation(SensedCar(now, 1, 50.0, 0.5, 0.4, 0.01), now)
         stack.receive_observation(
             DetectedCars(now, (SensedCar(now, 1, 20.0, 0.5, 0.0, 0.01),)), now

@@ -350,7 +350,7 @@ def test_when_utc_is_corrected_a_car_in_view_is_known_again_at_once(step_s: floa
         if k == 30:
             assert only(known)
             mvs.set_utc_offset(step_s)
-        mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 0.0, 0.0))
+        mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0))
         seen = SensedCar(now, 1, 30.0 + 15.0 * (now - 1000.0), 0.5, 0.0, 0.01)
         mvs.receive_sensed_car(seen)
         known = mvs.kinematic_info(now)

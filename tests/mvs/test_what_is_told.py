@@ -89,7 +89,7 @@ def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
     told: list[tuple[int, ...]] = []
     for k in range(12):
         at = 1000.0 + k / 10
-        mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 0.0, 0.0))
+        mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 10.0, 0.0))
         for number in range(1 if k < 4 else 2):
             mvs.receive_sensed_car(SensedCar(at, number, 30.0, 0.3, 0.6 * number, 0.01))
         told.append(read(mvs.footer_to_send(at)).cars)
@@ -107,7 +107,7 @@ def test_what_did_not_fit_into_a_footer_is_told_first_in_the_next() -> None:
     told: list[int] = []
     for k in range(12):
         now = 1000.0 + k / 10
-        mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 0.0, 0.0))
+        mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0))
         for number in range(3):
             mvs.receive_sensed_car(SensedCar(now, number, 30.0, 0.3, 0.5 * number, 0.01))
         told += read(mvs.footer_to_send(now)).cars

@@ -101,6 +101,8 @@ class World:
         }
         self.with_radio = [car for car in self.cars if car.radio]
         self.sent: list[Message] = []
+        for car in self.with_radio:
+            self.mvs[car.name].receive_position(self.on_clock(self.arrival(car), car))
 
     def car(self, name: str) -> Car:
         return next(car for car in self.cars if car.name == name)
@@ -126,6 +128,14 @@ class World:
             if other.name in car.sees:
                 mvs.receive_sensed_car(self.seen(car, state, other, number))
         self.broadcast(Message(car, fix, mvs.footer_to_send(now)))
+
+    def arrival(self, car: Car) -> Position:
+        """Who stands when the world begins came there driving, and knows his heading by that."""
+        heading = car.heading_rad
+        if heading is None:
+            heading = math.atan2(car.vx_m_s, car.vy_m_s)
+        place = to_degrees(car.x_m, car.y_m)
+        return Position(self.start - 0.1, *place, None, self.position_sigma_m, 10.0, heading)
 
     def fix(self, car: Car, state: np.ndarray) -> Position:
         noisy = state[:2] + self.rng.normal(0, self.position_sigma_m, 2)

@@ -24,4 +24,4 @@ def test_where_cars_are_what_the_filter_takes_them_for_its_covariances_are_right
     for method in (CENTRALISED, MVS):
         assert 3.0 < found[method].mean_nees < 5.0
         assert found[method].inside_95 > 0.94
-    assert found[BLIND].inside_95 < 0.85
+    assert found[BLIND].inside_95 < 0.9
