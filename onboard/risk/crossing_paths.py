@@ -1,15 +1,15 @@
-"""Where the own path and another car's cross, and how likely the two meet there.
+"""How likely two cars on crossing courses collide, averaged over what is not known exactly.
 
-Of a car whose acceleration is known, that one is the likeliest (section III-E of the paper); of
-others, all are alike. But who goes straight on and would have to brake harder than drivers who stop
-do, and does not, drives on; between two of these P_C leaves out that anybody stops.
+What a driver will do next is a distribution of accelerations: where the present acceleration is
+known, it is the likeliest one (section III-E of the paper), else all are equally likely. A driver
+who goes straight on, would by now have to brake harder than drivers who stop do, and does not, is
+taken to drive on. Where both do, P_C is that of two drivers of whom neither stops.
 
-P_C is averaged over what is not known exactly: the distances and speeds of both cars, whose common
-covariance follows from those of their states. The average is a fixed rule of 25 points, exact for
-polynomials of the fifth degree, so the same states always give the same number.
+The distances and speeds of both cars are uncertain too. P_C is averaged over them by a fixed rule
+of 25 points that is exact for polynomials of the fifth degree, so that the same states always give
+the same number.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -17,10 +17,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.mvs.known_car import KnownCar
 from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
 from onboard.risk.driver_behaviour import Behaviour, Triangular, Uniform
+from onboard.risk.meeting import Meeting
 from onboard.risk.settings import CrossingSettings
 from onboard.risk.trajectory import Array
 
@@ -30,19 +30,11 @@ _POINTS = np.concatenate([np.zeros((1, 4)), np.sqrt(6.0) * _CORNERS])
 """(25, 4), in standard deviations."""
 _WEIGHTS = np.array([1.0 / 3.0, *np.full(24, 1.0 / 36.0)])
 
-_STEP = 1e-4
-"""Of the numerical derivative, in m and m/s."""
-
 _ROUNDING = 1e-9
-"""Relative; an eigenvalue this little below zero is zero."""
-
+"""Relative."""
 
 _PAIRS_AT_ONCE = 512
 """What stays in a processor's cache."""
-
-
-class CovarianceError(ValueError):
-    """The uncertainty of a state is not finite, or negative in some direction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,65 +49,13 @@ class Driven:
     """Across its course, in a bend; `None`: not known."""
 
 
-@dataclass(frozen=True, slots=True)
-class Meeting:
-    """Two courses that cross ahead of both cars, or around them."""
-
-    mean: Array
-    """(4): own distance in m and speed in m/s, the other's distance and speed."""
-    covariance: Array
-    """(4, 4) of these."""
-    angle_rad: float
-    """Between the courses."""
-
-
-def meeting(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> Meeting | None:
-    """Where the courses cross; `None` for parallel ones, far ones, and cars without a course.
-
-    Raises:
-        CovarianceError: what is said of either car's uncertainty cannot be.
-    """
-    *_, east, north = own.state
-    *_, east_other, north_other = other.state
-    if not all(map(math.isfinite, (*own.state, *other.state))):
-        return None
-    # Most of many cars around end here, so it is done without arrays.
-    speed, speed_other = math.hypot(east, north), math.hypot(east_other, north_other)
-    if min(speed, speed_other) < settings.least_speed_m_s:
-        return None
-    turned = east * north_other - north * east_other
-    if abs(turned) < speed * speed_other * math.sin(settings.least_angle_rad):
-        return None
-    angle_rad = math.atan2(turned, east * east_other + north * north_other)
-    if not all(has_course(car, settings) for car in (own, other)) or _may_be_parallel(
-        abs(turned) / (speed * speed_other), own, other
-    ):
-        return None
-    states = np.array([*own.state, *other.state])
-    mean = _approaches(states[:, None])[:, 0]
-    if not np.all(np.abs(mean[[0, 2]]) <= settings.range_m):  # nor what overflowed
-        return None
-    offsets = _STEP * np.eye(8)
-    derivative = (
-        _approaches(states[:, None] + offsets) - _approaches(states[:, None] - offsets)
-    ) / (2.0 * _STEP)
-    both = np.zeros((8, 8))
-    both[:4, :4], both[4:, 4:] = own.covariance, other.covariance
-    if not np.all(np.isfinite(both)):
-        raise CovarianceError("not finite")
-    for each in (both[:4, :4], both[4:, 4:]):
-        eigenvalues = np.linalg.eigvalsh((each + each.T) / 2.0)
-        if eigenvalues[0] < -_ROUNDING * max(eigenvalues[-1], 1.0):
-            raise CovarianceError(f"an eigenvalue of {eigenvalues[0]:.3g}")
-    return Meeting(mean, derivative @ both @ derivative.T, angle_rad)
-
-
 def averaged_collision_probabilities(
     meetings: Sequence[Meeting], others: Sequence[Driven], own: Driven, settings: CrossingSettings
 ) -> Array:
     """P_C of each meeting, (n), averaged over its uncertainty.
 
-    Where both cars drive on, that of two that do, if it is greater.
+    For two cars that drive on it is the greater of two values: that of any two drivers, and that of
+    two who do not stop.
 
     Args:
         meetings: n of them.
@@ -145,11 +85,11 @@ def averaged_collision_probabilities(
 def _drive_on(
     meetings: Sequence[Meeting], others: Sequence[Driven], own: Driven, settings: CrossingSettings
 ) -> NDArray[np.bool_]:
-    """Whether to stay out of the other's way asks more braking of both than drivers do, (n).
+    """Whether both drivers would have to brake harder than drivers do to stop short, (n).
 
-    The own driver, who is the one to be warned, has time to react. So has who still accelerates,
-    and does so until then. Both must be known to go straight on: in a bend, the courses of all that
-    come towards us cross ours.
+    The own driver, who is to be warned, first needs time to react. So does another driver who still
+    accelerates, and who goes on accelerating in that time. Both must be known to go straight on: in
+    a bend, the courses of all oncoming cars cross ours.
     """
     if not meetings or own.acceleration_m_s2 is None or not _goes_straight(own, settings):
         return np.zeros(len(meetings), dtype=bool)
@@ -177,7 +117,7 @@ def _goes_straight(car: Driven, settings: CrossingSettings) -> bool:
 
 
 def _gaining_m_s2(acceleration_m_s2: float | None, settings: CrossingSettings) -> float:
-    """0 of one who does not clearly accelerate."""
+    """0 unless the driver clearly accelerates."""
     gaining = acceleration_m_s2 or 0.0
     return gaining if gaining > settings.gaining_m_s2 else 0.0
 
@@ -216,9 +156,9 @@ def _zone_halves_m(
         np.array([each.length_m for each in others]), np.array([each.width_m for each in others])
     )
     angle = np.array([each.angle_rad for each in meetings])
-    return XCrossing(size, theirs, angle).extent_m()[1], XCrossing(theirs, size, angle).extent_m()[
-        1
-    ]
+    _, half = XCrossing(size, theirs, angle).extent_m()
+    _, half_other = XCrossing(theirs, size, angle).extent_m()
+    return half, half_other
 
 
 def _averaged(
@@ -249,22 +189,15 @@ def _averaged(
         ),
         each_point([each.angle_rad for each in meetings]),
     )
+
+    def approach(distance_m: Array, speed_m_s: Array, present_m_s2: Array | None) -> Approach:
+        may_do = behaviour(present_m_s2, settings)
+        return Approach(distance_m, np.maximum(speed_m_s, 0.0), top, may_do)
+
+    own_present = None if own.acceleration_m_s2 is None else np.array(own.acceleration_m_s2)
+    other_present = each_point(accelerations) if accelerations else None
     p_c = collision_probability(
-        Approach(
-            own_d,
-            np.maximum(own_v, 0.0),
-            top,
-            behaviour(
-                None if own.acceleration_m_s2 is None else np.array(own.acceleration_m_s2), settings
-            ),
-        ),
-        Approach(
-            other_d,
-            np.maximum(other_v, 0.0),
-            top,
-            behaviour(each_point(accelerations) if accelerations else None, settings),
-        ),
-        zone,
+        approach(own_d, own_v, own_present), approach(other_d, other_v, other_present), zone
     )
     averaged: Array = p_c.reshape(len(meetings), -1) @ _WEIGHTS
     return averaged
@@ -278,52 +211,11 @@ def _behaviour(present_m_s2: Array | None, settings: CrossingSettings) -> Behavi
 
 
 def _behaviour_driving_on(present_m_s2: Array | None, settings: CrossingSettings) -> Behaviour:
-    """Of one who does not stop: goes on as he does, or coasts, a little more or less."""
+    """Of a driver who does not stop: anything from the present acceleration to coasting."""
     assert present_m_s2 is not None  # noqa: S101 (asked of those that say it)
     around = settings.driving_on_m_s2
     lowest, highest = np.minimum(present_m_s2, 0.0) - around, np.maximum(present_m_s2, 0.0) + around
     return Triangular(lowest, present_m_s2, highest)
-
-
-def has_course(car: KnownCar, settings: CrossingSettings) -> bool:
-    """Whether a velocity has settled, by its largest sigma or by time, and its direction has."""
-    (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
-    largest = (a + c) / 2.0 + math.hypot((a - c) / 2.0, b)
-    is_new = car.known_for_s < settings.settled_after_s
-    is_vague = is_new and largest > settings.settled_sigma_m_s**2
-    is_vague |= _course_variance(car) > settings.course_sigma_rad**2
-    return not is_vague  # what is no number is told of later
-
-
-def _may_be_parallel(sine: float, own: KnownCar, other: KnownCar) -> bool:
-    """Whether courses at an angle of that sine may be parallel, to two sigma of the angle."""
-    sigma_rad = math.sqrt(max(_course_variance(own) + _course_variance(other), 0.0))
-    return math.asin(min(sine, 1.0)) < 2.0 * sigma_rad
-
-
-def _course_variance(car: KnownCar) -> float:
-    """Of the direction in which a car drives, in rad^2."""
-    east, north = car.state[2:]
-    (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
-    across = north * north * a - 2.0 * north * east * b + east * east * c
-    return across / (east * east + north * north) ** 2
-
-
-def _approaches(states: Array) -> Array:
-    """Distances to where the courses cross, and speeds, (4, k), from states of both, (8, k)."""
-    (p, v), (q, w) = (
-        (states[begin : begin + 2], states[begin + 2 : begin + 4]) for begin in (0, 4)
-    )
-    speed, speed_other = np.hypot(*v), np.hypot(*w)
-    apart, both = q - p, _cross(v, w)
-    distance = _cross(apart, w) / both * speed
-    distance_other = _cross(apart, v) / both * speed_other
-    return np.stack([distance, speed, distance_other, speed_other])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    result: Array = a[0] * b[1] - a[1] * b[0]
-    return result
 
 
 def _square_root(covariance: Array) -> Array:

@@ -21,13 +21,8 @@ from onboard.risk.closing_gap import (
     required_deceleration_m_s2,
     settled_closing_speed_m_s,
 )
-from onboard.risk.crossing_paths import (
-    CovarianceError,
-    Driven,
-    Meeting,
-    averaged_collision_probabilities,
-    meeting,
-)
+from onboard.risk.crossing_paths import Driven, averaged_collision_probabilities
+from onboard.risk.meeting import CovarianceError, Meeting, meeting
 from onboard.risk.motion import Motion
 from onboard.risk.own_braking import OwnBraking
 from onboard.risk.settings import RiskSettings

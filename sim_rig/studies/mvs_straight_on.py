@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from onboard.mvs.known_car import KnownCar
-from onboard.risk.crossing_paths import has_course
+from onboard.risk.meeting import has_course
 from onboard.risk.settings import RiskSettings
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import first_crash

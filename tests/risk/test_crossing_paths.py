@@ -12,13 +12,9 @@ from onboard.mvs.known_car import KnownBy, KnownCar
 from onboard.risk import crossing_paths
 from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
-from onboard.risk.crossing_paths import (
-    CovarianceError,
-    Driven,
-    averaged_collision_probabilities,
-    meeting,
-)
+from onboard.risk.crossing_paths import Driven, averaged_collision_probabilities
 from onboard.risk.driver_behaviour import Uniform
+from onboard.risk.meeting import CovarianceError, meeting
 from onboard.risk.settings import CrossingSettings
 
 SETTINGS = CrossingSettings()
