@@ -268,63 +268,79 @@ class Tracks:
         return self._compared
 
     def _tell_apart(self, now_ms: int) -> None:
-        """Join tracks that are one car, and say which are known as a car of their own.
-
-        Two tracks in each other's place are one car, unless they were seen side by side. Two that
-        might be one, but are not known well enough to say so, are not told of as two: the one that
-        the own camera sees is told of, or else the better placed one, whatever a liar says.
-        """
-        settings, association = self._settings, self._settings.association
-        q = settings.acceleration_density
+        """Join tracks that are one car, and say which are known as a car of their own."""
         cars = self._comparison()
+        joined, doubles = self._join(cars, now_ms)
+        self._choose_known(cars, joined, doubles, now_ms)
+        if joined:
+            kept = [at for at in range(len(cars)) if at not in joined]
+            self._tracks = [self._tracks[at] for at in kept]
+            self._compared = cars[kept]
+
+    def _join(self, cars: Kinematics, now_ms: int) -> tuple[set[int], list[set[int]]]:
+        """Let tracks take over those that are the same car.
+
+        Two tracks in each other's place are one car, unless they were seen side by side.
+
+        Returns:
+            places of the tracks that have been taken over; for each track the places of those that
+            might be the same car, but are not known well enough to say so.
+        """
+        association, q = self._settings.association, self._settings.acceleration_density
         apart = _apart_m(places := cars.places_m(now_ms), places)
-        variances = _variances(cars, now_ms, q)
         near = np.argwhere(np.triu(apart < _NEAR_M, k=1))
+        joined: set[int] = set()
         doubles: list[set[int]] = [set() for _ in self._tracks]
-        gone: set[int] = set()
-        if len(near):
-            one, other = cars[near[:, 0]], cars[near[:, 1]]
-            squared, _, variance = distances(one, other, q)
-            compatible = squared <= gates(one, association.gate_probability)
-            close = apart[near[:, 0], near[:, 1]] <= association.overlap_m
-            maybe_one = compatible | close
-            for (i, j), fits, touches, spread in zip(
-                near[maybe_one].tolist(),
-                compatible[maybe_one].tolist(),
-                close[maybe_one].tolist(),
-                variance[maybe_one].tolist(),
-                strict=True,
-            ):
-                if i in gone or j in gone:
-                    continue
-                first, second = self._tracks[i], self._tracks[j]
-                if first.was_seen_beside(second):
-                    continue
-                age_s = (now_ms - max(first.first_ms, second.first_ms)) / 1000
-                certain = spread <= (association.certain_m * (1.0 + 4.0 * age_s)) ** 2
-                if touches and (certain or first.shares_with(second)):
-                    first.take_over(second)
-                    gone.add(j)
-                elif fits and first.is_confirmed and second.is_confirmed:
-                    doubles[i].add(j)
-                    doubles[j].add(i)
-        # The first to be told of hides its doubles; who is hidden itself hides nobody.
+        if not len(near):
+            return joined, doubles
+        one, other = cars[near[:, 0]], cars[near[:, 1]]
+        squared, _, variance = distances(one, other, q)
+        compatible = squared <= gates(one, association.gate_probability)
+        close = apart[near[:, 0], near[:, 1]] <= association.overlap_m
+        maybe_one = compatible | close
+        for (i, j), fits, touches, spread in zip(
+            near[maybe_one].tolist(),
+            compatible[maybe_one].tolist(),
+            close[maybe_one].tolist(),
+            variance[maybe_one].tolist(),
+            strict=True,
+        ):
+            if i in joined or j in joined:
+                continue
+            first, second = self._tracks[i], self._tracks[j]
+            if first.was_seen_beside(second):
+                continue
+            age_s = (now_ms - max(first.first_ms, second.first_ms)) / 1000
+            certain = spread <= (association.certain_m * (1.0 + 4.0 * age_s)) ** 2
+            if touches and (certain or first.shares_with(second)):
+                first.take_over(second)
+                joined.add(j)
+            elif fits and first.is_confirmed and second.is_confirmed:
+                doubles[i].add(j)
+                doubles[j].add(i)
+        return joined, doubles
+
+    def _choose_known(
+        self, cars: Kinematics, joined: set[int], doubles: Sequence[set[int]], now_ms: int
+    ) -> None:
+        """Of tracks that might be one car, tell of one only.
+
+        That is the one that the own camera sees, or else the better placed one, whatever a liar
+        says. Each that is told of hides its doubles; one that is hidden hides nobody.
+        """
+        variances = _variances(cars, now_ms, self._settings.acceleration_density)
         told: set[int] = set()
         for at in sorted(
-            set(range(len(cars))) - gone,
+            set(range(len(cars))) - joined,
             key=lambda at: (not self._tracks[at].is_seen, variances[at]),
         ):
             track = self._tracks[at]
-            well_placed = variances[at] <= settings.vaguest_known_m**2
+            well_placed = variances[at] <= self._settings.vaguest_known_m**2
             track.is_known = bool(
                 track.is_confirmed and well_placed and told.isdisjoint(doubles[at])
             )
             if track.is_known:
                 told.add(at)
-        if gone:
-            self._tracks = [track for at, track in enumerate(self._tracks) if at not in gone]
-            kept = [at for at in range(len(cars)) if at not in gone]
-            self._compared = cars[kept]
 
 
 def _apart_m(some: Array, others: Array) -> Array:

@@ -211,7 +211,7 @@ def _behaviour(present_m_s2: Array | None, settings: CrossingSettings) -> Behavi
 
 
 def _behaviour_driving_on(present_m_s2: Array | None, settings: CrossingSettings) -> Behaviour:
-    """Of a driver who does not stop: anything from the present acceleration to coasting."""
+    """Of a driver who does not stop: about the present acceleration, or none, or between."""
     assert present_m_s2 is not None  # noqa: S101 (asked of those that say it)
     around = settings.driving_on_m_s2
     lowest, highest = np.minimum(present_m_s2, 0.0) - around, np.maximum(present_m_s2, 0.0) + around
