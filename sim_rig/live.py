@@ -33,6 +33,7 @@ from sim_rig.cars.vehicle_detector import VehicleDetector
 from sim_rig.cars.wrong_clock import BEGINS
 from sim_rig.engineer.window import ENGINEER, EngineerWindow
 from sim_rig.faults import WrongClock
+from sim_rig.faults_of_car import FaultsOfCar
 from sim_rig.processes import ProcessError, Processes
 from sim_rig.radio.air import Air
 from sim_rig.radio.faulty_air import FaultyAir
@@ -231,10 +232,11 @@ class Desk:
         port, nmea_port = _free_port(socket.SOCK_STREAM), _free_port(socket.SOCK_DGRAM)
         await start_gpsd(self.processes, car, port, nmea_port)
 
+        faults = FaultsOfCar(self._scenario, car)
+
         def state_at(now: float) -> CarState | None:
             at_s = self._at_s(now)
-            is_silent = self._scenario.has_fault("gnss_silent", car, at_s)
-            return None if is_silent else self._road.car_at(car, at_s)
+            return faults.received(self._road.car_at(car, at_s), at_s)
 
         receiver = GnssReceiver(
             settings,

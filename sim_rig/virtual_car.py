@@ -1,0 +1,158 @@
+"""One car in virtual time: its stack, with the rig's ends of its wires held against it."""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from onboard.config import CarConfig
+from onboard.detector.object_list import ObjectListReader
+from onboard.gnss.nmea import NmeaReader
+from onboard.gnss.settings import GnssSettings
+from onboard.obd.can_frame import CanFrame
+from onboard.observations import Sensor
+from onboard.recorder.recorded import put_together
+from onboard.security.credentials import Credentials
+from onboard.settings import parse_settings
+from onboard.trace import as_record
+from sim_rig.cars.camera_model import CameraModel
+from sim_rig.cars.camera_view import FPS, CameraView
+from sim_rig.cars.faulty_ecu import FaultyEcu
+from sim_rig.cars.gnss_receiver import GnssReceiver
+from sim_rig.cars.udp_line import Device
+from sim_rig.cars.vehicle_camera import VehicleCamera
+from sim_rig.cars.vehicle_detector import VehicleDetector
+from sim_rig.faults_of_car import FaultsOfCar
+from sim_rig.roads.road import Road
+from sim_rig.run_log import Record
+from sim_rig.scenario import Scenario
+from sim_rig.virtual_box import VirtualBox
+from sim_rig.wiring import car_config, gnss_config
+
+START_UTC_S = 1_750_000_000.0
+"""UTC when a virtual run begins: some time in June 2025, the same for every run."""
+
+_Reader = NmeaReader | ObjectListReader
+
+
+class VirtualCar:
+    """Feeds the stack what its wires bring, and hands over what its radio is to send."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        road: Road,
+        name: str,
+        seed: np.random.SeedSequence,
+        sky_seed: np.random.SeedSequence,
+        *,
+        box: VirtualBox | None,
+        credentials: Credentials | None,
+    ) -> None:
+        self.name = name
+        self.trace: list[Record] = []
+        self.planned_at = math.inf
+        self._stack_at = 0.0
+        own_seed, *other_seeds = seed.spawn(5)
+        camera_rng, gnss_rng, vehicles_rng, ecu_rng = map(np.random.default_rng, other_seeds)
+        config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
+        self._faults = FaultsOfCar(scenario, name)
+        self._stack = put_together(
+            box,
+            config,
+            _sensors(scenario),
+            own_seed,
+            now=0.0,
+            utc_s=START_UTC_S + self._faults.clock_error_s(0.0),
+            credentials=credentials,
+        )
+        self._waiting: deque[bytes] = deque()
+        phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)
+        self._camera = CameraModel(
+            CameraView(scenario, road, name, camera_rng), config.vision, phase_s, camera_rng
+        )
+        self._ecu = FaultyEcu(
+            scenario,
+            name,
+            speed_m_s=lambda now: road.car_at(name, now).speed_m_s,
+            at_s=lambda now: now,
+            rng=ecu_rng,
+        )
+        self._devices: list[tuple[Device, _Reader]] = []
+        if scenario.gnss is not None:
+            receiver = GnssReceiver(
+                scenario.gnss,
+                lambda now: self._faults.received(road.car_at(name, now), now),
+                START_UTC_S,
+                gnss_rng,
+                np.random.default_rng(sky_seed),
+            )
+            settings = GnssSettings.model_validate(gnss_config(scenario.gnss))
+            self._devices.append((receiver, NmeaReader(settings)))
+        if scenario.detector is not None:
+            vehicles = VehicleCamera(scenario.detector, name, road.cars_at, vehicles_rng)
+            self._devices.append((VehicleDetector(vehicles, phase_s), ObjectListReader()))
+
+    def get_timer(self) -> float:
+        """When something of this car is next due."""
+        self._stack_at = self._stack.get_timer()
+        ecu_at = self._ecu.get_timer()
+        at = min(
+            self._stack_at,
+            self._camera.get_timer(),
+            math.inf if ecu_at is None else ecu_at,
+            *(device.get_timer() for device, _ in self._devices),
+        )
+        return self._faults.wakes_at(at)
+
+    def is_asleep(self, now: float) -> bool:
+        """Whether something else has the processor."""
+        return self._faults.wakes_at(now) > now
+
+    def receive_wsm(self, wsm: bytes, now: float) -> None:
+        """A frame arrives at the car's radio unit."""
+        self._waiting.append(wsm)
+        if not self.is_asleep(now):
+            self._take_waiting(now)
+
+    def handle_timer(self, now: float) -> list[CanFrame]:
+        """Do what is due; the frames that the ECU has put on the bus are returned."""
+        self._take_waiting(now)
+        answers = self._ecu.frames_to_send(now)
+        for frame in answers:
+            self._stack.receive_can(frame, now)
+        self._camera.handle_timer(now)
+        self._take_observations(self._camera, now)
+        for device, reader in self._devices:
+            if data := device.bytes_to_send(now):
+                reader.receive_bytes(data, now)
+                self._take_observations(reader, now)
+        if self._stack_at <= now:
+            self._stack.handle_timer(now)
+        return answers
+
+    def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
+        """What the radio unit is given to send; everything else is settled inside the car."""
+        wsms = self._stack.wsms_to_send(now)
+        for frame in self._stack.can_to_send(now):
+            self._ecu.receive_frame(frame, now)
+        while (event := self._stack.next_event()) is not None:
+            self.trace.append(as_record(event))
+        return wsms
+
+    def _take_observations(self, source: CameraModel | _Reader, now: float) -> None:
+        while (observation := source.next_event()) is not None:
+            self._stack.receive_observation(observation, now)
+
+    def _take_waiting(self, now: float) -> None:
+        if self._faults.has_wrong_clock:
+            self._stack.set_utc(START_UTC_S + now + self._faults.clock_error_s(now), now)
+        while self._waiting:
+            self._stack.receive_wsm(self._waiting.popleft(), now)
+
+
+def _sensors(scenario: Scenario) -> frozenset[Sensor]:
+    """Those that every equipped car has."""
+    given = {Sensor.POSITION: scenario.gnss, Sensor.DETECTOR: scenario.detector}
+    extra = (sensor for sensor, settings in given.items() if settings is not None)
+    return frozenset({Sensor.SPEED, Sensor.CAMERA, *extra})
