@@ -22,7 +22,7 @@ from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensio
 from onboard.messages.bsm_schedule import BsmSchedule
 from onboard.observations import BrakePedal, HardBrake, Position, Speed
 from onboard.path_history import PathHistoryKeeper
-from onboard.path_prediction import PathPredictor
+from onboard.path_prediction import STANDING_M_S, PathPredictor
 from onboard.security.pseudonyms import Pseudonym
 from onboard.speed_trend import SpeedTrend
 
@@ -125,8 +125,17 @@ class Beacon:
         """Whether a BSM is to be sent now; `bsm` then makes it."""
         return self._schedule.take_due(now)
 
-    def bsm(self, footer: bytes | None, now: float, utc_s: float) -> BasicSafetyMessage:
-        """The next BSM, with `footer` riding on it; `now` is `utc_s` in seconds since 1970."""
+    def bsm(
+        self, footer: bytes | None, now: float, utc_s: float, held_heading_rad: float | None = None
+    ) -> BasicSafetyMessage:
+        """The next BSM.
+
+        Args:
+            footer: rides on it.
+            now: the same moment as `utc_s`.
+            utc_s: in seconds since 1970.
+            held_heading_rad: which way the car faces, told while it stands.
+        """
         self._msg_cnt = (self._msg_cnt + 1) % MESSAGE_COUNTS
         events = VehicleEventFlags.HARD_BRAKING if self._is_braking(now) else None
         path, prediction = None, None
@@ -135,9 +144,10 @@ class Beacon:
         safety = None
         if events or path or prediction:
             safety = VehicleSafetyExtensions(events, path, prediction)
-        return BasicSafetyMessage(self._core(now, utc_s - now), safety, footer=footer)
+        core = self._core(now, utc_s - now, held_heading_rad)
+        return BasicSafetyMessage(core, safety, footer=footer)
 
-    def _core(self, now: float, utc_offset_s: float) -> CoreData:
+    def _core(self, now: float, utc_offset_s: float, held_heading_rad: float | None) -> CoreData:
         speed = self._speed if _is_fresh(self._speed, now) else None
         fix = self._fix(now)
         acceleration = AccelerationSet(
@@ -163,7 +173,7 @@ class Beacon:
             elevation_m=fix.altitude_m,
             accuracy=PositionalAccuracy(fix.sigma_m, fix.sigma_m, 0.0),
             speed_m_s=self._speed_m_s(fix, speed, now),
-            heading_rad=fix.course_rad,
+            heading_rad=held_heading_rad if _stands(fix) else fix.course_rad,
             acceleration=acceleration,
             brakes=self._brakes(now),
             size=self._size,
@@ -203,6 +213,10 @@ def position_in(core: CoreData, now: float, utc_offset_s: float) -> Position | N
         speed_m_s=core.speed_m_s,
         course_rad=core.heading_rad,
     )
+
+
+def _stands(fix: Position) -> bool:
+    return fix.speed_m_s is not None and fix.speed_m_s < STANDING_M_S
 
 
 def _sec_mark_s(utc_s: float) -> float:

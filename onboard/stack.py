@@ -277,7 +277,13 @@ class Stack:
             )
         if self._config.beacons and self._beacon.take_due(now):
             footer = self._mvs.footer_to_send(now) or None
-            own = self._beacon.bsm(footer, now, now + self._security.utc_offset_s)
+            facing = self._mvs.heading(now)
+            own = self._beacon.bsm(
+                footer,
+                now,
+                now + self._security.utc_offset_s,
+                None if facing is None else facing.heading_rad,
+            )
             self._link.submit(bsm.encode(own), bsm.PSID, own.user_priority, BSM_LIFETIME_S, now)
         return self._link.wsms_to_send(now)
 

@@ -24,9 +24,10 @@ SURPRISING = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """Clockwise from true north."""
+    """What is known of a heading."""
 
     heading_rad: float
+    """Clockwise from true north, from 0 to 2 pi."""
     sigma_rad: float
 
 
@@ -55,10 +56,10 @@ class HeadingFilter:
             expected = self._variance + noise
             if off_rad**2 <= SURPRISING**2 * expected:
                 gain = self._variance / expected
-                self._heading_rad += gain * off_rad
+                self._heading_rad = (self._heading_rad + gain * off_rad) % math.tau
                 self._variance *= 1.0 - gain
                 return
-        self._heading_rad, self._variance = fix.course_rad, noise
+        self._heading_rad, self._variance = fix.course_rad % math.tau, noise
 
     def at(self, stamp_s: float) -> Heading | None:
         """What is known of it at `stamp_s`; `None` until the car has driven."""

@@ -12,6 +12,7 @@ import numpy as np
 from onboard.messages.declaration import DecodeError
 from onboard.mvs.evidence import Evidence, Measurement, MeasurementId
 from onboard.mvs.fusion import fuse, propagate
+from onboard.mvs.heading import Heading
 from onboard.mvs.hearing import Heard, OwnMeasurements, doubts_of_heard, together
 from onboard.mvs.held import Held, Pieces
 from onboard.mvs.kinematics import Kinematics
@@ -208,6 +209,10 @@ class MultiVehicleSensing:
             return None
         own, q = Neighbour(self._own_state(), now), self._settings.acceleration_density
         return as_known(now, KnownBy.ITSELF, {self.own_id: own}, q)[0]
+
+    def heading(self, now: float) -> Heading | None:
+        """Which way the own car faces, standing too; `None` until it has driven."""
+        return self._own.heading(now)
 
     def next_event(self) -> Discarded | None:
         """The oldest event not yet taken."""

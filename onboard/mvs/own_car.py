@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.mvs.heading import HeadingFilter
+from onboard.mvs.heading import Heading, HeadingFilter
 from onboard.mvs.kalman import Array
 from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.settings import SensingSettings
@@ -75,6 +75,11 @@ class OwnCar:
             abs(at_s - self._fix.stamp_s) <= self._settings.position_held_s
         )
 
+    def heading(self, at_s: float) -> Heading | None:
+        """Which way it faces; `None` until it has driven, or where that is long ago."""
+        heading = self._heading.at(at_s)
+        return None if heading is None or heading.sigma_rad > VAGUEST_HEADING_RAD else heading
+
     def place(self, fix: Position) -> ReportedState:
         """Put a fix, the own or one from a BSM, into the own car's frame."""
         assert self.frame is not None  # noqa: S101 (callers ask `has_position` first)
@@ -105,8 +110,8 @@ class OwnCar:
         """
         if self._fix is None or self._state is None or not self.has_position(seen.stamp_s):
             return "no_position"
-        facing = self._heading.at(seen.stamp_s)
-        if facing is None or facing.sigma_rad > VAGUEST_HEADING_RAD:
+        facing = self.heading(seen.stamp_s)
+        if facing is None:
             return "no_heading"
         settings = self._settings
         own = self._state

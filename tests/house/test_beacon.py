@@ -46,6 +46,19 @@ def test_the_speed_is_the_fix_s_while_that_is_of_now_and_then_the_bus_s(
 
 
 @pytest.mark.parametrize(
+    ("speed_m_s", "held_rad", "said_rad"),
+    [(10.0, 0.5, 2.0), (0.3, 0.5, 0.5), (0.3, None, None), (None, 0.5, 2.0)],
+)
+def test_while_it_stands_it_tells_the_heading_that_is_held_and_no_course(
+    beacon: Beacon, speed_m_s: float | None, held_rad: float | None, said_rad: float | None
+) -> None:
+    """The course of a receiver that stands turns in circles."""
+    beacon.receive_position(Position(1.0, 48.0, 11.0, None, 1.0, speed_m_s, 2.0))
+
+    assert beacon.bsm(None, 1.0, 1.0, held_rad).core.heading_rad == said_rad
+
+
+@pytest.mark.parametrize(
     ("utc_s", "sec_mark_s"),
     [(59.9994, 59.999), (59.9996, 0.0), (120.0, 0.0), (1_700_000_099.9999, 0.0)],
 )

@@ -15,6 +15,7 @@ from onboard.observations import (
 from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.trace import as_record
+from onboard.wave_udp.decode import describe
 from tests.house.platoon import Platoon, car
 
 
@@ -116,6 +117,26 @@ def test_a_radio_is_lost_when_its_wire_says_so_and_never_for_being_silent() -> N
         (SensorBack, Sensor.RADIO),
     ]
     assert [event.stamp_s for event in said] == pytest.approx([5.0, 9.0])
+
+
+def test_a_car_that_has_stopped_tells_the_heading_at_which_it_came() -> None:
+    tree = {"car": {"plate": "AAA1"}, "gnss": {}}
+    config = parse_settings(tree, CarConfig, "test")
+    stack = Stack(config, config.sensors(), np.random.default_rng(1), now=0.0, utc_s=0.0)
+    said = []
+    for k in range(30):
+        now, is_driving = k / 10, k < 10
+        course_rad = 2.0 if is_driving else float(k) % 6.0
+        fix = Position(now, 48.1, 11.5, None, 0.5, 10.0 if is_driving else 0.1, course_rad)
+        stack.receive_observation(fix, now)
+        stack.handle_timer(now)
+        for _, wsm in stack.wsms_to_send(now):
+            frame = describe(wsm).get("messageframe", {"basic_safety_message": None})
+            said.append(frame["basic_safety_message"])
+
+    headings = [each["core"]["heading_rad"] for each in said if each is not None]
+    assert len(headings) > 20
+    assert headings == pytest.approx([2.0] * len(headings), abs=0.001)
 
 
 def test_where_there_is_a_detector_its_cars_are_shared_and_those_by_plates_are_not() -> None:
