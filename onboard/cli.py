@@ -26,7 +26,7 @@ from onboard.vision.cli import calibrate, see
 from onboard.wave_udp.cli import decode
 
 app = typer.Typer(
-    help="The in-car safety daemon and its tools.",
+    help="The program that runs in the car and warns its driver, and its tools.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -48,19 +48,19 @@ app.command()(see)
 app.command()(calibrate)
 app.command()(export)
 
-ConfigFile = Annotated[Path, typer.Argument(help="The car's configuration, YAML.")]
+ConfigFile = Annotated[Path, typer.Argument(help="The car's configuration, a YAML file.")]
 
 
 @app.command()
 def run(config: ConfigFile) -> None:
-    """Run the car until it is told to stop; SIGHUP has the configuration read again."""
+    """Run the car's program until it is stopped. SIGHUP reads its configuration again."""
     faulthandler.enable()  # so that a watchdog's SIGABRT leaves in the journal where it hung
     asyncio.run(Service(config).run())
 
 
 @app.command()
 def check(config: ConfigFile) -> None:
-    """Read the configuration, and say whether it is good and which wires it has; none is opened."""
+    """Check a configuration: name every mistake, or which wires the car has. Opens no device."""
     loaded = load_settings(config, CarConfig)
     left_out = [wire for wire in WIRES if getattr(loaded, wire) is None]
     wired = [wire for wire in WIRES if wire not in left_out]
@@ -74,39 +74,50 @@ def check(config: ConfigFile) -> None:
 def replay(
     box: Annotated[
         list[Path] | None,
-        typer.Argument(help="A recording of the black box: segments of one drive, or a folder."),
+        typer.Argument(help="A black box recording: the files of one drive, or their folder."),
     ] = None,
     *,
     can: Annotated[
-        Path | None, typer.Option(help="A CAN log in any format that python-can reads.")
+        Path | None,
+        typer.Option(help="A CAN log: candump, ASC, BLF, TRC or what else python-can reads."),
     ] = None,
     clip: Annotated[
-        str | None, typer.Option(help="A video, or a folder or glob of pictures.")
+        str | None, typer.Option(help="The camera's video, or a folder or glob of pictures.")
     ] = None,
-    nmea: Annotated[Path | None, typer.Option(help="A GNSS receiver's sentences.")] = None,
+    nmea: Annotated[
+        Path | None, typer.Option(help="NMEA sentences of a GNSS receiver, as a text file.")
+    ] = None,
     config: Annotated[
-        Path | None, typer.Option(help="The car's configuration; its wires are not opened.")
+        Path | None,
+        typer.Option(help="The car's configuration (camera, radio, ...). No device is opened."),
     ] = None,
     fps: Annotated[
         float | None,
-        typer.Option(help="Frames a second, of a folder, or of a video that states a wrong rate."),
+        typer.Option(help="Frames a second, for pictures, or if the video states a wrong rate."),
     ] = None,
     realtime: Annotated[
-        bool, typer.Option("--realtime", help="At the speed of the drive, not of the machine.")
+        bool,
+        typer.Option(
+            "--realtime", help="Replay at the speed of the drive instead of as fast as possible."
+        ),
     ] = False,
     expected: Annotated[
         bool,
-        typer.Option("--expect", help="Only say whether BOX's decisions are made again (else 1)."),
+        typer.Option(
+            "--expect", help="Only compare with BOX's decisions; exit with 1 if one differs."
+        ),
     ] = False,
     within: Annotated[
         float,
-        typer.Option(min=0.0, help="Relative tolerance of numbers, for another kind of processor."),
+        typer.Option(
+            min=0.0, help="Relative tolerance of --expect, for another kind of processor."
+        ),
     ] = 0.0,
 ) -> None:
-    """Drive the cores with a recording; one JSON line per observation and decision.
+    """Replay a recorded drive; print observations and decisions, one JSON object a line.
 
-    The recording is BOX, or any of --can, --clip and --nmea together. A clip has no time of its
-    own: it begins with the first CAN frame, or else the first fix.
+    Give a black box recording (BOX), or any of --can, --clip and --nmea together. A clip has no
+    time of its own: it starts at the first CAN frame, or else at the first fix.
     """
     if (box or expected) and (can or clip or nmea):
         raise UserError("replay either a recording of the black box, or others")

@@ -31,7 +31,7 @@ from sim_rig.timeline import draw_timeline
 from sim_rig.virtual import run_virtual
 
 app = typer.Typer(
-    help="The other end of the car's wires: scenarios for the daemon, live or in virtual time.",
+    help="Test rig for `onboard`: plays the car's sensors, the radio and the other cars.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -40,28 +40,33 @@ app = typer.Typer(
 
 @app.command("list")
 def list_scenarios() -> None:
-    """Name the scenarios that come with the rig, and say what each tells."""
+    """List the scenarios that come with the rig, and what happens in each."""
     for name in scenario_names():
         typer.echo(f"{name:14} {load_scenario(name).title}")
 
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="A name from the list, or a YAML file.")],
+    scenario: Annotated[str, typer.Argument(help="A name that `list` shows, or a YAML file.")],
     *,
     virtual: Annotated[
-        bool, typer.Option("--virtual", help="In virtual time, with the same cores.")
+        bool,
+        typer.Option(
+            "--virtual", help="Simulated time instead of real processes: fast and repeatable."
+        ),
     ] = False,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="In the place of the scenario's own.")
+        int | None, typer.Option(min=0, help="Random seed, instead of the scenario's own.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Where traces, logs and pictures go.")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder for traces, logs and pictures.")] = Path("out"),
     watch: Annotated[
         bool,
-        typer.Option("--watch", help="Open the engineer's page, and keep it until Ctrl-C."),
+        typer.Option(
+            "--watch", help="Open the engineer's page in a browser, and keep it until Ctrl-C."
+        ),
     ] = False,
 ) -> None:
-    """Run a scenario, report what happened, and fail (1) if it is not what was expected."""
+    """Run a scenario and report what happened; exit with 1 if it is not what was expected."""
     story = load_scenario(scenario)
     console = Console(highlight=False)
     console.print(f"[bold]{story.title}[/bold]", soft_wrap=True)
@@ -103,21 +108,21 @@ def study(
         list[str],
         typer.Argument(
             metavar="NAME... [--SETTING VALUE]...",
-            help=f"Of: {', '.join(study_names())}. Then single settings of theirs: --cars 40.",
+            help=f"One or more of: {', '.join(study_names())}. Then settings of theirs: --cars 40.",
         ),
     ],
-    out: Annotated[Path, typer.Option(help="Where tables and figures go.")] = Path("out/studies"),
+    out: Annotated[Path, typer.Option(help="Folder for tables and figures.")] = Path("out/studies"),
     settings: Annotated[
-        Path | None, typer.Option(help="YAML with other settings, for a study of many runs.")
+        Path | None, typer.Option(help="YAML file of settings, for studies of many runs.")
     ] = None,
     workers: Annotated[
-        int, typer.Option(min=1, help="Processes, for a study of many runs.")
+        int, typer.Option(min=1, help="How many processes, for studies of many runs.")
     ] = os.cpu_count() or 1,
     dask: Annotated[
-        str | None, typer.Option(help="In the place of processes: a Dask scheduler's address.")
+        str | None, typer.Option(help="Address of a Dask scheduler, to use a cluster instead.")
     ] = None,
 ) -> None:
-    """Make tables and figures of the papers again."""
+    """Make tables and figures of the papers again, from simulated drives."""
     named = list(takewhile(lambda word: not word.startswith("-"), names))
     given = _settings_given(names[len(named) :])
     for name in named:
@@ -131,11 +136,15 @@ def study(
 
 @app.command()
 def show(
-    folder: Annotated[Path, typer.Argument(help="Of a study: out/studies/mvs-figure9.")],
-    number: Annotated[int, typer.Argument(min=0, help="Of the run, as runs.jsonl has it.")],
-    out: Annotated[Path, typer.Option(help="The page.")] = Path("out/run.html"),
+    folder: Annotated[
+        Path, typer.Argument(help="The folder of a finished study, as out/studies/mvs-figure9.")
+    ],
+    number: Annotated[
+        int, typer.Argument(min=0, help="The number of the run, as in its runs.jsonl.")
+    ],
+    out: Annotated[Path, typer.Option(help="The HTML file to write.")] = Path("out/run.html"),
 ) -> None:
-    """Write one run of a study as a page to look at: from above, with play, pause and step."""
+    """Write one run of a study as an HTML page: the cars from above, with play, pause and step."""
     from sim_rig.studies.show import show_run  # noqa: PLC0415 (only this command needs it)
 
     with _writing(out):

@@ -35,16 +35,19 @@ _COLOURS = {
 
 
 def doctor(
-    config: Annotated[Path, typer.Argument(help="The car's configuration, YAML.")] = INSTALLED,
+    config: Annotated[
+        Path, typer.Argument(help="The car's configuration, a YAML file.")
+    ] = INSTALLED,
     *,
     patience_s: Annotated[
-        float, typer.Option("--patience", min=0.1, max=60.0, help="Seconds to wait for each.")
+        float,
+        typer.Option("--patience", min=0.1, max=60.0, help="Seconds to wait for each answer."),
     ] = 3.0,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
-    """Say what is there and what is missing, and what to do; exit with 1 if something is missing.
+    """Test every connection; say what is missing and what to do. Exit with 1 if something is.
 
-    Stop the service first: cameras and UDP ports are had by one program at a time.
+    Stop the service first: only one program at a time can use a camera or a UDP port.
     """
     findings = asyncio.run(examine(load_settings(config, CarConfig), patience_s))
     if as_json:

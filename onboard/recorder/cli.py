@@ -12,18 +12,20 @@ from onboard.recorder.reading import Box
 from onboard.recorder.replay import Comparison, Said, compare
 
 Boxes = Annotated[
-    list[Path], typer.Argument(help="Segments of one drive, or a folder that holds no other.")
+    list[Path], typer.Argument(help="The files of one drive, or a folder that holds only these.")
 ]
 
 
 def export(
     box: Boxes,
-    pcap: Annotated[Path | None, typer.Option(help="The radio's frames, for Wireshark.")] = None,
+    pcap: Annotated[
+        Path | None, typer.Option(help="Write the radio's frames here, for Wireshark.")
+    ] = None,
     candump: Annotated[
-        Path | None, typer.Option(help="The bus's frames, as `candump -l` writes them.")
+        Path | None, typer.Option(help="Write the CAN frames here, as `candump -l` does.")
     ] = None,
 ) -> None:
-    """Write what a recording holds of the radio and the bus in the formats of other tools."""
+    """Export the radio and CAN frames of a black box recording, for other tools."""
     if pcap is None and candump is None:
         raise UserError("nothing to export: give --pcap or --candump, or both")
     recording = Box(box)

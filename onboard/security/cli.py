@@ -15,14 +15,14 @@ from onboard.security.its_time import to_time32
 from onboard.wave_udp import psid as psids
 
 keys = typer.Typer(
-    help="Make and show 1609.2 certificates: a root, issuing authorities, a car's pseudonyms.",
+    help="Make and show IEEE 1609.2 certificates: a root, an authority, and those of each car.",
     no_args_is_help=True,
 )
 
 _CLOCKS_DIFFER_S = 3600.0
 """Certificates hold from so long before now."""
 
-NewFolder = Annotated[Path, typer.Argument(help="A folder that is to be made.")]
+NewFolder = Annotated[Path, typer.Argument(help="The new folder to make.")]
 _LONGEST_NAME = 255
 """Octets of a certificate's `id`, a Hostname (IEEE 1609.2, 6.4.24)."""
 
@@ -33,11 +33,11 @@ def _fits(name: str) -> str:
     return name
 
 
-Name = Annotated[str, typer.Option(help="What the certificate calls it.", callback=_fits)]
-Days = Annotated[float, typer.Option(min=0.01, max=3650, help="How long it is valid.")]
+Name = Annotated[str, typer.Option(help="Name in the certificate.", callback=_fits)]
+Days = Annotated[float, typer.Option(min=0.01, max=3650, help="How many days it is valid.")]
 Psids = Annotated[
     list[str] | None,
-    typer.Option("--psid", help="A service that may be spoken in, as 0x20. [BSM and LCCA]"),
+    typer.Option("--psid", help="A service (PSID) that may be used, as 0x20. [BSM and LCCA]"),
 ]
 
 
@@ -48,7 +48,7 @@ def root(
     days: Days = 3650,
     psid: Psids = None,
 ) -> None:
-    """Make a root, which everybody in a trial trusts."""
+    """Make the root certificate, which all cars of a trial trust."""
     made = authority.make_root(name, _numbers(psid), **_valid(days))
     key_files.write_authority(folder, made)
     _tell(folder, made.credential.certificate)
@@ -61,7 +61,7 @@ def issuing(
     name: Name = "prototype issuing",
     days: Days = 365,
 ) -> None:
-    """Make an authority that issues cars' certificates."""
+    """Make the authority that issues the cars' certificates."""
     above = key_files.read_authority(root)
     if above.credential.certificate.issuer_id is not None:
         raise key_files.KeyFilesError(f"{root}: is no root, and authorities stand right below one")
@@ -74,11 +74,13 @@ def issuing(
 def car(
     folder: NewFolder,
     issuing: Annotated[Path, typer.Option(help="The folder of the issuing authority.")],
-    count: Annotated[int, typer.Option(min=1, max=1000, help="How many to take in turns.")] = 20,
+    count: Annotated[
+        int, typer.Option(min=1, max=1000, help="How many certificates the car uses in turn.")
+    ] = 20,
     days: Days = 7,
     psid: Psids = None,
 ) -> None:
-    """Make a batch of pseudonym certificates for one car, which takes the next every epoch."""
+    """Make the pseudonym certificates of one car, which it changes between as it drives."""
     issuer = key_files.read_authority(issuing)
     if issuer.credential.certificate.issuer_id is None:
         raise key_files.KeyFilesError(
@@ -91,7 +93,7 @@ def car(
 
 @keys.command()
 def show(folder: Annotated[Path, typer.Argument(help="The folder of a car.")]) -> None:
-    """Check a car's folder and say what is in it."""
+    """Check the folder of a car and list its certificates."""
     credentials = key_files.read_credentials(folder)
     for certificate in credentials.roots + credentials.authorities:
         _tell(folder, certificate)

@@ -41,19 +41,26 @@ def see(
     *,
     fps: Annotated[
         float | None,
-        typer.Option(help="Pictures are frames of one drive; without it each stands alone."),
+        typer.Option(help="Frames a second, if pictures are of one drive; else each stands alone."),
     ] = None,
     camera: Annotated[
-        Path | None, typer.Option(help="What `onboard calibrate` wrote; else it is guessed.")
+        Path | None,
+        typer.Option(help="The file that `onboard calibrate` wrote; without it gaps are rough."),
     ] = None,
-    vision: Annotated[Path | None, typer.Option(help="Vision settings, YAML.")] = None,
+    vision: Annotated[
+        Path | None, typer.Option(help="Settings of the section `vision`, as YAML.")
+    ] = None,
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", help="Write a row for each plate and frame.")
+        Path | None, typer.Option("--csv", help="Write a CSV with a row for each plate and frame.")
     ] = None,
-    video: Annotated[Path | None, typer.Option(help="Write the recording, annotated.")] = None,
-    truth: Annotated[Path | None, typer.Option(help="A table of what is true, to score.")] = None,
+    video: Annotated[
+        Path | None, typer.Option(help="Write a video with everything found drawn in.")
+    ] = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="A CSV of the true plates, to score against.")
+    ] = None,
 ) -> None:
-    """Find, read and follow plates in a recording; the whole of every frame is searched."""
+    """Find, read and follow plates in a video or in pictures. Searches all of every frame."""
     settings = load_settings(vision, VisionSettings) if vision is not None else VisionSettings()
     settings = settings.model_copy(
         update={
@@ -175,31 +182,36 @@ def calibrate(
     *,
     board: Annotated[
         str | None,
-        typer.Option(help="COLUMNSxROWS: inner corners of a chessboard, squares of a ChArUco."),
+        typer.Option(
+            help="COLUMNSxROWS: inner corners of a chessboard, squares of a ChArUco board."
+        ),
     ] = None,
-    square_m: Annotated[float, typer.Option(help="Side of the board's squares.")] = 0.03,
+    square_m: Annotated[float, typer.Option(help="Side of a square of the board.")] = 0.03,
     charuco_tag_m: Annotated[
-        float | None, typer.Option(help="The board is ChArUco, with tags of this side.")
+        float | None, typer.Option(help="If the board is ChArUco: side of its tags.")
     ] = None,
-    charuco_dictionary: Annotated[str, typer.Option(help="Of those tags.")] = "5X5_100",
+    charuco_dictionary: Annotated[
+        str, typer.Option(help="The ArUco dictionary of those tags.")
+    ] = "5X5_100",
     upright: Annotated[
         str | None,
-        typer.Option(help="A picture of the board upright on the road, straight ahead."),
+        typer.Option(help="A picture of the board standing on the road, straight ahead."),
     ] = None,
     lowest_corners_m: Annotated[
-        float | None, typer.Option(help="In it, height over the road of the lowest inner corners.")
+        float | None,
+        typer.Option(help="In that picture: height of the lowest inner corners over the road."),
     ] = None,
     plate_at_m: Annotated[
         str | None,
-        typer.Option(help="Instead of a board: distances of a plate, one a picture: 4,6,8,12."),
+        typer.Option(help="Without a board: distance of a plate in each picture, as 4,6,8,12."),
     ] = None,
-    plate_width_m: Annotated[float, typer.Option(help="Of that plate.")] = 0.52,
+    plate_width_m: Annotated[float, typer.Option(help="Width of that plate.")] = 0.52,
     plate_height_m: Annotated[
-        float | None, typer.Option(help="Of that plate's middle over the road.")
+        float | None, typer.Option(help="Height of that plate's middle over the road.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Where to write.")] = Path("CALIBRATION.yaml"),
+    out: Annotated[Path, typer.Option(help="The file to write.")] = Path("CALIBRATION.yaml"),
 ) -> None:
-    """Find out what the camera's lens is and where it is mounted."""
+    """Find the camera's lens and mounting, from pictures of a chessboard or of a plate."""
     if (upright is None) != (lowest_corners_m is None):
         raise UserError("--upright and --lowest-corners-m go together")
     images = [frame.image for frame in _still_frames(pictures)]

@@ -16,11 +16,11 @@ from onboard.wave_udp.decode import Form, describe
 
 def decode(
     file: Annotated[
-        Path, typer.Argument(help="Lines of hex, or a pcap or pcapng; - is the standard input.")
+        Path, typer.Argument(help="A pcap or pcapng, or lines of hex; - reads the standard input.")
     ] = Path("-"),
     form: Annotated[Form, typer.Option("--as", help="What the bytes begin with.")] = Form.AUTO,
 ) -> None:
-    """Print what is in bytes from the air, one JSON object for each line or packet.
+    """Print the radio messages in a capture or in lines of hex, one JSON object each.
 
     Nothing is verified. What cannot be decoded says so on its line.
     """
