@@ -27,8 +27,9 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
         console.print(_warnings(log))
     if scenario.gnss is not None:
         console.print(_knowledge(log, scenario.duration_s))
-    console.print(_discards(log))
-    console.print(_ledger(log))
+    for table in (_discards(log), _ledger(log)):
+        if table.row_count:
+            console.print(table)
 
 
 def print_verdict(scenario: Scenario, log: RunLog, console: Console) -> None:
@@ -145,7 +146,7 @@ def _warned(log: RunLog, braking: str, at_s: float) -> Iterator[str]:
 
 
 def _discards(log: RunLog) -> Table:
-    table = Table(title="Who discarded what, and why", box=box.SIMPLE, title_justify="left")
+    table = Table(title="Messages discarded, and why", box=box.SIMPLE, title_justify="left")
     for column in ("car", "room", "reason", "times"):
         table.add_column(column, justify="right" if column == "times" else "left")
     for car, records in log.traces.items():

@@ -39,7 +39,7 @@ def examine_clock(now_utc_s: float) -> Finding:
         before = f"{shown} UTC is before this program was installed"
         return Finding("clock", Verdict.MISSING, before, SET_CLOCK)
     if not _is_synchronised():
-        return Finding("clock", Verdict.DOUBTFUL, f"{shown} UTC, kept by nobody", SET_CLOCK)
+        return Finding("clock", Verdict.DOUBTFUL, f"{shown} UTC, not synchronised", SET_CLOCK)
     return Finding("clock", Verdict.GOOD, f"{shown} UTC, synchronised")
 
 

@@ -50,7 +50,7 @@ async def examine_bus(can: CanSettings, obd: ObdSettings, patience_s: float) -> 
     except CanBusError as error:
         return [
             Finding("bus", Verdict.MISSING, str(error), NO_BUS),
-            Finding("ECU", Verdict.MISSING, "without a bus nobody can be asked"),
+            Finding("ECU", Verdict.MISSING, "not tested without a bus"),
         ]
     began_at = loop.time()
     with contextlib.closing(bus):

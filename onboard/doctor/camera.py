@@ -58,7 +58,7 @@ def examine_camera(camera: CameraSettings, patience_s: float) -> list[Finding]:
     except CameraError as error:
         return [
             Finding("camera", Verdict.MISSING, str(error), NO_CAMERA),
-            Finding("light", Verdict.MISSING, "without a camera nobody can tell"),
+            Finding("light", Verdict.MISSING, "not tested without a camera"),
             _calibration(camera, None),
         ]
     return [_camera(look, patience_s), _light(look), _calibration(camera, look)]
@@ -112,7 +112,7 @@ def _camera(look: _Look, patience_s: float) -> Finding:
 def _light(look: _Look) -> Finding:
     detail = f"mean grey {look.grey:.0f} of 255"
     if look.count == 0:
-        return Finding("light", Verdict.MISSING, "without a picture nobody can tell")
+        return Finding("light", Verdict.MISSING, "not tested without a picture")
     if Fault.BLANK in look.faults:
         return Finding("light", Verdict.MISSING, f"{detail}, one colour all over", COVERED)
     if look.grey < DARK:

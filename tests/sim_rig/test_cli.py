@@ -84,6 +84,7 @@ def test_a_run_that_does_not_come_as_expected_fails_with_1(
 
     assert code == 1
     assert "FAILED ann is not warned of ann braking at 0 s" in shown
+    assert "Latency ledger" not in shown, "a table without a row says nothing"
 
 
 def test_an_output_folder_that_cannot_be_made_is_the_users_mistake(
