@@ -129,6 +129,8 @@ def _from_can(path: Path) -> Iterator[Input]:
         while unreadable:
             yield frame.stamp_s, 0, _observed(unreadable.pop(0))
         yield frame.stamp_s, 0, _framed(frame)
+    for discarded in unreadable:  # behind the last frame
+        yield discarded.stamp_s, 0, _observed(discarded)
 
 
 def _from_clip(clip: str, fps: float | None, config: CarConfig, start_s: float) -> Iterator[Input]:

@@ -103,6 +103,16 @@ def test_parts_by_different_clocks_are_the_users_mistake(rig_data: Path, tmp_pat
         list(replay(recording, UNCONFIGURED))
 
 
+def test_lines_that_cannot_be_read_are_told_wherever_they_stand(tmp_path: Path) -> None:
+    bus = tmp_path / "drive.log"
+    frame = "can0 7E8#03410D3C00000000"
+    bus.write_text(f"nonsense\n(1.0) {frame}\nnonsense\n(1.1) {frame}\nnonsense\n")
+
+    events = replay(Recording(can=bus), UNCONFIGURED)
+
+    assert sum(getattr(event, "reason", "") == "log_line" for event in events) == 3
+
+
 def test_nothing_to_replay_is_the_users_mistake() -> None:
     with pytest.raises(UserError, match="nothing to replay"):
         list(replay(Recording(), UNCONFIGURED))
