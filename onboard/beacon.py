@@ -30,10 +30,11 @@ FRESH_S = 1.0
 """A speed or pedal older than this is said to be unavailable."""
 
 POSITION_FRESH_S = 1.6
-"""And a position: a receiver that gives one a second is late with it. When it was true is said."""
+"""The same for a position: a receiver with one fix a second is late with it. The BSM says when it
+was taken."""
 
 FIX_SPEED_S = 0.25
-"""So old a fix may be that its speed is told rather than the bus's, which is rounded but of now."""
+"""Up to this age the fix's speed is told; then the bus's, which is rounded but of now."""
 
 HARD_BRAKING_S = 1.0
 """How long the event flag stays up after the detector's certainty, which comes once a braking."""

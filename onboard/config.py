@@ -86,7 +86,7 @@ class CarConfig(Settings):
 
     @field_validator("lcca_psid")
     @classmethod
-    def _is_not_the_bsm_s(cls, lcca_psid: int) -> int:
+    def _differs_from_the_bsms(cls, lcca_psid: int) -> int:
         if lcca_psid == psid.BSM:
             raise ValueError(f"0x{psid.BSM:X} is the basic safety message's")
         return lcca_psid

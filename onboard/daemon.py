@@ -62,13 +62,14 @@ GIL_INTERVAL_S = 0.000_5
 """How long the camera's thread may keep the interpreter while a warning waits; 5 ms by default."""
 
 EPOCH_AHEAD_S = 10.0
-"""So long before an epoch begins, the IDs that will hold in it are derived."""
+"""How long before an epoch begins the IDs that will hold in it are derived."""
 
 RADIO_TURN_S = 0.000_7
 """How long a round may hear a crowd, before the wires are looked at again: three or four BSMs."""
 
 RADIO_BACK_S = 4.0
-"""A host that is gone is noticed every third second (ARP), a port that is closed every second."""
+"""A radio without errors for this long is back: a host that is gone makes one every third second
+(ARP), a closed port every second."""
 
 InputT = TypeVar("InputT")
 ReturnT = TypeVar("ReturnT")

@@ -58,7 +58,7 @@ class Reach:
     def distance(self, now: float) -> int:
         """Return how many cars behind the farthest car lately heard drives; 0 if there is none.
 
-        Never more than have been heard: whoever makes up a large number moves it by one.
+        Never more than the number of cars heard: one that makes up a large number raises it by one.
         """
         self._forget(now)
         farthest = max((distance for distance, _ in self._heard.values()), default=0)
@@ -228,9 +228,11 @@ class Forwarding:
             del self._known[key]
 
     def _wait_s(self, reach: int, distance: int) -> float:
-        """The named car none, the one beyond it half a slot, the one before it a slot, and on.
+        """How long to wait for others to repeat, before this car does.
 
-        None longer than for an acknowledgement: whoever lies about its number would stop the news.
+        The named car does not wait, the one behind it half a slot, the one ahead of it a slot, and
+        so on. Nobody waits longer than for an acknowledgement: otherwise a car that lies about its
+        number could stop the news.
         """
         slots = abs(reach - distance) - (0.5 if distance > reach else 0.0)
         return min(slots * self._settings.slot_s, self._settings.acknowledge_s)

@@ -24,7 +24,7 @@ _SPEED = slice(2, 4)
 def with_speed_prior(cars: Kinematics, sigma_m_s: float) -> Kinematics:
     """The same after learning that cars drive at 0 +- `sigma_m_s` on either axis.
 
-    Used for distances only: of a car seen once the speed is not known, but it is no cannonball.
+    Used for distances only: the speed of a car seen once is not known, but it is not just any.
     """
     p = cars.covariances
     speed = p[_SPEED, _SPEED] + sigma_m_s**2 * np.eye(2)[:, :, None]
@@ -43,7 +43,7 @@ class Compared:
     inside: NDArray[np.bool_]
     """(M, N) whether the piece may be the car's."""
     cost: Array
-    """(M, N) how unlikely that is, and more so the higher."""
+    """(M, N) the higher, the less likely it is the car's."""
 
     def assign(self) -> dict[int, int]:
         """Find the car of each piece that has one."""
@@ -56,7 +56,7 @@ class Compared:
         alone = (most - least + 1) * len(rows)  # dearer than any other assignment of all pieces
         cost = np.where(allowed, cost - least, 2 * alone)
         is_wide = len(rows) <= len(columns)
-        of_few = cost if is_wide else cost.T  # a path for each of a jam would take long
+        of_few = cost if is_wide else cost.T  # one augmenting path a row
         to_nobody = np.full((len(of_few), len(of_few)), alone)
         pairs = [
             (few, many) if is_wide else (many, few)
@@ -85,8 +85,8 @@ def compare(
         cars: N.
         gate_probability: of the evidence of a car, how much its gate lets in.
         acceleration_density: q of the process noise, m^2/s^3.
-        vaguest_m: a piece and a car whose places are together known less well, by the root of the
-            sum of their variances, do not belong together.
+        vaguest_m: a piece and a car whose places are together less certain than this (root of the
+            summed variances) are not matched.
     """
     squared, log_det, variance = distances(pieces[:, None], cars, acceleration_density)
     inside = squared <= gates(pieces[:, None], gate_probability)

@@ -12,14 +12,15 @@ from onboard.mvs.shelf import Shelf
 from onboard.mvs.track import Track
 
 _ROUNDING = 1.2
-"""By so much may a variance have grown on its ways: deviations are sent rounded up, by 1.2 %."""
+"""By this factor a variance may grow on its way: deviations are sent rounded up, by 1.2 % each."""
 
 
 def choose_and_fuse(tracks: Sequence[Track], shelf: Shelf, now_ms: int, q: float) -> None:
     """Choose the evidence of each track anew, and fuse what has changed.
 
-    Whoever tells of a car with our own measurements knows of it what they say, and more. If he says
-    less, in place or speed, nobody is believed who repeats them: we stay with our own.
+    An estimate by another car that contains our own measurements should know at least what these
+    say alone. If with such estimates the car is known less well, in place or speed, than without
+    them, something is wrong with them, and the evidence that repeats us is left out.
 
     Args:
         tracks: all of them.

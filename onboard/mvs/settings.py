@@ -25,7 +25,7 @@ class SensingSettings(Settings):
     camera_ahead_m: float = Field(0.0, ge=-10.0, le=10.0)
     """Camera ahead of the point that the GNSS receiver reports."""
     face_to_centre_m: float = Field(2.2, ge=0.0, le=10.0)
-    """From the side of a car that the camera ranges to its middle, which cars share."""
+    """From the side of a car that the camera measures to its middle, which is what is shared."""
     face_to_centre_sigma_m: float = Field(0.5, ge=0.0, le=5.0)
     """Cars are not equally long, nor always seen from behind."""
     heading_sigma_rad: float = Field(0.02, gt=0.0, le=0.5)
@@ -43,19 +43,20 @@ class AssociationSettings(Settings):
     """Which piece of evidence belongs to which car."""
 
     gate_probability: float = Field(0.9999, gt=0.5, lt=1.0)
-    """Of the evidence of a car, how much its gate lets in. Wide: what it leaves out becomes a car
-    of its own, and a hundred pieces a second come of every car."""
+    """Share of a car's evidence that its gate lets in. Wide: of each car a hundred pieces come
+    every second, and what the gate leaves out begins a track of its own."""
     recognition_probability: float = Field(0.9, gt=0.5, lt=1.0)
-    """The gate in which a track counts as a car with a radio: narrower, since a car that is taken
-    for its neighbour is hidden. What it misses at one moment it finds at the next."""
+    """The gate in which a track counts as a car with a radio. Narrower, since a car that is taken
+    for its neighbour is hidden, while one that is missed is found at the next moment."""
     speed_sigma_m_s: float = Field(20.0, gt=0.0, le=100.0)
     """Cars are about this fast; used where nothing else is known of a car's speed."""
     radio_offset_sigma_m: float = Field(0.5, ge=0.0, le=10.0)
     """What a BSM's position and the middle of the seen car may differ by, over their own noise."""
     certain_m: float = Field(0.75, gt=0.0, le=5.0)
-    """What is less well known, by the root of the sum of the variances, is not assigned by its
-    place alone: cars are 3 m apart. Two tracks may be joined at twice this once both are 0.25 s
-    old, at five times this after a second: else what is only ever seen vaguely stayed two."""
+    """Evidence whose place is less certain than this (root of the summed variances) is not assigned
+    by place alone: cars are 3 m apart. For joining two tracks the bound grows with the age of the
+    younger, to twice this after 0.25 s and five times after 1 s: otherwise a car that is only ever
+    seen vaguely would stay two."""
     overlap_m: float = Field(1.5, ge=0.0, le=5.0)
     """Middles closer than this are one car: two cannot be."""
 
@@ -77,7 +78,7 @@ class BeliefSettings(Settings):
     footers_per_s: float = Field(20.0, gt=0.0, le=100.0)
     """Of one sender; what comes faster for long is dropped."""
     footers_at_once: int = Field(5, ge=1, le=100)
-    """Of one sender: on its way one is held up, and the next ones come with it."""
+    """Of one sender: one that is held up on its way arrives together with the next ones."""
     senders: int = Field(512, ge=1, le=10_000)
     entries_per_footer: int = Field(64, ge=1, le=510)
     cars: int = Field(256, ge=1, le=10_000)
@@ -107,13 +108,13 @@ class MvsSettings(Settings):
     acceleration_density: float = Field(2.0, gt=0.0, le=100.0)
     """q of the process noise, m^2/s^3: speeds drift by sqrt(q) m/s in one second."""
     refresh_s: float = Field(0.05, ge=0.0, le=1.0)
-    """What has come in since is fused when somebody asks, but not more often than this."""
+    """What has come in is fused when somebody asks, but no more often than this."""
     confirmed_by: int = Field(3, ge=1, le=20)
     """A car is known, and passed on, with evidence of so many different moments."""
     unseen_s: float = Field(1.5, gt=0.0, le=10.0)
     """A car that nobody has measured for this long is forgotten."""
     vaguest_known_m: float = Field(4.0, gt=0.0, le=100.0)
-    """A car that is less well placed now, by the root of the sum of its variances, is not known."""
+    """A car whose place is less certain than this (root of the summed variances) is not known."""
     radio_silence_s: float = Field(1.5, gt=0.0, le=10.0)
     """A car with a radio that has been silent for this long is not one any more."""
     sensing: SensingSettings = SensingSettings()

@@ -92,7 +92,7 @@ class Track:
     def wants(self, provenance: Provenance, *, is_firsthand: bool) -> bool:
         """Whether a piece would say something new.
 
-        What an observer says of its own measurement replaces hearsay of it.
+        What an observer says of its own measurement replaces what others have repeated of it.
         """
         if not self._spent.isdisjoint(provenance):
             return False

@@ -1,12 +1,11 @@
-"""All cars without a radio: whose evidence is whose, who is new, who is gone, who was someone else.
+"""All cars without a radio: which evidence is of which car, and which cars are new or the same.
 
-A car is what its evidence says, and nothing besides. Evidence grows old and is dropped, and with
-the last of it the car is forgotten.
+A track holds nothing but its evidence. Evidence expires, and a track that has none left is dropped.
 
-Whoever tells of a car, the own camera included, calls it the same every time. So what has been
-found to be one car goes on by its name, as long as it fits there. A name that is new is assigned by
-its place only where that leaves no doubt; otherwise it begins a track of its own, which joins
-another when both are known well enough to say that they are one.
+Every observer, the own camera included, has a name of its own for a car and keeps to it. Evidence
+under a name that has been matched goes to the same track for as long as it fits there. A new name
+is matched by its place only where that leaves no doubt; otherwise it begins a track of its own,
+which is joined with another when both are known well enough to say that they are one car.
 """
 
 from collections import Counter, defaultdict
@@ -27,16 +26,17 @@ from onboard.mvs.told import OWN, Batch
 from onboard.mvs.track import Name, Track
 
 _RADIO_REMEMBERED_MS = 500
-"""So long a car stays recognised as one with a radio after it last matched."""
+"""For this long a track counts as a car with a radio after it last matched one."""
 
 _PLACE_HOLDS_MS = 500
-"""So long a car with a radio is where it would be by its last word: 1 m off, if it brakes hard."""
+"""For this long a car with a radio is taken to be where its last BSM foretells: 1 m off, if it
+brakes hard."""
 
 _ENTRIES_AT_ONCE = 64
 """Compared with all cars together: many enough for arrays to pay, few enough for hostile ones."""
 _NEAR_M = 8.0
-"""Tracks farther from each other than this are told of as two cars, however vague they are. So far
-apart do errors of two observers place one car, which stay from picture to picture."""
+"""Tracks farther apart than this count as two cars, however vague they are. Errors of two observers
+that stay from picture to picture can place one car this far apart."""
 
 
 class Tracks:
@@ -121,8 +121,9 @@ class Tracks:
     def recognise(self, ids: Sequence[bytes], reported: Kinematics, now_ms: int) -> None:
         """Find the tracks that are cars with a radio, or the own car.
 
-        What only others tell of is one of them only where they touch, the own car apart: whoever
-        tells of it has told it from the cars with a radio beside it, which he does not tell of.
+        A track that only others report, and the own camera does not see, is matched only where the
+        two overlap: whoever reports it has told it apart from the cars with a radio beside it. The
+        own car is matched in either case.
 
         Args:
             ids: of those cars, the own one first.
@@ -168,7 +169,7 @@ class Tracks:
         self._compared = None
 
     def _tidy(self) -> None:
-        """Keep of the numbers only those of what is held."""
+        """Drop from the shelf what no track holds any more."""
         if self._shelf.is_due(sum(len(track.evidence) + len(track.settled) for track in self)):
             held = {held for track in self for held in (*track.held, *track.chosen)}
             self._shelf.keep([each.row for each in held])
@@ -202,13 +203,13 @@ class Tracks:
     def _assign(
         self, batch: Batch, shelved: int, sayings: Sequence[tuple[list[int], set[int]]]
     ) -> list[int]:
-        """Give entries under names not yet known to cars, or begin cars.
+        """Match entries under new names with tracks, or begin tracks for them.
 
         Args:
             batch: entries.
             shelved: where the first of them stands on the shelf.
-            sayings: the rows of what one teller told at once, and the places of the tracks that he
-                told of by their names.
+            sayings: of each report, the rows under new names, and the places of the tracks that its
+                other rows are of: no two rows of a report are one car.
 
         Returns:
             the rows that found no room.
@@ -251,7 +252,7 @@ class Tracks:
         return track
 
     def _has_room(self, teller: bytes, first_told: int) -> bool:
-        """What others tell of leaves room for what the own camera sees."""
+        """Whether a track may be begun; some room is kept for what the own camera sees."""
         belief = self._settings.belief
         if teller == OWN:
             return len(self._tracks) < belief.cars

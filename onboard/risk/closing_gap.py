@@ -43,10 +43,10 @@ class LeadMotion:
 def settled_closing_speed_m_s(
     closing_speed_m_s: float, sigma_m_s: float | None, settings: ClosingGapSettings
 ) -> float:
-    """What of a closing speed may be acted upon while it settles.
+    """The closing speed that may be acted upon while it settles.
 
-    A car that has just come into view has a speed that is off by metres a second. What its sigma
-    is above that of a settled one counts against an alarm, twice. Without a sigma it is exact.
+    The speed of a car that has just come into view may be off by metres a second. It is taken lower
+    by twice what its sigma exceeds that of a settled one by. Without a sigma it is exact.
     """
     excess_m_s = max((sigma_m_s or 0.0) - settings.settled_sigma_m_s, 0.0)
     return closing_speed_m_s - 2.0 * excess_m_s
@@ -108,9 +108,9 @@ def is_answered(
     lead_deceleration_m_s2: float,
     braking_m_s2: float | None,
 ) -> bool:
-    """Whether who goes on braking with `braking_m_s2` stays clear of the car ahead.
+    """Whether the present braking is enough to stay clear of the car ahead.
 
-    `None`, or what is no number: it is not known, so he has not answered.
+    `None` or NaN: it is not known, and counts as not enough.
     """
     return braking_m_s2 is not None and braking_m_s2 >= required_deceleration_m_s2(
         gap_m, speed_m_s, lead_speed_m_s, lead_deceleration_m_s2, reaction_s=0.0
@@ -128,7 +128,7 @@ def judged(
 ) -> tuple[Level, float]:
     """How urgent it is, and the braking needed after a reaction in m/s^2.
 
-    Who brakes enough already is not told to brake (docs/decisions/0305).
+    A driver who already brakes enough gets no warning, only a caution (docs/decisions/0305).
     """
     lead = speed_m_s - closing_speed_m_s, lead_deceleration_m_s2
     needed_m_s2 = required_deceleration_m_s2(gap_m, speed_m_s, *lead, settings.reaction_s)

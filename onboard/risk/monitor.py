@@ -93,7 +93,7 @@ class RiskMonitor:
         speed = self._fresh_speed(now)
         if speed is not None and lead.gap_m is not None and lead.closing_speed_m_s is not None:
             if (lead.closing_speed_sigma_m_s or 0.0) > self._settings.closing_gap.settled_sigma_m_s:
-                self._lead_motion.clear()  # what settles is no braking
+                self._lead_motion.clear()  # a speed that settles is not braking
             lead_speed_m_s = speed.speed_m_s - lead.closing_speed_m_s
             self._lead_motion.receive(lead.stamp_s, lead.gap_m, lead_speed_m_s)
         self._judge(Cause.CLOSING_GAP, self._closing_gap(now), now)
@@ -128,7 +128,7 @@ class RiskMonitor:
         }
         self._judge(Cause.GROUP, self._group(now), now)
         closing_gap = self._closing_gap(now)
-        if closing_gap.level is Level.NONE:  # time only ends it, and each frame counts once
+        if closing_gap.level is Level.NONE:  # between frames it can end, but not begin
             self._judge(Cause.CLOSING_GAP, closing_gap, now)
         others = [] if own is None else [car for car in cars if _is_other(car, own)]
         self._follow_motions([*others, own] if own is not None else [], now)

@@ -41,7 +41,7 @@ class HardBrakingSettings(Settings):
     held_s: float = Field(1.0, gt=0.0, le=5.0)
     """How long a flag is good for."""
     assumed_m_s2: float = Field(4.0, gt=0.0, le=12.0)
-    """What the flag stands for: more than 0.4 g (SAE J2735). Who says more is believed."""
+    """What the flag stands for: more than 0.4 g (SAE J2735). A car that says more is believed."""
 
 
 class CrossingSettings(Settings):
@@ -62,27 +62,27 @@ class CrossingSettings(Settings):
     least_speed_m_s: float = Field(1.0, gt=0.0, le=10.0)
     """A slower car has no course."""
     course_sigma_rad: float = Field(0.35, gt=0.0, le=1.0)
-    """A car whose course is less certain has none: one just seen, whose speed settles."""
+    """A car whose course is less certain is not judged: it was just seen, and its speed settles."""
     settled_sigma_m_s: float = Field(1.5, gt=0.0, le=10.0)
-    """Of a velocity, on any axis: above it, two cars may have been taken for one that is fast."""
+    """Of a settled velocity, on any axis. Above it, two cars may have been taken for a fast one."""
     settled_after_s: float = Field(1.0, gt=0.0, le=10.0)
-    """Known for so long, a velocity has settled all the same: what is left of its sigma is mostly
-    that of the own place, which all pictures share."""
+    """After this time a velocity counts as settled all the same: what is left of its sigma is
+    mostly the error of the own position, which all pictures share."""
     hardest_braking_m_s2: float = Field(9.55, gt=0.0, le=15.0)
     """Table I."""
     acceleration_m_s2: float = Field(2.1, gt=0.0, le=10.0)
     """Table I."""
     stopping_m_s2: float = Field(3.0, gt=0.0, le=9.0)
-    """Who needs more than this to stay out of the other's way, and does not brake, drives on: what
-    drivers who stop do is less (signals are timed for 10 ft/s^2)."""
+    """A driver who would need more than this to stop short of the other's way, and does not brake,
+    is taken to drive on. Drivers who stop brake less (signals are timed for 10 ft/s^2)."""
     reaction_s: float = Field(1.0, ge=0.0, le=3.0)
-    """Until the own driver, who is the one to be warned, would brake, or one who gains speed."""
+    """Until the own driver, who is to be warned, would brake, or another who still accelerates."""
     gaining_m_s2: float = Field(1.0, ge=0.0, le=5.0)
-    """Who accelerates by more clearly does not mean to stop yet."""
+    """A driver who accelerates by more does not mean to stop yet."""
     driving_on_m_s2: float = Field(1.0, gt=0.0, le=5.0)
-    """How much more or less someone who drives on accelerates than he does, or than not at all."""
+    """A driver who drives on keeps the present acceleration, or none, give or take this."""
     straight_m_s2: float = Field(1.0, gt=0.0, le=10.0)
-    """Who is drawn aside by more is in a bend, and will not be where the present course leads."""
+    """A car with more sideways is in a bend, and will not be where its present course leads."""
     top_speed_m_s: float = Field(70.0, gt=0.0, le=150.0)
     other_level_m: float = Field(3.5, gt=0.0, le=20.0)
     """A car so much higher or lower is on a bridge over our road, or under it."""
@@ -97,7 +97,7 @@ class RiskSettings(Settings):
     hard_braking: HardBrakingSettings = HardBrakingSettings()
     crossing: CrossingSettings = CrossingSettings()
     least_speed_m_s: float = Field(2.0, ge=0.0, le=20.0)
-    """A slower own car is warned of nothing but its group's warnings."""
+    """Below it, the own car gets no alarm but the group's warnings."""
     speed_held_s: float = Field(1.0, gt=0.0, le=5.0)
     """How long a sample of the own speed is good for."""
     release_s: float = Field(1.0, gt=0.0, le=10.0)

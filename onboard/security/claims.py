@@ -22,7 +22,7 @@ class Claims:
         return len(self._claims)
 
     def receive(self, name: bytes, signer: bytes) -> bool:
-        """`signer` goes by `name`; return whether nobody else did before."""
+        """Note that `signer` goes by `name`; return whether it was the first to."""
         claim = self._claims.setdefault(name, _Claim(signer))
         self._claims.move_to_end(name)
         if len(self._claims) > self._most:
@@ -36,6 +36,6 @@ class Claims:
         return claim is not None and claim.is_disputed
 
     def owner(self, name: bytes) -> bytes | None:
-        """Who alone goes by `name`; `None` if nobody does, or two."""
+        """The only signer that goes by `name`; `None` if there is none, or more than one."""
         claim = self._claims.get(name)
         return None if claim is None or claim.is_disputed else claim.signer

@@ -77,8 +77,8 @@ class Plausibility:
     ) -> Implausible | None:
         """Compare `message` with those before it, and remember it.
 
-        One that a later one has overtaken on its way is compared with that, and not remembered.
-        Else whoever dates his messages back could say anything.
+        A message that was made before the last one heard is compared with it, and not remembered:
+        otherwise backdated messages could say anything.
 
         Args:
             sender: the signer's HashedId8, or the temporary ID where nobody signs.
@@ -113,7 +113,7 @@ class Plausibility:
         """Learn from a group message which sender goes by `car_id` there.
 
         Returns:
-            whether it alone does. Of two that do, neither is held against the other.
+            whether no other sender does. If two do, neither is judged by the other's messages.
         """
         self._car_ids.receive(car_id, sender)
         return not self._car_ids.is_disputed(car_id)
@@ -177,9 +177,10 @@ def _compare(
 
 
 def _behind_s(past: CoreData, past_at_s: float, core: CoreData, at_s: float) -> float:
-    """How much more time lies between the two positions than between the messages, at most.
+    """How much longer the time between the two positions is than that between the messages.
 
-    A fix a second is told ten times over, and the next one is a second's way further on.
+    A car with one fix a second tells each in ten messages, and with the next one it is a second's
+    way further on. No more than `OLDEST_POSITION_S` is allowed for that.
     """
     if past.sec_mark_s is None or core.sec_mark_s is None:
         return 0.0

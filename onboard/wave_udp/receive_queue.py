@@ -18,7 +18,7 @@ MOST_WAITING = 1024
 FEW_WAITING = 64
 """So few are heard in a twentieth of a second: all of them, whoever says that they are of one."""
 MOST_URGENT = 4096
-"""No trial has so many cars; whoever sends more wants the car to have no memory left."""
+"""No trial has so many cars; more is an attack on the car's memory."""
 
 
 class ReceiveQueue:
