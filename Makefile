@@ -20,7 +20,7 @@ pictures: .venv/ready
 	@sh tools/system-packages.sh chromium
 	$(PYTHON) -m tools.page_pictures
 
-# Every scenario with real daemons, one after the other: some six minutes.
+# Every scenario with real daemons, one after the other: some ten minutes.
 test-live: .venv/ready
 	$(PYTHON) -m pytest -m live tests/sim_rig
 
