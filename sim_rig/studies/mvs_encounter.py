@@ -27,7 +27,7 @@ from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
 _WAY_M = np.arange(0.0, 61.0, 10.0)
 """Ahead of the event's car: where it may meet somebody."""
 _LATER_S = (2.0, 4.0, 6.0)
-"""After the radios are on; fast cars are far away then that will be there."""
+"""After the radios are on: fast cars that will be near the event are far away at first."""
 
 
 class Method(StrEnum):
@@ -38,13 +38,13 @@ class Method(StrEnum):
     DSRC = "dsrc"
     """Each tells of itself (plain DSRC)."""
     OWN = "own"
-    """And sees the others itself, but does not tell of them."""
+    """Each tells of itself, and uses its own sensors, but does not share what they see."""
     MEASUREMENTS_ONLY = "mo"
-    """And tells of measurements, chosen at random."""
+    """As `OWN`, and shares measurements, chosen at random."""
     RANDOM = "rs"
-    """And tells of cars, chosen at random."""
+    """As `OWN`, and shares what it knows of cars, chosen at random."""
     MVS = "mvs"
-    """And tells of cars as the paper says."""
+    """As `OWN`, and shares what it knows of cars, chosen as the paper says."""
 
 
 class EncounterSettings(Settings):
@@ -56,12 +56,12 @@ class EncounterSettings(Settings):
     after_s: float = Field(7.0, ge=1.0, le=30.0)
     """A crash later than this has nothing to do with the event."""
     watched_s: float = Field(5.0, ge=0.5, le=30.0)
-    """So long after the event drivers may be warned."""
+    """For how long after the event drivers may be warned."""
     near_m: float = Field(80.0, gt=0.0, le=2000.0)
-    """Radios that come no nearer to the way that the event's car has ahead are left out, to save
+    """Radios that never come nearer than this to the path of the event's car are left out, to save
     time."""
     straight_on_s: float = Field(10.0, gt=0.0, le=30.0)
-    """The paper's alarm looks so far ahead; it says no limit."""
+    """How far the paper's alarm looks ahead; the paper gives no limit."""
     reactions: ReactionSettings = ReactionSettings()
     world: WorldSettings = WorldSettings()
     risk: RiskSettings = RiskSettings()
@@ -99,7 +99,7 @@ class Outcome:
     false_warnings: int = 0
     """Drivers warned of somebody who drives on as ever, or of nobody."""
     straight_on_crash: Crash | None = None
-    """Of the same event, if drivers were warned by the paper's alarm (and never for nothing)."""
+    """Of the same event, if the paper's alarm warned the drivers, and never for nothing."""
     straight_on_these_two: bool = False
     """Whether that is again the crash of the two without radios."""
     straight_on_before_s: float | None = None
@@ -111,8 +111,11 @@ class Outcome:
     messages: int = 0
 
 
-Watch = Callable[[MvsWorld, DisturbedTraffic, list[tuple[str, Warned, bool]]], None]
-"""Is shown each tick: the world, and who has been warned of whom, and whether rightly."""
+Shown = tuple[str, Warned, bool]
+"""Who has been warned, of whom, and whether rightly."""
+
+Watch = Callable[[MvsWorld, DisturbedTraffic, list[Shown]], None]
+"""Called after each tick."""
 
 
 class Encounters:
@@ -154,7 +157,11 @@ class Encounters:
         equipped = self._equipped(case, seed, traffic.cars_at(self._begin_s(event)), event)
         concerned = None if before is None else Concerned(before, self._can_act(before, event))
         world = self._world(case, seed, traffic, equipped)
-        self._with_radios(world, traffic, outcome, concerned, watch)
+        drivers = _Drivers(self._settings, world, traffic, outcome, concerned)
+        while world.now < event.at_s + self._settings.watched_s and traffic.crash is None:
+            shown = drivers.tick()
+            if watch is not None:
+                watch(world, traffic, shown)
         outcome.crash = self._play_on(traffic, event, world.now)
         if before is not None and concerned is not None:
             outcome.fate = concerned.fate(outcome.crash, equipped)
@@ -166,7 +173,7 @@ class Encounters:
         return outcome
 
     def without_radios(self, case: Case, seed: int) -> tuple[Crash | None, bool]:
-        """The crash that there is without radios, and whether nobody is there to avoid it."""
+        """The crash without radios, and whether nobody with a radio could avoid it."""
         before, event = self._crash_without_radios(case.kind, seed), self._event(case.kind, seed)
         if before is None:
             return None, True
@@ -178,7 +185,7 @@ class Encounters:
     def _warned_straight_on(
         self, case: Case, seed: int, before: Crash, concerned: Concerned
     ) -> Crash | None:
-        """The same event again, whose drivers the paper's alarm warns until they would crash."""
+        """The same event again, with drivers warned by the paper's alarm until they would crash."""
         if not concerned.straight_on_at:
             return before
         event = self._event(case.kind, seed)
@@ -192,7 +199,7 @@ class Encounters:
         return self._play_on(traffic, event, self._begin_s(event), warn)
 
     def _can_act(self, crash: Crash, event: Event) -> tuple[str, ...]:
-        """Who of a crash can do anything about it: not who brakes, it is he that is run into."""
+        """The cars of a crash whose drivers can avoid it: not one that brakes and is run into."""
         brakes = self.recording.drives[event.car].name if event.deceleration_m_s2 else None
         return tuple(name for name in crash.names if name != brakes)
 
@@ -218,7 +225,7 @@ class Encounters:
         return max(round(event.at_s - self._settings.warm_s, 1), 0.0)
 
     def _crash_without_radios(self, kind: Kind, seed: int) -> Crash | None:
-        """Of the same event and drivers; kept, since all cases of a seed ask for it."""
+        """The crash of the same event and drivers; kept, since all cases of a seed ask for it."""
         if (kind, seed) not in self._without_radios:
             self.run(Case(kind, Method.NONE, 0.0), seed)
         return self._without_radios[kind, seed]
@@ -230,7 +237,7 @@ class Encounters:
         now: float,
         warn: Callable[[float], None] | None = None,
     ) -> Crash | None:
-        """Let the cars drive on without radios; a crash much later is none of the event's."""
+        """Let the cars drive on without radios. A crash after `after_s` is not counted."""
         end_s = event.at_s + self._settings.after_s
         while now < end_s and traffic.crash is None:
             now = round(now + TICK_S, 3)
@@ -239,66 +246,8 @@ class Encounters:
                 warn(now)
         return traffic.crash if traffic.crash and traffic.crash.at_s <= end_s else None
 
-    def _with_radios(
-        self,
-        world: MvsWorld,
-        traffic: DisturbedTraffic,
-        outcome: Outcome,
-        concerned: Concerned | None,
-        watch: Watch | None,
-    ) -> None:
-        """Let the radios work until nothing they say matters any more."""
-        settings, event = self._settings, outcome.event
-        warners: dict[str, Warner] = {}
-        ours, straight_on = _Alarms(settings.risk.release_s), _Alarms(settings.risk.release_s)
-        while world.now < event.at_s + settings.watched_s and traffic.crash is None:
-            world.tick()
-            outcome.messages += len(world.sent)
-            outcome.driven_s += TICK_S * len(world.cores)
-            cars = traffic.cars_at(world.now)
-            shown: list[tuple[str, Warned, bool]] = []
-            for name, core in world.cores.items():
-                at = cars.index(name)
-                if at is None:
-                    continue
-                warner = warners.get(name)
-                if warner is None:
-                    warner = warners[name] = Warner(settings.risk, *_size_m(cars, at))
-                own, speed = core.own_car(world.now), float(cars.speed_m_s[at])
-                known = core.kinematic_info(world.now)
-                of = self._touched(own, known, cars, at)
-                if of is not None:
-                    right = self._is_right(world, traffic, cars, name, of)
-                    if right and concerned is not None:
-                        concerned.receive_straight_on(name, world.now)
-                    outcome.straight_on_false += straight_on.begins(name, world.now) and not right
-                if concerned is not None and concerned.is_one(name):
-                    places = np.array([world.place_of(name, car.state) for car in known])
-                    concerned.receive_known(name, places, cars)
-                told = warner.assess(own, known, speed, world.now)
-                if told is None:
-                    continue
-                right = self._is_right(world, traffic, cars, name, told.of)
-                shown.append((name, told, right))
-                traffic.warn(name, world.now)
-                if right and concerned is not None:
-                    concerned.receive_warning(name, world.now)
-                if ours.begins(name, world.now):
-                    self._count(outcome, right=right, now=world.now)
-            if watch is not None:
-                watch(world, traffic, shown)
-
-    def _touched(
-        self, own: KnownCar | None, known: list[KnownCar], cars: Cars, at: int
-    ) -> KnownCar | None:
-        """Of whom the paper's alarm warns a driver."""
-        risk, within_s = self._settings.risk, self._settings.straight_on_s
-        if own is None or cars.speed_m_s[at] < risk.least_speed_m_s:
-            return None
-        return touched_straight_on(own, known, _size_m(cars, at), risk, within_s)
-
     def _equipped(self, case: Case, seed: int, cars: Cars, event: Event) -> set[str]:
-        """More of the same cars as the share grows, of those that come near the event's way."""
+        """The cars with a radio near the path of the event's car; a larger share adds to them."""
         drives = self.recording.drives
         luck = np.random.default_rng([seed, 1]).random(len(drives))
         path = DrivePath(drives[event.car])
@@ -309,19 +258,65 @@ class Encounters:
             near |= {then.names[i] for i in np.flatnonzero(away_m <= self._settings.near_m)}
         return {d.name for d, mine in zip(drives, luck, strict=True) if mine < case.share} & near
 
-    def _is_right(
-        self, world: MvsWorld, traffic: DisturbedTraffic, cars: Cars, name: str, of: KnownCar
-    ) -> bool:
-        """Whether who is warned is the event's car, or who he is warned of drives otherwise."""
-        if traffic.has_moved(name):
-            return True
-        away_m = np.hypot(*(cars.middle_m - world.place_of(name, of.state)).T)
-        nearest = int(away_m.argmin())
-        is_there = away_m[nearest] < SAME_PLACE_M
-        return bool(is_there and traffic.is_disturbed(cars.names[nearest]))
 
-    @staticmethod
-    def _count(outcome: Outcome, *, right: bool, now: float) -> None:
+class _Drivers:
+    """The drivers with a radio: who of them is warned, tick by tick, and whether rightly."""
+
+    def __init__(
+        self,
+        settings: EncounterSettings,
+        world: MvsWorld,
+        traffic: DisturbedTraffic,
+        outcome: Outcome,
+        concerned: Concerned | None,
+    ) -> None:
+        """Note what happens in `outcome` and, if there is a crash to avoid, in `concerned`."""
+        self._settings = settings
+        self._world = world
+        self._traffic = traffic
+        self._outcome = outcome
+        self._concerned = concerned
+        self._warners: dict[str, Warner] = {}
+        self._ours = _Alarms(settings.risk.release_s)
+        self._straight_on = _Alarms(settings.risk.release_s)
+
+    def tick(self) -> list[Shown]:
+        """Let all drive and talk for a tick; returns who is warned."""
+        world = self._world
+        world.tick()
+        self._outcome.messages += len(world.sent)
+        self._outcome.driven_s += TICK_S * len(world.cores)
+        cars = self._traffic.cars_at(world.now)
+        shown: list[Shown] = []
+        for name, core in world.cores.items():
+            at = cars.index(name)
+            if at is None:
+                continue
+            own, known = core.own_car(world.now), core.kinematic_info(world.now)
+            self._judge_straight_on(own, known, cars, at)
+            if self._concerned is not None and self._concerned.is_one(name):
+                places = np.array([world.place_of(name, car.state) for car in known])
+                self._concerned.receive_known(name, places, cars)
+            told = self._warner(cars, at).assess(own, known, float(cars.speed_m_s[at]), world.now)
+            if told is not None:
+                right = self._is_right(cars, name, told.of)
+                shown.append((name, told, right))
+                self._warn(name, right=right)
+        return shown
+
+    def _warner(self, cars: Cars, at: int) -> Warner:
+        name = cars.names[at]
+        if name not in self._warners:
+            self._warners[name] = Warner(self._settings.risk, *_size_m(cars, at))
+        return self._warners[name]
+
+    def _warn(self, name: str, *, right: bool) -> None:
+        now, outcome = self._world.now, self._outcome
+        self._traffic.warn(name, now)
+        if right and self._concerned is not None:
+            self._concerned.receive_warning(name, now)
+        if not self._ours.begins(name, now):
+            return
         if not right:
             outcome.false_warnings += 1
             return
@@ -329,16 +324,41 @@ class Encounters:
         if outcome.first_warning_s is None:
             outcome.first_warning_s = round(now - outcome.event.at_s, 3)
 
+    def _judge_straight_on(
+        self, own: KnownCar | None, known: list[KnownCar], cars: Cars, at: int
+    ) -> None:
+        """Note whether the paper's alarm would warn this driver, and whether rightly."""
+        risk, within_s = self._settings.risk, self._settings.straight_on_s
+        if own is None or cars.speed_m_s[at] < risk.least_speed_m_s:
+            return
+        of = touched_straight_on(own, known, _size_m(cars, at), risk, within_s)
+        if of is None:
+            return
+        name, now = cars.names[at], self._world.now
+        right = self._is_right(cars, name, of)
+        if right and self._concerned is not None:
+            self._concerned.receive_straight_on(name, now)
+        self._outcome.straight_on_false += self._straight_on.begins(name, now) and not right
+
+    def _is_right(self, cars: Cars, name: str, of: KnownCar) -> bool:
+        """Whether the event has changed how the warned car drives, or the one it is warned of."""
+        if self._traffic.has_moved(name):
+            return True
+        away_m = np.hypot(*(cars.middle_m - self._world.place_of(name, of.state)).T)
+        nearest = int(away_m.argmin())
+        is_there = away_m[nearest] < SAME_PLACE_M
+        return bool(is_there and self._traffic.is_disturbed(cars.names[nearest]))
+
 
 class _Alarms:
-    """Whose driver is being warned; a pause ends that."""
+    """Drivers who are being warned, until there is no warning for `release_s`."""
 
     def __init__(self, release_s: float) -> None:
         self._release_s = release_s
         self._until: dict[str, float] = {}
 
     def begins(self, name: str, now: float) -> bool:
-        """A driver is warned now; whether he was not before."""
+        """Note that a driver is warned now; returns whether that is a new warning."""
         begins = now >= self._until.get(name, -math.inf)
         self._until[name] = now + self._release_s
         return begins
