@@ -16,7 +16,7 @@ from onboard.wave_udp import wsmp
 MOST_WAITING = 1024
 """Senders. No road has more in reach; of made-up ones those that came first are given up."""
 FEW_WAITING = 64
-"""So few are heard in a twentieth of a second: all of them, whoever says that they are of one."""
+"""Up to so many, all are kept, even of one sender: they are heard within 0.05 s."""
 MOST_URGENT = 4096
 """No trial has so many cars; more is an attack on the car's memory."""
 

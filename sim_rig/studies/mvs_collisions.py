@@ -42,8 +42,8 @@ class CollisionSettings(Settings):
     entries: tuple[int, ...] = (5, 20)
     """M, where it is not 10."""
     calm_every: int = Field(1, ge=1, le=100)
-    """Where nobody who can act has a radio, or nothing is to be avoided, only every so many-th
-    event is run with radios, and counted as often: for what warnings cause."""
+    """Events in which radios can avoid nothing (no crash, or nobody who can act has a radio) are
+    run with radios only once in so many, and weigh as many: for what warnings cause."""
     encounter: EncounterSettings = EncounterSettings()
 
 

@@ -1,4 +1,4 @@
-"""What became of a crash that there is without radios: avoided, or why it was there again."""
+"""What becomes of a crash when cars have radios: it is avoided, or why it happens all the same."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -9,27 +9,27 @@ from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crashes import Crash
 
 SAME_PLACE_M = 4.0
-"""A car stands where another believes somebody, if it is no farther away."""
+"""A car is the one that another knows of, if it is no farther from where that one is believed."""
 
 
 class Fate(StrEnum):
-    """Of the crash of two cars."""
+    """Of a crash of two cars, of whom one or both could act to avoid it."""
 
     NO_RADIO = "no_radio"
-    """There again: who could have done something has no radio to be warned by."""
+    """It happened again: nobody who could act has a radio."""
     UNKNOWN = "unknown"
-    """There again: who has a radio did not know of the other."""
+    """It happened again: nobody who could act and has a radio knew of the other car."""
     UNWARNED = "unwarned"
-    """There again: he knew, and was not warned."""
+    """It happened again: the other car was known, but nobody was warned of it."""
     TOO_LATE = "too_late"
-    """There again, though he was warned."""
+    """It happened again in spite of a warning."""
     ANOTHER = "another"
     """These two did not crash, but others did."""
     AVOIDED = "avoided"
 
 
 class Concerned:
-    """The two cars of that crash: what who can act knew of the other, and when."""
+    """The two cars of a crash: when those that can act knew of the other, and were warned."""
 
     def __init__(self, crash: Crash, can_act: Sequence[str]) -> None:
         """Watch those of the two who can act."""
@@ -37,7 +37,7 @@ class Concerned:
         self._known_at: float | None = None
         self._warned_at: float | None = None
         self.straight_on_at: dict[str, float] = {}
-        """When the paper's alarm would first have warned whom of the two."""
+        """When the paper's alarm would first have warned each of them."""
 
     def is_one(self, name: str) -> bool:
         """Whether a car is one of these."""

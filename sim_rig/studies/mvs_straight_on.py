@@ -1,4 +1,4 @@
-"""The alarm of the MVS paper, as it can be read: a potential collision is whatever is on the way.
+"""The alarm of the MVS paper, as we read it: whatever is on the way is a potential collision.
 
 "A DSRC-vehicle triggers an alert whenever it detects potential collision", from the states of both
 cars (section V-C); the paper counts no false alarms. Here it is judged beside our own alarm, in the
@@ -54,7 +54,10 @@ def touched_straight_on(
     crash = first_crash(
         straight_on(0.0), straight_on(within_s), lambda one, other: "own" in (one, other)
     )
-    return None if crash is None else others[int(next(n for n in crash.names if n != "own"))]
+    if crash is None:
+        return None
+    (touched,) = (name for name in crash.names if name != "own")
+    return others[int(touched)]
 
 
 def _comes_near(
