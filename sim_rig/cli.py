@@ -137,7 +137,7 @@ def study(
 @app.command()
 def show(
     folder: Annotated[
-        Path, typer.Argument(help="The folder of a finished study, as out/studies/mvs-figure9.")
+        Path, typer.Argument(help="The folder of a study: out/studies/mvs-figure9 or mvs-figure3.")
     ],
     number: Annotated[
         int, typer.Argument(min=0, help="The number of the run, as in its runs.jsonl.")
