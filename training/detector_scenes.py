@@ -9,7 +9,7 @@ from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import draw_plate
 from sim_rig.picture.plate_styles import random_plate
 from sim_rig.picture.wear import worn
-from training.reader_views import around, draw_recess, paste, posed
+from training.reader_views import around, draw_recess, in_the_shade, paste, posed
 
 SCENE_SIZE = (256, 192)
 """(w, h) of a scene, in the pixels that the network sees."""
@@ -91,7 +91,7 @@ def _scene(corners: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.ND
     finest_px = 1.0
     for place, (art, quad) in enumerate(plates[:count]):
         _housing(image, quad, rng)
-        paste(image, art, quad)
+        paste(image, in_the_shade(art, rng), quad)
         corners[place] = quad
         finest_px = min(finest_px, float(np.ptp(quad[:, 0])) / 40)
     picture = photograph(image, rng, max(0.5, finest_px))

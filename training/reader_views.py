@@ -75,7 +75,7 @@ def _photograph(drawn: _Drawn, rng: np.random.Generator) -> tuple[View, Quad]:
     scene = _surroundings(rows, columns, quad, rng)
     if mistaken:
         draw_recess(scene, recess, rng)
-    paste(scene, drawn.art, quad)
+    paste(scene, in_the_shade(drawn.art, rng), quad)
     fine_px = width_px / characters / 6
     picture = photograph(scene, rng, fine_px)
     if shape.name == "eu" and rng.random() < 0.25:  # a detector may leave the blue band outside
@@ -161,6 +161,16 @@ def draw_recess(scene: View, recess: Quad, rng: np.random.Generator) -> None:
         cv2.polylines(scene, [corners], True, colour, thickness, cv2.LINE_AA, 4)
 
 
+def in_the_shade(art: View, rng: np.random.Generator) -> View:
+    """The plate as the light falls on it: one in six hangs darker than the bodywork around it."""
+    if rng.random() > 1 / 6:
+        return art
+    light = rng.uniform(0.2, 0.65)
+    if rng.random() < 0.4:  # below the edge of a lid: the upper part only
+        light = light + (1 - light) * np.linspace(-1.0, 2.0, len(art)).clip(0, 1)[:, None, None]
+    return np.asarray(art * light, np.uint8)
+
+
 def paste(scene: View, art: View, quad: Quad) -> None:
     """Warp the plate in, shrunk first so that nothing aliases."""
     width_px = float(np.hypot(*(quad[1] - quad[0])))
@@ -183,7 +193,7 @@ def _as_found(quad: Quad, rng: np.random.Generator) -> Quad:
     middle = quad.mean(axis=0)
     along, down = (quad[1] - quad[0]), (quad[3] - quad[0])
     wild = 2.0 if rng.random() < 0.15 else 1.0
-    scale = 1 + wild * rng.normal(0.012, 0.045, 2)
+    scale = 1 + wild * rng.normal(0.006, 0.047, 2)
     offset = wild * (rng.normal(0, 0.018, (4, 2)) + rng.normal(0, 0.022, 2))
     sides = np.asarray([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2 * scale + offset
     return np.asarray(middle + sides[:, :1] * along + sides[:, 1:] * down, np.float32)

@@ -38,6 +38,11 @@ _LIKELIER = 20.0
 """By so much a plate that fits the syntax is likelier to be met than one that does not."""
 _LEAST_DOUBT, _MOST_DOUBTS = 0.02, 8
 """Probability from which another character is considered in a place; how many are, in a text."""
+_REACH_PX, _COARSE = 24.0, 8
+"""How far around a place its light is measured, as a Gaussian's sigma in a view; and how many of
+its pixels are taken together for that."""
+_LEAST_DEVIATION = 0.3
+"""Of what lies around a place, as a share of the whole view's: with less it is not enlarged."""
 _LEAST_CONTRAST = 1.0
 """Standard deviation in grey levels, below which there is nothing to read."""
 
@@ -141,11 +146,30 @@ def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
 
 
 def normalised(views: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-    """(n, h, w) views as the network's input (n, 1, h, w): mean 0 and deviation 1 in each."""
+    """(n, h, w) views as the network's input (n, 1, h, w).
+
+    Each view is brought to mean 0 and deviation 1, and then each place of it to the mean and the
+    deviation of what lies around: a plate in the shade of a bright car, or half in the sun, looks
+    like one in even light. Where next to nothing is to be seen around a place, it stays as it is.
+    """
     values = views.astype(np.float32)
     values -= values.mean(axis=(1, 2), keepdims=True)
     values /= values.std(axis=(1, 2), keepdims=True) + np.float32(4.0)
-    return values[:, None]
+    return np.stack([_evenly_lit(view) for view in values])[:, None]
+
+
+def _evenly_lit(view: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    mean, square = _around(view), _around(view * view)
+    deviation = np.sqrt(np.maximum(square - mean * mean, 0.0))
+    return np.asarray((view - mean) / np.maximum(deviation, _LEAST_DEVIATION), np.float32)
+
+
+def _around(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """The mean around each place of (h, w) values, a third of a plate's height or so away."""
+    rows, columns = values.shape
+    coarse = cv2.resize(values, (columns // _COARSE, rows // _COARSE), interpolation=cv2.INTER_AREA)
+    soft = cv2.GaussianBlur(coarse, (0, 0), _REACH_PX / _COARSE, borderType=cv2.BORDER_REFLECT)
+    return np.asarray(cv2.resize(soft, (columns, rows), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax | None = None) -> PlateText:

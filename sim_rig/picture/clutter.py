@@ -39,7 +39,7 @@ def add_car(
     car = np.asarray(cv2.resize(rear, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
     body = car[..., :3].copy()
     for _ in range(rng.integers(1, 8)):
-        trim = (_grille, _strokes, _badge, _box, _disc, _lamp)
+        trim = (_grille, _strokes, _badge, _box, _disc, _lamp, _head_lamp, _emblem)
         trim[rng.integers(len(trim))](body, rng)
     shine = np.linspace(rng.uniform(-40, 40), rng.uniform(-40, 40), height)[:, None, None]
     body = np.clip(body + shine, 0, 255).astype(np.uint8)
@@ -187,6 +187,46 @@ def _lamp(image: Image, rng: np.random.Generator) -> None:
     cv2.ellipse(image, centre, axes, 0, 0, 360, shell, -1, cv2.LINE_AA)
     inner = (max(1, axes[0] // 2), max(1, axes[1] // 2))
     cv2.ellipse(image, centre, inner, 0, 0, 360, (245, 250, 255), -1, cv2.LINE_AA)
+
+
+def _head_lamp(image: Image, rng: np.random.Generator) -> None:
+    """A bright housing as long as a plate, with bulbs, rims and ribs in it."""
+    x0, y0, x1, y1 = _place(image, rng, 0.35)
+    y1 = min(y1, y0 + (x1 - x0))  # at most as high as long
+    lean = rng.normal(0, 0.08, (4, 2)) * (x1 - x0)
+    corners = np.asarray([(x0, y0), (x1, y0), (x1, y1), (x0, y1)]) + lean
+    outline = np.rint(corners).astype(np.int32)
+    glass = rng.integers(120, 250)
+    cv2.fillConvexPoly(image, outline, _shade(glass, rng), cv2.LINE_AA)
+    for _ in range(rng.integers(0, 10)):
+        x = int(rng.integers(x0, x1))
+        cv2.line(image, (x, y0), (x, y1), _shade(rng.integers(40, 250), rng), 1, cv2.LINE_AA)
+    radius = max(1, (y1 - y0) // 2)
+    for _ in range(rng.integers(1, 4)):
+        centre = int(rng.integers(x0, x1)), (y0 + y1) // 2
+        cv2.circle(image, centre, radius, _shade(rng.integers(20, 250), rng), -1, cv2.LINE_AA)
+        rim = max(1, int(radius * rng.uniform(0.4, 0.9)))
+        cv2.circle(image, centre, rim, _shade(rng.integers(20, 250), rng), 1, cv2.LINE_AA)
+    cv2.polylines(image, [outline], True, _shade(rng.integers(20, 250), rng), 1, cv2.LINE_AA)
+
+
+def _emblem(image: Image, rng: np.random.Generator) -> None:
+    """A maker's sign: a ring, a shield or an oval, with strokes or letters in it."""
+    x0, y0, x1, y1 = _place(image, rng, 0.25)
+    centre, axes = ((x0 + x1) // 2, (y0 + y1) // 2), ((x1 - x0) // 2, (y1 - y0) // 2)
+    chrome, ground = _shade(rng.integers(120, 250), rng), colour(rng)
+    cv2.ellipse(image, centre, axes, 0, 0, 360, ground, -1, cv2.LINE_AA)
+    thickness = max(1, round(min(axes) * rng.uniform(0.08, 0.3)))
+    cv2.ellipse(image, centre, axes, 0, 0, 360, chrome, thickness, cv2.LINE_AA)
+    for _ in range(rng.integers(1, 5)):
+        start, end = rng.integers((x0, y0), (x1, y1), (2, 2)).tolist()
+        cv2.line(image, start, end, chrome, thickness, cv2.LINE_AA)
+
+
+def _shade(grey: int | np.integer, rng: np.random.Generator) -> Bgr:
+    """A grey, hardly coloured."""
+    blue, green, red = (int(v) for v in np.clip(grey + rng.normal(0, 6, 3), 0, 255))
+    return blue, green, red
 
 
 def _badge(image: Image, rng: np.random.Generator) -> None:

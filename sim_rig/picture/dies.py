@@ -48,6 +48,10 @@ class Dies:
     """How far down the flag of 1 reaches; 0: it is a bare upright."""
     four: tuple[float, float] = (0.72, 0.7)
     """Where the stem of 4 stands, and how far down its bar is."""
+    top_of_four: tuple[float, float] = (0.45, 0.3)
+    """Of an open 4: where the slope begins, and how far down the stem does."""
+    blunt: float = 0.0
+    """Width of the foot of V and of the head of A, as a share of the character's."""
     boxed_eight: bool = False
     """Whether 8 has corners as 0 has them, which makes it look like a B."""
     slope_of_s: float = 0.1
@@ -70,13 +74,15 @@ _NAMED = {
 
 _PLAIN = 40
 """The first so many of those drawn at random have the usual 4, 8 and S."""
+_POINTED = 80
+"""The first so many have pointed A and V, and an open 4 with a long stem."""
 
 
 def _drawn_at_random(count: int) -> dict[str, Dies]:
     """Dies of nobody, around those that exist: the same ones on every machine."""
     rng = np.random.default_rng(1906)  # the year in which a plate was first stamped for a car
     flags = np.random.default_rng(1901).choice([0.0, 0.1, 0.22, 0.3], count, p=[0.3, 0.1, 0.4, 0.2])
-    shapes = np.random.default_rng(1903)
+    shapes, ends = np.random.default_rng(1903), np.random.default_rng(1907)
     dies = {}
     for number in range(count):
         width = float(rng.uniform(0.36, 0.6))
@@ -85,6 +91,9 @@ def _drawn_at_random(count: int) -> dict[str, Dies]:
             varied["four"] = (float(shapes.uniform(0.6, 0.85)), float(shapes.uniform(0.6, 0.82)))
             varied["boxed_eight"] = bool(shapes.random() < 0.5)
             varied["slope_of_s"] = float(shapes.uniform(0.0, 0.2))
+        if number >= _POINTED:
+            varied["top_of_four"] = float(ends.uniform(0.2, 0.6)), float(ends.uniform(0.25, 0.6))
+            varied["blunt"] = float(ends.choice([0.0, ends.uniform(0.1, 0.4)]))
         dies[f"dies-{number:02}"] = Dies(
             width=width,
             corner=(float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.16, 0.36))),
@@ -97,14 +106,14 @@ def _drawn_at_random(count: int) -> dict[str, Dies]:
             flat_three=bool(rng.random() < 0.15),
             curved_seven=bool(rng.random() < 0.5),
             serifs=bool(rng.random() < 0.3),
-            closed_four=bool(rng.random() < 0.7),
+            closed_four=bool(rng.random() < (0.7 if number < _POINTED else 0.3)),
             flag=float(flags[number]),
             **varied,
         )
     return dies
 
 
-DIES = {**_NAMED, **_drawn_at_random(80)}
+DIES = {**_NAMED, **_drawn_at_random(120)}
 
 
 def die(name: str, character: str, cap_height_px: int) -> Mask:
@@ -169,7 +178,8 @@ def _lines(character: str, dies: Dies) -> list[Line]:
         else [*over_left, *_arc((1 - rx, 0.25), (rx, 0.25), 270, 430), (0.5, 0.48)]
     )
     waist = top_of_three[-1]
-    stem_x, bar_y = dies.four
+    (stem_x, bar_y), (slope_x, stem_y) = dies.four, dies.top_of_four
+    one_end, other_end = (1 - dies.blunt) / 2, (1 + dies.blunt) / 2
     low_ring = _arc((0.5, 0.7), (0.5, 0.3), 0, 360)
     shapes: dict[str, list[Line]] = {
         "0": [ring],
@@ -181,14 +191,20 @@ def _lines(character: str, dies: Dies) -> list[Line]:
         ],
         "4": [[(stem_x, 1), (stem_x, 0), (0, bar_y), (1, bar_y)]]
         if dies.closed_four
-        else [[(stem_x, 1), (stem_x, 0.3)], [(0.45, 0), (0, bar_y + 0.02), (1, bar_y + 0.02)]],
+        else [
+            [(stem_x, 1), (stem_x, stem_y)],
+            [(slope_x, 0), (0, bar_y + 0.02), (1, bar_y + 0.02)],
+        ],
         "5": [[(0.93, 0), (0.1, 0), (0.05, 0.5), *_arc((0.5, 0.69), (0.5, 0.31), 225, 515)]],
         "6": [stem, low_ring],
         "7": [[(0, 0), (1, 0), *([(0.55, 0.45)] if dies.curved_seven else []), (0.38, 1)]],
         "8": [_box((0.05, 0), (0.95, 0.5), (rx, 0.7 * ry)), _box((0, 0.5), (1, 1), (rx, 0.7 * ry))]
         if dies.boxed_eight
         else [_arc((0.5, 0.25), (0.45, 0.25), 0, 360), _arc((0.5, 0.75), (0.5, 0.25), 0, 360)],
-        "A": [[(0, 1), (0.5, 0), (1, 1)], [(0.35 - 0.35 * bar, low), (0.65 + 0.35 * bar, low)]],
+        "A": [
+            [(0, 1), (one_end, 0), (other_end, 0), (1, 1)],
+            [(0.35 - 0.35 * bar, low), (0.65 + 0.35 * bar, low)],
+        ],
         "B": [left, upper_bow, lower_bow],
         "C": [[(1, 0.3), *over, *under, (1, 0.7)]],
         "D": [[(0, 0), (0, 1), *under_right[::-1], *over_right[::-1], (0, 0)]],
@@ -212,7 +228,7 @@ def _lines(character: str, dies: Dies) -> list[Line]:
         "S": [[*over, (0.12, 0.5 - dies.slope_of_s), (0.88, 0.5 + dies.slope_of_s), *under[::-1]]],
         "T": [[(0, 0), (1, 0)], [(0.5, 0), (0.5, 1)]],
         "U": [[(0, 0), *under, (1, 0)]],
-        "V": [[(0, 0), (0.5, 1), (1, 0)]],
+        "V": [[(0, 0), (one_end, 1), (other_end, 1), (1, 0)]],
         "W": [[(0, 0), (lean, 1), (0.5, 1 - dies.valley), (1 - lean, 1), (1, 0)]],
         "X": [[(0, 0), (1, 1)], [(1, 0), (0, 1)]],
         "Y": [[(0, 0), (0.5, 0.5), (1, 0)], [(0.5, 0.5), (0.5, 1)]],

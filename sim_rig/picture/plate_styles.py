@@ -55,7 +55,7 @@ HELD_BACK = (
 
 def random_plate(rng: np.random.Generator, *, held_back: bool = False) -> tuple[str, PlateFormat]:
     """A text without separators and the plate that carries it, in a font held back or another."""
-    draw = (_us_plate, _eu_plate, _br_plate)[rng.choice(3, p=[0.46, 0.31, 0.23])]
+    draw = (_us_plate, _eu_plate, _br_plate)[rng.choice(3, p=[0.56, 0.26, 0.18])]
     text, plate = draw(rng)
     if rng.random() < 0.35:
         plate = _in_holder(plate, rng)
