@@ -29,7 +29,7 @@ PICTURE = PAGE.parent / "pictures" / "plates-read.png"
 WIDTHS_PX = (25, 32, 40, 50, 65, 85, 110)
 FOCAL_LENGTHS_PX = (600, 800, 1100, 1500, 2200, 3300)
 PICTURE_WIDTH_PX = 1280
-_PLATES = 20
+_PLATES = 100
 _SHOWN, _COLUMNS = 10, 5
 _ENOUGH = 0.8
 """Share of single pictures read right; the vote over frames does the rest."""

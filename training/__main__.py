@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from onboard.vision.plate_detector import DEFAULT_MODEL as DEFAULT_DETECTOR
+from onboard.vision.plate_detector import CORNERS_MODEL
 from onboard.vision.plate_reader import DEFAULT_MODEL as DEFAULT_READER
 from training.settings import SETTINGS_FILE, load_training_settings
 from training.train_detector import train_detector
@@ -43,10 +43,10 @@ def main() -> None:
     folder = arguments.folder / arguments.network
     if arguments.network == "reader":
         model = arguments.models / DEFAULT_READER.name
-        train_reader(settings.reader, settings.seed, folder, model, arguments.processes)
+        train_reader(settings.reader, folder, model, arguments.processes)
     else:
-        model = arguments.models / DEFAULT_DETECTOR.name
-        train_detector(settings.detector, settings.seed, folder, model, arguments.processes)
+        model = arguments.models / CORNERS_MODEL.name
+        train_detector(settings.detector, folder, model, arguments.processes)
 
 
 if __name__ == "__main__":

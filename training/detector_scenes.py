@@ -4,10 +4,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from sim_rig.picture.clutter import add_car, add_lettering, surroundings
+from sim_rig.picture.clutter import add_lettering, surroundings
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import draw_plate
 from sim_rig.picture.plate_styles import random_plate
+from sim_rig.picture.rough_cars import add_car
 from sim_rig.picture.wear import worn
 from training.reader_views import around, draw_recess, in_the_shade, paste, posed
 
@@ -90,7 +91,7 @@ def _scene(corners: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.ND
             plates.append((art, quad))
     finest_px = 1.0
     for place, (art, quad) in enumerate(plates[:count]):
-        _housing(image, quad, rng)
+        _housing(image, quad, art, rng)
         paste(image, in_the_shade(art, rng), quad)
         corners[place] = quad
         finest_px = min(finest_px, float(np.ptp(quad[:, 0])) / 40)
@@ -105,9 +106,16 @@ def _apart(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> bool
 
 
 def _housing(
-    image: npt.NDArray[np.uint8], quad: npt.NDArray[np.float32], rng: np.random.Generator
+    image: npt.NDArray[np.uint8],
+    quad: npt.NDArray[np.float32],
+    art: npt.NDArray[np.uint8],
+    rng: np.random.Generator,
 ) -> None:
     """What a plate sits in: a recess, of any shade or only its edges; a holder; names on either."""
+    if rng.random() < 0.15:  # a white plate on a white car
+        body = around(quad, rng.uniform(0.1, 1.5, 4))
+        shade = (np.median(art, axis=(0, 1)) + rng.normal(0, 15)).clip(0, 255).tolist()
+        cv2.fillConvexPoly(image, np.rint(body * 16).astype(np.int32), shade, cv2.LINE_AA, 4)
     if rng.random() < 0.5:
         recess = around(quad, rng.uniform(-0.05, 0.4, 4).clip(0))
         draw_recess(image, recess, rng)

@@ -13,6 +13,8 @@ SETTINGS_FILE = Path(__file__).with_name("settings.yaml")
 class NetworkSettings(Settings):
     """One network's schooling."""
 
+    seed: int
+    """Of everything drawn at random."""
     pictures: int = Field(gt=0)
     """Rendered pictures to learn from."""
     validation_pictures: int = Field(gt=0)
@@ -48,8 +50,6 @@ class ReaderSettings(NetworkSettings):
 class TrainingSettings(Settings):
     """The whole of it."""
 
-    seed: int
-    """Of everything drawn at random."""
     reader: ReaderSettings
     detector: NetworkSettings
 

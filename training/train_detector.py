@@ -28,10 +28,9 @@ _FOUND, _BESIDE = 0.5, 0.1
 """Intersection over union from which a plate is found, and up to which what is found is none."""
 
 
-def train_detector(
-    settings: NetworkSettings, seed: int, folder: Path, model: Path, processes: int
-) -> None:
+def train_detector(settings: NetworkSettings, folder: Path, model: Path, processes: int) -> None:
     """Render, learn, export; prints what it sees on the way."""
+    seed = settings.seed
     scenes, corners = rendered(
         folder / "train", render_scenes, settings.pictures, seed + 10, processes
     )
@@ -55,7 +54,7 @@ def train_detector(
 
     school(network, loss_of, len(scenes), settings, seed=seed, saved=folder / "schooling.pt")
     export(network, model)
-    report(PlateDetector(model, shrinks=(1.0,)), *held_back)
+    report(PlateDetector(model, model, shrinks=(1.0,)), *held_back)
 
 
 def targets(

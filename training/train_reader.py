@@ -49,10 +49,9 @@ def _labels(texts: list[str]) -> _Views:
     return labels
 
 
-def train_reader(
-    settings: ReaderSettings, seed: int, folder: Path, model: Path, processes: int
-) -> None:
+def train_reader(settings: ReaderSettings, folder: Path, model: Path, processes: int) -> None:
     """Render, learn, calibrate, export; prints what it sees on the way."""
+    seed = settings.seed
     views, labels = rendered(folder / "train", labelled_views, settings.pictures, seed, processes)
     count = settings.validation_pictures
     held_back = rendered(folder / "validation", labelled_looks, count, seed + 1, processes)

@@ -21,8 +21,12 @@ BLUER = 1.3
 LEAST_BLUE = 40.0
 """Grey levels: darker than this, colours are noise."""
 UNLIKE = 25.0
-"""Grey levels by which a band is bluer than what lies on either side."""
-_REACH, _STEP = 3 * BAND, BAND / 16
+"""Grey levels between the colours of band and bodywork."""
+PLAINLY = 0.35
+"""Of the most blue that is seen there, so that it is no longer the plate's ground; bodywork may be
+bluer than the band."""
+_BAND_STEPS = 16
+_REACH, _STEP = 3 * BAND, BAND / _BAND_STEPS
 _HEIGHTS, _SMOOTHED = 16, 5
 
 _Values = npt.NDArray[np.float64]
@@ -35,15 +39,21 @@ def with_band(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corners:
     """
     places = np.arange(-_REACH, _REACH, _STEP)
     colours = _colours(image, corners_px, places)
-    blueness = colours[:, 0] - colours[:, 2]
-    bluest = int(np.argmax(np.where(np.abs(places) < 1.1 * BAND, blueness, -np.inf)))
-    blue, green, red = colours[bluest]
-    if blue < max(LEAST_BLUE, BLUER * red) or blue <= green:
+    blueness = colours[:, 0] - colours[:, 1:].max(axis=1)
+    near = np.where(np.abs(places) < 1.2 * BAND, blueness, 0.0)
+    is_blue = (near >= PLAINLY * near.max()) & (near > 0)
+    if not is_blue.any():
         return corners_px
-    to_left, to_right = _length(blueness[bluest::-1]), _length(blueness[bluest:])
-    if not NARROWEST <= to_left + to_right <= WIDEST:
+    last_blue = int(np.flatnonzero(is_blue)[-1])
+    middle = last_blue - _BAND_STEPS // 2
+    blue, _, red = colours[middle]
+    if blue < max(LEAST_BLUE, BLUER * red) or not is_blue[middle:last_blue].all():
         return corners_px
-    share = float(places[bluest]) - to_left
+    unlike = np.abs(colours[: middle + 1] - colours[middle]).max(axis=1)[::-1]
+    to_left = _end(unlike[: round(1.4 * _BAND_STEPS)])
+    if not NARROWEST <= places[last_blue] - places[middle] + to_left <= WIDEST:
+        return corners_px
+    share = float(places[middle]) - to_left
     top_left, top_right, bottom_right, bottom_left = corners_px
     moved = [
         top_left + share * (top_right - top_left),
@@ -54,18 +64,19 @@ def with_band(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corners:
     return np.asarray(moved, np.float32)
 
 
-def _length(blueness: _Values) -> float:
-    """How far the band reaches from the first of these; infinite where it has no end, or several.
+def _end(unlike: _Values) -> float:
+    """How far the band reaches, from what each place differs by from the first of them.
 
-    A blurred edge lies where half of the difference is left.
+    A blurred edge lies where half of the difference is reached. Infinite where it does not end, or
+    what follows looks like it again.
     """
-    near = blueness[: round(WIDEST / _STEP)]
-    half = (near[0] + near.min()) / 2
-    first = int(np.argmax(near < half))
-    if near[0] - near.min() < UNLIKE or (near[first:] >= half).any():
+    beyond = float(np.median(unlike[-_BAND_STEPS // 3 :]))
+    half = beyond / 2
+    first = int(np.argmax(unlike >= half))
+    if beyond < UNLIKE or (unlike[first:] < min(half, UNLIKE)).any():
         return np.inf
-    before, after = near[first - 1], near[first]
-    return float(first - (half - after) / (before - after)) * _STEP
+    before, after = unlike[first - 1], unlike[first]
+    return float(first - (after - half) / (after - before)) * _STEP
 
 
 def _colours(image: npt.NDArray[np.uint8], corners_px: Corners, places: _Values) -> _Values:

@@ -3,8 +3,9 @@
 A small convolutional network looks at the picture at a few sizes. For each cell of 8 x 8 pixels it
 says how sure it is that the cell lies in the middle of a plate, and where that plate's corners are.
 Cells that mean the same plate are merged. A second look at each candidate, enlarged or shrunk so
-that the plate is 80 to 92 pixels wide, gives sharper corners and drops what only seemed a plate.
-The network was trained on rendered pictures only (`training/`); OpenCV runs it on one core.
+that the plate is 80 to 92 pixels wide, gives sharper corners and drops what only seemed a plate; it
+has a network of its own. Both were trained on rendered pictures only (`training/`), and OpenCV runs
+them on one core.
 """
 
 from collections.abc import Iterable
@@ -30,6 +31,8 @@ CORNER_UNIT_PX = 32.0
 WIDTHS_PX = (12.0, 130.0)
 """Widths of plates that the network finds at one size of the picture."""
 DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_detector.onnx"
+CORNERS_MODEL = DEFAULT_MODEL.with_name("plate_corners.onnx")
+"""The network of the second look."""
 
 _SECOND_LOOK_SIZE = (192, 96)
 _SECOND_LOOK_PLATE_PX = (80.0, 92.0)
@@ -61,31 +64,34 @@ class FoundPlate:
 
 
 class PlateDetector:
-    """One network, loaded once; not to be shared between threads."""
+    """The networks of both looks, loaded once; not to be shared between threads."""
 
     def __init__(
         self,
         model: Path = DEFAULT_MODEL,
+        corners_model: Path = CORNERS_MODEL,
         *,
         shrinks: tuple[float, ...] = (2.0, 8.0),
         least_score: float = 0.5,
     ) -> None:
-        """Load the network.
+        """Load the networks.
 
         Args:
-            model: ONNX file.
+            model: ONNX file of the first look.
+            corners_model: ONNX file of the second look.
             shrinks: the picture is looked at divided by each of these. 2 and 8 find plates from 24
                 to 1000 px wide.
             least_score: of a plate that is reported.
 
         Raises:
-            FileNotFoundError: there is no file `model`.
+            FileNotFoundError: there is no such file.
         """
-        if not model.is_file():
-            raise FileNotFoundError(f"no plate detector model at {model}")
+        for file in (model, corners_model):
+            if not file.is_file():
+                raise FileNotFoundError(f"no plate detector model at {file}")
         # One for each size of view: a network allocates anew whenever it is shown another.
         self._first_looks = [(shrink, cv2.dnn.readNetFromONNX(str(model))) for shrink in shrinks]
-        self._second_looks = cv2.dnn.readNetFromONNX(str(model))
+        self._second_looks = cv2.dnn.readNetFromONNX(str(corners_model))
         self._least_score = least_score
 
     def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:

@@ -1,4 +1,4 @@
-"""Everything that is not a plate: walls, leaves, asphalt, fences, signs, grilles, cars.
+"""Everything around cars that is not a plate: walls, leaves, asphalt, fences, signs.
 
 Drawn roughly and at random, so that a detector learns what a plate is not.
 """
@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from sim_rig.picture.car_art import rear_of_car
 from sim_rig.picture.glyphs import font_names, text_row
 from sim_rig.picture.plate_texts import any_text, word
 
@@ -22,30 +21,10 @@ def surroundings(rows: int, columns: int, rng: np.random.Generator) -> Image:
     if rng.random() < 0.6:  # ground below, something else above
         horizon = int(rng.uniform(0.1, 0.9) * rows)
         image[horizon:] = _texture(rows - horizon, columns, rng)
-    things = (_box, _fence, _bricks, _strokes, _sign, _windows, _disc, _leaves)
+    things = (box, _fence, _bricks, strokes, _sign, _windows, disc, _leaves)
     for _ in range(rng.integers(2, 9)):
         things[rng.integers(len(things))](image, rng)
     return image
-
-
-def add_car(
-    image: Image, centre: tuple[float, float], width_px: float, rng: np.random.Generator
-) -> None:
-    """A car around `centre`, from behind or from the front, with lamps, grille, badges, seams."""
-    width, height = max(8, round(width_px)), max(8, round(width_px * rng.uniform(0.7, 1.1)))
-    bgr = colour(rng)
-    braking = bool(rng.random() < 0.3)
-    rear = rear_of_car(1.8, 1.5, _few(bgr), braking)
-    car = np.asarray(cv2.resize(rear, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
-    body = car[..., :3].copy()
-    for _ in range(rng.integers(1, 8)):
-        trim = (_grille, _strokes, _badge, _box, _disc, _lamp, _head_lamp, _emblem)
-        trim[rng.integers(len(trim))](body, rng)
-    shine = np.linspace(rng.uniform(-40, 40), rng.uniform(-40, 40), height)[:, None, None]
-    body = np.clip(body + shine, 0, 255).astype(np.uint8)
-    left = round(centre[0] - width * rng.uniform(0.35, 0.65))
-    top = round(centre[1] - height * rng.uniform(0.45, 0.75))
-    _blend(image, body, car[..., 3], left, top)
 
 
 def colour(rng: np.random.Generator) -> Bgr:
@@ -58,16 +37,11 @@ def colour(rng: np.random.Generator) -> Bgr:
 
 def add_lettering(image: Image, rng: np.random.Generator, height_px: float) -> None:
     """Words on a panel somewhere: what looks most like a plate and is none."""
-    _letters(image, rng, height_px)
+    letters(image, rng, height_px)
 
 
-def _few(bgr: Bgr) -> Bgr:
-    """Rounded, so that the drawn cars can be kept."""
-    blue, green, red = (channel // 64 * 64 + 20 for channel in bgr)
-    return blue, green, red
-
-
-def _blend(image: Image, patch: Image, alpha: Image, left: int, top: int) -> None:
+def blend(image: Image, patch: Image, alpha: Image, left: int, top: int) -> None:
+    """Copy `patch` into `image` where `alpha` is not 0; what lies outside is left out."""
     rows, columns = image.shape[:2]
     x0, y0 = max(0, left), max(0, top)
     x1, y1 = min(columns, left + patch.shape[1]), min(rows, top + patch.shape[0])
@@ -96,7 +70,7 @@ def _texture(rows: int, columns: int, rng: np.random.Generator) -> Image:
     return np.asarray(np.clip(total * 0.6 + np.asarray(colour(rng)), 0, 255), np.uint8)
 
 
-def _place(
+def place(
     image: Image, rng: np.random.Generator, largest: float = 0.7
 ) -> tuple[int, int, int, int]:
     """A rectangle (x0, y0, x1, y1) somewhere, at least 3 pixels each way."""
@@ -107,50 +81,40 @@ def _place(
     return x0, y0, x0 + width, y0 + height
 
 
-def _box(image: Image, rng: np.random.Generator) -> None:
-    x0, y0, x1, y1 = _place(image, rng)
+def box(image: Image, rng: np.random.Generator) -> None:
+    """A leaning rectangle."""
+    x0, y0, x1, y1 = place(image, rng)
     lean = rng.normal(0, 0.12, (4, 2)) * (x1 - x0)
     corners = np.asarray([(x0, y0), (x1, y0), (x1, y1), (x0, y1)]) + lean
     cv2.fillConvexPoly(image, np.rint(corners).astype(np.int32), colour(rng), cv2.LINE_AA)
 
 
-def _disc(image: Image, rng: np.random.Generator) -> None:
-    x0, y0, x1, y1 = _place(image, rng, 0.4)
+def disc(image: Image, rng: np.random.Generator) -> None:
+    """An ellipse or its outline."""
+    x0, y0, x1, y1 = place(image, rng, 0.4)
     centre, axes = ((x0 + x1) // 2, (y0 + y1) // 2), ((x1 - x0) // 2, (y1 - y0) // 2)
     thickness = -1 if rng.random() < 0.6 else int(rng.integers(1, 6))
     cv2.ellipse(image, centre, axes, 0, 0, 360, colour(rng), thickness, cv2.LINE_AA)
 
 
-def _strokes(image: Image, rng: np.random.Generator) -> None:
+def strokes(image: Image, rng: np.random.Generator) -> None:
+    """A few lines, half of them nearly level."""
     for _ in range(rng.integers(1, 6)):
-        x0, y0, x1, y1 = _place(image, rng)
+        x0, y0, x1, y1 = place(image, rng)
         start, end = ((x0, y0), (x1, y1)) if rng.random() < 0.5 else ((x0, y0), (x1, y0 + 3))
         cv2.line(image, start, end, colour(rng), int(rng.integers(1, 5)), cv2.LINE_AA)
 
 
 def _fence(image: Image, rng: np.random.Generator) -> None:
     """Uprights in a row, near enough to look like strokes of letters."""
-    x0, y0, x1, y1 = _place(image, rng)
+    x0, y0, x1, y1 = place(image, rng)
     step, paint, thickness = int(rng.integers(3, 14)), colour(rng), int(rng.integers(1, 5))
     for x in range(x0, x1, step):
         cv2.line(image, (x, y0), (x, y1), paint, thickness)
 
 
-def _grille(image: Image, rng: np.random.Generator) -> None:
-    x0, y0, x1, y1 = _place(image, rng, 0.5)
-    cv2.rectangle(image, (x0, y0), (x1, y1), (25, 25, 25), cv2.FILLED)
-    paint, thickness = colour(rng), int(rng.integers(1, 4))
-    step = int(rng.integers(3, 12))
-    if rng.random() < 0.7:
-        for y in range(y0, y1, step):
-            cv2.line(image, (x0, y), (x1, y), paint, thickness)
-    else:
-        for x in range(x0, x1, step):
-            cv2.line(image, (x, y0), (x, y1), paint, thickness)
-
-
 def _bricks(image: Image, rng: np.random.Generator) -> None:
-    x0, y0, x1, y1 = _place(image, rng, 1.0)
+    x0, y0, x1, y1 = place(image, rng, 1.0)
     height = int(rng.integers(3, 12))
     width = int(height * rng.uniform(1.5, 3.5))
     joint = colour(rng)
@@ -161,7 +125,7 @@ def _bricks(image: Image, rng: np.random.Generator) -> None:
 
 
 def _windows(image: Image, rng: np.random.Generator) -> None:
-    x0, y0, x1, y1 = _place(image, rng, 0.9)
+    x0, y0, x1, y1 = place(image, rng, 0.9)
     step_x, step_y = rng.integers(8, 40, 2)
     pane = colour(rng)
     for y in range(y0, y1, int(step_y)):
@@ -171,7 +135,7 @@ def _windows(image: Image, rng: np.random.Generator) -> None:
 
 
 def _leaves(image: Image, rng: np.random.Generator) -> None:
-    x0, y0, x1, y1 = _place(image, rng)
+    x0, y0, x1, y1 = place(image, rng)
     dark = rng.integers(10, 120, 3)
     for _ in range(rng.integers(20, 90)):
         centre = (int(rng.integers(x0, x1)), int(rng.integers(y0, y1)))
@@ -180,64 +144,11 @@ def _leaves(image: Image, rng: np.random.Generator) -> None:
         cv2.ellipse(image, centre, axes, rng.uniform(0, 180), 0, 360, paint, -1)
 
 
-def _lamp(image: Image, rng: np.random.Generator) -> None:
-    x0, y0, x1, y1 = _place(image, rng, 0.25)
-    centre, axes = ((x0 + x1) // 2, (y0 + y1) // 2), ((x1 - x0) // 2, (y1 - y0) // 2)
-    shell: Bgr = (40, 40, 200) if rng.random() < 0.5 else (225, 225, 225)
-    cv2.ellipse(image, centre, axes, 0, 0, 360, shell, -1, cv2.LINE_AA)
-    inner = (max(1, axes[0] // 2), max(1, axes[1] // 2))
-    cv2.ellipse(image, centre, inner, 0, 0, 360, (245, 250, 255), -1, cv2.LINE_AA)
-
-
-def _head_lamp(image: Image, rng: np.random.Generator) -> None:
-    """A bright housing as long as a plate, with bulbs, rims and ribs in it."""
-    x0, y0, x1, y1 = _place(image, rng, 0.35)
-    y1 = min(y1, y0 + (x1 - x0))  # at most as high as long
-    lean = rng.normal(0, 0.08, (4, 2)) * (x1 - x0)
-    corners = np.asarray([(x0, y0), (x1, y0), (x1, y1), (x0, y1)]) + lean
-    outline = np.rint(corners).astype(np.int32)
-    glass = rng.integers(120, 250)
-    cv2.fillConvexPoly(image, outline, _shade(glass, rng), cv2.LINE_AA)
-    for _ in range(rng.integers(0, 10)):
-        x = int(rng.integers(x0, x1))
-        cv2.line(image, (x, y0), (x, y1), _shade(rng.integers(40, 250), rng), 1, cv2.LINE_AA)
-    radius = max(1, (y1 - y0) // 2)
-    for _ in range(rng.integers(1, 4)):
-        centre = int(rng.integers(x0, x1)), (y0 + y1) // 2
-        cv2.circle(image, centre, radius, _shade(rng.integers(20, 250), rng), -1, cv2.LINE_AA)
-        rim = max(1, int(radius * rng.uniform(0.4, 0.9)))
-        cv2.circle(image, centre, rim, _shade(rng.integers(20, 250), rng), 1, cv2.LINE_AA)
-    cv2.polylines(image, [outline], True, _shade(rng.integers(20, 250), rng), 1, cv2.LINE_AA)
-
-
-def _emblem(image: Image, rng: np.random.Generator) -> None:
-    """A maker's sign: a ring, a shield or an oval, with strokes or letters in it."""
-    x0, y0, x1, y1 = _place(image, rng, 0.25)
-    centre, axes = ((x0 + x1) // 2, (y0 + y1) // 2), ((x1 - x0) // 2, (y1 - y0) // 2)
-    chrome, ground = _shade(rng.integers(120, 250), rng), colour(rng)
-    cv2.ellipse(image, centre, axes, 0, 0, 360, ground, -1, cv2.LINE_AA)
-    thickness = max(1, round(min(axes) * rng.uniform(0.08, 0.3)))
-    cv2.ellipse(image, centre, axes, 0, 0, 360, chrome, thickness, cv2.LINE_AA)
-    for _ in range(rng.integers(1, 5)):
-        start, end = rng.integers((x0, y0), (x1, y1), (2, 2)).tolist()
-        cv2.line(image, start, end, chrome, thickness, cv2.LINE_AA)
-
-
-def _shade(grey: int | np.integer, rng: np.random.Generator) -> Bgr:
-    """A grey, hardly coloured."""
-    blue, green, red = (int(v) for v in np.clip(grey + rng.normal(0, 6, 3), 0, 255))
-    return blue, green, red
-
-
-def _badge(image: Image, rng: np.random.Generator) -> None:
-    _letters(image, rng, image.shape[0] * rng.uniform(0.02, 0.08), panel=False)
-
-
 def _sign(image: Image, rng: np.random.Generator) -> None:
-    _letters(image, rng, image.shape[0] * rng.uniform(0.04, 0.2))
+    letters(image, rng, image.shape[0] * rng.uniform(0.04, 0.2))
 
 
-def _letters(
+def letters(
     image: Image, rng: np.random.Generator, height_px: float, *, panel: bool = True
 ) -> None:
     """A word without the borders and the shape of a plate, sometimes on a panel of two rows."""
@@ -267,4 +178,4 @@ def _letters(
         patch = np.empty((*row.shape, 3), np.uint8)
         patch[:] = paint
         alpha = np.asarray(row > 110, np.uint8)
-        _blend(image, patch, alpha, left, top + round(1.5 * height * line))
+        blend(image, patch, alpha, left, top + round(1.5 * height * line))

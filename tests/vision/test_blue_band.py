@@ -57,9 +57,15 @@ def test_at_and_beyond_the_rim_it_does_no_harm(shift: tuple[int, int]) -> None:
 
 
 @pytest.mark.parametrize("share", [-0.03, 0.02, 0.045, 0.07])
-@pytest.mark.parametrize("body", [(20, 20, 20), (230, 230, 230), (40, 40, 180)])
+@pytest.mark.parametrize(
+    "body",
+    [
+        *((20, 20, 20), (230, 230, 230), (40, 40, 180)),
+        *((120, 90, 60), (214, 209, 32), (216, 34, 53)),  # blue ones
+    ],
+)
 def test_where_the_band_begins_the_plate_begins(share: float, body: tuple[int, int, int]) -> None:
-    """The detector may cut the band in two, or take in some of the bodywork."""
+    """The detector may cut it in two, or take in some bodywork, be that of another blue."""
     found = with_band(plate(body), corners(LEFT + share * WIDTH))
 
     assert found == pytest.approx(corners(LEFT), abs=1.5)

@@ -14,6 +14,7 @@ from onboard.vision.plate_reader import (
     READER_SIZE,
     PlateReader,
     decode,
+    normalised,
     rectify,
 )
 from onboard.vision.plates import Plates
@@ -55,6 +56,25 @@ def test_a_clean_plate_is_read_and_certain(
     assert read.text == text
     assert read.confidence >= CERTAIN
     assert len(read.character_confidences) == len(text)
+
+
+@pytest.mark.parametrize("light", [np.linspace(0.2, 1.0, 160), np.linspace(1.0, 0.3, 64)[:, None]])
+def test_the_network_sees_a_plate_in_even_light(light: np.ndarray) -> None:
+    view = rectify(*shown("ABC1234", FORMATS["us"], width_px=150))
+    shaded = (view * light).astype(np.uint8)
+
+    seen, seen_in_shade = normalised(np.stack([view, shaded]))[:, 0]
+
+    assert np.corrcoef(seen.ravel(), seen_in_shade.ravel())[0, 1] > 0.93
+
+
+def test_what_shows_nothing_is_not_made_to_show_something() -> None:
+    noise = np.random.default_rng(5).normal(0, 0.6, (1, 64, 160))
+    empty = np.rint(128 + noise).astype(np.uint8)
+    half = np.where(np.arange(160) < 80, 30.0, 220.0) + noise
+
+    assert normalised(empty).std() < 1.5
+    assert normalised(half.astype(np.uint8))[0, 0, :, 120:].std() < 0.3
 
 
 @pytest.mark.parametrize("width_px", [90, 160, 400, 1500])
