@@ -25,7 +25,7 @@ UNLIKE = 25.0
 PLAINLY = 0.35
 """Of the most blue that is seen there, so that it is no longer the plate's ground; bodywork may be
 bluer than the band."""
-_BAND_STEPS = 16
+_BAND_STEPS, _LAST_STEPS = 16, 6
 _REACH, _STEP = 3 * BAND, BAND / _BAND_STEPS
 _HEIGHTS, _SMOOTHED = 16, 5
 
@@ -44,6 +44,7 @@ def with_band(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corners:
     is_blue = (near >= PLAINLY * near.max()) & (near > 0)
     if not is_blue.any():
         return corners_px
+    # From the plate's ground outwards: the band's right edge, and half a band on, its own colour.
     last_blue = int(np.flatnonzero(is_blue)[-1])
     middle = last_blue - _BAND_STEPS // 2
     blue, _, red = colours[middle]
@@ -70,7 +71,7 @@ def _end(unlike: _Values) -> float:
     A blurred edge lies where half of the difference is reached. Infinite where it does not end, or
     what follows looks like it again.
     """
-    beyond = float(np.median(unlike[-_BAND_STEPS // 3 :]))
+    beyond = float(np.median(unlike[-_LAST_STEPS:]))
     half = beyond / 2
     first = int(np.argmax(unlike >= half))
     if beyond < UNLIKE or (unlike[first:] < min(half, UNLIKE)).any():

@@ -150,7 +150,9 @@ def normalised(views: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
 
     Each view is brought to mean 0 and deviation 1, and then each place of it to the mean and the
     deviation of what lies around: a plate in the shade of a bright car, or half in the sun, looks
-    like one in even light. Where next to nothing is to be seen around a place, it stays as it is.
+    like one in even light (local contrast normalisation; Jarrett et al. 2009, What is the best
+    multi-stage architecture for object recognition?). Where next to nothing is to be seen, noise is
+    not enlarged.
     """
     values = views.astype(np.float32)
     values -= values.mean(axis=(1, 2), keepdims=True)
