@@ -11,6 +11,7 @@ import numpy as np
 from onboard.observations import SensedCar
 from onboard.vision.identity import Ballot
 from onboard.vision.plate_reader import ALPHABET
+from onboard.vision.plates import LEAST_PX
 from onboard.vision.settings import VisionSettings
 from sim_rig.cars.camera_view import FPS, LENS
 from sim_rig.picture.scene import SceneCar
@@ -21,23 +22,23 @@ PLATE_OVER_ROAD_M = 0.6
 WIDTHS_PX = (29.0, 33.0, 36.0, 40.0, 44.0, 49.0, 64.0, 92.0)
 """Of the plate in the picture, for the tables below; linear in between, constant outside.
 Measured on 15 cars in five colours from 36 m to 6 m ahead (`python -m tools.camera_tables`)."""
-FOUND = (0.0, 0.51, 0.94, 0.99, 1.0, 1.0, 1.0, 1.0)
+FOUND = (0.29, 0.81, 0.97, 0.98, 1.0, 0.99, 0.98, 0.99)
 """Part of the frames in which the plate is found."""
-CERTAIN = (0.0, 0.0, 0.0, 0.08, 0.45, 0.86, 0.99, 1.0)
+CERTAIN = (0.0, 0.0, 0.0, 0.05, 0.38, 0.76, 0.98, 1.0)
 """Part of the plates looked at that are read rightly and with certainty."""
-DOUBTFUL = (0.0, 0.04, 0.22, 0.46, 0.36, 0.13, 0.01, 0.0)
+DOUBTFUL = (0.0, 0.03, 0.17, 0.48, 0.44, 0.21, 0.02, 0.0)
 """Part that are read rightly and with doubt."""
-WRONG = (0.0, 0.05, 0.23, 0.22, 0.15, 0.01, 0.0, 0.0)
+WRONG = (0.0, 0.02, 0.13, 0.22, 0.13, 0.02, 0.0, 0.0)
 """Part that are read with a wrong character, always with doubt. The rest is not read."""
 CERTAIN_CONFIDENCE, WRONG_CONFIDENCE = 0.98, 0.50
-DOUBTFUL_CONFIDENCE = (0.43, 0.43, 0.55, 0.62, 0.69, 0.75, 0.77, 0.77)
+DOUBTFUL_CONFIDENCE = (0.40, 0.40, 0.51, 0.59, 0.67, 0.78, 0.79, 0.79)
 LEGIBILITY_SIGMA = 0.1
 """Plates differ: each is read as if it were wider or narrower by this share of its width."""
-GAP_BIAS = (0.115, 0.063, 0.035, 0.023, 0.012, 0.002, 0.0, 0.004)
-"""Mean error of the gap, as a share of it. From car to car, by colour, it differs by 0.05 at 33 px
-and 0.02 at 49 px (one sigma), which is not modelled."""
-GAP_SIGMA = (0.023, 0.023, 0.006, 0.008, 0.005, 0.008, 0.007, 0.003)
-CLOSING_SIGMA_M_S = (0.9, 0.54, 0.39, 0.23, 0.13, 0.10, 0.09, 0.05)
+GAP_BIAS = (0.046, 0.051, 0.047, 0.023, 0.009, 0.002, 0.002, 0.004)
+"""Mean error of the gap, as a share of it. From car to car, by colour, it differs by 0.04 at 33 px
+and 0.01 at 49 px (one sigma), which is not modelled."""
+GAP_SIGMA = (0.010, 0.005, 0.006, 0.009, 0.004, 0.003, 0.002, 0.002)
+CLOSING_SIGMA_M_S = (0.42, 0.28, 0.29, 0.22, 0.10, 0.07, 0.06, 0.04)
 CORRELATION_S = 0.5
 """Errors depend on how the plate lies on the pixels, and change slowly: 1/e is left after this."""
 CLOSING_LAG_S = 0.3
@@ -109,7 +110,7 @@ class SeenCar:
         found, read = self._rng.random(2)
         self._errors = _KEPT * self._errors + _FRESH * self._rng.standard_normal(2)
         width_px = plate_width_px(car)
-        if found >= (width_px >= LEAST_TAG_PX if car.tag_id is not None else at(FOUND, width_px)):
+        if found >= _chance_to_find(car, width_px):
             return False
         self._measure(car, width_px, stamp_s)
         self.last_read = (None, 0.0)
@@ -160,6 +161,13 @@ def plate_width_px(car: SceneCar) -> float:
     """How wide its plate, or its tag, is in the picture."""
     width_m = PLATE_WIDTH_M if car.tag_id is None else car.tag_side_m
     return LENS.focal_x_px * width_m / car.ahead_m
+
+
+def _chance_to_find(car: SceneCar, width_px: float) -> float:
+    """Of its plate or tag, in one frame; vision drops plates narrower than `LEAST_PX`."""
+    if car.tag_id is not None:
+        return float(width_px >= LEAST_TAG_PX)
+    return at(FOUND, width_px) if width_px >= LEAST_PX else 0.0
 
 
 def at(values: tuple[float, ...], width_px: float) -> float:
