@@ -31,8 +31,6 @@ def school(
     loss_of: LossOf,
     pictures: int,
     settings: NetworkSettings,
-    *,
-    seed: int,
     saved: Path,
 ) -> None:
     """All steps of one network's schooling, from where `saved` has it, if it is there."""
@@ -43,6 +41,7 @@ def school(
         network.load_state_dict(state["network"])
         optimiser.load_state_dict(state["optimiser"])
         step = state["step"]
+    seed = settings.seed
     started, first, shown = time.monotonic(), step, 0.0
     network.train()
     while step < settings.steps:

@@ -52,7 +52,7 @@ def train_detector(settings: NetworkSettings, folder: Path, model: Path, process
             answer = network(batch).float()
         return _loss(answer, *wanted)
 
-    school(network, loss_of, len(scenes), settings, seed=seed, saved=folder / "schooling.pt")
+    school(network, loss_of, len(scenes), settings, folder / "schooling.pt")
     export(network, model)
     report(PlateDetector(model, model, shrinks=(1.0,)), *held_back)
 

@@ -74,7 +74,7 @@ def train_reader(settings: ReaderSettings, folder: Path, model: Path, processes:
         loss: torch.Tensor = loss_of_texts(chances, wanted, columns, lengths)
         return loss
 
-    school(network, loss_of, len(views), settings, seed=seed, saved=folder / "schooling.pt")
+    school(network, loss_of, len(views), settings, folder / "schooling.pt")
     go_between(network, began, settings.keeps)
     fitting = report(network, *held_back)
     export(network, settings.temperature or fitting, model)

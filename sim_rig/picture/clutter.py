@@ -148,6 +148,12 @@ def _sign(image: Image, rng: np.random.Generator) -> None:
     letters(image, rng, image.shape[0] * rng.uniform(0.04, 0.2))
 
 
+def write(image: Image, row: Image, paint: Bgr, left: int, top: int) -> None:
+    """A row of letters, given as a mask (h, w), without soft edges."""
+    patch = np.full((*row.shape, 3), paint, np.uint8)
+    blend(image, patch, np.asarray(row > 110, np.uint8), left, top)
+
+
 def letters(
     image: Image, rng: np.random.Generator, height_px: float, *, panel: bool = True
 ) -> None:
@@ -175,7 +181,4 @@ def letters(
         )
         cv2.rectangle(image, (left - reach, top - reach), corner, colour(rng), cv2.FILLED)
     for line, row in enumerate(rows):
-        patch = np.empty((*row.shape, 3), np.uint8)
-        patch[:] = paint
-        alpha = np.asarray(row > 110, np.uint8)
-        blend(image, patch, alpha, left, top + round(1.5 * height * line))
+        write(image, row, paint, left, top + round(1.5 * height * line))

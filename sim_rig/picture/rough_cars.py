@@ -14,6 +14,7 @@ from sim_rig.picture.clutter import (
     letters,
     place,
     strokes,
+    write,
 )
 from sim_rig.picture.glyphs import font_names, text_row
 from sim_rig.picture.plate_texts import word
@@ -115,15 +116,8 @@ def _emblem(image: Image, rng: np.random.Generator) -> None:
         fonts = font_names()
         row = text_row(word(rng, 6), fonts[rng.integers(len(fonts))], weight_px=3)
         size = max(3, round(1.4 * axes[0])), max(3, round(0.8 * axes[1]))
-        alpha = np.asarray(cv2.resize(row, size, interpolation=cv2.INTER_AREA), np.uint8)
-        patch = np.full((*alpha.shape, 3), chrome, np.uint8)
-        blend(
-            image,
-            patch,
-            np.asarray(alpha > 110, np.uint8),
-            x0 + axes[0] * 3 // 10,
-            y0 + axes[1] * 6 // 10,
-        )
+        row = np.asarray(cv2.resize(row, size, interpolation=cv2.INTER_AREA), np.uint8)
+        write(image, row, chrome, x0 + axes[0] * 3 // 10, y0 + axes[1] * 6 // 10)
         return
     for _ in range(rng.integers(1, 5)):
         start, end = rng.integers((x0, y0), (x1, y1), (2, 2)).tolist()
