@@ -3,7 +3,7 @@
 import contextlib
 import csv
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
@@ -34,6 +34,8 @@ from onboard.vision.sight import Sight
 from onboard.vision.truth import Truth
 
 Use = Callable[[SeenFrame], None]
+ENOUGH_FRAMES = 0.9
+"""Of those that a video says it has; containers that do not count them estimate."""
 
 
 def see(
@@ -81,6 +83,7 @@ def see(
     if calibration is None:
         typer.echo("no --camera: a lens of 60 degrees is guessed, gaps are rough", err=True)
     scores = Scores(Truth.read(truth), settings.identity_confidence) if truth is not None else None
+    _keep((Path(recording), camera, vision, truth), (csv_file, video))
     tally = Tally()
     with contextlib.ExitStack() as files:
         uses: list[Use] = [tally.add]
@@ -93,10 +96,7 @@ def see(
         for seen in see_frames(source, Sight(calibration, settings), alone=alone):
             for use in uses:
                 use(seen)
-    typer.echo(tally.text())
-    if isinstance(source, Clip) and source.even_from is not None:
-        even = f"from frame {source.even_from} on they stand evenly, {source.fps:g} a second"
-        typer.echo(f"{recording}: does not tell when its frames were taken; {even}", err=True)
+    _tell(recording, source, tally)
     if scores is not None:
         if not scores.frames:
             told = f"{truth}: tells of {scores.truth.example}, and of none of these frames"
@@ -104,17 +104,48 @@ def see(
         _print_table(list(scores.rows()))
 
 
+def _keep(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
+    """See that no output would overwrite an input."""
+    read = [path for path in inputs if path is not None and path.exists()]
+    for path in outputs:
+        if path is not None and path.exists() and any(map(path.samefile, read)):
+            raise UserError(f"{path}: is to be read and would be overwritten; write another file")
+
+
+def _tell(recording: str, source: Clip | Pictures, tally: "Tally") -> None:
+    if not tally.looked_at:
+        raise UserError(f"{recording}: no frame could be looked at ({tally.text()})")
+    typer.echo(tally.text())
+    if not isinstance(source, Clip):
+        return
+    if tally.frames < ENOUGH_FRAMES * source.stated_frames:
+        told = f"says that it has {source.stated_frames} frames, and {tally.frames} could be read"
+        typer.echo(f"{recording}: {told}: it is damaged or torn off", err=True)
+    if source.even_from is not None:
+        even = f"from frame {source.even_from} on they stand evenly, {source.fps:g} a second"
+        typer.echo(f"{recording}: does not tell when its frames were taken; {even}", err=True)
+
+
 class Tally:
     """What a recording held, in one line."""
 
     def __init__(self) -> None:
-        self._counts: Counter[str] = Counter()
+        self._counts: Counter[str] = Counter(frames=0)
+        self._first: dict[str, str] = {}
+        self.looked_at = 0
+        """Frames that were not discarded."""
         self.example = "nothing"
         """Name and number of the last frame."""
+
+    @property
+    def frames(self) -> int:
+        """Of the recording."""
+        return self._counts["frames"]
 
     def add(self, seen: SeenFrame) -> None:
         """Count one frame."""
         self.example = f"{seen.frame.name}, frame {seen.index}"
+        self.looked_at += seen.lead is not None
         self._counts["frames"] += 1
         self._counts["plates"] += len(seen.plates)
         self._counts["plates read"] += sum(plate.text is not None for plate in seen.plates)
@@ -124,21 +155,36 @@ class Tally:
         for event in seen.events:
             if isinstance(event, Discarded):
                 why = f" ({event.detail})" if event.reason == "picture_size" else ""
-                self._counts[f"discarded: {event.reason}{why}"] += 1
+                self._counts[name := f"discarded: {event.reason}{why}"] += 1
+                self._first.setdefault(name, f" (first {self.example})")
 
     def text(self) -> str:
         """For people."""
-        return ", ".join(f"{name}: {count}" for name, count in self._counts.items())
+        counts = self._counts.items()
+        return ", ".join(f"{name}: {count}{self._first.get(name, '')}" for name, count in counts)
+
+
+@contextlib.contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Tell the user why `path` cannot be written."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise UserError(f"{path}: cannot be written: {why}") from error
 
 
 def _csv_writer(path: Path, files: contextlib.ExitStack) -> Use:
-    try:
-        file = files.enter_context(path.open("w", newline="", encoding="utf-8"))
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror}") from error
+    files.enter_context(_writing(path))  # the last rows, at the end
+    file = files.enter_context(path.open("w", newline="", encoding="utf-8"))
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(COLUMNS)
-    return lambda seen: writer.writerows(seen.rows())
+
+    def write(seen: SeenFrame) -> None:
+        with _writing(path):
+            writer.writerows(seen.rows())
+
+    return write
 
 
 def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
@@ -147,24 +193,24 @@ def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
         import av  # noqa: PLC0415 (in the rig extra: a car writes no video)
     except ImportError as error:
         raise UserError("--video needs PyAV: pip install 'onboard[rig]'") from error
-    try:
-        container = files.enter_context(av.open(str(path), "w"))
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: cannot be written: {error}") from error
+    files.enter_context(_writing(path))  # the last frames, at the end
+    container = files.enter_context(av.open(str(path), "w"))
     stream = container.add_stream("h264", rate=Fraction(fps).limit_denominator(1001))
     stream.pix_fmt = "yuv420p"
+    path.open("ab").close()  # PyAV opens it with the first picture only
     files.callback(lambda: container.mux(stream.encode()))
 
     def write(seen: SeenFrame) -> None:
         image = seen.annotated()
-        if image.size == 0:
+        if min(image.shape[:2]) < 2:
             return
         if not stream.codec_context.is_open:
             # H.264 in 4:2:0 has even sides.
             stream.height, stream.width = (side - side % 2 for side in image.shape[:2])
         size = (stream.width, stream.height)
         fitted = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-        container.mux(stream.encode(av.VideoFrame.from_ndarray(fitted, format="bgr24")))
+        with _writing(path):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(fitted, format="bgr24")))
 
     return write
 

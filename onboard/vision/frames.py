@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from onboard.errors import UserError
 from onboard.observations import Sensor, SensorLost
+from onboard.vision.jpeg import is_jpeg, is_whole
 from onboard.vision.mjpeg import MjpegParts
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.sight import Event, Sight
@@ -76,6 +77,8 @@ def open_frames(settings: CameraSettings) -> "FrameSource":
         return LiveFrames(lambda: _device_pictures(settings))
     if pictures := _picture_files(source):
         return Pictures(pictures, settings.fps or DEFAULT_FPS)
+    if not Path(source).is_file():
+        raise CameraError(f"camera.source: {source}: {_why_nothing(source)}")
     return Clip(source, settings.fps)
 
 
@@ -84,7 +87,7 @@ def decode_picture(data: bytes) -> Image:
 
     A JPEG without its end is not decoded: it would come out grey from where it was torn.
     """
-    if data.startswith(b"\xff\xd8") and not data.rstrip(b"\r\n\0").endswith(b"\xff\xd9"):
+    if is_jpeg(data) and not is_whole(data):
         return _NO_IMAGE
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
@@ -130,14 +133,14 @@ class Clip:
         """Open `source`; `fps` overrules what it states, and lets frames stand evenly.
 
         Raises:
-            CameraError: it is not there or no video.
+            CameraError: it is no video.
         """
         self._name = Path(source).name
-        if not Path(source).is_file():
-            raise CameraError(f"camera.source: {source}: no such file or folder of pictures")
         self._capture = cv2.VideoCapture(source)
         if not self._capture.isOpened():
             raise CameraError(f"camera.source: {source}: not a video that can be read")
+        self.stated_frames = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+        """About how many there are, as the file says; 0 where it does not."""
         stated = self._capture.get(cv2.CAP_PROP_FPS)
         self.fps = fps or (stated if 1.0 <= stated <= 1000.0 else DEFAULT_FPS)
         self._stands_evenly = fps is not None
@@ -301,6 +304,16 @@ def _picture_files(source: str) -> list[tuple[str, Path]]:
     files = [file for file in base.glob(pattern) if file.suffix.lower() in PICTURES]
     named = [(file.relative_to(base).as_posix(), file) for file in files if file.is_file()]
     return sorted(named, key=lambda item: _natural(item[0]))
+
+
+def _why_nothing(source: str) -> str:
+    """Why neither a picture nor a video is there."""
+    allowed = f"a picture's name ends in {', '.join(sorted(PICTURES))}"
+    if Path(source).is_dir():
+        return f"no picture in this folder; {allowed}"
+    if set(source) & set("*?["):
+        return f"no picture fits; {allowed}"
+    return "no such file or folder"
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

@@ -6,6 +6,7 @@ left out: `x_px, y_px, w_px, h_px`, `text`, and `gap_m`, which makes it the lead
 """
 
 import csv
+import math
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -29,7 +30,7 @@ class TruePlate:
     box: Box | None
     """`None` where nobody measured it."""
     text: str
-    """Empty where nobody could tell."""
+    """As plates are told, upper case and without separators; empty where nobody could tell."""
     gap_m: float | None
     """Of the lead's, the distance."""
 
@@ -108,7 +109,10 @@ def _true_plate(cells: dict[str, str]) -> TruePlate:
     sides = [float(cells[name]) for name in _BOX if cells.get(name)]
     if len(sides) not in {0, len(_BOX)}:
         raise ValueError("a box has four numbers")
+    if sides and not (all(map(math.isfinite, sides)) and min(sides[2:]) > 0.0):
+        raise ValueError(f"no box is {', '.join(f'{side:g}' for side in sides)}")
     gap_m = float(cells["gap_m"]) if cells.get("gap_m") else None
-    if gap_m is not None and gap_m <= 0.0:
+    if gap_m is not None and not 0.0 < gap_m < math.inf:
         raise ValueError(f"gap_m is {gap_m:g}")
-    return TruePlate(Box(*sides) if sides else None, cells.get("text", ""), gap_m)
+    text = "".join(filter(str.isalnum, cells.get("text", "").upper()))
+    return TruePlate(Box(*sides) if sides else None, text, gap_m)

@@ -214,6 +214,15 @@ def test_a_camera_that_is_not_there_is_told_at_once(source: str, capfd: object) 
         open_frames(settings(source))
 
 
+def test_a_folder_without_pictures_is_told_what_a_picture_is_called(tmp_path: Path) -> None:
+    (tmp_path / "IMG_0001.HEIC").write_bytes(b"")
+
+    with pytest.raises(CameraError, match=r"no picture in this folder; .*\.jpg"):
+        open_frames(settings(tmp_path))
+    with pytest.raises(CameraError, match=r"no picture fits; .*\.jpg"):
+        open_frames(settings(tmp_path / "*"))
+
+
 def test_a_stream_of_another_kind_is_told_what_is_read() -> None:
     with pytest.raises(CameraError, match=r"rtsp://127\.0\.0\.1/cam: .*http://"):
         open_frames(settings("rtsp://127.0.0.1/cam"))

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import typer
+from click.testing import Result
 from typer.testing import CliRunner
 
 from onboard.errors import UserError
@@ -49,13 +50,21 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(*arguments: str | Path) -> str:
+def invoked(*arguments: str | Path) -> Result:
     app = typer.Typer()
     app.command()(see)
     result = CliRunner().invoke(app, [str(each) for each in arguments])
     if result.exception is not None:
         raise result.exception
-    return result.stdout
+    return result
+
+
+def run(*arguments: str | Path) -> str:
+    return invoked(*arguments).stdout
+
+
+def told_of(*arguments: str | Path) -> str:
+    return invoked(*arguments).stderr
 
 
 def options(drive: Path) -> list[str | Path]:
@@ -119,6 +128,7 @@ def test_the_annotated_video_has_every_frame(drive: Path, tmp_path: Path) -> Non
         ["nowhere.mp4"],
         ["{}", "--camera", "nowhere.yaml"],
         ["{}", "--csv", "/nowhere/rows.csv"],
+        ["{}", "--video", "/nowhere/seen.mp4"],
         ["{}", "--truth", "nowhere.csv"],
         ["{}", "--truth", "{}/../camera.yaml"],
     ],
@@ -174,6 +184,9 @@ def test_a_lead_is_scored_by_what_is_known_of_it(
         (["frame,gap_m", "1,near"], ":2: could not convert"),
         (["file,x_px,text", "f1.png,3,TAG1"], ":2: a box has four numbers"),
         (["frame,gap_m", "1,0"], ":2: gap_m is 0"),
+        (["frame,gap_m", "1,nan"], ":2: gap_m is nan"),
+        (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,nan,4"], ":2: no box is 1, 2, nan, 4"),
+        (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,-3,4"], ":2: no box is 1, 2, -3, 4"),
     ],
 )
 def test_a_truth_that_says_nothing_is_told(
@@ -194,9 +207,68 @@ def test_pictures_of_another_shape_than_calibrated_are_told(drive: Path, tmp_pat
     camera = tmp_path / "camera.yaml"
     camera.write_text("width_px: 1242\nheight_px: 375\nprincipal_y_px: 180\n")
 
-    assert "picture_size (960 x 540 px, calibrated for 1242 x 375): 10" in run(
-        drive / "pictures", "--camera", camera
-    )
+    told = r"no frame could be looked at .*picture_size \(960 x 540 px, calibrated for 1242 x 375\)"
+    with pytest.raises(UserError, match=told):
+        run(drive / "pictures", "--camera", camera)
+
+
+def test_the_first_picture_that_is_none_is_named(drive: Path, tmp_path: Path) -> None:
+    whole = (drive / "pictures" / "f0.png").read_bytes()
+    for index, data in enumerate([whole, whole[:20], b""]):
+        (tmp_path / f"{index}.png").write_bytes(data)
+
+    assert "discarded: corrupt_picture: 2 (first 1.png, frame 1)" in run(tmp_path, *options(drive))
+
+
+@pytest.mark.parametrize("output", ["--csv", "--video"])
+def test_what_is_read_is_not_overwritten(drive: Path, tmp_path: Path, output: str) -> None:
+    truth = truth_of(tmp_path, "file,text", "f1.png,TAG1")
+    before = truth.read_bytes()
+
+    with pytest.raises(UserError, match=r"rows-of-truth\.csv: is to be read"):
+        run(drive / "pictures", "--truth", truth, output, truth)
+
+    assert truth.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["seen.gif", "seen.webm", "seen.pictures", "seen"])
+def test_a_video_that_cannot_be_written_is_told(drive: Path, tmp_path: Path, name: str) -> None:
+    with pytest.raises(UserError, match=f"{name}: cannot be written"):
+        run(drive / "pictures", *options(drive), "--video", tmp_path / name)
+
+
+def test_a_full_disk_is_told(drive: Path) -> None:
+    with pytest.raises(UserError, match="/dev/full: cannot be written: No space left"):
+        run(drive / "pictures", *options(drive), "--csv", "/dev/full")
+
+
+def test_pictures_of_every_size_go_into_one_video(drive: Path, tmp_path: Path) -> None:
+    (tmp_path / "odd").mkdir()
+    for index, (w, h) in enumerate([(1, 1), (641, 361), (101, 1000), (2, 2), (64, 64)]):
+        cv2.imwrite(str(tmp_path / "odd" / f"{index}.png"), np.full((h, w, 3), 90, np.uint8))
+    cv2.imwrite(str(tmp_path / "odd" / "9.png"), cv2.imread(str(drive / "pictures" / "f0.png")))
+
+    run(tmp_path / "odd", "--vision", drive / "vision.yaml", "--video", tmp_path / "seen.mp4")
+
+    with av.open(str(tmp_path / "seen.mp4")) as container:
+        sizes = [(frame.width, frame.height) for frame in container.decode(video=0)]
+    assert sizes == [(640, 360)] * 5
+
+
+def test_a_video_that_ends_too_early_is_told(drive: Path, tmp_path: Path) -> None:
+    whole = tmp_path / "whole.avi"
+    with av.open(str(whole), "w") as container:
+        stream = container.add_stream("mpeg4", rate=10)
+        stream.width, stream.height = 960, 540
+        for name in sorted((drive / "pictures").glob("*.png")):
+            image = np.asarray(cv2.imread(str(name)), np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+        container.mux(stream.encode())
+    torn = tmp_path / "torn.avi"
+    torn.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+
+    assert "torn off" not in told_of(whole, *options(drive))
+    assert "torn.avi: says that it has 10 frames, and" in told_of(torn, *options(drive))
 
 
 def seen(name: str, *plates: Plate) -> SeenFrame:
@@ -211,7 +283,7 @@ def test_scores_count_what_they_say(tmp_path: Path) -> None:
     (tmp_path / "truth.csv").write_text(
         "file,x_px,y_px,w_px,h_px,text\n"
         "us/1.jpg,10,10,100,30,GN417KB\n"
-        "us/2.jpg,10,10,100,30,RD288HX\n"
+        "us/2.jpg,10,10,100,30,rd-288 hx\n"  # as people write them
         "eu/3.jpg,10,10,100,30,BL635TN\n"
         "eu/4.jpg,10,10,100,30,YW903MS\n"
     )
