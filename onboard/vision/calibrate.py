@@ -26,8 +26,15 @@ _Unknowns = npt.NDArray[np.float64]
 
 LEAST_PICTURES = 5
 """Of a board; fewer leave the lens open."""
+LEAST_TILT = math.radians(15)
+"""Between the two pictures whose boards are tilted against each other most. Boards all parallel
+leave the focal length open; at 15 degrees it is found to 1 % or so."""
 LEAST_DISTANCES = 3
 """Of a plate: focal length, height and pitch are three unknowns."""
+MOST_OFF = 0.1
+"""Of a plate from where its distance puts it, as a share of its width."""
+MUCH_RMS = 0.001
+"""As a share of the picture's width: so much says that a board was bent, moved or zoomed in on."""
 _MOST_STEPS, _LEAST_CHANGE = 100, 1e-9
 """Of a fit; the change as a share of what is large."""
 
@@ -75,11 +82,13 @@ class CharucoBoard:
         self._detector = cv2.aruco.CharucoDetector(self._board)
 
     def find(self, grey: Image) -> tuple[_Points, _Points] | None:
-        """The inner corners that can be seen, or `None` where they are fewer than six."""
+        """The inner corners that can be seen; `None` if fewer than six, or all in a line."""
         # OpenCV's stubs do not know that it gives None where there is no board.
         detected: tuple[Any, ...] = self._detector.detectBoard(grey)
         corners, numbers = detected[:2]
         if numbers is None or len(numbers) < 6:
+            return None
+        if self._board.checkCharucoCornersCollinear(numbers):
             return None
         points, pixels = self._board.matchImagePoints(list(corners), numbers)
         return (
@@ -97,12 +106,18 @@ class Fit:
     used: int
     """Pictures."""
 
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the pictures hardly fit one lens."""
+        return self.rms_px > MUCH_RMS * self.calibration.width_px
+
 
 def calibrate_lens(pictures: Sequence[Image], board: Board) -> Fit:
     """Focal lengths, principal point and distortion from pictures of a board held every way.
 
     Raises:
-        CalibrationError: the pictures differ in size, or show the board too rarely.
+        CalibrationError: the pictures differ in size, show the board too rarely, or always held
+            the same way.
         SettingsError: what they say is no camera.
     """
     sizes = {picture.shape[:2] for picture in pictures}
@@ -113,15 +128,24 @@ def calibrate_lens(pictures: Sequence[Image], board: Board) -> Fit:
     if len(found) < LEAST_PICTURES:
         raise CalibrationError(
             f"the board was found in {len(found)} of {len(pictures)} pictures; "
-            f"{LEAST_PICTURES} are needed, 10 or more are good"
+            f"{LEAST_PICTURES} are needed, 10 or more are good (of a chessboard the inner corners "
+            f"are counted, of a ChArUco board the squares)"
         )
-    rms_px, matrix, distortion, _, _ = cv2.calibrateCamera(
+    rms_px, matrix, distortion, turns, _ = cv2.calibrateCamera(
         [points for points, _ in found],
         [pixels for _, pixels in found],
         (width_px, height_px),
         np.eye(3),
         np.zeros(5),
     )
+    normals = np.array([cv2.Rodrigues(turn)[0][:, 2] for turn in turns])
+    tilt = math.acos(np.clip((normals @ normals.T).min(), -1.0, 1.0))
+    if tilt < LEAST_TILT:
+        raise CalibrationError(
+            f"the board is held almost the same way in all pictures, tilted by "
+            f"{math.degrees(tilt):.0f} degrees at most from one to another; that leaves the lens "
+            f"open: tilt it by 20 degrees and more, to every side"
+        )
     return Fit(
         _checked(
             width_px=width_px,
@@ -148,8 +172,14 @@ def place_by_board(lens: Calibration, picture: Image, board: Board, lowest_m: fl
         lowest_m: its lowest inner corners over the road.
 
     Raises:
-        CalibrationError: the board was not found.
+        CalibrationError: the board was not found, or the picture is of another size.
     """
+    height_px, width_px = picture.shape[:2]
+    if (width_px, height_px) != (lens.width_px, lens.height_px):
+        raise CalibrationError(
+            f"the picture of the board upright is {width_px} x {height_px} px, and those of the "
+            f"lens are {lens.width_px} x {lens.height_px}"
+        )
     found = board.find(_grey(picture))
     if found is None:
         raise CalibrationError("the board was not found in the picture of it upright")
@@ -165,7 +195,7 @@ def place_by_board(lens: Calibration, picture: Image, board: Board, lowest_m: fl
     turned, _ = cv2.Rodrigues(rotation)
     in_camera = points @ turned.T + np.ravel(translation)
     # The board's own vertical, whichever way round its corners were counted.
-    down = turned[:, 1] if turned[1, 1] > 0 else -turned[:, 1]
+    down = max((*turned.T[:2], *-turned.T[:2]), key=lambda axis: float(axis[1]))
     pitch_rad = math.atan2(down[2], down[1])
     below_m = in_camera @ (0.0, math.cos(pitch_rad), math.sin(pitch_rad))
     lowest = below_m > below_m.max() - 1e-3
@@ -202,7 +232,7 @@ def calibrate_by_plates(
         height_m: of its middle over the road.
 
     Raises:
-        CalibrationError: there are too few distances.
+        CalibrationError: there are too few distances, or the plates do not fit them.
     """
     if len({distance_m for distance_m, _ in plates}) < LEAST_DISTANCES:
         raise CalibrationError(f"the plate must be seen at {LEAST_DISTANCES} distances or more")
@@ -226,6 +256,12 @@ def calibrate_by_plates(
     start = np.array([np.median(widths * distances_m) / width_m, 0.7, 0.0, 0.0, 0.0])
     fitted = _least_squares(errors_px, start, np.array([1000.0, 1.0, 0.1, 0.1, 1.0]))
     focal, drop, pitch, yaw, _ = (float(value) for value in fitted)
+    rms_px = float(np.sqrt(np.mean(errors_px(fitted) ** 2)))
+    if rms_px > MOST_OFF * np.median(widths):
+        raise CalibrationError(
+            f"the plates do not fit their distances: they are off by {rms_px:.0f} px, and "
+            f"{np.median(widths):.0f} px wide; are the pictures in the order of the distances?"
+        )
     lens = _checked(
         width_px=width_px,
         height_px=height_px,
@@ -234,7 +270,6 @@ def calibrate_by_plates(
         principal_x_px=width_px / 2,
         principal_y_px=height_px / 2,
     )
-    rms_px = float(np.sqrt(np.mean(errors_px(fitted) ** 2)))
     return Fit(_placed(lens, drop + height_m, pitch, yaw), rms_px, len(plates))
 
 

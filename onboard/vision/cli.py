@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
@@ -260,30 +261,52 @@ def calibrate(
     """Find the camera's lens and mounting, from pictures of a chessboard or of a plate."""
     if (upright is None) != (lowest_corners_m is None):
         raise UserError("--upright and --lowest-corners-m go together")
+    shown = _still_frames(upright) if upright is not None else []
+    if len(shown) > 1:
+        raise UserError(f"--upright: must be one picture ({len(shown)} given)")
+    for option, length_m in (("square", square_m), ("plate-width", plate_width_m)):
+        if not 0.001 <= length_m <= 1.0:
+            raise UserError(f"--{option}-m: is in metres, 0.001 to 1 (given {length_m:g})")
     images = [frame.image for frame in _still_frames(pictures)]
     if plate_at_m is not None and plate_height_m is not None:
         fit = _fit_by_plates(images, plate_at_m, plate_width_m, plate_height_m)
     elif board is not None:
         pattern = _board(board, square_m, charuco_tag_m, charuco_dictionary)
         fit = calibrate_lens(images, pattern)
+        if fit.is_doubtful:
+            why = "was the board bent or moving, or the camera zoomed?"
+            typer.echo(f"{fit.rms_px:.2f} px RMS are much: {why}", err=True)
         if upright is not None and lowest_corners_m is not None:
-            typer.echo(f"lens: {fit.used} pictures, {fit.rms_px:.2f} px RMS")
-            (picture,) = _still_frames(upright)
-            fit = place_by_board(fit.calibration, picture.image, pattern, lowest_corners_m)
+            typer.echo(_told(fit))
+            fit = place_by_board(fit.calibration, shown[0].image, pattern, lowest_corners_m)
     else:
         raise UserError("say what the pictures show: --board, or --plate-at-m and --plate-height-m")
-    typer.echo(f"{fit.used} pictures, {fit.rms_px:.2f} px RMS; written to {out}")
-    try:
+    with _writing(out):
         out.write_text(_yaml(fit.calibration), encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"{out}: cannot be written: {error.strerror}") from error
+    typer.echo(f"{_told(fit)}; written to {out}")
+
+
+def _told(fit: Fit) -> str:
+    """A fit as people check it."""
+    lens = fit.calibration
+    wide = math.degrees(2 * math.atan(0.5 * lens.width_px / lens.focal_x_px))
+    told = f"{fit.used} pictures, {fit.rms_px:.2f} px RMS: a lens of {wide:.0f} degrees"
+    if not lens.is_placed:
+        return told
+    pitch = math.degrees(lens.pitch_rad)
+    return f"{told}, {lens.mounting_height_m:.2f} m high, looking {pitch:.1f} degrees down"
 
 
 def _still_frames(pictures: str) -> list[Frame]:
     source = open_frames(CameraSettings(source=pictures))
     if isinstance(source, LiveFrames):
         raise UserError(f"{pictures}: take pictures first")
-    frames = [frame for frame in source if frame.image.size]
+    frames = []
+    for frame in source:
+        if frame.image.size:
+            frames.append(frame)
+        else:
+            typer.echo(f"{frame.name}: not a picture that can be read; left out", err=True)
     if not frames:
         raise UserError(f"{pictures}: no picture could be read")
     return frames
@@ -291,11 +314,20 @@ def _still_frames(pictures: str) -> list[Frame]:
 
 def _board(board: str, square_m: float, tag_m: float | None, dictionary: str) -> Board:
     parts = board.lower().split("x")
-    if len(parts) != 2 or not all(part.isdigit() and int(part) > 1 for part in parts):
-        raise UserError(f"--board: must be like 9x6 (given {board!r})")
+    if len(parts) != 2 or not all(part.isdigit() and 3 <= int(part) <= 99 for part in parts):
+        raise UserError(f"--board: must be like 9x6, from 3 to 99 each way (given {board!r})")
     columns, rows = (int(part) for part in parts)
     if tag_m is None:
         return Chessboard(columns, rows, square_m)
+    if not 0.0 < tag_m < square_m:
+        raise UserError(
+            f"--charuco-tag-m: must be less than the square's {square_m:g} (given {tag_m:g})"
+        )
+    known = sorted(n.removeprefix("DICT_") for n in dir(cv2.aruco) if n.startswith("DICT_"))
+    if dictionary not in known:
+        raise UserError(
+            f"--charuco-dictionary: must be one of {', '.join(known)} (given {dictionary!r})"
+        )
     return CharucoBoard(columns, rows, square_m, tag_m, dictionary)
 
 
@@ -306,6 +338,10 @@ def _fit_by_plates(
         distances_m = [float(part) for part in plate_at_m.split(",")]
     except ValueError as error:
         raise UserError(f"--plate-at-m: must be like 4,6,8 (given {plate_at_m!r})") from error
+    if not all(0.0 < distance_m < 1000.0 for distance_m in distances_m):
+        raise UserError(f"--plate-at-m: distances are above 0 (given {plate_at_m!r})")
+    if len({image.shape for image in images}) != 1:
+        raise UserError("the pictures must be of one size")
     if len(distances_m) != len(images):
         raise UserError(f"--plate-at-m: {len(distances_m)} distances for {len(images)} pictures")
     finder = PlateDetector()

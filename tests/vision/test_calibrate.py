@@ -15,6 +15,7 @@ from onboard.vision.calibrate import (
     CalibrationError,
     CharucoBoard,
     Chessboard,
+    Fit,
     calibrate_by_plates,
     calibrate_lens,
     place_by_board,
@@ -144,6 +145,47 @@ def test_the_place_is_found_by_the_board_upright(art: np.ndarray, board: Board) 
     assert fit.calibration.pitch_rad == pytest.approx(0.06, abs=0.005)
     assert fit.calibration.yaw_rad == pytest.approx(-0.03, abs=0.005)
     assert fit.calibration.distortion == TRUE.distortion
+    assert not fit.is_doubtful
+
+
+def test_a_board_counted_the_other_way_round_stands_upright_all_the_same() -> None:
+    board = Chessboard(ROWS - 1, COLUMNS - 1, SQUARE_M)
+
+    fit = place_by_board(TRUE, upright(chessboard_art(), bottom_m=0.7), board, lowest_m=0.8)
+
+    assert fit.calibration.mounting_height_m == pytest.approx(1.25, abs=0.01)
+    assert fit.calibration.pitch_rad == pytest.approx(0.06, abs=0.005)
+
+
+def always_facing(art: np.ndarray) -> list[np.ndarray]:
+    """The board moved about and never tilted."""
+    middle = np.array([COLUMNS, ROWS, 0]) * SQUARE_M / 2
+    places = [(-0.2, 0, 1.0), (0, 0, 1.2), (0.2, 0, 1.4), (0, 0, 1.8), (0.1, 0, 2.2)]
+    return [photograph(art, np.eye(3), np.array(place) - middle) for place in places]
+
+
+@pytest.mark.parametrize(
+    "pictures", [held_every_way(chessboard_art(), 1) * 6, always_facing(chessboard_art())]
+)
+def test_a_board_that_is_never_tilted_leaves_the_lens_open(pictures: list[np.ndarray]) -> None:
+    """The fit is good all the same, and the focal length off by 6 to 15 %."""
+    with pytest.raises(CalibrationError, match="tilt it by 20 degrees"):
+        calibrate_lens(pictures, CHESSBOARD)
+
+
+def test_a_fit_with_much_left_over_is_doubtful() -> None:
+    """A board that is swung before a rolling shutter leaves 1.1 px, and the lens is off by 12 %."""
+    assert Fit(TRUE, rms_px=1.1, used=8).is_doubtful
+    assert not Fit(TRUE, rms_px=0.5, used=8).is_doubtful
+
+
+def test_a_row_of_corners_is_no_board() -> None:
+    art = charuco_art()
+    art[_MARGIN + 2 * _PX :] = 255  # one row of inner corners is left
+    middle = np.array([COLUMNS, ROWS, 0]) * SQUARE_M / 2
+    picture = photograph(art, np.eye(3), np.array([0, 0, 1.0]) - middle)
+
+    assert CHARUCO.find(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)) is None
 
 
 def test_focal_length_and_place_are_found_by_a_plate_at_known_distances() -> None:
@@ -171,13 +213,26 @@ def test_focal_length_and_place_are_found_by_a_plate_at_known_distances() -> Non
     assert found.yaw_rad == pytest.approx(0.02, abs=0.003)
 
 
+def test_a_plate_at_other_distances_than_said_is_told() -> None:
+    picture = Picture(CameraSettings(source="made up"))
+    plates = [
+        (said_m, picture.plate_quad(SceneCar(true_m, plate="GN417KB")).astype(np.float32))
+        for said_m, true_m in ((4.0, 12.0), (6.0, 4.0), (8.0, 6.0), (12.0, 8.0))
+    ]
+
+    with pytest.raises(CalibrationError, match="in the order of the distances"):
+        calibrate_by_plates((1280, 720), plates, width_m=0.52, height_m=0.63)
+
+
 def test_too_little_is_told() -> None:
     empty = np.full((540, 960, 3), 128, np.uint8)
     with pytest.raises(CalibrationError, match="found in 0 of 6"):
         calibrate_lens([empty] * 6, CHESSBOARD)
     with pytest.raises(CalibrationError, match="one size"):
         calibrate_lens([empty, empty[:200]], CHESSBOARD)
-    with pytest.raises(CalibrationError, match="upright"):
+    with pytest.raises(CalibrationError, match=r"upright is 960 x 200 px, and .* are 960 x 540"):
+        place_by_board(TRUE, empty[:200], CHARUCO, 0.5)
+    with pytest.raises(CalibrationError, match="not found in the picture of it upright"):
         place_by_board(TRUE, empty, CHARUCO, 0.5)
     with pytest.raises(CalibrationError, match="3 distances"):
         calibrate_by_plates((960, 540), [(4.0, np.zeros((4, 2), np.float32))] * 5, 0.52, 0.6)
@@ -227,6 +282,16 @@ def test_the_command_writes_what_a_car_can_read(tmp_path: Path) -> None:
         (["--board", "1x6"], "must be like 9x6"),
         (["--plate-at-m", "4,x", "--plate-height-m", "0.6"], "must be like 4,6,8"),
         (["--plate-at-m", "4,5,6", "--plate-height-m", "0.6"], "3 distances for 1 pictures"),
+        (["--plate-at-m", "4,nan", "--plate-height-m", "0.6"], "distances are above 0"),
+        (["--plate-at-m", "4", "--plate-height-m", "0.6", "--plate-width-m", "0"], "in metres"),
+        (["--board", "2x6"], "must be like 9x6"),
+        (["--board", "7x5", "--square-m", "30"], "--square-m: is in metres"),
+        (["--board", "7x5", "--square-m", "nan"], "--square-m: is in metres"),
+        (["--board", "7x5", "--charuco-tag-m", "0.03"], "less than the square's 0.03"),
+        (
+            ["--board", "7x5", "--charuco-tag-m", "0.02", "--charuco-dictionary", "9X9"],
+            "one of 4X4",
+        ),
         (["--board", "7x5"], "found in 0 of 1"),
         (["--board", "7x5", "--upright", "1.png"], "--lowest-corners-m go together"),
     ],
@@ -235,3 +300,23 @@ def test_a_users_mistake_is_told(tmp_path: Path, options: list[str], told: str) 
     cv2.imwrite(str(tmp_path / "1.png"), np.full((540, 960, 3), 128, np.uint8))
     with pytest.raises(UserError, match=told):
         run(tmp_path, *options)
+
+
+def test_one_picture_shows_the_board_upright(tmp_path: Path) -> None:
+    for index in range(2):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), np.full((540, 960, 3), 128, np.uint8))
+
+    with pytest.raises(UserError, match=r"--upright: must be one picture \(2 given\)"):
+        run(tmp_path, "--board", "7x5", "--upright", tmp_path, "--lowest-corners-m", "0.8")
+
+
+def test_a_picture_that_cannot_be_read_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cv2.imwrite(str(tmp_path / "1.png"), np.full((540, 960, 3), 128, np.uint8))
+    (tmp_path / "2.png").write_bytes(b"")
+
+    with pytest.raises(UserError, match="found in 0 of 1"):
+        calibrate(str(tmp_path), board="7x5")
+
+    assert "2.png: not a picture that can be read" in capsys.readouterr().err
