@@ -104,9 +104,12 @@ def _claim(folder: Path, name: str, settings: Settings) -> None:
     same = settings.model_dump(mode="json", exclude={"runs"})
     claim = yaml.safe_dump({"run": name, "settings": same})
     path = folder / "campaign.yaml"
-    if path.exists() and path.read_bytes() != claim.encode():
+    if not path.exists():
+        begun = path.with_suffix(".new")  # who is killed here leaves no half of a claim
+        begun.write_text(claim, "utf-8")
+        begun.replace(path)
+    elif path.read_bytes() != claim.encode():
         raise CampaignError(f"{folder} holds runs with other settings: remove it, or take another")
-    path.write_text(claim, "utf-8")
 
 
 def kept_runs(folder: Path) -> dict[int, Row]:

@@ -23,6 +23,7 @@ from sim_rig.roads.crashes import Crash, boxes_overlap, first_crash
 from sim_rig.roads.events import SETTING_OFF_M_S2, SETTING_OFF_TO_M_S, Event, Kind
 from sim_rig.roads.paths import DrivePath, blocked_at_m, would_meet
 from sim_rig.roads.recording import STEP_S, Recording
+from sim_rig.setting_types import NotNegative, Positive, Span
 
 COMFORTABLE_M_S2 = 3.0
 _WARNING_HELD_S = 0.5
@@ -48,12 +49,12 @@ class ReactionSettings(Settings):
     """Of the logarithm."""
     distracted: float = Field(0.25, ge=0.0, le=1.0)
     """Part of the drivers who look elsewhere at first."""
-    distracted_s: tuple[float, float] = (0.5, 2.5)
+    distracted_s: Span[NotNegative] = (0.5, 2.5)
     """For how long, evenly."""
     warned_median_s: float = Field(0.9, gt=0.0, le=5.0)
     """From the warning to the brake."""
     warned_sigma: float = Field(0.3, ge=0.0, le=1.5)
-    braking_m_s2: tuple[float, float] = (4.0, 8.0)
+    braking_m_s2: Span[Positive] = (4.0, 8.0)
     """Of a warned driver, evenly between these."""
     following: CarFollowing = CarFollowing()
 

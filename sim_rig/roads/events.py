@@ -113,8 +113,9 @@ class Events:
 
 def _sudden_brake(recording: Recording, rng: np.random.Generator) -> Event:
     deceleration = rng.uniform(*BRAKING_M_S2)
-    for _ in range(_MOST_DRAWS):
-        at_s = round(float(rng.uniform(2.0, recording.end_s - 8.0)), 1)
+    last_s = recording.end_s - 8.0
+    for _ in range(_MOST_DRAWS if last_s > 2.0 else 0):
+        at_s = round(float(rng.uniform(2.0, last_s)), 1)
         there = recording.there(at_s)
         if not there:
             continue

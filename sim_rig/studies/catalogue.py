@@ -30,7 +30,7 @@ _CAMPAIGNS = {
     "mvs-figure9": "mvs_collisions:figure9:CollisionSettings",
     "soak": "soak:run:SoakSettings",
     "mvs-figure8": "mvs_sharing:figure8:SharingSettings",
-    "mvs-table1": "mvs_sharing:table1:SharingSettings",
+    "mvs-table1": "mvs_sharing:table1:Table1Settings",
     "radio": "radio:run:RadioSettings",
     "rakhshan-csma": "rakhshan_csma:run:RakhshanCsmaSettings",
 }

@@ -9,14 +9,15 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from onboard.settings import Settings, parse_settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario
+from sim_rig.setting_types import Several
 from sim_rig.studies.fault_cases import CASES, FROM_S, UNTIL_S, Case
 from sim_rig.studies.results import write_results
 from sim_rig.virtual import run_virtual
@@ -41,11 +42,18 @@ COLUMNS = (
 )
 
 
+def _fault(name: str) -> str:
+    names = dict.fromkeys(case.fault for case in CASES)
+    if name not in names:
+        raise ValueError(f"no fault {name!r}; there are: {', '.join(names)}")
+    return name
+
+
 class FaultsSettings(Settings):
     """One run of the study."""
 
-    seeds: tuple[int, ...] = Field((1, 2, 3), min_length=1)
-    cases: tuple[str, ...] = ()
+    seeds: Several[Annotated[int, Field(ge=0)]] = (1, 2, 3)
+    cases: tuple[Annotated[str, AfterValidator(_fault)], ...] = ()
     """Names of faults; all if none is named."""
 
 

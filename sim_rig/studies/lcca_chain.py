@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,6 +26,7 @@ from onboard.observations import HardBrake
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.radio.settings import CsmaSettings
+from sim_rig.setting_types import Positive, Several, Share, Span
 from sim_rig.studies.lcca_channel import STEP_S, PlatoonChannel
 from sim_rig.studies.results import write_results
 
@@ -39,18 +41,18 @@ class ChainSettings(Settings):
     seed: int = Field(1, ge=0)
     runs: int = Field(200, ge=1)
     """Platoons of each length."""
-    cars: tuple[int, ...] = (5, 10, 20)
-    shares: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
+    cars: Several[Annotated[int, Field(ge=2, le=999)]] = (5, 10, 20)
+    shares: Several[Share] = (0.0, 0.25, 0.5, 0.75, 1.0)
     """Of the cars with a radio."""
-    reaction_medians_s: tuple[float, ...] = (1.0, 1.5)
+    reaction_medians_s: Several[Positive] = (1.0, 1.5)
     """Unwarned; log-normal."""
     reaction_sigma: float = Field(0.35, ge=0.0, le=1.5)
     warned_median_s: float = Field(0.9, gt=0.0, le=5.0)
     warned_sigma: float = Field(0.3, ge=0.0, le=1.5)
-    speed_m_s: tuple[float, float] = (22.0, 32.0)
-    headway_s: tuple[float, float] = (0.8, 1.8)
+    speed_m_s: Span[Positive] = (22.0, 32.0)
+    headway_s: Span[Positive] = (0.8, 1.8)
     """Bumper to bumper, all below the distance of joining."""
-    deceleration_m_s2: tuple[float, float] = (5.0, 8.0)
+    deceleration_m_s2: Span[Positive] = (5.0, 8.0)
     detection_s: float = Field(0.3, ge=0.0, le=2.0)
     """From the brake to the car's own certainty of it."""
     reach_m: float = Field(300.0, gt=0.0)
@@ -255,8 +257,8 @@ def chain(
     write_results(out_dir, _COLUMNS, table, settings, _draw(settings, table))
     first, last = table[-len(settings.shares)], table[-1]
     return (
-        f"{last[1]} cars: {first[4]:.1f} crashes a platoon without radios, {last[4]:.1f} at a "
-        f"share of {last[2]:g}; {last[7]:.1f} messages a warning, {last[8]:.1f} by flooding"
+        f"{last[1]} cars: {first[4]:.1f} crashes a platoon at a share of {first[2]:g},"
+        f" {last[4]:.1f} at {last[2]:g}; {last[7]:.1f} messages a warning, {last[8]:.1f} by flooding"
     )
 
 

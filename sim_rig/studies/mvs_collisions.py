@@ -16,9 +16,11 @@ from pydantic import Field
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.roads.events import Kind
+from sim_rig.setting_types import Several, Share
 from sim_rig.studies.mvs_encounter import Case, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs_fates import Fate
 from sim_rig.studies.mvs_scenes import Scene, Where
+from sim_rig.studies.mvs_world import FooterSize
 from sim_rig.studies.results import write_results
 
 PAPER_REDUCTION: dict[Where, float] = {Scene.CROSSING: 0.615, Scene.CITY: 0.601}
@@ -33,13 +35,13 @@ class CollisionSettings(Settings):
     seed: int = Field(1, ge=0)
     runs: int = Field(500, ge=1)
     """Events of each kind."""
-    kinds: tuple[Kind, ...] = tuple(Kind)
-    shares: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
-    methods: tuple[Method, ...] = (Method.DSRC, Method.OWN, Method.MVS)
+    kinds: Several[Kind] = tuple(Kind)
+    shares: Several[Share] = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
+    methods: Several[Method] = (Method.DSRC, Method.OWN, Method.MVS)
     """At every share."""
     compared_at: float | None = Field(default=_MOST_COMPARED, gt=0.0, le=1.0)
     """At this share also: MO and RS, the other sizes of footer, and half of all messages lost."""
-    entries: tuple[int, ...] = (5, 20)
+    entries: tuple[FooterSize, ...] = (5, 20)
     """M, where it is not 10."""
     calm_every: int = Field(1, ge=1, le=100)
     """Events in which radios can avoid nothing (no crash, or nobody who can act has a radio) are
@@ -51,14 +53,14 @@ class Figure3Settings(CollisionSettings):
     """Fig. 3: red-light runners and plain DSRC."""
 
     runs: int = Field(1000, ge=1)
-    kinds: tuple[Kind, ...] = (Kind.RED_LIGHT,)
-    shares: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-    methods: tuple[Method, ...] = (Method.DSRC,)
+    kinds: Several[Kind] = (Kind.RED_LIGHT,)
+    shares: Several[Share] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+    methods: Several[Method] = (Method.DSRC,)
     compared_at: float | None = None
 
 
 def cases(settings: CollisionSettings) -> list[Case]:
-    """All cases of one seed."""
+    """All cases of one seed, each once however often the settings name it."""
     shape = []
     for kind in settings.kinds:
         shape.append(Case(kind, Method.NONE, 0.0))
@@ -68,7 +70,7 @@ def cases(settings: CollisionSettings) -> list[Case]:
             shape += [Case(kind, m, share) for m in (Method.MEASUREMENTS_ONLY, Method.RANDOM)]
             shape += [Case(kind, Method.MVS, share, entries) for entries in settings.entries]
             shape += [Case(kind, m, share, loss=0.5) for m in (Method.DSRC, Method.MVS)]
-    return shape
+    return list(dict.fromkeys(shape))
 
 
 @cache

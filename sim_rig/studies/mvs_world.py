@@ -9,6 +9,7 @@ each decoded once.
 import math
 from collections.abc import Iterable, Set
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,10 @@ START_UTC_S = 1_750_000_000.0
 _PRIORITY = 5
 """Of a BSM."""
 _ARRIVAL_M_S = 10.0
+
+
+FooterSize = Annotated[int, Field(ge=0, le=64)]
+"""M, as `MvsSettings.most_entries` bounds it."""
 
 
 class WorldSettings(Settings):

@@ -13,6 +13,7 @@ All pairs of intervals meet the same drops. Half of the drops choose the best pa
 import heapq
 import math
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -24,6 +25,7 @@ from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.radio.channel import Channel
 from sim_rig.radio.settings import CsmaSettings
+from sim_rig.setting_types import Positive, Several
 from sim_rig.studies.rakhshan_highway import (
     Drops,
     HighwaySettings,
@@ -57,13 +59,13 @@ class RakhshanCsmaSettings(Settings):
 
     seed: int = Field(1, ge=0)
     drops: int = Field(60, ge=4)
-    intervals_s: tuple[float, ...] = (0.1, 0.3, 0.6)
+    intervals_s: Several[Positive] = (0.1, 0.3, 0.6)
     """For safe and for unsafe cars, each with each; all within what SAE J2945/1 allows."""
-    traffics: tuple[Traffic, ...] = (
+    traffics: Several[Traffic] = (
         Traffic(name="BSM with MVS", beacon_bytes=500),
         Traffic(name="BSM with MVS, LCCA", beacon_bytes=500, warns=True),
     )
-    others: tuple[int, ...] = (0, 100)
+    others: Several[Annotated[int, Field(ge=0)]] = (0, 100)
     """Cars near by, not on the highway, that send every 0.1 s whatever the highway does."""
     others_within_m: float = Field(300.0, gt=0.0)
     warning_bytes: int = Field(200, gt=0)

@@ -4,13 +4,22 @@ import csv
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from onboard.errors import UserError
 from onboard.mvs.evidence import Estimate, MeasurementId
 from onboard.mvs.settings import Selection
 from sim_rig.campaign import Workers
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.mvs_scenes import Scene
-from sim_rig.studies.mvs_sharing import SharingSettings, random_until_all, run_one, table1
+from sim_rig.studies.mvs_sharing import (
+    SharingSettings,
+    Table1Settings,
+    figure8,
+    random_until_all,
+    run_one,
+    table1,
+)
 
 SMALL = SharingSettings(
     seeds=1, scene=Scene.OWN_CROSSING, shares=(0.1,), entries=(5,), warm_s=0.8, measured_s=0.2
@@ -49,8 +58,38 @@ def test_figure_8_is_written_with_its_settings(tmp_path: Path) -> None:
     assert "own-crossing" in (tmp_path / "out/settings.yaml").read_text()
 
 
+def trace_of_one_car(folder: Path) -> Path:
+    path = folder / "one.csv"
+    rows = [f"{step / 10},ann,{step},0,0,10" for step in range(100)]
+    path.write_text("t,id,x,y,heading,v\n" + "\n".join(rows))
+    return path
+
+
+def test_a_recording_that_ends_before_it_is_looked_at_is_told(tmp_path: Path) -> None:
+    settings = SMALL.model_copy(update={"scene": trace_of_one_car(tmp_path)})
+
+    with pytest.raises(UserError, match=r"one\.csv: ends after 9\.9 s, and begin_s, .* 241 s of it"):
+        figure8(tmp_path / "out", settings)
+
+
+def test_who_tells_nothing_does_not_tell_most(tmp_path: Path) -> None:
+    lonely = {"scene": trace_of_one_car(tmp_path), "begin_s": (2.0, 4.0), "shares": (1.0,)}
+
+    told = figure8(tmp_path / "out", SMALL.model_copy(update=lonely))
+
+    assert told == "MVS tells most in 0 of 1 cells (paper: in all)"
+
+
+def test_table_1_with_a_setting_of_ones_own_is_table_1_still(tmp_path: Path) -> None:
+    lonely = {"scene": str(trace_of_one_car(tmp_path)), "begin_s": [2.0, 4.0], "seeds": 1}
+
+    run_study("mvs-table1", tmp_path / "out", None, Workers(), lonely | {"shares": [1.0]})
+
+    assert len((tmp_path / "out/runs/runs.jsonl").read_text().splitlines()) == 1
+
+
 def test_table_1_reuses_no_measurement(tmp_path: Path) -> None:
-    settings = SMALL.model_copy(update={"methods": (Selection.MVS,)})
+    settings = Table1Settings.model_validate(SMALL.model_dump() | {"methods": (Selection.MVS,)})
 
     told = table1(tmp_path, settings)
 

@@ -1,0 +1,62 @@
+"""Settings of studies that cannot be meant are told before anything runs."""
+
+from pathlib import Path
+
+import pytest
+
+from onboard.errors import UserError
+from sim_rig.campaign import Workers
+from sim_rig.studies.catalogue import run_study
+from sim_rig.studies.faults import FaultsSettings
+from sim_rig.studies.mvs_collisions import CollisionSettings, cases
+from sim_rig.studies.mvs_encounter import Method
+
+
+@pytest.mark.parametrize(
+    ("study", "given", "told"),
+    [
+        ("lcca-chain", {"shares": []}, "shares: must be at least one"),
+        ("lcca-chain", {"shares": [0.5, 0.5]}, "shares: must each stand there once"),
+        ("lcca-chain", {"shares": [1.5]}, "shares.0: Input should be less than or equal to 1"),
+        ("lcca-chain", {"cars": [0]}, "cars.0: Input should be greater than or equal to 2"),
+        ("lcca-chain", {"speed_m_s": [32, 22]}, "speed_m_s: must be the lesser and the greater"),
+        ("lcca-chain", {"deceleration_m_s2": [0, 0]}, "deceleration_m_s2.0: Input should be gre"),
+        ("lcca-chain", {"reaction_medians_s": [-1]}, "reaction_medians_s.0: Input should be"),
+        ("mvs-figure9", {"kinds": []}, "kinds: must be at least one"),
+        ("mvs-figure9", {"shares": [-0.1]}, "shares.0: Input should be greater than or equal to 0"),
+        ("mvs-figure9", {"entries": [65]}, "entries.0: Input should be less than or equal to 64"),
+        ("mvs-figure3", {"shares": [1.1]}, "shares.0: Input should be less than or equal to 1"),
+        (
+            "mvs-figure9",
+            {"encounter": {"reactions": {"braking_m_s2": [8, 4]}}},
+            "encounter.reactions.braking_m_s2: must be the lesser and the greater",
+        ),
+        ("mvs-figure8", {"shares": []}, "shares: must be at least one"),
+        ("mvs-figure8", {"entries": [-5]}, "entries.0: Input should be greater than or equal to 0"),
+        ("mvs-figure8", {"begin_s": [240, 60]}, "begin_s: must be the lesser and the greater"),
+        ("rakhshan-csma", {"intervals_s": [0]}, "intervals_s.0: Input should be greater than 0"),
+        ("faults", {"cases": ["deaf"]}, "cases.0: no fault 'deaf'; there are: "),
+        ("faults", {"seeds": [-1]}, "seeds.0: Input should be greater than or equal to 0"),
+    ],
+)
+def test_what_cannot_be_meant_is_told(
+    tmp_path: Path, study: str, given: dict[str, object], told: str
+) -> None:
+    with pytest.raises(UserError) as error:
+        run_study(study, tmp_path, None, Workers(), given)
+
+    assert told in str(error.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_case_that_settings_name_twice_is_run_once() -> None:
+    """M = 10 is what every method has at every share, 0.4 the share that is compared."""
+    settings = CollisionSettings(methods=(Method.MVS, Method.RANDOM), entries=(10, 20, 20))
+
+    found = cases(settings)
+
+    assert len(found) == len(set(found))
+
+
+def test_all_faults_have_names() -> None:
+    assert FaultsSettings(cases=("GNSS jump", "slow CPU")).cases == ("GNSS jump", "slow CPU")
