@@ -258,7 +258,8 @@ def chain(
     first, last = table[-len(settings.shares)], table[-1]
     return (
         f"{last[1]} cars: {first[4]:.1f} crashes a platoon at a share of {first[2]:g},"
-        f" {last[4]:.1f} at {last[2]:g}; {last[7]:.1f} messages a warning, {last[8]:.1f} by flooding"
+        f" {last[4]:.1f} at {last[2]:g}; {last[7]:.1f} messages a warning,"
+        f" {last[8]:.1f} by flooding"
     )
 
 

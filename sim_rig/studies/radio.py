@@ -36,7 +36,7 @@ _LOSSES: dict[str, type[LogDistance | DualSlope | TwoRay]] = {
 _ORDERS = {
     "log-distance": ("exponent", "reference_db"),
     "dual-slope": ("near_exponent", "far_exponent", "breakpoint_m", "reference_db"),
-    "two-ray": ("antenna_height_m",),
+    "two-ray": ("antenna_height_m", "frequency_ghz"),
 }
 """How the numbers after a model's name are meant."""
 
@@ -90,7 +90,7 @@ class RadioSettings(Settings):
     spacing_m: float = Field(10.0, gt=0.0, le=1_000.0)
     loss: Annotated[str, AfterValidator(_checked_loss)] = "dual-slope"
     """`log-distance[:EXPONENT[:DB_AT_1_M]]`, `dual-slope[:NEAR[:FAR[:BREAK_M[:DB_AT_1_M]]]]` or
-    `two-ray[:ANTENNA_M]`."""
+    `two-ray[:ANTENNA_M[:GHZ]]`."""
     fading: Annotated[str, AfterValidator(_checked_fading)] = "none"
     """`none`, `rayleigh` or `nakagami:M`."""
     seeds: int = Field(20, ge=1)

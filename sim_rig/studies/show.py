@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from onboard.errors import UserError
-from onboard.mvs.known_car import KnownBy
 from onboard.settings import parse_settings, parse_yaml
 from sim_rig.campaign import kept_runs
 from sim_rig.roads.disturbed import DisturbedTraffic
@@ -47,7 +46,7 @@ class _Film:
             for car in core.kinematic_info(world.now):
                 away = np.hypot(*(cars.middle_m - world.place_of(name, car.state)).T)
                 nearest = int(away.argmin())
-                if car.known_by is not KnownBy.RADIO and away[nearest] < _NEAREST_M:
+                if away[nearest] < _NEAREST_M:
                     pair = (cars.names[nearest], car.known_by.value)
                     known.setdefault(name, []).append(pair)
         frame["known"] = known

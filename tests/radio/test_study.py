@@ -37,6 +37,7 @@ def test_models_are_named_with_their_numbers() -> None:
         near_exponent=1.9, far_exponent=3.9, breakpoint_m=80.0
     )
     assert parse_loss("two-ray:2") == TwoRay(antenna_height_m=2.0)
+    assert parse_loss("two-ray:1.5:5.15") == TwoRay(antenna_height_m=1.5, frequency_ghz=5.15)
     assert parse_fading("none") is None
     assert parse_fading("rayleigh") == 1.0
     assert parse_fading("nakagami:1.5") == 1.5
@@ -68,7 +69,7 @@ def test_one_command_writes_table_figure_and_settings(tmp_path: Path) -> None:
         (["--cars", "1"], "cars: Input should be greater than or equal to 2"),
         (["--cras", "40"], "did you mean cars?"),
         (["--loss", "tree"], "no such path loss 'tree'"),
-        (["--loss", "two-ray:1:2"], "two-ray takes at most 1 numbers"),
+        (["--loss", "two-ray:1:2:3"], "two-ray takes at most 2 numbers"),
         (["--fading", "rician"], "must be none, rayleigh or nakagami:M"),
         (["--fading", "nakagami:0.1"], "M from 0.5 to 50"),
         (["--fading", "nakagami:nan"], "M from 0.5 to 50"),

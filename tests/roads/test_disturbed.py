@@ -136,9 +136,7 @@ def test_where_nobody_crosses_nobody_can_run_a_light() -> None:
 
 def test_in_a_recording_of_a_few_seconds_nothing_happens() -> None:
     with pytest.raises(NoEventError, match="followed closely"):
-        Events(Recording([]), has_lights=False).draw(
-            Kind.SUDDEN_BRAKE, np.random.default_rng(0)
-        )
+        Events(Recording([]), has_lights=False).draw(Kind.SUDDEN_BRAKE, np.random.default_rng(0))
 
 
 def test_who_comes_out_of_his_turn_is_not_put_into_the_car_ahead_of_him() -> None:

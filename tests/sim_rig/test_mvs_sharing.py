@@ -68,7 +68,7 @@ def trace_of_one_car(folder: Path) -> Path:
 def test_a_recording_that_ends_before_it_is_looked_at_is_told(tmp_path: Path) -> None:
     settings = SMALL.model_copy(update={"scene": trace_of_one_car(tmp_path)})
 
-    with pytest.raises(UserError, match=r"one\.csv: ends after 9\.9 s, and begin_s, .* 241 s of it"):
+    with pytest.raises(UserError, match=r"one\.csv: ends after 9\.9 s, and .* ask for 241 s"):
         figure8(tmp_path / "out", settings)
 
 

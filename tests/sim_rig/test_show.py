@@ -88,7 +88,10 @@ def test_the_page_holds_what_was_known_and_sent(page_file: Path) -> None:
     radios = [frame for frame in film["frames"] if "known" in frame]
     assert len(radios) == 15
     assert all(len(frame["sent"]) <= len(frame["radio"]) for frame in radios)
-    assert any(how == "seen" for cars in radios[-1]["known"].values() for _, how in cars)
+    known = [(name, *pair) for name, cars in radios[-1]["known"].items() for pair in cars]
+    assert {"seen", "radio"} == {how for _, _, how in known}
+    with_radio = set(radios[-1]["radio"])
+    assert all(other in with_radio for _, other, how in known if how == "radio")
     assert film["event_car"] in film["frames"][0]["cars"]
 
 
