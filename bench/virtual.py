@@ -1,4 +1,4 @@
-"""Car-seconds that one core drives in a second, with and without MVS, from 25 to 400 cars.
+"""Car-seconds that one core drives in a second, with and without MVS, from 25 to 400 cars; memory.
 
 Cars on a six-lane road, 22 m apart, four in ten with a radio. Without MVS a radio car sends and
 receives plain BSMs, and is judged by its risk monitor; with it, it also senses, tells and fuses.
@@ -16,22 +16,27 @@ from onboard.risk.settings import RiskSettings
 from sim_rig.studies.mvs_roads import LANES_M, SixLaneRoad
 from sim_rig.studies.mvs_warner import Warner
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
+from sim_rig.studies.soak_fleet import resident_bytes
 
 SHARE = 0.4
 WARM_TICKS, TICKS = 5, 2
 
 
 def measure() -> Iterator[Figure]:
-    """Yield a figure for each number of cars, with and without MVS."""
+    """Yield a figure for each number of cars, with and without MVS, and what the most take."""
+    before = resident_bytes()
     for cars in (25, 50, 100, 200, 400):
         for with_mvs in (False, True):
-            rate = _car_seconds_per_s(cars, with_mvs=with_mvs)
+            rate, held = _car_seconds_per_s(cars, with_mvs=with_mvs)
             name = f"virtual.{cars}_cars.{'mvs' if with_mvs else 'plain'}"
             real = ("real time of as many cars", float(cars))
             yield Figure(name, rate, "car-s/s", TICKS, *real)
+    beside = "the same process before the first car"
+    yield Figure("virtual.memory", held / 2**20, "MiB", 1, beside, before / 2**20)
 
 
-def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> float:
+def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
+    """Car-seconds a second, and the memory of this process at the end."""
     rng = np.random.default_rng(cars)
     per_lane = round(cars / len(LANES_M)) or 1
     road = SixLaneRoad(per_lane, 22.0, (WARM_TICKS + TICKS) * TICK_S + 1.0, 1.0, rng)
@@ -51,4 +56,5 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> float:
         for name, core in world.cores.items():
             known = core.kinematic_info(world.now)
             warners[name].assess(core.own_car(world.now), known, 12.0, world.now)
-    return len(names) * TICKS * TICK_S / (time.process_time() - began)
+    took_s = time.process_time() - began
+    return len(names) * TICKS * TICK_S / took_s, resident_bytes()

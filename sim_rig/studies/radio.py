@@ -111,6 +111,8 @@ class RadioSettings(Settings):
     noise_figure_db: float = Field(7.0, ge=0.0, le=30.0)
     preamble_snr_db: float = Field(4.0, ge=-10.0, le=30.0)
     preamble_dbm: float = Field(-95.0, ge=-120.0, le=0.0)
+    sensitivity_dbm: float = Field(-104.0, ge=-140.0, le=0.0)
+    """ns-3 takes the -101 dBm of 20 MHz for half of that in 10 MHz."""
     energy_detection_dbm: float = Field(-88.0, ge=-120.0, le=0.0)
     """ns-3 takes the -85 dBm of 20 MHz for half of that in 10 MHz."""
     symbol_us: Literal[4, 8] = 4

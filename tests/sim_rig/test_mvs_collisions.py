@@ -129,6 +129,22 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
     assert told
 
 
+def test_figure_3_is_written(tmp_path: Path) -> None:
+    encounter = {"scene": "own-crossing", "warm_s": 0.5, "watched_s": 0.5, "near_m": 40.0}
+
+    given = {"runs": 1, "shares": [0.1], "encounter": encounter}
+    told = run_study("mvs-figure3", tmp_path, None, Workers(), given)
+
+    assert told.startswith("P(collision)")
+    with (tmp_path / "table.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["kind"], row["method"]) for row in rows] == [
+        ("red_light", "none"),
+        ("red_light", "dsrc"),
+    ]
+    assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_the_papers_alarm_is_judged_in_the_same_run() -> None:
     """One runner is heard of; of another nobody hears, and no alarm changes that."""
     scene = Encounters(
