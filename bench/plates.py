@@ -1,8 +1,8 @@
 """How many real plates are found and read, beside what OpenCV's cascades and Tesseract read.
 
-`python -m bench plates` prints the figures; `python -m bench.plates` writes them as the table in
-`docs/plates.md`. The photographs are not part of the repository (`RIG_DATA` names their folder) and
-nothing was trained on them.
+`python -m bench plates` prints the figures; `python -m bench.plates` writes the tables in
+`docs/plates.md`, the second of them over the same photographs made smaller. The photographs are not
+part of the repository (`RIG_DATA` names their folder) and nothing was trained on them.
 """
 
 import csv
@@ -12,7 +12,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from sim_rig.picture.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS
 FOLDER = Path(__file__).parents[2] / "shared" / "data"
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
 REGIONS = ("us", "eu", "br")
-_MARKS = ("<!-- scores -->\n", "<!-- end of scores -->\n")
+WIDTHS_PX = (80, 65, 55, 45, 36)
 _TESSDATA = Path("/usr/share/tesseract-ocr/5/tessdata")
 
 
@@ -217,6 +217,37 @@ def score(ways: Mapping[str, Way]) -> dict[str, Tally]:
     return tallies
 
 
+def shrunk(photograph: Photograph, image: Image, width_px: float) -> tuple[Photograph, Image]:
+    """The photograph as large as leaves its plate `width_px` wide."""
+    scale, box = width_px / photograph.box.w_px, photograph.box
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    sides = (scale * side for side in (box.x_px, box.y_px, box.w_px, box.h_px))
+    return replace(photograph, box=Box(*sides)), np.asarray(small, np.uint8)
+
+
+def table_by_width() -> str:
+    """Plates of each width, of the photographs that show them wider, as Markdown."""
+    lines = [
+        f"| width of the plate | {' | '.join(f'{region}: found, exact' for region in REGIONS)} |",
+        "|---" * (len(REGIONS) + 1) + "|",
+    ]
+    way = network_way()
+    for width_px in WIDTHS_PX:
+        tallies = {region: Tally() for region in REGIONS}
+        for photograph in photographs():
+            if photograph.box.w_px >= width_px:
+                image = np.asarray(cv2.imread(str(photograph.file)), np.uint8)
+                small, image = shrunk(photograph, image, width_px)
+                tallies[small.region].add(small, way(image))
+        shares = (
+            f"{each.found / each.photographs:.0%}, {each.exact / each.photographs:.0%} "
+            f"of {each.photographs}"
+            for each in tallies.values()
+        )
+        lines.append(f"| {width_px} px | {' | '.join(shares)} |")
+    return "\n".join(lines) + "\n"
+
+
 def table() -> str:
     """Both ways, by region, as Markdown."""
     heads = (
@@ -251,11 +282,14 @@ def table() -> str:
 
 
 def main() -> None:
-    """Put the table into the page, between its marks."""
-    rows = table()
-    before, rest = PAGE.read_text(encoding="utf-8").split(_MARKS[0])
-    _, after = rest.split(_MARKS[1])
-    PAGE.write_text(f"{before}{_MARKS[0]}{rows}{_MARKS[1]}{after}", encoding="utf-8")
+    """Put the tables into the page, between their marks."""
+    page = PAGE.read_text(encoding="utf-8")
+    for name, rows in (("scores", table()), ("widths", table_by_width())):
+        begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+        before, rest = page.split(begin)
+        _, after = rest.split(end)
+        page = f"{before}{begin}{rows}{end}{after}"
+    PAGE.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

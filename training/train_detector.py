@@ -54,7 +54,7 @@ def train_detector(settings: NetworkSettings, folder: Path, model: Path, process
 
     school(network, loss_of, len(scenes), settings, folder / "schooling.pt")
     export(network, model)
-    report(PlateDetector(model, model, shrinks=(1.0,)), *held_back)
+    report(PlateDetector(model, model), *held_back)
 
 
 def targets(

@@ -34,6 +34,12 @@ DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_detector.onnx"
 CORNERS_MODEL = DEFAULT_MODEL.with_name("plate_corners.onnx")
 """The network of the second look."""
 
+_SHRINKS = (1.0, 2.0, 8.0)
+"""The first look is at the picture divided by each of these: plates up to 1000 px wide."""
+_FINE_LOOK_PX, _FINE_PLATES_PX = 480_000, (20.0, 64.0)
+"""At its full size only a picture of up to so many pixels, half a one of 1280x720; and only for
+plates between these widths. Narrower ones cannot be read. Wider ones are high enough at half the
+size, where narrow European ones are lost."""
 _SECOND_LOOK_SIZE = (192, 96)
 _SECOND_LOOK_PLATE_PX = (80.0, 92.0)
 """Smaller plates are enlarged to the first of these, larger ones shrunk to the second."""
@@ -71,7 +77,6 @@ class PlateDetector:
         model: Path = DEFAULT_MODEL,
         corners_model: Path = CORNERS_MODEL,
         *,
-        shrinks: tuple[float, ...] = (2.0, 8.0),
         least_score: float = 0.5,
     ) -> None:
         """Load the networks.
@@ -79,8 +84,6 @@ class PlateDetector:
         Args:
             model: ONNX file of the first look.
             corners_model: ONNX file of the second look.
-            shrinks: the picture is looked at divided by each of these. 2 and 8 find plates from 24
-                to 1000 px wide.
             least_score: of a plate that is reported.
 
         Raises:
@@ -90,7 +93,7 @@ class PlateDetector:
             if not file.is_file():
                 raise FileNotFoundError(f"no plate detector model at {file}")
         # One for each size of view: a network allocates anew whenever it is shown another.
-        self._first_looks = [(shrink, cv2.dnn.readNetFromONNX(str(model))) for shrink in shrinks]
+        self._first_looks = [cv2.dnn.readNetFromONNX(str(model)) for _ in _SHRINKS]
         self._second_looks = cv2.dnn.readNetFromONNX(str(corners_model))
         self._least_score = least_score
 
@@ -102,15 +105,18 @@ class PlateDetector:
         grey = part if part.ndim == 2 else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY).astype(np.uint8)
         # The score in the end is the geometric mean with that of the second look, at most 1.
         least, candidates = self._least_score**2, list[FoundPlate]()
-        for shrink, network in self._first_looks:
+        least_px, most_px = _FINE_PLATES_PX
+        for shrink, network in zip(_SHRINKS, self._first_looks, strict=True):
             size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
-            if min(size) < CELL_PX:
+            is_fine = shrink == min(_SHRINKS)
+            if min(size) < CELL_PX or (is_fine and grey.size > _FINE_LOOK_PX):
                 continue
             view = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
             scale = np.asarray([grey.shape[1] / size[0], grey.shape[0] / size[1]], np.float32)
             candidates += [
                 FoundPlate(found.corners_px * scale, found.score)
                 for found in _look(network, np.asarray(view, np.uint8), least)
+                if not is_fine or least_px <= found.width_px < most_px
             ]
         firsts = _one_each(candidates)[:_MOST_CANDIDATES]
         seconds = _one_each(self._second_look(grey, first) for first in firsts)

@@ -1,5 +1,6 @@
 """Plates on rendered roads are found where they are; what is none is left alone."""
 
+import csv
 from pathlib import Path
 
 import cv2
@@ -43,6 +44,24 @@ def test_a_plate_is_found_from_far_to_near(
     car = SceneCar(ahead_m, 0.2, plate="KLM4567", plate_format=plate_format)
     found = detector.find(low.draw(Scene((car,)), rng()))
     assert error_share(found, low.plate_quad(car)) < GOOD
+
+
+@pytest.mark.realdata
+def test_a_small_picture_is_looked_at_as_it_is(detector: PlateDetector, rig_data: Path) -> None:
+    """Long plates 45 px wide are 10 px high: at half the size, three in ten are lost."""
+    with (rig_data / "plates" / "truth.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["file"].startswith("eu/")]
+    lost = []
+    for row in rows:
+        image = cv2.imread(str(rig_data / "plates" / row["file"]))
+        assert image is not None
+        shrink = 45.0 / float(row["w_px"])
+        small = cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
+        x, y, width, height = (shrink * float(row[f"{side}_px"]) for side in "xywh")
+        middles = [plate.corners_px.mean(axis=0) for plate in detector.find(np.asarray(small))]
+        if not any(0 < u - x < width and 0 < v - y < height for u, v in middles):
+            lost.append(row["file"])
+    assert len(lost) <= 0.04 * len(rows), lost
 
 
 @pytest.mark.parametrize("light", Light)
