@@ -98,7 +98,9 @@ def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> Settin
 
 
 def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
-    field = ".".join(str(part) for part in error["loc"]) or "(the whole file)"
+    # pydantic puts the type's name where one of several types is meant: not for a user.
+    place = [str(part) for part in error["loc"] if "[" not in str(part)]
+    field = ".".join(place) or "(the whole file)"
     if error["type"] == "missing":
         return f"{field}: is required and missing"
     if error["type"] == "extra_forbidden":

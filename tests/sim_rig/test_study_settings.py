@@ -31,6 +31,7 @@ from sim_rig.studies.mvs_encounter import Method
             {"encounter": {"reactions": {"braking_m_s2": [8, 4]}}},
             "encounter.reactions.braking_m_s2: must be the lesser and the greater",
         ),
+        ("mvs-figure8", {"scene": 5}, "mvs-figure8: scene: is a text, write it in quotes"),
         ("mvs-figure8", {"shares": []}, "shares: must be at least one"),
         ("mvs-figure8", {"entries": [-5]}, "entries.0: Input should be greater than or equal to 0"),
         ("mvs-figure8", {"begin_s": [240, 60]}, "begin_s: must be the lesser and the greater"),
