@@ -280,6 +280,7 @@ class Sight:
         )
         if calibration is None:
             return False
+        self._scale_tracks(width_px, height_px)
         self._size_px = (width_px, height_px)
         settings = self._settings
         perspective = self._perspective = Perspective(calibration)
@@ -297,6 +298,14 @@ class Sight:
             model = settings.vehicle_model
             self._finders.append(Vehicles(self._vehicle_model, model, perspective))
         return True
+
+    def _scale_tracks(self, width_px: int, height_px: int) -> None:
+        """What is followed is where it was, in pixels of another size; nothing grew by that."""
+        self._rear = Rear()
+        old_px = np.maximum(self._size_px, 1)
+        for track in self._tracker.tracks:
+            scaled = track.corners_px * ((width_px, height_px) / old_px)
+            track.corners_px = scaled.astype(np.float32)
 
     def _show(self, pairs: list[tuple[Sighting, CarTrack | None]], stamp_s: float) -> None:
         lead = self._choice.choose(self._tracker.tracks, stamp_s)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from onboard.observations import LeadIdentity, Sensor, SensorBack, SensorLost
+from onboard.vision.frames import decode_picture
+from onboard.vision.picture_check import PictureCheck
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.settings import CameraSettings, VisionSettings
@@ -119,6 +121,42 @@ def test_a_stream_that_changes_its_resolution_for_good_keeps_the_lead(drive: Dri
     assert_still_known(looked_at(pictures))
 
 
+def test_a_stream_that_changes_its_resolution_to_and_fro_does_not_come_nearer(drive: Drive) -> None:
+    """By a little: by so much a rear grows from one picture to the next."""
+    sizes = [(640, 360), (576, 324)]
+    pictures = [
+        (stamp_s, np.asarray(cv2.resize(image, sizes[index % 2]), np.uint8))
+        for index, (stamp_s, image) in enumerate(drive)
+    ]
+
+    seen = looked_at(pictures)
+
+    assert_still_known(seen)
+    for lead in seen.leads[2:]:
+        assert lead.gap_m == pytest.approx(GAP_M, rel=0.1)
+        assert lead.closing_speed_m_s == pytest.approx(0.0, abs=2.0)
+
+
+def dark_noise(stamp_s: float) -> Image:
+    """Of a covered lens."""
+    noise = np.random.default_rng(round(10 * stamp_s)).normal(8, 5, (360, 640, 3))
+    return np.clip(noise, 0, 255).astype(np.uint8)
+
+
+def no_signal(_: float) -> Image:
+    return np.full((360, 640, 3), (255, 0, 0), np.uint8)
+
+
+@pytest.mark.parametrize("given", [dark_noise, no_signal])
+def test_a_camera_that_sees_nothing_does_not_say_that_the_road_is_free(
+    given: Callable[[float], Image],
+) -> None:
+    seen = looked_at([(0.1 * index, given(0.1 * index)) for index in range(5)])
+
+    assert [event.reason for event in seen.discarded] == ["blank_picture"] * 5
+    assert seen.leads == []
+
+
 @pytest.mark.parametrize("axis", [0, 1, -1], ids=["upside down", "mirrored", "both"])
 def test_a_camera_mounted_wrongly_names_nobody(drive: Drive, axis: int) -> None:
     seen = looked_at([(stamp_s, np.asarray(cv2.flip(i, axis), np.uint8)) for stamp_s, i in drive])
@@ -138,6 +176,41 @@ def test_a_frozen_camera_is_lost_and_the_lead_is_known_again_when_it_is_back(dri
     assert back == SensorBack(3.0, Sensor.CAMERA)
     assert not any(lost.stamp_s <= lead.stamp_s < back.stamp_s for lead in seen.leads)
     assert_still_known(seen)
+
+
+def clock(image: Image, stamp_s: float) -> None:
+    at = (8, image.shape[0] - 8)
+    told = f"2026-11-22 10:30:{stamp_s:05.2f}"
+    cv2.putText(image, told, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255))
+
+
+def noisy_pixel(image: Image, stamp_s: float) -> None:
+    image[168:176, 320:328] = round(500 * stamp_s) % 256
+
+
+@pytest.mark.parametrize("changed", [clock, noisy_pixel])
+def test_a_frozen_camera_is_lost_though_it_tells_the_time(
+    drive: Drive, changed: Callable[[Image, float], None]
+) -> None:
+    frozen = [(1.5 + 0.1 * index, drive[-1][1].copy()) for index in range(10)]
+    pictures = []
+    for stamp_s, image in drive + frozen:
+        changed(shown := image.copy(), stamp_s)
+        pictures.append((stamp_s, shown))
+
+    seen = looked_at(pictures)
+
+    assert [type(event) for event in seen.health] == [SensorLost]
+    assert {lead.stamp_s for lead in seen.leads if lead.stamp_s >= seen.health[0].stamp_s} == set()
+
+
+def test_a_camera_that_stands_behind_a_standing_car_is_not_frozen() -> None:
+    """However much its pictures are compressed: nine tenths of their pixels are equal."""
+    check, scene = PictureCheck(), Scene((SceneCar(GAP_M, 0.2, plate=LEAD),))
+
+    for _, image in frames(lambda _: scene, 0.5, camera=CAMERA):
+        data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 30])[1]
+        assert not check.look(decode_picture(data.tobytes())).is_repeat
 
 
 def test_a_plate_in_the_next_lane_is_no_lead_where_the_own_lane_is_empty() -> None:
