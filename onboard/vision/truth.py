@@ -49,10 +49,11 @@ class Truth:
     def __init__(self, files: dict[str, _Frames]) -> None:
         """`files`: by name and frame; frame `None` where a file is one picture, name "" for any."""
         self._files = files
-        self._by_short_name: dict[str, _Frames] = {}
-        for name, frames in files.items():
+        self._by_short_name: defaultdict[str, list[str]] = defaultdict(list)
+        for name in files:
             path = PurePosixPath(name)
-            self._by_short_name |= {path.name: frames, path.stem: frames}
+            for short in {path.name, path.stem}:
+                self._by_short_name[short].append(name)
 
     @classmethod
     def read(cls, path: Path) -> "Truth":
@@ -90,19 +91,28 @@ class Truth:
         return "nothing"
 
     def of(self, seen: SeenFrame) -> list[TruePlate] | None:
-        """The plates of a frame; `None` where the table does not speak of it."""
+        """The plates of a frame; `None` where the table does not speak of it.
+
+        Raises:
+            UserError: it speaks of two files that may be meant.
+        """
         path = PurePosixPath(seen.frame.name)
-        frames = (
-            self._files.get(seen.frame.name)
-            or self._by_short_name.get(path.name)
-            or self._by_short_name.get(path.stem)
-        )
+        frames = self._files.get(seen.frame.name) or self._by(path.name) or self._by(path.stem)
         if frames is None:
             anything = self._files.get("")
             return None if anything is None else anything.get(seen.index)
         if path.suffix.lower() in PICTURES and len(frames) == 1:
             return next(iter(frames.values()))  # its name says which one it is
         return frames.get(seen.index) or frames.get(None)
+
+    def _by(self, short_name: str) -> _Frames | None:
+        names = self._by_short_name.get(short_name, [])
+        if len(names) > 1:
+            raise UserError(
+                f"{short_name}: the truth tells of {' and of '.join(names[:2])}; "
+                f"say which by pointing at the folder above them"
+            )
+        return self._files[names[0]] if names else None
 
 
 def _true_plate(cells: dict[str, str]) -> TruePlate:

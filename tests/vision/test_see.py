@@ -310,6 +310,15 @@ def test_scores_count_what_they_say(tmp_path: Path) -> None:
     assert rows["us"]["exact"] == "50.0 %"
 
 
+def test_a_name_that_two_files_of_the_truth_have_is_told(tmp_path: Path) -> None:
+    rows = ("file,text", "us/1.jpg,GN417KB", "eu/1.jpg,RD288HX")
+    truth = Truth.read(truth_of(tmp_path, *rows))
+
+    assert [plate.text for plate in truth.of(seen("us/1.jpg")) or []] == ["GN417KB"]
+    with pytest.raises(UserError, match=r"1\.jpg: the truth tells of us/1\.jpg and of eu/1\.jpg"):
+        truth.of(seen("1.jpg"))
+
+
 @pytest.mark.parametrize(
     ("one", "other", "distance"),
     [("", "", 0), ("ABC", "", 3), ("KITTEN", "SITTING", 3), ("GN417KB", "GN417K8", 1)],
