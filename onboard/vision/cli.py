@@ -176,8 +176,14 @@ def _writing(path: Path) -> Iterator[None]:
 
 
 def _csv_writer(path: Path, files: contextlib.ExitStack) -> Use:
-    files.enter_context(_writing(path))  # the last rows, at the end
-    file = files.enter_context(path.open("w", newline="", encoding="utf-8"))
+    with _writing(path):
+        file = path.open("w", newline="", encoding="utf-8")
+
+    def close() -> None:
+        with _writing(path), file:
+            file.flush()
+
+    files.callback(close)
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(COLUMNS)
 
@@ -194,12 +200,17 @@ def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
         import av  # noqa: PLC0415 (in the rig extra: a car writes no video)
     except ImportError as error:
         raise UserError("--video needs PyAV: pip install 'onboard[rig]'") from error
-    files.enter_context(_writing(path))  # the last frames, at the end
-    container = files.enter_context(av.open(str(path), "w"))
-    stream = container.add_stream("h264", rate=Fraction(fps).limit_denominator(1001))
-    stream.pix_fmt = "yuv420p"
-    path.open("ab").close()  # PyAV opens it with the first picture only
-    files.callback(lambda: container.mux(stream.encode()))
+    with _writing(path):
+        container = av.open(str(path), "w")
+        stream = container.add_stream("h264", rate=Fraction(fps).limit_denominator(1001))
+        stream.pix_fmt = "yuv420p"
+        path.open("ab").close()  # PyAV opens it with the first picture only
+
+    def close() -> None:
+        with _writing(path), container:
+            container.mux(stream.encode())
+
+    files.callback(close)
 
     def write(seen: SeenFrame) -> None:
         image = seen.annotated()

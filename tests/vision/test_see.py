@@ -242,6 +242,19 @@ def test_a_full_disk_is_told(drive: Path) -> None:
         run(drive / "pictures", *options(drive), "--csv", "/dev/full")
 
 
+def test_a_mistake_of_ours_is_no_full_disk(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def mistake(*_: object) -> None:
+        raise ValueError("ours")
+
+    monkeypatch.setattr("onboard.vision.sight.Sight.receive_frame", mistake)
+    outputs = ["--csv", tmp_path / "rows.csv", "--video", tmp_path / "seen.mp4"]
+
+    with pytest.raises(ValueError, match="ours"):
+        run(drive / "pictures", *options(drive), *outputs)
+
+
 def test_pictures_of_every_size_go_into_one_video(drive: Path, tmp_path: Path) -> None:
     (tmp_path / "odd").mkdir()
     for index, (w, h) in enumerate([(1, 1), (641, 361), (101, 1000), (2, 2), (64, 64)]):
