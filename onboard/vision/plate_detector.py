@@ -44,6 +44,8 @@ _SECOND_LOOK_SIZE = (192, 96)
 _SECOND_LOOK_PLATE_PX = (80.0, 92.0)
 """Smaller plates are enlarged to the first of these, larger ones shrunk to the second."""
 _MOST_CANDIDATES = 8
+_LEAST_UNSURE_PX = 32.0
+"""An unsure candidate narrower than this is not looked at again: it could hardly be read."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,8 +105,9 @@ class PlateDetector:
         if min(part.shape[:2]) < CELL_PX:
             return []
         grey = part if part.ndim == 2 else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY).astype(np.uint8)
-        # The score in the end is the geometric mean with that of the second look, at most 1.
-        least, candidates = self._least_score**2, list[FoundPlate]()
+        # Enough where the second look is certain; and where it is as sure as the first.
+        least, sure = self._least_score**3, self._least_score**2
+        candidates = list[FoundPlate]()
         least_px, most_px = _FINE_PLATES_PX
         for shrink, network in zip(_SHRINKS, self._first_looks, strict=True):
             size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
@@ -115,10 +118,11 @@ class PlateDetector:
             scale = np.asarray([grey.shape[1] / size[0], grey.shape[0] / size[1]], np.float32)
             candidates += [
                 FoundPlate(found.corners_px * scale, found.score)
-                for found in _look(network, np.asarray(view, np.uint8), least)
+                for found in _look(network, np.asarray(view, np.uint8), least, sure)
                 if not is_fine or least_px <= found.width_px < most_px
             ]
-        firsts = _one_each(candidates)[:_MOST_CANDIDATES]
+        worth = (c for c in candidates if c.score >= sure or c.width_px >= _LEAST_UNSURE_PX)
+        firsts = _one_each(worth)[:_MOST_CANDIDATES]
         seconds = _one_each(self._second_look(grey, first) for first in firsts)
         return [
             FoundPlate(found.corners_px + origin, found.score)
@@ -143,7 +147,11 @@ class PlateDetector:
         return FoundPlate(found.corners_px + origin, found.score)
 
     def _second_look(self, grey: Image, first: FoundPlate) -> FoundPlate:
-        """The candidate again, in a view centred on it, the plate 80 to 92 px wide."""
+        """The candidate again, in a view centred on it, the plate 80 to 92 px wide.
+
+        Its score is the geometric mean of both looks'. Where this look is the surer one, it counts
+        twice: it shows a small plate as large as the network knows plates best.
+        """
         width_px = max(first.width_px, 4.0)
         scale = float(np.clip(width_px, *_SECOND_LOOK_PLATE_PX)) / width_px
         middle = first.corners_px.mean(axis=0)
@@ -160,7 +168,7 @@ class PlateDetector:
         inner = shift + (scale - 1) / 2
         matrix = np.asarray([[scale, 0, inner[0]], [0, scale, inner[1]]])
         view = cv2.warpAffine(grey, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
-        seen = _look(self._second_looks, np.asarray(view, np.uint8), 0.05)
+        seen = _look(self._second_looks, np.asarray(view, np.uint8), 0.05, 0.05)
         if not seen:
             return FoundPlate(first.corners_px, 0.0)
         centre = np.asarray([width / 2, height / 2])
@@ -173,11 +181,19 @@ class PlateDetector:
             ),
         )
         corners = (best.corners_px - shift.astype(np.float32)) / np.float32(scale)
-        return FoundPlate(corners, (best.score * first.score) ** 0.5)
+        both = best.score * first.score
+        return FoundPlate(corners, max(both ** (1 / 2), (both * best.score) ** (1 / 3)))
 
 
-def _look(network: cv2.dnn.Net, grey: Image, least: float) -> list[FoundPlate]:
-    """One pass of the network over a grey picture."""
+def _look(network: cv2.dnn.Net, grey: Image, least: float, sure: float) -> list[FoundPlate]:
+    """One pass of the network over a grey picture.
+
+    Args:
+        network: of this look.
+        grey: the view.
+        least: score of a plate.
+        sure: score of a cell that has a say in where the corners of a surer one's plate are.
+    """
     rows, columns = (-(-side // CELL_PX) * CELL_PX for side in grey.shape)
     padded = cv2.copyMakeBorder(
         grey, 0, rows - grey.shape[0], 0, columns - grey.shape[1], cv2.BORDER_REPLICATE
@@ -185,7 +201,7 @@ def _look(network: cv2.dnn.Net, grey: Image, least: float) -> list[FoundPlate]:
     network.setInput(as_input(np.asarray(padded, np.uint8)[None]))
     answer = network.forward()[0]
     scores = 1 / (1 + np.exp(-answer[0]))
-    return _merged(scores, answer[1:], least)
+    return _merged(scores, answer[1:], least, sure)
 
 
 def as_input(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
@@ -207,7 +223,7 @@ def _cut(image: Image, region: Box | None) -> tuple[Image, npt.NDArray[np.float3
 
 
 def _merged(
-    scores: npt.NDArray[np.float32], offsets: npt.NDArray[np.float32], least: float
+    scores: npt.NDArray[np.float32], offsets: npt.NDArray[np.float32], least: float, sure: float
 ) -> list[FoundPlate]:
     """Cells to plates: each best cell takes in the cells that mean the same place."""
     rows, columns = np.nonzero(scores >= least)
@@ -228,6 +244,7 @@ def _merged(
         same = free & (away[:, 0] < 0.5 * widths[best]) & (away[:, 1] < 0.6 * heights[best])
         same[best] = True
         free &= ~same
+        same &= strength >= min(sure, strength[best])
         weights = (strength[same] ** 2).astype(np.float64)
         mean = (corners[same] * weights[:, None, None]).sum(axis=0) / weights.sum()
         plates.append(FoundPlate(mean.astype(np.float32), float(strength[best])))
