@@ -25,6 +25,17 @@ _KNOWN_FOR = 3
 """A gap is judged once it has been seen so often."""
 
 
+@dataclass(slots=True)
+class _Lead:
+    """What is known of one car ahead."""
+
+    motion: LeadMotion
+    times: int = 0
+    """It has been seen so often."""
+    short_since: float | None = None
+    """Since when its gap asks for a warning, without a break."""
+
+
 @dataclass(frozen=True, slots=True)
 class Warned:
     """A driver is warned of a car, as of now."""
@@ -43,7 +54,7 @@ class Warner:
         self._length_m = length_m
         self._trend = SpeedTrend(settings.closing_gap.lead_window_s)
         self._monitor = RiskMonitor(settings, length_m, width_m)
-        self._leads: dict[str, tuple[LeadMotion, int]] = {}
+        self._leads: dict[str, _Lead] = {}
         self._held: dict[Cause, Warned] = {}
         """Warnings of the monitor that are on."""
 
@@ -77,20 +88,25 @@ class Warner:
             gap_m, along_m_s = self._gap_and_speed(own, car)
             if gap_m is None:
                 continue
-            motion, times = self._leads.get(car.name, (LeadMotion(settings), 0))
+            lead = leads[car.name] = self._leads.get(car.name) or _Lead(LeadMotion(settings))
             sigma_m_s = _sigma_m_s(own, car)
             if sigma_m_s > settings.settled_sigma_m_s:
-                motion.clear()  # what settles is no braking
-            motion.receive(now, gap_m, along_m_s)
-            leads[car.name] = motion, times + 1
-            if times + 1 < _KNOWN_FOR or gap_m <= 0.0:
+                lead.motion.clear()  # what settles is no braking
+            lead.motion.receive(now, gap_m, along_m_s)
+            lead.times += 1
+            if lead.times < _KNOWN_FOR or gap_m <= 0.0:
                 continue
             closing_m_s = settled_closing_speed_m_s(speed_m_s - along_m_s, sigma_m_s, settings)
-            lead_m_s2 = max(motion.deceleration_m_s2, -(car.acceleration_m_s2 or 0.0))
+            lead_m_s2 = max(lead.motion.deceleration_m_s2, -(car.acceleration_m_s2 or 0.0))
             seen, _ = judged(
                 gap_m, speed_m_s, closing_m_s, lead_m_s2, braking_m_s2, settings=settings
             )
-            if seen is Level.WARNING:
+            if seen is not Level.WARNING:
+                lead.short_since = None
+                continue
+            if lead.short_since is None:
+                lead.short_since = now
+            if now - lead.short_since >= settings.confirm_s:
                 warned = Warned(Cause.CLOSING_GAP, car)
         self._leads = leads
         return warned

@@ -1,6 +1,7 @@
 """When a driver of the studies is warned, and of whom."""
 
 import math
+from itertools import cycle
 
 import pytest
 
@@ -33,13 +34,16 @@ def car(
     )  # fmt: skip
 
 
-def each_tick(lead: KnownCar, *, braking_m_s2: float = 0.0) -> list[Warned | None]:
-    """0.8 s at nearly the same gap, judged ten times a second."""
+def each_tick(*leads: KnownCar, braking_m_s2: float = 0.0) -> list[Warned | None]:
+    """0.8 s at nearly the same gap, judged ten times a second.
+
+    Of several `leads`, which is one car, each is what is believed of it in a tick, in turn.
+    """
     warner = Warner(RiskSettings(), 4.5, 1.8)
     speeds_m_s = [SPEED_M_S - braking_m_s2 * step / 10 for step in range(8)]
     return [
         warner.assess(car("own", 0.0, speed_m_s), [lead], speed_m_s, step / 10)
-        for step, speed_m_s in enumerate(speeds_m_s)
+        for step, (speed_m_s, lead) in enumerate(zip(speeds_m_s, cycle(leads), strict=False))
     ]
 
 
@@ -53,6 +57,14 @@ def test_a_standing_car_close_ahead_is_warned_of() -> None:
 
     assert warned is not None
     assert (warned.cause, warned.of.name) == (Cause.CLOSING_GAP, "lead")
+
+
+def test_a_speed_that_swings_for_one_tick_is_not_warned_of() -> None:
+    """As in the car, which waits for a second picture (`confirm_s`)."""
+    as_it_is, for_a_tick = car("lead", 18.0, SPEED_M_S), car("lead", 18.0, SPEED_M_S - 6.0)
+
+    assert drive_up_to(for_a_tick) is not None
+    assert not any(each_tick(as_it_is, as_it_is, as_it_is, for_a_tick))
 
 
 def test_a_speed_that_is_still_settling_counts_for_less() -> None:
