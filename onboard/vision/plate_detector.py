@@ -8,7 +8,7 @@ has a network of its own. Both were trained on rendered pictures only (`training
 them on one core.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -105,9 +105,18 @@ class PlateDetector:
         if min(part.shape[:2]) < CELL_PX:
             return []
         grey = part if part.ndim == 2 else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY).astype(np.uint8)
+        firsts = _one_each(self._candidates(grey))[:_MOST_CANDIDATES]
+        seconds = _one_each(self._second_look(grey, first) for first in firsts)
+        return [
+            FoundPlate(found.corners_px + origin, found.score)
+            for found in seconds
+            if found.score >= self._least_score
+        ]
+
+    def _candidates(self, grey: Image) -> Iterator[FoundPlate]:
+        """What the first look takes for plates, at each size of the picture."""
         # Enough where the second look is certain; and where it is as sure as the first.
         least, sure = self._least_score**3, self._least_score**2
-        candidates = list[FoundPlate]()
         least_px, most_px = _FINE_PLATES_PX
         for shrink, network in zip(_SHRINKS, self._first_looks, strict=True):
             size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
@@ -116,19 +125,12 @@ class PlateDetector:
                 continue
             view = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
             scale = np.asarray([grey.shape[1] / size[0], grey.shape[0] / size[1]], np.float32)
-            candidates += [
-                FoundPlate(found.corners_px * scale, found.score)
-                for found in _look(network, np.asarray(view, np.uint8), least, sure)
-                if not is_fine or least_px <= found.width_px < most_px
-            ]
-        worth = (c for c in candidates if c.score >= sure or c.width_px >= _LEAST_UNSURE_PX)
-        firsts = _one_each(worth)[:_MOST_CANDIDATES]
-        seconds = _one_each(self._second_look(grey, first) for first in firsts)
-        return [
-            FoundPlate(found.corners_px + origin, found.score)
-            for found in seconds
-            if found.score >= self._least_score
-        ]
+            for found in _look(network, np.asarray(view, np.uint8), least, sure):
+                if is_fine and not least_px <= found.width_px < most_px:
+                    continue
+                plate = FoundPlate(found.corners_px * scale, found.score)
+                if plate.score >= sure or plate.width_px >= _LEAST_UNSURE_PX:
+                    yield plate
 
     def find_again(self, image: Image, last: Corners) -> FoundPlate | None:
         """The plate that was at `last` in the picture before: one look, several times cheaper.
