@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bench import Figure
+from bench._tables import write_tables
 from onboard.observations import Box
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader, PlateText
@@ -33,7 +34,6 @@ _PLATES = 100
 _SHOWN, _COLUMNS = 10, 5
 _ENOUGH = 0.8
 """Share of single pictures read right; the vote over frames does the rest."""
-_MARKS = ("<!-- range -->\n", "<!-- end of range -->\n")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,9 +154,7 @@ def main() -> None:
     reads: list[Read] = []
     rows = table(reads)
     cv2.imwrite(str(PICTURE), sheet(reads))
-    before, rest = PAGE.read_text(encoding="utf-8").split(_MARKS[0])
-    _, after = rest.split(_MARKS[1])
-    PAGE.write_text(f"{before}{_MARKS[0]}{rows}{_MARKS[1]}{after}", encoding="utf-8")
+    write_tables(PAGE, {"range": rows})
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from bench import Figure
+from bench._tables import write_tables
 from onboard.observations import Box
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader
@@ -205,18 +206,6 @@ def series_of(region: str) -> tuple[str, ...]:
     )
 
 
-def score(ways: Mapping[str, Way]) -> dict[str, Tally]:
-    """The tally of every region, read in the way named for it."""
-    tallies = {region: Tally() for region in REGIONS}
-    for photograph in photographs():
-        image = np.asarray(cv2.imread(str(photograph.file)), np.uint8)
-        started = time.perf_counter()
-        readings = ways[photograph.region](image)
-        tallies[photograph.region].seconds.append(time.perf_counter() - started)
-        tallies[photograph.region].add(photograph, readings)
-    return tallies
-
-
 def shrunk(photograph: Photograph, image: Image, width_px: float) -> tuple[Photograph, Image]:
     """The photograph as large as leaves its plate `width_px` wide."""
     scale, box = width_px / photograph.box.w_px, photograph.box
@@ -225,24 +214,38 @@ def shrunk(photograph: Photograph, image: Image, width_px: float) -> tuple[Photo
     return replace(photograph, box=Box(*sides)), np.asarray(small, np.uint8)
 
 
+def pictures(width_px: float | None = None) -> Iterator[tuple[Photograph, Image]]:
+    """All photographs; with `width_px` those whose plate is wider, shrunk until it is so wide."""
+    for photograph in photographs():
+        if width_px is not None and photograph.box.w_px < width_px:
+            continue
+        image = np.asarray(cv2.imread(str(photograph.file)), np.uint8)
+        yield (photograph, image) if width_px is None else shrunk(photograph, image, width_px)
+
+
+def score(ways: Mapping[str, Way], width_px: float | None = None) -> dict[str, Tally]:
+    """The tally of every region's `pictures`, read in the way named for it."""
+    tallies = {region: Tally() for region in REGIONS}
+    for photograph, image in pictures(width_px):
+        started = time.perf_counter()
+        readings = ways[photograph.region](image)
+        tallies[photograph.region].seconds.append(time.perf_counter() - started)
+        tallies[photograph.region].add(photograph, readings)
+    return tallies
+
+
 def table_by_width() -> str:
     """Plates of each width, of the photographs that show them wider, as Markdown."""
     lines = [
         f"| width of the plate | {' | '.join(f'{region}: found, exact' for region in REGIONS)} |",
         "|---" * (len(REGIONS) + 1) + "|",
     ]
-    way = network_way()
+    ways = dict.fromkeys(REGIONS, network_way())
     for width_px in WIDTHS_PX:
-        tallies = {region: Tally() for region in REGIONS}
-        for photograph in photographs():
-            if photograph.box.w_px >= width_px:
-                image = np.asarray(cv2.imread(str(photograph.file)), np.uint8)
-                small, image = shrunk(photograph, image, width_px)
-                tallies[small.region].add(small, way(image))
         shares = (
             f"{each.found / each.photographs:.0%}, {each.exact / each.photographs:.0%} "
             f"of {each.photographs}"
-            for each in tallies.values()
+            for each in score(ways, width_px).values()
         )
         lines.append(f"| {width_px} px | {' | '.join(shares)} |")
     return "\n".join(lines) + "\n"
@@ -283,13 +286,7 @@ def table() -> str:
 
 def main() -> None:
     """Put the tables into the page, between their marks."""
-    page = PAGE.read_text(encoding="utf-8")
-    for name, rows in (("scores", table()), ("widths", table_by_width())):
-        begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
-        before, rest = page.split(begin)
-        _, after = rest.split(end)
-        page = f"{before}{begin}{rows}{end}{after}"
-    PAGE.write_text(page, encoding="utf-8")
+    write_tables(PAGE, {"scores": table(), "widths": table_by_width()})
 
 
 if __name__ == "__main__":

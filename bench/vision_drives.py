@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from bench import Figure
+from bench._tables import write_tables
 from onboard.observations import Lead
 from onboard.security.plate_digest import normalised
 from onboard.vision.frames import Frame
@@ -30,7 +31,6 @@ FPS, SECONDS, DRIVES = 10.0, 2.0, 6
 GAPS_M = (5.0, 8.0, 11.0, 14.0, 17.0, 20.0, 25.0, 30.0)
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
 PICTURE = PAGE.with_name("vision-seen.png")
-_MARKS = ("<!-- drives -->\n", "<!-- end of drives -->\n")
 _TAG_SIDE_M = 0.3
 
 
@@ -218,9 +218,7 @@ def table() -> str:
 
 def main() -> None:
     """Put the tables into the page, between its marks, and one annotated frame beside it."""
-    before, rest = PAGE.read_text(encoding="utf-8").split(_MARKS[0])
-    _, after = rest.split(_MARKS[1])
-    PAGE.write_text(f"{before}{_MARKS[0]}{table()}{_MARKS[1]}{after}", encoding="utf-8")
+    write_tables(PAGE, {"drives": table()})
     drive = _drive(Light.DUSK, 13.0, 0, np.random.default_rng(3))
     *_, last = seen(drive)
     cv2.imwrite(str(PICTURE), cv2.resize(last.annotated(), None, fx=0.5, fy=0.5))

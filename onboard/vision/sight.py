@@ -302,9 +302,8 @@ class Sight:
     def _scale_tracks(self, width_px: int, height_px: int) -> None:
         """What is followed is where it was, in pixels of another size; nothing grew by that."""
         self._rear = Rear()
-        old_px = np.maximum(self._size_px, 1)
         for track in self._tracker.tracks:
-            scaled = track.corners_px * ((width_px, height_px) / old_px)
+            scaled = track.corners_px * np.divide((width_px, height_px), self._size_px)
             track.corners_px = scaled.astype(np.float32)
 
     def _show(self, pairs: list[tuple[Sighting, CarTrack | None]], stamp_s: float) -> None:
