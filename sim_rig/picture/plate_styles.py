@@ -5,7 +5,7 @@ America), the last also in two rows for motorcycles. Everything varies: font, it
 weight, colours, what is printed around the number, what a holder covers.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,6 +53,19 @@ HELD_BACK = (
 """Fonts that number no plate unless asked for: to measure on what nobody has learnt."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Beside:
+    """What stands beside the number and is not part of it."""
+
+    left_mm: float = 0.0
+    """The room that it takes at the left end of the plate."""
+    right_mm: float = 0.0
+    texts: tuple[SmallText, ...] = ()
+    patches: tuple[Patch, ...] = ()
+    discs: tuple[Disc, ...] = ()
+    outlines: tuple[Outline, ...] = ()
+
+
 def random_plate(rng: np.random.Generator, *, held_back: bool = False) -> tuple[str, PlateFormat]:
     """A text without separators and the plate that carries it, in a font held back or another."""
     draw = (_us_plate, _eu_plate, _br_plate)[rng.choice(3, p=[0.56, 0.26, 0.18])]
@@ -69,46 +82,18 @@ def random_plate(rng: np.random.Generator, *, held_back: bool = False) -> tuple[
 def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
     written = _text(rng, US_PATTERNS, free=0.22, rare=0.4)
     ground, ink = _us_colours(rng)
-    small, patches = [], []
-    if rng.random() < 0.85:
-        small.append(_print(rng, 152 + rng.normal(0, 6), rng.uniform(15, 26), rng.uniform(14, 26)))
-    if rng.random() < 0.5:
-        small.append(_print(rng, 152, rng.uniform(130, 142), rng.uniform(7, 15)))
-    for _ in range(rng.integers(0, 4)):
-        corner = ((4, 8), (262, 8), (4, 118), (262, 118))[rng.integers(4)]
-        size = rng.uniform(20, 38), rng.uniform(14, 26)
-        patches.append(Patch(*corner, *size, colour(rng)))
-    discs_below = tuple(
-        Disc(
-            rng.uniform(20, 285),
-            rng.uniform(20, 132),
-            rng.uniform(8, 40),
-            near(ground, rng, 35),
-        )
-        for _ in range(rng.integers(0, 5) if rng.random() < 0.4 else 0)
-    )
-    height = rng.uniform(58, 78)
+    prints = _us_prints(rng)
+    stickers = _us_stickers(rng)
+    spots = _us_spots(rng, ground)
+    height_mm = rng.uniform(58, 78)
     separator = str(rng.choice(["|", " ", "-", ".", ""], p=[0.4, 0.28, 0.14, 0.08, 0.1]))
-    left_mm, right_mm = 0.0, 0.0
-    outlines = landscape(rng, ground) if rng.random() < 0.25 else ()
-    if rng.random() < 0.3:  # beside the number stands what is not part of it
-        beside_mm = float(rng.uniform(22, 62))
-        is_left = rng.random() < 0.6
-        at_mm = 8 + beside_mm / 2 if is_left else 297 - beside_mm / 2
-        what = rng.choice(3, p=[0.4, 0.4, 0.2])  # letters, an emblem, both
-        if what != 1:
-            inner_mm = at_mm + (8 if is_left else -8) * (what == 2)
-            small.extend(_stacked(rng, inner_mm, min(beside_mm, 34), ink))
-        if what != 0:
-            tall_mm = min(80.0, beside_mm * rng.uniform(0.8, 2.0))
-            size = beside_mm * rng.uniform(0.6, 0.95), tall_mm
-            outlines += emblem(rng, (at_mm, rng.uniform(72, 95)), size, ink)
-        left_mm, right_mm = (beside_mm, 0.0) if is_left else (0.0, beside_mm)
+    picture = landscape(rng, ground) if rng.random() < 0.25 else ()
+    beside = _us_beside(rng, ink) if rng.random() < 0.3 else _Beside()
     row = NumberRow(
-        x_mm=152 + (left_mm - right_mm) / 2 + rng.normal(0, 3),
+        x_mm=152 + (beside.left_mm - beside.right_mm) / 2 + rng.normal(0, 3),
         y_mm=rng.uniform(72, 86),
-        h_mm=height,
-        w_mm=min(rng.uniform(225, 296), 293 - left_mm - right_mm),
+        h_mm=height_mm,
+        w_mm=min(rng.uniform(225, 296), 293 - beside.left_mm - beside.right_mm),
         groups=_groups(written),
         separator=separator,
         mark_bgr=colour(rng),
@@ -128,18 +113,75 @@ def _us_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         cell=rng.uniform(0.5, 0.62) if rng.random() < 0.5 else None,
         weight_px=int(rng.integers(-2, 5)),
         border_mm=rng.uniform(2, 4) if rng.random() < 0.3 else 0,
-        patches=tuple(patches),
-        small_texts=tuple(small),
-        discs_below=discs_below,
-        outlines=outlines,
+        patches=stickers,
+        small_texts=prints + beside.texts,
+        discs_below=spots,
+        outlines=picture + beside.outlines,
         discs=_bolts(rng, 305, 152),
     )
     return written.replace(" ", ""), plate
 
 
+def _us_prints(rng: np.random.Generator) -> tuple[SmallText, ...]:
+    """A state over the number, and often something under it."""
+    prints = []
+    if rng.random() < 0.85:
+        prints.append(_print(rng, 152 + rng.normal(0, 6), rng.uniform(15, 26), rng.uniform(14, 26)))
+    if rng.random() < 0.5:
+        prints.append(_print(rng, 152, rng.uniform(130, 142), rng.uniform(7, 15)))
+    return tuple(prints)
+
+
+def _us_stickers(rng: np.random.Generator) -> tuple[Patch, ...]:
+    """In the corners: the month and the year."""
+    stickers = []
+    for _ in range(rng.integers(0, 4)):
+        corner = ((4, 8), (262, 8), (4, 118), (262, 118))[rng.integers(4)]
+        size = rng.uniform(20, 38), rng.uniform(14, 26)
+        stickers.append(Patch(*corner, *size, colour(rng)))
+    return tuple(stickers)
+
+
+def _us_spots(rng: np.random.Generator, ground: Bgr) -> tuple[Disc, ...]:
+    """Pale ones, of a picture that is printed under the number."""
+    return tuple(
+        Disc(
+            rng.uniform(20, 285),
+            rng.uniform(20, 132),
+            rng.uniform(8, 40),
+            near(ground, rng, 35),
+        )
+        for _ in range(rng.integers(0, 5) if rng.random() < 0.4 else 0)
+    )
+
+
+def _us_beside(rng: np.random.Generator, ink: Bgr) -> _Beside:
+    """Letters of a class of vehicle, an emblem, or both."""
+    room_mm = float(rng.uniform(22, 62))
+    is_left = rng.random() < 0.6
+    middle_mm = 8 + room_mm / 2 if is_left else 297 - room_mm / 2
+    has_letters, has_emblem = ((True, False), (False, True), (True, True))[
+        rng.choice(3, p=[0.4, 0.4, 0.2])
+    ]
+    texts: tuple[SmallText, ...] = ()
+    outlines: tuple[Outline, ...] = ()
+    if has_letters:
+        inner_mm = middle_mm + (8 if is_left else -8) * has_emblem
+        texts = tuple(_stacked(rng, inner_mm, min(room_mm, 34), ink))
+    if has_emblem:
+        tall_mm = min(80.0, room_mm * rng.uniform(0.8, 2.0))
+        size_mm = room_mm * rng.uniform(0.6, 0.95), tall_mm
+        outlines = emblem(rng, (middle_mm, rng.uniform(72, 95)), size_mm, ink)
+    return _Beside(
+        left_mm=room_mm if is_left else 0.0,
+        right_mm=0.0 if is_left else room_mm,
+        texts=texts,
+        outlines=outlines,
+    )
+
+
 def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
     written = _text(rng, EU_PATTERNS, free=0.25, rare=0.6)
-    groups = _groups(written)
     ground: Bgr = (235, 238, 240)
     ink: Bgr = (25, 22, 20)
     if rng.random() < 0.12:
@@ -147,30 +189,18 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
     elif rng.random() < 0.06:
         ground, ink = (25, 22, 20), (235, 238, 240)
     ground = near(ground, rng, 12)
-    width = float(rng.choice([520.0, 480.0, 440.0], p=[0.8, 0.1, 0.1]))
-    has_band = rng.random() < 0.75
-    left = 48.0 if has_band else 10.0
-    patches, small, discs = [], [], []
-    crests: tuple[Outline, ...] = ()
-    if has_band:
-        code = text_of("LL"[: rng.integers(1, 3)], rng)
-        if rng.random() < 0.65:
-            patches.append(Patch(0, 0, 44, 110, (int(rng.integers(90, 190)), 60, 15)))
-            small.append(SmallText(code, 22, 85, 22, 32, "osp-din", (240, 240, 240)))
-            discs.append(Disc(22, 38, rng.uniform(8, 15), (int(rng.integers(0, 220)), 170, 200)))
-        else:  # on the plate's own ground, under a coat of arms
-            small.append(SmallText(code, 24, 84, rng.uniform(20, 30), 34, "osp-din", ink))
-            crests = crest(rng, (24, 34), (rng.uniform(18, 30), rng.uniform(24, 44)), ink)
-    height = rng.uniform(68, 82)
-    seals = rng.random() < 0.45
-    separator = str(rng.choice([":", "|"] if seals else [" ", "-", "-"]))
-    room = width - left - rng.uniform(12, 40)
+    width_mm = float(rng.choice([520.0, 480.0, 440.0], p=[0.8, 0.1, 0.1]))
+    beside = _eu_country(rng, ink) if rng.random() < 0.75 else _Beside(left_mm=10.0)
+    height_mm = rng.uniform(68, 82)
+    has_seals = rng.random() < 0.45
+    separator = str(rng.choice([":", "|"] if has_seals else [" ", "-", "-"]))
+    room_mm = width_mm - beside.left_mm - rng.uniform(12, 40)
     row = NumberRow(
-        x_mm=left + room / 2 + (width - left - room) / 2,
+        x_mm=beside.left_mm + room_mm / 2 + (width_mm - beside.left_mm - room_mm) / 2,
         y_mm=55 + rng.normal(0, 1.5),
-        h_mm=height,
-        w_mm=room,
-        groups=groups,
+        h_mm=height_mm,
+        w_mm=room_mm,
+        groups=_groups(written),
         separator=separator,
         mark_bgr=colour(rng),
         mark=mark(rng, ink) if rng.random() < 0.75 else (),
@@ -178,7 +208,7 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
     )
     plate = PlateFormat(
         name="eu",
-        width_mm=width,
+        width_mm=width_mm,
         height_mm=110,
         font=_font(rng, _EU_FONTS),
         rows=(row,),
@@ -188,13 +218,30 @@ def _eu_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
         cell=rng.uniform(0.55, 0.65) if rng.random() < 0.3 else None,
         weight_px=int(rng.integers(-2, 4)),
         border_mm=rng.uniform(2, 5) if rng.random() < 0.7 else 0,
-        patches=tuple(patches),
-        small_texts=tuple(small),
-        discs_below=tuple(discs),
-        outlines=crests,
-        discs=_bolts(rng, width, 110) if rng.random() < 0.3 else (),
+        patches=beside.patches,
+        small_texts=beside.texts,
+        discs_below=beside.discs,
+        outlines=beside.outlines,
+        discs=_bolts(rng, width_mm, 110) if rng.random() < 0.3 else (),
     )
     return written.replace(" ", ""), plate
+
+
+def _eu_country(rng: np.random.Generator, ink: Bgr) -> _Beside:
+    """A code on a blue band, or on the plate's own ground under a coat of arms."""
+    code = text_of("LL"[: rng.integers(1, 3)], rng)
+    if rng.random() < 0.65:
+        return _Beside(
+            left_mm=48.0,
+            patches=(Patch(0, 0, 44, 110, (int(rng.integers(90, 190)), 60, 15)),),
+            texts=(SmallText(code, 22, 85, 22, 32, "osp-din", (240, 240, 240)),),
+            discs=(Disc(22, 38, rng.uniform(8, 15), (int(rng.integers(0, 220)), 170, 200)),),
+        )
+    return _Beside(
+        left_mm=48.0,
+        texts=(SmallText(code, 24, 84, rng.uniform(20, 30), 34, "osp-din", ink),),
+        outlines=crest(rng, (24, 34), (rng.uniform(18, 30), rng.uniform(24, 44)), ink),
+    )
 
 
 def _br_plate(rng: np.random.Generator) -> tuple[str, PlateFormat]:
