@@ -154,76 +154,135 @@ def _box(least: Point, most: Point, radii: Point) -> Line:
     return [*ring, ring[0]]
 
 
+@dataclass(frozen=True, slots=True)
+class _Corners:
+    """The round corners of a set of dies, each drawn clockwise."""
+
+    over_left: Line
+    over_right: Line
+    under_right: Line
+    under_left: Line
+
+    @classmethod
+    def of(cls, dies: Dies) -> "_Corners":
+        rx, ry = dies.corner
+        return cls(
+            _arc((rx, ry), (rx, ry), 180, 270),
+            _arc((1 - rx, ry), (rx, ry), 270, 360),
+            _arc((1 - rx, 1 - ry), (rx, ry), 0, 90),
+            _arc((rx, 1 - ry), (rx, ry), 90, 180),
+        )
+
+    @property
+    def ring(self) -> Line:
+        """All around."""
+        ring = [*self.over_left, *self.over_right, *self.under_right, *self.under_left]
+        return [*ring, ring[0]]
+
+    @property
+    def over(self) -> Line:
+        """From the right over the top to the left."""
+        return self.over_right[::-1] + self.over_left[::-1]
+
+    @property
+    def under(self) -> Line:
+        """From the left below the bottom to the right."""
+        return self.under_left[::-1] + self.under_right[::-1]
+
+
 def _lines(character: str, dies: Dies) -> list[Line]:
-    rx, ry = dies.corner
-    over_left = _arc((rx, ry), (rx, ry), 180, 270)
-    over_right = _arc((1 - rx, ry), (rx, ry), 270, 360)
-    under_right = _arc((1 - rx, 1 - ry), (rx, ry), 0, 90)
-    under_left = _arc((rx, 1 - ry), (rx, ry), 90, 180)
-    ring = [*over_left, *over_right, *under_right, *under_left, over_left[0]]
-    over, under = over_right[::-1] + over_left[::-1], under_left[::-1] + under_right[::-1]
-    stem = [(0.75, 0), (0.3, 0.3), (0, 0.68)] if dies.slanted else [*over, (0, 0.7)]
-    lean = 0.0 if dies.upright else 0.2
-    left: Line = [(0, 0), (0, 1)]
-    foot: list[Line] = [[(0, 1), (1, 1)]] if dies.feet else []
-    head: list[Line] = [[(0, 0), (1, 0)]] if dies.feet else []
-    serif: list[Line] = [[(0.4, 0), (1, 0)]] if dies.serifs else []
-    bar, half = dies.bar, dies.bar / 2
-    below, low = 1 - (1 - bar) / 2, 0.35 + 0.7 * bar
-    upper_bow = [(0, 0), (0.6, 0), *_arc((0.6, half), (0.4, half), 270, 450), (0, bar)]
-    lower_bow = [(0.6, bar), *_arc((0.6, below), (0.4, 1 - below), 270, 450), (0, 1)]
-    top_of_three: Line = (
-        [(0, 0), (0.95, 0), (0.5, 0.45)]
-        if dies.flat_three
-        else [*over_left, *_arc((1 - rx, 0.25), (rx, 0.25), 270, 430), (0.5, 0.48)]
-    )
-    waist = top_of_three[-1]
-    (stem_x, bar_y), (slope_x, stem_y) = dies.four, dies.top_of_four
-    one_end, other_end = (1 - dies.blunt) / 2, (1 + dies.blunt) / 2
+    """The strokes of a character; none, if the dies have no such one."""
+    if character == "9":  # a 6 upside down
+        return [[(1 - x, 1 - y) for x, y in line] for line in _lines("6", dies)]
+    corners = _Corners.of(dies)
+    return (_digits(dies, corners) | _letters(dies, corners)).get(character, [])
+
+
+def _digits(dies: Dies, corners: _Corners) -> dict[str, list[Line]]:
+    """All but 9."""
+    over_left, over_right = corners.over_left, corners.over_right
+    stem = [(0.75, 0), (0.3, 0.3), (0, 0.68)] if dies.slanted else [*corners.over, (0, 0.7)]
     low_ring = _arc((0.5, 0.7), (0.5, 0.3), 0, 360)
-    shapes: dict[str, list[Line]] = {
-        "0": [ring],
-        "1": [[*([(0.05, dies.flag)] if dies.flag else []), (0.5, 0), (0.5, 1)], *foot],
+    return {
+        "0": [corners.ring],
+        "1": [[*([(0.05, dies.flag)] if dies.flag else []), (0.5, 0), (0.5, 1)], *_foot(dies)],
         "2": [[*over_left, *over_right, (0.93, 0.42), (0.75, 0.55), (0, 1), (1, 1)]],
-        "3": [
-            top_of_three,
-            [waist, *_arc((0.55, 0.74), (0.45, 0.26), 280, 360), *under_right, *under_left],
-        ],
-        "4": [[(stem_x, 1), (stem_x, 0), (0, bar_y), (1, bar_y)]]
-        if dies.closed_four
-        else [
-            [(stem_x, 1), (stem_x, stem_y)],
-            [(slope_x, 0), (0, bar_y + 0.02), (1, bar_y + 0.02)],
-        ],
+        "3": _three(dies, corners),
+        "4": _four(dies),
         "5": [[(0.93, 0), (0.1, 0), (0.05, 0.5), *_arc((0.5, 0.69), (0.5, 0.31), 225, 515)]],
         "6": [stem, low_ring],
         "7": [[(0, 0), (1, 0), *([(0.55, 0.45)] if dies.curved_seven else []), (0.38, 1)]],
-        "8": [_box((0.05, 0), (0.95, 0.5), (rx, 0.7 * ry)), _box((0, 0.5), (1, 1), (rx, 0.7 * ry))]
-        if dies.boxed_eight
-        else [_arc((0.5, 0.25), (0.45, 0.25), 0, 360), _arc((0.5, 0.75), (0.5, 0.25), 0, 360)],
+        "8": _eight(dies),
+    }
+
+
+def _three(dies: Dies, corners: _Corners) -> list[Line]:
+    rx, _ = dies.corner
+    top: Line = (
+        [(0, 0), (0.95, 0), (0.5, 0.45)]
+        if dies.flat_three
+        else [*corners.over_left, *_arc((1 - rx, 0.25), (rx, 0.25), 270, 430), (0.5, 0.48)]
+    )
+    bow = _arc((0.55, 0.74), (0.45, 0.26), 280, 360)
+    return [top, [top[-1], *bow, *corners.under_right, *corners.under_left]]
+
+
+def _four(dies: Dies) -> list[Line]:
+    stem_x, bar_y = dies.four
+    if dies.closed_four:
+        return [[(stem_x, 1), (stem_x, 0), (0, bar_y), (1, bar_y)]]
+    slope_x, stem_y = dies.top_of_four
+    return [
+        [(stem_x, 1), (stem_x, stem_y)],
+        [(slope_x, 0), (0, bar_y + 0.02), (1, bar_y + 0.02)],
+    ]
+
+
+def _eight(dies: Dies) -> list[Line]:
+    if dies.boxed_eight:
+        radii = dies.corner[0], 0.7 * dies.corner[1]
+        return [_box((0.05, 0), (0.95, 0.5), radii), _box((0, 0.5), (1, 1), radii)]
+    return [_arc((0.5, 0.25), (0.45, 0.25), 0, 360), _arc((0.5, 0.75), (0.5, 0.25), 0, 360)]
+
+
+def _foot(dies: Dies) -> list[Line]:
+    return [[(0, 1), (1, 1)]] if dies.feet else []
+
+
+def _letters(dies: Dies, corners: _Corners) -> dict[str, list[Line]]:
+    """And the hyphen."""
+    over, under = corners.over, corners.under
+    left: Line = [(0, 0), (0, 1)]
+    head: list[Line] = [[(0, 0), (1, 0)]] if dies.feet else []
+    serif: list[Line] = [[(0.4, 0), (1, 0)]] if dies.serifs else []
+    bar = dies.bar
+    bar_of_a = 0.35 + 0.7 * bar
+    upper, lower = bar / 2, 1 - (1 - bar) / 2
+    upper_bow = [(0, 0), (0.6, 0), *_arc((0.6, upper), (0.4, upper), 270, 450), (0, bar)]
+    lower_bow = [(0.6, bar), *_arc((0.6, lower), (0.4, 1 - lower), 270, 450), (0, 1)]
+    one_end, other_end = (1 - dies.blunt) / 2, (1 + dies.blunt) / 2
+    lean = 0.0 if dies.upright else 0.2
+    return {
         "A": [
             [(0, 1), (one_end, 0), (other_end, 0), (1, 1)],
-            [(0.35 - 0.35 * bar, low), (0.65 + 0.35 * bar, low)],
+            [(0.35 - 0.35 * bar, bar_of_a), (0.65 + 0.35 * bar, bar_of_a)],
         ],
         "B": [left, upper_bow, lower_bow],
         "C": [[(1, 0.3), *over, *under, (1, 0.7)]],
-        "D": [[(0, 0), (0, 1), *under_right[::-1], *over_right[::-1], (0, 0)]],
+        "D": [[(0, 0), (0, 1), *corners.under_right[::-1], *corners.over_right[::-1], (0, 0)]],
         "E": [[(1, 0), (0, 0), (0, 1), (1, 1)], [(0, bar), (0.85, bar)]],
         "F": [[(1, 0), (0, 0), (0, 1)], [(0, bar), (0.85, bar)]],
-        "G": [
-            [(1, 0.3), *over, *under],
-            [(1, 1 - ry), (1, 0.55), (0.55, 0.55)],
-        ],
+        "G": [[(1, 0.3), *over, *under], [(1, 1 - dies.corner[1]), (1, 0.55), (0.55, 0.55)]],
         "H": [left, [(1, 0), (1, 1)], [(0, bar), (1, bar)]],
-        "I": [[(0.5, 0), (0.5, 1)], *foot, *head],
-        "J": [[(1, 0), *under_right, *under_left], *serif],
+        "I": [[(0.5, 0), (0.5, 1)], *_foot(dies), *head],
+        "J": [[(1, 0), *corners.under_right, *corners.under_left], *serif],
         "K": [left, [(1, 0), (0, 0.6)], [(0.3, 0.42), (1, 1)]],
         "L": [[(0, 0), (0, 1), (1, 1)]],
         "M": [[(0, 1), (0, 0), (0.5, dies.valley), (1, 0), (1, 1)]],
         "N": [[(0, 1), (0, 0), (1, 1), (1, 0)]],
-        "O": [ring],
+        "O": [corners.ring],
         "P": [left, upper_bow],
-        "Q": [ring, [(0.55, 0.72), (1, 1)]],
+        "Q": [corners.ring, [(0.55, 0.72), (1, 1)]],
         "R": [left, upper_bow, [(0.5, bar), (1, 1)]],
         "S": [[*over, (0.12, 0.5 - dies.slope_of_s), (0.88, 0.5 + dies.slope_of_s), *under[::-1]]],
         "T": [[(0, 0), (1, 0)], [(0.5, 0), (0.5, 1)]],
@@ -234,7 +293,4 @@ def _lines(character: str, dies: Dies) -> list[Line]:
         "Y": [[(0, 0), (0.5, 0.5), (1, 0)], [(0.5, 0.5), (0.5, 1)]],
         "Z": [[(0, 0), (1, 0), (0, 1), (1, 1)]],
         "-": [[(0, 0.5), (1, 0.5)]],
-    }  # fmt: skip
-    if character == "9":
-        return [[(1 - x, 1 - y) for x, y in line] for line in shapes["6"]]
-    return shapes.get(character, [])
+    }
