@@ -6,6 +6,9 @@ from pydantic import Field
 from onboard.settings import Settings
 from sim_rig.roads.cars import Array
 
+COMFORTABLE_M_S2 = 3.0
+"""IDM's b, where it is the same for all."""
+
 
 class CarFollowing(Settings):
     """What drivers have in common."""

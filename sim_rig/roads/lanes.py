@@ -14,12 +14,10 @@ from pydantic import Field
 from typing_extensions import override
 
 from onboard.settings import Settings
-from sim_rig.roads.car_following import CarFollowing, idm_acceleration
+from sim_rig.roads.car_following import COMFORTABLE_M_S2, CarFollowing, idm_acceleration
 from sim_rig.roads.cars import Array, Cars, Traffic
 
 TICK_S = 0.1
-COMFORTABLE_M_S2 = 3.0
-"""IDM's b."""
 _CHANGE_S = 3.0
 """From one lane to the next."""
 _CHANGE_GAIN_M_S2 = 0.3

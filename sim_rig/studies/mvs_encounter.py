@@ -14,7 +14,8 @@ from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
-from sim_rig.roads.disturbed import DisturbedTraffic, ReactionSettings
+from sim_rig.roads.disturbed import DisturbedTraffic
+from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import Event, Events, Kind
 from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import Recording

@@ -7,7 +7,8 @@ import pytest
 
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crossing import CrossingSettings, crossing
-from sim_rig.roads.disturbed import DisturbedTraffic, ReactionSettings
+from sim_rig.roads.disturbed import DisturbedTraffic
+from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import Event, Events, Kind, NoEventError
 from sim_rig.roads.paths import DrivePath, blocked_at_m
 from sim_rig.roads.recording import STEP_S, Drive, Recording, keep_right, record

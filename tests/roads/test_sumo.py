@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from sim_rig.roads.crashes import Crash, boxes_overlap
-from sim_rig.roads.disturbed import DisturbedTraffic, ReactionSettings
+from sim_rig.roads.disturbed import DisturbedTraffic
+from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import Event, Events, Kind
 from sim_rig.roads.recording import Recording, record
 from sim_rig.roads.sources import open_traffic
