@@ -13,19 +13,26 @@ import numpy as np
 from onboard.mvs.evidence import Measurement
 from onboard.mvs.kalman import Array
 from onboard.mvs.settings import MvsSettings, SensingSettings
+from sim_rig.roads.cars import Cars
 from sim_rig.studies.mvs_methods import covariance_intersection, use_all
 from sim_rig.studies.mvs_roads import SixLaneRoad, states_of
 from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, MvsWorld, WorldSettings
 
 CENTRALISED, MVS, BLIND, INTERSECTION, OWN = "centralised", "mvs", "blind", "intersection", "own"
 Q = 1.0
+"""Density of the acceleration noise, m^2/s^3."""
 MEMORY_MS = 4000
 """Of the centralised filter: what is older tells it nothing."""
+FRESH_MS = 1000
+"""A car that was measured no longer ago is there to be known."""
 FARTHEST_MATCH_M = 3.0
 CONFIRMED_BY = 3
 """Own measurements without which the own sensing alone would not know a car."""
 INSIDE_95 = 9.488
 """The 95 % quantile of chi^2 with 4 degrees of freedom."""
+
+Estimated = tuple[Array, Array]
+"""State (4) and covariance (4, 4)."""
 
 
 @dataclass(slots=True)
@@ -115,50 +122,67 @@ def accuracy(
 
 
 def _compare(world: MvsWorld, measured: dict[str, list[Measurement]], result: Accuracy) -> None:
-    now_ms = round((world.now + START_UTC_S) * 1000)
+    """Ask every car with a radio what it knows now."""
+    now_ms = _now_ms(world)
     cars = world.traffic.cars_at(world.now)
-    states = states_of(cars)
-    limits: dict[str, tuple[Array, Array]] = {}
-    for car, measurements in measured.items():
-        recent = [m for m in measurements if now_ms - m.stamp_ms <= MEMORY_MS]
-        if recent and car not in world.equipped:
-            limits[car] = use_all(recent, now_ms, Q)
-    for own, core in world.cores.items():
+    limits = _limits(world, measured, now_ms)
+    fresh = [car for car in limits if now_ms - measured[car][-1].stamp_ms <= FRESH_MS]
+    for own in world.cores:
         here = cars.middle_m[cars.names.index(own)]
         near = np.hypot(*(cars.middle_m - here).T) < world.settings.reach_m
-        fresh = {
-            car
-            for car in limits
-            if near[cars.names.index(car)] and now_ms - measured[car][-1].stamp_ms <= 1000
+        present = {car: limits[car] for car in fresh if near[cars.names.index(car)]}
+        result.present += len(present)
+        _compare_known(world, own, cars, present, result)
+
+
+def _limits(
+    world: MvsWorld, measured: dict[str, list[Measurement]], now_ms: int
+) -> dict[str, Estimated]:
+    """What can be known of each car without a radio that has been measured lately."""
+    limits: dict[str, Estimated] = {}
+    for car, measurements in measured.items():
+        recent = [made for made in measurements if now_ms - made.stamp_ms <= MEMORY_MS]
+        if recent and car not in world.equipped:
+            limits[car] = use_all(recent, now_ms, Q)
+    return limits
+
+
+def _compare_known(
+    world: MvsWorld, own: str, cars: Cars, limits: dict[str, Estimated], result: Accuracy
+) -> None:
+    """Find out which of the cars in `limits` the car `own` knows, and how well."""
+    now_ms, own_id = _now_ms(world), world.own_id(own)
+    states = states_of(cars)
+    to_world = ORIGIN.mapping_from(world.frame_of(own))
+    matched: set[str] = set()
+    for known in world.cores[own].cars_without_radio(world.now):
+        mvs = use_all([piece.mapped(*to_world) for piece in known.used], now_ms, Q)
+        away_m = np.hypot(*(states[:, :2] - mvs[0][:2]).T)
+        nearest = int(away_m.argmin())
+        car, true = cars.names[nearest], states[nearest]
+        if away_m[nearest] > FARTHEST_MATCH_M or car not in limits or car in matched:
+            result.wrong += 1
+            continue
+        matched.add(car)
+        evidence = [piece.mapped(*to_world) for piece in known.pieces]
+        by_method = {
+            CENTRALISED: limits[car],
+            MVS: mvs,
+            BLIND: use_all(evidence, now_ms, Q),
+            INTERSECTION: covariance_intersection(evidence, now_ms, Q),
         }
-        result.present += len(fresh)
-        to_world = ORIGIN.mapping_from(world.frame_of(own))
-        matched = set()
-        for known in core.cars_without_radio(world.now):
-            evidence = [piece.mapped(*to_world) for piece in known.pieces]
-            mvs = use_all([piece.mapped(*to_world) for piece in known.used], now_ms, Q)
-            away = np.hypot(*(states[:, :2] - mvs[0][:2]).T)
-            nearest = int(away.argmin())
-            car, true = cars.names[nearest], states[nearest]
-            if away[nearest] > FARTHEST_MATCH_M or car not in fresh or car in matched:
-                result.wrong += 1
-                continue
-            matched.add(car)
-            own_id = world.own_id(own)
-            by_method: dict[str, tuple[Array, Array]] = {
-                CENTRALISED: limits[car],
-                MVS: mvs,
-                BLIND: use_all(evidence, now_ms, Q),
-                INTERSECTION: covariance_intersection(evidence, now_ms, Q),
-            }
-            seen = [
-                piece
-                for piece in evidence
-                if isinstance(piece, Measurement) and piece.id.observer == own_id
-            ]
-            if len(seen) >= CONFIRMED_BY:
-                by_method[OWN] = use_all(seen, now_ms, Q)
-                result.centralised_of_own.add(limits[car][0] - true, limits[car][1])
-            for method, (state, covariance) in by_method.items():
-                result.errors[method].add(state - true, covariance)
-        result.known += len(matched)
+        seen = [
+            piece
+            for piece in evidence
+            if isinstance(piece, Measurement) and piece.id.observer == own_id
+        ]
+        if len(seen) >= CONFIRMED_BY:
+            by_method[OWN] = use_all(seen, now_ms, Q)
+            result.centralised_of_own.add(limits[car][0] - true, limits[car][1])
+        for method, (state, covariance) in by_method.items():
+            result.errors[method].add(state - true, covariance)
+    result.known += len(matched)
+
+
+def _now_ms(world: MvsWorld) -> int:
+    return round((world.now + START_UTC_S) * 1000)
