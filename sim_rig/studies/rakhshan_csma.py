@@ -40,6 +40,11 @@ from sim_rig.studies.results import write_results
 
 LANE_M = 3.5
 BEACON_PRIORITY, WARNING_PRIORITY = 5, 7
+_JITTER_S = 0.005
+"""So much sooner or later than planned a beacon is sent, evenly."""
+_OTHERS_EVERY_S = 0.1
+_OTHERS_ASIDE_M = -20.0
+"""Of the middle of the highway."""
 _SAME_S = 1e-9
 """Times on two clocks that differ by less are the same."""
 
@@ -152,38 +157,22 @@ def delay_s(
 ) -> Array:
     """When each car of the only drop hears of the braking; (1, lanes, cars), as D(i)."""
     others, kind = case
-    lanes, cars = interval_s.shape
     apart_s = rng.uniform(0.0, settings.lanes_apart_s, settings.highway.lanes)
     news = _News(drops, apart_s, settings.longest_s)
-    position_m = np.stack(
-        [drops.position_m[0], np.broadcast_to(LANE_M * np.arange(lanes)[:, None], (lanes, cars))],
-        axis=-1,
-    ).reshape(-1, 2)
-    around_m = rng.uniform(-settings.others_within_m, settings.others_within_m, (others, 2))
-    around_m[:, 1] = -20.0
-    channel = Channel(settings.channel, lanes * cars + others, rng)
-    channel.receive_positions(np.concatenate([position_m, position_m.mean(axis=0) + around_m]))
-    every_s = np.concatenate([interval_s.ravel(), np.full(others, 0.1)])
-    begins_s = -settings.warm_s + every_s * rng.uniform(0.0, 1.0, len(every_s))
-    agenda = [(float(at_s), BEACON_PRIORITY, each) for each, at_s in enumerate(begins_s)]
-    heapq.heapify(agenda)
-    repeats = dict.fromkeys(range(lanes * cars), settings.warning_repeats)
+    channel = _channel(settings, drops, others, rng)
+    every_s = np.concatenate([interval_s.ravel(), np.full(others, _OTHERS_EVERY_S)])
+    agenda = _Agenda(settings, every_s, rng)
     while True:
         if kind.warns:
             for car in news.take_told():
-                heapq.heappush(agenda, (float(news.brakes_s[car]), WARNING_PRIORITY, car))
-        if agenda[0][0] >= news.all_know_s:
+                agenda.warn(car, float(news.brakes_s[car]))
+        if agenda.next_s >= news.all_know_s:
             return news.delay_s[None]
-        now, priority, sender = heapq.heappop(agenda)
-        size = kind.beacon_bytes if priority == BEACON_PRIORITY else settings.warning_bytes
+        now, priority, sender = agenda.take()
+        octets = kind.beacon_bytes if priority == BEACON_PRIORITY else settings.warning_bytes
         # Time on the channel begins at 0; the first cars brake `warm_s` later.
-        channel.receive_frame(sender, size, priority, now + settings.warm_s)
-        if priority == BEACON_PRIORITY:
-            jitter_s = rng.uniform(-0.005, 0.005)
-            heapq.heappush(agenda, (now + float(every_s[sender] + jitter_s), priority, sender))
-        elif repeats[sender]:
-            repeats[sender] -= 1
-            heapq.heappush(agenda, (now + settings.warning_every_s, priority, sender))
+        channel.receive_frame(sender, octets, priority, now + settings.warm_s)
+        agenda.plan_next(now, priority, sender)
         while (reception := channel.next_event()) is not None:
             news.hear(
                 reception.sender,
@@ -191,6 +180,65 @@ def delay_s(
                 reception.receivers,
                 reception.at_s - settings.warm_s,
             )
+
+
+def _channel(
+    settings: RakhshanCsmaSettings, drops: Drops, others: int, rng: np.random.Generator
+) -> Channel:
+    """With a station for every car of the only drop, lane by lane, and for the others."""
+    along_m = drops.position_m[0]
+    across_m = np.broadcast_to(LANE_M * np.arange(len(along_m))[:, None], along_m.shape)
+    highway_m = np.stack([along_m, across_m], axis=-1).reshape(-1, 2)
+    around_m = rng.uniform(-settings.others_within_m, settings.others_within_m, (others, 2))
+    around_m[:, 1] = _OTHERS_ASIDE_M
+    channel = Channel(settings.channel, along_m.size + others, rng)
+    channel.receive_positions(np.concatenate([highway_m, highway_m.mean(axis=0) + around_m]))
+    return channel
+
+
+_Due = tuple[float, int, int]
+"""When something is sent, with which priority, and by whom."""
+
+
+class _Agenda:
+    """Who sends next: beacons for ever, each warning a few times."""
+
+    def __init__(
+        self, settings: RakhshanCsmaSettings, every_s: Array, rng: np.random.Generator
+    ) -> None:
+        """`every_s` is the interval of each station's beacons."""
+        self._settings = settings
+        self._every_s = every_s
+        self._rng = rng
+        begins_s = -settings.warm_s + every_s * rng.uniform(0.0, 1.0, len(every_s))
+        self._due: list[_Due] = [
+            (at_s, BEACON_PRIORITY, sender) for sender, at_s in enumerate(begins_s.tolist())
+        ]
+        heapq.heapify(self._due)
+        self._repeats_left = [settings.warning_repeats] * len(every_s)
+
+    @property
+    def next_s(self) -> float:
+        """When somebody sends next."""
+        return self._due[0][0]
+
+    def take(self) -> _Due:
+        """Take what is sent next."""
+        return heapq.heappop(self._due)
+
+    def warn(self, sender: int, at_s: float) -> None:
+        """Have it warn."""
+        heapq.heappush(self._due, (at_s, WARNING_PRIORITY, sender))
+
+    def plan_next(self, now: float, priority: int, sender: int) -> None:
+        """Have what has just been sent sent again when it is time."""
+        if priority == BEACON_PRIORITY:
+            jitter_s = self._rng.uniform(-_JITTER_S, _JITTER_S)
+            at_s = now + float(self._every_s[sender] + jitter_s)
+            heapq.heappush(self._due, (at_s, priority, sender))
+        elif self._repeats_left[sender]:
+            self._repeats_left[sender] -= 1
+            heapq.heappush(self._due, (now + self._settings.warning_every_s, priority, sender))
 
 
 class _News:
