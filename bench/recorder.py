@@ -17,6 +17,7 @@ from bench import Figure
 from onboard.config import CarConfig
 from onboard.observations import Box as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, Sensor, Speed
+from onboard.recorder.beginning import Beginning
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.reading import Box
 from onboard.recorder.recorded import put_together
@@ -88,9 +89,14 @@ async def _drive(box: BlackBox | None) -> tuple[list[float], list[float]]:
     tree = {"car": {"plate": "AB123"}, "security": {"plate_digest": {"scrypt_log2_n": 6}}}
     config = parse_settings(tree, CarConfig, "bench")
     now = time.monotonic()
-    sensors = frozenset({Sensor.SPEED, Sensor.CAMERA})
-    seed = np.random.SeedSequence(1)
-    stack = put_together(box, config, sensors, seed, now=now, utc_s=time.time())
+    beginning = Beginning(
+        config=config,
+        sensors=frozenset({Sensor.SPEED, Sensor.CAMERA}),
+        seed=np.random.SeedSequence(1),
+        now=now,
+        utc_s=time.time(),
+    )
+    stack = put_together(box, beginning)
     if box is not None:
         box.start()
     late_s, took_s = [], []

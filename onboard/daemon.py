@@ -26,6 +26,7 @@ from onboard.messages import bsm
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Discarded, Lead, Sensor, SensorBack, SensorLost
+from onboard.recorder.beginning import Beginning
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.notes import Recording
 from onboard.recorder.recorded import put_together
@@ -104,13 +105,15 @@ class Daemon:
         self._box = BlackBox(config.recorder, self._on_box_state) if config.recorder else None
         self._stack = put_together(
             self._box,
-            config,
-            config.sensors(),
-            np.random.SeedSequence(config.seed),
-            now=time.monotonic(),
-            utc_s=time.time(),
-            credentials=credentials,
-            driver=self._driver,
+            Beginning(
+                config=config,
+                sensors=config.sensors(),
+                seed=np.random.SeedSequence(config.seed),
+                now=time.monotonic(),
+                utc_s=time.time(),
+                credentials=credentials,
+                driver=self._driver,
+            ),
         )
         self._wsms = ReceiveQueue(config.lcca_psid)
         self._inbox: deque[tuple[Callable[[Any, float], None], object]] = deque()

@@ -11,6 +11,7 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Sensor
+from onboard.recorder.beginning import Beginning
 from onboard.recorder.recorded import put_together
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
@@ -59,12 +60,14 @@ class VirtualCar:
         self._faults = FaultsOfCar(scenario, name)
         self._stack = put_together(
             box,
-            config,
-            _sensors(scenario),
-            own_seed,
-            now=0.0,
-            utc_s=START_UTC_S + self._faults.clock_error_s(0.0),
-            credentials=credentials,
+            Beginning(
+                config=config,
+                sensors=_sensors(scenario),
+                seed=own_seed,
+                now=0.0,
+                utc_s=START_UTC_S + self._faults.clock_error_s(0.0),
+                credentials=credentials,
+            ),
         )
         self._waiting: deque[bytes] = deque()
         phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)

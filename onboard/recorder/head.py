@@ -5,6 +5,7 @@ that they had stand for them (`identities.py`), and any key signs as well as the
 replay, where signatures are not compared.
 """
 
+import datetime as dt
 import json
 from importlib.metadata import version
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from onboard.access.drivers import ORDINARY_DRIVERS, Driver, DriverMemory
 from onboard.config import CarConfig
 from onboard.observations import Sensor
+from onboard.recorder.beginning import Beginning
 from onboard.recorder.identities import Aliases
 from onboard.security import p256
 from onboard.security.certificate_codec import decode_certificate
@@ -70,11 +72,6 @@ class Head(Settings):
         """
         return parse_settings(self.config, CarConfig, f"the recording of {self.drive}")
 
-    def rng(self) -> np.random.Generator:
-        """The random numbers of the drive, from the first on."""
-        entropy, *spawn_key = self.seed
-        return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=spawn_key))
-
     def credentials(self) -> Credentials | None:
         """The car's certificates, each with a key that is not its own.
 
@@ -100,25 +97,27 @@ class Head(Settings):
             authorities,
         )
 
-    def known_driver(self) -> Driver:
-        """Who drove, as far as the box knew when the drive began."""
-        return Driver(ORDINARY_DRIVERS, memory=self.driver)
+    def beginning(self) -> Beginning:
+        """The same beginning again, for who drove as far as the box knew then.
+
+        Raises:
+            SettingsError: this version of the software cannot begin like that.
+        """
+        entropy, *spawn_key = self.seed
+        return Beginning(
+            config=self.car_config(),
+            sensors=frozenset(self.sensors),
+            seed=np.random.SeedSequence(entropy, spawn_key=spawn_key),
+            now=self.now_s,
+            utc_s=self.utc_s,
+            credentials=self.credentials(),
+            driver=Driver(ORDINARY_DRIVERS, memory=self.driver),
+        )
 
 
-def make_head(
-    *,
-    name: str,
-    config: CarConfig,
-    sensors: frozenset[Sensor],
-    seed: np.random.SeedSequence,
-    now: float,
-    utc_s: float,
-    credentials: Credentials | None,
-    driver: Driver | None,
-    aliases: Aliases,
-    is_complete: bool,
-) -> Head:
-    """Put together what the cores are about to be given."""
+def make_head(beginning: Beginning, aliases: Aliases, *, is_complete: bool) -> Head:
+    """Write down what the cores are about to be given."""
+    config, seed, credentials = beginning.config, beginning.seed, beginning.credentials
     tree = json.loads(config.model_dump_json(include=set(OF_THE_CORES), exclude_defaults=True))
     tree["car"]["plate"] = aliases.word(config.car.plate)
     tree.get("access", {}).pop("driver_file", None)
@@ -127,18 +126,23 @@ def make_head(
     broadcast = config.obd.broadcast
     assert isinstance(seed.entropy, int)  # noqa: S101 (what numpy makes of None or a number)
     return Head(
-        drive=name,
+        drive=_name(beginning.utc_s),
         software=version("onboard"),
         seed=(seed.entropy, *seed.spawn_key),
-        now_s=now,
-        utc_s=utc_s,
-        sensors=tuple(sorted(sensors)),
+        now_s=beginning.now,
+        utc_s=beginning.utc_s,
+        sensors=tuple(sorted(beginning.sensors)),
         config=tree,
         dbc=broadcast.dbc.read_text("latin-1") if broadcast is not None else None,
         certificates=None if credentials is None else _public(credentials),
-        driver=driver.memory() if driver is not None else None,
+        driver=None if beginning.driver is None else beginning.driver.memory(),
         is_complete=is_complete,
     )
+
+
+def _name(utc_s: float) -> str:
+    """Of a drive: 20250615T150640.000Z."""
+    return f"{dt.datetime.fromtimestamp(utc_s, dt.UTC):%Y%m%dT%H%M%S.%f}"[:-3] + "Z"
 
 
 def _public(credentials: Credentials) -> Certificates:

@@ -1,22 +1,18 @@
 """Puts a car's cores together with everything about them on record, and again from the record."""
 
-import datetime as dt
 import tempfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
-from onboard.access.drivers import Driver
 from onboard.config import CarConfig
-from onboard.observations import Sensor
+from onboard.recorder.beginning import Beginning
 from onboard.recorder.head import Head, make_head
 from onboard.recorder.identities import Aliases, NotedDigest, RecordedDigest
 from onboard.recorder.notes import Identity, Note
 from onboard.recorder.settings import RecorderSettings
 from onboard.recorder.tap import Tap
-from onboard.security.credentials import Credentials
 from onboard.stack import Stack
 
 
@@ -34,62 +30,27 @@ class Writer(Protocol):
         """Take one message."""
 
 
-def put_together(
-    writer: Writer | None,
-    config: CarConfig,
-    sensors: frozenset[Sensor],
-    seed: np.random.SeedSequence,
-    *,
-    now: float,
-    utc_s: float,
-    credentials: Credentials | None = None,
-    driver: Driver | None = None,
-) -> Stack | Tap:
-    """The cores of a car, as `Stack` makes them, and a tap that tells `writer` everything.
+def put_together(writer: Writer | None, beginning: Beginning) -> Stack | Tap:
+    """The cores of a car, and a tap that tells `writer` everything.
 
     Without a `writer` there is no tap.
     """
     if writer is None:
-        rng = np.random.default_rng(seed)
-        return Stack(
-            config, sensors, rng, now=now, utc_s=utc_s, credentials=credentials, driver=driver
-        )
+        return beginning.stack()
     settings = writer.settings
     aliases = Aliases(in_clear=settings.plates == "clear")
-    name = f"{dt.datetime.fromtimestamp(utc_s, dt.UTC):%Y%m%dT%H%M%S.%f}"[:-3] + "Z"
-    writer.begin(
-        make_head(
-            name=name,
-            config=config,
-            sensors=sensors,
-            seed=seed,
-            now=now,
-            utc_s=utc_s,
-            credentials=credentials,
-            driver=driver,
-            aliases=aliases,
-            is_complete=settings.positions,
-        )
-    )
-
+    writer.begin(make_head(beginning, aliases, is_complete=settings.positions))
+    begins = beginning.now, beginning.utc_s
     tap: Tap | None = None
 
     def note_identity(plate: str, epoch: int, car_id: bytes) -> None:
-        at_s, at_utc_s = (now, utc_s) if tap is None else tap.last_call
+        # The cores derive their own ID while they are made, before they can be tapped.
+        at_s, at_utc_s = begins if tap is None else tap.last_call
         identity = Identity(at_s, aliases.word(plate), epoch, car_id)
         writer.note(Note("/in/identity", at_utc_s, identity))
 
-    stack = Stack(
-        config,
-        sensors,
-        np.random.default_rng(seed),
-        now=now,
-        utc_s=utc_s,
-        credentials=credentials,
-        driver=driver,
-        digest=NotedDigest(config.security.plate_digest, note_identity),
-    )
-    tap = Tap(stack, writer.note, aliases, (now, utc_s), positions=settings.positions)
+    stack = beginning.stack(NotedDigest(beginning.config.security.plate_digest, note_identity))
+    tap = Tap(stack, writer.note, aliases, begins, positions=settings.positions)
     return tap
 
 
@@ -107,24 +68,21 @@ def replayed_stack(
         note: gets what the cores answer.
         begins: the time on the cores' clock and in UTC, where it is not the drive's beginning.
     """
-    now_s, utc_s = begins or (head.now_s, head.utc_s)
-    config = head.car_config()
-    digest = RecordedDigest(config.security.plate_digest, car_ids)
+    beginning = head.beginning()
+    now, utc_s = begins or (beginning.now, beginning.utc_s)
+    digest = RecordedDigest(beginning.config.security.plate_digest, car_ids)
     with tempfile.TemporaryDirectory() as folder:
-        if config.obd.broadcast is not None:
-            dbc = Path(folder) / "car.dbc"
-            dbc.write_text(head.dbc or "", "latin-1")
-            broadcast = config.obd.broadcast.model_copy(update={"dbc": dbc})
-            obd = config.obd.model_copy(update={"broadcast": broadcast})
-            config = config.model_copy(update={"obd": obd})
-        stack = Stack(
-            config,
-            head.sensors,
-            head.rng(),
-            now=now_s,
-            utc_s=utc_s,
-            credentials=head.credentials(),
-            driver=head.known_driver(),
-            digest=digest,
-        )
-    return Tap(stack, note, Aliases(in_clear=True), (now_s, utc_s), positions=True)
+        config = _with_dbc(beginning.config, head.dbc, Path(folder))
+        stack = replace(beginning, config=config, now=now, utc_s=utc_s).stack(digest)
+    return Tap(stack, note, Aliases(in_clear=True), (now, utc_s), positions=True)
+
+
+def _with_dbc(config: CarConfig, dbc: str | None, folder: Path) -> CarConfig:
+    """With the recorded signals of the car's bus, where it broadcasts them, in a file again."""
+    if config.obd.broadcast is None:
+        return config
+    file = folder / "car.dbc"
+    file.write_text(dbc or "", "latin-1")
+    broadcast = config.obd.broadcast.model_copy(update={"dbc": file})
+    obd = config.obd.model_copy(update={"broadcast": broadcast})
+    return config.model_copy(update={"obd": obd})

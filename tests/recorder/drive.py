@@ -8,6 +8,7 @@ import numpy as np
 from onboard.config import CarConfig
 from onboard.observations import Box as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, Position, Sensor, Speed
+from onboard.recorder.beginning import Beginning
 from onboard.recorder.head import Head
 from onboard.recorder.notes import Note
 from onboard.recorder.recorded import put_together
@@ -69,12 +70,14 @@ def record_drive(
     cars = [
         put_together(
             writer,
-            config(plate),
-            frozenset({Sensor.SPEED, Sensor.CAMERA, Sensor.POSITION}),
-            np.random.SeedSequence(seed),
-            now=START_S,
-            utc_s=START_UTC_S,
-            credentials=key,
+            Beginning(
+                config=config(plate),
+                sensors=frozenset({Sensor.SPEED, Sensor.CAMERA, Sensor.POSITION}),
+                seed=np.random.SeedSequence(seed),
+                now=START_S,
+                utc_s=START_UTC_S,
+                credentials=key,
+            ),
         )
         for writer, plate, seed, key in zip(
             (None, written), (AHEAD, BEHIND), (1, 2), keys, strict=True
