@@ -38,6 +38,9 @@ _NEAR_M = 8.0
 """Tracks farther apart than this count as two cars, however vague they are. Errors of two observers
 that stay from picture to picture can place one car this far apart."""
 
+_Said = tuple[bytes, int]
+"""A report: who tells, and when it was received."""
+
 
 class Tracks:
     """Holds the tracks; times are ms of UTC."""
@@ -63,39 +66,19 @@ class Tracks:
         Returns:
             the rows that would have been one new car too many.
         """
-        names = list(zip(batch.tellers, batch.cars, strict=True))
         shelved = self._shelf.put(batch.entries)
-        place_of = {track.number: at for at, track in enumerate(self._tracks)}
-        rows = [row for row, name in enumerate(names) if name in self._named]
-        places = [place_of[self._named[names[row]].number] for row in rows]
-        strangers = set(range(len(batch))) - set(rows)
-        told_of: dict[tuple[bytes, int], set[int]] = defaultdict(set)
-        if rows:
-            association, q = self._settings.association, self._settings.acceleration_density
-            fitting = are_inside(
-                batch.entries[rows],
-                self._comparison()[places],
-                association.gate_probability,
-                q,
-            )
-            for row, place, fits in zip(rows, places, fitting.tolist(), strict=True):
-                if fits:
-                    self._add(self._tracks[place], batch, row, shelved + row)
-                    told_of[batch.tellers[row], batch.received_ms[row]].add(place)
-                else:
-                    self._unname(names[row])
-                    strangers.add(row)
+        strangers, told_of = self._assign_named(batch, shelved)
         sayings = [
             (list(rows), told_of[said])
             for said, rows in groupby(
-                sorted(strangers), key=lambda row: (batch.tellers[row], batch.received_ms[row])
+                strangers, key=lambda row: (batch.tellers[row], batch.received_ms[row])
             )
         ]
         refused: list[int] = []
         while sayings:
             entries = accumulate(len(saying) for saying, _ in sayings)
             together = max(1, sum(so_far <= _ENTRIES_AT_ONCE for so_far in entries))
-            refused += self._assign(batch, shelved, sayings[:together])
+            refused += self._assign_strangers(batch, shelved, sayings[:together])
             sayings = sayings[together:]
         return refused
 
@@ -200,7 +183,40 @@ class Tracks:
         if track is not None and name in track.names:
             track.uncall([name])
 
-    def _assign(
+    def _assign_named(
+        self, batch: Batch, shelved: int
+    ) -> tuple[list[int], defaultdict[_Said, set[int]]]:
+        """Give entries under known names to their tracks, as long as they fit there.
+
+        Args:
+            batch: entries.
+            shelved: where the first of them stands on the shelf.
+
+        Returns:
+            the rows under new names, in order; of each report, the places of the tracks that its
+            other rows are of.
+        """
+        told_of: defaultdict[_Said, set[int]] = defaultdict(set)
+        names = list(zip(batch.tellers, batch.cars, strict=True))
+        named = [row for row, name in enumerate(names) if name in self._named]
+        strangers = [row for row, name in enumerate(names) if name not in self._named]
+        if not named:
+            return strangers, told_of
+        association, q = self._settings.association, self._settings.acceleration_density
+        place_of = {track.number: at for at, track in enumerate(self._tracks)}
+        places = [place_of[self._named[names[row]].number] for row in named]
+        cars = self._comparison()[places]
+        fitting = are_inside(batch.entries[named], cars, association.gate_probability, q)
+        for row, place, fits in zip(named, places, fitting.tolist(), strict=True):
+            if fits:
+                self._add(self._tracks[place], batch, row, shelved + row)
+                told_of[batch.tellers[row], batch.received_ms[row]].add(place)
+            else:
+                self._unname(names[row])
+                strangers.append(row)
+        return sorted(strangers), told_of
+
+    def _assign_strangers(
         self, batch: Batch, shelved: int, sayings: Sequence[tuple[list[int], set[int]]]
     ) -> list[int]:
         """Match entries under new names with tracks, or begin tracks for them.
@@ -272,9 +288,9 @@ class Tracks:
         """Join tracks that are one car, and say which are known as a car of their own."""
         cars = self._comparison()
         joined, doubles = self._join(cars, now_ms)
-        self._choose_known(cars, joined, doubles, now_ms)
+        kept = [at for at in range(len(cars)) if at not in joined]
+        self._choose_known(cars, kept, doubles, now_ms)
         if joined:
-            kept = [at for at in range(len(cars)) if at not in joined]
             self._tracks = [self._tracks[at] for at in kept]
             self._compared = cars[kept]
 
@@ -322,19 +338,16 @@ class Tracks:
         return joined, doubles
 
     def _choose_known(
-        self, cars: Kinematics, joined: set[int], doubles: Sequence[set[int]], now_ms: int
+        self, cars: Kinematics, kept: Sequence[int], doubles: Sequence[set[int]], now_ms: int
     ) -> None:
-        """Of tracks that might be one car, tell of one only.
+        """Of the tracks in the places `kept` that might be one car, tell of one only.
 
         That is the one that the own camera sees, or else the better placed one, whatever a liar
         says. Each that is told of hides its doubles; one that is hidden hides nobody.
         """
         variances = _variances(cars, now_ms, self._settings.acceleration_density)
         told: set[int] = set()
-        for at in sorted(
-            set(range(len(cars))) - joined,
-            key=lambda at: (not self._tracks[at].is_seen, variances[at]),
-        ):
+        for at in sorted(kept, key=lambda at: (not self._tracks[at].is_seen, variances[at])):
             track = self._tracks[at]
             well_placed = variances[at] <= self._settings.vaguest_known_m**2
             track.is_known = bool(
