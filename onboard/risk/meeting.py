@@ -54,7 +54,7 @@ def meeting(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> Meeti
 
 def has_course(car: KnownCar, settings: CrossingSettings) -> bool:
     """Whether its velocity has settled, by its largest sigma or by time, and its direction has."""
-    return not (_is_settling(car, settings) or _course_variance(car) > settings.course_sigma_rad**2)
+    return _course_variance(car, settings) is not None
 
 
 def _angle_rad(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> float | None:
@@ -70,13 +70,27 @@ def _angle_rad(own: KnownCar, other: KnownCar, settings: CrossingSettings) -> fl
     turned = east * north_other - north * east_other
     if abs(turned) < speed * speed_other * math.sin(settings.least_angle_rad):
         return None
-    if not (has_course(own, settings) and has_course(other, settings)):
+    variance, variance_other = _course_variance(own, settings), _course_variance(other, settings)
+    if variance is None or variance_other is None:
         return None
     sine = min(abs(turned) / (speed * speed_other), 1.0)
-    sigma_rad = math.sqrt(max(_course_variance(own) + _course_variance(other), 0.0))
-    if math.asin(sine) < 2.0 * sigma_rad:
+    if math.asin(sine) < 2.0 * math.sqrt(max(variance + variance_other, 0.0)):
         return None
     return math.atan2(turned, east * east_other + north * north_other)
+
+
+def _course_variance(car: KnownCar, settings: CrossingSettings) -> float | None:
+    """Of the direction in which a car drives, in rad^2; `None` if that is as good as unknown.
+
+    It is not finite where the car's covariance is not.
+    """
+    if _is_settling(car, settings):
+        return None
+    east, north = car.state[2:]
+    (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
+    across = north * north * a - 2.0 * north * east * b + east * east * c
+    variance = across / (east * east + north * north) ** 2
+    return None if variance > settings.course_sigma_rad**2 else variance
 
 
 def _is_settling(car: KnownCar, settings: CrossingSettings) -> bool:
@@ -85,14 +99,6 @@ def _is_settling(car: KnownCar, settings: CrossingSettings) -> bool:
     (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
     largest_variance = (a + c) / 2.0 + math.hypot((a - c) / 2.0, b)
     return largest_variance > settings.settled_sigma_m_s**2
-
-
-def _course_variance(car: KnownCar) -> float:
-    """Of the direction in which a car drives, in rad^2; not finite where its covariance is not."""
-    east, north = car.state[2:]
-    (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
-    across = north * north * a - 2.0 * north * east * b + east * east * c
-    return across / (east * east + north * north) ** 2
 
 
 def _covariance(own: KnownCar, other: KnownCar) -> Array:
