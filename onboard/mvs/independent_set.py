@@ -23,6 +23,7 @@ import heapq
 from collections import defaultdict
 from collections.abc import Hashable, Sequence
 from operator import itemgetter
+from typing import NamedTuple
 
 _MOST_STATES = 1000
 
@@ -65,10 +66,31 @@ def select_independent_masks(masks: Sequence[int]) -> list[int]:
 
 
 def _choose(entries: Sequence[tuple[int, int]], covered: int) -> list[int]:
-    """Choose among `entries` (index, mask) of several measurements; singles cover `covered`.
+    """Choose among `entries` (index, mask) of several measurements; singles cover `covered`."""
+    totals = {0: 0}
+    """The best total for every set of taken measurements that later entries contain."""
+    for step in _steps(entries, covered):
+        totals = _settle(step, totals)
+    best, last = totals[0], len(entries) - 1
+    return [index for at, (index, _) in enumerate(entries) if best >> (last - at) & 1]
 
-    A total is one number, compared as a whole: measurements gained, then entries spared, then one
-    bit for every entry taken, the earlier the higher.
+
+class _Step(NamedTuple):
+    """One measurement, and what may be decided on there."""
+
+    measurement: int
+    """Its bit."""
+    starting: list[tuple[int, int]]
+    """The entries whose earliest measurement it is: (mask, worth)."""
+    later: int
+    """The measurements of the entries that are decided on later."""
+
+
+def _steps(entries: Sequence[tuple[int, int]], covered: int) -> list[_Step]:
+    """The earliest measurement of each entry, in their order.
+
+    What an entry is worth, and a total, is one number that is compared as a whole: measurements
+    gained, then entries spared, then one bit for every entry taken, the earlier the higher.
     """
     shift = len(entries)
     # A measurement gained weighs more than all entries spared, and one spared than all preferences.
@@ -81,32 +103,30 @@ def _choose(entries: Sequence[tuple[int, int]], covered: int) -> list[int]:
         size, known = mask.bit_count(), (mask & covered).bit_count()
         worth = (size - known) * gained + (known - 1) * spared + taken_bit
         by_earliest[mask & -mask].append((mask, worth))
-
     steps = []
     later = 0
     for earliest in sorted(by_earliest, reverse=True):
-        steps.append((earliest, by_earliest[earliest], later))
+        steps.append(_Step(earliest, by_earliest[earliest], later))
         for mask, _ in by_earliest[earliest]:
             later |= mask
+    return steps[::-1]
 
-    totals = {0: 0}
-    """The best total for every set of taken measurements that later entries contain."""
-    while steps:
-        earliest, starting, later = steps.pop()
-        settled: dict[int, int] = {}
-        for taken, total in totals.items():
-            left = taken & later
-            if left not in settled or settled[left] < total:
-                settled[left] = total
-            if taken & earliest:
-                continue
-            for mask, worth in starting:
-                if not mask & taken:
-                    left, more = (taken | mask) & later, total + worth
-                    if left not in settled or settled[left] < more:
-                        settled[left] = more
-        if len(settled) > _MOST_STATES:
-            settled = dict(heapq.nlargest(_MOST_STATES, settled.items(), key=itemgetter(1)))
-        totals = settled
-    best = totals[0]
-    return [entry[0] for place, entry in enumerate(entries) if best >> (shift - 1 - place) & 1]
+
+def _settle(step: _Step, totals: dict[int, int]) -> dict[int, int]:
+    """What `totals` becomes by the best decision: to take none of those that start here, or one."""
+    measurement, starting, later = step
+    settled: dict[int, int] = {}
+    for taken, total in totals.items():
+        left = taken & later
+        if left not in settled or settled[left] < total:
+            settled[left] = total
+        if taken & measurement:
+            continue
+        for mask, worth in starting:
+            if not mask & taken:
+                left, more = (taken | mask) & later, total + worth
+                if left not in settled or settled[left] < more:
+                    settled[left] = more
+    if len(settled) > _MOST_STATES:
+        return dict(heapq.nlargest(_MOST_STATES, settled.items(), key=itemgetter(1)))
+    return settled
