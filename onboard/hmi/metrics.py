@@ -1,5 +1,7 @@
 """What an operator counts, in Prometheus' exposition format."""
 
+from functools import partial
+
 from prometheus_client import (
     CollectorRegistry,
     Counter,
@@ -29,67 +31,38 @@ class Metrics:
         """`sensors`: those that the car has."""
         disable_created_metrics()  # type: ignore[no-untyped-call]  # it says nothing of its types
         self._registry = registry = CollectorRegistry()
+        counter, gauge = partial(Counter, registry=registry), partial(Gauge, registry=registry)
+        delay = partial(Histogram, registry=registry, buckets=_DELAY_BUCKETS_S)
         ProcessCollector(registry=registry)
-        self._events = Counter(
-            "onboard_events", "What the cores said, by kind.", ["kind"], registry=registry
+        self._events = counter("onboard_events", "What the cores said, by kind.", ["kind"])
+        self._discarded = counter(
+            "onboard_discarded", "What came from outside and was not believed.", ["room", "reason"]
         )
-        self._discarded = Counter(
-            "onboard_discarded",
-            "What came from outside and was not believed.",
-            ["room", "reason"],
-            registry=registry,
+        self._sent = counter("onboard_sent", "Group messages handed to the radio.", ["message"])
+        self._received = counter("onboard_received", "Group messages opened.", ["message"])
+        self._alarms = counter("onboard_alarms", "Alarms that began or rose.", ["cause", "level"])
+        self._alarm_level = gauge("onboard_alarm_level", "0 none, 1 caution, 2 warning.", ["cause"])
+        self._sensor_up = gauge("onboard_sensor_up", "1, or 0 while it is lost.", ["sensor"])
+        self._state = gauge("onboard_group_state", "1 for the state that holds.", ["state"])
+        self._number = gauge("onboard_group_number", "1 unless a member.")
+        self._speed = gauge("onboard_speed_metres_per_second", "Own speed; NaN while lost.")
+        self._gap = gauge("onboard_gap_metres", "To the car ahead; NaN without one.")
+        self._recording = gauge(
+            "onboard_recording", "1, or 0 while the black box does not; NaN without one."
         )
-        self._sent = Counter(
-            "onboard_sent", "Group messages handed to the radio.", ["message"], registry=registry
+        self._notes_lost = gauge(
+            "onboard_notes_lost", "Notes that the black box has lost since the start."
         )
-        self._received = Counter(
-            "onboard_received", "Group messages opened.", ["message"], registry=registry
-        )
-        self._alarms = Counter(
-            "onboard_alarms", "Alarms that began or rose.", ["cause", "level"], registry=registry
-        )
-        self._alarm_level = Gauge(
-            "onboard_alarm_level", "0 none, 1 caution, 2 warning.", ["cause"], registry=registry
-        )
-        self._sensor_up = Gauge(
-            "onboard_sensor_up", "1, or 0 while it is lost.", ["sensor"], registry=registry
-        )
-        self._state = Gauge(
-            "onboard_group_state", "1 for the state that holds.", ["state"], registry=registry
-        )
-        self._number = Gauge("onboard_group_number", "1 unless a member.", registry=registry)
-        self._speed = Gauge(
-            "onboard_speed_metres_per_second", "Own speed; NaN while lost.", registry=registry
-        )
-        self._gap = Gauge(
-            "onboard_gap_metres", "To the car ahead; NaN without one.", registry=registry
-        )
-        self._recording = Gauge(
-            "onboard_recording",
-            "1, or 0 while the black box does not; NaN without one.",
-            registry=registry,
-        )
-        self._notes_lost = Gauge(
-            "onboard_notes_lost",
-            "Notes that the black box has lost since the start.",
-            registry=registry,
-        )
-        self._loop_delay = Histogram(
+        self._loop_delay = delay(
             "onboard_loop_delay_seconds",
             "How late the loop comes to what is due, sampled ten times a second.",
-            buckets=_DELAY_BUCKETS_S,
-            registry=registry,
         )
-        self._pages = Gauge("onboard_pages", "Driver's pages that are open.", registry=registry)
-        self._shown = Histogram(
+        self._pages = gauge("onboard_pages", "Driver's pages that are open.")
+        self._shown = delay(
             "onboard_page_shown_seconds",
             "From a view's being pushed to the page's word that it is shown.",
-            buckets=_DELAY_BUCKETS_S,
-            registry=registry,
         )
-        self._refused = Counter(
-            "onboard_page_refused", "Who was not let in, and why.", ["reason"], registry=registry
-        )
+        self._refused = counter("onboard_page_refused", "Who was not let in, and why.", ["reason"])
         for sensor in sensors:
             self._sensor_up.labels(sensor.value).set(1)
         for cause in Cause:
