@@ -131,41 +131,49 @@ class Desk:
         units = RadioUnits(self._air(), self.recorder, self._has_mute_radio)
         self._open.callback(units.close)
         for number, car in enumerate(self._scenario.equipped):
-            listen_port, page_port = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
-            self.pages[car] = f"http://127.0.0.1:{page_port}/"
-            wires = {
-                "can": {"channel": "can0", "port": await self._start_bus(car)},
-                "camera": {"source": f"http://127.0.0.1:{camera_port}/{car}"} | LENS.model_dump(),
-                "radio": {
-                    "endpoint": "iwcu",
-                    "listen_port": listen_port,
-                    "unit_port": units.add(car, listen_port),
-                },
-                "hmi": {"port": page_port, "brake_button": True},
-                "trace": {
-                    "file": str(self._trace(car)),
-                    "capture": str(self._folder / f"{car}.pcap"),
-                },
-                "recorder": {"folder": str(self._box(car)), "segment_s": 3600.0},
-            }
-            if self._scenario.gnss is not None:
-                wires["gnss"] = await self._start_gnss(car, number, self._scenario.gnss)
-            if self._scenario.detector is not None:
-                wires["detector"] = self._start_detector(car, number, self._scenario.detector)
-            config_file = self._folder / f"{car}.yaml"
-            seed = 1000 * self._seed + number  # cars with one seed would go by one name
-            config = car_config(self._scenario, car, seed) | wires
-            config["security"]["keys_folder"] = str(self._keys / car)
-            config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
-            self._trace(car).unlink(missing_ok=True)
-            shutil.rmtree(self._box(car), ignore_errors=True)
-            await self.processes.start(car, *self._program(car), "run", str(config_file))
+            await self._start_car(car, number, camera_port, units)
         self._engineer = await EngineerWindow.open(
             self.processes, self._scenario_file, self._folder, camera_port
         )
         self._engineer.link(self.pages)
         self.pages = {ENGINEER: self._engineer.address} | self.pages
         self._open.callback(asyncio.create_task(self._engineer.follow(self.recorder)).cancel)
+
+    async def _start_car(self, car: str, number: int, camera_port: int, units: RadioUnits) -> None:
+        """Start a daemon with its wires, and with nothing left of the last run."""
+        wires = await self._wires(car, number, camera_port, units)
+        seed = 1000 * self._seed + number  # cars with one seed would go by one name
+        config = car_config(self._scenario, car, seed) | wires
+        config["security"]["keys_folder"] = str(self._keys / car)
+        config_file = self._folder / f"{car}.yaml"
+        config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
+        self._trace(car).unlink(missing_ok=True)
+        shutil.rmtree(self._box(car), ignore_errors=True)
+        await self.processes.start(car, *self._program(car), "run", str(config_file))
+
+    async def _wires(
+        self, car: str, number: int, camera_port: int, units: RadioUnits
+    ) -> dict[str, object]:
+        """Open the rig's ends of a car's wires, and return how the daemon finds them."""
+        listen_port, page_port = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
+        self.pages[car] = f"http://127.0.0.1:{page_port}/"
+        wires: dict[str, object] = {
+            "can": {"channel": "can0", "port": await self._start_bus(car)},
+            "camera": {"source": f"http://127.0.0.1:{camera_port}/{car}"} | LENS.model_dump(),
+            "radio": {
+                "endpoint": "iwcu",
+                "listen_port": listen_port,
+                "unit_port": units.add(car, listen_port),
+            },
+            "hmi": {"port": page_port, "brake_button": True},
+            "trace": {"file": str(self._trace(car)), "capture": str(self._folder / f"{car}.pcap")},
+            "recorder": {"folder": str(self._box(car)), "segment_s": 3600.0},
+        }
+        if self._scenario.gnss is not None:
+            wires["gnss"] = await self._start_gnss(car, number, self._scenario.gnss)
+        if self._scenario.detector is not None:
+            wires["detector"] = self._start_detector(car, number, self._scenario.detector)
+        return wires
 
     def _program(self, car: str) -> list[str]:
         """The daemon; behind a clock that will be wrong, if the scenario wants it."""

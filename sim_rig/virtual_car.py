@@ -20,11 +20,12 @@ from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
+from sim_rig.cars.settings import ReceiverSettings
 from sim_rig.cars.udp_line import Device
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import VehicleDetector
 from sim_rig.faults_of_car import FaultsOfCar
-from sim_rig.roads.road import Road
+from sim_rig.roads.road import CarState, Road
 from sim_rig.run_log import Record
 from sim_rig.scenario import Scenario
 from sim_rig.virtual_box import VirtualBox
@@ -83,15 +84,8 @@ class VirtualCar:
         )
         self._devices: list[tuple[Device, _Reader]] = []
         if scenario.gnss is not None:
-            receiver = GnssReceiver(
-                scenario.gnss,
-                lambda now: self._faults.received(road.car_at(name, now), now),
-                START_UTC_S,
-                gnss_rng,
-                np.random.default_rng(sky_seed),
-            )
-            settings = GnssSettings.model_validate(gnss_config(scenario.gnss))
-            self._devices.append((receiver, NmeaReader(settings)))
+            sky_rng = np.random.default_rng(sky_seed)
+            self._devices.append(self._receiver(road, scenario.gnss, gnss_rng, sky_rng))
         if scenario.detector is not None:
             vehicles = VehicleCamera(scenario.detector, name, road.cars_at, vehicles_rng)
             self._devices.append((VehicleDetector(vehicles, phase_s), ObjectListReader()))
@@ -142,6 +136,19 @@ class VirtualCar:
         while (event := self._stack.next_event()) is not None:
             self.trace.append(as_record(event))
         return wsms
+
+    def _receiver(
+        self,
+        road: Road,
+        settings: ReceiverSettings,
+        rng: np.random.Generator,
+        sky_rng: np.random.Generator,
+    ) -> tuple[Device, _Reader]:
+        def state_at(now: float) -> CarState | None:
+            return self._faults.received(road.car_at(self.name, now), now)
+
+        receiver = GnssReceiver(settings, state_at, START_UTC_S, rng, sky_rng)
+        return receiver, NmeaReader(GnssSettings.model_validate(gnss_config(settings)))
 
     def _take_observations(self, source: CameraModel | _Reader, now: float) -> None:
         while (observation := source.next_event()) is not None:
