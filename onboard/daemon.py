@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import structlog
@@ -26,6 +26,7 @@ from onboard.messages import bsm
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Discarded, Lead, Sensor, SensorBack, SensorLost
+from onboard.onlookers import Onlookers
 from onboard.recorder.beginning import Beginning
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.notes import Recording
@@ -33,31 +34,12 @@ from onboard.recorder.recorded import put_together
 from onboard.security.key_files import read_credentials
 from onboard.service_manager import ServiceManager
 from onboard.stack import Observation
-from onboard.trace import Event, as_line, as_record
-from onboard.trace_file import TraceFile
 from onboard.vision.frames import CameraThread
-from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC, PcapWriter
+from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
 from onboard.wave_udp.endpoint import open_endpoint
 from onboard.wave_udp.receive_queue import ReceiveQueue
 
-if TYPE_CHECKING:
-    from onboard.hmi.driver_page import DriverPage
-
 log = structlog.get_logger()
-
-LOGGED_KINDS = frozenset(
-    {
-        "transition",
-        "warning",
-        "alarm",
-        "hard_brake",
-        "sensor_lost",
-        "sensor_back",
-        "certificate_expired",
-        "recorder",
-    }
-)
-"""What an operator wants to read in the journal; the trace has the rest."""
 
 GIL_INTERVAL_S = 0.000_5
 """How long the camera's thread may keep the interpreter while a warning waits; 5 ms by default."""
@@ -121,9 +103,7 @@ class Daemon:
         self._timer: asyncio.TimerHandle | None = None
         self._radio_back: asyncio.TimerHandle | None = None
         self._is_resting = False
-        self._page: DriverPage | None = None
-        self._trace: TraceFile | None = None
-        self._capture: PcapWriter | None = None
+        self._onlookers = Onlookers()
         self._send_can: Callable[[CanFrame], None] = _nowhere
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
@@ -139,7 +119,7 @@ class Daemon:
             wires.callback(self._rest)
             await self._open(wires)
             keep_collection_short()
-            self._show(Ready(time.monotonic()))
+            self._onlookers.show(Ready(time.monotonic()))
             self._step()
             self._manager.ready(f"driving as {self.config.car.plate}")
             log.info("ready", plate=self.config.car.plate)
@@ -166,11 +146,7 @@ class Daemon:
         if self._box is not None:
             self._box.start()
             wires.callback(self._box.close)
-        if config.trace.file is not None:
-            self._trace = wires.enter_context(TraceFile(config.trace.file))
-        if config.trace.capture is not None:
-            capture = wires.enter_context(TraceFile(config.trace.capture))
-            self._capture = PcapWriter(capture)
+        self._onlookers.open_files(config.trace, wires)
         if config.can is not None:
             take_discarded = self._taker(stack.receive_observation)
             take_frame = self._taker(stack.receive_can)
@@ -197,15 +173,8 @@ class Daemon:
         if config.detector is not None:
             detector = await open_detector(config.detector, self._reading(ObjectListReader()))
             wires.callback(detector.close)
-        if config.hmi is not None:
-            # A web server is a tenth of a start, and a box may have nobody who looks.
-            from onboard.hmi.driver_page import DriverPage  # noqa: PLC0415 (said above)
-
-            self._page = DriverPage(
-                config.hmi, config, stack, self._taker(self._press_brake_button)
-            )
-            await self._page.start()
-            wires.push_async_callback(self._page.close)
+        on_brake = self._taker(self._press_brake_button)
+        await self._onlookers.open_page(config, stack, on_brake, wires)
 
     def _step(self) -> None:
         """One round, in a fixed order: receive, decide, send, show, arm the next timer."""
@@ -222,13 +191,12 @@ class Daemon:
             self._stack.handle_timer(now)
         for user_priority, wsm in self._stack.wsms_to_send(now):
             self._send_wsm(wsm, user_priority)
-            self._keep(wsm, OWN_MAC)
+            self._onlookers.show_frame(wsm, OWN_MAC)
         for frame in self._stack.can_to_send(now):
             self._send_can(frame)
         while (event := self._stack.next_event()) is not None:
-            self._show(event)
-        if self._page is not None:
-            self._page.show(now)
+            self._onlookers.show(event)
+        self._onlookers.show_view(now)
         if self._timer is not None:
             self._timer.cancel()
         at = self._stack.get_timer()
@@ -290,27 +258,20 @@ class Daemon:
             if wsm is None:
                 return
             self._stack.receive_wsm(wsm, now)
-            self._keep(wsm, OTHER_MAC)
-
-    def _keep(self, wsm: bytes, mac: bytes) -> None:
-        if self._capture is not None:
-            self._capture.write(wsm, time.time(), mac)
+            self._onlookers.show_frame(wsm, OTHER_MAC)
 
     def _on_bus_state(self, up: bool, why: str) -> None:
         if not up:  # it is back when a speed comes, not when the bus does
-            lost = SensorLost(self._loop.time(), Sensor.SPEED, silent_s=None, reason=why)
-            self._take(self._stack.receive_observation, lost)
+            self._lose(Sensor.SPEED, why)
 
     def _on_gpsd_state(self, up: bool, why: str) -> None:
         if not up:
-            lost = SensorLost(self._loop.time(), Sensor.POSITION, silent_s=None, reason=why)
-            self._take(self._stack.receive_observation, lost)
+            self._lose(Sensor.POSITION, why)
 
     def _on_radio_trouble(self, why: str) -> None:
         """It comes as often as something is sent, so when it no longer does, the radio is back."""
         if self._radio_back is None:
-            lost = SensorLost(self._loop.time(), Sensor.RADIO, silent_s=None, reason=why)
-            self._take(self._stack.receive_observation, lost)
+            self._lose(Sensor.RADIO, why)
         else:
             self._radio_back.cancel()
         self._radio_back = self._loop.call_later(RADIO_BACK_S, self._on_radio_back)
@@ -319,6 +280,10 @@ class Daemon:
         self._radio_back = None
         back = SensorBack(self._loop.time(), Sensor.RADIO)
         self._take(self._stack.receive_observation, back)
+
+    def _lose(self, sensor: Sensor, why: str) -> None:
+        lost = SensorLost(self._loop.time(), sensor, silent_s=None, reason=why)
+        self._take(self._stack.receive_observation, lost)
 
     def _on_seen(self, observations: Sequence[Observation]) -> None:
         """Called from the camera's thread, where there is time for the slow derivation of IDs."""
@@ -336,15 +301,7 @@ class Daemon:
 
     def _on_box_state(self, state: Recording) -> None:
         """Called from the black box's thread."""
-        self._loop.call_soon_threadsafe(self._show, state)
-
-    def _show(self, event: Event) -> None:
-        if self._page is not None:
-            self._page.receive_event(event)
-        if self._trace is not None:
-            self._trace.write(as_line(event, traced_s=time.monotonic()).encode() + b"\n")
-        if event.kind in LOGGED_KINDS:
-            log.info(event.kind, details=as_record(event))
+        self._loop.call_soon_threadsafe(self._onlookers.show, state)
 
 
 def _nowhere(*_: object) -> None:
