@@ -118,7 +118,8 @@ class Station:
     __slots__ = ("_contentions", "_rng", "access_s")
 
     def __init__(self, rng: np.random.Generator) -> None:
-        self._contentions = tuple(_Contention(each, each.least_window) for each in _PARAMETERS)
+        self._contentions: dict[AccessCategory, _Contention] = {}
+        """Of the categories that have had a frame, from the first served to the last."""
         self._rng = rng
         self.access_s = math.inf
         """When it transmits, if the channel stays free; infinity with nothing to send."""
@@ -127,7 +128,7 @@ class Station:
         self, frame: QueuedFrame, category: AccessCategory, now: float, free_s: float, busy: bool
     ) -> None:
         """Queue a frame; `busy` says whether the channel is taken now."""
-        contention = self._contentions[category]
+        contention = self._contention(category)
         contention.queue.append(frame)
         if len(contention.queue) > 1:
             return
@@ -141,23 +142,23 @@ class Station:
 
     def plan(self, now: float, free_s: float) -> None:
         """Work out `access_s` anew."""
-        ends_s = [each.ends_s(free_s) for each in self._contentions if each.queue]
+        ends_s = [each.ends_s(free_s) for each in self._contentions.values() if each.queue]
         self.access_s = max(now, min(ends_s)) if ends_s else math.inf
 
     def pause(self, now: float, free_s: float) -> None:
         """The channel is taken from `now` on; `free_s` is from before."""
-        for contention in self._contentions:
+        for contention in self._contentions.values():
             contention.count_until(now, free_s)
 
     @property
     def is_at_rest(self) -> bool:
         """Nothing to send, and no backoff left to count."""
-        return not any(each.slots or each.queue for each in self._contentions)
+        return not any(each.slots or each.queue for each in self._contentions.values())
 
     def give_up(self, now: float) -> list[QueuedFrame]:
         """Drop the frames that have waited for too long; they are returned."""
         given_up: list[QueuedFrame] = []
-        for contention in self._contentions:
+        for contention in self._contentions.values():
             queue = contention.queue
             while queue and queue[0].queued_s < now - LIFETIME_S:
                 given_up.append(queue.popleft())
@@ -167,11 +168,11 @@ class Station:
         """The frame that is transmitted now: others that are due lose, and draw again."""
         due = [
             each
-            for each in self._contentions
+            for each in self._contentions.values()
             if each.queue and each.ends_s(free_s) <= now + _SAME_S
         ]
         winner, *losers = due
-        for contention in self._contentions:
+        for contention in self._contentions.values():
             contention.count_until(now, free_s)
         for loser in losers:
             loser.window = min(2 * loser.window + 1, loser.parameters.most_window)
@@ -181,6 +182,14 @@ class Station:
         winner.window = winner.parameters.least_window
         winner.slots = self._draw(winner)
         return frame
+
+    def _contention(self, category: AccessCategory) -> _Contention:
+        """Made when it is first asked for: most stations never use more than one."""
+        if category not in self._contentions:
+            parameters = _PARAMETERS[category]
+            self._contentions[category] = _Contention(parameters, parameters.least_window)
+            self._contentions = dict(sorted(self._contentions.items()))
+        return self._contentions[category]
 
     def _draw(self, contention: _Contention) -> int:
         return int(self._rng.integers(contention.window + 1))

@@ -57,6 +57,9 @@ def from_db(ratio_db: float) -> float:
     return float(10.0 ** (ratio_db / 10.0))
 
 
+_LEAST_SINR = from_db(_LEAST_DB)
+
+
 class SurvivalInNoise:
     """How likely stretches of a frame survive, by their signal to noise and interference ratio."""
 
@@ -90,11 +93,10 @@ class SurvivalInNoise:
             0 if header else 1 + (size >= _LARGE_BYTES)
             for header, size in zip(of_header, sizes, strict=True)
         ]
-        with np.errstate(divide="ignore"):
-            step = (10.0 / _STEP_DB) * np.log10(sinr) + (0.5 - _LEAST_DB / _STEP_DB)
         # Below the tables nothing survives, above them all does: their ends say so.
+        sinr = np.maximum(sinr, _LEAST_SINR)
+        step = (10.0 / _STEP_DB) * np.log10(sinr) + (0.5 - _LEAST_DB / _STEP_DB)
         np.minimum(step, self._tables.shape[1] - 1, out=step)
-        np.maximum(step, 0.0, out=step)
         found = self._tables[np.array(table)[:, None], step.astype(np.int64)]
         log: Array = np.array(sizes)[:, None] * found
         return log

@@ -19,12 +19,13 @@ from pydantic import AfterValidator, Field
 from onboard.errors import UserError
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
-from sim_rig.radio.channel import Channel
+from sim_rig.radio.channel import Channel, Reception
 from sim_rig.radio.propagation import DualSlope, LogDistance, PathLoss, TwoRay
 from sim_rig.radio.settings import CsmaSettings
 from sim_rig.studies.results import write_results
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 COLUMNS = ("dist_lo_m", "pdr", "pdr_mid", "delay_mean_us", "delay_p95_us")
 BIN_M = 50.0
@@ -146,20 +147,15 @@ def run_one(settings: RadioSettings, number: int) -> Row:
     in_middle = np.zeros(settings.cars, dtype=np.bool_)
     in_middle[settings.cars // 3 : 2 * settings.cars // 3] = True
     sent = np.zeros(settings.cars, dtype=np.int64)
-    nobody = np.zeros(0, dtype=np.int64)
-    heard: list[tuple[int, NDArray[np.int64], Array]] = [(0, nobody, np.zeros(0))]
     for now, car in _moments(settings, rng):
         channel.receive_frame(car, settings.payload_bytes, settings.user_priority, now)
         # What is still waiting at the end has not been delivered.
         sent[car] += now >= settings.warm_s
-        heard += _receptions(settings, channel)
     channel.handle_timer(settings.seconds)
-    heard += _receptions(settings, channel)
+    senders, receivers, delays_us = _heard(settings, channel)
     pairs = np.array([np.bincount(row, minlength=bins) for row in bin_of])
     pairs[:, 0] -= 1  # nobody is a receiver of its own
-    heard_in = np.concatenate([bin_of[sender, receivers] for sender, receivers, _ in heard])
-    mid = np.concatenate([np.full(len(others), in_middle[sender]) for sender, others, _ in heard])
-    delays_us = np.concatenate([delay_us for _, _, delay_us in heard])
+    heard_in, mid = bin_of[senders, receivers], in_middle[senders]
     by_bin = [delays_us[heard_in == each] for each in range(bins)]
     return {
         "expected": (sent @ pairs).tolist(),
@@ -224,14 +220,18 @@ def _moments(settings: RadioSettings, rng: np.random.Generator) -> Iterator[tupl
         heapq.heapreplace(queue, (next_s, car))
 
 
-def _receptions(
-    settings: RadioSettings, channel: Channel
-) -> Iterator[tuple[int, NDArray[np.int64], Array]]:
-    """Sender, receivers and delays of the frames queued after the warm-up that have ended."""
-    while (reception := channel.next_event()) is not None:
-        if reception.queued_s >= settings.warm_s:
-            delay_us = 1e6 * (reception.at_s - reception.queued_s)
-            yield reception.sender, reception.receivers, delay_us
+def _heard(settings: RadioSettings, channel: Channel) -> tuple[Indices, Indices, Array]:
+    """Sender, receiver and delay in us of each copy of what was queued after the warm-up."""
+    nothing = Reception(0, 0, 0.0, 0.0, np.zeros(0, dtype=np.int64), np.zeros(0))
+    heard = [
+        nothing,
+        *(each for each in iter(channel.next_event, None) if each.queued_s >= settings.warm_s),
+    ]
+    copies = [len(each.receivers) for each in heard]
+    senders = np.repeat([each.sender for each in heard], copies)
+    receivers = np.concatenate([each.receivers for each in heard])
+    queued_s = np.repeat([each.queued_s for each in heard], copies)
+    return senders, receivers, 1e6 * (np.concatenate([each.at_s for each in heard]) - queued_s)
 
 
 def _figure(settings: RadioSettings, lines: list[tuple[float | str, ...]]) -> Figure:
