@@ -116,7 +116,10 @@ Shown = tuple[str, Warned, bool]
 """Who has been warned, of whom, and whether rightly."""
 
 Watch = Callable[[MvsWorld, DisturbedTraffic, list[Shown]], None]
-"""Called after each tick."""
+"""Called after each tick with radios."""
+
+Played = Callable[[DisturbedTraffic, float], None]
+"""Called after each tick without radios, with the time."""
 
 
 class Encounters:
@@ -139,19 +142,17 @@ class Encounters:
         case: Case,
         seed: int,
         watch: Watch | None = None,
-        opened: Callable[[DisturbedTraffic], None] | None = None,
+        played: Played | None = None,
     ) -> Outcome:
         """Run one case; the seed alone decides on event, drivers, and the order of radios.
 
-        `watch` is shown every tick with radios, `opened` the traffic before it drives.
+        `watch` is shown every tick with radios, `played` those without, which come after.
         """
         event = self._event(case.kind, seed)
         traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
-        if opened is not None:
-            opened(traffic)
         outcome = Outcome(event)
         if case.method is Method.NONE:
-            outcome.crash = self._play_on(traffic, event, self._begin_s(event))
+            outcome.crash = self._play_on(traffic, event, self._begin_s(event), played)
             self._without_radios[case.kind, seed] = outcome.crash
             return outcome
         before = self._crash_without_radios(case.kind, seed)
@@ -163,7 +164,7 @@ class Encounters:
             shown = drivers.tick()
             if watch is not None:
                 watch(world, traffic, shown)
-        outcome.crash = self._play_on(traffic, event, world.now)
+        outcome.crash = self._play_on(traffic, event, world.now, played)
         if before is not None and concerned is not None:
             outcome.fate = concerned.fate(outcome.crash, equipped)
             outcome.known_before_s, outcome.warned_before_s = concerned.before_s()
@@ -192,7 +193,7 @@ class Encounters:
         event = self._event(case.kind, seed)
         traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
 
-        def warn(now: float) -> None:
+        def warn(traffic: DisturbedTraffic, now: float) -> None:
             for name, from_s in concerned.straight_on_at.items():
                 if from_s <= now <= before.at_s:
                     traffic.warn(name, now)
@@ -236,15 +237,15 @@ class Encounters:
         traffic: DisturbedTraffic,
         event: Event,
         now: float,
-        warn: Callable[[float], None] | None = None,
+        played: Played | None = None,
     ) -> Crash | None:
         """Let the cars drive on without radios. A crash after `after_s` is not counted."""
         end_s = event.at_s + self._settings.after_s
         while now < end_s and traffic.crash is None:
             now = round(now + TICK_S, 3)
             traffic.cars_at(now)
-            if warn is not None:
-                warn(now)
+            if played is not None:
+                played(traffic, now)
         return traffic.crash if traffic.crash and traffic.crash.at_s <= end_s else None
 
     def _equipped(self, case: Case, seed: int, cars: Cars, event: Event) -> set[str]:

@@ -1,77 +1,120 @@
 """One run of a collision study from above, as a page that needs no other file."""
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from onboard.errors import UserError
 from onboard.settings import parse_settings, parse_yaml
-from sim_rig.campaign import kept_runs
+from sim_rig.campaign import Row, kept_runs
+from sim_rig.roads.cars import Array, Cars
+from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
+from sim_rig.roads.events import Event, Kind
+from sim_rig.roads.paths import DrivePath
+from sim_rig.roads.recording import Drive
 from sim_rig.studies.mvs_collisions import CollisionSettings, case_of, encounters
-from sim_rig.studies.mvs_encounter import Outcome
-from sim_rig.studies.mvs_warner import Warned
+from sim_rig.studies.mvs_encounter import Case, Encounters, Method, Outcome, Shown
+from sim_rig.studies.mvs_fates import SAME_PLACE_M, Fate
 from sim_rig.studies.mvs_world import MvsWorld
 
 _PAGE = Path(__file__).with_name("show.html")
-_NEAREST_M = 4.0
 _RUN = "sim_rig.studies.mvs_collisions.run_one"
+_WAY_EVERY_M = 10.0
+
+_METHODS = {
+    Method.DSRC: "plain DSRC",
+    Method.OWN: "own sensing",
+    Method.MEASUREMENTS_ONLY: "MO",
+    Method.RANDOM: "RS",
+    Method.MVS: "MVS",
+}
+_FATES = {
+    Fate.NO_RADIO: "it happens again: nobody who could act has a radio",
+    Fate.UNKNOWN: "it happens again: nobody who could act and has a radio knew of the other car",
+    Fate.UNWARNED: "it happens again: the other car was known, but nobody was warned of it",
+    Fate.TOO_LATE: "it happens again in spite of a warning",
+    Fate.ANOTHER: "these two do not crash, but others do",
+    Fate.AVOIDED: "it is avoided",
+}
+"""Of the crash without radios."""
+
+
+@dataclass(slots=True)
+class _Frame:
+    """All cars at one moment."""
+
+    at: float
+    cars: dict[str, list[float]]
+    """Middle, heading, and speed."""
+    off: list[str]
+    """Who no longer keeps to the recording."""
+    radio: list[str] | None = None
+    """Who has one; none once nobody is warned any more."""
+    sent: list[tuple[str, int]] = field(default_factory=list)
+    """Senders, and how many entries their messages have."""
+    warned: list[tuple[str, str, bool, str | None, list[float]]] = field(default_factory=list)
+    """Who, why, whether rightly when it began, of whom, and where that one is believed."""
+    known: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
+    """Whom each car with a radio knows, and how."""
 
 
 @dataclass(slots=True)
 class _Film:
-    """What the page is given: a frame for each tenth of a second."""
+    """What the page is given: a frame for each tenth of a second, the last at a crash if any."""
 
-    title: str
+    title: str = ""
     event_s: float = 0.0
     event_car: str = ""
-    crash: dict[str, object] | None = None
+    story: str = ""
+    """What happens, and how that comes out with radios and without."""
+    crash: Crash | None = None
+    crash_without_radios: Crash | None = None
+    ghosts: list[_Frame] = field(default_factory=list)
+    """The cars of that crash, as they drive without radios."""
     sizes: dict[str, tuple[float, float]] = field(default_factory=dict)
-    frames: list[dict[str, object]] = field(default_factory=list)
+    ways: list[list[list[float]]] = field(default_factory=list)
+    """Where the cars of the film drive, from the beginning of each drive to its end."""
+    frames: list[_Frame] = field(default_factory=list)
 
-    def watch(
-        self, world: MvsWorld, traffic: DisturbedTraffic, warned: list[tuple[str, Warned, bool]]
-    ) -> None:
-        """Take one picture."""
-        cars = traffic.cars_at(world.now)
-        self._picture(traffic, world.now)
-        frame = self.frames[-1]
-        frame["radio"] = sorted(world.cores)
-        frame["sent"] = [[sent.sender, len(sent.told)] for sent in world.sent]
-        frame["warned"] = [[name, told.cause.value, right] for name, told, right in warned]
-        known: dict[str, list[tuple[str, str]]] = {}
+    def watch(self, world: MvsWorld, traffic: DisturbedTraffic, warned: list[Shown]) -> None:
+        """Take one picture of cars with radios."""
+        rightly = {each[0]: each[2] for each in self.frames[-1].warned} if self.frames else {}
+        self.play(traffic, world.now)
+        cars, frame = traffic.cars_at(world.now), self.frames[-1]
+        frame.radio = sorted(world.cores)
+        frame.sent = [(sent.sender, len(sent.told)) for sent in world.sent]
+        believed_m: dict[tuple[str, str], Array] = {}
         for name, core in world.cores.items():
             for car in core.kinematic_info(world.now):
-                away = np.hypot(*(cars.middle_m - world.place_of(name, car.state)).T)
-                nearest = int(away.argmin())
-                if away[nearest] < _NEAREST_M:
-                    pair = (cars.names[nearest], car.known_by.value)
-                    known.setdefault(name, []).append(pair)
-        frame["known"] = known
+                place_m = believed_m[name, car.name] = world.place_of(name, car.state)
+                if (other := _who_is_at(cars, place_m)) is not None:
+                    frame.known.setdefault(name, []).append((other, car.known_by.value))
+        for name, told, right in warned:
+            # A warning that is on holds its car as it was when the warning began.
+            place_m = believed_m.get((name, told.of.name), world.place_of(name, told.of.state))
+            of, why = _who_is_at(cars, place_m), told.cause.value
+            frame.warned.append(
+                (name, why, rightly.get(name, right), of, place_m.round(1).tolist())
+            )
 
-    def play_on(self, traffic: DisturbedTraffic, outcome: Outcome, seconds: float) -> None:
-        """Let the cars drive on for a while without radios, to see how it ends."""
-        began = float(str(self.frames[-1]["at"])) if self.frames else outcome.event.at_s - 1.0
-        end_s = outcome.crash.at_s + 1.0 if outcome.crash else outcome.event.at_s + seconds
-        radios = self.frames[-1]["radio"] if self.frames else []
-        for step in range(1, round((end_s - began) * 10) + 1):
-            self._picture(traffic, round(began + step / 10, 3))
-            self.frames[-1]["radio"] = radios
-
-    def _picture(self, traffic: DisturbedTraffic, at_s: float) -> None:
+    def play(self, traffic: DisturbedTraffic, at_s: float) -> None:
+        """Take one picture of cars as they drive."""
         cars = traffic.cars_at(at_s)
         places = np.column_stack([cars.middle_m, cars.heading_rad, cars.speed_m_s]).round(3)
         for i, name in enumerate(cars.names):
             self.sizes[name] = float(cars.length_m[i]), float(cars.width_m[i])
-        self.frames.append(
-            {
-                "at": round(at_s, 3),
-                "cars": dict(zip(cars.names, places.tolist(), strict=True)),
-                "off": [name for name in cars.names if traffic.is_disturbed(name)],
-            }
-        )
+        off = [name for name in cars.names if traffic.is_disturbed(name)]
+        driving = dict(zip(cars.names, places.tolist(), strict=True))
+        self.frames.append(_Frame(round(at_s, 3), driving, off))
+
+
+def _who_is_at(cars: Cars, place_m: Array) -> str | None:
+    away_m = np.hypot(*(cars.middle_m - place_m).T)
+    nearest = int(away_m.argmin())
+    return cars.names[nearest] if away_m[nearest] < SAME_PLACE_M else None
 
 
 def _settings_of(path: Path) -> CollisionSettings:
@@ -93,6 +136,19 @@ def _settings_of(path: Path) -> CollisionSettings:
     return parse_settings(claim.get("settings"), CollisionSettings, str(path))
 
 
+def _row_of(folder: Path, number: int) -> Row:
+    """What the study has kept of a run."""
+    try:
+        done = kept_runs(folder / "runs")
+    except OSError as error:
+        path = folder / "runs" / "runs.jsonl"
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    if number not in done:
+        most = f", the last is {max(done)}" if done else ""
+        raise UserError(f"{folder}: no run {number} was done: it holds {len(done)}{most}")
+    return done[number]
+
+
 def show_run(folder: Path, number: int, page: Path) -> str:
     """Run one run of a study again and write its page; returns what happened in it.
 
@@ -102,25 +158,91 @@ def show_run(folder: Path, number: int, page: Path) -> str:
         page: where to write to.
 
     Raises:
-        UserError: the folder holds no such study, or the study has no such run.
+        UserError: the folder holds no such study, the study has no such run, or the page would
+            take the place of a folder.
     """
     settings = _settings_of(folder / "runs" / "campaign.yaml")
-    if number not in (done := kept_runs(folder / "runs")):
-        most = f", the last is {max(done)}" if done else ""
-        raise UserError(f"{folder}: no run {number} was done: it holds {len(done)}{most}")
+    row = _row_of(folder, number)
+    if page.is_dir():
+        raise UserError(f"{page}: is a folder; name the file to write")
     case, seed = case_of(settings, number)
-    film = _Film(f"run {number}: {case.kind.value}, {case.method.value}, {case.share:.0%} radios")
-    scene = encounters(settings.encounter)
-    traffic: list[DisturbedTraffic] = []
-    outcome = scene.run(case, seed, film.watch, traffic.append)
-    film.event_s = outcome.event.at_s
-    film.event_car = scene.recording.drives[outcome.event.car].name
-    film.play_on(traffic[0], outcome, settings.encounter.after_s)
-    if outcome.crash is not None:
-        film.crash = asdict(outcome.crash)
+    film = _filmed(encounters(settings.encounter), case, seed)
+    film.title = _title(number, case)
+    # A calm run that the study left out is driven here, and may end otherwise.
+    if row["weight"] and row["crash"] != (film.crash is not None):
+        film.story += " THE STUDY HAS KEPT IT OTHERWISE: its settings or the program have changed."
     data = json.dumps(asdict(film), separators=(",", ":")).replace("<", "\\u003c")
     page.write_text(_PAGE.read_text("utf-8").replace("/*FILM*/null", data), "utf-8")
-    if outcome.crash is None:
-        return f"{film.title}: no crash"
-    one, other = outcome.crash.names
-    return f"{film.title}: {one} and {other} crash at {outcome.crash.at_s:.2f} s"
+    return f"{film.title}\n{film.story}"
+
+
+def _filmed(scene: Encounters, case: Case, seed: int) -> _Film:
+    film, without = _Film(), _Film()
+    before = scene.run(replace(case, method=Method.NONE), seed, played=without.play).crash
+    outcome = scene.run(case, seed, film.watch, film.play)
+    drives = {drive.name: drive for drive in scene.recording.drives}
+    film.event_s = outcome.event.at_s
+    film.event_car = scene.recording.drives[outcome.event.car].name
+    film.crash = outcome.crash
+    film.story = f"{film.event_car} {_doing(outcome.event)}. {_came_out(case, outcome, before)}"
+    film.ways = [_way(drives[name]) for name in film.sizes]
+    if before is not None and case.method is not Method.NONE:
+        film.crash_without_radios = before
+        film.ghosts = [
+            replace(frame, cars={name: frame.cars[name] for name in before.names}, off=[])
+            for frame in without.frames
+            if all(name in frame.cars for name in before.names)
+        ]
+    return film
+
+
+def _way(drive: Drive) -> list[list[float]]:
+    path = DrivePath(drive)
+    places, _ = path.places(np.append(np.arange(0.0, path.length_m, _WAY_EVERY_M), path.length_m))
+    way: list[list[float]] = places.round(1).tolist()
+    return way
+
+
+def _title(number: int, case: Case) -> str:
+    kind = "red-light runner" if case.kind is Kind.RED_LIGHT else "sudden braking"
+    if case.method is Method.NONE:
+        return f"Run {number}: {kind}, no radios"
+    told = f"{100.0 * case.share:g} % radios, {_METHODS[case.method]}"
+    if case.method not in {Method.DSRC, Method.OWN}:
+        told += f", M = {case.entries}"
+    if case.loss:
+        told += f", {100.0 * case.loss:g} % of all messages lost"
+    return f"Run {number}: {kind}, {told}"
+
+
+def _doing(event: Event) -> str:
+    if event.kind is Kind.SUDDEN_BRAKE:
+        return f"brakes with {event.deceleration_m_s2:.1f} m/s²"
+    if event.sooner_s:
+        return "crosses out of turn"
+    return "sets off at a red light" if event.sets_off else "does not stop at a red light"
+
+
+def _came_out(case: Case, outcome: Outcome, before: Crash | None) -> str:
+    """How it ended, and what the radios had to do with it."""
+
+    def told(crash: Crash) -> str:
+        later_s = crash.at_s - outcome.event.at_s
+        one, other = crash.names
+        return f"{one} and {other} crash {later_s:.1f} s later at {crash.speed_m_s:.1f} m/s"
+
+    now = "nobody crashes" if outcome.crash is None else told(outcome.crash)
+    if case.method is Method.NONE:
+        return f"Without radios {now}."
+    if before is None or outcome.fate is None:
+        with_them = ", nor with them" if outcome.crash is None else f"; with them {now}"
+        return f"Without radios nobody crashes{with_them}."
+    story = f"Without radios {told(before)}. With them {_FATES[outcome.fate]}"
+    if outcome.fate is Fate.ANOTHER:
+        story += f": {now}"
+    if outcome.known_before_s is not None:
+        story += f". Who could act knew of the other {outcome.known_before_s:.1f} s before that"
+        story += " crash, and was "
+        warned_s = outcome.warned_before_s
+        story += "not warned" if warned_s is None else f"warned {warned_s:.1f} s before it"
+    return f"{story}."
