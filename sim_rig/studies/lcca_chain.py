@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -240,10 +240,19 @@ def _id(car: int) -> bytes:
     return f"chain{car:03d}".encode()
 
 
-_COLUMNS = (
-    "reaction_median_s", "cars", "share_with_radio", "platoons", "crashes_per_platoon", "half_95",
-    "reduction", "warn_messages_per_event", "flooding_messages_per_event",
-)  # fmt: skip
+class _Line(NamedTuple):
+    """One line of the table."""
+
+    reaction_median_s: float
+    cars: int
+    share_with_radio: float
+    platoons: int
+    crashes_per_platoon: float
+    half_95: float
+    """Of the 95 % interval of the crashes."""
+    reduction: float
+    warn_messages_per_event: float
+    flooding_messages_per_event: float
 
 
 def chain(
@@ -254,16 +263,14 @@ def chain(
     numbers = range(len(cases(settings)) * settings.runs)
     rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
     table = [_line(case, rows) for case in cases(settings)]
-    write_results(out_dir, _COLUMNS, table, settings, _draw(settings, table))
+    write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
     first, last = table[-len(settings.shares)], table[-1]
     return (
-        f"{last[1]} cars: {first[4]:.1f} crashes a platoon at a share of {first[2]:g},"
-        f" {last[4]:.1f} at {last[2]:g}; {last[7]:.1f} messages a warning,"
-        f" {last[8]:.1f} by flooding"
+        f"{last.cars} cars: {first.crashes_per_platoon:.1f} crashes a platoon at a share of"
+        f" {first.share_with_radio:g}, {last.crashes_per_platoon:.1f} at"
+        f" {last.share_with_radio:g}; {last.warn_messages_per_event:.1f} messages a warning,"
+        f" {last.flooding_messages_per_event:.1f} by flooding"
     )
-
-
-_Line = tuple[float, int, float, int, float, float, float, float, float]
 
 
 def _line(case: Case, rows: Sequence[Row]) -> _Line:
@@ -280,16 +287,20 @@ def _line(case: Case, rows: Sequence[Row]) -> _Line:
     crashes, none = [row["crashes"] for row in mine], [row["crashes"] for row in at(0.0)]
     events = sum(row["events"] for row in mine)
     error = 1.96 * np.std(crashes, ddof=1) / math.sqrt(len(crashes)) if len(crashes) > 1 else 0.0
-    return (
-        median_s,
-        cars,
-        share,
-        len(mine),
-        float(np.mean(crashes)),
-        float(error),
-        1.0 - sum(crashes) / sum(none) if sum(none) else math.nan,
-        sum(row["warn_messages"] for row in mine) / events if events else 0.0,
-        sum(row["flooding_messages"] for row in mine) / events if events else 0.0,
+
+    def per_event(column: str) -> float:
+        return sum(row[column] for row in mine) / events if events else 0.0
+
+    return _Line(
+        reaction_median_s=median_s,
+        cars=cars,
+        share_with_radio=share,
+        platoons=len(mine),
+        crashes_per_platoon=float(np.mean(crashes)),
+        half_95=float(error),
+        reduction=1.0 - sum(crashes) / sum(none) if sum(none) else math.nan,
+        warn_messages_per_event=per_event("warn_messages"),
+        flooding_messages_per_event=per_event("flooding_messages"),
     )
 
 
@@ -299,16 +310,24 @@ def _draw(settings: ChainSettings, table: Sequence[_Line]) -> Figure:
     for median_s in settings.reaction_medians_s:
         for cars in settings.cars:
             mine = [line for line in table if line[:2] == (median_s, cars)]
-            shares = [line[2] for line in mine]
+            shares = [line.share_with_radio for line in mine]
             label = f"{cars} cars, {median_s:g} s"
             left.errorbar(
-                shares, [line[4] for line in mine], [line[5] for line in mine],
-                marker="o", capsize=3, label=label,
-            )  # fmt: skip
-            right.plot(shares, [line[7] for line in mine], marker="o", label=f"{label}: LCCA")
+                shares,
+                [line.crashes_per_platoon for line in mine],
+                [line.half_95 for line in mine],
+                marker="o",
+                capsize=3,
+                label=label,
+            )
+            messages = [line.warn_messages_per_event for line in mine]
+            right.plot(shares, messages, marker="o", label=f"{label}: LCCA")
     last = [line for line in table if line[:2] == table[-1][:2]]
     right.plot(
-        [line[2] for line in last], [line[8] for line in last], "k--", label="flooding, last"
+        [line.share_with_radio for line in last],
+        [line.flooding_messages_per_event for line in last],
+        "k--",
+        label="flooding, last",
     )
     left.set_ylabel("crashes a platoon")
     right.set_ylabel("messages a warning")

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -130,7 +131,7 @@ def figure9(
     settings = settings or CollisionSettings()
     rows = _all_runs(out_dir, settings, workers)
     table = _table(settings, rows)
-    write_results(out_dir, _COLUMNS, table, settings, _draw(settings, table))
+    write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
     return _told(settings, rows, _MOST_COMPARED)
 
 
@@ -141,9 +142,12 @@ def figure3(
     settings = settings or Figure3Settings()
     rows = _all_runs(out_dir, settings, workers)
     table = _table(settings, rows)
-    write_results(out_dir, _COLUMNS, table, settings, _draw(settings, table))
+    write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
     first, last = table[0], table[-1]
-    return f"P(collision) {first[6]:.2f} without radios, {last[6]:.2f} at a share of {last[2]:g}"
+    return (
+        f"P(collision) {first.p_collision:.2f} without radios,"
+        f" {last.p_collision:.2f} at a share of {last.share_with_radio:g}"
+    )
 
 
 def _all_runs(out_dir: Path, settings: CollisionSettings, workers: Workers | None) -> list[Row]:
@@ -151,13 +155,40 @@ def _all_runs(out_dir: Path, settings: CollisionSettings, workers: Workers | Non
     return run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
 
 
-_COLUMNS = (
-    "kind", "method", "share_with_radio", "M", "loss", "runs", "p_collision", "low_95", "high_95",
-    "reduction", "avoided", "caused", "warning_after_s", "false_warnings_per_h",
-    "known_before_s", "warned_before_s", "straight_on_p_collision", "straight_on_avoided",
-    "straight_on_before_s", "straight_on_false_per_h", *(f"fate_{fate.value}" for fate in Fate),
-    "two_cars_p_collision", "two_cars_reduction", "straight_on_two_cars_reduction",
-)  # fmt: skip
+class _Line(NamedTuple):
+    """One line of the table: a case, and what came of it."""
+
+    kind: str
+    method: str
+    share_with_radio: float
+    M: int
+    loss: float
+    runs: int
+    p_collision: float
+    low_95: float
+    high_95: float
+    reduction: float
+    avoided: int
+    caused: int
+    warning_after_s: float
+    false_warnings_per_h: float
+    known_before_s: float
+    warned_before_s: float
+    straight_on_p_collision: float
+    straight_on_avoided: int
+    straight_on_before_s: float
+    straight_on_false_per_h: float
+    fate_no_radio: int
+    fate_unknown: int
+    fate_unwarned: int
+    fate_too_late: int
+    fate_another: int
+    fate_avoided: int
+    two_cars_p_collision: float
+    two_cars_reduction: float
+    straight_on_two_cars_reduction: float
+
+
 _Key = tuple[str, str, float, int, float]
 
 
@@ -165,7 +196,7 @@ def _key(row: Row) -> _Key:
     return row["kind"], row["method"], row["share"], row["entries"], row["loss"]
 
 
-def _table(settings: CollisionSettings, rows: Sequence[Row]) -> list[tuple[object, ...]]:
+def _table(settings: CollisionSettings, rows: Sequence[Row]) -> list[_Line]:
     """A line for each case, for each kind and for both kinds together."""
     both = (
         [row | {"kind": "both", "event": row["kind"]} for row in rows]
@@ -178,7 +209,7 @@ def _table(settings: CollisionSettings, rows: Sequence[Row]) -> list[tuple[objec
     return [_line(key, mine, by_case) for key, mine in by_case.items()]
 
 
-def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[object, ...]:
+def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
     kind, method, share, entries, loss = key
     none = by_case[kind, Method.NONE.value, 0.0, 10, 0.0]
     p_none = float(np.mean([row["crash"] for row in none]))
@@ -194,21 +225,32 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> tuple[o
     apart = _kept_apart(mine)
     straight_on_apart = sum(bool(row["fate"]) and not row["straight_on_these_two"] for row in run)
     crashes = p_none * len(mine)
-    return (
-        kind, method, share, entries, loss, len(mine), p, low, high,
-        1.0 - p / p_none if p_none else math.nan,
-        avoided, caused,
-        _median(run, "first_warning_s"),
-        false_warnings / hours if hours else math.nan,
-        _median(run, "known_before_s"), _median(run, "warned_before_s"),
-        p_none - len(straight_on) / len(mine), len(straight_on),
-        _median(run, "straight_on_before_s"),
-        straight_on_false / hours if hours else math.nan,
-        *(sum(row["fate"] == fate for row in mine) for fate in Fate),
-        p_none - apart / len(mine),
-        apart / crashes if crashes else math.nan,
-        straight_on_apart / crashes if crashes else math.nan,
-    )  # fmt: skip
+    return _Line(
+        kind=kind,
+        method=method,
+        share_with_radio=share,
+        M=entries,
+        loss=loss,
+        runs=len(mine),
+        p_collision=p,
+        low_95=low,
+        high_95=high,
+        reduction=1.0 - p / p_none if p_none else math.nan,
+        avoided=avoided,
+        caused=caused,
+        warning_after_s=_median(run, "first_warning_s"),
+        false_warnings_per_h=false_warnings / hours if hours else math.nan,
+        known_before_s=_median(run, "known_before_s"),
+        warned_before_s=_median(run, "warned_before_s"),
+        straight_on_p_collision=p_none - len(straight_on) / len(mine),
+        straight_on_avoided=len(straight_on),
+        straight_on_before_s=_median(run, "straight_on_before_s"),
+        straight_on_false_per_h=straight_on_false / hours if hours else math.nan,
+        **{f"fate_{fate.value}": sum(row["fate"] == fate for row in mine) for fate in Fate},
+        two_cars_p_collision=p_none - apart / len(mine),
+        two_cars_reduction=apart / crashes if crashes else math.nan,
+        straight_on_two_cars_reduction=straight_on_apart / crashes if crashes else math.nan,
+    )
 
 
 def _kept_apart(rows: Iterable[Row]) -> int:
@@ -270,29 +312,27 @@ def _told(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str
     return text
 
 
-def _draw(settings: CollisionSettings, table: Sequence[tuple[object, ...]]) -> Figure:
+def _draw(settings: CollisionSettings, table: Sequence[_Line]) -> Figure:
     shown = "both" if len(settings.kinds) > 1 else settings.kinds[0].value
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
-    lines = [line for line in table if line[0] == shown and line[3] == 10 and line[4] == 0.0]
-    none = next(line for line in lines if line[1] == Method.NONE.value)
+    lines = [line for line in table if (line.kind, line.M, line.loss) == (shown, 10, 0.0)]
+    none = next(line for line in lines if line.method == Method.NONE.value)
     for method in settings.methods:
-        mine = [none, *(line for line in lines if line[1] == method.value)]
-        shares, p, low, high = np.array([[line[2], *line[6:9]] for line in mine], dtype=float).T
-        axes.errorbar(
-            shares, p, [p - low, high - p], marker="o", capsize=3, label=method.value.upper()
-        )
+        mine = [none, *(line for line in lines if line.method == method.value)]
+        shares = np.array([line.share_with_radio for line in mine])
+        p, low, high = np.array([(line.p_collision, line.low_95, line.high_95) for line in mine]).T
+        label = method.value.upper()
+        axes.errorbar(shares, p, [p - low, high - p], marker="o", capsize=3, label=label)
         if method is settings.methods[-1]:
-            alarm, no_radio, runs = (
-                np.array([line[_COLUMNS.index(column)] for line in mine], dtype=float)
-                for column in ("straight_on_p_collision", "fate_no_radio", "runs")
-            )
-            axes.plot(shares, alarm, "k--", label=f"{method.value.upper()}, the paper's alarm")
-            bound = np.where(shares > 0.0, no_radio / runs, p)
+            alarm = [line.straight_on_p_collision for line in mine]
+            axes.plot(shares, alarm, "k--", label=f"{label}, the paper's alarm")
+            no_radio = np.array([line.fate_no_radio / line.runs for line in mine])
+            bound = np.where(shares > 0.0, no_radio, p)
             axes.plot(shares, bound, "k:", label="nobody to be warned")
     paper = PAPER_REDUCTION.get(settings.encounter.scene)
     if paper is not None and Method.MVS in settings.methods:
-        at = float(none[6]) * (1.0 - paper)  # type: ignore[arg-type]
+        at = none.p_collision * (1.0 - paper)
         axes.plot([_MOST_COMPARED], [at], "k*", markersize=12, label=f"paper: -{paper:.1%}")
     axes.set_xlabel("share of cars with a radio")
     axes.set_ylabel("probability of a collision")

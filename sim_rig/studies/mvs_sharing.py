@@ -8,6 +8,7 @@ thereby used again. Both count what was sensed or received in one window of 0.1 
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -201,6 +202,17 @@ def _told(footer: Told, cars: Cars, world: MvsWorld) -> set[tuple[str, Provenanc
     return told
 
 
+class _Line(NamedTuple):
+    """One line of the table of Fig. 8."""
+
+    share_with_radio: float
+    M: int
+    method: str
+    different_mes: float
+    half_95: float
+    """Of the 95 % interval of the mean."""
+
+
 def figure8(
     out_dir: Path, settings: SharingSettings | None = None, workers: Workers | None = None
 ) -> str:
@@ -208,16 +220,20 @@ def figure8(
     settings = settings or SharingSettings()
     rows = _all_runs(out_dir, settings, workers)
     table = [
-        (share, entries, method.value, *_mean_and_error(rows, "different", method, entries, share))
+        _Line(
+            share,
+            entries,
+            method.value,
+            *_mean_and_error(rows, "different", method, entries, share),
+        )
         for share in settings.shares
         for entries in settings.entries
         for method in settings.methods
     ]
-    columns = ("share_with_radio", "M", "method", "different_mes", "half_95")
-    write_results(out_dir, columns, table, settings, _draw(settings, table))
+    write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
     cells: dict[tuple[float, int], dict[str, float]] = {}
-    for share, size, method_name, different, _ in table:
-        cells.setdefault((share, size), {})[method_name] = different
+    for line in table:
+        cells.setdefault((line.share_with_radio, line.M), {})[line.method] = line.different_mes
     wins = sum(_tells_most(cell) for cell in cells.values())
     return f"MVS tells most in {wins} of {len(cells)} cells (paper: in all)"
 
@@ -269,16 +285,24 @@ def _mean_and_error(
     return float(np.mean(values)), float(error)
 
 
-def _draw(settings: SharingSettings, table: list[tuple[float, int, str, float, float]]) -> Figure:
+def _draw(settings: SharingSettings, table: Sequence[_Line]) -> Figure:
     figure = Figure(figsize=(3.0 * len(settings.shares), 3.2), layout="constrained")
     panels = figure.subplots(1, len(settings.shares), sharey=True, squeeze=False)[0]
     for axes, share in zip(panels, settings.shares, strict=True):
         for method in settings.methods:
-            mine = [row for row in table if row[0] == share and row[2] == method.value]
+            mine = [
+                line
+                for line in table
+                if (line.share_with_radio, line.method) == (share, method.value)
+            ]
             axes.errorbar(
-                [row[1] for row in mine], [row[3] for row in mine], [row[4] for row in mine],
-                marker="o", capsize=3, label=method.value.upper(),
-            )  # fmt: skip
+                [line.M for line in mine],
+                [line.different_mes for line in mine],
+                [line.half_95 for line in mine],
+                marker="o",
+                capsize=3,
+                label=method.value.upper(),
+            )
         axes.set_title(f"{share:.0%} with a radio")
         axes.set_xlabel("M, entries in a footer")
     panels[0].set_ylabel("different MEs received in 0.1 s")
