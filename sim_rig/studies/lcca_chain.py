@@ -6,7 +6,6 @@ car ahead is the same closed form as for channel access (`onboard/access/rear_en
 come from the real cores; a car without a radio is seen, but neither warns nor is warned.
 """
 
-import heapq
 import math
 from collections.abc import Sequence
 from itertools import count
@@ -21,18 +20,18 @@ from onboard.access.rear_end import tolerable_lag_s
 from onboard.lcca.events import Neighbour, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.settings import LccaSettings
-from onboard.messages.lcca import LccaMessage, Warn
+from onboard.messages.lcca import Warn
 from onboard.observations import HardBrake
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.radio.settings import CsmaSettings
 from sim_rig.setting_types import Positive, Several, Share, Span
-from sim_rig.studies.lcca_channel import STEP_S, PlatoonChannel
+from sim_rig.studies.lcca_channel import CHANNEL_STEP_S, LossyAir, PlatoonChannel
 from sim_rig.studies.results import write_results
 
 _STEP_S = 0.01
 _FRAME_S = 0.1
-_AIR_S = 0.002
+_LENGTH_M = 4.5
 
 
 class ChainSettings(Settings):
@@ -108,55 +107,55 @@ class _Platoon:
     ) -> None:
         self._settings = settings
         rng = np.random.default_rng([seed, cars])
-        self._speed = rng.uniform(*settings.speed_m_s)
-        self._gaps = self._speed * rng.uniform(*settings.headway_s, cars)
-        self._decelerations = rng.uniform(*settings.deceleration_m_s2, cars)
+        self._speed_m_s = rng.uniform(*settings.speed_m_s)
+        self._gaps_m = self._speed_m_s * rng.uniform(*settings.headway_s, cars)
+        self._decelerations_m_s2 = rng.uniform(*settings.deceleration_m_s2, cars)
         noise = rng.normal(size=(2, cars))
         self._unwarned_s = median_s * np.exp(settings.reaction_sigma * noise[0])
         self._warned_reaction_s = settings.warned_median_s * np.exp(
             settings.warned_sigma * noise[1]
         )
-        self._places = -np.cumsum(self._gaps + 4.5)
+        places_m = -np.cumsum(self._gaps_m + _LENGTH_M)
         self._radios = np.flatnonzero(rng.random(cars) < share).tolist()
-        self._rng = np.random.default_rng([seed, cars, 1])
         self._groups = {
             car: WarningGroup(settings.lcca, _id(car), np.random.default_rng([seed, car]))
             for car in self._radios
         }
-        self._air: list[tuple[float, int, int, LccaMessage]] = []
-        self._order = count()
-        self._channel: PlatoonChannel | None = None
+        self._lossy = LossyAir(
+            places_m,
+            self._radios,
+            reach_m=settings.reach_m,
+            loss=settings.loss,
+            rng=np.random.default_rng([seed, cars, 1]),
+        )
+        self._air: LossyAir | PlatoonChannel = self._lossy
+        self._step_s = _STEP_S
         if settings.csma is not None:
-            channel_rng = np.random.default_rng([seed, cars, 2])
-            self._channel = PlatoonChannel(
+            self._air = PlatoonChannel(
                 settings.csma,
-                self._places,
+                places_m,
                 self._radios,
                 settings.cars_around,
-                channel_rng,
+                np.random.default_rng([seed, cars, 2]),
                 begin_s=-settings.forming_s,
             )
+            self._step_s = CHANNEL_STEP_S
         self.brakes_s = [0.0] + [math.inf] * (cars - 1)
         self.warned_s = [math.inf] * cars
+        self._certain: set[int] = set()
         self.warn_messages = 0
         self.events = 0
         self.flooding_messages = 0
 
     def drive(self) -> None:
         """Let the groups form, the first car brake, and everybody react."""
-        certain: set[int] = set()
-        step, step_s = 0, _STEP_S if self._channel is None else STEP_S
-        while not all(map(math.isfinite, self.brakes_s)):
-            now = step * step_s - self._settings.forming_s
+        for step in count():
+            if all(map(math.isfinite, self.brakes_s)):
+                return
+            now = step * self._step_s - self._settings.forming_s
             self._react(now)
-            for car in self._radios:
-                if car not in certain and self.brakes_s[car] + self._settings.detection_s <= now:
-                    certain.add(car)
-                    self.events += 1
-                    self.flooding_messages += self._reached_by_flooding(car)
-                    brake = HardBrake(now, float(self._decelerations[car]), "study")
-                    self._groups[car].receive_hard_brake(brake, now)
-            if step % round(_FRAME_S / step_s) == 0:
+            self._detect(now)
+            if step % round(_FRAME_S / self._step_s) == 0:
                 self._look(now)
             self._deliver(now)
             for car, group in self._groups.items():
@@ -164,16 +163,15 @@ class _Platoon:
                 if at is not None and at <= now:
                     group.handle_timer(now)
                 self._send(car, group, now)
-            step += 1
 
     def crashes(self) -> int:
         """How many run into the car ahead."""
         lag_s = tolerable_lag_s(
-            self._gaps[1:],
-            np.array(self._speed),
-            np.array(self._speed),
-            self._decelerations[:-1],
-            self._decelerations[1:],
+            self._gaps_m[1:],
+            np.array(self._speed_m_s),
+            np.array(self._speed_m_s),
+            self._decelerations_m_s2[:-1],
+            self._decelerations_m_s2[1:],
         )
         return int((np.diff(self.brakes_s) > lag_s).sum())
 
@@ -185,55 +183,37 @@ class _Platoon:
                 if min(sees_s, hears_s) <= now:
                     self.brakes_s[car] = now
 
+    def _detect(self, now: float) -> None:
+        """Cars with a radio become certain that they brake, and warn."""
+        for car in self._radios:
+            if car in self._certain or self.brakes_s[car] + self._settings.detection_s > now:
+                continue
+            self._certain.add(car)
+            self.events += 1
+            self.flooding_messages += self._lossy.reached_by_flooding(car)
+            brake = HardBrake(now, float(self._decelerations_m_s2[car]), "study")
+            self._groups[car].receive_hard_brake(brake, now)
+
     def _look(self, now: float) -> None:
         """Cars keep their gaps until they brake; what is seen after that decides nothing here."""
         for car, group in self._groups.items():
-            group.receive_speed(float(self._speed), now)
-            ahead = Neighbour(_id(car - 1), float(self._gaps[car]), 0.0) if car else None
+            group.receive_speed(float(self._speed_m_s), now)
+            ahead = Neighbour(_id(car - 1), float(self._gaps_m[car]), 0.0) if car else None
             group.receive_neighbour(ahead, now)
 
     def _send(self, car: int, group: WarningGroup, now: float) -> None:
         for message in group.messages_to_send(now):
             self.warn_messages += isinstance(message, Warn)
-            if self._channel is not None:
-                self._channel.send(car, message, now)
-                continue
-            for other in self._heard_by(car):
-                if self._rng.random() >= self._settings.loss:
-                    heapq.heappush(self._air, (now + _AIR_S, next(self._order), other, message))
+            self._air.send(car, message, now)
         while (event := group.next_event()) is not None:
             if isinstance(event, WarningRaised):
                 self.warned_s[car] = min(self.warned_s[car], now)
 
     def _deliver(self, now: float) -> None:
-        for message, receivers in self._channel.heard(now) if self._channel is not None else ():
+        for message, receivers in list(self._air.heard(now)):
             for car in receivers:
-                heapq.heappush(self._air, (now, next(self._order), car, message))
-        while self._air and self._air[0][0] <= now:
-            _, _, car, message = heapq.heappop(self._air)
-            self._groups[car].receive_message(message, now)
-            self._send(car, self._groups[car], now)
-
-    def _heard_by(self, car: int) -> list[int]:
-        reach_m = self._settings.reach_m
-        return [
-            other
-            for other in self._radios
-            if other != car and abs(self._places[other] - self._places[car]) <= reach_m
-        ]
-
-    def _reached_by_flooding(self, car: int) -> int:
-        """Everybody who hears it repeats it once: as many messages as cars that it reaches."""
-        reached, fresh = {car}, [car]
-        while fresh:
-            heard = [
-                other
-                for other in self._heard_by(fresh.pop())
-                if other not in reached and self._rng.random() >= self._settings.loss
-            ]
-            reached.update(heard)
-            fresh += heard
-        return len(reached)
+                self._groups[car].receive_message(message, now)
+                self._send(car, self._groups[car], now)
 
 
 def _id(car: int) -> bytes:

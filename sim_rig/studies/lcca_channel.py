@@ -1,7 +1,7 @@
-"""The 802.11p channel around a platoon: its radios, and others that only send BSMs."""
+"""What is between the radios of a platoon: air that loses messages, or the 802.11p channel."""
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import count
 
 import numpy as np
@@ -11,16 +11,75 @@ from sim_rig.radio.settings import CsmaSettings
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
-STEP_S = 0.002
+CHANNEL_STEP_S = 0.002
 """Of a study with a channel: shorter than the slots in which a warning is passed on."""
+_AIR_S = 0.002
+"""What a message takes, where the channel is not computed."""
 _BSM_INTERVAL_S = 0.1
 _BSM_PRIORITY = 5
 _AROUND_M = 500.0
 _BESIDE_M = 4.0
 
 
+class LossyAir:
+    """Whoever is in reach hears a message, unless this copy of it is lost."""
+
+    def __init__(
+        self,
+        places_m: Array,
+        radios: Sequence[int],
+        *,
+        reach_m: float,
+        loss: float,
+        rng: np.random.Generator,
+    ) -> None:
+        """`places_m` of the platoon's cars, by number; `radios` are the numbers with a radio."""
+        self._loss = loss
+        self._rng = rng
+        self._near = {
+            car: [
+                other
+                for other in radios
+                if other != car and abs(places_m[other] - places_m[car]) <= reach_m
+            ]
+            for car in radios
+        }
+        self._on_air: list[tuple[float, int, int, LccaMessage]] = []
+        self._order = count()
+
+    def send(self, car: int, message: LccaMessage, now: float) -> None:
+        """A car says something."""
+        for other in self._reached(car):
+            heapq.heappush(self._on_air, (now + _AIR_S, next(self._order), other, message))
+
+    def heard(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:
+        """The messages that have arrived by now, and who has them."""
+        while self._on_air and self._on_air[0][0] <= now:
+            _, _, car, message = heapq.heappop(self._on_air)
+            yield message, [car]
+
+    def reached_by_flooding(self, car: int) -> int:
+        """Everybody who hears it repeats it once: as many messages as cars that it reaches."""
+        reached, fresh = {car}, [car]
+        while fresh:
+            heard = self._reached(fresh.pop(), but=reached)
+            reached.update(heard)
+            fresh += heard
+        return len(reached)
+
+    def _reached(self, car: int, but: Collection[int] = ()) -> list[int]:
+        return [
+            other
+            for other in self._near[car]
+            if other not in but and self._rng.random() >= self._loss
+        ]
+
+
 class PlatoonChannel:
-    """Every radio sends a BSM ten times a second, at its own phase; nobody reads them here."""
+    """Around the platoon others drive with a radio, who only send BSMs.
+
+    Every radio sends one ten times a second, at its own phase; nobody reads them here.
+    """
 
     def __init__(
         self,
@@ -56,7 +115,7 @@ class PlatoonChannel:
         for name in names_with_radio:
             self._wait(float(rng.uniform(0.0, _BSM_INTERVAL_S)), name, None)
         # Cars act in steps that they have in common here, which no two real ones have.
-        self._late_s = {name: float(rng.uniform(0.0, STEP_S)) for name in names_with_radio}
+        self._late_s = {name: float(rng.uniform(0.0, CHANNEL_STEP_S)) for name in names_with_radio}
 
     def send(self, car: int, message: LccaMessage, now: float) -> None:
         """Give a car's radio a message of LCCA."""
