@@ -264,6 +264,12 @@ class Stack:
 
     def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
         """Frames for the radio as (user priority, WSM), the most urgent first."""
+        self._submit_group_messages(now)
+        if self._config.beacons and self._beacon.take_due(now):
+            self._submit_bsm(now)
+        return self._link.wsms_to_send(now)
+
+    def _submit_group_messages(self, now: float) -> None:
         for message in self._group.messages_to_send(now):
             size_bytes = self._link.submit(
                 lcca.encode(message),
@@ -275,17 +281,14 @@ class Stack:
             self._events.append(
                 Sent(now, message.kind, message.user_priority, size_bytes, lcca.as_dict(message))
             )
-        if self._config.beacons and self._beacon.take_due(now):
-            footer = self._mvs.footer_to_send(now) or None
-            facing = self._mvs.heading(now)
-            own = self._beacon.bsm(
-                footer,
-                now,
-                now + self._security.utc_offset_s,
-                None if facing is None else facing.heading_rad,
-            )
-            self._link.submit(bsm.encode(own), bsm.PSID, own.user_priority, BSM_LIFETIME_S, now)
-        return self._link.wsms_to_send(now)
+
+    def _submit_bsm(self, now: float) -> None:
+        footer = self._mvs.footer_to_send(now) or None
+        facing = self._mvs.heading(now)
+        heading_rad = None if facing is None else facing.heading_rad
+        utc_s = now + self._security.utc_offset_s
+        own = self._beacon.bsm(footer, now, utc_s, heading_rad)
+        self._link.submit(bsm.encode(own), bsm.PSID, own.user_priority, BSM_LIFETIME_S, now)
 
     def known_cars(self, now: float) -> list[KnownCar]:
         """Every car that is known, by radio, by sight or from others; none without a position."""
@@ -315,14 +318,7 @@ class Stack:
         if who is not self._who:
             self._change_identity(who, now)
         if now >= self._assess_at:
-            self._assess_at = now + ASSESS_S
-            own_car, known_cars = self._mvs.own_car(now), self._mvs.kinematic_info(now)
-            self._surroundings = (own_car, known_cars)
-            self._risk.assess(own_car, known_cars, now)
-            if now >= self._tell_cars_at:
-                self._tell_cars_at = now + TELL_CARS_S
-                if own_car is not None:
-                    self._events.extend([own_car, *known_cars])
+            self._assess(now)
         self._beacon.handle_timer(now)
         if self._access is not None:
             self._access.handle_timer(now)
@@ -336,6 +332,17 @@ class Stack:
         self._take_group(now)
 
     # ---- between the rooms ----------------------------------------------------------------
+
+    def _assess(self, now: float) -> None:
+        """Judge the danger anew, from where everybody is."""
+        self._assess_at = now + ASSESS_S
+        own_car, known_cars = self._mvs.own_car(now), self._mvs.kinematic_info(now)
+        self._surroundings = (own_car, known_cars)
+        self._risk.assess(own_car, known_cars, now)
+        if now >= self._tell_cars_at:
+            self._tell_cars_at = now + TELL_CARS_S
+            if own_car is not None:
+                self._events.extend([own_car, *known_cars])
 
     def _receive_cars(self, observation: SensedCar | DetectedCars, now: float) -> None:
         match observation:
