@@ -17,7 +17,8 @@ from sim_rig.picture.plate_art import (
     draw_plate,
     split_groups,
 )
-from sim_rig.picture.plate_styles import HELD_BACK, random_plate
+from sim_rig.picture.plate_parts import HELD_BACK
+from sim_rig.picture.plate_styles import random_plate
 from sim_rig.picture.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, any_text, text_of
 from sim_rig.picture.wear import worn
 
