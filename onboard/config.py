@@ -1,5 +1,7 @@
 """A car's whole configuration: one YAML file, each room's settings under its own key."""
 
+import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -43,6 +45,19 @@ class WatchSettings(Settings):
     camera_s: float = Field(0.8, gt=0.0, le=10.0)
     position_s: float = Field(3.0, gt=0.0, le=60.0)
     detector_s: float = Field(1.0, gt=0.0, le=10.0)
+
+    def limits_s(self, sensors: Iterable[Sensor]) -> dict[Sensor, float]:
+        """The limit of each of `sensors`."""
+        limits_s = {
+            Sensor.SPEED: self.speed_s,
+            Sensor.CAMERA: self.camera_s,
+            Sensor.POSITION: self.position_s,
+            Sensor.DETECTOR: self.detector_s,
+            Sensor.RADIO: math.inf,  # which may be silent: nobody need be near
+        }
+        # In this order, whatever a set's is: two that are lost at once are told the same again.
+        given = frozenset(sensors)
+        return {sensor: limit_s for sensor, limit_s in limits_s.items() if sensor in given}
 
 
 class TraceSettings(Settings):

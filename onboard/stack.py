@@ -13,7 +13,7 @@ import numpy as np
 from onboard.access.adaptation import AccessAdaptation
 from onboard.access.drivers import ORDINARY_DRIVERS, Driver
 from onboard.beacon import Beacon, position_in
-from onboard.config import CarConfig, WatchSettings
+from onboard.config import CarConfig
 from onboard.freshness import SensorWatch
 from onboard.lcca.events import WarningRaised
 from onboard.lcca.group import Neighbour, WarningGroup
@@ -117,13 +117,12 @@ class Stack:
             if config.access.enabled
             else None
         )
-        self._tell_cars_at = now
         self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
-        self._assess_at = now
+        self._assess_at = self._tell_cars_at = now
         self._surroundings: tuple[KnownCar | None, list[KnownCar]] = (None, [])
         self._events: deque[Event] = deque()
         self._sign(now)
-        limits_s = _limits_s(config.watch, sensors)
+        limits_s = config.watch.limits_s(sensors)
         self._watch = SensorWatch(limits_s, now)
         self._has_detector = Sensor.DETECTOR in limits_s
 
@@ -432,16 +431,3 @@ class Stack:
 
     def _car_id(self, plate_text: str, now: float) -> lcca.CarId:
         return self._digest.car_id(plate_text, now + self._security.utc_offset_s)
-
-
-def _limits_s(watch: WatchSettings, sensors: Iterable[Sensor]) -> dict[Sensor, float]:
-    limits_s = {
-        Sensor.SPEED: watch.speed_s,
-        Sensor.CAMERA: watch.camera_s,
-        Sensor.POSITION: watch.position_s,
-        Sensor.DETECTOR: watch.detector_s,
-        Sensor.RADIO: math.inf,  # which may be silent: nobody need be near
-    }
-    # In this order, whatever a set's is: two that are lost at once are told the same again.
-    given = frozenset(sensors)
-    return {sensor: limit_s for sensor, limit_s in limits_s.items() if sensor in given}
