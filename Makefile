@@ -15,6 +15,15 @@ test-pages: .venv/ready
 	@sh tools/system-packages.sh chromium
 	$(PYTHON) -m pytest tests/browser
 
+# What docs/plates.md and docs/vision.md tell of the camera, measured anew and written there. Needs
+# the photographs (RIG_DATA), for the baseline Tesseract and tesserocr, and a quiet machine.
+.PHONY: vision-figures
+vision-figures: .venv/ready
+	$(PYTHON) -m bench.vision
+	$(PYTHON) -m bench.plates
+	$(PYTHON) -m bench.plate_range
+	$(PYTHON) -m bench.vision_drives
+
 # The pictures of the pages in docs, from the running demonstration.
 pictures: .venv/ready
 	@sh tools/system-packages.sh chromium

@@ -29,7 +29,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
 PICTURE = PAGE.parent / "pictures" / "plates-read.png"
 WIDTHS_PX = (25, 32, 40, 50, 65, 85, 110)
 FOCAL_LENGTHS_PX = (600, 800, 1100, 1500, 2200, 3300)
-PICTURE_WIDTH_PX = 1280
+PICTURE_WIDTH_PX, PICTURE_HEIGHT_PX = 1280, 720
 _PLATES = 100
 _SHOWN, _COLUMNS = 10, 5
 _ENOUGH = 0.8
@@ -62,13 +62,12 @@ def measure() -> Iterator[Figure]:
 
 
 def least_widths(plate_format: PlateFormat, reads: list[Read]) -> tuple[float, float]:
-    """Least widths in px at which `_ENOUGH` of plates are read, and found; infinite if never.
+    """Least widths in px from which on `_ENOUGH` of plates are read, and found; infinite if never.
 
     `reads` takes all that were read.
     """
     detector, reader, rng = PlateDetector(), PlateReader(), np.random.default_rng(7)
-    read: list[float] = []
-    found: list[float] = []
+    read = found = math.inf
     for width_px in WIDTHS_PX:
         right = seen = 0
         for _ in range(_PLATES):
@@ -82,15 +81,18 @@ def least_widths(plate_format: PlateFormat, reads: list[Read]) -> tuple[float, f
                 Read(_cut(image, plate.box), width_px, text, got)
                 for plate, got in zip(plates, texts, strict=False)
             ]
-        read += [float(width_px)] if right >= _ENOUGH * _PLATES else []
-        found += [float(width_px)] if seen >= _ENOUGH * _PLATES else []
-    return min(read, default=math.inf), min(found, default=math.inf)
+        read = min(read, width_px) if right >= _ENOUGH * _PLATES else math.inf
+        found = min(found, width_px) if seen >= _ENOUGH * _PLATES else math.inf
+    return read, found
 
 
 def _picture(
     text: str, plate_format: PlateFormat, width_px: float, rng: np.random.Generator
 ) -> npt.NDArray[np.uint8]:
-    """A plate of that width on plain sheet metal, photographed."""
+    """A plate of that width on plain sheet metal, photographed, in a picture of a car's size.
+
+    A smaller picture would be searched more finely than a car can.
+    """
     height_px = width_px * plate_format.height_mm / plate_format.width_mm
     image = np.full((200, 320, 3), int(rng.integers(30, 200)), np.uint8)
     x, y = rng.uniform(60, 260 - width_px), rng.uniform(40, 160 - height_px)
@@ -99,7 +101,10 @@ def _picture(
     )
     art = draw_plate(text, plate_format, 1.3 * width_px / plate_format.width_mm)
     warp_onto(image, np.dstack([art, np.full(art.shape[:2], 255, np.uint8)]), quad)
-    return photograph(image, rng, fine_px=width_px / 45)
+    seen = photograph(image, rng, fine_px=width_px / 45)
+    above, beside = ((PICTURE_HEIGHT_PX - 200) // 2, (PICTURE_WIDTH_PX - 320) // 2)
+    whole = cv2.copyMakeBorder(seen, above, above, beside, beside, cv2.BORDER_REPLICATE)
+    return np.asarray(whole, np.uint8)
 
 
 def _cut(image: npt.NDArray[np.uint8], box: Box) -> npt.NDArray[np.uint8]:

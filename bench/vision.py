@@ -2,13 +2,18 @@
 
 The drive is rendered: a lead with a plate 60 px wide, and a car in each lane beside it. The
 reference is what no camera path can do without: decoding the same frames from H.264, by one thread.
+
+`python -m bench vision` prints the figures, `python -m bench.vision` writes them into
+`docs/vision.md`: the medians of several runs.
 """
 
+import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
+from pathlib import Path
 
 import av
 import cv2
@@ -17,6 +22,7 @@ import numpy.typing as npt
 import psutil
 
 from bench import Figure
+from bench._tables import write_tables
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.sight import Sight
 from sim_rig.picture.scene import Picture, Scene, SceneCar
@@ -27,6 +33,8 @@ CAMERA = CameraSettings(
 FPS = 15.0
 FRAMES = 60
 _EVERYWHERE = VisionSettings(search_every_s=1e-3, search_without_lead_every_s=1e-3)
+PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
+_RUNS = 5
 _REFERENCE = "H.264 decode of the same frames, one thread"
 
 Image = npt.NDArray[np.uint8]
@@ -108,6 +116,32 @@ def sight_fps(frames: Iterable[Image], settings: VisionSettings) -> float:
     return len(settled) / sum(settled)
 
 
+def table(runs: Sequence[Sequence[Figure]]) -> str:
+    """Medians of several runs, as Markdown."""
+    lines = ["| on one core, 1280x720 | ours | reference |", "|---|---|---|"]
+    for name, what in _ROWS.items():
+        figures = [figure for run in runs for figure in run if figure.name == name]
+        ours, reference = (
+            f"{statistics.median(values):.3g} {figures[0].unit}"
+            for values in zip(*((f.value, f.reference_value) for f in figures), strict=True)
+        )
+        lines.append(f"| {what} | {ours} | {reference}: {figures[0].reference} |")
+    return "\n".join(lines) + "\n"
+
+
+_ROWS = {
+    "vision.whole": "every picture searched whole",
+    "vision.tracked": "as in the car: regions around what is tracked",
+    "vision.core_share_at_15_fps": "the same, at 15 pictures a second",
+    "vision.memory": "memory of a process that sees",
+}
+
+
+def main() -> None:
+    """Put the table into the page, between its marks."""
+    write_tables(PAGE, {"speed": table([list(measure()) for _ in range(_RUNS)])})
+
+
 def _print_memory(what: str) -> None:
     """In a process of its own: what it takes to see, or only to decode."""
     cv2.setNumThreads(1)
@@ -121,4 +155,7 @@ def _print_memory(what: str) -> None:
 
 
 if __name__ == "__main__":
-    _print_memory(sys.argv[1])
+    if len(sys.argv) > 1:
+        _print_memory(sys.argv[1])
+    else:
+        main()

@@ -1,6 +1,6 @@
 """Where the two ends of a plate are, finer than the detector places them.
 
-The detector looks at plates 80 to 92 pixels wide, and a pixel there is more than a hundredth of the
+The detector looks at plates 84 to 96 pixels wide, and a pixel there is more than a hundredth of the
 gap. The brightness is sampled along lines across each end. What all lines show at one place is an
 upright edge; of the edges that are plain the outermost is taken, since a plate has more of them
 inside (its border, the first stroke of an H) than close by outside.

@@ -3,7 +3,7 @@
 A small convolutional network looks at the picture at a few sizes. For each cell of 8 x 8 pixels it
 says how sure it is that the cell lies in the middle of a plate, and where that plate's corners are.
 Cells that mean the same plate are merged. A second look at each candidate, enlarged or shrunk so
-that the plate is 80 to 92 pixels wide, gives sharper corners and drops what only seemed a plate; it
+that the plate is 84 to 96 pixels wide, gives sharper corners and drops what only seemed a plate; it
 has a network of its own. Both were trained on rendered pictures only (`training/`), and OpenCV runs
 them on one core.
 """
@@ -41,7 +41,7 @@ _FINE_LOOK_PX, _FINE_PLATES_PX = 480_000, (20.0, 64.0)
 plates between these widths. Narrower ones cannot be read. Wider ones are high enough at half the
 size, where narrow European ones are lost."""
 _SECOND_LOOK_SIZE = (192, 96)
-_SECOND_LOOK_PLATE_PX = (80.0, 92.0)
+_SECOND_LOOK_PLATE_PX = (84.0, 96.0)
 """Smaller plates are enlarged to the first of these, larger ones shrunk to the second."""
 _MOST_CANDIDATES = 8
 _LEAST_UNSURE_PX = 32.0
@@ -59,9 +59,9 @@ class FoundPlate:
     @property
     def box(self) -> Box:
         """The upright rectangle around its corners."""
-        left, top = (float(value) for value in self.corners_px.min(axis=0))
-        right, bottom = (float(value) for value in self.corners_px.max(axis=0))
-        return Box(left, top, right - left, bottom - top)
+        columns, rows = self.corners_px.T.tolist()
+        left, top = min(columns), min(rows)
+        return Box(left, top, max(columns) - left, max(rows) - top)
 
     @property
     def width_px(self) -> float:
@@ -149,7 +149,7 @@ class PlateDetector:
         return FoundPlate(found.corners_px + origin, found.score)
 
     def _second_look(self, grey: Image, first: FoundPlate) -> FoundPlate:
-        """The candidate again, in a view centred on it, the plate 80 to 92 px wide.
+        """The candidate again, in a view centred on it, the plate 84 to 96 px wide.
 
         Its score is the geometric mean of both looks'. Where this look is the surer one, it counts
         twice: it shows a small plate as large as the network knows plates best.
@@ -255,11 +255,12 @@ def _merged(
 
 def _one_each(found: Iterable[FoundPlate]) -> list[FoundPlate]:
     """The surest of each set that overlap, the surest first."""
-    kept: list[FoundPlate] = []
+    kept: list[tuple[FoundPlate, Box]] = []
     for plate in sorted(found, key=lambda plate: -plate.score):
-        if all(_overlap(plate.box, other.box) < 0.3 for other in kept):
-            kept.append(plate)
-    return kept
+        box = plate.box
+        if all(_overlap(box, other) < 0.3 for _, other in kept):
+            kept.append((plate, box))
+    return [plate for plate, _ in kept]
 
 
 def _overlap(one: Box, other: Box) -> float:

@@ -22,23 +22,23 @@ PLATE_OVER_ROAD_M = 0.6
 WIDTHS_PX = (29.0, 33.0, 36.0, 40.0, 44.0, 49.0, 64.0, 92.0)
 """Of the plate in the picture, for the tables below; linear in between, constant outside.
 Measured on 15 cars in five colours from 36 m to 6 m ahead (`python -m tools.camera_tables`)."""
-FOUND = (0.34, 0.86, 0.99, 0.98, 1.0, 1.0, 0.98, 0.99)
+FOUND = (0.35, 0.87, 0.98, 0.98, 1.0, 1.0, 1.0, 0.99)
 """Part of the frames in which the plate is found."""
-CERTAIN = (0.0, 0.0, 0.0, 0.05, 0.36, 0.75, 0.98, 1.0)
+CERTAIN = (0.0, 0.0, 0.0, 0.07, 0.37, 0.78, 0.98, 1.0)
 """Part of the plates looked at that are read rightly and with certainty."""
-DOUBTFUL = (0.0, 0.02, 0.16, 0.46, 0.48, 0.22, 0.02, 0.0)
+DOUBTFUL = (0.0, 0.03, 0.19, 0.46, 0.47, 0.20, 0.02, 0.0)
 """Part that are read rightly and with doubt."""
-WRONG = (0.0, 0.02, 0.13, 0.22, 0.11, 0.02, 0.0, 0.0)
+WRONG = (0.0, 0.01, 0.15, 0.23, 0.11, 0.01, 0.0, 0.0)
 """Part that are read with a wrong character, always with doubt. The rest is not read."""
 CERTAIN_CONFIDENCE, WRONG_CONFIDENCE = 0.98, 0.50
-DOUBTFUL_CONFIDENCE = (0.40, 0.40, 0.52, 0.60, 0.68, 0.77, 0.77, 0.77)
+DOUBTFUL_CONFIDENCE = (0.38, 0.38, 0.49, 0.58, 0.66, 0.76, 0.82, 0.82)
 LEGIBILITY_SIGMA = 0.1
 """Plates differ: each is read as if it were wider or narrower by this share of its width."""
-GAP_BIAS = (0.038, 0.051, 0.047, 0.023, 0.010, 0.002, 0.002, 0.004)
+GAP_BIAS = (0.038, 0.051, 0.050, 0.024, 0.009, 0.002, 0.002, 0.004)
 """Mean error of the gap, as a share of it. From car to car, by colour, it differs by 0.04 at 33 px
 and 0.01 at 49 px (one sigma), which is not modelled."""
-GAP_SIGMA = (0.009, 0.005, 0.006, 0.008, 0.004, 0.003, 0.002, 0.002)
-CLOSING_SIGMA_M_S = (0.38, 0.30, 0.29, 0.21, 0.11, 0.07, 0.06, 0.04)
+GAP_SIGMA = (0.008, 0.004, 0.005, 0.009, 0.005, 0.004, 0.001, 0.002)
+CLOSING_SIGMA_M_S = (0.38, 0.30, 0.29, 0.22, 0.10, 0.08, 0.06, 0.04)
 CORRELATION_S = 0.5
 """Errors depend on how the plate lies on the pixels, and change slowly: 1/e is left after this."""
 CLOSING_LAG_S = 0.3
