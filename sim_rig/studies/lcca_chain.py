@@ -307,7 +307,7 @@ def _draw(settings: ChainSettings, table: Sequence[_Line]) -> Figure:
         [line.share_with_radio for line in last],
         [line.flooding_messages_per_event for line in last],
         "k--",
-        label="flooding, last",
+        label=f"{table[-1].cars} cars: flooding",
     )
     left.set_ylabel("crashes a platoon")
     right.set_ylabel("messages a warning")
