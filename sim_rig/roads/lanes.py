@@ -6,7 +6,7 @@ stands. Who gains by the lane beside his own, and leaves room there, changes ove
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,78 @@ class DriverSettings(Settings):
     width_m: float = Field(1.85, gt=0.5, le=3.0)
 
 
+def _nobody() -> Array:
+    return np.zeros(0)
+
+
+def _no_lane() -> NDArray[np.intp]:
+    return np.zeros(0, dtype=np.intp)
+
+
+@dataclass(slots=True, eq=False)
+class _Driven:
+    """The N cars that are there, each by its place in the arrays (N)."""
+
+    names: tuple[str, ...] = ()
+    lane: NDArray[np.intp] = field(default_factory=_no_lane)
+    left: NDArray[np.intp] = field(default_factory=_no_lane)
+    """The lane that the car has come from."""
+    front_m: Array = field(default_factory=_nobody)
+    """From the beginning of the lane."""
+    speed_m_s: Array = field(default_factory=_nobody)
+    acceleration_m_s2: Array = field(default_factory=_nobody)
+    top_speed_m_s: Array = field(default_factory=_nobody)
+    length_m: Array = field(default_factory=_nobody)
+    width_m: Array = field(default_factory=_nobody)
+    changed_s: Array = field(default_factory=_nobody)
+    """When it last changed its lane."""
+
+    @property
+    def rear_m(self) -> Array:
+        """From the beginning of the lane."""
+        return self.front_m - self.length_m
+
+    def only(self, which: NDArray[np.intp]) -> "_Driven":
+        """Some of them."""
+        return _Driven(
+            tuple(self.names[i] for i in which.tolist()),
+            self.lane[which],
+            self.left[which],
+            self.front_m[which],
+            self.speed_m_s[which],
+            self.acceleration_m_s2[which],
+            self.top_speed_m_s[which],
+            self.length_m[which],
+            self.width_m[which],
+            self.changed_s[which],
+        )
+
+    def joined(self, name: str, lane: int, newcomer: "_Newcomer") -> "_Driven":
+        """With one that comes in, its rear at the beginning of the lane."""
+        return _Driven(
+            (*self.names, name),
+            np.append(self.lane, lane),
+            np.append(self.left, lane),
+            np.append(self.front_m, newcomer.length_m),
+            np.append(self.speed_m_s, newcomer.speed_m_s),
+            np.append(self.acceleration_m_s2, 0.0),
+            np.append(self.top_speed_m_s, newcomer.top_speed_m_s),
+            np.append(self.length_m, newcomer.length_m),
+            np.append(self.width_m, newcomer.width_m),
+            np.append(self.changed_s, -math.inf),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Newcomer:
+    """A driver who comes in."""
+
+    length_m: float
+    width_m: float
+    speed_m_s: float
+    top_speed_m_s: float
+
+
 class LaneTraffic(Traffic):
     """Steps all cars at once, `TICK_S` at a time."""
 
@@ -70,18 +142,13 @@ class LaneTraffic(Traffic):
         self._cycle_s = cycle_s
         self._step = 0
         self._count = 0
-        self._names: tuple[str, ...] = ()
-        self._lane = np.zeros(0, dtype=np.intp)
-        self._left = np.zeros(0, dtype=np.intp)
-        """The lane that the car has come from."""
-        self._numbers = np.zeros((7, 0))
-        """Rows: front, speed, acceleration, top speed, length, width, time of the last change."""
-        self._begin = np.array([lane.begin_m for lane in lanes])
-        self._heading = np.array([lane.heading_rad for lane in lanes])
+        self._driven = _Driven()
+        self._begin_m = np.array([lane.begin_m for lane in lanes])
+        self._heading_rad = np.array([lane.heading_rad for lane in lanes])
         self._road = np.array([lane.road for lane in lanes])
-        self._length = np.array([lane.length_m for lane in lanes])
-        self._stop_line = np.array([lane.stop_line_m for lane in lanes])
-        self._green = np.array([lane.green_s for lane in lanes])
+        self._length_m = np.array([lane.length_m for lane in lanes])
+        self._stop_line_m = np.array([lane.stop_line_m for lane in lanes])
+        self._green_s = np.array([lane.green_s for lane in lanes])
         self._waiting = np.zeros(len(lanes), dtype=np.intp)
 
     @override
@@ -92,49 +159,50 @@ class LaneTraffic(Traffic):
         return self._cars().moved_on(max(at_s - self._step * TICK_S, 0.0))
 
     def _cars(self) -> Cars:
-        front, speed, acceleration, _, length, width, changed_s = self._numbers
-        since = np.clip((self._step * TICK_S - changed_s) / _CHANGE_S, 0.0, 1.0)
+        driven = self._driven
+        since = np.clip((self._step * TICK_S - driven.changed_s) / _CHANGE_S, 0.0, 1.0)
         over = since * since * (3.0 - 2.0 * since)
-        heading = self._heading[self._lane]
+        heading = self._heading_rad[driven.lane]
         ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        beginning = self._begin[self._lane] * over[:, None]
-        beginning = beginning + self._begin[self._left] * (1.0 - over[:, None])
+        beginning = self._begin_m[driven.lane] * over[:, None]
+        beginning = beginning + self._begin_m[driven.left] * (1.0 - over[:, None])
         aside = np.sum(
-            (self._begin[self._lane] - self._begin[self._left])
+            (self._begin_m[driven.lane] - self._begin_m[driven.left])
             * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1),
             axis=1,
         )
         sideways = aside * 6.0 * since * (1.0 - since) / _CHANGE_S
         return Cars(
             self._step * TICK_S,
-            self._names,
-            beginning + (front - length / 2.0)[:, None] * ahead,
-            heading + np.arctan2(sideways, np.maximum(speed, 3.0)),
-            speed.copy(),
-            acceleration.copy(),
-            length.copy(),
-            width.copy(),
+            driven.names,
+            beginning + (driven.front_m - driven.length_m / 2.0)[:, None] * ahead,
+            heading + np.arctan2(sideways, np.maximum(driven.speed_m_s, 3.0)),
+            driven.speed_m_s,
+            driven.acceleration_m_s2,
+            driven.length_m,
+            driven.width_m,
         )
 
     def _advance(self) -> None:
         self._change_lanes()
-        front, speed, *_ = self._numbers
-        acceleration = self._wish(self._lane)
-        faster = np.maximum(speed + acceleration * TICK_S, 0.0)
-        self._numbers[0] = front + (speed + faster) / 2.0 * TICK_S
-        self._numbers[2] = (faster - speed) / TICK_S
-        self._numbers[1] = faster
+        driven = self._driven
+        speed = driven.speed_m_s
+        faster = np.maximum(speed + self._wish(driven.lane) * TICK_S, 0.0)
+        driven.front_m = driven.front_m + (speed + faster) / 2.0 * TICK_S
+        driven.acceleration_m_s2 = (faster - speed) / TICK_S
+        driven.speed_m_s = faster
         self._step += 1
         self._leave()
         self._enter()
 
     def _wish(self, lane: NDArray[np.intp]) -> Array:
         """The acceleration of each car if it were in `lane`, the others where they are."""
-        front, speed, _, top, length, _, _ = self._numbers
-        same = self._lane[None, :] == lane[:, None]
+        driven = self._driven
+        front, speed, top = driven.front_m, driven.speed_m_s, driven.top_speed_m_s
+        same = driven.lane[None, :] == lane[:, None]
         # A car that is changing is in the way in both lanes.
-        same |= (self._left[None, :] == lane[:, None]) & self._changing()[None, :]
-        apart = front[None, :] - length[None, :] - front[:, None]
+        same |= (driven.left[None, :] == lane[:, None]) & self._changing()[None, :]
+        apart = driven.rear_m[None, :] - front[:, None]
         before = same & (front[None, :] > front[:, None])
         gaps = np.where(before, np.maximum(apart, 0.1), np.inf)
         gaps = np.concatenate([gaps, np.full((len(front), 1), np.inf)], axis=1)
@@ -143,7 +211,7 @@ class LaneTraffic(Traffic):
         gap = gaps[np.arange(len(front)), leader]
         following = self._drivers.following
         wish = idm_acceleration(speed, top, gap, closing, COMFORTABLE_M_S2, following)
-        to_line = self._stop_line[lane] - front
+        to_line = self._stop_line_m[lane] - front
         can_stop = speed**2 / 2.0 <= 4.0 * np.maximum(to_line, 0.0)
         stops = self._is_red()[lane] & (to_line > -0.5) & can_stop
         line = np.where(stops, np.maximum(to_line + following.standing_gap_m - 0.5, 0.1), np.inf)
@@ -152,40 +220,41 @@ class LaneTraffic(Traffic):
         return result
 
     def _changing(self) -> NDArray[np.bool_]:
-        changing: NDArray[np.bool_] = self._step * TICK_S - self._numbers[6] < _CHANGE_S
+        changing: NDArray[np.bool_] = self._step * TICK_S - self._driven.changed_s < _CHANGE_S
         return changing
 
     def _is_red(self) -> NDArray[np.bool_]:
         phase = (self._step * TICK_S) % self._cycle_s
-        red: NDArray[np.bool_] = (phase < self._green[:, 0]) | (phase >= self._green[:, 1])
+        red: NDArray[np.bool_] = (phase < self._green_s[:, 0]) | (phase >= self._green_s[:, 1])
         return red
 
     def _change_lanes(self) -> None:
         """One car in a step at most, so that no two go for the same room."""
-        if len(np.unique(self._road)) == len(self._lanes) or not len(self._lane):
+        driven = self._driven
+        if len(np.unique(self._road)) == len(self._lanes) or not driven.names:
             return
-        front, speed, _, _, _, _, changed_s = self._numbers
         now_s = self._step * TICK_S
-        stays = self._wish(self._lane)
-        can = (now_s - changed_s > _RESTLESS_S) & (speed > 5.0)
-        can &= np.abs(front - self._stop_line[self._lane]) > 40.0
+        stays = self._wish(driven.lane)
+        can = (now_s - driven.changed_s > _RESTLESS_S) & (driven.speed_m_s > 5.0)
+        can &= np.abs(driven.front_m - self._stop_line_m[driven.lane]) > 40.0
         best, which, where = _CHANGE_GAIN_M_S2, -1, -1
         for side in (-1, 1):
-            lane = self._lane + side
+            lane = driven.lane + side
             there = (lane >= 0) & (lane < len(self._lanes))
-            lane = np.where(there, lane, self._lane)
-            there &= self._road[lane] == self._road[self._lane]
+            lane = np.where(there, lane, driven.lane)
+            there &= self._road[lane] == self._road[driven.lane]
             gains = np.where(there & can, self._wish(lane) - stays, -np.inf)
             for car in np.argsort(-gains)[:3].tolist():
                 if gains[car] > best and self._has_room(car, int(lane[car])):
                     best, which, where = float(gains[car]), car, int(lane[car])
         if which >= 0:
-            self._left[which], self._lane[which] = self._lane[which], where
-            self._numbers[6, which] = now_s
+            driven.left[which], driven.lane[which] = driven.lane[which], where
+            driven.changed_s[which] = now_s
 
     def _has_room(self, car: int, lane: int) -> bool:
-        front, speed, _, top, length, _, _ = self._numbers
-        beside = (self._lane == lane) | ((self._left == lane) & self._changing())
+        driven = self._driven
+        front, speed = driven.front_m, driven.speed_m_s
+        beside = self._is_in(lane)
         if ((np.abs(front - front[car]) < 8.0) & beside).any():
             return False
         behind = np.flatnonzero(beside & (front < front[car]))
@@ -194,44 +263,50 @@ class LaneTraffic(Traffic):
         follower = behind[front[behind].argmax()]
         imposed = idm_acceleration(
             speed[follower],
-            top[follower],
-            np.maximum(front[car] - length[car] - front[follower], 0.1),
+            driven.top_speed_m_s[follower],
+            np.maximum(driven.rear_m[car] - front[follower], 0.1),
             speed[follower] - speed[car],
             COMFORTABLE_M_S2,
             self._drivers.following,
         )
         return bool(imposed > -_CHANGE_IMPOSED_M_S2)
 
-    def _leave(self) -> None:
-        stays = self._numbers[0] - self._numbers[4] < self._length[self._lane]
-        if not stays.all():
-            self._keep(np.flatnonzero(stays))
+    def _is_in(self, lane: int) -> NDArray[np.bool_]:
+        """Whether each car is in a lane, or still on its way out of it."""
+        driven = self._driven
+        there: NDArray[np.bool_] = (driven.lane == lane) | (
+            (driven.left == lane) & self._changing()
+        )
+        return there
 
-    def _keep(self, which: NDArray[np.intp]) -> None:
-        self._names = tuple(self._names[i] for i in which)
-        self._lane, self._left = self._lane[which], self._left[which]
-        self._numbers = self._numbers[:, which]
+    def _leave(self) -> None:
+        stays = self._driven.rear_m < self._length_m[self._driven.lane]
+        if not stays.all():
+            self._driven = self._driven.only(np.flatnonzero(stays))
 
     def _enter(self) -> None:
         """Who finds no room at the beginning waits before it."""
         rates = np.array([lane.arrivals_per_s for lane in self._lanes])
         self._waiting += self._rng.poisson(rates * TICK_S)
-        drivers = self._drivers
+        following = self._drivers.following
         for lane in np.flatnonzero(self._waiting).tolist():
-            there = (self._lane == lane) | ((self._left == lane) & self._changing())
-            rears = (self._numbers[0] - self._numbers[4])[there]
-            room = rears.min(initial=np.inf)
-            last_speed = self._numbers[1][there][rears.argmin()] if len(rears) else np.inf
-            length = self._rng.uniform(*drivers.length_m)
-            spread = np.clip(self._rng.normal(), -2.0, 2.0) * drivers.top_speed_sigma_m_s
-            top = max(drivers.top_speed_m_s + spread, 3.0)
-            speed = min(top, last_speed)
-            following = drivers.following
-            if room < length + following.standing_gap_m + speed * following.headway_s:
+            there = self._is_in(lane)
+            rears_m = self._driven.rear_m[there]
+            room_m = rears_m.min(initial=np.inf)
+            ahead_m_s = self._driven.speed_m_s[there][rears_m.argmin()] if len(rears_m) else np.inf
+            newcomer = self._newcomer(ahead_m_s)
+            needed_m = newcomer.length_m + following.standing_gap_m
+            needed_m += newcomer.speed_m_s * following.headway_s
+            if room_m < needed_m:
                 continue
             self._waiting[lane] -= 1
             self._count += 1
-            self._names += (f"car{self._count}",)
-            self._lane, self._left = np.append(self._lane, lane), np.append(self._left, lane)
-            new = [length, speed, 0.0, top, length, drivers.width_m, -math.inf]
-            self._numbers = np.column_stack([self._numbers, new])
+            self._driven = self._driven.joined(f"car{self._count}", lane, newcomer)
+
+    def _newcomer(self, ahead_m_s: float) -> _Newcomer:
+        """No faster than the car ahead drives."""
+        drivers = self._drivers
+        length_m = self._rng.uniform(*drivers.length_m)
+        spread = np.clip(self._rng.normal(), -2.0, 2.0) * drivers.top_speed_sigma_m_s
+        top_m_s = max(drivers.top_speed_m_s + spread, 3.0)
+        return _Newcomer(length_m, drivers.width_m, min(top_m_s, ahead_m_s), top_m_s)
