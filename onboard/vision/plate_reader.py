@@ -180,7 +180,8 @@ def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax | None = None) -
     Each look proposes the text of its best path; a text's confidence is its whole probability, over
     all paths that spell it, in the mean of the looks. A character's confidence is the highest
     probability in the run of columns that show it, in the look that proposed the text. Where there
-    is a `syntax`, texts that fit it and differ in up to two likely characters are proposed too.
+    is a `syntax`, texts that fit it and differ in up to two likely characters, or lack them, are
+    proposed too.
     """
     likely = np.exp(scores - scores.max(axis=2, keepdims=True))
     likely /= likely.sum(axis=2, keepdims=True)
@@ -191,9 +192,10 @@ def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax | None = None) -
         spellings.setdefault(tuple(labels), [float(look[c].max()) for c in columns])
         if syntax:
             for other in _respelt(look, labels, columns):
-                if syntax.fits(_spelt(other)):
-                    confidences = [float(look[c, k]) for c, k in zip(columns, other, strict=True)]
-                    spellings.setdefault(tuple(other), confidences)
+                shown = {c: k for c, k in zip(columns, other, strict=True) if k}
+                if syntax.fits(_spelt(list(shown.values()))):
+                    confidences = [float(look[c, k]) for c, k in shown.items()]
+                    spellings.setdefault(tuple(shown.values()), confidences)
     texts = []
     for spelling, confidences in spellings.items():
         whole = _probability(labels := list(spelling), likely)
@@ -224,12 +226,12 @@ def _weighed(texts: list[PlateText], syntax: PlateSyntax) -> list[PlateText]:
 def _respelt(
     look: npt.NDArray[np.float32], labels: list[int], columns: list[int]
 ) -> list[list[int]]:
-    """The texts that differ from that of the best path in one or two characters."""
+    """The texts that differ from that of the best path in one or two characters; 0 for none."""
     others = [
         (place, int(label))
         for place, column in enumerate(columns)
         for label in np.flatnonzero(look[column] >= _LEAST_DOUBT)
-        if label not in (0, labels[place])
+        if label != labels[place]
     ]
     others = sorted(others, key=lambda other: -look[columns[other[0]], other[1]])[:_MOST_DOUBTS]
     changes = [(one,) for one in others] + list(itertools.combinations(others, 2))

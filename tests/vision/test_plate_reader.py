@@ -244,6 +244,18 @@ def test_a_syntax_decides_between_spellings_by_how_likely_they_are() -> None:
     assert read.confidence == pytest.approx(20 * 0.4 / (20 * 0.4 + 0.6), abs=0.01)
 
 
+def test_a_syntax_drops_what_only_looks_like_a_character_beside_the_number() -> None:
+    chrome = look_of([{"I": 0.6}, *({c: 1.0} for c in "ABC1234")])
+    chrome[0, 0, 0] = np.log(0.4)
+    assert decode(chrome).text == "IABC1234"
+
+    read = decode(chrome, SERIES)
+
+    assert read.text == "ABC1234"
+    assert read.confidence == pytest.approx(20 * 0.4 / (20 * 0.4 + 0.6), abs=0.01)
+    assert len(read.character_confidences) == 7
+
+
 def test_a_plate_from_elsewhere_is_not_bent_to_the_syntax() -> None:
     strange = [{c: 1.0} for c in "MYX"] + [{"I": 0.995, "1": 0.005}] + [{c: 1.0} for c in "152"]
 
