@@ -26,11 +26,19 @@ from onboard.vision.calibrate import (
     calibrate_lens,
     place_by_board,
 )
+from onboard.vision.ends import refine_ends
 from onboard.vision.frames import Clip, Frame, Image, LiveFrames, Pictures, open_frames
+from onboard.vision.perspective import Perspective
 from onboard.vision.plate_detector import PlateDetector
+from onboard.vision.plates import whole_plate
 from onboard.vision.score import Scores
 from onboard.vision.seen_frame import COLUMNS, SeenFrame, see_frames
-from onboard.vision.settings import Calibration, CameraSettings, VisionSettings
+from onboard.vision.settings import (
+    Calibration,
+    CameraSettings,
+    VisionSettings,
+    guessed_calibration,
+)
 from onboard.vision.sight import Sight
 from onboard.vision.truth import Truth
 
@@ -355,14 +363,16 @@ def _fit_by_plates(
         raise UserError("the pictures must be of one size")
     if len(distances_m) != len(images):
         raise UserError(f"--plate-at-m: {len(distances_m)} distances for {len(images)} pictures")
-    finder = PlateDetector()
+    size_px = (images[0].shape[1], images[0].shape[0])
+    # No lens changes the shape of a plate straight ahead, so a guessed one tells it.
+    finder, perspective = PlateDetector(), Perspective(guessed_calibration(*size_px))
     plates = []
     for index, (distance_m, image) in enumerate(zip(distances_m, images, strict=True)):
         found = finder.find(image)
         if not found:
             raise UserError(f"picture {index + 1}, at {distance_m:g} m: no plate was found")
-        plates.append((distance_m, found[0].corners_px))
-    size_px = (images[0].shape[1], images[0].shape[0])
+        whole = whole_plate(image, found[0], perspective)
+        plates.append((distance_m, refine_ends(image, whole.corners_px)))
     return calibrate_by_plates(size_px, plates, plate_width_m, plate_height_m)
 
 

@@ -103,7 +103,7 @@ class Plates:
         boxes: list[Box] = []
         for plates, to_read in looks:
             for plate in plates:
-                whole = self._whole(image, plate)
+                whole = whole_plate(image, plate, self._perspective)
                 if plate.width_px >= LEAST_PX and not any(_same(whole.box, box) for box in boxes):
                     boxes.append(whole.box)
                     known = any(_same(whole.box, box) for box in search.read_already)
@@ -114,11 +114,6 @@ class Plates:
             plate = self._finder.find_again(image, followed.corners_px)
             return [] if plate is None else [plate]
         return self._finder.find(image, followed.region)
-
-    def _whole(self, image: Image, plate: FoundPlate) -> FoundPlate:
-        if self._perspective.shape(plate.corners_px) < LEAST_EUROPEAN_SHAPE:
-            return plate
-        return FoundPlate(with_band(image, plate.corners_px), plate.score)
 
     def _sighting(self, image: Image, plate: FoundPlate, text: PlateText | None) -> Sighting:
         shape = max(self._perspective.shape(plate.corners_px), 1e-3)
@@ -161,6 +156,13 @@ class Plates:
             and len(text.text) >= LEAST_LENGTH
             and self._syntax.fits(text.text)
         )
+
+
+def whole_plate(image: Image, plate: FoundPlate, perspective: Perspective) -> FoundPlate:
+    """The plate with its blue band, where it may have one."""
+    if perspective.shape(plate.corners_px) < LEAST_EUROPEAN_SHAPE:
+        return plate
+    return FoundPlate(with_band(image, plate.corners_px), plate.score)
 
 
 def _may_go_on(image: Image, corners_px: Corners) -> bool:

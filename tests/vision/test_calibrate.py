@@ -22,7 +22,7 @@ from onboard.vision.calibrate import (
 )
 from onboard.vision.cli import calibrate
 from onboard.vision.settings import Calibration, CameraSettings
-from sim_rig.picture.scene import Picture, SceneCar
+from sim_rig.picture.scene import Picture, Scene, SceneCar
 
 TRUE = Calibration(
     width_px=960,
@@ -272,6 +272,33 @@ def test_the_command_writes_what_a_car_can_read(tmp_path: Path) -> None:
 
     assert found.is_placed
     assert not load_settings(tmp_path / "lens.yaml", Calibration).is_placed
+
+
+def test_a_parked_cars_plate_gives_the_lens_within_a_fiftieth(tmp_path: Path) -> None:
+    camera = CameraSettings(
+        source="made up",
+        focal_x_px=1400.0,
+        focal_y_px=1400.0,
+        mounting_height_m=1.35,
+        pitch_rad=0.03,
+    )
+    picture, rng = Picture(camera), np.random.default_rng(0)
+    (tmp_path / "car").mkdir()
+    for distance_m in (4, 6, 8, 12):
+        # The detector leaves the plate's blue band outside.
+        car = SceneCar(distance_m, 0.05, plate="KA123AB", colour_bgr=(40, 40, 110))
+        path = tmp_path / "car" / f"{distance_m}.png"
+        cv2.imwrite(str(path), picture.draw(Scene((car,)), rng))
+
+    run(
+        *(tmp_path / "car", "--plate-at-m", "4,6,8,12", "--plate-height-m", "0.63"),
+        *("--out", tmp_path / "camera.yaml"),
+    )
+
+    found = load_settings(tmp_path / "camera.yaml", Calibration)
+    assert found.focal_x_px == pytest.approx(1400.0, rel=0.02)
+    assert found.mounting_height_m == pytest.approx(1.35, abs=0.03)
+    assert found.pitch_rad == pytest.approx(0.03, abs=0.003)
 
 
 @pytest.mark.parametrize(
