@@ -33,7 +33,7 @@ from onboard.vision.picture_check import PictureCheck
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_kinds import PlateKinds
 from onboard.vision.plate_reader import PlateReader
-from onboard.vision.plates import PlateFinder, Plates, TextReader
+from onboard.vision.plates import LEAST_TEXT_CONFIDENCE, PlateFinder, Plates, TextReader
 from onboard.vision.rear import Rear
 from onboard.vision.settings import Calibration, VisionSettings, guessed_calibration
 from onboard.vision.sighting import Cue, Followed, Search, Sighting
@@ -348,6 +348,8 @@ def _plate(sighting: Sighting, track: CarTrack | None, stamp_s: float, *, is_lea
     text, confidence = sighting.text, sighting.confidence
     if track is not None:
         text, confidence = track.text_of(sighting)
+    if confidence < LEAST_TEXT_CONFIDENCE:
+        text, confidence = None, 0.0
     return Plate(stamp_s, sighting.box, text, confidence, is_lead)
 
 

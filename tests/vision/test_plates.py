@@ -85,6 +85,12 @@ def test_a_certain_read_of_something_else_is_told_and_is_not_certain() -> None:
     assert told[-1].confidence < 0.5
 
 
+def test_what_the_other_frames_hardly_leave_is_not_told() -> None:
+    told = plates(Finder(400.0), *[("AB123CD", 0.8)] * 5, ("XY987ZW", 0.2))
+
+    assert (told[-1].text, told[-1].confidence) == (None, 0.0)
+
+
 @pytest.mark.parametrize("pitch_rad", [-0.12, 0.12])
 def test_a_camera_of_which_only_the_lens_is_known_may_look_up_or_down(pitch_rad: float) -> None:
     """A plate 0.6 m over the road, 9.5 m ahead of a camera that is thought to be level."""
