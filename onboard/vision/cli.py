@@ -161,6 +161,9 @@ class Tally:
         if seen.lead is not None and seen.lead.gap_m is not None:
             self._counts["frames with a lead"] += 1
             self._counts["frames with a known lead"] += seen.lead.text is not None
+        if seen.is_frozen:
+            self._counts["frozen"] += 1
+            self._first.setdefault("frozen", f" (first {self.example})")
         for event in seen.events:
             if isinstance(event, Discarded):
                 why = f" ({event.detail})" if event.reason == "picture_size" else ""

@@ -48,6 +48,15 @@ class SeenFrame:
         """`None` where the frame was not looked at."""
         return next((event for event in self.events if isinstance(event, Lead)), None)
 
+    @property
+    def is_frozen(self) -> bool:
+        """Whether it was not looked at since it is the picture of a camera that is stuck."""
+        return self.lead is None and not self._faults
+
+    @property
+    def _faults(self) -> list[str]:
+        return [event.reason for event in self.events if isinstance(event, Discarded)]
+
     def rows(self) -> Iterator[tuple[str | int, ...]]:
         """Its lines of the CSV, values as text in the order of `COLUMNS`."""
         lead = self.lead
@@ -85,8 +94,7 @@ class SeenFrame:
     def _caption(self) -> str:
         lead = self.lead
         if lead is None:
-            reasons = [event.reason for event in self.events if isinstance(event, Discarded)]
-            return f"{self.frame.stamp_s:.1f} s  not seen: {', '.join(reasons)}"
+            return f"{self.frame.stamp_s:.1f} s  not seen: {', '.join(self._faults) or 'frozen'}"
         said = f"{self.frame.stamp_s:.1f} s  {lead.text or lead.identity.replace('_', ' ')}"
         if lead.identity is LeadIdentity.NO_LEAD:
             return said

@@ -220,6 +220,16 @@ def test_the_first_picture_that_is_none_is_named(drive: Path, tmp_path: Path) ->
     assert "discarded: corrupt_picture: 2 (first 1.png, frame 1)" in run(tmp_path, *options(drive))
 
 
+def test_a_camera_that_froze_is_told_with_its_first_lost_frame(drive: Path, tmp_path: Path) -> None:
+    picture = (drive / "pictures" / "f0.png").read_bytes()
+    for index in range(10):
+        (tmp_path / f"{index}.png").write_bytes(picture)
+
+    told = run(tmp_path, "--fps", "10", *options(drive))
+
+    assert "frozen: 3 (first 7.png, frame 7)" in told
+
+
 @pytest.mark.parametrize("output", ["--csv", "--video"])
 def test_what_is_read_is_not_overwritten(drive: Path, tmp_path: Path, output: str) -> None:
     truth = truth_of(tmp_path, "file,text", "f1.png,TAG1")
