@@ -70,8 +70,8 @@ def run_campaign(
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "runs.jsonl").open("a", encoding="utf-8") as kept, _bar(folder.name) as advance:
         _lock(kept, folder)
-        _claim(folder, f"{run.__module__}.{run.__qualname__}", settings)
         done = kept_runs(folder)
+        _claim(folder, f"{run.__module__}.{run.__qualname__}", settings, holds_runs=bool(done))
         _cut(folder / "runs.jsonl")
         missing = [number for number in numbers if number not in done]
         advance(len(numbers), len(numbers) - len(missing))
@@ -99,17 +99,21 @@ def _lock(kept: IO[str], folder: Path) -> None:
         raise CampaignError(f"{folder}: another process is doing these runs now") from error
 
 
-def _claim(folder: Path, name: str, settings: Settings) -> None:
-    """One folder is for one campaign; only a setting `runs`, how many there are, may change."""
+def _claim(folder: Path, name: str, settings: Settings, *, holds_runs: bool) -> None:
+    """One folder is for one campaign; only a setting `runs`, how many there are, may change.
+
+    Where no run was done, as after a mistake in the settings, others may take it over.
+    """
     same = settings.model_dump(mode="json", exclude={"runs"})
     claim = yaml.safe_dump({"run": name, "settings": same})
     path = folder / "campaign.yaml"
-    if not path.exists():
-        begun = path.with_suffix(".new")  # who is killed here leaves no half of a claim
-        begun.write_text(claim, "utf-8")
-        begun.replace(path)
-    elif path.read_bytes() != claim.encode():
+    if path.exists() and path.read_bytes() == claim.encode():
+        return
+    if path.exists() and holds_runs:
         raise CampaignError(f"{folder} holds runs with other settings: remove it, or take another")
+    begun = path.with_suffix(".new")  # who is killed here leaves no half of a claim
+    begun.write_text(claim, "utf-8")
+    begun.replace(path)
 
 
 def kept_runs(folder: Path) -> dict[int, Row]:

@@ -71,6 +71,17 @@ def test_runs_of_other_settings_are_not_mixed_in(tmp_path: Path) -> None:
         run_campaign(throw, DiceSettings(sides=20), range(2), tmp_path, Workers())
 
 
+def test_a_mistake_that_left_no_run_may_be_corrected_in_its_folder(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="high <= 0"):
+        run_campaign(throw, DiceSettings(sides=0), range(2), tmp_path, Workers())
+
+    corrected = run_campaign(throw, DiceSettings(), range(2), tmp_path, Workers())
+
+    assert corrected == [throw(DiceSettings(), number) for number in range(2)]
+    with pytest.raises(CampaignError, match="other settings"):
+        run_campaign(throw, DiceSettings(sides=20), range(2), tmp_path, Workers())
+
+
 def test_a_worker_that_is_killed_changes_nothing(tmp_path: Path) -> None:
     settings = DiceSettings(deadly=str(tmp_path / "killed"))
 
