@@ -108,6 +108,11 @@ class Events:
             event = Event(kind, car, at_s, sets_off=sets_off)
             if _may_hit(self._recording, event):
                 return event
+        if self._out_of_turn:
+            raise NoEventError(
+                "cars in this recording cross each other's ways, but whoever came out of his turn"
+                f" would be within {_ROOM_M:g} m of another who drives his way"
+            )
         raise NoEventError("nobody in this recording crosses another's way")
 
 

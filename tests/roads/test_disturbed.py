@@ -135,6 +135,28 @@ def test_where_nobody_crosses_nobody_can_run_a_light() -> None:
         Events(platoon(1), has_lights=False).draw(Kind.SUDDEN_BRAKE, np.random.default_rng(0))
 
 
+def test_where_others_are_near_nobody_can_come_out_of_his_turn() -> None:
+    """Two cross each other's way, past cars that stand at the side of the road."""
+    samples = 300
+    still = np.zeros(samples)
+    way_m, places_m = SPEED_M_S * STEP_S * np.arange(samples), np.arange(-120.0, -40.0, 8.0)
+    drives = []
+    for heading_rad, begin_m in ((0.0, -200.0), (np.pi / 2.0, -230.0)):
+        ahead = np.array([np.cos(heading_rad), np.sin(heading_rad)])
+        right = np.array([ahead[1], -ahead[0]])
+        middles_m = [(begin_m + way_m)[:, None] * ahead]
+        middles_m += [np.tile(place_m * ahead + 3.0 * right, (samples, 1)) for place_m in places_m]
+        speeds_m_s = [still + SPEED_M_S] + len(places_m) * [still]
+        drives += [
+            Drive(f"{heading_rad:.0f}-{i}", 0, middle_m, still + heading_rad, speed_m_s, 4.5, 1.8)
+            for i, (middle_m, speed_m_s) in enumerate(zip(middles_m, speeds_m_s, strict=True))
+        ]
+    events = Events(Recording(drives), has_lights=False)
+
+    with pytest.raises(NoEventError, match="whoever came out of his turn would be within 7 m"):
+        events.draw(Kind.RED_LIGHT, np.random.default_rng(0))
+
+
 def test_in_a_recording_of_a_few_seconds_nothing_happens() -> None:
     with pytest.raises(NoEventError, match="followed closely"):
         Events(Recording([]), has_lights=False).draw(Kind.SUDDEN_BRAKE, np.random.default_rng(0))
