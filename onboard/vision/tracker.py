@@ -24,6 +24,9 @@ UNCONFIRMED_SHARE = 0.4
 MOMENT_S, PIECE = 0.25, 1.8
 """How long a plate is still about where it was in the picture, and how much wider a whole one is
 than the piece of it that a detector finds now and then: no other car, however far away it seems."""
+ABREAST, BESIDE = 0.1, 0.3
+"""Two plates on one car differ by at most this share of their distance, and stand at most so many
+lane widths beside each other (1.05 m); two vehicles do not fit there."""
 _IMPOSSIBLE = 1e6
 
 
@@ -104,7 +107,7 @@ class Tracker:
                     self._cost(sighting, track, stamp_s) < _IMPOSSIBLE
                     for _, track in pairs
                     if track is not None
-                )
+                ) or any(self._is_beside(sighting, track, stamp_s) for track in self.tracks)
                 pairs.append((sighting, None if doubled else self._begin(sighting, stamp_s)))
         return pairs
 
@@ -137,6 +140,19 @@ class Tracker:
             box.w_px < PIECE * last.w_px
             and last.w_px < PIECE * box.w_px
             and (_holds(box, last) or _holds(last, box))
+        )
+
+    def _is_beside(self, sighting: Sighting, track: CarTrack, stamp_s: float) -> bool:
+        """Whether it is a second plate on this car, which was there a moment ago."""
+        if {sighting.cue, track.last.cue} != {Cue.PLATE}:
+            return False
+        if stamp_s - track.present_at > MOMENT_S:
+            return False
+        place = track.if_of_its_kind(sighting).place
+        ahead_m, right_m = track.ahead.position_m, track.right.position_m
+        return (
+            abs(place.ahead_m - ahead_m) <= ABREAST * ahead_m
+            and abs(place.right_m - right_m) <= BESIDE * self._lane_width_m
         )
 
     def _begin(self, sighting: Sighting, stamp_s: float) -> CarTrack:

@@ -189,6 +189,24 @@ def test_two_plates_on_one_car_are_one_car_with_the_plate_it_had() -> None:
     assert [track.text for track in watcher.tracker.tracks] == ["GN417KB"]
 
 
+@pytest.mark.parametrize("beside_m", [0.6, 0.9])
+def test_two_plates_beside_each_other_are_one_car_with_the_plate_it_had(beside_m: float) -> None:
+    watcher = Watcher()
+    left, right = sighting(7.0, 0.0, "GN417KB"), sighting(7.1, beside_m, "SHOW1")
+    watcher.steps(3, left)
+    for index in range(30):
+        watcher.step(*((left, right), (right, left), (left,))[index % 3])
+
+    assert [track.text for track in watcher.tracker.tracks] == ["GN417KB"]
+
+
+def test_motorcycles_beside_each_other_are_two() -> None:
+    watcher = Watcher()
+    watcher.steps(10, sighting(10.0, 0.0, "LEFT1"), sighting(10.0, 1.3, "RIGHT1"))
+
+    assert [track.text for track in watcher.tracker.tracks] == ["LEFT1", "RIGHT1"]
+
+
 def test_a_tag_and_a_plate_on_one_car_are_one_car_known_by_its_tag() -> None:
     watcher = Watcher()
     watcher.steps(10, sighting(10.0), sighting(10.1, 0.1, "TAG7", Cue.TAG, 0.8))
