@@ -20,11 +20,15 @@ from sim_rig.roads.events import Kind
 from sim_rig.setting_types import Several, Share
 from sim_rig.studies.mvs_encounter import Case, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs_fates import Fate
-from sim_rig.studies.mvs_scenes import Scene, Where
+from sim_rig.studies.mvs_scenes import Scene, Where, scene_here
 from sim_rig.studies.mvs_world import FooterSize
 from sim_rig.studies.results import write_results
 
-PAPER_REDUCTION: dict[Where, float] = {Scene.CROSSING: 0.615, Scene.CITY: 0.601}
+PAPER_REDUCTION: dict[Where, float] = {
+    Scene.CROSSING: 0.615,
+    Scene.SUMO_CROSSING: 0.615,
+    Scene.CITY: 0.601,
+}
 """Of the collision probability by MVS at 40 %; the paper prints no other figure of its Fig. 9."""
 _MOST_COMPARED = 0.4
 _Z = 1.96
@@ -128,7 +132,7 @@ def figure9(
     out_dir: Path, settings: CollisionSettings | None = None, workers: Workers | None = None
 ) -> str:
     """Write collision probabilities, by method and share, with what the paper does not show."""
-    settings = settings or CollisionSettings()
+    settings = _of_scene_here(settings or CollisionSettings())
     rows = _all_runs(out_dir, settings, workers)
     table = _table(settings, rows)
     write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
@@ -139,7 +143,7 @@ def figure3(
     out_dir: Path, settings: CollisionSettings | None = None, workers: Workers | None = None
 ) -> str:
     """Write the collision probability of red-light runners with plain DSRC."""
-    settings = settings or Figure3Settings()
+    settings = _of_scene_here(settings or Figure3Settings())
     rows = _all_runs(out_dir, settings, workers)
     table = _table(settings, rows)
     write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
@@ -148,6 +152,12 @@ def figure3(
         f"P(collision) {first.p_collision:.2f} without radios,"
         f" {last.p_collision:.2f} at a share of {last.share_with_radio:g}"
     )
+
+
+def _of_scene_here(settings: CollisionSettings) -> CollisionSettings:
+    scene = scene_here(settings.encounter.scene)
+    encounter = settings.encounter.model_copy(update={"scene": scene})
+    return settings.model_copy(update={"encounter": encounter})
 
 
 def _all_runs(out_dir: Path, settings: CollisionSettings, workers: Workers | None) -> list[Row]:

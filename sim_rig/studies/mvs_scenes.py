@@ -1,7 +1,7 @@
 """Where the MVS studies take place: the dense crossing and the city of the paper, or our own.
 
-The recordings of others are no part of this repository. Where they are (`RIG_DATA` names the
-folder), they are used; otherwise SUMO drives the dense crossing.
+The recordings of others are no part of this repository; `RIG_DATA` names their folder. Where they
+are not, a study of the dense crossing becomes one of SUMO's crossing, and says so in its settings.
 """
 
 import os
@@ -35,9 +35,9 @@ class Scene(StrEnum):
     """By name."""
 
     CROSSING = "crossing"
-    """Dense: some 100 cars on two six-lane roads; the AIM simulator's where it is there."""
+    """Dense: some 100 cars on two six-lane roads; the AIM simulator's."""
     LIGHTER_CROSSING = "lighter-crossing"
-    """The same with some 50 cars; only where AIM's recording is."""
+    """The same with some 50 cars."""
     OWN_CROSSING = "own-crossing"
     """The same from our own car-following model."""
     SUMO_CROSSING = "sumo-crossing"
@@ -66,26 +66,41 @@ class Place:
         return [drive.name for drive in self.recording.drives]
 
 
+_RECORDED = {
+    Scene.CROSSING: "crossing-signals-100-cars.csv.gz",
+    Scene.LIGHTER_CROSSING: "crossing-signals-50-cars.csv.gz",
+    Scene.CITY: "city-99-cars.ns2",
+}
+
+
+def scene_here(scene: Where) -> Where:
+    """What a study of this scene drives where its recordings are as they are now.
+
+    A study asks once, when it begins, and states the answer in its settings: resumed elsewhere, or
+    with workers that have other recordings, it must not mix two kinds of traffic.
+    """
+    if scene is Scene.CROSSING and not _recorded(scene).is_file():
+        return Scene.SUMO_CROSSING
+    return scene
+
+
 @cache
 def open_scene(scene: Where) -> Place:
     """Read or drive it, once in a process; a path is traffic of the user's own.
 
     Raises:
-        UserError: the recording is not there, and nobody else drives this scene.
+        UserError: its recording is not there.
     """
     if isinstance(scene, Path):
         return _brought(scene)
-    traces = Path(os.environ.get("RIG_DATA", _DATA)) / "traces"
-    aim = traces / "crossing-signals-100-cars.csv.gz"
-    if scene is Scene.CITY:
-        city = _there(traces / "city-99-cars.ns2")
-        recording = keep_right(read_trace(city), _CITY_LANE_M)
-        return Place(recording, None, city.name, has_lights=False)
-    if scene is Scene.LIGHTER_CROSSING:
-        lighter = _there(traces / "crossing-signals-50-cars.csv.gz")
-        return Place(read_trace(lighter), Corners(_CORNERS_M), lighter.name)
-    if scene is Scene.CROSSING and aim.is_file():
-        return Place(read_trace(aim), Corners(_CORNERS_M), aim.name)
+    if scene in _RECORDED:
+        path = _recorded(scene)
+        if not path.is_file():
+            raise UserError(f"this scene needs {path} (RIG_DATA names the folder of recordings)")
+        if scene is Scene.CITY:
+            recording = keep_right(read_trace(path), _CITY_LANE_M)
+            return Place(recording, None, path.name, has_lights=False)
+        return Place(read_trace(path), Corners(_CORNERS_M), path.name)
     if scene is Scene.OWN_CROSSING:
         own = crossing(CrossingSettings(), np.random.default_rng(0))
         return Place(record(own, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "own crossing")
@@ -110,7 +125,5 @@ def _brought(path: Path) -> Place:
     return Place(traffic, None, path.name, has_lights=False)
 
 
-def _there(path: Path) -> Path:
-    if not path.is_file():
-        raise UserError(f"this scene needs {path} (RIG_DATA names the folder of recordings)")
-    return path
+def _recorded(scene: Scene) -> Path:
+    return Path(os.environ.get("RIG_DATA", _DATA)) / "traces" / _RECORDED[scene]

@@ -8,7 +8,7 @@ thereby used again. Both count what was sensed or received in one window of 0.1 
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -24,7 +24,7 @@ from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.roads.cars import Cars
 from sim_rig.setting_types import NotNegative, Several, Share, Span
-from sim_rig.studies.mvs_scenes import Scene, Where, open_scene
+from sim_rig.studies.mvs_scenes import Scene, Where, open_scene, scene_here
 from sim_rig.studies.mvs_world import (
     ORIGIN,
     START_UTC_S,
@@ -66,6 +66,9 @@ class Table1Settings(SharingSettings):
 
     entries: Several[FooterSize] = (10,)
     methods: Several[Selection] = (Selection.MVS,)
+
+
+SharingT = TypeVar("SharingT", bound=SharingSettings)
 
 
 def cases(settings: SharingSettings) -> list[tuple[Selection, int, float, int]]:
@@ -217,7 +220,7 @@ def figure8(
     out_dir: Path, settings: SharingSettings | None = None, workers: Workers | None = None
 ) -> str:
     """Write the number of different MEs by method, M and share."""
-    settings = settings or SharingSettings()
+    settings = _of_scene_here(settings or SharingSettings())
     rows = _all_runs(out_dir, settings, workers)
     table = [
         _Line(
@@ -248,7 +251,7 @@ def table1(
     out_dir: Path, settings: Table1Settings | None = None, workers: Workers | None = None
 ) -> str:
     """Write selected and reused measurements beside the paper's."""
-    settings = settings or Table1Settings()
+    settings = _of_scene_here(settings or Table1Settings())
     rows = _all_runs(out_dir, settings, workers)
     table = []
     for method in ("rs", "mvs"):
@@ -266,6 +269,10 @@ def table1(
     write_results(out_dir, columns, table, settings)
     in_states = sum(row["reused_in_states"] for row in rows)
     return f"measurements used twice in any fused state: {in_states}"
+
+
+def _of_scene_here(settings: SharingT) -> SharingT:
+    return settings.model_copy(update={"scene": scene_here(settings.scene)})
 
 
 def _all_runs(out_dir: Path, settings: SharingSettings, workers: Workers | None) -> list[Row]:

@@ -8,12 +8,19 @@ import pytest
 from statsmodels.stats.proportion import proportion_confint
 
 from onboard.errors import UserError
-from sim_rig.campaign import Workers
+from sim_rig.campaign import CampaignError, Workers
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.events import Kind
 from sim_rig.studies.catalogue import run_study
-from sim_rig.studies.mvs_collisions import CollisionSettings, cases, changed, run_one, wilson
+from sim_rig.studies.mvs_collisions import (
+    CollisionSettings,
+    cases,
+    changed,
+    figure9,
+    run_one,
+    wilson,
+)
 from sim_rig.studies.mvs_encounter import Case, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs_fates import Concerned, Fate
 from sim_rig.studies.mvs_scenes import Scene
@@ -200,6 +207,29 @@ def test_traffic_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
 
     assert [row["method"] for row in rows_of] == ["none", "dsrc", "mvs"]
     assert all(row["messages"] for row in rows_of[1:])
+
+
+def test_a_study_of_a_recording_that_is_missing_is_one_of_sumo_to_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its settings say so; and it does not go on with the recording once that is there."""
+    data, out = tmp_path / "data", tmp_path / "out"
+    monkeypatch.setenv("RIG_DATA", str(data))
+    settings = SMALL.model_copy(
+        update={
+            "kinds": (Kind.SUDDEN_BRAKE,),
+            "methods": (Method.DSRC,),
+            "encounter": ENCOUNTER.model_copy(update={"scene": Scene.CROSSING}),
+        }
+    )
+
+    figure9(out, settings)
+
+    assert "  scene: sumo-crossing\n" in (out / "settings.yaml").read_text()
+    (data / "traces").mkdir(parents=True)
+    (data / "traces" / "crossing-signals-100-cars.csv.gz").touch()
+    with pytest.raises(CampaignError, match="other settings"):
+        figure9(out, settings)
 
 
 def test_no_such_traffic_is_said_with_what_there_is(tmp_path: Path) -> None:
