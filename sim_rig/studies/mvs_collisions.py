@@ -306,12 +306,12 @@ def _told(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str
     if not mvs:
         return f"{len(rows)} runs"
     before = sum(row["crash"] for row in none)
+    if not before:
+        return f"no event ends in a crash without radios ({len(none)} events)"
     fewer, more = changed(none, mvs)
-    reduction = (fewer - more) / before if before else math.nan
     paper = PAPER_REDUCTION.get(settings.encounter.scene)
-    two_cars = _kept_apart(mvs) / before if before else math.nan
-    text = f"at {share:.0%} MVS reduces crashes by {reduction:.1%}"
-    text += f", of the two cars alone {two_cars:.1%}"
+    text = f"at {share:.0%} MVS reduces crashes by {(fewer - more) / before:.1%}"
+    text += f", of the two cars alone {_kept_apart(mvs) / before:.1%}"
     if paper is not None:
         text += f" (paper: {paper:.1%})"
     avoided = {(r["kind"], r["seed"]) for r in none if r["crash"]}

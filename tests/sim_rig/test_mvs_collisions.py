@@ -136,6 +136,20 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
     assert told
 
 
+def test_where_nobody_crashes_nothing_is_said_to_be_reduced(tmp_path: Path) -> None:
+    """A second after a sudden brake nobody has run into the car yet."""
+    settings = SMALL.model_copy(
+        update={
+            "kinds": (Kind.SUDDEN_BRAKE,),
+            "shares": (0.4,),
+            "methods": (Method.MVS,),
+            "encounter": ENCOUNTER.model_copy(update={"watched_s": 0.5, "after_s": 1.0}),
+        }
+    )
+
+    assert figure9(tmp_path, settings) == "no event ends in a crash without radios (1 events)"
+
+
 def test_figure_3_is_written(tmp_path: Path) -> None:
     encounter = {"scene": "own-crossing", "warm_s": 0.5, "watched_s": 0.5, "near_m": 40.0}
 
