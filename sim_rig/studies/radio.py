@@ -200,12 +200,13 @@ def run(
     if not lines:
         raise UserError("radio: nobody sent anything between warm_s and seconds")
     write_results(out_dir, COLUMNS, lines, settings, _figure(settings, lines))
-    reach_m = max((float(line[0]) for line in lines if float(line[1]) >= 0.5), default=0.0)
-    first = lines[0]
-    return (
-        f"{settings.cars} cars, {settings.seeds} seeds: nearest {float(first[1]):.4f} delivered"
-        f" after {float(first[3] or 0.0):.0f} us; at least half up to the bin of {reach_m:g} m"
-    )
+    _, nearest_pdr, _, delay_us, _ = lines[0]
+    text = f"{settings.cars} cars, {settings.seeds} seeds: nearest {nearest_pdr:.4f} delivered"
+    if delay_us:
+        text += f" after {delay_us:.0f} us"
+    half_m = [float(line[0]) for line in lines if float(line[1]) >= 0.5]
+    reach = f"up to the bin of {max(half_m):g} m" if half_m else "nowhere"
+    return f"{text}; at least half {reach}"
 
 
 def _moments(settings: RadioSettings, rng: np.random.Generator) -> Iterator[tuple[float, int]]:
@@ -250,9 +251,9 @@ def _figure(settings: RadioSettings, lines: list[tuple[float | str, ...]]) -> Fi
         ]
         if known:
             delays.plot(*zip(*known, strict=True), "o-", ms=3, label=label)
+            delays.legend(frameon=False)
     delays.set(xlabel="m between the cars", ylabel="delay in us")
     delays.set_ylim(bottom=0.0)
-    delays.legend(frameon=False)
     figure.suptitle(
         f"{settings.cars} cars, {settings.spacing_m:g} m apart, {settings.loss},"
         f" fading {settings.fading}"

@@ -63,6 +63,13 @@ def test_one_command_writes_table_figure_and_settings(tmp_path: Path) -> None:
     assert "nakagami:3" in (tmp_path / "radio" / "settings.yaml").read_text()
 
 
+def test_where_nothing_is_received_no_delay_is_told(tmp_path: Path) -> None:
+    code, told = study("--cars=2", "--spacing-m=1000", "--seeds=1", "--seconds=1.2", out=tmp_path)
+
+    assert code == 0, told
+    assert told.startswith("radio: 2 cars, 1 seeds: nearest 0.0000 delivered; at least half nowhere")
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
