@@ -67,7 +67,7 @@ def test_where_nothing_is_received_no_delay_is_told(tmp_path: Path) -> None:
     code, told = study("--cars=2", "--spacing-m=1000", "--seeds=1", "--seconds=1.2", out=tmp_path)
 
     assert code == 0, told
-    assert told.startswith("radio: 2 cars, 1 seeds: nearest 0.0000 delivered; at least half nowhere")
+    assert "nearest 0.0000 delivered; at least half nowhere" in told
 
 
 @pytest.mark.parametrize(
