@@ -84,6 +84,7 @@ class Plates:
             (plate, to_read, self._sighting(image, plate, next(texts) if to_read else None))
             for plate, to_read in found
         ]
+        # A search comes upon patches of road as well; what is followed was a plate before.
         return [
             sighting
             for plate, to_read, sighting in sightings

@@ -33,8 +33,11 @@ class Score:
     false_texts: int = 0
     """Texts where the table has no plate."""
     certain: int = 0
-    """Texts said with at least the confidence asked for."""
+    """Of the texts, those of which something was said with the confidence asked for."""
     certain_wrong: int = 0
+    """Of these, another text than is true."""
+    certain_false: int = 0
+    """Of the false texts, those said so."""
     leads: int = 0
     leads_right: int = 0
     """Told to be the lead."""
@@ -50,8 +53,10 @@ class Score:
             "exact": _share(self.exact, self.texts),
             "characters": _share(self.characters_right, self.characters),
             "false texts a frame": f"{self.false_texts / max(self.frames, 1):.3f}",
-            "certain": _share(self.certain, self.plates),
-            "wrong if certain": _share(self.certain_wrong, self.certain),
+            "certain": _share(self.certain, self.texts),
+            "wrong if certain": _share(
+                self.certain_wrong + self.certain_false, self.certain + self.certain_false
+            ),
         }
         if self.leads:
             row["right lead"] = _share(self.leads_right, self.leads)
@@ -103,7 +108,7 @@ class Scores:
         for plate in free:
             if plate.text is not None:
                 score.false_texts += 1
-                self._count_certain(score, plate, wrong=True)
+                score.certain_false += self._is_certain(plate)
 
     def _count_plate(self, score: Score, best: Plate | None, true: TruePlate) -> None:
         score.plates += true.is_told
@@ -117,12 +122,12 @@ class Scores:
             text = best.text or ""
             score.exact += text == true.text
             score.characters_right += max(0, len(true.text) - edit_distance(text, true.text))
-            self._count_certain(score, best, wrong=text != true.text)
+            if self._is_certain(best):
+                score.certain += 1
+                score.certain_wrong += text != true.text
 
-    def _count_certain(self, score: Score, plate: Plate, *, wrong: bool) -> None:
-        if plate.text is not None and plate.confidence >= self._certain_from:
-            score.certain += 1
-            score.certain_wrong += wrong
+    def _is_certain(self, plate: Plate) -> bool:
+        return plate.text is not None and plate.confidence >= self._certain_from
 
 
 def _best(plates: list[Plate], true: TruePlate) -> Plate | None:

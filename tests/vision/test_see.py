@@ -327,10 +327,22 @@ def test_scores_count_what_they_say(tmp_path: Path) -> None:
         "exact": "50.0 %",
         "characters": f"{100 * 20 / 28:.1f} %",
         "false texts a frame": "0.250",
-        "certain": "75.0 %",
+        "certain": "50.0 %",
         "wrong if certain": "33.3 %",
     }
     assert rows["us"]["exact"] == "50.0 %"
+
+
+def test_never_more_plates_are_certain_than_the_truth_has(tmp_path: Path) -> None:
+    (tmp_path / "truth.csv").write_text(
+        "file,x_px,y_px,w_px,h_px,text\n1.jpg,10,10,100,30,GN417KB\n"
+    )
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+
+    scores.add(seen("1.jpg", plate("GN417KB"), plate("RD288HX", x_px=300.0)))
+
+    (row,) = scores.rows()
+    assert (row["certain"], row["wrong if certain"]) == ("100.0 %", "50.0 %")
 
 
 def test_a_name_that_two_files_of_the_truth_have_is_told(tmp_path: Path) -> None:
