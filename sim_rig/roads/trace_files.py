@@ -84,23 +84,32 @@ class _Node:
     off_at_s: float = math.inf
     """When it is switched off on its way."""
     place: list[float | None] = field(default_factory=lambda: [None, None])
+    """Where it stands until it is first told to move, as far as the file has said."""
+    has_left: bool = False
+    """It has driven, and was then put elsewhere."""
+
+    @property
+    def _told_at_s(self) -> float:
+        """When it was last told to move: what comes after that is where it is going."""
+        return self.corners[-2 if len(self.corners) > 1 else -1][0]
 
     def go(self, at_s: float, x: float, y: float, speed_m_s: float) -> str | None:
         """Take a `setdest`; returns what is wrong with it."""
         if not self.corners:
-            if None in self.place:
+            x0, y0 = self.place
+            if x0 is None or y0 is None:
                 return "moves before it has a place"
-            self.corners.append((at_s, self.place[0] or 0.0, self.place[1] or 0.0))
-        if at_s < self.corners[-2 if len(self.corners) > 1 else -1][0] - 1e-9:
+            self.corners.append((at_s, x0, y0))
+        if at_s < self._told_at_s - 1e-9:
             return "is told to move at a time before the last one"
         if speed_m_s > _PLACING_M_S:
             if len(self.corners) == 1:
                 self.corners = [(at_s, x, y)]
-            else:
+            elif not self.has_left:
                 self._be_at(at_s)
-                self.place = [None, None]
+                self.has_left = True
             return None
-        if self.place == [None, None] and len(self.corners) > 1:
+        if self.has_left:
             return "jumps"
         if not 0.0 <= speed_m_s <= FASTEST_M_S:
             return f"drives at {speed_m_s:g} m/s"

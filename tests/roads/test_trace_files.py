@@ -53,6 +53,16 @@ def test_a_car_that_is_switched_off_or_put_away_has_gone(tmp_path: Path) -> None
     assert len(recording.cars_at(6.2)) == 0
 
 
+def test_a_car_that_was_put_away_and_is_put_elsewhere_does_not_come_back(tmp_path: Path) -> None:
+    moves = (
+        '$ns_ at 0.0 "$node_(0) setdest 100 5 10.0"\n$ns_ at 4.0 "$node_(0) setdest 0 0 1e9"\n'
+        '$ns_ at 8.0 "$node_(0) setdest 1 1 1e9"\n'
+    )
+    recording = read_trace(written(tmp_path, "a.ns2", NODE + moves))
+
+    assert recording.end_s == pytest.approx(4.0)
+
+
 def test_floating_car_data_gives_front_bumpers_and_compass_angles(tmp_path: Path) -> None:
     step = '<timestep time="{0}"><vehicle id="a" x="{1}" y="3" angle="90" speed="10"/></timestep>'
     text = "<fcd-export>" + step.format(4.0, 100) + step.format(5.0, 110) + "</fcd-export>"
