@@ -237,6 +237,7 @@ def _ways_crossed(recording: Recording) -> list[tuple[int, float, float]]:
                 abs(later_s) < _MOST_MOVED_S
                 and min(drive.speed_m_s[mine], other.speed_m_s[others]) > _LEAST_SPEED_M_S
                 and min(mine, others) > _BEFORE_STEPS
+                # Moved, too, its drive begins after the recording.
                 and drive.first * STEP_S > later_s + _TIMING_S
             ):
                 found.append((number, (drive.first + mine) * STEP_S, later_s))
