@@ -32,7 +32,14 @@ class BoxModel:
             self._network = cv2.dnn.readNetFromONNX(str(settings.file))
         except cv2.error as error:
             raise UserError(f"{name}.file: {settings.file}: not a model: {error.err}") from error
-        self.find(np.zeros((settings.input_height_px, settings.input_width_px, 3), np.uint8))
+        width, height = settings.input_width_px, settings.input_height_px
+        try:
+            self.find(np.zeros((height, width, 3), np.uint8))
+        except cv2.error as error:
+            raise UserError(
+                f"{name}: {settings.file}: cannot run on an input of {width} x {height} px "
+                f"(input_width_px, input_height_px): {error.err}"
+            ) from error
 
     def find(self, image: npt.NDArray[np.uint8]) -> list[tuple[Box, float]]:
         """Boxes in an (h, w, 3) BGR picture and their scores, the surest first."""

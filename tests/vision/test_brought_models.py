@@ -69,6 +69,11 @@ def test_a_file_that_is_no_model_is_told(tmp_path: Path, capfd: object) -> None:
         BoxModel(model(tmp_path, file=tmp_path / "text.onnx"), "vision.vehicle_model")
 
 
+def test_a_model_that_takes_an_input_of_another_size_is_told(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"cannot run on an input of 64 x 32 px \(input_width_px"):
+        BoxModel(model(tmp_path, input_height_px=32), "vision.vehicle_model")
+
+
 @pytest.mark.parametrize("changes", [{"classes": (7,)}, {"has_objectness": True}])
 def test_an_output_that_does_not_fit_the_settings_is_told(
     tmp_path: Path, changes: dict[str, object]
