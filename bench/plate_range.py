@@ -102,7 +102,8 @@ def _picture(
     art = draw_plate(text, plate_format, 1.3 * width_px / plate_format.width_mm)
     warp_onto(image, np.dstack([art, np.full(art.shape[:2], 255, np.uint8)]), quad)
     seen = photograph(image, rng, fine_px=width_px / 45)
-    above, beside = ((PICTURE_HEIGHT_PX - 200) // 2, (PICTURE_WIDTH_PX - 320) // 2)
+    rows, columns = seen.shape[:2]
+    above, beside = (PICTURE_HEIGHT_PX - rows) // 2, (PICTURE_WIDTH_PX - columns) // 2
     whole = cv2.copyMakeBorder(seen, above, above, beside, beside, cv2.BORDER_REPLICATE)
     return np.asarray(whole, np.uint8)
 
