@@ -289,6 +289,7 @@ def calibrate(
     for option, length_m in (("square", square_m), ("plate-width", plate_width_m)):
         if not 0.001 <= length_m <= 1.0:
             raise UserError(f"--{option}-m: is in metres, 0.001 to 1 (given {length_m:g})")
+    _keep((Path(pictures), Path(upright) if upright is not None else None), (out,))
     images = [frame.image for frame in _still_frames(pictures)]
     if plate_at_m is not None and plate_height_m is not None:
         fit = _fit_by_plates(images, plate_at_m, plate_width_m, plate_height_m)

@@ -1,5 +1,6 @@
 """How well plates were found and read, against a table of what is true."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -41,6 +42,10 @@ class Score:
     leads: int = 0
     leads_right: int = 0
     """Told to be the lead."""
+    free: int = 0
+    """Frames with nobody ahead."""
+    ghosts: int = 0
+    """Of these, where somebody is told to be."""
     gap_errors: list[float] = field(default_factory=list)
     """Of the gap of leads told rightly, as shares of the truth."""
 
@@ -60,6 +65,8 @@ class Score:
         }
         if self.leads:
             row["right lead"] = _share(self.leads_right, self.leads)
+        if self.free:
+            row["ghost lead"] = _share(self.ghosts, self.free)
         if self.gap_errors:
             row["gap error"] = f"{100 * median(abs(error) for error in self.gap_errors):.1f} %"
         return row
@@ -97,6 +104,10 @@ class Scores:
         free = list(seen.plates)
         score.frames += 1
         for true in truth:
+            if true.gap_m == math.inf:
+                score.free += 1
+                score.ghosts += seen.lead is not None and seen.lead.gap_m is not None
+                continue
             best = _best(free, true)
             if best is not None:
                 free.remove(best)

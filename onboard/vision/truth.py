@@ -2,7 +2,8 @@
 
 A CSV with one row for each plate and frame. `file` names a picture or video, `frame` is an index
 where one file has many; either is enough. What is not known of a plate is left empty, or its column
-left out: `x_px, y_px, w_px, h_px`, `text`, and `gap_m`, which makes it the lead's.
+left out: `x_px, y_px, w_px, h_px`, `text`, and `gap_m`, which makes it the lead's. A row with a
+`gap_m` of `inf` says that nobody is ahead.
 """
 
 import csv
@@ -19,20 +20,20 @@ from onboard.vision.seen_frame import SeenFrame
 _BOX = ("x_px", "y_px", "w_px", "h_px")
 _ALLOWED = (
     "allowed are file or frame or both, and what is known of x_px, y_px, w_px, h_px (all four), "
-    "text, gap_m"
+    "text, gap_m (inf, and nothing else, where nobody is ahead)"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class TruePlate:
-    """A plate that is there."""
+    """A plate that is there, or that there is no lead."""
 
     box: Box | None
     """`None` where nobody measured it."""
     text: str
     """As plates are told, upper case and without separators; empty where nobody could tell."""
     gap_m: float | None
-    """Of the lead's, the distance."""
+    """Of the lead's, the distance; infinite where nobody is ahead."""
 
     @property
     def is_told(self) -> bool:
@@ -122,7 +123,7 @@ def _true_plate(cells: dict[str, str]) -> TruePlate:
     if sides and not (all(map(math.isfinite, sides)) and min(sides[2:]) > 0.0):
         raise ValueError(f"no box is {', '.join(f'{side:g}' for side in sides)}")
     gap_m = float(cells["gap_m"]) if cells.get("gap_m") else None
-    if gap_m is not None and not 0.0 < gap_m < math.inf:
-        raise ValueError(f"gap_m is {gap_m:g}")
     text = "".join(filter(str.isalnum, cells.get("text", "").upper()))
+    if gap_m is not None and (not gap_m > 0.0 or (math.isinf(gap_m) and (sides or text))):
+        raise ValueError(f"gap_m is {gap_m:g}")
     return TruePlate(Box(*sides) if sides else None, text, gap_m)

@@ -2,6 +2,7 @@
 
 import csv
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -13,9 +14,9 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from onboard.errors import UserError
-from onboard.observations import Box, Plate
+from onboard.observations import Box, Lead, LeadIdentity, Plate
 from onboard.settings import load_settings
-from onboard.vision.cli import see
+from onboard.vision.cli import calibrate, see
 from onboard.vision.frames import Frame
 from onboard.vision.score import Scores, edit_distance, overlap
 from onboard.vision.seen_frame import COLUMNS, SeenFrame
@@ -185,6 +186,7 @@ def test_a_lead_is_scored_by_what_is_known_of_it(
         (["file,x_px,text", "f1.png,3,TAG1"], ":2: a box has four numbers"),
         (["frame,gap_m", "1,0"], ":2: gap_m is 0"),
         (["frame,gap_m", "1,nan"], ":2: gap_m is nan"),
+        (["frame,gap_m,text", "1,inf,TAG1"], ":2: gap_m is inf"),
         (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,nan,4"], ":2: no box is 1, 2, nan, 4"),
         (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,-3,4"], ":2: no box is 1, 2, -3, 4"),
     ],
@@ -239,6 +241,16 @@ def test_what_is_read_is_not_overwritten(drive: Path, tmp_path: Path, output: st
         run(drive / "pictures", "--truth", truth, output, truth)
 
     assert truth.read_bytes() == before
+
+
+def test_a_calibration_is_not_written_over_the_recording(tmp_path: Path) -> None:
+    video = tmp_path / "board.mp4"
+    video.write_bytes(b"a recording")
+
+    with pytest.raises(UserError, match=r"board\.mp4: is to be read"):
+        calibrate(str(video), board="9x6", out=video)
+
+    assert video.read_bytes() == b"a recording"
 
 
 @pytest.mark.parametrize("name", ["seen.gif", "seen.webm", "seen.pictures", "seen"])
@@ -331,6 +343,19 @@ def test_scores_count_what_they_say(tmp_path: Path) -> None:
         "wrong if certain": "33.3 %",
     }
     assert rows["us"]["exact"] == "50.0 %"
+
+
+def test_a_lead_where_the_truth_has_nobody_ahead_is_a_ghost(tmp_path: Path) -> None:
+    (tmp_path / "truth.csv").write_text("frame,gap_m\n0,inf\n1,inf\n2,12\n")
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=12.0)
+
+    for index, told in enumerate([lead, Lead(0.0, LeadIdentity.NO_LEAD), lead]):
+        scores.add(replace(seen("drive.mp4"), index=index, events=(told,)))
+
+    (row,) = scores.rows()
+    assert (row["frames"], row["plates"], row["false texts a frame"]) == ("3", "0", "0.000")
+    assert (row["ghost lead"], row["right lead"]) == ("50.0 %", "100.0 %")
 
 
 def test_never_more_plates_are_certain_than_the_truth_has(tmp_path: Path) -> None:
