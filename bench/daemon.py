@@ -24,7 +24,7 @@ READ_AND_DECODE = """
 import sys
 from onboard.config import CarConfig
 from onboard.settings import load_settings
-from onboard.vision.frames import open_frames
+from onboard.vision.camera import open_frames
 from pathlib import Path
 for frame in open_frames(load_settings(Path(sys.argv[1]), CarConfig).camera):
     pass

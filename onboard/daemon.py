@@ -34,7 +34,7 @@ from onboard.recorder.recorded import put_together
 from onboard.security.key_files import read_credentials
 from onboard.service_manager import ServiceManager
 from onboard.stack import Observation
-from onboard.vision.frames import CameraThread
+from onboard.vision.camera import CameraThread
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
 from onboard.wave_udp.endpoint import open_endpoint
 from onboard.wave_udp.receive_queue import ReceiveQueue

@@ -18,7 +18,8 @@ from onboard.observations import Discarded, Position, Sensor
 from onboard.settings import parse_settings
 from onboard.stack import Observation, Stack
 from onboard.trace import Event
-from onboard.vision.frames import LiveFrames, open_frames
+from onboard.vision.camera import open_frames
+from onboard.vision.live_frames import LiveFrames
 from onboard.vision.settings import CameraSettings
 from onboard.vision.sight import Sight
 

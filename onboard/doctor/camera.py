@@ -9,7 +9,8 @@ from itertools import islice
 import numpy as np
 
 from onboard.doctor.finding import Finding, Verdict
-from onboard.vision.frames import CameraError, Frame, open_frames
+from onboard.vision.camera import open_frames
+from onboard.vision.frames import CameraError, Frame
 from onboard.vision.picture_check import Fault, PictureCheck
 from onboard.vision.settings import CameraSettings
 

@@ -26,11 +26,14 @@ from onboard.vision.calibrate import (
     calibrate_lens,
     place_by_board,
 )
+from onboard.vision.camera import open_frames
 from onboard.vision.ends import refine_ends
-from onboard.vision.frames import Clip, Frame, Image, LiveFrames, Pictures, open_frames
+from onboard.vision.frames import Frame, Image
+from onboard.vision.live_frames import LiveFrames
 from onboard.vision.perspective import Perspective
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plates import whole_plate
+from onboard.vision.recordings import Clip, Pictures
 from onboard.vision.score import Scores
 from onboard.vision.seen_frame import COLUMNS, SeenFrame, see_frames
 from onboard.vision.settings import (

@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 
 from onboard.errors import UserError
 from onboard.observations import Box
-from onboard.vision.frames import PICTURES
+from onboard.vision.recordings import PICTURES
 from onboard.vision.seen_frame import SeenFrame
 
 _BOX = ("x_px", "y_px", "w_px", "h_px")

@@ -10,7 +10,8 @@ import aiohttp
 import numpy as np
 import pytest
 
-from onboard.vision.frames import Image, open_frames
+from onboard.vision.camera import open_frames
+from onboard.vision.frames import Image
 from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_server import Camera, CameraServer
 from sim_rig.cars.camera_view import LENS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from onboard.observations import LeadIdentity
-from onboard.vision.frames import open_frames
+from onboard.vision.camera import open_frames
 from onboard.vision.plate_detector import Corners, Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader, PlateText
 from onboard.vision.seen_frame import see_frames

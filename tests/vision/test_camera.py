@@ -15,14 +15,9 @@ import numpy as np
 import pytest
 
 from onboard.observations import Discarded, Lead, SensorLost
-from onboard.vision.frames import (
-    CameraError,
-    CameraThread,
-    Clip,
-    Frame,
-    decode_picture,
-    open_frames,
-)
+from onboard.vision.camera import CameraThread, open_frames
+from onboard.vision.frames import CameraError, Frame, decode_picture
+from onboard.vision.recordings import Clip
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.picture.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, frames

@@ -1,0 +1,152 @@
+"""Frames of a camera that does not wait: a device, or MJPEG over HTTP.
+
+It is read by a thread of its own that keeps the newest picture only, so that a slow reader sees the
+road as it is and not as it was; it is opened again by itself.
+"""
+
+import http.client
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from email.message import Message
+from functools import partial
+
+import cv2
+import numpy as np
+
+from onboard.vision.frames import CameraError, Frame, Image, decode_picture
+from onboard.vision.mjpeg import MjpegParts
+from onboard.vision.settings import CameraSettings
+
+TIMEOUT_S = 2.0
+"""A source that says nothing for this long is opened again."""
+RECONNECT_S = (0.1, 2.0)
+"""Pause before the first and the longest before later attempts."""
+
+
+class LiveFrames:
+    """The newest picture of a source that does not wait."""
+
+    live = True
+
+    def __init__(self, open_pictures: Callable[[], Iterator[Callable[[], Image]]]) -> None:
+        """Open it once, so that a source that is not there is told at the start.
+
+        Args:
+            open_pictures: opens the source; each item decodes one picture.
+
+        Raises:
+            CameraError: it cannot be opened.
+        """
+        self._open_pictures = open_pictures
+        self._arrived = threading.Condition()
+        self._newest: tuple[float, Callable[[], Image]] | None = None
+        self._closed = threading.Event()
+        first = open_pictures()
+        self._thread = threading.Thread(
+            target=self._keep_newest, args=(first,), name="camera-reader", daemon=True
+        )
+        self._thread.start()
+
+    def __iter__(self) -> Iterator[Frame]:
+        while not self._closed.is_set():
+            with self._arrived:
+                self._arrived.wait_for(self._is_waited_for, timeout=TIMEOUT_S)
+                newest, self._newest = self._newest, None
+            if newest is not None:
+                stamp_s, decode = newest
+                yield Frame(stamp_s, decode())
+
+    def close(self) -> None:
+        """End the iteration, also from another thread."""
+        self._closed.set()
+        with self._arrived:
+            self._arrived.notify_all()
+
+    def _is_waited_for(self) -> bool:
+        return self._newest is not None or self._closed.is_set()
+
+    def _keep_newest(self, pictures: Iterator[Callable[[], Image]]) -> None:
+        pause_s, longest_s = RECONNECT_S
+        while not self._closed.is_set():
+            try:
+                for picture in pictures:
+                    if self._closed.is_set():
+                        return
+                    pause_s = RECONNECT_S[0]
+                    with self._arrived:
+                        self._newest = (time.monotonic(), picture)
+                        self._arrived.notify_all()
+            except (OSError, http.client.HTTPException):
+                pass  # gone; whoever watches the camera sees its silence
+            self._closed.wait(pause_s)
+            pause_s = min(2 * pause_s, longest_s)
+            try:
+                pictures = self._open_pictures()
+            except CameraError:
+                pictures = iter(())
+
+
+def mjpeg_frames(url: str) -> LiveFrames:
+    """A network camera's.
+
+    Raises:
+        CameraError: nobody answers, or not with MJPEG.
+    """
+    return LiveFrames(lambda: _mjpeg_pictures(url))
+
+
+def device_frames(settings: CameraSettings) -> LiveFrames:
+    """Those of a camera at this computer.
+
+    Raises:
+        CameraError: it is not there, or in use.
+    """
+    return LiveFrames(lambda: _device_pictures(settings))
+
+
+def _mjpeg_pictures(url: str) -> Iterator[Callable[[], Image]]:
+    # A camera is a neighbour: no proxy of the environment's stands between.
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        response = opener.open(url, timeout=TIMEOUT_S)
+    except (OSError, http.client.HTTPException, ValueError) as error:
+        reason = error.reason if isinstance(error, urllib.error.URLError) else error
+        raise CameraError(f"camera.source: {url}: {reason}") from error
+    header: Message = response.headers
+    boundary = header.get_param("boundary")
+    if header.get_content_maintype() != "multipart" or not isinstance(boundary, str):
+        response.close()
+        raise CameraError(f"camera.source: {url}: no MJPEG but {header.get_content_type()}")
+    return _parts(response, MjpegParts(boundary.encode("latin-1")))
+
+
+def _parts(response: http.client.HTTPResponse, parts: MjpegParts) -> Iterator[Callable[[], Image]]:
+    with response:
+        while data := response.read1(65536):
+            parts.receive_bytes(data)
+            while (body := parts.next_body()) is not None:
+                yield partial(decode_picture, body)
+
+
+def _device_pictures(settings: CameraSettings) -> Iterator[Callable[[], Image]]:
+    source = settings.source
+    capture = cv2.VideoCapture(int(source) if source.isdigit() else source)
+    if not capture.isOpened():
+        raise CameraError(f"camera.source: {source}: no camera there, or it is in use")
+    capture.set(cv2.CAP_PROP_FRAME_WIDTH, settings.width_px)
+    capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings.height_px)
+    if settings.fps is not None:
+        capture.set(cv2.CAP_PROP_FPS, settings.fps)
+    return _grabbed(capture)
+
+
+def _grabbed(capture: cv2.VideoCapture) -> Iterator[Callable[[], Image]]:
+    while True:
+        read, image = capture.read()
+        if not read:
+            break
+        yield partial(np.asarray, image, np.uint8)
+    capture.release()
