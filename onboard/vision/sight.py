@@ -120,6 +120,7 @@ class Sight:
         self._stamp_s = -math.inf
         self._searched_at = -math.inf
         self._changed_at = -math.inf
+        """When it last saw something new."""
         self._frozen = False
         self._lead: CarTrack | None = None
         self._rear = Rear()
@@ -132,8 +133,11 @@ class Sight:
     def forget(self) -> None:
         """What comes next shows another place and time."""
         self._check = PictureCheck()
-        self._tracker.tracks.clear()
         self._stamp_s = self._searched_at = -math.inf
+        self._forget_cars()
+
+    def _forget_cars(self) -> None:
+        self._tracker.tracks.clear()
         self._lead, self._rear = None, Rear()
 
     def receive_frame(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
@@ -152,6 +156,8 @@ class Sight:
         if verdict.is_repeat:
             self._receive_repeat(stamp_s)
             return
+        if stamp_s - self._changed_at > self._settings.keep_s:
+            self._forget_cars()  # who comes to be there meanwhile may be another
         self._changed_at = stamp_s
         if self._frozen:
             self._frozen = False

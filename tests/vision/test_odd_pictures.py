@@ -178,6 +178,32 @@ def test_a_frozen_camera_is_lost_and_the_lead_is_known_again_when_it_is_back(dri
     assert_still_known(seen)
 
 
+@pytest.mark.parametrize("how", ["silent", "frozen", "covered"])
+def test_a_camera_that_was_away_does_not_know_who_is_ahead_now(drive: Drive, how: str) -> None:
+    """Another car, whose plate cannot be read, is where the known one was a minute before."""
+    away: Drive = []
+    if how == "frozen":
+        away = [(stamp_s, drive[-1][1]) for stamp_s in np.arange(1.5, 60.0, 0.5).tolist()]
+    elif how == "covered":
+        away = [(stamp_s, np.zeros_like(drive[-1][1])) for stamp_s in range(2, 60)]
+    another = rendered(SceneCar(28.0, plate="YW903MS", colour_bgr=(40, 40, 160)))
+    back = [(60.0 + stamp_s, image) for stamp_s, image in another]
+
+    seen = looked_at(drive + away + back)
+
+    after = [lead for lead in seen.leads if lead.stamp_s >= 60.0]
+    assert {lead.text for lead in after} == {None}
+    assert after[-1].identity is LeadIdentity.UNKNOWN
+
+
+def test_a_camera_that_was_away_for_a_second_still_knows_who_is_ahead(drive: Drive) -> None:
+    back = [(2.4 + stamp_s, image) for stamp_s, image in drive]
+
+    seen = looked_at(drive + back)
+
+    assert {lead.text for lead in seen.leads if lead.stamp_s >= 2.4} == {LEAD}
+
+
 def clock(image: Image, stamp_s: float) -> None:
     at = (8, image.shape[0] - 8)
     told = f"2026-11-22 10:30:{stamp_s:05.2f}"
