@@ -4,7 +4,7 @@ import math
 
 from onboard.vision.identity import LEAST_READ_CONFIDENCE, Ballot
 from onboard.vision.motion import Motion
-from onboard.vision.plate_kinds import MeanShape, PlateKinds
+from onboard.vision.plate_kinds import CarsKind, PlateKinds
 from onboard.vision.rear import Growth
 from onboard.vision.sighting import Cue, Sighting
 
@@ -31,6 +31,9 @@ class CarTrack:
         kinds: PlateKinds,
     ) -> None:
         self.track_id = track_id
+        self._kind = CarsKind(kinds)
+        self._has_only_plates = first.cue is Cue.PLATE
+        first = self._of_its_kind(first)
         self.seen_at = stamp_s
         """When it was last sighted."""
         self.present_at = stamp_s
@@ -63,13 +66,8 @@ class CarTrack:
         self.followed_at = stamp_s
         """Up to when its rear was followed."""
         self._identity_confidence = identity_confidence
-        self._kinds = kinds
-        self._shape = MeanShape()
-        self._width_m: float | None = None
         self._plate = Ballot(identity_confidence)
         self._tag = Ballot(identity_confidence)
-        self._has_only_plates = first.cue is Cue.PLATE
-        self._of_its_kind(first)
         self._vote(first, stamp_s)
 
     @property
@@ -104,6 +102,11 @@ class CarTrack:
             self.ahead.position_sigma_m, SIZE_SIGMA[self.last.cue] * self.ahead.position_m
         )
 
+    @property
+    def size_sigma(self) -> float:
+        """Of the gap, as a share of it: which kind of plate it is may be open."""
+        return self._kind.sigma if self._has_only_plates else 0.0
+
     def predict(self, stamp_s: float) -> None:
         """Go on to the time of the next frame."""
         self.ahead.predict(stamp_s)
@@ -111,7 +114,8 @@ class CarTrack:
 
     def if_of_its_kind(self, sighting: Sighting) -> Sighting:
         """A sighting, if its plate is of the kind that this car's is taken to be."""
-        return sighting if self._width_m is None else sighting.if_wide(self._width_m)
+        width_m = self._kind.width_m
+        return sighting if width_m is None else sighting.if_wide(width_m)
 
     def update(self, sighting: Sighting, stamp_s: float) -> None:
         """Take in a sighting of this car in the frame that it was predicted to."""
@@ -156,14 +160,12 @@ class CarTrack:
         self._has_only_plates &= sighting.cue is Cue.PLATE
         if not sighting.places:
             return sighting
-        self._shape.add(sighting.shape, sighting.box.w_px)
-        width_m = self._kinds.likely_width_m(self._shape.log_shape, self._width_m)
-        self._kinds.count(width_m)
-        if self._width_m is not None and self._has_only_plates:
-            self.ahead.scale(width_m / self._width_m)
-            self.right.scale(width_m / self._width_m)
+        taken_m = self._kind.width_m
+        width_m = self._kind.add(sighting.shape, sighting.box.w_px)
+        if taken_m is not None and self._has_only_plates:
+            self.ahead.scale(width_m / taken_m)
+            self.right.scale(width_m / taken_m)
             self.last = self.last.if_wide(width_m)
-        self._width_m = width_m
         return sighting.if_wide(width_m)
 
     def _vote(self, sighting: Sighting, stamp_s: float) -> None:

@@ -2,22 +2,33 @@
 
 Width by height of one frame is off by a tenth, and kinds lie a quarter apart: each frame by itself
 would now and then put a car a quarter nearer than it is. So a car's kind goes by all its sightings,
-and kinds that are common in this drive are likelier.
+and kinds that other cars in this drive have are likelier. A car's own sightings are heard once, in
+its shape: counted as common as well, they would confirm what they were first taken for.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 PLATE_KINDS = ((0.520, 4.6, 4), (0.400, 3.25, 4), (0.305, 2.1, 4), (0.280, 1.5, 1), (0.200, 1.2, 1))
 """Width in m, width by height as the detector finds it in photographs, and how common: Europe
 (520 x 110 mm), Brazil (400 x 130), North America (305 x 152, SAE J686), Europe in two rows,
 motorcycles."""
 SHAPE_SIGMA = 0.12
-"""Of the logarithm of a found plate's width by height."""
+"""Of the logarithm of a found plate's width by height, however large it is."""
+SMALL_SIGMA, SMALL_PX = 0.05, 80.0
+"""What comes to that at so many pixels of width, and falls with their square: a quarter at 40 px.
+All sightings of a plate are off alike."""
 LIKELIER = 2.0
 """By so much another kind must be likelier than the one that a car was taken to have."""
+MOST_SAY, SURE = 20, 0.8
+"""Sightings of a car that count for what is common in this drive, which is mostly in one country;
+and how likely a kind is by the shape, so that they count: small plates all look Brazilian."""
+
+_Shares = npt.NDArray[np.float64]
+"""One number for each of `PLATE_KINDS`."""
 
 
 @dataclass(slots=True)
@@ -26,14 +37,19 @@ class MeanShape:
 
     weight: float = 0.0
     log_shape: float = 0.0
+    sightings: int = 0
 
     def add(self, shape: float, width_px: float) -> None:
-        """Take in one sighting.
-
-        That of a plate 40 px wide is off by a quarter, of one of 80 px by a twentieth.
-        """
+        """Take in one sighting, which weighs as much as its variance is small."""
+        self.sightings += 1
         self.weight += width_px**4
         self.log_shape += width_px**4 / self.weight * (math.log(shape) - self.log_shape)
+
+    @property
+    def sigma(self) -> float:
+        """Of the logarithm."""
+        px_squared = math.sqrt(self.weight / max(self.sightings, 1))
+        return math.hypot(SHAPE_SIGMA, SMALL_SIGMA * SMALL_PX**2 / max(px_squared, 1.0))
 
 
 class PlateKinds:
@@ -41,28 +57,60 @@ class PlateKinds:
 
     def __init__(self, width_m: float | None = None) -> None:
         """`width_m`: of all plates; `None` tells it from each plate's shape."""
-        self._width_m = width_m
-        self._seen = np.array([float(common) for _, _, common in PLATE_KINDS])
+        kinds = PLATE_KINDS if width_m is None else ((width_m, 1.0, 1),)
+        self.widths_m = tuple(width_m for width_m, _, _ in kinds)
+        """That there are."""
+        self.common = np.array([float(common) for _, _, common in kinds])
+        """How often each was met."""
+        self._usual = np.log([shape for _, shape, _ in kinds])
+
+    def likely_width_m(self, shape: float, width_px: float) -> float:
+        """Of the kind that fits a single sighting best."""
+        mean = MeanShape()
+        mean.add(shape, width_px)
+        return self.widths_m[int(self.shares(mean, self.common).argmax())]
+
+    def shares(self, shape: MeanShape, common: _Shares) -> _Shares:
+        """How likely each kind is, of plates that are so common (Bayes)."""
+        scores = np.log(common) - 0.5 * ((shape.log_shape - self._usual) / shape.sigma) ** 2
+        likely = np.exp(scores - scores.max())
+        return np.asarray(likely / likely.sum(), np.float64)
+
+
+class CarsKind:
+    """The kind of one car's plate, by all its sightings and what is common on other cars."""
+
+    def __init__(self, kinds: PlateKinds) -> None:
+        self._kinds = kinds
+        self._shape = MeanShape()
+        self._said = np.zeros(len(kinds.widths_m))
+        self._taken: int | None = None
+        self._shares = np.ones(1)
 
     @property
-    def widths_m(self) -> tuple[float, ...]:
-        """That there are."""
-        if self._width_m is not None:
-            return (self._width_m,)
-        return tuple(width_m for width_m, _, _ in PLATE_KINDS)
+    def width_m(self) -> float | None:
+        """What its plate is taken to be; `None` before it was seen."""
+        return None if self._taken is None else self._kinds.widths_m[self._taken]
 
-    def likely_width_m(self, log_shape: float, taken_m: float | None = None) -> float:
-        """Of the kind that fits best; `taken_m`: what this plate was taken for."""
-        if self._width_m is not None:
-            return self._width_m
-        scores = np.log(self._seen)
-        for index, (width_m, usual, _) in enumerate(PLATE_KINDS):
-            scores[index] -= 0.5 * ((log_shape - math.log(usual)) / SHAPE_SIGMA) ** 2
-            if width_m == taken_m:
-                scores[index] += math.log(LIKELIER)
-        return PLATE_KINDS[int(scores.argmax())][0]
+    @property
+    def sigma(self) -> float:
+        """Of that width, as a share of it: what other kinds are still possible."""
+        if self.width_m is None:
+            return 0.0
+        factors = np.asarray(self._kinds.widths_m) / self.width_m
+        return math.sqrt(float(self._shares @ (factors - 1.0) ** 2))
 
-    def count(self, width_m: float) -> None:
-        """A plate of this kind was seen once more."""
-        for index, (usual_m, _, _) in enumerate(PLATE_KINDS):
-            self._seen[index] += usual_m == width_m
+    def add(self, shape: float, width_px: float) -> float:
+        """Take in one sighting; returns how wide the plate is taken to be."""
+        self._shape.add(shape, width_px)
+        common = self._kinds.common - self._said
+        self._shares = self._kinds.shares(self._shape, common)
+        inclined = self._shares.copy()
+        if self._taken is not None:
+            inclined[self._taken] *= LIKELIER
+        self._taken = int(inclined.argmax())
+        # What it says to others is its shape only, not what it heard from them.
+        alone = self._kinds.shares(self._shape, np.ones(len(common)))
+        self._said = min(self._shape.sightings, MOST_SAY) * alone * (alone >= SURE)
+        self._kinds.common = common + self._said
+        return self._kinds.widths_m[self._taken]

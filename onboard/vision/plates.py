@@ -118,12 +118,12 @@ class Plates:
 
     def _sighting(self, image: Image, plate: FoundPlate, text: PlateText | None) -> Sighting:
         shape = max(self._perspective.shape(plate.corners_px), 1e-3)
-        width_m = self._kinds.likely_width_m(math.log(shape))
+        width_px = max(plate.width_px, 1.0)
+        width_m = self._kinds.likely_width_m(shape, width_px)
         places = self._perspective.locate_kinds(
             refine_ends(image, plate.corners_px), self._kinds.widths_m
         )
         place = places[width_m]
-        width_px = max(plate.width_px, 1.0)
         share = math.hypot(WIDTH_SIGMA_PX / width_px, WIDTH_SIGMA, (BLUR_PX / width_px) ** 3)
         believed = 1.0
         if _may_go_on(image, plate.corners_px):

@@ -366,7 +366,7 @@ def _sensed_car(track: CarTrack, stamp_s: float, lens_sigma: float) -> SensedCar
         stamp_s=stamp_s,
         track_id=track.track_id,
         range_m=range_m,
-        range_sigma_m=math.hypot(track.gap_sigma_m, lens_sigma * range_m),
+        range_sigma_m=_told_sigma_m(track, range_m, lens_sigma),
         bearing_rad=bearing_rad,
         bearing_sigma_rad=math.hypot(
             track.right.position_sigma_m / range_m, lens_sigma * bearing_rad
@@ -384,7 +384,12 @@ def _lead(track: CarTrack | None, stamp_s: float, lens_sigma: float) -> Lead:
         identity=LeadIdentity.UNKNOWN if text is None else LeadIdentity.KNOWN,
         text=text,
         gap_m=ahead.position_m,
-        gap_sigma_m=math.hypot(track.gap_sigma_m, lens_sigma * ahead.position_m),
+        gap_sigma_m=_told_sigma_m(track, ahead.position_m, lens_sigma),
         closing_speed_m_s=-ahead.rate_m_s,
         closing_speed_sigma_m_s=math.hypot(ahead.rate_sigma_m_s, lens_sigma * ahead.rate_m_s),
     )
+
+
+def _told_sigma_m(track: CarTrack, distance_m: float, lens_sigma: float) -> float:
+    """With what is wrong with all distances to this car, or in this drive, by one factor."""
+    return math.hypot(track.gap_sigma_m, track.size_sigma * distance_m, lens_sigma * distance_m)

@@ -50,6 +50,14 @@ def test_a_plates_width_is_told_from_its_shape(plate_format) -> None:
     assert seen.leads[-1].gap_m == pytest.approx(8.0, rel=0.1)
 
 
+def test_the_gaps_sigma_says_whether_the_width_of_the_plate_is_known() -> None:
+    near, far = (drive(SceneCar(gap_m, plate=OURS)).leads[-1] for gap_m in (8.0, 30.0))
+
+    assert near.gap_m == pytest.approx(8.0, rel=0.1)
+    assert (near.gap_sigma_m or 0.0) < 0.1 * 8.0
+    assert (far.gap_sigma_m or 0.0) > 0.15 * 30.0
+
+
 def test_a_sharper_plate_in_the_next_lane_does_not_win() -> None:
     seen = drive(SceneCar(14.0, plate=OURS), SceneCar(8.5, 2.4, plate=THEIRS), duration_s=2.0)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from onboard.vision.perspective import Place
-from onboard.vision.plate_kinds import PLATE_KINDS, MeanShape, PlateKinds
+from onboard.vision.plate_kinds import PLATE_KINDS, CarsKind, MeanShape, PlateKinds
 from onboard.vision.sighting import Cue, Sighting
 from onboard.vision.tracker import Tracker
 
@@ -20,7 +20,7 @@ def sighting(kinds: PlateKinds, ahead_m: float, true_width_m: float, shape: floa
     width_px = FOCAL_PX * true_width_m / ahead_m
     x, y = width_px / 2, width_px / 2 / shape
     places = {width_m: Place(FOCAL_PX * width_m / width_px, 0.0, 0.6) for width_m in kinds.widths_m}
-    width_m = kinds.likely_width_m(math.log(shape))
+    width_m = kinds.likely_width_m(shape, width_px)
     return Sighting(
         cue=Cue.PLATE,
         corners_px=np.array([(-x, -y), (x, -y), (x, y), (-x, y)], np.float32),
@@ -69,22 +69,64 @@ def test_near_sightings_outweigh_many_from_afar() -> None:
     assert math.exp(shape.log_shape) == pytest.approx(2.1, rel=0.1)
 
 
-def test_what_is_common_in_a_drive_is_likelier_and_what_was_taken_is_kept_in_doubt() -> None:
-    between = math.log(math.sqrt(PLATE_KINDS[0][1] * PLATE_KINDS[1][1]))
-    kinds = PlateKinds()
-    for _ in range(20):
-        kinds.count(BRAZIL_M)
+def known(kinds: PlateKinds, shape: float, width_px: float, sightings: int = 20) -> CarsKind:
+    """A car whose plate was sighted so often, always so."""
+    car = CarsKind(kinds)
+    for _ in range(sightings):
+        car.add(shape, width_px)
+    return car
 
-    assert kinds.likely_width_m(between) == BRAZIL_M
-    assert PlateKinds().likely_width_m(between, EUROPE_M) == EUROPE_M
-    assert PlateKinds().likely_width_m(between, BRAZIL_M) == BRAZIL_M
+
+BETWEEN = math.sqrt(PLATE_KINDS[0][1] * PLATE_KINDS[1][1])
+
+
+def test_what_is_common_in_a_drive_is_likelier_and_what_was_taken_is_kept_in_doubt() -> None:
+    kinds = PlateKinds()
+    known(kinds, 3.25, 100.0)
+    assert kinds.likely_width_m(BETWEEN, 40.0) == BRAZIL_M
+
+    for shape, width_m in ((5.0, EUROPE_M), (2.9, BRAZIL_M)):
+        car = known(PlateKinds(), shape, 40.0, sightings=3)
+        assert known_by(car, BETWEEN, 40.0) == width_m
+
+
+def known_by(car: CarsKind, shape: float, width_px: float) -> float:
+    """What a car's plate is taken to be after many more sightings of that shape."""
+    return [car.add(shape, width_px) for _ in range(100)][-1]
+
+
+def test_however_long_a_car_is_seen_it_does_not_confirm_what_it_was_first_taken_for() -> None:
+    car = known(PlateKinds(), 3.3, 30.0, sightings=60)
+    assert car.width_m == BRAZIL_M
+
+    assert known_by(car, 4.3, 60.0) == EUROPE_M
+
+
+def test_small_plates_tell_others_little_of_what_is_common() -> None:
+    """All of them look Brazilian."""
+    kinds = PlateKinds()
+    for _ in range(10):
+        known(kinds, 3.4, 27.0)
+
+    assert kinds.likely_width_m(4.3, 80.0) == EUROPE_M
+    known(kinds, 4.5, 100.0)
+    assert kinds.likely_width_m(3.7, 27.0) == EUROPE_M
+
+
+def test_how_wide_a_plate_is_stays_open_while_it_is_small() -> None:
+    far, near = known(PlateKinds(), 3.5, 27.0), known(PlateKinds(), 4.5, 90.0)
+
+    assert (far.width_m, near.width_m) == (BRAZIL_M, EUROPE_M)
+    assert far.sigma * BRAZIL_M > 0.7 * (EUROPE_M - BRAZIL_M)
+    assert near.sigma < 0.05
+    assert known(PlateKinds(EUROPE_M), 3.5, 27.0).sigma == 0.0
 
 
 def test_a_width_that_the_user_gives_is_that_of_all_plates() -> None:
     kinds = PlateKinds(0.44)
 
     assert kinds.widths_m == (0.44,)
-    assert kinds.likely_width_m(math.log(5.0)) == 0.44
+    assert kinds.likely_width_m(5.0, 100.0) == 0.44
 
 
 def test_a_piece_of_the_plate_is_no_other_car_beyond_it() -> None:
