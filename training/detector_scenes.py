@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from sim_rig.picture.clutter import add_lettering, surroundings
+from sim_rig.picture.clutter import add_lettering, colour, surroundings
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import draw_plate
 from sim_rig.picture.plate_styles import random_plate
@@ -20,6 +20,8 @@ SMALLEST_PX, LARGEST_PX = 11.0, 140.0
 _CENTRED, _CENTRED_PX, _LEAST_CENTRED_PX = 0.5, (70.0, 105.0), 24.0
 """Share of the plates that are shown about as the second look shows them, how wide they are then,
 and how wide they must have been: blurred as there."""
+_BARE = 0.15
+"""Share of the plates on bodywork with nothing else on it: no recess, no holder, no seam."""
 _PX_PER_MM = 0.35
 _CAR_OVER_PLATE = {"us": 5.9, "eu": 3.5, "br": 4.5, "br motorcycle": 4.0}
 
@@ -74,7 +76,7 @@ def _scene(corners: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.ND
     columns, rows = SCENE_SIZE
     image = surroundings(rows, columns, rng)
     count = int(rng.choice([0, 1, 2], p=[0.2, 0.6, 0.2]))
-    plates: list[tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]] = []
+    plates: list[tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32], bool]] = []
     for _ in range(max(1, count)):
         text, plate_format = random_plate(rng)
         width_px = float(np.exp(rng.uniform(np.log(SMALLEST_PX), np.log(LARGEST_PX))))
@@ -86,12 +88,16 @@ def _scene(corners: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.ND
         if rng.random() < 0.5:
             add_lettering(image, rng, rng.uniform(0.08, 0.25) * width_px)
         quad = posed(width_px, height_px, rng) + np.asarray(centre, np.float32)
-        if all(_apart(quad, other) for _, other in plates):
+        if all(_apart(quad, other) for _, other, _ in plates):
+            is_bare = bool(rng.random() < _BARE)
+            if is_bare:
+                _plain_body(image, quad, rng)
             art = worn(draw_plate(text, plate_format, _PX_PER_MM), rng)
-            plates.append((art, quad))
+            plates.append((art, quad, is_bare))
     finest_px = 1.0
-    for place, (art, quad) in enumerate(plates[:count]):
-        _housing(image, quad, art, rng)
+    for place, (art, quad, is_bare) in enumerate(plates[:count]):
+        if not is_bare:
+            _housing(image, quad, art, rng)
         paste(image, in_the_shade(art, rng), quad)
         corners[place] = quad
         finest_px = min(finest_px, float(np.ptp(quad[:, 0])) / 40)
@@ -103,6 +109,14 @@ def _apart(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> bool
     """Whether two plates and their housings do not touch."""
     reach = (np.ptp(one, axis=0) + np.ptp(other, axis=0)) * 0.8
     return bool((np.abs(one.mean(axis=0) - other.mean(axis=0)) > reach).any())
+
+
+def _plain_body(
+    image: npt.NDArray[np.uint8], quad: npt.NDArray[np.float32], rng: np.random.Generator
+) -> None:
+    """Bodywork of any colour, often so wide that a second look sees nothing else."""
+    body = around(quad, rng.uniform((0.2, 0.6, 0.2, 0.6), (2.0, 5.0, 2.0, 5.0)))
+    cv2.fillConvexPoly(image, np.rint(body * 16).astype(np.int32), colour(rng), cv2.LINE_AA, 4)
 
 
 def _housing(

@@ -1,5 +1,6 @@
 """Plates as the car sees them: rendered drives through both networks, and real clips."""
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -98,29 +99,41 @@ def test_plates_that_are_known_are_read_once_a_second() -> None:
     assert counting.plates <= 2 * 1 * 2.0 + 2  # cars, times a second, seconds
 
 
-def test_a_tag_and_a_plate_on_one_car_are_one_car() -> None:
-    car = SceneCar(8.0, plate=OURS, tag_id=3, tag_side_m=0.2)
+def with_a_plate(
+    drive: Iterable[tuple[float, Image]],
+    text: str,
+    place: tuple[float, float, float, float],
+    ahead_m: float,
+    since_s: float = 0.0,
+) -> Iterator[tuple[float, Image]]:
+    """A plate more, between left, top, right and bottom, to the right and over the road."""
+    left, top, right, bottom = place
+    art = draw_plate(text, EU, px_per_mm=1.0)
+    art = np.dstack([art, np.full(art.shape[:2], 255, np.uint8)])
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
+    quad = np.array([PICTURE.project(ahead_m, x, y) for x, y in corners], np.float32)
+    for stamp_s, image in drive:
+        if stamp_s >= since_s:
+            warp_onto(image, art, quad)
+        yield stamp_s, image
 
-    seen = see(sight(), frames(lambda _: Scene((car,)), 1.0, camera=CAMERA))
+
+def test_a_tag_and_a_plate_on_one_car_are_one_car() -> None:
+    car = SceneCar(8.0, tag_id=3, tag_side_m=0.2)
+    drive = frames(lambda _: Scene((car,)), 1.0, camera=CAMERA)
+
+    seen = see(sight(), with_a_plate(drive, OURS, (-0.26, 0.96, 0.26, 0.85), ahead_m=8.0))
 
     assert seen.leads[-1].text == "TAG3"
-    assert {plate.text for plate in seen.plates} > {"TAG3"}
+    assert {"TAG3", OURS} <= {plate.text for plate in seen.plates}
     assert len({car.track_id for car in seen.cars}) == 1
 
 
 def test_a_second_plate_on_a_car_does_not_change_who_it_is() -> None:
     """A transporter's load, or a show plate in the window, from the second second on."""
-    art = draw_plate(THEIRS, EU, px_per_mm=1.0)
-    art = np.dstack([art, np.full(art.shape[:2], 255, np.uint8)])
-    corners = [(-0.26, 1.21), (0.26, 1.21), (0.26, 1.1), (-0.26, 1.1)]
-    quad = np.array([PICTURE.project(8.0, x, y) for x, y in corners], np.float32)
-    pictures = []
-    for stamp_s, image in frames(lambda _: Scene((SceneCar(8.0, plate=OURS),)), 2.5, camera=CAMERA):
-        if stamp_s >= 1.0:
-            warp_onto(image, art, quad)
-        pictures.append((stamp_s, image))
+    drive = frames(lambda _: Scene((SceneCar(8.0, plate=OURS),)), 2.5, camera=CAMERA)
 
-    seen = see(sight(), iter(pictures))
+    seen = see(sight(), with_a_plate(drive, THEIRS, (-0.26, 1.21, 0.26, 1.1), 8.0, since_s=1.0))
 
     assert THEIRS in {plate.text for plate in seen.plates}
     assert {lead.text for lead in seen.leads} == {None, OURS}
@@ -128,17 +141,10 @@ def test_a_second_plate_on_a_car_does_not_change_who_it_is() -> None:
 
 
 def test_a_plate_on_a_billboard_is_read_and_is_no_lead() -> None:
-    art = draw_plate(OURS, EU, px_per_mm=1.0)
-    art = np.dstack([art, np.full(art.shape[:2], 255, np.uint8)])
-    # Two metres wide, 30 m ahead, 3.4 to 3.8 m over the road: as large as a plate 7.8 m away.
-    corners = [(-1.0, 3.8), (1.0, 3.8), (1.0, 3.38), (-1.0, 3.38)]
-    quad = np.array([PICTURE.project(30.0, x, y) for x, y in corners], np.float32)
-    pictures = []
-    for stamp_s, image in frames(lambda _: Scene(), 1.5, camera=CAMERA):
-        warp_onto(image, art, quad)
-        pictures.append((stamp_s, image))
+    """Two metres wide and 30 m ahead: as large as a plate 7.8 m away."""
+    drive = frames(lambda _: Scene(), 1.5, camera=CAMERA)
 
-    seen = see(sight(), iter(pictures))
+    seen = see(sight(), with_a_plate(drive, OURS, (-1.0, 3.8, 1.0, 3.38), ahead_m=30.0))
 
     assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
 
