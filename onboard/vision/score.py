@@ -13,8 +13,8 @@ from onboard.vision.truth import TruePlate, Truth
 
 FOUND_IOU = 0.5
 """Intersection over union from which a plate counts as found."""
-ABOUT = 0.25
-"""Of a distance."""
+ABOUT, ALIKE = 0.25, 0.5
+"""Of a distance; of a text's characters: what differs by more is another car's."""
 
 
 @dataclass(slots=True)
@@ -47,7 +47,8 @@ class Score:
     ghosts: int = 0
     """Of these, where somebody is told to be."""
     gap_errors: list[float] = field(default_factory=list)
-    """Of the gap of leads told rightly, as shares of the truth."""
+    """Of the gap, as shares of the truth: of leads told rightly, and of all of which only that is
+    known."""
 
     def as_row(self) -> dict[str, str]:
         """For people."""
@@ -113,7 +114,7 @@ class Scores:
                 free.remove(best)
             self._count_plate(score, best, true)
             if true.gap_m is not None:
-                _count_lead(score, best, true.gap_m, seen.lead)
+                _count_lead(score, best, true, seen.lead)
         if not any(true.is_told for true in truth):
             return
         for plate in free:
@@ -153,15 +154,24 @@ def _best(plates: list[Plate], true: TruePlate) -> Plate | None:
     return next((plate for plate in plates if plate.is_lead), None)
 
 
-def _count_lead(score: Score, best: Plate | None, gap_m: float, lead: Lead | None) -> None:
-    """Where its plate was not seen, what is told at about its distance is taken for it."""
+def _count_lead(score: Score, best: Plate | None, true: TruePlate, lead: Lead | None) -> None:
+    """Where nothing that was seen is surely its plate, its distance tells whether it is meant."""
     score.leads += 1
-    if lead is None or lead.gap_m is None:
+    if lead is None or lead.gap_m is None or true.gap_m is None:
         return
-    error = lead.gap_m / gap_m - 1.0
-    if best.is_lead if best is not None else abs(error) <= ABOUT:
-        score.leads_right += 1
+    error = lead.gap_m / true.gap_m - 1.0
+    is_right = best.is_lead if best is not None and _is_surely(best, true) else abs(error) <= ABOUT
+    score.leads_right += is_right
+    if is_right or not true.is_told:
         score.gap_errors.append(error)
+
+
+def _is_surely(plate: Plate, true: TruePlate) -> bool:
+    """Whether the plate is the true one; `plate` is the one that is meant, if any is."""
+    if true.box is not None:
+        return True
+    wrong = edit_distance(plate.text or "", true.text)
+    return bool(true.text) and wrong <= ALIKE * len(true.text)
 
 
 def overlap(one: Box, other: Box) -> float:

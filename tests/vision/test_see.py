@@ -306,8 +306,8 @@ def test_a_video_that_ends_too_early_is_told(drive: Path, tmp_path: Path) -> Non
     assert "torn.avi: says that it has 10 frames, and" in told_of(torn, *options(drive))
 
 
-def seen(name: str, *plates: Plate) -> SeenFrame:
-    return SeenFrame(0, Frame(0.0, np.zeros((8, 8, 3), np.uint8), name), plates)
+def seen(name: str, *events: Plate | Lead) -> SeenFrame:
+    return SeenFrame(0, Frame(0.0, np.zeros((8, 8, 3), np.uint8), name), events)
 
 
 def plate(text: str | None, confidence: float = 1.0, x_px: float = 10.0) -> Plate:
@@ -356,6 +356,45 @@ def test_a_lead_where_the_truth_has_nobody_ahead_is_a_ghost(tmp_path: Path) -> N
     (row,) = scores.rows()
     assert (row["frames"], row["plates"], row["false texts a frame"]) == ("3", "0", "0.000")
     assert (row["ghost lead"], row["right lead"]) == ("50.0 %", "100.0 %")
+
+
+OURS, THEIRS = "GN417KB", "XY999ZZ"
+
+
+@pytest.mark.parametrize(
+    ("known", "text", "gap_m", "scored"),
+    [
+        # A range finder's truth: what is told far from there is another car.
+        ("", THEIRS, 5.0, ("0.0 %", "50.0 %")),
+        ("", THEIRS, 10.1, ("100.0 %", "1.0 %")),
+        # The plate that is told to be the lead's says who it is, however far off the gap.
+        (OURS, "GN4I7KB", 5.0, ("100.0 %", "50.0 %")),
+        (OURS, THEIRS, 5.0, ("0.0 %", None)),
+        (OURS, None, 10.1, ("100.0 %", "1.0 %")),
+    ],
+)
+def test_a_lead_is_right_by_its_plate_or_else_by_its_distance(
+    tmp_path: Path, known: str, text: str | None, gap_m: float, scored: tuple[str, str | None]
+) -> None:
+    (tmp_path / "truth.csv").write_text(f"frame,text,gap_m\n0,{known},10\n")
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=gap_m)
+
+    scores.add(seen("drive.mp4", replace(plate(text), is_lead=True), lead))
+
+    (row,) = scores.rows()
+    assert (row["right lead"], row.get("gap error")) == scored
+
+
+def test_a_neighbours_plate_says_nothing_of_a_lead_whose_plate_is_not_seen(tmp_path: Path) -> None:
+    (tmp_path / "truth.csv").write_text(f"frame,text,gap_m\n0,{OURS},10\n")
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=10.1)
+
+    scores.add(seen("drive.mp4", plate(THEIRS), lead))
+
+    (row,) = scores.rows()
+    assert row["right lead"] == "100.0 %"
 
 
 def test_never_more_plates_are_certain_than_the_truth_has(tmp_path: Path) -> None:
