@@ -48,6 +48,8 @@ from onboard.vision.truth import Truth
 Use = Callable[[SeenFrame], None]
 ENOUGH_FRAMES = 0.9
 """Of those that a video says it has; containers that do not count them estimate."""
+MOST_OF_VIDEO = 60
+"""Frames of a video that a calibration takes, evenly spaced: all of one minute are 5 GB."""
 
 
 def see(
@@ -319,20 +321,23 @@ def _told(fit: Fit) -> str:
     told = f"{fit.used} pictures, {fit.rms_px:.2f} px RMS: a lens of {wide:.0f} degrees"
     if not lens.is_placed:
         return told
-    pitch = math.degrees(lens.pitch_rad)
-    return f"{told}, {lens.mounting_height_m:.2f} m high, looking {pitch:.1f} degrees down"
+    down, right = math.degrees(lens.pitch_rad), math.degrees(lens.yaw_rad)
+    looks = f"looking {down:.1f} degrees down and {right:.1f} to the right"
+    return f"{told}, {lens.mounting_height_m:.2f} m high, {looks}"
 
 
 def _still_frames(pictures: str) -> list[Frame]:
     source = open_frames(CameraSettings(source=pictures))
     if isinstance(source, LiveFrames):
         raise UserError(f"{pictures}: take pictures first")
-    frames = []
-    for frame in source:
-        if frame.image.size:
-            frames.append(frame)
-        else:
+    frames, step = [], 1
+    for index, frame in enumerate(source):
+        if not frame.image.size:
             typer.echo(f"{frame.name}: not a picture that can be read; left out", err=True)
+        elif index % step == 0:
+            frames.append(frame)
+        if isinstance(source, Clip) and len(frames) > MOST_OF_VIDEO:
+            frames, step = frames[::2], 2 * step
     if not frames:
         raise UserError(f"{pictures}: no picture could be read")
     return frames

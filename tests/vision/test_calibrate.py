@@ -337,6 +337,18 @@ def test_one_picture_shows_the_board_upright(tmp_path: Path) -> None:
         run(tmp_path, "--board", "7x5", "--upright", tmp_path, "--lowest-corners-m", "0.8")
 
 
+def test_of_a_video_some_frames_are_enough(tmp_path: Path) -> None:
+    """All of a long one would fill the memory."""
+    video = tmp_path / "board.avi"
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (96, 64))
+    for _ in range(250):
+        writer.write(np.full((64, 96, 3), 128, np.uint8))
+    writer.release()
+
+    with pytest.raises(CalibrationError, match="found in 0 of 32 pictures"):
+        run(video, "--board", "7x5")
+
+
 def test_a_picture_that_cannot_be_read_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
