@@ -314,7 +314,8 @@ class Sight:
 
     def _show(self, pairs: list[tuple[Sighting, CarTrack | None]], stamp_s: float) -> None:
         lead = self._choice.choose(self._tracker.tracks, stamp_s)
-        self._lead = lead
+        if lead is not self._lead:
+            self._lead, self._rear = lead, Rear()
         for sighting, track in pairs:
             if sighting.cue is not Cue.VEHICLE:
                 is_lead = lead is not None and track is lead

@@ -102,6 +102,25 @@ def test_a_car_that_cuts_in_becomes_the_lead() -> None:
     assert sum(a != b for a, b in itertools.pairwise(texts[5:])) == 1
 
 
+def test_a_lead_that_changes_in_a_repeated_picture_does_not_move_as_the_old_one_did() -> None:
+    """The old one's rear was remembered, and how it grew is said of the new one."""
+
+    def scene(stamp_s: float) -> Scene:
+        aside_m = 0.2 + 1.5 * max(0.0, stamp_s - 1.0)
+        return road(tagged(8, -aside_m, 1), tagged(18 - 2 * stamp_s, 0.6, 2))
+
+    drive = list(frames(scene, 3.0))
+    leads = see(Sight(CAMERA, SETTINGS), iter(drive)).leads
+    changed = next(index for index, lead in enumerate(leads) if lead.text == "TAG2")
+    drive[changed] = (drive[changed][0], drive[changed - 1][1])
+
+    leads = see(Sight(CAMERA, SETTINGS), iter(drive)).leads
+
+    assert [lead.text for lead in leads[changed - 1 : changed + 1]] == ["TAG1", "TAG2"]
+    for lead in leads[changed:]:
+        assert lead.closing_speed_m_s == pytest.approx(2.0, abs=0.7)
+
+
 def test_tags_on_a_picture_at_half_the_resolution_are_as_far_away() -> None:
     half = frames(lambda _: road(tagged(8, 0, 1)), 1.0, camera=CAMERA.model_copy(update=_half()))
 
