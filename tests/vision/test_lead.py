@@ -161,6 +161,23 @@ def test_a_lead_that_leaves_the_lane_is_no_lead_any_more() -> None:
     assert all(lead is None for right_m, lead in leads if right_m > 0.7 * LANE_M)
 
 
+def test_parked_cars_that_sweep_past_while_the_own_car_turns_are_no_leads() -> None:
+    """A bend to the left of 25 m, at 6 m/s; they stand 3 m beside the middle of the own lane."""
+    watcher = Watcher()
+    leads = []
+    for index in range(40):
+        on_the_road_m = [20.0 + 9.0 * car - 6.0 * STEP_S * index for car in range(4)]
+        places = [(s, 3.0 - s**2 / 50.0) for s in on_the_road_m if 2.0 < s < 13.0]
+        leads.append(watcher.step(*(sighting(ahead_m, right_m) for ahead_m, right_m in places)))
+
+    assert leads == [None] * 40
+
+
+@pytest.mark.parametrize("right_m", [-1.0, 0.5, 1.0])
+def test_a_car_that_stays_beside_the_middle_is_a_lead_all_the_same(right_m: float) -> None:
+    assert Watcher().steps(5, sighting(13.0, right_m)) is not None
+
+
 def test_a_car_on_the_line_does_not_flap() -> None:
     watcher = Watcher()
     watcher.steps(10, sighting(20.0, 1.0))
