@@ -17,15 +17,16 @@ PLATE_KINDS = ((0.520, 4.6, 4), (0.400, 3.25, 4), (0.305, 2.1, 4), (0.280, 1.5, 
 (520 x 110 mm), Brazil (400 x 130), North America (305 x 152, SAE J686), Europe in two rows,
 motorcycles."""
 SHAPE_SIGMA = 0.12
-"""Of the logarithm of a found plate's width by height, however large it is."""
-SMALL_SIGMA, SMALL_PX = 0.05, 80.0
-"""What comes to that at so many pixels of width, and falls with their square: a quarter at 40 px.
-All sightings of a plate are off alike."""
+"""Of the logarithm of a found plate's width by height, however large it is: photographs have 0.08
+to 0.18, made smaller until plates are 95 to 27 px wide. All sightings of one are off alike."""
+SMALL_SIGMA, SMALL_PX = 0.02, 80.0
+"""What comes to that at so many pixels of width, and falls with their square: with little contrast,
+as on light cars, plates of 30 px are found too high."""
 LIKELIER = 2.0
 """By so much another kind must be likelier than the one that a car was taken to have."""
 MOST_SAY, SURE = 20, 0.8
 """Sightings of a car that count for what is common in this drive, which is mostly in one country;
-and how likely a kind is by the shape, so that they count: small plates all look Brazilian."""
+and how likely a kind is by the shape alone, so that they do."""
 
 _Shares = npt.NDArray[np.float64]
 """One number for each of `PLATE_KINDS`."""

@@ -103,7 +103,7 @@ def test_however_long_a_car_is_seen_it_does_not_confirm_what_it_was_first_taken_
 
 
 def test_small_plates_tell_others_little_of_what_is_common() -> None:
-    """All of them look Brazilian."""
+    """On light cars they look Brazilian."""
     kinds = PlateKinds()
     for _ in range(10):
         known(kinds, 3.4, 27.0)
@@ -117,7 +117,7 @@ def test_how_wide_a_plate_is_stays_open_while_it_is_small() -> None:
     far, near = known(PlateKinds(), 3.5, 27.0), known(PlateKinds(), 4.5, 90.0)
 
     assert (far.width_m, near.width_m) == (BRAZIL_M, EUROPE_M)
-    assert far.sigma * BRAZIL_M > 0.7 * (EUROPE_M - BRAZIL_M)
+    assert far.sigma * BRAZIL_M > 0.5 * (EUROPE_M - BRAZIL_M)
     assert near.sigma < 0.05
     assert known(PlateKinds(EUROPE_M), 3.5, 27.0).sigma == 0.0
 
