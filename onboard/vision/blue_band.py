@@ -33,9 +33,9 @@ _Values = npt.NDArray[np.float64]
 
 
 def with_band(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corners:
-    """`corners_px`, the left ones moved to where a blue band begins; as they are if there is none.
+    """`corners_px`, the left ones moved to where a blue band begins.
 
-    `image`: (h, w, 3), BGR.
+    The same array if there is none. `image`: (h, w, 3), BGR.
     """
     places = np.arange(-_REACH, _REACH, _STEP)
     colours = _colours(image, corners_px, places)

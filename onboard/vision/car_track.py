@@ -161,7 +161,7 @@ class CarTrack:
         if not sighting.places:
             return sighting
         taken_m = self._kind.width_m
-        width_m = self._kind.add(sighting.shape, sighting.box.w_px)
+        width_m = self._kind.add(sighting.shape, sighting.box.w_px, has_band=sighting.has_band)
         if taken_m is not None and self._has_only_plates:
             self.ahead.scale(width_m / taken_m)
             self.right.scale(width_m / taken_m)

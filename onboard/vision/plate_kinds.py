@@ -1,4 +1,4 @@
-"""How wide a plate is, told from its shape.
+"""How wide a plate is, told from its shape, and from a blue band if it has one.
 
 Width by height of one frame is off by a tenth, and kinds lie a quarter apart: each frame by itself
 would now and then put a car a quarter nearer than it is. So a car's kind goes by all its sightings,
@@ -22,6 +22,9 @@ to 0.18, made smaller until plates are 95 to 27 px wide. All sightings of one ar
 SMALL_SIGMA, SMALL_PX = 0.02, 80.0
 """What comes to that at so many pixels of width, and falls with their square: with little contrast,
 as on light cars, plates of 30 px are found too high."""
+BANDED_M, BAND_TELLS = 0.520, 5.0
+"""Which kind has a blue band at its left end, and how much likelier that is where one is found: of
+photographs of European plates 40 % have one, of the others 8 %, made smaller or not."""
 LIKELIER = 2.0
 """By so much another kind must be likelier than the one that a car was taken to have."""
 MOST_SAY, SURE = 20, 0.8
@@ -34,15 +37,18 @@ _Shares = npt.NDArray[np.float64]
 
 @dataclass(slots=True)
 class MeanShape:
-    """Width by height of one car's plate, in the mean of its sightings."""
+    """What one car's plate looks like, over its sightings: width by height, and banded."""
 
     weight: float = 0.0
     log_shape: float = 0.0
     sightings: int = 0
+    bands: int = 0
+    """Of these, with a blue band."""
 
-    def add(self, shape: float, width_px: float) -> None:
-        """Take in one sighting, which weighs as much as its variance is small."""
+    def add(self, shape: float, width_px: float, *, has_band: bool = False) -> None:
+        """Take in one sighting; its shape weighs as much as its variance is small."""
         self.sightings += 1
+        self.bands += has_band
         self.weight += width_px**4
         self.log_shape += width_px**4 / self.weight * (math.log(shape) - self.log_shape)
 
@@ -64,16 +70,18 @@ class PlateKinds:
         self.common = np.array([float(common) for _, _, common in kinds])
         """How often each was met."""
         self._usual = np.log([shape for _, shape, _ in kinds])
+        self._is_banded = np.array([each == BANDED_M for each in self.widths_m])
 
-    def likely_width_m(self, shape: float, width_px: float) -> float:
+    def likely_width_m(self, shape: float, width_px: float, *, has_band: bool = False) -> float:
         """Of the kind that fits a single sighting best."""
         mean = MeanShape()
-        mean.add(shape, width_px)
+        mean.add(shape, width_px, has_band=has_band)
         return self.widths_m[int(self.shares(mean, self.common).argmax())]
 
     def shares(self, shape: MeanShape, common: _Shares) -> _Shares:
         """How likely each kind is, of plates that are so common (Bayes)."""
         scores = np.log(common) - 0.5 * ((shape.log_shape - self._usual) / shape.sigma) ** 2
+        scores += self._is_banded * math.log(BAND_TELLS) * shape.bands / max(shape.sightings, 1)
         likely = np.exp(scores - scores.max())
         return np.asarray(likely / likely.sum(), np.float64)
 
@@ -101,16 +109,16 @@ class CarsKind:
         factors = np.asarray(self._kinds.widths_m) / self.width_m
         return math.sqrt(float(self._shares @ (factors - 1.0) ** 2))
 
-    def add(self, shape: float, width_px: float) -> float:
+    def add(self, shape: float, width_px: float, *, has_band: bool = False) -> float:
         """Take in one sighting; returns how wide the plate is taken to be."""
-        self._shape.add(shape, width_px)
+        self._shape.add(shape, width_px, has_band=has_band)
         common = self._kinds.common - self._said
         self._shares = self._kinds.shares(self._shape, common)
         inclined = self._shares.copy()
         if self._taken is not None:
             inclined[self._taken] *= LIKELIER
         self._taken = int(inclined.argmax())
-        # What it says to others is its shape only, not what it heard from them.
+        # What it says to others is what it looks like, not what it heard from them.
         alone = self._kinds.shares(self._shape, np.ones(len(common)))
         self._said = min(self._shape.sightings, MOST_SAY) * alone * (alone >= SURE)
         self._kinds.common = common + self._said

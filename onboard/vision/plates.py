@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -78,24 +78,24 @@ class Plates:
     def find(self, image: Image, search: Search) -> list[Sighting]:
         """Plates in the picture, or where they are followed."""
         found = list(self._found(image, search))
-        readable = [plate for plate, to_read in found if to_read]
-        texts = iter(self._reader.read_many(image, [plate.corners_px for plate in readable]))
+        readable = [each.plate.corners_px for each in found if each.is_to_read]
+        texts = iter(self._reader.read_many(image, readable))
         sightings = [
-            (plate, to_read, self._sighting(image, plate, next(texts) if to_read else None))
-            for plate, to_read in found
+            (each, self._sighting(image, each, next(texts) if each.is_to_read else None))
+            for each in found
         ]
         # A search comes upon patches of road as well; what is followed was a plate before.
         return [
             sighting
-            for plate, to_read, sighting in sightings
+            for each, sighting in sightings
             if search.followed is not None
-            or not to_read
+            or not each.is_to_read
             or sighting.text
-            or plate.score >= SURE_SCORE
+            or each.plate.score >= SURE_SCORE
         ]
 
-    def _found(self, image: Image, search: Search) -> Iterator[tuple[FoundPlate, bool]]:
-        """Each plate once, and whether it is to be read."""
+    def _found(self, image: Image, search: Search) -> Iterator["_Found"]:
+        """Each plate once."""
         looks = (
             [(self._finder.find(image, search.area), True)]
             if search.followed is None
@@ -108,7 +108,7 @@ class Plates:
                 if plate.width_px >= LEAST_PX and not any(_same(whole.box, box) for box in boxes):
                     boxes.append(whole.box)
                     known = any(_same(whole.box, box) for box in search.read_already)
-                    yield whole, to_read and not known
+                    yield _Found(whole, whole is not plate, to_read and not known)
 
     def _follow(self, image: Image, followed: Followed) -> list[FoundPlate]:
         if followed.cue is Cue.PLATE and followed.was_seen:
@@ -116,10 +116,11 @@ class Plates:
             return [] if plate is None else [plate]
         return self._finder.find(image, followed.region)
 
-    def _sighting(self, image: Image, plate: FoundPlate, text: PlateText | None) -> Sighting:
+    def _sighting(self, image: Image, found: "_Found", text: PlateText | None) -> Sighting:
+        plate = found.plate
         shape = max(self._perspective.shape(plate.corners_px), 1e-3)
         width_px = max(plate.width_px, 1.0)
-        width_m = self._kinds.likely_width_m(shape, width_px)
+        width_m = self._kinds.likely_width_m(shape, width_px, has_band=found.has_band)
         places = self._perspective.locate_kinds(
             refine_ends(image, plate.corners_px), self._kinds.widths_m
         )
@@ -137,6 +138,7 @@ class Plates:
             right_sigma_m=math.hypot(width_m * share, share * place.right_m),
             was_read=text is not None,
             shape=shape,
+            has_band=found.has_band,
             width_m=width_m,
             places=places,
         )
@@ -159,11 +161,21 @@ class Plates:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """A whole plate, and what is known and wanted of it."""
+
+    plate: FoundPlate
+    has_band: bool
+    is_to_read: bool
+
+
 def whole_plate(image: Image, plate: FoundPlate, perspective: Perspective) -> FoundPlate:
-    """The plate with its blue band, where it may have one."""
+    """The plate with its blue band; `plate` itself where it has none."""
     if perspective.shape(plate.corners_px) < LEAST_EUROPEAN_SHAPE:
         return plate
-    return FoundPlate(with_band(image, plate.corners_px), plate.score)
+    corners_px = with_band(image, plate.corners_px)
+    return plate if corners_px is plate.corners_px else FoundPlate(corners_px, plate.score)
 
 
 def _may_go_on(image: Image, corners_px: Corners) -> bool:

@@ -35,6 +35,8 @@ class Sighting:
     """Whether it was tried what text it carries."""
     shape: float = 0.0
     """Of a plate: width by height."""
+    has_band: bool = False
+    """Whether a blue band was found at its left end."""
     width_m: float = 0.0
     """Of a plate: what `place` takes it to be."""
     places: Mapping[float, Place] = field(default_factory=dict)

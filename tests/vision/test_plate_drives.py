@@ -52,8 +52,8 @@ def test_a_plates_width_is_told_from_its_shape(plate_format) -> None:
 
 
 def test_the_gaps_sigma_says_whether_the_width_of_the_plate_is_known() -> None:
-    scene, sigmas_m = Scene((SceneCar(30.0, plate=OURS),)), []
-    for width_m in (None, 0.52):
+    scene, sigmas_m = Scene((SceneCar(28.0, plate=OURS, plate_format=FORMATS["br"]),)), []
+    for width_m in (None, 0.4):
         told = VisionSettings(plate_width_m=width_m)
         seen = see(sight(told), frames(lambda _: scene, 1.5, camera=CAMERA))
         sigmas_m.append(seen.leads[-1].gap_sigma_m or 0.0)

@@ -122,6 +122,15 @@ def test_how_wide_a_plate_is_stays_open_while_it_is_small() -> None:
     assert known(PlateKinds(EUROPE_M), 3.5, 27.0).sigma == 0.0
 
 
+def test_a_blue_band_tells_europe_where_the_shape_leaves_it_open() -> None:
+    for has_band, width_m in ((False, BRAZIL_M), (True, EUROPE_M)):
+        car = CarsKind(PlateKinds())
+        for _ in range(20):
+            car.add(3.4, 27.0, has_band=has_band)
+        assert car.width_m == width_m
+    assert PlateKinds().likely_width_m(2.1, 60.0, has_band=True) == AMERICA_M
+
+
 def test_a_width_that_the_user_gives_is_that_of_all_plates() -> None:
     kinds = PlateKinds(0.44)
 
