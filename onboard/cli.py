@@ -22,7 +22,8 @@ from onboard.security.cli import keys
 from onboard.service import Service
 from onboard.settings import load_settings
 from onboard.trace import as_line
-from onboard.vision.cli import calibrate, see
+from onboard.vision.calibrate_cli import calibrate
+from onboard.vision.see_cli import see
 from onboard.wave_udp.cli import decode
 
 app = typer.Typer(

@@ -20,7 +20,7 @@ from onboard.vision.calibrate import (
     calibrate_lens,
     place_by_board,
 )
-from onboard.vision.cli import calibrate
+from onboard.vision.calibrate_cli import calibrate
 from onboard.vision.settings import Calibration, CameraSettings
 from sim_rig.picture.scene import Picture, Scene, SceneCar
 

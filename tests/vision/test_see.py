@@ -16,9 +16,10 @@ from typer.testing import CliRunner
 from onboard.errors import UserError
 from onboard.observations import Box, Lead, LeadIdentity, Plate
 from onboard.settings import load_settings
-from onboard.vision.cli import calibrate, see
+from onboard.vision.calibrate_cli import calibrate
 from onboard.vision.frames import Frame
 from onboard.vision.score import Scores, edit_distance, overlap
+from onboard.vision.see_cli import see
 from onboard.vision.seen_frame import COLUMNS, SeenFrame
 from onboard.vision.settings import Calibration
 from onboard.vision.truth import Truth
