@@ -24,6 +24,9 @@ UNCONFIRMED_SHARE = 0.4
 MOMENT_S, PIECE = 0.25, 1.8
 """How long a plate is still about where it was in the picture, and how much wider a whole one is
 than the piece of it that a detector finds now and then: no other car, however far away it seems."""
+AWAY_S, LENGTH = 0.4, 1.3
+"""What is a car's length (4.5 m, in lane widths) from where a car would be that was away for so
+long is another one: who turns off shows the car that drove before it."""
 ABREAST, BESIDE = 0.1, 0.3
 """Two plates on one car differ by at most this share of their distance, and stand at most so many
 lane widths beside each other (1.05 m); two vehicles do not fit there."""
@@ -123,6 +126,9 @@ class Tracker:
         if self._is_in_its_place(sighting, track, stamp_s):
             return cost
         if abs(right_m) > 0.5 * self._lane_width_m:
+            return _IMPOSSIBLE
+        is_back = track.confirmed and stamp_s - track.present_at > AWAY_S
+        if is_back and abs(ahead_m) > LENGTH * self._lane_width_m + sighting.ahead_sigma_m:
             return _IMPOSSIBLE
         if abs(ahead_m) > GATE_SIGMA * ahead_sigma_m or abs(right_m) > GATE_SIGMA * right_sigma_m:
             return _IMPOSSIBLE

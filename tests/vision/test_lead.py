@@ -187,6 +187,32 @@ def test_a_car_on_the_line_does_not_flap() -> None:
     assert all(lead is not None for lead in leads)
 
 
+@pytest.mark.parametrize("steps_away", [6, 9, 12])
+def test_who_is_seen_a_cars_length_beyond_a_lead_that_is_gone_is_another(steps_away: int) -> None:
+    """It turned off; the car before it is too far away to be read, and its distance is rough."""
+    watcher = Watcher()
+    watcher.steps(10, sighting(6.0))
+    watcher.steps(steps_away)
+
+    lead = watcher.steps(8, sighting(12.5, text=None))
+
+    assert lead is not None
+    assert lead.text is None
+    assert lead.ahead.position_m == pytest.approx(12.5, rel=0.02)
+
+
+def test_a_lead_that_went_on_unseen_is_the_same() -> None:
+    watcher, rate_m_s = Watcher(), 4.0
+    for step in range(10):
+        watcher.step(sighting(10.0 + rate_m_s * STEP_S * step))
+    watcher.steps(10)
+
+    lead = watcher.step(sighting(10.0 + rate_m_s * STEP_S * 20, text=None))
+
+    assert lead is not None
+    assert lead.text == "GN417KB"
+
+
 def test_another_plate_at_another_place_is_another_car() -> None:
     watcher = Watcher()
     watcher.steps(10, sighting(25.0, 0.0, "OLD1"))
