@@ -47,7 +47,7 @@ def _timeline(scenario: Scenario, log: RunLog) -> Table:
     for column, justify in (("s", "right"), ("car", "left"), ("what", "left")):
         table.add_column(column, justify=justify)  # type: ignore[arg-type]
     entries = [
-        (log.at_s(record), car, _told(log, car, record))
+        (_known_at_s(log, record), car, _told(log, car, record))
         for car, records in log.traces.items()
         for record in records
         if record["kind"] in _TOLD and record.get("cause") != "refresh"
@@ -58,7 +58,16 @@ def _timeline(scenario: Scenario, log: RunLog) -> Table:
         entries.append((fault.until_s, fault.car, f"[dim]fault over: {what}[/dim]"))
     for at_s, car, what in sorted(entries):
         table.add_row(f"{at_s:.3f}", car, what)
+    if any(at_s < 0.0 for at_s, _, _ in entries):
+        table.caption, table.caption_justify = "Before 0 s: starting up", "left"
     return table
+
+
+def _known_at_s(log: RunLog, record: Record) -> float:
+    """When the car knew it: a camera is back with a picture that may be older than its loss."""
+    if record["kind"] == "sensor_back" and "traced_s" in record:
+        return float(record["traced_s"]) - log.start_s
+    return log.at_s(record)
 
 
 def _told(log: RunLog, car: str, record: Record) -> str:
