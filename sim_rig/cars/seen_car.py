@@ -24,21 +24,21 @@ WIDTHS_PX = (26.0, 29.0, 33.0, 36.0, 40.0, 44.0, 49.0, 64.0, 92.0)
 Measured on 15 cars in five colours from 36 m to 6 m ahead (`python -m tools.camera_tables`)."""
 FOUND = (0.18, 0.88, 0.97, 1.0, 0.98, 1.0, 1.0, 1.0, 1.0)
 """Part of the frames in which the plate is found."""
-CERTAIN = (0.0, 0.0, 0.0, 0.0, 0.07, 0.38, 0.79, 0.98, 1.0)
+CERTAIN = (0.0, 0.0, 0.0, 0.0, 0.08, 0.38, 0.79, 0.98, 1.0)
 """Part of the plates looked at that are read rightly and with certainty."""
-DOUBTFUL = (0.0, 0.0, 0.03, 0.20, 0.49, 0.47, 0.18, 0.02, 0.0)
+DOUBTFUL = (0.0, 0.0, 0.03, 0.20, 0.48, 0.47, 0.18, 0.02, 0.0)
 """Part that are read rightly and with doubt."""
-WRONG = (0.0, 0.0, 0.01, 0.18, 0.23, 0.11, 0.03, 0.0, 0.0)
+WRONG = (0.0, 0.0, 0.01, 0.18, 0.24, 0.10, 0.03, 0.0, 0.0)
 """Part that are read with a wrong character, always with doubt. The rest is not read."""
 CERTAIN_CONFIDENCE, WRONG_CONFIDENCE = 0.98, 0.50
-DOUBTFUL_CONFIDENCE = (0.39, 0.39, 0.39, 0.52, 0.58, 0.68, 0.79, 0.78, 0.78)
+DOUBTFUL_CONFIDENCE = (0.38, 0.38, 0.38, 0.52, 0.58, 0.68, 0.79, 0.78, 0.78)
 LEGIBILITY_SIGMA = 0.1
 """Plates differ: each is read as if it were wider or narrower by this share of its width."""
-GAP_BIAS = (0.020, 0.025, 0.033, 0.043, 0.017, 0.004, -0.002, 0.002, 0.004)
+GAP_BIAS = (0.020, 0.026, 0.037, 0.044, 0.008, 0.001, -0.003, 0.002, 0.004)
 """Mean error of the gap, as a share of it. From car to car, by colour, it differs by 0.05 at 33 px
 and 0.01 at 49 px (one sigma), which is not modelled."""
-GAP_SIGMA = (0.016, 0.004, 0.007, 0.007, 0.009, 0.004, 0.003, 0.002, 0.002)
-CLOSING_SIGMA_M_S = (0.47, 0.29, 0.28, 0.29, 0.21, 0.10, 0.08, 0.06, 0.04)
+GAP_SIGMA = (0.017, 0.005, 0.010, 0.011, 0.008, 0.005, 0.004, 0.002, 0.002)
+CLOSING_SIGMA_M_S = (0.44, 0.28, 0.31, 0.32, 0.25, 0.14, 0.10, 0.06, 0.04)
 CORRELATION_S = 0.5
 """Errors depend on how the plate lies on the pixels, and change slowly: 1/e is left after this."""
 CLOSING_LAG_S = 0.3
