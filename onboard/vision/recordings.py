@@ -40,6 +40,7 @@ class Pictures:
     def __init__(self, files: list[tuple[str, Path]], fps: float) -> None:
         """`files`: name and path of each, in order."""
         self._files = files
+        self.stated_frames = len(files)
         self.fps = fps
         self._closed = False
 

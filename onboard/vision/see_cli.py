@@ -2,8 +2,9 @@
 
 import contextlib
 import csv
+import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
@@ -85,7 +86,8 @@ def see(
             uses.append(_csv_writer(csv_file, files))
         if video is not None:
             uses.append(_video_writer(video, source.fps, files))
-        for seen in see_frames(source, Sight(calibration, settings), alone=alone):
+        frames = see_frames(source, Sight(calibration, settings), alone=alone)
+        for seen in files.enter_context(_progress(frames, source.stated_frames)):
             for use in uses:
                 use(seen)
     _tell(recording, source, tally)
@@ -94,6 +96,16 @@ def see(
             told = f"{truth}: tells of {scores.truth.example}, and of none of these frames"
             raise UserError(f"{told}, such as {tally.example}")
         _print_table(list(scores.rows()))
+
+
+def _progress(
+    frames: Iterable[SeenFrame], count: int
+) -> contextlib.AbstractContextManager[Iterable[SeenFrame]]:
+    """The same, with a bar on the terminal; elsewhere it is silent."""
+    hidden = not sys.stderr.isatty()
+    return typer.progressbar(
+        frames, length=count or None, label="frames", file=sys.stderr, hidden=hidden
+    )
 
 
 def _tell(recording: str, source: Clip | Pictures, tally: "Tally") -> None:
