@@ -23,7 +23,7 @@ from onboard.vision.plate_reader import CERTAIN, PlateReader, PlateText
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import FORMATS, PlateFormat, draw_plate
 from sim_rig.picture.plate_texts import text_of
-from sim_rig.picture.scene import warp_onto
+from sim_rig.picture.scene import opaque, warp_onto
 
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
 PICTURE = PAGE.parent / "pictures" / "plates-read.png"
@@ -100,7 +100,7 @@ def _picture(
         [(x, y), (x + width_px, y), (x + width_px, y + height_px), (x, y + height_px)], np.float32
     )
     art = draw_plate(text, plate_format, 1.3 * width_px / plate_format.width_mm)
-    warp_onto(image, np.dstack([art, np.full(art.shape[:2], 255, np.uint8)]), quad)
+    warp_onto(image, opaque(art), quad)
     seen = photograph(image, rng, fine_px=width_px / 45)
     rows, columns = seen.shape[:2]
     above, beside = (PICTURE_HEIGHT_PX - rows) // 2, (PICTURE_WIDTH_PX - columns) // 2

@@ -18,8 +18,7 @@ from onboard.observations import Discarded, Position, Sensor
 from onboard.settings import parse_settings
 from onboard.stack import Observation, Stack
 from onboard.trace import Event
-from onboard.vision.camera import open_frames
-from onboard.vision.live_frames import LiveFrames
+from onboard.vision.camera import open_recorded
 from onboard.vision.settings import CameraSettings
 from onboard.vision.sight import Sight
 
@@ -138,9 +137,7 @@ def _from_clip(clip: str, fps: float | None, config: CarConfig, start_s: float) 
     calibration = config.camera.model_dump() if config.camera is not None else {}
     given = calibration | {"source": clip, "fps": fps}
     camera = parse_settings(given, CameraSettings, "onboard replay")
-    frames = open_frames(camera)
-    if isinstance(frames, LiveFrames):
-        raise UserError(f"{clip}: a live camera has no end; record it first")
+    frames = open_recorded(camera)
     sight = Sight(camera, config.vision)
     for frame in frames:
         sight.receive_frame(frame.image, start_s + frame.stamp_s)

@@ -22,7 +22,7 @@ from onboard.vision.camera import open_frames
 from onboard.vision.ends import refine_ends
 from onboard.vision.frames import Frame, Image
 from onboard.vision.live_frames import LiveFrames
-from onboard.vision.outputs import keep, writing
+from onboard.vision.outputs import keep_inputs, writing
 from onboard.vision.perspective import Perspective
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plates import whole_plate
@@ -76,7 +76,7 @@ def calibrate(
     for option, length_m in (("square", square_m), ("plate-width", plate_width_m)):
         if not 0.001 <= length_m <= 1.0:
             raise UserError(f"--{option}-m: is in metres, 0.001 to 1 (given {length_m:g})")
-    keep((Path(pictures), Path(upright) if upright is not None else None), (out,))
+    keep_inputs((Path(pictures), Path(upright) if upright is not None else None), (out,))
     images = [frame.image for frame in _still_frames(pictures)]
     if plate_at_m is not None and plate_height_m is not None:
         fit = _fit_by_plates(images, plate_at_m, plate_width_m, plate_height_m)

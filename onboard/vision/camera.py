@@ -40,6 +40,18 @@ def open_frames(settings: CameraSettings) -> FrameSource:
     return open_recording(source, settings.fps)
 
 
+def open_recorded(settings: CameraSettings) -> Pictures | Clip:
+    """Open a source that ends.
+
+    Raises:
+        CameraError: it cannot be opened, or is live.
+    """
+    frames = open_frames(settings)
+    if isinstance(frames, LiveFrames):
+        raise CameraError(f"{settings.source}: a live camera has no end; record it first")
+    return frames
+
+
 class CameraThread:
     """Sees with one camera, beside the loop: OpenCV lets go of the interpreter while it works."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from onboard.errors import UserError
 
 
-def keep(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
+def keep_inputs(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
     """See that no output would overwrite an input.
 
     Raises:

@@ -36,7 +36,7 @@ _Shares = npt.NDArray[np.float64]
 
 
 @dataclass(slots=True)
-class MeanShape:
+class MeanLook:
     """What one car's plate looks like, over its sightings: width by height, and banded."""
 
     weight: float = 0.0
@@ -74,14 +74,14 @@ class PlateKinds:
 
     def likely_width_m(self, shape: float, width_px: float, *, has_band: bool = False) -> float:
         """Of the kind that fits a single sighting best."""
-        mean = MeanShape()
+        mean = MeanLook()
         mean.add(shape, width_px, has_band=has_band)
         return self.widths_m[int(self.shares(mean, self.common).argmax())]
 
-    def shares(self, shape: MeanShape, common: _Shares) -> _Shares:
+    def shares(self, look: MeanLook, common: _Shares) -> _Shares:
         """How likely each kind is, of plates that are so common (Bayes)."""
-        scores = np.log(common) - 0.5 * ((shape.log_shape - self._usual) / shape.sigma) ** 2
-        scores += self._is_banded * math.log(BAND_TELLS) * shape.bands / max(shape.sightings, 1)
+        scores = np.log(common) - 0.5 * ((look.log_shape - self._usual) / look.sigma) ** 2
+        scores += self._is_banded * math.log(BAND_TELLS) * look.bands / max(look.sightings, 1)
         likely = np.exp(scores - scores.max())
         return np.asarray(likely / likely.sum(), np.float64)
 
@@ -91,7 +91,7 @@ class CarsKind:
 
     def __init__(self, kinds: PlateKinds) -> None:
         self._kinds = kinds
-        self._shape = MeanShape()
+        self._look = MeanLook()
         self._said = np.zeros(len(kinds.widths_m))
         self._taken: int | None = None
         self._shares = np.ones(1)
@@ -111,15 +111,15 @@ class CarsKind:
 
     def add(self, shape: float, width_px: float, *, has_band: bool = False) -> float:
         """Take in one sighting; returns how wide the plate is taken to be."""
-        self._shape.add(shape, width_px, has_band=has_band)
+        self._look.add(shape, width_px, has_band=has_band)
         common = self._kinds.common - self._said
-        self._shares = self._kinds.shares(self._shape, common)
+        self._shares = self._kinds.shares(self._look, common)
         inclined = self._shares.copy()
         if self._taken is not None:
             inclined[self._taken] *= LIKELIER
         self._taken = int(inclined.argmax())
         # What it says to others is what it looks like, not what it heard from them.
-        alone = self._kinds.shares(self._shape, np.ones(len(common)))
-        self._said = min(self._shape.sightings, MOST_SAY) * alone * (alone >= SURE)
+        alone = self._kinds.shares(self._look, np.ones(len(common)))
+        self._said = min(self._look.sightings, MOST_SAY) * alone * (alone >= SURE)
         self._kinds.common = common + self._said
         return self._kinds.widths_m[self._taken]

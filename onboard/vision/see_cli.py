@@ -16,9 +16,8 @@ import typer
 from onboard.errors import UserError
 from onboard.observations import Discarded
 from onboard.settings import load_settings, parse_settings
-from onboard.vision.camera import open_frames
-from onboard.vision.live_frames import LiveFrames
-from onboard.vision.outputs import keep, writing
+from onboard.vision.camera import open_recorded
+from onboard.vision.outputs import keep_inputs, writing
 from onboard.vision.recordings import Clip, Pictures
 from onboard.vision.score import Scores
 from onboard.vision.seen_frame import COLUMNS, SeenFrame, see_frames
@@ -67,16 +66,14 @@ def see(
     )
     calibration = load_settings(camera, Calibration) if camera is not None else None
     given = {"source": recording, "fps": fps}
-    source = open_frames(parse_settings(given, CameraSettings, "onboard see"))
-    if isinstance(source, LiveFrames):
-        raise UserError(f"{recording}: a live camera has no end; record it first")
+    source = open_recorded(parse_settings(given, CameraSettings, "onboard see"))
     alone = isinstance(source, Pictures) and fps is None
     if alone:
         typer.echo("each picture by itself; --fps makes them a drive, with a lead", err=True)
     if calibration is None:
         typer.echo("no --camera: a lens of 60 degrees is guessed, gaps are rough", err=True)
     scores = Scores(Truth.read(truth), settings.identity_confidence) if truth is not None else None
-    keep((Path(recording), camera, vision, truth), (csv_file, video))
+    keep_inputs((Path(recording), camera, vision, truth), (csv_file, video))
     tally = Tally()
     with contextlib.ExitStack() as files:
         uses: list[Use] = [tally.add]

@@ -336,6 +336,11 @@ def warp_onto(image: Image, texture: Image, quad: Quad) -> None:
     region[:] = (region * (1 - share) + warped[..., :3] + 0.5).clip(0, 255).astype(np.uint8)
 
 
+def opaque(texture: Image) -> Image:
+    """A BGR texture as `warp_onto` takes it, (h, w, 4)."""
+    return np.dstack([texture, np.full(texture.shape[:2], 255, np.uint8)])
+
+
 def _near_size(levels: tuple[Image, ...], quad: Quad) -> Image:
     """The level less than twice as wide as `quad`: warping from a larger one would alias."""
     width_px = float(quad[:, 0].max() - quad[:, 0].min())
@@ -363,7 +368,7 @@ def _car_levels(
 @lru_cache(maxsize=64)
 def _plate_levels(text: str, plate_format: PlateFormat) -> tuple[Image, ...]:
     plate = draw_plate(text, plate_format, px_per_mm=1.0)
-    return _halvings(np.dstack([plate, np.full(plate.shape[:2], 255, np.uint8)]))
+    return _halvings(opaque(plate))
 
 
 @lru_cache(maxsize=64)

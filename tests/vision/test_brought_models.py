@@ -17,7 +17,7 @@ from onboard.vision.sight import Sight
 from onboard.vision.sighting import Search
 from onboard.vision.vehicles import Vehicles
 from sim_rig.picture.plate_art import EU, draw_plate
-from sim_rig.picture.scene import warp_onto
+from sim_rig.picture.scene import opaque, warp_onto
 from tests.vision.drive import CAMERA
 from tests.vision.onnx_by_hand import write_red_square_detector
 
@@ -136,7 +136,7 @@ def test_a_plate_model_finds_and_the_own_detector_places_the_corners(tmp_path: P
     image = red_square(480, 240, 120)
     art = draw_plate("GN417KB", EU)
     truth = np.array([(490, 290), (590, 290), (590, 311), (490, 311)], np.float32)
-    warp_onto(image, np.dstack([art, np.full(art.shape[:2], 255, np.uint8)]), truth)
+    warp_onto(image, opaque(art), truth)
 
     (plate,) = found.find(image)
 

@@ -14,7 +14,7 @@ from onboard.vision.seen_frame import see_frames
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.sight import Sight
 from sim_rig.picture.plate_art import EU, FORMATS, draw_plate
-from sim_rig.picture.scene import Light, Picture, Scene, SceneCar, warp_onto
+from sim_rig.picture.scene import Light, Picture, Scene, SceneCar, opaque, warp_onto
 from tests.vision.drive import Seen, frames, see
 
 CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0, pitch_rad=0.02)
@@ -110,8 +110,7 @@ def with_a_plate(
 ) -> Iterator[tuple[float, Image]]:
     """A plate more, between left, top, right and bottom, to the right and over the road."""
     left, top, right, bottom = place
-    art = draw_plate(text, EU, px_per_mm=1.0)
-    art = np.dstack([art, np.full(art.shape[:2], 255, np.uint8)])
+    art = opaque(draw_plate(text, EU, px_per_mm=1.0))
     corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
     quad = np.array([PICTURE.project(ahead_m, x, y) for x, y in corners], np.float32)
     for stamp_s, image in drive:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from onboard.vision.perspective import Place
-from onboard.vision.plate_kinds import PLATE_KINDS, CarsKind, MeanShape, PlateKinds
+from onboard.vision.plate_kinds import PLATE_KINDS, CarsKind, MeanLook, PlateKinds
 from onboard.vision.sighting import Cue, Sighting
 from onboard.vision.tracker import Tracker
 
@@ -60,7 +60,7 @@ def test_a_plate_that_came_out_too_long_while_it_was_small_is_known_when_it_is_n
 
 
 def test_near_sightings_outweigh_many_from_afar() -> None:
-    shape = MeanShape()
+    shape = MeanLook()
     for _ in range(100):
         shape.add(2.9, 35.0)
     for _ in range(5):

@@ -23,7 +23,7 @@ from onboard.vision.sighting import Search
 from onboard.vision.syntax import PlateSyntax
 from sim_rig.picture.lens import photograph
 from sim_rig.picture.plate_art import FORMATS, PlateFormat, draw_plate
-from sim_rig.picture.scene import warp_onto
+from sim_rig.picture.scene import opaque, warp_onto
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def shown(
     quad = (corners @ turn + size / 2).astype(np.float32)
     image = np.full((size, size, 3), 70, np.uint8)
     art = draw_plate(text, plate_format, px_per_mm=min(1.0, 1.5 * width_px / plate_format.width_mm))
-    warp_onto(image, np.dstack([art, np.full(art.shape[:2], 255, np.uint8)]), quad)
+    warp_onto(image, opaque(art), quad)
     return image, quad
 
 
