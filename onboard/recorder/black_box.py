@@ -9,7 +9,7 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 import cv2
@@ -135,14 +135,15 @@ class BlackBox:
             try:
                 self._record(segments)
             except Exception as error:  # noqa: BLE001 (whatever it is, it is told, and the car drives)
-                lost = segments.abandon(time.monotonic())
-                self._lose_in_thread(lost)
-                why_not = error.strerror if isinstance(error, OSError) else repr(error)
-                self._tell(why_not or repr(error))
-                waited = self._wait()
-                if waited is None:
+                self._miss(segments.abandon(time.monotonic()))
+                strerror = error.strerror if isinstance(error, OSError) else None
+                why_not = strerror or repr(error)
+                self._tell(why_not)
+                has_ended = self._ending.wait(RETRY_S)
+                self._miss(self._waiting())
+                if has_ended:
+                    self._tell(why_not)
                     return
-                self._missing += lost + waited
             else:
                 return
 
@@ -151,9 +152,10 @@ class BlackBox:
         now, utc_s = time.monotonic(), time.time()
         segments.open(now, utc_s)
         if self._missing:
-            segments.write(Note("/box/gap", utc_s, Gap(now, self._missing)))
-            segments.flush()
+            gap = Note("/box/gap", utc_s, Gap(now, self._missing))
             self._missing = 0
+            segments.write(gap)
+            segments.flush()
         self._tell("")
         mend(self.settings.folder, segments.path)
         ending = False
@@ -167,19 +169,6 @@ class BlackBox:
         segments.close(time.monotonic())
         self._tell("")
 
-    def _wait(self) -> int | None:
-        """Lose notes until the disk is tried again; how many, or `None` if the drive ended."""
-        if self._ending.wait(RETRY_S):
-            return None
-        lost = 0
-        for note in self._waiting():
-            if isinstance(note.value, Gap):
-                lost += note.value.dropped  # counted when they were lost
-            else:
-                self._lose_in_thread(1)
-                lost += 1
-        return lost
-
     def _waiting(self) -> Iterator[Note]:
         """The notes that have come so far."""
         for _ in range(self._queue.qsize()):
@@ -190,9 +179,15 @@ class BlackBox:
             self._lost += 1
             self._dropped += 1
 
-    def _lose_in_thread(self, notes: int) -> None:
-        with self._counting:
-            self._dropped += notes
+    def _miss(self, notes: Iterable[Note]) -> None:
+        """Count what does not come onto the disk, for the gap that the next segment begins with."""
+        for note in notes:
+            if isinstance(note.value, Gap):
+                self._missing += note.value.dropped  # lost, and told, before
+            else:
+                self._missing += 1
+                with self._counting:
+                    self._dropped += 1
 
     def _tell(self, why_not: str) -> None:
         with self._telling:

@@ -35,7 +35,7 @@ class Segments:
         self._keep_until = float("-inf")
         self._identities: dict[tuple[str, int], Identity] = {}
         self._make_room_at = 0.0
-        self._unsafe = 0
+        self._unsafe: list[Note] = []
 
     @property
     def path(self) -> Path:
@@ -59,15 +59,14 @@ class Segments:
     def write(self, note: Note) -> None:
         """Append to the segment, or to the next one when its time is over."""
         now = note.value.stamp_s
-        segment = self._open_segment()
-        self._unsafe += 1
+        self._unsafe.append(note)
         if now - self._began_at >= self._settings.segment_s:
             self.close(now)
+            self._unsafe = [note]  # the next segment's
             self.open(now, note.utc_s)
-            segment = self._open_segment()
         elif now >= self._make_room_at:
             self.make_room(now)
-        segment.add(note)
+        self._open_segment().add(note)
         if isinstance(note.value, Identity):
             self._remember(note.value)
         elif is_event(note):
@@ -76,27 +75,27 @@ class Segments:
     def flush(self) -> None:
         """Bring everything onto the disk."""
         self._open_segment().flush()
-        self._unsafe = 0
+        self._unsafe = []
 
     def close(self, now: float) -> None:
         """Finish the segment."""
         segment = self._open_segment()
         segment.close()
-        self._unsafe = 0
+        self._unsafe = []
         self._ended.append((now, segment.path))
         self._segment = None
 
-    def abandon(self, now: float) -> int:
+    def abandon(self, now: float) -> list[Note]:
         """Leave the segment as it is, on a disk that takes no more.
 
         Returns:
-            how many notes may not have come onto the disk.
+            the notes that may not have come onto the disk.
         """
         if self._segment is not None:
             self._segment.abandon()
             self._ended.append((now, self._segment.path))
             self._segment = None
-        lost, self._unsafe = self._unsafe, 0
+        lost, self._unsafe = self._unsafe, []
         return lost
 
     def make_room(self, now: float) -> None:

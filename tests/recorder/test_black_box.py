@@ -25,8 +25,10 @@ from onboard.recorder.reading import Box, is_finished
 from onboard.recorder.replay import compare
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
-from tests.recorder.heads import HEAD
+from tests.recorder import heads
 
+HEAD = heads.HEAD.model_copy(update={"now_s": time.monotonic()})
+"""Of a drive that begins now: the writing thread goes by the real clock."""
 WITHIN_S = 20.0
 """Until something must have come; far more than it takes."""
 
@@ -53,6 +55,10 @@ def numbers(of: Path) -> list[int]:
         for entry in Box([of]).entries()
         if entry.topic == "/in/can"
     ]
+
+
+def gaps(of: Path) -> list[int]:
+    return [entry.record["dropped"] for entry in Box([of]).entries() if entry.topic == "/box/gap"]
 
 
 class Running:
@@ -89,7 +95,7 @@ def test_pictures_come_at_their_own_rate_and_are_jpeg(tmp_path: Path) -> None:
     running = Running(tmp_path, pictures_hz=2.0)
     image = np.full((36, 64, 3), 90, np.uint8)
     for number in range(30):
-        running.box.note_picture(image, 100.0 + number / 10)
+        running.box.note_picture(image, HEAD.now_s + number / 10)
     running.box.close()
 
     pictures = [entry for entry in Box([tmp_path]).entries() if entry.topic == "/camera"]
@@ -114,8 +120,7 @@ def test_a_disk_slower_than_the_car_loses_notes_and_says_how_many(
     box.close()
 
     assert numbers(tmp_path) == [*range(10), 100]
-    gaps = [entry.record for entry in Box([tmp_path]).entries() if entry.topic == "/box/gap"]
-    assert [gap["dropped"] for gap in gaps] == [90]
+    assert gaps(tmp_path) == [90]
     assert states[-1].dropped == 90
 
 
@@ -157,11 +162,69 @@ def test_what_a_full_disk_took_is_counted_to_the_last_note(
     until(lambda: running.states[-1].is_recording)
     running.box.close()
 
-    gaps = [entry.record for entry in Box([tmp_path]).entries() if entry.topic == "/box/gap"]
-    missing = sum(gap["dropped"] for gap in gaps)
+    missing = sum(gaps(tmp_path))
     # Some of the write that failed may be on the disk all the same.
     assert len(numbers(tmp_path)) + missing >= 500
     assert missing == running.states[-1].dropped <= 500
+
+
+def test_the_note_that_begins_a_segment_is_not_safe_before_the_next_flush(tmp_path: Path) -> None:
+    segments = Segments(RecorderSettings(folder=tmp_path, segment_s=1.0), HEAD)
+    segments.open(HEAD.now_s, HEAD.utc_s)
+    segments.write(frame(0))
+    begins, next_one = frame(1000), frame(1001)
+    segments.write(begins)
+    segments.write(next_one)
+
+    assert len(list(tmp_path.iterdir())) == 2
+    assert segments.abandon(HEAD.now_s + 2.0) == [begins, next_one]
+
+
+def test_a_note_whose_segment_cannot_be_begun_is_counted(tmp_path: Path) -> None:
+    folder = tmp_path / "box"
+    folder.mkdir()
+    segments = Segments(RecorderSettings(folder=folder, segment_s=1.0), HEAD)
+    segments.open(HEAD.now_s, HEAD.utc_s)
+    segments.write(frame(0))
+    folder.rename(tmp_path / "elsewhere")
+    begins = frame(1000)
+    with pytest.raises(FileNotFoundError):
+        segments.write(begins)
+
+    assert segments.abandon(HEAD.now_s + 2.0) == [begins]
+
+
+def test_what_a_full_disk_took_is_counted_when_the_drive_ends(
+    tmp_path: Path, full_disk: Callable[[int], None]
+) -> None:
+    """Also what still waited for the disk."""
+    running = Running(tmp_path)
+    running.fill(full_disk)
+    lost_by_then = running.states[-1].dropped
+    for number in range(500, 700):
+        running.box.note(frame(number))
+    running.box.close()
+
+    assert not running.states[-1].is_recording
+    assert running.states[-1].dropped >= lost_by_then + 200
+
+
+def test_a_lost_gap_does_not_take_its_count_with_it(
+    tmp_path: Path, full_disk: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is no note of the car's either: nothing is counted twice."""
+    monkeypatch.setattr(black_box, "RETRY_S", 0.05)
+    running = Running(tmp_path)
+    until(lambda: bool(running.states))
+    with running.box._counting:
+        running.box._lost = running.box._dropped = 90
+    running.fill(full_disk)
+    full_disk(resource.RLIM_INFINITY)
+    until(lambda: running.states[-1].is_recording)
+    running.box.close()
+
+    assert running.states[-1].dropped == sum(gaps(tmp_path))
+    assert 90 < running.states[-1].dropped <= 590
 
 
 def test_a_segment_that_was_taken_away_is_not_missed(tmp_path: Path) -> None:
@@ -234,7 +297,7 @@ def test_a_full_disk_ends_the_recording_until_there_is_room_again(
 
     assert numbers(tmp_path)[-1] == 1000
     assert all(is_finished(path) for path in tmp_path.glob("*.mcap")), "the broken one is mended"
-    assert any(entry.topic == "/box/gap" for entry in Box([tmp_path]).entries())
+    assert gaps(tmp_path)
 
 
 def test_a_power_cut_takes_only_what_was_not_flushed(tmp_path: Path) -> None:
