@@ -143,10 +143,10 @@ class Daemon:
         config, stack = self.config, self._stack
         if config.access.driver_file is not None:
             save_driver(config.access.driver_file, self._driver)  # whether it can be, is said now
+        self._onlookers.open_files(config.trace, wires)
         if self._box is not None:
             self._box.start()
-            wires.callback(self._box.close)
-        self._onlookers.open_files(config.trace, wires)
+            wires.push_async_callback(self._close_box, self._box)
         if config.can is not None:
             take_discarded = self._taker(stack.receive_observation)
             take_frame = self._taker(stack.receive_can)
@@ -298,6 +298,10 @@ class Daemon:
 
     def _press_brake_button(self, _: None, now: float) -> None:
         self._stack.press_brake_button(now)
+
+    async def _close_box(self, box: BlackBox) -> None:
+        box.close()
+        await asyncio.sleep(0)  # what it told is shown before the trace is closed
 
     def _on_box_state(self, state: Recording) -> None:
         """Called from the black box's thread."""

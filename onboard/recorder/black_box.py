@@ -41,6 +41,8 @@ NICENESS: Final = 5
 FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """A disk that takes no more is no mistake of the user's: the car drives without a black box."""
 
+TOO_SLOW: Final = "the disk does not keep up"
+
 
 class BlackBox:
     """Records one drive."""
@@ -96,7 +98,7 @@ class BlackBox:
         except queue.Full:
             self._lose()
             if self._told[0] == "":
-                self._tell("the disk does not keep up")
+                self._tell(TOO_SLOW)
 
     def _mark_gap(self, note: Note) -> None:
         """Have it written that notes are missing before this one."""
@@ -124,6 +126,15 @@ class BlackBox:
         if self._thread.is_alive():
             self._ending.set()
             self._thread.join(STOP_S)
+            if self._thread.is_alive():
+                self._give_up()
+
+    def _give_up(self) -> None:
+        """What the disk has still to take ends with the process."""
+        unsafe = self._segments.unsafe_notes if self._segments is not None else 0
+        with self._counting:
+            self._dropped += unsafe + self._queue.qsize()
+        self._tell(TOO_SLOW)
 
     # ---- in the thread --------------------------------------------------------------------
 

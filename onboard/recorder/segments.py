@@ -42,6 +42,11 @@ class Segments:
         """Of the segment that is being written."""
         return self._open_segment().path
 
+    @property
+    def unsafe_notes(self) -> int:
+        """How many the disk has not confirmed; from any thread."""
+        return len(self._unsafe)
+
     def open(self, now: float, utc_s: float) -> None:
         """Begin a segment at `now`, on the cores' clock."""
         self.make_room(now)

@@ -151,6 +151,34 @@ def test_a_disk_that_hangs_is_told_by_whoever_brings_the_notes(
     assert running.states[-1].dropped == 90
 
 
+def test_a_disk_that_still_hangs_when_the_drive_ends_takes_all_that_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody waits for it for long; what it may have lost is told."""
+    monkeypatch.setattr(black_box, "STOP_S", 0.01)
+    hangs, reached = threading.Event(), threading.Event()
+
+    def hang(self: Segments) -> None:
+        reached.set()
+        hangs.wait(WITHIN_S)
+
+    running = Running(tmp_path)
+    until(lambda: bool(running.states))
+    monkeypatch.setattr(Segments, "flush", hang)
+    running.box.note(frame(0))
+    until(running.box._queue.empty)
+    reached.wait(WITHIN_S)
+    for number in range(1, 100):
+        running.box.note(frame(number))
+    running.box.close()
+
+    told = running.states[-1]
+    hangs.set()
+    running.box._thread.join(WITHIN_S)
+    assert (told.is_recording, told.reason) == (False, "the disk does not keep up")
+    assert told.dropped == 100
+
+
 def test_what_a_full_disk_took_is_counted_to_the_last_note(
     tmp_path: Path, full_disk: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -400,3 +428,22 @@ def test_a_daemon_whose_disk_is_full_says_so_and_drives_on(tmp_path: Path) -> No
 
     assert car.end(signal.SIGTERM) == 0
     assert (stopped["is_recording"], stopped["reason"]) == (False, "File too large")
+
+
+def test_a_daemon_that_is_stopped_tells_what_the_full_disk_took_to_the_end(tmp_path: Path) -> None:
+    """Its trace outlives the black box: the last state counts what still waited for the disk."""
+    car = Car(tmp_path, blocks=128)  # of 512 bytes
+
+    def has_filled_the_disk() -> bool:
+        car.send(secrets.token_bytes(1000))
+        return len(car.traced("recorder")) > 1
+
+    until(has_filled_the_disk)
+    for _ in range(5):
+        assert car.hear()
+    assert car.end(signal.SIGTERM) == 0
+
+    _, stopped, at_the_end = (state["dropped"] for state in car.traced("recorder"))
+    assert isinstance(stopped, int)
+    assert isinstance(at_the_end, int)
+    assert at_the_end > stopped
