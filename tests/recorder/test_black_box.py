@@ -372,9 +372,11 @@ class Car:
             "recorder": {"folder": str(self.box)},
         }
         (folder / "car.yaml").write_text(yaml.safe_dump(tree))
-        limit = [f"ulimit -f {limits['blocks']};"] if limits else []
-        command = f"{' '.join(limit)} exec {sys.executable} -m onboard run {folder / 'car.yaml'}"
-        self.process = subprocess.Popen(["sh", "-c", command], stderr=subprocess.DEVNULL)
+        limit = f"ulimit -f {limits['blocks']}; " if limits else ""
+        daemon = [sys.executable, "-m", "onboard", "run", folder / "car.yaml"]
+        self.process = subprocess.Popen(
+            ["sh", "-c", f'{limit}exec "$@"', "sh", *daemon], stderr=subprocess.DEVNULL
+        )
         self.hear()
 
     def hear(self) -> bytes:
