@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.errors import UserError
-from onboard.recorder.head import Head
-from onboard.recorder.mending import mend
-from onboard.recorder.notes import Gap, Note, Picture, Recording
-from onboard.recorder.segment import PICTURES
+from onboard.recorder.header import RecordingHeader
+from onboard.recorder.records import CameraImage, Record, RecorderState, RecordingGap
+from onboard.recorder.repair import repair
+from onboard.recorder.segment import IMAGES
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
 
@@ -47,7 +47,9 @@ TOO_SLOW: Final = "the disk does not keep up"
 class BlackBox:
     """Records one drive."""
 
-    def __init__(self, settings: RecorderSettings, on_state: Callable[[Recording], None]) -> None:
+    def __init__(
+        self, settings: RecorderSettings, on_state: Callable[[RecorderState], None]
+    ) -> None:
         """Open nothing yet; notes may come already.
 
         `on_state` is called when recording begins or ends, and when notes were lost: from the
@@ -55,7 +57,7 @@ class BlackBox:
         """
         self.settings = settings
         self._on_state = on_state
-        self._queue: queue.Queue[Note] = queue.Queue(QUEUE_NOTES)
+        self._queue: queue.Queue[Record] = queue.Queue(QUEUE_NOTES)
         self._ending = threading.Event()
         self._counting = threading.Lock()
         self._lost = 0
@@ -69,7 +71,7 @@ class BlackBox:
         self._segments: Segments | None = None
         self._thread = threading.Thread(target=self._run, name="black-box", daemon=True)
 
-    def begin(self, head: Head) -> None:
+    def begin(self, head: RecordingHeader) -> None:
         """Say what the drive begins with, before the first note."""
         self._segments = Segments(self.settings, head)
 
@@ -89,7 +91,7 @@ class BlackBox:
             raise UserError(f"recorder.folder: {folder}: {os.strerror(errno.EACCES)}")
         self._thread.start()
 
-    def note(self, note: Note) -> None:
+    def note(self, note: Record) -> None:
         """Have it written. From any thread; returns at once."""
         try:
             if self._lost:
@@ -100,12 +102,12 @@ class BlackBox:
             if self._told[0] == "":
                 self._tell(TOO_SLOW)
 
-    def _mark_gap(self, note: Note) -> None:
+    def _mark_gap(self, note: Record) -> None:
         """Have it written that notes are missing before this one."""
         with self._counting:
             if self._lost:
-                gap = Gap(note.value.stamp_s, self._lost)
-                self._queue.put_nowait(Note("/box/gap", note.utc_s, gap))
+                gap = RecordingGap(note.value.stamp_s, self._lost)
+                self._queue.put_nowait(Record("/recorder/recording_gap", note.utc_s, gap))
                 self._lost = 0
 
     def note_picture(self, image: NDArray[np.uint8], stamp_s: float) -> None:
@@ -119,7 +121,7 @@ class BlackBox:
         quality = [cv2.IMWRITE_JPEG_QUALITY, self.settings.picture_quality]
         _, jpeg = cv2.imencode(".jpg", image, quality)
         utc_s = time.time() - (time.monotonic() - stamp_s)
-        self.note(Note(PICTURES, utc_s, Picture(stamp_s, jpeg.tobytes())))
+        self.note(Record(IMAGES, utc_s, CameraImage(stamp_s, jpeg.tobytes())))
 
     def close(self) -> None:
         """Write what is left, finish the file, and stop; a disk that hangs is not waited for."""
@@ -163,12 +165,12 @@ class BlackBox:
         now, utc_s = time.monotonic(), time.time()
         segments.open(now, utc_s)
         if self._missing:
-            gap = Note("/box/gap", utc_s, Gap(now, self._missing))
+            gap = Record("/recorder/recording_gap", utc_s, RecordingGap(now, self._missing))
             self._missing = 0
             segments.write(gap)
             segments.flush()
         self._tell("")
-        mend(self.settings.folder, segments.path)
+        repair(self.settings.folder, segments.path)
         ending = False
         while not ending:
             ending = self._ending.wait(FLUSH_S)
@@ -180,7 +182,7 @@ class BlackBox:
         segments.close(time.monotonic())
         self._tell("")
 
-    def _waiting(self) -> Iterator[Note]:
+    def _waiting(self) -> Iterator[Record]:
         """The notes that have come so far."""
         for _ in range(self._queue.qsize()):
             yield self._queue.get_nowait()
@@ -190,10 +192,10 @@ class BlackBox:
             self._lost += 1
             self._dropped += 1
 
-    def _miss(self, notes: Iterable[Note]) -> None:
+    def _miss(self, notes: Iterable[Record]) -> None:
         """Count what does not come onto the disk, for the gap that the next segment begins with."""
         for note in notes:
-            if isinstance(note.value, Gap):
+            if isinstance(note.value, RecordingGap):
                 self._missing += note.value.dropped  # lost, and told, before
             else:
                 self._missing += 1
@@ -205,4 +207,4 @@ class BlackBox:
             if self._told == (why_not, self._dropped):
                 return
             self._told = (why_not, self._dropped)
-        self._on_state(Recording(time.monotonic(), not why_not, why_not, self._dropped))
+        self._on_state(RecorderState(time.monotonic(), not why_not, why_not, self._dropped))

@@ -5,14 +5,14 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from onboard.recorder.head import Head
-from onboard.recorder.notes import Identity, Note
-from onboard.recorder.ring import Stored, kept_path, segments_in, to_delete
+from onboard.recorder.header import RecordingHeader
+from onboard.recorder.records import Identity, Record
+from onboard.recorder.retention import Stored, kept_path, segments_in, to_delete
 from onboard.recorder.segment import Segment, is_being_written
 from onboard.recorder.settings import RecorderSettings
 from onboard.risk.alarm import Alarm, Level
 
-KEEPING = frozenset({"/out/warning", "/out/hard_brake", "/in/hard_brake", "/in/button"})
+KEEPING = frozenset({"/out/warning", "/out/hard_brake", "/in/hard_brake", "/in/brake_button"})
 """What the minutes around it are kept for, beside the alarms that are warnings."""
 
 MAKE_ROOM_S = 10.0
@@ -25,7 +25,7 @@ class Segments:
     Files that somebody else takes away are not missed.
     """
 
-    def __init__(self, settings: RecorderSettings, head: Head) -> None:
+    def __init__(self, settings: RecorderSettings, head: RecordingHeader) -> None:
         self._settings = settings
         self._head = head
         self._next_number = 0
@@ -35,7 +35,7 @@ class Segments:
         self._keep_until = float("-inf")
         self._identities: dict[tuple[str, int], Identity] = {}
         self._make_room_at = 0.0
-        self._unsafe: list[Note] = []
+        self._unsafe: list[Record] = []
 
     @property
     def path(self) -> Path:
@@ -59,9 +59,9 @@ class Segments:
         self._next_number += 1
         self._began_at = now
         for identity in self._identities.values():
-            self._segment.add(Note("/in/identity", utc_s, replace(identity, stamp_s=now)))
+            self._segment.add(Record("/in/identity", utc_s, replace(identity, stamp_s=now)))
 
-    def write(self, note: Note) -> None:
+    def write(self, note: Record) -> None:
         """Append to the segment, or to the next one when its time is over."""
         now = note.value.stamp_s
         self._unsafe.append(note)
@@ -90,7 +90,7 @@ class Segments:
         self._ended.append((now, segment.path))
         self._segment = None
 
-    def abandon(self, now: float) -> list[Note]:
+    def abandon(self, now: float) -> list[Record]:
         """Leave the segment as it is, on a disk that takes no more.
 
         Returns:
@@ -139,7 +139,7 @@ class Segments:
         self._ended = [(at, _kept(path) if at > since else path) for at, path in self._ended]
 
 
-def is_event(note: Note) -> bool:
+def is_event(note: Record) -> bool:
     """Whether something happened that the minutes around it are kept for."""
     value = note.value
     return note.topic in KEEPING or (isinstance(value, Alarm) and value.level is Level.WARNING)

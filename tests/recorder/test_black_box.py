@@ -20,14 +20,14 @@ from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
 from onboard.recorder import black_box
 from onboard.recorder.black_box import BlackBox
-from onboard.recorder.notes import Button, Note, Recording
-from onboard.recorder.reading import Box, is_finished
+from onboard.recorder.reader import RecordedDrive, is_finished
+from onboard.recorder.records import BrakeButton, Record, RecorderState
 from onboard.recorder.replay import compare
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
-from tests.recorder import heads
+from tests.recorder import headers
 
-HEAD = heads.HEAD.model_copy(update={"now_s": time.monotonic()})
+HEAD = headers.HEAD.model_copy(update={"now_s": time.monotonic()})
 """Of a drive that begins now: the writing thread goes by the real clock."""
 WITHIN_S = 20.0
 """Until something must have come; far more than it takes."""
@@ -40,9 +40,9 @@ def until(holds: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-def frame(number: int, size: int = 8) -> Note:
+def frame(number: int, size: int = 8) -> Record:
     data = number.to_bytes(4) + secrets.token_bytes(size - 4)
-    return Note(
+    return Record(
         "/in/can",
         HEAD.utc_s + number,
         CanFrame(HEAD.now_s + number * 1e-3, 0x123, is_extended_id=False, data=data),
@@ -52,20 +52,24 @@ def frame(number: int, size: int = 8) -> Note:
 def numbers(of: Path) -> list[int]:
     return [
         int.from_bytes(bytes.fromhex(entry.record["data"])[:4])
-        for entry in Box([of]).entries()
+        for entry in RecordedDrive([of]).entries()
         if entry.topic == "/in/can"
     ]
 
 
 def gaps(of: Path) -> list[int]:
-    return [entry.record["dropped"] for entry in Box([of]).entries() if entry.topic == "/box/gap"]
+    return [
+        entry.record["dropped"]
+        for entry in RecordedDrive([of]).entries()
+        if entry.topic == "/recorder/recording_gap"
+    ]
 
 
 class Running:
     """A black box that records, and what it tells."""
 
     def __init__(self, folder: Path, **settings: object) -> None:
-        self.states: list[Recording] = []
+        self.states: list[RecorderState] = []
         tree = {"folder": folder, **settings}
         self.box = BlackBox(RecorderSettings.model_validate(tree), self.states.append)
         self.box.begin(HEAD)
@@ -98,7 +102,7 @@ def test_pictures_come_at_their_own_rate_and_are_jpeg(tmp_path: Path) -> None:
         running.box.note_picture(image, HEAD.now_s + number / 10)
     running.box.close()
 
-    pictures = [entry for entry in Box([tmp_path]).entries() if entry.topic == "/camera"]
+    pictures = [entry for entry in RecordedDrive([tmp_path]).entries() if entry.topic == "/camera"]
     assert len(pictures) == 6
     assert pictures[0].record["format"] == "jpeg"
     assert pictures[0].record["data"].startswith("/9j/")
@@ -109,7 +113,7 @@ def test_a_disk_slower_than_the_car_loses_notes_and_says_how_many(
 ) -> None:
     """The queue is full at once; `note` returns all the same."""
     monkeypatch.setattr(black_box, "QUEUE_NOTES", 10)
-    states: list[Recording] = []
+    states: list[RecorderState] = []
     box = BlackBox(RecorderSettings(folder=tmp_path), states.append)
     box.begin(HEAD)
     for number in range(100):
@@ -263,7 +267,7 @@ def test_a_segment_that_was_taken_away_is_not_missed(tmp_path: Path) -> None:
     first, *_ = sorted(tmp_path.iterdir())
     first.rename(tmp_path.parent / "elsewhere.mcap")
 
-    segments.write(Note("/in/button", HEAD.utc_s + 1.5, Button(HEAD.now_s + 1.5)))
+    segments.write(Record("/in/brake_button", HEAD.utc_s + 1.5, BrakeButton(HEAD.now_s + 1.5)))
     segments.close(HEAD.now_s + 1.6)
 
     (left,) = tmp_path.iterdir()
@@ -401,7 +405,7 @@ def test_a_killed_daemon_leaves_all_but_the_last_second(tmp_path: Path) -> None:
     heard_at = [time.time() for _ in range(25) if car.hear()]
     car.end(signal.SIGKILL)
 
-    box = Box([car.box])
+    box = RecordedDrive([car.box])
     sent = [entry.utc_s for entry in box.entries() if entry.topic == "/out/wsm"]
     assert sent[-1] > heard_at[-1] - 1.0
     assert compare(box).difference is None
