@@ -8,7 +8,7 @@ demo: .venv/ready
 	$(PYTHON) -m sim_rig run third-car
 
 test: .venv/ready system-packages lint
-	$(PYTHON) -m pytest -n 2 --dist worksteal -m "not live and not browser"
+	$(PYTHON) -m pytest -n 2 --dist worksteal --durations=15 --durations-min=1 -m "not live and not browser"
 
 # The pages in a real browser, in real time; skipped with a word where chromium cannot be had.
 test-pages: .venv/ready

@@ -13,7 +13,7 @@ from onboard.messages.bsm_safety import (
     PathPrediction,
     VehicleSafetyExtensions,
 )
-from onboard.messages.mvs_footer import MvsFooter, Run, SharedEstimate, SharedMeasurement
+from onboard.messages.mvs_footer import MvsFooter, ObserverRun, SharedEstimate, SharedMeasurement
 
 UTC_S = 1_790_000_000.0
 OBSERVERS = 4
@@ -85,8 +85,8 @@ def footer(entries: int) -> MvsFooter:
             SharedEstimate(
                 state,
                 (
-                    Run(n % OBSERVERS, (10, 110, 210)),
-                    Run((n + 1) % OBSERVERS, (20, 120, 220)),
+                    ObserverRun(n % OBSERVERS, (10, 110, 210)),
+                    ObserverRun((n + 1) % OBSERVERS, (20, 120, 220)),
                 ),
             )
             for n in range(estimates)

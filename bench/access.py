@@ -13,11 +13,11 @@ import numpy as np
 
 from bench import Figure
 from onboard.access.adaptation import AccessAdaptation
-from onboard.access.drivers import ORDINARY_DRIVERS, Driver
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.access.rear_end import tolerable_lag_s
 from onboard.access.settings import AccessSettings
 from onboard.observations import Lead, LeadIdentity, Speed
-from sim_rig.studies.rakhshan_highway import Drops, HighwaySettings, collided, draw
+from sim_rig.studies.rakhshan_highway import Drops, RakhshanHighwaySettings, collided, draw
 from sim_rig.studies.rakhshan_slotted import from_db, slot_s
 
 ROUNDS = 5
@@ -30,7 +30,7 @@ CALLS = 500
 
 def measure() -> Iterator[Figure]:
     """Yield chains/s, and microseconds for a look at the car ahead and for a reaction."""
-    settings = HighwaySettings()
+    settings = RakhshanHighwaySettings()
     drops = draw(settings, DROPS, np.random.default_rng(1))
     few = draw(settings, PLAIN_DROPS, np.random.default_rng(2))
     access = np.array([ACCESS])
@@ -57,7 +57,7 @@ def measure() -> Iterator[Figure]:
 
 
 def _on_board() -> Iterator[Figure]:
-    core = AccessAdaptation(AccessSettings(enabled=True), Driver(ORDINARY_DRIVERS))
+    core = AccessAdaptation(AccessSettings(enabled=True), DriverModel(DEFAULT_POPULATION))
     core.receive_speed(Speed(0.0, 20.0, 0.28, "bench"))
     lead = Lead(0.0, LeadIdentity.UNKNOWN, None, 20.0, 0.5, 1.0, 0.1)
 
@@ -95,7 +95,7 @@ def _on_board() -> Iterator[Figure]:
         yield Figure(f"access.{name}", median(ours_us), "us", ROUNDS, reference, median(theirs_us))
 
 
-def _plain(settings: HighwaySettings, drops: Drops) -> list[float]:
+def _plain(settings: RakhshanHighwaySettings, drops: Drops) -> list[float]:
     """Part of the cars of each drop that collide."""
     beta, length_s = (
         from_db(settings.threshold_db),
@@ -125,7 +125,11 @@ def _plain(settings: HighwaySettings, drops: Drops) -> list[float]:
 
 
 def _slots(
-    everybody: list[float], sender: int, receiver: int, beta: float, settings: HighwaySettings
+    everybody: list[float],
+    sender: int,
+    receiver: int,
+    beta: float,
+    settings: RakhshanHighwaySettings,
 ) -> float:
     link_m = abs(everybody[sender] - everybody[receiver])
     success = 1.0

@@ -28,19 +28,19 @@ import yaml
 from bench import Figure
 from bench.daemon import READ_AND_DECODE
 from onboard.config import CarConfig
-from onboard.observations import Position, SensedCar, Speed
-from onboard.security.authority import make_trial
+from onboard.observations import Position, Speed, VehicleDetection
 from onboard.security.credentials import Credentials
 from onboard.security.key_files import write_credentials
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
 from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
-from sim_rig.picture.scene import Picture, Scene, SceneCar
 from sim_rig.processes import Processes
+from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
 CAMERA_FPS, PICTURES = 15.0, 60
 OTHERS = 10
@@ -135,7 +135,9 @@ async def _traffic(credentials: list[Credentials], unit: socket.socket, port: in
             other.receive_observation(Speed(now, SPEED_M_S, 0.1, "bench"), now)
             other.receive_observation(_position(now, ahead_m - behind_m, beside_m), now)
             for track in (1, 2):
-                other.receive_observation(SensedCar(now, track, 15.0 * track, 0.5, 0.0, 0.02), now)
+                other.receive_observation(
+                    VehicleDetection(now, track, 15.0 * track, 0.5, 0.0, 0.02), now
+                )
             other.handle_timer(now)
             for _, wsm in other.wsms_to_send(now):
                 unit.sendto(wsm, ("127.0.0.1", port))
@@ -181,7 +183,7 @@ class _Camera:
     """Pictures of a car some 15 m ahead, drawn before and shown round and round."""
 
     def __init__(self) -> None:
-        picture = Picture(CameraSettings(source="bench", **LENS.model_dump()))
+        picture = CameraRenderer(CameraSettings(source="bench", **LENS.model_dump()))
         rng = np.random.default_rng(1)
         self._jpegs = []
         for number in range(PICTURES):

@@ -9,7 +9,7 @@ from statistics import median
 import numpy as np
 
 from bench import Figure
-from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
 from onboard.risk.driver_behaviour import Uniform
@@ -91,12 +91,12 @@ def _some(pairs: tuple[Array, Array], which: slice) -> tuple[Array, Array]:
 
 def _traffic(
     count: int, angle: float | None, rng: np.random.Generator
-) -> tuple[KnownCar, list[KnownCar]]:
+) -> tuple[PerceivedObject, list[PerceivedObject]]:
     """The own car from the west, all others towards somewhere on its way."""
     rows = tuple(map(tuple, np.diag([1.0, 1.0, 0.25, 0.25]).tolist()))
 
-    def known(name: str, state: tuple[float, ...]) -> KnownCar:
-        return KnownCar(0.0, name, KnownBy.TOLD, state, rows, 0.1, frozenset())
+    def known(name: str, state: tuple[float, ...]) -> PerceivedObject:
+        return PerceivedObject(0.0, name, ObjectSource.SHARED, state, rows, 0.1, frozenset())
 
     cars = []
     for k in range(count):
@@ -108,7 +108,7 @@ def _traffic(
     return known("own", (-40.0, 0.0, 14.0, 0.0)), cars
 
 
-def _decide(own: KnownCar, cars: list[KnownCar]) -> None:
+def _decide(own: PerceivedObject, cars: list[PerceivedObject]) -> None:
     RiskMonitor(RiskSettings(), 5.0, 1.75).assess(own, cars, 0.0)
 
 

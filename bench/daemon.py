@@ -14,7 +14,7 @@ from statistics import median
 import psutil
 
 from bench import Figure
-from sim_rig.live import Desk
+from sim_rig.live import LiveTestbench
 from sim_rig.scenario import Scenario, load_scenario
 
 READER = "reader"
@@ -47,7 +47,7 @@ async def _run(scenario: Scenario) -> dict[str, tuple[float, int]]:
     """Cores used and bytes resident, of each daemon and of the reference."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        async with Desk(scenario, scenario.seed, folder) as desk:
+        async with LiveTestbench(scenario, scenario.seed, folder) as desk:
             car = scenario.equipped[0]
             await desk.processes.start(READER, "-c", READ_AND_DECODE, str(folder / f"{car}.yaml"))
             running = asyncio.create_task(desk.run())
@@ -65,7 +65,7 @@ async def _run(scenario: Scenario) -> dict[str, tuple[float, int]]:
     return used
 
 
-async def _until(at_s: float, desk: Desk, running: asyncio.Task[None]) -> None:
+async def _until(at_s: float, desk: LiveTestbench, running: asyncio.Task[None]) -> None:
     """Wait for a moment of the scenario, or for a run that fails."""
     while time.monotonic() < desk.start_s + at_s and not running.done():
         await asyncio.sleep(0.05)

@@ -13,9 +13,9 @@ import numpy as np
 
 from bench import Figure
 from onboard.obd.can_bus import read_can_log
-from onboard.obd.car_bus import CarBus
 from onboard.obd.hard_brake import HardBrakeDetector
 from onboard.obd.settings import ObdSettings
+from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import BrakePedal, HardBrake, Speed
 from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
 
@@ -141,7 +141,7 @@ def _real_alarms() -> Figure:
     """Nobody brakes harder than 0.23 g in the recordings, so every alarm is a false one."""
     speeds = alarms = 0
     for drive in REAL_DRIVES:
-        bus = CarBus(ObdSettings(polling_hz=None))
+        bus = VehicleBus(ObdSettings(polling_hz=None))
         for frame in read_can_log(RECORDINGS / f"{drive}.log"):
             bus.receive_frame(frame, frame.stamp_s)
             while (event := bus.next_event()) is not None:

@@ -21,8 +21,8 @@ import numpy as np
 
 from bench import Figure
 from onboard.settings import parse_settings
-from sim_rig.ledger import alarm_stamp_s, braking_of
-from sim_rig.live import Desk
+from sim_rig.latency_ledger import alarm_stamp_s, braking_of
+from sim_rig.live import LiveTestbench
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario
 
@@ -61,7 +61,7 @@ async def _run() -> tuple[RunLog, list[float]]:
     echo.start()
     scenario = parse_settings(_scenario(), Scenario, "hop_latency")
     with tempfile.TemporaryDirectory() as folder:
-        async with Desk(scenario, seed=1, folder=Path(folder)) as desk:
+        async with LiveTestbench(scenario, seed=1, folder=Path(folder)) as desk:
             port = await asyncio.to_thread(ours.recv)
             pinging = asyncio.create_task(asyncio.to_thread(_ping, port, scenario.duration_s))
             await desk.run()

@@ -23,7 +23,7 @@ from onboard.observations import Lead, LeadIdentity, Sensor, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.settings import parse_settings
 from onboard.stack import Stack
-from onboard.trace import Event
+from onboard.trace.trace_line import Event
 from tools import chromium
 
 PORT = 8461
@@ -139,7 +139,7 @@ class _Car:
     def raise_alarm(self, level: Level) -> None:
         """As the daemon does: the alarm is told, and the page shown in the same round."""
         now = time.monotonic()
-        event: Event = Alarm(now, Cause.HARD_BRAKING, level, 6.0, ())
+        event: Event = Alarm(now, Cause.EEBL, level, 6.0, ())
         self.page.receive_event(event)
         self.page.show(now)
 

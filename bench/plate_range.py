@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from bench import Figure
 from bench._tables import write_tables
-from onboard.observations import Box
+from onboard.observations import ImageBox
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader, PlateText
-from sim_rig.picture.lens import photograph
-from sim_rig.picture.plate_art import FORMATS, PlateFormat, draw_plate
-from sim_rig.picture.plate_texts import text_of
-from sim_rig.picture.scene import opaque, warp_onto
+from sim_rig.rendering.lens import photograph
+from sim_rig.rendering.plate_art import FORMATS, PlateFormat, draw_plate
+from sim_rig.rendering.plate_texts import text_of
+from sim_rig.rendering.scene import opaque, warp_onto
 
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
 PICTURE = PAGE.parent / "pictures" / "plates-read.png"
@@ -108,7 +108,7 @@ def _picture(
     return np.asarray(whole, np.uint8)
 
 
-def _cut(image: npt.NDArray[np.uint8], box: Box) -> npt.NDArray[np.uint8]:
+def _cut(image: npt.NDArray[np.uint8], box: ImageBox) -> npt.NDArray[np.uint8]:
     """The plate in a tile of 160 x 60 pixels."""
     x, y = box.centre_px
     half = (0.62 * box.w_px, 0.62 * box.w_px * 60 / 160)

@@ -21,12 +21,12 @@ import numpy as np
 
 from bench import Figure
 from bench._tables import write_tables
-from onboard.observations import Box
+from onboard.observations import ImageBox
+from onboard.tools.see.score import edit_distance, overlap
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader
-from onboard.vision.score import edit_distance, overlap
 from onboard.vision.syntax import PlateSyntax
-from sim_rig.picture.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS
+from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data"
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
@@ -39,7 +39,7 @@ _TESSDATA = Path("/usr/share/tesseract-ocr/5/tessdata")
 class Reading:
     """One plate as a way of reading gives it."""
 
-    box: Box
+    box: ImageBox
     text: str
     confidence: float
 
@@ -53,7 +53,7 @@ class Photograph:
 
     file: Path
     region: str
-    box: Box
+    box: ImageBox
     text: str
 
 
@@ -171,7 +171,7 @@ def cascade_and_tesseract_way() -> Way | None:
                 )
                 text = tesseract.GetUTF8Text().strip().replace(" ", "")
                 confidence = tesseract.MeanTextConf() / 100
-                readings.append(Reading(Box(x, y, w, h), text, confidence))
+                readings.append(Reading(ImageBox(x, y, w, h), text, confidence))
         return readings
 
     return read
@@ -191,7 +191,7 @@ def photographs() -> list[Photograph]:
             Photograph(
                 folder / row["file"],
                 row["file"].split("/", 1)[0],
-                Box(*(float(row[name]) for name in ("x_px", "y_px", "w_px", "h_px"))),
+                ImageBox(*(float(row[name]) for name in ("x_px", "y_px", "w_px", "h_px"))),
                 row["text"],
             )
             for row in csv.DictReader(rows)
@@ -211,7 +211,7 @@ def shrunk(photograph: Photograph, image: Image, width_px: float) -> tuple[Photo
     scale, box = width_px / photograph.box.w_px, photograph.box
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     sides = (scale * side for side in (box.x_px, box.y_px, box.w_px, box.h_px))
-    return replace(photograph, box=Box(*sides)), np.asarray(small, np.uint8)
+    return replace(photograph, box=ImageBox(*sides)), np.asarray(small, np.uint8)
 
 
 def pictures(width_px: float | None = None) -> Iterator[tuple[Photograph, Image]]:

@@ -20,9 +20,9 @@ from bench._messages import UTC_S, bsm
 from onboard.messages import bsm as j2735
 from onboard.messages import mvs_footer
 from onboard.security import p256
-from onboard.security.authority import make_trial
 from onboard.security.credentials import Credentials
-from onboard.security.security import Security
+from onboard.security.security_services import SecurityServices
+from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 
@@ -63,7 +63,7 @@ def measure() -> Iterator[Figure]:
 
 def signed_wsms(cars: Sequence[Credentials], entries: int) -> list[tuple[float, bytes]]:
     """What the air carries, as (time, WSM), each car's BSMs evenly apart."""
-    senders = [Security(UTC_S, credentials) for credentials in cars]
+    senders = [SecurityServices(UTC_S, credentials) for credentials in cars]
     wsms = []
     for count in range(ROUNDS):
         for car, sender in enumerate(senders):
@@ -75,7 +75,7 @@ def signed_wsms(cars: Sequence[Credentials], entries: int) -> list[tuple[float, 
 
 def receive_all(receiver: Credentials, wsms: list[tuple[float, bytes]]) -> None:
     """Receive them as a car does that has just been switched on."""
-    security = Security(UTC_S, receiver)
+    security = SecurityServices(UTC_S, receiver)
     for now, data in wsms:
         wsm = wsmp.decode(data)
         opened = security.open(wsm.payload, wsm.psid, now)
@@ -84,7 +84,7 @@ def receive_all(receiver: Credentials, wsms: list[tuple[float, bytes]]) -> None:
 
 def _decode_all(wsms: list[tuple[float, bytes]]) -> None:
     """The same without credentials: everything but the signature."""
-    security = Security(UTC_S)
+    security = SecurityServices(UTC_S)
     for now, data in wsms:
         wsm = wsmp.decode(data)
         _decode(security.open(wsm.payload, wsm.psid, now).payload)

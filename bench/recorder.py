@@ -15,12 +15,12 @@ import numpy as np
 
 from bench import Figure
 from onboard.config import CarConfig
-from onboard.observations import Box as Pixels
+from onboard.observations import ImageBox as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, Sensor, Speed
-from onboard.recorder.beginning import Beginning
 from onboard.recorder.black_box import BlackBox
-from onboard.recorder.reading import Box
-from onboard.recorder.recorded import put_together
+from onboard.recorder.initial_state import InitialState
+from onboard.recorder.reader import RecordedDrive
+from onboard.recorder.recorded_stack import recorded_stack
 from onboard.recorder.replay import compare
 from onboard.recorder.settings import RecorderSettings
 from onboard.settings import parse_settings
@@ -38,11 +38,11 @@ def measure() -> Iterator[Figure]:
     scenario = load_scenario("fig4")
     with tempfile.TemporaryDirectory() as folder:
         run_virtual(scenario, box_folder=Path(folder))
-        yield from _size_and_replay(Box([Path(folder) / CAR]))
+        yield from _size_and_replay(RecordedDrive([Path(folder) / CAR]))
     yield from _loop()
 
 
-def _size_and_replay(box: Box) -> Iterator[Figure]:
+def _size_and_replay(box: RecordedDrive) -> Iterator[Figure]:
     began_s = time.process_time()
     minutes = compare(box).until_s / 60.0
     took_s = time.process_time() - began_s
@@ -89,14 +89,14 @@ async def _drive(box: BlackBox | None) -> tuple[list[float], list[float]]:
     tree = {"car": {"plate": "AB123"}, "security": {"plate_digest": {"scrypt_log2_n": 6}}}
     config = parse_settings(tree, CarConfig, "bench")
     now = time.monotonic()
-    beginning = Beginning(
+    beginning = InitialState(
         config=config,
         sensors=frozenset({Sensor.SPEED, Sensor.CAMERA}),
         seed=np.random.SeedSequence(1),
         now=now,
         utc_s=time.time(),
     )
-    stack = put_together(box, beginning)
+    stack = recorded_stack(box, beginning)
     if box is not None:
         box.start()
     late_s, took_s = [], []

@@ -15,9 +15,9 @@ from bench._messages import UTC_S, bsm, footer
 from onboard.messages import bsm as j2735
 from onboard.messages import mvs_footer
 from onboard.security import p256
-from onboard.security.authority import make_trial
 from onboard.security.credentials import Credentials
-from onboard.security.security import Security
+from onboard.security.security_services import SecurityServices
+from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 
@@ -66,7 +66,7 @@ def measure() -> Iterator[Figure]:
 
 def send(car: Credentials, entries: int, count: int) -> list[bytes]:
     """The first WSMs of a car, 0.1 s apart, each BSM and footer encoded anew."""
-    security = Security(UTC_S, car)
+    security = SecurityServices(UTC_S, car)
     wsms = []
     for n in range(count):
         if entries:

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from bench import Figure
-from onboard.garbage import keep_collection_short
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings
-from onboard.mvs.told import Told
+from onboard.mvs.shared_entries import SharedEntries
+from onboard.runtime.gc_tuning import freeze_start_up_objects
 from sim_rig.studies.mvs_roads import SixLaneRoad
 from sim_rig.studies.mvs_world import START_UTC_S, TICK_S, MvsWorld, WorldSettings
 
@@ -40,7 +40,7 @@ class _Noting:
     def __getattr__(self, name: str) -> Callable[..., object]:
         def call(*arguments: object) -> object:
             # In a car footers come as bytes.
-            wire = tuple(self._written() if isinstance(a, Told) else a for a in arguments)
+            wire = tuple(self._written() if isinstance(a, SharedEntries) else a for a in arguments)
             self.calls.append((name, wire))
             return getattr(self._core, name)(*arguments)
 
@@ -59,7 +59,7 @@ def measure() -> Iterator[Figure]:
     ticks = _inputs(settings)
     times_s = []
     known = 0
-    keep_collection_short()
+    freeze_start_up_objects()
     for _ in range(ROUNDS):
         core = MultiVehicleSensing(settings, OWN.to_bytes(4), np.random.default_rng(1), START_UTC_S)
         for number, calls in enumerate(ticks):

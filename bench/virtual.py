@@ -56,6 +56,6 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
         world.tick()
         for name, core in world.cores.items():
             known = core.kinematic_info(world.now)
-            warners[name].assess(core.own_car(world.now), known, 12.0, world.now)
+            warners[name].assess(core.host_vehicle(world.now), known, 12.0, world.now)
     took_s = time.process_time() - began
     return len(names) * TICKS * TICK_S / took_s, resident_bytes()

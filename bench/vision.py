@@ -23,9 +23,9 @@ import psutil
 
 from bench import Figure
 from bench._tables import write_tables
+from onboard.vision.perception import Perception
 from onboard.vision.settings import CameraSettings, VisionSettings
-from onboard.vision.sight import Sight
-from sim_rig.picture.scene import Picture, Scene, SceneCar
+from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
 CAMERA = CameraSettings(
     source="rendered", focal_x_px=1800.0, focal_y_px=1800.0, mounting_height_m=1.3, pitch_rad=0.02
@@ -71,7 +71,7 @@ def _memory_mb(clip: bytes, what: str) -> float:
 
 def drive() -> Iterator[Image]:
     """Closing in on a lead, slowly, between two other cars."""
-    picture, rng = Picture(CAMERA), np.random.default_rng(1)
+    picture, rng = CameraRenderer(CAMERA), np.random.default_rng(1)
     for index in range(FRAMES):
         cars = (
             SceneCar(15.0 - 0.02 * index, plate="GN417KB"),
@@ -104,7 +104,7 @@ def decoded(clip: bytes) -> Iterator[Image]:
 
 def sight_fps(frames: Iterable[Image], settings: VisionSettings) -> float:
     """Frames by seconds of CPU, once the lead is known."""
-    sight = Sight(CAMERA, settings)
+    sight = Perception(CAMERA, settings)
     spent_s = []
     for index, frame in enumerate(frames):
         started = time.process_time()

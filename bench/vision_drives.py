@@ -16,15 +16,15 @@ from bench import Figure
 from bench._tables import write_tables
 from onboard.observations import Lead
 from onboard.security.plate_digest import normalised
+from onboard.tools.see.annotated_frame import SeenFrame, see_frames
 from onboard.vision.frames import Frame
+from onboard.vision.perception import Perception
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
-from onboard.vision.seen_frame import SeenFrame, see_frames
 from onboard.vision.settings import CameraSettings, VisionSettings
-from onboard.vision.sight import Sight
-from sim_rig.picture.plate_art import FORMATS
-from sim_rig.picture.plate_texts import text_of
-from sim_rig.picture.scene import Light, Picture, Scene, SceneCar
+from sim_rig.rendering.plate_art import FORMATS
+from sim_rig.rendering.plate_texts import text_of
+from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar
 
 CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0, pitch_rad=0.02)
 FPS, SECONDS, DRIVES = 10.0, 2.0, 6
@@ -35,7 +35,7 @@ _TAG_SIDE_M = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class RenderedDrive:
     """A lead at a steady gap, with a nearer car in the next lane, in one light."""
 
     light: Light
@@ -50,7 +50,7 @@ class Drive:
         lead = self.cars[0]
         return lead.plate if lead.plate is not None else f"TAG{lead.tag_id}"
 
-    def with_tags(self) -> "Drive":
+    def with_tags(self) -> "RenderedDrive":
         """The same drive with AR tags in the place of plates."""
         tagged = (
             replace(car, plate=None, tag_id=number, tag_side_m=_TAG_SIDE_M)
@@ -60,7 +60,7 @@ class Drive:
 
 
 @dataclass(slots=True)
-class Tally:
+class DriveTally:
     """What was made of some drives."""
 
     drives: int = 0
@@ -76,7 +76,7 @@ class Tally:
     """Shares of the gap."""
     in_sigmas: list[float] = field(default_factory=list)
 
-    def add(self, drive: Drive, leads: list[Lead]) -> None:
+    def add(self, drive: RenderedDrive, leads: list[Lead]) -> None:
         """Count one drive."""
         self.drives += 1
         named = [(lead, normalised(lead.text)) for lead in leads if lead.text is not None]
@@ -126,9 +126,9 @@ def measure() -> Iterator[Figure]:
             )
 
 
-def by_light(*, tags: bool) -> dict[Light, Tally]:
+def by_light(*, tags: bool) -> dict[Light, DriveTally]:
     """Drives at the gaps of dense traffic, in each light."""
-    tallies = {light: Tally() for light in Light}
+    tallies = {light: DriveTally() for light in Light}
     rng = np.random.default_rng(11)
     for light in Light:
         for seed in range(DRIVES):
@@ -137,9 +137,9 @@ def by_light(*, tags: bool) -> dict[Light, Tally]:
     return tallies
 
 
-def by_gap(*, tags: bool) -> dict[float, Tally]:
+def by_gap(*, tags: bool) -> dict[float, DriveTally]:
     """Drives at each gap, in lights that change."""
-    tallies = {gap_m: Tally() for gap_m in GAPS_M}
+    tallies = {gap_m: DriveTally() for gap_m in GAPS_M}
     rng = np.random.default_rng(12)
     for gap_m in GAPS_M:
         for seed in range(DRIVES):
@@ -148,9 +148,9 @@ def by_gap(*, tags: bool) -> dict[float, Tally]:
     return tallies
 
 
-def seen(drive: Drive) -> Iterator[SeenFrame]:
+def seen(drive: RenderedDrive) -> Iterator[SeenFrame]:
     """What a sight says of each frame of a drive."""
-    picture, rng = Picture(CAMERA), np.random.default_rng(drive.seed)
+    picture, rng = CameraRenderer(CAMERA), np.random.default_rng(drive.seed)
 
     def frames() -> Iterator[Frame]:
         for index in range(round(SECONDS * FPS)):
@@ -158,13 +158,13 @@ def seen(drive: Drive) -> Iterator[SeenFrame]:
             yield Frame(index / FPS, picture.draw(scene, rng))
 
     settings = VisionSettings(tag_side_m=_TAG_SIDE_M)
-    yield from see_frames(frames(), Sight(CAMERA, settings, finder=_FINDER, reader=_READER))
+    yield from see_frames(frames(), Perception(CAMERA, settings, finder=_FINDER, reader=_READER))
 
 
 _FINDER, _READER = PlateDetector(), PlateReader()
 
 
-def _drive(light: Light, gap_m: float, seed: int, rng: np.random.Generator) -> Drive:
+def _drive(light: Light, gap_m: float, seed: int, rng: np.random.Generator) -> RenderedDrive:
     formats = list(FORMATS.values())
 
     def car(ahead_m: float, lateral_m: float) -> SceneCar:
@@ -181,10 +181,10 @@ def _drive(light: Light, gap_m: float, seed: int, rng: np.random.Generator) -> D
     # Nearer, and as far to the side as the picture shows.
     side_m = float(rng.choice([-1.0, 1.0])) * min(3.5, 0.28 * 0.67 * gap_m)
     cars = (lead, car(0.67 * gap_m, side_m)) if abs(side_m) > 2.2 else (lead,)
-    return Drive(light, gap_m, cars, seed)
+    return RenderedDrive(light, gap_m, cars, seed)
 
 
-def _tell(tally: Tally, drive: Drive, *, tags: bool) -> None:
+def _tell(tally: DriveTally, drive: RenderedDrive, *, tags: bool) -> None:
     shown = drive.with_tags() if tags else drive
     tally.add(shown, [frame.lead for frame in seen(shown) if frame.lead is not None])
 

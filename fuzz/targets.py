@@ -13,15 +13,15 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.messages import bsm, lcca, mvs_footer
 from onboard.messages.declaration import DecodeError
 from onboard.obd.can_frame import CanFrame
-from onboard.obd.car_bus import CarBus
 from onboard.obd.settings import ObdSettings
 from onboard.obd.socketcand import ProtocolError, parse_element
+from onboard.obd.vehicle_bus import VehicleBus
 from onboard.security import p256
-from onboard.security.authority import make_trial
-from onboard.security.security import NotTrusted, Security
+from onboard.security.security_services import NotTrusted, SecurityServices
+from onboard.tools.decode.describe import describe
+from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import immediate_forward, wsmp
 from onboard.wave_udp.capture import CaptureError, read_capture
-from onboard.wave_udp.decode import describe
 from onboard.wave_udp.wsmp import WaveShortMessage
 
 
@@ -60,7 +60,7 @@ _UTC_S = 1_790_000_000.0
 _TRIAL = make_trial(
     ["receiver", "sender"], [bsm.PSID], _UTC_S, p256.key_from(np.random.default_rng(1609))
 )
-_SECURITY = Security(_UTC_S, _TRIAL["receiver"])
+_SECURITY = SecurityServices(_UTC_S, _TRIAL["receiver"])
 """Trusts the sender, whose messages are in the corpus."""
 
 
@@ -78,7 +78,7 @@ _CAN_FRAME = struct.Struct("<IB3x8s")
 
 def _can(data: bytes) -> None:
     """Frames as SocketCAN lays them out (struct can_frame), 0.1 s apart."""
-    bus = CarBus(ObdSettings())
+    bus = VehicleBus(ObdSettings())
     for number in range(len(data) // _CAN_FRAME.size):
         now = number * 0.1
         identifier, size, content = _CAN_FRAME.unpack_from(data, number * _CAN_FRAME.size)

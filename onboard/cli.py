@@ -11,20 +11,20 @@ from typing import Annotated
 import structlog
 import typer
 
-from onboard import replay as drive
 from onboard.config import CarConfig, CarSettings
-from onboard.doctor.cli import doctor
 from onboard.errors import UserError
-from onboard.recorder.cli import expect, export
-from onboard.recorder.reading import Box
+from onboard.recorder.reader import RecordedDrive
 from onboard.recorder.replay import play
-from onboard.security.cli import keys
-from onboard.service import Service
+from onboard.runtime.service import Service
 from onboard.settings import load_settings
-from onboard.trace import as_line
-from onboard.vision.calibrate_cli import calibrate
-from onboard.vision.see_cli import see
-from onboard.wave_udp.cli import decode
+from onboard.tools import replay as drive
+from onboard.tools.calibrate.cli import calibrate
+from onboard.tools.decode.cli import decode
+from onboard.tools.doctor.cli import doctor
+from onboard.tools.recording_cli import expect, export
+from onboard.tools.see.cli import see
+from onboard.tools.test_ca.cli import keys
+from onboard.trace.trace_line import as_line
 
 app = typer.Typer(
     help="The program that runs in the car and warns its driver, and its tools.",
@@ -129,13 +129,13 @@ def replay(
     if expected:
         raise typer.Exit(0 if expect(box or [], within) else 1)
     if box:
-        moments = play(Box(box))
+        moments = play(RecordedDrive(box))
         boxed = (event for moment in moments for event in moment.events)
         for event in drive.in_real_time(boxed) if realtime else boxed:
             typer.echo(as_line(event))
         return
     car = load_settings(config, CarConfig) if config is not None else UNCONFIGURED
-    events = drive.replay(drive.Recording(can, clip, fps, nmea), car)
+    events = drive.replay(drive.RawRecording(can, clip, fps, nmea), car)
     for event in drive.in_real_time(events) if realtime else events:
         typer.echo(as_line(event))
 

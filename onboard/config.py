@@ -38,7 +38,7 @@ class CarSettings(Settings):
     """Without mirrors."""
 
 
-class WatchSettings(Settings):
+class SensorTimeoutSettings(Settings):
     """How long a sensor may be silent before it is shown as lost."""
 
     speed_s: float = Field(0.8, gt=0.0, le=10.0)
@@ -93,7 +93,7 @@ class CarConfig(Settings):
     access: AccessSettings = AccessSettings()
     beacons: bool = True
     """Send a BSM ten times a second, as SAE J2945/1 asks of every car with a radio."""
-    watch: WatchSettings = WatchSettings()
+    sensor_timeouts: SensorTimeoutSettings = SensorTimeoutSettings()
     hmi: HmiSettings | None = None
     """The driver's page and `/metrics`; nothing is served if it is left out."""
     trace: TraceSettings = TraceSettings()

@@ -14,25 +14,25 @@ import numpy as np
 import structlog
 
 from onboard.access.driver_file import load_driver, save_driver
-from onboard.access.drivers import ORDINARY_DRIVERS, Driver
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.config import CarConfig
 from onboard.detector.detector_socket import open_detector
 from onboard.detector.object_list import ObjectListReader
 from onboard.errors import UserError
-from onboard.garbage import keep_collection_short
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.messages import bsm
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
-from onboard.observations import Discarded, Lead, Sensor, SensorBack, SensorLost
-from onboard.onlookers import Onlookers
-from onboard.recorder.beginning import Beginning
+from onboard.observations import Discarded, Lead, Sensor, SensorLost, SensorRecovered
 from onboard.recorder.black_box import BlackBox
-from onboard.recorder.notes import Recording
-from onboard.recorder.recorded import put_together
+from onboard.recorder.initial_state import InitialState
+from onboard.recorder.recorded_stack import recorded_stack
+from onboard.recorder.records import RecorderState
+from onboard.runtime.gc_tuning import freeze_start_up_objects
+from onboard.runtime.output_sinks import OutputSinks
+from onboard.runtime.systemd import Systemd
 from onboard.security.key_files import read_credentials
-from onboard.service_manager import ServiceManager
 from onboard.stack import Observation
 from onboard.vision.camera import CameraThread
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
@@ -69,7 +69,7 @@ class Ready:
 class Daemon:
     """One car: its cores, its wires and the clock."""
 
-    def __init__(self, config: CarConfig, manager: ServiceManager) -> None:
+    def __init__(self, config: CarConfig, manager: Systemd) -> None:
         """Put the car together; no wire is opened yet. `manager` is told how it goes.
 
         Raises:
@@ -82,12 +82,14 @@ class Daemon:
         credentials = read_credentials(folder, psids) if folder is not None else None
         remembered = config.access.driver_file
         self._driver = (
-            load_driver(remembered, ORDINARY_DRIVERS) if remembered else Driver(ORDINARY_DRIVERS)
+            load_driver(remembered, DEFAULT_POPULATION)
+            if remembered
+            else DriverModel(DEFAULT_POPULATION)
         )
         self._box = BlackBox(config.recorder, self._on_box_state) if config.recorder else None
-        self._stack = put_together(
+        self._stack = recorded_stack(
             self._box,
-            Beginning(
+            InitialState(
                 config=config,
                 sensors=config.sensors(),
                 seed=np.random.SeedSequence(config.seed),
@@ -103,7 +105,7 @@ class Daemon:
         self._timer: asyncio.TimerHandle | None = None
         self._radio_back: asyncio.TimerHandle | None = None
         self._is_resting = False
-        self._onlookers = Onlookers()
+        self._onlookers = OutputSinks()
         self._send_can: Callable[[CanFrame], None] = _nowhere
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
@@ -118,7 +120,7 @@ class Daemon:
         async with contextlib.AsyncExitStack() as wires:
             wires.callback(self._rest)
             await self._open(wires)
-            keep_collection_short()
+            freeze_start_up_objects()
             self._onlookers.show(Ready(time.monotonic()))
             self._step()
             self._manager.ready(f"driving as {self.config.car.plate}")
@@ -143,10 +145,10 @@ class Daemon:
         config, stack = self.config, self._stack
         if config.access.driver_file is not None:
             save_driver(config.access.driver_file, self._driver)  # whether it can be, is said now
+        self._onlookers.open_files(config.trace, wires)
         if self._box is not None:
             self._box.start()
-            wires.callback(self._box.close)
-        self._onlookers.open_files(config.trace, wires)
+            wires.push_async_callback(self._close_box, self._box)
         if config.can is not None:
             take_discarded = self._taker(stack.receive_observation)
             take_frame = self._taker(stack.receive_can)
@@ -278,7 +280,7 @@ class Daemon:
 
     def _on_radio_back(self) -> None:
         self._radio_back = None
-        back = SensorBack(self._loop.time(), Sensor.RADIO)
+        back = SensorRecovered(self._loop.time(), Sensor.RADIO)
         self._take(self._stack.receive_observation, back)
 
     def _lose(self, sensor: Sensor, why: str) -> None:
@@ -299,7 +301,11 @@ class Daemon:
     def _press_brake_button(self, _: None, now: float) -> None:
         self._stack.press_brake_button(now)
 
-    def _on_box_state(self, state: Recording) -> None:
+    async def _close_box(self, box: BlackBox) -> None:
+        box.close()
+        await asyncio.sleep(0)  # what it told is shown before the trace is closed
+
+    def _on_box_state(self, state: RecorderState) -> None:
         """Called from the black box's thread."""
         self._loop.call_soon_threadsafe(self._onlookers.show, state)
 

@@ -55,7 +55,7 @@ class HardBrake:
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class ImageBox:
     """An upright rectangle in the picture, in pixels from the top left corner."""
 
     x_px: float
@@ -75,7 +75,7 @@ class Plate:
 
     kind: ClassVar[str] = "plate"
     stamp_s: float
-    box: Box
+    box: ImageBox
     text: str | None
     """Characters without separators, upper case; `None` where they could not be read."""
     confidence: float
@@ -113,10 +113,10 @@ NEW_LEAD_M = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class SensedCar:
+class VehicleDetection:
     """Any car in the camera's view, relative to the camera (for MVS)."""
 
-    kind: ClassVar[str] = "sensed_car"
+    kind: ClassVar[str] = "vehicle_detection"
     stamp_s: float
     track_id: int
     """The observer's own name for it, stable while it is tracked."""
@@ -129,15 +129,15 @@ class SensedCar:
 
 
 @dataclass(frozen=True, slots=True)
-class DetectedCars:
+class DetectionList:
     """All cars that a detector of the user's found in one picture; to find none says that it looks.
 
     Where there is such a detector, what the own vision senses by plates is not shared besides.
     """
 
-    kind: ClassVar[str] = "detected_cars"
+    kind: ClassVar[str] = "detection_list"
     stamp_s: float
-    cars: tuple[SensedCar, ...]
+    cars: tuple[VehicleDetection, ...]
     """All of this stamp, each `track_id` once."""
 
 
@@ -171,10 +171,10 @@ class SensorLost:
 
 
 @dataclass(frozen=True, slots=True)
-class SensorBack:
+class SensorRecovered:
     """A lost sensor delivers again."""
 
-    kind: ClassVar[str] = "sensor_back"
+    kind: ClassVar[str] = "sensor_recovered"
     stamp_s: float
     sensor: Sensor
 
@@ -185,7 +185,7 @@ class Discarded:
 
     kind: ClassVar[str] = "discarded"
     stamp_s: float
-    room: str
+    component: str
     """Who dropped it: `obd`, `vision`, `wsmp`, `security`, `lcca`, ..."""
     reason: str
     """A short stable word, fit for a counter's label."""

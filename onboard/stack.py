@@ -11,48 +11,48 @@ from collections.abc import Iterable
 import numpy as np
 
 from onboard.access.adaptation import AccessAdaptation
-from onboard.access.drivers import ORDINARY_DRIVERS, Driver
-from onboard.beacon import Beacon, position_in
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
+from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.config import CarConfig
-from onboard.freshness import SensorWatch
 from onboard.lcca.events import WarningRaised
-from onboard.lcca.group import Neighbour, WarningGroup
+from onboard.lcca.group import PrecedingVehicle, WarningGroup
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm_core import VehicleSize
 from onboard.messages.declaration import DecodeError
-from onboard.mvs.known_car import KnownCar
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.perceived_object import PerceivedObject
 from onboard.obd.can_frame import CanFrame
-from onboard.obd.car_bus import CarBus
+from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import (
     BrakePedal,
-    DetectedCars,
+    DetectionList,
     Discarded,
     HardBrake,
     Lead,
     LeadIdentity,
     Plate,
     Position,
-    SensedCar,
     Sensor,
-    SensorBack,
     SensorLost,
+    SensorRecovered,
     Speed,
+    VehicleDetection,
 )
 from onboard.risk.monitor import RiskMonitor
 from onboard.security.credentials import Credentials
-from onboard.security.held_warnings import HeldWarnings
+from onboard.security.misbehaviour_detection import MisbehaviourDetector
+from onboard.security.pending_warnings import PendingWarnings
 from onboard.security.plate_digest import PlateDigest
-from onboard.security.plausibility import Plausibility
 from onboard.security.pseudonyms import CertificateExpired, Pseudonym, Pseudonyms
-from onboard.security.security import Opened, Security
-from onboard.trace import Event
+from onboard.security.security_services import Opened, SecurityServices
+from onboard.sensors.sensor_timeout import SensorTimeouts
+from onboard.trace.trace_line import Event
 from onboard.units import STANDARD_GRAVITY_M_S2
-from onboard.wave_link import Received, Sent, WaveLink
+from onboard.wave_link import MessageReceived, MessageSent, WaveLink
 
 Observation = (
-    Speed | BrakePedal | HardBrake | Plate | Lead | SensedCar | DetectedCars | Position
-    | SensorLost | SensorBack | Discarded
+    Speed | BrakePedal | HardBrake | Plate | Lead | VehicleDetection | DetectionList | Position
+    | SensorLost | SensorRecovered | Discarded
 )  # fmt: skip
 """What the sensors' rooms say."""
 
@@ -66,7 +66,7 @@ ASSESS_S = 0.1
 """How often the danger is judged anew."""
 
 TELL_CARS_S = 1.0
-"""How often the trace gets the own car and every known one. `known_cars` has them at any time."""
+"""How often the trace gets the host vehicle and every perceived object."""
 
 
 class Stack:
@@ -81,7 +81,7 @@ class Stack:
         now: float,
         utc_s: float,
         credentials: Credentials | None = None,
-        driver: Driver | None = None,
+        driver: DriverModel | None = None,
         digest: PlateDigest | None = None,
     ) -> None:
         """Start at `now`, which is `utc_s` in seconds since 1970.
@@ -98,32 +98,32 @@ class Stack:
             digest: derives IDs from plates, where it is not to be one of the car's own.
         """
         self._config = config
-        self._security = Security(utc_s - now, credentials, config.security)
+        self._security = SecurityServices(utc_s - now, credentials, config.security)
         self._digest = digest or PlateDigest(config.security.plate_digest)
         self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
         self._who = self._pseudonyms.at(utc_s)
-        self._plausibility = Plausibility(brakes_must_show=config.security.brakes_must_show)
-        self._held_warnings = HeldWarnings(self._plausibility)
-        self._bus = CarBus(config.obd)
+        self._plausibility = MisbehaviourDetector(brakes_must_show=config.security.brakes_must_show)
+        self._held_warnings = PendingWarnings(self._plausibility)
+        self._bus = VehicleBus(config.obd)
         self._link = WaveLink(self._security, (bsm.PSID, config.lcca_psid))
         self._group = WarningGroup(config.lcca, self._who.car_id, rng)
         size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
-        self._beacon = Beacon(size, self._who, rng, now)
+        self._beacon = BsmTransmitter(size, self._who, rng, now)
         self._mvs = MultiVehicleSensing(
             config.mvs, self._who.temporary_id, rng, self._security.utc_offset_s
         )
         self._access = (
-            AccessAdaptation(config.access, driver or Driver(ORDINARY_DRIVERS))
+            AccessAdaptation(config.access, driver or DriverModel(DEFAULT_POPULATION))
             if config.access.enabled
             else None
         )
         self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
         self._assess_at = self._tell_cars_at = now
-        self._surroundings: tuple[KnownCar | None, list[KnownCar]] = (None, [])
+        self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
         self._events: deque[Event] = deque()
         self._sign(now)
-        limits_s = config.watch.limits_s(sensors)
-        self._watch = SensorWatch(limits_s, now)
+        limits_s = config.sensor_timeouts.limits_s(sensors)
+        self._watch = SensorTimeouts(limits_s, now)
         self._has_detector = Sensor.DETECTOR in limits_s
 
     @property
@@ -137,7 +137,7 @@ class Stack:
         return self._group
 
     @property
-    def surroundings(self) -> tuple[KnownCar | None, list[KnownCar]]:
+    def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """The own car, `None` without a position, and the others, when last judged."""
         return self._surroundings
 
@@ -171,19 +171,19 @@ class Stack:
                 self._beacon.receive_hard_brake(observation, now)
             case Lead():
                 self._watch.receive_sample(Sensor.CAMERA, observation.stamp_s, now)
-                self._group.receive_neighbour(self._neighbour(observation, now), now)
+                self._group.receive_preceding_vehicle(self._neighbour(observation, now), now)
                 self._risk.receive_lead(observation, now)
             case Position():
                 self._watch.receive_sample(Sensor.POSITION, observation.stamp_s, now)
                 self._beacon.receive_position(observation)
                 self._mvs.receive_position(observation)
                 self._risk.receive_position(observation)
-            case SensedCar() | DetectedCars():
+            case VehicleDetection() | DetectionList():
                 self._receive_cars(observation, now)
             case SensorLost():
                 self._watch.receive_loss(observation.sensor, observation.reason, now)
                 return
-            case SensorBack():
+            case SensorRecovered():
                 self._watch.receive_sample(observation.sensor, observation.stamp_s, now)
                 return
         if self._access is not None:
@@ -207,7 +207,9 @@ class Stack:
         except DecodeError as error:
             self._events.append(Discarded(now, "lcca", error.reason, error.detail))
             return
-        self._events.append(Received(now, message.kind, opened.signer_id, lcca.as_dict(message)))
+        self._events.append(
+            MessageReceived(now, message.kind, opened.signer_id, lcca.as_dict(message))
+        )
         is_undisputed = opened.signer_id is None or self._plausibility.receive_car_id(
             opened.signer_id, message.sender_id
         )
@@ -247,7 +249,7 @@ class Stack:
         self._mvs.receive_bsm(
             core.temporary_id, position, message.footer, now, core.acceleration.longitudinal_m_s2
         )
-        self._beacon.receive_neighbour(sender, position, now)
+        self._beacon.receive_remote_vehicle(sender, position, now)
         self._risk.receive_bsm(message, now)
 
     def press_brake_button(self, now: float) -> None:
@@ -278,7 +280,9 @@ class Stack:
                 now,
             )
             self._events.append(
-                Sent(now, message.kind, message.user_priority, size_bytes, lcca.as_dict(message))
+                MessageSent(
+                    now, message.kind, message.user_priority, size_bytes, lcca.as_dict(message)
+                )
             )
 
     def _submit_bsm(self, now: float) -> None:
@@ -289,7 +293,7 @@ class Stack:
         own = self._beacon.bsm(footer, now, utc_s, heading_rad)
         self._link.submit(bsm.encode(own), bsm.PSID, own.user_priority, BSM_LIFETIME_S, now)
 
-    def known_cars(self, now: float) -> list[KnownCar]:
+    def perceived_objects(self, now: float) -> list[PerceivedObject]:
         """Every car that is known, by radio, by sight or from others; none without a position."""
         return self._mvs.kinematic_info(now)
 
@@ -335,28 +339,28 @@ class Stack:
     def _assess(self, now: float) -> None:
         """Judge the danger anew, from where everybody is."""
         self._assess_at = now + ASSESS_S
-        own_car, known_cars = self._mvs.own_car(now), self._mvs.kinematic_info(now)
-        self._surroundings = (own_car, known_cars)
-        self._risk.assess(own_car, known_cars, now)
+        host_vehicle, perceived_objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
+        self._surroundings = (host_vehicle, perceived_objects)
+        self._risk.assess(host_vehicle, perceived_objects, now)
         if now >= self._tell_cars_at:
             self._tell_cars_at = now + TELL_CARS_S
-            if own_car is not None:
-                self._events.extend([own_car, *known_cars])
+            if host_vehicle is not None:
+                self._events.extend([host_vehicle, *perceived_objects])
 
-    def _receive_cars(self, observation: SensedCar | DetectedCars, now: float) -> None:
+    def _receive_cars(self, observation: VehicleDetection | DetectionList, now: float) -> None:
         match observation:
-            case SensedCar():
-                self._mvs.receive_sensed_car(observation)
-            case DetectedCars():
+            case VehicleDetection():
+                self._mvs.receive_detection(observation)
+            case DetectionList():
                 self._watch.receive_sample(Sensor.DETECTOR, observation.stamp_s, now)
                 for car in observation.cars:
-                    self._mvs.receive_sensed_car(car)
+                    self._mvs.receive_detection(car)
 
     def _is_of_no_use(self, observation: Observation) -> bool:
         match observation:
             case Plate(text=None):
                 return True  # something like a plate that nobody could read is no plate
-            case SensedCar():
+            case VehicleDetection():
                 return self._has_detector  # which calls the same car by another name
         return False
 
@@ -422,12 +426,12 @@ class Stack:
             while (event := core.next_event()) is not None:
                 self._events.append(event)
 
-    def _neighbour(self, lead: Lead, now: float) -> Neighbour | None:
+    def _neighbour(self, lead: Lead, now: float) -> PrecedingVehicle | None:
         """What the warning group needs of the camera's lead car: its ID, not its plate."""
         if lead.identity is LeadIdentity.NO_LEAD or lead.gap_m is None:
             return None
         car_id = None if lead.text is None else self._car_id(lead.text, now)
-        return Neighbour(car_id, lead.gap_m, lead.closing_speed_m_s)
+        return PrecedingVehicle(car_id, lead.gap_m, lead.closing_speed_m_s)
 
     def _car_id(self, plate_text: str, now: float) -> lcca.CarId:
         return self._digest.car_id(plate_text, now + self._security.utc_offset_s)

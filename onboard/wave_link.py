@@ -7,13 +7,13 @@ from typing import ClassVar
 
 from onboard.messages.declaration import DecodeError
 from onboard.observations import Discarded
-from onboard.security.security import NotTrusted, Opened, Security
+from onboard.security.security_services import NotTrusted, Opened, SecurityServices
 from onboard.wave_udp.radio_queue import RadioQueue
 from onboard.wave_udp.wsmp import WaveShortMessage, decode, encode
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class MessageSent:
     """A message queued for the radio."""
 
     kind: ClassVar[str] = "sent"
@@ -27,7 +27,7 @@ class Sent:
 
 
 @dataclass(frozen=True, slots=True)
-class Received:
+class MessageReceived:
     """A message from another car that was opened; whether it concerns us is said next."""
 
     kind: ClassVar[str] = "received"
@@ -40,7 +40,7 @@ class Received:
 class WaveLink:
     """The car's way to the radio and from it, still without I/O."""
 
-    def __init__(self, security: Security, psids: Collection[int]) -> None:
+    def __init__(self, security: SecurityServices, psids: Collection[int]) -> None:
         """Listen to the services `psids` only."""
         self._security = security
         self._psids = frozenset(psids)

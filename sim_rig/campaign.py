@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from onboard.errors import UserError
-from onboard.garbage import keep_collection_short
+from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.settings import Settings
 
 Row = dict[str, Any]
@@ -147,7 +147,7 @@ def _spread(
     if workers.dask is not None:
         yield from _on_dask(run, settings, numbers, workers.dask)
     elif workers.processes == 1:
-        keep_collection_short()
+        freeze_start_up_objects()
         yield from ((number, run(settings, number)) for number in numbers)
     else:
         yield from _in_processes(run, settings, numbers, workers.processes)
@@ -185,7 +185,7 @@ def _in_processes(
 
 def _become_worker() -> None:
     """A worker whose campaign was killed has nobody to tell its results: it ends."""
-    keep_collection_short()
+    freeze_start_up_objects()
     parent = parent_process()
     assert parent is not None  # noqa: S101 (it was started by one)
 

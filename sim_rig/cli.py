@@ -21,8 +21,8 @@ from onboard.errors import UserError
 from onboard.settings import parse_yaml
 from sim_rig.campaign import Workers
 from sim_rig.cars.gpsd_feed import gpsd_program
-from sim_rig.engineer.window import ENGINEER
-from sim_rig.live import Desk
+from sim_rig.engineer.page_process import ENGINEER
+from sim_rig.live import LiveTestbench
 from sim_rig.report import failures, print_report, print_verdict
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario, load_scenario, scenario_names
@@ -208,7 +208,7 @@ def _run_live(scenario: Scenario, seed: int, folder: Path, watch: bool) -> RunLo
         assert task is not None  # noqa: S101 (inside of asyncio.run there is one)
         # Whoever ends the rig ends its daemons as well.
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
-        async with Desk(scenario, seed, folder) as desk:
+        async with LiveTestbench(scenario, seed, folder) as desk:
             for name, address in desk.pages.items():
                 typer.echo(f"  {name:8} {address}")
             if watch:

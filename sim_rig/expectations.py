@@ -11,12 +11,7 @@ from typing_extensions import override
 
 from onboard.observations import Sensor
 from sim_rig.expectation import Expected
-from sim_rig.expected_alarms import (
-    AlarmExpected,
-    KnowsExpected,
-    KnowsNotExpected,
-    NoAlarmExpected,
-)
+from sim_rig.expected_alarms import AlarmExpected, KnowsExpected, KnowsNotExpected, NoAlarmExpected
 from sim_rig.names import CarName, Seconds
 from sim_rig.run_log import Record, RunLog
 
@@ -114,7 +109,7 @@ class WarningExpected(Expected):
 class QuietExpected(Expected):
     """Some cars raise no warning at all for a while."""
 
-    what: Literal["quiet"]
+    what: Literal["no_warning"]
     cars: tuple[CarName, ...] = Field(min_length=1)
     from_s: Seconds
     until_s: Seconds
@@ -133,7 +128,7 @@ class QuietExpected(Expected):
 class SensorExpected(Expected):
     """A sensor is shown as lost, or as back, in time."""
 
-    what: Literal["sensor_lost", "sensor_back"]
+    what: Literal["sensor_lost", "sensor_recovered"]
     car: CarName
     sensor: Sensor
     from_s: Seconds

@@ -12,12 +12,12 @@ from typing_extensions import override
 
 from onboard.risk.alarm import Cause, Level
 from sim_rig.expectation import Expected
+from sim_rig.ground_truth import Known, meant_by, perceived_objects, touch_s
 from sim_rig.names import CarName, Seconds
 from sim_rig.run_log import Record, RunLog
-from sim_rig.truth import Known, known_cars, meant_by, touch_s
 
-HowKnown = Literal["radio", "seen", "told"]
-ANYHOW: tuple[HowKnown, ...] = ("radio", "seen", "told")
+Source = Literal["bsm", "sensor", "shared"]
+ANY_SOURCE: tuple[Source, ...] = ("bsm", "sensor", "shared")
 
 
 class AlarmExpected(Expected):
@@ -29,7 +29,7 @@ class AlarmExpected(Expected):
     level: Level = Level.WARNING
     of: CarName | None = None
     """The car that it is warned of."""
-    known_by: HowKnown | None = None
+    source: Source | None = None
     """How it knows of that car."""
     from_s: Seconds
     by_s: Seconds
@@ -75,11 +75,11 @@ class AlarmExpected(Expected):
         """Whether the alarm is about the expected car, known as expected."""
         at_s = log.at_s(alarm)
         for reason in alarm["reasons"]:
-            known_by = reason["what"].partition(":")[2]
-            known = meant_by(log, self.car, reason["name"], at_s) if known_by else None
+            source = reason["what"].partition(":")[2]
+            known = meant_by(log, self.car, reason["name"], at_s) if source else None
             if self.of is not None and (known is None or known.meant != self.of):
                 continue
-            if self.known_by in (None, known_by):
+            if self.source in (None, source):
                 return True
         return False
 
@@ -131,13 +131,13 @@ class KnowledgeExpected(Expected):
 class KnowsExpected(KnowledgeExpected):
     """Whenever a car tells what it knows, a certain car is among it, and where it truly is."""
 
-    what: Literal["knows"]
-    by: tuple[HowKnown, ...] = ANYHOW
+    what: Literal["perceives"]
+    sources: tuple[Source, ...] = ANY_SOURCE
     within_m: float = Field(default=3.0, gt=0.0, le=6.0)
 
     @override
     def check(self, log: RunLog) -> Iterator[str]:
-        tellings = list(known_cars(log, self.car, self.from_s, self.until_s))
+        tellings = list(perceived_objects(log, self.car, self.from_s, self.until_s))
         if not tellings:
             yield f"{self.car} tells nothing from {self.from_s:g} s to {self.until_s:g} s"
         for telling in tellings:
@@ -151,8 +151,8 @@ class KnowsExpected(KnowledgeExpected):
         if len(found) > 1:
             yield f"at {found[0].at_s:.2f} s {self.car} takes {self.of} for {len(found)} cars"
         for known in found:
-            if known.known_by not in self.by:
-                yield f"at {known.at_s:.2f} s {self.car} knows {self.of} by {known.known_by}"
+            if known.source not in self.sources:
+                yield f"at {known.at_s:.2f} s {self.car} knows {self.of} by {known.source}"
             if known.off_m > self.within_m:
                 yield (
                     f"at {known.at_s:.2f} s {self.car} knows {self.of} {known.off_m:.1f} m"
@@ -166,11 +166,11 @@ class KnowsNotExpected(KnowledgeExpected):
     That may be the car itself: what others tell of it must not become a car of its own.
     """
 
-    what: Literal["knows_not"]
+    what: Literal["does_not_perceive"]
 
     @override
     def check(self, log: RunLog) -> Iterator[str]:
-        for telling in known_cars(log, self.car, self.from_s, self.until_s):
+        for telling in perceived_objects(log, self.car, self.from_s, self.until_s):
             for known in telling:
                 if known.meant == self.of:
-                    yield f"at {known.at_s:.2f} s {self.car} knows {self.of} by {known.known_by}"
+                    yield f"at {known.at_s:.2f} s {self.car} knows {self.of} by {known.source}"

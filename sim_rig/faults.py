@@ -101,7 +101,7 @@ class SlowCpu(_Fault):
         return at_s if is_awake else at_s - phase_s + self.period_s
 
 
-class Lie(_Fault):
+class Attack(_Fault):
     """Whoever owns `car` lies, with its radio and its keys, beside what the car says itself.
 
     `forged_brake`: a warning to its group, of a brake that never was. `ghost_car`: BSMs of a car
@@ -117,6 +117,13 @@ class Lie(_Fault):
 
 
 Fault = Annotated[
-    SensorFault | EcuBabbles | SpeedScaled | PlateMisread | GnssJump | WrongClock | SlowCpu | Lie,
+    SensorFault
+    | EcuBabbles
+    | SpeedScaled
+    | PlateMisread
+    | GnssJump
+    | WrongClock
+    | SlowCpu
+    | Attack,
     Field(discriminator="what"),
 ]

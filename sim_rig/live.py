@@ -17,11 +17,11 @@ import numpy as np
 import yaml
 
 from onboard.obd.can_frame import CanFrame
-from onboard.security.authority import make_trial
 from onboard.security.key_files import write_credentials
+from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
+from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.cars.camera_view import LENS
-from sim_rig.cars.crowd import CrowdedAir, crowd_names
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.gpsd_feed import start_gpsd
@@ -31,21 +31,21 @@ from sim_rig.cars.udp_line import UdpLine
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import VehicleDetector
 from sim_rig.cars.wrong_clock import BEGINS
-from sim_rig.engineer.window import ENGINEER, EngineerWindow
+from sim_rig.engineer.page_process import ENGINEER, EngineerPage
 from sim_rig.faults import WrongClock
 from sim_rig.faults_of_car import FaultsOfCar
+from sim_rig.ground_truth import true_states
 from sim_rig.processes import ProcessError, Processes
 from sim_rig.radio.air import Air
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.models import open_air
-from sim_rig.recorder import RigRecorder
+from sim_rig.rig_recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.roads.road import CarState
 from sim_rig.run_log import RunLog, read_trace
 from sim_rig.scenario import Scenario
 from sim_rig.slow_cpu import slow_down
-from sim_rig.truth import true_states
 from sim_rig.wiring import car_config, gnss_config, names_by_id
 
 _READY_WITHIN_S = 40.0
@@ -58,7 +58,7 @@ _DETECTOR = 1
 """Beside a car's number, for the errors of its vehicle detector."""
 
 
-class Desk:
+class LiveTestbench:
     """Everything on the desk: the rig's ends of the wires, and the daemons.
 
     An asynchronous context. Configurations, logs, traces and recordings come to lie in
@@ -81,7 +81,7 @@ class Desk:
         self._road = BreakpointRoad(scenario)
         self._open = AsyncExitStack()
 
-    async def __aenter__(self) -> "Desk":
+    async def __aenter__(self) -> "LiveTestbench":
         try:
             await self._set_up()
         except BaseException:
@@ -132,7 +132,7 @@ class Desk:
         self._open.callback(units.close)
         for number, car in enumerate(self._scenario.equipped):
             await self._start_car(car, number, camera_port, units)
-        self._engineer = await EngineerWindow.open(
+        self._engineer = await EngineerPage.open(
             self.processes, self._scenario_file, self._folder, camera_port
         )
         self._engineer.link(self.pages)
@@ -194,7 +194,7 @@ class Desk:
         self._keys.mkdir(mode=0o700)
         psids = {psid.BSM, psid.LCCA}
         self._trial = make_trial(
-            [*self._scenario.equipped, *crowd_names(self._scenario)], psids, self._start_utc_s
+            [*self._scenario.equipped, *background_names(self._scenario)], psids, self._start_utc_s
         )
         for car in self._scenario.equipped:
             write_credentials(self._keys / car, self._trial[car])
@@ -281,7 +281,7 @@ class Desk:
             self._scenario.equipped,
             np.random.default_rng(self._seed),
         )
-        return CrowdedAir(
+        return BackgroundTraffic(
             FaultyAir(air, self._scenario, self._at_s, utc_offset_s, self._trial),
             self._scenario,
             now=time.monotonic(),

@@ -7,12 +7,14 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from sim_rig.ledger import ledger
+from sim_rig.ground_truth import Known, meant_by, perceived_objects, touch_s
+from sim_rig.latency_ledger import ledger
 from sim_rig.run_log import Record, RunLog
 from sim_rig.scenario import Scenario
-from sim_rig.truth import Known, known_cars, meant_by, touch_s
 
-_TOLD = frozenset({"transition", "hard_brake", "warning", "alarm", "sensor_lost", "sensor_back"})
+_TOLD = frozenset(
+    {"transition", "hard_brake", "warning", "alarm", "sensor_lost", "sensor_recovered"}
+)
 
 
 def failures(scenario: Scenario, log: RunLog) -> list[str]:
@@ -65,7 +67,7 @@ def _timeline(scenario: Scenario, log: RunLog) -> Table:
 
 def _known_at_s(log: RunLog, record: Record) -> float:
     """When the car knew it: a camera is back with a picture that may be older than its loss."""
-    if record["kind"] == "sensor_back" and "traced_s" in record:
+    if record["kind"] == "sensor_recovered" and "traced_s" in record:
         return float(record["traced_s"]) - log.start_s
     return log.at_s(record)
 
@@ -102,7 +104,7 @@ def _alarm(log: RunLog, car: str, alarm: Record) -> str:
         if known is not None and known.meant is not None:
             touch = touch_s(log, car, known.meant)
             lead = "" if touch is None else f", {touch - log.at_s(alarm):.1f} s before they touch"
-            return f"{told} with {known.meant} [dim](known by: {known.known_by}{lead})[/dim]"
+            return f"{told} with {known.meant} [dim](known by: {known.source}{lead})[/dim]"
     return told
 
 
@@ -116,14 +118,14 @@ def _knowledge(log: RunLog, duration_s: float) -> Table:
         table.add_column(column, justify=justify)  # type: ignore[arg-type]
     for car in log.traces:
         found: dict[tuple[str, str], list[Known]] = {}
-        for telling in known_cars(log, car, 0.0, duration_s):
+        for telling in perceived_objects(log, car, 0.0, duration_s):
             for known in telling:
-                found.setdefault((known.meant or "(nobody)", known.known_by), []).append(known)
-        for (meant, known_by), times in sorted(found.items()):
+                found.setdefault((known.meant or "(nobody)", known.source), []).append(known)
+        for (meant, source), times in sorted(found.items()):
             table.add_row(
                 car,
                 meant,
-                known_by,
+                source,
                 f"{times[0].at_s:.0f}",
                 f"{times[-1].at_s:.0f}",
                 f"{max(known.off_m for known in times):.1f}",
@@ -156,11 +158,11 @@ def _warned(log: RunLog, braking: str, at_s: float) -> Iterator[str]:
 
 def _discards(log: RunLog) -> Table:
     table = Table(title="Messages discarded, and why", box=box.SIMPLE, title_justify="left")
-    for column in ("car", "room", "reason", "times"):
+    for column in ("car", "component", "reason", "times"):
         table.add_column(column, justify="right" if column == "times" else "left")
     for car, records in log.traces.items():
         counted = Counter(
-            (record["room"], record["reason"])
+            (record["component"], record["reason"])
             for record in records
             if record["kind"] == "discarded"
         )

@@ -129,7 +129,7 @@ class Scenario(Settings):
     """Whether messages are signed in virtual time, too; live they always are."""
     lcca: LccaSettings = LccaSettings()
     """Of every car."""
-    crowd: int = Field(default=0, ge=0, le=200)
+    background_traffic: int = Field(default=0, ge=0, le=200)
     """Cars around that nobody sees, and everybody hears sending BSMs."""
     faults: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...]

@@ -14,20 +14,20 @@ from pathlib import Path
 
 import numpy as np
 
-from onboard.security.authority import make_trial
 from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
+from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
-from sim_rig.cars.crowd import CrowdedAir, crowd_names
+from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
+from sim_rig.ground_truth import true_states
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.models import open_air
-from sim_rig.recorder import RigRecorder
+from sim_rig.rig_recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario
-from sim_rig.truth import true_states
-from sim_rig.virtual_box import VirtualBox
 from sim_rig.virtual_car import START_UTC_S, VirtualCar
+from sim_rig.virtual_recorder import VirtualRecorder
 from sim_rig.wiring import names_by_id
 
 _MOST_STEPS = 10_000
@@ -43,7 +43,9 @@ def run_virtual(
     """
     chosen = scenario.seed if seed is None else seed
     boxes = (
-        {name: VirtualBox(box_folder / name) for name in scenario.equipped} if box_folder else {}
+        {name: VirtualRecorder(box_folder / name) for name in scenario.equipped}
+        if box_folder
+        else {}
     )
     run = _VirtualRun(scenario, chosen, boxes)
     run.run()
@@ -63,7 +65,7 @@ def run_virtual(
 class _VirtualRun:
     """The clock, and what is due when."""
 
-    def __init__(self, scenario: Scenario, seed: int, boxes: Mapping[str, VirtualBox]) -> None:
+    def __init__(self, scenario: Scenario, seed: int, boxes: Mapping[str, VirtualRecorder]) -> None:
         self._scenario = scenario
         self.recorder = RigRecorder()
         road = BreakpointRoad(scenario)
@@ -74,7 +76,7 @@ class _VirtualRun:
         if scenario.signed:
             new_key = key_from(np.random.default_rng(keys_seed))
             psids = {psid.BSM, psid.LCCA}
-            cars = [*scenario.equipped, *crowd_names(scenario)]
+            cars = [*scenario.equipped, *background_names(scenario)]
             credentials = make_trial(cars, psids, START_UTC_S, new_key)
         air_rng = np.random.default_rng(air_seed)
         air = FaultyAir(
@@ -84,7 +86,9 @@ class _VirtualRun:
             START_UTC_S,
             credentials,
         )
-        self._air = CrowdedAir(air, scenario, now=0.0, utc_s=START_UTC_S, credentials=credentials)
+        self._air = BackgroundTraffic(
+            air, scenario, now=0.0, utc_s=START_UTC_S, credentials=credentials
+        )
         self._air_planned_at = math.inf
         self.cars = {
             name: VirtualCar(

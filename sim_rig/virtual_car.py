@@ -11,11 +11,11 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Sensor
-from onboard.recorder.beginning import Beginning
-from onboard.recorder.recorded import put_together
+from onboard.recorder.initial_state import InitialState
+from onboard.recorder.recorded_stack import recorded_stack
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
-from onboard.trace import as_record
+from onboard.trace.trace_line import as_record
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
 from sim_rig.cars.faulty_ecu import FaultyEcu
@@ -28,7 +28,7 @@ from sim_rig.faults_of_car import FaultsOfCar
 from sim_rig.roads.road import CarState, Road
 from sim_rig.run_log import Record
 from sim_rig.scenario import Scenario
-from sim_rig.virtual_box import VirtualBox
+from sim_rig.virtual_recorder import VirtualRecorder
 from sim_rig.wiring import car_config, gnss_config
 
 START_UTC_S = 1_750_000_000.0
@@ -48,7 +48,7 @@ class VirtualCar:
         seed: np.random.SeedSequence,
         sky_seed: np.random.SeedSequence,
         *,
-        box: VirtualBox | None,
+        box: VirtualRecorder | None,
         credentials: Credentials | None,
     ) -> None:
         self.name = name
@@ -59,9 +59,9 @@ class VirtualCar:
         camera_rng, gnss_rng, vehicles_rng, ecu_rng = map(np.random.default_rng, other_seeds)
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
         self._faults = FaultsOfCar(scenario, name)
-        self._stack = put_together(
+        self._stack = recorded_stack(
             box,
-            Beginning(
+            InitialState(
                 config=config,
                 sensors=_sensors(scenario),
                 seed=own_seed,

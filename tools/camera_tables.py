@@ -1,6 +1,6 @@
 """What vision makes of plates on the way from 36 m to 6 m, as tables for the rig's camera model.
 
-`python -m tools.camera_tables` prints what `sim_rig/cars/seen_car.py` says: the networks that are
+`python -m tools.camera_tables` prints what `sim_rig/cars/camera_track.py` says: the networks
 shipped, the lens, the rate and the JPEG of the rig's cameras, fifteen cars, some three minutes.
 """
 
@@ -18,14 +18,14 @@ from onboard.observations import Lead, Plate
 from onboard.security.plate_digest import normalised
 from onboard.vision.frames import decode_picture
 from onboard.vision.identity import LEAST_READ_CONFIDENCE
+from onboard.vision.perception import Perception
 from onboard.vision.plate_reader import CERTAIN, Corners, Image, PlateReader, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
-from onboard.vision.sight import Sight
 from sim_rig.cars.camera_server import as_jpeg
+from sim_rig.cars.camera_track import PLATE_WIDTH_M, WIDTHS_PX, plate_width_px
 from sim_rig.cars.camera_view import COLOURS_BGR, FPS, LENS
-from sim_rig.cars.seen_car import PLATE_WIDTH_M, WIDTHS_PX, plate_width_px
-from sim_rig.picture.plate_texts import text_of
-from sim_rig.picture.scene import Picture, Scene, SceneCar
+from sim_rig.rendering.plate_texts import text_of
+from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
 PLATES_A_COLOUR, FAR_M, NEAR_M, CLOSING_M_S = 3, 36.0, 6.0, 1.5
 _COLOURS_BGR = [bgr for name, bgr in COLOURS_BGR.items() if name != "blue"]
@@ -67,7 +67,7 @@ def approach(
     """A car of that colour, with that plate, comes nearer."""
     camera = CameraSettings(source="rig", **LENS.model_dump())
     reader = _Noting()
-    picture, sight = Picture(camera), Sight(camera, _READ_ALWAYS, reader=reader)
+    picture, sight = CameraRenderer(camera), Perception(camera, _READ_ALWAYS, reader=reader)
     for number in range(int((FAR_M - NEAR_M) / CLOSING_M_S * FPS)):
         stamp_s = number / FPS
         car = SceneCar(FAR_M - CLOSING_M_S * stamp_s, plate=plate, colour_bgr=colour_bgr)

@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 from playwright.async_api import Browser, Page, async_playwright, expect
 
-from sim_rig.live import Desk
+from sim_rig.live import LiveTestbench
 from sim_rig.scenario import load_scenario
 from tools import chromium
 
@@ -34,7 +34,10 @@ async def main() -> None:
         sys.exit(chromium.HOW)
     scenario = load_scenario("fig4")
     with tempfile.TemporaryDirectory() as name:
-        async with Desk(scenario, scenario.seed, Path(name)) as desk, async_playwright() as play:
+        async with (
+            LiveTestbench(scenario, scenario.seed, Path(name)) as desk,
+            async_playwright() as play,
+        ):
             browser = await play.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
             running = asyncio.create_task(desk.run())
             while math.isinf(desk.start_s):

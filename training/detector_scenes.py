@@ -4,12 +4,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from sim_rig.picture.clutter import add_lettering, colour, surroundings
-from sim_rig.picture.lens import photograph
-from sim_rig.picture.plate_art import draw_plate
-from sim_rig.picture.plate_styles import random_plate
-from sim_rig.picture.rough_cars import add_car
-from sim_rig.picture.wear import worn
+from sim_rig.rendering.clutter import add_lettering, colour, surroundings
+from sim_rig.rendering.lens import photograph
+from sim_rig.rendering.plate_art import draw_plate
+from sim_rig.rendering.plate_styles import random_plate
+from sim_rig.rendering.vehicle_clutter import add_car
+from sim_rig.rendering.wear import worn
 from training.reader_views import around, draw_recess, in_the_shade, paste, posed
 
 SCENE_SIZE = (256, 192)

@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.vision.plate_reader import looks_at, rectify
-from sim_rig.picture.lens import photograph
-from sim_rig.picture.plate_art import PlateFormat, draw_plate
-from sim_rig.picture.plate_styles import random_plate
-from sim_rig.picture.wear import worn
+from sim_rig.rendering.lens import photograph
+from sim_rig.rendering.plate_art import PlateFormat, draw_plate
+from sim_rig.rendering.plate_styles import random_plate
+from sim_rig.rendering.wear import worn
 
 View = npt.NDArray[np.uint8]
 """(64, 160), grey."""

@@ -18,16 +18,16 @@ import cv2
 import numpy as np
 import yaml
 
-from deploy.vm.drive import BOX, FOLDER, TRACE, Drive, NotSeenError, Row, slowness
+from deploy.vm.drive import BOX, FOLDER, TRACE, NotSeenError, StatusRow, VmDrive, slowness
 from deploy.vm.here import Here
 from deploy.vm.machine import PATIENCE_S, Machine, MachineError, new_disk
 from deploy.vm.report import record, table
-from onboard.security.authority import make_trial
 from onboard.security.key_files import write_credentials
+from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
 from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import SMALL_LENS
-from sim_rig.picture.scene import Picture, Scene, SceneCar
+from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
 ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "build" / "vm"
@@ -51,7 +51,7 @@ CAR = {
     "gnss": {},
     "radio": {"endpoint": "iwcu", "listen_port": 5398, "unit_port": 5399},
     "security": {"keys_folder": "/etc/onboard/keys", "plate_digest": {"scrypt_log2_n": 6}},
-    "watch": {"speed_s": 2.0, "camera_s": 3.0, "position_s": 3.0},
+    "sensor_timeouts": {"speed_s": 2.0, "camera_s": 3.0, "position_s": 3.0},
     "trace": {"file": TRACE},
     "recorder": {"folder": BOX, "segment_s": 10.0, "ring_mib": 24.0},
 }
@@ -119,7 +119,7 @@ class VmTest:
     """One run, and what it found."""
 
     def __init__(self) -> None:
-        self._rows: list[Row] = []
+        self._rows: list[StatusRow] = []
         self._failures: list[str] = []
         self._took_s: dict[str, float] = {}
         self._slowness = 1.0
@@ -133,13 +133,13 @@ class VmTest:
             self._slowness = slowness(machine)
             machine.run("systemctl stop onboard")
             self._doctor(machine)
-            drive = Drive(machine)
+            drive = VmDrive(machine)
             self._drive(drive)
             recording = drive.newest_recording()
             with self._timed("power cut and boot"):
                 machine.cut_power()
                 machine = Machine(BUILD, DRIVEN, SHARE, counted=True)
-            drive = Drive(machine)
+            drive = VmDrive(machine)
             self._do(partial(drive.after_power_cut, recording))
             self._do(drive.stop)
             self._uninstall(machine)
@@ -159,7 +159,7 @@ class VmTest:
                 if machine.run(STATE).output != before:
                     self._failures.append("install.sh changes something when it runs again")
             machine.run("systemctl daemon-reload; systemctl start rig")
-            drive = Drive(machine)
+            drive = VmDrive(machine)
             self._drive(drive)
             self._do(drive.stop)
             self._uninstall(machine)
@@ -225,7 +225,7 @@ class VmTest:
 
     # ---- the drive -----------------------------------------------------------------------
 
-    def _drive(self, drive: Drive) -> None:
+    def _drive(self, drive: VmDrive) -> None:
         for step in drive.steps():
             self._do(step)
 
@@ -241,7 +241,7 @@ class VmTest:
         if left.output:
             self._failures.append(f"uninstall left {left.output}")
 
-    def _do(self, step: Callable[[], Iterator[Row]]) -> None:
+    def _do(self, step: Callable[[], Iterator[StatusRow]]) -> None:
         name = getattr(step, "func", step).__name__.replace("_", " ")
         with self._timed(name):
             try:
@@ -276,7 +276,7 @@ def _fill_share(bus: str, car: dict[str, object]) -> None:
 
 def _paint(folder: Path) -> None:
     """A car with a tag some 12 m ahead, which comes and goes a little, round and round."""
-    picture = Picture(CameraSettings(source="rig", **VIEW))
+    picture = CameraRenderer(CameraSettings(source="rig", **VIEW))
     rng = np.random.default_rng(1)
     for number in range(PICTURES):
         gap_m = 12.0 + 0.3 * np.sin(2 * np.pi * number / PICTURES)

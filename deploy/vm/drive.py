@@ -28,7 +28,7 @@ STOP_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class StatusRow:
     """One line of the table."""
 
     what: str
@@ -50,7 +50,7 @@ class NotSeenError(Exception):
     """What had to come did not."""
 
 
-class Drive:
+class VmDrive:
     """The box, what it tells in its trace, and what is done to it."""
 
     def __init__(self, machine: Machine | Here) -> None:
@@ -60,7 +60,7 @@ class Drive:
         self._offset = 0
         self._rest = ""
 
-    def steps(self) -> Sequence[Callable[[], Iterator[Row]]]:
+    def steps(self) -> Sequence[Callable[[], Iterator[StatusRow]]]:
         """In their order; after the last the car still drives."""
         anywhere = [
             self.start,
@@ -77,11 +77,11 @@ class Drive:
 
     # ---- what is done --------------------------------------------------------------------
 
-    def start(self) -> Iterator[Row]:
+    def start(self) -> Iterator[StatusRow]:
         """From `systemctl start` to ready, and to the first of everything."""
         began_s = self._run("systemctl start onboard").began_s
         ready_s = self._seen(began_s, "ready")
-        yield Row("start: ready", None, ready_s - began_s, BACK_S)
+        yield StatusRow("start: ready", None, ready_s - began_s, BACK_S)
         for what, kind, fields in (
             ("start: speed by the ECU", "speed", {}),
             ("start: position by gpsd", "position", {}),
@@ -89,18 +89,18 @@ class Drive:
             ("start: member of the group", "transition", {"state": "member"}),
         ):
             seen_s = self._seen(ready_s, kind, **fields)
-            yield Row(what, None, seen_s - ready_s, 10.0, "after ready")
+            yield StatusRow(what, None, seen_s - ready_s, 10.0, "after ready")
         if not self._is_whole:
             return
         frames = self._run("timeout 3 candump -n 20 vcan0").output  # the kernel's own view
         if "7DF" not in frames or "7E8" not in frames:
             raise NotSeenError(f"candump shows no question and answer: {frames}")
 
-    def warn(self) -> Iterator[Row]:
+    def warn(self) -> Iterator[StatusRow]:
         """The car ahead brakes."""
-        yield Row("the car ahead brakes: warned", None, self._warned_after(), 1.0)
+        yield StatusRow("the car ahead brakes: warned", None, self._warned_after(), 1.0)
 
-    def kill(self) -> Iterator[Row]:
+    def kill(self) -> Iterator[StatusRow]:
         """`kill -9`, and what was recorded until then."""
         drive = self.newest_recording()
         yield self._restarted("kill -9", "KILL", BACK_S)
@@ -111,19 +111,19 @@ class Drive:
         newest: str = self._run(f"ls -t {BOX}/*.mcap | head -1").output
         return newest.partition("Z-")[0] + "Z"
 
-    def open_recording(self, what: str, drive: str) -> Row:
+    def open_recording(self, what: str, drive: str) -> StatusRow:
         """As an engineer would."""
         answer = self._run(f"onboard export {drive}-*.mcap --candump /root/bus --pcap /root/air")
         frames, wsms = (int(line.split(": ")[1].split()[0]) for line in answer.output.splitlines())
         if frames < 10 or wsms < 10:
             raise NotSeenError(f"a recording with next to nothing in it: {answer.output}")
-        return Row(what, None, None, None, f"{frames} CAN frames and {wsms} WSMs in it")
+        return StatusRow(what, None, None, None, f"{frames} CAN frames and {wsms} WSMs in it")
 
-    def hang(self) -> Iterator[Row]:
+    def hang(self) -> Iterator[StatusRow]:
         """A process that does nothing any more, and does not end."""
         yield self._restarted("hang (SIGSTOP)", "STOP", WATCHDOG_S + BACK_S)
 
-    def take_bus(self) -> Iterator[Row]:
+    def take_bus(self) -> Iterator[StatusRow]:
         """The bus goes down for five seconds."""
         off, on = (
             ("ip link set vcan0 down", "ip link set vcan0 up")
@@ -134,40 +134,42 @@ class Drive:
         lost_s = self._seen(down_s, "sensor_lost", sensor="speed")
         self._run("sleep 5")
         up_s = self._run(on).began_s
-        back_s = self._seen(up_s, "sensor_back", sensor="speed")
-        yield Row("bus down, up after 5 s", lost_s - down_s, back_s - up_s, 3.0)
+        back_s = self._seen(up_s, "sensor_recovered", sensor="speed")
+        yield StatusRow("bus down, up after 5 s", lost_s - down_s, back_s - up_s, 3.0)
 
-    def take_gpsd(self) -> Iterator[Row]:
+    def take_gpsd(self) -> Iterator[StatusRow]:
         """Gpsd is restarted."""
         down_s = self._run("systemctl stop gpsd.service gpsd.socket").began_s
         lost_s = self._seen(down_s, "sensor_lost", sensor="position")
         self._run("sleep 5")
         up_s = self._run("systemctl start gpsd.service").ended_s
-        back_s = self._seen(up_s, "sensor_back", sensor="position")
-        yield Row("gpsd stopped, started after 5 s", lost_s - down_s, back_s - up_s, 10.0)
+        back_s = self._seen(up_s, "sensor_recovered", sensor="position")
+        yield StatusRow("gpsd stopped, started after 5 s", lost_s - down_s, back_s - up_s, 10.0)
 
-    def take_radio(self) -> Iterator[Row]:
+    def take_radio(self) -> Iterator[StatusRow]:
         """The radio unit is without power for ten seconds."""
         off_s = self._tell("radio off")
         left_s = self._seen(off_s, "transition", state="regular")
         self._run("sleep 5")
         on_s = self._tell("radio on")
         member_s = self._seen(on_s, "transition", state="member")
-        yield Row("radio away", left_s - off_s, member_s - on_s, 5.0, "noticed: left the group")
+        yield StatusRow(
+            "radio away", left_s - off_s, member_s - on_s, 5.0, "noticed: left the group"
+        )
 
-    def fill_disk(self) -> Iterator[Row]:
+    def fill_disk(self) -> Iterator[StatusRow]:
         """Where the car writes, nothing more can be written."""
         filled_s = self._run(f"dd if=/dev/zero of={FOLDER}/full bs=64k", check=False).ended_s
         ended_s = self._logged(filled_s, "recorder", is_recording=False)
         warned_s = self._logged(told_s := self._tell("brake"), "warning")
         freed_s = self._run(f"rm {FOLDER}/full").ended_s
         again_s = self._logged(freed_s, "recorder", is_recording=True)
-        yield Row("disk full: recorded again", ended_s - filled_s, again_s - freed_s, 10.0)
-        yield Row("disk full: warned all the same", None, warned_s - told_s, 1.0)
+        yield StatusRow("disk full: recorded again", ended_s - filled_s, again_s - freed_s, 10.0)
+        yield StatusRow("disk full: warned all the same", None, warned_s - told_s, 1.0)
         self._run("systemctl reload onboard")  # which begins the trace again
         self._seen(again_s, "transition", state="member")
 
-    def step_clock(self) -> Iterator[Row]:
+    def step_clock(self) -> Iterator[StatusRow]:
         """Somebody sets the clock, ten minutes ahead."""
         stepped_s = self._run('date -s "+10 minutes"').ended_s
         self._run("sleep 5")
@@ -176,10 +178,12 @@ class Drive:
             default=stepped_s,
         )
         remark = "last change of membership; IDs follow UTC"
-        yield Row("clock stepped by 10 minutes", None, max(0.0, member_s - stepped_s), 10.0, remark)
-        yield Row("clock stepped: warned", None, self._warned_after(), 1.0)
+        yield StatusRow(
+            "clock stepped by 10 minutes", None, max(0.0, member_s - stepped_s), 10.0, remark
+        )
+        yield StatusRow("clock stepped: warned", None, self._warned_after(), 1.0)
 
-    def refuse_configuration(self) -> Iterator[Row]:
+    def refuse_configuration(self) -> Iterator[StatusRow]:
         """A configuration with a mistake in it, then a good one."""
         self._run("cp /etc/onboard/car.yaml /root/good; echo oops: 1 >>/etc/onboard/car.yaml")
         self._run("systemctl reload onboard; sleep 2")
@@ -188,10 +192,10 @@ class Drive:
             raise NotSeenError(f"a bad configuration was not refused: {status}")
         good_s = self._run("cp /root/good /etc/onboard/car.yaml; systemctl reload onboard").began_s
         ready_s = self._seen(good_s, "ready")
-        yield Row("reload: bad one refused, good one taken", None, ready_s - good_s, 20.0)
+        yield StatusRow("reload: bad one refused, good one taken", None, ready_s - good_s, 20.0)
         self._seen(good_s, "transition", state="member")
 
-    def after_power_cut(self, drive: str) -> Iterator[Row]:
+    def after_power_cut(self, drive: str) -> Iterator[StatusRow]:
         """The machine has been switched on again, and nobody has said anything to it.
 
         `drive` was being recorded when its power was cut.
@@ -200,22 +204,24 @@ class Drive:
         self._run("until systemctl is-active --quiet onboard; do sleep 0.2; done")
         ready_s = self._seen(0.0, "ready")
         remark = "the rig starts before the car, on the same box"
-        yield Row("power cut: ready after switching on", None, ready_s, BOOT_S, remark)
+        yield StatusRow("power cut: ready after switching on", None, ready_s, BOOT_S, remark)
         member_s = self._seen(ready_s, "transition", state="member")
-        yield Row("power cut: member of the group", None, member_s - ready_s, 10.0, "after ready")
+        yield StatusRow(
+            "power cut: member of the group", None, member_s - ready_s, 10.0, "after ready"
+        )
         yield self.open_recording("power cut: recording opened", drive)
 
-    def stop(self) -> Iterator[Row]:
+    def stop(self) -> Iterator[StatusRow]:
         """In order."""
         took_s = self._run("systemctl stop onboard").took_s
         result = self._run("systemctl show -p Result -p ExecMainStatus onboard").output
         if "Result=success" not in result:
             raise NotSeenError(f"not stopped in order: {result}")
-        yield Row("stop", None, took_s, STOP_S)
+        yield StatusRow("stop", None, took_s, STOP_S)
 
     # ---- how it is seen ------------------------------------------------------------------
 
-    def _restarted(self, what: str, signal: str, limit_s: float) -> Row:
+    def _restarted(self, what: str, signal: str, limit_s: float) -> StatusRow:
         pid = self._run("systemctl show -P MainPID onboard").output.strip()
         began_s = self._run(f"kill -{signal} {pid}").began_s
         gone = f"while [ $(systemctl show -P MainPID onboard) = {pid} ]; do sleep 0.05; done"
@@ -223,7 +229,7 @@ class Drive:
         ready_s = self._seen(began_s, "ready")
         member_s = self._seen(ready_s, "transition", state="member")
         remark = f"member of the group {member_s - ready_s:.1f} s later"
-        return Row(what, gone_s - began_s, ready_s - began_s, limit_s, remark)
+        return StatusRow(what, gone_s - began_s, ready_s - began_s, limit_s, remark)
 
     def _warned_after(self) -> float:
         told_s = self._tell("brake")

@@ -4,11 +4,11 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from deploy.vm.drive import Row
+from deploy.vm.drive import StatusRow
 
 
 def table(
-    rows: Sequence[Row],
+    rows: Sequence[StatusRow],
     failures: Sequence[str],
     took_s: Mapping[str, float],
     slowness: float,

@@ -11,11 +11,11 @@ from collections import deque
 from dataclasses import dataclass
 from typing import ClassVar
 
-from onboard.access.danger import rear_end_danger
-from onboard.access.drivers import Driver
-from onboard.access.reactions import Reaction, ReactionWatch
+from onboard.access.crash_probability import rear_end_crash_probability
+from onboard.access.driver_model import DriverModel
+from onboard.access.reaction_times import Reaction, ReactionObserver
 from onboard.access.settings import AccessSettings
-from onboard.messages.bsm_schedule import MAXIMUM_INTERVAL_S
+from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S
 from onboard.observations import BrakePedal, HardBrake, Lead, Speed
 
 SLOWEST_M_S = 1.0
@@ -37,10 +37,10 @@ class FollowingSafety:
 
 
 @dataclass(frozen=True, slots=True)
-class ReactionSeen:
+class ReactionObserved:
     """The car ahead braked, and then the driver did. Stays on the box."""
 
-    kind: ClassVar[str] = "reaction_seen"
+    kind: ClassVar[str] = "reaction_observed"
     stamp_s: float
     reaction_s: float
     headway_s: float
@@ -49,14 +49,14 @@ class ReactionSeen:
 class AccessAdaptation:
     """Watches one driver, and says how far apart BSMs may be."""
 
-    def __init__(self, settings: AccessSettings, driver: Driver) -> None:
+    def __init__(self, settings: AccessSettings, driver: DriverModel) -> None:
         """`driver` is what is known already; it learns from what is seen."""
         self.driver = driver
         self._settings = settings
-        self._watch = ReactionWatch()
+        self._watch = ReactionObserver()
         self._speed: Speed | None = None
         self._good_until: float | None = None
-        self._events: deque[FollowingSafety | ReactionSeen] = deque()
+        self._events: deque[FollowingSafety | ReactionObserved] = deque()
         self.is_unsafe = False
         self.safety_index = 1.0
 
@@ -97,7 +97,7 @@ class AccessAdaptation:
             self._good_until = None
             self._judge(now, 0.0)
 
-    def next_event(self) -> FollowingSafety | ReactionSeen | None:
+    def next_event(self) -> FollowingSafety | ReactionObserved | None:
         """The oldest event not yet taken; `None` when there is none."""
         return self._events.popleft() if self._events else None
 
@@ -109,7 +109,9 @@ class AccessAdaptation:
         log_reaction = self.driver.log_reaction(max(gap_m, 1.0) / speed_m_s)
         brakes = self._settings.deceleration_low_m_s2, self._settings.deceleration_high_m_s2
         lead_speed_m_s = max(speed_m_s - closing_m_s, 0.0)
-        return float(rear_end_danger(gap_m, lead_speed_m_s, speed_m_s, log_reaction, brakes))
+        return float(
+            rear_end_crash_probability(gap_m, lead_speed_m_s, speed_m_s, log_reaction, brakes)
+        )
 
     def _judge(self, stamp_s: float, danger: float) -> None:
         self.safety_index = 1.0 - danger
@@ -123,4 +125,4 @@ class AccessAdaptation:
 
     def _learn(self, stamp_s: float, reaction: Reaction | None) -> None:
         if reaction is not None and self.driver.receive_reaction(*reaction):
-            self._events.append(ReactionSeen(stamp_s, *reaction))
+            self._events.append(ReactionObserved(stamp_s, *reaction))

@@ -3,22 +3,22 @@
 import os
 from pathlib import Path
 
-from onboard.access.drivers import Driver, DriverMemory, Population
+from onboard.access.driver_model import DriverMemory, DriverModel, Population
 from onboard.errors import UserError
 from onboard.settings import load_settings
 
 
-def load_driver(path: Path, population: Population) -> Driver:
+def load_driver(path: Path, population: Population) -> DriverModel:
     """Remember the driver; one of the population where there is no file yet.
 
     Raises:
         SettingsError: the file is there and not what `save_driver` writes.
     """
     memory = load_settings(path, DriverMemory) if path.exists() else None
-    return Driver(population, memory=memory)
+    return DriverModel(population, memory=memory)
 
 
-def save_driver(path: Path, driver: Driver) -> None:
+def save_driver(path: Path, driver: DriverModel) -> None:
     """Write all or nothing, readable by its owner only.
 
     Raises:

@@ -5,7 +5,7 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from onboard.messages.bsm_schedule import MAXIMUM_INTERVAL_S, MINIMUM_INTERVAL_S
+from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S, MINIMUM_INTERVAL_S
 from onboard.settings import Settings
 
 

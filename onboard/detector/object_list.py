@@ -15,8 +15,8 @@ from collections import Counter, deque
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from onboard.observations import DetectedCars, Discarded, SensedCar
-from onboard.remote_clock import RemoteClock
+from onboard.observations import DetectionList, Discarded, VehicleDetection
+from onboard.sensors.remote_clock import RemoteClock
 
 MOST_CARS = 64
 OLDEST_S = 1.0
@@ -51,7 +51,7 @@ class ObjectListReader:
         """Start with nothing received."""
         self._clock = RemoteClock(latency_s=0.0)
         self._sent_s = -math.inf
-        self._events: deque[DetectedCars | Discarded] = deque()
+        self._events: deque[DetectionList | Discarded] = deque()
 
     def receive_bytes(self, data: bytes, now: float) -> None:
         """One datagram."""
@@ -69,7 +69,7 @@ class ObjectListReader:
         self._sent_s = told.sent_s
         stamp_s = self._clock.stamp_s(told.sent_s, now) - told.age_s
         cars = tuple(
-            SensedCar(
+            VehicleDetection(
                 stamp_s,
                 car.id,
                 car.range_m,
@@ -79,10 +79,10 @@ class ObjectListReader:
             )
             for car in told.cars
         )
-        self._events.append(DetectedCars(stamp_s, cars))
+        self._events.append(DetectionList(stamp_s, cars))
         return None
 
-    def next_event(self) -> DetectedCars | Discarded | None:
+    def next_event(self) -> DetectionList | Discarded | None:
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 

@@ -17,7 +17,7 @@ from typing import Any
 from onboard.gnss.accuracy import sigma_from_hdop_m, sigma_of_axes_m
 from onboard.gnss.settings import GnssSettings
 from onboard.observations import Discarded, Position
-from onboard.remote_clock import RemoteClock
+from onboard.sensors.remote_clock import RemoteClock
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 """What a client sends to be told everything."""

@@ -17,7 +17,7 @@ from onboard.gnss.accuracy import sigma_from_hdop_m, sigma_of_axes_m
 from onboard.gnss.nmea_sentence import Sentence, SentenceError
 from onboard.gnss.settings import GnssSettings
 from onboard.observations import Discarded, Position
-from onboard.remote_clock import RemoteClock
+from onboard.sensors.remote_clock import RemoteClock
 
 MAX_LINE_BYTES = 1024
 """A sentence has 82; binary messages between sentences have no line ends."""

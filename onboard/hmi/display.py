@@ -7,36 +7,36 @@ which is as fast as a number can be read.
 import math
 from collections.abc import Iterable, Sequence
 
-from onboard.hmi.around import Around
 from onboard.hmi.driver_view import (
-    Ahead,
-    AlarmShown,
-    CarAround,
+    AlarmView,
     Direction,
     DriverView,
-    OwnPlace,
-    SensorShown,
+    GroupStatus,
+    LeadView,
+    SensorView,
+    VehicleOnMap,
 )
+from onboard.hmi.vehicle_map import VehicleMap
 from onboard.lcca.events import WarningRaised
 from onboard.lcca.group import WarningGroup
-from onboard.mvs.known_car import KnownCar
+from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import (
-    DetectedCars,
+    DetectionList,
     Lead,
     LeadIdentity,
-    SensedCar,
     Sensor,
-    SensorBack,
     SensorLost,
+    SensorRecovered,
     Speed,
+    VehicleDetection,
 )
-from onboard.recorder.notes import Recording
+from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.trace import Event
+from onboard.trace.trace_line import Event
 
 SHOW_S = 0.2
 """Between views when nothing happens."""
-_AT_ONCE = frozenset({"alarm", "transition", "sensor_lost", "sensor_back", "recorder"})
+_AT_ONCE = frozenset({"alarm", "transition", "sensor_lost", "sensor_recovered", "recorder"})
 _GROUP_DIGITS = 4
 _SAME_CAR_M = 5.0
 """A car on the map this near to the lead car's place, along the lane, is the lead car."""
@@ -72,14 +72,14 @@ class Display:
         self._safe_headway_s = safe_headway_s
         self._length_m = length_m
         self._brake_button = brake_button
-        self._around = Around(length_m)
+        self._around = VehicleMap(length_m)
         self._speed: Speed | None = None
         self._lead: Lead | None = None
-        self._seen: list[SensedCar] = []
-        self._own: KnownCar | None = None
-        self._cars: Sequence[KnownCar] = ()
+        self._seen: list[VehicleDetection] = []
+        self._own: PerceivedObject | None = None
+        self._cars: Sequence[PerceivedObject] = ()
         self._warning: WarningRaised | None = None
-        self._alarms: dict[Cause, AlarmShown] = {}
+        self._alarms: dict[Cause, AlarmView] = {}
         self._in_alarm: dict[Cause, frozenset[str]] = {}
         """Names of the cars that each alarm is about."""
         self._not_recording: str | None = None
@@ -92,26 +92,28 @@ class Display:
                 self._speed = event
             case Lead():
                 self._lead = event
-            case SensedCar():
+            case VehicleDetection():
                 if self._seen and self._seen[0].stamp_s != event.stamp_s:
                     self._seen.clear()
                 self._seen.append(event)
-            case DetectedCars():
+            case DetectionList():
                 self._seen = list(event.cars)
             case SensorLost():
                 self._lost[event.sensor] = event.reason
-            case SensorBack():
+            case SensorRecovered():
                 self._lost[event.sensor] = None
             case WarningRaised():
                 self._warning = event
             case Alarm():
                 self._receive_alarm(event)
-            case Recording():
+            case RecorderState():
                 self._not_recording = None if event.is_recording else event.reason
         if event.kind in _AT_ONCE:
             self._show_at = -math.inf
 
-    def receive_surroundings(self, own: KnownCar | None, cars: Sequence[KnownCar]) -> None:
+    def receive_surroundings(
+        self, own: PerceivedObject | None, cars: Sequence[PerceivedObject]
+    ) -> None:
         """The own car, `None` without a position, and the others, as they are now."""
         self._own, self._cars = own, cars
 
@@ -122,7 +124,7 @@ class Display:
         self._show_at = now + SHOW_S
         return DriverView(
             stamp_s=now,
-            place=OwnPlace(
+            place=GroupStatus(
                 group.state,
                 group.group_number,
                 group.leader_id.hex()[:_GROUP_DIGITS],
@@ -133,7 +135,7 @@ class Display:
             cars=tuple(self._cars_around(now)),
             alarms=tuple(sorted(self._alarms.values(), key=_urgency)),
             sensors=tuple(
-                SensorShown(sensor, reason is not None, reason)
+                SensorView(sensor, reason is not None, reason)
                 for sensor, reason in self._lost.items()
             ),
             not_recording=self._not_recording,
@@ -147,15 +149,15 @@ class Display:
             return
         self._in_alarm[alarm.cause] = frozenset(reason.name for reason in alarm.reasons)
         cars_ahead = None
-        if alarm.cause is Cause.GROUP and self._warning is not None:
+        if alarm.cause is Cause.LCCA and self._warning is not None:
             cars_ahead = self._warning.group_number - self._warning.origin_number
-        self._alarms[alarm.cause] = AlarmShown(
+        self._alarms[alarm.cause] = AlarmView(
             alarm.cause, alarm.level, self._direction(alarm), cars_ahead, alarm.stamp_s
         )
 
     def _direction(self, alarm: Alarm) -> Direction:
         """Only crossing cars come from a side; the cars know which."""
-        if alarm.cause is not Cause.CROSSING:
+        if alarm.cause is not Cause.IMA:
             return Direction.AHEAD
         names = self._in_alarm[alarm.cause]
         for car in self._cars:
@@ -176,14 +178,14 @@ class Display:
             return None
         return lead if now - lead.stamp_s <= self._lead_held_s else None
 
-    def _ahead(self, now: float) -> Ahead | None:
+    def _ahead(self, now: float) -> LeadView | None:
         lead, speed_m_s = self._fresh_lead(now), self._speed_m_s(now)
         if lead is None:
             return None
         safe_gap_m = None if speed_m_s is None else speed_m_s * self._safe_headway_s
-        return Ahead(lead.identity, lead.text, lead.gap_m, safe_gap_m, lead.closing_speed_m_s)
+        return LeadView(lead.identity, lead.text, lead.gap_m, safe_gap_m, lead.closing_speed_m_s)
 
-    def _cars_around(self, now: float) -> list[CarAround]:
+    def _cars_around(self, now: float) -> list[VehicleOnMap]:
         """Without the lead car, which the page draws by its gap."""
         lead = self._fresh_lead(now)
         seen = [car for car in self._seen if now - car.stamp_s <= self._lead_held_s]
@@ -203,5 +205,5 @@ class Display:
         return [car for car in cars if car is not nearest]
 
 
-def _urgency(alarm: AlarmShown) -> tuple[int, float]:
+def _urgency(alarm: AlarmView) -> tuple[int, float]:
     return -alarm.level.rank, -alarm.raised_at_s

@@ -9,7 +9,7 @@ from onboard.hmi.page_server import PageServer
 from onboard.hmi.settings import HmiSettings
 from onboard.recorder.tap import Tap
 from onboard.stack import Stack
-from onboard.trace import Event, as_line
+from onboard.trace.trace_line import Event, as_line
 
 
 class DriverPage:
@@ -25,8 +25,8 @@ class DriverPage:
         self._stack = stack
         self._display = Display(
             sensors=config.sensors(),
-            speed_held_s=config.watch.speed_s,
-            lead_held_s=config.watch.camera_s,
+            speed_held_s=config.sensor_timeouts.speed_s,
+            lead_held_s=config.sensor_timeouts.camera_s,
             safe_headway_s=config.lcca.join_headway_s,
             length_m=config.car.length_m,
             brake_button=settings.brake_button,

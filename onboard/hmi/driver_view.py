@@ -1,6 +1,6 @@
 """One moment of the driver's page, as values: what is in here is all that the page knows.
 
-It becomes JSON as trace lines do (`onboard/trace.py`). Gaps are metres, speeds m/s; the page turns
+It becomes JSON as trace lines do. Gaps are metres, speeds m/s; the page turns
 them into what the driver reads.
 """
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
 
-from onboard.lcca.transitions import State
-from onboard.mvs.known_car import KnownBy
+from onboard.lcca.transitions import GroupState
+from onboard.mvs.perceived_object import ObjectSource
 from onboard.observations import LeadIdentity, Sensor
 from onboard.risk.alarm import Cause, Level
 
@@ -23,10 +23,10 @@ class Direction(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class OwnPlace:
+class GroupStatus:
     """The own place in the warning group."""
 
-    state: State
+    state: GroupState
     number: int
     """1 is the leader, or a car alone."""
     group: str
@@ -36,7 +36,7 @@ class OwnPlace:
 
 
 @dataclass(frozen=True, slots=True)
-class Ahead:
+class LeadView:
     """The car ahead in the own lane."""
 
     identity: LeadIdentity
@@ -49,7 +49,7 @@ class Ahead:
 
 
 @dataclass(frozen=True, slots=True)
-class CarAround:
+class VehicleOnMap:
     """A car on the map; the own car is at (0, 0) and looks up."""
 
     ahead_m: float
@@ -57,26 +57,26 @@ class CarAround:
     right_m: float
     turned_rad: float | None
     """Its heading, clockwise from the own one; `None` if it stands or is not known to move."""
-    known_by: KnownBy
+    source: ObjectSource
     in_alarm: bool = False
     """Whether an alarm that holds is about it."""
 
 
 @dataclass(frozen=True, slots=True)
-class AlarmShown:
+class AlarmView:
     """One alarm that holds."""
 
     cause: Cause
     level: Level
     direction: Direction
     cars_ahead: int | None
-    """How many places ahead in the group the braking car is; only for `Cause.GROUP`."""
+    """How many places ahead in the group the braking car is; only for `Cause.LCCA`."""
     raised_at_s: float
     """When it came to this level: another one sounds anew."""
 
 
 @dataclass(frozen=True, slots=True)
-class SensorShown:
+class SensorView:
     """A sensor that the car has."""
 
     sensor: Sensor
@@ -91,15 +91,15 @@ class DriverView:
 
     kind: ClassVar[str] = "driver_view"
     stamp_s: float
-    place: OwnPlace
+    place: GroupStatus
     speed_m_s: float | None
-    ahead: Ahead | None
+    ahead: LeadView | None
     """`None` while the camera does not tell."""
-    cars: tuple[CarAround, ...]
+    cars: tuple[VehicleOnMap, ...]
     """The nearest first."""
-    alarms: tuple[AlarmShown, ...]
+    alarms: tuple[AlarmView, ...]
     """The most urgent first."""
-    sensors: tuple[SensorShown, ...]
+    sensors: tuple[SensorView, ...]
     not_recording: str | None
     """Why the black box does not record; `None` while it does, or without one."""
     brake_button: bool

@@ -40,7 +40,7 @@ class Feed(Generic[ItemT]):
         return self._number, self._items[0]
 
 
-class Reader(Generic[ItemT]):
+class FeedReader(Generic[ItemT]):
     """One reader of a feed."""
 
     def __init__(self, feed: Feed[ItemT]) -> None:

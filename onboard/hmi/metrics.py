@@ -14,12 +14,12 @@ from prometheus_client import (
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 
 from onboard.lcca.events import Transition
-from onboard.lcca.transitions import State
-from onboard.observations import Discarded, Lead, Sensor, SensorBack, SensorLost, Speed
-from onboard.recorder.notes import Recording
+from onboard.lcca.transitions import GroupState
+from onboard.observations import Discarded, Lead, Sensor, SensorLost, SensorRecovered, Speed
+from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.trace import Event
-from onboard.wave_link import Received, Sent
+from onboard.trace.trace_line import Event
+from onboard.wave_link import MessageReceived, MessageSent
 
 _DELAY_BUCKETS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 
@@ -36,7 +36,9 @@ class Metrics:
         ProcessCollector(registry=registry)
         self._events = counter("onboard_events", "What the cores said, by kind.", ["kind"])
         self._discarded = counter(
-            "onboard_discarded", "What came from outside and was not believed.", ["room", "reason"]
+            "onboard_discarded",
+            "What came from outside and was not believed.",
+            ["component", "reason"],
         )
         self._sent = counter("onboard_sent", "Group messages handed to the radio.", ["message"])
         self._received = counter("onboard_received", "Group messages opened.", ["message"])
@@ -70,23 +72,23 @@ class Metrics:
         for unknown in (self._gap, self._speed, self._recording):
             unknown.set(float("nan"))
         self._number.set(1)
-        self._enter(State.REGULAR)
+        self._enter(GroupState.REGULAR)
 
     def receive_event(self, event: Event) -> None:
         """Anything that the stack says."""
         self._events.labels(event.kind).inc()
         match event:
             case Discarded():
-                self._discarded.labels(event.room, event.reason).inc()
-            case Sent():
+                self._discarded.labels(event.component, event.reason).inc()
+            case MessageSent():
                 self._sent.labels(event.message).inc()
-            case Received():
+            case MessageReceived():
                 self._received.labels(event.message).inc()
             case Alarm():
                 self._alarm_level.labels(event.cause.value).set(event.level.rank)
                 if event.level is not Level.NONE:
                     self._alarms.labels(event.cause.value, event.level.value).inc()
-            case SensorBack():
+            case SensorRecovered():
                 self._sensor_up.labels(event.sensor.value).set(1)
             case SensorLost():
                 self._sensor_up.labels(event.sensor.value).set(0)
@@ -94,7 +96,7 @@ class Metrics:
             case Transition():
                 self._enter(event.state)
                 self._number.set(event.group_number)
-            case Recording():
+            case RecorderState():
                 self._recording.set(event.is_recording)
                 self._notes_lost.set(event.dropped)
             case Speed():
@@ -130,6 +132,6 @@ class Metrics:
             case Sensor.CAMERA:
                 self._gap.set(float("nan"))
 
-    def _enter(self, state: State) -> None:
-        for each in State:
+    def _enter(self, state: GroupState) -> None:
+        for each in GroupState:
             self._state.labels(each.value).set(each is state)

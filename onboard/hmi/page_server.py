@@ -13,9 +13,9 @@ import structlog
 from aiohttp import WSMsgType, web
 
 from onboard.errors import UserError
-from onboard.hmi.door import Door
-from onboard.hmi.doorkeeper import Doorkeeper
-from onboard.hmi.feed import Feed, Reader
+from onboard.hmi.access_check import AccessCheck
+from onboard.hmi.connection_limiter import ConnectionLimiter
+from onboard.hmi.feed import Feed, FeedReader
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import HEADERS, Handler, add_page, read_page, under_rules
 from onboard.hmi.settings import HmiSettings
@@ -44,7 +44,7 @@ class PageServer:
         self._on_brake = on_brake
         token = settings.token
         self._token = None if token is None else token.get_secret_value()
-        self._door = Door(self._token)
+        self._door = AccessCheck(self._token)
         self._cookie = f"onboard_{settings.port}"
         self._feed: Feed[str] = Feed()
         self._pages: set[web.WebSocketResponse] = set()
@@ -71,7 +71,7 @@ class PageServer:
         host, port = str(self._settings.host), self._settings.port
         server = self._runner.server
         assert server is not None  # noqa: S101 (it has been set up)
-        self._doorkeeper = Doorkeeper(server)
+        self._doorkeeper = ConnectionLimiter(server)
         loop = asyncio.get_running_loop()
         try:
             self._listener = await loop.create_server(self._doorkeeper, host, port, backlog=128)
@@ -141,7 +141,7 @@ class PageServer:
         await page.prepare(request)
         self._pages.add(page)
         self._metrics.pages(len(self._pages))
-        reader = Reader(self._feed)
+        reader = FeedReader(self._feed)
         pushing = asyncio.create_task(self._push_all(page, reader))
         try:
             await self._listen(page, reader)
@@ -151,13 +151,13 @@ class PageServer:
             self._metrics.pages(len(self._pages))
         return page
 
-    async def _push_all(self, page: web.WebSocketResponse, reader: Reader[str]) -> None:
+    async def _push_all(self, page: web.WebSocketResponse, reader: FeedReader[str]) -> None:
         with contextlib.suppress(ConnectionError):
             while True:
                 number, text = await reader.next()
                 await page.send_str(f"{number} {text}")
 
-    async def _listen(self, page: web.WebSocketResponse, reader: Reader[str]) -> None:
+    async def _listen(self, page: web.WebSocketResponse, reader: FeedReader[str]) -> None:
         """Hear the page out until it closes, or has been silent for too long."""
         while True:
             try:

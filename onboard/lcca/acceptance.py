@@ -9,13 +9,18 @@ While news of a new leader is on its way, leader and number lag. The car that we
 us and in our group whatever it says about them, so it is always believed.
 """
 
-from onboard.lcca.place import Place
-from onboard.lcca.transitions import State
+from onboard.lcca.group_position import GroupPosition
+from onboard.lcca.transitions import GroupState
 from onboard.messages.lcca import CarId, Update, Warn
 
 
 def warn_refusal(
-    warn: Warn, state: State, place: Place, *, from_predecessor: bool, lifetime_s: float
+    warn: Warn,
+    state: GroupState,
+    place: GroupPosition,
+    *,
+    from_predecessor: bool,
+    lifetime_s: float,
 ) -> str | None:
     """Return why a warning heard for the first time is not for us, or `None` if it is."""
     if warn.age_s > lifetime_s:
@@ -27,7 +32,13 @@ def warn_refusal(
 
 
 def update_refusal(
-    update: Update, number: int, state: State, place: Place, *, from_predecessor: bool, now: float
+    update: Update,
+    number: int,
+    state: GroupState,
+    place: GroupPosition,
+    *,
+    from_predecessor: bool,
+    now: float,
 ) -> str | None:
     """Return why an update is not for us, or `None`; `number` would be ours by it."""
     leaders = (update.previous_leader_id, update.leader_id)
@@ -49,13 +60,13 @@ def update_refusal(
 
 
 def _group_refusal(
-    leaders: tuple[CarId, ...], state: State, place: Place, *, from_predecessor: bool
+    leaders: tuple[CarId, ...], state: GroupState, place: GroupPosition, *, from_predecessor: bool
 ) -> str | None:
     """Return why a message to one of these groups, going backwards, cannot be for us."""
-    if state is State.REGULAR:
+    if state is GroupState.REGULAR:
         return "not_in_group"
     if from_predecessor:
         return None
     if place.leader_id not in leaders:
         return "other_group"
-    return "from_behind" if state is State.LEADER else None
+    return "from_behind" if state is GroupState.LEADER else None

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from onboard.lcca.transitions import Event, State
+from onboard.lcca.transitions import GroupEvent, GroupState
 from onboard.messages.lcca import CarId
 
 
 @dataclass(frozen=True, slots=True)
-class Neighbour:
+class PrecedingVehicle:
     """The car ahead in the own lane, as the camera sees it."""
 
     car_id: CarId | None
@@ -24,9 +24,9 @@ class Transition:
 
     kind: ClassVar[str] = "transition"
     stamp_s: float
-    event: Event
-    state_before: State
-    state: State
+    event: GroupEvent
+    state_before: GroupState
+    state: GroupState
     """The place after the event; `number` is 1 unless it is MEMBER."""
     leader_id: CarId
     group_number: int

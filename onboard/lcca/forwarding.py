@@ -18,9 +18,9 @@ warning to a follower that owes it one, a bounded number of times.
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field, replace
 
-from onboard.lcca.followers import Followers
-from onboard.lcca.place import Place
+from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.settings import LccaSettings
+from onboard.lcca.warning_list import WarningList
 from onboard.messages.lcca import CarId, Update, Warn
 
 EventId = tuple[CarId, int]
@@ -90,7 +90,9 @@ class _Known:
 class Forwarding:
     """Decides when this car repeats what it knows."""
 
-    def __init__(self, settings: LccaSettings, place: Place, followers: Followers) -> None:
+    def __init__(
+        self, settings: LccaSettings, place: GroupPosition, followers: WarningList
+    ) -> None:
         self._settings = settings
         self._place = place
         self._followers = followers

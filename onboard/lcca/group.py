@@ -11,18 +11,18 @@ from collections import deque
 import numpy as np
 
 from onboard.lcca.acceptance import update_refusal, warn_refusal
-from onboard.lcca.events import Neighbour, Transition, WarningRaised
-from onboard.lcca.followers import Followers
+from onboard.lcca.events import PrecedingVehicle, Transition, WarningRaised
 from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of
-from onboard.lcca.lookout import Lookout
+from onboard.lcca.group_position import GroupPosition
+from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.membership import Membership
-from onboard.lcca.place import Place
 from onboard.lcca.settings import LccaSettings
-from onboard.lcca.transitions import Event, State, next_state
+from onboard.lcca.transitions import GroupEvent, GroupState, next_state
+from onboard.lcca.warning_list import WarningList
 from onboard.messages.lcca import CarId, Join, LccaMessage, Leave, LeaveReason, Reply, Update, Warn
 from onboard.observations import Discarded, HardBrake
 
-__all__ = ["Neighbour", "WarningGroup"]
+__all__ = ["PrecedingVehicle", "WarningGroup"]
 
 _SEQUENCES = 1 << 16
 _NO_EVENT: EventId = (bytes(8), 0)
@@ -37,11 +37,13 @@ class WarningGroup:
         """Start alone. `rng` spreads what many cars would send at once."""
         self._settings = settings
         self._renaming_until: float | None = None
-        self._state = State.REGULAR
-        self._place = Place(own_id, settings.leader_silence_s, int(rng.integers(_SEQUENCES)))
-        self._lookout = Lookout(settings)
+        self._state = GroupState.REGULAR
+        self._place = GroupPosition(
+            own_id, settings.leader_silence_s, int(rng.integers(_SEQUENCES))
+        )
+        self._lookout = LeadMonitor(settings)
         self._membership = Membership(settings, self._lookout, rng)
-        self._followers = Followers(settings.membership_lifetime_s)
+        self._followers = WarningList(settings.membership_lifetime_s)
         self._reach = Reach(settings)
         self._forwarding = Forwarding(settings, self._place, self._followers)
         self._event_sequence = int(rng.integers(_SEQUENCES))
@@ -50,7 +52,7 @@ class WarningGroup:
         self._events: deque[Transition | WarningRaised | Discarded] = deque()
 
     @property
-    def state(self) -> State:
+    def state(self) -> GroupState:
         """What this car is."""
         return self._state
 
@@ -78,9 +80,9 @@ class WarningGroup:
         """The own speed, from the car's bus."""
         self._lookout.receive_speed(speed_m_s, now)
 
-    def receive_neighbour(self, ahead: Neighbour | None, now: float) -> None:
+    def receive_preceding_vehicle(self, ahead: PrecedingVehicle | None, now: float) -> None:
         """What one camera frame shows ahead in the own lane; `None`: no car."""
-        self._lookout.receive_neighbour(ahead, now)
+        self._lookout.receive_preceding_vehicle(ahead, now)
         self._membership.receive_frame(self._place.own_ids, now)
         self._join_if_due(now)
 
@@ -96,7 +98,7 @@ class WarningGroup:
             age_s=max(now - brake.stamp_s, 0.0),
             hops=1,
         )
-        if self._state is not State.REGULAR:
+        if self._state is not GroupState.REGULAR:
             self._outbox.append(warn)
         self._forwarding.originate(warn, now)
 
@@ -151,7 +153,7 @@ class WarningGroup:
             self._place.drop_previous_id()
             self._renaming_until = None
         if self._followers.expire(now):
-            self._happen(Event.UNFOLLOWED, "expired", now)
+            self._happen(GroupEvent.UNFOLLOWED, "expired", now)
         reason = self._membership.lapse(now)
         if reason is not None:
             self._leave(reason, now)
@@ -200,7 +202,7 @@ class WarningGroup:
             self._send_leave(followed, LeaveReason.FOLLOWS_ANOTHER)
         if not circle:
             before = self._place.in_group
-            self._move(place, reply.beat, Event.JOINED if joins else None, "answered", now)
+            self._move(place, reply.beat, GroupEvent.JOINED if joins else None, "answered", now)
             self._announce(before, now)
 
     def _leave(self, reason: LeaveReason, now: float) -> None:
@@ -209,7 +211,7 @@ class WarningGroup:
         self._membership.leave(now)
         before = self._place.in_group
         self._place.lead()
-        event = Event.LEFT_LEADING if self._followers else Event.LEFT_ALONE
+        event = GroupEvent.LEFT_LEADING if self._followers else GroupEvent.LEFT_ALONE
         self._happen(event, reason.name.lower(), now)
         self._announce(before, now)
 
@@ -217,13 +219,13 @@ class WarningGroup:
         self._outbox.append(Leave(*self._place.header, to_id, reason))
 
     def _move(
-        self, place: tuple[CarId, int], beat: int, event: Event | None, cause: str, now: float
+        self, place: tuple[CarId, int], beat: int, event: GroupEvent | None, cause: str, now: float
     ) -> None:
         """Take a place as a member; without an `event` of its own it may mean a new number."""
         before = self._place.in_group
         self._place.take(*place, beat, now)
         if event is None and before != place:
-            event = Event.RENUMBERED
+            event = GroupEvent.RENUMBERED
         if event is not None:
             self._happen(event, cause, now)
 
@@ -242,7 +244,7 @@ class WarningGroup:
         if join.sender_id in (self._membership.predecessor, self._place.leader_id):
             self._discard("loop", join, now)
         elif self._followers.hear(join.sender_id, now):
-            self._happen(Event.FOLLOWED, "join", now)
+            self._happen(GroupEvent.FOLLOWED, "join", now)
         self._outbox.append(
             Reply(
                 *self._place.header,
@@ -255,7 +257,7 @@ class WarningGroup:
 
     def _receive_leave(self, leave: Leave, now: float) -> None:
         if leave.to_id in self._place.own_ids and self._followers.remove(leave.sender_id):
-            self._happen(Event.UNFOLLOWED, "leave", now)
+            self._happen(GroupEvent.UNFOLLOWED, "leave", now)
 
     # Telling those behind
 
@@ -358,7 +360,7 @@ class WarningGroup:
         due_at = self._forwarding.get_timer()
         if due_at is None or now < due_at:
             return
-        is_member = self._state is State.MEMBER
+        is_member = self._state is GroupState.MEMBER
         reach = self._reach.distance(now)
         self._outbox += self._forwarding.copies_to_send(reach, is_member=is_member, now=now)
 
@@ -369,7 +371,7 @@ class WarningGroup:
         self._event_sequence = (self._event_sequence + 1) % _SEQUENCES
         return self._event_sequence
 
-    def _happen(self, event: Event, cause: str, now: float) -> None:
+    def _happen(self, event: GroupEvent, cause: str, now: float) -> None:
         before, self._state = self._state, next_state(self._state, event)
         self._events.append(
             Transition(

@@ -8,7 +8,7 @@ the next frames show the right one again.
 
 import numpy as np
 
-from onboard.lcca.lookout import Lookout
+from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.settings import LccaSettings
 from onboard.messages.lcca import CarId, LeaveReason, Reply
 
@@ -20,7 +20,9 @@ _MOST_DOUBLINGS = 16
 class Membership:
     """Who is followed, who is asked, and when the next join is due."""
 
-    def __init__(self, settings: LccaSettings, lookout: Lookout, rng: np.random.Generator) -> None:
+    def __init__(
+        self, settings: LccaSettings, lookout: LeadMonitor, rng: np.random.Generator
+    ) -> None:
         self._settings = settings
         self._lookout = lookout
         self._rng = rng

@@ -42,7 +42,7 @@ second car on the warning list brings about.
 from enum import Enum
 
 
-class State(Enum):
+class GroupState(Enum):
     """What a car is in its warning group (LCCA, section 3)."""
 
     REGULAR = "regular"
@@ -50,7 +50,7 @@ class State(Enum):
     MEMBER = "member"
 
 
-class Event(Enum):
+class GroupEvent(Enum):
     """What can change a car's state."""
 
     JOINED = "joined"
@@ -61,22 +61,22 @@ class Event(Enum):
     RENUMBERED = "renumbered"
 
 
-TRANSITIONS: dict[State, dict[Event, State]] = {
-    State.REGULAR: {
-        Event.JOINED: State.MEMBER,
-        Event.FOLLOWED: State.LEADER,
+TRANSITIONS: dict[GroupState, dict[GroupEvent, GroupState]] = {
+    GroupState.REGULAR: {
+        GroupEvent.JOINED: GroupState.MEMBER,
+        GroupEvent.FOLLOWED: GroupState.LEADER,
     },
-    State.LEADER: {
-        Event.JOINED: State.MEMBER,
-        Event.UNFOLLOWED: State.REGULAR,
+    GroupState.LEADER: {
+        GroupEvent.JOINED: GroupState.MEMBER,
+        GroupEvent.UNFOLLOWED: GroupState.REGULAR,
     },
-    State.MEMBER: {
-        Event.JOINED: State.MEMBER,
-        Event.RENUMBERED: State.MEMBER,
-        Event.FOLLOWED: State.MEMBER,
-        Event.UNFOLLOWED: State.MEMBER,
-        Event.LEFT_ALONE: State.REGULAR,
-        Event.LEFT_LEADING: State.LEADER,
+    GroupState.MEMBER: {
+        GroupEvent.JOINED: GroupState.MEMBER,
+        GroupEvent.RENUMBERED: GroupState.MEMBER,
+        GroupEvent.FOLLOWED: GroupState.MEMBER,
+        GroupEvent.UNFOLLOWED: GroupState.MEMBER,
+        GroupEvent.LEFT_ALONE: GroupState.REGULAR,
+        GroupEvent.LEFT_LEADING: GroupState.LEADER,
     },
 }
 
@@ -85,7 +85,7 @@ class TransitionError(Exception):
     """An event that the table does not allow: a mistake in this room, not in a message."""
 
 
-def next_state(state: State, event: Event) -> State:
+def next_state(state: GroupState, event: GroupEvent) -> GroupState:
     """Look the pair up.
 
     Raises:
@@ -97,11 +97,11 @@ def next_state(state: State, event: Event) -> State:
         raise TransitionError(f"{event.name} cannot happen to a {state.name} car") from None
 
 
-def diagram() -> str:
+def state_diagram() -> str:
     """Return the table as a Mermaid state diagram, for docs/lcca.md."""
-    lines = ["stateDiagram-v2", f"    [*] --> {State.REGULAR.name}"]
+    lines = ["stateDiagram-v2", f"    [*] --> {GroupState.REGULAR.name}"]
     for state, row in TRANSITIONS.items():
-        by_target: dict[State, list[str]] = {}
+        by_target: dict[GroupState, list[str]] = {}
         for event, target in row.items():
             by_target.setdefault(target, []).append(event.name)
         lines += [

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, IntFlag
 from typing import Annotated
 
-from onboard.messages.uper import Choice, Flags, Number, Octets, Row, Whole
+from onboard.messages.uper import Enumerated, Flags, Number, Octets, Row, Whole
 from onboard.units import STANDARD_GRAVITY_M_S2
 
 LATITUDE = Number(-900_000_000, 900_000_000, 1e-7, "deg", unavailable=900_000_001)
@@ -98,11 +98,11 @@ class BrakeSystemStatus:
     """The brakes and what helps them."""
 
     wheel_brakes: Annotated[WheelBrakes, Flags(WheelBrakes, 5)] = WheelBrakes.UNAVAILABLE
-    traction: Annotated[ControlStatus | None, Choice(ControlStatus, unavailable=0)] = None
-    abs: Annotated[ControlStatus | None, Choice(ControlStatus, unavailable=0)] = None
-    stability: Annotated[ControlStatus | None, Choice(ControlStatus, unavailable=0)] = None
-    brake_boost: Annotated[BrakeBoost | None, Choice(BrakeBoost, unavailable=0)] = None
-    auxiliary: Annotated[AuxiliaryBrakes | None, Choice(AuxiliaryBrakes, unavailable=0)] = None
+    traction: Annotated[ControlStatus | None, Enumerated(ControlStatus, unavailable=0)] = None
+    abs: Annotated[ControlStatus | None, Enumerated(ControlStatus, unavailable=0)] = None
+    stability: Annotated[ControlStatus | None, Enumerated(ControlStatus, unavailable=0)] = None
+    brake_boost: Annotated[BrakeBoost | None, Enumerated(BrakeBoost, unavailable=0)] = None
+    auxiliary: Annotated[AuxiliaryBrakes | None, Enumerated(AuxiliaryBrakes, unavailable=0)] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +127,9 @@ class CoreData:
     elevation_m: Annotated[float | None, ELEVATION] = None
     """Above the ellipsoid."""
     accuracy: Annotated[PositionalAccuracy, POSITIONAL_ACCURACY] = PositionalAccuracy()
-    transmission: Annotated[TransmissionState | None, Choice(TransmissionState, unavailable=7)] = (
-        None
-    )
+    transmission: Annotated[
+        TransmissionState | None, Enumerated(TransmissionState, unavailable=7)
+    ] = None
     speed_m_s: Annotated[float | None, SPEED] = None
     heading_rad: Annotated[float | None, HEADING] = None
     """Clockwise from true north."""

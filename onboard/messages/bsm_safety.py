@@ -19,7 +19,7 @@ from onboard.messages.bsm_core import (
     TransmissionState,
 )
 from onboard.messages.uper import (
-    Choice,
+    Enumerated,
     Flags,
     Number,
     OpenFlags,
@@ -93,7 +93,7 @@ class DateTime:
 class TransmissionAndSpeed:
     """Gear and speed, together as the standard has them."""
 
-    transmission: Annotated[TransmissionState | None, Choice(TransmissionState, unavailable=7)]
+    transmission: Annotated[TransmissionState | None, Enumerated(TransmissionState, unavailable=7)]
     speed_m_s: Annotated[float | None, SPEED]
 
 

@@ -9,7 +9,7 @@ row): whatever bits arrive, they are a symmetric positive matrix. Standard devia
 up, never claiming more than is known.
 
 On the wire: head, table of observers (4 bytes each), measurements, estimates each followed by its
-provenance. In a provenance, the measurements of one observer stand together, as one `Run` and one
+provenance. In a provenance, measurements of an observer stand together, as an `ObserverRun` and an
 age of 12 bits each; the last byte is filled up with zeros.
 """
 
@@ -65,7 +65,7 @@ _Correlation = Annotated[float, Number(8, 1 / 128, "", lowest=-127, highest=127)
 
 
 @dataclass(frozen=True, slots=True)
-class Head:
+class FooterHeader:
     """Where, when and how much."""
 
     version: Annotated[int, Wire(8)]
@@ -123,7 +123,7 @@ class SharedState:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class ObserverRun:
     """The measurements of one observer in a provenance."""
 
     observer: int
@@ -137,7 +137,7 @@ class SharedEstimate:
     """`e<v, T>`: a state and T."""
 
     state: SharedState
-    provenance: tuple[Run, ...]
+    provenance: tuple[ObserverRun, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,10 +153,10 @@ class MvsFooter:
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
+class FooterParts:
     """A footer taken apart, its measurements and states not yet read."""
 
-    head: Head
+    head: FooterHeader
     observers: tuple[bytes, ...]
     measurements: bytes
     """Of all, one after the other."""
@@ -166,7 +166,7 @@ class Parts:
     """Of each estimate the runs: place in the table of observers, ages in ms."""
 
 
-HEAD = Layout(Head)
+HEAD = Layout(FooterHeader)
 MEASUREMENT = Layout(SharedMeasurement)
 STATE = Layout(SharedState)
 
@@ -177,7 +177,7 @@ def encode(footer: MvsFooter) -> bytes:
     Raises:
         ValueError: a field holds what it cannot carry.
     """
-    head = Head(
+    head = FooterHeader(
         VERSION,
         footer.reference_ms,
         footer.latitude_deg,
@@ -201,9 +201,9 @@ def decode(data: bytes) -> MvsFooter:
     """Read a footer from the air.
 
     Raises:
-        DecodeError: those of `take_apart`, `out_of_range`.
+        DecodeError: those of `split`, `out_of_range`.
     """
-    parts = take_apart(data)
+    parts = split(data)
     head = parts.head
     states = _pieces(parts.states, STATE.size_bytes)
     return MvsFooter(
@@ -217,14 +217,15 @@ def decode(data: bytes) -> MvsFooter:
         ),
         tuple(
             SharedEstimate(
-                STATE.decode(state), tuple(Run(observer, tuple(ages)) for observer, ages in runs)
+                STATE.decode(state),
+                tuple(ObserverRun(observer, tuple(ages)) for observer, ages in runs),
             )
             for state, runs in zip(states, parts.provenances, strict=True)
         ),
     )
 
 
-def take_apart(data: bytes) -> Parts:
+def split(data: bytes) -> FooterParts:
     """Find the parts of a footer from the air.
 
     Raises:
@@ -247,7 +248,7 @@ def take_apart(data: bytes) -> Parts:
     named.update(measurements[:: MEASUREMENT.size_bytes])  # their first field
     if named and max(named) >= head.observers:
         raise DecodeError("unknown_observer", f"number {max(named)} of {head.observers}")
-    return Parts(head, tuple(observers), measurements, b"".join(states), provenances)
+    return FooterParts(head, tuple(observers), measurements, b"".join(states), provenances)
 
 
 def _pieces(data: bytes, size: int) -> list[bytes]:
@@ -270,7 +271,7 @@ def as_dict(footer: MvsFooter) -> dict[str, Any]:
     }
 
 
-def _encode_provenance(runs: tuple[Run, ...]) -> bytes:
+def _encode_provenance(runs: tuple[ObserverRun, ...]) -> bytes:
     number, bits = 0, 0
     for run in runs:
         if not 1 <= len(run.ages_ms) <= LONGEST_RUN:

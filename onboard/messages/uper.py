@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar, get_type_hints
 
 from typing_extensions import override
 
-from onboard.messages.bits import BitReader, BitWriter
+from onboard.messages.bit_io import BitReader, BitWriter
 from onboard.messages.declaration import DecodeError
 
 
@@ -134,7 +134,7 @@ class Octets(Fixed):
         return number.to_bytes(self.size)
 
 
-class Choice(Fixed):
+class Enumerated(Fixed):
     """ENUMERATED without extensions: the members' values are their positions."""
 
     def __init__(self, names: type[Enum], unavailable: int | None = None) -> None:

@@ -14,9 +14,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.assignment import cheapest_pairs
 from onboard.mvs.kalman import Array
 from onboard.mvs.kinematics import Kinematics
+from onboard.tracking.assignment import cheapest_pairs
 
 _SPEED = slice(2, 4)
 

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from onboard.mvs.evidence import Estimate, Evidence
-from onboard.mvs.held import Held
 from onboard.mvs.kalman import Array, predict, update_position, update_state
 from onboard.mvs.kinematics import Kinematics
+from onboard.mvs.stored_evidence import StoredEvidence
 
 UNKNOWN_SPEED_SIGMA_M_S = 100.0
 """Of a car of which one position is known: no knowledge, with margin."""
@@ -60,7 +60,7 @@ def filtered(pieces: Kinematics, counts: Sequence[int], acceleration_density: fl
 
 
 def as_estimates(
-    evidence_of_cars: Sequence[Sequence[Held | Evidence]], fused: Kinematics
+    evidence_of_cars: Sequence[Sequence[StoredEvidence | Evidence]], fused: Kinematics
 ) -> list[Estimate]:
     """Say of N cars from what each has been fused."""
     states, covariances = fused.states.T.copy(), fused.covariances.transpose(2, 0, 1).copy()

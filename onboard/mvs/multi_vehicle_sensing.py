@@ -9,25 +9,35 @@ from itertools import groupby
 
 import numpy as np
 
+from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.declaration import DecodeError
 from onboard.mvs.evidence import Evidence, Measurement, MeasurementId
 from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.heading import Heading
-from onboard.mvs.hearing import Heard, OwnMeasurements, doubts_of_heard, together
-from onboard.mvs.held import Held, Pieces
+from onboard.mvs.host_vehicle import HostVehicle, ReportedState
 from onboard.mvs.kinematics import Kinematics
-from onboard.mvs.known_car import KnownBy, KnownCar
-from onboard.mvs.local_frame import LocalFrame
-from onboard.mvs.neighbours import Neighbour, Neighbours, as_kinematics, as_known
-from onboard.mvs.own_car import OwnCar, ReportedState
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
+from onboard.mvs.provenance_spans import ProvenanceSpans
+from onboard.mvs.received_footers import (
+    OwnMeasurements,
+    ReceivedFooter,
+    concatenate,
+    violations_of_received,
+)
+from onboard.mvs.remote_vehicles import (
+    RemoteVehicle,
+    RemoteVehicles,
+    as_kinematics,
+    as_perceived_objects,
+)
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
+from onboard.mvs.shared_entries import OWN, EvidenceBatch, SharedEntries
 from onboard.mvs.sharing import encode_within, free_number, read
-from onboard.mvs.spans import Spans
-from onboard.mvs.told import OWN, Batch, Told
+from onboard.mvs.stored_evidence import EvidenceView, StoredEvidence
 from onboard.mvs.track import Track, independent, up_to
 from onboard.mvs.tracks import Tracks
-from onboard.observations import Discarded, Position, SensedCar
+from onboard.observations import Discarded, Position, VehicleDetection
 
 
 class MultiVehicleSensing:
@@ -53,12 +63,12 @@ class MultiVehicleSensing:
         self._utc_offset_s = utc_offset_s
         self._own_ids = deque([own_id], maxlen=2)
         self._own_stamps_ms: deque[int] = deque(maxlen=512)
-        self._own = OwnCar(settings.sensing)
-        self._seen: deque[SensedCar] = deque(maxlen=1024)
+        self._own = HostVehicle(settings.sensing)
+        self._seen: deque[VehicleDetection] = deque(maxlen=1024)
         """Not yet assigned: the cars of one picture are assigned together."""
-        self._heard: list[Heard] = []
+        self._heard: list[ReceivedFooter] = []
         """Not yet assigned: what has come in since somebody last asked is looked at together."""
-        self._neighbours = Neighbours()
+        self._neighbours = RemoteVehicles()
         self._tracks = Tracks(settings)
         self._told_ms = 0
         """When the last footer was made, UTC."""
@@ -98,7 +108,7 @@ class MultiVehicleSensing:
             for heard in self._heard:
                 heard.sender_m = turn @ heard.sender_m + shift
 
-    def receive_sensed_car(self, seen: SensedCar) -> None:
+    def receive_detection(self, seen: VehicleDetection) -> None:
         """A car that the own camera sees, whether it has a radio or not."""
         if self.has_position(seen.stamp_s):
             self._seen.append(seen)
@@ -107,7 +117,7 @@ class MultiVehicleSensing:
         self,
         sender_id: bytes,
         state: Position | None,
-        footer: bytes | Told | None,
+        footer: bytes | SharedEntries | None,
         now: float,
         acceleration_m_s2: float | None = None,
     ) -> None:
@@ -130,7 +140,7 @@ class MultiVehicleSensing:
                     reported,
                     acceleration_m_s2,
                     own_m=self._own_state().state[:2],
-                    settings=self._settings.belief,
+                    settings=self._settings.footer_validation,
                     now=now,
                 )
                 if refused is not None:
@@ -171,29 +181,29 @@ class MultiVehicleSensing:
             called[number].told_ms = now_ms
         return data
 
-    def kinematic_info(self, now: float) -> list[KnownCar]:
+    def kinematic_info(self, now: float) -> list[PerceivedObject]:
         """Every known car but the own one, as it is expected to be at `now`."""
         if not self.has_position(now):
             return []
         now_ms = self._utc_ms(now)
         tracks = self.cars_without_radio(now)
         q = self._settings.acceleration_density
-        cars = as_known(now, KnownBy.RADIO, self._neighbours, q)
+        cars = as_perceived_objects(now, ObjectSource.BSM, self._neighbours, q)
         estimates = [track.estimate for track in tracks]
         states, covariances = propagate(estimates, now_ms, q)
         for track, state, covariance in zip(
             tracks, states.T.tolist(), covariances.transpose(2, 0, 1).tolist(), strict=True
         ):
             cars.append(
-                KnownCar(
+                PerceivedObject(
                     stamp_s=now,
                     name=str(track.number),
-                    known_by=KnownBy.SEEN if track.is_seen else KnownBy.TOLD,
+                    source=ObjectSource.SENSOR if track.is_seen else ObjectSource.SHARED,
                     state=tuple(state),
                     covariance=tuple(map(tuple, covariance)),
                     age_s=(now_ms - track.estimate.stamp_ms) / 1000,
                     provenance=track.estimate.provenance,
-                    known_for_s=(now_ms - track.first_ms) / 1000,
+                    tracked_for_s=(now_ms - track.first_ms) / 1000,
                 )
             )
         return cars
@@ -203,12 +213,12 @@ class MultiVehicleSensing:
         self._bring_up_to_date(now)
         return [track for track in self._tracks if track.is_known and track.radio_id is None]
 
-    def own_car(self, now: float) -> KnownCar | None:
+    def host_vehicle(self, now: float) -> PerceivedObject | None:
         """The own car in the same frame; `None` without a position."""
         if not self.has_position(now):
             return None
-        own, q = Neighbour(self._own_state(), now), self._settings.acceleration_density
-        return as_known(now, KnownBy.ITSELF, {self.own_id: own}, q)[0]
+        own, q = RemoteVehicle(self._own_state(), now), self._settings.acceleration_density
+        return as_perceived_objects(now, ObjectSource.HOST, {self.own_id: own}, q)[0]
 
     def heading(self, now: float) -> Heading | None:
         """Which way the own car faces, standing too; `None` until it has driven."""
@@ -218,21 +228,21 @@ class MultiVehicleSensing:
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 
-    def _receive_footer(self, sender_id: bytes, data: bytes | Told, now: float) -> None:
-        belief = self._settings.belief
+    def _receive_footer(self, sender_id: bytes, data: bytes | SharedEntries, now: float) -> None:
+        belief = self._settings.footer_validation
         neighbour = self._neighbours.get(sender_id)
         if neighbour is None:
             return self._discard(now, "unplaced_sender", sender_id.hex())
         if not neighbour.may_send_footer(belief, now):
             return self._discard(now, "too_often", sender_id.hex())
         try:
-            told = data if isinstance(data, Told) else read(data)
+            told = data if isinstance(data, SharedEntries) else read(data)
         except DecodeError as error:
             return self._discard(now, error.reason, str(error))
         if len(told) > belief.entries_per_footer:
             return self._discard(now, "too_many_entries", f"{len(told)} from {sender_id.hex()}")
         if len(told):
-            self._heard.append(Heard(told, sender_id, neighbour.reported.state[:2], now))
+            self._heard.append(ReceivedFooter(told, sender_id, neighbour.reported.state[:2], now))
         if len(self._heard) >= _MOST_HEARD:
             self._take_up(now)
         return None
@@ -246,9 +256,9 @@ class MultiVehicleSensing:
         frame = self._own.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         sources = [each for each in heard for _ in range(len(each.told))]
-        batch = together(heard, frame, self._utc_ms)
+        batch = concatenate(heard, frame, self._utc_ms)
         own = OwnMeasurements(frozenset(self._own_ids), frozenset(self._own_stamps_ms))
-        refused, excess = doubts_of_heard(batch, heard, own, self._settings)
+        refused, excess = violations_of_received(batch, heard, own, self._settings)
         believed = [row for row in range(len(batch)) if row not in refused]
         believed_batch, excess = batch.rows(believed), excess[believed]
         believed_batch.entries.covariances[:] *= excess
@@ -292,12 +302,12 @@ class MultiVehicleSensing:
                 self._own_stamps_ms.append(identity.stamp_ms)
                 provenances = [frozenset((identity,))] * n
                 self._tracks.receive(
-                    Batch(
+                    EvidenceBatch(
                         [OWN] * n,
                         list(measured),
                         provenances,
                         [self._utc_ms(now)] * n,
-                        Spans.of(provenances),
+                        ProvenanceSpans.of(provenances),
                         [True] * n,
                         Kinematics.of(list(measured.values())),
                     )
@@ -321,20 +331,20 @@ class MultiVehicleSensing:
         if not untold:
             return None
         is_seen = any(map(self._is_own_measurement, untold))
-        return Candidate(Pieces(untold), len(received), is_seen, track.told_ms)
+        return Candidate(EvidenceView(untold), len(received), is_seen, track.told_ms)
 
     def _estimate(self, evidence_of_cars: Sequence[Sequence[Evidence]]) -> list[Evidence]:
         """The paper's Estimate: from the independent ones of all MEs about a car, for each car.
 
         The latest of them, where all are more measurements than anybody believes an estimate.
         """
-        most = self._settings.belief.measurements_per_estimate
+        most = self._settings.footer_validation.measurements_per_estimate
         chosen = [up_to(most, independent(evidence)) for evidence in evidence_of_cars]
         several = [evidence for evidence in chosen if len(evidence) > 1]
         estimates = iter(fuse(several, self._settings.acceleration_density))
         return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
 
-    def _is_own_measurement(self, held: Held) -> bool:
+    def _is_own_measurement(self, held: StoredEvidence) -> bool:
         return held.is_measurement and all(by in self._own_ids for by, _ in held.provenance)
 
     def _own_state(self) -> ReportedState:
@@ -355,5 +365,5 @@ _UTC_STEP_S = 0.1
 """A change of UTC by more is a correction and no drift: a car moves 3 m in that time."""
 
 
-def _stamp_s(seen: SensedCar) -> float:
+def _stamp_s(seen: VehicleDetection) -> float:
     return seen.stamp_s

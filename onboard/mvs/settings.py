@@ -61,7 +61,7 @@ class AssociationSettings(Settings):
     """Middles closer than this are one car: two cannot be."""
 
 
-class BeliefSettings(Settings):
+class FooterValidationSettings(Settings):
     """What is believed of what comes over the air; see the decision on hostile footers."""
 
     clock_tolerance_s: float = Field(0.1, ge=0.0, le=1.0)
@@ -119,4 +119,4 @@ class MvsSettings(Settings):
     """A car with a radio that has been silent for this long is not one any more."""
     sensing: SensingSettings = SensingSettings()
     association: AssociationSettings = AssociationSettings()
-    belief: BeliefSettings = BeliefSettings()
+    footer_validation: FooterValidationSettings = FooterValidationSettings()

@@ -7,29 +7,23 @@ from typing import Any
 
 import numpy as np
 
+from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
 from onboard.messages.columns import Columns
 from onboard.messages.mvs_footer import (
     LONGEST_AGE_MS,
     LONGEST_RUN,
     MvsFooter,
-    Run,
+    ObserverRun,
     SharedEstimate,
     SharedMeasurement,
     SharedState,
 )
-from onboard.mvs.evidence import (
-    Evidence,
-    Measurement,
-    MeasurementId,
-    Provenance,
-    measurement_id,
-)
+from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, Provenance, measurement_id
 from onboard.mvs.kalman import Array
 from onboard.mvs.kinematics import Kinematics
-from onboard.mvs.local_frame import LocalFrame
-from onboard.mvs.spans import Spans
-from onboard.mvs.told import Told
+from onboard.mvs.provenance_spans import ProvenanceSpans
+from onboard.mvs.shared_entries import SharedEntries
 
 MOST_OBSERVERS = 255
 _CARS = 256
@@ -91,13 +85,13 @@ def footer_of(
     )
 
 
-def read(data: bytes) -> Told:
+def read(data: bytes) -> SharedEntries:
     """Read the entries of a footer from the air, measurements first.
 
     Raises:
         DecodeError: those of `mvs_footer.decode`.
     """
-    parts = mvs_footer.take_apart(data)
+    parts = mvs_footer.split(data)
     head, observers = parts.head, parts.observers
     measured, stated = _MEASUREMENTS.read(parts.measurements), _STATES.read(parts.states)
     n, every = len(measured), len(measured) + len(stated)
@@ -120,8 +114,8 @@ def read(data: bytes) -> Told:
     states[:n, :2], states[n:] = measured[:, 4:6], stated[:, 1:5]
     covariances[:n, :2, :2] = from_correlations(measured[:, 6:8], measured[:, 8:])
     covariances[n:] = from_correlations(stated[:, 5:9], stated[:, 9:-1])
-    spans = Spans.of(provenances)
-    return Told(
+    spans = ProvenanceSpans.of(provenances)
+    return SharedEntries(
         LocalFrame(head.latitude_deg, head.longitude_deg),
         tuple(map(int, cars + stated[:, 0].tolist())),
         tuple(provenances),
@@ -164,12 +158,14 @@ def encode_within(
 
 def _runs(
     provenance: Iterable[MeasurementId], reference_ms: int, observers: dict[bytes, int]
-) -> tuple[Run, ...]:
+) -> tuple[ObserverRun, ...]:
     ages_of: dict[bytes, list[int]] = defaultdict(list)
     for observer, stamp_ms in sorted(provenance):
         ages_of[observer].append(reference_ms - stamp_ms)
     return tuple(
-        Run(observers.setdefault(observer, len(observers)), tuple(ages_ms[at : at + LONGEST_RUN]))
+        ObserverRun(
+            observers.setdefault(observer, len(observers)), tuple(ages_ms[at : at + LONGEST_RUN])
+        )
         for observer, ages_ms in ages_of.items()
         for at in range(0, len(ages_ms), LONGEST_RUN)
     )

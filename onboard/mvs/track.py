@@ -3,17 +3,11 @@
 import math
 from collections.abc import Iterable
 
-from onboard.mvs.evidence import (
-    Evidence,
-    Measurement,
-    MeasurementId,
-    Provenance,
-    stamp_ms_of,
-)
+from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, Provenance, stamp_ms_of
 from onboard.mvs.fusion import as_estimate
-from onboard.mvs.held import Held
 from onboard.mvs.independent_set import select_independent, select_independent_masks
-from onboard.mvs.told import OWN
+from onboard.mvs.shared_entries import OWN
+from onboard.mvs.stored_evidence import StoredEvidence
 
 _MOST_BITS = 512
 _SAME_PLACE_M = 0.1
@@ -26,7 +20,7 @@ Name = tuple[bytes, int]
 class Track:
     """What the own car holds of one car without a radio."""
 
-    def __init__(self, number: int, first: Held) -> None:
+    def __init__(self, number: int, first: StoredEvidence) -> None:
         self.number = number
         """The own car's name for it."""
         self.first_teller = first.teller
@@ -34,8 +28,8 @@ class Track:
         """What others, and the own camera, call it, and when they last did; UTC, as all times."""
         self.is_seen = False
         """Whether the own camera has seen it, as long as that is remembered."""
-        self.evidence: dict[Provenance, Held] = {}
-        self.settled: list[Held] = []
+        self.evidence: dict[Provenance, StoredEvidence] = {}
+        self.settled: list[StoredEvidence] = []
         """What was used when it grew old: it stays in use, and its measurements are spent."""
         self._spent: set[MeasurementId] = set()
         self._bits: dict[MeasurementId, int] = {}
@@ -74,7 +68,7 @@ class Track:
         return [held.piece for held in self.held]
 
     @property
-    def held(self) -> list[Held]:
+    def held(self) -> list[StoredEvidence]:
         """All evidence of it, as it came."""
         return [*self.settled, *self.evidence.values()]
 
@@ -107,7 +101,7 @@ class Track:
         """Whether one measurement has been told of both."""
         return not self._bits.keys().isdisjoint(other._bits)  # noqa: SLF001 (of the same class)
 
-    def add(self, held: Held) -> None:
+    def add(self, held: StoredEvidence) -> None:
         """Take a piece that it wants."""
         held.mask = self._mask(held.provenance)
         self.evidence[held.provenance] = held
@@ -139,7 +133,7 @@ class Track:
         self._has_changed = False
         return self.chosen != before
 
-    def chosen_without_repeaters(self) -> list[Held]:
+    def chosen_without_repeaters(self) -> list[StoredEvidence]:
         """What would be chosen if nobody repeated what the own camera has measured.
 
         Empty, if nothing that is chosen does.
@@ -197,12 +191,12 @@ class Track:
                 return True
         return False
 
-    def _choice(self, evidence: Iterable[Held]) -> list[Held]:
+    def _choice(self, evidence: Iterable[StoredEvidence]) -> list[StoredEvidence]:
         latest_first = sorted(evidence, key=stamp_ms_of, reverse=True)
         indices = select_independent_masks([held.mask for held in latest_first])
         return self.settled + [latest_first[index] for index in indices]
 
-    def _settle(self, some: Iterable[Held]) -> None:
+    def _settle(self, some: Iterable[StoredEvidence]) -> None:
         spent = 0
         for held in some:
             self.settled.append(held)

@@ -15,15 +15,15 @@ from itertools import accumulate, groupby
 import numpy as np
 
 from onboard.mvs.association import are_inside, compare, distances, gates, with_speed_prior
-from onboard.mvs.choosing import choose_and_fuse
-from onboard.mvs.held import Held
+from onboard.mvs.evidence_selection import choose_and_fuse
+from onboard.mvs.evidence_store import EvidenceStore
 from onboard.mvs.kalman import Array
 from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.shelf import Shelf
-from onboard.mvs.strangers import Strangers
-from onboard.mvs.told import OWN, Batch
+from onboard.mvs.shared_entries import OWN, EvidenceBatch
+from onboard.mvs.stored_evidence import StoredEvidence
 from onboard.mvs.track import Name, Track
+from onboard.mvs.unassociated import UnassociatedEvidence
 
 _RADIO_REMEMBERED_MS = 500
 """For this long a track counts as a car with a radio after it last matched one."""
@@ -50,7 +50,7 @@ class Tracks:
         self._tracks: list[Track] = []
         self._named: dict[Name, Track] = {}
         self._last_number = 0
-        self._shelf = Shelf()
+        self._shelf = EvidenceStore()
         self._compared: Kinematics | None = None
         """What evidence is compared with, a column for each track; `None` before it is needed."""
 
@@ -60,7 +60,7 @@ class Tracks:
     def __len__(self) -> int:
         return len(self._tracks)
 
-    def receive(self, batch: Batch) -> list[int]:
+    def receive(self, batch: EvidenceBatch) -> list[int]:
         """Give each entry to the car that it belongs to, or let it be a new car.
 
         Returns:
@@ -84,7 +84,7 @@ class Tracks:
 
     def refresh(self, now_ms: int) -> None:
         """Forget what is old, choose the evidence of each car anew, and fuse it."""
-        settings, belief = self._settings, self._settings.belief
+        settings, belief = self._settings, self._settings.footer_validation
         memory_ms, unseen_ms = round(settings.memory_s * 1000), round(settings.unseen_s * 1000)
         settled_ms = round(settings.settled_s * 1000)
         self._tracks = [track for track in self._tracks if now_ms - track.last_ms <= unseen_ms]
@@ -159,14 +159,14 @@ class Tracks:
             for row, each in enumerate(held):
                 each.row = row
 
-    def _add(self, track: Track, batch: Batch, row: int, shelved: int) -> None:
+    def _add(self, track: Track, batch: EvidenceBatch, row: int, shelved: int) -> None:
         track.call((batch.tellers[row], batch.cars[row]), batch.received_ms[row])
         if track.wants(batch.provenances[row], is_firsthand=batch.firsthand[row]):
             track.add(self._held(batch, row, shelved))
 
-    def _held(self, batch: Batch, row: int, shelved: int) -> Held:
+    def _held(self, batch: EvidenceBatch, row: int, shelved: int) -> StoredEvidence:
         """An entry as evidence; its numbers stand in the row `shelved` of the shelf."""
-        return Held(
+        return StoredEvidence(
             batch.provenances[row],
             int(batch.spans.newest_ms[row]),
             int(batch.spans.oldest_ms[row]),
@@ -184,7 +184,7 @@ class Tracks:
             track.uncall([name])
 
     def _assign_named(
-        self, batch: Batch, shelved: int
+        self, batch: EvidenceBatch, shelved: int
     ) -> tuple[list[int], defaultdict[_Said, set[int]]]:
         """Give entries under known names to their tracks, as long as they fit there.
 
@@ -217,7 +217,7 @@ class Tracks:
         return sorted(strangers), told_of
 
     def _assign_strangers(
-        self, batch: Batch, shelved: int, sayings: Sequence[tuple[list[int], set[int]]]
+        self, batch: EvidenceBatch, shelved: int, sayings: Sequence[tuple[list[int], set[int]]]
     ) -> list[int]:
         """Match entries under new names with tracks, or begin tracks for them.
 
@@ -232,7 +232,7 @@ class Tracks:
         """
         settings = self._settings
         rows = [row for saying, _ in sayings for row in saying]
-        strangers = Strangers(
+        strangers = UnassociatedEvidence(
             batch.rows(rows),
             self._tracks,
             self._comparison(),
@@ -260,7 +260,7 @@ class Tracks:
         self._compared = strangers.cars
         return refused
 
-    def _begin(self, name: Name, first: Held) -> Track:
+    def _begin(self, name: Name, first: StoredEvidence) -> Track:
         self._last_number += 1
         track = Track(self._last_number, first)
         track.call(name, first.received_ms)
@@ -269,7 +269,7 @@ class Tracks:
 
     def _has_room(self, teller: bytes, first_told: int) -> bool:
         """Whether a track may be begun; some room is kept for what the own camera sees."""
-        belief = self._settings.belief
+        belief = self._settings.footer_validation
         if teller == OWN:
             return len(self._tracks) < belief.cars
         return (

@@ -134,4 +134,4 @@ def _source(message: Any, signal: Any) -> str:
 
 
 def _discarded(frame: CanFrame, reason: str, detail: str) -> Discarded:
-    return Discarded(stamp_s=frame.stamp_s, room="obd", reason=reason, detail=detail)
+    return Discarded(stamp_s=frame.stamp_s, component="obd", reason=reason, detail=detail)

@@ -9,7 +9,7 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 import cv2
@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.errors import UserError
-from onboard.recorder.head import Head
-from onboard.recorder.mending import mend
-from onboard.recorder.notes import Gap, Note, Picture, Recording
-from onboard.recorder.segment import PICTURES
+from onboard.recorder.header import RecordingHeader
+from onboard.recorder.records import CameraImage, Record, RecorderState, RecordingGap
+from onboard.recorder.repair import repair
+from onboard.recorder.segment import IMAGES
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
 
@@ -41,11 +41,15 @@ NICENESS: Final = 5
 FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """A disk that takes no more is no mistake of the user's: the car drives without a black box."""
 
+TOO_SLOW: Final = "the disk does not keep up"
+
 
 class BlackBox:
     """Records one drive."""
 
-    def __init__(self, settings: RecorderSettings, on_state: Callable[[Recording], None]) -> None:
+    def __init__(
+        self, settings: RecorderSettings, on_state: Callable[[RecorderState], None]
+    ) -> None:
         """Open nothing yet; notes may come already.
 
         `on_state` is called when recording begins or ends, and when notes were lost: from the
@@ -53,7 +57,7 @@ class BlackBox:
         """
         self.settings = settings
         self._on_state = on_state
-        self._queue: queue.Queue[Note] = queue.Queue(QUEUE_NOTES)
+        self._queue: queue.Queue[Record] = queue.Queue(QUEUE_NOTES)
         self._ending = threading.Event()
         self._counting = threading.Lock()
         self._lost = 0
@@ -67,7 +71,7 @@ class BlackBox:
         self._segments: Segments | None = None
         self._thread = threading.Thread(target=self._run, name="black-box", daemon=True)
 
-    def begin(self, head: Head) -> None:
+    def begin(self, head: RecordingHeader) -> None:
         """Say what the drive begins with, before the first note."""
         self._segments = Segments(self.settings, head)
 
@@ -87,7 +91,7 @@ class BlackBox:
             raise UserError(f"recorder.folder: {folder}: {os.strerror(errno.EACCES)}")
         self._thread.start()
 
-    def note(self, note: Note) -> None:
+    def note(self, note: Record) -> None:
         """Have it written. From any thread; returns at once."""
         try:
             if self._lost:
@@ -96,14 +100,14 @@ class BlackBox:
         except queue.Full:
             self._lose()
             if self._told[0] == "":
-                self._tell("the disk does not keep up")
+                self._tell(TOO_SLOW)
 
-    def _mark_gap(self, note: Note) -> None:
+    def _mark_gap(self, note: Record) -> None:
         """Have it written that notes are missing before this one."""
         with self._counting:
             if self._lost:
-                gap = Gap(note.value.stamp_s, self._lost)
-                self._queue.put_nowait(Note("/box/gap", note.utc_s, gap))
+                gap = RecordingGap(note.value.stamp_s, self._lost)
+                self._queue.put_nowait(Record("/recorder/recording_gap", note.utc_s, gap))
                 self._lost = 0
 
     def note_picture(self, image: NDArray[np.uint8], stamp_s: float) -> None:
@@ -117,13 +121,22 @@ class BlackBox:
         quality = [cv2.IMWRITE_JPEG_QUALITY, self.settings.picture_quality]
         _, jpeg = cv2.imencode(".jpg", image, quality)
         utc_s = time.time() - (time.monotonic() - stamp_s)
-        self.note(Note(PICTURES, utc_s, Picture(stamp_s, jpeg.tobytes())))
+        self.note(Record(IMAGES, utc_s, CameraImage(stamp_s, jpeg.tobytes())))
 
     def close(self) -> None:
         """Write what is left, finish the file, and stop; a disk that hangs is not waited for."""
         if self._thread.is_alive():
             self._ending.set()
             self._thread.join(STOP_S)
+            if self._thread.is_alive():
+                self._give_up()
+
+    def _give_up(self) -> None:
+        """What the disk has still to take ends with the process."""
+        unsafe = self._segments.unsafe_notes if self._segments is not None else 0
+        with self._counting:
+            self._dropped += unsafe + self._queue.qsize()
+        self._tell(TOO_SLOW)
 
     # ---- in the thread --------------------------------------------------------------------
 
@@ -135,14 +148,15 @@ class BlackBox:
             try:
                 self._record(segments)
             except Exception as error:  # noqa: BLE001 (whatever it is, it is told, and the car drives)
-                lost = segments.abandon(time.monotonic())
-                self._lose_in_thread(lost)
-                why_not = error.strerror if isinstance(error, OSError) else repr(error)
-                self._tell(why_not or repr(error))
-                waited = self._wait()
-                if waited is None:
+                self._miss(segments.abandon(time.monotonic()))
+                strerror = error.strerror if isinstance(error, OSError) else None
+                why_not = strerror or repr(error)
+                self._tell(why_not)
+                has_ended = self._ending.wait(RETRY_S)
+                self._miss(self._waiting())
+                if has_ended:
+                    self._tell(why_not)
                     return
-                self._missing += lost + waited
             else:
                 return
 
@@ -151,11 +165,12 @@ class BlackBox:
         now, utc_s = time.monotonic(), time.time()
         segments.open(now, utc_s)
         if self._missing:
-            segments.write(Note("/box/gap", utc_s, Gap(now, self._missing)))
-            segments.flush()
+            gap = Record("/recorder/recording_gap", utc_s, RecordingGap(now, self._missing))
             self._missing = 0
+            segments.write(gap)
+            segments.flush()
         self._tell("")
-        mend(self.settings.folder, segments.path)
+        repair(self.settings.folder, segments.path)
         ending = False
         while not ending:
             ending = self._ending.wait(FLUSH_S)
@@ -167,20 +182,7 @@ class BlackBox:
         segments.close(time.monotonic())
         self._tell("")
 
-    def _wait(self) -> int | None:
-        """Lose notes until the disk is tried again; how many, or `None` if the drive ended."""
-        if self._ending.wait(RETRY_S):
-            return None
-        lost = 0
-        for note in self._waiting():
-            if isinstance(note.value, Gap):
-                lost += note.value.dropped  # counted when they were lost
-            else:
-                self._lose_in_thread(1)
-                lost += 1
-        return lost
-
-    def _waiting(self) -> Iterator[Note]:
+    def _waiting(self) -> Iterator[Record]:
         """The notes that have come so far."""
         for _ in range(self._queue.qsize()):
             yield self._queue.get_nowait()
@@ -190,13 +192,19 @@ class BlackBox:
             self._lost += 1
             self._dropped += 1
 
-    def _lose_in_thread(self, notes: int) -> None:
-        with self._counting:
-            self._dropped += notes
+    def _miss(self, notes: Iterable[Record]) -> None:
+        """Count what does not come onto the disk, for the gap that the next segment begins with."""
+        for note in notes:
+            if isinstance(note.value, RecordingGap):
+                self._missing += note.value.dropped  # lost, and told, before
+            else:
+                self._missing += 1
+                with self._counting:
+                    self._dropped += 1
 
     def _tell(self, why_not: str) -> None:
         with self._telling:
             if self._told == (why_not, self._dropped):
                 return
             self._told = (why_not, self._dropped)
-        self._on_state(Recording(time.monotonic(), not why_not, why_not, self._dropped))
+        self._on_state(RecorderState(time.monotonic(), not why_not, why_not, self._dropped))

@@ -14,7 +14,7 @@ from typing import Any
 from typing_extensions import override
 
 from onboard.errors import UserError
-from onboard.observations import Lead, Plate, SensedCar
+from onboard.observations import Lead, Plate, VehicleDetection
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 
@@ -39,12 +39,12 @@ class Aliases:
 
     def hide(self, value: Any) -> Any:
         """The value as it may be written."""
-        if isinstance(value, Lead | Plate | SensedCar) and value.text is not None:
+        if isinstance(value, Lead | Plate | VehicleDetection) and value.text is not None:
             return replace(value, text=self.word(value.text))
         return value
 
 
-class NotedDigest(PlateDigest):
+class RecordingDigest(PlateDigest):
     """Tells every ID that it derives."""
 
     def __init__(
@@ -61,7 +61,7 @@ class NotedDigest(PlateDigest):
         return car_id
 
 
-class RecordedDigest(PlateDigest):
+class ReplayedDigest(PlateDigest):
     """Knows the IDs of a recording, and no other."""
 
     def __init__(

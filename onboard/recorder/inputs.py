@@ -11,24 +11,24 @@ from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import (
     BrakePedal,
-    DetectedCars,
+    DetectionList,
     Discarded,
     HardBrake,
     Lead,
     Plate,
     Position,
-    SensedCar,
-    SensorBack,
     SensorLost,
+    SensorRecovered,
     Speed,
+    VehicleDetection,
 )
-from onboard.recorder.notes import Button, Gap, Identity, ReceivedWsm, Round
-from onboard.recorder.reading import Entry
+from onboard.recorder.reader import Entry
+from onboard.recorder.records import BrakeButton, Identity, ReceivedWsm, RecordingGap, Step
 
 Input = (
-    CanFrame | ReceivedWsm | Button | Round | Identity | Gap
-    | Speed | BrakePedal | HardBrake | Plate | Lead | SensedCar | DetectedCars | Position
-    | SensorLost | SensorBack | Discarded
+    CanFrame | ReceivedWsm | BrakeButton | Step | Identity | RecordingGap
+    | Speed | BrakePedal | HardBrake | Plate | Lead | VehicleDetection | DetectionList | Position
+    | SensorLost | SensorRecovered | Discarded
 )  # fmt: skip
 
 _BY_KIND = {kind.kind: kind for kind in get_args(Input)}

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 
 from onboard.obd.can_frame import CanFrame
 from onboard.recorder.inputs import Input, as_input
-from onboard.recorder.notes import Button, Gap, Identity, Note, ReceivedWsm, Round
-from onboard.recorder.reading import Box, BoxError
-from onboard.recorder.recorded import replayed_stack
+from onboard.recorder.reader import RecordedDrive, RecordingError
+from onboard.recorder.recorded_stack import replayed_stack
+from onboard.recorder.records import BrakeButton, Identity, ReceivedWsm, Record, RecordingGap, Step
 from onboard.recorder.tap import Tap
-from onboard.trace import Event, as_json, as_record
+from onboard.trace.trace_line import Event, as_json, as_record
 from onboard.wave_udp import wsmp
 
 _SIGNED_DATA = 0x81
@@ -26,7 +26,7 @@ _SIGNATURE_BYTES = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class Output:
     """One answer of the cores."""
 
     topic: str
@@ -35,16 +35,16 @@ class Said:
 
 
 @dataclass(slots=True)
-class Moment:
+class RecordedStep:
     """One round of the drive."""
 
     at_s: float
     """Since the drive began."""
     events: list[Event]
     """What the cores see and decide now."""
-    came_out: list[Said]
+    came_out: list[Output]
     """What they answer now, without the events that only repeat an input."""
-    recorded: list[Said] = field(default_factory=list)
+    recorded: list[Output] = field(default_factory=list)
     """What they answered then."""
 
 
@@ -54,8 +54,8 @@ class Difference:
 
     at_s: float
     """Since the drive began."""
-    recorded: Said | None
-    came_out: Said | None
+    recorded: Output | None
+    came_out: Output | None
     """`None`: there is none, where there is one on the other side."""
 
 
@@ -68,19 +68,19 @@ class Comparison:
     until_s: float
     """Since the drive began."""
     difference: Difference | None
-    gap: Gap | None
+    gap: RecordingGap | None
     """Where notes are missing, after which nothing can be compared."""
 
 
-class GapError(BoxError):
+class GapError(RecordingError):
     """Notes are missing in the recording."""
 
-    def __init__(self, gap: Gap) -> None:
+    def __init__(self, gap: RecordingGap) -> None:
         super().__init__(f"{gap.dropped} notes are missing: the disk was full or too slow")
         self.gap = gap
 
 
-def play(box: Box) -> Iterator[Moment]:
+def play(box: RecordedDrive) -> Iterator[RecordedStep]:
     """Drive the cores with the recording, from the beginning of what there is of it.
 
     Raises:
@@ -88,22 +88,22 @@ def play(box: Box) -> Iterator[Moment]:
         UserError: an input cannot be read.
     """
     car_ids: dict[tuple[str, int], bytes] = {}
-    notes: list[Note] = []
+    notes: list[Record] = []
     tap: Tap | None = None
     inputs: list[Input] = []
-    moment: Moment | None = None
+    moment: RecordedStep | None = None
     for entry in box.entries():
         if entry.topic.startswith("/out/"):
             if moment is not None:
-                moment.recorded.append(Said(entry.topic, entry.data))
+                moment.recorded.append(Output(entry.topic, entry.data))
             continue
-        if not entry.topic.startswith(("/in/", "/box/")):
+        if not entry.topic.startswith(("/in/", "/recorder/")):
             continue
         if moment is not None:
             yield moment
             moment = None
         value = as_input(entry)
-        if isinstance(value, Gap):
+        if isinstance(value, RecordingGap):
             raise GapError(value)
         if isinstance(value, Identity):
             car_ids[value.plate, value.epoch] = value.car_id
@@ -111,19 +111,19 @@ def play(box: Box) -> Iterator[Moment]:
         if tap is None:
             begins = (value.stamp_s, entry.utc_s) if box.begins_late else None
             tap = replayed_stack(box.head, car_ids, notes.append, begins)
-        if isinstance(value, Round):
+        if isinstance(value, Step):
             events = _go_round(tap, inputs, value)
             inputs = []
             said = [_said(note) for note in notes if note.topic.startswith("/out/")]
             notes.clear()
-            moment = Moment(value.stamp_s - box.head.now_s, events, said)
+            moment = RecordedStep(value.stamp_s - box.head.now_s, events, said)
         else:
             inputs.append(value)
     if moment is not None:
         yield moment
 
 
-def compare(box: Box, within: float = 0.0) -> Comparison:
+def compare(box: RecordedDrive, within: float = 0.0) -> Comparison:
     """Replay until something differs, or to the end.
 
     Args:
@@ -136,7 +136,7 @@ def compare(box: Box, within: float = 0.0) -> Comparison:
     """
     _require_whole(box)
     answers, until_s = 0, 0.0
-    before: Moment | None = None
+    before: RecordedStep | None = None
     try:
         for moment in play(box):
             if before is not None:
@@ -148,7 +148,7 @@ def compare(box: Box, within: float = 0.0) -> Comparison:
     except GapError as error:
         return Comparison(answers, until_s, None, error.gap)
     if before is None:
-        raise BoxError("nothing to compare: the recording was cut off before the first round")
+        raise RecordingError("nothing to compare: the recording was cut off before the first round")
     # The last round may have been cut off; what is there of it counts.
     before.came_out = before.came_out[: len(before.recorded)]
     difference = _first_difference(before, within)
@@ -157,16 +157,20 @@ def compare(box: Box, within: float = 0.0) -> Comparison:
     return Comparison(answers + len(before.recorded), before.at_s, None, None)
 
 
-def _require_whole(box: Box) -> None:
+def _require_whole(box: RecordedDrive) -> None:
     if not box.head.is_complete:
-        raise BoxError("recorded without positions, and so without much of what was decided from")
+        raise RecordingError(
+            "recorded without positions, and so without much of what was decided from"
+        )
     if box.begins_late:
-        raise BoxError("begins in the middle of its drive: what was decided rests on what is gone")
+        raise RecordingError(
+            "begins in the middle of its drive: what was decided rests on what is gone"
+        )
     if box.missing:
-        raise BoxError(f"segments are missing: {', '.join(map(str, box.missing))}")
+        raise RecordingError(f"segments are missing: {', '.join(map(str, box.missing))}")
 
 
-def _go_round(tap: Tap, inputs: list[Input], end: Round) -> list[Event]:
+def _go_round(tap: Tap, inputs: list[Input], end: Step) -> list[Event]:
     now = end.stamp_s
     if end.utc_s is not None:
         tap.set_utc(end.utc_s, now)
@@ -185,19 +189,19 @@ def _give(tap: Tap, value: Input, now: float) -> None:
             tap.receive_can(value, now)
         case ReceivedWsm():
             tap.receive_wsm(value.data, now)
-        case Button():
+        case BrakeButton():
             tap.press_brake_button(now)
-        case Round() | Identity() | Gap():
+        case Step() | Identity() | RecordingGap():
             raise AssertionError(f"no input of the cores: {value}")
         case _:
             tap.receive_observation(value, now)
 
 
-def _said(note: Note) -> Said:
-    return Said(note.topic, as_json(as_record(note.value)).encode())
+def _said(note: Record) -> Output:
+    return Output(note.topic, as_json(as_record(note.value)).encode())
 
 
-def _first_difference(moment: Moment, within: float) -> Difference | None:
+def _first_difference(moment: RecordedStep, within: float) -> Difference | None:
     for at in range(max(len(moment.recorded), len(moment.came_out))):
         recorded = moment.recorded[at] if at < len(moment.recorded) else None
         came_out = moment.came_out[at] if at < len(moment.came_out) else None
@@ -206,7 +210,7 @@ def _first_difference(moment: Moment, within: float) -> Difference | None:
     return None
 
 
-def _is_same(recorded: Said, came_out: Said, within: float) -> bool:
+def _is_same(recorded: Output, came_out: Output, within: float) -> bool:
     if recorded == came_out:
         return True
     if recorded.topic != came_out.topic:
@@ -233,7 +237,7 @@ def _is_close(one: object, other: object, within: float) -> bool:
     return one == other
 
 
-def _without_signature(said: Said) -> dict[str, object]:
+def _without_signature(said: Output) -> dict[str, object]:
     record: dict[str, object] = json.loads(said.data)
     frame = bytes.fromhex(str(record["data"]))
     if wsmp.decode(frame).payload[1] == _SIGNED_DATA:

@@ -13,13 +13,13 @@ from mcap.writer import CompressionType, Writer
 from pydantic import TypeAdapter
 from pydantic.errors import PydanticInvalidForJsonSchema, PydanticSchemaGenerationError
 
-from onboard.recorder.head import FORMAT, Head
-from onboard.recorder.notes import Note, Picture
-from onboard.trace import as_json, as_record
+from onboard.recorder.header import FORMAT, RecordingHeader
+from onboard.recorder.records import CameraImage, Record
+from onboard.trace.trace_line import as_json, as_record
 
 METADATA: Final = "onboard"
 """Name of the metadata record that every segment begins with."""
-PICTURES: Final = "/camera"
+IMAGES: Final = "/camera"
 _PICTURE_SCHEMA = {
     "title": "foxglove.CompressedImage",
     "type": "object",
@@ -40,7 +40,7 @@ _PICTURE_SCHEMA = {
 class Segment:
     """A file that is being written. Everything may raise `OSError`."""
 
-    def __init__(self, path: Path, head: Head, number: int) -> None:
+    def __init__(self, path: Path, head: RecordingHeader, number: int) -> None:
         """Make the file, readable by its owner only, with all that a reader must know first."""
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         self.path = path
@@ -66,7 +66,7 @@ class Segment:
         """As it is on disk."""
         return self._file.tell()
 
-    def add(self, note: Note) -> None:
+    def add(self, note: Record) -> None:
         """Append a note; it is safe after the next `flush`."""
         stamp_ns = round(note.utc_s * 1e9)
         channel = self._channels.get(note.topic)
@@ -94,7 +94,7 @@ class Segment:
         with contextlib.suppress(OSError):  # what was buffered does not fit; closed it is
             self._file.close()
 
-    def _new_channel(self, note: Note) -> int:
+    def _new_channel(self, note: Record) -> int:
         schema = schema_of(type(note.value))
         schema_id = self._writer.register_schema(
             schema["title"], "jsonschema", json.dumps(schema).encode()
@@ -102,8 +102,8 @@ class Segment:
         return self._writer.register_channel(note.topic, "json", schema_id)
 
 
-def _record(note: Note) -> dict[str, Any]:
-    if not isinstance(note.value, Picture):
+def _record(note: Record) -> dict[str, Any]:
+    if not isinstance(note.value, CameraImage):
         return as_record(note.value)
     seconds, fraction = divmod(note.utc_s, 1.0)
     return {
@@ -117,7 +117,7 @@ def _record(note: Note) -> dict[str, Any]:
 @cache
 def schema_of(value_type: type) -> dict[str, Any]:
     """The JSON schema of what a value of this type is written as."""
-    if value_type is Picture:
+    if value_type is CameraImage:
         return _PICTURE_SCHEMA
     try:
         schema = TypeAdapter(value_type).json_schema(mode="serialization")

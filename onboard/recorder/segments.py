@@ -5,14 +5,14 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from onboard.recorder.head import Head
-from onboard.recorder.notes import Identity, Note
-from onboard.recorder.ring import Stored, kept_path, segments_in, to_delete
+from onboard.recorder.header import RecordingHeader
+from onboard.recorder.records import Identity, Record
+from onboard.recorder.retention import Stored, kept_path, segments_in, to_delete
 from onboard.recorder.segment import Segment, is_being_written
 from onboard.recorder.settings import RecorderSettings
 from onboard.risk.alarm import Alarm, Level
 
-KEEPING = frozenset({"/out/warning", "/out/hard_brake", "/in/hard_brake", "/in/button"})
+KEEPING = frozenset({"/out/warning", "/out/hard_brake", "/in/hard_brake", "/in/brake_button"})
 """What the minutes around it are kept for, beside the alarms that are warnings."""
 
 MAKE_ROOM_S = 10.0
@@ -25,7 +25,7 @@ class Segments:
     Files that somebody else takes away are not missed.
     """
 
-    def __init__(self, settings: RecorderSettings, head: Head) -> None:
+    def __init__(self, settings: RecorderSettings, head: RecordingHeader) -> None:
         self._settings = settings
         self._head = head
         self._next_number = 0
@@ -35,12 +35,17 @@ class Segments:
         self._keep_until = float("-inf")
         self._identities: dict[tuple[str, int], Identity] = {}
         self._make_room_at = 0.0
-        self._unsafe = 0
+        self._unsafe: list[Record] = []
 
     @property
     def path(self) -> Path:
         """Of the segment that is being written."""
         return self._open_segment().path
+
+    @property
+    def unsafe_notes(self) -> int:
+        """How many the disk has not confirmed; from any thread."""
+        return len(self._unsafe)
 
     def open(self, now: float, utc_s: float) -> None:
         """Begin a segment at `now`, on the cores' clock."""
@@ -54,20 +59,19 @@ class Segments:
         self._next_number += 1
         self._began_at = now
         for identity in self._identities.values():
-            self._segment.add(Note("/in/identity", utc_s, replace(identity, stamp_s=now)))
+            self._segment.add(Record("/in/identity", utc_s, replace(identity, stamp_s=now)))
 
-    def write(self, note: Note) -> None:
+    def write(self, note: Record) -> None:
         """Append to the segment, or to the next one when its time is over."""
         now = note.value.stamp_s
-        segment = self._open_segment()
-        self._unsafe += 1
+        self._unsafe.append(note)
         if now - self._began_at >= self._settings.segment_s:
             self.close(now)
+            self._unsafe = [note]  # the next segment's
             self.open(now, note.utc_s)
-            segment = self._open_segment()
         elif now >= self._make_room_at:
             self.make_room(now)
-        segment.add(note)
+        self._open_segment().add(note)
         if isinstance(note.value, Identity):
             self._remember(note.value)
         elif is_event(note):
@@ -76,27 +80,27 @@ class Segments:
     def flush(self) -> None:
         """Bring everything onto the disk."""
         self._open_segment().flush()
-        self._unsafe = 0
+        self._unsafe = []
 
     def close(self, now: float) -> None:
         """Finish the segment."""
         segment = self._open_segment()
         segment.close()
-        self._unsafe = 0
+        self._unsafe = []
         self._ended.append((now, segment.path))
         self._segment = None
 
-    def abandon(self, now: float) -> int:
+    def abandon(self, now: float) -> list[Record]:
         """Leave the segment as it is, on a disk that takes no more.
 
         Returns:
-            how many notes may not have come onto the disk.
+            the notes that may not have come onto the disk.
         """
         if self._segment is not None:
             self._segment.abandon()
             self._ended.append((now, self._segment.path))
             self._segment = None
-        lost, self._unsafe = self._unsafe, 0
+        lost, self._unsafe = self._unsafe, []
         return lost
 
     def make_room(self, now: float) -> None:
@@ -135,7 +139,7 @@ class Segments:
         self._ended = [(at, _kept(path) if at > since else path) for at, path in self._ended]
 
 
-def is_event(note: Note) -> bool:
+def is_event(note: Record) -> bool:
     """Whether something happened that the minutes around it are kept for."""
     value = note.value
     return note.topic in KEEPING or (isinstance(value, Alarm) and value.level is Level.WARNING)

@@ -10,16 +10,16 @@ from collections.abc import Callable
 from onboard.lcca.group import WarningGroup
 from onboard.messages import bsm
 from onboard.messages.declaration import DecodeError
-from onboard.mvs.known_car import KnownCar
+from onboard.mvs.perceived_object import PerceivedObject
 from onboard.obd.can_frame import CanFrame
 from onboard.recorder.identities import Aliases
-from onboard.recorder.notes import Button, Note, ReceivedWsm, Round, SentWsm
+from onboard.recorder.records import BrakeButton, ReceivedWsm, Record, SentWsm, Step
 from onboard.security.plate_digest import PlateDigest
 from onboard.stack import Observation, Stack
-from onboard.trace import Event
+from onboard.trace.trace_line import Event
 from onboard.wave_udp import wsmp
 
-PLACES = frozenset({"position", "known_car"})
+PLACES = frozenset({"position", "perceived_object"})
 """Kinds that say where somebody is."""
 
 
@@ -29,7 +29,7 @@ class Tap:
     def __init__(
         self,
         stack: Stack,
-        note: Callable[[Note], None],
+        note: Callable[[Record], None],
         aliases: Aliases,
         begins: tuple[float, float],
         *,
@@ -70,7 +70,7 @@ class Tap:
         return self._stack.group
 
     @property
-    def surroundings(self) -> tuple[KnownCar | None, list[KnownCar]]:
+    def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """See `Stack`."""
         return self._stack.surroundings
 
@@ -100,7 +100,7 @@ class Tap:
 
     def press_brake_button(self, now: float) -> None:
         """See `Stack`."""
-        self._take("in", Button(now), now)
+        self._take("in", BrakeButton(now), now)
         self._stack.press_brake_button(now)
 
     # ---- time, and out --------------------------------------------------------------------
@@ -116,7 +116,7 @@ class Tap:
 
     def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
         """See `Stack`; this ends the inputs of the round."""
-        self._take("in", Round(now, self._utc_s, self._timer), now)
+        self._take("in", Step(now, self._utc_s, self._timer), now)
         self._utc_s, self._timer = None, False
         wsms = self._stack.wsms_to_send(now)
         for user_priority, data in wsms:
@@ -143,7 +143,7 @@ class Tap:
         self._now = now
         if self._positions or not _tells_places(value):
             topic = f"/{direction}/{value.kind}"
-            self._note(Note(topic, now + self._utc_offset_s, self._aliases.hide(value)))
+            self._note(Record(topic, now + self._utc_offset_s, self._aliases.hide(value)))
 
 
 def _tells_places(value: Event) -> bool:

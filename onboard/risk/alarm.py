@@ -8,12 +8,12 @@ from typing import ClassVar
 class Cause(StrEnum):
     """Why; at most one alarm of each at a time."""
 
-    GROUP = "group"
+    LCCA = "lcca"
     """A car ahead in the warning group brakes hard (LCCA)."""
-    CLOSING_GAP = "closing_gap"
-    HARD_BRAKING = "hard_braking"
+    FCW = "fcw"
+    EEBL = "eebl"
     """A car ahead on the own path says so by BSM (EEBL)."""
-    CROSSING = "crossing"
+    IMA = "ima"
 
 
 class Level(StrEnum):
@@ -30,7 +30,7 @@ class Level(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Reason:
+class AlarmReason:
     """An observation that an alarm rests on."""
 
     what: str
@@ -48,7 +48,7 @@ class Assessment:
     level: Level
     value: float
     """Braking needed in m/s^2, or P_C."""
-    reasons: tuple[Reason, ...]
+    reasons: tuple[AlarmReason, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Alarm:
     level: Level
     value: float
     """Braking needed in m/s^2 (P_C from 0 to 1 for crossing paths) when the level changed."""
-    reasons: tuple[Reason, ...]
+    reasons: tuple[AlarmReason, ...]
     """What raised it; empty when it ends."""
 
 

@@ -12,20 +12,20 @@ from dataclasses import dataclass
 from onboard.lcca.events import WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_safety import VehicleEventFlags
-from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import BrakePedal, Discarded, Lead, Position, Speed
-from onboard.risk.alarm import NOTHING, Alarm, Assessment, Cause, Hysteresis, Level, Reason
-from onboard.risk.closing_gap import (
+from onboard.risk.alarm import NOTHING, Alarm, AlarmReason, Assessment, Cause, Hysteresis, Level
+from onboard.risk.fcw import (
     LeadMotion,
     judged,
     required_deceleration_m_s2,
     settled_closing_speed_m_s,
 )
-from onboard.risk.crossing_paths import Driven, averaged_collision_probabilities
-from onboard.risk.meeting import CovarianceError, Meeting, meeting
-from onboard.risk.motion import Motion
-from onboard.risk.own_braking import OwnBraking
+from onboard.risk.host_braking import HostBraking
+from onboard.risk.ima import Driven, averaged_collision_probabilities
+from onboard.risk.path_crossing import CovarianceError, PathCrossing, path_crossing
 from onboard.risk.settings import RiskSettings
+from onboard.risk.vehicle_motion import VehicleMotion
 
 _NO_BRAKING_HELPS_M_S2 = 20.0
 """Alarms name no greater need than this."""
@@ -57,17 +57,17 @@ class RiskMonitor:
         self._settings = settings
         self._own_size = (length_m, width_m)
         self._speed: Speed | None = None
-        self._own_braking = OwnBraking(settings.closing_gap.lead_window_s)
+        self._own_braking = HostBraking(settings.fcw.lead_window_s)
         self._lead: Lead | None = None
-        self._lead_motion = LeadMotion(settings.closing_gap)
+        self._lead_motion = LeadMotion(settings.fcw)
         self._height_m: float | None = None
         self._said: dict[str, _Said] = {}
-        self._motions: dict[str, Motion] = {}
+        self._motions: dict[str, VehicleMotion] = {}
         self._warning: WarningRaised | None = None
         self._alarms = {
             cause: Hysteresis(
                 cause,
-                settings.closing_gap.confirm_s if cause is Cause.CLOSING_GAP else 0.0,
+                settings.fcw.confirm_s if cause is Cause.FCW else 0.0,
                 settings.release_s,
             )
             for cause in Cause
@@ -92,16 +92,16 @@ class RiskMonitor:
         self._lead = lead
         speed = self._fresh_speed(now)
         if speed is not None and lead.gap_m is not None and lead.closing_speed_m_s is not None:
-            if (lead.closing_speed_sigma_m_s or 0.0) > self._settings.closing_gap.settled_sigma_m_s:
+            if (lead.closing_speed_sigma_m_s or 0.0) > self._settings.fcw.settled_sigma_m_s:
                 self._lead_motion.clear()  # a speed that settles is not braking
             lead_speed_m_s = speed.speed_m_s - lead.closing_speed_m_s
             self._lead_motion.receive(lead.stamp_s, lead.gap_m, lead_speed_m_s)
-        self._judge(Cause.CLOSING_GAP, self._closing_gap(now), now)
+        self._judge(Cause.FCW, self._fcw(now), now)
 
     def receive_warning(self, warning: WarningRaised, now: float) -> None:
         """The group's warning of a car ahead that brakes hard."""
         self._warning = warning
-        self._judge(Cause.GROUP, self._group(now), now)
+        self._judge(Cause.LCCA, self._group(now), now)
 
     def receive_bsm(self, bsm: BasicSafetyMessage, now: float) -> None:
         """What another car says beside its motion: height, size, whether it brakes hard."""
@@ -115,7 +115,9 @@ class RiskMonitor:
         height_m = _mean_height_m(before.height_m if before else None, core.elevation_m)
         self._said[name] = _Said(now, height_m, size.length_m, size.width_m, brakes_hard_at_s)
 
-    def assess(self, own: KnownCar | None, cars: Sequence[KnownCar], now: float) -> None:
+    def assess(
+        self, own: PerceivedObject | None, cars: Sequence[PerceivedObject], now: float
+    ) -> None:
         """Judge every cause; to be called at 10 Hz, also when nothing comes in.
 
         Args:
@@ -126,18 +128,18 @@ class RiskMonitor:
         self._said = {
             name: said for name, said in self._said.items() if now - said.at_s <= _SAID_HELD_S
         }
-        self._judge(Cause.GROUP, self._group(now), now)
-        closing_gap = self._closing_gap(now)
-        if closing_gap.level is Level.NONE:  # between frames it can end, but not begin
-            self._judge(Cause.CLOSING_GAP, closing_gap, now)
+        self._judge(Cause.LCCA, self._group(now), now)
+        fcw = self._fcw(now)
+        if fcw.level is Level.NONE:  # between frames it can end, but not begin
+            self._judge(Cause.FCW, fcw, now)
         others = [] if own is None else [car for car in cars if _is_other(car, own)]
         self._follow_motions([*others, own] if own is not None else [], now)
         if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:
-            self._judge(Cause.HARD_BRAKING, NOTHING, now)
-            self._judge(Cause.CROSSING, NOTHING, now)
+            self._judge(Cause.EEBL, NOTHING, now)
+            self._judge(Cause.IMA, NOTHING, now)
         else:
-            self._judge(Cause.HARD_BRAKING, self._hard_braking(own, others, now), now)
-            self._judge(Cause.CROSSING, self._crossing(own, others, now), now)
+            self._judge(Cause.EEBL, self._eebl(own, others, now), now)
+            self._judge(Cause.IMA, self._crossing(own, others, now), now)
 
     def next_event(self) -> Alarm | Discarded | None:
         """The oldest event not yet taken."""
@@ -153,11 +155,11 @@ class RiskMonitor:
         if warning is None or now - warning.stamp_s > self._settings.group_warning_s:
             return NOTHING
         age_s = now - warning.stamp_s + warning.age_s
-        reason = Reason(warning.kind, warning.origin_id.hex(), age_s)
+        reason = AlarmReason(warning.kind, warning.origin_id.hex(), age_s)
         return Assessment(Level.WARNING, warning.deceleration_m_s2, (reason,))
 
-    def _closing_gap(self, now: float) -> Assessment:
-        settings, lead, speed = self._settings.closing_gap, self._lead, self._fresh_speed(now)
+    def _fcw(self, now: float) -> Assessment:
+        settings, lead, speed = self._settings.fcw, self._lead, self._fresh_speed(now)
         if (
             lead is None
             or speed is None
@@ -182,13 +184,15 @@ class RiskMonitor:
             seen,
             min(needed_m_s2, _NO_BRAKING_HELPS_M_S2),
             (
-                Reason(lead.kind, lead.identity.value, now - lead.stamp_s),
-                Reason(speed.kind, speed.source, now - speed.stamp_s),
+                AlarmReason(lead.kind, lead.identity.value, now - lead.stamp_s),
+                AlarmReason(speed.kind, speed.source, now - speed.stamp_s),
             ),
         )
 
-    def _hard_braking(self, own: KnownCar, others: Sequence[KnownCar], now: float) -> Assessment:
-        settings = self._settings.hard_braking
+    def _eebl(
+        self, own: PerceivedObject, others: Sequence[PerceivedObject], now: float
+    ) -> Assessment:
+        settings = self._settings.eebl
         worst = NOTHING
         for car in others:
             said = self._said.get(car.name)
@@ -198,44 +202,48 @@ class RiskMonitor:
             if gap_m is None or self._is_on_another_level(said, gap_m):
                 continue
             speed_m_s, other_m_s = math.hypot(*own.state[2:]), math.hypot(*car.state[2:])
-            reaction_s = self._settings.closing_gap.reaction_s
+            reaction_s = self._settings.fcw.reaction_s
             braking_m_s2 = max(settings.assumed_m_s2, -(car.acceleration_m_s2 or 0.0))
             needed_m_s2 = required_deceleration_m_s2(
                 gap_m, speed_m_s, other_m_s, braking_m_s2, reaction_s
             )
-            urgent = needed_m_s2 >= self._settings.closing_gap.warning_m_s2
+            urgent = needed_m_s2 >= self._settings.fcw.warning_m_s2
             if worst is NOTHING or needed_m_s2 > worst.value:
                 worst = Assessment(
                     Level.WARNING if urgent else Level.CAUTION,
                     min(needed_m_s2, _NO_BRAKING_HELPS_M_S2),
-                    (Reason("bsm", car.name, now - said.brakes_hard_at_s), _reason(car, own)),
+                    (AlarmReason("bsm", car.name, now - said.brakes_hard_at_s), _reason(car, own)),
                 )
         return worst
 
-    def _gap_on_path_m(self, own: KnownCar, car: KnownCar, said: _Said) -> float | None:
+    def _gap_on_path_m(
+        self, own: PerceivedObject, car: PerceivedObject, said: _Said
+    ) -> float | None:
         """Bumper to bumper, if the car is ahead in the own lane and drives the same way."""
-        settings = self._settings.hard_braking
+        settings = self._settings.eebl
         heading = math.atan2(own.state[3], own.state[2])
         east_m, north_m = car.state[0] - own.state[0], car.state[1] - own.state[1]
         ahead_m = east_m * math.cos(heading) + north_m * math.sin(heading)
         beside_m = north_m * math.cos(heading) - east_m * math.sin(heading)
         if not 0.0 < ahead_m <= settings.range_m or abs(beside_m) > settings.beside_m:
             return None
-        if math.hypot(*car.state[2:]) >= self._settings.crossing.least_speed_m_s:
+        if math.hypot(*car.state[2:]) >= self._settings.ima.least_speed_m_s:
             turned = math.atan2(car.state[3], car.state[2]) - heading
             if math.cos(turned) < math.cos(settings.heading_rad):
                 return None
         length_m = said.length_m or self._settings.other_length_m
         return max(ahead_m - (self._own_size[0] + length_m) / 2.0, 0.0)
 
-    def _crossing(self, own: KnownCar, others: Sequence[KnownCar], now: float) -> Assessment:
-        settings = self._settings.crossing
-        found: list[tuple[KnownCar, Meeting]] = []
+    def _crossing(
+        self, own: PerceivedObject, others: Sequence[PerceivedObject], now: float
+    ) -> Assessment:
+        settings = self._settings.ima
+        found: list[tuple[PerceivedObject, PathCrossing]] = []
         for car in others:
             if car.age_s > settings.oldest_s:
                 continue
             try:
-                met = meeting(own, car, settings)
+                met = path_crossing(own, car, settings)
             except CovarianceError as error:
                 self._events.append(Discarded(now, "risk", "covariance", f"{car.name}: {error}"))
                 continue
@@ -250,30 +258,30 @@ class RiskMonitor:
         seen = [self._grade(car, float(p), own) for (car, _), p in zip(found, p_c, strict=True)]
         return max(seen, key=lambda each: (each.level.rank, each.value), default=NOTHING)
 
-    def _grade(self, car: KnownCar, p_c: float, own: KnownCar) -> Assessment:
-        settings = self._settings.crossing
+    def _grade(self, car: PerceivedObject, p_c: float, own: PerceivedObject) -> Assessment:
+        settings = self._settings.ima
         if p_c >= settings.warning_p_c:
             return Assessment(Level.WARNING, p_c, (_reason(car, own),))
         if p_c >= settings.caution_p_c:
             return Assessment(Level.CAUTION, p_c, (_reason(car, own),))
         return Assessment(Level.NONE, p_c, ())
 
-    def _follow_motions(self, cars: Sequence[KnownCar], now: float) -> None:
+    def _follow_motions(self, cars: Sequence[PerceivedObject], now: float) -> None:
         self._motions = {
-            car.name: self._motions.get(car.name) or Motion(self._settings.crossing.trend_s)
+            car.name: self._motions.get(car.name) or VehicleMotion(self._settings.ima.trend_s)
             for car in cars
         }
         for car in cars:
             _, _, east_m_s, north_m_s = car.state
             self._motions[car.name].receive(now, east_m_s, north_m_s)
 
-    def _changes(self, car: KnownCar) -> tuple[float | None, float | None]:
+    def _changes(self, car: PerceivedObject) -> tuple[float | None, float | None]:
         """Acceleration, as the car says, else as its speed changes; and that across."""
         motion = self._motions[car.name]
         said_m_s2 = car.acceleration_m_s2
         return motion.acceleration_m_s2 if said_m_s2 is None else said_m_s2, motion.sideways_m_s2
 
-    def _is_over_or_under(self, car: KnownCar, met: Meeting) -> bool:
+    def _is_over_or_under(self, car: PerceivedObject, met: PathCrossing) -> bool:
         said = self._said.get(car.name)
         to_go_m = abs(float(met.mean[0])) + abs(float(met.mean[2]))
         return said is not None and self._is_on_another_level(said, to_go_m)
@@ -281,11 +289,11 @@ class RiskMonitor:
     def _is_on_another_level(self, said: _Said, to_go_m: float) -> bool:
         if said.height_m is None or self._height_m is None:
             return False
-        settings = self._settings.crossing
+        settings = self._settings.ima
         allowed_m = settings.other_level_m + settings.slope * to_go_m
         return abs(said.height_m - self._height_m) > allowed_m
 
-    def _driven(self, car: KnownCar) -> Driven:
+    def _driven(self, car: PerceivedObject) -> Driven:
         said = self._said.get(car.name)
         return Driven(
             (said.length_m if said else None) or self._settings.other_length_m,
@@ -306,9 +314,9 @@ def _mean_height_m(mean_m: float | None, height_m: float | None) -> float | None
     return mean_m + _NEW_HEIGHT * (height_m - mean_m)
 
 
-def _is_other(car: KnownCar, own: KnownCar) -> bool:
-    return car.known_by is not KnownBy.ITSELF and car.name != own.name
+def _is_other(car: PerceivedObject, own: PerceivedObject) -> bool:
+    return car.source is not ObjectSource.HOST and car.name != own.name
 
 
-def _reason(car: KnownCar, own: KnownCar) -> Reason:
-    return Reason(f"{car.kind}:{car.known_by.value}", car.name, max(car.age_s, own.age_s))
+def _reason(car: PerceivedObject, own: PerceivedObject) -> AlarmReason:
+    return AlarmReason(f"{car.kind}:{car.source.value}", car.name, max(car.age_s, own.age_s))

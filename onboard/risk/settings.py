@@ -5,7 +5,7 @@ from pydantic import Field
 from onboard.settings import Settings
 
 
-class ClosingGapSettings(Settings):
+class FcwSettings(Settings):
     """The car ahead that the camera sees."""
 
     reaction_s: float = Field(1.0, ge=0.0, le=3.0)
@@ -30,7 +30,7 @@ class ClosingGapSettings(Settings):
     """How long a sight of the car ahead is good for."""
 
 
-class HardBrakingSettings(Settings):
+class EeblSettings(Settings):
     """A car ahead on our path whose BSM says that it brakes hard (EEBL)."""
 
     range_m: float = Field(150.0, gt=0.0, le=500.0)
@@ -44,7 +44,7 @@ class HardBrakingSettings(Settings):
     """What the flag stands for: more than 0.4 g (SAE J2735). A car that says more is believed."""
 
 
-class CrossingSettings(Settings):
+class ImaSettings(Settings):
     """Crossing paths, by the collision probability P_C."""
 
     caution_p_c: float = Field(0.30, gt=0.0, le=1.0)
@@ -93,9 +93,9 @@ class CrossingSettings(Settings):
 class RiskSettings(Settings):
     """All causes of an alarm."""
 
-    closing_gap: ClosingGapSettings = ClosingGapSettings()
-    hard_braking: HardBrakingSettings = HardBrakingSettings()
-    crossing: CrossingSettings = CrossingSettings()
+    fcw: FcwSettings = FcwSettings()
+    eebl: EeblSettings = EeblSettings()
+    ima: ImaSettings = ImaSettings()
     least_speed_m_s: float = Field(2.0, ge=0.0, le=20.0)
     """Below it, the own car gets no alarm but the group's warnings."""
     speed_held_s: float = Field(1.0, gt=0.0, le=5.0)

@@ -9,7 +9,7 @@ from typing import TypeVar
 from onboard.security import oer, p256
 from onboard.security.certificates import Certificate, IssuePermission, Permission, Subject
 from onboard.security.its_time import from_time32, to_time32
-from onboard.security.oer import Malformed, Reader, Unsupported
+from onboard.security.oer import Malformed, OerReader, Unsupported
 
 _VERSION = 3
 _EXPLICIT = 0
@@ -45,7 +45,7 @@ def encode_signature(signature: p256.Signature) -> bytes:
     return b"\x80\x80" + r.to_bytes(32, "big") + s.to_bytes(32, "big")
 
 
-def read_signature(reader: Reader) -> p256.Signature:
+def read_signature(reader: OerReader) -> p256.Signature:
     """Read a Signature; `Unsupported` if it is of another curve."""
     if reader.choice() != 0:
         raise Unsupported("a signature that is not ECDSA on NIST P-256")
@@ -93,13 +93,13 @@ def decode_certificate(data: bytes) -> Certificate:
     Raises:
         Malformed, Unsupported: it is none that can be used here.
     """
-    reader = Reader(data)
+    reader = OerReader(data)
     certificate = read_certificate(reader)
     reader.finish()
     return certificate
 
 
-def read_certificate(reader: Reader) -> Certificate:
+def read_certificate(reader: OerReader) -> Certificate:
     """Read a certificate, explicit or implicit, off the front of `reader`."""
     has_signature = reader.byte()
     version = reader.byte()
@@ -127,7 +127,7 @@ def read_certificate(reader: Reader) -> Certificate:
 class _Canonical:
     """Follows a reader and notes where the canonical encoding differs from what was received."""
 
-    reader: Reader
+    reader: OerReader
     start: int = field(init=False)
     done: list[bytes] = field(default_factory=list)
 
@@ -151,7 +151,7 @@ class _Canonical:
         return b"".join(self.done)
 
 
-def _read_point(reader: Reader) -> bytes | None:
+def _read_point(reader: OerReader) -> bytes | None:
     """Return an EccP256CurvePoint compressed, with 0 in front for x-only; `None` for fill."""
     form = reader.choice()
     if form in {0, 2, 3}:
@@ -164,7 +164,7 @@ def _read_point(reader: Reader) -> bytes | None:
     raise Malformed(f"a point of form {form}")
 
 
-def _read_issuer(reader: Reader) -> bytes | None:
+def _read_issuer(reader: OerReader) -> bytes | None:
     issuer = reader.choice()
     if issuer == 0:
         return reader.take(8)
@@ -213,7 +213,7 @@ def _read_key(body: _Canonical) -> bytes | None:
     raise Malformed(f"a key indicator {indicator}")
 
 
-def _read_name(reader: Reader) -> str | None:
+def _read_name(reader: OerReader) -> str | None:
     kind = reader.choice()
     if kind == 0:  # linkageData: iCert, linkage value, group linkage value
         is_grouped = reader.byte()
@@ -227,7 +227,7 @@ def _read_name(reader: Reader) -> str | None:
     raise Malformed(f"a certificate id of kind {kind}")
 
 
-def _skip_region(reader: Reader) -> None:
+def _skip_region(reader: OerReader) -> None:
     """Pass over a GeographicRegion; docs/decisions/0052 says why it is not enforced."""
     kind = reader.choice()
     if kind == 0:
@@ -242,7 +242,7 @@ def _skip_region(reader: Reader) -> None:
         raise Malformed(f"a region of kind {kind}")
 
 
-def _skip_identified_region(reader: Reader) -> None:
+def _skip_identified_region(reader: OerReader) -> None:
     kind = reader.choice()
     reader.take(2)
     if kind == 1:
@@ -253,7 +253,7 @@ def _skip_identified_region(reader: Reader) -> None:
         raise Malformed(f"an identified region of kind {kind}")
 
 
-def _skip_subregions(reader: Reader) -> None:
+def _skip_subregions(reader: OerReader) -> None:
     reader.take(1)
     _several(reader, lambda inner: inner.take(2))
 
@@ -272,7 +272,7 @@ def _encode_permission(permission: Permission) -> bytes:
     return b"\x80" + psid + oer.choice(0) + oer.octets(permission.ssp)
 
 
-def _read_permission(reader: Reader) -> Permission:
+def _read_permission(reader: OerReader) -> Permission:
     has_ssp = reader.byte()
     psid = reader.unsigned()
     if not has_ssp:
@@ -300,7 +300,7 @@ def _encode_issue(permission: IssuePermission) -> bytes:
     return b"".join((bytes((present,)), subject, *lengths))
 
 
-def _read_issue(reader: Reader) -> IssuePermission:
+def _read_issue(reader: OerReader) -> IssuePermission:
     present = reader.byte()
     kind = reader.choice()
     if kind > 1:
@@ -319,7 +319,7 @@ def _read_issue(reader: Reader) -> IssuePermission:
     )
 
 
-def _read_range(reader: Reader) -> tuple[int, _Ssps]:
+def _read_range(reader: OerReader) -> tuple[int, _Ssps]:
     has_range = reader.byte()
     psid = reader.unsigned()
     if not has_range:
@@ -328,13 +328,13 @@ def _read_range(reader: Reader) -> tuple[int, _Ssps]:
     if kind == 1:
         return psid, _Ssps.ANY
     if kind == 0:
-        _several(reader, Reader.octets)
+        _several(reader, OerReader.octets)
     else:
         reader.octets()
     return psid, _Ssps.SOME
 
 
-def _several(reader: Reader, read: Callable[[Reader], ItemT]) -> tuple[ItemT, ...]:
+def _several(reader: OerReader, read: Callable[[OerReader], ItemT]) -> tuple[ItemT, ...]:
     count = reader.unsigned()
     if count > len(reader.data):
         raise Malformed(f"{count} items in {len(reader.data)} bytes")

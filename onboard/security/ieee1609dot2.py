@@ -10,7 +10,7 @@ from onboard.security import oer, p256
 from onboard.security.certificate_codec import encode_signature, read_certificate, read_signature
 from onboard.security.certificates import Certificate
 from onboard.security.its_time import from_time64
-from onboard.security.oer import Malformed, Reader, Unsupported
+from onboard.security.oer import Malformed, OerReader, Unsupported
 
 _VERSION = 3
 _UNSECURED_HEAD = bytes((_VERSION, 0x80))
@@ -104,7 +104,7 @@ def decode(data: bytes) -> UnsecuredData | SignedData:
         Malformed: it is none.
         Unsupported: it is of a kind that is not read here.
     """
-    reader = Reader(data)
+    reader = OerReader(data)
     content = _read_content(reader)
     if content == 0:
         unsecured = UnsecuredData(reader.octets())
@@ -131,14 +131,14 @@ def payload_in(data: bytes) -> bytes | None:
     return None
 
 
-def _read_content(reader: Reader) -> int:
+def _read_content(reader: OerReader) -> int:
     version = reader.byte()
     if version != _VERSION:
         raise Malformed(f"1609.2 data of version {version}")
     return reader.choice()
 
 
-def _read_signed(reader: Reader) -> SignedData:
+def _read_signed(reader: OerReader) -> SignedData:
     start = reader.position
     if reader.byte() != _PAYLOAD_ONLY[0]:
         raise Unsupported("a signature over something else than a payload")
@@ -170,7 +170,7 @@ def _read_signed(reader: Reader) -> SignedData:
     )
 
 
-def _read_signer(reader: Reader) -> bytes | tuple[Certificate, ...]:
+def _read_signer(reader: OerReader) -> bytes | tuple[Certificate, ...]:
     kind = reader.choice()
     if kind == 0:
         return reader.take(8)
@@ -192,7 +192,7 @@ def _encode_location(location: Location) -> bytes:
     )
 
 
-def _read_location(reader: Reader) -> Location:
+def _read_location(reader: OerReader) -> Location:
     latitude, longitude = (
         int.from_bytes(reader.take(4), "big", signed=True) / 1e7 for _ in range(2)
     )

@@ -24,8 +24,8 @@ from onboard.security import p256
 from onboard.security.certificate_codec import decode_certificate
 from onboard.security.certificates import Certificate
 from onboard.security.credentials import Authority, Credential, Credentials
-from onboard.security.distrust import NotTrusted
 from onboard.security.oer import Malformed, Unsupported
+from onboard.security.rejection import NotTrusted
 from onboard.security.trust import Trusted, TrustStore
 
 _OTHERS = 0o077

@@ -45,7 +45,7 @@ def choice(number: int) -> bytes:
     return bytes((0x80 | number,))
 
 
-class Reader:
+class OerReader:
     """Takes bytes off the front of `data`; every shortage raises `Malformed`."""
 
     __slots__ = ("data", "position")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from onboard.security import p256
 from onboard.security.certificates import Certificate
-from onboard.security.distrust import NotTrusted, Reason
+from onboard.security.rejection import NotTrusted, RejectionReason
 
 _LEARNED = 4096
 """Certificates from the air that are remembered, the ones seen last."""
@@ -51,7 +51,9 @@ class TrustStore:
         self._learned: OrderedDict[bytes, Trusted] = OrderedDict()
         for root in roots:
             if root.issuer_id is not None:
-                raise NotTrusted(Reason.UNTRUSTED_ISSUER, f"{root.subject.name}: is no root")
+                raise NotTrusted(
+                    RejectionReason.UNTRUSTED_ISSUER, f"{root.subject.name}: is no root"
+                )
             self._anchors[root.hashed_id8] = self._check(root, None)
         waiting = list(authorities)
         while waiting:
@@ -86,21 +88,25 @@ class TrustStore:
 
     def _issuer(self, certificate: Certificate) -> Trusted:
         if certificate.issuer_id is None:
-            raise NotTrusted(Reason.UNTRUSTED_ISSUER, "signed by itself")
+            raise NotTrusted(RejectionReason.UNTRUSTED_ISSUER, "signed by itself")
         issuer = self.find(certificate.issuer_id)
         if issuer is None:
-            raise NotTrusted(Reason.UNTRUSTED_ISSUER, f"{certificate.issuer_id.hex()} is not known")
+            raise NotTrusted(
+                RejectionReason.UNTRUSTED_ISSUER, f"{certificate.issuer_id.hex()} is not known"
+            )
         return issuer
 
     def _check(self, certificate: Certificate, issuer: Trusted | None) -> Trusted:
         """Return `certificate` as trusted; `issuer` is `None` for a root of our own."""
         subject = certificate.subject
         if subject.public_key is None or certificate.signature is None:
-            raise NotTrusted(Reason.UNSUPPORTED, "an implicit certificate")
+            raise NotTrusted(RejectionReason.UNSUPPORTED, "an implicit certificate")
         try:
             key = p256.public_key(subject.public_key)
         except ValueError as error:
-            raise NotTrusted(Reason.BAD_CERTIFICATE, "its key is not on the curve") from error
+            raise NotTrusted(
+                RejectionReason.BAD_CERTIFICATE, "its key is not on the curve"
+            ) from error
         trusted = Trusted(
             certificate,
             key,
@@ -113,7 +119,7 @@ class TrustStore:
         signer = p256.NOBODY if issuer is None else issuer.certificate.digest
         digest = p256.digest_to_sign(certificate.to_be_signed, signer)
         if not p256.is_signed(key if issuer is None else issuer.key, digest, certificate.signature):
-            raise NotTrusted(Reason.BAD_CERTIFICATE, "its issuer did not sign it")
+            raise NotTrusted(RejectionReason.BAD_CERTIFICATE, "its issuer did not sign it")
         return trusted
 
 
@@ -123,9 +129,10 @@ def _check_rights(trusted: Trusted) -> None:
     for height, authority in enumerate(trusted.chain(), start=1):
         granted = authority.certificate.subject.issue_permissions
         if not granted:
-            raise NotTrusted(Reason.UNTRUSTED_ISSUER, "its issuer may not issue")
+            raise NotTrusted(RejectionReason.UNTRUSTED_ISSUER, "its issuer may not issue")
         for permission in subject.permissions:
             if not any(grant.covers(permission, height) for grant in granted):
                 raise NotTrusted(
-                    Reason.UNTRUSTED_ISSUER, f"its issuer may not grant PSID 0x{permission.psid:X}"
+                    RejectionReason.UNTRUSTED_ISSUER,
+                    f"its issuer may not grant PSID 0x{permission.psid:X}",
                 )

@@ -5,7 +5,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.errors import UserError
-from onboard.observations import Box
+from onboard.observations import ImageBox
 from onboard.vision.settings import BoxModelSettings
 
 _GREY = (114, 114, 114)
@@ -41,7 +41,7 @@ class BoxModel:
                 f"(input_width_px, input_height_px): {error.err}"
             ) from error
 
-    def find(self, image: npt.NDArray[np.uint8]) -> list[tuple[Box, float]]:
+    def find(self, image: npt.NDArray[np.uint8]) -> list[tuple[ImageBox, float]]:
         """Boxes in an (h, w, 3) BGR picture and their scores, the surest first."""
         width, height = self._settings.input_width_px, self._settings.input_height_px
         scale = min(width / image.shape[1], height / image.shape[0])
@@ -54,7 +54,7 @@ class BoxModel:
             boxes.tolist(), scores.tolist(), self._settings.least_score, _LEAST_OVERLAP
         )
         return [
-            (Box(*(float(value) / scale for value in boxes[index])), float(scores[index]))
+            (ImageBox(*(float(value) / scale for value in boxes[index])), float(scores[index]))
             for index in kept
         ]
 

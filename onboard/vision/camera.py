@@ -10,9 +10,9 @@ import cv2
 from onboard.observations import Sensor, SensorLost
 from onboard.vision.frames import CameraError, Image
 from onboard.vision.live_frames import TIMEOUT_S, LiveFrames, device_frames, mjpeg_frames
+from onboard.vision.perception import Event, Perception
 from onboard.vision.recordings import Clip, Pictures, open_recording
 from onboard.vision.settings import CameraSettings, VisionSettings
-from onboard.vision.sight import Event, Sight
 
 NICENESS = 10
 """Of the thread that sees."""
@@ -71,7 +71,7 @@ class CameraThread:
             on_picture: gets each picture and its stamp.
         """
         self._camera = camera
-        self._sight = Sight(camera, vision)
+        self._sight = Perception(camera, vision)
         self._on_observations = on_observations
         self._on_picture = on_picture
         self._closed = threading.Event()

@@ -2,11 +2,11 @@
 
 import math
 
-from onboard.vision.identity import LEAST_READ_CONFIDENCE, Ballot
-from onboard.vision.motion import Motion
-from onboard.vision.plate_kinds import CarsKind, PlateKinds
+from onboard.vision.identity import LEAST_READ_CONFIDENCE, PlateVote
+from onboard.vision.motion import FrameMotion
+from onboard.vision.plate_formats import CarsKind, PlateKinds
+from onboard.vision.plate_observation import Cue, Sighting
 from onboard.vision.rear import Growth
-from onboard.vision.sighting import Cue, Sighting
 
 MOST_OFF = 3.0
 """Sigmas that a sighting may be off; one that is farther off is taken to be that much worse."""
@@ -49,14 +49,14 @@ class CarTrack:
         """The latest plate or tag, else the latest vehicle."""
         self.corners_px = first.corners_px
         """Where that is now."""
-        self.ahead = Motion(
+        self.ahead = FrameMotion(
             first.place.ahead_m,
             first.ahead_sigma_m,
             stamp_s,
             rate_sigma_m_s=8.0,
             acceleration_sigma_m_s2=3.0,
         )
-        self.right = Motion(
+        self.right = FrameMotion(
             first.place.right_m,
             first.right_sigma_m,
             stamp_s,
@@ -66,8 +66,8 @@ class CarTrack:
         self.followed_at = stamp_s
         """Up to when its rear was followed."""
         self._identity_confidence = identity_confidence
-        self._plate = Ballot(identity_confidence)
-        self._tag = Ballot(identity_confidence)
+        self._plate = PlateVote(identity_confidence)
+        self._tag = PlateVote(identity_confidence)
         self._vote(first, stamp_s)
 
     @property

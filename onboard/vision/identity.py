@@ -35,7 +35,7 @@ _Choice = TypeVar("_Choice")
 _FOLD = str.maketrans("OI", "01")
 
 
-class Ballot:
+class PlateVote:
     """The votes on one car's text."""
 
     def __init__(self, confidence: float) -> None:

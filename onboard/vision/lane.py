@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Box
-from onboard.vision.perspective import Perspective, Place
+from onboard.observations import ImageBox
+from onboard.vision.perspective import Perspective, RoadPosition
 
 _Floats = npt.NDArray[np.float64]
 
@@ -96,7 +96,7 @@ class MarkingFinder:
         self._right = np.linspace(-self.SIDE, self.SIDE, self.COLUMNS)
         self._cell = float(self._right[1] - self._right[0])
         places = [
-            Place(ahead * lane_width_m, right * lane_width_m, 0.0)
+            RoadPosition(ahead * lane_width_m, right * lane_width_m, 0.0)
             for ahead in self._ahead
             for right in self._right
         ]
@@ -107,7 +107,7 @@ class MarkingFinder:
         # Roads are mostly straight and cars mostly along them: bends must be seen in more rows.
         self._doubt = 4.0 * (np.abs(self._bends) / 0.015 + np.abs(self._headings) / 0.05)
 
-    def find(self, image: npt.NDArray[np.uint8], cars: Sequence[Box] = ()) -> LaneShape | None:
+    def find(self, image: npt.NDArray[np.uint8], cars: Sequence[ImageBox] = ()) -> LaneShape | None:
         """The lane's shape; `None` where its markings cannot be seen.
 
         Args:
@@ -121,7 +121,7 @@ class MarkingFinder:
         return self._best_pair(votes)
 
     def _paint(
-        self, image: npt.NDArray[np.uint8], cars: Sequence[Box]
+        self, image: npt.NDArray[np.uint8], cars: Sequence[ImageBox]
     ) -> tuple[_Floats, _Floats, _Floats]:
         """Where paint is, in lane widths, and how sure."""
         above = cv2.remap(

@@ -8,7 +8,7 @@ State: position in m and its rate in m/s. The car's acceleration is unknown, tak
 import math
 
 
-class Motion:
+class FrameMotion:
     """Constant velocity, as well as known."""
 
     def __init__(

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Box
+from onboard.observations import ImageBox
 from onboard.vision.settings import Calibration
 
 Corners = npt.NDArray[np.float32]
@@ -31,7 +31,7 @@ _UNTIL_EXACT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-6)
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class RoadPosition:
     """Where something is, from the camera."""
 
     ahead_m: float
@@ -68,12 +68,12 @@ class Perspective:
         """Lens over the road."""
         return self._calibration.mounting_height_m
 
-    def project(self, place: Place) -> tuple[float, float]:
+    def project(self, place: RoadPosition) -> tuple[float, float]:
         """Pixel (u, v) of a place in front of the camera."""
         u_px, v_px = self.project_all([place])[0]
         return float(u_px), float(v_px)
 
-    def project_all(self, places: Sequence[Place]) -> npt.NDArray[np.float64]:
+    def project_all(self, places: Sequence[RoadPosition]) -> npt.NDArray[np.float64]:
         """(n, 2) pixels of places in front of the camera."""
         camera_m = self._calibration.mounting_height_m
         in_car = np.array([(at.right_m, camera_m - at.height_m, at.ahead_m) for at in places])
@@ -90,7 +90,7 @@ class Perspective:
         """How wide something upright appears at that distance."""
         return self._calibration.focal_x_px * width_m / ahead_m
 
-    def locate_upright(self, corners_px: Corners, width_m: float) -> Place:
+    def locate_upright(self, corners_px: Corners, width_m: float) -> RoadPosition:
         """Middle of a plate or tag `width_m` wide that stands across the car's heading.
 
         All of it is equally far ahead, so its width is to that distance as the difference of its
@@ -102,14 +102,16 @@ class Perspective:
         ahead_m = width_m / max(width, 1e-9)
         right, down = slopes.mean(axis=0)
         height_m = self._calibration.mounting_height_m - ahead_m * float(down)
-        return Place(ahead_m, ahead_m * float(right), height_m)
+        return RoadPosition(ahead_m, ahead_m * float(right), height_m)
 
-    def locate_kinds(self, corners_px: Corners, widths_m: Sequence[float]) -> dict[float, Place]:
+    def locate_kinds(
+        self, corners_px: Corners, widths_m: Sequence[float]
+    ) -> dict[float, RoadPosition]:
         """As `locate_upright`, for each width that it may have."""
         unit = self.locate_upright(corners_px, 1.0)
         lens_m = self._calibration.mounting_height_m
         return {
-            width_m: Place(
+            width_m: RoadPosition(
                 width_m * unit.ahead_m,
                 width_m * unit.right_m,
                 lens_m + width_m * (unit.height_m - lens_m),
@@ -117,13 +119,13 @@ class Perspective:
             for width_m in widths_m
         }
 
-    def locate_on_road(self, u_px: float, v_px: float) -> Place | None:
+    def locate_on_road(self, u_px: float, v_px: float) -> RoadPosition | None:
         """The place on the road that the pixel shows; `None` at and above the horizon."""
         right, down = self._slopes(np.array([[u_px, v_px]], np.float32))[0]
         if down < 1e-3:
             return None
         ahead_m = self._calibration.mounting_height_m / float(down)
-        return Place(ahead_m, ahead_m * float(right), 0.0)
+        return RoadPosition(ahead_m, ahead_m * float(right), 0.0)
 
     def shape(self, corners_px: Corners) -> float:
         """Width by height of a plate that faces the camera."""
@@ -142,8 +144,8 @@ class Perspective:
         return np.asarray(rays[:, :2] / rays[:, 2:], np.float64)
 
 
-def bounding_box(corners_px: Corners) -> Box:
+def bounding_box(corners_px: Corners) -> ImageBox:
     """The upright rectangle around corners."""
     left, top = (float(value) for value in corners_px.min(axis=0))
     right, bottom = (float(value) for value in corners_px.max(axis=0))
-    return Box(left, top, right - left, bottom - top)
+    return ImageBox(left, top, right - left, bottom - top)

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Box
+from onboard.observations import ImageBox
 
 Image = npt.NDArray[np.uint8]
 """(h, w, 3) BGR or (h, w) grey."""
@@ -57,11 +57,11 @@ class FoundPlate:
     """0 to 1: that it is a plate."""
 
     @property
-    def box(self) -> Box:
+    def box(self) -> ImageBox:
         """The upright rectangle around its corners."""
         columns, rows = self.corners_px.T.tolist()
         left, top = min(columns), min(rows)
-        return Box(left, top, max(columns) - left, max(rows) - top)
+        return ImageBox(left, top, max(columns) - left, max(rows) - top)
 
     @property
     def width_px(self) -> float:
@@ -99,7 +99,7 @@ class PlateDetector:
         self._second_looks = cv2.dnn.readNetFromONNX(str(corners_model))
         self._least_score = least_score
 
-    def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:
+    def find(self, image: Image, region: ImageBox | None = None) -> list[FoundPlate]:
         """Plates in the picture, or in `region` of it, the surest first."""
         part, origin = _cut(image, region)
         if min(part.shape[:2]) < CELL_PX:
@@ -139,7 +139,7 @@ class PlateDetector:
         """
         middle, reach = last.mean(axis=0), 1.5 * float(np.ptp(last[:, 0])) + CELL_PX
         left, top = (float(value) for value in middle - reach)
-        part, origin = _cut(image, Box(left, top, 2 * reach, 2 * reach))
+        part, origin = _cut(image, ImageBox(left, top, 2 * reach, 2 * reach))
         if min(part.shape[:2]) < CELL_PX:
             return None
         grey = part if part.ndim == 2 else np.asarray(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY))
@@ -215,7 +215,7 @@ def as_input(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
 _LOGARITHM = ((np.log(np.arange(256) + 10.0) - 4.3) / 0.9).astype(np.float32)
 
 
-def _cut(image: Image, region: Box | None) -> tuple[Image, npt.NDArray[np.float32]]:
+def _cut(image: Image, region: ImageBox | None) -> tuple[Image, npt.NDArray[np.float32]]:
     if region is None:
         return image, np.zeros(2, np.float32)
     left, top = max(0, int(region.x_px)), max(0, int(region.y_px))
@@ -255,7 +255,7 @@ def _merged(
 
 def _one_each(found: Iterable[FoundPlate]) -> list[FoundPlate]:
     """The surest of each set that overlap, the surest first."""
-    kept: list[tuple[FoundPlate, Box]] = []
+    kept: list[tuple[FoundPlate, ImageBox]] = []
     for plate in sorted(found, key=lambda plate: -plate.score):
         box = plate.box
         if all(_overlap(box, other) < 0.3 for _, other in kept):
@@ -263,7 +263,7 @@ def _one_each(found: Iterable[FoundPlate]) -> list[FoundPlate]:
     return [plate for plate, _ in kept]
 
 
-def _overlap(one: Box, other: Box) -> float:
+def _overlap(one: ImageBox, other: ImageBox) -> float:
     """Intersection over the smaller of the two."""
     width = min(one.x_px + one.w_px, other.x_px + other.w_px) - max(one.x_px, other.x_px)
     height = min(one.y_px + one.h_px, other.y_px + other.h_px) - max(one.y_px, other.y_px)

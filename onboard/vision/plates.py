@@ -8,15 +8,15 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Box
+from onboard.observations import ImageBox
 from onboard.vision.blue_band import with_band
-from onboard.vision.ends import refine_ends
 from onboard.vision.identity import LEAST_LENGTH
 from onboard.vision.perspective import Corners, Perspective
 from onboard.vision.plate_detector import FoundPlate
-from onboard.vision.plate_kinds import PlateKinds
+from onboard.vision.plate_ends import refine_ends
+from onboard.vision.plate_formats import PlateKinds
+from onboard.vision.plate_observation import Cue, Followed, Search, Sighting
 from onboard.vision.plate_reader import PlateText
-from onboard.vision.sighting import Cue, Followed, Search, Sighting
 from onboard.vision.syntax import PlateSyntax
 
 Image = npt.NDArray[np.uint8]
@@ -42,7 +42,7 @@ LEAST_EUROPEAN_SHAPE = 3.3
 class PlateFinder(Protocol):
     """Finds plates in a picture."""
 
-    def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:
+    def find(self, image: Image, region: ImageBox | None = None) -> list[FoundPlate]:
         """Plates in the picture, or in a region of it, the surest first."""
         ...
 
@@ -102,7 +102,7 @@ class Plates:
             if search.followed is None
             else [(self._follow(image, each), each.read_again) for each in search.followed]
         )
-        boxes: list[Box] = []
+        boxes: list[ImageBox] = []
         for plates, to_read in looks:
             for plate in plates:
                 whole = whole_plate(image, plate, self._perspective)
@@ -185,7 +185,7 @@ def _may_go_on(image: Image, corners_px: Corners) -> bool:
     return bool(columns_px.min() <= 1.0 or columns_px.max() >= image.shape[1] - 1.0)
 
 
-def _same(one: Box, other: Box) -> bool:
+def _same(one: ImageBox, other: ImageBox) -> bool:
     """Whether the middle of one lies in the other: regions overlap."""
     (x, y) = one.centre_px
     return other.x_px <= x <= other.x_px + other.w_px and other.y_px <= y <= other.y_px + other.h_px

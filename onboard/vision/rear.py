@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Box
+from onboard.observations import ImageBox
 from onboard.vision.perspective import Corners
 
 MOST_POINTS, LEAST_POINTS = 60, 8
@@ -59,7 +59,7 @@ class Rear:
         self._points = np.zeros((0, 1, 2), np.float32)
         self._origin = (0, 0)
 
-    def remember(self, image: npt.NDArray[np.uint8], rear: Box, plate: Box) -> None:
+    def remember(self, image: npt.NDArray[np.uint8], rear: ImageBox, plate: ImageBox) -> None:
         """Take corners on a rear in the (h, w, 3) picture, to be followed into the next.
 
         Half of them on the plate, which has the sharpest, half beside it, where glare spares them.
@@ -74,7 +74,7 @@ class Rear:
             return
         grey = np.asarray(cv2.cvtColor(image[y0:y1, x0:x1], cv2.COLOR_BGR2GRAY), np.uint8)
         rim_px = PLATE_RIM * plate.w_px
-        framed = Box(
+        framed = ImageBox(
             plate.x_px - rim_px,
             plate.y_px - rim_px,
             plate.w_px + 2 * rim_px,
@@ -124,7 +124,7 @@ class Rear:
         return Growth(factor, math.hypot(LEAST_SIGMA, error_px / spread_px), np.asarray(matrix))
 
 
-def _mask(shape: tuple[int, ...], box: Box, x0: int, y0: int) -> npt.NDArray[np.uint8]:
+def _mask(shape: tuple[int, ...], box: ImageBox, x0: int, y0: int) -> npt.NDArray[np.uint8]:
     """255 in the box, in a part of the picture that begins at (x0, y0)."""
     mask = np.zeros(shape, np.uint8)
     left, top = max(0, int(box.x_px - x0)), max(0, int(box.y_px - y0))

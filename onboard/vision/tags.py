@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Box
+from onboard.observations import ImageBox
 from onboard.vision.edges import refine_sides
 from onboard.vision.perspective import Corners, Perspective
-from onboard.vision.sighting import Cue, Search, Sighting
+from onboard.vision.plate_observation import Cue, Search, Sighting
 
 LEAST_SIDE_PX = 16
 """Of a region in which a tag may be."""
@@ -48,7 +48,7 @@ class TagFinder:
 
     def find(self, image: npt.NDArray[np.uint8], search: Search) -> list[Sighting]:
         """Tags in the picture, or where tags were."""
-        regions: list[Box | None] = [search.area]
+        regions: list[ImageBox | None] = [search.area]
         if search.followed is not None:
             regions = [each.region for each in search.followed if each.cue is Cue.TAG]
         found: dict[int, Sighting] = {}
@@ -58,7 +58,9 @@ class TagFinder:
                     found.setdefault(number, self._sighting(corners_px, number))
         return list(found.values())
 
-    def _quads(self, image: npt.NDArray[np.uint8], region: Box | None) -> list[tuple[int, Corners]]:
+    def _quads(
+        self, image: npt.NDArray[np.uint8], region: ImageBox | None
+    ) -> list[tuple[int, Corners]]:
         left, top, scale = 0, 0, 1
         part = image
         if region is not None:

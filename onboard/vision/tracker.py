@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 
-from onboard.assignment import cheapest_pairs
-from onboard.observations import Box
+from onboard.observations import ImageBox
+from onboard.tracking.assignment import cheapest_pairs
 from onboard.vision.car_track import CarTrack
 from onboard.vision.perspective import bounding_box
-from onboard.vision.plate_kinds import PlateKinds
-from onboard.vision.sighting import Cue, Sighting
+from onboard.vision.plate_formats import PlateKinds
+from onboard.vision.plate_observation import Cue, Sighting
 
 GATE_SIGMA = 4.0
 HEIGHTS = (0.0, 0.5)
@@ -178,7 +178,7 @@ class Tracker:
         )
 
 
-def _holds(one: Box, other: Box) -> bool:
+def _holds(one: ImageBox, other: ImageBox) -> bool:
     """Whether the middle of `other` lies in `one`."""
     x, y = other.centre_px
     return one.x_px <= x <= one.x_px + one.w_px and one.y_px <= y <= one.y_px + one.h_px

@@ -5,28 +5,28 @@ from collections import deque
 import numpy as np
 
 from onboard.observations import (
-    Box,
     Discarded,
+    ImageBox,
     Lead,
     LeadIdentity,
     Plate,
-    SensedCar,
     Sensor,
-    SensorBack,
     SensorLost,
+    SensorRecovered,
+    VehicleDetection,
 )
 from onboard.vision.settings import VisionSettings
-from sim_rig.cars.camera_view import FPS, LENS, CameraView
-from sim_rig.cars.seen_car import (
+from sim_rig.cars.camera_track import (
     PLATE_HEIGHT_M,
     PLATE_OVER_ROAD_M,
     PLATE_WIDTH_M,
-    SeenCar,
+    CameraTrack,
     plate_width_px,
 )
-from sim_rig.picture.scene import SceneCar
+from sim_rig.cars.camera_view import FPS, LENS, CameraView
+from sim_rig.rendering.scene import SceneCar
 
-Observation = Plate | Lead | SensedCar | SensorLost | SensorBack | Discarded
+Observation = Plate | Lead | VehicleDetection | SensorLost | SensorRecovered | Discarded
 
 LATENCY_S = 0.025
 """From the moment that the picture shows to what vision says of it; the car stamps it in between,
@@ -53,7 +53,7 @@ class CameraModel:
         self._picture_at = phase_s
         self._changed_at = phase_s
         self._is_lost = False
-        self._seen: dict[str, SeenCar] = {}
+        self._seen: dict[str, CameraTrack] = {}
         self._tracks = 0
         self._in_lane: set[str] = set()
         self._events: deque[Observation] = deque()
@@ -83,7 +83,7 @@ class CameraModel:
         self._changed_at = stamp_s
         if self._is_lost:
             self._is_lost = False
-            self._events.append(SensorBack(stamp_s, Sensor.CAMERA))
+            self._events.append(SensorRecovered(stamp_s, Sensor.CAMERA))
         found = self._find(picture_at, stamp_s)
         lead = self._lead(stamp_s)
         for name, car in found:
@@ -114,13 +114,13 @@ class CameraModel:
             ):
                 if name not in self._seen:
                     self._tracks += 1
-                    self._seen[name] = SeenCar(self._tracks, self._settings, self._rng)
+                    self._seen[name] = CameraTrack(self._tracks, self._settings, self._rng)
                 if self._seen[name].look(car, stamp_s):
                     found.append((name, car))
             nearer.append(car)
         return found
 
-    def _lead(self, stamp_s: float) -> SeenCar | None:
+    def _lead(self, stamp_s: float) -> CameraTrack | None:
         """The nearest car in the own lane, as vision chooses it; old ones are forgotten."""
         horizon_s = stamp_s - self._settings.keep_s
         for name in [name for name, seen in self._seen.items() if seen.seen_at < horizon_s]:
@@ -138,7 +138,7 @@ class CameraModel:
         share = LEAVE if name in self._in_lane else ENTER
         return share * self._settings.lane_width_m
 
-    def _tell(self, lead: SeenCar | None, stamp_s: float) -> None:
+    def _tell(self, lead: CameraTrack | None, stamp_s: float) -> None:
         if lead is None:
             self._events.append(Lead(stamp_s, LeadIdentity.NO_LEAD))
             return
@@ -185,9 +185,9 @@ def _hides(nearer: SceneCar, car: SceneCar) -> bool:
     return min(u_px) - half_px < _u_px(car) < max(u_px) + half_px
 
 
-def _box(car: SceneCar) -> Box:
+def _box(car: SceneCar) -> ImageBox:
     width_px = plate_width_px(car)
     height_px = width_px if car.tag_id is not None else width_px * PLATE_HEIGHT_M / PLATE_WIDTH_M
     left_px = LENS.principal_x_px + _u_px(car) - width_px / 2
     top_px = LENS.principal_y_px + _v_px(car) - height_px / 2
-    return Box(left_px, top_px, width_px, height_px)
+    return ImageBox(left_px, top_px, width_px, height_px)

@@ -23,7 +23,7 @@ from aiohttp import web
 from onboard.hmi.feed import Feed
 from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_view import FPS, LENS, CameraView
-from sim_rig.picture.scene import Picture
+from sim_rig.rendering.scene import CameraRenderer
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario import Scenario, load_scenario
 
@@ -37,7 +37,7 @@ class Camera:
     def __init__(self, scenario: Scenario, car: str, seed: np.random.SeedSequence) -> None:
         self._rng = np.random.default_rng(seed)
         self._view = CameraView(scenario, BreakpointRoad(scenario), car, self._rng)
-        self._picture = Picture(CameraSettings(source="rig", **LENS.model_dump()))
+        self._picture = CameraRenderer(CameraSettings(source="rig", **LENS.model_dump()))
         self._last: bytes = b""
 
     def jpeg(self, at_s: float) -> bytes:

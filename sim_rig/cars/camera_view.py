@@ -10,7 +10,7 @@ import numpy as np
 
 from onboard.vision.settings import Calibration
 from sim_rig.faults import PlateMisread
-from sim_rig.picture.scene import Scene, SceneCar
+from sim_rig.rendering.scene import Scene, SceneCar
 from sim_rig.roads.road import Road
 from sim_rig.scenario import Scenario
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from onboard.observations import SensedCar
+from onboard.observations import VehicleDetection
 from sim_rig.cars.settings import VehicleCameraSettings
 from sim_rig.roads.road import CarState
 
@@ -42,9 +42,9 @@ class VehicleCamera:
         self._ids: dict[str, int] = {}
         self._false_ids = _FALSE_IDS
 
-    def look(self, picture_at: float) -> list[SensedCar]:
+    def look(self, picture_at: float) -> list[VehicleDetection]:
         """One picture."""
-        seen: list[SensedCar] = []
+        seen: list[VehicleDetection] = []
         hidden: list[_Span] = []
         cars = self._cars_at(picture_at)
         own = cars[self._car]
@@ -81,7 +81,7 @@ class VehicleCamera:
         half_rad = math.radians(self._settings.view_deg) / 2.0
         return range_m <= self._settings.sight_m and -half_rad <= span[0] and span[1] <= half_rad
 
-    def _false_detections(self, stamp_s: float) -> list[SensedCar]:
+    def _false_detections(self, stamp_s: float) -> list[VehicleDetection]:
         settings = self._settings
         found = []
         for _ in range(self._rng.poisson(settings.false_detections_per_s / FPS)):
@@ -94,8 +94,8 @@ class VehicleCamera:
 
     def _sensed(
         self, track_id: int, range_m: float, bearing_rad: float, stamp_s: float
-    ) -> SensedCar:
-        return SensedCar(
+    ) -> VehicleDetection:
+        return VehicleDetection(
             stamp_s=stamp_s,
             track_id=track_id,
             range_m=max(range_m, 0.5),

@@ -16,13 +16,13 @@ from pathlib import Path
 import aiohttp
 from aiohttp import web
 
-from onboard.hmi.door import Door
+from onboard.hmi.access_check import AccessCheck
 from onboard.hmi.page_files import Handler, add_page, read_page, under_rules
-from onboard.trace import as_json
+from onboard.trace.trace_line import as_json
 from onboard.vision.mjpeg import MjpegParts
-from sim_rig.engineer.album import Album
-from sim_rig.engineer.story import Story
-from sim_rig.ledger import ledger
+from sim_rig.engineer.image_store import ImageStore
+from sim_rig.engineer.run_view import RunView
+from sim_rig.latency_ledger import ledger
 from sim_rig.run_log import Record
 from sim_rig.scenario import Scenario, load_scenario
 from sim_rig.wiring import names_by_id
@@ -62,10 +62,10 @@ class EngineerServer:
         self._camera_port = camera_port
         now_utc_s = time.time()
         names = names_by_id(scenario, now_utc_s - 60.0, now_utc_s + scenario.duration_s + 60.0)
-        self.story = Story(names)
-        self.album = Album(MOST_PICTURE_BYTES)
+        self.story = RunView(names)
+        self.album = ImageStore(MOST_PICTURE_BYTES)
         self._traces = {car: TraceReader(folder / f"{car}.jsonl") for car in scenario.equipped}
-        self._door = Door(None)
+        self._door = AccessCheck(None)
         self._ledger: list[dict[str, object]] = []
         self._ledger_at = 0.0
         self._tasks: list[asyncio.Task[None]] = []

@@ -35,7 +35,7 @@ from sim_rig.radio.ofdm import (
 )
 from sim_rig.radio.propagation import Fading
 from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import Vehicles
+from sim_rig.radio.shadowing import VehicleShadowing
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -113,7 +113,9 @@ class Channel:
         self.airtime_s = 0.0
         """Of all frames so far."""
 
-    def receive_positions(self, position_m: Array, vehicles: Vehicles | None = None) -> None:
+    def receive_positions(
+        self, position_m: Array, vehicles: VehicleShadowing | None = None
+    ) -> None:
         """Where the stations are from now on, (stations, 2); NaN for one that is not there.
 
         `vehicles` are the cars that shadow, if the settings say that cars do.

@@ -9,7 +9,7 @@ import numpy as np
 from sim_rig.radio.air import LOOK_EVERY_S, CarsAt, Delivery
 from sim_rig.radio.channel import Channel
 from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import Vehicles
+from sim_rig.radio.shadowing import VehicleShadowing
 from sim_rig.roads.road import CarState
 
 
@@ -71,7 +71,7 @@ class CsmaAir:
             cars = self._cars_at(now)
             self._channel.receive_positions(
                 np.array([_middle_m(cars[unit]) for unit in self._units]),
-                Vehicles(
+                VehicleShadowing(
                     np.array([_middle_m(car) for car in cars.values()]),
                     np.array([car.width_m for car in cars.values()]),
                     np.array([car.height_m for car in cars.values()]),

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 
 from onboard.security.credentials import Credentials
-from sim_rig.faults import Lie
+from sim_rig.faults import Attack
 from sim_rig.radio.air import Air, Delivery
-from sim_rig.radio.liar import Liar
+from sim_rig.radio.attacker import Attacker
 from sim_rig.scenario import Scenario
 
 
@@ -25,9 +25,9 @@ class FaultyAir:
         self._scenario = scenario
         self._at_s = at_s
         self._liars = [
-            Liar(fault, at_s, utc_offset_s, credentials.get(fault.car))
+            Attacker(fault, at_s, utc_offset_s, credentials.get(fault.car))
             for fault in scenario.faults
-            if isinstance(fault, Lie)
+            if isinstance(fault, Attack)
         ]
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:

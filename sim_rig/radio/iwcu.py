@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 
 from sim_rig.radio.air import Air, Delivery
-from sim_rig.recorder import RigRecorder
+from sim_rig.rig_recorder import RigRecorder
 
 _LARGEST = 65_535
 _TOS_ROOM = socket.CMSG_SPACE(1)

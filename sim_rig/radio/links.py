@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from sim_rig.radio.ofdm import from_db
 from sim_rig.radio.propagation import LIGHT_M_S
 from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import Vehicles
+from sim_rig.radio.shadowing import VehicleShadowing
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ class Links:
     """All links of a channel at one moment; each is the same both ways."""
 
     def __init__(
-        self, settings: CsmaSettings, position_m: Array, vehicles: Vehicles | None = None
+        self, settings: CsmaSettings, position_m: Array, vehicles: VehicleShadowing | None = None
     ) -> None:
         """`position_m` is (stations, 2), NaN for a station that is not there."""
         apart_m = np.linalg.norm(position_m[:, None] - position_m[None], axis=-1)
@@ -33,7 +33,9 @@ class Links:
         if shadowing:
             self._shadow(settings, position_m, vehicles)
 
-    def _shadow(self, settings: CsmaSettings, position_m: Array, vehicles: Vehicles | None) -> None:
+    def _shadow(
+        self, settings: CsmaSettings, position_m: Array, vehicles: VehicleShadowing | None
+    ) -> None:
         worth_mw = _WORTH_MORE * from_db(settings.sensitivity_dbm)
         one, other = np.nonzero(np.triu(self.mean_mw >= worth_mw))
         from_m, to_m = position_m[one], position_m[other]

@@ -72,7 +72,7 @@ class Building(Settings):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Vehicles:
+class VehicleShadowing:
     """All cars on the road, with a radio or without."""
 
     middle_m: Array

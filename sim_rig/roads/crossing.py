@@ -12,7 +12,7 @@ LANE_M, MEDIAN_M = 4.0, 1.0
 CYCLE_S, GREEN_S, CLEARANCE_S = 60.0, 25.0, 5.0
 
 
-class CrossingSettings(Settings):
+class IntersectionSettings(Settings):
     """Two roads at a right angle, all cars straight on."""
 
     lanes: int = Field(3, ge=1, le=6)
@@ -32,7 +32,7 @@ class HighwaySettings(Settings):
     drivers: DriverSettings = DriverSettings(top_speed_m_s=32.0, top_speed_sigma_m_s=4.0)
 
 
-def crossing(settings: CrossingSettings, rng: np.random.Generator) -> LaneTraffic:
+def crossing(settings: IntersectionSettings, rng: np.random.Generator) -> LaneTraffic:
     """Lanes of four directions; east and west have green first."""
     lanes = []
     box_m = MEDIAN_M / 2.0 + settings.lanes * LANE_M

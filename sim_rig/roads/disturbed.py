@@ -13,9 +13,9 @@ from typing_extensions import override
 
 from sim_rig.roads.cars import Cars, Traffic
 from sim_rig.roads.crashes import Crash, boxes_overlap, first_crash
-from sim_rig.roads.driver import SEEN_M, STANDS_M_S, Driver, ReactionSettings
-from sim_rig.roads.events import Event, Kind
-from sim_rig.roads.recording import STEP_S, Recording
+from sim_rig.roads.driver import SEEN_M, STANDS_M_S, ReactionSettings, SimulatedDriver
+from sim_rig.roads.events import TrafficEvent, TrafficEventKind
+from sim_rig.roads.recording import STEP_S, RecordedTraffic
 
 _NOTICED_M_S2 = 0.3
 """Who drives as recorded reacts to what asks for so much more braking than the same cars asked for
@@ -26,7 +26,11 @@ class DisturbedTraffic(Traffic):
     """Steps with the recording, `STEP_S` at a time; ends with the first crash."""
 
     def __init__(
-        self, recording: Recording, event: Event | None, reactions: ReactionSettings, seed: int
+        self,
+        recording: RecordedTraffic,
+        event: TrafficEvent | None,
+        reactions: ReactionSettings,
+        seed: int,
     ) -> None:
         """Let `event` happen to drivers who are drawn by `seed`."""
         self._recording = recording
@@ -34,7 +38,7 @@ class DisturbedTraffic(Traffic):
         self._reactions = reactions
         self._seed = seed
         self._numbers = {drive.name: i for i, drive in enumerate(recording.drives)}
-        self._drivers: dict[str, Driver] = {}
+        self._drivers: dict[str, SimulatedDriver] = {}
         """Those whom something has touched, in that order."""
         self._event_car = None if event is None else recording.drives[event.car].name
         self._sooner_s = 0.0 if event is None else event.sooner_s
@@ -77,11 +81,11 @@ class DisturbedTraffic(Traffic):
         """Whether a car is the event's, and the event has begun."""
         return name == self._event_car and self.is_disturbed(name)
 
-    def _driver(self, name: str) -> Driver:
+    def _driver(self, name: str) -> SimulatedDriver:
         driver = self._drivers.get(name)
         if driver is None:
             number = self._numbers[name]
-            driver = self._drivers[name] = Driver.drawn(
+            driver = self._drivers[name] = SimulatedDriver.drawn(
                 self._reactions,
                 np.random.default_rng([self._seed, number]),
                 self._recording.drives[number],
@@ -130,7 +134,7 @@ class DisturbedTraffic(Traffic):
             return
         driver = self._driver(name)
         driver.event_braking_m_s2 = event.deceleration_m_s2
-        driver.runs = event.kind is Kind.RED_LIGHT
+        driver.runs = event.kind is TrafficEventKind.RED_LIGHT
         driver.sets_off = event.sets_off
         if self._moved_in_time is None:
             driver.leave(cars, places[name])
@@ -149,7 +153,7 @@ class DisturbedTraffic(Traffic):
             if not driver.has_seen:
                 self._see(driver, cars, at, disturbing[close[at]])
 
-    def _see(self, driver: Driver, cars: Cars, at: int, near: NDArray[np.intp]) -> None:
+    def _see(self, driver: SimulatedDriver, cars: Cars, at: int, near: NDArray[np.intp]) -> None:
         """A driver sees disturbed cars near him, and reacts if one of them is on his way."""
         ahead = driver.ahead(cars, at, near)
         if math.isinf(ahead.gap_m):
@@ -168,7 +172,9 @@ class DisturbedTraffic(Traffic):
             driver.leave(cars, at)
             driver.reacts_at_s = cars.at_s + driver.unwarned_s
 
-    def _followed_m_s2(self, driver: Driver, cars: Cars, others: NDArray[np.intp]) -> float:
+    def _followed_m_s2(
+        self, driver: SimulatedDriver, cars: Cars, others: NDArray[np.intp]
+    ) -> float:
         """What the intelligent driver does behind `others` where the recording has them."""
         recorded = self._recording.cars_at(cars.at_s)
         own = recorded.names.index(driver.path.drive.name)

@@ -20,7 +20,7 @@ from sim_rig.roads.car_following import COMFORTABLE_M_S2, CarFollowing, idm_acce
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.events import SETTING_OFF_M_S2, SETTING_OFF_TO_M_S
 from sim_rig.roads.paths import DrivePath, blocked_at_m, would_meet
-from sim_rig.roads.recording import STEP_S, Drive
+from sim_rig.roads.recording import STEP_S, Trajectory
 from sim_rig.setting_types import NotNegative, Positive, Span
 
 SEEN_M = 75.0
@@ -55,7 +55,7 @@ class ReactionSettings(Settings):
     following: CarFollowing = CarFollowing()
 
 
-class Ahead(NamedTuple):
+class Obstacle(NamedTuple):
     """What is next on a driver's way."""
 
     gap_m: float
@@ -65,7 +65,7 @@ class Ahead(NamedTuple):
 
 
 @dataclass(slots=True)
-class Driver:
+class SimulatedDriver:
     """One who has left the recording, or is about to. `at` is his place in `cars`, everywhere."""
 
     unwarned_s: float
@@ -101,8 +101,12 @@ class Driver:
 
     @classmethod
     def drawn(
-        cls, reactions: ReactionSettings, rng: np.random.Generator, drive: Drive, sooner_s: float
-    ) -> "Driver":
+        cls,
+        reactions: ReactionSettings,
+        rng: np.random.Generator,
+        drive: Trajectory,
+        sooner_s: float,
+    ) -> "SimulatedDriver":
         """Draw how he reacts."""
         is_distracted = rng.random() < reactions.distracted
         away_s = rng.uniform(*reactions.distracted_s)
@@ -165,17 +169,17 @@ class Driver:
         self.needed_since_s = min(self.needed_since_s, now)
         return now - self.needed_since_s >= self.unwarned_s - _ROUNDING_S
 
-    def ahead(self, cars: Cars, at: int, others: NDArray[np.intp]) -> Ahead:
+    def ahead(self, cars: Cars, at: int, others: NDArray[np.intp]) -> Obstacle:
         """Whoever of `others` is nearest on his way."""
         gaps = blocked_at_m(self.path, self.way_at_m(cars.at_s), cars, at, others)
         if not np.isfinite(gaps).any():
-            return Ahead(math.inf, 0.0)
+            return Obstacle(math.inf, 0.0)
         nearest = int(others[gaps.argmin()])
         along = math.cos(cars.heading_rad[nearest] - cars.heading_rad[at])
         closing = float(cars.speed_m_s[at]) - float(cars.speed_m_s[nearest]) * max(along, 0.0)
-        return Ahead(max(float(gaps.min()), 0.1), closing)
+        return Obstacle(max(float(gaps.min()), 0.1), closing)
 
-    def follow_m_s2(self, cars: Cars, at: int, ahead: Ahead) -> float:
+    def follow_m_s2(self, cars: Cars, at: int, ahead: Obstacle) -> float:
         """What the gap ahead asks for of the intelligent driver, be it more than brakes can do."""
         speed = float(cars.speed_m_s[at])
         wished = max(self.path.speed_m_s(self.way_at_m(cars.at_s)), 2.0)
@@ -219,9 +223,9 @@ class Driver:
         self.acceleration_m_s2 = (faster - self.speed_m_s) / STEP_S
         self.speed_m_s = faster
 
-    def _ahead_or_light(self, cars: Cars, at: int, others: NDArray[np.intp]) -> Ahead:
+    def _ahead_or_light(self, cars: Cars, at: int, others: NDArray[np.intp]) -> Obstacle:
         """Whoever of `others` is nearest on his way, or where the recording waits before that."""
         ahead = self.ahead(cars, at, others)
         waits_m = self.path.waits_m(self.way_m, self.recorded_s(cars.at_s))
         waits_m = max(waits_m + self.following.standing_gap_m, 0.1)
-        return Ahead(waits_m, self.speed_m_s) if waits_m < ahead.gap_m else ahead
+        return Obstacle(waits_m, self.speed_m_s) if waits_m < ahead.gap_m else ahead

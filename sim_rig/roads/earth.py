@@ -2,7 +2,7 @@
 
 import math
 
-from onboard.mvs.local_frame import LocalFrame
+from onboard.kinematics.local_frame import LocalFrame
 
 ORIGIN = LocalFrame(48.1, 11.5)
 """Of every scenario; somewhere that is neither the equator nor a pole."""

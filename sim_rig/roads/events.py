@@ -14,7 +14,7 @@ import numpy as np
 
 from onboard.errors import UserError
 from sim_rig.roads.paths import DrivePath, blocked_at_m
-from sim_rig.roads.recording import STEP_S, Drive, Recording
+from sim_rig.roads.recording import STEP_S, RecordedTraffic, Trajectory
 
 BRAKING_M_S2 = (4.0, 8.0)
 _LEAST_SPEED_M_S = 7.0
@@ -45,7 +45,7 @@ _ROOM_M = 7.0
 _MOST_DRAWS = 4000
 
 
-class Kind(StrEnum):
+class TrafficEventKind(StrEnum):
     """Of an event."""
 
     SUDDEN_BRAKE = "sudden_brake"
@@ -53,10 +53,10 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class TrafficEvent:
     """One car does one thing."""
 
-    kind: Kind
+    kind: TrafficEventKind
     car: int
     """Number of its drive in the recording."""
     at_s: float
@@ -72,10 +72,10 @@ class NoEventError(UserError):
     """Nothing of the kind can happen in this recording."""
 
 
-class Events:
+class TrafficEvents:
     """What can go wrong in one recording."""
 
-    def __init__(self, recording: Recording, *, has_lights: bool) -> None:
+    def __init__(self, recording: RecordedTraffic, *, has_lights: bool) -> None:
         """Without lights a way is crossed out of turn."""
         self._recording = recording
         self._has_lights = has_lights
@@ -88,24 +88,24 @@ class Events:
     def _out_of_turn(self) -> list[tuple[int, float, float]]:
         return [] if self._has_lights else _ways_crossed(self._recording)
 
-    def draw(self, kind: Kind, rng: np.random.Generator) -> Event:
+    def draw(self, kind: TrafficEventKind, rng: np.random.Generator) -> TrafficEvent:
         """Choose who does it, and when.
 
         Raises:
             NoEventError: nobody is followed, or nobody crosses anybody's way.
         """
-        if kind is Kind.SUDDEN_BRAKE:
+        if kind is TrafficEventKind.SUDDEN_BRAKE:
             return _sudden_brake(self._recording, rng)
         for _ in range(_MOST_DRAWS if self._out_of_turn else 0):
             car, at_s, sooner_s = self._out_of_turn[rng.integers(len(self._out_of_turn))]
             sooner_s += rng.uniform(-_TIMING_S, _TIMING_S)
             begins_s = round(at_s - sooner_s - _OUT_OF_TURN_S, 1)
-            event = Event(kind, car, begins_s, sooner_s=sooner_s)
+            event = TrafficEvent(kind, car, begins_s, sooner_s=sooner_s)
             if _has_room(self._recording, event):
                 return event
         for _ in range(_MOST_DRAWS if self._red else 0):
             car, at_s, sets_off = self._red[rng.integers(len(self._red))]
-            event = Event(kind, car, at_s, sets_off=sets_off)
+            event = TrafficEvent(kind, car, at_s, sets_off=sets_off)
             if _may_hit(self._recording, event):
                 return event
         if self._out_of_turn:
@@ -116,7 +116,7 @@ class Events:
         raise NoEventError("nobody in this recording crosses another's way")
 
 
-def _sudden_brake(recording: Recording, rng: np.random.Generator) -> Event:
+def _sudden_brake(recording: RecordedTraffic, rng: np.random.Generator) -> TrafficEvent:
     deceleration = rng.uniform(*BRAKING_M_S2)
     last_s = recording.end_s - 8.0
     for _ in range(_MOST_DRAWS if last_s > 2.0 else 0):
@@ -126,11 +126,11 @@ def _sudden_brake(recording: Recording, rng: np.random.Generator) -> Event:
             continue
         car = there[rng.integers(len(there))]
         if _is_followed(recording, car, at_s):
-            return Event(Kind.SUDDEN_BRAKE, car, at_s, deceleration)
+            return TrafficEvent(TrafficEventKind.SUDDEN_BRAKE, car, at_s, deceleration)
     raise NoEventError("nobody in this recording is followed closely")
 
 
-def _is_followed(recording: Recording, car: int, at_s: float) -> bool:
+def _is_followed(recording: RecordedTraffic, car: int, at_s: float) -> bool:
     cars, there = recording.cars_at(at_s), recording.there(at_s)
     ahead = there.index(car)
     if cars.speed_m_s[ahead] < _LEAST_SPEED_M_S or recording.drives[car].last * STEP_S < at_s + 6.0:
@@ -147,7 +147,7 @@ def _is_followed(recording: Recording, car: int, at_s: float) -> bool:
     return False
 
 
-def _at_red(recording: Recording) -> list[tuple[int, float, bool]]:
+def _at_red(recording: RecordedTraffic) -> list[tuple[int, float, bool]]:
     """Who comes first to a red light, when he began to brake, and each half second he waits."""
     found = []
     for number, drive in enumerate(recording.drives):
@@ -165,7 +165,7 @@ def _at_red(recording: Recording) -> list[tuple[int, float, bool]]:
     return found
 
 
-def _stands(drive: Drive) -> list[tuple[int, int]]:
+def _stands(drive: Trajectory) -> list[tuple[int, int]]:
     """From which sample to which a drive stands, if it goes on for a while then."""
     stands = np.concatenate([[False], drive.speed_m_s < 0.2, [False]])
     edges = np.flatnonzero(np.diff(stands.astype(np.int8)))
@@ -173,12 +173,12 @@ def _stands(drive: Drive) -> list[tuple[int, int]]:
     return [(a, b) for a, b in both if b - a > 20 and b + round(5.0 / STEP_S) < len(drive)]
 
 
-def _turns(drive: Drive, step: int) -> bool:
+def _turns(drive: Trajectory, step: int) -> bool:
     later = min(step + round(8.0 / STEP_S), len(drive) - 1)
     return bool(abs(drive.heading_rad[later] - drive.heading_rad[step]) > _STRAIGHT_RAD)
 
 
-def _may_hit(recording: Recording, event: Event) -> bool:
+def _may_hit(recording: RecordedTraffic, event: TrafficEvent) -> bool:
     """Whether somebody crosses the runner's way within `_TIMING_S` of him."""
     path = DrivePath(recording.drives[event.car])
     times_s = np.arange(0.0, _AHEAD_S, 0.2)
@@ -199,7 +199,7 @@ def _may_hit(recording: Recording, event: Event) -> bool:
     return False
 
 
-def _has_room(recording: Recording, event: Event) -> bool:
+def _has_room(recording: RecordedTraffic, event: TrafficEvent) -> bool:
     """Whether who is moved in time drives into nobody ahead of him in his lane, nor is driven into.
 
     Such a crash would be none of a crossing, and nobody's fault but of moving him.
@@ -214,7 +214,7 @@ def _has_room(recording: Recording, event: Event) -> bool:
     return True
 
 
-def _is_first(recording: Recording, number: int, at_s: float) -> bool:
+def _is_first(recording: RecordedTraffic, number: int, at_s: float) -> bool:
     cars = recording.cars_at(at_s)
     own = recording.there(at_s).index(number)
     path = DrivePath(recording.drives[number])
@@ -223,7 +223,7 @@ def _is_first(recording: Recording, number: int, at_s: float) -> bool:
     return bool(gaps.min(initial=np.inf) > _FIRST_IN_LINE_M)
 
 
-def _ways_crossed(recording: Recording) -> list[tuple[int, float, float]]:
+def _ways_crossed(recording: RecordedTraffic) -> list[tuple[int, float, float]]:
     """Whose way crosses another's: car, when it is there, and by how much sooner it would meet."""
     found = []
     for number, drive in enumerate(recording.drives):
@@ -244,7 +244,7 @@ def _ways_crossed(recording: Recording) -> list[tuple[int, float, float]]:
     return found
 
 
-def _crossing(drive: Drive, other: Drive) -> tuple[int, int] | None:
+def _crossing(drive: Trajectory, other: Trajectory) -> tuple[int, int] | None:
     """The samples of two ways that lie nearest to each other where they cross, within 2 m."""
     low = np.maximum(drive.middle_m.min(axis=0), other.middle_m.min(axis=0)) - 2.0
     high = np.minimum(drive.middle_m.max(axis=0), other.middle_m.max(axis=0)) + 2.0
@@ -260,7 +260,7 @@ def _crossing(drive: Drive, other: Drive) -> tuple[int, int] | None:
 
 
 def _nearest_across(
-    drive: Drive, other: Drive, some: slice, others: slice
+    drive: Trajectory, other: Trajectory, some: slice, others: slice
 ) -> tuple[int, int, float]:
     apart = np.hypot(
         *(drive.middle_m[some, None] - other.middle_m[None, others]).transpose(2, 0, 1)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_rig.roads.cars import Array, Cars
-from sim_rig.roads.recording import STEP_S, Drive
+from sim_rig.roads.recording import STEP_S, Trajectory
 
 LOOK_M = 70.0
 """How far ahead a driver looks."""
@@ -25,7 +25,7 @@ _SHARE_OF_WIDTH = 0.9
 class DrivePath:
     """Places of the middle of a car along its way, in metres from the beginning of the drive."""
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: Trajectory) -> None:
         """Take the way of `drive`; beyond its end the way goes straight on."""
         self.drive = drive
         moved = np.hypot(*np.diff(drive.middle_m, axis=0).T)

@@ -16,7 +16,7 @@ STEP_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drive:
+class Trajectory:
     """One car from the moment it is there until it has gone, K samples `STEP_S` apart."""
 
     name: str
@@ -40,10 +40,10 @@ class Drive:
         return self.first + len(self) - 1
 
 
-class Recording(Traffic):
+class RecordedTraffic(Traffic):
     """Many drives, to be asked for any moment in any order."""
 
-    def __init__(self, drives: Iterable[Drive]) -> None:
+    def __init__(self, drives: Iterable[Trajectory]) -> None:
         self.drives = tuple(sorted(drives, key=lambda drive: drive.first))
         self._first = np.array([drive.first for drive in self.drives])
         self._last = np.array([drive.last for drive in self.drives])
@@ -94,7 +94,7 @@ class Recording(Traffic):
         )
 
 
-def record(traffic: Traffic, seconds: float, begin_s: float = 0.0) -> Recording:
+def record(traffic: Traffic, seconds: float, begin_s: float = 0.0) -> RecordedTraffic:
     """Drive a source, and keep what it did from `begin_s` on, which becomes 0."""
     samples: dict[str, list[tuple[float, ...]]] = {}
     first: dict[str, int] = {}
@@ -110,16 +110,18 @@ def record(traffic: Traffic, seconds: float, begin_s: float = 0.0) -> Recording:
     for name, rows in samples.items():
         x, y, heading, speed = np.array(rows).T
         middle = np.stack([x, y], axis=1)
-        drives.append(Drive(name, first[name], middle, np.unwrap(heading), speed, *sizes[name]))
-    return Recording(drives)
+        drives.append(
+            Trajectory(name, first[name], middle, np.unwrap(heading), speed, *sizes[name])
+        )
+    return RecordedTraffic(drives)
 
 
-def keep_right(recording: Recording, by_m: float) -> Recording:
+def keep_right(recording: RecordedTraffic, by_m: float) -> RecordedTraffic:
     """Drives along the middle of their roads, moved to the right and rounded at the corners."""
-    return Recording(_kept_right(drive, by_m) for drive in recording.drives)
+    return RecordedTraffic(_kept_right(drive, by_m) for drive in recording.drives)
 
 
-def _kept_right(drive: Drive, by_m: float) -> Drive:
+def _kept_right(drive: Trajectory, by_m: float) -> Trajectory:
     window = min(11, len(drive))
     ahead = np.stack([np.cos(drive.heading_rad), np.sin(drive.heading_rad)], axis=1)
     ahead = _rounded(ahead, window)

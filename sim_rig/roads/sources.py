@@ -6,7 +6,7 @@ import numpy as np
 
 from onboard.errors import UserError
 from sim_rig.roads.cars import Traffic
-from sim_rig.roads.crossing import CrossingSettings, HighwaySettings, crossing, highway
+from sim_rig.roads.crossing import HighwaySettings, IntersectionSettings, crossing, highway
 from sim_rig.roads.trace_files import read_trace
 
 NAMES = ("crossing", "highway", "sumo-crossing", "sumo-highway")
@@ -25,7 +25,7 @@ def open_traffic(source: str, rng: np.random.Generator) -> Traffic:
         TraceError: the file is no recording of cars.
     """
     if source == "crossing":
-        return crossing(CrossingSettings(), rng)
+        return crossing(IntersectionSettings(), rng)
     if source == "highway":
         return highway(HighwaySettings(), rng)
     if source in NAMES or source.endswith(".sumocfg"):

@@ -19,7 +19,7 @@ import numpy as np
 
 from onboard.errors import UserError
 from sim_rig.roads.cars import Array
-from sim_rig.roads.recording import STEP_S, Drive, Recording
+from sim_rig.roads.recording import STEP_S, RecordedTraffic, Trajectory
 
 LENGTH_M, WIDTH_M = 4.5, 1.8
 """Of a car whose trace does not say."""
@@ -46,7 +46,7 @@ class _Seen:
     width_m: float = WIDTH_M
 
 
-def read_trace(path: Path) -> Recording:
+def read_trace(path: Path) -> RecordedTraffic:
     """Read the file, by the ending of its name: `.ns2`, `.ns_movements`, `.tcl`, `.xml`, `.csv`.
 
     Raises:
@@ -134,7 +134,7 @@ _PLACING_M_S = 1e6
 """A node that is sent somewhere this fast is put there: on the road, or off it at the end."""
 
 
-def _read_setdest(lines: Iterable[str], origin: str) -> Recording:
+def _read_setdest(lines: Iterable[str], origin: str) -> RecordedTraffic:
     """ns-2 (setdest): places of the middle. A car is there while it moves and between moves."""
     nodes: dict[str, _Node] = {}
     placed: set[tuple[str, str]] = set()
@@ -165,7 +165,7 @@ def _read_setdest(lines: Iterable[str], origin: str) -> Recording:
     return _recording([drive for drive in drives if drive is not None], origin)
 
 
-def _drive_along(name: str, node: _Node, origin: str) -> Drive | None:
+def _drive_along(name: str, node: _Node, origin: str) -> Trajectory | None:
     if len(node.corners) < 2:
         return None
     times_s, x, y = np.array(node.corners).T
@@ -177,7 +177,7 @@ def _drive_along(name: str, node: _Node, origin: str) -> Drive | None:
     moved = np.diff(middle, axis=0)
     speed = np.hypot(*moved.T) / STEP_S
     heading = _held(np.arctan2(moved[:, 1], moved[:, 0]), speed > 0.01)
-    return Drive(
+    return Trajectory(
         name,
         int(steps[0]),
         middle,
@@ -197,7 +197,7 @@ def _held(headings: Array, moving: Array) -> Array:
     return held
 
 
-def _read_fcd(file: IO[str], origin: str) -> Recording:
+def _read_fcd(file: IO[str], origin: str) -> RecordedTraffic:
     """SUMO's `--fcd-output`: angle in degrees clockwise from north, place of the front bumper."""
     seen: dict[str, _Seen] = {}
     now_s = -math.inf
@@ -237,7 +237,7 @@ _NEEDED = ("t", "id", "x", "y", "heading", "v")
 _ONCE_AROUND = 2.0 * math.pi + 1e-3
 
 
-def _read_csv(file: IO[str], origin: str) -> Recording:
+def _read_csv(file: IO[str], origin: str) -> RecordedTraffic:
     """Columns t, id (or vin), x, y of the front bumper, heading, v (or speed); length, width."""
     rows = csv.DictReader(file)
     given = [name for name in rows.fieldnames or () if name in _COLUMNS]
@@ -297,7 +297,7 @@ def _note(
     return car
 
 
-def _drives(seen: dict[str, _Seen], origin: str) -> Iterator[Drive]:
+def _drives(seen: dict[str, _Seen], origin: str) -> Iterator[Trajectory]:
     begin_s = min((car.times_s[0] for car in seen.values()), default=0.0)
     for name, car in seen.items():
         times_s = np.array(car.times_s) - begin_s
@@ -310,7 +310,7 @@ def _drives(seen: dict[str, _Seen], origin: str) -> Iterator[Drive]:
         angle, speed = np.interp(at_s, times_s, heading), np.interp(at_s, times_s, v)
         front = np.stack([np.interp(at_s, times_s, x), np.interp(at_s, times_s, y)], axis=1)
         middle = front - car.length_m / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        yield Drive(name, int(steps[0]), middle, angle, speed, car.length_m, car.width_m)
+        yield Trajectory(name, int(steps[0]), middle, angle, speed, car.length_m, car.width_m)
 
 
 def _steps(times_s: Array, name: str, origin: str) -> Array:
@@ -320,14 +320,14 @@ def _steps(times_s: Array, name: str, origin: str) -> Array:
     return np.arange(first, last + 1)
 
 
-def _recording(drives: Iterable[Drive], origin: str) -> Recording:
+def _recording(drives: Iterable[Trajectory], origin: str) -> RecordedTraffic:
     found = list(drives)
     if not found:
         raise TraceError(f"{origin}: no car drives")
-    return Recording(found)
+    return RecordedTraffic(found)
 
 
-_READERS: dict[str, Callable[[IO[str], str], Recording]] = {
+_READERS: dict[str, Callable[[IO[str], str], RecordedTraffic]] = {
     ".ns2": _read_setdest,
     ".ns_movements": _read_setdest,
     ".tcl": _read_setdest,

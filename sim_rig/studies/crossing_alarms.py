@@ -13,16 +13,16 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
 from sim_rig.cars.settings import ReceiverSettings
+from sim_rig.ground_truth import touch_s
 from sim_rig.scenario import load_scenario
-from sim_rig.studies.joerer_traffic import Approaches, Outcome, TrafficSettings, drive
+from sim_rig.studies.joerer_traffic import Approaches, ApproachOutcome, TrafficSettings, drive
 from sim_rig.studies.results import write_results
-from sim_rig.truth import touch_s
 from sim_rig.virtual import run_virtual
 
 EVERY_S = 0.1
@@ -65,9 +65,9 @@ def _on_approaches(settings: AlarmSettings) -> Iterator[Row]:
     rng = np.random.default_rng(settings.seed)
     driven = drive(traffic, rng)
     warned_s = np.array([_warned_s(driven, n, settings, rng) for n in range(settings.approaches)])
-    crash = driven.outcome == Outcome.CRASH
+    crash = driven.outcome == ApproachOutcome.CRASH
     lead_s = (driven.over_s - warned_s)[crash & np.isfinite(warned_s)]
-    harmless = driven.outcome == Outcome.NO_CRASH
+    harmless = driven.outcome == ApproachOutcome.NO_CRASH
     yield (
         "approaches",
         int(crash.sum()),
@@ -95,7 +95,7 @@ def _warned_s(
         while (event := monitor.next_event()) is not None:
             if (
                 isinstance(event, Alarm)
-                and event.cause is Cause.CROSSING
+                and event.cause is Cause.IMA
                 and event.level is Level.WARNING
             ):
                 return now
@@ -108,7 +108,7 @@ def _known(
     bias_m: np.ndarray,
     receivers: ReceiverSettings,
     rng: np.random.Generator,
-) -> KnownCar:
+) -> PerceivedObject:
     """The car as a BSM or the own receiver tells it: the first drives east, the second north."""
     n, tick, car = at
     age_s = LATE_S if car else LATE_S / 2
@@ -123,10 +123,10 @@ def _known(
     state = np.array([*place, *velocity]) + noise + np.array([*bias_m, 0.0, 0.0])
     sigma_m = math.hypot(receivers.bias_sigma_m, receivers.noise_sigma_m)
     variances = np.repeat([sigma_m**2, _REPORTED_SPEED_SIGMA_M_S**2], 2)
-    return KnownCar(
+    return PerceivedObject(
         stamp_s=tick * driven.tick_s,
         name="other" if car else "own",
-        known_by=KnownBy.RADIO if car else KnownBy.ITSELF,
+        source=ObjectSource.BSM if car else ObjectSource.HOST,
         state=tuple(state.tolist()),
         covariance=tuple(map(tuple, np.diag(variances).tolist())),
         age_s=age_s,
@@ -142,7 +142,7 @@ def _in_the_rig(settings: AlarmSettings) -> Iterator[Row]:
         false = 0
         for number in range(settings.seeds):
             log = run_virtual(scenario, settings.seed + number)
-            warnings = log.of(car, "alarm", cause=Cause.CROSSING.value, level=Level.WARNING.value)
+            warnings = log.of(car, "alarm", cause=Cause.IMA.value, level=Level.WARNING.value)
             first = next(warnings, None)
             touch = touch_s(log, car, other)
             if first is not None and touch is not None:

@@ -8,7 +8,7 @@ FROM_S, UNTIL_S = 12.0, 29.0
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class FaultCase:
     """One fault in one severity."""
 
     fault: str
@@ -22,12 +22,12 @@ class Case:
     """Where signatures have a say in it; they take time."""
 
 
-def _air(fault: str, setting: str, values: tuple[float, ...], unit: str = "") -> list[Case]:
-    return [Case(fault, f"{value:g}{unit}", radio={setting: value}) for value in values]
+def _air(fault: str, setting: str, values: tuple[float, ...], unit: str = "") -> list[FaultCase]:
+    return [FaultCase(fault, f"{value:g}{unit}", radio={setting: value}) for value in values]
 
 
-def _wire(fault: str, what: str, *cars: str) -> list[Case]:
-    return [Case(fault, "all the time", car, ({"what": what},)) for car in cars]
+def _wire(fault: str, what: str, *cars: str) -> list[FaultCase]:
+    return [FaultCase(fault, "all the time", car, ({"what": what},)) for car in cars]
 
 
 def _graded(
@@ -40,9 +40,9 @@ def _graded(
     car: str = "red",
     signed: bool = False,
     **more: Any,
-) -> list[Case]:
+) -> list[FaultCase]:
     return [
-        Case(
+        FaultCase(
             fault, f"{value:g}{unit}", car, ({"what": what, setting: value, **more},), signed=signed
         )
         for value in values
@@ -50,8 +50,8 @@ def _graded(
 
 
 CASES = (
-    Case("none", ""),
-    Case("none", "signed", signed=True),
+    FaultCase("none", ""),
+    FaultCase("none", "signed", signed=True),
     *_air("loss", "loss", (0.1, 0.3, 0.6, 0.9)),
     *_air("delay", "delay_s", (0.05, 0.2, 1.0), " s"),
     *_air("duplication", "duplication", (0.3, 1.0)),

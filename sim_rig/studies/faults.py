@@ -18,7 +18,7 @@ from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario
 from sim_rig.setting_types import Several
-from sim_rig.studies.fault_cases import CASES, FROM_S, UNTIL_S, Case
+from sim_rig.studies.fault_cases import CASES, FROM_S, UNTIL_S, FaultCase
 from sim_rig.studies.results import write_results
 from sim_rig.virtual import run_virtual
 
@@ -58,7 +58,7 @@ class FaultsSettings(Settings):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class FaultOutcome:
     """What came of one run."""
 
     missed: float
@@ -85,7 +85,7 @@ def run(out_dir: Path, settings: FaultsSettings | None, workers: Workers) -> str
     return f"{len(table)} cases, {harmless} of them without a missed or a false warning"
 
 
-def cases_of(settings: FaultsSettings) -> list[Case]:
+def cases_of(settings: FaultsSettings) -> list[FaultCase]:
     """The cases that are asked for."""
     return [case for case in CASES if not settings.cases or case.fault in settings.cases]
 
@@ -104,7 +104,7 @@ def run_case(settings: FaultsSettings, number: int) -> Row:
     }
 
 
-def scenario_of(case: Case) -> Scenario:
+def scenario_of(case: FaultCase) -> Scenario:
     """The drive, with the fault of the case."""
     dips = [((at, 15.0), (at + 1.0, 9.0), (at + 1.6, 9.0), (at + 3.6, 15.0)) for at in BRAKES_S]
     echoes = [((at + 0.5, 15.0), (at + 2.5, 9.0), (at + 4.7, 15.0)) for at in BRAKES_S]
@@ -129,13 +129,13 @@ def scenario_of(case: Case) -> Scenario:
     return parse_settings(tree, Scenario, case.fault)
 
 
-def outcome_of(log: RunLog, car: str) -> Outcome:
+def outcome_of(log: RunLog, car: str) -> FaultOutcome:
     """Measure one run; `car` has the fault."""
     during = [at for at in BRAKES_S if FROM_S <= at < UNTIL_S]
     after = [at for at in BRAKES_S if at >= UNTIL_S]
     lost = [log.at_s(record) for record in log.of(car, "sensor_lost", from_s=FROM_S)]
     whole_s = max(_broken_until_s(log, name) for name in PLACES)
-    return Outcome(
+    return FaultOutcome(
         missed=_missed(log, during),
         missed_after=_missed(log, after),
         false=sum(1 for _ in _false(log)),
@@ -171,7 +171,7 @@ def _broken_until_s(log: RunLog, car: str) -> float:
     ends = [FROM_S]
     for kinds, is_wrong in (
         (("transition",), partial(_is_out_of_place, car)),
-        (("sensor_lost", "sensor_back"), _is_loss),
+        (("sensor_lost", "sensor_recovered"), _is_loss),
     ):
         state: dict[str, bool] = {}
         for record in log.traces[car]:
@@ -193,7 +193,7 @@ def _is_loss(record: Any) -> bool:
     return bool(record["kind"] == "sensor_lost")
 
 
-def _table(cases: Sequence[Case], rows: Sequence[Row], seeds: int) -> Iterator[list[Any]]:
+def _table(cases: Sequence[FaultCase], rows: Sequence[Row], seeds: int) -> Iterator[list[Any]]:
     for number, case in enumerate(cases):
         runs = rows[number * seeds : (number + 1) * seeds]
         yield [

@@ -26,12 +26,18 @@ from sim_rig.studies.joerer_criticality import (
 )
 from sim_rig.studies.joerer_figures import draw_bins, draw_boxes, draw_eccdf, draw_evolution
 from sim_rig.studies.joerer_radio import BeaconSettings
-from sim_rig.studies.joerer_traffic import Approaches, Array, Outcome, TrafficSettings, drive
+from sim_rig.studies.joerer_traffic import (
+    Approaches,
+    ApproachOutcome,
+    Array,
+    TrafficSettings,
+    drive,
+)
 
 PAPER_OUTCOMES_PERCENT = {
-    Outcome.CRASH: 3.76,
-    Outcome.NEAR_CRASH: 0.84,
-    Outcome.NO_CRASH: 95.4,
+    ApproachOutcome.CRASH: 3.76,
+    ApproachOutcome.NEAR_CRASH: 0.84,
+    ApproachOutcome.NO_CRASH: 95.4,
 }
 PAPER_TABLE_3_PERCENT = {
     "uniform": {1.0: (21.0, 25.0), 0.5: (45.0, 48.0), 0.1: (83.0, 87.0), 0.04: (93.0, 95.0)},
@@ -73,7 +79,7 @@ class Results:
     def lbu(self, behaviour: str, interval_s: float) -> Array:
         """P_C at the last beacon before unavoidable, of each car that crashed; NaN without one."""
         values = last_before_unavoidable(self.p_c[behaviour], self.beacons[interval_s])
-        crashed: Array = values[self.outcome_of_car == Outcome.CRASH]
+        crashed: Array = values[self.outcome_of_car == ApproachOutcome.CRASH]
         return crashed
 
 
@@ -101,14 +107,15 @@ def run(out_dir: Path, settings: JoererSettings | None = None) -> str:
     _figures_7_9(results, out_dir)
     _figure_10(results, out_dir)
     _table_3(results, out_dir)
-    counts = np.bincount(results.driven.outcome, minlength=len(Outcome))
-    return ", ".join(f"{group.name} {counts[group]}" for group in Outcome)
+    counts = np.bincount(results.driven.outcome, minlength=len(ApproachOutcome))
+    return ", ".join(f"{group.name} {counts[group]}" for group in ApproachOutcome)
 
 
 def _outcomes(results: Results, out_dir: Path) -> None:
-    percent = {group: 100.0 * np.mean(results.driven.outcome == group) for group in Outcome}
+    percent = {group: 100.0 * np.mean(results.driven.outcome == group) for group in ApproachOutcome}
     rows = [
-        (group.name, round(percent[group], 2), PAPER_OUTCOMES_PERCENT[group]) for group in Outcome
+        (group.name, round(percent[group], 2), PAPER_OUTCOMES_PERCENT[group])
+        for group in ApproachOutcome
     ]
     _write(out_dir / "outcomes.csv", ("outcome", "ours_percent", "paper_percent"), rows)
 
@@ -127,7 +134,7 @@ def _figures_5_6_8(results: Results, out_dir: Path) -> None:
         rows = [
             (title, group.name, *_five_numbers(values[of_car == group]))
             for title, values in panels.items()
-            for group in Outcome
+            for group in ApproachOutcome
         ]
         header = (
             "panel",
@@ -151,14 +158,14 @@ def _five_numbers(values: Array) -> tuple[float, ...]:
 
 
 def _figures_7_9(results: Results, out_dir: Path) -> None:
-    def binned(behaviour: str, group: Outcome, statistic: str) -> Array:
+    def binned(behaviour: str, group: ApproachOutcome, statistic: str) -> Array:
         return _bin(results, behaviour, group, statistic)
 
-    mean = {group.name: binned("uniform", group, "mean") for group in Outcome}
+    mean = {group.name: binned("uniform", group, "mean") for group in ApproachOutcome}
     worst = {
-        "CRASH, minimum, uniform": binned("uniform", Outcome.CRASH, "min"),
-        "CRASH, minimum, triangular": binned("triangular", Outcome.CRASH, "min"),
-        "NO CRASH, maximum, triangular": binned("triangular", Outcome.NO_CRASH, "max"),
+        "CRASH, minimum, uniform": binned("uniform", ApproachOutcome.CRASH, "min"),
+        "CRASH, minimum, triangular": binned("triangular", ApproachOutcome.CRASH, "min"),
+        "NO CRASH, maximum, triangular": binned("triangular", ApproachOutcome.NO_CRASH, "max"),
     }
     for number, panels in ((7, mean), (9, worst)):
         draw_bins(panels, BIN_M, out_dir / f"figure{number}.png")
@@ -171,7 +178,7 @@ def _figures_7_9(results: Results, out_dir: Path) -> None:
         _write(out_dir / f"figure{number}.csv", header, rows)
 
 
-def _bin(results: Results, behaviour: str, group: Outcome, statistic: str) -> Array:
+def _bin(results: Results, behaviour: str, group: ApproachOutcome, statistic: str) -> Array:
     """(BINS, BINS) by the receiver's and the sender's distance; NaN where no beacon was heard."""
     beacons = results.beacons[BINNED_INTERVAL_S]
     approach, receiver = beacons.car // 2, beacons.car % 2
@@ -199,7 +206,7 @@ def _bin(results: Results, behaviour: str, group: Outcome, statistic: str) -> Ar
 def _figure_10(results: Results, out_dir: Path) -> None:
     """The crash whose car got to know a middling P_C at 1 s: a typical one."""
     driven, p_c = results.driven, results.p_c["uniform"]
-    crashed = np.flatnonzero(driven.outcome == Outcome.CRASH)
+    crashed = np.flatnonzero(driven.outcome == ApproachOutcome.CRASH)
     if not len(crashed):
         return
     known = highest(p_c, results.beacons[SLOWEST_INTERVAL_S])[2 * crashed]

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sim_rig.studies.joerer_traffic import Array, Outcome
+from sim_rig.studies.joerer_traffic import ApproachOutcome, Array
 
 GROUPS = ("CRASH", "NEAR CRASH", "NO CRASH")
 
@@ -18,7 +18,7 @@ def draw_boxes(highest: Mapping[str, Array], outcome: NDArray[np.int64], path: P
     """Figures 5, 6 and 8: the highest P_C of each car, by outcome; one panel for each key."""
     figure, panels = _panels(len(highest), "maximum collision probability")
     for axes, (title, values) in zip(panels, highest.items(), strict=True):
-        groups = [values[outcome == group] for group in Outcome]
+        groups = [values[outcome == group] for group in ApproachOutcome]
         axes.boxplot([group if len(group) else [np.nan] for group in groups])
         axes.set_xticks([1, 2, 3], GROUPS, fontsize=7)
         axes.set_title(title, fontsize=9)

@@ -52,7 +52,7 @@ class TrafficSettings(Settings):
     """A car that yields crosses first only if it is out this long before the other can be in."""
 
 
-class Outcome(IntEnum):
+class ApproachOutcome(IntEnum):
     """Of an approach."""
 
     CRASH = 0
@@ -65,7 +65,7 @@ class Approaches:
     """What was driven: n approaches of two cars, the second of which has to yield."""
 
     outcome: NDArray[np.int64]
-    """(n) of `Outcome`."""
+    """(n) of `ApproachOutcome`."""
     over_s: Array
     """(n) when they touched, or else when one was out of the other's way."""
     ignores_rules: NDArray[np.bool_]
@@ -129,9 +129,11 @@ def drive(settings: TrafficSettings, rng: np.random.Generator) -> Approaches:
         for crossings in (touching, close):
             crossings.step(step * step_s, distance, moved, step_s)
     outcome = np.select(
-        [touching.met, close.met], [Outcome.CRASH, Outcome.NEAR_CRASH], Outcome.NO_CRASH
+        [touching.met, close.met],
+        [ApproachOutcome.CRASH, ApproachOutcome.NEAR_CRASH],
+        ApproachOutcome.NO_CRASH,
     )
-    met_s = np.where(outcome == Outcome.CRASH, touching.entered_s.max(axis=1), np.inf)
+    met_s = np.where(outcome == ApproachOutcome.CRASH, touching.entered_s.max(axis=1), np.inf)
     driven = np.stack(record, axis=2)
     return Approaches(
         outcome,

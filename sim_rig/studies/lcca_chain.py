@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from onboard.access.rear_end import tolerable_lag_s
-from onboard.lcca.events import Neighbour, WarningRaised
+from onboard.lcca.events import PrecedingVehicle, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.settings import LccaSettings
 from onboard.messages.lcca import Warn
@@ -198,8 +198,8 @@ class _Platoon:
         """Cars keep their gaps until they brake; what is seen after that decides nothing here."""
         for car, group in self._groups.items():
             group.receive_speed(float(self._speed_m_s), now)
-            ahead = Neighbour(_id(car - 1), float(self._gaps_m[car]), 0.0) if car else None
-            group.receive_neighbour(ahead, now)
+            ahead = PrecedingVehicle(_id(car - 1), float(self._gaps_m[car]), 0.0) if car else None
+            group.receive_preceding_vehicle(ahead, now)
 
     def _send(self, car: int, group: WarningGroup, now: float) -> None:
         for message in group.messages_to_send(now):

@@ -16,18 +16,18 @@ from pydantic import Field
 
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
-from sim_rig.roads.events import Kind
+from sim_rig.roads.events import TrafficEventKind
 from sim_rig.setting_types import Several, Share
-from sim_rig.studies.mvs_encounter import Case, Encounters, EncounterSettings, Method
-from sim_rig.studies.mvs_fates import Fate
-from sim_rig.studies.mvs_scenes import Scene, Where, scene_here
+from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSettings, Method
+from sim_rig.studies.mvs_outcomes import CrashOutcome
+from sim_rig.studies.mvs_scenes import SceneName, Where, scene_here
 from sim_rig.studies.mvs_world import FooterSize
 from sim_rig.studies.results import write_results
 
 PAPER_REDUCTION: dict[Where, float] = {
-    Scene.CROSSING: 0.615,
-    Scene.SUMO_CROSSING: 0.615,
-    Scene.CITY: 0.601,
+    SceneName.CROSSING: 0.615,
+    SceneName.SUMO_CROSSING: 0.615,
+    SceneName.CITY: 0.601,
 }
 """Of the collision probability by MVS at 40 %; the paper prints no other figure of its Fig. 9."""
 _MOST_COMPARED = 0.4
@@ -40,7 +40,7 @@ class CollisionSettings(Settings):
     seed: int = Field(1, ge=0)
     runs: int = Field(500, ge=1)
     """Events of each kind."""
-    kinds: Several[Kind] = tuple(Kind)
+    kinds: Several[TrafficEventKind] = tuple(TrafficEventKind)
     shares: Several[Share] = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
     methods: Several[Method] = (Method.DSRC, Method.OWN, Method.MVS)
     """At every share."""
@@ -58,23 +58,29 @@ class Figure3Settings(CollisionSettings):
     """Fig. 3: red-light runners and plain DSRC."""
 
     runs: int = Field(1000, ge=1)
-    kinds: Several[Kind] = (Kind.RED_LIGHT,)
+    kinds: Several[TrafficEventKind] = (TrafficEventKind.RED_LIGHT,)
     shares: Several[Share] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
     methods: Several[Method] = (Method.DSRC,)
     compared_at: float | None = None
 
 
-def cases(settings: CollisionSettings) -> list[Case]:
+def cases(settings: CollisionSettings) -> list[EncounterCase]:
     """All cases of one seed, each once however often the settings name it."""
     shape = []
     for kind in settings.kinds:
-        shape.append(Case(kind, Method.NONE, 0.0))
-        shape += [Case(kind, m, share) for share in settings.shares for m in settings.methods]
+        shape.append(EncounterCase(kind, Method.NONE, 0.0))
+        shape += [
+            EncounterCase(kind, m, share) for share in settings.shares for m in settings.methods
+        ]
         share = settings.compared_at
         if share is not None:
-            shape += [Case(kind, m, share) for m in (Method.MEASUREMENTS_ONLY, Method.RANDOM)]
-            shape += [Case(kind, Method.MVS, share, entries) for entries in settings.entries]
-            shape += [Case(kind, m, share, loss=0.5) for m in (Method.DSRC, Method.MVS)]
+            shape += [
+                EncounterCase(kind, m, share) for m in (Method.MEASUREMENTS_ONLY, Method.RANDOM)
+            ]
+            shape += [
+                EncounterCase(kind, Method.MVS, share, entries) for entries in settings.entries
+            ]
+            shape += [EncounterCase(kind, m, share, loss=0.5) for m in (Method.DSRC, Method.MVS)]
     return list(dict.fromkeys(shape))
 
 
@@ -84,7 +90,7 @@ def encounters(settings: EncounterSettings) -> Encounters:
     return Encounters(settings)
 
 
-def case_of(settings: CollisionSettings, number: int) -> tuple[Case, int]:
+def case_of(settings: CollisionSettings, number: int) -> tuple[EncounterCase, int]:
     """Case and seed of a run: all cases of a seed have numbers in a row."""
     of_a_seed = cases(settings)
     return of_a_seed[number % len(of_a_seed)], settings.seed + number // len(of_a_seed)
@@ -106,7 +112,7 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
     if settings.calm_every > 1 and case.method is not Method.NONE:
         before, is_calm = scene.without_radios(case, seed)
         if is_calm and seed % settings.calm_every:
-            fate = Fate.NO_RADIO.value if before is not None else None
+            fate = CrashOutcome.NO_RADIO.value if before is not None else None
             return row | {"weight": 0, "crash": before is not None, "fate": fate}
         row["weight"] = settings.calm_every if is_calm else 1
     outcome = scene.run(case, seed)
@@ -256,7 +262,7 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
         straight_on_avoided=len(straight_on),
         straight_on_before_s=_median(run, "straight_on_before_s"),
         straight_on_false_per_h=straight_on_false / hours if hours else math.nan,
-        **{f"fate_{fate.value}": sum(row["fate"] == fate for row in mine) for fate in Fate},
+        **{f"fate_{fate.value}": sum(row["fate"] == fate for row in mine) for fate in CrashOutcome},
         two_cars_p_collision=p_none - apart / len(mine),
         two_cars_reduction=apart / crashes if crashes else math.nan,
         straight_on_two_cars_reduction=straight_on_apart / crashes if crashes else math.nan,
@@ -265,7 +271,7 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
 
 def _kept_apart(rows: Iterable[Row]) -> int:
     """Crashes avoided as the paper counts: these two have none, whoever else has."""
-    return sum(row["fate"] in {Fate.AVOIDED, Fate.ANOTHER} for row in rows)
+    return sum(row["fate"] in {CrashOutcome.AVOIDED, CrashOutcome.ANOTHER} for row in rows)
 
 
 def _median(rows: Sequence[Row], column: str) -> float:

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 from pydantic import Field
 
-from onboard.mvs.known_car import KnownCar
+from onboard.mvs.perceived_object import PerceivedObject
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
 from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
@@ -16,11 +16,11 @@ from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.driver import ReactionSettings
-from sim_rig.roads.events import Event, Events, Kind
+from sim_rig.roads.events import TrafficEvent, TrafficEventKind, TrafficEvents
 from sim_rig.roads.paths import DrivePath
-from sim_rig.roads.recording import Recording
-from sim_rig.studies.mvs_fates import SAME_PLACE_M, Concerned, Fate
-from sim_rig.studies.mvs_scenes import Place, Scene, Where, open_scene
+from sim_rig.roads.recording import RecordedTraffic
+from sim_rig.studies.mvs_outcomes import SAME_PLACE_M, Concerned, CrashOutcome
+from sim_rig.studies.mvs_scenes import OpenScene, SceneName, Where, open_scene
 from sim_rig.studies.mvs_straight_on import touched_straight_on
 from sim_rig.studies.mvs_warner import Warned, Warner
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
@@ -51,7 +51,7 @@ class Method(StrEnum):
 class EncounterSettings(Settings):
     """What is the same in all runs."""
 
-    scene: Where = Scene.CROSSING
+    scene: Where = SceneName.CROSSING
     warm_s: float = Field(1.2, ge=0.3, le=30.0)
     """Before the event, cars get to know each other."""
     after_s: float = Field(7.0, ge=1.0, le=30.0)
@@ -69,10 +69,10 @@ class EncounterSettings(Settings):
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class EncounterCase:
     """One run, but for its seed."""
 
-    kind: Kind
+    kind: TrafficEventKind
     method: Method
     share: float
     """Of the cars that have a radio."""
@@ -82,12 +82,12 @@ class Case:
 
 
 @dataclass(slots=True)
-class Outcome:
+class EncounterOutcome:
     """What happened."""
 
-    event: Event
+    event: TrafficEvent
     crash: Crash | None = None
-    fate: Fate | None = None
+    fate: CrashOutcome | None = None
     """Of the crash without radios, if there is one."""
     known_before_s: float | None = None
     """How long before that crash one of those who can act first knew the other."""
@@ -128,29 +128,29 @@ class Encounters:
     def __init__(self, settings: EncounterSettings) -> None:
         """Look for where things can go wrong."""
         self._settings = settings
-        self._place: Place = open_scene(settings.scene)
-        self._events = Events(self._place.recording, has_lights=self._place.has_lights)
-        self._without_radios: dict[tuple[Kind, int], Crash | None] = {}
+        self._place: OpenScene = open_scene(settings.scene)
+        self._events = TrafficEvents(self._place.recording, has_lights=self._place.has_lights)
+        self._without_radios: dict[tuple[TrafficEventKind, int], Crash | None] = {}
 
     @property
-    def recording(self) -> Recording:
+    def recording(self) -> RecordedTraffic:
         """What is driven where nothing goes wrong."""
         return self._place.recording
 
     def run(
         self,
-        case: Case,
+        case: EncounterCase,
         seed: int,
         watch: Watch | None = None,
         played: Played | None = None,
-    ) -> Outcome:
+    ) -> EncounterOutcome:
         """Run one case; the seed alone decides on event, drivers, and the order of radios.
 
         `watch` is shown every tick with radios, `played` those without, which come after.
         """
         event = self._event(case.kind, seed)
         traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
-        outcome = Outcome(event)
+        outcome = EncounterOutcome(event)
         if case.method is Method.NONE:
             outcome.crash = self._play_on(traffic, event, self._begin_s(event), played)
             self._without_radios[case.kind, seed] = outcome.crash
@@ -174,7 +174,7 @@ class Encounters:
             outcome.straight_on_these_two = again is not None and concerned.are_both(again)
         return outcome
 
-    def without_radios(self, case: Case, seed: int) -> tuple[Crash | None, bool]:
+    def without_radios(self, case: EncounterCase, seed: int) -> tuple[Crash | None, bool]:
         """The crash without radios, and whether nobody with a radio could avoid it."""
         before, event = self._crash_without_radios(case.kind, seed), self._event(case.kind, seed)
         if before is None:
@@ -185,7 +185,7 @@ class Encounters:
         return before, equipped.isdisjoint(self._can_act(before, event))
 
     def _warned_straight_on(
-        self, case: Case, seed: int, before: Crash, concerned: Concerned
+        self, case: EncounterCase, seed: int, before: Crash, concerned: Concerned
     ) -> Crash | None:
         """The same event again, with drivers warned by the paper's alarm until they would crash."""
         if not concerned.straight_on_at:
@@ -200,13 +200,13 @@ class Encounters:
 
         return self._play_on(traffic, event, self._begin_s(event), warn)
 
-    def _can_act(self, crash: Crash, event: Event) -> tuple[str, ...]:
+    def _can_act(self, crash: Crash, event: TrafficEvent) -> tuple[str, ...]:
         """The cars of a crash whose drivers can avoid it: not one that brakes and is run into."""
         brakes = self.recording.drives[event.car].name if event.deceleration_m_s2 else None
         return tuple(name for name in crash.names if name != brakes)
 
     def _world(
-        self, case: Case, seed: int, traffic: DisturbedTraffic, equipped: set[str]
+        self, case: EncounterCase, seed: int, traffic: DisturbedTraffic, equipped: set[str]
     ) -> MvsWorld:
         senses = case.method is not Method.DSRC
         world = MvsWorld(
@@ -220,22 +220,22 @@ class Encounters:
         world.now = self._begin_s(self._event(case.kind, seed))
         return world
 
-    def _event(self, kind: Kind, seed: int) -> Event:
+    def _event(self, kind: TrafficEventKind, seed: int) -> TrafficEvent:
         return self._events.draw(kind, np.random.default_rng([seed, 0]))
 
-    def _begin_s(self, event: Event) -> float:
+    def _begin_s(self, event: TrafficEvent) -> float:
         return max(round(event.at_s - self._settings.warm_s, 1), 0.0)
 
-    def _crash_without_radios(self, kind: Kind, seed: int) -> Crash | None:
+    def _crash_without_radios(self, kind: TrafficEventKind, seed: int) -> Crash | None:
         """The crash of the same event and drivers; kept, since all cases of a seed ask for it."""
         if (kind, seed) not in self._without_radios:
-            self.run(Case(kind, Method.NONE, 0.0), seed)
+            self.run(EncounterCase(kind, Method.NONE, 0.0), seed)
         return self._without_radios[kind, seed]
 
     def _play_on(
         self,
         traffic: DisturbedTraffic,
-        event: Event,
+        event: TrafficEvent,
         now: float,
         played: Played | None = None,
     ) -> Crash | None:
@@ -248,7 +248,9 @@ class Encounters:
                 played(traffic, now)
         return traffic.crash if traffic.crash and traffic.crash.at_s <= end_s else None
 
-    def _equipped(self, case: Case, seed: int, cars: Cars, event: Event) -> set[str]:
+    def _equipped(
+        self, case: EncounterCase, seed: int, cars: Cars, event: TrafficEvent
+    ) -> set[str]:
         """The cars with a radio near the path of the event's car; a larger share adds to them."""
         drives = self.recording.drives
         luck = np.random.default_rng([seed, 1]).random(len(drives))
@@ -269,7 +271,7 @@ class _Drivers:
         settings: EncounterSettings,
         world: MvsWorld,
         traffic: DisturbedTraffic,
-        outcome: Outcome,
+        outcome: EncounterOutcome,
         concerned: Concerned | None,
     ) -> None:
         """Note what happens in `outcome` and, if there is a crash to avoid, in `concerned`."""
@@ -294,7 +296,7 @@ class _Drivers:
             at = cars.index(name)
             if at is None:
                 continue
-            own, known = core.own_car(world.now), core.kinematic_info(world.now)
+            own, known = core.host_vehicle(world.now), core.kinematic_info(world.now)
             self._judge_straight_on(own, known, cars, at)
             if self._concerned is not None and self._concerned.is_one(name):
                 places = np.array([world.place_of(name, car.state) for car in known])
@@ -327,7 +329,7 @@ class _Drivers:
             outcome.first_warning_s = round(now - outcome.event.at_s, 3)
 
     def _judge_straight_on(
-        self, own: KnownCar | None, known: list[KnownCar], cars: Cars, at: int
+        self, own: PerceivedObject | None, known: list[PerceivedObject], cars: Cars, at: int
     ) -> None:
         """Note whether the paper's alarm would warn this driver, and whether rightly."""
         risk, within_s = self._settings.risk, self._settings.straight_on_s
@@ -342,7 +344,7 @@ class _Drivers:
             self._concerned.receive_straight_on(name, now)
         self._outcome.straight_on_false += self._straight_on.begins(name, now) and not right
 
-    def _is_right(self, cars: Cars, name: str, of: KnownCar) -> bool:
+    def _is_right(self, cars: Cars, name: str, of: PerceivedObject) -> bool:
         """Whether the event has changed how the warned car drives, or the one it is warned of."""
         if self._traffic.has_moved(name):
             return True
@@ -370,7 +372,7 @@ def _size_m(cars: Cars, at: int) -> tuple[float, float]:
     return float(cars.length_m[at]), float(cars.width_m[at])
 
 
-def _mvs(case: Case) -> MvsSettings:
+def _mvs(case: EncounterCase) -> MvsSettings:
     selections = {
         Method.MEASUREMENTS_ONLY: Selection.MEASUREMENTS_ONLY,
         Method.RANDOM: Selection.RANDOM,

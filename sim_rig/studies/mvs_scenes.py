@@ -16,9 +16,9 @@ import numpy as np
 from pydantic import Field
 
 from onboard.errors import UserError
-from sim_rig.roads.crossing import CrossingSettings, crossing
-from sim_rig.roads.recording import Recording, keep_right, record
-from sim_rig.roads.sight import Blocked, Corners
+from sim_rig.roads.crossing import IntersectionSettings, crossing
+from sim_rig.roads.line_of_sight import Blocked, Corners
+from sim_rig.roads.recording import RecordedTraffic, keep_right, record
 from sim_rig.roads.sources import NAMES, RoadSourceError, open_traffic
 from sim_rig.roads.trace_files import read_trace
 
@@ -31,7 +31,7 @@ _CORNERS_M = 12.5
 """Buildings stand from here on, beside both roads."""
 
 
-class Scene(StrEnum):
+class SceneName(StrEnum):
     """By name."""
 
     CROSSING = "crossing"
@@ -46,15 +46,15 @@ class Scene(StrEnum):
     """Sparse: the paper's city trace."""
 
 
-Where = Annotated[Scene | Path, Field(union_mode="left_to_right")]
+Where = Annotated[SceneName | Path, Field(union_mode="left_to_right")]
 """A scene by name, or the file of a trace or of a simulation of SUMO's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class OpenScene:
     """A scene that is open."""
 
-    recording: Recording
+    recording: RecordedTraffic
     blocked: Blocked | None
     origin: str
     """What was driven there."""
@@ -67,9 +67,9 @@ class Place:
 
 
 _RECORDED = {
-    Scene.CROSSING: "crossing-signals-100-cars.csv.gz",
-    Scene.LIGHTER_CROSSING: "crossing-signals-50-cars.csv.gz",
-    Scene.CITY: "city-99-cars.ns2",
+    SceneName.CROSSING: "crossing-signals-100-cars.csv.gz",
+    SceneName.LIGHTER_CROSSING: "crossing-signals-50-cars.csv.gz",
+    SceneName.CITY: "city-99-cars.ns2",
 }
 
 
@@ -79,13 +79,13 @@ def scene_here(scene: Where) -> Where:
     A study asks once, when it begins, and states the answer in its settings: resumed elsewhere, or
     with workers that have other recordings, it must not mix two kinds of traffic.
     """
-    if scene is Scene.CROSSING and not _recorded(scene).is_file():
-        return Scene.SUMO_CROSSING
+    if scene is SceneName.CROSSING and not _recorded(scene).is_file():
+        return SceneName.SUMO_CROSSING
     return scene
 
 
 @cache
-def open_scene(scene: Where) -> Place:
+def open_scene(scene: Where) -> OpenScene:
     """Read or drive it, once in a process; a path is traffic of the user's own.
 
     Raises:
@@ -97,33 +97,33 @@ def open_scene(scene: Where) -> Place:
         path = _recorded(scene)
         if not path.is_file():
             raise UserError(f"this scene needs {path} (RIG_DATA names the folder of recordings)")
-        if scene is Scene.CITY:
+        if scene is SceneName.CITY:
             recording = keep_right(read_trace(path), _CITY_LANE_M)
-            return Place(recording, None, path.name, has_lights=False)
-        return Place(read_trace(path), Corners(_CORNERS_M), path.name)
-    if scene is Scene.OWN_CROSSING:
-        own = crossing(CrossingSettings(), np.random.default_rng(0))
-        return Place(record(own, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "own crossing")
+            return OpenScene(recording, None, path.name, has_lights=False)
+        return OpenScene(read_trace(path), Corners(_CORNERS_M), path.name)
+    if scene is SceneName.OWN_CROSSING:
+        own = crossing(IntersectionSettings(), np.random.default_rng(0))
+        return OpenScene(record(own, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "own crossing")
     from sim_rig.roads.sumo import NETWORKS, SumoTraffic  # noqa: PLC0415 (a large library)
 
     with SumoTraffic(NETWORKS / "crossing.sumocfg", seed=0) as sumo:
-        return Place(record(sumo, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "SUMO's crossing")
+        return OpenScene(record(sumo, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "SUMO's crossing")
 
 
-def _brought(path: Path) -> Place:
+def _brought(path: Path) -> OpenScene:
     """A trace, a simulation of SUMO's, or a source by name; nothing is known of its buildings."""
     try:
         traffic = open_traffic(str(path), np.random.default_rng(0))
     except RoadSourceError as error:
-        names = ", ".join(dict.fromkeys((*Scene, *NAMES)))
+        names = ", ".join(dict.fromkeys((*SceneName, *NAMES)))
         raise UserError(
             f"no scene {str(path)!r}: it is one of {names}, a .sumocfg, or a trace's file"
         ) from error
     with traffic if isinstance(traffic, AbstractContextManager) else nullcontext():
-        if not isinstance(traffic, Recording):
+        if not isinstance(traffic, RecordedTraffic):
             traffic = record(traffic, _DRIVEN_S, _WARM_S)
-    return Place(traffic, None, path.name, has_lights=False)
+    return OpenScene(traffic, None, path.name, has_lights=False)
 
 
-def _recorded(scene: Scene) -> Path:
+def _recorded(scene: SceneName) -> Path:
     return Path(os.environ.get("RIG_DATA", _DATA)) / "traces" / _RECORDED[scene]

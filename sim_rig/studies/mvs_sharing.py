@@ -18,20 +18,14 @@ from onboard.errors import UserError
 from onboard.mvs.evidence import Evidence, Measurement, Provenance
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
-from onboard.mvs.told import Told, evidence_in
+from onboard.mvs.shared_entries import SharedEntries, evidence_in
 from onboard.mvs.track import independent
 from onboard.settings import Settings
 from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.roads.cars import Cars
 from sim_rig.setting_types import NotNegative, Several, Share, Span
-from sim_rig.studies.mvs_scenes import Scene, Where, open_scene, scene_here
-from sim_rig.studies.mvs_world import (
-    ORIGIN,
-    START_UTC_S,
-    FooterSize,
-    MvsWorld,
-    WorldSettings,
-)
+from sim_rig.studies.mvs_scenes import SceneName, Where, open_scene, scene_here
+from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, FooterSize, MvsWorld, WorldSettings
 from sim_rig.studies.results import write_results
 
 PAPER_TABLE_1 = {
@@ -49,7 +43,7 @@ class SharingSettings(Settings):
 
     seed: int = Field(1, ge=0)
     seeds: int = Field(3, ge=1)
-    scene: Where = Scene.CROSSING
+    scene: Where = SceneName.CROSSING
     shares: Several[Share] = (0.1, 0.2, 0.3, 0.4)
     entries: Several[FooterSize] = (5, 10, 20)
     """M."""
@@ -190,7 +184,7 @@ def _reused(pieces: Iterable[Evidence]) -> int:
     return len(all_of_them) - len(set(all_of_them))
 
 
-def _told(footer: Told, cars: Cars, world: MvsWorld) -> set[tuple[str, Provenance]]:
+def _told(footer: SharedEntries, cars: Cars, world: MvsWorld) -> set[tuple[str, Provenance]]:
     """Entries by the car that they are truly about, and what they were made from."""
     told = set()
     now_ms = (world.now + START_UTC_S) * 1000

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from onboard.mvs.known_car import KnownCar
-from onboard.risk.meeting import has_course
+from onboard.mvs.perceived_object import PerceivedObject
+from onboard.risk.path_crossing import has_course
 from onboard.risk.settings import RiskSettings
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import first_crash
@@ -20,18 +20,18 @@ _STANDS_M_S = 1.0
 
 
 def touched_straight_on(
-    own: KnownCar,
-    cars: list[KnownCar],
+    own: PerceivedObject,
+    cars: list[PerceivedObject],
     own_size_m: tuple[float, float],
     settings: RiskSettings,
     within_s: float,
-) -> KnownCar | None:
+) -> PerceivedObject | None:
     """Who is touched first if all keep speed and course; `None` if nobody is within that time."""
     others = [
         car
         for car in cars
-        if car.age_s <= settings.crossing.oldest_s
-        and (math.hypot(*car.state[2:]) < _STANDS_M_S or has_course(car, settings.crossing))
+        if car.age_s <= settings.ima.oldest_s
+        and (math.hypot(*car.state[2:]) < _STANDS_M_S or has_course(car, settings.ima))
         and _comes_near(own, car, own_size_m, settings, within_s)
     ]
     if not others:
@@ -61,8 +61,8 @@ def touched_straight_on(
 
 
 def _comes_near(
-    own: KnownCar,
-    car: KnownCar,
+    own: PerceivedObject,
+    car: PerceivedObject,
     own_size_m: tuple[float, float],
     settings: RiskSettings,
     within_s: float,

@@ -10,13 +10,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from onboard.mvs.known_car import KnownCar
+from onboard.kinematics.acceleration import AccelerationEstimator
+from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import Speed
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.risk.closing_gap import LeadMotion, judged, settled_closing_speed_m_s
+from onboard.risk.fcw import LeadMotion, judged, settled_closing_speed_m_s
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
-from onboard.speed_trend import SpeedTrend
 
 _BESIDE_M = 1.6
 _RANGE_M = 70.0
@@ -41,7 +41,7 @@ class Warned:
     """A driver is warned of a car, as of now."""
 
     cause: Cause
-    of: KnownCar
+    of: PerceivedObject
     """In the warned car's own frame."""
 
 
@@ -52,14 +52,18 @@ class Warner:
         """For a car of the given size."""
         self._settings = settings
         self._length_m = length_m
-        self._trend = SpeedTrend(settings.closing_gap.lead_window_s)
+        self._trend = AccelerationEstimator(settings.fcw.lead_window_s)
         self._monitor = RiskMonitor(settings, length_m, width_m)
         self._leads: dict[str, _Lead] = {}
         self._held: dict[Cause, Warned] = {}
         """Warnings of the monitor that are on."""
 
     def assess(
-        self, own: KnownCar | None, cars: Sequence[KnownCar], speed_m_s: float, now: float
+        self,
+        own: PerceivedObject | None,
+        cars: Sequence[PerceivedObject],
+        speed_m_s: float,
+        now: float,
     ) -> Warned | None:
         """Judge what is known now; returns a warning that is on, if any."""
         self._trend.receive(now, speed_m_s)
@@ -77,9 +81,9 @@ class Warner:
         return warned
 
     def _ahead(
-        self, own: KnownCar, cars: Sequence[KnownCar], speed_m_s: float, now: float
+        self, own: PerceivedObject, cars: Sequence[PerceivedObject], speed_m_s: float, now: float
     ) -> Warned | None:
-        settings = self._settings.closing_gap
+        settings = self._settings.fcw
         slope = self._trend.acceleration_m_s2
         braking_m_s2 = math.inf if slope is None else max(-slope, 0.0)
         leads = {}
@@ -107,11 +111,13 @@ class Warner:
             if lead.short_since is None:
                 lead.short_since = now
             if now - lead.short_since >= settings.confirm_s:
-                warned = Warned(Cause.CLOSING_GAP, car)
+                warned = Warned(Cause.FCW, car)
         self._leads = leads
         return warned
 
-    def _gap_and_speed(self, own: KnownCar, car: KnownCar) -> tuple[float | None, float]:
+    def _gap_and_speed(
+        self, own: PerceivedObject, car: PerceivedObject
+    ) -> tuple[float | None, float]:
         """Bumper to bumper and the speed along the own heading, of a car on the own path."""
         heading = math.atan2(own.state[3], own.state[2])
         cosine, sine = math.cos(heading), math.sin(heading)
@@ -129,7 +135,7 @@ class Warner:
         return ahead_m - length_m, max(along_m_s, 0.0)
 
 
-def _sigma_m_s(own: KnownCar, car: KnownCar) -> float:
+def _sigma_m_s(own: PerceivedObject, car: PerceivedObject) -> float:
     """Of the speed of a car along the own heading."""
     heading = math.atan2(own.state[3], own.state[2])
     cosine, sine = math.cos(heading), math.sin(heading)

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from onboard.kinematics.local_frame import LocalFrame
 from onboard.mvs.evidence import Measurement, MeasurementId
-from onboard.mvs.local_frame import LocalFrame
+from onboard.mvs.host_vehicle import HostVehicle
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.own_car import OwnCar
 from onboard.mvs.settings import MvsSettings
+from onboard.mvs.shared_entries import SharedEntries
 from onboard.mvs.sharing import read
-from onboard.mvs.told import Told
-from onboard.observations import Position, SensedCar
+from onboard.observations import Position, VehicleDetection
 from onboard.settings import Settings
 from sim_rig.radio.settings import CsmaSettings
 from sim_rig.roads.cars import Array, Cars, Traffic
-from sim_rig.roads.sight import Blocked
+from sim_rig.roads.line_of_sight import Blocked
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
 ORIGIN = LocalFrame(47.37, 8.54)
@@ -86,13 +86,13 @@ class _Bsm:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sent:
+class SentFooter:
     """One footer that was on the air."""
 
     at_s: float
     sender: str
     footer: bytes
-    told: Told
+    told: SharedEntries
     """What it says."""
     receivers: tuple[str, ...]
     """Those that got it."""
@@ -122,10 +122,10 @@ class MvsWorld:
         self._numbers: dict[str, int] = {}
         self._phases: dict[str, float] = {}
         self.cores: dict[str, MultiVehicleSensing] = {}
-        self._shadows: dict[str, OwnCar] = {}
+        self._shadows: dict[str, HostVehicle] = {}
         """Repeat what each core makes of its sensors, to know the measurements it made."""
         self.measurements: list[TrueMeasurement] = []
-        self.sent: list[Sent] = []
+        self.sent: list[SentFooter] = []
         """In the last tick."""
         self.now = 0.0
         self._channel: StudyChannel[_Bsm] | None = None
@@ -176,7 +176,7 @@ class MvsWorld:
         rng = np.random.default_rng([self._seed, *own_id])
         self._phases[name] = float(rng.random())
         self.cores[name] = MultiVehicleSensing(self._mvs_settings, own_id, rng, START_UTC_S)
-        self._shadows[name] = OwnCar(self._mvs_settings.sensing)
+        self._shadows[name] = HostVehicle(self._mvs_settings.sensing)
         arrival = self._fix(cars, cars.names.index(name), speed_m_s=_ARRIVAL_M_S)
         self.cores[name].receive_position(arrival)
         self._shadows[name].receive_position(arrival)
@@ -193,7 +193,7 @@ class MvsWorld:
             range_m = math.hypot(east_m, north_m)
             range_sigma_m = settings.range_sigma_m + settings.range_sigma_per_m * range_m
             bearing_rad = math.atan2(east_m, north_m) - course_rad
-            seen = SensedCar(
+            seen = VehicleDetection(
                 self.now,
                 int.from_bytes(self.own_id(cars.names[other])),
                 max(range_m + range_sigma_m * self._rng.normal(), 0.0),
@@ -201,7 +201,7 @@ class MvsWorld:
                 bearing_rad + settings.bearing_sigma_rad * self._rng.normal(),
                 settings.bearing_sigma_rad,
             )
-            core.receive_sensed_car(seen)
+            core.receive_detection(seen)
             self._note(name, cars.names[other], seen)
         self._broadcast(own, fix, core.footer_to_send(self.now), cars)
 
@@ -219,7 +219,7 @@ class MvsWorld:
             math.atan2(east_m_s, north_m_s),
         )
 
-    def _note(self, car: str, other: str, seen: SensedCar) -> None:
+    def _note(self, car: str, other: str, seen: VehicleDetection) -> None:
         placed = self._shadows[car].measure(seen)
         assert not isinstance(placed, str)  # noqa: S101 (a core acts with a fix)
         stamp_ms = round((self.now + START_UTC_S) * 1000)
@@ -271,7 +271,7 @@ class MvsWorld:
     def _hand_over(self, bsm: _Bsm, reached: Iterable[str]) -> None:
         receivers = tuple(name for name in reached if name in self.cores)
         told = read(bsm.footer)
-        self.sent.append(Sent(self.now, bsm.sender, bsm.footer, told, receivers))
+        self.sent.append(SentFooter(self.now, bsm.sender, bsm.footer, told, receivers))
         for receiver in receivers:
             self.cores[receiver].receive_bsm(
                 self.own_id(bsm.sender), bsm.fix, told, self.now, bsm.acceleration_m_s2

@@ -15,7 +15,7 @@ from onboard.access.rear_end import Array
 from onboard.settings import Settings
 from sim_rig.studies.rakhshan_highway import (
     Drops,
-    HighwaySettings,
+    RakhshanHighwaySettings,
     Spacing,
     collided,
     collided_with_perfect_radio,
@@ -25,8 +25,8 @@ from sim_rig.studies.rakhshan_highway import (
     reduction_and_error,
 )
 from sim_rig.studies.rakhshan_slotted import (
-    Channel,
-    Links,
+    SlottedChannel,
+    SlottedLinks,
     asynchronous,
     from_db,
     opportunities,
@@ -52,7 +52,7 @@ class RakhshanSettings(Settings):
         0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05,
         0.06, 0.08, 0.1, 0.12, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5,
     )  # fmt: skip
-    highway: HighwaySettings = HighwaySettings()
+    highway: RakhshanHighwaySettings = RakhshanHighwaySettings()
 
 
 FULL = RakhshanSettings()
@@ -61,7 +61,7 @@ BROAD = RakhshanSettings(drops=1000)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
+class CollisionShares:
     """Part of the cars that collide, for each drop."""
 
     pairs: Array
@@ -92,7 +92,7 @@ class Gain:
     that helps the car behind."""
 
 
-def simulate(settings: RakhshanSettings, *, shuffled: bool = False) -> Outcome:
+def simulate(settings: RakhshanSettings, *, shuffled: bool = False) -> CollisionShares:
     """Run all drops; `shuffled` gives the labels safe and unsafe to cars by lot, as a control."""
     rng, lots = np.random.default_rng(settings.seed).spawn(2)
     access = np.array(settings.access)
@@ -106,7 +106,7 @@ def simulate(settings: RakhshanSettings, *, shuffled: bool = False) -> Outcome:
         dark.append(collided_without_radio(drops))
         bright.append(collided_with_perfect_radio(drops))
         unsafe.append(drops.danger > highway.unsafe_threshold)
-    return Outcome(
+    return CollisionShares(
         np.concatenate(pairs, axis=-1),
         np.concatenate(dark),
         np.concatenate(bright),
@@ -114,7 +114,7 @@ def simulate(settings: RakhshanSettings, *, shuffled: bool = False) -> Outcome:
     )
 
 
-def gain(settings: RakhshanSettings, outcome: Outcome) -> Gain:
+def gain(settings: RakhshanSettings, outcome: CollisionShares) -> Gain:
     """Choose the best probabilities by one half of the drops, and judge them by the other."""
     half = outcome.pairs.shape[-1] // 2
     equal = int(np.argmin(outcome.equal[:, :half].mean(axis=-1)))
@@ -132,10 +132,10 @@ def figure9(out_dir: Path, settings: RakhshanSettings = FULL) -> str:
     highway = settings.highway
     cars = np.arange(highway.cars_per_lane) * (highway.mean_gap_m + highway.car_length_m)
     position_m = np.tile(cars, highway.lanes)
-    links = Links(np.zeros(2, int), np.array([2, highway.cars_per_lane - 1]))
+    links = SlottedLinks(np.zeros(2, int), np.array([2, highway.cars_per_lane - 1]))
     count = opportunities(np.array(0.05), highway.data_rate_mbit_s, highway.packet_bytes)
     access = np.geomspace(0.001, 0.5, 60)
-    channel = Channel(from_db(highway.threshold_db), highway.path_loss_exponent)
+    channel = SlottedChannel(from_db(highway.threshold_db), highway.path_loss_exponent)
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = figure.subplots()
     curves = []

@@ -18,13 +18,13 @@ from itertools import combinations
 import numpy as np
 
 from onboard.access.rear_end import Array
-from sim_rig.studies.rakhshan_slotted import Links
+from sim_rig.studies.rakhshan_slotted import SlottedLinks
 
 
-def lane_links(cars: int) -> Links:
+def lane_links(cars: int) -> SlottedLinks:
     """Every link from a car to one behind it that does not see it brake."""
     apart = [(j, i) for j, i in combinations(range(cars), 2) if i - j > 1]
-    return Links(*np.array(apart, dtype=np.int64).reshape(-1, 2).T)
+    return SlottedLinks(*np.array(apart, dtype=np.int64).reshape(-1, 2).T)
 
 
 def reception_delay_s(slots: Array, slot_s: float, reaction_s: Array) -> Array:

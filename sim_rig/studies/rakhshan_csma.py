@@ -28,7 +28,7 @@ from sim_rig.radio.settings import CsmaSettings
 from sim_rig.setting_types import Positive, Several
 from sim_rig.studies.rakhshan_highway import (
     Drops,
-    HighwaySettings,
+    RakhshanHighwaySettings,
     collided_with_perfect_radio,
     collided_without_radio,
     draw,
@@ -49,7 +49,7 @@ _SAME_S = 1e-9
 """Times on two clocks that differ by less are the same."""
 
 
-class Traffic(Settings):
+class ChannelTraffic(Settings):
     """What is on the air."""
 
     name: str
@@ -66,9 +66,9 @@ class RakhshanCsmaSettings(Settings):
     drops: int = Field(60, ge=4)
     intervals_s: Several[Positive] = (0.1, 0.3, 0.6)
     """For safe and for unsafe cars, each with each; all within what SAE J2945/1 allows."""
-    traffics: Several[Traffic] = (
-        Traffic(name="BSM with MVS", beacon_bytes=500),
-        Traffic(name="BSM with MVS, LCCA", beacon_bytes=500, warns=True),
+    traffics: Several[ChannelTraffic] = (
+        ChannelTraffic(name="BSM with MVS", beacon_bytes=500),
+        ChannelTraffic(name="BSM with MVS, LCCA", beacon_bytes=500, warns=True),
     )
     others: Several[Annotated[int, Field(ge=0)]] = (0, 100)
     """Cars near by, not on the highway, that send every 0.1 s whatever the highway does."""
@@ -83,7 +83,7 @@ class RakhshanCsmaSettings(Settings):
     longest_s: float = Field(6.0, gt=0.0)
     """Who has not heard by then hears no more."""
     channel: CsmaSettings = CsmaSettings(nakagami_m=1.0)
-    highway: HighwaySettings = HighwaySettings()
+    highway: RakhshanHighwaySettings = RakhshanHighwaySettings()
 
 
 def run_one(settings: RakhshanCsmaSettings, number: int) -> Row:
@@ -92,7 +92,7 @@ def run_one(settings: RakhshanCsmaSettings, number: int) -> Row:
     drops = draw(settings.highway, 1, np.random.default_rng(drop_seed))
     unsafe = (drops.danger > settings.highway.unsafe_threshold)[0]
 
-    def part(kind: Traffic, others: int, safe_s: float, unsafe_s: float) -> float:
+    def part(kind: ChannelTraffic, others: int, safe_s: float, unsafe_s: float) -> float:
         interval_s = np.where(unsafe, unsafe_s, safe_s)
         rng = np.random.default_rng(air_seed)  # the same for all
         return float(late(drops, delay_s(settings, drops, rng, interval_s, (others, kind)))[0])
@@ -153,7 +153,7 @@ def delay_s(
     drops: Drops,
     rng: np.random.Generator,
     interval_s: Array,
-    case: tuple[int, Traffic],
+    case: tuple[int, ChannelTraffic],
 ) -> Array:
     """When each car of the only drop hears of the braking; (1, lanes, cars), as D(i)."""
     others, kind = case

@@ -17,7 +17,7 @@ from scipy.stats import lognorm
 from statsmodels.regression.mixed_linear_model import MixedLM
 from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
-from onboard.access.drivers import ORDINARY_DRIVERS, Driver, Population
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel, Population
 from onboard.access.rear_end import Array
 from onboard.settings import Settings
 from sim_rig.studies.results import write_results
@@ -80,26 +80,26 @@ def fit_population(reactions: Reactions) -> Population:
 def figure6(out_dir: Path, settings: DriversSettings = FULL) -> str:
     """Reactions of a simulated population over the headway, and the model fitted to them."""
     rng = np.random.default_rng(settings.seed)
-    seen = simulate_reactions(ORDINARY_DRIVERS, settings, rng)
+    seen = simulate_reactions(DEFAULT_POPULATION, settings, rng)
     fitted = fit_population(seen)
     headway_s = np.linspace(settings.least_headway_s, settings.most_headway_s, 60)
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = figure.subplots()
     axes.plot(seen.headway_s, seen.reaction_s, ".", ms=2, color="0.7")
     for one, colour in zip((0, 1, 2), ("C0", "C1", "C2"), strict=True):
-        driver = Driver(fitted, forgetting=1.0)
+        driver = DriverModel(fitted, forgetting=1.0)
         mine = seen.driver == one
         for reaction_s, at_s in zip(seen.reaction_s[mine], seen.headway_s[mine], strict=True):
             driver.receive_reaction(float(reaction_s), float(at_s))
         axes.plot(seen.headway_s[mine], seen.reaction_s[mine], "o", ms=4, color=colour)
         median_s = [driver.percentile_s(0.5, at_s)[0] for at_s in headway_s]
         axes.plot(headway_s, median_s, color=colour, label=f"driver {one + 1}")
-    anybody = Driver(fitted)
+    anybody = DriverModel(fitted)
     median_s = [anybody.percentile_s(0.5, at_s)[0] for at_s in headway_s]
     axes.plot(headway_s, median_s, "k", lw=2, label="population")
     axes.set(yscale="log", xlabel="time headway in s", ylabel="reaction time in s")
     axes.legend(frameon=False)
-    rows = list(zip(_NAMES, _numbers(ORDINARY_DRIVERS), _numbers(fitted), strict=True))
+    rows = list(zip(_NAMES, _numbers(DEFAULT_POPULATION), _numbers(fitted), strict=True))
     write_results(out_dir, ["parameter", "truth", "fitted"], rows, settings, figure)
     return "; ".join(f"{name} {truth:.3f} as {found:.3f}" for name, truth, found in rows)
 
@@ -107,11 +107,11 @@ def figure6(out_dir: Path, settings: DriversSettings = FULL) -> str:
 def figure7(out_dir: Path, settings: DriversSettings = FULL) -> str:
     """One slow driver's reaction times as they are, and as the car thinks they are."""
     rng = np.random.default_rng(settings.seed)
-    fitted = fit_population(simulate_reactions(ORDINARY_DRIVERS, settings, rng))
+    fitted = fit_population(simulate_reactions(DEFAULT_POPULATION, settings, rng))
     headway_s, slower = 1.5, 0.35
-    usual = ORDINARY_DRIVERS.coefficients @ np.array([1.0, math.log(headway_s)]) + slower
-    noise = math.sqrt(ORDINARY_DRIVERS.noise_variance)
-    driver = Driver(fitted)
+    usual = DEFAULT_POPULATION.coefficients @ np.array([1.0, math.log(headway_s)]) + slower
+    noise = math.sqrt(DEFAULT_POPULATION.noise_variance)
+    driver = DriverModel(fitted)
     for log_s in rng.normal(usual, noise, settings.one_drivers_reactions):
         driver.receive_reaction(math.exp(log_s), headway_s)
     guess, spread = driver.log_reaction(headway_s)
@@ -120,7 +120,7 @@ def figure7(out_dir: Path, settings: DriversSettings = FULL) -> str:
         "the driver": (usual, noise),
         "estimate, noise variance only": (guess, math.sqrt(fitted.noise_variance)),
         "estimate, all uncertainty": (guess, spread),
-        "population": Driver(fitted).log_reaction(headway_s),
+        "population": DriverModel(fitted).log_reaction(headway_s),
     }
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = figure.subplots()

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from onboard.access.danger import rear_end_danger
-from onboard.access.drivers import ORDINARY_DRIVERS
+from onboard.access.crash_probability import rear_end_crash_probability
+from onboard.access.driver_model import DEFAULT_POPULATION
 from onboard.access.rear_end import Array, tolerable_lag_s
 from onboard.settings import Settings
 from sim_rig.studies.rakhshan_chain import lane_links, reception_delay_s, without_radio_s
 from sim_rig.studies.rakhshan_slotted import (
-    Channel,
-    Links,
+    SlottedChannel,
+    SlottedLinks,
     asynchronous,
     drowning,
     from_db,
@@ -38,7 +38,7 @@ class Spacing(StrEnum):
     UNIFORM = "uniform"
 
 
-class HighwaySettings(Settings):
+class RakhshanHighwaySettings(Settings):
     """Table III, and what it does not say."""
 
     lanes: int = Field(4, ge=1)
@@ -83,7 +83,7 @@ class Drops:
     """(drops, lanes, links) even draws for random waits."""
 
 
-def draw(settings: HighwaySettings, drops: int, rng: np.random.Generator) -> Drops:
+def draw(settings: RakhshanHighwaySettings, drops: int, rng: np.random.Generator) -> Drops:
     """Place cars and drivers."""
     shape = (drops, settings.lanes, settings.cars_per_lane)
     gap_m = settings.least_gap_m + _spread(settings, shape, rng)
@@ -101,12 +101,12 @@ def draw(settings: HighwaySettings, drops: int, rng: np.random.Generator) -> Dro
         braking_m_s2[..., 1:],
     )
     usual = _usual_log_reaction(settings, gap_m, rng)
-    noise = math.sqrt(ORDINARY_DRIVERS.noise_variance)
+    noise = math.sqrt(DEFAULT_POPULATION.noise_variance)
     return Drops(
         position_m,
         lag_s,
         np.exp(usual + noise * rng.standard_normal(shape)),
-        rear_end_danger(
+        rear_end_crash_probability(
             gap_m,
             settings.speed_m_s,
             settings.speed_m_s,
@@ -118,7 +118,7 @@ def draw(settings: HighwaySettings, drops: int, rng: np.random.Generator) -> Dro
 
 
 def collided(
-    settings: HighwaySettings, drops: Drops, safe_access: Array, unsafe_access: Array
+    settings: RakhshanHighwaySettings, drops: Drops, safe_access: Array, unsafe_access: Array
 ) -> Array:
     """Part of each drop's following cars that run into the car ahead, the first cars braking.
 
@@ -170,7 +170,7 @@ def reduction_and_error(samples: Array, reference: Array) -> tuple[float, float]
     return float(1.0 - ratio), float(error)
 
 
-def _collided(settings: HighwaySettings, drops: Drops, slots: Array) -> Array:
+def _collided(settings: RakhshanHighwaySettings, drops: Drops, slots: Array) -> Array:
     if settings.random_waits:
         slots = slots * -np.log(drops.luck)
     length_s = settings.slots_per_packet * slot_s(settings.data_rate_mbit_s, settings.packet_bytes)
@@ -187,7 +187,7 @@ def late(drops: Drops, delay_s: Array) -> Array:
 
 
 def _log_survival(
-    settings: HighwaySettings, drowned: Array, members: NDArray[np.bool_], access: Array
+    settings: RakhshanHighwaySettings, drowned: Array, members: NDArray[np.bool_], access: Array
 ) -> Array:
     """Logarithm of what the members of one class leave of P_s: (access, drops, links)."""
     heard = access if settings.synchronous else asynchronous(access)
@@ -196,7 +196,9 @@ def _log_survival(
     )
 
 
-def _spread(settings: HighwaySettings, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+def _spread(
+    settings: RakhshanHighwaySettings, shape: tuple[int, ...], rng: np.random.Generator
+) -> Array:
     mean_m = settings.mean_gap_m - settings.least_gap_m
     match settings.spacing:
         case Spacing.EXPONENTIAL:
@@ -207,19 +209,21 @@ def _spread(settings: HighwaySettings, shape: tuple[int, ...], rng: np.random.Ge
             return rng.uniform(0.0, 2.0 * mean_m, shape)
 
 
-def _usual_log_reaction(settings: HighwaySettings, gap_m: Array, rng: np.random.Generator) -> Array:
-    own = rng.multivariate_normal(np.zeros(2), ORDINARY_DRIVERS.spread, gap_m.shape)
-    coefficients = ORDINARY_DRIVERS.coefficients + own
+def _usual_log_reaction(
+    settings: RakhshanHighwaySettings, gap_m: Array, rng: np.random.Generator
+) -> Array:
+    own = rng.multivariate_normal(np.zeros(2), DEFAULT_POPULATION.spread, gap_m.shape)
+    coefficients = DEFAULT_POPULATION.coefficients + own
     log_headway = np.log(gap_m / settings.speed_m_s)
     usual: Array = coefficients[..., 0] + coefficients[..., 1] * log_headway
     return usual + math.log(settings.reaction_factor)
 
 
-def _all_links(settings: HighwaySettings) -> Links:
+def _all_links(settings: RakhshanHighwaySettings) -> SlottedLinks:
     one = lane_links(settings.cars_per_lane)
     first = np.arange(settings.lanes)[:, None] * settings.cars_per_lane
-    return Links((first + one.sender).ravel(), (first + one.receiver).ravel())
+    return SlottedLinks((first + one.sender).ravel(), (first + one.receiver).ravel())
 
 
-def _channel(settings: HighwaySettings) -> Channel:
-    return Channel(from_db(settings.threshold_db), settings.path_loss_exponent)
+def _channel(settings: RakhshanHighwaySettings) -> SlottedChannel:
+    return SlottedChannel(from_db(settings.threshold_db), settings.path_loss_exponent)

@@ -15,14 +15,14 @@ from onboard.access.rear_end import Array
 Indices = NDArray[np.int64]
 
 
-class Links(NamedTuple):
+class SlottedLinks(NamedTuple):
     """Who sends to whom: indices of k senders and of their k receivers."""
 
     sender: Indices
     receiver: Indices
 
 
-class Channel(NamedTuple):
+class SlottedChannel(NamedTuple):
     """What is between the cars."""
 
     threshold: float
@@ -41,7 +41,7 @@ def asynchronous(access: Array) -> Array:
     return access + access - access * access
 
 
-def drowning(position_m: Array, links: Links, channel: Channel) -> Array:
+def drowning(position_m: Array, links: SlottedLinks, channel: SlottedChannel) -> Array:
     """That a car which sends in a link's slot drowns the packet; 0 for the link's own two ends.
 
     Args:
@@ -68,7 +68,9 @@ def drowning(position_m: Array, links: Links, channel: Channel) -> Array:
     return drowned
 
 
-def packet_success(position_m: Array, access: Array, links: Links, channel: Channel) -> Array:
+def packet_success(
+    position_m: Array, access: Array, links: SlottedLinks, channel: SlottedChannel
+) -> Array:
     """P_s of Theorem 1: that a packet which is sent gets to the other end of its link.
 
     Args:

@@ -12,12 +12,12 @@ from sim_rig.campaign import Row, kept_runs
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
-from sim_rig.roads.events import Event, Kind
+from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.paths import DrivePath
-from sim_rig.roads.recording import Drive
+from sim_rig.roads.recording import Trajectory
 from sim_rig.studies.mvs_collisions import CollisionSettings, case_of, encounters
-from sim_rig.studies.mvs_encounter import Case, Encounters, Method, Outcome, Shown
-from sim_rig.studies.mvs_fates import SAME_PLACE_M, Fate
+from sim_rig.studies.mvs_encounter import EncounterCase, EncounterOutcome, Encounters, Method, Shown
+from sim_rig.studies.mvs_outcomes import SAME_PLACE_M, CrashOutcome
 from sim_rig.studies.mvs_world import MvsWorld
 
 _PAGE = Path(__file__).with_name("show.html")
@@ -32,12 +32,12 @@ _METHODS = {
     Method.MVS: "MVS",
 }
 _FATES = {
-    Fate.NO_RADIO: "it happens again: nobody who could act has a radio",
-    Fate.UNKNOWN: "it happens again: nobody who could act and has a radio knew of the other car",
-    Fate.UNWARNED: "it happens again: the other car was known, but nobody was warned of it",
-    Fate.TOO_LATE: "it happens again in spite of a warning",
-    Fate.ANOTHER: "these two do not crash, but others do",
-    Fate.AVOIDED: "it is avoided",
+    CrashOutcome.NO_RADIO: "it happens again: nobody who could act has a radio",
+    CrashOutcome.UNKNOWN: "it happens again: no car with a radio that could act knew of the other",
+    CrashOutcome.UNWARNED: "it happens again: the other car was known, but nobody was warned of it",
+    CrashOutcome.TOO_LATE: "it happens again in spite of a warning",
+    CrashOutcome.ANOTHER: "these two do not crash, but others do",
+    CrashOutcome.AVOIDED: "it is avoided",
 }
 """Of the crash without radios."""
 
@@ -91,7 +91,7 @@ class _Film:
             for car in core.kinematic_info(world.now):
                 place_m = believed_m[name, car.name] = world.place_of(name, car.state)
                 if (other := _who_is_at(cars, place_m)) is not None:
-                    frame.known.setdefault(name, []).append((other, car.known_by.value))
+                    frame.known.setdefault(name, []).append((other, car.source.value))
         for name, told, right in warned:
             # A warning that is on holds its car as it was when the warning began.
             place_m = believed_m.get((name, told.of.name), world.place_of(name, told.of.state))
@@ -176,7 +176,7 @@ def show_run(folder: Path, number: int, page: Path) -> str:
     return f"{film.title}\n{film.story}"
 
 
-def _filmed(scene: Encounters, case: Case, seed: int) -> _Film:
+def _filmed(scene: Encounters, case: EncounterCase, seed: int) -> _Film:
     film, without = _Film(), _Film()
     before = scene.run(replace(case, method=Method.NONE), seed, played=without.play).crash
     outcome = scene.run(case, seed, film.watch, film.play)
@@ -196,15 +196,15 @@ def _filmed(scene: Encounters, case: Case, seed: int) -> _Film:
     return film
 
 
-def _way(drive: Drive) -> list[list[float]]:
+def _way(drive: Trajectory) -> list[list[float]]:
     path = DrivePath(drive)
     places, _ = path.places(np.append(np.arange(0.0, path.length_m, _WAY_EVERY_M), path.length_m))
     way: list[list[float]] = places.round(1).tolist()
     return way
 
 
-def _title(number: int, case: Case) -> str:
-    kind = "red-light runner" if case.kind is Kind.RED_LIGHT else "sudden braking"
+def _title(number: int, case: EncounterCase) -> str:
+    kind = "red-light runner" if case.kind is TrafficEventKind.RED_LIGHT else "sudden braking"
     if case.method is Method.NONE:
         return f"Run {number}: {kind}, no radios"
     told = f"{100.0 * case.share:g} % radios, {_METHODS[case.method]}"
@@ -215,15 +215,15 @@ def _title(number: int, case: Case) -> str:
     return f"Run {number}: {kind}, {told}"
 
 
-def _doing(event: Event) -> str:
-    if event.kind is Kind.SUDDEN_BRAKE:
+def _doing(event: TrafficEvent) -> str:
+    if event.kind is TrafficEventKind.SUDDEN_BRAKE:
         return f"brakes with {event.deceleration_m_s2:.1f} m/s²"
     if event.sooner_s:
         return "crosses out of turn"
     return "sets off at a red light" if event.sets_off else "does not stop at a red light"
 
 
-def _came_out(case: Case, outcome: Outcome, before: Crash | None) -> str:
+def _came_out(case: EncounterCase, outcome: EncounterOutcome, before: Crash | None) -> str:
     """How it ended, and what the radios had to do with it."""
 
     def told(crash: Crash) -> str:
@@ -238,7 +238,7 @@ def _came_out(case: Case, outcome: Outcome, before: Crash | None) -> str:
         with_them = ", nor with them" if outcome.crash is None else f"; with them {now}"
         return f"Without radios nobody crashes{with_them}."
     story = f"Without radios {told(before)}. With them {_FATES[outcome.fate]}"
-    if outcome.fate is Fate.ANOTHER:
+    if outcome.fate is CrashOutcome.ANOTHER:
         story += f": {now}"
     if outcome.known_before_s is not None:
         story += f". Who could act knew of the other {outcome.known_before_s:.1f} s before that"

@@ -10,9 +10,9 @@ from pydantic import Field
 from onboard.settings import Settings
 from sim_rig.campaign import Workers
 from sim_rig.studies.results import write_results
-from sim_rig.studies.soak_desk import crowd_the_desk
 from sim_rig.studies.soak_fleet import Fleet, resident_bytes
 from sim_rig.studies.soak_load import load
+from sim_rig.studies.soak_testbench import fill_the_testbench
 
 DESK_S = 30.0
 COLUMNS = ("what", "value", "unit")
@@ -78,7 +78,7 @@ def _load(settings: SoakSettings, folder: Path) -> Rows:
 
 
 def _desk(cars: int, folder: Path) -> Rows:
-    found = asyncio.run(crowd_the_desk(folder, cars, DESK_S))
+    found = asyncio.run(fill_the_testbench(folder, cars, DESK_S))
     return [
         ("daemons at a time", float(cars), ""),
         ("processor, all", sum(found.cores), "cores"),

@@ -14,7 +14,7 @@ from onboard.config import CarConfig
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
-from onboard.observations import Lead, LeadIdentity, Position, SensedCar, Sensor, Speed
+from onboard.observations import Lead, LeadIdentity, Position, Sensor, Speed, VehicleDetection
 from onboard.security import ieee1609dot2
 from onboard.settings import parse_settings
 from onboard.stack import Stack
@@ -84,7 +84,7 @@ class Fleet:
                 lead = Lead(now, LeadIdentity.KNOWN, text, 12.0, 0.4, 0.0, 0.5)
             car.receive_observation(lead, now)
             track = int(now / STRANGER_STAYS_S)
-            car.receive_observation(SensedCar(now, track, 30.0, 1.0, 0.2, 0.01), now)
+            car.receive_observation(VehicleDetection(now, track, 30.0, 1.0, 0.2, 0.01), now)
             ahead = plate
 
     def _hear_strangers(self) -> None:

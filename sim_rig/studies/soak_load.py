@@ -1,7 +1,7 @@
 """One real daemon behind a car that brakes again and again, first alone with it, then in a crowd.
 
 The car ahead is a stack in this process, and everything else that the daemon has wires to is as
-cheap as can be, so that processor time is the daemon's and the crowd's (`sim_rig.flood`).
+cheap as can be, so that processor time is the daemon's and the crowd's (`sim_rig.bsm_load`).
 """
 
 import asyncio
@@ -28,20 +28,20 @@ from onboard.config import CarConfig
 from onboard.obd.hard_brake import HardBrakeDetector
 from onboard.obd.settings import ObdSettings
 from onboard.observations import HardBrake, Position, Speed
-from onboard.security.authority import make_trial
 from onboard.security.credentials import Credentials
 from onboard.security.key_files import write_credentials
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
 from onboard.wave_udp import psid
+from sim_rig.bsm_load import LATITUDE_DEG, LONGITUDE_DEG
 from sim_rig.cars.camera_view import SMALL_LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
-from sim_rig.flood import LATITUDE_DEG, LONGITUDE_DEG
-from sim_rig.ledger import alarm_stamp_s
-from sim_rig.picture.scene import Picture, Scene, SceneCar
+from sim_rig.latency_ledger import alarm_stamp_s
 from sim_rig.processes import ProcessError, Processes
+from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 from sim_rig.run_log import Record, read_trace
 from sim_rig.wiring import DIGEST
 
@@ -94,7 +94,7 @@ async def load(folder: Path, rate_hz: float, during_s: float) -> Load:
         end_at = loaded_at + during_s
         desk.ahead.brakes_from_at = quiet_at
         flood = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "sim_rig.flood", str(desk.port), f"{rate_hz:g}"),
+            *(sys.executable, "-m", "sim_rig.bsm_load", str(desk.port), f"{rate_hz:g}"),
             *(f"{during_s:g}", f"{loaded_at}", str(folder / "crowd")),
             stdout=asyncio.subprocess.PIPE,
         )
@@ -244,7 +244,7 @@ class _Desk:
 
 def _serve_camera() -> Handler:
     """A car with a tag a little way ahead, as MJPEG, from pictures drawn before."""
-    picture = Picture(CameraSettings(source="rig", **_VIEW))
+    picture = CameraRenderer(CameraSettings(source="rig", **_VIEW))
     rng = np.random.default_rng(1)
     jpegs = []
     for number in range(10):

@@ -7,7 +7,7 @@ import numpy as np
 
 from sim_rig.radio.channel import Channel
 from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import Vehicles
+from sim_rig.radio.shadowing import VehicleShadowing
 from sim_rig.roads.cars import Cars
 
 SECURED_BYTES = 110
@@ -37,7 +37,9 @@ class StudyChannel(Generic[ValueT]):
             if name in self._station:
                 places[self._station[name]] = cars.middle_m[at]
         height_m = np.full(len(cars), _HEIGHT_M)
-        self._channel.receive_positions(places, Vehicles(cars.middle_m, cars.width_m, height_m))
+        self._channel.receive_positions(
+            places, VehicleShadowing(cars.middle_m, cars.width_m, height_m)
+        )
 
     def send(self, name: str, value: ValueT, octets: int, priority: int, now: float) -> None:
         """Give a station something to send as soon as the channel lets it."""

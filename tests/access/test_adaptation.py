@@ -8,21 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from onboard.access.adaptation import AccessAdaptation, FollowingSafety, ReactionSeen
-from onboard.access.drivers import ORDINARY_DRIVERS, Driver
+from onboard.access.adaptation import AccessAdaptation, FollowingSafety, ReactionObserved
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.access.settings import AccessSettings
-from onboard.messages.bsm_schedule import (
-    MAXIMUM_INTERVAL_S,
-    MINIMUM_INTERVAL_S,
-    BsmSchedule,
-)
+from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S, MINIMUM_INTERVAL_S, BsmSchedule
 from onboard.observations import BrakePedal, HardBrake, Lead, LeadIdentity, Speed
 
 SETTINGS = AccessSettings(enabled=True)
 
 
-def adaptation(driver: Driver | None = None) -> AccessAdaptation:
-    return AccessAdaptation(SETTINGS, driver or Driver(ORDINARY_DRIVERS))
+def adaptation(driver: DriverModel | None = None) -> AccessAdaptation:
+    return AccessAdaptation(SETTINGS, driver or DriverModel(DEFAULT_POPULATION))
 
 
 def follow(
@@ -68,7 +64,7 @@ def test_closing_makes_a_gap_unsafe_that_is_not() -> None:
 
 
 def test_the_same_gap_is_unsafe_for_a_slow_driver_only() -> None:
-    slow = Driver(ORDINARY_DRIVERS)
+    slow = DriverModel(DEFAULT_POPULATION)
     for _ in range(20):
         slow.receive_reaction(1.9, 1.2)
     ordinary_core, slow_core = adaptation(), adaptation(slow)
@@ -144,7 +140,7 @@ def test_reactions_are_learned_and_told() -> None:
 
     assert core.driver.observed == 1
     event = core.next_event()
-    assert isinstance(event, ReactionSeen)
+    assert isinstance(event, ReactionObserved)
     assert event.reaction_s == pytest.approx(1.2)
     assert event.headway_s == pytest.approx(1.5)
 
@@ -187,7 +183,7 @@ def test_among_a_hundred_cars_the_unsafe_one_is_heard_four_times_as_often() -> N
     schedule = BsmSchedule(np.random.default_rng(1), 0.0)
     for tenth in range(300):
         for car in range(100):
-            schedule.receive_neighbour(car.to_bytes(4), 50.0, 0.1 * tenth)
+            schedule.receive_remote_vehicle(car.to_bytes(4), 50.0, 0.1 * tenth)
         schedule.handle_timer(0.1 * tenth)
     safe, unsafe = adaptation(), adaptation()
     follow(safe, 60.0)

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from onboard.access import danger
-from onboard.access.danger import normal_share_below, rear_end_danger
+from onboard.access import crash_probability
+from onboard.access.crash_probability import normal_share_below, rear_end_crash_probability
 from onboard.access.rear_end import tolerable_lag_s
 
 ORDINARY = (math.log(0.95), 0.35)
@@ -24,17 +24,17 @@ def test_it_is_how_often_drawn_reactions_and_decelerations_collide() -> None:
         lead_a, a = rng.uniform(*BRAKES, (2, n))
         collided = reaction_s > tolerable_lag_s(np.array(gap_m), 20.0, 20.0, lead_a, a)
 
-        found = rear_end_danger(np.array(gap_m), 20.0, 20.0, ORDINARY, BRAKES)
+        found = rear_end_crash_probability(np.array(gap_m), 20.0, 20.0, ORDINARY, BRAKES)
 
         assert found == pytest.approx(collided.mean(), abs=0.006)
 
 
 def test_more_points_hardly_change_it(monkeypatch: pytest.MonkeyPatch) -> None:
     gap_m = np.linspace(2.0, 80.0, 40)
-    coarse = rear_end_danger(gap_m, 20.0, 20.0, ORDINARY, BRAKES)
-    monkeypatch.setattr(danger, "POINTS", 32)
+    coarse = rear_end_crash_probability(gap_m, 20.0, 20.0, ORDINARY, BRAKES)
+    monkeypatch.setattr(crash_probability, "POINTS", 32)
 
-    fine = rear_end_danger(gap_m, 20.0, 20.0, ORDINARY, BRAKES)
+    fine = rear_end_crash_probability(gap_m, 20.0, 20.0, ORDINARY, BRAKES)
 
     assert np.max(np.abs(fine - coarse)) < 0.003
 
@@ -46,12 +46,12 @@ def test_more_points_hardly_change_it(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_it_falls_with_the_gap_and_rises_with_closing_and_reaction(
     gap_m: float, speed_m_s: float, lead_m_s: float, mean: float, sigma: float
 ) -> None:
-    here = rear_end_danger(np.array(gap_m), lead_m_s, speed_m_s, (mean, sigma), BRAKES)
+    here = rear_end_crash_probability(np.array(gap_m), lead_m_s, speed_m_s, (mean, sigma), BRAKES)
 
     def other(**changed: float) -> float:
         given = {"gap": gap_m, "lead": lead_m_s, "mean": mean} | changed
         return float(
-            rear_end_danger(
+            rear_end_crash_probability(
                 np.array(given["gap"]), given["lead"], speed_m_s, (given["mean"], sigma), BRAKES
             )
         )
@@ -65,10 +65,10 @@ def test_it_falls_with_the_gap_and_rises_with_closing_and_reaction(
 def test_many_at_once_are_what_each_is_alone() -> None:
     gap_m = np.array([[5.0, 15.0], [25.0, 60.0]])
 
-    together = rear_end_danger(gap_m, 18.0, 20.0, ORDINARY, BRAKES)
+    together = rear_end_crash_probability(gap_m, 18.0, 20.0, ORDINARY, BRAKES)
 
     assert together.shape == (2, 2)
-    assert together[1, 0] == rear_end_danger(gap_m[1, 0], 18.0, 20.0, ORDINARY, BRAKES)
+    assert together[1, 0] == rear_end_crash_probability(gap_m[1, 0], 18.0, 20.0, ORDINARY, BRAKES)
 
 
 @given(st.floats(-40.0, 40.0))

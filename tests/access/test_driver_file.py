@@ -7,19 +7,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.access.driver_file import load_driver, save_driver
-from onboard.access.drivers import ORDINARY_DRIVERS, Driver
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.errors import UserError
 from onboard.settings import SettingsError
 
 
 def test_the_next_drive_knows_the_driver(tmp_path: Path) -> None:
     path = tmp_path / "driver.json"
-    driver = load_driver(path, ORDINARY_DRIVERS)
+    driver = load_driver(path, DEFAULT_POPULATION)
     for _ in range(12):
         driver.receive_reaction(1.8, 1.3)
     save_driver(path, driver)
 
-    again = load_driver(path, ORDINARY_DRIVERS)
+    again = load_driver(path, DEFAULT_POPULATION)
 
     assert again.observed == 12
     assert again.log_reaction(0.9) == driver.log_reaction(0.9)
@@ -29,13 +29,13 @@ def test_the_next_drive_knows_the_driver(tmp_path: Path) -> None:
 
 def test_a_deleted_file_is_a_driver_nobody_has_watched(tmp_path: Path) -> None:
     path = tmp_path / "driver.json"
-    driver = Driver(ORDINARY_DRIVERS)
+    driver = DriverModel(DEFAULT_POPULATION)
     driver.receive_reaction(1.8, 1.3)
     save_driver(path, driver)
     path.unlink()
 
-    assert load_driver(path, ORDINARY_DRIVERS).log_reaction(1.0) == (
-        Driver(ORDINARY_DRIVERS).log_reaction(1.0)
+    assert load_driver(path, DEFAULT_POPULATION).log_reaction(1.0) == (
+        DriverModel(DEFAULT_POPULATION).log_reaction(1.0)
     )
 
 
@@ -43,7 +43,7 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     path = tmp_path / "nowhere" / "driver.json"
 
     with pytest.raises(UserError, match=r"driver\.json: cannot be written: No such file"):
-        save_driver(path, Driver(ORDINARY_DRIVERS))
+        save_driver(path, DriverModel(DEFAULT_POPULATION))
 
 
 @pytest.mark.parametrize(
@@ -62,17 +62,17 @@ def test_a_spoilt_file_is_named(tmp_path: Path, text: str, told: str) -> None:
     path.write_text(text, encoding="utf-8")
 
     with pytest.raises(SettingsError, match=told) as caught:
-        load_driver(path, ORDINARY_DRIVERS)
+        load_driver(path, DEFAULT_POPULATION)
 
     assert str(path) in str(caught.value)
 
 
 @given(st.lists(st.tuples(st.floats(0.15, 6.0), st.floats(0.05, 50.0)), max_size=200))
 def test_whatever_is_learned_can_be_remembered(reactions: list[tuple[float, float]]) -> None:
-    driver = Driver(ORDINARY_DRIVERS)
+    driver = DriverModel(DEFAULT_POPULATION)
     for reaction in reactions:
         driver.receive_reaction(*reaction)
 
-    again = Driver(ORDINARY_DRIVERS, memory=driver.memory())
+    again = DriverModel(DEFAULT_POPULATION, memory=driver.memory())
 
     assert again.memory() == driver.memory()

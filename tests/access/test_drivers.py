@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.access.drivers import ORDINARY_DRIVERS, Driver
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 
 
 def batch_posterior(y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same regression in one piece, by the normal equations."""
-    population = ORDINARY_DRIVERS
+    population = DEFAULT_POPULATION
     precision = np.linalg.inv(population.spread) + x.T @ x / population.noise_variance
     covariance = np.linalg.inv(precision)
     mean = covariance @ x.T @ (y - x @ population.coefficients) / population.noise_variance
@@ -22,7 +22,7 @@ def batch_posterior(y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def test_one_by_one_is_the_same_as_all_at_once() -> None:
     rng = np.random.default_rng(1)
     headway_s, reaction_s = rng.uniform(0.5, 3.0, 20), rng.uniform(0.5, 2.0, 20)
-    driver = Driver(ORDINARY_DRIVERS, forgetting=1.0)
+    driver = DriverModel(DEFAULT_POPULATION, forgetting=1.0)
     for tau, h in zip(reaction_s, headway_s, strict=True):
         driver.receive_reaction(tau, h)
 
@@ -30,13 +30,13 @@ def test_one_by_one_is_the_same_as_all_at_once() -> None:
     mean, covariance = batch_posterior(np.log(reaction_s), x)
 
     at = np.array([1.0, math.log(1.4)])
-    expected_mean = at @ (ORDINARY_DRIVERS.coefficients + mean)
-    expected_sd = math.sqrt(at @ covariance @ at + ORDINARY_DRIVERS.noise_variance)
+    expected_mean = at @ (DEFAULT_POPULATION.coefficients + mean)
+    expected_sd = math.sqrt(at @ covariance @ at + DEFAULT_POPULATION.noise_variance)
     assert driver.log_reaction(1.4) == pytest.approx((expected_mean, expected_sd))
 
 
 def test_nobody_watched_is_the_population() -> None:
-    driver = Driver(ORDINARY_DRIVERS)
+    driver = DriverModel(DEFAULT_POPULATION)
 
     median_s, low_s, high_s = driver.percentile_s(0.5, headway_s=1.0)
 
@@ -47,7 +47,7 @@ def test_nobody_watched_is_the_population() -> None:
 
 def test_a_slow_driver_is_known_after_a_few_reactions_and_surer_after_more() -> None:
     rng = np.random.default_rng(2)
-    driver = Driver(ORDINARY_DRIVERS)
+    driver = DriverModel(DEFAULT_POPULATION)
     widths_s = []
     for _ in range(30):
         driver.receive_reaction(1.6 * math.exp(rng.normal(0.0, 0.25)), headway_s=1.5)
@@ -61,7 +61,7 @@ def test_a_slow_driver_is_known_after_a_few_reactions_and_surer_after_more() -> 
 
 
 def test_what_is_no_reaction_is_left_out_and_counted() -> None:
-    driver = Driver(ORDINARY_DRIVERS)
+    driver = DriverModel(DEFAULT_POPULATION)
     before = driver.log_reaction(1.0)
 
     for reaction_s, headway_s in [
@@ -78,17 +78,17 @@ def test_what_is_no_reaction_is_left_out_and_counted() -> None:
 
 
 def test_a_driver_can_be_erased() -> None:
-    driver = Driver(ORDINARY_DRIVERS)
+    driver = DriverModel(DEFAULT_POPULATION)
     driver.receive_reaction(2.0, 1.0)
 
     driver.forget()
 
-    assert driver.log_reaction(1.3) == Driver(ORDINARY_DRIVERS).log_reaction(1.3)
+    assert driver.log_reaction(1.3) == DriverModel(DEFAULT_POPULATION).log_reaction(1.3)
     assert driver.observed == 0
 
 
 def test_old_habits_are_forgotten_slowly() -> None:
-    driver = Driver(ORDINARY_DRIVERS, forgetting=0.98)
+    driver = DriverModel(DEFAULT_POPULATION, forgetting=0.98)
     for _ in range(200):
         driver.receive_reaction(2.0, 1.5)
     for _ in range(100):
@@ -104,7 +104,7 @@ def test_old_habits_are_forgotten_slowly() -> None:
 def test_percentiles_stay_in_order_whatever_comes(
     reactions: list[tuple[float, float]], share: float
 ) -> None:
-    driver = Driver(ORDINARY_DRIVERS)
+    driver = DriverModel(DEFAULT_POPULATION)
     for reaction_s, headway_s in reactions:
         driver.receive_reaction(reaction_s, headway_s)
 

@@ -7,7 +7,7 @@ from onboard.config import CarConfig
 from onboard.observations import Lead, LeadIdentity, Sensor, Speed
 from onboard.settings import parse_settings
 from onboard.stack import Stack
-from onboard.trace import as_record
+from onboard.trace.trace_line import as_record
 
 
 def car(plate: str, seed: int, enabled: bool) -> Stack:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Browser, Page, async_playwright, expect
 
-from sim_rig.live import Desk
+from sim_rig.live import LiveTestbench
 from sim_rig.scenario import load_scenario
 from tools import chromium
 
@@ -28,7 +28,7 @@ async def look_at_demo(path: str, folder: Path) -> None:
     whole = load_scenario("tags")
     pair = {name: whole.cars[name] for name in ("green", "red")}
     scenario = whole.model_copy(update={"cars": pair, "duration_s": 300.0, "expect": ()})
-    async with Desk(scenario, 1, folder) as desk, async_playwright() as playwright:
+    async with LiveTestbench(scenario, 1, folder) as desk, async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
         running = asyncio.create_task(desk.run())
         while math.isinf(desk.start_s):

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Sensor, SensorLost
-from onboard.recorder.notes import Recording
+from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
 from tests.hmi.row import Row
 
@@ -110,7 +110,7 @@ def test_everything_fits_on_the_screen(
     page = open_page(browser, cars.address, size)
     expect(page.locator("#stale")).to_be_hidden()
     if level is not Level.NONE:
-        alarm(cars, Cause.CLOSING_GAP, level)
+        alarm(cars, Cause.FCW, level)
         expect(page.locator("#alarm")).to_be_visible()
 
     outside = page.evaluate(
@@ -122,7 +122,7 @@ def test_everything_fits_on_the_screen(
         }).map((e) => `${e.tagName} ${e.id} ${e.className}`)"""
     )
 
-    alarm(cars, Cause.CLOSING_GAP, Level.NONE)
+    alarm(cars, Cause.FCW, Level.NONE)
     page.context.close()
     assert outside == []
 
@@ -187,7 +187,7 @@ def test_a_car_that_brakes_ahead_is_shown_and_heard(page: Page, cars: Row) -> No
 
 
 def test_before_the_page_is_touched_it_says_that_it_is_silent(page: Page, cars: Row) -> None:
-    alarm(cars, Cause.CROSSING, Level.WARNING)
+    alarm(cars, Cause.IMA, Level.WARNING)
     expect(page.locator("#alarm-headline")).to_have_text("Stop!")
     assert page.evaluate("notes") == []
     expect(page.locator("#sound")).to_have_text("Sound is off: tap")
@@ -195,7 +195,7 @@ def test_before_the_page_is_touched_it_says_that_it_is_silent(page: Page, cars: 
     page.click("#sound")
 
     assert len(notes(page)) >= 4
-    alarm(cars, Cause.CROSSING, Level.NONE)
+    alarm(cars, Cause.IMA, Level.NONE)
     expect(page.locator("#alarm")).to_be_hidden()
 
 
@@ -244,15 +244,15 @@ def test_a_lost_camera_is_shown_at_once_and_no_gap_is_claimed(page: Page, cars: 
 
 
 def test_a_full_disk_is_shown_and_warnings_go_on(page: Page, cars: Row) -> None:
-    cars.say(Recording(cars.now, is_recording=False, reason="disk full", dropped=3))
+    cars.say(RecorderState(cars.now, is_recording=False, reason="disk full", dropped=3))
     expect(page.locator("#sensors .lost")).to_have_text("Not recordingdisk full")
-    cars.say(Recording(cars.now, is_recording=True, reason="", dropped=3))
+    cars.say(RecorderState(cars.now, is_recording=True, reason="", dropped=3))
     expect(page.locator("#sensors .lost")).to_have_count(0)
 
 
 def test_a_page_whose_car_is_gone_says_so_and_comes_back_with_it(page: Page, cars: Row) -> None:
     page.click("#sound")
-    alarm(cars, Cause.CLOSING_GAP, Level.WARNING)
+    alarm(cars, Cause.FCW, Level.WARNING)
     expect(page.locator("#alarm")).to_be_visible()
 
     cars.stop()
@@ -289,9 +289,9 @@ def test_the_brake_button_is_a_braking_of_the_own_car_and_no_alarm_in_it(
     expect(page.locator("#alarm")).to_be_hidden()
 
 
-def known_car(east_m: float, north_m: float, known_by: KnownBy) -> KnownCar:
-    state = (east_m, north_m, -10.0, 0.0) if known_by is not KnownBy.ITSELF else (0, 0, 0, 15.0)
-    return KnownCar(0.0, str(east_m), known_by, state, ((0.0,) * 4,) * 4, 0.1, frozenset())
+def perceived_object(east_m: float, north_m: float, source: ObjectSource) -> PerceivedObject:
+    state = (east_m, north_m, -10.0, 0.0) if source is not ObjectSource.HOST else (0, 0, 0, 15.0)
+    return PerceivedObject(0.0, str(east_m), source, state, ((0.0,) * 4,) * 4, 0.1, frozenset())
 
 
 @pytest.mark.parametrize("size", [PHONE, PHONE_ON_ITS_SIDE, DESKTOP])
@@ -299,8 +299,10 @@ def test_cars_to_the_side_are_on_the_map_the_nearer_the_nearer(
     browser: Browser, cars: Row, size: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As far as 80 m away, and one on the next lane beside it."""
-    own = known_car(0.0, 0.0, KnownBy.ITSELF)
-    beside = [known_car(right_m, 22.0, KnownBy.RADIO) for right_m in (-80.0, -25.0, 3.5, 40.0)]
+    own = perceived_object(0.0, 0.0, ObjectSource.HOST)
+    beside = [
+        perceived_object(right_m, 22.0, ObjectSource.BSM) for right_m in (-80.0, -25.0, 3.5, 40.0)
+    ]
     display = cars.page._display
     tell = display.receive_surroundings
     monkeypatch.setattr(display, "receive_surroundings", lambda *_: tell(own, beside))
@@ -328,11 +330,11 @@ def test_twenty_browsers_see_the_same_alarm(browser: Browser, cars: Row) -> None
     for page in pages:
         expect(page.locator("#stale")).to_be_hidden()
 
-    alarm(cars, Cause.HARD_BRAKING, Level.WARNING)
+    alarm(cars, Cause.EEBL, Level.WARNING)
 
     for page in pages:
         expect(page.locator("#alarm-sentence")).to_have_text("A car ahead brakes hard")
-    alarm(cars, Cause.HARD_BRAKING, Level.NONE)
+    alarm(cars, Cause.EEBL, Level.NONE)
     pages[0].context.close()
 
 

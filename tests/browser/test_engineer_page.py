@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from sim_rig.engineer.run_view import RunView
 from sim_rig.engineer.server import EngineerServer
-from sim_rig.engineer.story import Story
 from sim_rig.run_log import Record
 from sim_rig.scenario import Scenario, load_scenario
 from sim_rig.virtual import run_virtual
@@ -31,7 +31,7 @@ class Shown:
         log = run_virtual(scenario)
         self.offset_s = time.monotonic() - scenario.duration_s - 1.0
         self.server = EngineerServer(scenario, folder, camera_port=1)
-        self.server.story = Story(log.names)
+        self.server.story = RunView(log.names)
         self.server.story.receive_rig({"kind": "start", "stamp_s": self.offset_s})
         for car, trace in log.traces.items():
             for record in trace:
@@ -63,7 +63,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     lost = {"kind": "sensor_lost", "sensor": "camera"}
     run.tell("yellow", lost | {"stamp_s": 11.0, "reason": PLATE})
     run.tell("green", lost | {"stamp_s": 10.9, "reason": "silent"})
-    run.tell("green", {"kind": "sensor_back", "sensor": "camera", "stamp_s": 10.2})
+    run.tell("green", {"kind": "sensor_recovered", "sensor": "camera", "stamp_s": 10.2})
     for second in range(13):
         grey = np.full((360, 640, 3), 10 * second, np.uint8)
         _, jpeg = cv2.imencode(".jpg", grey)

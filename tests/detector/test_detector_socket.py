@@ -7,8 +7,8 @@ import pytest
 
 from onboard.detector.detector_socket import DetectorError, open_detector
 from onboard.detector.settings import DetectorSettings
-from onboard.doctor.detector import examine_detector
-from onboard.doctor.finding import Finding, Verdict
+from onboard.tools.doctor.detector import examine_detector
+from onboard.tools.doctor.finding import Finding, FindingLevel
 
 
 def taken_port() -> tuple[socket.socket, int]:
@@ -56,12 +56,12 @@ def test_a_port_that_another_has_is_the_user_s_to_know() -> None:
 @pytest.mark.parametrize(
     ("data", "verdict", "says"),
     [
-        (b'{"sent_s": 1.0, "age_s": 0.0, "cars": []}', Verdict.GOOD, "1 pictures"),
-        (b"{}", Verdict.MISSING, "sent_s"),
-        (None, Verdict.MISSING, "nothing at port"),
+        (b'{"sent_s": 1.0, "age_s": 0.0, "cars": []}', FindingLevel.GOOD, "1 pictures"),
+        (b"{}", FindingLevel.MISSING, "sent_s"),
+        (None, FindingLevel.MISSING, "nothing at port"),
     ],
 )
-def test_the_doctor_listens_to_it(data: bytes | None, verdict: Verdict, says: str) -> None:
+def test_the_doctor_listens_to_it(data: bytes | None, verdict: FindingLevel, says: str) -> None:
     async def run() -> list[Finding]:
         settings = DetectorSettings(port=free_port())
         examining = asyncio.create_task(examine_detector(settings, 0.1))
@@ -82,4 +82,4 @@ def test_the_doctor_says_who_has_the_port() -> None:
     with taken:
         (finding,) = asyncio.run(examine_detector(DetectorSettings(port=port), 0.1))
 
-    assert finding.verdict is Verdict.MISSING
+    assert finding.verdict is FindingLevel.MISSING

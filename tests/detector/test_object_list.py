@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.detector.object_list import MOST_CARS, ObjectListReader
-from onboard.observations import DetectedCars, Discarded, SensedCar
+from onboard.observations import DetectionList, Discarded, VehicleDetection
 
 CAR = {
     "id": 7, "range_m": 31.5, "range_sigma_m": 1.5, "bearing_rad": -0.12, "bearing_sigma_rad": 0.01
@@ -20,7 +20,7 @@ def datagram(*cars: dict[str, Any], sent_s: float = 10.0, age_s: float = 0.04) -
     return json.dumps({"sent_s": sent_s, "age_s": age_s, "cars": cars}).encode()
 
 
-def read(*data: bytes, now: float = 500.0) -> list[DetectedCars | Discarded]:
+def read(*data: bytes, now: float = 500.0) -> list[DetectionList | Discarded]:
     reader = ObjectListReader()
     for each in data:
         reader.receive_bytes(each, now)
@@ -30,15 +30,15 @@ def read(*data: bytes, now: float = 500.0) -> list[DetectedCars | Discarded]:
 def reason_of(data: bytes) -> str:
     (event,) = read(data)
     assert isinstance(event, Discarded)
-    assert event.room == "detector"
+    assert event.component == "detector"
     return event.reason
 
 
 def test_a_picture_with_cars() -> None:
     (found,) = read(datagram(CAR, CAR | {"id": 8}))
 
-    first = SensedCar(pytest.approx(499.96), 7, 31.5, 1.5, -0.12, 0.01)
-    assert isinstance(found, DetectedCars)
+    first = VehicleDetection(pytest.approx(499.96), 7, 31.5, 1.5, -0.12, 0.01)
+    assert isinstance(found, DetectionList)
     assert found.cars[0] == first
     assert [car.track_id for car in found.cars] == [7, 8]
     assert {car.stamp_s for car in found.cars} == {found.stamp_s}
@@ -47,13 +47,13 @@ def test_a_picture_with_cars() -> None:
 def test_to_find_no_car_is_an_answer_too() -> None:
     (found,) = read(datagram())
 
-    assert found == DetectedCars(pytest.approx(499.96), ())
+    assert found == DetectionList(pytest.approx(499.96), ())
 
 
 def test_whole_numbers_and_keys_of_the_detector_s_own_are_welcome() -> None:
     (found,) = read(datagram(CAR | {"range_m": 30, "class": "truck"}, sent_s=9))
 
-    assert isinstance(found, DetectedCars)
+    assert isinstance(found, DetectionList)
     assert found.cars[0].range_m == 30.0
 
 
@@ -71,8 +71,8 @@ def test_two_that_come_together_are_two_pictures_and_a_flood_is_none() -> None:
     pictures = read(*[datagram(sent_s=10.0 + 0.1 * k) for k in range(3)])
     flood = read(*[datagram(sent_s=10.0 + 0.001 * k) for k in range(10)])
 
-    assert [event.kind for event in pictures] == ["detected_cars"] * 3
-    assert [event.kind for event in flood] == ["detected_cars", *["discarded"] * 9]
+    assert [event.kind for event in pictures] == ["detection_list"] * 3
+    assert [event.kind for event in flood] == ["detection_list", *["discarded"] * 9]
     assert flood[1].reason == "too_often"  # type: ignore[union-attr]
 
 

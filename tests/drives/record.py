@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from sim_rig.live import Desk
+from sim_rig.live import LiveTestbench
 from sim_rig.scenario import load_scenario
 from sim_rig.virtual import run_virtual
 
@@ -34,11 +34,11 @@ def record_all() -> None:
     scenario, car, until_s = LIVE
     story = load_scenario(scenario).model_copy(update={"duration_s": until_s})
     with tempfile.TemporaryDirectory() as folder:
-        asyncio.run(_drive(Desk(story, story.seed, Path(folder))))
+        asyncio.run(_drive(LiveTestbench(story, story.seed, Path(folder))))
         _take(Path(folder) / "box" / car, "live")
 
 
-async def _drive(desk: Desk) -> None:
+async def _drive(desk: LiveTestbench) -> None:
     async with desk:
         await desk.run()
 

@@ -158,7 +158,7 @@ def test_gpsds_own_complaint_is_counted():
 )
 def test_reports_that_cannot_be_are_discarded(report):
     (discarded,) = read(report)
-    assert (discarded.room, discarded.reason) == ("gnss", "gpsd_report")
+    assert (discarded.component, discarded.reason) == ("gnss", "gpsd_report")
 
 
 def test_a_line_without_an_end_is_given_up():

@@ -219,7 +219,7 @@ def test_bytes_may_come_cut_anywhere(cuts):
 )
 def test_a_damaged_sentence_is_discarded_and_the_next_one_read(damaged):
     discarded, position = read(damaged, at(RMC, "045001.34"), NO_FIX)
-    assert (discarded.room, discarded.reason) == ("gnss", "nmea_checksum")
+    assert (discarded.component, discarded.reason) == ("gnss", "nmea_checksum")
     assert position.stamp_s == pytest.approx(utc(2021, 7, 26, 4, 50, 1, 340_000))
 
 

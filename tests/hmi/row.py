@@ -16,10 +16,10 @@ import numpy as np
 from onboard.config import CarConfig
 from onboard.hmi.driver_page import DriverPage
 from onboard.obd.settings import CanSettings
-from onboard.observations import Lead, LeadIdentity, SensedCar, Sensor, SensorLost, Speed
+from onboard.observations import Lead, LeadIdentity, Sensor, SensorLost, Speed, VehicleDetection
 from onboard.settings import parse_settings
 from onboard.stack import Stack
-from onboard.trace import Event
+from onboard.trace.trace_line import Event
 from onboard.vision.settings import CameraSettings
 
 TICK_S = 0.1
@@ -165,7 +165,7 @@ class Row:
                             np.arctan2(right_m, ahead_m),
                         )
                         stack.receive_observation(
-                            SensedCar(
+                            VehicleDetection(
                                 self.now, number, float(range_m), 0.5, float(bearing_rad), 0.01
                             ),
                             self.now,

@@ -10,22 +10,22 @@ from onboard.hmi.driver_view import Direction, DriverView
 from onboard.lcca.events import WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.settings import LccaSettings
-from onboard.lcca.transitions import State
+from onboard.lcca.transitions import GroupState
 from onboard.messages.lcca import Join
-from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import (
-    DetectedCars,
+    DetectionList,
     Lead,
     LeadIdentity,
-    SensedCar,
     Sensor,
-    SensorBack,
     SensorLost,
+    SensorRecovered,
     Speed,
+    VehicleDetection,
 )
-from onboard.recorder.notes import Recording
-from onboard.risk.alarm import Alarm, Cause, Level, Reason
-from onboard.trace import as_record
+from onboard.recorder.records import RecorderState
+from onboard.risk.alarm import Alarm, AlarmReason, Cause, Level
+from onboard.trace.trace_line import as_record
 
 OWN = bytes.fromhex("00112233445566aa")
 OTHER = bytes.fromhex("ffeeddccbbaa9988")
@@ -60,7 +60,7 @@ def lead(now: float, gap_m: float = 14.0, text: str = "RD288HX") -> Lead:
     return Lead(now, LeadIdentity.KNOWN, text, gap_m, 0.3, 1.0, 0.3)
 
 
-def known(east_m: float, north_m: float, known_by: KnownBy, **more: Any) -> KnownCar:
+def known(east_m: float, north_m: float, source: ObjectSource, **more: Any) -> PerceivedObject:
     given: dict[str, Any] = {
         "stamp_s": 0.0,
         "name": "7",
@@ -69,18 +69,18 @@ def known(east_m: float, north_m: float, known_by: KnownBy, **more: Any) -> Know
         "age_s": 0.1,
         "provenance": frozenset(),
     }
-    return KnownCar(known_by=known_by, **(given | more))
+    return PerceivedObject(source=source, **(given | more))
 
 
 def alarm(now: float, cause: Cause, level: Level, name: str = "7") -> Alarm:
-    return Alarm(now, cause, level, 6.0, (Reason("known_car", name, 0.1),))
+    return Alarm(now, cause, level, 6.0, (AlarmReason("perceived_object", name, 0.1),))
 
 
 def test_at_the_beginning_nothing_is_claimed() -> None:
     view = shown(display(), 0.0)
 
     assert (view.speed_m_s, view.ahead, view.cars, view.alarms) == (None, None, (), ())
-    assert view.place.state is State.REGULAR
+    assert view.place.state is GroupState.REGULAR
     assert view.place.number == 1
     assert not any(sensor.lost for sensor in view.sensors)
     assert not view.brake_button
@@ -97,9 +97,9 @@ def test_a_view_is_due_five_times_a_second() -> None:
 @pytest.mark.parametrize(
     "event",
     [
-        alarm(10.01, Cause.GROUP, Level.WARNING),
+        alarm(10.01, Cause.LCCA, Level.WARNING),
         SensorLost(10.01, Sensor.CAMERA, 0.8, "silent"),
-        SensorBack(10.01, Sensor.CAMERA),
+        SensorRecovered(10.01, Sensor.CAMERA),
     ],
 )
 def test_what_cannot_wait_is_shown_at_once(event: Any) -> None:
@@ -153,10 +153,12 @@ def test_no_car_ahead_an_unread_one_and_a_blind_camera_are_three_things() -> Non
 def test_without_a_position_the_cars_of_the_last_picture_are_shown() -> None:
     page = display()
     page.receive_event(Lead(10.0, LeadIdentity.NO_LEAD))
-    first, second = (SensedCar(10.0, number, 20.0 + number, 1.0, 0.0, 0.01) for number in (1, 2))
-    page.receive_event(DetectedCars(10.0, (first, second)))
+    first, second = (
+        VehicleDetection(10.0, number, 20.0 + number, 1.0, 0.0, 0.01) for number in (1, 2)
+    )
+    page.receive_event(DetectionList(10.0, (first, second)))
     both = shown(page, 10.0).cars
-    page.receive_event(DetectedCars(10.3, (second,)))
+    page.receive_event(DetectionList(10.3, (second,)))
 
     assert len(both) == 2
     assert len(shown(page, 10.3).cars) == 1
@@ -166,7 +168,7 @@ def test_a_lost_sensor_is_shown_with_its_reason_until_it_is_back() -> None:
     page = display()
     page.receive_event(SensorLost(10.0, Sensor.CAMERA, 0.8, "frozen"))
     lost = {each.sensor: (each.lost, each.reason) for each in shown(page, 10.0).sensors}
-    page.receive_event(SensorBack(11.0, Sensor.CAMERA))
+    page.receive_event(SensorRecovered(11.0, Sensor.CAMERA))
 
     assert lost == {Sensor.CAMERA: (True, "frozen"), Sensor.SPEED: (False, None)}
     assert not any(each.lost for each in shown(page, 11.0).sensors)
@@ -175,18 +177,18 @@ def test_a_lost_sensor_is_shown_with_its_reason_until_it_is_back() -> None:
 def test_a_black_box_that_does_not_record_is_shown_with_its_reason_until_it_does() -> None:
     page = display()
     assert shown(page, 10.0).not_recording is None
-    page.receive_event(Recording(10.01, is_recording=False, reason="disk full", dropped=3))
+    page.receive_event(RecorderState(10.01, is_recording=False, reason="disk full", dropped=3))
     assert shown(page, 10.01).not_recording == "disk full"
-    page.receive_event(Recording(10.02, is_recording=True, reason="", dropped=3))
+    page.receive_event(RecorderState(10.02, is_recording=True, reason="", dropped=3))
     assert shown(page, 10.02).not_recording is None
 
 
 def test_an_alarm_stays_until_it_ends_and_tells_when_it_rose() -> None:
     page = display()
-    page.receive_event(alarm(10.0, Cause.CLOSING_GAP, Level.CAUTION))
-    page.receive_event(alarm(10.5, Cause.CLOSING_GAP, Level.WARNING))
+    page.receive_event(alarm(10.0, Cause.FCW, Level.CAUTION))
+    page.receive_event(alarm(10.5, Cause.FCW, Level.WARNING))
     (held,) = shown(page, 12.0).alarms
-    page.receive_event(Alarm(13.0, Cause.CLOSING_GAP, Level.NONE, 0.0, ()))
+    page.receive_event(Alarm(13.0, Cause.FCW, Level.NONE, 0.0, ()))
 
     assert (held.level, held.raised_at_s, held.direction) == (Level.WARNING, 10.5, Direction.AHEAD)
     assert shown(page, 13.0).alarms == ()
@@ -194,14 +196,14 @@ def test_an_alarm_stays_until_it_ends_and_tells_when_it_rose() -> None:
 
 def test_the_most_urgent_alarm_comes_first_and_of_two_the_newer() -> None:
     page = display()
-    page.receive_event(alarm(10.0, Cause.GROUP, Level.WARNING))
-    page.receive_event(alarm(11.0, Cause.CLOSING_GAP, Level.CAUTION))
-    page.receive_event(alarm(12.0, Cause.HARD_BRAKING, Level.WARNING))
+    page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING))
+    page.receive_event(alarm(11.0, Cause.FCW, Level.CAUTION))
+    page.receive_event(alarm(12.0, Cause.EEBL, Level.WARNING))
 
     assert [each.cause for each in shown(page, 12.0).alarms] == [
-        Cause.HARD_BRAKING,
-        Cause.GROUP,
-        Cause.CLOSING_GAP,
+        Cause.EEBL,
+        Cause.LCCA,
+        Cause.FCW,
     ]
 
 
@@ -220,7 +222,7 @@ def test_a_warning_of_the_group_says_how_many_cars_ahead_it_was() -> None:
             hops=1,
         )
     )
-    page.receive_event(alarm(10.0, Cause.GROUP, Level.WARNING, OTHER.hex()))
+    page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING, OTHER.hex()))
 
     assert shown(page, 10.0).alarms[0].cars_ahead == 3
 
@@ -231,10 +233,10 @@ def test_a_warning_of_the_group_says_how_many_cars_ahead_it_was() -> None:
 def test_a_crossing_car_comes_from_its_side(east_m: float, direction: Direction) -> None:
     page = display()
     page.receive_surroundings(
-        known(0.0, 0.0, KnownBy.ITSELF, name="own"),
-        [known(-east_m, 5.0, KnownBy.RADIO, name="8"), known(east_m, 40.0, KnownBy.RADIO)],
+        known(0.0, 0.0, ObjectSource.HOST, name="own"),
+        [known(-east_m, 5.0, ObjectSource.BSM, name="8"), known(east_m, 40.0, ObjectSource.BSM)],
     )
-    page.receive_event(alarm(10.0, Cause.CROSSING, Level.WARNING, "7"))
+    page.receive_event(alarm(10.0, Cause.IMA, Level.WARNING, "7"))
 
     assert shown(page, 10.0).alarms[0].direction is direction
 
@@ -242,20 +244,20 @@ def test_a_crossing_car_comes_from_its_side(east_m: float, direction: Direction)
 def test_the_car_that_an_alarm_is_about_is_marked_as_long_as_it_holds() -> None:
     page = display()
     page.receive_surroundings(
-        known(0.0, 0.0, KnownBy.ITSELF, name="own"),
-        [known(-20.0, 5.0, KnownBy.RADIO, name="8"), known(30.0, 40.0, KnownBy.TOLD)],
+        known(0.0, 0.0, ObjectSource.HOST, name="own"),
+        [known(-20.0, 5.0, ObjectSource.BSM, name="8"), known(30.0, 40.0, ObjectSource.SHARED)],
     )
-    page.receive_event(alarm(10.0, Cause.CROSSING, Level.CAUTION, "7"))
-    marked = [car.known_by for car in shown(page, 10.0).cars if car.in_alarm]
-    page.receive_event(Alarm(11.0, Cause.CROSSING, Level.NONE, 0.0, ()))
+    page.receive_event(alarm(10.0, Cause.IMA, Level.CAUTION, "7"))
+    marked = [car.source for car in shown(page, 10.0).cars if car.in_alarm]
+    page.receive_event(Alarm(11.0, Cause.IMA, Level.NONE, 0.0, ()))
 
-    assert marked == [KnownBy.TOLD]
+    assert marked == [ObjectSource.SHARED]
     assert not any(car.in_alarm for car in shown(page, 11.0).cars)
 
 
 def test_a_crossing_car_that_is_gone_again_is_somewhere_ahead() -> None:
     page = display()
-    page.receive_event(alarm(10.0, Cause.CROSSING, Level.WARNING))
+    page.receive_event(alarm(10.0, Cause.IMA, Level.WARNING))
 
     assert shown(page, 10.0).alarms[0].direction is Direction.AHEAD
 
@@ -264,23 +266,23 @@ def test_the_lead_car_is_on_the_map_once() -> None:
     page = display()
     page.receive_event(lead(10.0, gap_m=14.0))
     page.receive_surroundings(
-        known(0.0, 0.0, KnownBy.ITSELF, name="own"),
-        [known(0.3, 18.0, KnownBy.RADIO), known(3.5, 19.0, KnownBy.TOLD)],
+        known(0.0, 0.0, ObjectSource.HOST, name="own"),
+        [known(0.3, 18.0, ObjectSource.BSM), known(3.5, 19.0, ObjectSource.SHARED)],
     )
 
     (other,) = shown(page, 10.0).cars
-    assert (other.known_by, other.ahead_m, other.right_m) == (KnownBy.TOLD, 19.0, 3.5)
+    assert (other.source, other.ahead_m, other.right_m) == (ObjectSource.SHARED, 19.0, 3.5)
 
 
 def test_without_an_own_position_the_camera_fills_the_map_with_its_last_picture() -> None:
     page = display()
     page.receive_event(lead(10.0, gap_m=14.0))
     for stamp_s in (9.9, 10.0):
-        page.receive_event(SensedCar(stamp_s, 1, 14.0, 0.3, 0.0, 0.01))
-        page.receive_event(SensedCar(stamp_s, 2, 20.0, 0.3, 0.2, 0.01))
+        page.receive_event(VehicleDetection(stamp_s, 1, 14.0, 0.3, 0.0, 0.01))
+        page.receive_event(VehicleDetection(stamp_s, 2, 20.0, 0.3, 0.2, 0.01))
 
     (other,) = shown(page, 10.0).cars
-    assert other.known_by is KnownBy.SEEN
+    assert other.source is ObjectSource.SENSOR
     assert other.right_m == pytest.approx(20.0 * np.sin(0.2))
     assert shown(page, 11.0).cars == ()
 
@@ -293,7 +295,7 @@ def test_who_follows_is_counted() -> None:
     )
 
     place = shown(display(), 10.0, group).place
-    assert (place.state, place.number, place.followers) == (State.LEADER, 1, 1)
+    assert (place.state, place.number, place.followers) == (GroupState.LEADER, 1, 1)
     assert place.group == OWN.hex()[:4]
 
 
@@ -301,7 +303,7 @@ def test_a_view_has_a_form_in_json() -> None:
     page = display(brake_button=True)
     page.receive_event(speed(10.0))
     page.receive_event(lead(10.0))
-    page.receive_event(alarm(10.0, Cause.GROUP, Level.WARNING))
+    page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING))
 
     record = as_record(shown(page, 10.0))
 

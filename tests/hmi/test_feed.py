@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import pytest
 
-from onboard.hmi.feed import MOST_UNCONFIRMED, Feed, Reader
+from onboard.hmi.feed import MOST_UNCONFIRMED, Feed, FeedReader
 
 T = TypeVar("T")
 
@@ -24,7 +24,7 @@ async def not_now(work: Awaitable[object]) -> None:
 def test_a_reader_that_confirms_gets_everything() -> None:
     async def read() -> list[str]:
         feed: Feed[str] = Feed()
-        reader = Reader(feed)
+        reader = FeedReader(feed)
         texts = []
         for text in ("a", "b", "c", "d"):
             feed.publish(text)
@@ -39,7 +39,7 @@ def test_a_reader_that_confirms_gets_everything() -> None:
 def test_a_slow_reader_misses_what_is_old_and_gets_the_latest() -> None:
     async def read() -> None:
         feed: Feed[str] = Feed()
-        reader = Reader(feed)
+        reader = FeedReader(feed)
         numbers = []
         for text in ("a", "b"):
             feed.publish(text)
@@ -60,7 +60,7 @@ def test_a_new_reader_is_not_told_old_news() -> None:
     async def read() -> None:
         feed: Feed[str] = Feed()
         feed.publish("long ago")
-        reader = Reader(feed)
+        reader = FeedReader(feed)
 
         await not_now(reader.next())
         feed.publish("now")
@@ -74,7 +74,7 @@ def test_a_new_reader_is_not_told_old_news() -> None:
 def test_a_confirmation_of_what_was_not_sent_makes_no_room(confirmed: int) -> None:
     async def read() -> None:
         feed: Feed[str] = Feed()
-        reader = Reader(feed)
+        reader = FeedReader(feed)
         for text in ("a", "b"):
             feed.publish(text)
             await soon(reader.next())

@@ -6,18 +6,18 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from onboard.hmi.metrics import Metrics
 from onboard.lcca.events import Transition
-from onboard.lcca.transitions import Event, State
+from onboard.lcca.transitions import GroupEvent, GroupState
 from onboard.observations import (
     Discarded,
     Lead,
     LeadIdentity,
     Sensor,
-    SensorBack,
     SensorLost,
+    SensorRecovered,
     Speed,
 )
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.wave_link import Received, Sent
+from onboard.wave_link import MessageReceived, MessageSent
 
 
 def read(metrics: Metrics) -> dict[str, float]:
@@ -37,24 +37,26 @@ def test_what_the_stack_says_is_counted() -> None:
         Discarded(1.0, "lcca", "duplicate"),
         Discarded(1.1, "lcca", "duplicate"),
         Discarded(1.2, "security", "wrong_signature"),
-        Sent(1.3, "warn", 7, 200, {}),
-        Received(1.4, "join", None, {}),
-        Alarm(1.5, Cause.GROUP, Level.WARNING, 6.0, ()),
+        MessageSent(1.3, "warn", 7, 200, {}),
+        MessageReceived(1.4, "join", None, {}),
+        Alarm(1.5, Cause.LCCA, Level.WARNING, 6.0, ()),
         SensorLost(1.6, Sensor.CAMERA, 0.8, "frozen"),
-        Transition(1.7, Event.JOINED, State.REGULAR, State.MEMBER, bytes(8), 3, "answered"),
+        Transition(
+            1.7, GroupEvent.JOINED, GroupState.REGULAR, GroupState.MEMBER, bytes(8), 3, "answered"
+        ),
         Lead(1.8, LeadIdentity.UNKNOWN, None, 21.5),
     ):
         metrics.receive_event(event)
 
     counted = read(metrics)
 
-    assert counted["onboard_discarded_total reason=duplicate room=lcca"] == 2
-    assert counted["onboard_discarded_total reason=wrong_signature room=security"] == 1
+    assert counted["onboard_discarded_total component=lcca reason=duplicate"] == 2
+    assert counted["onboard_discarded_total component=security reason=wrong_signature"] == 1
     assert counted["onboard_events_total kind=discarded"] == 3
     assert counted["onboard_sent_total message=warn"] == 1
     assert counted["onboard_received_total message=join"] == 1
-    assert counted["onboard_alarms_total cause=group level=warning"] == 1
-    assert counted["onboard_alarm_level cause=group"] == 2
+    assert counted["onboard_alarms_total cause=lcca level=warning"] == 1
+    assert counted["onboard_alarm_level cause=lcca"] == 2
     assert counted["onboard_sensor_up sensor=camera"] == 0
     assert counted["onboard_group_state state=member"] == 1
     assert counted["onboard_group_state state=regular"] == 0
@@ -76,15 +78,15 @@ def test_of_a_lost_sensor_nothing_is_told_that_it_said_last() -> None:
 
 def test_what_is_over_is_shown_as_over() -> None:
     metrics = Metrics(frozenset({Sensor.CAMERA}))
-    metrics.receive_event(Alarm(1.0, Cause.GROUP, Level.WARNING, 6.0, ()))
-    metrics.receive_event(Alarm(2.0, Cause.GROUP, Level.NONE, 0.0, ()))
+    metrics.receive_event(Alarm(1.0, Cause.LCCA, Level.WARNING, 6.0, ()))
+    metrics.receive_event(Alarm(2.0, Cause.LCCA, Level.NONE, 0.0, ()))
     metrics.receive_event(SensorLost(1.0, Sensor.CAMERA, 0.8, "frozen"))
-    metrics.receive_event(SensorBack(2.0, Sensor.CAMERA))
+    metrics.receive_event(SensorRecovered(2.0, Sensor.CAMERA))
 
     counted = read(metrics)
 
-    assert counted["onboard_alarm_level cause=group"] == 0
-    assert counted["onboard_alarms_total cause=group level=warning"] == 1
+    assert counted["onboard_alarm_level cause=lcca"] == 0
+    assert counted["onboard_alarms_total cause=lcca level=warning"] == 1
     assert counted["onboard_sensor_up sensor=camera"] == 1
 
 

@@ -12,10 +12,10 @@ from itertools import count
 import networkx as nx
 import numpy as np
 
-from onboard.lcca.events import Neighbour, Transition, WarningRaised
+from onboard.lcca.events import PrecedingVehicle, Transition, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.settings import LccaSettings
-from onboard.lcca.transitions import Event
+from onboard.lcca.transitions import GroupEvent
 from onboard.messages.lcca import CarId, LccaMessage, Warn, decode, encode
 from onboard.observations import Discarded, HardBrake
 
@@ -184,14 +184,14 @@ class Road:
         if car.has_bus:
             car.group.receive_speed(car.speed_m_s, self.now)
         if car.has_camera:
-            car.group.receive_neighbour(self._seen_by(car), self.now)
+            car.group.receive_preceding_vehicle(self._seen_by(car), self.now)
         self._serve(car)
 
-    def _seen_by(self, car: Car) -> Neighbour | None:
+    def _seen_by(self, car: Car) -> PrecedingVehicle | None:
         ahead = self.ahead_of(car)
         if ahead is None:
             return None
-        return Neighbour(
+        return PrecedingVehicle(
             # The plate is digested with the observer's own epoch, as in the car.
             car.misread_as or car_id(ahead.name, car.epoch),
             ahead.position_m - car.position_m,
@@ -265,6 +265,6 @@ def true_places(road: Road) -> dict[str, tuple[str, int]]:
     return out
 
 
-def events_of(car: Car) -> list[tuple[Event, str]]:
+def events_of(car: Car) -> list[tuple[GroupEvent, str]]:
     """What happened to its place, and why."""
     return [(transition.event, transition.cause) for transition in car.transitions]

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from onboard.lcca.transitions import Event, State
+from onboard.lcca.transitions import GroupEvent, GroupState
 from onboard.messages.lcca import Join, Leave, LeaveReason, Reply
 from tests.lcca.one_car import OneCar, answer, member_of_a
 from tests.lcca.road import Road, Transmission, car_id, events_of, places, true_places
@@ -48,7 +48,7 @@ def test_the_papers_example() -> None:
     # A has B on its warning list L_A, and B has C.
     assert [car.group.followers for car in road.cars.values()] == [(B,), (C,), ()]
     states = [car.group.state for car in road.cars.values()]
-    assert states == [State.LEADER, State.MEMBER, State.MEMBER]
+    assert states == [GroupState.LEADER, GroupState.MEMBER, GroupState.MEMBER]
 
 
 @pytest.mark.parametrize("count", range(6))
@@ -136,7 +136,7 @@ def test_an_answer_from_a_car_that_moves_otherwise_than_the_one_in_view_is_not_b
     car = OneCar()
     car.sees(A, 0.0, closing=0.0)  # the car ahead drives 20 m/s, as we do
     assert car.hears(answer(car.asks(0.0), speed=27.0), 0.0) == ["implausible"]
-    assert car.group.state is State.REGULAR
+    assert car.group.state is GroupState.REGULAR
     assert car.hears(answer(car.asks(0.1), speed=20.5), 0.1) == ["joined"]
 
 
@@ -146,7 +146,7 @@ def test_an_answer_that_comes_when_the_camera_reads_another_plate_is_not_believe
     join = car.asks(0.0)
     car.sees(A, 0.05)
     assert car.hears(answer(join, leader=X), 0.06) == ["not_asked"]
-    assert car.group.state is State.REGULAR
+    assert car.group.state is GroupState.REGULAR
 
 
 def test_a_plate_misread_in_single_frames_is_never_asked() -> None:
@@ -158,7 +158,7 @@ def test_a_plate_misread_in_single_frames_is_never_asked() -> None:
         road.run(0.1)
         b.misread_as = None
     assert not any(isinstance(m, Join) and m.to_id == X for m in (e.message for e in road.sent))
-    assert events_of(b) == [(Event.JOINED, "answered")]
+    assert events_of(b) == [(GroupEvent.JOINED, "answered")]
 
 
 def test_a_plate_misread_for_a_while_is_asked_gives_no_answer_and_costs_no_membership() -> None:
@@ -170,7 +170,7 @@ def test_a_plate_misread_for_a_while_is_asked_gives_no_answer_and_costs_no_membe
     assert any(isinstance(m, Join) and m.to_id == X for m in (e.message for e in road.sent))
     b.misread_as = None
     road.run(5.0)
-    assert events_of(b) == [(Event.JOINED, "answered")]
+    assert events_of(b) == [(GroupEvent.JOINED, "answered")]
 
 
 def test_a_plate_misread_for_good_ends_the_membership() -> None:
@@ -179,7 +179,7 @@ def test_a_plate_misread_for_good_ends_the_membership() -> None:
     road.run(2.0)
     b.misread_as = X
     road.run(1.2)
-    assert events_of(b)[-1] == (Event.LEFT_ALONE, "not_ahead")
+    assert events_of(b)[-1] == (GroupEvent.LEFT_ALONE, "not_ahead")
 
 
 # Leaving
@@ -193,9 +193,9 @@ def test_a_car_that_falls_back_leaves_and_is_taken_off_the_list() -> None:
     road.run(1.2)
     leave = [entry.message for entry in road.sent if isinstance(entry.message, Leave)]
     assert leave == [Leave(B, A, 2, A, LeaveReason.GAP)]
-    assert events_of(b)[-1] == (Event.LEFT_ALONE, "gap")
-    assert events_of(a)[-1] == (Event.UNFOLLOWED, "leave")
-    assert a.group.state is b.group.state is State.REGULAR
+    assert events_of(b)[-1] == (GroupEvent.LEFT_ALONE, "gap")
+    assert events_of(a)[-1] == (GroupEvent.UNFOLLOWED, "leave")
+    assert a.group.state is b.group.state is GroupState.REGULAR
 
 
 def test_a_lost_leave_is_made_good_by_expiry() -> None:
@@ -205,7 +205,7 @@ def test_a_lost_leave_is_made_good_by_expiry() -> None:
     road.drops = lambda transmission, receiver: isinstance(transmission.message, Leave)
     b.position_m = -60.0
     road.run(3.7)
-    assert events_of(a)[-1] == (Event.UNFOLLOWED, "expired")
+    assert events_of(a)[-1] == (GroupEvent.UNFOLLOWED, "expired")
 
 
 def test_a_gap_that_is_noisy_about_the_safety_distance_does_not_flap() -> None:
@@ -230,12 +230,12 @@ def test_a_lost_sensor_ends_the_membership_after_a_stated_time(
     road.run(2.0)
     setattr(b, what, False)
     road.run(kept_s)
-    assert b.group.state is State.MEMBER
+    assert b.group.state is GroupState.MEMBER
     road.run(gone_s - kept_s)
-    assert events_of(b)[-1] == (Event.LEFT_ALONE, cause)
+    assert events_of(b)[-1] == (GroupEvent.LEFT_ALONE, cause)
     setattr(b, what, True)
     road.run(0.6)
-    assert b.group.state is State.MEMBER
+    assert b.group.state is GroupState.MEMBER
 
 
 def test_a_car_ahead_that_goes_silent_is_left_and_a_follower_that_does_is_dropped() -> None:
@@ -244,8 +244,8 @@ def test_a_car_ahead_that_goes_silent_is_left_and_a_follower_that_does_is_droppe
     road.run(2.0)
     b.has_radio = False
     road.run(3.2)
-    assert events_of(a)[-1] == (Event.UNFOLLOWED, "expired")
-    assert events_of(c)[-1] == (Event.LEFT_ALONE, "no_answer")
+    assert events_of(a)[-1] == (GroupEvent.UNFOLLOWED, "expired")
+    assert events_of(c)[-1] == (GroupEvent.LEFT_ALONE, "no_answer")
     b.has_radio = True
     road.run(1.0)
     assert places(road) == true_places(road)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from onboard.lcca.events import Neighbour
+from onboard.lcca.events import PrecedingVehicle
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.settings import LccaSettings
 from onboard.messages.lcca import Join, Reply, Update, Warn
@@ -21,7 +21,7 @@ class Listener:
         instantly = LccaSettings(**(prompt | changes))  # type: ignore[arg-type]
         self.group = WarningGroup(instantly, B, np.random.default_rng(1))
         self.group.receive_speed(20.0, 0.0)
-        self.group.receive_neighbour(Neighbour(A, 20.0, 0.0), 0.0)
+        self.group.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, 0.0), 0.0)
         (join,) = self.group.messages_to_send(0.0)
         assert isinstance(join, Join)
         self.hears(Reply(A, A, 1, B, join.sequence, 10, 20.0))

@@ -14,7 +14,7 @@ import networkx as nx
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from onboard.lcca.transitions import State
+from onboard.lcca.transitions import GroupState
 from tests.lcca.road import Air, Car, Road, car_id, places, true_places
 
 GRID_M = 25.0
@@ -189,8 +189,8 @@ def assert_groups_are_the_roads(road: Road) -> None:
         leader, number = truth[car.name]
         behind = [name for name, place in truth.items() if place == (leader, number + 1)]
         assert [follower[:1].decode() for follower in car.group.followers] == behind
-        alone = State.LEADER if behind else State.REGULAR
-        assert car.group.state is (State.MEMBER if number > 1 else alone)
+        alone = GroupState.LEADER if behind else GroupState.REGULAR
+        assert car.group.state is (GroupState.MEMBER if number > 1 else alone)
 
 
 def assert_each_warning_reaches_its_group_only(drive: Drive) -> None:

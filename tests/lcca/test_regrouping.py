@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from onboard.lcca.transitions import TRANSITIONS, Event, State
+from onboard.lcca.transitions import TRANSITIONS, GroupEvent, GroupState
 from onboard.messages.lcca import Join, Leave, LeaveReason, Update
 from tests.lcca.one_car import OneCar
 from tests.lcca.road import Air, Road, car_id, events_of, places, true_places
@@ -22,8 +22,8 @@ def test_a_car_that_cuts_in_takes_its_place_without_anybody_leaving_the_group() 
     x = road.add("X", -15.0)
     road.run(3.0)
     assert places(road) == {"A": ("A", 1), "X": ("A", 2), "B": ("A", 3), "C": ("A", 4)}
-    assert {event for event, _ in events_of(b)[2:]} <= {Event.JOINED, Event.RENUMBERED}
-    assert {event for event, _ in events_of(c)[1:]} == {Event.RENUMBERED}
+    assert {event for event, _ in events_of(b)[2:]} <= {GroupEvent.JOINED, GroupEvent.RENUMBERED}
+    assert {event for event, _ in events_of(c)[1:]} == {GroupEvent.RENUMBERED}
     leaves = [entry.message for entry in road.sent if isinstance(entry.message, Leave)]
     assert [(leave.sender_id, leave.reason) for leave in leaves] == [
         (B, LeaveReason.FOLLOWS_ANOTHER)
@@ -39,8 +39,8 @@ def test_a_car_that_changes_lanes_out_of_the_group_is_closed_up_behind() -> None
     b.lane = 1
     road.run(3.0)
     assert places(road) == {"A": ("A", 1), "B": ("B", 1), "C": ("A", 2)}
-    assert events_of(b)[-1] == (Event.LEFT_ALONE, "not_ahead")
-    assert Event.LEFT_ALONE not in {event for event, _ in events_of(c)}
+    assert events_of(b)[-1] == (GroupEvent.LEFT_ALONE, "not_ahead")
+    assert GroupEvent.LEFT_ALONE not in {event for event, _ in events_of(c)}
 
 
 @pytest.mark.parametrize("updates_lost", [False, True])
@@ -52,7 +52,7 @@ def test_a_group_splits_where_the_gap_opens(updates_lost: bool) -> None:
     for car in cars[2:]:
         car.position_m -= 40.0
     road.run(1.2)
-    assert (Event.LEFT_LEADING, "gap") in events_of(cars[2])
+    assert (GroupEvent.LEFT_LEADING, "gap") in events_of(cars[2])
     road.run(1.5 if updates_lost else 0.0)
     assert places(road) == {
         "A": ("A", 1),
@@ -61,7 +61,7 @@ def test_a_group_splits_where_the_gap_opens(updates_lost: bool) -> None:
         "D": ("C", 2),  # GN_j - GN_i + 1: number 4 behind number 3 is number 2
         "E": ("C", 3),
     }
-    assert [car.group.state for car in cars[1:3]] == [State.MEMBER, State.LEADER]
+    assert [car.group.state for car in cars[1:3]] == [GroupState.MEMBER, GroupState.LEADER]
 
 
 @pytest.mark.parametrize("updates_lost", [False, True])
@@ -187,7 +187,10 @@ def test_a_group_outlives_the_change_of_everybodys_id(spread_s: float) -> None:
     road.run(spread_s + 3.0)
     assert places(road) == true_places(road)
     for car, before in zip(cars, said, strict=True):
-        assert {t.event for t in car.transitions[before:]} <= {Event.JOINED, Event.RENUMBERED}
+        assert {t.event for t in car.transitions[before:]} <= {
+            GroupEvent.JOINED,
+            GroupEvent.RENUMBERED,
+        }
         assert car.group.leader_id == car_id("A", 1)
     assert not any(isinstance(entry.message, Leave) for entry in road.sent[before_change:])
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.lcca.events import Neighbour
+from onboard.lcca.events import PrecedingVehicle
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.settings import LccaSettings
-from onboard.lcca.transitions import State
+from onboard.lcca.transitions import GroupState
 from onboard.messages.lcca import Join, LccaMessage, Leave, LeaveReason, Reply, Update, Warn, encode
 from onboard.observations import HardBrake
 
@@ -55,7 +55,7 @@ class Frame:
     """A camera frame that shows a car, close or far, or none."""
 
     def __init__(self, car_id: bytes | None, gap_m: float) -> None:
-        self.ahead = Neighbour(car_id, gap_m, None)
+        self.ahead = PrecedingVehicle(car_id, gap_m, None)
 
 
 Step = LccaMessage | Frame | float | str
@@ -82,7 +82,7 @@ def test_whatever_comes_the_car_stays_consistent_and_can_say_where_it_is(
                 now += step
                 group.handle_timer(now)
             case Frame():
-                group.receive_neighbour(step.ahead, now)
+                group.receive_preceding_vehicle(step.ahead, now)
             case "answer" if last_join is not None:
                 beat = int(now * 10) % 65536
                 answer = Reply(last_join.to_id, A, 3, OWN, last_join.sequence, beat, None)
@@ -100,9 +100,9 @@ def test_whatever_comes_the_car_stays_consistent_and_can_say_where_it_is(
         timer = group.get_timer()
         assert timer is None or timer < now + 60.0
         follows = group.predecessor_id is not None
-        assert (group.state is State.MEMBER) is follows
+        assert (group.state is GroupState.MEMBER) is follows
         assert (group.group_number > 1) is follows
-        assert (group.state is State.REGULAR) is (not follows and not group.followers)
+        assert (group.state is GroupState.REGULAR) is (not follows and not group.followers)
 
 
 @given(st.lists(messages, max_size=30))

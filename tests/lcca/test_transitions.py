@@ -8,35 +8,35 @@ import pytest
 
 from onboard.lcca.transitions import (
     TRANSITIONS,
-    Event,
-    State,
+    GroupEvent,
+    GroupState,
     TransitionError,
-    diagram,
     next_state,
+    state_diagram,
 )
 
-FOLLOWS_AHEAD = {State.MEMBER}
+FOLLOWS_AHEAD = {GroupState.MEMBER}
 """The states of a car that follows another; the other fact is whether it is followed."""
 
 CHANGES = {
     # event: (follows ahead before, after), (is followed before, after); None: either, unchanged
-    Event.JOINED: ((None, True), (None, None)),
-    Event.LEFT_ALONE: ((True, False), (False, False)),
-    Event.LEFT_LEADING: ((True, False), (True, True)),
-    Event.FOLLOWED: ((None, None), (False, True)),
-    Event.UNFOLLOWED: ((None, None), (True, False)),
-    Event.RENUMBERED: ((True, True), (None, None)),
+    GroupEvent.JOINED: ((None, True), (None, None)),
+    GroupEvent.LEFT_ALONE: ((True, False), (False, False)),
+    GroupEvent.LEFT_LEADING: ((True, False), (True, True)),
+    GroupEvent.FOLLOWED: ((None, None), (False, True)),
+    GroupEvent.UNFOLLOWED: ((None, None), (True, False)),
+    GroupEvent.RENUMBERED: ((True, True), (None, None)),
 }
 """What each event says about the two facts, from the theory at the head of the file."""
 
 
-def state_of(*, follows: bool, is_followed: bool) -> State:
+def state_of(*, follows: bool, is_followed: bool) -> GroupState:
     if follows:
-        return State.MEMBER
-    return State.LEADER if is_followed else State.REGULAR
+        return GroupState.MEMBER
+    return GroupState.LEADER if is_followed else GroupState.REGULAR
 
 
-def expected(state: State, event: Event) -> set[State]:
+def expected(state: GroupState, event: GroupEvent) -> set[GroupState]:
     """Every state that the two facts allow after the event; empty if it cannot happen."""
     (follows_before, follows_after), (followed_before, followed_after) = CHANGES[event]
     out = set()
@@ -54,8 +54,8 @@ def expected(state: State, event: Event) -> set[State]:
     return out
 
 
-@pytest.mark.parametrize(("state", "event"), list(product(State, Event)))
-def test_every_pair_is_what_the_two_facts_say(state: State, event: Event) -> None:
+@pytest.mark.parametrize(("state", "event"), list(product(GroupState, GroupEvent)))
+def test_every_pair_is_what_the_two_facts_say(state: GroupState, event: GroupEvent) -> None:
     allowed = expected(state, event)
     if allowed:
         assert {next_state(state, event)} == allowed
@@ -68,17 +68,19 @@ def test_every_state_can_be_reached_and_left() -> None:
     graph = nx.DiGraph(
         (state, target) for state, row in TRANSITIONS.items() for target in row.values()
     )
-    assert set(graph) == set(State)
+    assert set(graph) == set(GroupState)
     assert nx.is_strongly_connected(graph)
 
 
 def test_the_picture_in_the_documentation_is_drawn_from_the_table() -> None:
     page = (Path(__file__).parents[2] / "docs" / "lcca.md").read_text(encoding="utf-8")
-    assert f"```mermaid\n{diagram()}\n```" in page, f"docs/lcca.md is to contain:\n{diagram()}"
+    assert f"```mermaid\n{state_diagram()}\n```" in page, (
+        f"docs/lcca.md is to contain:\n{state_diagram()}"
+    )
 
 
 def test_the_picture_shows_every_listed_pair() -> None:
-    arrows = [line.split(" : ") for line in diagram().splitlines() if " : " in line]
+    arrows = [line.split(" : ") for line in state_diagram().splitlines() if " : " in line]
     drawn = {
         (ends.strip().split(" --> ")[0], event, ends.strip().split(" --> ")[1])
         for ends, events in arrows

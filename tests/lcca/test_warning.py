@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.lcca.events import WarningRaised
-from onboard.lcca.followers import Followers
 from onboard.lcca.forwarding import Forwarding
-from onboard.lcca.place import Place
+from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.settings import LccaSettings
-from onboard.lcca.transitions import State
+from onboard.lcca.transitions import GroupState
+from onboard.lcca.warning_list import WarningList
 from onboard.messages.lcca import Join, Reply, Update, Warn
 from tests.lcca.road import Air, Road, Transmission, car_id, places, true_places
 
@@ -235,7 +235,7 @@ def test_a_car_that_makes_up_a_number_costs_a_warning_a_slot_or_two_a_hop() -> N
 
 def test_a_reach_that_no_radio_has_does_not_hold_an_update_back() -> None:
     # Anybody may claim to be the 65,535th of a group, and its leader then names that reach.
-    forwarding = Forwarding(LccaSettings(), Place(B, 3.0, 0), Followers(2.5))
+    forwarding = Forwarding(LccaSettings(), GroupPosition(B, 3.0, 0), WarningList(2.5))
     forwarding.receive(Update(A, A, 1, A, 7, 65535, C, 1, 0), 1, 10.0)
     assert forwarding.get_timer() == pytest.approx(10.0 + LccaSettings().acknowledge_s)
 
@@ -330,7 +330,7 @@ def test_a_braking_that_is_over_is_not_told_to_who_joins() -> None:
     road.run(LccaSettings().event_lifetime_s)
     late.lane = 0
     road.run(2.0)
-    assert late.group.state is State.MEMBER
+    assert late.group.state is GroupState.MEMBER
     assert road.warns() == []
 
 

@@ -13,7 +13,7 @@ from onboard.messages.mvs_footer import (
     MEASUREMENT,
     STATE,
     MvsFooter,
-    Run,
+    ObserverRun,
     SharedEstimate,
     SharedMeasurement,
     SharedState,
@@ -26,14 +26,14 @@ MEASURED = SharedMeasurement(0, 9, 100, 0, 12.34, -56.78, 0.5, 0.7, 0.25)
 STATED = SharedState(
     8, -100.0, 200.0, 13.88, -0.02, 0.4, 0.4, 1.1, 1.2, 0.0, 0.75, 0.0, 0.0, 0.75, 0.125, runs=2
 )
-ESTIMATED = SharedEstimate(STATED, (Run(0, (0, 100, 200)), Run(1, (50,))))
+ESTIMATED = SharedEstimate(STATED, (ObserverRun(0, (0, 100, 200)), ObserverRun(1, (50,))))
 FOOTER = MvsFooter(
     1_700_000_000_000, 48.1234567, -11.7654321, (b"abcd", b"efgh"), (MEASURED,), (ESTIMATED,)
 )
 
 ages = st.integers(0, 4095)
 run = st.builds(
-    Run, st.integers(0, 3), st.lists(ages, min_size=1, max_size=16, unique=True).map(tuple)
+    ObserverRun, st.integers(0, 3), st.lists(ages, min_size=1, max_size=16, unique=True).map(tuple)
 )
 runs = st.lists(run, min_size=1, max_size=5, unique_by=lambda run: run.observer).map(tuple)
 
@@ -49,7 +49,7 @@ def test_sizes_are_those_that_the_documentation_names() -> None:
 
 
 def test_ten_cars_measured_three_times_by_four_observers_fit_500_bytes() -> None:
-    twelve = tuple(Run(observer, (5, 105, 205)) for observer in range(4))
+    twelve = tuple(ObserverRun(observer, (5, 105, 205)) for observer in range(4))
     estimate = SharedEstimate(dataclasses.replace(STATED, runs=4), twelve)
     observers = (b"abcd", b"efgh", b"ijkl", b"mnop")
     footer = dataclasses.replace(
@@ -76,7 +76,7 @@ def test_a_footer_comes_back_as_it_was_sent() -> None:
     st.lists(st.tuples(raw_entries(STATE.size_bytes), runs), max_size=4),
 )
 def test_every_entry_that_can_be_decoded_is_encoded_to_the_same_bytes(
-    measurements: list[bytes], estimates: list[tuple[bytes, tuple[Run, ...]]]
+    measurements: list[bytes], estimates: list[tuple[bytes, tuple[ObserverRun, ...]]]
 ) -> None:
     try:
         footer = dataclasses.replace(
@@ -142,7 +142,9 @@ def test_a_truncated_footer_is_too_short(size: int) -> None:
             encode(
                 dataclasses.replace(
                     FOOTER,
-                    estimates=(SharedEstimate(STATED, (Run(0, (5,)), Run(0, (7, 5)))),),
+                    estimates=(
+                        SharedEstimate(STATED, (ObserverRun(0, (5,)), ObserverRun(0, (7, 5)))),
+                    ),
                 )
             ),
             "repeated_measurement",
@@ -152,7 +154,9 @@ def test_a_truncated_footer_is_too_short(size: int) -> None:
                 dataclasses.replace(
                     FOOTER,
                     estimates=(
-                        SharedEstimate(dataclasses.replace(STATED, runs=1), (Run(0, (5, 6)),)),
+                        SharedEstimate(
+                            dataclasses.replace(STATED, runs=1), (ObserverRun(0, (5, 6)),)
+                        ),
                     ),
                 )
             )[:-1]
@@ -186,9 +190,9 @@ def test_any_bytes_are_a_footer_or_a_decode_error(data: bytes) -> None:
         {"reference_ms": -1},
         {"measurements": (dataclasses.replace(MEASURED, age_ms=4096),)},
         {"estimates": (SharedEstimate(STATED, ()),)},
-        {"estimates": (SharedEstimate(STATED, (Run(0, ()), Run(1, (1,)))),)},
-        {"estimates": (SharedEstimate(STATED, (Run(0, (4096,)), Run(1, (1,)))),)},
-        {"estimates": (SharedEstimate(STATED, (Run(256, (1,)), Run(1, (1,)))),)},
+        {"estimates": (SharedEstimate(STATED, (ObserverRun(0, ()), ObserverRun(1, (1,)))),)},
+        {"estimates": (SharedEstimate(STATED, (ObserverRun(0, (4096,)), ObserverRun(1, (1,)))),)},
+        {"estimates": (SharedEstimate(STATED, (ObserverRun(256, (1,)), ObserverRun(1, (1,)))),)},
     ],
 )
 def test_what_cannot_be_carried_is_our_own_mistake(change: dict[str, object]) -> None:

@@ -10,21 +10,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
 from onboard.messages.mvs_footer import (
     MvsFooter,
-    Run,
+    ObserverRun,
     SharedEstimate,
     SharedMeasurement,
     SharedState,
 )
 from onboard.mvs.evidence import Estimate, Measurement, MeasurementId
 from onboard.mvs.fusion import propagate
-from onboard.mvs.local_frame import LocalFrame
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.sharing import footer_of
-from onboard.observations import Position, SensedCar
-from tests.mvs.liar import (
+from onboard.observations import Position, VehicleDetection
+from tests.mvs.attacker import (
     HERE,
     LIAR,
     NOW,
@@ -103,7 +103,7 @@ def test_what_we_never_measured_is_not_ours() -> None:
 
 def test_thousands_of_provenance_entries_do_not_fit_and_hundreds_are_too_many() -> None:
     footer = footer_with(estimate_at(20, 60, RECENT))
-    runs = tuple(Run(0, tuple(range(16 * k, 16 * k + 16))) for k in range(100))
+    runs = tuple(ObserverRun(0, tuple(range(16 * k, 16 * k + 16))) for k in range(100))
     state = dataclasses.replace(footer.estimates[0].state, runs=100)
     footer = dataclasses.replace(footer, estimates=(SharedEstimate(state, runs),))
 
@@ -164,7 +164,7 @@ def test_ghosts_without_end_are_bounded_and_leave_room_for_the_own_camera() -> N
         near = [ghost for ghost in ghosts if abs(ghost.state[0]) < 1200]
         reasons = say(mvs, footer_with(*near, reference_ms=round(now * 1000)), now)
 
-    assert len(tracks(mvs, NOW + 1.0)) <= EXACT.belief.cars_per_sender
+    assert len(tracks(mvs, NOW + 1.0)) <= EXACT.footer_validation.cars_per_sender
     assert "too_many_cars" in reasons or len(near) == 0
 
 
@@ -183,8 +183,8 @@ def variances_of_a_seen_car(
         mvs.receive_position(
             Position(at, place.latitude_deg, place.longitude_deg, None, 0.5, 10.0, 0.0)
         )
-        mvs.receive_sensed_car(
-            SensedCar(at, 1, 30.0 + rng.normal(0, 0.3), 0.5, rng.normal(0, 0.005), 0.01)
+        mvs.receive_detection(
+            VehicleDetection(at, 1, 30.0 + rng.normal(0, 0.3), 0.5, rng.normal(0, 0.005), 0.01)
         )
         stamps = [round(1000 * (NOW + 0.05 * earlier)) for earlier in range(k + 1)]
         now_ms = stamps[-1] + 10
@@ -315,7 +315,7 @@ def drive_with(footers: Sequence[bytes], end_s: float = 0.48) -> MultiVehicleSen
     for k in range(round(end_s / 0.06)):
         at = NOW + k * 0.06
         mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 0.0, 0.0))
-        mvs.receive_sensed_car(SensedCar(at - 0.005, 1, 30.0, 0.5, 0.0, 0.01))
+        mvs.receive_detection(VehicleDetection(at - 0.005, 1, 30.0, 0.5, 0.0, 0.01))
         if k < len(footers):
             say(mvs, footers[k], at)
         mvs.footer_to_send(at + 0.02)
@@ -358,7 +358,7 @@ def test_footers_about_a_seen_car_leave_all_states_finite_and_positive(footers: 
         estimates = tuple(
             SharedEstimate(
                 SharedState(number, x_m, 32.2, 0.0, 0.0, *sigmas, *of_speed, *correlations, 1),
-                (Run(0, tuple(ages_ms)),),
+                (ObserverRun(0, tuple(ages_ms)),),
             )
             for number, x_m, sigmas, of_speed, correlations, ages_ms in said
         )

@@ -6,19 +6,12 @@ import numpy as np
 import pytest
 
 from onboard.messages import mvs_footer
-from onboard.mvs import own_car
-from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.mvs import host_vehicle
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.mvs.settings import MvsSettings
-from onboard.observations import Position, SensedCar
-from tests.mvs.world import (
-    EXACT,
-    Car,
-    Message,
-    World,
-    only,
-    ring,
-)
+from onboard.observations import Position, VehicleDetection
+from tests.mvs.world import EXACT, Car, Message, World, only, ring
 
 # --- The paper's Figure 1 ------------------------------------------------------------------------
 
@@ -40,12 +33,12 @@ def test_v1_learns_of_v3_which_only_v4_sees() -> None:
     world.run(1.5)
 
     v3 = only(world.without_radio("v1"))
-    assert v3.known_by is KnownBy.TOLD
+    assert v3.source is ObjectSource.SHARED
     assert {observer for observer, _ in v3.provenance} == {world.car("v4").id}
     difference = world.place_of("v1", v3) - world.truth("v3")
     assert np.abs(difference[:2]).max() < 1.0
     assert np.abs(difference[2:]).max() < 1.5
-    assert only(world.without_radio("v4")).known_by is KnownBy.SEEN
+    assert only(world.without_radio("v4")).source is ObjectSource.SENSOR
 
 
 def test_a_car_without_a_radio_is_known_since_it_was_first_seen() -> None:
@@ -53,7 +46,7 @@ def test_a_car_without_a_radio_is_known_since_it_was_first_seen() -> None:
 
     world.run(1.5)
 
-    assert 1.2 < only(world.without_radio("v4")).known_for_s <= 1.5
+    assert 1.2 < only(world.without_radio("v4")).tracked_for_s <= 1.5
 
 
 def test_a_car_with_a_radio_is_known_by_it() -> None:
@@ -61,7 +54,7 @@ def test_a_car_with_a_radio_is_known_by_it() -> None:
 
     world.run(0.5)
 
-    (v4,) = [car for car in world.known("v1") if car.known_by is KnownBy.RADIO]
+    (v4,) = [car for car in world.known("v1") if car.source is ObjectSource.BSM]
     assert v4.name == world.car("v4").id.hex()
     assert not v4.provenance
     assert np.abs(world.place_of("v1", v4) - world.truth("v4"))[:2].max() < 1.5
@@ -71,10 +64,10 @@ def test_the_own_car_stands_in_the_same_frame() -> None:
     world = figure_1()
     world.run(0.3)
 
-    own = world.mvs["v1"].own_car(world.t + 70.0)
+    own = world.mvs["v1"].host_vehicle(world.t + 70.0)
 
     assert own is not None
-    assert own.known_by is KnownBy.ITSELF
+    assert own.source is ObjectSource.HOST
     assert np.abs(world.place_of("v1", own) - world.truth("v1"))[:2].max() < 1.5
 
 
@@ -125,7 +118,7 @@ def test_the_own_car_reported_back_is_recognised() -> None:
         # Neither does a meet itself, nor does c, which hears both, know a twice.
         assert world.without_radio("a") == []
         assert world.without_radio("c") == []
-    assert only(world.without_radio("b")).known_by is KnownBy.SEEN
+    assert only(world.without_radio("b")).source is ObjectSource.SENSOR
 
 
 def test_two_cars_side_by_side_are_two() -> None:
@@ -196,7 +189,7 @@ def test_a_car_that_is_only_told_of_is_known_beside_one_with_a_radio(lane_m: flo
     world.run(1.5)
     for _ in range(20):
         world.run(0.1)
-        assert only(world.without_radio("v")).known_by is KnownBy.TOLD
+        assert only(world.without_radio("v")).source is ObjectSource.SHARED
 
 
 def test_a_car_whose_radio_falls_silent_is_one_without() -> None:
@@ -212,14 +205,14 @@ def test_a_car_whose_radio_falls_silent_is_one_without() -> None:
     silent = True
     world.run(2.5)
 
-    assert only(world.known("a")).known_by is KnownBy.SEEN
+    assert only(world.known("a")).source is ObjectSource.SENSOR
 
 
 def test_a_single_false_detection_is_not_a_car() -> None:
     world = World([Car("a", 0, 0, 0, 10), Car("b", 0, 50, 0, 10)])
     world.run(0.5)
 
-    world.mvs["a"].receive_sensed_car(SensedCar(world.t, 77, 20.0, 0.5, 0.1, 0.01))
+    world.mvs["a"].receive_detection(VehicleDetection(world.t, 77, 20.0, 0.5, 0.1, 0.01))
     world.run(0.5)
 
     assert world.without_radio("a") == []
@@ -232,19 +225,19 @@ def test_a_single_false_detection_is_not_a_car() -> None:
 def test_without_a_position_there_is_no_mvs() -> None:
     mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
 
-    mvs.receive_sensed_car(SensedCar(10.0, 1, 20.0, 0.5, 0.1, 0.01))
+    mvs.receive_detection(VehicleDetection(10.0, 1, 20.0, 0.5, 0.1, 0.01))
     mvs.receive_bsm(b"-you", Position(10.0, 48.0, 11.0, None, 1.0, 5.0, 0.0), b"\x01", 10.0)
 
     assert not mvs.has_position(10.0)
     assert mvs.footer_to_send(10.0) == b""
     assert mvs.kinematic_info(10.0) == []
-    assert mvs.own_car(10.0) is None
+    assert mvs.host_vehicle(10.0) is None
 
 
 def test_what_is_seen_without_a_position_is_not_kept_for_when_there_is_one() -> None:
     mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
     for tenth in range(100):
-        mvs.receive_sensed_car(SensedCar(tenth / 10, 1, 20.0, 0.5, 0.1, 0.01))
+        mvs.receive_detection(VehicleDetection(tenth / 10, 1, 20.0, 0.5, 0.1, 0.01))
 
     mvs.receive_position(Position(60.0, 48.0, 11.0, None, 1.0, 5.0, 0.0))
 
@@ -265,12 +258,12 @@ def test_a_position_that_is_too_old_is_none() -> None:
 def test_without_a_heading_the_camera_is_of_no_use_but_the_radio_is() -> None:
     mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
     mvs.receive_position(Position(10.0, 48.0, 11.0, None, 1.0, 0.0, None))
-    mvs.receive_sensed_car(SensedCar(10.0, 1, 20.0, 0.5, 0.1, 0.01))
+    mvs.receive_detection(VehicleDetection(10.0, 1, 20.0, 0.5, 0.1, 0.01))
     mvs.receive_bsm(b"-you", Position(10.0, 48.0, 11.0005, None, 1.0, 5.0, 0.0), None, 10.0)
 
     (you,) = mvs.kinematic_info(10.0)
 
-    assert you.known_by is KnownBy.RADIO
+    assert you.source is ObjectSource.BSM
     event = mvs.next_event()
     assert event is not None
     assert event.reason == "no_heading"
@@ -282,7 +275,7 @@ def test_a_standing_car_keeps_its_last_heading() -> None:
     mvs.receive_position(Position(10.0, 48.0, 11.0, None, 0.1, 8.0, east))
     for k in range(1, 11):  # stopped: the receiver's course turns in circles
         mvs.receive_position(Position(10.0 + k / 10, 48.0, 11.0, None, 0.1, 0.1, float(k)))
-        mvs.receive_sensed_car(SensedCar(10.0 + k / 10, 1, 20.0, 0.5, 0.0, 0.01))
+        mvs.receive_detection(VehicleDetection(10.0 + k / 10, 1, 20.0, 0.5, 0.0, 0.01))
 
     (ahead,) = mvs.kinematic_info(11.0)
 
@@ -292,7 +285,7 @@ def test_a_standing_car_keeps_its_last_heading() -> None:
 def test_on_a_long_way_the_frame_moves_along_and_nobody_is_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(own_car, "NEW_ORIGIN_M", 100.0)
+    monkeypatch.setattr(host_vehicle, "NEW_ORIGIN_M", 100.0)
     cars = [
         Car("a", 0, 0, 0, 60, sees=frozenset({"x"})),
         Car("b", 30, 50, 0, 60),
@@ -307,7 +300,7 @@ def test_on_a_long_way_the_frame_moves_along_and_nobody_is_lost(
         frames.add(world.mvs["a"]._own.frame)
         x = only(world.without_radio("a"))
         assert np.abs(world.place_of("a", x) - world.truth("x"))[:2].max() < 1.5
-        assert sum(car.known_by is KnownBy.RADIO for car in world.known("a")) == 1
+        assert sum(car.source is ObjectSource.BSM for car in world.known("a")) == 1
     assert len(frames) == 4
 
 
@@ -322,7 +315,7 @@ def test_after_a_change_of_pseudonym_the_own_measurements_are_still_own() -> Non
     world.run(0.3)
 
     x = only(world.without_radio("c0"))
-    assert x.known_by is KnownBy.SEEN
+    assert x.source is ObjectSource.SENSOR
     assert {b"--c0", b"-new"} <= {observer for observer, _ in x.provenance}
     assert "not_my_measurement" not in world.discarded("c0")
 
@@ -344,15 +337,15 @@ def test_a_car_that_changes_its_pseudonym_is_one_car() -> None:
 def test_when_utc_is_corrected_a_car_in_view_is_known_again_at_once(step_s: float) -> None:
     """The car drives along: whoever goes on with the old clock places it elsewhere."""
     mvs = MultiVehicleSensing(MvsSettings(), b"-own", np.random.default_rng(0))
-    known: list[KnownCar] = []
+    known: list[PerceivedObject] = []
     for k in range(40):
         now = 1000.0 + k * 0.05
         if k == 30:
             assert only(known)
             mvs.set_utc_offset(step_s)
         mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0))
-        seen = SensedCar(now, 1, 30.0 + 15.0 * (now - 1000.0), 0.5, 0.0, 0.01)
-        mvs.receive_sensed_car(seen)
+        seen = VehicleDetection(now, 1, 30.0 + 15.0 * (now - 1000.0), 0.5, 0.0, 0.01)
+        mvs.receive_detection(seen)
         known = mvs.kinematic_info(now)
         if k >= 34:
             car = only(known)

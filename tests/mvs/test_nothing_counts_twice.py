@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from onboard.messages import mvs_footer
 from onboard.mvs.evidence import Measurement, MeasurementId
 from onboard.mvs.fusion import fuse, propagate
-from onboard.mvs.told import OWN
+from onboard.mvs.shared_entries import OWN
 from onboard.mvs.track import Track
 from tests.mvs.world import (
     EXACT,

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
 from onboard.mvs.fusion import fuse
-from onboard.mvs.local_frame import LocalFrame
+from onboard.mvs.shared_entries import SharedEntries, evidence_in
 from onboard.mvs.sharing import (
     Entry,
     encode_within,
@@ -18,7 +19,6 @@ from onboard.mvs.sharing import (
     read,
     to_correlations,
 )
-from onboard.mvs.told import Told, evidence_in
 
 SENDER, RECEIVER = LocalFrame(48.1, 11.5), LocalFrame(48.12, 11.53)
 ANCHOR = LocalFrame(48.1012345, 11.5012345)
@@ -41,7 +41,7 @@ def some_evidence(rng: np.random.Generator, cars: int) -> list[Entry]:
     return entries
 
 
-def read_bytes(data: bytes) -> Told:
+def read_bytes(data: bytes) -> SharedEntries:
     return read(data)
 
 

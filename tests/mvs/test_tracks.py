@@ -4,9 +4,9 @@ import numpy as np
 
 from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
 from onboard.mvs.kinematics import Kinematics
+from onboard.mvs.provenance_spans import ProvenanceSpans
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.spans import Spans
-from onboard.mvs.told import OWN, Batch
+from onboard.mvs.shared_entries import OWN, EvidenceBatch
 from onboard.mvs.tracks import Tracks
 
 SETTINGS = MvsSettings()
@@ -29,12 +29,12 @@ def tell(tracks: Tracks, teller: bytes, cars: dict[int, Evidence], now_ms: int) 
     pieces = list(cars.values())
     provenances = [piece.provenance for piece in pieces]
     refused = tracks.receive(
-        Batch(
+        EvidenceBatch(
             [teller] * len(pieces),
             list(cars),
             provenances,
             [now_ms] * len(pieces),
-            Spans.of(provenances),
+            ProvenanceSpans.of(provenances),
             [isinstance(piece, Measurement) for piece in pieces],
             Kinematics.of(pieces),
         )

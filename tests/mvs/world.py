@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from onboard.mvs.known_car import KnownBy, KnownCar
-from onboard.mvs.local_frame import LocalFrame
+from onboard.kinematics.local_frame import LocalFrame
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.mvs.settings import MvsSettings, SensingSettings
-from onboard.observations import Position, SensedCar
+from onboard.observations import Position, VehicleDetection
 
 ORIGIN = LocalFrame(48.1, 11.5)
 EXACT = MvsSettings(sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.01))
@@ -126,7 +126,7 @@ class World:
         mvs.receive_position(self.on_clock(fix, car))
         for number, other in enumerate(self.cars):
             if other.name in car.sees:
-                mvs.receive_sensed_car(self.seen(car, state, other, number))
+                mvs.receive_detection(self.seen(car, state, other, number))
         self.broadcast(Message(car, fix, mvs.footer_to_send(now)))
 
     def arrival(self, car: Car) -> Position:
@@ -151,12 +151,12 @@ class World:
             heading,
         )
 
-    def seen(self, car: Car, state: np.ndarray, other: Car, number: int) -> SensedCar:
+    def seen(self, car: Car, state: np.ndarray, other: Car, number: int) -> VehicleDetection:
         heading = car.heading_rad
         if heading is None:
             heading = math.atan2(state[2], state[3])
         east_m, north_m = self.truth(other.name)[:2] - state[:2]
-        return SensedCar(
+        return VehicleDetection(
             self.t - car.clock_offset_s,
             number,
             math.hypot(east_m, north_m) + self.rng.normal(0, self.range_sigma_m),
@@ -190,16 +190,16 @@ class World:
             fix.sigma_m, fix.speed_m_s, fix.course_rad,
         )  # fmt: skip
 
-    def known(self, name: str) -> list[KnownCar]:
+    def known(self, name: str) -> list[PerceivedObject]:
         """The kinematic-info of a car, now."""
         car = self.car(name)
         return self.mvs[name].kinematic_info(self.t - car.clock_offset_s)
 
-    def without_radio(self, name: str) -> list[KnownCar]:
+    def without_radio(self, name: str) -> list[PerceivedObject]:
         """What it knows of cars without a radio."""
-        return [car for car in self.known(name) if car.known_by is not KnownBy.RADIO]
+        return [car for car in self.known(name) if car.source is not ObjectSource.BSM]
 
-    def place_of(self, name: str, known: KnownCar) -> np.ndarray:
+    def place_of(self, name: str, known: PerceivedObject) -> np.ndarray:
         """State (4) of a car known to `name`, in the world's frame."""
         frame = self.mvs[name]._own.frame
         turn, shift = ORIGIN.mapping_from(frame)
@@ -224,7 +224,7 @@ def assert_lists_each_measurement_once(world: World) -> None:
             assert all(stamp_ms <= world.t * 1000 + 1 for _, stamp_ms in known.provenance)
 
 
-def only(known: list[KnownCar]) -> KnownCar:
+def only(known: list[PerceivedObject]) -> PerceivedObject:
     (car,) = known
     return car
 

@@ -10,8 +10,8 @@ from pydantic import ValidationError
 
 from onboard.obd.can_bus import CanBus, CanBusError, read_can_log
 from onboard.obd.can_frame import CanFrame
-from onboard.obd.car_bus import CarBus
 from onboard.obd.settings import CanSettings, ObdSettings
+from onboard.obd.vehicle_bus import VehicleBus
 from sim_rig.cars.ecu import ENGINE_11_BIT, ENGINE_29_BIT, Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
 
@@ -256,7 +256,7 @@ def test_a_car_gets_its_speed_from_the_ecu_at_the_other_end(addresses):
         server = SocketcandServer(ecu, "can0", lambda frame: None)
         port = await server.start()
         loop = asyncio.get_running_loop()
-        ears, core = Ears(), CarBus(ObdSettings())
+        ears, core = Ears(), VehicleBus(ObdSettings())
         bus = ears.bus(port)
         await open_in_thread(bus)
         speeds = []

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from onboard.obd.can_bus import read_can_log
-from onboard.obd.car_bus import CarBus
 from onboard.obd.settings import BroadcastSettings, ObdSettings
+from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import HardBrake, Speed
 from onboard.units import KM_H
 
@@ -26,7 +26,7 @@ def frames_of(path):
 
 
 def events_of(path, settings=LISTENING):
-    bus = CarBus(settings)
+    bus = VehicleBus(settings)
     events = []
     for frame in frames_of(path):
         bus.receive_frame(frame, frame.stamp_s)

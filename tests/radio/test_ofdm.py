@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 import sim_rig.radio.ofdm
-from sim_rig.radio.ofdm import (
-    SurvivalInNoise,
-    airtime_s,
-    from_db,
-    noise_mw,
-    psdu_bytes,
-)
+from sim_rig.radio.ofdm import SurvivalInNoise, airtime_s, from_db, noise_mw, psdu_bytes
 
 TABLES = Path(sim_rig.radio.ofdm.__file__).with_name("error_rates.csv")
 

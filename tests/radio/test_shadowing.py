@@ -8,7 +8,7 @@ from matplotlib.path import Path as Outline
 
 from sim_rig.radio.links import Links
 from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import Building, Vehicles
+from sim_rig.radio.shadowing import Building, VehicleShadowing
 
 SQUARE = ((0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (0.0, 10.0))
 
@@ -61,9 +61,9 @@ def test_the_length_inside_an_angular_building_is_what_sampling_finds(
     )
 
 
-def vehicles(*middles_m: tuple[float, float], roof_m: float = 1.5) -> Vehicles:
+def vehicles(*middles_m: tuple[float, float], roof_m: float = 1.5) -> VehicleShadowing:
     each = np.ones(len(middles_m))
-    return Vehicles(np.array(middles_m), 1.8 * each, roof_m * each)
+    return VehicleShadowing(np.array(middles_m), 1.8 * each, roof_m * each)
 
 
 ENDS = np.array([[0.0, 0.0]]), np.array([[100.0, 0.0]])

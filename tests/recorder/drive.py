@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from onboard.config import CarConfig
-from onboard.observations import Box as Pixels
+from onboard.observations import ImageBox as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, Position, Sensor, Speed
-from onboard.recorder.beginning import Beginning
-from onboard.recorder.head import Head
-from onboard.recorder.notes import Note
-from onboard.recorder.recorded import put_together
+from onboard.recorder.header import RecordingHeader
+from onboard.recorder.initial_state import InitialState
+from onboard.recorder.recorded_stack import recorded_stack
+from onboard.recorder.records import Record
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
-from onboard.security.authority import make_trial
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
+from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
 
 START_UTC_S = 1_750_000_480.0
@@ -37,12 +37,12 @@ class Written:
         tree = {"folder": str(folder), **settings}
         self.settings = parse_settings(tree, RecorderSettings, "recorder")
 
-    def begin(self, head: Head) -> None:
+    def begin(self, head: RecordingHeader) -> None:
         self.head = head
         self.segments = Segments(self.settings, head)
         self.segments.open(head.now_s, head.utc_s)
 
-    def note(self, note: Note) -> None:
+    def note(self, note: Record) -> None:
         self.segments.write(note)
         self._notes += 1
         if self._notes % self._flush_every == 0:
@@ -68,9 +68,9 @@ def record_drive(
     written = Written(folder, **settings)
     keys = list(credentials()) if signed else [None, None]
     cars = [
-        put_together(
+        recorded_stack(
             writer,
-            Beginning(
+            InitialState(
                 config=config(plate),
                 sensors=frozenset({Sensor.SPEED, Sensor.CAMERA, Sensor.POSITION}),
                 seed=np.random.SeedSequence(seed),

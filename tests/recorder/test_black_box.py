@@ -20,13 +20,15 @@ from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
 from onboard.recorder import black_box
 from onboard.recorder.black_box import BlackBox
-from onboard.recorder.notes import Button, Note, Recording
-from onboard.recorder.reading import Box, is_finished
+from onboard.recorder.reader import RecordedDrive, is_finished
+from onboard.recorder.records import BrakeButton, Record, RecorderState
 from onboard.recorder.replay import compare
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
-from tests.recorder.heads import HEAD
+from tests.recorder import headers
 
+HEAD = headers.HEAD.model_copy(update={"now_s": time.monotonic()})
+"""Of a drive that begins now: the writing thread goes by the real clock."""
 WITHIN_S = 20.0
 """Until something must have come; far more than it takes."""
 
@@ -38,9 +40,9 @@ def until(holds: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-def frame(number: int, size: int = 8) -> Note:
+def frame(number: int, size: int = 8) -> Record:
     data = number.to_bytes(4) + secrets.token_bytes(size - 4)
-    return Note(
+    return Record(
         "/in/can",
         HEAD.utc_s + number,
         CanFrame(HEAD.now_s + number * 1e-3, 0x123, is_extended_id=False, data=data),
@@ -50,8 +52,16 @@ def frame(number: int, size: int = 8) -> Note:
 def numbers(of: Path) -> list[int]:
     return [
         int.from_bytes(bytes.fromhex(entry.record["data"])[:4])
-        for entry in Box([of]).entries()
+        for entry in RecordedDrive([of]).entries()
         if entry.topic == "/in/can"
+    ]
+
+
+def gaps(of: Path) -> list[int]:
+    return [
+        entry.record["dropped"]
+        for entry in RecordedDrive([of]).entries()
+        if entry.topic == "/recorder/recording_gap"
     ]
 
 
@@ -59,7 +69,7 @@ class Running:
     """A black box that records, and what it tells."""
 
     def __init__(self, folder: Path, **settings: object) -> None:
-        self.states: list[Recording] = []
+        self.states: list[RecorderState] = []
         tree = {"folder": folder, **settings}
         self.box = BlackBox(RecorderSettings.model_validate(tree), self.states.append)
         self.box.begin(HEAD)
@@ -89,10 +99,10 @@ def test_pictures_come_at_their_own_rate_and_are_jpeg(tmp_path: Path) -> None:
     running = Running(tmp_path, pictures_hz=2.0)
     image = np.full((36, 64, 3), 90, np.uint8)
     for number in range(30):
-        running.box.note_picture(image, 100.0 + number / 10)
+        running.box.note_picture(image, HEAD.now_s + number / 10)
     running.box.close()
 
-    pictures = [entry for entry in Box([tmp_path]).entries() if entry.topic == "/camera"]
+    pictures = [entry for entry in RecordedDrive([tmp_path]).entries() if entry.topic == "/camera"]
     assert len(pictures) == 6
     assert pictures[0].record["format"] == "jpeg"
     assert pictures[0].record["data"].startswith("/9j/")
@@ -103,7 +113,7 @@ def test_a_disk_slower_than_the_car_loses_notes_and_says_how_many(
 ) -> None:
     """The queue is full at once; `note` returns all the same."""
     monkeypatch.setattr(black_box, "QUEUE_NOTES", 10)
-    states: list[Recording] = []
+    states: list[RecorderState] = []
     box = BlackBox(RecorderSettings(folder=tmp_path), states.append)
     box.begin(HEAD)
     for number in range(100):
@@ -114,8 +124,7 @@ def test_a_disk_slower_than_the_car_loses_notes_and_says_how_many(
     box.close()
 
     assert numbers(tmp_path) == [*range(10), 100]
-    gaps = [entry.record for entry in Box([tmp_path]).entries() if entry.topic == "/box/gap"]
-    assert [gap["dropped"] for gap in gaps] == [90]
+    assert gaps(tmp_path) == [90]
     assert states[-1].dropped == 90
 
 
@@ -146,6 +155,34 @@ def test_a_disk_that_hangs_is_told_by_whoever_brings_the_notes(
     assert running.states[-1].dropped == 90
 
 
+def test_a_disk_that_still_hangs_when_the_drive_ends_takes_all_that_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody waits for it for long; what it may have lost is told."""
+    monkeypatch.setattr(black_box, "STOP_S", 0.01)
+    hangs, reached = threading.Event(), threading.Event()
+
+    def hang(self: Segments) -> None:
+        reached.set()
+        hangs.wait(WITHIN_S)
+
+    running = Running(tmp_path)
+    until(lambda: bool(running.states))
+    monkeypatch.setattr(Segments, "flush", hang)
+    running.box.note(frame(0))
+    until(running.box._queue.empty)
+    reached.wait(WITHIN_S)
+    for number in range(1, 100):
+        running.box.note(frame(number))
+    running.box.close()
+
+    told = running.states[-1]
+    hangs.set()
+    running.box._thread.join(WITHIN_S)
+    assert (told.is_recording, told.reason) == (False, "the disk does not keep up")
+    assert told.dropped == 100
+
+
 def test_what_a_full_disk_took_is_counted_to_the_last_note(
     tmp_path: Path, full_disk: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,11 +194,69 @@ def test_what_a_full_disk_took_is_counted_to_the_last_note(
     until(lambda: running.states[-1].is_recording)
     running.box.close()
 
-    gaps = [entry.record for entry in Box([tmp_path]).entries() if entry.topic == "/box/gap"]
-    missing = sum(gap["dropped"] for gap in gaps)
+    missing = sum(gaps(tmp_path))
     # Some of the write that failed may be on the disk all the same.
     assert len(numbers(tmp_path)) + missing >= 500
     assert missing == running.states[-1].dropped <= 500
+
+
+def test_the_note_that_begins_a_segment_is_not_safe_before_the_next_flush(tmp_path: Path) -> None:
+    segments = Segments(RecorderSettings(folder=tmp_path, segment_s=1.0), HEAD)
+    segments.open(HEAD.now_s, HEAD.utc_s)
+    segments.write(frame(0))
+    begins, next_one = frame(1000), frame(1001)
+    segments.write(begins)
+    segments.write(next_one)
+
+    assert len(list(tmp_path.iterdir())) == 2
+    assert segments.abandon(HEAD.now_s + 2.0) == [begins, next_one]
+
+
+def test_a_note_whose_segment_cannot_be_begun_is_counted(tmp_path: Path) -> None:
+    folder = tmp_path / "box"
+    folder.mkdir()
+    segments = Segments(RecorderSettings(folder=folder, segment_s=1.0), HEAD)
+    segments.open(HEAD.now_s, HEAD.utc_s)
+    segments.write(frame(0))
+    folder.rename(tmp_path / "elsewhere")
+    begins = frame(1000)
+    with pytest.raises(FileNotFoundError):
+        segments.write(begins)
+
+    assert segments.abandon(HEAD.now_s + 2.0) == [begins]
+
+
+def test_what_a_full_disk_took_is_counted_when_the_drive_ends(
+    tmp_path: Path, full_disk: Callable[[int], None]
+) -> None:
+    """Also what still waited for the disk."""
+    running = Running(tmp_path)
+    running.fill(full_disk)
+    lost_by_then = running.states[-1].dropped
+    for number in range(500, 700):
+        running.box.note(frame(number))
+    running.box.close()
+
+    assert not running.states[-1].is_recording
+    assert running.states[-1].dropped >= lost_by_then + 200
+
+
+def test_a_lost_gap_does_not_take_its_count_with_it(
+    tmp_path: Path, full_disk: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is no note of the car's either: nothing is counted twice."""
+    monkeypatch.setattr(black_box, "RETRY_S", 0.05)
+    running = Running(tmp_path)
+    until(lambda: bool(running.states))
+    with running.box._counting:
+        running.box._lost = running.box._dropped = 90
+    running.fill(full_disk)
+    full_disk(resource.RLIM_INFINITY)
+    until(lambda: running.states[-1].is_recording)
+    running.box.close()
+
+    assert running.states[-1].dropped == sum(gaps(tmp_path))
+    assert 90 < running.states[-1].dropped <= 590
 
 
 def test_a_segment_that_was_taken_away_is_not_missed(tmp_path: Path) -> None:
@@ -172,7 +267,7 @@ def test_a_segment_that_was_taken_away_is_not_missed(tmp_path: Path) -> None:
     first, *_ = sorted(tmp_path.iterdir())
     first.rename(tmp_path.parent / "elsewhere.mcap")
 
-    segments.write(Note("/in/button", HEAD.utc_s + 1.5, Button(HEAD.now_s + 1.5)))
+    segments.write(Record("/in/brake_button", HEAD.utc_s + 1.5, BrakeButton(HEAD.now_s + 1.5)))
     segments.close(HEAD.now_s + 1.6)
 
     (left,) = tmp_path.iterdir()
@@ -234,7 +329,7 @@ def test_a_full_disk_ends_the_recording_until_there_is_room_again(
 
     assert numbers(tmp_path)[-1] == 1000
     assert all(is_finished(path) for path in tmp_path.glob("*.mcap")), "the broken one is mended"
-    assert any(entry.topic == "/box/gap" for entry in Box([tmp_path]).entries())
+    assert gaps(tmp_path)
 
 
 def test_a_power_cut_takes_only_what_was_not_flushed(tmp_path: Path) -> None:
@@ -281,9 +376,11 @@ class Car:
             "recorder": {"folder": str(self.box)},
         }
         (folder / "car.yaml").write_text(yaml.safe_dump(tree))
-        limit = [f"ulimit -f {limits['blocks']};"] if limits else []
-        command = f"{' '.join(limit)} exec {sys.executable} -m onboard run {folder / 'car.yaml'}"
-        self.process = subprocess.Popen(["sh", "-c", command], stderr=subprocess.DEVNULL)
+        limit = f"ulimit -f {limits['blocks']}; " if limits else ""
+        daemon = [sys.executable, "-m", "onboard", "run", folder / "car.yaml"]
+        self.process = subprocess.Popen(
+            ["sh", "-c", f'{limit}exec "$@"', "sh", *daemon], stderr=subprocess.DEVNULL
+        )
         self.hear()
 
     def hear(self) -> bytes:
@@ -308,7 +405,7 @@ def test_a_killed_daemon_leaves_all_but_the_last_second(tmp_path: Path) -> None:
     heard_at = [time.time() for _ in range(25) if car.hear()]
     car.end(signal.SIGKILL)
 
-    box = Box([car.box])
+    box = RecordedDrive([car.box])
     sent = [entry.utc_s for entry in box.entries() if entry.topic == "/out/wsm"]
     assert sent[-1] > heard_at[-1] - 1.0
     assert compare(box).difference is None
@@ -337,3 +434,22 @@ def test_a_daemon_whose_disk_is_full_says_so_and_drives_on(tmp_path: Path) -> No
 
     assert car.end(signal.SIGTERM) == 0
     assert (stopped["is_recording"], stopped["reason"]) == (False, "File too large")
+
+
+def test_a_daemon_that_is_stopped_tells_what_the_full_disk_took_to_the_end(tmp_path: Path) -> None:
+    """Its trace outlives the black box: the last state counts what still waited for the disk."""
+    car = Car(tmp_path, blocks=128)  # of 512 bytes
+
+    def has_filled_the_disk() -> bool:
+        car.send(secrets.token_bytes(1000))
+        return len(car.traced("recorder")) > 1
+
+    until(has_filled_the_disk)
+    for _ in range(5):
+        assert car.hear()
+    assert car.end(signal.SIGTERM) == 0
+
+    _, stopped, at_the_end = (state["dropped"] for state in car.traced("recorder"))
+    assert isinstance(stopped, int)
+    assert isinstance(at_the_end, int)
+    assert at_the_end > stopped

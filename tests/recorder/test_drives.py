@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from onboard.recorder.reading import Box
+from onboard.recorder.reader import RecordedDrive
 from onboard.recorder.replay import compare
 
 DRIVES = sorted((Path(__file__).parents[1] / "drives").glob("*.mcap"))
@@ -17,15 +17,15 @@ OTHER_PROCESSOR = 1e-9
 
 
 def test_there_are_drives_with_a_warning_a_lost_sensor_and_signatures() -> None:
-    entries = [entry for path in DRIVES for entry in Box([path]).entries()]
+    entries = [entry for path in DRIVES for entry in RecordedDrive([path]).entries()]
 
     assert {"/out/warning", "/out/sensor_lost", "/out/discarded"} <= {e.topic for e in entries}
-    assert any(Box([path]).head.certificates for path in DRIVES)
+    assert any(RecordedDrive([path]).head.certificates for path in DRIVES)
 
 
 @pytest.mark.parametrize("path", DRIVES, ids=lambda path: str(path.stem))
 def test_the_drive_is_decided_again(path: Path) -> None:
-    comparison = compare(Box([path]), OTHER_PROCESSOR)
+    comparison = compare(RecordedDrive([path]), OTHER_PROCESSOR)
 
     assert comparison.difference is None
     assert comparison.answers > 100

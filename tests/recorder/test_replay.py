@@ -12,9 +12,9 @@ from mcap.records import McapRecord, Message, Metadata
 from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.lcca.group import WarningGroup
-from onboard.recorder.head import OF_THE_CORES
-from onboard.recorder.mending import write_records
-from onboard.recorder.reading import Box, BoxError, raw_records
+from onboard.recorder.header import OF_THE_CORES
+from onboard.recorder.reader import RecordedDrive, RecordingError, raw_records
+from onboard.recorder.repair import write_records
 from onboard.recorder.replay import compare, play
 from sim_rig.scenario import load_scenario
 from sim_rig.virtual import run_virtual
@@ -27,10 +27,10 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_drive_with_a_warning_in_it_is_decided_again(drive: Path) -> None:
-    comparison = compare(Box([drive]))
+    comparison = compare(RecordedDrive([drive]))
 
-    kinds = {entry.topic for entry in Box([drive]).entries()}
-    assert {"/out/transition", "/out/warning", "/out/known_car", "/out/wsm"} <= kinds
+    kinds = {entry.topic for entry in RecordedDrive([drive]).entries()}
+    assert {"/out/transition", "/out/warning", "/out/perceived_object", "/out/wsm"} <= kinds
     assert comparison.difference is None
     assert comparison.answers > 50
     assert comparison.until_s > 3.9
@@ -38,7 +38,7 @@ def test_a_drive_with_a_warning_in_it_is_decided_again(drive: Path) -> None:
 
 def test_a_signed_drive_is_decided_again_without_the_keys(tmp_path: Path) -> None:
     """All of a sent message but its signature is compared; what came in is verified anew."""
-    box = Box([record_drive(tmp_path, signed=True)])
+    box = RecordedDrive([record_drive(tmp_path, signed=True)])
 
     said = [entry.record for entry in box.entries() if entry.topic == "/out/received"]
     assert all(record["signer_id"] for record in said)
@@ -47,7 +47,7 @@ def test_a_signed_drive_is_decided_again_without_the_keys(tmp_path: Path) -> Non
 
 
 def test_the_change_of_everybodys_id_is_replayed_as_well(tmp_path: Path) -> None:
-    box = Box([record_drive(tmp_path, duration_s=22.0)])
+    box = RecordedDrive([record_drive(tmp_path, duration_s=22.0)])
 
     epochs = {e.record["epoch"] for e in box.entries() if e.topic == "/in/identity"}
     assert len(epochs) == 2
@@ -60,27 +60,27 @@ def test_drives_with_faults_are_decided_again(name: str, tmp_path: Path) -> None
     run_virtual(scenario, box_folder=tmp_path)
 
     for car in scenario.equipped:
-        assert compare(Box([tmp_path / car])).difference is None
+        assert compare(RecordedDrive([tmp_path / car])).difference is None
 
 
 def test_cores_that_decide_otherwise_are_found_at_their_first_decision(
     drive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ask = WarningGroup.receive_neighbour
+    ask = WarningGroup.receive_preceding_vehicle
     joined_at = next(
         entry.record["stamp_s"]
-        for entry in Box([drive]).entries()
+        for entry in RecordedDrive([drive]).entries()
         if entry.topic == "/out/sent" and entry.record["message"] == "join"
     )
 
     def look_away(group: WarningGroup, ahead: object, now: float) -> None:
         ask(group, None, now)
 
-    monkeypatch.setattr(WarningGroup, "receive_neighbour", look_away)
-    difference = compare(Box([drive])).difference
+    monkeypatch.setattr(WarningGroup, "receive_preceding_vehicle", look_away)
+    difference = compare(RecordedDrive([drive])).difference
 
     assert difference is not None
-    assert difference.at_s == pytest.approx(joined_at - Box([drive]).head.now_s)
+    assert difference.at_s == pytest.approx(joined_at - RecordedDrive([drive]).head.now_s)
     assert difference.recorded is not None
     assert json.loads(difference.recorded.data)["stamp_s"] == joined_at
 
@@ -102,10 +102,12 @@ def written(records: list[McapRecord], path: Path) -> Path:
 
 
 def test_one_bit_of_one_number_is_a_difference(drive: Path, tmp_path: Path) -> None:
-    told = [e.record for e in Box([drive]).entries() if e.topic == "/out/known_car"]
+    told = [
+        e.record for e in RecordedDrive([drive]).entries() if e.topic == "/out/perceived_object"
+    ]
     recorded = next(record["state"][0] for record in told if record["state"][0] != 0.0)
     other = math.nextafter(recorded, math.inf)
-    box = Box([tampered(drive, tmp_path, repr(recorded).encode(), repr(other).encode())])
+    box = RecordedDrive([tampered(drive, tmp_path, repr(recorded).encode(), repr(other).encode())])
 
     difference = compare(box).difference
 
@@ -119,9 +121,11 @@ def test_one_bit_of_one_number_is_a_difference(drive: Path, tmp_path: Path) -> N
 
 def test_a_forged_signed_message_differs_in_more_than_its_signature(tmp_path: Path) -> None:
     signed = record_drive(tmp_path / "signed", signed=True)
-    sent = next(e.record["data"] for e in Box([signed]).entries() if e.topic == "/out/wsm")
+    sent = next(
+        e.record["data"] for e in RecordedDrive([signed]).entries() if e.topic == "/out/wsm"
+    )
     other = sent[:60] + f"{int(sent[60], 16) ^ 1:x}" + sent[61:]
-    box = Box([tampered(signed, tmp_path / "forged", sent.encode(), other.encode())])
+    box = RecordedDrive([tampered(signed, tmp_path / "forged", sent.encode(), other.encode())])
 
     difference = compare(box).difference
 
@@ -142,11 +146,11 @@ def test_an_input_that_cannot_be_is_the_recordings_fault(
     drive: Path, tmp_path: Path, old: bytes, new: bytes, told: str
 ) -> None:
     with pytest.raises(UserError, match=told):
-        compare(Box([tampered(drive, tmp_path, old, new)]))
+        compare(RecordedDrive([tampered(drive, tmp_path, old, new)]))
 
 
 def test_without_expectation_the_events_come_as_from_any_replay(drive: Path) -> None:
-    kinds = {event.kind for moment in play(Box([drive])) for event in moment.events}
+    kinds = {event.kind for moment in play(RecordedDrive([drive])) for event in moment.events}
 
     assert {"speed", "lead", "transition", "warning"} <= kinds
 
@@ -155,7 +159,7 @@ def test_without_expectation_the_events_come_as_from_any_replay(drive: Path) -> 
 
 
 def test_segments_of_one_drive_are_one_drive(tmp_path: Path) -> None:
-    box = Box([record_drive(tmp_path, segment_s=1.0)])
+    box = RecordedDrive([record_drive(tmp_path, segment_s=1.0)])
 
     assert len(box.files) == 4
     assert compare(box).difference is None
@@ -164,11 +168,11 @@ def test_segments_of_one_drive_are_one_drive(tmp_path: Path) -> None:
 def test_a_drive_whose_beginning_is_gone_proves_nothing(tmp_path: Path) -> None:
     segments = sorted(record_drive(tmp_path, segment_s=1.0).glob("*.mcap"))
 
-    with pytest.raises(BoxError, match="begins in the middle"):
-        compare(Box(segments[1:]))
-    with pytest.raises(BoxError, match="segments are missing: 2"):
-        compare(Box([segments[0], segments[1], segments[3]]))
-    assert list(play(Box(segments[1:])))
+    with pytest.raises(RecordingError, match="begins in the middle"):
+        compare(RecordedDrive(segments[1:]))
+    with pytest.raises(RecordingError, match="segments are missing: 2"):
+        compare(RecordedDrive([segments[0], segments[1], segments[3]]))
+    assert list(play(RecordedDrive(segments[1:])))
 
 
 def test_segments_of_two_drives_are_not_mixed(drive: Path, tmp_path: Path) -> None:
@@ -177,15 +181,15 @@ def test_segments_of_two_drives_are_not_mixed(drive: Path, tmp_path: Path) -> No
     metadata.metadata["head"] = metadata.metadata["head"].replace('"drive":"2025', '"drive":"2026')
     other = written(records, tmp_path / "other.mcap")
 
-    with pytest.raises(BoxError, match="several drives"):
-        Box([drive, other])
+    with pytest.raises(RecordingError, match="several drives"):
+        RecordedDrive([drive, other])
 
 
 # ---- what is not recorded -----------------------------------------------------------------
 
 
 def everything_in(folder: Path) -> bytes:
-    box = Box([folder])
+    box = RecordedDrive([folder])
     head = box.head.model_dump_json().encode()
     return head + b"\n".join(entry.topic.encode() + entry.data for entry in box.entries())
 
@@ -218,7 +222,7 @@ def test_of_every_section_of_a_configuration_it_is_decided_whether_it_is_recorde
 
 def test_a_plate_has_another_word_in_every_drive(drive: Path, tmp_path: Path) -> None:
     first, second = (
-        {e.record["text"] for e in Box([folder]).entries() if e.topic == "/in/plate"}
+        {e.record["text"] for e in RecordedDrive([folder]).entries() if e.topic == "/in/plate"}
         for folder in (drive, record_drive(tmp_path))
     )
 
@@ -230,20 +234,20 @@ def test_plates_in_clear_if_asked_for(tmp_path: Path) -> None:
     folder = record_drive(tmp_path, plates="clear")
 
     assert AHEAD.encode() in everything_in(folder)
-    assert compare(Box([folder])).difference is None
+    assert compare(RecordedDrive([folder])).difference is None
 
 
 def test_without_positions_nobody_can_be_placed_and_nothing_is_proved(tmp_path: Path) -> None:
-    box = Box([record_drive(tmp_path, positions=False)])
+    box = RecordedDrive([record_drive(tmp_path, positions=False)])
 
     topics = {entry.topic for entry in box.entries()}
     assert "/in/lead" in topics
-    assert not topics & {"/in/position", "/out/known_car"}
+    assert not topics & {"/in/position", "/out/perceived_object"}
     assert all(
         '"message":"bsm"' not in entry.data.decode() and b"0320" not in entry.data[:60]
         for entry in box.entries()
     )
-    with pytest.raises(BoxError, match="without positions"):
+    with pytest.raises(RecordingError, match="without positions"):
         compare(box)
 
 

@@ -2,15 +2,15 @@
 
 import pytest
 
-from onboard.risk.alarm import NOTHING, Assessment, Cause, Hysteresis, Level, Reason
+from onboard.risk.alarm import NOTHING, AlarmReason, Assessment, Cause, Hysteresis, Level
 
-REASON = (Reason("lead", "known", 0.05),)
+REASON = (AlarmReason("lead", "known", 0.05),)
 CAUTION = Assessment(Level.CAUTION, 3.7, REASON)
 WARNING = Assessment(Level.WARNING, 5.5, REASON)
 
 
 def levels(seen: list[tuple[float, Assessment]], confirm_s: float = 0.0) -> list[tuple[float, str]]:
-    alarm = Hysteresis(Cause.CLOSING_GAP, confirm_s, release_s=1.0)
+    alarm = Hysteresis(Cause.FCW, confirm_s, release_s=1.0)
     raised = [(now, alarm.receive(each, now)) for now, each in seen]
     return [(now, each.level.value) for now, each in raised if each is not None]
 
@@ -49,11 +49,11 @@ def test_a_level_must_last_to_be_confirmed() -> None:
 
 
 def test_an_alarm_names_what_raised_it_and_its_end_names_nothing() -> None:
-    alarm = Hysteresis(Cause.CROSSING, 0.0, 1.0)
+    alarm = Hysteresis(Cause.IMA, 0.0, 1.0)
 
     raised, ended = alarm.receive(WARNING, 0.0), alarm.receive(NOTHING, 1.0)
 
     assert raised is not None
-    assert (raised.cause, raised.value, raised.reasons) == (Cause.CROSSING, 5.5, REASON)
+    assert (raised.cause, raised.value, raised.reasons) == (Cause.IMA, 5.5, REASON)
     assert ended is not None
     assert (ended.level, ended.reasons) == (Level.NONE, ())

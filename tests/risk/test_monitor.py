@@ -12,12 +12,12 @@ from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
 from onboard.mvs.evidence import MeasurementId
-from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Discarded, Lead, LeadIdentity, Position, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
-from onboard.trace import as_line
+from onboard.trace.trace_line import as_line
 from onboard.units import KM_H
 
 OTHER_ID = bytes.fromhex("0a0b0c0d")
@@ -32,19 +32,21 @@ def monitor() -> RiskMonitor:
 def known(
     state: State,
     now: float,
-    known_by: KnownBy = KnownBy.RADIO,
+    source: ObjectSource = ObjectSource.BSM,
     *,
     sigma_m: float = 0.5,
     age_s: float = 0.05,
     name: str = OTHER_ID.hex(),
-) -> KnownCar:
+) -> PerceivedObject:
     rows = tuple(map(tuple, np.diag([sigma_m**2, sigma_m**2, 0.25, 0.25]).tolist()))
-    provenance = frozenset({MeasurementId(b"seen", 1)}) if known_by is KnownBy.TOLD else frozenset()
-    return KnownCar(now, name, known_by, state, rows, age_s, provenance)
+    provenance = (
+        frozenset({MeasurementId(b"seen", 1)}) if source is ObjectSource.SHARED else frozenset()
+    )
+    return PerceivedObject(now, name, source, state, rows, age_s, provenance)
 
 
-def own(state: State, now: float) -> KnownCar:
-    return known(state, now, KnownBy.ITSELF, name="own")
+def own(state: State, now: float) -> PerceivedObject:
+    return known(state, now, ObjectSource.HOST, name="own")
 
 
 def bsm(
@@ -100,7 +102,7 @@ def test_a_car_that_runs_the_light_is_warned_of_in_time_to_brake() -> None:
     seen = drive(monitor(), east(14.0, 60.0), north(14.0, 60.0), 4.2)
 
     warning = next(alarm for alarm in seen if alarm.level is Level.WARNING)
-    assert warning.cause is Cause.CROSSING
+    assert warning.cause is Cause.IMA
     left_m = 60.0 - 14.0 * warning.stamp_s - 3.3
     assert left_m > 14.0**2 / (2 * 8.0)  # Braking at the warning stands before the other's path.
 
@@ -109,12 +111,12 @@ def test_a_car_that_only_a_third_car_sees_is_warned_of_and_named_so() -> None:
     """The MVS case: no radio in it, no sight of it, told with the covariance of several looks."""
     seen = drive(
         monitor(), east(14.0, 60.0), north(14.0, 60.0), 4.2,
-        known_by=KnownBy.TOLD, sigma_m=1.0, age_s=0.3,
+        source=ObjectSource.SHARED, sigma_m=1.0, age_s=0.3,
     )  # fmt: skip
 
     warning = next(alarm for alarm in seen if alarm.level is Level.WARNING)
     assert [(each.what, each.name, each.age_s) for each in warning.reasons] == [
-        ("known_car:told", OTHER_ID.hex(), 0.3)
+        ("perceived_object:shared", OTHER_ID.hex(), 0.3)
     ]
 
 
@@ -215,7 +217,7 @@ def test_the_own_echo_raises_nothing() -> None:
         now = k / 10
         state = mine(now)
         echo = known((state[0], state[1], 0.0, 14.0), now, name="own")
-        itself = known((state[0], state[1], 0.0, 14.0), now, KnownBy.ITSELF, name="before")
+        itself = known((state[0], state[1], 0.0, 14.0), now, ObjectSource.HOST, name="before")
         of.assess(own(state, now), [echo, itself], now)
 
     assert alarms(of) == []
@@ -237,13 +239,15 @@ def test_data_older_than_a_second_raises_nothing() -> None:
 def test_a_covariance_that_is_none_is_told_and_raises_nothing() -> None:
     of = monitor()
     rows = ((1.0, 5.0, 0.0, 0.0), (5.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    odd = KnownCar(0.0, "b", KnownBy.TOLD, (0.0, -9.0, 0.0, 14.0), rows, 0.1, frozenset())
+    odd = PerceivedObject(
+        0.0, "b", ObjectSource.SHARED, (0.0, -9.0, 0.0, 14.0), rows, 0.1, frozenset()
+    )
 
     of.assess(own((-9.0, 0.0, 14.0, 0.0), 0.0), [odd], 0.0)
 
     event = of.next_event()
     assert isinstance(event, Discarded)
-    assert (event.room, event.reason) == ("risk", "covariance")
+    assert (event.component, event.reason) == ("risk", "covariance")
     assert of.next_event() is None
 
 
@@ -277,7 +281,7 @@ def test_hard_braking_told_by_radio(
 
     of.assess(own((0.0, 0.0, 16.0, 0.0), 10.0), [known((*place, speed_m_s, 0.0), 10.0)], 10.0)
 
-    seen = [alarm for alarm in alarms(of) if alarm.cause is Cause.HARD_BRAKING]
+    seen = [alarm for alarm in alarms(of) if alarm.cause is Cause.EEBL]
     assert worst(seen) is level
     if seen:
         assert seen[0].reasons[0].what == "bsm"
@@ -319,7 +323,7 @@ def test_the_groups_warning_is_passed_on_at_once_and_ends() -> None:
     for k in range(51, 110):
         of.assess(None, [], k / 10)
 
-    assert (raised.cause, raised.level, raised.stamp_s) == (Cause.GROUP, Level.WARNING, 5.0)
+    assert (raised.cause, raised.level, raised.stamp_s) == (Cause.LCCA, Level.WARNING, 5.0)
     assert (raised.reasons[0].name, raised.reasons[0].age_s) == (origin.hex(), 0.02)
     (ended,) = alarms(of)
     assert (ended.level, ended.stamp_s) == (Level.NONE, pytest.approx(9.0, abs=0.11))
@@ -334,7 +338,7 @@ def test_an_alarm_can_be_written_to_the_trace() -> None:
 
     (alarm,) = alarms(of)
     line = as_line(alarm)
-    assert '"cause":"closing_gap"' in line
+    assert '"cause":"fcw"' in line
     assert math.isfinite(alarm.value)
 
 

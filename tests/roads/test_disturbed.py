@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from sim_rig.roads.cars import Array, Cars
-from sim_rig.roads.crossing import CrossingSettings, crossing
+from sim_rig.roads.crossing import IntersectionSettings, crossing
 from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.driver import ReactionSettings
-from sim_rig.roads.events import Event, Events, Kind, NoEventError
+from sim_rig.roads.events import NoEventError, TrafficEvent, TrafficEventKind, TrafficEvents
 from sim_rig.roads.paths import DrivePath, blocked_at_m
-from sim_rig.roads.recording import STEP_S, Drive, Recording, keep_right, record
+from sim_rig.roads.recording import STEP_S, RecordedTraffic, Trajectory, keep_right, record
 
 SPEED_M_S, GAP_M, LENGTH_M = 15.0, 20.0, 4.5
 ALERT = ReactionSettings(
@@ -20,11 +20,11 @@ ALERT = ReactionSettings(
 LOST = ALERT.model_copy(update={"unwarned_median_s": 5.0})
 
 
-def in_line(cars: int, gap_m: float, speed_m_s: Array) -> Recording:
+def in_line(cars: int, gap_m: float, speed_m_s: Array) -> RecordedTraffic:
     """Cars in one lane that all drive at the same speed, the first ones ahead."""
     way = np.concatenate([[0.0], np.cumsum((speed_m_s[1:] + speed_m_s[:-1]) / 2.0 * STEP_S)])
-    return Recording(
-        Drive(
+    return RecordedTraffic(
+        Trajectory(
             f"car{i}",
             0,
             np.stack([way - i * (gap_m + LENGTH_M), np.zeros(len(way))], axis=1),
@@ -37,15 +37,17 @@ def in_line(cars: int, gap_m: float, speed_m_s: Array) -> Recording:
     )
 
 
-def platoon(cars: int, seconds: float = 20.0) -> Recording:
+def platoon(cars: int, seconds: float = 20.0) -> RecordedTraffic:
     return in_line(cars, GAP_M, np.full(round(seconds / STEP_S) + 1, SPEED_M_S))
 
 
-BRAKE = Event(Kind.SUDDEN_BRAKE, 0, 2.0, deceleration_m_s2=6.0)
+BRAKE = TrafficEvent(TrafficEventKind.SUDDEN_BRAKE, 0, 2.0, deceleration_m_s2=6.0)
 
 
 def drive(
-    reactions: ReactionSettings, event: Event | None = BRAKE, warned_at_s: float | None = None
+    reactions: ReactionSettings,
+    event: TrafficEvent | None = BRAKE,
+    warned_at_s: float | None = None,
 ) -> DisturbedTraffic:
     traffic = DisturbedTraffic(platoon(3), event, reactions, seed=1)
     for step in range(120):
@@ -106,18 +108,18 @@ def test_a_driver_lets_go_of_the_brake_when_the_warning_is_over() -> None:
 
 
 @pytest.fixture(scope="module")
-def busy() -> Recording:
-    return record(crossing(CrossingSettings(), np.random.default_rng(3)), 100.0, begin_s=60.0)
+def busy() -> RecordedTraffic:
+    return record(crossing(IntersectionSettings(), np.random.default_rng(3)), 100.0, begin_s=60.0)
 
 
-def test_events_are_drawn_by_seed_where_somebody_may_be_hit(busy: Recording) -> None:
-    events = Events(busy, has_lights=True)
-    for kind in Kind:
+def test_events_are_drawn_by_seed_where_somebody_may_be_hit(busy: RecordedTraffic) -> None:
+    events = TrafficEvents(busy, has_lights=True)
+    for kind in TrafficEventKind:
         first, again = (events.draw(kind, np.random.default_rng(5)) for _ in range(2))
         assert first == again
     crashes = 0
     for seed in range(8):
-        event = events.draw(Kind.RED_LIGHT, np.random.default_rng(seed))
+        event = events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(seed))
         traffic = DisturbedTraffic(busy, event, ALERT, seed)
         traffic.cars_at(event.at_s - 1.0)
         traffic.cars_at(event.at_s + 7.0)
@@ -128,11 +130,13 @@ def test_events_are_drawn_by_seed_where_somebody_may_be_hit(busy: Recording) -> 
 
 def test_where_nobody_crosses_nobody_can_run_a_light() -> None:
     for has_lights in (True, False):
-        events = Events(platoon(3), has_lights=has_lights)
+        events = TrafficEvents(platoon(3), has_lights=has_lights)
         with pytest.raises(NoEventError, match="crosses another's way"):
-            events.draw(Kind.RED_LIGHT, np.random.default_rng(0))
+            events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(0))
     with pytest.raises(NoEventError, match="followed closely"):
-        Events(platoon(1), has_lights=False).draw(Kind.SUDDEN_BRAKE, np.random.default_rng(0))
+        TrafficEvents(platoon(1), has_lights=False).draw(
+            TrafficEventKind.SUDDEN_BRAKE, np.random.default_rng(0)
+        )
 
 
 def test_where_others_are_near_nobody_can_come_out_of_his_turn() -> None:
@@ -148,35 +152,43 @@ def test_where_others_are_near_nobody_can_come_out_of_his_turn() -> None:
         middles_m += [np.tile(place_m * ahead + 3.0 * right, (samples, 1)) for place_m in places_m]
         speeds_m_s = [still + SPEED_M_S] + len(places_m) * [still]
         drives += [
-            Drive(f"{heading_rad:.0f}-{i}", 0, middle_m, still + heading_rad, speed_m_s, 4.5, 1.8)
+            Trajectory(
+                f"{heading_rad:.0f}-{i}", 0, middle_m, still + heading_rad, speed_m_s, 4.5, 1.8
+            )
             for i, (middle_m, speed_m_s) in enumerate(zip(middles_m, speeds_m_s, strict=True))
         ]
-    events = Events(Recording(drives), has_lights=False)
+    events = TrafficEvents(RecordedTraffic(drives), has_lights=False)
 
     with pytest.raises(NoEventError, match="whoever came out of his turn would be within 7 m"):
-        events.draw(Kind.RED_LIGHT, np.random.default_rng(0))
+        events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(0))
 
 
 def test_in_a_recording_of_a_few_seconds_nothing_happens() -> None:
     with pytest.raises(NoEventError, match="followed closely"):
-        Events(Recording([]), has_lights=False).draw(Kind.SUDDEN_BRAKE, np.random.default_rng(0))
+        TrafficEvents(RecordedTraffic([]), has_lights=False).draw(
+            TrafficEventKind.SUDDEN_BRAKE, np.random.default_rng(0)
+        )
 
 
 def test_who_comes_out_of_his_turn_is_not_put_into_the_car_ahead_of_him() -> None:
     """Two go east, the second 24.5 m behind; one goes north 0.5 s before the first of them."""
 
-    def straight(name: str, first: int, behind_m: float, heading: float) -> Drive:
+    def straight(name: str, first: int, behind_m: float, heading: float) -> Trajectory:
         along = np.array([np.cos(heading), np.sin(heading)])
         way = SPEED_M_S * STEP_S * np.arange(-100, 101) - behind_m
         n = len(way)
         speeds = np.full(n, SPEED_M_S)
-        return Drive(name, first, way[:, None] * along, np.full(n, heading), speeds, LENGTH_M, 1.8)
+        return Trajectory(
+            name, first, way[:, None] * along, np.full(n, heading), speeds, LENGTH_M, 1.8
+        )
 
     east = [straight("car0", 100, 0.0, 0.0), straight("car1", 100, GAP_M + LENGTH_M, 0.0)]
-    recording = Recording([*east, straight("north", 95, 0.0, np.pi / 2)])
-    events = Events(recording, has_lights=False)
+    recording = RecordedTraffic([*east, straight("north", 95, 0.0, np.pi / 2)])
+    events = TrafficEvents(recording, has_lights=False)
 
-    drawn = [events.draw(Kind.RED_LIGHT, np.random.default_rng(seed)) for seed in range(40)]
+    drawn = [
+        events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(seed)) for seed in range(40)
+    ]
 
     assert {event.car for event in drawn} == {0, 1, 2}
     for event in drawn:
@@ -194,7 +206,7 @@ def test_cars_on_the_middle_of_a_road_are_moved_to_the_right() -> None:
     assert moved.middle_m[0] == pytest.approx([3.0 * SPEED_M_S, -1.75])
 
 
-def queue_that_drives_off(seconds: float = 12.0) -> Recording:
+def queue_that_drives_off(seconds: float = 12.0) -> RecordedTraffic:
     """Two cars 3 m apart that both drive off at 2 m/s^2 at 2.0 s, as if tied together."""
     steps = np.arange(round(seconds / STEP_S) + 1)
     return in_line(2, 3.0, np.minimum(2.0 * np.maximum(steps * STEP_S - 2.0, 0.0), 12.0))
@@ -202,7 +214,7 @@ def queue_that_drives_off(seconds: float = 12.0) -> Recording:
 
 def test_nobody_speeds_up_towards_a_car_that_brakes() -> None:
     """What he would have accelerated was his answer to a car that drives off."""
-    brake = Event(Kind.SUDDEN_BRAKE, 0, 4.0, deceleration_m_s2=6.0)
+    brake = TrafficEvent(TrafficEventKind.SUDDEN_BRAKE, 0, 4.0, deceleration_m_s2=6.0)
     traffic = DisturbedTraffic(queue_that_drives_off(), brake, LOST, seed=1)
 
     traffic.cars_at(3.0)
@@ -242,17 +254,17 @@ def test_who_was_warned_brakes_as_hard_as_it_takes() -> None:
     assert crash is None or set(crash.names) == {"car1", "car2"}
 
 
-def stops_at_a_light() -> Drive:
+def stops_at_a_light() -> Trajectory:
     """East at 10 m/s, stands at x = 0 from 5 s to 15 s, then on."""
     times = np.arange(0.0, 25.0, STEP_S)
     speed = np.interp(times, [0.0, 2.0, 5.0, 15.0, 19.0, 25.0], [10.0, 10.0, 0.0, 0.0, 10.0, 10.0])
     way = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * STEP_S)])
     middle = np.stack([way - way[50], np.zeros(len(way))], axis=1)
-    return Drive("east", 0, middle, np.zeros(len(way)), speed, LENGTH_M, 1.8)
+    return Trajectory("east", 0, middle, np.zeros(len(way)), speed, LENGTH_M, 1.8)
 
 
 def test_who_was_warned_for_nothing_still_stops_at_the_light() -> None:
-    traffic = DisturbedTraffic(Recording([stops_at_a_light()]), None, ALERT, seed=1)
+    traffic = DisturbedTraffic(RecordedTraffic([stops_at_a_light()]), None, ALERT, seed=1)
     traffic.cars_at(0.0)
     traffic.warn("east", 0.0)
 
@@ -266,7 +278,7 @@ def test_who_was_warned_for_nothing_still_stops_at_the_light() -> None:
 def test_a_runner_who_was_warned_lets_those_pass_who_cross_his_way() -> None:
     """He sets off at red, is warned and stands; a car comes from the left 4 s later."""
     steps = np.arange(250)
-    north = Drive(
+    north = Trajectory(
         "north",
         0,
         np.stack([np.full(250, 12.0), 12.0 * (steps * STEP_S - 13.5)], axis=1),
@@ -275,8 +287,8 @@ def test_a_runner_who_was_warned_lets_those_pass_who_cross_his_way() -> None:
         LENGTH_M,
         1.8,
     )
-    event = Event(Kind.RED_LIGHT, 0, 7.0, sets_off=True)
-    traffic = DisturbedTraffic(Recording([stops_at_a_light(), north]), event, LOST, seed=1)
+    event = TrafficEvent(TrafficEventKind.RED_LIGHT, 0, 7.0, sets_off=True)
+    traffic = DisturbedTraffic(RecordedTraffic([stops_at_a_light(), north]), event, LOST, seed=1)
     traffic.cars_at(6.0)
     for step in range(90):
         cars = traffic.cars_at(6.0 + step * STEP_S)
@@ -294,7 +306,7 @@ def test_a_bumper_in_the_lane_is_in_the_way() -> None:
     """A car stands across, its middle beside the lane, half a metre of it in the way."""
     way = SPEED_M_S * STEP_S * np.arange(100)
     zero = np.zeros(100)
-    east = Drive("east", 0, np.stack([way, zero], axis=1), zero, zero + SPEED_M_S, 4.5, 1.8)
+    east = Trajectory("east", 0, np.stack([way, zero], axis=1), zero, zero + SPEED_M_S, 4.5, 1.8)
     y_m = 0.9 + LENGTH_M / 2.0 - 0.5
     cars = Cars(
         0.0,

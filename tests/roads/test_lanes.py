@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from onboard.errors import UserError
 from sim_rig.roads.car_following import CarFollowing, idm_acceleration
 from sim_rig.roads.crashes import boxes_overlap
-from sim_rig.roads.crossing import CrossingSettings, HighwaySettings, crossing, highway
+from sim_rig.roads.crossing import HighwaySettings, IntersectionSettings, crossing, highway
+from sim_rig.roads.line_of_sight import Corners
 from sim_rig.roads.recording import record
-from sim_rig.roads.sight import Corners
 from sim_rig.roads.sources import open_traffic
 
 MODEL = CarFollowing()
@@ -40,7 +40,7 @@ def test_nobody_overlaps_in_a_minute_of_traffic(source: str) -> None:
 
 
 def test_a_dense_crossing_has_a_hundred_cars_and_one_road_stands() -> None:
-    traffic = crossing(CrossingSettings(), np.random.default_rng(1))
+    traffic = crossing(IntersectionSettings(), np.random.default_rng(1))
     cars = traffic.cars_at(195.0)  # East and west have had green for 15 s.
 
     along = np.abs(np.sin(cars.heading_rad)) > 0.5

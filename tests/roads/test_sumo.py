@@ -12,8 +12,8 @@ import pytest
 from sim_rig.roads.crashes import Crash, boxes_overlap
 from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.driver import ReactionSettings
-from sim_rig.roads.events import Event, Events, Kind
-from sim_rig.roads.recording import Recording, record
+from sim_rig.roads.events import TrafficEvent, TrafficEventKind, TrafficEvents
+from sim_rig.roads.recording import RecordedTraffic, record
 from sim_rig.roads.sources import open_traffic
 from sim_rig.roads.sumo import NETWORKS, SumoError, SumoTraffic
 
@@ -21,34 +21,36 @@ NOBODY_LOOKS = ReactionSettings(unwarned_median_s=5.0, unwarned_sigma=0.0)
 
 
 @pytest.fixture(scope="module")
-def crossing() -> Recording:
+def crossing() -> RecordedTraffic:
     with SumoTraffic(NETWORKS / "crossing.sumocfg", seed=1) as traffic:
         return record(traffic, 100.0, begin_s=60.0)
 
 
-def test_the_crossing_has_about_a_hundred_cars_that_come_and_go(crossing: Recording) -> None:
+def test_the_crossing_has_about_a_hundred_cars_that_come_and_go(crossing: RecordedTraffic) -> None:
     there = [set(crossing.cars_at(at_s).names) for at_s in range(0, 100, 20)]
 
     assert 75 < np.mean([len(names) for names in there]) < 130
     assert all(before - after and after - before for before, after in pairwise(there))
 
 
-def test_cars_drive_as_their_speed_and_heading_say(crossing: Recording) -> None:
+def test_cars_drive_as_their_speed_and_heading_say(crossing: RecordedTraffic) -> None:
     for drive in crossing.drives:
         moved = np.hypot(*np.diff(drive.middle_m, axis=0).T) / 0.1
         assert np.abs(moved - drive.speed_m_s[1:]).max() < 3.0
         assert np.median(np.abs(moved - drive.speed_m_s[1:])) < 0.1
 
 
-def test_hardly_anybody_overlaps(crossing: Recording) -> None:
+def test_hardly_anybody_overlaps(crossing: RecordedTraffic) -> None:
     """A car that has to stop while it changes over stands in two lanes, which SUMO lets others."""
     for at_s in range(0, 100, 10):
         assert len(boxes_overlap(crossing.cars_at(float(at_s)))) <= 3
 
 
-@pytest.mark.parametrize("kind", list(Kind))
-def test_things_go_wrong_and_warned_drivers_react(crossing: Recording, kind: Kind) -> None:
-    events = Events(crossing, has_lights=True)
+@pytest.mark.parametrize("kind", list(TrafficEventKind))
+def test_things_go_wrong_and_warned_drivers_react(
+    crossing: RecordedTraffic, kind: TrafficEventKind
+) -> None:
+    events = TrafficEvents(crossing, has_lights=True)
     crashes, avoided = 0, 0
     for seed in range(5):
         event = events.draw(kind, np.random.default_rng(seed))
@@ -63,7 +65,9 @@ def test_things_go_wrong_and_warned_drivers_react(crossing: Recording, kind: Kin
     assert avoided >= 2
 
 
-def _crash(recording: Recording, event: Event, seed: int, warned: Sequence[str]) -> Crash | None:
+def _crash(
+    recording: RecordedTraffic, event: TrafficEvent, seed: int, warned: Sequence[str]
+) -> Crash | None:
     traffic = DisturbedTraffic(recording, event, NOBODY_LOOKS, seed)
     for step in range(70):
         at_s = event.at_s + step / 10

@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.security import its_time, p256
-from onboard.security.authority import make_pseudonyms
 from onboard.security.certificate_codec import (
     decode_certificate,
     encode_certificate,
@@ -14,6 +13,7 @@ from onboard.security.certificate_codec import (
 )
 from onboard.security.certificates import IssuePermission, Permission, Subject
 from onboard.security.oer import Malformed, Unsupported
+from onboard.tools.test_ca.authority import make_pseudonyms
 from tests.security.trial import ALICE, BSM, ISSUING, ROOT, UTC_S, new_key, reread
 
 OWN = ALICE.pseudonyms[0].certificate

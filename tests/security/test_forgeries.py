@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.security import ieee1609dot2, p256
-from onboard.security.authority import make_issuing, make_pseudonyms, make_root
 from onboard.security.certificate_codec import encode_certificate, encode_signature
 from onboard.security.its_time import to_time64
-from onboard.security.security import NotTrusted, Security
+from onboard.security.security_services import NotTrusted, SecurityServices
 from onboard.security.settings import SecuritySettings
+from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
 from tests.security.trial import (
     ALICE,
     BOB,
@@ -148,7 +148,7 @@ def test_a_certificate_ends_with_its_issuer_s(bob):
         ROOT, "short", new_key=new_key, valid_from_utc_s=UTC_S - 60, valid_for_s=120
     )
     mallory = security(make_pseudonyms(short, 1, {LCCA}, new_key=new_key, **VALID))
-    trusting = Security(
+    trusting = SecurityServices(
         UTC_S, type(BOB)(BOB.pseudonyms, BOB.roots, (*BOB.authorities, *short.authorities))
     )
     assert trusting.open(mallory.secure(WARN, LCCA, now=0.0), LCCA, now=0.0).payload == WARN
@@ -363,7 +363,7 @@ def test_a_new_identity_introduces_itself_at_once(alice):
 
 
 def test_the_interval_is_a_setting():
-    eager = Security(UTC_S, ALICE, SecuritySettings(certificate_interval_s=0.0))
+    eager = SecurityServices(UTC_S, ALICE, SecuritySettings(certificate_interval_s=0.0))
     assert len({_size(eager, BSM, now=i / 100) for i in range(5)}) == 1
 
 

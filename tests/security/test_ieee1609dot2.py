@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from onboard.messages import bsm
 from onboard.security import ieee1609dot2, its_time
-from onboard.security.security import NotTrusted, Security
+from onboard.security.security_services import NotTrusted, SecurityServices
 from tests.security.trial import ALICE, BSM, UTC_S, reread, security
 
 OWN = ALICE.pseudonyms[0].certificate
@@ -203,7 +203,7 @@ def test_its_certificate_has_the_name_under_which_the_other_messages_refer_to_it
 
 @pytest.mark.realdata
 def test_none_of_them_is_believed_because_their_issuer_is_unknown(real_data):
-    bob = Security(0.0, ALICE)
+    bob = SecurityServices(0.0, ALICE)
     refusals = set()
     for data, _ in real_data:
         now = ieee1609dot2.decode(data).generation_utc_s

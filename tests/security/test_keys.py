@@ -8,8 +8,8 @@ from typer.testing import CliRunner
 
 from onboard.errors import UserError
 from onboard.security import key_files
-from onboard.security.cli import keys
-from onboard.security.security import Security
+from onboard.security.security_services import SecurityServices
+from onboard.tools.test_ca.cli import keys
 from tests.security.trial import ALICE, BOB, BSM, LCCA
 
 
@@ -32,7 +32,10 @@ def folder(tmp_path):
 
 
 def test_cars_whose_keys_were_made_by_the_commands_believe_each_other(folder):
-    a, b = (Security(time.time(), key_files.read_credentials(folder / name)) for name in ("a", "b"))
+    a, b = (
+        SecurityServices(time.time(), key_files.read_credentials(folder / name))
+        for name in ("a", "b")
+    )
     assert b.open(a.secure(b"x", LCCA, now=0.0), LCCA, now=0.1).payload == b"x"
     assert a.open(b.secure(b"y", BSM, now=0.0), BSM, now=0.1).payload == b"y"
 

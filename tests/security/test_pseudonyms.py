@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 
-from onboard.security.authority import DAY_S, make_pseudonyms
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonyms
 from onboard.security.settings import PlateDigestSettings
+from onboard.tools.test_ca.authority import DAY_S, make_pseudonyms
 from tests.security.trial import ALICE, BSM, ISSUING, UTC_S, VALID, new_key
 
 DIGEST = PlateDigest(PlateDigestSettings(scrypt_log2_n=1))

@@ -4,20 +4,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.security.security import NotTrusted, Security
+from onboard.security.security_services import NotTrusted, SecurityServices
 
 BSM_PSID = 0x20
 
 
 def test_the_wrap_is_three_bytes_for_a_short_payload():
-    assert Security(utc_offset_s=0).secure(b"\x00\x14\x01\x00", BSM_PSID, now=0.0) == bytes.fromhex(
-        "03 80 04 00140100"
-    )
+    assert SecurityServices(utc_offset_s=0).secure(
+        b"\x00\x14\x01\x00", BSM_PSID, now=0.0
+    ) == bytes.fromhex("03 80 04 00140100")
 
 
 @given(payload=st.binary(max_size=70_000), psid=st.integers(0, 2**28))
 def test_what_was_wrapped_is_opened(payload, psid):
-    security = Security(utc_offset_s=1.7e9)
+    security = SecurityServices(utc_offset_s=1.7e9)
     opened = security.open(security.secure(payload, psid, now=1.0), psid, now=1.1)
     assert (opened.payload, opened.signer_id, opened.generation_utc_s) == (payload, None, None)
 
@@ -35,5 +35,5 @@ def test_what_was_wrapped_is_opened(payload, psid):
 )
 def test_anything_else_is_malformed(data):
     with pytest.raises(NotTrusted) as refused:
-        Security(utc_offset_s=0).open(bytes.fromhex(data), BSM_PSID, now=0.0)
+        SecurityServices(utc_offset_s=0).open(bytes.fromhex(data), BSM_PSID, now=0.0)
     assert refused.value.reason == "malformed"

@@ -3,8 +3,8 @@
 import numpy as np
 
 from onboard.security import p256
-from onboard.security.authority import make_issuing, make_pseudonyms, make_root
-from onboard.security.security import Security
+from onboard.security.security_services import SecurityServices
+from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
 
 UTC_S = 1_790_000_000.0
 """Now, in all of these tests; the cars' own clocks show 0."""
@@ -21,7 +21,7 @@ ALICE, BOB, CAROL = (
 
 
 def security(credentials=None):
-    return Security(utc_offset_s=UTC_S, credentials=credentials)
+    return SecurityServices(utc_offset_s=UTC_S, credentials=credentials)
 
 
 def reread(structure, data):

@@ -1,6 +1,6 @@
 """The camera model of virtual runs, held against pictures that the car's vision looks at.
 
-A car closes in on another from 36 m to 6 m, once on the rendered path (picture, JPEG, `Sight`),
+A car closes in on another from 36 m to 6 m, once on the rendered path (JPEG, `Perception`),
 once through the model. Both are cut into stretches of the way and compared.
 """
 
@@ -15,8 +15,8 @@ import pytest
 from onboard.observations import Lead, LeadIdentity, Plate
 from onboard.settings import parse_settings
 from onboard.vision.identity import LEAST_READ_CONFIDENCE
+from onboard.vision.perception import Event, Perception
 from onboard.vision.settings import CameraSettings, VisionSettings
-from onboard.vision.sight import Event, Sight
 from sim_rig.cars.camera_model import STAMP_S, CameraModel
 from sim_rig.cars.camera_server import Camera
 from sim_rig.cars.camera_view import FPS, LENS, CameraView
@@ -66,8 +66,8 @@ def vision_settings(scenario: Scenario) -> VisionSettings:
 
 
 def rendered(scenario: Scenario) -> Iterable[Event]:
-    """What `Sight` says of pictures."""
-    sight = Sight(CameraSettings(source="rig", **LENS.model_dump()), vision_settings(scenario))
+    """What `Perception` says of pictures."""
+    sight = Perception(CameraSettings(source="rig", **LENS.model_dump()), vision_settings(scenario))
     camera = Camera(scenario, "ben", np.random.SeedSequence(1))
     for number in range(int(DURATION_S * FPS)):
         jpeg = np.frombuffer(camera.jpeg(number / FPS), np.uint8)

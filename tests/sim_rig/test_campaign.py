@@ -130,6 +130,7 @@ def test_an_interrupted_campaign_ends_at_once_and_says_what_is_kept(
 ) -> None:
     code = (
         "from tests.sim_rig.test_campaign import *\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # ignored in the background
         f"run_campaign(linger, DiceSettings(), range(30), Path({str(tmp_path)!r}),"
         f" Workers({processes}))"
     )

@@ -3,8 +3,8 @@
 import pytest
 
 from onboard.obd.can_frame import CanFrame
-from onboard.obd.car_bus import CarBus
 from onboard.obd.settings import ObdSettings
+from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import Speed
 from onboard.settings import parse_settings
 from onboard.units import KM_H
@@ -163,8 +163,8 @@ def test_can_isotp_reads_the_vehicle_number_whatever_its_flow_control(
 def test_the_car_s_own_bus_finds_it_and_reads_its_speed_twenty_times_a_second(
     addresses: Addresses,
 ) -> None:
-    """`CarBus` tries both identifier lengths until an ECU answers."""
-    bus = CarBus(parse_settings({"polling_hz": 20.0}, ObdSettings, "test"))
+    """`VehicleBus` tries both identifier lengths until an ECU answers."""
+    bus = VehicleBus(parse_settings({"polling_hz": 20.0}, ObdSettings, "test"))
     ecu = Ecu(lambda now: 10.0 + now, addresses=addresses)
     now, speeds = 0.0, []
     while now < 10.0:

@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 import pytest
 
-from sim_rig.engineer.album import Album
+from sim_rig.engineer.image_store import ImageStore
+from sim_rig.engineer.run_view import RunView
 from sim_rig.engineer.server import EngineerServer, TraceReader
-from sim_rig.engineer.story import Story
-from sim_rig.ledger import ledger
+from sim_rig.latency_ledger import ledger
 from sim_rig.run_log import RunLog
 from sim_rig.scenario import Scenario, load_scenario
 from sim_rig.virtual import run_virtual
@@ -32,8 +32,8 @@ def log(scenario: Scenario) -> RunLog:
 
 
 @pytest.fixture
-def story(log: RunLog) -> Story:
-    story = Story(log.names)
+def story(log: RunLog) -> RunView:
+    story = RunView(log.names)
     story.receive_rig({"kind": "start", "stamp_s": 0.0})
     for record in log.rig:
         story.receive_rig(record)
@@ -47,7 +47,7 @@ def run(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(asyncio.wait_for(work, 20.0))
 
 
-def test_cars_are_called_by_their_names(story: Story) -> None:
+def test_cars_are_called_by_their_names(story: RunView) -> None:
     warnings = [entry for entry in story.entries if entry["kind"] == "warning"]
     warns = [
         entry
@@ -62,20 +62,20 @@ def test_cars_are_called_by_their_names(story: Story) -> None:
     assert {entry["content"]["sender_id"] for entry in warns} <= {"green", "red", "blue"}
 
 
-def test_the_ledger_is_that_of_the_finished_run(story: Story, log: RunLog) -> None:
+def test_the_ledger_is_that_of_the_finished_run(story: RunView, log: RunLog) -> None:
     assert ledger(story.log()) == ledger(log)
     assert {line.hop for line in ledger(log)} >= {"noticed", "received", "alarm", "chain"}
 
 
 def test_a_fused_state_names_each_measurement_once_and_says_how_sure_it_is() -> None:
-    story = Story({})
+    story = RunView({})
     story.receive(
         "red",
         {
             "stamp_s": 1.0,
-            "kind": "known_car",
+            "kind": "perceived_object",
             "name": "3",
-            "known_by": "told",
+            "source": "shared",
             "state": [10.0, 20.0, 1.0, 2.0],
             "covariance": [[4.0, 0, 0, 0], [0, 4.0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
             "age_s": 0.1,
@@ -90,7 +90,7 @@ def test_a_fused_state_names_each_measurement_once_and_says_how_sure_it_is() -> 
 
 
 def test_an_album_finds_the_picture_of_a_moment() -> None:
-    album = Album(most_bytes=1000)
+    album = ImageStore(most_bytes=1000)
     for stamp_s in (1.0, 2.0, 3.0):
         album.add("red", stamp_s, f"red {stamp_s}".encode())
     album.add("blue", 2.5, b"blue")
@@ -103,7 +103,7 @@ def test_an_album_finds_the_picture_of_a_moment() -> None:
 
 
 def test_a_full_album_forgets_the_oldest_pictures_of_all() -> None:
-    album = Album(most_bytes=100)
+    album = ImageStore(most_bytes=100)
     for n in range(10):
         album.add("red" if n % 2 else "blue", float(n), bytes(30))
 

@@ -34,7 +34,7 @@ LOG = RunLog(
             record(5.3, "warning", origin_id=GREEN),
             place(9.0, "regular", 1, RED),
         ],
-        "yellow": [record(5.3, "discarded", room="lcca", reason="not_in_group")],
+        "yellow": [record(5.3, "discarded", component="lcca", reason="not_in_group")],
     },
     rig=[
         record(at_s, "delivered", car="red", sender="green", user_priority=5)
@@ -82,9 +82,9 @@ WARNING = {"what": "warning", "braking": "green", "at_s": [5]}
         (HEARD | {"at_most": 2}, "red hears green 3 times, at most 2"),
         (HEARD | {"until_s": 3.15, "at_most": 2}, None),
         (HEARD | {"sender": "yellow", "at_least": 1}, "red hears yellow 0 times, at least 1"),
-        ({"what": "quiet", "cars": ["green", "red"], "from_s": 0, "until_s": 5}, None),
+        ({"what": "no_warning", "cars": ["green", "red"], "from_s": 0, "until_s": 5}, None),
         (
-            {"what": "quiet", "cars": ["red"], "from_s": 0, "until_s": 6},
+            {"what": "no_warning", "cars": ["red"], "from_s": 0, "until_s": 6},
             "at 5.30 s red raises a warning, and must not",
         ),
         (
@@ -102,8 +102,14 @@ WARNING = {"what": "warning", "braking": "green", "at_s": [5]}
             "green reports sensor_lost of its speed 2.00 s after 6 s, later than 1 s",
         ),
         (
-            {"what": "sensor_back", "car": "green", "sensor": "speed", "from_s": 8, "within_s": 1},
-            "green never reports sensor_back of its speed",
+            {
+                "what": "sensor_recovered",
+                "car": "green",
+                "sensor": "speed",
+                "from_s": 8,
+                "within_s": 1,
+            },
+            "green never reports sensor_recovered of its speed",
         ),
         (
             {

@@ -7,8 +7,8 @@ import pytest
 from pydantic import TypeAdapter
 
 from sim_rig.expectations import Expectation
+from sim_rig.ground_truth import overlap, touch_s
 from sim_rig.run_log import Record, RunLog
-from sim_rig.truth import overlap, touch_s
 
 ADAPTER: TypeAdapter[Any] = TypeAdapter(Expectation)
 
@@ -28,18 +28,18 @@ def true_state(at_s: float, car: str) -> dict[str, object]:
     }  # fmt: skip
 
 
-def told(at_s: float, name: str, known_by: str, x_m: float, y_m: float) -> dict[str, object]:
+def told(at_s: float, name: str, source: str, x_m: float, y_m: float) -> dict[str, object]:
     """In ann's own frame, which begins somewhere else."""
     state = [x_m + 500.0, y_m - 70.0, 0.0, 0.0]
     return {
-        "stamp_s": 1000.0 + at_s, "kind": "known_car", "name": name, "known_by": known_by,
+        "stamp_s": 1000.0 + at_s, "kind": "perceived_object", "name": name, "source": source,
         "state": state,
     }  # fmt: skip
 
 
 def alarm(at_s: float, level: str, what: str, name: str) -> dict[str, object]:
     return {
-        "stamp_s": 1000.0 + at_s, "kind": "alarm", "cause": "crossing", "level": level,
+        "stamp_s": 1000.0 + at_s, "kind": "alarm", "cause": "ima", "level": level,
         "reasons": [{"what": what, "name": name, "age_s": 0.1}],
     }  # fmt: skip
 
@@ -48,42 +48,42 @@ def log(*more: Record) -> RunLog:
     trace: list[Record] = []
     for at_s in range(2, 8):
         way_m = 10.0 * (at_s - 8.0)
-        trace.append(told(at_s, "aa", "itself", 0.0, way_m))
-        trace.append(told(at_s, "7", "told", way_m + 1.0, 0.5))
+        trace.append(told(at_s, "aa", "host", 0.0, way_m))
+        trace.append(told(at_s, "7", "shared", way_m + 1.0, 0.5))
     rig = [true_state(k / 10, car) for k in range(100) for car in ("ann", "ben", "eva")]
     return RunLog(1000.0, {"ann": [*trace, *more], "ben": []}, rig, {})
 
 
-ALARM = {"what": "alarm", "car": "ann", "cause": "crossing", "from_s": 3, "by_s": 8}
-WARNED = alarm(6.0, "warning", "known_car:told", "7")
+ALARM = {"what": "alarm", "car": "ann", "cause": "ima", "from_s": 3, "by_s": 8}
+WARNED = alarm(6.0, "warning", "perceived_object:shared", "7")
 
 
 @pytest.mark.parametrize(
     ("more", "entry", "complaint"),
     [
-        (WARNED, ALARM | {"of": "ben", "known_by": "told"}, None),
+        (WARNED, ALARM | {"of": "ben", "source": "shared"}, None),
         (WARNED, ALARM | {"of": "ben", "least_lead_s": 1.5}, None),
         (WARNED, ALARM | {"of": "ben", "least_lead_s": 1.9}, "1.70 s before they touch, not 1.9 s"),
-        (WARNED, ALARM | {"of": "eva"}, "ann is warned of known_car:told, not of eva"),
-        (WARNED, ALARM | {"of": "ben", "known_by": "radio"}, "not of ben"),
-        (WARNED, ALARM | {"by_s": 5}, "ann is not warned (crossing) until 5 s"),
-        (WARNED, ALARM | {"cause": "closing_gap"}, "ann is not warned (closing_gap) until 8 s"),
-        (alarm(6, "caution", "known_car:told", "7"), ALARM, "ann is not warned"),
-        (alarm(6, "caution", "known_car:told", "7"), ALARM | {"level": "caution"}, None),
+        (WARNED, ALARM | {"of": "eva"}, "ann is warned of perceived_object:shared, not of eva"),
+        (WARNED, ALARM | {"of": "ben", "source": "bsm"}, "not of ben"),
+        (WARNED, ALARM | {"by_s": 5}, "ann is not warned (ima) until 5 s"),
+        (WARNED, ALARM | {"cause": "fcw"}, "ann is not warned (fcw) until 8 s"),
+        (alarm(6, "caution", "perceived_object:shared", "7"), ALARM, "ann is not warned"),
+        (alarm(6, "caution", "perceived_object:shared", "7"), ALARM | {"level": "caution"}, None),
         (WARNED, {"what": "no_alarm", "cars": ["ann"], "until_s": 5.9}, None),
         (
             WARNED,
             {"what": "no_alarm", "cars": ["ann"], "until_s": 8},
-            "at 6.00 s ann raises a warning of crossing, and must not",
+            "at 6.00 s ann raises a warning of ima, and must not",
         ),
-        (WARNED, {"what": "no_alarm", "cars": ["ann"], "causes": ["group"], "until_s": 8}, None),
+        (WARNED, {"what": "no_alarm", "cars": ["ann"], "causes": ["lcca"], "until_s": 8}, None),
         (
-            alarm(6.0, "caution", "known_car:told", "7"),
+            alarm(6.0, "caution", "perceived_object:shared", "7"),
             {"what": "no_alarm", "cars": ["ann"], "from_level": "warning", "until_s": 8},
             None,
         ),
         (
-            alarm(6.0, "none", "known_car:told", "7"),
+            alarm(6.0, "none", "perceived_object:shared", "7"),
             {"what": "no_alarm", "cars": ["ann"], "until_s": 8},
             None,
         ),
@@ -93,25 +93,25 @@ def test_alarms(more: Record, entry: dict[str, object], complaint: str | None) -
     assert_complains(log(more), entry, complaint)
 
 
-KNOWS = {"what": "knows", "car": "ann", "of": "ben", "from_s": 2, "until_s": 7}
-NOT = {"what": "knows_not", "car": "ann", "of": "ben", "from_s": 2, "until_s": 7}
+KNOWS = {"what": "perceives", "car": "ann", "of": "ben", "from_s": 2, "until_s": 7}
+NOT = {"what": "does_not_perceive", "car": "ann", "of": "ben", "from_s": 2, "until_s": 7}
 
 
 @pytest.mark.parametrize(
     ("more", "entry", "complaint"),
     [
         ((), KNOWS, None),
-        ((), KNOWS | {"by": ["told"]}, None),
-        ((), KNOWS | {"by": ["radio"]}, "at 2.00 s ann knows ben by told"),
+        ((), KNOWS | {"sources": ["shared"]}, None),
+        ((), KNOWS | {"sources": ["bsm"]}, "at 2.00 s ann knows ben by shared"),
         ((), KNOWS | {"within_m": 1.0}, "at 2.00 s ann knows ben 1.1 m from where it is"),
         ((), KNOWS | {"of": "eva"}, "ann does not know eva in all tellings"),
         ((), KNOWS | {"from_s": 8, "until_s": 9}, "ann tells nothing from 8 s to 9 s"),
-        ((told(4, "8", "seen", -41.0, 0.0),), KNOWS, "at 4.00 s ann takes ben for 2 cars"),
-        ((), NOT, "at 2.00 s ann knows ben by told"),
+        ((told(4, "8", "sensor", -41.0, 0.0),), KNOWS, "at 4.00 s ann takes ben for 2 cars"),
+        ((), NOT, "at 2.00 s ann knows ben by shared"),
         ((), NOT | {"of": "eva"}, None),
         ((), NOT | {"of": "ann"}, None),
-        ((told(4, "9", "told", 1.0, -41.0),), NOT | {"of": "ann"}, "at 4.00 s ann knows ann by"),
-        ((told(4, "9", "told", 1.0, -54.0),), NOT | {"of": "ann"}, None),
+        ((told(4, "9", "shared", 1.0, -41.0),), NOT | {"of": "ann"}, "at 4.00 s ann knows ann by"),
+        ((told(4, "9", "shared", 1.0, -54.0),), NOT | {"of": "ann"}, None),
     ],
 )
 def test_knowledge(

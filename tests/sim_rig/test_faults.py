@@ -15,27 +15,27 @@ from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags
 from onboard.messages.lcca import Reply, Warn
 from onboard.obd.can_frame import CanFrame
-from onboard.obd.car_bus import CarBus
 from onboard.obd.settings import ObdSettings
+from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import Discarded, Speed
 from onboard.security import ieee1609dot2
-from onboard.security.authority import make_trial
 from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
-from onboard.security.security import Security
+from onboard.security.security_services import SecurityServices
 from onboard.settings import parse_settings
+from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.wrong_clock import Clock
 from sim_rig.faults import SlowCpu, WrongClock
 from sim_rig.faults_of_car import FaultsOfCar
+from sim_rig.radio.attacker import GHOST_ID
 from sim_rig.radio.faulty_air import FaultyAir
-from sim_rig.radio.liar import GHOST_ID
 from sim_rig.radio.models import open_air
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario import Scenario
-from sim_rig.studies.fault_cases import CASES, Case
+from sim_rig.studies.fault_cases import CASES, FaultCase
 from sim_rig.studies.faults import outcome_of, scenario_of
 from sim_rig.virtual import run_virtual
 
@@ -67,7 +67,7 @@ def bus_events(*faults: dict[str, Any], from_s: float, until_s: float) -> list[o
     ecu = FaultyEcu(
         story(*faults), "ann", lambda _: SPEED_M_S, lambda now: now, np.random.default_rng(1)
     )
-    bus = CarBus(ObdSettings())
+    bus = VehicleBus(ObdSettings())
     events: list[object] = []
     for now in np.arange(from_s, until_s, 0.001).tolist():
         bus.handle_timer(now)
@@ -242,7 +242,7 @@ def test_a_liar_signs_with_the_pseudonym_that_its_car_goes_by() -> None:
     trial = make_trial(["ann"], {psid.LCCA}, UTC_S, key_from(rng), pseudonyms=3)
     air = Air({"what": "forged_brake", "every_s": 1.0}, credentials=trial)
     reply = lcca.encode(Reply(b"ann.....", b"leader..", 2, b"ben.....", 7, 1, 15.0))
-    own = Security(UTC_S, trial["ann"])
+    own = SecurityServices(UTC_S, trial["ann"])
     for now, credential in zip((11.2, 15.2), reversed(trial["ann"].pseudonyms), strict=False):
         own.sign_with(credential)
         air.send("ann", own.secure(reply, psid.LCCA, now), psid.LCCA, now)
@@ -289,7 +289,7 @@ def test_a_replay_is_heard_again_after_its_delay() -> None:
 # ---- the study ----------------------------------------------------------------------------
 
 
-def case(fault: str, car: str) -> Case:
+def case(fault: str, car: str) -> FaultCase:
     return next(each for each in CASES if (each.fault, each.car) == (fault, car))
 
 

@@ -10,7 +10,7 @@ from onboard.wave_udp.settings import IwcuSettings
 from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.reach import ReachAir
 from sim_rig.radio.settings import ReachSettings
-from sim_rig.recorder import RigRecorder
+from sim_rig.rig_recorder import RigRecorder
 
 CARS = ["ann", "ben", "cat"]
 

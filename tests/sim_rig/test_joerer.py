@@ -14,7 +14,7 @@ from sim_rig.studies.joerer_criticality import (
     last_before_unavoidable,
 )
 from sim_rig.studies.joerer_radio import BeaconSettings, arrives
-from sim_rig.studies.joerer_traffic import Outcome, TrafficSettings, drive
+from sim_rig.studies.joerer_traffic import ApproachOutcome, TrafficSettings, drive
 
 SMALL = JoererSettings(traffic=TrafficSettings(approaches=250, start_m=(60.0, 110.0)))
 
@@ -27,15 +27,15 @@ def results() -> Results:
 def test_there_is_something_to_see(results: Results) -> None:
     counts = np.bincount(results.driven.outcome, minlength=3)
 
-    assert counts[Outcome.CRASH] >= 8
-    assert counts[Outcome.NO_CRASH] >= 200
+    assert counts[ApproachOutcome.CRASH] >= 8
+    assert counts[ApproachOutcome.NO_CRASH] >= 200
 
 
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
 def test_every_crash_reaches_100_percent(results: Results, behaviour: str) -> None:
     highest = np.nanmax(results.p_c[behaviour], axis=1)
 
-    assert (highest[results.driven.outcome == Outcome.CRASH] >= UNAVOIDABLE).all()
+    assert (highest[results.driven.outcome == ApproachOutcome.CRASH] >= UNAVOIDABLE).all()
 
 
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
@@ -43,14 +43,16 @@ def test_no_approach_without_crash_is_held_for_unavoidable(
     results: Results, behaviour: str
 ) -> None:
     """The paper's 40 % holds for all but those that miss each other by little more than 0.4 m."""
-    highest = np.nanmax(results.p_c[behaviour], axis=1)[results.driven.outcome == Outcome.NO_CRASH]
+    highest = np.nanmax(results.p_c[behaviour], axis=1)[
+        results.driven.outcome == ApproachOutcome.NO_CRASH
+    ]
 
     assert (highest > 0.40).mean() < 0.005
     assert highest.max() < 0.45
 
 
 def test_who_keeps_the_rules_does_not_crash(results: Results) -> None:
-    assert (results.driven.outcome[~results.driven.ignores_rules] == Outcome.NO_CRASH).all()
+    assert (results.driven.outcome[~results.driven.ignores_rules] == ApproachOutcome.NO_CRASH).all()
 
 
 def test_more_beacons_leave_less_to_the_last_moment(results: Results) -> None:
@@ -69,7 +71,7 @@ def test_cars_that_overlap_crashed_and_others_did_not() -> None:
 
     overlap = (np.abs(driven.distance_m) < half_m).all(axis=2).any(axis=1)
 
-    crashed = driven.outcome == Outcome.CRASH
+    crashed = driven.outcome == ApproachOutcome.CRASH
     assert crashed[overlap].all()
     assert crashed.sum() - overlap.sum() <= 1  # Touched for less than a step.
 

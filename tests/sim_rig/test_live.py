@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from sim_rig.cars.gpsd_feed import gpsd_program
-from sim_rig.live import Desk
+from sim_rig.live import LiveTestbench
 from sim_rig.processes import ProcessError, Processes
 from sim_rig.report import failures
 from sim_rig.run_log import RunLog
@@ -31,7 +31,7 @@ def live_scenario(name: str) -> Scenario:
 
 def run_live(scenario: Scenario, folder: Path) -> RunLog:
     async def run() -> RunLog:
-        async with Desk(scenario, scenario.seed, folder) as desk:
+        async with LiveTestbench(scenario, scenario.seed, folder) as desk:
             await desk.run()
         return desk.log()
 
@@ -59,7 +59,7 @@ def test_the_configuration_of_a_daemon_tells_nothing_of_the_others(tmp_path: Pat
     scenario = load_scenario("fig4")
 
     async def set_up() -> None:
-        async with Desk(scenario, scenario.seed, tmp_path):
+        async with LiveTestbench(scenario, scenario.seed, tmp_path):
             pass
 
     asyncio.run(set_up())

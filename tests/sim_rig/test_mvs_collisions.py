@@ -11,7 +11,7 @@ from onboard.errors import UserError
 from sim_rig.campaign import CampaignError, Workers
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
-from sim_rig.roads.events import Kind
+from sim_rig.roads.events import TrafficEventKind
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.mvs_collisions import (
     CollisionSettings,
@@ -21,12 +21,12 @@ from sim_rig.studies.mvs_collisions import (
     run_one,
     wilson,
 )
-from sim_rig.studies.mvs_encounter import Case, Encounters, EncounterSettings, Method
-from sim_rig.studies.mvs_fates import Concerned, Fate
-from sim_rig.studies.mvs_scenes import Scene
+from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSettings, Method
+from sim_rig.studies.mvs_outcomes import Concerned, CrashOutcome
+from sim_rig.studies.mvs_scenes import SceneName
 
 ENCOUNTER = EncounterSettings(
-    scene=Scene.OWN_CROSSING, warm_s=0.5, watched_s=1.5, after_s=4.0, near_m=40.0
+    scene=SceneName.OWN_CROSSING, warm_s=0.5, watched_s=1.5, after_s=4.0, near_m=40.0
 )
 SMALL = CollisionSettings(
     runs=1, shares=(0.2,), methods=(Method.DSRC, Method.MVS), compared_at=None, encounter=ENCOUNTER
@@ -73,16 +73,16 @@ OTHERS = Crash(5.5, ("bob", "cid"), 8.0)
 @pytest.mark.parametrize(
     ("crash", "known", "warned", "equipped", "fate"),
     [
-        (None, True, True, {"bob"}, Fate.AVOIDED),
-        (OTHERS, True, True, {"bob"}, Fate.ANOTHER),
-        (CRASH, False, False, {"ann", "cid"}, Fate.NO_RADIO),
-        (CRASH, False, False, {"bob"}, Fate.UNKNOWN),
-        (CRASH, True, False, {"bob"}, Fate.UNWARNED),
-        (CRASH, True, True, {"bob"}, Fate.TOO_LATE),
+        (None, True, True, {"bob"}, CrashOutcome.AVOIDED),
+        (OTHERS, True, True, {"bob"}, CrashOutcome.ANOTHER),
+        (CRASH, False, False, {"ann", "cid"}, CrashOutcome.NO_RADIO),
+        (CRASH, False, False, {"bob"}, CrashOutcome.UNKNOWN),
+        (CRASH, True, False, {"bob"}, CrashOutcome.UNWARNED),
+        (CRASH, True, True, {"bob"}, CrashOutcome.TOO_LATE),
     ],
 )
 def test_a_crash_has_one_fate(
-    crash: Crash | None, known: bool, warned: bool, equipped: set[str], fate: Fate
+    crash: Crash | None, known: bool, warned: bool, equipped: set[str], fate: CrashOutcome
 ) -> None:
     """Ann brakes; Bob behind her is the one who can do something."""
     concerned = Concerned(CRASH, ["bob"])
@@ -129,7 +129,7 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
     assert len(set(columns)) == len(columns)
     assert {(row["kind"], row["method"]) for row in rows} == {
         (kind, method)
-        for kind in ("both", *(kind.value for kind in Kind))
+        for kind in ("both", *(kind.value for kind in TrafficEventKind))
         for method in ("none", "dsrc", "mvs")
     }
     assert (tmp_path / "out/figure.png").read_bytes().startswith(b"\x89PNG")
@@ -140,7 +140,7 @@ def test_where_nobody_crashes_nothing_is_said_to_be_reduced(tmp_path: Path) -> N
     """A second after a sudden brake nobody has run into the car yet."""
     settings = SMALL.model_copy(
         update={
-            "kinds": (Kind.SUDDEN_BRAKE,),
+            "kinds": (TrafficEventKind.SUDDEN_BRAKE,),
             "shares": (0.4,),
             "methods": (Method.MVS,),
             "encounter": ENCOUNTER.model_copy(update={"watched_s": 0.5, "after_s": 1.0}),
@@ -171,7 +171,7 @@ def test_the_papers_alarm_is_judged_in_the_same_run() -> None:
     scene = Encounters(
         ENCOUNTER.model_copy(update={"warm_s": 0.6, "watched_s": 2.5, "near_m": 20.0})
     )
-    half = Case(Kind.RED_LIGHT, Method.DSRC, 0.5)
+    half = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 0.5)
 
     heard, unknown = scene.run(half, 6), scene.run(half, 2)
 
@@ -180,7 +180,7 @@ def test_the_papers_alarm_is_judged_in_the_same_run() -> None:
     assert 0.0 < heard.straight_on_before_s <= heard.known_before_s
     assert heard.straight_on_crash is None
     assert heard.straight_on_false > heard.false_warnings
-    assert unknown.fate is Fate.UNKNOWN
+    assert unknown.fate is CrashOutcome.UNKNOWN
     assert unknown.straight_on_before_s is None
     assert unknown.straight_on_crash == unknown.crash
     assert (heard.straight_on_these_two, unknown.straight_on_these_two) == (False, True)
@@ -188,11 +188,11 @@ def test_the_papers_alarm_is_judged_in_the_same_run() -> None:
 
 def test_who_will_be_there_has_a_radio_though_he_is_far_when_the_event_begins() -> None:
     scene = Encounters(ENCOUNTER.model_copy(update={"near_m": 20.0}))
-    everybody = Case(Kind.RED_LIGHT, Method.DSRC, 1.0)
+    everybody = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 1.0)
 
     for seed in range(4):
         crash, _ = scene.without_radios(everybody, seed)
-        event = scene._event(Kind.RED_LIGHT, seed)
+        event = scene._event(TrafficEventKind.RED_LIGHT, seed)
         cars = scene.recording.cars_at(event.at_s - ENCOUNTER.warm_s)
         equipped = scene._equipped(everybody, seed, cars, event)
 
@@ -212,7 +212,7 @@ def test_traffic_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
     trace.write_text("\n".join(["t,id,x,y,heading,v,length,width", *rows]))
     settings = SMALL.model_copy(
         update={
-            "kinds": (Kind.SUDDEN_BRAKE,),
+            "kinds": (TrafficEventKind.SUDDEN_BRAKE,),
             "shares": (1.0,),
             "encounter": ENCOUNTER.model_copy(update={"scene": trace}),
         }
@@ -231,9 +231,9 @@ def test_a_study_of_a_recording_that_is_missing_is_one_of_sumo_to_its_end(
     monkeypatch.setenv("RIG_DATA", str(data))
     settings = SMALL.model_copy(
         update={
-            "kinds": (Kind.SUDDEN_BRAKE,),
+            "kinds": (TrafficEventKind.SUDDEN_BRAKE,),
             "methods": (Method.DSRC,),
-            "encounter": ENCOUNTER.model_copy(update={"scene": Scene.CROSSING}),
+            "encounter": ENCOUNTER.model_copy(update={"scene": SceneName.CROSSING}),
         }
     )
 

@@ -11,7 +11,7 @@ from onboard.mvs.evidence import Estimate, MeasurementId
 from onboard.mvs.settings import Selection
 from sim_rig.campaign import Workers
 from sim_rig.studies.catalogue import run_study
-from sim_rig.studies.mvs_scenes import Scene
+from sim_rig.studies.mvs_scenes import SceneName
 from sim_rig.studies.mvs_sharing import (
     SharingSettings,
     Table1Settings,
@@ -22,7 +22,7 @@ from sim_rig.studies.mvs_sharing import (
 )
 
 SMALL = SharingSettings(
-    seeds=1, scene=Scene.OWN_CROSSING, shares=(0.1,), entries=(5,), warm_s=0.8, measured_s=0.2
+    seeds=1, scene=SceneName.OWN_CROSSING, shares=(0.1,), entries=(5,), warm_s=0.8, measured_s=0.2
 )
 
 

@@ -5,7 +5,7 @@ from itertools import cycle
 
 import pytest
 
-from onboard.mvs.known_car import KnownBy, KnownCar
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.risk.alarm import Cause
 from onboard.risk.settings import RiskSettings
 from sim_rig.studies.mvs_straight_on import touched_straight_on
@@ -23,18 +23,18 @@ def car(
     course_rad: float = 0.0,
     sigma_m_s: float = 0.5,
     acceleration_m_s2: float | None = None,
-) -> KnownCar:
+) -> PerceivedObject:
     spread = (0.25, 0.25, sigma_m_s**2, sigma_m_s**2)
     covariance = tuple(tuple(v if i == j else 0.0 for j in range(4)) for i, v in enumerate(spread))
     velocity = speed_m_s * math.cos(course_rad), speed_m_s * math.sin(course_rad)
-    known_by = KnownBy.ITSELF if name == "own" else KnownBy.RADIO
-    return KnownCar(
-        0.0, name, known_by, (east_m, north_m, *velocity), covariance, 0.0, frozenset(),
+    source = ObjectSource.HOST if name == "own" else ObjectSource.BSM
+    return PerceivedObject(
+        0.0, name, source, (east_m, north_m, *velocity), covariance, 0.0, frozenset(),
         acceleration_m_s2,
     )  # fmt: skip
 
 
-def each_tick(*leads: KnownCar, braking_m_s2: float = 0.0) -> list[Warned | None]:
+def each_tick(*leads: PerceivedObject, braking_m_s2: float = 0.0) -> list[Warned | None]:
     """0.8 s at nearly the same gap, judged ten times a second.
 
     Of several `leads`, which is one car, each is what is believed of it in a tick, in turn.
@@ -47,7 +47,7 @@ def each_tick(*leads: KnownCar, braking_m_s2: float = 0.0) -> list[Warned | None
     ]
 
 
-def drive_up_to(lead: KnownCar) -> Warned | None:
+def drive_up_to(lead: PerceivedObject) -> Warned | None:
     """What the driver is told at the end."""
     return each_tick(lead)[-1]
 
@@ -56,7 +56,7 @@ def test_a_standing_car_close_ahead_is_warned_of() -> None:
     warned = drive_up_to(car("lead", 35.0, 0.0))
 
     assert warned is not None
-    assert (warned.cause, warned.of.name) == (Cause.CLOSING_GAP, "lead")
+    assert (warned.cause, warned.of.name) == (Cause.FCW, "lead")
 
 
 def test_a_speed_that_swings_for_one_tick_is_not_warned_of() -> None:
@@ -82,7 +82,7 @@ def test_what_a_car_says_of_its_own_braking_counts() -> None:
     assert drive_up_to(car("lead", 22.0, SPEED_M_S, acceleration_m_s2=-7.0)) is not None
 
 
-def touched(*others: KnownCar, within_s: float = 10.0) -> str | None:
+def touched(*others: PerceivedObject, within_s: float = 10.0) -> str | None:
     own = car("own", 0.0, SPEED_M_S)
     of = touched_straight_on(own, list(others), (4.5, 1.8), RiskSettings(), within_s)
     return None if of is None else of.name

@@ -4,7 +4,7 @@ import numpy as np
 
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings
-from onboard.mvs.told import Told
+from onboard.mvs.shared_entries import SharedEntries
 from sim_rig.radio.propagation import LogDistance
 from sim_rig.radio.settings import CsmaSettings
 from sim_rig.studies.mvs_roads import SixLaneRoad
@@ -26,9 +26,9 @@ class Doubled:
 
     def __getattr__(self, name: str) -> object:
         def call(*arguments: object) -> object:
-            self.footers += sum(isinstance(each, Told) for each in arguments)
+            self.footers += sum(isinstance(each, SharedEntries) for each in arguments)
             data = self.world.sent[-1].footer if self.world.sent else b""
-            wire = [data if isinstance(each, Told) else each for each in arguments]
+            wire = [data if isinstance(each, SharedEntries) else each for each in arguments]
             getattr(self.twin, name)(*wire)
             return getattr(self.core, name)(*arguments)
 

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from onboard.access.drivers import ORDINARY_DRIVERS
+from onboard.access.driver_model import DEFAULT_POPULATION
 from onboard.errors import UserError
 from sim_rig.cli import app
 from sim_rig.studies import rakhshan, rakhshan_drivers
@@ -18,7 +18,7 @@ from sim_rig.studies.rakhshan_chain import lane_links, reception_delay_s
 from sim_rig.studies.rakhshan_drivers import DriversSettings, fit_population, simulate_reactions
 from sim_rig.studies.rakhshan_highway import (
     Drops,
-    HighwaySettings,
+    RakhshanHighwaySettings,
     Spacing,
     collided,
     collided_with_perfect_radio,
@@ -28,8 +28,8 @@ from sim_rig.studies.rakhshan_highway import (
     reduction_and_error,
 )
 from sim_rig.studies.rakhshan_slotted import (
-    Channel,
-    Links,
+    SlottedChannel,
+    SlottedLinks,
     from_db,
     packet_success,
     slot_s,
@@ -39,7 +39,7 @@ from sim_rig.studies.rakhshan_slotted import (
 SMALL = RakhshanSettings(drops=60, access=(0.002, 0.02, 0.1, 0.4))
 
 
-def drops(settings: HighwaySettings, count: int = 20) -> Drops:
+def drops(settings: RakhshanHighwaySettings, count: int = 20) -> Drops:
     return draw(settings, count, np.random.default_rng(3))
 
 
@@ -49,17 +49,17 @@ def read_table(folder: Path) -> list[dict[str, str]]:
 
 
 def test_one_drop_lane_by_lane_with_the_plain_formulas() -> None:
-    settings = HighwaySettings(lanes=2, cars_per_lane=6)
+    settings = RakhshanHighwaySettings(lanes=2, cars_per_lane=6)
     one = drops(settings, 1)
     unsafe = one.danger[0] > settings.unsafe_threshold
     assert unsafe.any()
     assert not unsafe.all()
     access = np.where(unsafe, 0.2, 0.03)
-    channel = Channel(from_db(11.0), 3.0)
+    channel = SlottedChannel(from_db(11.0), 3.0)
     collisions = 0
     for lane in range(2):
         links = lane_links(6)
-        in_all = Links(links.sender + 6 * lane, links.receiver + 6 * lane)
+        in_all = SlottedLinks(links.sender + 6 * lane, links.receiver + 6 * lane)
         success = packet_success(one.position_m[0].ravel(), access.ravel(), in_all, channel)
         slots = slots_needed(success, access[lane][links.sender], access[lane][links.receiver])
         delay_s = reception_delay_s(slots, slot_s(9.0, 250), one.reaction_s[0, lane])
@@ -74,7 +74,7 @@ def test_one_drop_lane_by_lane_with_the_plain_formulas() -> None:
 
 
 def test_cars_that_brake_alike_may_lag_by_their_headways() -> None:
-    settings = HighwaySettings(deceleration_low_m_s2=5.0, deceleration_high_m_s2=5.0)
+    settings = RakhshanHighwaySettings(deceleration_low_m_s2=5.0, deceleration_high_m_s2=5.0)
     some = drops(settings)
 
     gap_m = np.diff(some.position_m, axis=-1) - settings.car_length_m
@@ -84,7 +84,7 @@ def test_cars_that_brake_alike_may_lag_by_their_headways() -> None:
 
 def test_danger_is_how_often_a_driver_without_radio_would_collide() -> None:
     """The decelerations, summed over points here, are drawn there."""
-    settings = HighwaySettings()
+    settings = RakhshanHighwaySettings()
     some = drops(settings, 2000)
 
     hits = some.reaction_s[..., 1:] > some.lag_s[..., 1:]
@@ -97,10 +97,10 @@ def test_danger_is_how_often_a_driver_without_radio_would_collide() -> None:
 
 
 def test_no_access_is_better_than_knowing_at_once_and_none_is_as_bad_as_none() -> None:
-    some = drops(HighwaySettings(), 100)
+    some = drops(RakhshanHighwaySettings(), 100)
     access = np.array([1e-9, 0.03])
 
-    silent, talking = np.diagonal(collided(HighwaySettings(), some, access, access)).T
+    silent, talking = np.diagonal(collided(RakhshanHighwaySettings(), some, access, access)).T
 
     assert np.array_equal(silent, collided_without_radio(some))
     assert collided_with_perfect_radio(some).mean() <= talking.mean() < silent.mean()
@@ -110,7 +110,7 @@ def test_slots_out_of_step_serve_worse() -> None:
     access = np.array([0.1])
     in_step, out_of_step = (
         collided(settings, drops(settings, 100), access, access).mean()
-        for settings in (HighwaySettings(), HighwaySettings(synchronous=False))
+        for settings in (RakhshanHighwaySettings(), RakhshanHighwaySettings(synchronous=False))
     )
 
     assert in_step < out_of_step
@@ -118,7 +118,7 @@ def test_slots_out_of_step_serve_worse() -> None:
 
 @pytest.mark.parametrize("spacing", list(Spacing))
 def test_gaps_have_their_mean(spacing: Spacing) -> None:
-    settings = HighwaySettings(spacing=spacing)
+    settings = RakhshanHighwaySettings(spacing=spacing)
     gap_m = np.diff(drops(settings, 500).position_m, axis=-1) - settings.car_length_m
 
     assert gap_m.mean() == pytest.approx(settings.mean_gap_m, rel=0.03)
@@ -196,7 +196,7 @@ def test_sensitivity_tries_every_variant_by_danger_and_by_lot(tmp_path: Path) ->
 
 def test_too_few_drivers_make_no_population() -> None:
     few = DriversSettings(drivers=40, reactions=10)
-    seen = simulate_reactions(ORDINARY_DRIVERS, few, np.random.default_rng(1))
+    seen = simulate_reactions(DEFAULT_POPULATION, few, np.random.default_rng(1))
 
     with pytest.raises(RuntimeError, match="more drivers"):
         fit_population(seen)
@@ -206,7 +206,7 @@ def test_the_population_is_found_again_in_its_drivers(tmp_path: Path) -> None:
     rakhshan_drivers.figure6(tmp_path, DriversSettings(drivers=150, reactions=15))
 
     fitted = {row["parameter"]: float(row["fitted"]) for row in read_table(tmp_path)}
-    assert fitted["beta_1"] == pytest.approx(ORDINARY_DRIVERS.coefficients[0], abs=0.07)
+    assert fitted["beta_1"] == pytest.approx(DEFAULT_POPULATION.coefficients[0], abs=0.07)
     assert fitted["beta_log_headway"] == pytest.approx(0.25, abs=0.06)
     assert fitted["Sigma_11"] == pytest.approx(0.25**2, rel=0.4)
     assert fitted["sigma_squared"] == pytest.approx(0.25**2, rel=0.1)

@@ -10,16 +10,16 @@ from sim_rig.campaign import Workers
 from sim_rig.radio.settings import CsmaSettings
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.rakhshan_chain import without_radio_s
-from sim_rig.studies.rakhshan_csma import RakhshanCsmaSettings, Traffic, delay_s, run_one
+from sim_rig.studies.rakhshan_csma import ChannelTraffic, RakhshanCsmaSettings, delay_s, run_one
 from sim_rig.studies.rakhshan_highway import draw
 
-BSM = Traffic(name="BSM", beacon_bytes=200)
-LCCA = Traffic(name="LCCA", beacon_bytes=200, warns=True)
+BSM = ChannelTraffic(name="BSM", beacon_bytes=200)
+LCCA = ChannelTraffic(name="LCCA", beacon_bytes=200, warns=True)
 CLEAR = RakhshanCsmaSettings(channel=CsmaSettings())
 
 
 def delays_s(
-    settings: RakhshanCsmaSettings, kind: Traffic, interval_s: float, others: int = 0
+    settings: RakhshanCsmaSettings, kind: ChannelTraffic, interval_s: float, others: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
     """D(i) of a highway, and what it is with brake lights only."""
     drops = draw(settings.highway, 1, np.random.default_rng(5))

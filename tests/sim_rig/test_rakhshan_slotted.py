@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sim_rig.studies.rakhshan_slotted import (
-    Channel,
-    Links,
+    SlottedChannel,
+    SlottedLinks,
     asynchronous,
     from_db,
     opportunities,
@@ -16,8 +16,8 @@ from sim_rig.studies.rakhshan_slotted import (
 
 POSITION_M = np.array([0.0, 12.0, 20.0, 45.0, 51.0, 90.0])
 ACCESS = np.array([0.1, 0.05, 0.3, 0.2, 0.02, 0.4])
-CHANNEL = Channel(threshold=from_db(11.0), path_loss_exponent=3.0)
-LINKS = Links(np.array([0, 0, 2, 5]), np.array([2, 4, 5, 3]))
+CHANNEL = SlottedChannel(threshold=from_db(11.0), path_loss_exponent=3.0)
+LINKS = SlottedLinks(np.array([0, 0, 2, 5]), np.array([2, 4, 5, 3]))
 SLOTS = 200_000
 
 
@@ -80,7 +80,7 @@ def test_the_papers_packet_fills_an_opportunity_in_222_us() -> None:
 
 
 def test_a_chain_alone_loses_nothing_and_a_car_beside_the_receiver_everything() -> None:
-    pair = Links(np.array([0]), np.array([1]))
+    pair = SlottedLinks(np.array([0]), np.array([1]))
     two = packet_success(np.array([0.0, 30.0]), np.array([0.5, 0.5]), pair, CHANNEL)
     beside = packet_success(np.array([0.0, 30.0, 30.0]), np.array([0.5, 0.5, 0.25]), pair, CHANNEL)
 
@@ -112,5 +112,8 @@ def test_many_chains_and_probabilities_at_once_are_what_each_is_alone() -> None:
 def test_nonsense_is_refused(position_m: list[float], access: list[float], told: str) -> None:
     with pytest.raises(ValueError, match=told):
         packet_success(
-            np.array(position_m), np.array(access), Links(np.array([0]), np.array([1])), CHANNEL
+            np.array(position_m),
+            np.array(access),
+            SlottedLinks(np.array([0]), np.array([1])),
+            CHANNEL,
         )

@@ -22,7 +22,7 @@ def lost(stamp_s: float) -> dict[str, object]:
 
 
 def back(stamp_s: float, traced_s: float) -> dict[str, object]:
-    what = {"kind": "sensor_back", "sensor": "camera"}
+    what = {"kind": "sensor_recovered", "sensor": "camera"}
     return what | {"stamp_s": stamp_s, "traced_s": traced_s}
 
 
@@ -33,7 +33,7 @@ def test_a_camera_that_is_back_with_an_old_picture_is_told_after_its_loss() -> N
 
 
 def test_a_record_without_a_time_of_writing_is_told_at_its_stamp() -> None:
-    report = the_report({"stamp_s": 104.5, "kind": "sensor_back", "sensor": "gnss"})
+    report = the_report({"stamp_s": 104.5, "kind": "sensor_recovered", "sensor": "gnss"})
     assert "4.500   red   gnss back" in report
 
 

@@ -10,21 +10,21 @@ import pytest
 
 from onboard.errors import UserError
 from sim_rig.campaign import Workers, run_campaign
-from sim_rig.roads.events import Kind
+from sim_rig.roads.events import TrafficEventKind
 from sim_rig.studies.mvs_collisions import CollisionSettings, run_one
 from sim_rig.studies.mvs_encounter import EncounterSettings, Method
-from sim_rig.studies.mvs_scenes import Scene
+from sim_rig.studies.mvs_scenes import SceneName
 from sim_rig.studies.show import show_run
 
 SETTINGS = CollisionSettings(
     seed=3,
     runs=1,
-    kinds=(Kind.RED_LIGHT,),
+    kinds=(TrafficEventKind.RED_LIGHT,),
     shares=(0.3,),
     methods=(Method.OWN,),
     compared_at=None,
     encounter=EncounterSettings(
-        scene=Scene.OWN_CROSSING, warm_s=0.5, watched_s=1.6, after_s=4.0, near_m=40.0
+        scene=SceneName.OWN_CROSSING, warm_s=0.5, watched_s=1.6, after_s=4.0, near_m=40.0
     ),
 )
 WITHOUT, WITH = 0, 1
@@ -65,9 +65,9 @@ def test_the_film_holds_what_was_known_and_sent(film: Film) -> None:
     assert len(radios) == pytest.approx(21, abs=1)
     assert all(len(frame["sent"]) <= len(frame["radio"]) for frame in radios)
     known = [(name, *pair) for name, cars in radios[-1]["known"].items() for pair in cars]
-    assert {"seen", "radio"} == {how for _, _, how in known}
+    assert {"sensor", "bsm"} == {how for _, _, how in known}
     with_radio = set(radios[-1]["radio"])
-    assert all(other in with_radio for _, other, how in known if how == "radio")
+    assert all(other in with_radio for _, other, how in known if how == "bsm")
 
 
 @pytest.mark.parametrize("number", [WITHOUT, WITH])

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from onboard.messages import bsm
-from onboard.security.authority import make_trial
 from onboard.security.key_files import write_credentials
-from onboard.security.security import Security
+from onboard.security.security_services import SecurityServices
+from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid, wsmp
-from sim_rig.studies.soak_desk import crowd_the_desk
 from sim_rig.studies.soak_fleet import STRANGERS, Fleet
 from sim_rig.studies.soak_load import load
+from sim_rig.studies.soak_testbench import fill_the_testbench
 
 
 def test_a_flood_keeps_its_rate_and_is_of_many_cars_that_can_be_believed(tmp_path: Path) -> None:
@@ -28,7 +28,7 @@ def test_a_flood_keeps_its_rate_and_is_of_many_cars_that_can_be_believed(tmp_pat
         wire.bind(("127.0.0.1", 0))
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
         port = str(wire.getsockname()[1])
-        command = [sys.executable, "-m", "sim_rig.flood", port, "500", "0.5", "0"]
+        command = [sys.executable, "-m", "sim_rig.bsm_load", port, "500", "0.5", "0"]
         told = subprocess.run(
             [*command, str(tmp_path / "crowd")], capture_output=True, text=True, check=True
         )
@@ -41,7 +41,7 @@ def test_a_flood_keeps_its_rate_and_is_of_many_cars_that_can_be_believed(tmp_pat
                 break
 
     assert len(heard) == int(told.stdout) == pytest.approx(250, rel=0.2)
-    own = Security(utc_s, trial["own"])
+    own = SecurityServices(utc_s, trial["own"])
     opened = [own.open(wsmp.decode(each).payload, psid.BSM, 1.0) for each in heard]
     cores = [bsm.decode(each.payload).core for each in opened]
     assert len({core.temporary_id for core in cores}) == 20
@@ -70,7 +70,7 @@ def test_a_daemon_in_a_crowd_still_warns(tmp_path: Path) -> None:
 
 @pytest.mark.live
 def test_daemons_share_a_desk(tmp_path: Path) -> None:
-    found = asyncio.run(crowd_the_desk(tmp_path, cars=3, during_s=5.0))
+    found = asyncio.run(fill_the_testbench(tmp_path, cars=3, during_s=5.0))
 
     assert len(found.cores) == len(found.memory_mib) == 3
     assert min(found.sent_per_s) > 5.0

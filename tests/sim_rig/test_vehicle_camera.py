@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from onboard.observations import SensedCar
+from onboard.observations import VehicleDetection
 from sim_rig.cars.settings import VehicleCameraSettings
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.roads.road import CarState
@@ -32,7 +32,7 @@ def camera(cars: Mapping[str, CarState], **settings: float) -> VehicleCamera:
     )
 
 
-def look(cars: Mapping[str, CarState], **settings: float) -> list[SensedCar]:
+def look(cars: Mapping[str, CarState], **settings: float) -> list[VehicleDetection]:
     return camera(cars, **settings).look(0.0)
 
 

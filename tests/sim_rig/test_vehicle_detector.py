@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from onboard.detector.object_list import ObjectListReader
-from onboard.observations import DetectedCars
+from onboard.observations import DetectionList
 from sim_rig.cars.settings import VehicleCameraSettings
 from sim_rig.cars.vehicle_camera import FPS, VehicleCamera
 from sim_rig.cars.vehicle_detector import LATENCY_S, VehicleDetector
@@ -22,12 +22,12 @@ def detector(seed: int = 1) -> VehicleDetector:
 
 def test_every_picture_is_told_when_it_has_been_looked_through_with_cars_or_without() -> None:
     device, reader = detector(), ObjectListReader()
-    told: list[DetectedCars] = []
+    told: list[DetectionList] = []
     while (now := device.get_timer()) < 2.0:
         assert device.bytes_to_send(now - 0.001) == b""
         reader.receive_bytes(device.bytes_to_send(now), now)
         event = reader.next_event()
-        assert isinstance(event, DetectedCars)
+        assert isinstance(event, DetectionList)
         told.append(event)
 
     assert [each.stamp_s for each in told] == pytest.approx(

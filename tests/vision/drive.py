@@ -6,10 +6,17 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Discarded, Lead, Plate, SensedCar, SensorBack, SensorLost
+from onboard.observations import (
+    Discarded,
+    Lead,
+    Plate,
+    SensorLost,
+    SensorRecovered,
+    VehicleDetection,
+)
+from onboard.vision.perception import Event, Perception
 from onboard.vision.settings import CameraSettings, VisionSettings
-from onboard.vision.sight import Event, Sight
-from sim_rig.picture.scene import Picture, Scene
+from sim_rig.rendering.scene import CameraRenderer, Scene
 
 CAMERA = CameraSettings(
     source="rendered",
@@ -22,7 +29,7 @@ CAMERA = CameraSettings(
     mounting_height_m=1.3,
     pitch_rad=0.02,
 )
-PICTURE = Picture(CAMERA)
+PICTURE = CameraRenderer(CAMERA)
 TAGS = VisionSettings(plates=False)
 FPS = 10.0
 
@@ -42,16 +49,16 @@ class Seen:
         return [event for event in self.events if isinstance(event, Plate)]
 
     @property
-    def cars(self) -> list[SensedCar]:
-        return [event for event in self.events if isinstance(event, SensedCar)]
+    def cars(self) -> list[VehicleDetection]:
+        return [event for event in self.events if isinstance(event, VehicleDetection)]
 
     @property
     def discarded(self) -> list[Discarded]:
         return [event for event in self.events if isinstance(event, Discarded)]
 
     @property
-    def health(self) -> list[SensorLost | SensorBack]:
-        return [event for event in self.events if isinstance(event, SensorLost | SensorBack)]
+    def health(self) -> list[SensorLost | SensorRecovered]:
+        return [event for event in self.events if isinstance(event, SensorLost | SensorRecovered)]
 
 
 def frames(
@@ -63,13 +70,13 @@ def frames(
     seed: int = 1,
 ) -> Iterator[tuple[float, npt.NDArray[np.uint8]]]:
     """(stamp, picture) of a drive."""
-    picture = PICTURE if camera is CAMERA else Picture(camera)
+    picture = PICTURE if camera is CAMERA else CameraRenderer(camera)
     rng = np.random.default_rng(seed)
     for index in range(round(duration_s * fps)):
         yield index / fps, picture.draw(scene_at(index / fps), rng)
 
 
-def see(sight: Sight, drive: Iterator[tuple[float, npt.NDArray[np.uint8]]]) -> Seen:
+def see(sight: Perception, drive: Iterator[tuple[float, npt.NDArray[np.uint8]]]) -> Seen:
     """Everything that `sight` says of a drive."""
     seen = Seen()
     for stamp_s, image in drive:

@@ -19,7 +19,7 @@ from onboard.vision.camera import CameraThread, open_frames
 from onboard.vision.frames import CameraError, Frame, decode_picture
 from onboard.vision.recordings import Clip
 from onboard.vision.settings import CameraSettings, VisionSettings
-from sim_rig.picture.scene import Scene, SceneCar
+from sim_rig.rendering.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, frames
 
 BOUNDARY = b"picture"

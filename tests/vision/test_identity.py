@@ -2,21 +2,21 @@
 
 import pytest
 
-from onboard.vision.identity import Ballot
+from onboard.vision.identity import PlateVote
 from onboard.vision.syntax import PlateSyntax
 
 SHARE = 0.9
 
 
-def ballot(*reads: tuple[str, float], step_s: float = 0.1, start_s: float = 0.0) -> Ballot:
-    votes = Ballot(SHARE)
+def ballot(*reads: tuple[str, float], step_s: float = 0.1, start_s: float = 0.0) -> PlateVote:
+    votes = PlateVote(SHARE)
     for index, (text, confidence) in enumerate(reads):
         votes.vote(text, confidence, (confidence,) * len(text), start_s + index * step_s)
     return votes
 
 
 def test_nothing_read_is_nothing_known() -> None:
-    assert Ballot(SHARE).text is None
+    assert PlateVote(SHARE).text is None
 
 
 def test_one_read_is_a_guess_however_sure() -> None:
@@ -50,14 +50,14 @@ def test_misreads_at_different_places_are_outvoted() -> None:
 
     assert votes.text is None  # five in six votes at a place are fewer than nine in ten
 
-    votes = Ballot(0.75)
+    votes = PlateVote(0.75)
     for index, text in enumerate(reads):
         votes.vote(text, 0.9, (0.9,) * 7, index * 0.1)
     assert votes.text == "GN417KB"
 
 
 def test_a_character_that_the_reader_doubted_weighs_less() -> None:
-    votes = Ballot(SHARE)
+    votes = PlateVote(SHARE)
     for index in range(10):
         votes.vote("GN417KB", 0.9, (0.9,) * 7, 0.2 * index)
         votes.vote("GN417K8", 0.5, (0.9,) * 6 + (0.1,), 0.2 * index + 0.1)
@@ -76,14 +76,14 @@ def test_characters_that_are_drawn_alike_are_one_spelt_as_read_most_often() -> N
 
 
 def test_a_mixture_of_two_plates_is_never_said() -> None:
-    votes = Ballot(0.6)
+    votes = PlateVote(0.6)
     for index in range(30):
         # Each place has a winner with two thirds of the votes; no frame read that text.
         text = ("AACC", "AADD", "BBAC")[index % 3]
         votes.vote(text, 0.9, (0.9, 0.9, 0.9, 0.9), index * 0.1)
 
     assert votes.text in {None, "AACC"}
-    votes = Ballot(0.6)
+    votes = PlateVote(0.6)
     for index in range(30):
         votes.vote(("XAAAA", "AXAAA", "AAXAA")[index % 3], 0.9, (0.9,) * 5, index * 0.1)
     assert votes.text is None  # "AAAAA" has two thirds at each place

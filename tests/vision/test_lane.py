@@ -6,7 +6,7 @@ import pytest
 
 from onboard.vision.lane import LaneShape, MarkingFinder, OwnLane
 from onboard.vision.perspective import Perspective
-from sim_rig.picture.scene import Light, Scene, SceneCar
+from sim_rig.rendering.scene import Light, Scene, SceneCar
 from tests.vision.drive import CAMERA, PICTURE
 
 LANE_M = 3.5

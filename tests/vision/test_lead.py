@@ -8,8 +8,8 @@ import pytest
 from onboard.vision.car_track import CarTrack
 from onboard.vision.lane import OwnLane
 from onboard.vision.lead import LeadChoice
-from onboard.vision.perspective import Place
-from onboard.vision.sighting import Cue, Sighting
+from onboard.vision.perspective import RoadPosition
+from onboard.vision.plate_observation import Cue, Sighting
 from onboard.vision.tracker import Tracker
 
 LANE_M = 3.5
@@ -27,7 +27,7 @@ def sighting(
     return Sighting(
         cue=cue,
         corners_px=np.zeros((4, 2), np.float32),
-        place=Place(ahead_m, right_m, height_m),
+        place=RoadPosition(ahead_m, right_m, height_m),
         ahead_sigma_m=0.02 * ahead_m,
         right_sigma_m=0.1,
         text=text,
@@ -286,7 +286,7 @@ def test_a_lane_of_a_table_top_is_a_lane_too() -> None:
             Sighting(
                 Cue.TAG,
                 np.zeros((4, 2), np.float32),
-                Place(ahead_m, right_m, 0.04),
+                RoadPosition(ahead_m, right_m, 0.04),
                 0.005,
                 0.005,
                 text,

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.vision.motion import Motion
+from onboard.vision.motion import FrameMotion
 
 
 def filtered(
     positions_m: list[float], sigma_m: float, step_s: float, acceleration_sigma_m_s2: float
-) -> Motion:
-    motion = Motion(
+) -> FrameMotion:
+    motion = FrameMotion(
         positions_m[0],
         sigma_m,
         0.0,

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.vision.perspective import Perspective, Place
+from onboard.vision.perspective import Perspective, RoadPosition
 from onboard.vision.settings import Calibration, CameraSettings
-from sim_rig.picture.scene import Picture, SceneCar
+from sim_rig.rendering.scene import CameraRenderer, SceneCar
 
 ANGLES = st.floats(-0.1, 0.1)
 PLACES = st.builds(
-    Place,
+    RoadPosition,
     ahead_m=st.floats(3.0, 80.0),
     right_m=st.floats(-3.0, 3.0),
     height_m=st.floats(0.0, 1.2),
@@ -22,7 +22,7 @@ PLACES = st.builds(
 
 
 CAMERA = CameraSettings(source="rendered", pitch_rad=0.03, yaw_rad=-0.04)
-PICTURE = Picture(CAMERA)
+PICTURE = CameraRenderer(CAMERA)
 
 
 def calibration(pitch_rad: float = 0.0, yaw_rad: float = 0.0, k1: float = 0.0) -> Calibration:
@@ -30,7 +30,9 @@ def calibration(pitch_rad: float = 0.0, yaw_rad: float = 0.0, k1: float = 0.0) -
 
 
 @given(PLACES, ANGLES, ANGLES)
-def test_projection_is_that_of_opencv(place: Place, pitch_rad: float, yaw_rad: float) -> None:
+def test_projection_is_that_of_opencv(
+    place: RoadPosition, pitch_rad: float, yaw_rad: float
+) -> None:
     lens = calibration(pitch_rad, yaw_rad, k1=-0.1)
     # OpenCV wants the rotation from the car's axes (right, down, ahead) to the camera's: first
     # about the vertical, then about the camera's own horizontal axis.
@@ -49,7 +51,7 @@ def test_projection_is_that_of_opencv(place: Place, pitch_rad: float, yaw_rad: f
 
 
 @given(PLACES)
-def test_projection_is_that_of_the_rig(place: Place) -> None:
+def test_projection_is_that_of_the_rig(place: RoadPosition) -> None:
     expected = PICTURE.project(place.ahead_m, place.right_m, place.height_m)
 
     assert Perspective(CAMERA).project(place) == pytest.approx(expected, abs=1e-6)
@@ -72,7 +74,7 @@ def test_what_stands_on_the_road_is_located_by_its_foot(
 ) -> None:
     perspective = Perspective(calibration(pitch_rad, yaw_rad, k1=-0.1))
 
-    place = perspective.locate_on_road(*perspective.project(Place(ahead_m, right_m, 0.0)))
+    place = perspective.locate_on_road(*perspective.project(RoadPosition(ahead_m, right_m, 0.0)))
 
     assert place is not None
     assert place.ahead_m == pytest.approx(ahead_m, rel=1e-3)
@@ -88,8 +90,10 @@ def test_the_same_camera_at_half_the_resolution_sees_the_same_places() -> None:
     half = lens.for_size(640, 360)
 
     assert half is not None
-    u_px, v_px = Perspective(lens).project(Place(20.0, 2.0, 0.5))
-    assert Perspective(half).project(Place(20.0, 2.0, 0.5)) == pytest.approx((u_px / 2, v_px / 2))
+    u_px, v_px = Perspective(lens).project(RoadPosition(20.0, 2.0, 0.5))
+    assert Perspective(half).project(RoadPosition(20.0, 2.0, 0.5)) == pytest.approx(
+        (u_px / 2, v_px / 2)
+    )
 
 
 @pytest.mark.parametrize("size", [(720, 1280), (640, 480), (1280, 700)])

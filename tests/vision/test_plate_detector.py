@@ -7,14 +7,14 @@ import cv2
 import numpy as np
 import pytest
 
-from onboard.observations import Box
+from onboard.observations import ImageBox
 from onboard.vision.plate_detector import FoundPlate, PlateDetector, as_input
 from onboard.vision.settings import Calibration
-from sim_rig.picture.clutter import surroundings
-from sim_rig.picture.plate_art import FORMATS, PlateFormat
-from sim_rig.picture.scene import Light, Picture, Scene, SceneCar
+from sim_rig.rendering.clutter import surroundings
+from sim_rig.rendering.plate_art import FORMATS, PlateFormat
+from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar
 
-CAMERA = Picture(Calibration())
+CAMERA = CameraRenderer(Calibration())
 GOOD = 0.14
 """Share of a plate's width: Europe's blue band, which the network may leave out, is a twelfth."""
 
@@ -39,7 +39,7 @@ def error_share(found: list[FoundPlate], quad: np.ndarray) -> float:
 def test_a_plate_is_found_from_far_to_near(
     detector: PlateDetector, plate_format: PlateFormat, width_px: float
 ) -> None:
-    low = Picture(Calibration(mounting_height_m=0.7))  # or a near plate is below the picture
+    low = CameraRenderer(Calibration(mounting_height_m=0.7))  # or a near plate is below the picture
     ahead_m = low.camera.focal_x_px * plate_format.width_m / width_px
     car = SceneCar(ahead_m, 0.2, plate="KLM4567", plate_format=plate_format)
     found = detector.find(low.draw(Scene((car,)), rng()))
@@ -86,14 +86,14 @@ def test_in_a_region_as_in_the_whole_picture(detector: PlateDetector) -> None:
     car = SceneCar(9.0, plate="KLM4567")
     image, quad = CAMERA.draw(Scene((car,)), rng()), CAMERA.plate_quad(car)
     middle = quad.mean(axis=0)
-    region = Box(float(middle[0]) - 120, float(middle[1]) - 80, 240, 160)
+    region = ImageBox(float(middle[0]) - 120, float(middle[1]) - 80, 240, 160)
     assert error_share(detector.find(image, region), quad) < GOOD
 
 
 def test_a_region_outside_the_picture_is_empty(detector: PlateDetector) -> None:
     image = CAMERA.draw(Scene((SceneCar(9.0, plate="KLM4567"),)), rng())
-    assert detector.find(image, Box(5000, 5000, 100, 100)) == []
-    assert detector.find(image, Box(-500, -500, 100, 100)) == []
+    assert detector.find(image, ImageBox(5000, 5000, 100, 100)) == []
+    assert detector.find(image, ImageBox(-500, -500, 100, 100)) == []
 
 
 def test_an_empty_road_and_clutter_have_hardly_any_plates(detector: PlateDetector) -> None:
@@ -149,7 +149,7 @@ def test_light_only_shifts_what_the_network_sees() -> None:
 def test_box_and_width_of_a_find() -> None:
     corners = np.asarray([(10, 12), (110, 10), (111, 40), (9, 42)], np.float32)
     plate = FoundPlate(corners, 0.9)
-    assert plate.box == Box(9.0, 10.0, 102.0, 32.0)
+    assert plate.box == ImageBox(9.0, 10.0, 102.0, 32.0)
     assert plate.width_px == pytest.approx(101.01, abs=0.02)
 
 

@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 
 from onboard.observations import LeadIdentity
+from onboard.tools.see.annotated_frame import see_frames
 from onboard.vision.camera import open_frames
+from onboard.vision.perception import Perception
 from onboard.vision.plate_detector import Corners, Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader, PlateText
-from onboard.vision.seen_frame import see_frames
 from onboard.vision.settings import CameraSettings, VisionSettings
-from onboard.vision.sight import Sight
-from sim_rig.picture.plate_art import EU, FORMATS, draw_plate
-from sim_rig.picture.scene import Light, Picture, Scene, SceneCar, opaque, warp_onto
+from sim_rig.rendering.plate_art import EU, FORMATS, draw_plate
+from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar, opaque, warp_onto
 from tests.vision.drive import Seen, frames, see
 
 CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0, pitch_rad=0.02)
-PICTURE = Picture(CAMERA)
+PICTURE = CameraRenderer(CAMERA)
 FINDER, READER = PlateDetector(), PlateReader()
 OURS, THEIRS = "GN417KB", "YW903MS"
 
 
-def sight(settings: VisionSettings | None = None) -> Sight:
-    return Sight(CAMERA, settings or VisionSettings(), finder=FINDER, reader=READER)
+def sight(settings: VisionSettings | None = None) -> Perception:
+    return Perception(CAMERA, settings or VisionSettings(), finder=FINDER, reader=READER)
 
 
 def drive(*cars: SceneCar, light: Light = Light.DAY, duration_s: float = 1.5) -> Seen:
@@ -90,7 +90,7 @@ class CountingReader:
 def test_plates_that_are_known_are_read_once_a_second() -> None:
     cars = SceneCar(9.0, plate=OURS), SceneCar(12.0, 3.5, plate=THEIRS)
     counting = CountingReader()
-    watching = Sight(CAMERA, VisionSettings(), finder=FINDER, reader=counting)
+    watching = Perception(CAMERA, VisionSettings(), finder=FINDER, reader=counting)
     pictures = list(frames(lambda _: Scene(cars), 3.0, camera=CAMERA))
     first = see(watching, iter(pictures[:10]))
     counting.plates = 0
@@ -176,7 +176,9 @@ def test_real_clips_without_a_legible_plate_have_none(
     source = open_frames(CameraSettings(source=str(rig_data / "clips" / f"{clip}.mp4")))
     chosen = [frame for index, frame in enumerate(source) if index % every == 0]
 
-    seen = list(see_frames(chosen, Sight(None, VisionSettings(), finder=FINDER, reader=READER)))
+    seen = list(
+        see_frames(chosen, Perception(None, VisionSettings(), finder=FINDER, reader=READER))
+    )
 
     assert len(seen) == len(chosen) >= 12
     assert [plate for frame in seen for plate in frame.plates] == []

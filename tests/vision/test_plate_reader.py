@@ -7,7 +7,8 @@ import pytest
 
 from onboard.vision.perspective import Perspective
 from onboard.vision.plate_detector import PlateDetector
-from onboard.vision.plate_kinds import PlateKinds
+from onboard.vision.plate_formats import PlateKinds
+from onboard.vision.plate_observation import Search
 from onboard.vision.plate_reader import (
     ALPHABET,
     CERTAIN,
@@ -19,11 +20,10 @@ from onboard.vision.plate_reader import (
 )
 from onboard.vision.plates import Plates
 from onboard.vision.settings import Calibration
-from onboard.vision.sighting import Search
 from onboard.vision.syntax import PlateSyntax
-from sim_rig.picture.lens import photograph
-from sim_rig.picture.plate_art import FORMATS, PlateFormat, draw_plate
-from sim_rig.picture.scene import opaque, warp_onto
+from sim_rig.rendering.lens import photograph
+from sim_rig.rendering.plate_art import FORMATS, PlateFormat, draw_plate
+from sim_rig.rendering.scene import opaque, warp_onto
 
 
 @pytest.fixture(scope="module")

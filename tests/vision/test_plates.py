@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from onboard.observations import Box, Lead, Plate
-from onboard.vision.perspective import Perspective, Place
+from onboard.observations import ImageBox, Lead, Plate
+from onboard.vision.perception import Perception
+from onboard.vision.perspective import Perspective, RoadPosition
 from onboard.vision.plate_detector import Corners, FoundPlate, Image
 from onboard.vision.plate_reader import PlateText
 from onboard.vision.settings import Calibration, VisionSettings
-from onboard.vision.sight import Sight
 from tests.vision.drive import CAMERA
 
 SETTINGS = VisionSettings(tag_dictionary=None)
@@ -22,7 +22,7 @@ class Finder:
         corners = [(x0, 300), (x1, 300), (x1, 320), (x0, 320)]
         self.found = FoundPlate(np.array(corners, np.float32), 0.95)
 
-    def find(self, image: Image, region: Box | None = None) -> list[FoundPlate]:
+    def find(self, image: Image, region: ImageBox | None = None) -> list[FoundPlate]:
         return [self.found]
 
     def find_again(self, image: Image, last: Corners) -> FoundPlate | None:
@@ -43,7 +43,7 @@ class Reader:
 def plates(finder: Finder, *reads: tuple[str, float]) -> list[Plate]:
     rng = np.random.default_rng(1)
     settings = SETTINGS.model_copy(update={"read_known_every_s": 0.0, "read_every_s": 0.0})
-    sight = Sight(CAMERA, settings, finder=finder, reader=Reader(*reads))
+    sight = Perception(CAMERA, settings, finder=finder, reader=Reader(*reads))
     told = []
     for index in range(len(reads)):
         sight.receive_frame(rng.integers(0, 255, (540, 960, 3), np.uint8), index / 10)
@@ -99,13 +99,13 @@ def test_a_camera_of_which_only_the_lens_is_known_may_look_up_or_down(pitch_rad:
     art = Perspective(mounted)
     quad = art.project_all(
         [
-            Place(9.5, x, y)
+            RoadPosition(9.5, x, y)
             for x, y in ((-0.26, 0.655), (0.26, 0.655), (0.26, 0.545), (-0.26, 0.545))
         ]
     )
     finder = Finder(0.0)
     finder.found = FoundPlate(quad.astype(np.float32), 0.95)
-    sight = Sight(
+    sight = Perception(
         Calibration(**lens), SETTINGS, finder=finder, reader=Reader(*[("GN417KB", 0.9)] * 5)
     )
     rng = np.random.default_rng(1)

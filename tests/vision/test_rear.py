@@ -4,14 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from onboard.observations import Box, Lead, LeadIdentity
+from onboard.observations import ImageBox, Lead, LeadIdentity
+from onboard.vision.perception import Perception
 from onboard.vision.rear import Rear
 from onboard.vision.settings import VisionSettings
-from onboard.vision.sight import Sight
-from sim_rig.picture.scene import Scene, SceneCar
+from sim_rig.rendering.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, PICTURE, frames, see
 
-PLATE = Box(300, 190, 40, 10)
+PLATE = ImageBox(300, 190, 40, 10)
 TAGS = VisionSettings(plates=False, tag_side_m=0.4)
 
 
@@ -32,7 +32,7 @@ def moved(image: np.ndarray, factor: float, right_px: float, down_px: float) -> 
 @pytest.mark.parametrize("factor", [0.93, 0.99, 1.0, 1.004, 1.03, 1.1])
 def test_growth_and_shift_are_measured(factor: float) -> None:
     image, rear = textured(), Rear()
-    rear.remember(image, Box(260, 130, 120, 100), PLATE)
+    rear.remember(image, ImageBox(260, 130, 120, 100), PLATE)
 
     growth = rear.follow(moved(image, factor, 6.0, -3.0))
 
@@ -50,14 +50,14 @@ def test_growth_and_shift_are_measured(factor: float) -> None:
 )
 def test_what_is_not_there_any_more_is_not_followed(after: np.ndarray) -> None:
     rear = Rear()
-    rear.remember(textured(), Box(260, 130, 120, 100), PLATE)
+    rear.remember(textured(), ImageBox(260, 130, 120, 100), PLATE)
 
     assert rear.follow(after) is None
 
 
 def test_a_wall_without_corners_is_not_followed() -> None:
     wall, rear = np.full((360, 640, 3), 90, np.uint8), Rear()
-    rear.remember(wall, Box(260, 130, 120, 100), PLATE)
+    rear.remember(wall, ImageBox(260, 130, 120, 100), PLATE)
 
     assert rear.follow(wall) is None
 
@@ -65,7 +65,7 @@ def test_a_wall_without_corners_is_not_followed() -> None:
 @pytest.mark.parametrize("place", [(-300, -300), (620, 340), (0, 0), (630, 0)])
 def test_regions_at_and_beyond_the_rim_do_no_harm(place: tuple[int, int]) -> None:
     image, rear = textured(), Rear()
-    rear.remember(image, Box(*place, 120, 100), Box(*place, 40, 10))
+    rear.remember(image, ImageBox(*place, 120, 100), ImageBox(*place, 40, 10))
 
     growth = rear.follow(moved(image, 1.02, 0.0, 0.0))
 
@@ -74,7 +74,7 @@ def test_regions_at_and_beyond_the_rim_do_no_harm(place: tuple[int, int]) -> Non
 
 def test_a_picture_that_shrank_in_between_is_not_followed() -> None:
     image, rear = textured(), Rear()
-    rear.remember(image, Box(400, 230, 120, 100), PLATE)
+    rear.remember(image, ImageBox(400, 230, 120, 100), PLATE)
 
     assert rear.follow(image[:200, :300].copy()) is None
 
@@ -94,7 +94,7 @@ def test_a_lead_whose_tag_cannot_be_read_for_seconds_is_kept_and_measured() -> N
             cv2.rectangle(image, corner, tuple(np.rint(middle).astype(int)), (60, 70, 80), -1)
         drive.append((stamp_s, image))
 
-    seen = see(Sight(CAMERA, TAGS), iter(drive))
+    seen = see(Perception(CAMERA, TAGS), iter(drive))
 
     muddy = [lead for lead in seen.leads if 3.0 <= lead.stamp_s < 7.0]
     assert not [plate for plate in seen.plates if 3.0 <= plate.stamp_s < 7.0]
@@ -107,7 +107,7 @@ def test_a_lead_that_vanishes_is_given_up_in_time() -> None:
     def scene(stamp_s: float) -> Scene:
         return Scene((SceneCar(15.0, tag_id=1, tag_side_m=0.4),) if stamp_s < 2.0 else ())
 
-    seen = see(Sight(CAMERA, TAGS), frames(scene, 5.0))
+    seen = see(Perception(CAMERA, TAGS), frames(scene, 5.0))
 
     gone_at = min(lead.stamp_s for lead in seen.leads[10:] if lead.gap_m is None)
     assert gone_at <= 2.0 + TAGS.keep_s + 0.2
@@ -128,6 +128,6 @@ def test_closing_speed_follows_a_lead_that_speeds_up_and_slows_down() -> None:
         car = SceneCar(15.0 + 4.0 * np.sin(stamp_s), 0.2, tag_id=1, tag_side_m=0.4)
         return Scene(cars=(car,))
 
-    seen = see(Sight(CAMERA, TAGS), frames(scene, 6.0))
+    seen = see(Perception(CAMERA, TAGS), frames(scene, 6.0))
 
     assert _closing_error_m_s(seen.leads) < 0.6

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fuzz.targets import TARGETS, Target
-from onboard.security.security import NotTrusted
+from onboard.security.security_services import NotTrusted
 
 CORPUS = Path(__file__).parents[2] / "fuzz" / "corpus"
 

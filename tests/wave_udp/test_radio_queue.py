@@ -69,7 +69,7 @@ def test_a_frame_that_expires_now_is_not_sent_now():
     queue.put(b"bsm", BSM, expires_at=2.0, now=1.0)
     assert queue.wsms_to_send(2.0) == []
     event = queue.next_event()
-    assert (event.stamp_s, event.room, event.reason) == (2.0, "radio", "expired")
+    assert (event.stamp_s, event.component, event.reason) == (2.0, "radio", "expired")
 
 
 def test_a_full_queue_loses_the_oldest_of_the_least_urgent():

@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 
 from onboard.settings import Settings, parse_settings
-from onboard.wave_udp.decode import describe
+from onboard.tools.decode.describe import describe
 from onboard.wave_udp.settings import RadioSettings
 from tools.lcca_tables import with_tables
 

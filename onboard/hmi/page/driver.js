@@ -38,7 +38,7 @@ function show(view) {
   showSensors(view.sensors, view.not_recording);
   showAlarms(view.alarms);
   for (const item of $("legend").children) {
-    item.hidden = !view.cars.some((car) => car.known_by === item.className);
+    item.hidden = !view.cars.some((car) => car.source === item.className);
   }
   $("brake").hidden = !view.brake_button;
   road.draw(view);
@@ -126,13 +126,13 @@ function showAlarms(alarms) {
 function wordsOf({ cause, level, direction, cars_ahead }) {
   const isWarning = level === "warning";
   switch (cause) {
-    case "group": {
+    case "lcca": {
       const sentence = cars_ahead > 1 ? fill(TEXTS.groupSecond, { count: cars_ahead }) : TEXTS.groupOne;
       return { sign: "brake", headline: TEXTS.brakeNow, sentence };
     }
-    case "hard_braking":
+    case "eebl":
       return { sign: "brake", headline: isWarning ? TEXTS.brakeNow : TEXTS.watchOut, sentence: TEXTS.hardBraking };
-    case "closing_gap":
+    case "fcw":
       return { sign: "gap", headline: isWarning ? TEXTS.brakeNow : TEXTS.keepDistance, sentence: TEXTS.closingGap };
     default: {
       const sign = direction === "ahead" ? "brake" : direction;

@@ -54,7 +54,7 @@ export class Road {
     for (const each of [...view.cars].reverse()) {
       const place = at(each.ahead_m, each.right_m);
       if (place.y > -car.length && place.y < height + car.length) {
-        parts.push(this.#car(place, car, each.in_alarm ? `${each.known_by} in-alarm` : each.known_by, each.turned_rad));
+        parts.push(this.#car(place, car, each.in_alarm ? `${each.source} in-alarm` : each.source, each.turned_rad));
       }
     }
     if (ahead?.gap_m != null) {

@@ -22,9 +22,9 @@ export const TEXTS = {
   safeLine: "safe {safe} m",
   speed: "Speed",
   plateUnknown: "plate not read",
-  knownByRadio: "own radio",
-  knownBySight: "seen",
-  knownByTold: "told of",
+  objectByBsm: "own radio",
+  objectBySensor: "seen",
+  objectByShared: "told of",
 
   camera: "Camera",
   speedSensor: "Speed",

@@ -75,7 +75,7 @@ export class Card {
   #lost(at_s) {
     const changes = [
       ...this.store.between(this.car, "sensor_lost", -Infinity, at_s),
-      ...this.store.between(this.car, "sensor_back", -Infinity, at_s),
+      ...this.store.between(this.car, "sensor_recovered", -Infinity, at_s),
     ].filter((change) => (change.traced_s ?? 0) <= at_s).sort((one, other) => one.order - other.order);
     const last = new Map(changes.map((change) => [change.sensor, change]));
     return [...last.values()].filter((change) => change.kind === "sensor_lost")

@@ -61,7 +61,7 @@ export function isWarning({ kind, level }) {
   return kind === "alarm" && level === "warning";
 }
 
-const OFTEN = new Set(["speed", "lead", "plate", "known_car"]);
+const OFTEN = new Set(["speed", "lead", "plate", "perceived_object"]);
 
 function messageKey(sender, { message, content }) {
   return `${sender} ${message} ${JSON.stringify(content)}`;

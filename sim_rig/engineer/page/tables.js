@@ -14,8 +14,8 @@ export function drawSaid(element, store, at_s, start_s) {
 export function drawDiscarded(table, cars, store, at_s) {
   const counts = new Map();
   cars.forEach(({ name }, index) => {
-    for (const { room, reason } of store.between(name, "discarded", -Infinity, at_s)) {
-      const key = `${room}: ${reason}`;
+    for (const { component, reason } of store.between(name, "discarded", -Infinity, at_s)) {
+      const key = `${component}: ${reason}`;
       if (!counts.has(key)) counts.set(key, cars.map(() => 0));
       counts.get(key)[index] += 1;
     }
@@ -27,10 +27,10 @@ export function drawDiscarded(table, cars, store, at_s) {
 export function drawFused(table, none, cars, store, at_s, start_s) {
   const rows = [];
   for (const { name } of cars) {
-    const known = store.between(name, "known_car", at_s - FUSED_HELD_S, at_s);
+    const known = store.between(name, "perceived_object", at_s - FUSED_HELD_S, at_s);
     const newest = known.at(-1)?.stamp_s;
     for (const car of known.filter((each) => each.stamp_s === newest)) {
-      rows.push(row(name, car.name, car.known_by, `${car.state[0].toFixed(1)}, ${car.state[1].toFixed(1)}`,
+      rows.push(row(name, car.name, car.source, `${car.state[0].toFixed(1)}, ${car.state[1].toFixed(1)}`,
         car.sigma_m.toFixed(2), measurements(car.provenance)));
     }
   }

@@ -1,0 +1,1 @@
+"""Geodesy, and the acceleration behind a series of speeds."""

@@ -1,0 +1,81 @@
+"""How fast a speed changes: the slope of its samples over a short window."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+LEAST_SAMPLES = 4
+
+_HARDEST_BRAKING_M_S2 = 12.0
+"""No tyre on a dry road does more."""
+
+
+def is_jump(step_m_s: float, elapsed_s: float, error_m_s: float) -> bool:
+    """Whether a speed changed by more than a car's can, and its error explains."""
+    return abs(step_m_s) > _HARDEST_BRAKING_M_S2 * elapsed_s + error_m_s
+
+
+def slope(samples: Sequence[tuple[float, float]]) -> float:
+    """Of values by their stamps, (stamp in s, value), by least squares."""
+    times_s, values = np.array(samples).T
+    times_s -= times_s.mean()
+    return float(times_s @ values / (times_s @ times_s))
+
+
+def is_late(stamp_s: float, newest_s: float, window_s: float) -> bool:
+    """Whether a sample is no newer than the newest one so far, and so of no use.
+
+    If it lies back by more than the window, it was the newest stamp that was wrong: take the sample
+    and begin anew. Otherwise one stamp far ahead would have all later samples ignored.
+    """
+    return newest_s - window_s <= stamp_s <= newest_s
+
+
+class AccelerationEstimator:
+    """Takes samples of one car's speed, tells its acceleration."""
+
+    def __init__(self, window_s: float) -> None:
+        """Look back `window_s`; half of it must be covered before anything is told."""
+        self._window_s = window_s
+        self._samples: deque[tuple[float, float]] = deque()
+
+    def receive(self, stamp_s: float, speed_m_s: float) -> None:
+        """Take a sample; one that comes late is ignored."""
+        if self._samples:
+            newest_s = self._samples[-1][0]
+            if is_late(stamp_s, newest_s, self._window_s):
+                return
+            if stamp_s < newest_s:
+                self.clear()
+        self._samples.append((stamp_s, speed_m_s))
+        while stamp_s - self._samples[0][0] > self._window_s:
+            self._samples.popleft()
+
+    def clear(self) -> None:
+        """What comes next is of another car."""
+        self._samples.clear()
+
+    @property
+    def acceleration_m_s2(self) -> float | None:
+        """By least squares, true of the middle of the window; `None` while it is not covered."""
+        return slope(self._samples) if self._is_covered else None
+
+    def largest_error_m_s2(self, step_m_s: float) -> float:
+        """By how much at most the acceleration is off since speeds come in steps of `step_m_s`.
+
+        Infinite while none is told. Holds for rounding and for cutting off alike.
+        """
+        if not self._is_covered:
+            return math.inf
+        times_s = np.array(self._samples)[:, 0]
+        times_s -= times_s.mean()
+        return float(step_m_s / 2.0 * np.abs(times_s).sum() / (times_s @ times_s))
+
+    @property
+    def _is_covered(self) -> bool:
+        samples = self._samples
+        return (
+            len(samples) >= LEAST_SAMPLES and samples[-1][0] - samples[0][0] >= self._window_s / 2
+        )

@@ -1,0 +1,39 @@
+"""How a car begins: all that its cores are given before the first input."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from onboard.access.driver_model import DriverModel
+from onboard.config import CarConfig
+from onboard.observations import Sensor
+from onboard.security.credentials import Credentials
+from onboard.security.plate_digest import PlateDigest
+from onboard.stack import Stack
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InitialState:
+    """What `Stack` begins with, as far as it can be recorded: see there."""
+
+    config: CarConfig
+    sensors: frozenset[Sensor]
+    seed: np.random.SeedSequence
+    """Of everything random."""
+    now: float
+    utc_s: float
+    credentials: Credentials | None = None
+    driver: DriverModel | None = None
+
+    def stack(self, digest: PlateDigest | None = None) -> Stack:
+        """The cores of a car that begins like this."""
+        return Stack(
+            self.config,
+            self.sensors,
+            np.random.default_rng(self.seed),
+            now=self.now,
+            utc_s=self.utc_s,
+            credentials=self.credentials,
+            driver=self.driver,
+            digest=digest,
+        )

@@ -1,0 +1,88 @@
+"""Puts a car's cores together with everything about them on record, and again from the record."""
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+from onboard.config import CarConfig
+from onboard.recorder.header import RecordingHeader, make_header
+from onboard.recorder.identities import Aliases, RecordingDigest, ReplayedDigest
+from onboard.recorder.initial_state import InitialState
+from onboard.recorder.records import Identity, Record
+from onboard.recorder.settings import RecorderSettings
+from onboard.recorder.tap import Tap
+from onboard.stack import Stack
+
+
+class RecordWriter(Protocol):
+    """Where a recording goes."""
+
+    @property
+    def settings(self) -> RecorderSettings:
+        """What may be recorded."""
+
+    def begin(self, head: RecordingHeader) -> None:
+        """Take what the drive begins with."""
+
+    def note(self, note: Record) -> None:
+        """Take one message."""
+
+
+def recorded_stack(writer: RecordWriter | None, beginning: InitialState) -> Stack | Tap:
+    """The cores of a car, and a tap that tells `writer` everything.
+
+    Without a `writer` there is no tap.
+    """
+    if writer is None:
+        return beginning.stack()
+    settings = writer.settings
+    aliases = Aliases(in_clear=settings.plates == "clear")
+    writer.begin(make_header(beginning, aliases, is_complete=settings.positions))
+    begins = beginning.now, beginning.utc_s
+    tap: Tap | None = None
+
+    def note_identity(plate: str, epoch: int, car_id: bytes) -> None:
+        # The cores derive their own ID while they are made, before they can be tapped.
+        at_s, at_utc_s = begins if tap is None else tap.last_call
+        identity = Identity(at_s, aliases.word(plate), epoch, car_id)
+        writer.note(Record("/in/identity", at_utc_s, identity))
+
+    stack = beginning.stack(RecordingDigest(beginning.config.security.plate_digest, note_identity))
+    tap = Tap(stack, writer.note, aliases, begins, positions=settings.positions)
+    return tap
+
+
+def replayed_stack(
+    head: RecordingHeader,
+    car_ids: Mapping[tuple[str, int], bytes],
+    note: Callable[[Record], None],
+    begins: tuple[float, float] | None = None,
+) -> Tap:
+    """The cores of a recorded drive, new.
+
+    Args:
+        head: of the recording.
+        car_ids: as in `ReplayedDigest`; it may grow while the drive is replayed.
+        note: gets what the cores answer.
+        begins: the time on the cores' clock and in UTC, where it is not the drive's beginning.
+    """
+    beginning = head.beginning()
+    now, utc_s = begins or (beginning.now, beginning.utc_s)
+    digest = ReplayedDigest(beginning.config.security.plate_digest, car_ids)
+    with tempfile.TemporaryDirectory() as folder:
+        config = _with_dbc(beginning.config, head.dbc, Path(folder))
+        stack = replace(beginning, config=config, now=now, utc_s=utc_s).stack(digest)
+    return Tap(stack, note, Aliases(in_clear=True), (now, utc_s), positions=True)
+
+
+def _with_dbc(config: CarConfig, dbc: str | None, folder: Path) -> CarConfig:
+    """With the recorded signals of the car's bus, where it broadcasts them, in a file again."""
+    if config.obd.broadcast is None:
+        return config
+    file = folder / "car.dbc"
+    file.write_text(dbc or "", "latin-1")
+    broadcast = config.obd.broadcast.model_copy(update={"dbc": file})
+    obd = config.obd.model_copy(update={"broadcast": broadcast})
+    return config.model_copy(update={"obd": obd})

@@ -1,0 +1,51 @@
+"""How hard the own driver brakes already, where it is known."""
+
+from onboard.kinematics.acceleration import AccelerationEstimator, is_jump, is_late
+from onboard.observations import BrakePedal, Speed
+
+
+class HostBraking:
+    """Takes the speed and, where the car tells it, the brake pedal."""
+
+    def __init__(self, window_s: float) -> None:
+        """Look back `window_s`, over which braking is measured; what is older says nothing."""
+        self._window_s = window_s
+        self._trend = AccelerationEstimator(window_s)
+        self._speed: Speed | None = None
+        self._pedal: BrakePedal | None = None
+
+    def receive_speed(self, speed: Speed) -> None:
+        """Take a sample. After a step that no car drives, or from another source, all is new."""
+        last = self._speed
+        if last is not None and is_late(speed.stamp_s, last.stamp_s, self._window_s):
+            return
+        if last is not None and (speed.source != last.source or _jumps(last, speed)):
+            self._trend.clear()
+        self._speed = speed
+        self._trend.receive(speed.stamp_s, speed.speed_m_s)
+
+    def receive_pedal(self, pedal: BrakePedal) -> None:
+        """Take the state of the pedal."""
+        self._pedal = pedal
+
+    def at_least_m_s2(self, now: float) -> float | None:
+        """The braking less what the steps of the speed may have added, 0 or more.
+
+        0 with the foot off the pedal: the slope is that of half a window ago, and what an engine or
+        a cruise control does is no answer of the driver's. `None` while it is not known.
+        """
+        if self._speed is None or now - self._speed.stamp_s > self._window_s:
+            return None
+        slope_m_s2 = self._trend.acceleration_m_s2
+        if slope_m_s2 is None:
+            return None
+        pedal = self._pedal
+        if pedal is not None and now - pedal.stamp_s <= self._window_s and not pedal.pressed:
+            return 0.0
+        error_m_s2 = self._trend.largest_error_m_s2(self._speed.resolution_m_s)
+        return max(-slope_m_s2 - error_m_s2, 0.0)
+
+
+def _jumps(last: Speed, new: Speed) -> bool:
+    step_m_s, elapsed_s = new.speed_m_s - last.speed_m_s, new.stamp_s - last.stamp_s
+    return is_jump(step_m_s, elapsed_s, new.resolution_m_s)

@@ -1,0 +1,37 @@
+"""How the speed and the course of a car change, where it does not say so itself."""
+
+import math
+
+from onboard.kinematics.acceleration import AccelerationEstimator
+
+
+class VehicleMotion:
+    """Takes the velocities of one car, one for each judgement."""
+
+    def __init__(self, window_s: float) -> None:
+        """Look back `window_s`; half of it must be covered before anything is told."""
+        self._along = AccelerationEstimator(window_s)
+        self._east, self._north = AccelerationEstimator(window_s), AccelerationEstimator(window_s)
+        self._velocity_m_s = 0.0, 0.0
+
+    def receive(self, stamp_s: float, east_m_s: float, north_m_s: float) -> None:
+        """Take a velocity; one that comes late is ignored."""
+        self._velocity_m_s = east_m_s, north_m_s
+        self._along.receive(stamp_s, math.hypot(east_m_s, north_m_s))
+        self._east.receive(stamp_s, east_m_s)
+        self._north.receive(stamp_s, north_m_s)
+
+    @property
+    def acceleration_m_s2(self) -> float | None:
+        """Along the course; `None` while the window is not covered."""
+        return self._along.acceleration_m_s2
+
+    @property
+    def sideways_m_s2(self) -> float | None:
+        """Across the course, to the left; `None` while the window is not covered, or at rest."""
+        east, north = self._velocity_m_s
+        to_east, to_north = self._east.acceleration_m_s2, self._north.acceleration_m_s2
+        speed_m_s = math.hypot(east, north)
+        if to_east is None or to_north is None or speed_m_s == 0.0:
+            return None
+        return (east * to_north - north * to_east) / speed_m_s

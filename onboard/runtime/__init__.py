@@ -1,0 +1,1 @@
+"""The process around the daemon: systemd, garbage collection, output sinks."""

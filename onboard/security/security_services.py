@@ -1,0 +1,194 @@
+"""The core between the messages and the radio: secures what goes out, opens what came in.
+
+Nothing that a radio received is believed before `Security.open` has returned it. The checks run
+from the cheapest to the dearest, the signature last.
+"""
+
+from dataclasses import dataclass
+
+from onboard.messages import bsm
+from onboard.security import ieee1609dot2, p256
+from onboard.security.credentials import Credential, Credentials
+from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
+from onboard.security.its_time import from_time64, to_time64
+from onboard.security.oer import Malformed, Unsupported
+from onboard.security.rejection import NotTrusted, RejectionReason
+from onboard.security.replay_window import ReplayWindow
+from onboard.security.settings import SecuritySettings
+from onboard.security.trust import Trusted, TrustStore
+
+__all__ = ["NotTrusted", "Opened", "RejectionReason", "SecurityServices"]
+
+_REMEMBERED = 32_768
+"""Messages kept against replay: 5 s of 6,000 a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A message out of its envelope."""
+
+    payload: bytes
+    signer_id: bytes | None
+    """HashedId8 of the certificate that signed it; `None`: nobody vouches for it."""
+    generation_utc_s: float | None
+
+
+class SecurityServices:
+    """Wraps and unwraps 1609.2 data. `now` is the car's clock; UTC is `now + utc_offset_s`."""
+
+    def __init__(
+        self,
+        utc_offset_s: float,
+        credentials: Credentials | None = None,
+        settings: SecuritySettings | None = None,
+    ) -> None:
+        """Sign and verify with `credentials`; without them, neither.
+
+        Raises:
+            NotTrusted: the credentials' own certificates do not fit together.
+        """
+        self.utc_offset_s = utc_offset_s
+        self._settings = settings or SecuritySettings()
+        self._certificate_due_at = float("-inf")
+        self._last_generation = 0
+        self._replays = ReplayWindow(
+            round(self._settings.message_lifetime_s * 1e6), capacity=_REMEMBERED
+        )
+        self._own_ids: frozenset[bytes] = frozenset()
+        self._credential: Credential | None = None
+        self._trust: TrustStore | None = None
+        if credentials is not None:
+            self._own_ids = frozenset(own.certificate.hashed_id8 for own in credentials.pseudonyms)
+            self._credential = credentials.pseudonyms[0]
+            self._trust = TrustStore(credentials.roots, credentials.authorities)
+
+    def sign_with(self, credential: Credential) -> None:
+        """Use `credential` from now on; the next message introduces it."""
+        self._credential = credential
+        self._certificate_due_at = float("-inf")
+
+    # ---- out ------------------------------------------------------------------------------
+
+    def secure(
+        self,
+        payload: bytes,
+        psid: int,
+        now: float,
+        *,
+        expires_in_s: float | None = None,
+        location: ieee1609dot2.Location | None = None,
+    ) -> bytes:
+        """Return `payload` as Ieee1609Dot2Data, to be sent under `psid`."""
+        if self._credential is None:
+            return ieee1609dot2.encode_unsecured(payload)
+        generation = self._generation_time64(now)
+        expiry = None if expires_in_s is None else generation + round(expires_in_s * 1e6)
+        to_be_signed = ieee1609dot2.encode_to_be_signed(payload, psid, generation, expiry, location)
+        certificate = self._credential.certificate
+        digest = p256.digest_to_sign(to_be_signed, certificate.digest)
+        return ieee1609dot2.encode_signed(
+            to_be_signed,
+            certificate if self._is_introduced(psid, now) else certificate.hashed_id8,
+            p256.sign(self._credential.key, digest),
+        )
+
+    def _generation_time64(self, now: float) -> int:
+        """Return the time to stamp; no two messages of a car have the same.
+
+        The clock of a box may stand before 2004 until it is set. Nobody believes the car till then.
+        """
+        generation = max(0, to_time64(now + self.utc_offset_s))
+        if 0 <= self._last_generation - generation < 1_000:
+            generation = self._last_generation + 1
+        self._last_generation = generation
+        return generation
+
+    def _is_introduced(self, psid: int, now: float) -> bool:
+        if psid == bsm.PSID and now < self._certificate_due_at:
+            return False
+        self._certificate_due_at = now + self._settings.certificate_interval_s
+        return True
+
+    # ---- in -------------------------------------------------------------------------------
+
+    def open(self, data: bytes, psid: int, now: float) -> Opened:
+        """Return what `data`, received under `psid`, carries.
+
+        Without credentials whatever can be read is returned, and nobody vouches for it.
+
+        Raises:
+            NotTrusted: it must not be believed; `reason` says why.
+        """
+        try:
+            message = ieee1609dot2.decode(data)
+        except Malformed as malformed:
+            raise NotTrusted(RejectionReason.MALFORMED, str(malformed)) from malformed
+        except Unsupported as unsupported:
+            raise NotTrusted(RejectionReason.UNSUPPORTED, str(unsupported)) from unsupported
+        if isinstance(message, UnsecuredData):
+            if self._trust is not None:
+                raise NotTrusted(RejectionReason.UNSIGNED)
+            return Opened(message.payload, signer_id=None, generation_utc_s=None)
+        if message.psid != psid:
+            raise NotTrusted(RejectionReason.WRONG_PSID, f"signed for 0x{message.psid:X}")
+        if self._trust is None:
+            return Opened(message.payload, None, message.generation_utc_s)
+        return self._verify(message, self._trust, now + self.utc_offset_s)
+
+    def _verify(self, message: SignedData, trust: TrustStore, utc_s: float) -> Opened:
+        generation = self._check_time(message, utc_s)
+        signer = self._signer(message, trust)
+        self._check_signer(signer, message.psid, from_time64(generation), utc_s)
+        digest = p256.digest_to_sign(message.to_be_signed, signer.certificate.digest)
+        if digest in self._replays:
+            raise NotTrusted(RejectionReason.REPLAY)
+        if not p256.is_signed(signer.key, digest, message.signature):
+            raise NotTrusted(RejectionReason.BAD_SIGNATURE)
+        self._replays.add(digest, generation, to_time64(utc_s))
+        return Opened(message.payload, signer.certificate.hashed_id8, from_time64(generation))
+
+    def _check_time(self, message: SignedData, utc_s: float) -> int:
+        generation = message.generation_time64
+        if generation is None:
+            raise NotTrusted(RejectionReason.STALE, "does not say when it was made")
+        age_s = utc_s - from_time64(generation)
+        if age_s > self._settings.message_lifetime_s:
+            raise NotTrusted(RejectionReason.STALE, f"{age_s:.3f} s old")
+        self._replays.receive_time(to_time64(utc_s))
+        if generation <= self._replays.forgotten_us:
+            raise NotTrusted(
+                RejectionReason.STALE, "of a time whose messages are no longer remembered"
+            )
+        if age_s < -self._settings.clock_tolerance_s:
+            raise NotTrusted(RejectionReason.FROM_THE_FUTURE, f"{-age_s:.3f} s ahead")
+        if message.expiry_time64 is not None and utc_s >= from_time64(message.expiry_time64):
+            raise NotTrusted(RejectionReason.EXPIRED, "the message is over")
+        return generation
+
+    def _signer(self, message: SignedData, trust: TrustStore) -> Trusted:
+        if isinstance(message.signer, bytes):
+            if message.signer in self._own_ids:
+                raise NotTrusted(RejectionReason.OWN_ECHO)
+            known = trust.find(message.signer)
+            if known is None:
+                raise NotTrusted(RejectionReason.UNKNOWN_CERTIFICATE, message.signer.hex())
+            return known
+        if message.signer[0].hashed_id8 in self._own_ids:
+            raise NotTrusted(RejectionReason.OWN_ECHO)
+        *above, own = reversed(message.signer)
+        for certificate in above:
+            trust.receive(certificate)
+        return trust.receive(own)
+
+    def _check_signer(
+        self, signer: Trusted, psid: int, generation_utc_s: float, utc_s: float
+    ) -> None:
+        if psid not in signer.psids:
+            raise NotTrusted(
+                RejectionReason.WRONG_PSID, f"its certificate does not allow 0x{psid:X}"
+            )
+        for at_utc_s in (generation_utc_s, utc_s):
+            if at_utc_s >= signer.valid_until_utc_s:
+                raise NotTrusted(RejectionReason.EXPIRED, "its certificate")
+            if at_utc_s < signer.valid_from_utc_s:
+                raise NotTrusted(RejectionReason.NOT_YET_VALID, "its certificate")

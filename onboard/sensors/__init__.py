@@ -1,0 +1,1 @@
+"""What all sensor inputs share: their clocks, and their timeouts."""

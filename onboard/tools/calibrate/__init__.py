@@ -1,0 +1,1 @@
+"""`onboard calibrate`: focal length, distortion and mounting of a camera."""

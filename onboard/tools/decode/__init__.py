@@ -1,0 +1,1 @@
+"""`onboard decode`: the radio messages of a capture, one JSON object a line."""

@@ -1,0 +1,71 @@
+"""`onboard decode`: what is in hex lines or in a capture."""
+
+import json
+import sys
+from collections.abc import Iterable, Iterator
+from io import BufferedReader
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from onboard.errors import UserError
+from onboard.tools.decode.describe import Form, describe
+from onboard.wave_udp.capture import CaptureError, Packet, is_capture, read_capture
+
+
+def decode(
+    file: Annotated[
+        Path, typer.Argument(help="A pcap or pcapng, or lines of hex; - reads the standard input.")
+    ] = Path("-"),
+    form: Annotated[Form, typer.Option("--as", help="What the bytes begin with.")] = Form.AUTO,
+) -> None:
+    """Print the radio messages in a capture or in lines of hex, one JSON object each.
+
+    Nothing is verified. What cannot be decoded says so on its line.
+    """
+    with _open(file) as stream:
+        try:
+            for record in _records(stream, form):
+                typer.echo(json.dumps(record, separators=(",", ":")))
+        except CaptureError as error:
+            raise UserError(f"{file}: {error}") from error
+
+
+def _open(file: Path) -> BufferedReader:
+    if str(file) == "-":
+        return open(sys.stdin.fileno(), "rb", closefd=False)
+    try:
+        return file.open("rb")
+    except OSError as error:
+        raise UserError(f"{file}: cannot be read: {error.strerror}") from error
+
+
+def _records(stream: BufferedReader, form: Form) -> Iterator[dict[str, Any]]:
+    if is_capture(stream.peek(4)):
+        return _describe_packets(read_capture(stream.read()), form)
+    return _describe_lines(stream, form)
+
+
+def _describe_packets(packets: Iterable[Packet], form: Form) -> Iterator[dict[str, Any]]:
+    for number, packet in enumerate(packets, start=1):
+        head = {"packet": number, "utc_s": packet.utc_s}
+        if packet.message is None:
+            yield head | {"error": {"layer": "capture", "reason": "neither_wsmp_nor_udp"}}
+        else:
+            yield head | describe(packet.message, form)
+
+
+def _describe_lines(lines: Iterable[bytes], form: Form) -> Iterator[dict[str, Any]]:
+    """Blanks and colons between the digits, and a leading 0x, are no matter; # begins a comment."""
+    for number, line in enumerate(lines, start=1):
+        digits = line.partition(b"#")[0].replace(b":", b" ").strip().removeprefix(b"0x")
+        if not digits:
+            continue
+        try:
+            data = bytes.fromhex(digits.decode("ascii"))
+        except ValueError as error:
+            detail = str(error)
+            yield {"line": number, "error": {"layer": "hex", "reason": "not_hex", "detail": detail}}
+        else:
+            yield {"line": number} | describe(data, form)

@@ -1,0 +1,218 @@
+"""Says what is in bytes from the air, layer by layer, as far as they can be read.
+
+This looks over the shoulders of the other rooms, for people: nothing that drives depends on it, and
+nothing it says was verified.
+"""
+
+from collections.abc import Container
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import chain, count
+from typing import Any
+
+from onboard.messages import bsm, lcca, mvs_footer
+from onboard.messages.declaration import DecodeError
+from onboard.messages.uper import printed
+from onboard.security import ieee1609dot2
+from onboard.security.certificates import Certificate
+from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
+from onboard.security.its_time import from_time64
+from onboard.security.oer import Malformed, Unsupported
+from onboard.security.rejection import RejectionReason
+from onboard.wave_udp import immediate_forward, psid, wsmp
+
+
+class Form(StrEnum):
+    """What the bytes begin with."""
+
+    AUTO = "auto"
+    """Told by the bytes themselves."""
+    WSM = "wsm"
+    DOT2 = "1609.2"
+    MESSAGE_FRAME = "messageframe"
+    LCCA = "lcca"
+    MVS_FOOTER = "mvs_footer"
+    RSU41 = "rsu41"
+
+
+def describe(data: bytes, form: Form = Form.AUTO) -> dict[str, Any]:
+    """Return each layer of `data` under its name, outermost first.
+
+    Where a layer cannot be read, `error` says which, with the reason, and `undecoded` has its bytes
+    as hex.
+    """
+    layers: dict[str, Any] = {}
+    within = _Layer({}, data, form)
+    while within.content is not None:
+        form = within.form
+        if form is Form.AUTO:
+            form = _form_of(within.content, within.psid)
+        try:
+            inner = _READERS[form](within.content)
+        except DecodeError as error:
+            layers["error"] = {"layer": form, "reason": error.reason, "detail": error.detail}
+            layers["undecoded"] = within.content.hex()
+            break
+        layers[_unused(form, layers)] = inner.said
+        within = inner if inner.psid is not None else replace(inner, psid=within.psid)
+    return layers
+
+
+def _unused(form: Form, layers: Container[str]) -> str:
+    """Name a layer that comes again, as in 1609.2 data within 1609.2 data, apart from the first."""
+    names = chain([str(form)], (f"{form} {n}" for n in count(2)))
+    return next(name for name in names if name not in layers)
+
+
+@dataclass(frozen=True, slots=True)
+class _Layer:
+    """What is said of a layer, and what it carries."""
+
+    said: dict[str, Any]
+    content: bytes | None = None
+    form: Form = Form.AUTO
+    """Of the content."""
+    psid: int | None = None
+    """Under which the content travels, where the layer says so."""
+
+
+def _form_of(data: bytes, inner_psid: int | None) -> Form:
+    """Tell by the first octets, and by the PSID that the layers around gave.
+
+    WSMP begins with its version and a TPID of 0 or 1, 1609.2 data with 3 and a choice of 80 hex or
+    more, a MessageFrame with the high octet of a small message number, LCCA with its version.
+    """
+    first, second = (data + bytes(2))[:2]
+    if data.startswith(b"Version"):
+        return Form.RSU41
+    if inner_psid in psid.PRIVATE_USE and first == lcca.VERSION:
+        return Form.LCCA
+    if first == wsmp.VERSION and second >= 0x80:
+        return Form.DOT2
+    if first == 0 or inner_psid == psid.BSM:
+        return Form.MESSAGE_FRAME
+    return Form.LCCA if first == lcca.VERSION else Form.WSM
+
+
+def _rsu41(data: bytes) -> _Layer:
+    message = immediate_forward.decode(data)
+    said = {
+        "version": message.version,
+        "type": message.type,
+        **_psid(message.psid),
+        "priority": message.priority,
+        "tx_mode": message.tx_mode,
+        "tx_channel": message.tx_channel,
+        "tx_interval_s": message.tx_interval,
+        "delivery_start": message.delivery_start,
+        "delivery_stop": message.delivery_stop,
+        "signature": message.signature,
+        "encryption": message.encryption,
+    }
+    return _Layer(said, message.payload, psid=message.psid)
+
+
+def _wsm(data: bytes) -> _Layer:
+    wsm = wsmp.decode(data)
+    said = {
+        "version": wsm.version,
+        "channel_number": wsm.channel_number,
+        "data_rate_mbit_s": wsm.data_rate_mbit_s,
+        "transmit_power_dbm": wsm.transmit_power_dbm,
+        "n_extensions": [_element(element) for element in wsm.n_extensions],
+        **_psid(wsm.psid),
+        "t_extensions": [_element(element) for element in wsm.t_extensions],
+        "wsm_length_bytes": len(wsm.payload),
+    }
+    return _Layer(said, wsm.payload, psid=wsm.psid)
+
+
+def _psid(value: int) -> dict[str, Any]:
+    return {"psid": value, "psid_name": psid.NAMES.get(value)}
+
+
+def _element(element: wsmp.Element) -> dict[str, Any]:
+    return {"element_id": element.element_id, "content": element.content.hex()}
+
+
+def _message_frame(data: bytes) -> _Layer:
+    message = bsm.decode(data)
+    fields = bsm.as_dict(message)
+    del fields["footer"]  # a layer of its own
+    said = {"message_id": bsm.MESSAGE_ID, "basic_safety_message": fields}
+    return _Layer(said, message.footer, Form.MVS_FOOTER)
+
+
+def _mvs_footer(data: bytes) -> _Layer:
+    return _Layer(mvs_footer.as_dict(mvs_footer.decode(data)))
+
+
+def _lcca(data: bytes) -> _Layer:
+    message = lcca.decode(data)
+    return _Layer({"message": message.kind, **lcca.as_dict(message)})
+
+
+def _dot2(data: bytes) -> _Layer:
+    try:
+        message = ieee1609dot2.decode(data)
+    except Malformed as malformed:
+        raise DecodeError(RejectionReason.MALFORMED, str(malformed)) from malformed
+    except Unsupported as unsupported:
+        raise DecodeError(RejectionReason.UNSUPPORTED, str(unsupported)) from unsupported
+    if isinstance(message, UnsecuredData):
+        return _Layer({"content": "unsecured_data"}, message.payload)
+    return _Layer(_signed(message), message.payload, psid=message.psid)
+
+
+def _signed(message: SignedData) -> dict[str, Any]:
+    """No issuer is known here, so nothing is verified, and the layer says so."""
+    signer: dict[str, Any]
+    if isinstance(message.signer, bytes):
+        signer, reason = {"digest": message.signer.hex()}, RejectionReason.UNKNOWN_CERTIFICATE
+    else:
+        signer = {"certificates": [_certificate(one) for one in message.signer]}
+        reason = RejectionReason.UNTRUSTED_ISSUER
+    r, s = message.signature
+    return {
+        "content": "signed_data",
+        "header_info": {
+            **_psid(message.psid),
+            "generation_utc_s": _utc_s(message.generation_time64),
+            "expiry_utc_s": _utc_s(message.expiry_time64),
+            "generation_location": printed(message.location),
+        },
+        "signer": signer,
+        "signature": {"r": f"{r:064x}", "s": f"{s:064x}"},
+        "verified": False,
+        "not_verified_because": reason,
+    }
+
+
+def _certificate(certificate: Certificate) -> dict[str, Any]:
+    subject = certificate.subject
+    return {
+        "hashed_id8": certificate.hashed_id8.hex(),
+        "issuer": None if certificate.issuer_id is None else certificate.issuer_id.hex(),
+        "name": subject.name,
+        "valid_from_utc_s": subject.valid_from_utc_s,
+        "valid_until_utc_s": subject.valid_until_utc_s,
+        "app_permissions": [
+            {**_psid(permission.psid), "ssp": printed(permission.ssp)}
+            for permission in subject.permissions
+        ],
+        "public_key": printed(subject.public_key),
+    }
+
+
+def _utc_s(time64: int | None) -> float | None:
+    return None if time64 is None else from_time64(time64)
+
+
+_READERS = {
+    Form.RSU41: _rsu41,
+    Form.WSM: _wsm,
+    Form.DOT2: _dot2,
+    Form.MESSAGE_FRAME: _message_frame,
+    Form.MVS_FOOTER: _mvs_footer,
+    Form.LCCA: _lcca,
+}

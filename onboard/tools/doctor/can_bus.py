@@ -1,0 +1,82 @@
+"""The CAN bus, and whether an ECU answers on it."""
+
+import asyncio
+import contextlib
+
+from onboard.obd.can_bus import CanBus, CanBusError
+from onboard.obd.can_frame import CanFrame
+from onboard.obd.settings import CanSettings, ObdSettings
+from onboard.obd.vehicle_bus import VehicleBus
+from onboard.observations import Speed
+from onboard.tools.doctor.finding import Finding, FindingLevel
+from onboard.units import KM_H
+
+STEP_S = 0.01
+
+NO_BUS = (
+    "plug the adapter in; `ip -details link show type can` lists what the kernel has,"
+    " /etc/systemd/network/80-onboard-can.network brings it up"
+)
+SILENT = (
+    "switch the ignition on; check the bit rate (500K or 250K, in 80-onboard-can.network) and the"
+    " wires (pins 6 and 14 of the OBD-II port)"
+)
+UNANSWERED = (
+    "switch the ignition on; if it is, the car may hide its bus behind a gateway, or needs"
+    " `obd.addressing` or a DBC file (`obd.broadcast`)"
+)
+
+
+async def examine_bus(can: CanSettings, obd: ObdSettings, patience_s: float) -> list[Finding]:
+    """Listen and ask as the car does, until a speed comes or `patience_s` has passed.
+
+    Raises:
+        UserError: the DBC file cannot be read.
+    """
+    loop = asyncio.get_running_loop()
+    core = VehicleBus(obd)
+    frames = 0
+    speed: Speed | None = None
+    lost: list[str] = []
+
+    def take(frame: CanFrame) -> None:
+        nonlocal frames
+        frames += 1
+        core.receive_frame(frame, loop.time())
+
+    bus = CanBus(can, take, lambda up, why: None if up else lost.append(why))
+    try:
+        bus.start(loop)
+    except CanBusError as error:
+        return [
+            Finding("bus", FindingLevel.MISSING, str(error), NO_BUS),
+            Finding("ECU", FindingLevel.MISSING, "not tested without a bus"),
+        ]
+    began_at = loop.time()
+    with contextlib.closing(bus):
+        while speed is None and loop.time() < began_at + patience_s:
+            now = loop.time()
+            core.handle_timer(now)
+            for frame in core.frames_to_send(now):
+                bus.send(frame)
+            while (event := core.next_event()) is not None:
+                speed = event if isinstance(event, Speed) else speed
+            await asyncio.sleep(STEP_S)
+    return [_bus(frames, loop.time() - began_at, lost), _ecu(speed, frames, patience_s)]
+
+
+def _bus(frames: int, took_s: float, lost: list[str]) -> Finding:
+    if lost:
+        return Finding("bus", FindingLevel.MISSING, f"lost again: {lost[0]}", NO_BUS)
+    if frames == 0:
+        return Finding("bus", FindingLevel.MISSING, f"open, but silent for {took_s:.1f} s", SILENT)
+    return Finding("bus", FindingLevel.GOOD, f"{frames} frames in {took_s:.1f} s")
+
+
+def _ecu(speed: Speed | None, frames: int, patience_s: float) -> Finding:
+    if speed is None:
+        advice = UNANSWERED if frames else SILENT
+        return Finding("ECU", FindingLevel.MISSING, f"told no speed in {patience_s:g} s", advice)
+    return Finding(
+        "ECU", FindingLevel.GOOD, f"{speed.speed_m_s / KM_H:.0f} km/h from {speed.source}"
+    )

@@ -1,0 +1,101 @@
+"""`onboard doctor`: one line for each thing looked at, and what to do."""
+
+import asyncio
+import json
+import time
+from collections.abc import Coroutine
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from onboard.config import CarConfig
+from onboard.errors import UserError
+from onboard.settings import load_settings
+from onboard.tools.doctor.camera import examine_camera
+from onboard.tools.doctor.can_bus import examine_bus
+from onboard.tools.doctor.computer import examine_clock, examine_disk, examine_keys, written_folders
+from onboard.tools.doctor.detector import examine_detector
+from onboard.tools.doctor.finding import Finding, FindingLevel
+from onboard.tools.doctor.gnss_receiver import examine_satellites
+from onboard.tools.doctor.radio import examine_radio
+
+INSTALLED = Path("/etc/onboard/car.yaml")
+
+WIRES = ("bus", "camera", "detector", "gpsd", "radio")
+
+CORRECT = "correct the configuration; `onboard check` names every mistake"
+
+_COLOURS = {
+    FindingLevel.GOOD: typer.colors.GREEN,
+    FindingLevel.DOUBTFUL: typer.colors.YELLOW,
+    FindingLevel.MISSING: typer.colors.RED,
+}
+
+
+def doctor(
+    config: Annotated[
+        Path, typer.Argument(help="The car's configuration, a YAML file.")
+    ] = INSTALLED,
+    *,
+    patience_s: Annotated[
+        float,
+        typer.Option("--patience", min=0.1, max=60.0, help="Seconds to wait for each answer."),
+    ] = 3.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
+) -> None:
+    """Test every connection; say what is missing and what to do. Exit with 1 if something is.
+
+    Stop the service first: only one program at a time can use a camera or a UDP port.
+    """
+    findings = asyncio.run(examine(load_settings(config, CarConfig), patience_s))
+    if as_json:
+        typer.echo(json.dumps([asdict(finding) for finding in findings], indent=1))
+    else:
+        for finding in findings:
+            _print(finding)
+    is_complete = all(finding.verdict is not FindingLevel.MISSING for finding in findings)
+    raise typer.Exit(0 if is_complete else 1)
+
+
+async def examine(config: CarConfig, patience_s: float) -> list[Finding]:
+    """Look at everything that `config` names, all wires at the same time."""
+    wires: dict[str, Coroutine[None, None, list[Finding]] | None] = dict.fromkeys(WIRES)
+    if config.can is not None:
+        wires["bus"] = examine_bus(config.can, config.obd, patience_s)
+    if config.camera is not None:
+        wires["camera"] = asyncio.to_thread(examine_camera, config.camera, patience_s)
+    if config.detector is not None:
+        wires["detector"] = examine_detector(config.detector, patience_s)
+    if config.gnss is not None:
+        wires["gpsd"] = examine_satellites(config.gnss, patience_s)
+    if config.radio is not None:
+        wires["radio"] = examine_radio(config.radio, patience_s)
+    examined = [_examined(subject, examination) for subject, examination in wires.items()]
+    findings = [finding for found in await asyncio.gather(*examined) for finding in found]
+    now_utc_s = time.time()
+    return [
+        *findings,
+        examine_clock(now_utc_s),
+        *examine_disk(written_folders(config)),
+        *examine_keys(config.security, now_utc_s),
+    ]
+
+
+async def _examined(
+    subject: str, examination: Coroutine[None, None, list[Finding]] | None
+) -> list[Finding]:
+    if examination is None:
+        return [Finding(subject, FindingLevel.NOT_CONFIGURED, "the car does without")]
+    try:
+        return await examination
+    except UserError as error:
+        return [Finding(subject, FindingLevel.MISSING, str(error), CORRECT)]
+
+
+def _print(finding: Finding) -> None:
+    verdict = typer.style(f"{finding.verdict:14}", fg=_COLOURS.get(finding.verdict))
+    typer.echo(f"{finding.subject:12}{verdict}  {finding.detail}")
+    if finding.advice:
+        typer.echo(f"{'':28}-> {finding.advice}")

@@ -1,0 +1,69 @@
+"""`onboard export`, and how `onboard replay` plays a recording of the black box."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, BinaryIO
+
+import typer
+
+from onboard.errors import UserError
+from onboard.recorder.reader import RecordedDrive
+from onboard.recorder.replay import Comparison, Output, compare
+from onboard.tools.export import write_candump, write_pcap
+
+Boxes = Annotated[
+    list[Path], typer.Argument(help="The files of one drive, or a folder that holds only these.")
+]
+
+
+def export(
+    box: Boxes,
+    pcap: Annotated[
+        Path | None, typer.Option(help="Write the radio's frames here, for Wireshark.")
+    ] = None,
+    candump: Annotated[
+        Path | None, typer.Option(help="Write the CAN frames here, as `candump -l` does.")
+    ] = None,
+) -> None:
+    """Export the radio and CAN frames of a black box recording, for other tools."""
+    if pcap is None and candump is None:
+        raise UserError("nothing to export: give --pcap or --candump, or both")
+    recording = RecordedDrive(box)
+    if pcap is not None:
+        with _created(pcap) as file:
+            typer.echo(f"{pcap}: {write_pcap(recording, file)} WSMs")
+    if candump is not None:
+        with _created(candump) as file:
+            typer.echo(f"{candump}: {write_candump(recording, file)} frames")
+
+
+def expect(paths: Sequence[Path], within: float = 0.0) -> bool:
+    """Say whether the cores decide as they did when the drive was recorded."""
+    comparison = compare(RecordedDrive(paths), within)
+    for line in _verdict(comparison):
+        typer.echo(line)
+    if comparison.gap is not None:
+        raise UserError(
+            f"{comparison.gap.dropped} notes are missing from here on: the disk was full or too"
+            " slow, and what follows cannot be compared"
+        )
+    return comparison.difference is None
+
+
+def _verdict(comparison: Comparison) -> Iterator[str]:
+    yield f"{comparison.answers} answers in {comparison.until_s:.3f} s are the recorded ones"
+    if comparison.difference is not None:
+        yield f"the first that differs, {comparison.difference.at_s:.6f} s after the start:"
+        yield f"  recorded: {_words(comparison.difference.recorded)}"
+        yield f"  came out: {_words(comparison.difference.came_out)}"
+
+
+def _words(said: Output | None) -> str:
+    return "nothing" if said is None else f"{said.topic} {said.data.decode()}"
+
+
+def _created(path: Path) -> BinaryIO:
+    try:
+        return path.open("wb")
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}") from error

@@ -1,0 +1,179 @@
+"""Drives the cores with a recording: one JSON line per observation and decision."""
+
+import heapq
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from onboard.config import CarConfig
+from onboard.errors import UserError
+from onboard.gnss.nmea import NmeaReader
+from onboard.obd.can_bus import read_can_log
+from onboard.obd.can_frame import CanFrame
+from onboard.observations import Discarded, Position, Sensor
+from onboard.settings import parse_settings
+from onboard.stack import Observation, Stack
+from onboard.trace.trace_line import Event
+from onboard.vision.camera import open_recorded
+from onboard.vision.perception import Perception
+from onboard.vision.settings import CameraSettings
+
+LONGEST_PAUSE_S = 86_400.0
+"""A car may stand for a night in its recording."""
+
+Input = tuple[float, int, Callable[[Stack, float], None]]
+"""When it came, which recording it came from, and how the stack is given it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawRecording:
+    """What was recorded of a drive; any of it may be missing."""
+
+    can: Path | None = None
+    """In any format that python-can reads."""
+    clip: str | None = None
+    """A video, or a folder or glob of pictures."""
+    fps: float | None = None
+    """Of pictures, and of a clip that states a wrong one."""
+    nmea: Path | None = None
+    """A GNSS receiver's sentences."""
+
+    def sensors(self) -> frozenset[Sensor]:
+        """What the car had."""
+        kept = {Sensor.SPEED: self.can, Sensor.CAMERA: self.clip, Sensor.POSITION: self.nmea}
+        return frozenset(sensor for sensor, recorded in kept.items() if recorded is not None)
+
+
+def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
+    """Yield what the car would have seen and decided, in order.
+
+    CAN frames and NMEA sentences keep their own stamps. A clip has none: it begins with the first
+    CAN frame, without any with the first fix, or at 0 alone.
+
+    Raises:
+        UserError: there is nothing to replay, it cannot be read, or a day is missing in it.
+    """
+    inputs = _inputs(recording, config)
+    first = next(inputs, None)
+    if first is None:
+        raise UserError("nothing to replay: no frame, picture or sentence in it can be read")
+    # Only listening: what was asked in the drive has been answered in the drive.
+    listening = config.obd.model_copy(update={"polling_hz": None})
+    stack = Stack(
+        config.model_copy(update={"obd": listening}),
+        recording.sensors(),
+        np.random.default_rng(config.seed or 0),
+        now=first[0],
+        utc_s=first[0],
+    )
+    now = first[0]
+    for stamp_s, _, give in chain((first,), inputs):
+        if stamp_s - now > LONGEST_PAUSE_S:
+            raise UserError(
+                f"the recording jumps from {now:.0f} to {stamp_s:.0f} s: is it of one drive, and"
+                " are all its parts by one clock?"
+            )
+        while (at := stack.get_timer()) <= stamp_s:
+            now = max(now, at)
+            stack.handle_timer(now)
+            yield from _said(stack, now)
+        now = max(now, stamp_s)
+        give(stack, now)
+        yield from _said(stack, now)
+
+
+def in_real_time(events: Iterator[Event]) -> Iterator[Event]:
+    """The same events, each when it is due: at the speed of the drive, not of the machine."""
+    offset_s = None
+    for event in events:
+        if offset_s is None:
+            offset_s = time.monotonic() - event.stamp_s
+        time.sleep(max(0.0, event.stamp_s + offset_s - time.monotonic()))
+        yield event
+
+
+def _said(stack: Stack, now: float) -> Iterator[Event]:
+    """What the stack says; what it sends goes nowhere."""
+    stack.wsms_to_send(now)
+    stack.can_to_send(now)
+    while (event := stack.next_event()) is not None:
+        yield event
+
+
+def _inputs(recording: RawRecording, config: CarConfig) -> Iterator[Input]:
+    """All recordings, merged by stamp."""
+    stamped = [
+        *([_from_can(recording.can)] if recording.can is not None else []),
+        *([_from_nmea(recording.nmea)] if recording.nmea is not None else []),
+    ]
+    sources: list[Iterator[Input]] = []
+    begins_s: list[float] = []
+    for source in stamped:
+        first = next(source, None)
+        if first is not None:
+            begins_s.append(first[0])
+            sources.append(chain((first,), source))
+    if recording.clip is not None:
+        begin_s = begins_s[0] if begins_s else 0.0
+        sources.append(_from_clip(recording.clip, recording.fps, config, begin_s))
+    return heapq.merge(*sources, key=lambda each: each[:2])
+
+
+def _from_can(path: Path) -> Iterator[Input]:
+    unreadable: list[Discarded] = []
+    for frame in read_can_log(path, on_discarded=unreadable.append):
+        while unreadable:
+            yield frame.stamp_s, 0, _observed(unreadable.pop(0))
+        yield frame.stamp_s, 0, _framed(frame)
+    for discarded in unreadable:  # behind the last frame
+        yield discarded.stamp_s, 0, _observed(discarded)
+
+
+def _from_clip(clip: str, fps: float | None, config: CarConfig, start_s: float) -> Iterator[Input]:
+    calibration = config.camera.model_dump() if config.camera is not None else {}
+    given = calibration | {"source": clip, "fps": fps}
+    camera = parse_settings(given, CameraSettings, "onboard replay")
+    frames = open_recorded(camera)
+    sight = Perception(camera, config.vision)
+    for frame in frames:
+        sight.receive_frame(frame.image, start_s + frame.stamp_s)
+        while (observation := sight.next_event()) is not None:
+            yield observation.stamp_s, 1, _observed(observation)
+
+
+def _from_nmea(path: Path) -> Iterator[Input]:
+    """What is said before the first fix knows no date; it is told with that fix."""
+    undated: list[Discarded] = []
+    began = False
+    for observation in _read_nmea(path):
+        if isinstance(observation, Discarded) and not began:
+            undated.append(observation)
+            continue
+        stamp_s, began = observation.stamp_s, True
+        while undated:
+            yield stamp_s, 2, _observed(replace(undated.pop(0), stamp_s=stamp_s))
+        yield stamp_s, 2, _observed(observation)
+
+
+def _read_nmea(path: Path) -> Iterator[Position | Discarded]:
+    reader = NmeaReader()
+    try:
+        with path.open("rb") as sentences:
+            for sentence in sentences:
+                reader.receive_bytes(sentence)
+                while (observation := reader.next_event()) is not None:
+                    yield observation
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _framed(frame: CanFrame) -> Callable[[Stack, float], None]:
+    return lambda stack, now: stack.receive_can(frame, now)
+
+
+def _observed(observation: Observation) -> Callable[[Stack, float], None]:
+    return lambda stack, now: stack.receive_observation(observation, now)

@@ -1,0 +1,127 @@
+"""One frame and all that was seen in it: the rows of `onboard see`, and its pictures."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from onboard.observations import Discarded, Lead, LeadIdentity, Plate
+from onboard.vision.frames import Frame
+from onboard.vision.perception import Event, Perception
+
+COLUMNS = (
+    "file",
+    "frame",
+    "stamp_s",
+    "x_px",
+    "y_px",
+    "w_px",
+    "h_px",
+    "text",
+    "confidence",
+    "is_lead",
+    "gap_m",
+    "closing_speed_m_s",
+)
+"""Of the CSV: a row for each plate in each frame; gap and closing speed are the lead's."""
+
+_LEAD_BGR, _OTHER_BGR = (60, 220, 60), (60, 160, 255)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenFrame:
+    """What a sight said of one frame."""
+
+    index: int
+    frame: Frame
+    events: tuple[Event, ...]
+
+    @property
+    def plates(self) -> list[Plate]:
+        """All plates and tags in the frame."""
+        return [event for event in self.events if isinstance(event, Plate)]
+
+    @property
+    def lead(self) -> Lead | None:
+        """`None` where the frame was not looked at."""
+        return next((event for event in self.events if isinstance(event, Lead)), None)
+
+    @property
+    def is_frozen(self) -> bool:
+        """Whether it was not looked at since it is the picture of a camera that is stuck."""
+        return self.lead is None and not self._faults
+
+    @property
+    def _faults(self) -> list[str]:
+        return [event.reason for event in self.events if isinstance(event, Discarded)]
+
+    def rows(self) -> Iterator[tuple[str | int, ...]]:
+        """Its lines of the CSV, values as text in the order of `COLUMNS`."""
+        lead = self.lead
+        for plate in self.plates:
+            box = plate.box
+            of_lead = lead if plate.is_lead else None
+            yield (
+                self.frame.name,
+                self.index,
+                f"{self.frame.stamp_s:.3f}",
+                *(f"{value:.1f}" for value in (box.x_px, box.y_px, box.w_px, box.h_px)),
+                plate.text or "",
+                f"{plate.confidence:.3f}",
+                int(plate.is_lead),
+                _metres(of_lead.gap_m if of_lead else None),
+                _metres(of_lead.closing_speed_m_s if of_lead else None),
+            )
+
+    def annotated(self) -> npt.NDArray[np.uint8]:
+        """The picture with frames around plates, and what is known of the lead under it."""
+        image = self.frame.image.copy()
+        if image.size == 0:
+            return image
+        for plate in self.plates:
+            box, colour = plate.box, _LEAD_BGR if plate.is_lead else _OTHER_BGR
+            corner = (round(box.x_px), round(box.y_px))
+            opposite = (round(box.x_px + box.w_px), round(box.y_px + box.h_px))
+            cv2.rectangle(image, corner, opposite, colour, 2)
+            if plate.text is not None:
+                label = f"{plate.text} {plate.confidence:.2f}"
+                _write(image, label, (corner[0], corner[1] - 6), colour)
+        _write(image, self._caption(), (12, image.shape[0] - 14), _LEAD_BGR)
+        return image
+
+    def _caption(self) -> str:
+        lead = self.lead
+        if lead is None:
+            return f"{self.frame.stamp_s:.1f} s  not seen: {', '.join(self._faults) or 'frozen'}"
+        said = f"{self.frame.stamp_s:.1f} s  {lead.text or lead.identity.replace('_', ' ')}"
+        if lead.identity is LeadIdentity.NO_LEAD:
+            return said
+        return f"{said}  {lead.gap_m:.1f} m  closing {lead.closing_speed_m_s:+.1f} m/s"
+
+
+def see_frames(
+    frames: Iterable[Frame], sight: Perception, *, alone: bool = False
+) -> Iterator[SeenFrame]:
+    """Have `sight` look at all of a recording; `alone`: at each picture as if it were the first."""
+    for index, frame in enumerate(frames):
+        if alone:
+            sight.forget()
+        sight.receive_frame(frame.image, frame.stamp_s)
+        events: list[Event] = []
+        while (event := sight.next_event()) is not None:
+            events.append(event)
+        yield SeenFrame(index, frame, tuple(events))
+
+
+def _metres(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _write(
+    image: npt.NDArray[np.uint8], text: str, at: tuple[int, int], bgr: tuple[int, int, int]
+) -> None:
+    """Letters with a dark rim, legible on any ground."""
+    for colour, thickness in (((0, 0, 0), 4), (bgr, 1)):
+        cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, thickness, cv2.LINE_AA)

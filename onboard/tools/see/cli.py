@@ -1,0 +1,220 @@
+"""`onboard see`: what the camera makes of a recording."""
+
+import contextlib
+import csv
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import numpy as np
+import typer
+
+from onboard.errors import UserError
+from onboard.observations import Discarded
+from onboard.settings import load_settings, parse_settings
+from onboard.tools.see.annotated_frame import COLUMNS, SeenFrame, see_frames
+from onboard.tools.see.ground_truth import Truth
+from onboard.tools.see.score import Scores
+from onboard.vision.camera import open_recorded
+from onboard.vision.outputs import keep_inputs, writing
+from onboard.vision.perception import Perception
+from onboard.vision.recordings import Clip, Pictures
+from onboard.vision.settings import Calibration, CameraSettings, VisionSettings
+
+Use = Callable[[SeenFrame], None]
+ENOUGH_FRAMES = 0.9
+"""Of those that a video says it has; containers that do not count them estimate."""
+
+
+def see(
+    recording: Annotated[str, typer.Argument(help="A video, or a folder or glob of pictures.")],
+    *,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Frames a second, if pictures are of one drive; else each stands alone."),
+    ] = None,
+    camera: Annotated[
+        Path | None,
+        typer.Option(help="The file that `onboard calibrate` wrote; without it gaps are rough."),
+    ] = None,
+    vision: Annotated[
+        Path | None, typer.Option(help="Settings of the section `vision`, as YAML.")
+    ] = None,
+    csv_file: Annotated[
+        Path | None, typer.Option("--csv", help="Write a CSV with a row for each plate and frame.")
+    ] = None,
+    video: Annotated[
+        Path | None, typer.Option(help="Write a video with everything found drawn in.")
+    ] = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="A CSV of the true plates, to score against.")
+    ] = None,
+) -> None:
+    """Find, read and follow plates in a video or in pictures. Searches all of every frame."""
+    settings = load_settings(vision, VisionSettings) if vision is not None else VisionSettings()
+    settings = settings.model_copy(
+        update={
+            "search_every_s": 1e-3,
+            "search_without_lead_every_s": 1e-3,
+            "read_every_s": 0.0,
+            "read_known_every_s": 0.0,
+        }
+    )
+    calibration = load_settings(camera, Calibration) if camera is not None else None
+    given = {"source": recording, "fps": fps}
+    source = open_recorded(parse_settings(given, CameraSettings, "onboard see"))
+    alone = isinstance(source, Pictures) and fps is None
+    if alone:
+        typer.echo("each picture by itself; --fps makes them a drive, with a lead", err=True)
+    if calibration is None:
+        typer.echo("no --camera: a lens of 60 degrees is guessed, gaps are rough", err=True)
+    scores = Scores(Truth.read(truth), settings.identity_confidence) if truth is not None else None
+    keep_inputs((Path(recording), camera, vision, truth), (csv_file, video))
+    tally = PlateTally()
+    with contextlib.ExitStack() as files:
+        uses: list[Use] = [tally.add]
+        if scores is not None:
+            uses.append(scores.add)
+        if csv_file is not None:
+            uses.append(_csv_writer(csv_file, files))
+        if video is not None:
+            uses.append(_video_writer(video, source.fps, files))
+        frames = see_frames(source, Perception(calibration, settings), alone=alone)
+        for seen in files.enter_context(_progress(frames, source.stated_frames)):
+            for use in uses:
+                use(seen)
+    _tell(recording, source, tally)
+    if scores is not None:
+        if not scores.frames:
+            told = f"{truth}: tells of {scores.truth.example}, and of none of these frames"
+            raise UserError(f"{told}, such as {tally.example}")
+        _print_table(list(scores.rows()))
+
+
+def _progress(
+    frames: Iterable[SeenFrame], count: int
+) -> contextlib.AbstractContextManager[Iterable[SeenFrame]]:
+    """The same, with a bar on the terminal; elsewhere it is silent."""
+    hidden = not sys.stderr.isatty()
+    return typer.progressbar(
+        frames, length=count or None, label="frames", file=sys.stderr, hidden=hidden
+    )
+
+
+def _tell(recording: str, source: Clip | Pictures, tally: "PlateTally") -> None:
+    if not tally.looked_at:
+        raise UserError(f"{recording}: no frame could be looked at ({tally.text()})")
+    typer.echo(tally.text())
+    if not isinstance(source, Clip):
+        return
+    if tally.frames < ENOUGH_FRAMES * source.stated_frames:
+        told = f"says that it has {source.stated_frames} frames, and {tally.frames} could be read"
+        typer.echo(f"{recording}: {told}: it is damaged or torn off", err=True)
+    if source.even_from is not None:
+        even = f"from frame {source.even_from} on they stand evenly, {source.fps:g} a second"
+        typer.echo(f"{recording}: does not tell when its frames were taken; {even}", err=True)
+
+
+class PlateTally:
+    """What a recording held, in one line."""
+
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter(frames=0)
+        self._first: dict[str, str] = {}
+        self.looked_at = 0
+        """Frames that were not discarded."""
+        self.example = "nothing"
+        """Name and number of the last frame."""
+
+    @property
+    def frames(self) -> int:
+        """Of the recording."""
+        return self._counts["frames"]
+
+    def add(self, seen: SeenFrame) -> None:
+        """Count one frame."""
+        self.example = f"{seen.frame.name}, frame {seen.index}"
+        self.looked_at += seen.lead is not None
+        self._counts["frames"] += 1
+        self._counts["plates"] += len(seen.plates)
+        self._counts["plates read"] += sum(plate.text is not None for plate in seen.plates)
+        if seen.lead is not None and seen.lead.gap_m is not None:
+            self._counts["frames with a lead"] += 1
+            self._counts["frames with a known lead"] += seen.lead.text is not None
+        if seen.is_frozen:
+            self._counts["frozen"] += 1
+            self._first.setdefault("frozen", f" (first {self.example})")
+        for event in seen.events:
+            if isinstance(event, Discarded):
+                why = f" ({event.detail})" if event.reason == "picture_size" else ""
+                self._counts[name := f"discarded: {event.reason}{why}"] += 1
+                self._first.setdefault(name, f" (first {self.example})")
+
+    def text(self) -> str:
+        """For people."""
+        counts = self._counts.items()
+        return ", ".join(f"{name}: {count}{self._first.get(name, '')}" for name, count in counts)
+
+
+def _csv_writer(path: Path, files: contextlib.ExitStack) -> Use:
+    with writing(path):
+        file = path.open("w", newline="", encoding="utf-8")
+
+    def close() -> None:
+        with writing(path), file:
+            file.flush()
+
+    files.callback(close)
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(COLUMNS)
+
+    def write(seen: SeenFrame) -> None:
+        with writing(path):
+            writer.writerows(seen.rows())
+
+    return write
+
+
+def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
+    """H.264 in the size of the first picture; others are fitted into it."""
+    try:
+        import av  # noqa: PLC0415 (in the rig extra: a car writes no video)
+    except ImportError as error:
+        raise UserError("--video needs PyAV: pip install 'onboard[rig]'") from error
+    with writing(path):
+        container = av.open(str(path), "w")
+        stream = container.add_stream("h264", rate=Fraction(fps).limit_denominator(1001))
+        stream.pix_fmt = "yuv420p"
+        path.open("ab").close()  # PyAV opens it with the first picture only
+
+    def close() -> None:
+        with writing(path), container:
+            container.mux(stream.encode())
+
+    files.callback(close)
+
+    def write(seen: SeenFrame) -> None:
+        image = seen.annotated()
+        if min(image.shape[:2]) < 2:
+            return
+        if not stream.codec_context.is_open:
+            # H.264 in 4:2:0 has even sides.
+            stream.height, stream.width = (side - side % 2 for side in image.shape[:2])
+        size = (stream.width, stream.height)
+        fitted = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        with writing(path):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(fitted, format="bgr24")))
+
+    return write
+
+
+def _print_table(rows: list[dict[str, str]]) -> None:
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    lines = [columns, *([row.get(name, "") for name in columns] for row in rows)]
+    widths = [max(len(line[index]) for line in lines) for index in range(len(columns))]
+    for line in lines:
+        typer.echo("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)))

@@ -1,0 +1,129 @@
+"""The table of what is true of a recording.
+
+A CSV with one row for each plate and frame. `file` names a picture or video, `frame` is an index
+where one file has many; either is enough. What is not known of a plate is left empty, or its column
+left out: `x_px, y_px, w_px, h_px`, `text`, and `gap_m`, which makes it the lead's. A row with a
+`gap_m` of `inf` says that nobody is ahead.
+"""
+
+import csv
+import math
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from onboard.errors import UserError
+from onboard.observations import ImageBox
+from onboard.tools.see.annotated_frame import SeenFrame
+from onboard.vision.recordings import PICTURES
+
+_BOX = ("x_px", "y_px", "w_px", "h_px")
+_ALLOWED = (
+    "allowed are file or frame or both, and what is known of x_px, y_px, w_px, h_px (all four), "
+    "text, gap_m (inf, and nothing else, where nobody is ahead)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TruePlate:
+    """A plate that is there, or that there is no lead."""
+
+    box: ImageBox | None
+    """`None` where nobody measured it."""
+    text: str
+    """As plates are told, upper case and without separators; empty where nobody could tell."""
+    gap_m: float | None
+    """Of the lead's, the distance; infinite where nobody is ahead."""
+
+    @property
+    def is_told(self) -> bool:
+        """Whether more is known of it than how far away it is."""
+        return self.box is not None or bool(self.text)
+
+
+_Frames = defaultdict[int | None, list[TruePlate]]
+
+
+class Truth:
+    """What is true of a recording."""
+
+    def __init__(self, files: dict[str, _Frames]) -> None:
+        """`files`: by name and frame; frame `None` where a file is one picture, name "" for any."""
+        self._files = files
+        self._by_short_name: defaultdict[str, list[str]] = defaultdict(list)
+        for name in files:
+            path = PurePosixPath(name)
+            for short in {path.name, path.stem}:
+                self._by_short_name[short].append(name)
+
+    @classmethod
+    def read(cls, path: Path) -> "Truth":
+        """Read the table.
+
+        Raises:
+            UserError: it is missing or has other columns; names the line.
+        """
+        files: dict[str, _Frames] = {}
+        line = 1
+        try:
+            with path.open(newline="", encoding="utf-8-sig") as table:
+                rows = csv.DictReader(table, skipinitialspace=True)
+                names = rows.fieldnames or ()
+                if not {"file", "frame"} & set(names) or not {*_BOX, "text", "gap_m"} & set(names):
+                    raise UserError(f"{path}: has the columns {', '.join(names)}; {_ALLOWED}")
+                for row in rows:
+                    line += 1
+                    cells = {name: (cell or "").strip() for name, cell in row.items() if name}
+                    frame = int(cells["frame"]) if cells.get("frame") else None
+                    frames = files.setdefault(cells.get("file", ""), defaultdict(list))
+                    frames[frame].append(_true_plate(cells))
+        except OSError as error:
+            raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+        except (csv.Error, AttributeError, ValueError) as error:
+            raise UserError(f"{path}:{line}: {error}; {_ALLOWED}") from error
+        return cls(files)
+
+    @property
+    def example(self) -> str:
+        """One of the files and frames that it speaks of."""
+        for name, frames in self._files.items():
+            for frame in frames:
+                return f"{name or 'any file'}{'' if frame is None else f', frame {frame}'}"
+        return "nothing"
+
+    def of(self, seen: SeenFrame) -> list[TruePlate] | None:
+        """The plates of a frame; `None` where the table does not speak of it.
+
+        Raises:
+            UserError: it speaks of two files that may be meant.
+        """
+        path = PurePosixPath(seen.frame.name)
+        frames = self._files.get(seen.frame.name) or self._by(path.name) or self._by(path.stem)
+        if frames is None:
+            anything = self._files.get("")
+            return None if anything is None else anything.get(seen.index)
+        if path.suffix.lower() in PICTURES and len(frames) == 1:
+            return next(iter(frames.values()))  # its name says which one it is
+        return frames.get(seen.index) or frames.get(None)
+
+    def _by(self, short_name: str) -> _Frames | None:
+        names = self._by_short_name.get(short_name, [])
+        if len(names) > 1:
+            raise UserError(
+                f"{short_name}: the truth tells of {' and of '.join(names[:2])}; "
+                f"say which by pointing at the folder above them"
+            )
+        return self._files[names[0]] if names else None
+
+
+def _true_plate(cells: dict[str, str]) -> TruePlate:
+    sides = [float(cells[name]) for name in _BOX if cells.get(name)]
+    if len(sides) not in {0, len(_BOX)}:
+        raise ValueError("a box has four numbers")
+    if sides and not (all(map(math.isfinite, sides)) and min(sides[2:]) > 0.0):
+        raise ValueError(f"no box is {', '.join(f'{side:g}' for side in sides)}")
+    gap_m = float(cells["gap_m"]) if cells.get("gap_m") else None
+    text = "".join(filter(str.isalnum, cells.get("text", "").upper()))
+    if gap_m is not None and (not gap_m > 0.0 or (math.isinf(gap_m) and (sides or text))):
+        raise ValueError(f"gap_m is {gap_m:g}")
+    return TruePlate(ImageBox(*sides) if sides else None, text, gap_m)

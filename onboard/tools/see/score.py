@@ -1,0 +1,200 @@
+"""How well plates were found and read, against a table of what is true."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from statistics import median
+
+from onboard.observations import ImageBox, Lead, Plate
+from onboard.tools.see.annotated_frame import SeenFrame
+from onboard.tools.see.ground_truth import TruePlate, Truth
+
+FOUND_IOU = 0.5
+"""Intersection over union from which a plate counts as found."""
+ABOUT, ALIKE = 0.25, 0.5
+"""Of a distance; of a text's characters: what differs by more is another car's."""
+
+
+@dataclass(slots=True)
+class Score:
+    """Counts over some frames."""
+
+    frames: int = 0
+    plates: int = 0
+    boxes: int = 0
+    found: int = 0
+    """Of the boxes, at `FOUND_IOU`."""
+    texts: int = 0
+    exact: int = 0
+    """Of the texts, every character right."""
+    characters: int = 0
+    characters_right: int = 0
+    false_texts: int = 0
+    """Texts where the table has no plate."""
+    certain: int = 0
+    """Of the texts, those of which something was said with the confidence asked for."""
+    certain_wrong: int = 0
+    """Of these, another text than is true."""
+    certain_false: int = 0
+    """Of the false texts, those said so."""
+    leads: int = 0
+    leads_right: int = 0
+    """Told to be the lead."""
+    free: int = 0
+    """Frames with nobody ahead."""
+    ghosts: int = 0
+    """Of these, where somebody is told to be."""
+    gap_errors: list[float] = field(default_factory=list)
+    """Of the gap, as shares of the truth: of leads told rightly, and of all of which only that is
+    known."""
+
+    def as_row(self) -> dict[str, str]:
+        """For people."""
+        row = {
+            "frames": str(self.frames),
+            "plates": str(self.plates),
+            "found": _share(self.found, self.boxes),
+            "exact": _share(self.exact, self.texts),
+            "characters": _share(self.characters_right, self.characters),
+            "false texts a frame": f"{self.false_texts / max(self.frames, 1):.3f}",
+            "certain": _share(self.certain, self.texts),
+            "wrong if certain": _share(
+                self.certain_wrong + self.certain_false, self.certain + self.certain_false
+            ),
+        }
+        if self.leads:
+            row["right lead"] = _share(self.leads_right, self.leads)
+        if self.free:
+            row["ghost lead"] = _share(self.ghosts, self.free)
+        if self.gap_errors:
+            row["gap error"] = f"{100 * median(abs(error) for error in self.gap_errors):.1f} %"
+        return row
+
+
+class Scores:
+    """Adds up over frames, by the folder that each came from, and over all."""
+
+    def __init__(self, truth: Truth, certain_from: float) -> None:
+        self.truth = truth
+        self._certain_from = certain_from
+        self._by_folder: defaultdict[str, Score] = defaultdict(Score)
+
+    def add(self, seen: SeenFrame) -> None:
+        """Count one frame; one that the table does not speak of is left out."""
+        truth = self.truth.of(seen)
+        if truth is None:
+            return
+        folder = str(PurePosixPath(seen.frame.name).parent)
+        for score in {"all": self._by_folder["all"], folder: self._by_folder[folder]}.values():
+            self._count(score, seen, truth)
+
+    def rows(self) -> Iterator[dict[str, str]]:
+        """One for each folder, then all."""
+        names = [*sorted(set(self._by_folder) - {"all", "."}), "all"]
+        for name in names:
+            yield {"": name} | self._by_folder[name].as_row()
+
+    @property
+    def frames(self) -> int:
+        """That the table speaks of and that were seen."""
+        return self._by_folder["all"].frames
+
+    def _count(self, score: Score, seen: SeenFrame, truth: list[TruePlate]) -> None:
+        free = list(seen.plates)
+        score.frames += 1
+        for true in truth:
+            if true.gap_m == math.inf:
+                score.free += 1
+                score.ghosts += seen.lead is not None and seen.lead.gap_m is not None
+                continue
+            best = _best(free, true)
+            if best is not None:
+                free.remove(best)
+            self._count_plate(score, best, true)
+            if true.gap_m is not None:
+                _count_lead(score, best, true, seen.lead)
+        if not any(true.is_told for true in truth):
+            return
+        for plate in free:
+            if plate.text is not None:
+                score.false_texts += 1
+                score.certain_false += self._is_certain(plate)
+
+    def _count_plate(self, score: Score, best: Plate | None, true: TruePlate) -> None:
+        score.plates += true.is_told
+        score.boxes += true.box is not None
+        score.texts += bool(true.text)
+        score.characters += len(true.text)
+        if best is None:
+            return
+        score.found += true.box is not None and overlap(best.box, true.box) >= FOUND_IOU
+        if true.text:
+            text = best.text or ""
+            score.exact += text == true.text
+            score.characters_right += max(0, len(true.text) - edit_distance(text, true.text))
+            if self._is_certain(best):
+                score.certain += 1
+                score.certain_wrong += text != true.text
+
+    def _is_certain(self, plate: Plate) -> bool:
+        return plate.text is not None and plate.confidence >= self._certain_from
+
+
+def _best(plates: list[Plate], true: TruePlate) -> Plate | None:
+    """The plate that is meant: by its place, else by its text, else as the lead's."""
+    if true.box is not None:
+        place = true.box
+        best = max(plates, key=lambda plate: overlap(plate.box, place), default=None)
+        return best if best is not None and overlap(best.box, place) > 0.0 else None
+    if true.text:
+        text = true.text
+        return min(plates, key=lambda plate: edit_distance(plate.text or "", text), default=None)
+    return next((plate for plate in plates if plate.is_lead), None)
+
+
+def _count_lead(score: Score, best: Plate | None, true: TruePlate, lead: Lead | None) -> None:
+    """Where nothing that was seen is surely its plate, its distance tells whether it is meant."""
+    score.leads += 1
+    if lead is None or lead.gap_m is None or true.gap_m is None:
+        return
+    error = lead.gap_m / true.gap_m - 1.0
+    is_right = best.is_lead if best is not None and _is_surely(best, true) else abs(error) <= ABOUT
+    score.leads_right += is_right
+    if is_right or not true.is_told:
+        score.gap_errors.append(error)
+
+
+def _is_surely(plate: Plate, true: TruePlate) -> bool:
+    """Whether the plate is the true one; `plate` is the one that is meant, if any is."""
+    if true.box is not None:
+        return True
+    wrong = edit_distance(plate.text or "", true.text)
+    return bool(true.text) and wrong <= ALIKE * len(true.text)
+
+
+def overlap(one: ImageBox, other: ImageBox) -> float:
+    """Intersection over union."""
+    width = min(one.x_px + one.w_px, other.x_px + other.w_px) - max(one.x_px, other.x_px)
+    height = min(one.y_px + one.h_px, other.y_px + other.h_px) - max(one.y_px, other.y_px)
+    if width <= 0.0 or height <= 0.0:
+        return 0.0
+    both = width * height
+    return both / (one.w_px * one.h_px + other.w_px * other.h_px - both)
+
+
+def edit_distance(one: str, other: str) -> int:
+    """Fewest insertions, deletions and substitutions (Levenshtein 1966)."""
+    row = list(range(len(other) + 1))
+    for index, character in enumerate(one, start=1):
+        above_left, row[0] = row[0], index
+        for column, wanted in enumerate(other, start=1):
+            substituted = above_left + (character != wanted)
+            above_left = row[column]
+            row[column] = min(substituted, row[column] + 1, row[column - 1] + 1)
+    return row[-1]
+
+
+def _share(count: int, of: int) -> str:
+    return f"{100 * count / of:.1f} %" if of else "-"

@@ -1,0 +1,1 @@
+"""`onboard keys`: a certificate authority for tests and prototypes."""

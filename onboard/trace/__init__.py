@@ -1,0 +1,1 @@
+"""The trace: one JSON line per observation, transition, message and alarm."""

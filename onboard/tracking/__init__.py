@@ -1,0 +1,1 @@
+"""Assignment of measurements to tracks."""

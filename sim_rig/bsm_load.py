@@ -1,0 +1,77 @@
+"""A crowded road on one wire: signed BSMs of many strangers, at a steady rate, to one daemon.
+
+    python -m sim_rig.flood PORT RATE_HZ SECONDS BEGIN_AT KEYS_FOLDER
+
+Each pseudonym in the folder is a stranger, parked along the road from (LATITUDE_DEG,
+LONGITUDE_DEG) on, and they speak in turns. It begins at a moment of the monotonic clock, and prints
+how many messages it has sent.
+"""
+
+import contextlib
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+
+from onboard.messages import bsm
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
+from onboard.security.credentials import Credentials
+from onboard.security.key_files import read_credentials
+from onboard.security.security_services import SecurityServices
+from onboard.wave_udp import wsmp
+from onboard.wave_udp.wsmp import WaveShortMessage
+
+LATITUDE_DEG, LONGITUDE_DEG = 52.0, 5.0
+_APART_DEG = 3.0 / 111_000
+BURST_S = 0.005
+"""What is due in this time is sent at once, as a radio unit hands over what it has."""
+
+
+def main() -> None:
+    """Send until the time is over."""
+    port, rate_hz, seconds, begin_at = (float(word) for word in sys.argv[1:5])
+    messages = _messages(read_credentials(Path(sys.argv[5])))
+    time.sleep(max(0.0, begin_at - time.monotonic()))
+    began_at = time.monotonic()
+    sent = 0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
+        wire.connect(("127.0.0.1", int(port)))
+        while (passed_s := time.monotonic() - began_at) < seconds:
+            while sent < passed_s * rate_hz:
+                with contextlib.suppress(ConnectionRefusedError):  # nobody listens any more
+                    wire.send(next(messages))
+                sent += 1
+            time.sleep(BURST_S)
+    print(sent)  # noqa: T201 (what it is asked for)
+
+
+def _messages(credentials: Credentials) -> Iterator[bytes]:
+    """Frames of all strangers in turns."""
+    utc_offset_s = time.time() - time.monotonic()
+    strangers = [
+        SecurityServices(
+            utc_offset_s, Credentials((own,), credentials.roots, credentials.authorities)
+        )
+        for own in credentials.pseudonyms
+    ]
+    for turn in count():
+        for number, stranger in enumerate(strangers):
+            now = time.monotonic()
+            core = CoreData(
+                turn % 128,
+                (0x5000_0000 + number).to_bytes(4),
+                sec_mark_s=(now + utc_offset_s) % 60.0,
+                latitude_deg=LATITUDE_DEG + number * _APART_DEG,
+                longitude_deg=LONGITUDE_DEG,
+                speed_m_s=0.0,
+                heading_rad=0.0,
+            )
+            secured = stranger.secure(bsm.encode(BasicSafetyMessage(core)), bsm.PSID, now)
+            yield wsmp.encode(WaveShortMessage(psid=bsm.PSID, payload=secured))
+
+
+if __name__ == "__main__":
+    main()

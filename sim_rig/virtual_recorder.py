@@ -1,0 +1,33 @@
+"""The black box of a car in virtual time: it writes at once, for no time passes while it does."""
+
+from pathlib import Path
+
+from onboard.recorder.header import RecordingHeader
+from onboard.recorder.records import Record
+from onboard.recorder.segments import Segments
+from onboard.recorder.settings import RecorderSettings
+
+
+class VirtualRecorder:
+    """Records one drive as one segment."""
+
+    def __init__(self, folder: Path) -> None:
+        """Write into `folder`, which is made."""
+        folder.mkdir(parents=True, exist_ok=True)
+        self.settings = RecorderSettings(folder=folder, segment_s=3600.0)
+        self._segments: Segments | None = None
+
+    def begin(self, head: RecordingHeader) -> None:
+        """See `onboard.recorder.black_box.BlackBox`."""
+        self._segments = Segments(self.settings, head)
+        self._segments.open(head.now_s, head.utc_s)
+
+    def note(self, note: Record) -> None:
+        """See `onboard.recorder.black_box.BlackBox`."""
+        assert self._segments is not None  # noqa: S101 (`begin` comes first)
+        self._segments.write(note)
+
+    def close(self, now: float) -> None:
+        """Finish the file."""
+        assert self._segments is not None  # noqa: S101 (`begin` comes first)
+        self._segments.close(now)

@@ -1,0 +1,87 @@
+"""Ten BSMs a second, fewer among many cars, one at once when something happens."""
+
+import numpy as np
+import pytest
+
+from onboard.bsm_transmission.schedule import (
+    MAXIMUM_INTERVAL_S,
+    MINIMUM_INTERVAL_S,
+    SPREAD_S,
+    BsmSchedule,
+)
+
+
+def _schedule(seed=1):
+    return BsmSchedule(np.random.default_rng(seed), now=0.0)
+
+
+def _sent(schedule, until_s, cars=0, distance_m=50.0):
+    """Drive `schedule` by its timer alone, with `cars` heard ten times a second."""
+    times, heard_at = [], 0.0
+    while (now := schedule.get_timer()) < until_s:
+        if now >= heard_at:
+            heard_at = now + 0.1
+            for car in range(cars):
+                schedule.receive_remote_vehicle(car.to_bytes(4), distance_m, now)
+        schedule.handle_timer(now)
+        if schedule.take_due(now):
+            times.append(now)
+    return np.array(times)
+
+
+def test_alone_a_car_sends_ten_a_second_within_the_spread():
+    gaps = np.diff(_sent(_schedule(), 60.0))
+    assert len(gaps) == pytest.approx(600, abs=3)
+    assert np.all(np.abs(gaps - 0.1) <= SPREAD_S + 1e-9)
+    assert gaps.std() > SPREAD_S / 3
+
+
+def test_cars_switched_on_together_do_not_send_together():
+    firsts = [_sent(_schedule(seed), 0.2)[0] for seed in range(50)]
+    assert max(firsts) - min(firsts) > 0.09
+    assert all(0 <= first <= MINIMUM_INTERVAL_S for first in firsts)
+
+
+@pytest.mark.parametrize(
+    ("cars", "interval_s"),
+    [(0, 0.1), (25, 0.1), (50, 0.2), (100, 0.4), (149, 0.596), (150, 0.6), (400, 0.6)],
+)
+def test_the_interval_grows_with_the_cars_near(cars, interval_s):
+    schedule = _schedule()
+    late = np.diff(_sent(schedule, 40.0, cars))[-20:]
+    assert late.mean() == pytest.approx(interval_s, abs=0.004)
+    assert schedule.interval_s == pytest.approx(interval_s, abs=0.002)
+
+
+def test_cars_far_away_do_not_count_and_cars_at_unknown_distance_do():
+    assert np.diff(_sent(_schedule(), 40.0, 100, distance_m=100.1))[-1] < 0.11
+    assert np.diff(_sent(_schedule(), 40.0, 100, distance_m=None))[-1] > 0.39
+
+
+def test_cars_that_fall_silent_are_forgotten():
+    schedule = _schedule()
+    _sent(schedule, 40.0, 150)
+    _sent(schedule, 80.0, 0)
+    assert schedule.interval_s == MINIMUM_INTERVAL_S
+
+
+def test_a_critical_event_is_sent_at_once_and_ten_a_second_while_it_lasts():
+    schedule = _schedule()
+    last = _sent(schedule, 40.0, 200)[-1]
+    assert not schedule.take_due(last + 0.2)
+    schedule.receive_event_flags(is_critical=True, now=last + 0.2)
+    assert schedule.get_timer() == last + 0.2
+    assert schedule.take_due(last + 0.2)
+    schedule.receive_event_flags(is_critical=True, now=last + 0.21)
+    assert not schedule.take_due(last + 0.21), "the same event is not new"
+    assert schedule.take_due(last + 0.2 + MINIMUM_INTERVAL_S + SPREAD_S)
+    schedule.receive_event_flags(is_critical=False, now=last + 0.31)
+    assert schedule.take_due(last + 0.45)
+    assert not schedule.take_due(last + 0.45 + MAXIMUM_INTERVAL_S - SPREAD_S - 0.01)
+
+
+def test_many_forged_senders_take_bounded_memory():
+    schedule = _schedule()
+    for sender in range(5000):
+        schedule.receive_remote_vehicle(sender.to_bytes(4), 10.0, now=0.01)
+    assert len(schedule._near_until) <= 1024

@@ -1,0 +1,95 @@
+"""What a car says of itself, from what it knows."""
+
+import numpy as np
+import pytest
+
+from onboard.bsm_transmission.transmitter import ALL_WHEELS, BsmTransmitter
+from onboard.messages import bsm
+from onboard.messages.bsm_core import CoreData, VehicleSize, WheelBrakes
+from onboard.observations import BrakePedal, Position, Speed
+from onboard.security.pseudonyms import Pseudonym
+from onboard.units import KM_H
+
+WHO = Pseudonym(bytes(8), b"abcd", 5, None, 300.0)
+
+
+@pytest.fixture
+def beacon() -> BsmTransmitter:
+    return BsmTransmitter(VehicleSize(1.8, 4.5), WHO, np.random.default_rng(1), now=0.0)
+
+
+def core(beacon: BsmTransmitter, now: float) -> CoreData:
+    return beacon.bsm(None, now, now).core
+
+
+@pytest.mark.parametrize("deceleration_m_s2", [-2.0, 0.0, 4.0, 8.0])
+def test_the_acceleration_follows_from_speeds_in_whole_km_h(
+    beacon: BsmTransmitter, deceleration_m_s2: float
+) -> None:
+    for i in range(21):
+        speed_m_s = round((20.0 - deceleration_m_s2 * i / 20) / KM_H) * KM_H
+        beacon.receive_speed(Speed(i / 20, speed_m_s, KM_H, "obd:7E8"))
+
+    said = core(beacon, 1.0).acceleration.longitudinal_m_s2
+
+    assert said == pytest.approx(-deceleration_m_s2, abs=0.35)
+
+
+@pytest.mark.parametrize(("fix_at_s", "speed_m_s"), [(0.8, 20.0), (0.7, 14.0), (-0.7, 14.0)])
+def test_the_speed_is_the_fix_s_while_that_is_of_now_and_then_the_bus_s(
+    beacon: BsmTransmitter, fix_at_s: float, speed_m_s: float
+) -> None:
+    beacon.receive_position(Position(fix_at_s, 48.0, 11.0, None, 1.0, 20.0, 0.0))
+    beacon.receive_speed(Speed(0.95, 14.0, KM_H, "obd:7E8"))
+
+    assert core(beacon, 1.0).speed_m_s == speed_m_s
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "held_rad", "said_rad"),
+    [(10.0, 0.5, 2.0), (0.3, 0.5, 0.5), (0.3, None, None), (None, 0.5, 2.0)],
+)
+def test_while_it_stands_it_tells_the_heading_that_is_held_and_no_course(
+    beacon: BsmTransmitter, speed_m_s: float | None, held_rad: float | None, said_rad: float | None
+) -> None:
+    """The course of a receiver that stands turns in circles."""
+    beacon.receive_position(Position(1.0, 48.0, 11.0, None, 1.0, speed_m_s, 2.0))
+
+    assert beacon.bsm(None, 1.0, 1.0, held_rad).core.heading_rad == said_rad
+
+
+@pytest.mark.parametrize(
+    ("utc_s", "sec_mark_s"),
+    [(59.9994, 59.999), (59.9996, 0.0), (120.0, 0.0), (1_700_000_099.9999, 0.0)],
+)
+def test_the_end_of_a_minute_is_no_leap_second(
+    beacon: BsmTransmitter, utc_s: float, sec_mark_s: float
+) -> None:
+    said = bsm.decode(bsm.encode(beacon.bsm(None, 1.0, utc_s))).core
+
+    assert said.sec_mark_s == pytest.approx(sec_mark_s)
+
+
+def test_nothing_is_said_of_what_is_not_known(beacon: BsmTransmitter) -> None:
+    said = core(beacon, 1.0)
+
+    assert said.speed_m_s is None
+    assert said.acceleration.longitudinal_m_s2 is None
+    assert said.brakes.wheel_brakes == WheelBrakes.UNAVAILABLE
+
+
+def test_two_speeds_are_no_acceleration(beacon: BsmTransmitter) -> None:
+    for stamp_s in (0.0, 0.5):
+        beacon.receive_speed(Speed(stamp_s, 20.0, KM_H, "obd:7E8"))
+
+    assert core(beacon, 0.6).acceleration.longitudinal_m_s2 is None
+
+
+@pytest.mark.parametrize(("pressed", "wheels"), [(True, ALL_WHEELS), (False, WheelBrakes(0))])
+def test_the_pedal_is_told_where_the_car_has_a_signal_for_it(
+    beacon: BsmTransmitter, pressed: bool, wheels: WheelBrakes
+) -> None:
+    beacon.receive_pedal(BrakePedal(0.9, pressed, "dbc"))
+
+    assert core(beacon, 1.0).brakes.wheel_brakes == wheels
+    assert core(beacon, 9.0).brakes.wheel_brakes == WheelBrakes.UNAVAILABLE

@@ -1,0 +1,95 @@
+"""Connections that say nothing, and too many of them: real sockets, short patience."""
+
+import asyncio
+
+import pytest
+
+from onboard.hmi import connection_limiter
+from onboard.hmi.connection_limiter import ConnectionLimiter
+
+
+class Echo(asyncio.Protocol):
+    """A server that answers what it is told."""
+
+    lost = 0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self.transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        self.transport.write(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        Echo.lost += 1
+
+
+async def end_of(reader: asyncio.StreamReader) -> bytes:
+    try:
+        return await reader.read()
+    except ConnectionResetError:
+        return b""
+
+
+async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bytes:
+    writer.write(b"hello")
+    return await reader.readexactly(5)
+
+
+def test_who_says_nothing_is_shut_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection_limiter, "SILENT_S", 0.05)
+    monkeypatch.setattr(Echo, "lost", 0)
+
+    async def connect() -> None:
+        keeper = ConnectionLimiter(Echo)
+        server = await asyncio.get_running_loop().create_server(keeper, "127.0.0.1", 0)
+        async with server:
+            address = server.sockets[0].getsockname()
+            for _ in range(3):  # also after there was nobody
+                reader, writer = await asyncio.open_connection(*address)
+                assert await end_of(reader) == b""
+                writer.close()
+            assert len(keeper) == 0
+            assert Echo.lost == 3
+            keeper.close()
+
+    asyncio.run(asyncio.wait_for(connect(), 20.0))
+
+
+def test_of_too_many_the_first_that_says_nothing_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection_limiter, "MOST_CONNECTIONS", 3)
+
+    async def connect() -> None:
+        keeper = ConnectionLimiter(Echo)
+        server = await asyncio.get_running_loop().create_server(keeper, "127.0.0.1", 0)
+        async with server:
+            address = server.sockets[0].getsockname()
+            page = await asyncio.open_connection(*address)
+            assert await answer(*page) == b"hello"
+            silent = [await asyncio.open_connection(*address) for _ in range(2)]
+            another = await asyncio.open_connection(*address)
+
+            assert await end_of(silent[0][0]) == b""
+            for each in (page, another, silent[1]):
+                assert await answer(*each) == b"hello"
+            assert len(keeper) == 3
+            for _, writer in (page, another, *silent):
+                writer.close()
+            keeper.close()
+
+    asyncio.run(asyncio.wait_for(connect(), 20.0))
+
+
+def test_a_connection_that_is_closed_is_forgotten() -> None:
+    async def connect() -> None:
+        keeper = ConnectionLimiter(Echo)
+        server = await asyncio.get_running_loop().create_server(keeper, "127.0.0.1", 0)
+        async with server:
+            reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
+            assert await answer(reader, writer) == b"hello"
+            writer.close()
+            while len(keeper):
+                await asyncio.sleep(0)
+            keeper.close()
+
+    asyncio.run(asyncio.wait_for(connect(), 20.0))

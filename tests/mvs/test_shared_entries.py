@@ -1,0 +1,135 @@
+"""What goes into the footers of several cars: how much, how often, and of whom."""
+
+import numpy as np
+import pytest
+
+from onboard.messages import mvs_footer
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.settings import FooterValidationSettings, MvsSettings
+from onboard.mvs.sharing import read
+from onboard.observations import Position, VehicleDetection
+from tests.mvs.world import (
+    EXACT,
+    Car,
+    Message,
+    World,
+    assert_lists_each_measurement_once,
+    to_degrees,
+)
+
+
+@pytest.mark.parametrize("selection", ["mvs", "mo", "rs"])
+def test_a_footer_keeps_to_m_entries_and_to_its_bytes(selection: str) -> None:
+    observers = [Car("a", 0, 0, 0, 10, sees=frozenset(f"x{k}" for k in range(12)))]
+    observers += [Car("b", 200, 0, 0, 10, sees=frozenset(f"x{k}" for k in range(12)))]
+    others = [Car(f"x{k}", 8.0 * k - 40, 60 + k, 0, 10, radio=False) for k in range(12)]
+    changes = {"selection": selection, "most_entries": 5, "most_bytes": 150}
+    world = World(
+        observers + others, settings=MvsSettings.model_validate(
+            EXACT.model_dump(mode="python") | changes, strict=False)
+    )  # fmt: skip
+
+    world.run(2.0)
+
+    footers = [mvs_footer.decode(message.footer) for message in world.sent[20:]]
+    entries = [len(footer.measurements) + len(footer.estimates) for footer in footers]
+    assert max(entries) <= 5
+    assert max(len(message.footer) for message in world.sent) <= 150
+    assert min(entries) >= 2
+    assert_lists_each_measurement_once(world)
+
+
+@pytest.mark.parametrize("interval_s", [0.07, 0.1, 0.105, 0.25])
+def test_what_was_heard_is_passed_on_once_however_punctual_the_footers_are(
+    interval_s: float,
+) -> None:
+    cars = [Car("a", 0, 0, 0, 10, sees=frozenset({"x"})), Car("x", 0, 40, 0, 10, radio=False)]
+    world = World(cars)
+    world.run(4.0)
+    mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
+    told: list[int] = []
+    for k in range(round(4.0 / interval_s)):
+        now = world.start + 0.14 + k * interval_s
+        fix = Position(now, *to_degrees(0.0, -50.0), None, 0.5, 0.0, 0.0)
+        mvs.receive_position(fix)
+        while world.sent and (heard_at := world.sent[0].state.stamp_s + 0.02) <= now:
+            message = world.sent.pop(0)
+            mvs.receive_bsm(message.sender.id, message.state, message.footer, heard_at)
+        for provenance in read(mvs.footer_to_send(now)).provenances:
+            told += [stamp_ms for _, stamp_ms in provenance]
+
+    assert len(told) == len(set(told))
+    assert set(range(1_001_000, 1_003_600, 100)) <= set(told)
+
+
+def test_what_comes_back_from_others_is_not_told_again() -> None:
+    """Else old news would ride on every new measurement, and make it too old to be passed on."""
+
+    def radio(message: Message, receiver: Car, t: float) -> list[float]:
+        return [0.03 + 0.1 * (round(t * 10) % 2)]  # so b has two to tell of at a time
+
+    cars = [
+        Car("a", 0, 0, 0, 10, sees=frozenset({"x"})),
+        Car("b", 0, -60, 0, 10),
+        Car("x", 0, 40, 0, 10, radio=False),
+    ]
+    world = World(cars, radio=radio)
+
+    world.run(3.0)
+
+    of_a = [read(m.footer) for m in world.sent if m.sender.name == "a"]
+    of_b = [read(m.footer) for m in world.sent if m.sender.name == "b"]
+    assert [len(provenance) for told in of_a[5:] for provenance in told.provenances] == [1] * 25
+    assert {len(provenance) for told in of_b for provenance in told.provenances} == {2}
+
+
+def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
+    """A number has 8 bits there: of cars 1 and 257 neither was ever known to who was told."""
+    mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
+    told: list[tuple[int, ...]] = []
+    for k in range(12):
+        at = 1000.0 + k / 10
+        mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 10.0, 0.0))
+        for number in range(1 if k < 4 else 2):
+            mvs.receive_detection(VehicleDetection(at, number, 30.0, 0.3, 0.6 * number, 0.01))
+        told.append(read(mvs.footer_to_send(at)).cars)
+        mvs._tracks._last_number = 256
+
+    assert {track.number for track in mvs._tracks} == {1, 257}
+    assert (1,) in told
+    assert set(told[-1]) == {1, 2}
+
+
+def test_what_did_not_fit_into_a_footer_is_told_first_in_the_next() -> None:
+    """Else the last of three cars in view would never be told of, where two fit at most."""
+    tight = EXACT.model_copy(update={"most_bytes": 50})
+    mvs = MultiVehicleSensing(tight, b"-own", np.random.default_rng(0))
+    told: list[int] = []
+    for k in range(12):
+        now = 1000.0 + k / 10
+        mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0))
+        for number in range(3):
+            mvs.receive_detection(VehicleDetection(now, number, 30.0, 0.3, 0.5 * number, 0.01))
+        told += read(mvs.footer_to_send(now)).cars
+
+    times_told = [told.count(car) for car in sorted(set(told))]
+    assert len(times_told) == 3
+    assert max(times_told) - min(times_told) <= 1
+
+
+def test_nobody_tells_more_measurements_at_once_than_are_believed() -> None:
+    """Estimates that come back grow with each round, up to all that anybody measured lately."""
+    most = FooterValidationSettings(measurements_per_estimate=8)
+    names = [f"r{k}" for k in range(4)]
+    cars = [Car(name, 9.0 * k, 0, 0, 10, sees=frozenset({"x"})) for k, name in enumerate(names)]
+    world = World(
+        [*cars, Car("x", 12, 50, 0, 10, radio=False)],
+        settings=EXACT.model_copy(update={"footer_validation": most}),
+    )
+
+    world.run(2.0)
+
+    assert [world.discarded(name) for name in names] == [[]] * 4
+    longest = [max(map(len, read(message.footer).provenances)) for message in world.sent[20:]]
+    assert max(longest) == 8
+    assert all(len(world.without_radio(name)) == 1 for name in names)

@@ -1,0 +1,287 @@
+"""The whole core: frames in, observations out, requests on the bus."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.obd.can_frame import CanFrame
+from onboard.obd.settings import ObdSettings
+from onboard.obd.vehicle_bus import VehicleBus
+from onboard.observations import Discarded, HardBrake, Speed
+from onboard.units import KM_H
+
+ENGINE, GEARBOX = 0x7E8, 0x7EA
+ENGINE_29, GEARBOX_29 = 0x18DAF110, 0x18DAF118
+
+
+def frame(stamp_s, identifier, data, is_extended_id=None):
+    if is_extended_id is None:
+        is_extended_id = identifier > 0x7FF
+    return CanFrame(stamp_s, identifier, is_extended_id, bytes.fromhex(data))
+
+
+def speed_frame(stamp_s, identifier, km_h):
+    return frame(stamp_s, identifier, f"03 41 0D {km_h:02X} 00 00 00 00")
+
+
+def events_of(bus):
+    events = []
+    while (event := bus.next_event()) is not None:
+        events.append(event)
+    return events
+
+
+def hear(*frames, settings=None):
+    bus = VehicleBus(settings or ObdSettings())
+    for each in frames:
+        bus.receive_frame(each, each.stamp_s)
+    return events_of(bus)
+
+
+class Car:
+    """A bus with ECUs that answer 5 ms after each functional request."""
+
+    def __init__(self, answers, settings=None):
+        self.bus = VehicleBus(settings or ObdSettings())
+        self.answers = answers
+        self.sent = []
+
+    def drive(self, start, end):
+        now = start
+        while True:
+            self.bus.handle_timer(now)
+            for request in self.bus.frames_to_send(now):
+                self.sent.append(request)
+                for answer in self.answers(request, now + 0.005):
+                    self.bus.receive_frame(answer, answer.stamp_s)
+            at = self.bus.get_timer()
+            if at is None or at >= end:
+                return events_of(self.bus)
+            now = max(at, now)
+
+
+def engine(request, at, km_h=50):
+    """An ECU with 11-bit identifiers."""
+    match request.arbitration_id, request.data[:3]:
+        case 0x7DF, b"\x02\x01\x00":
+            yield frame(at, ENGINE, "06 41 00 BE 3F A8 13 00")
+        case 0x7DF, b"\x02\x01\x0d":
+            yield speed_frame(at, ENGINE, km_h)
+
+
+def test_a_speed_carries_value_unit_stamp_and_source():
+    assert hear(speed_frame(1.25, ENGINE, 50)) == [
+        Speed(stamp_s=1.25, speed_m_s=50 * KM_H, resolution_m_s=KM_H, source="obd:7E8")
+    ]
+    assert hear(speed_frame(1.25, ENGINE_29, 255))[0].source == "obd:18DAF110"
+
+
+def test_requests_are_functional_single_frames_padded_to_eight_bytes():
+    bus = VehicleBus(ObdSettings())
+    requests = [bus.frames_to_send(now)[0] for now in (1.0, 1.25, 1.5, 1.75)]
+    assert [(r.arbitration_id, r.is_extended_id) for r in requests] == [
+        (0x7DF, False),
+        (0x7DF, False),
+        (0x18DB33F1, True),
+        (0x18DB33F1, True),
+    ]
+    assert requests[0].data == bytes.fromhex("02 01 00 CC CC CC CC CC")
+    assert requests[1].data == bytes.fromhex("02 01 0D CC CC CC CC CC")
+
+
+@pytest.mark.parametrize("polling_hz", [10.0, 20.0])
+def test_a_car_that_answers_is_polled_at_the_configured_rate(polling_hz):
+    car = Car(engine, ObdSettings(polling_hz=polling_hz))
+    speeds = car.drive(100.0, 110.0)
+    assert {speed.source for speed in speeds} == {"obd:7E8"}
+    assert len(speeds) == pytest.approx(10 * polling_hz, abs=3)
+
+
+def test_a_car_that_listens_only_is_never_asked():
+    bus = VehicleBus(ObdSettings(polling_hz=None))
+    assert bus.get_timer() is None
+    assert bus.frames_to_send(1.0) == []
+    bus.receive_frame(speed_frame(1.0, ENGINE, 50), 1.0)
+    assert len(events_of(bus)) == 1
+
+
+def test_a_car_with_29_bit_identifiers_is_found():
+    def answers(request, at):
+        if request.arbitration_id == 0x18DB33F1 and request.data[2] == 0x0D:
+            yield speed_frame(at, ENGINE_29, 50)
+
+    car = Car(answers)
+    speeds = car.drive(0.0, 3.0)
+    assert {speed.source for speed in speeds} == {"obd:18DAF110"}
+    assert speeds[0].stamp_s < 1.0
+    assert len(speeds) > 40
+
+
+def test_of_several_ecus_the_lowest_identifier_is_believed():
+    def answers(request, at):
+        if request.data[2] == 0x0D and not request.is_extended_id:
+            yield speed_frame(at, ENGINE, 50)
+            yield speed_frame(at + 0.001, GEARBOX, 53)
+
+    speeds = Car(answers).drive(0.0, 2.0)
+    assert {speed.source for speed in speeds} == {"obd:7E8"}
+    assert not any(isinstance(event, HardBrake) for event in speeds)
+
+
+def test_when_the_believed_ecu_falls_silent_the_next_one_is_believed_after_a_second():
+    def answers(request, at):
+        if request.data[2] == 0x0D and not request.is_extended_id:
+            if at < 2.0:
+                yield speed_frame(at, ENGINE, 50)
+            yield speed_frame(at + 0.001, GEARBOX, 53)
+
+    events = Car(answers).drive(0.0, 5.0)
+    gearbox = [event for event in events if event.source == "obd:7EA"]
+    assert 2.9 < gearbox[0].stamp_s < 3.1
+    assert not any(isinstance(event, HardBrake) for event in events)
+
+
+def test_a_bus_without_ecus_is_asked_four_times_a_second():
+    car = Car(lambda request, at: ())
+    assert car.drive(0.0, 10.0) == []
+    assert len(car.sent) == 40
+
+
+def test_a_long_answer_to_us_is_told_to_go_on_at_the_ecus_own_address():
+    bus = VehicleBus(ObdSettings(addressing="11-bit"))
+    bus.frames_to_send(1.0)
+    bus.frames_to_send(1.25)  # asks for the speed
+    bus.receive_frame(frame(1.26, GEARBOX, "10 0C 41 0D 32 0C 1A F8"), 1.26)
+    (go_on,) = bus.frames_to_send(1.26)
+    assert (go_on.arbitration_id, go_on.data[:3]) == (0x7E2, b"\x30\x00\x00")
+    bus.receive_frame(frame(1.27, GEARBOX, "21 11 80 05 7B 0F 40 55"), 1.27)
+    assert events_of(bus) == [Speed(1.27, 50 * KM_H, KM_H, "obd:7EA")]
+
+
+def test_a_long_answer_with_29_bits_is_told_to_go_on_at_the_ecus_own_address():
+    bus = VehicleBus(ObdSettings(addressing="29-bit"))
+    bus.frames_to_send(1.0)
+    bus.frames_to_send(1.25)
+    bus.receive_frame(frame(1.26, GEARBOX_29, "10 0C 41 0D 32 0C 1A F8"), 1.26)
+    (go_on,) = bus.frames_to_send(1.26)
+    assert (go_on.arbitration_id, go_on.is_extended_id) == (0x18DA18F1, True)
+
+
+def test_another_testers_long_answer_is_read_and_never_interfered_with():
+    bus = VehicleBus(ObdSettings())
+    bus.frames_to_send(1.0)
+    bus.receive_frame(frame(1.01, ENGINE, "10 0C 41 0C 1A F8 0D 32"), 1.01)
+    assert bus.frames_to_send(1.01) == []
+    bus.receive_frame(frame(1.02, ENGINE, "21 11 80 05 7B 0F 40 55"), 1.02)
+    assert [event.speed_m_s for event in events_of(bus)] == [50 * KM_H]
+
+
+def test_a_long_answer_that_stops_is_given_up_and_counted():
+    bus = VehicleBus(ObdSettings(polling_hz=None))
+    bus.receive_frame(frame(1.0, ENGINE, "10 0C 41 0C 1A F8 0D 32"), 1.0)
+    assert bus.get_timer() == 2.0
+    bus.handle_timer(2.0)
+    (discarded,) = events_of(bus)
+    assert (discarded.reason, discarded.stamp_s) == ("n_timeout_cr", 2.0)
+
+
+def test_long_answers_of_two_ecus_do_not_mix():
+    events = hear(
+        frame(1.00, ENGINE, "10 0C 41 0C 1A F8 0D 32"),
+        frame(1.01, GEARBOX, "10 0C 41 0C 1A F8 0D 33"),
+        frame(1.02, GEARBOX, "21 11 80 05 7B 0F 40 55"),
+        frame(1.03, ENGINE, "21 11 80 05 7B 0F 40 55"),
+    )
+    assert [(event.source, round(event.speed_m_s / KM_H)) for event in events] == [
+        ("obd:7EA", 51),
+        ("obd:7E8", 50),
+    ]
+
+
+def test_response_pending_is_waited_for_and_no_fault():
+    def answers(request, at):
+        if request.data[2] == 0x0D and not request.is_extended_id:
+            yield frame(at, ENGINE, "03 7F 01 78 00 00 00 00")
+            yield speed_frame(at + 0.3, ENGINE, 50)
+
+    assert {event.kind for event in Car(answers).drive(0.0, 5.0)} == {"speed"}
+
+
+def test_a_refusal_is_counted_with_its_code():
+    (discarded,) = hear(frame(1.0, ENGINE, "03 7F 01 12 00 00 00 00"))
+    assert discarded == Discarded(1.0, "obd", "negative_response", "7E8: response code 0x12")
+
+
+@pytest.mark.parametrize(
+    ("identifier", "data"),
+    [
+        (ENGINE, "02 43 00 00 00 00 00 00"),
+        (ENGINE, "03 7F 22 31 00 00 00 00"),
+        (ENGINE, "04 41 0C 1A F8 00 00 00"),
+        (ENGINE, "30 00 00 00 00 00 00 00"),
+        (0x7DF, "02 01 0D 00 00 00 00 00"),
+        (0x7E0, "02 01 0D 00 00 00 00 00"),
+        (0x7E7, "03 41 0D 32 00 00 00 00"),
+        (0x7F0, "03 41 0D 32 00 00 00 00"),
+        (0x18DAF210, "03 41 0D 32 00 00 00 00"),
+        (0x123, ""),
+    ],
+)
+def test_what_is_not_about_our_services_is_passed_by(identifier, data):
+    assert hear(frame(1.0, identifier, data)) == []
+
+
+def test_an_11_bit_answer_under_a_29_bit_identifier_is_not_an_answer():
+    assert hear(frame(1.0, ENGINE, "03 41 0D 32", is_extended_id=True)) == []
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        ("", "frame_length"),
+        ("03", "single_frame_length"),
+        ("03 41 0D", "single_frame_length"),
+        ("08 41 0D 32 00 00 00 00", "single_frame_length"),
+        ("03 41 0D 32 00 00 00 00 00 00 00 00", "frame_length"),
+        ("02 41 0D 00 00 00 00 00", "pid_length"),
+        ("04 41 0D 32 00 00 00 00", "pid_length"),
+        ("22 01 02 03 04 05 06 07", "unexpected_consecutive_frame"),
+        ("90 41 0D 32", "n_pci_type"),
+        ("02 7F 01 00 00 00 00 00", "negative_response_length"),
+    ],
+)
+def test_frames_that_lie_are_discarded_with_their_reason(data, reason):
+    (discarded,) = hear(frame(1.0, ENGINE, data))
+    assert (discarded.component, discarded.reason, discarded.stamp_s) == ("obd", reason, 1.0)
+    assert discarded.detail.startswith("7E8: ")
+
+
+def test_hard_braking_follows_the_speed_that_made_it_certain():
+    events = hear(
+        *(speed_frame(i / 20, ENGINE, max(0, 100 - 2 * max(0, i - 20))) for i in range(60))
+    )
+    (at,) = [n for n, event in enumerate(events) if isinstance(event, HardBrake)]
+    assert isinstance(events[at - 1], Speed)
+    assert events[at - 1].stamp_s == events[at].stamp_s
+
+
+@given(
+    st.lists(
+        st.builds(
+            CanFrame,
+            stamp_s=st.floats(0, 100),
+            arbitration_id=st.sampled_from([ENGINE, GEARBOX, ENGINE_29, 0x7DF, 0x100]),
+            is_extended_id=st.booleans(),
+            data=st.binary(max_size=12),
+        ),
+        max_size=40,
+    )
+)
+def test_no_traffic_stops_the_car(frames):
+    bus = VehicleBus(ObdSettings())
+    for each in sorted(frames, key=lambda each: each.stamp_s):
+        bus.receive_frame(each, each.stamp_s)
+        bus.handle_timer(each.stamp_s)
+        bus.frames_to_send(each.stamp_s)
+    for event in events_of(bus):
+        assert event.kind in {"speed", "hard_brake", "discarded"}

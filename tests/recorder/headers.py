@@ -1,0 +1,17 @@
+"""A head for recordings that no cores made."""
+
+from onboard.recorder.header import RecordingHeader
+
+HEAD = RecordingHeader(
+    drive="20250615T150640.000Z",
+    software="0",
+    seed=(1,),
+    now_s=1000.0,
+    utc_s=1_750_000_000.0,
+    sensors=(),
+    config={"car": {"plate": "A1"}},
+    dbc=None,
+    certificates=None,
+    driver=None,
+    is_complete=True,
+)

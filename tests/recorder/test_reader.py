@@ -1,0 +1,165 @@
+"""Recordings that were cut off, damaged, or are none; what any MCAP reader makes of them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.records import Metadata
+
+from onboard.errors import UserError
+from onboard.observations import DetectionList, VehicleDetection
+from onboard.recorder.header import Certificates
+from onboard.recorder.inputs import as_input
+from onboard.recorder.reader import Entry, RecordedDrive, RecordingError, is_finished, raw_records
+from onboard.recorder.repair import repair, write_records
+from onboard.recorder.replay import compare
+from onboard.trace.trace_line import as_json, as_record
+from tests.recorder.drive import record_drive
+from tests.recorder.headers import HEAD
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    (segment,) = record_drive(tmp_path_factory.mktemp("drive"), flush_every=40).glob("*.mcap")
+    return segment
+
+
+@pytest.fixture(scope="module")
+def entries(whole: Path) -> list[Entry]:
+    return list(RecordedDrive([whole]).entries())
+
+
+def cut(whole: Path, folder: Path, size: int) -> Path:
+    path = folder / whole.name
+    path.write_bytes(whole.read_bytes()[:size])
+    return path
+
+
+def test_a_recording_that_was_cut_off_anywhere_is_read_up_to_its_end(
+    whole: Path, entries: list[Entry], tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(1)
+    size = whole.stat().st_size
+    head_ends = whole.read_bytes().index(b"zstd")
+    longest = 0
+    for cut_at in sorted(rng.integers(head_ends, size, 25).tolist()):
+        left = list(RecordedDrive([cut(whole, tmp_path, cut_at)]).entries())
+        assert left == entries[: len(left)]
+        assert len(left) >= longest
+        longest = len(left)
+    assert longest > len(entries) // 2
+
+
+def test_what_is_left_of_it_is_still_decided_again(whole: Path, tmp_path: Path) -> None:
+    comparison = compare(RecordedDrive([cut(whole, tmp_path, whole.stat().st_size // 2)]))
+
+    assert comparison.difference is None
+    assert comparison.answers > 10
+
+
+def test_a_damaged_recording_is_read_up_to_the_damage(
+    whole: Path, entries: list[Entry], tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(2)
+    content = bytearray(whole.read_bytes())
+    begin = content.index(b"zstd")
+    for at in rng.integers(begin, len(content), 25).tolist():
+        damaged = bytearray(content)
+        damaged[at] ^= 1 << int(rng.integers(8))
+        path = tmp_path / "damaged.mcap"
+        path.write_bytes(damaged)
+        left = list(RecordedDrive([path]).entries())
+        assert left == entries[: len(left)]
+
+
+def test_a_mended_recording_opens_in_any_reader_with_all_that_was_left(
+    whole: Path, tmp_path: Path
+) -> None:
+    path = cut(whole, tmp_path, whole.stat().st_size * 2 // 3)
+    left = list(RecordedDrive([path]).entries())
+    (tmp_path / "20250615T150641.000Z-0000.mcap").write_bytes(whole.read_bytes()[:20])
+
+    repair(tmp_path, except_for=tmp_path / "other.mcap")
+
+    assert is_finished(path)
+    assert list(RecordedDrive([path]).entries()) == left
+    assert list(tmp_path.iterdir()) == [path], "what was cut off before it began is gone"
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == len(left) == len(list(reader.iter_messages()))
+
+
+def test_every_topic_has_a_schema_that_foxglove_reads(whole: Path) -> None:
+    with whole.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert {schema.encoding for schema in summary.schemas.values()} == {"jsonschema"}
+    assert {channel.message_encoding for channel in summary.channels.values()} == {"json"}
+    by_topic = {c.topic: summary.schemas[c.schema_id].name for c in summary.channels.values()}
+    assert by_topic["/in/lead"] == "Lead"
+    assert by_topic["/out/perceived_object"] == "PerceivedObject"
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"", "cut off before it began"),
+        (b"no mcap at all, but long enough to be one", "no MCAP file"),
+        (b"\x89MCAP0\r\n", "cut off before it began"),
+    ],
+)
+def test_what_is_no_recording_is_one_line(content: bytes, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+
+    with pytest.raises(RecordingError, match=told):
+        RecordedDrive([path])
+
+
+def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="No such file"):
+        RecordedDrive([tmp_path / "x.mcap"])
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "told"),
+    [
+        ("format", "0", "written in format 0, and this software reads 1"),
+        ("format", "2", "written in format 2"),
+        ("segment", "one", "its head is damaged"),
+        ("head", "{", "its head is damaged"),
+        ("head", "{}", "is required and missing"),
+    ],
+)
+def test_another_version_is_refused_clearly(
+    whole: Path, field: str, value: str, told: str, tmp_path: Path
+) -> None:
+    records = list(raw_records(whole))
+    metadata = next(record for record in records if isinstance(record, Metadata))
+    metadata.metadata[field] = value
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as file:
+        write_records(records, file)
+
+    with pytest.raises(Exception, match=told):
+        RecordedDrive([path])
+
+
+def test_a_head_with_a_damaged_certificate_is_refused_by_name() -> None:
+    damaged = Certificates(pseudonyms=("80 no certificate",), roots=("8003",), authorities=())
+    head = HEAD.model_copy(update={"certificates": damaged})
+    with pytest.raises(UserError, match=f"the recording of {HEAD.drive}: a certificate"):
+        head.credentials()
+
+
+def test_what_a_detector_found_is_read_as_it_was_written() -> None:
+    found = DetectionList(
+        7.0, tuple(VehicleDetection(7.0, k, 20.0 + k, 1.0, 0.1, 0.01) for k in range(3))
+    )
+    line = as_json(as_record(found)).encode()
+
+    assert as_input(Entry("/in/detection_list", 1.75e9, line)) == found

@@ -1,0 +1,160 @@
+"""The car as a service: what systemd is told, and what a new configuration does."""
+
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from onboard.runtime.systemd import Systemd
+from onboard.trace.trace_file import TraceFile
+
+
+class NotifySocket:
+    """The socket that systemd listens on."""
+
+    def __init__(self, folder: Path) -> None:
+        self.address = str(folder / "notify")
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(self.address)
+        self.socket.settimeout(20.0)
+
+    def told(self) -> dict[str, str]:
+        lines = self.socket.recv(4096).decode().splitlines()
+        return dict(line.split("=", 1) for line in lines)
+
+    def told_next(self, name: str) -> dict[str, str]:
+        while name not in (told := self.told()):
+            pass
+        return told
+
+    def is_told_nothing(self) -> bool:
+        self.socket.setblocking(False)
+        try:
+            return not self.socket.recv(4096)
+        except BlockingIOError:
+            return True
+
+
+@pytest.fixture
+def systemd(tmp_path: Path) -> Iterator[NotifySocket]:
+    it = NotifySocket(tmp_path)
+    yield it
+    it.socket.close()
+
+
+@pytest.fixture
+def car(systemd: NotifySocket, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    config = tmp_path / "car.yaml"
+    config.write_text("car: {plate: OLD1}\n")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "onboard", "run", str(config)],
+        env={"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "400000", "JOURNAL_STREAM": "8:1"},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_systemd_hears_that_the_car_is_ready_that_it_goes_on_and_that_it_stops(
+    car: subprocess.Popen[str], systemd: NotifySocket
+) -> None:
+    assert "OLD1" in systemd.told_next("READY")["STATUS"]
+    systemd.told_next("WATCHDOG")
+    systemd.told_next("WATCHDOG")
+    car.terminate()
+    systemd.told_next("STOPPING")
+    _, log = car.communicate(timeout=20)
+
+    assert car.returncode == 0
+    assert all(line.startswith("<6>{") for line in log.splitlines()), log
+    assert '"event": "stopped"' in log
+
+
+def test_a_good_configuration_takes_effect_and_a_bad_one_is_refused(
+    car: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
+) -> None:
+    config = tmp_path / "car.yaml"
+    systemd.told_next("READY")
+
+    def after(text: str) -> str:
+        config.write_text(text)
+        car.send_signal(signal.SIGHUP)
+        systemd.told_next("RELOADING")
+        return systemd.told_next("READY")["STATUS"]
+
+    assert "refused" in after("car: {plate: lower case}\n")
+    assert "refused" in after("car: {plate: NEW1}\nsecurity: {keys_folder: /nonexistent}\n")
+    assert "NEW1" in after("car: {plate: NEW1}\n")
+    assert "NEW1" in after("car: {plate: NEW2}\ncan: {interface: socketcan, channel: nosuchcan9}\n")
+    assert "NEW3" in after("car: {plate: NEW3}\n")
+
+    car.terminate()
+    _, log = car.communicate(timeout=20)
+    assert car.returncode == 0
+    refused = [line for line in log.splitlines() if line.startswith("<3>")]
+    reasons = ("car.plate: String should match", "/nonexistent", "nosuchcan9 cannot be opened")
+    for line, reason in zip(refused, reasons, strict=True):
+        assert reason in line
+
+
+def test_a_driver_who_cannot_be_remembered_does_not_stop_the_car(
+    car: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
+) -> None:
+    config, disk = tmp_path / "car.yaml", tmp_path / "disk"
+    disk.mkdir()
+    systemd.told_next("READY")
+    config.write_text(f"car: {{plate: NEW1}}\naccess: {{driver_file: {disk}/driver.json}}\n")
+    car.send_signal(signal.SIGHUP)
+    assert "NEW1" in systemd.told_next("READY")["STATUS"]
+    (disk / "driver.json").unlink()
+    disk.rmdir()
+
+    config.write_text("car: {plate: NEW2}\n")
+    car.send_signal(signal.SIGHUP)
+
+    assert "NEW2" in systemd.told_next("READY")["STATUS"]
+    car.terminate()
+    _, log = car.communicate(timeout=20)
+    assert car.returncode == 0
+    assert log.count("driver.json: cannot be written: No such file or directory") == 2
+
+
+def test_the_watchdog_is_fed_a_few_times_in_its_interval_and_not_at_each_step(
+    systemd: NotifySocket,
+) -> None:
+    manager = Systemd({"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "2000000"})
+
+    for step in range(101):
+        manager.feed(5.0 + step * 0.01)
+
+    assert [systemd.told() for _ in range(3)] == [{"WATCHDOG": "1"}] * 3
+    assert systemd.is_told_nothing()
+
+
+def test_without_systemd_nobody_is_told_anything() -> None:
+    manager = Systemd({})
+    manager.ready("")
+    manager.reloading()
+    manager.feed(0.0)
+    manager.stopping()
+
+
+def test_an_abstract_socket_is_reached() -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as abstract:
+        abstract.bind("")  # the kernel names it
+        name = abstract.getsockname().decode()
+        Systemd({"NOTIFY_SOCKET": "@" + name[1:]}).stopping()
+        assert abstract.recv(64) == b"STOPPING=1"
+
+
+def test_a_full_disk_ends_the_trace_and_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
+    with TraceFile(Path("/dev/full")) as trace:
+        assert trace.write(b"{}") == 0
+        assert trace.write(b"{}") == 0
+    assert capsys.readouterr().out.count("No space left on device") == 1

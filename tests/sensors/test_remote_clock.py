@@ -1,0 +1,59 @@
+"""Stamps on the car's clock, from the receiver's UTC and no other."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.sensors.remote_clock import RemoteClock
+
+UTC_S = 1.7e9
+
+
+def stamps(arrivals, latency_s=0.1, start_utc_s=UTC_S):
+    clock = RemoteClock(latency_s)
+    return [clock.stamp_s(start_utc_s + n, now) for n, now in enumerate(arrivals)]
+
+
+def test_a_steady_receiver_is_stamped_by_its_latency():
+    assert stamps([50.1, 51.1, 52.1]) == pytest.approx([50.0, 51.0, 52.0])
+
+
+def test_jitter_does_not_enter_the_stamp():
+    """Late by up to half a second: on a slow serial line, in a busy machine."""
+    late = np.random.default_rng(1).uniform(0.0, 0.5, 300)
+    late[::5] = 0.0
+    told = stamps([50.1 + n + lateness for n, lateness in enumerate(late)])
+    errors = np.array(told[10:]) - (50.0 + np.arange(10, 300))
+    assert np.abs(errors).max() < 1e-6
+
+
+def test_a_clock_that_drifts_is_followed():
+    """100 ppm, as bad as a quartz gets: 6 ms in a minute."""
+    told = stamps([50.1 + n * (1 + 1e-4) for n in range(600)])
+    errors = np.array(told) - (50.0 + np.arange(600) * (1 + 1e-4))
+    assert np.abs(errors).max() < 0.0065
+
+
+def test_a_receiver_that_learns_its_leap_seconds_or_its_date_is_followed_at_once():
+    clock = RemoteClock(0.1)
+    assert clock.stamp_s(UTC_S, 50.1) == pytest.approx(50.0)
+    assert clock.stamp_s(UTC_S + 1 - 18, 51.1) == pytest.approx(51.0)
+    assert clock.stamp_s(UTC_S + 2 - 18 + 1024 * 7 * 86400, 52.1) == pytest.approx(52.0)
+
+
+def test_without_utc_the_arrival_is_all_there_is():
+    assert RemoteClock(0.1).stamp_s(None, 50.1) == pytest.approx(50.0)
+
+
+@given(
+    steps=st.lists(
+        st.tuples(st.floats(0, 100), st.floats(0, 4e9), st.booleans()), min_size=1, max_size=40
+    )
+)
+def test_a_stamp_is_never_later_than_its_arrival(steps):
+    clock = RemoteClock(0.1)
+    now = 0.0
+    for step_s, utc_s, is_known in steps:
+        now += step_s
+        assert clock.stamp_s(utc_s if is_known else None, now) <= now - 0.1 + 1e-5

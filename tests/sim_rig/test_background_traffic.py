@@ -1,0 +1,48 @@
+"""A crowd of cars that only send BSMs, on top of the air."""
+
+from collections import Counter
+
+import numpy as np
+
+from onboard.messages import bsm
+from onboard.wave_udp import psid
+from onboard.wave_udp.wsmp import decode
+from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
+from sim_rig.radio.models import open_air
+from sim_rig.roads.breakpoints import BreakpointRoad
+from sim_rig.scenario import Scenario, load_scenario
+
+
+def crowded(crowd: int) -> tuple[BackgroundTraffic, Scenario]:
+    scenario = load_scenario("unsafe-driver").model_copy(update={"background_traffic": crowd})
+    road = BreakpointRoad(scenario)
+    air = open_air(scenario.radio, road.cars_at, scenario.equipped, np.random.default_rng(1))
+    return BackgroundTraffic(
+        air, scenario, now=0.0, utc_s=1_750_000_000.0, credentials={}
+    ), scenario
+
+
+def test_every_car_of_the_crowd_is_heard_by_everybody_twice_a_second() -> None:
+    air, scenario = crowded(5)
+    heard: Counter[tuple[str, str]] = Counter()
+    while (at := air.get_timer()) is not None and at < 4.0:
+        for delivery in air.wsms_to_deliver(at):
+            assert decode(delivery.wsm).psid == psid.BSM == bsm.PSID
+            heard[delivery.sender, delivery.receiver] += 1
+
+    assert set(heard) == {
+        (name, car) for name in background_names(scenario) for car in scenario.equipped
+    }
+    assert set(heard.values()) <= {6, 7}
+
+
+def test_without_a_crowd_the_air_is_as_it_is() -> None:
+    air, _ = crowded(0)
+    assert air.get_timer() is None
+    air.receive_wsm("close", b"\x00" * 50, 5, 1.0)
+
+    at = air.get_timer()
+    assert at is not None
+    while (at := air.get_timer()) is not None:
+        delivered = air.wsms_to_deliver(at)
+    assert {delivery.receiver for delivery in delivered} <= {"calm", "switched_off"}

@@ -1,0 +1,223 @@
+"""Whole cars that sign: who is believed, and what others read on the air."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from onboard.messages import bsm, lcca
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
+from onboard.observations import HardBrake, Position
+from onboard.security.security_services import SecurityServices
+from onboard.trace.trace_line import as_record
+from onboard.units import KM_H
+from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp.capture import PcapWriter
+from onboard.wave_udp.wsmp import WaveShortMessage
+from tests.security.trial import ALICE, BOB, CAROL, UTC_S
+from tests.stack.platoon import SPEED_M_S, Platoon, car
+
+
+@pytest.fixture
+def platoon() -> Platoon:
+    """AAA1 leads BBB2, and both have driven for 3 s."""
+    cars = {"AAA1": ALICE, "BBB2": BOB}
+    driven = Platoon(
+        {plate: car(plate, credentials=keys, utc_s=UTC_S) for plate, keys in cars.items()}
+    )
+    driven.drive(3.0)
+    return driven
+
+
+def reasons(platoon: Platoon, plate: str) -> list[str]:
+    return [as_record(event)["reason"] for event in platoon.said(plate, "discarded")]
+
+
+def test_a_car_that_brakes_warns_the_car_behind_as_soon_as_its_speeds_show_it(
+    platoon: Platoon,
+) -> None:
+    brake_for_real(platoon, "AAA1")
+
+    assert len(list(platoon.said("BBB2", "warning"))) == 1
+
+
+def test_a_car_that_claims_a_brake_and_drives_on_is_not_believed(platoon: Platoon) -> None:
+    platoon.cars["AAA1"].press_brake_button(platoon.now)
+    platoon.drive(1.0)
+
+    assert list(platoon.said("BBB2", "warning")) == []
+    assert "implausible_brake" in reasons(platoon, "BBB2")
+
+
+def carol_sends(platoon: Platoon, plate: str, payload: bytes, psid: int, delay_s: float) -> None:
+    """Somebody whom all trust sends this to one car, where it arrives `delay_s` later."""
+    made_at = platoon.now - delay_s
+    wsm = WaveShortMessage(psid, SecurityServices(UTC_S, CAROL).secure(payload, psid, made_at))
+    platoon.cars[plate].receive_wsm(wsmp.encode(wsm), platoon.now)
+    platoon.settle()
+
+
+def brake_for_real(platoon: Platoon, plate: str) -> None:
+    platoon.speed_m_s[plate] = SPEED_M_S - 3 * KM_H
+    platoon.drive(0.1)
+    brake = HardBrake(platoon.now, 7.0, source="obd")
+    platoon.cars[plate].receive_observation(brake, platoon.now)
+    platoon.settle()
+
+
+@pytest.mark.parametrize("speed_m_s", [15.0, 30.0])
+@pytest.mark.parametrize("latest_fix_s", [0.0, 0.3, 0.6, 0.9])
+def test_a_warning_is_believed_at_once_of_a_car_whose_receiver_gives_one_fix_a_second(
+    speed_m_s: float, latest_fix_s: float
+) -> None:
+    """Its position is up to 1.3 s old; its speed is not, nor do others take its ways for leaps."""
+    cars = {"AAA1": ALICE, "BBB2": BOB}
+    platoon = Platoon(
+        {plate: car(plate, credentials=keys, utc_s=UTC_S) for plate, keys in cars.items()}
+    )
+    way_m, decelerated_m_s = 0.0, 0.0
+    for tenth in range(70):
+        braking = tenth >= 50
+        decelerated_m_s += 0.6 * braking
+        platoon.speed_m_s = dict.fromkeys(cars, speed_m_s - decelerated_m_s)
+        way_m += 0.1 * platoon.speed_m_s["AAA1"]
+        if (tenth - round(10 * latest_fix_s)) % 10 == 0:
+            north_deg = 48.0 + (way_m - 0.3 * speed_m_s) / 111_195
+            stamp_s = platoon.now - 0.3
+            fix = Position(
+                stamp_s,
+                north_deg,
+                11.0,
+                None,
+                1.0,
+                speed_m_s - max(0.0, decelerated_m_s - 1.8),
+                0.0,
+            )
+            platoon.cars["AAA1"].receive_observation(fix, platoon.now)
+        if tenth == 53:
+            braked_at = platoon.now
+            brake = HardBrake(braked_at, 6.0, source="obd:7E8")
+            platoon.cars["AAA1"].receive_observation(brake, braked_at)
+        platoon.drive(0.1)
+
+    (warning,) = platoon.said("BBB2", "warning")
+    assert warning.stamp_s < braked_at + 0.05
+    assert not {reason for reason in reasons(platoon, "BBB2") if reason.startswith("implausible")}
+
+
+def car_id(platoon: Platoon, plate: str) -> bytes:
+    return platoon.cars[plate].digest.car_id(plate, UTC_S + platoon.now)
+
+
+def test_nobody_takes_a_follower_out_of_reach_of_warnings_by_leaving_in_its_name(
+    platoon: Platoon,
+) -> None:
+    leader, follower = car_id(platoon, "AAA1"), car_id(platoon, "BBB2")
+    leave = lcca.Leave(follower, leader, 2, leader, lcca.LeaveReason.GAP)
+    carol_sends(platoon, "AAA1", lcca.encode(leave), psid.LCCA, delay_s=0.0)
+
+    brake_for_real(platoon, "AAA1")
+
+    assert "claimed_by_two" in reasons(platoon, "AAA1")
+    assert len(list(platoon.said("BBB2", "warning"))) == 1
+
+
+def test_a_car_that_starts_again_is_taken_for_the_same_one(platoon: Platoon) -> None:
+    platoon.cars["BBB2"] = car("BBB2", credentials=BOB, utc_s=UTC_S, seed=2)
+    platoon.drive(2.0)
+    assert platoon.cars["AAA1"].group.followers == (car_id(platoon, "BBB2"),)
+
+    platoon.drive(5.0, gap_m=100.0)
+
+    assert "claimed_by_two" not in reasons(platoon, "AAA1")
+    assert not platoon.cars["AAA1"].group.followers
+
+
+def test_a_warning_held_back_for_seconds_is_as_old_as_it_is(platoon: Platoon) -> None:
+    leader = car_id(platoon, "AAA1")
+    warning = lcca.Warn(leader, leader, 1, b"somebody", 1, 0, 1, 6.0, 0.01, 1)
+
+    carol_sends(platoon, "BBB2", lcca.encode(warning), psid.LCCA, delay_s=4.0)
+
+    assert "stale" in reasons(platoon, "BBB2")
+    assert list(platoon.said("BBB2", "warning")) == []
+
+
+def test_one_car_with_many_names_does_not_make_others_silent(platoon: Platoon) -> None:
+    """The interval follows the number of cars near, and these are counted by who signs."""
+    for i in range(300):
+        name = bsm.encode(BasicSafetyMessage(CoreData(0, i.to_bytes(4))))
+        carol_sends(platoon, "BBB2", name, bsm.PSID, delay_s=0.0)
+    before = len(platoon.on_air)
+
+    platoon.drive(2.0)
+
+    assert len(platoon.on_air) - before >= 2 * 19
+
+
+def test_a_service_that_this_car_does_not_speak_is_refused_unopened(platoon: Platoon) -> None:
+    platoon.cars["BBB2"].receive_wsm(wsmp.encode(WaveShortMessage(0x82, b"?")), platoon.now)
+    platoon.settle()
+
+    assert reasons(platoon, "BBB2")[-1:] == ["unknown_psid"]
+
+
+def test_a_car_whose_certificates_are_over_says_so() -> None:
+    over_utc_s = UTC_S + 2 * 86_400.0
+    late = car("AAA1", credentials=ALICE, utc_s=over_utc_s)
+
+    event = late.next_event()
+
+    assert event is not None
+    assert event.kind == "certificate_expired"
+
+
+@pytest.mark.parametrize("shown_s", [0.0, 946_684_800.0], ids=["1970", "2000"])
+def test_a_car_whose_clock_is_yet_to_be_set_drives_and_is_believed_from_then_on(
+    shown_s: float,
+) -> None:
+    """A box without a battery for its clock; 1609.2 counts from 2004."""
+    unset = car("AAA1", credentials=ALICE, utc_s=shown_s)
+    platoon = Platoon({"AAA1": unset, "BBB2": car("BBB2", credentials=BOB, utc_s=UTC_S)})
+    platoon.drive(2.0)
+    assert set(reasons(platoon, "BBB2")) == {"stale"}
+    assert list(platoon.said("BBB2", "transition")) == []
+
+    unset.set_utc(UTC_S + platoon.now, platoon.now)
+    platoon.drive(2.0)
+    brake_for_real(platoon, "AAA1")
+
+    assert len(list(platoon.said("BBB2", "warning"))) == 1
+
+
+def test_wireshark_finds_nothing_malformed_in_a_drive(platoon: Platoon, tmp_path: Path) -> None:
+    if shutil.which("tshark") is None:
+        pytest.skip("tshark is not installed")
+    platoon.cars["AAA1"].press_brake_button(platoon.now)
+    platoon.drive(0.5)
+    capture = tmp_path / "drive.pcap"
+    with capture.open("wb") as file:
+        writer = PcapWriter(file)
+        for wsm in platoon.on_air:
+            writer.write(wsm, UTC_S, b"\x02CAR01")
+
+    shown = subprocess.run(
+        ["tshark", "-n", "-r", str(capture), "-T", "json", "--no-duplicate-keys"],
+        capture_output=True,
+        check=True,
+        timeout=60,
+    ).stdout
+    packets = [json.dumps(packet["_source"]["layers"]) for packet in json.loads(shown)]
+
+    assert len(packets) == len(platoon.on_air) > 60
+    for packet in packets:
+        assert '"wsmp.psid"' in packet
+        assert "_ws.malformed" not in packet
+        assert "_ws.expert" not in packet
+    # Wireshark looks for 1609.2 data under the PSIDs that it knows; the group's is our own.
+    bsms = [packet for packet in packets if f'"wsmp.psid": "0x{bsm.PSID:08x}"' in packet]
+    assert len(bsms) > 60
+    assert all("ieee1609dot2.ecdsaNistP256Signature" in packet for packet in bsms)

@@ -1,0 +1,227 @@
+"""`onboard decode`: every layer with its fields, and a reason for what cannot be read."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from onboard.errors import UserError
+from onboard.messages import bsm, lcca, mvs_footer
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
+from onboard.messages.lcca import Leave, LeaveReason
+from onboard.messages.mvs_footer import MvsFooter
+from onboard.tools.decode.cli import decode
+from onboard.tools.decode.describe import Form, describe
+from onboard.wave_udp import immediate_forward, wsmp
+from onboard.wave_udp.capture import PcapWriter
+from onboard.wave_udp.immediate_forward import ImmediateForward
+from onboard.wave_udp.wsmp import Element, WaveShortMessage
+
+LEAVE = Leave(b"sender__", b"leader__", 3, b"to______", LeaveReason.GAP)
+LEAVE_FIELDS = {
+    "message": "leave",
+    "sender_id": b"sender__".hex(),
+    "leader_id": b"leader__".hex(),
+    "number": 3,
+    "to_id": b"to______".hex(),
+    "reason": "gap",
+}
+
+
+def unsecured(payload):
+    return b"\x03\x80" + bytes((len(payload),)) + payload
+
+
+WSM = wsmp.encode(
+    WaveShortMessage(
+        0x4020, unsecured(lcca.encode(LEAVE)), 172, 6.0, 20, n_extensions=(Element(99, b"\xab"),)
+    )
+)
+WSM_FIELDS = {
+    "version": 3,
+    "channel_number": 172,
+    "data_rate_mbit_s": 6.0,
+    "transmit_power_dbm": 20,
+    "n_extensions": [{"element_id": 99, "content": "ab"}],
+    "psid": 0x4020,
+    "psid_name": "private (unregistered) use",
+    "t_extensions": [],
+    "wsm_length_bytes": 32,
+}
+
+
+def test_a_wsm_is_told_layer_by_layer():
+    told = describe(WSM)
+    assert list(told) == ["wsm", "1609.2", "lcca"]
+    assert told["wsm"] == WSM_FIELDS
+    assert told["lcca"] == LEAVE_FIELDS
+
+
+def test_each_layer_alone_is_told_by_its_bytes():
+    message = lcca.encode(LEAVE)
+    assert describe(message) == {"lcca": LEAVE_FIELDS}
+    assert list(describe(unsecured(message))) == ["1609.2", "lcca"]
+
+
+def test_a_layer_that_comes_twice_is_told_twice():
+    """What a unit sends on that wraps what was wrapped already."""
+    told = describe(unsecured(unsecured(lcca.encode(LEAVE))))
+    assert list(told) == ["1609.2", "1609.2 2", "lcca"]
+
+
+def test_an_immediate_forward_message_is_told_down_to_its_payload():
+    text = immediate_forward.encode(
+        ImmediateForward("OTHER", 0x4020, 7, unsecured(lcca.encode(LEAVE)))
+    )
+    told = describe(text)
+    assert list(told) == ["rsu41", "1609.2", "lcca"]
+    assert told["rsu41"]["psid"] == 0x4020
+    assert told["rsu41"]["priority"] == 7
+
+
+FOOTER = mvs_footer.encode(MvsFooter(1_790_000_000_000, 25.0, 121.5, (b"abcd",), (), ()))
+
+
+def test_the_footer_of_a_bsm_is_a_layer_of_its_own():
+    core = CoreData(msg_cnt=5, temporary_id=b"abcd")
+    told = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER)))
+    assert list(told) == ["messageframe", "mvs_footer"]
+    assert told["mvs_footer"]["observers"] == [b"abcd".hex()]
+
+
+def test_a_bsm_is_told_though_its_footer_cannot_be_read():
+    core = CoreData(msg_cnt=5, temporary_id=b"abcd")
+    told = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER[:-1])))
+    assert list(told) == ["messageframe", "error", "undecoded"]
+    assert told["messageframe"]["basic_safety_message"]["core"]["msg_cnt"] == 5
+    assert (told["error"]["layer"], told["error"]["reason"]) == ("mvs_footer", "too_short")
+    assert told["undecoded"] == FOOTER[:-1].hex()
+
+
+@pytest.mark.parametrize(
+    ("data", "form", "told", "layer_and_reason", "undecoded"),
+    [
+        ("", Form.AUTO, [], ("messageframe", "too_short"), ""),
+        ("ff", Form.AUTO, [], ("wsm", "unknown_version"), "ff"),
+        ("0300", Form.AUTO, [], ("wsm", "too_short"), "0300"),
+        (
+            "030020 05 0380020014",
+            Form.AUTO,
+            ["wsm", "1609.2"],
+            ("messageframe", "too_short"),
+            "0014",
+        ),
+        ("030020 02 0380", Form.AUTO, ["wsm"], ("1609.2", "malformed"), "0380"),
+        ("0380 01 aa", Form.LCCA, [], ("lcca", "unknown_version"), "038001aa"),
+        ("0014", Form.WSM, [], ("wsm", "unknown_version"), "0014"),
+        ("00130100", Form.AUTO, [], ("messageframe", "not_a_bsm"), "00130100"),
+    ],
+)
+def test_what_cannot_be_read_says_which_layer_and_why(
+    data, form, told, layer_and_reason, undecoded
+):
+    found = describe(bytes.fromhex(data), form)
+    assert list(found) == [*told, "error", "undecoded"]
+    assert (found["error"]["layer"], found["error"]["reason"]) == layer_and_reason
+    assert found["undecoded"] == undecoded
+
+
+def run(*arguments):
+    app = typer.Typer()
+    app.command()(decode)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def records(result):
+    assert result.exception is None, result.exception
+    return [json.loads(line) for line in result.output.splitlines()]
+
+
+def test_hex_lines_one_object_a_line_and_a_reason_where_it_is_no_hex(tmp_path):
+    file = tmp_path / "frames.hex"
+    file.write_text(f"# recorded\n{WSM.hex()}\n\n0x{WSM.hex(':')}  # the same\nhello\n")
+    first, second, third = records(run(file))
+    assert first == {"line": 2, **describe(WSM)}
+    assert second == {"line": 4, **describe(WSM)}
+    assert (third["line"], third["error"]["reason"]) == (5, "not_hex")
+
+
+@pytest.fixture
+def decoded_from_stdin(tmp_path, monkeypatch, capsys):
+    def decoded(data, form):
+        file = tmp_path / "stdin"
+        file.write_bytes(data)
+        with file.open() as stdin:
+            monkeypatch.setattr(sys, "stdin", stdin)
+            decode(Path("-"), form)
+        return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+    return decoded
+
+
+def test_the_standard_input_with_a_form_given(decoded_from_stdin):
+    (told,) = decoded_from_stdin(lcca.encode(LEAVE).hex().encode(), Form.LCCA)
+    assert told == {"line": 1, "lcca": LEAVE_FIELDS}
+
+
+def test_a_capture_one_object_a_packet(tmp_path, decoded_from_stdin):
+    file = tmp_path / "radio.pcap"
+    with file.open("wb") as stream:
+        writer = PcapWriter(stream)
+        writer.write(WSM, 1_700_000_000.5, bytes(6))
+        writer.write(b"\xff", 1_700_000_001.0, bytes(6))
+    good, bad = records(run(file))
+    assert good == {"packet": 1, "utc_s": 1_700_000_000.5, **describe(WSM)}
+    assert (bad["packet"], bad["error"]["reason"]) == (2, "unknown_version")
+    assert decoded_from_stdin(file.read_bytes(), Form.AUTO) == [good, bad]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "cannot be read: No such file"), (b"\xd4\xc3\xb2\xa1", "ends within a packet")],
+)
+def test_a_file_that_cannot_be_read_is_the_users_mistake(tmp_path, content, message):
+    file = tmp_path / "radio.pcap"
+    if content is not None:
+        file.write_bytes(content)
+    result = run(file)
+    assert isinstance(result.exception, UserError)
+    assert message in str(result.exception)
+    assert str(file) in str(result.exception)
+
+
+@pytest.mark.realdata
+def test_80_real_message_frames_are_told_with_their_core_fields(rig_data):
+    lines = (rig_data / "wsm" / "bsm-vectors.jsonl").read_text().splitlines()
+    assert len(lines) == 80
+    for line in lines:
+        record = json.loads(line)
+        told = describe(bytes.fromhex(record["mf"]))
+        core = told["messageframe"]["basic_safety_message"]["core"]
+        assert told["messageframe"]["message_id"] == bsm.MESSAGE_ID
+        assert core["msg_cnt"] == record["expect"]["msgCnt"]
+        assert core["temporary_id"] == record["expect"]["id"]
+
+
+@pytest.mark.realdata
+def test_18_wsms_of_real_units_are_told_down_to_the_bsm_and_say_that_nobody_verified_them(rig_data):
+    lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
+    assert len(lines) == 18
+    reasons = set()
+    for line in lines:
+        record = json.loads(line)
+        told = describe(bytes.fromhex(record["wsm"]))
+        assert list(told) == ["wsm", "1609.2", "messageframe"]
+        core = told["messageframe"]["basic_safety_message"]["core"]
+        assert core["msg_cnt"] == record["core"]["msgCnt"]
+        assert core["temporary_id"] == record["core"]["id"]
+        assert core["latitude_deg"] == pytest.approx(record["core"]["lat"] * 1e-7)
+        signed = told["1609.2"]
+        assert signed["header_info"]["psid"] == 0x20
+        assert signed["verified"] is False
+        reasons.add(signed["not_verified_because"])
+    assert reasons == {"unknown_certificate", "untrusted_issuer"}

@@ -1,0 +1,373 @@
+"""What the doctor finds: the rig's own ends of the wires on 127.0.0.1, and what can ail them."""
+
+import asyncio
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from onboard.gnss.settings import GnssSettings
+from onboard.obd.settings import CanSettings, ObdSettings
+from onboard.security.key_files import write_credentials
+from onboard.security.settings import PlateDigestSettings, SecuritySettings
+from onboard.tools.doctor import camera, can_bus, computer, gnss_receiver, radio
+from onboard.tools.doctor.finding import Finding, FindingLevel
+from onboard.tools.test_ca.authority import make_trial
+from onboard.units import KM_H
+from onboard.vision.settings import CameraSettings
+from onboard.wave_udp.settings import IwcuSettings
+from sim_rig.cars.camera_server import CameraServer
+from sim_rig.cars.camera_view import LENS
+from sim_rig.cars.ecu import Ecu
+from sim_rig.cars.socketcand_server import SocketcandServer
+from sim_rig.rendering.scene import CameraRenderer, Scene
+from sim_rig.scenario import load_scenario
+from tests.gnss.test_gpsd import REPORT, free_port
+
+GOOD, DOUBTFUL, MISSING = FindingLevel.GOOD, FindingLevel.DOUBTFUL, FindingLevel.MISSING
+PATIENCE_S = 0.4
+
+
+def verdicts(findings: list[Finding]) -> dict[str, FindingLevel]:
+    return {finding.subject: finding.verdict for finding in findings}
+
+
+# ---- bus and ECU ------------------------------------------------------------------------------
+
+
+def bus_findings(ecu: Ecu, *, chatter: bool = False) -> list[Finding]:
+    async def run() -> list[Finding]:
+        server = SocketcandServer(ecu, "can0", lambda frame: None)
+        port = await server.start()
+        can = CanSettings(interface="socketcand", channel="can0", port=port)
+        talker = asyncio.create_task(talk(port)) if chatter else None
+        try:
+            # On a loop of its own, since opening a bus blocks.
+            examined = can_bus.examine_bus(can, ObdSettings(), PATIENCE_S)
+            return await asyncio.to_thread(asyncio.run, examined)
+        finally:
+            if talker is not None:
+                talker.cancel()
+            await server.close()
+
+    async def talk(port: int) -> None:
+        """Another node of the bus, as cars have many."""
+        _, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"< open can0 >< rawmode >")
+        try:
+            while True:
+                writer.write(b"< send 123 2 DE AD >")
+                await asyncio.sleep(0.02)
+        finally:
+            writer.close()
+
+    return asyncio.run(run())
+
+
+def test_an_ecu_that_answers_is_told_with_its_speed() -> None:
+    findings = bus_findings(Ecu(lambda _now: 50 * KM_H))
+
+    assert verdicts(findings) == {"bus": GOOD, "ECU": GOOD}
+    assert findings[1].detail == "50 km/h from obd:7E8"
+
+
+def test_a_bus_without_a_frame_is_one_with_the_ignition_off_or_a_wrong_bit_rate() -> None:
+    findings = bus_findings(Ecu(lambda _now: 0.0, runs=lambda _now: False))
+
+    assert verdicts(findings) == {"bus": MISSING, "ECU": MISSING}
+    assert all("ignition" in finding.advice for finding in findings)
+    assert "bit rate" in findings[0].advice
+
+
+def test_a_bus_where_others_talk_and_no_ecu_answers_is_another_trouble() -> None:
+    findings = bus_findings(Ecu(lambda _now: 0.0, runs=lambda _now: False), chatter=True)
+
+    assert verdicts(findings) == {"bus": GOOD, "ECU": MISSING}
+    assert "gateway" in findings[1].advice
+
+
+def test_a_bus_that_cannot_be_opened_is_told_with_what_the_system_says() -> None:
+    can = CanSettings(interface="socketcan", channel="nosuchcan9")
+
+    findings = asyncio.run(can_bus.examine_bus(can, ObdSettings(), PATIENCE_S))
+
+    assert verdicts(findings) == {"bus": MISSING, "ECU": MISSING}
+    assert "nosuchcan9 cannot be opened" in findings[0].detail
+
+
+# ---- camera, light, calibration -----------------------------------------------------------------
+
+
+def pictures(folder: Path, draw: Callable[[int], np.ndarray]) -> str:
+    for number in range(5):
+        cv2.imwrite(str(folder / f"{number}.png"), draw(number))
+    return str(folder)
+
+
+def road(number: int) -> np.ndarray:
+    drawn = CameraRenderer(CameraSettings(source="rig", **LENS.model_dump()))
+    return drawn.draw(Scene(travelled_m=float(number)), np.random.default_rng(number))
+
+
+def camera_findings(source: str, fps: float = 15.0, **lens: float) -> dict[str, Finding]:
+    settings = CameraSettings(source=source, fps=fps, **(LENS.model_dump() | lens))
+    return {finding.subject: finding for finding in camera.examine_camera(settings, PATIENCE_S)}
+
+
+def test_the_rigs_camera_is_a_good_one() -> None:
+    async def run() -> list[Finding]:
+        scenario = load_scenario("fig4")
+        server = CameraServer(scenario, 1)
+        port = await server.start()
+        source = f"http://127.0.0.1:{port}/red"
+        settings = CameraSettings(source=source, **LENS.model_dump())
+        try:
+            return await asyncio.to_thread(camera.examine_camera, settings, 2.0)
+        finally:
+            await server.close()
+
+    findings = asyncio.run(run())
+
+    assert verdicts(findings) | {"camera": GOOD} == dict.fromkeys(
+        ("camera", "light", "calibration"), GOOD
+    )
+    assert findings[0].detail.startswith("640 x 360, ")
+
+
+@pytest.mark.parametrize(
+    ("draw", "subject", "verdict", "told"),
+    [
+        (road, "light", GOOD, "mean grey"),
+        (lambda number: road(1), "camera", MISSING, "all the same"),
+        (lambda number: road(number) // 8, "light", DOUBTFUL, "mean grey"),
+        (lambda number: 255 - road(number) // 8, "light", DOUBTFUL, "mean grey"),
+        (lambda number: np.full((360, 640, 3), number, np.uint8), "light", MISSING, "one colour"),
+        (lambda number: road(number)[:, :480], "calibration", MISSING, "these are 480 x 360"),
+    ],
+)
+def test_what_pictures_tell(
+    tmp_path: Path,
+    draw: Callable[[int], np.ndarray],
+    subject: str,
+    verdict: FindingLevel,
+    told: str,
+) -> None:
+    finding = camera_findings(pictures(tmp_path, draw))[subject]
+
+    assert finding.verdict is verdict
+    assert told in finding.detail
+    assert bool(finding.advice) == (verdict is not GOOD)
+
+
+def test_few_pictures_are_slow_ones(tmp_path: Path) -> None:
+    assert camera_findings(pictures(tmp_path, road), fps=5.0)["camera"].verdict is DOUBTFUL
+
+
+def test_files_that_are_no_pictures_are_no_camera(tmp_path: Path) -> None:
+    (tmp_path / "0.jpg").write_bytes(b"\xff\xd8 not really")
+
+    findings = camera_findings(str(tmp_path))
+
+    assert findings["camera"].detail == "no picture can be decoded"
+    assert findings["light"].verdict is MISSING
+
+
+def test_a_camera_that_is_not_there_is_missing_and_its_calibration_still_told() -> None:
+    findings = camera_findings("/dev/video77")
+
+    assert {name: it.verdict for name, it in findings.items()} == {
+        "camera": MISSING,
+        "light": MISSING,
+        "calibration": GOOD,
+    }
+
+
+def test_a_camera_that_nobody_calibrated_is_guessed(tmp_path: Path) -> None:
+    settings = CameraSettings(source=pictures(tmp_path, road))
+
+    finding = camera.examine_camera(settings, PATIENCE_S)[-1]
+
+    assert (finding.verdict, finding.detail[:8]) == (DOUBTFUL, "guessed:")
+
+
+# ---- gpsd ---------------------------------------------------------------------------------------
+
+
+def satellite_finding(report: bytes) -> Finding:
+    async def run() -> Finding:
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            writer.write(report)
+            await reader.read()
+            writer.close()
+            hung_up.set()
+
+        hung_up = asyncio.Event()
+        server = await asyncio.start_server(serve, "127.0.0.1", 0)
+        gnss = GnssSettings(port=server.sockets[0].getsockname()[1])
+        async with server:
+            (finding,) = await gnss_receiver.examine_satellites(gnss, PATIENCE_S)
+            await hung_up.wait()
+            return finding
+
+    return asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("report", "verdict", "told"),
+    [
+        (REPORT, GOOD, "fix, good to 2.0 m"),
+        (REPORT.replace(b"4.9", b"49"), DOUBTFUL, "fix, good to 20.0 m"),
+        (b'{"class":"TPV","mode":1}\r\n', MISSING, "no fix"),
+    ],
+)
+def test_a_fix_is_told_with_how_good_it_is(report: bytes, verdict: FindingLevel, told: str) -> None:
+    finding = satellite_finding(report)
+
+    assert finding.verdict is verdict
+    assert finding.detail.startswith(told)
+
+
+def test_a_gpsd_that_is_not_there_is_told_from_one_without_a_fix() -> None:
+    gnss = GnssSettings(port=free_port())
+
+    (finding,) = asyncio.run(gnss_receiver.examine_satellites(gnss, PATIENCE_S))
+
+    assert finding.verdict is MISSING
+    assert finding.detail.endswith("Connection refused")
+    assert "systemctl start gpsd" in finding.advice
+
+
+# ---- radio --------------------------------------------------------------------------------------
+
+
+def radio_finding(unit_port: int, listen_port: int, *, spoken: int = 0) -> Finding:
+    settings = IwcuSettings(endpoint="iwcu", unit_port=unit_port, listen_port=listen_port)
+
+    async def run() -> Finding:
+        examined = asyncio.create_task(radio.examine_radio(settings, PATIENCE_S))
+        await asyncio.sleep(PATIENCE_S / 4)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
+            for _ in range(spoken):
+                unit.sendto(b"a message", ("127.0.0.1", listen_port))
+        (finding,) = await examined
+        return finding
+
+    return asyncio.run(run())
+
+
+def test_a_unit_that_hands_over_messages_is_good_and_one_that_is_alone_doubtful() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
+        unit.bind(("127.0.0.1", 0))
+        unit_port = unit.getsockname()[1]
+
+        heard = radio_finding(unit_port, free_port(socket.SOCK_DGRAM), spoken=3)
+        alone = radio_finding(unit_port, free_port(socket.SOCK_DGRAM))
+
+        assert (heard.verdict, heard.detail[:10]) == (GOOD, "3 messages")
+        assert alone.verdict is DOUBTFUL
+        # The unit was sent nothing that it could put on the air.
+        unit.setblocking(False)
+        assert {unit.recv(100) for _ in range(4)} == {b""}
+
+
+def test_a_unit_whose_host_refuses_is_missing() -> None:
+    finding = radio_finding(free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM))
+
+    assert finding.verdict is MISSING
+    assert "Connection refused" in finding.detail
+
+
+def test_a_port_that_somebody_has_is_told_with_who_that_may_be() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as running:
+        running.bind(("127.0.0.1", 0))
+        finding = radio_finding(1, running.getsockname()[1])
+
+    assert finding.verdict is MISSING
+    assert "systemctl stop onboard" in finding.advice
+
+
+# ---- the box ------------------------------------------------------------------------------------
+
+
+def test_a_clock_from_before_the_program_is_wrong() -> None:
+    assert computer.examine_clock(0.0).verdict is MISSING
+    assert computer.examine_clock(time.time()).verdict is not MISSING
+
+
+def test_folders_are_written_to_and_measured(tmp_path: Path) -> None:
+    there, gone = computer.examine_disk([tmp_path, tmp_path / "gone"])
+
+    assert there.verdict is not MISSING
+    assert (gone.verdict, gone.detail.endswith("No such file or directory")) == (MISSING, True)
+    assert verdicts(computer.examine_disk([])) == {"disk": FindingLevel.NOT_CONFIGURED}
+
+
+def test_how_much_space_is_enough(tmp_path: Path) -> None:
+    given = {100 << 20: MISSING, 1 << 30: DOUBTFUL, 10 << 30: GOOD}
+
+    assert {free: computer.free_space(tmp_path, free).verdict for free in given} == given
+
+
+def test_keys_are_good_for_as_long_as_they_are_valid(tmp_path: Path) -> None:
+    now = time.time()
+    (credentials,) = make_trial(["car"], {0x20}, now).values()
+    write_credentials(tmp_path / "car", credentials)
+    digest = PlateDigestSettings.model_validate({"community_key": "our own trial's key"})
+    security = SecuritySettings(keys_folder=tmp_path / "car", plate_digest=digest)
+    (now_finding,) = computer.examine_keys(security, now)
+    (later_finding,) = computer.examine_keys(security, now + 10 * 365 * computer.DAY_S)
+
+    assert now_finding.verdict is not MISSING
+    assert (later_finding.verdict, later_finding.detail.endswith("not now")) == (MISSING, True)
+
+
+def test_no_keys_lost_keys_and_a_key_that_everybody_has() -> None:
+    unsigned, public = computer.examine_keys(SecuritySettings(), 0.0)
+    lost, _ = computer.examine_keys(SecuritySettings(keys_folder=Path("/nonexistent")), 0.0)
+
+    assert (unsigned.verdict, public.verdict, lost.verdict) == (DOUBTFUL, DOUBTFUL, MISSING)
+
+
+# ---- the command --------------------------------------------------------------------------------
+
+
+def onboard_doctor(config: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "onboard", "doctor", str(config), "--patience", "0.3", *options],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_command_fails_where_something_is_missing_and_says_what_to_do(tmp_path: Path) -> None:
+    config = tmp_path / "car.yaml"
+    tree = {"car": {"plate": "A1"}, "gnss": {"port": free_port()}, "obd": {}}
+    config.write_text(yaml.safe_dump(tree))
+
+    result = onboard_doctor(config)
+
+    assert result.returncode == 1, result.stderr
+    assert "gpsd        missing" in result.stdout
+    assert "-> `systemctl start gpsd`" in result.stdout
+    assert "bus         not configured" in result.stdout
+
+
+def test_for_programs_it_is_json_and_doubts_are_no_failure(tmp_path: Path) -> None:
+    config = tmp_path / "car.yaml"
+    config.write_text("car: {plate: A1}\n")
+
+    result = onboard_doctor(config, "--json")
+
+    assert result.returncode == 0, result.stderr
+    findings = json.loads(result.stdout)
+    assert {tuple(finding) for finding in findings} == {("subject", "verdict", "detail", "advice")}
+    assert {finding["verdict"] for finding in findings} <= {"good", "doubtful", "not configured"}

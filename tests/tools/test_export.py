@@ -1,0 +1,70 @@
+"""Exports, read by other programs: python-can, tshark."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import can
+import pytest
+
+from onboard.recorder.reader import RecordedDrive
+from onboard.tools.export import write_candump, write_pcap
+from sim_rig.scenario import load_scenario
+from sim_rig.virtual import run_virtual
+
+
+@pytest.fixture(scope="module")
+def box(tmp_path_factory: pytest.TempPathFactory) -> RecordedDrive:
+    folder = tmp_path_factory.mktemp("drive")
+    scenario = load_scenario("fig4").model_copy(update={"duration_s": 4.0})
+    run_virtual(scenario, box_folder=folder)
+    return RecordedDrive([folder / "red"])
+
+
+def test_the_bus_is_read_by_python_can_frame_by_frame(box: RecordedDrive, tmp_path: Path) -> None:
+    log = tmp_path / "bus.log"
+    with log.open("wb") as file:
+        count = write_candump(box, file)
+
+    frames = list(can.LogReader(log))
+    recorded = [entry for entry in box.entries() if entry.topic in ("/in/can", "/out/can")]
+    assert len(frames) == count == len(recorded) > 100
+    for frame, entry in zip(frames, recorded, strict=True):
+        assert frame.arbitration_id == entry.record["arbitration_id"]
+        assert frame.is_extended_id == entry.record["is_extended_id"]
+        assert frame.data.hex() == entry.record["data"]
+        assert frame.timestamp == pytest.approx(entry.utc_s, abs=2e-6)
+
+
+@pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
+def test_the_radio_is_read_by_wireshark_without_a_malformed_frame(
+    box: RecordedDrive, tmp_path: Path
+) -> None:
+    pcap = tmp_path / "radio.pcap"
+    with pcap.open("wb") as file:
+        count = write_pcap(box, file)
+
+    fields = ["-T", "fields", "-e", "frame.protocols", "-e", "_ws.malformed"]
+    told = subprocess.run(
+        ["tshark", "-r", pcap, *fields], capture_output=True, text=True, check=True
+    )
+    lines = told.stdout.splitlines()
+    assert len(lines) == count > 50
+    assert all("wsmp" in line and "alformed" not in line for line in lines)
+
+
+def test_the_command_writes_both(box: RecordedDrive, tmp_path: Path) -> None:
+    pcap, log = tmp_path / "radio.pcap", tmp_path / "bus.log"
+    command = [sys.executable, "-m", "onboard", "export", *map(str, box.files)]
+
+    nothing = subprocess.run(command, capture_output=True, text=True, check=False)
+    both = subprocess.run(
+        [*command, "--pcap", pcap, "--candump", log], capture_output=True, text=True, check=True
+    )
+
+    assert nothing.returncode == 2
+    assert "give --pcap or --candump" in nothing.stderr
+    assert pcap.stat().st_size > 1000
+    assert "frames" in both.stdout
+    assert len(log.read_text().splitlines()) > 100

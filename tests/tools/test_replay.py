@@ -1,0 +1,130 @@
+"""A recording drives the cores: the same observations, at their stamps."""
+
+import csv
+from collections import Counter
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from onboard.cli import UNCONFIGURED
+from onboard.errors import UserError
+from onboard.observations import LeadIdentity, Sensor, SensorLost
+from onboard.tools.replay import RawRecording, replay
+from onboard.units import KM_H
+
+
+@pytest.mark.realdata
+def test_every_obd_speed_of_a_real_drive_comes_out_at_its_stamp(rig_data: Path) -> None:
+    with (rig_data / "can" / "drive-a-obd-speed-kmh.csv").open() as file:
+        truth = [(float(row["t"]), int(row["obd_kmh"])) for row in csv.DictReader(file)]
+
+    events = replay(RawRecording(can=rig_data / "can" / "drive-a.log"), UNCONFIGURED)
+    speeds = [(e.stamp_s, e.speed_m_s / KM_H) for e in events if e.kind == "speed"]  # type: ignore[attr-defined]
+
+    assert [kmh for _, kmh in speeds] == pytest.approx([kmh for _, kmh in truth])
+    assert [stamp for stamp, _ in speeds] == pytest.approx([stamp for stamp, _ in truth], abs=1e-3)
+
+
+@pytest.mark.realdata
+def test_a_bus_without_obd_gives_no_speed_and_says_so(rig_data: Path) -> None:
+    events = list(replay(RawRecording(can=rig_data / "can" / "no-obd.log"), UNCONFIGURED))
+
+    assert [event.kind for event in events] == ["sensor_lost"]
+    assert isinstance(events[0], SensorLost)
+    assert events[0].sensor is Sensor.SPEED
+    assert events[0].silent_s is None, "there never was one"
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("clip", ["motorway-720p.mp4", "empty-lane-540p.mp4"])
+def test_dashcam_clips_without_legible_plates_give_no_plate(rig_data: Path, clip: str) -> None:
+    events = list(replay(RawRecording(clip=str(rig_data / "clips" / clip)), UNCONFIGURED))
+
+    leads = [event for event in events if event.kind == "lead"]
+    assert leads, "there is one for each frame"
+    assert not [lead for lead in leads if lead.identity is LeadIdentity.KNOWN]  # type: ignore[attr-defined]
+    assert [event for event in events if event.kind == "plate"] == []
+
+
+@pytest.mark.realdata
+def test_bus_and_receiver_are_merged_in_order_of_time(rig_data: Path) -> None:
+    recording = RawRecording(
+        can=rig_data / "can" / "drive-a.log", nmea=rig_data / "gnss" / "drive-a.nmea"
+    )
+    kinds: Counter[str] = Counter()
+    last_s = 0.0
+    for event in replay(recording, UNCONFIGURED):
+        kinds[event.kind] += 1
+        assert event.stamp_s > last_s - 2.0, "a sensor's own latency, no more"
+        last_s = event.stamp_s
+
+    assert kinds["speed"] == 1203
+    assert kinds["position"] > 500
+
+
+@pytest.mark.realdata
+def test_a_receivers_log_that_begins_within_a_sentence_begins_with_its_first_fix(
+    rig_data: Path, tmp_path: Path
+) -> None:
+    whole = (rig_data / "gnss" / "drive-a.nmea").read_bytes().splitlines(keepends=True)[:60]
+    log = tmp_path / "cut.nmea"
+    log.write_bytes(b"$GPRMC,bad*00\r\n" + b"".join(whole))
+
+    events = list(replay(RawRecording(nmea=log), UNCONFIGURED))
+
+    assert [event.kind for event in events][:2] == ["discarded", "position"]
+    assert events[0].stamp_s == events[1].stamp_s > 1e9
+    assert events[-1].stamp_s < events[0].stamp_s + 30.0
+
+
+@pytest.mark.realdata
+def test_a_clip_without_a_bus_begins_with_the_first_fix(rig_data: Path, tmp_path: Path) -> None:
+    whole = (rig_data / "gnss" / "drive-a.nmea").read_bytes().splitlines(keepends=True)[:60]
+    log = tmp_path / "drive.nmea"
+    log.write_bytes(b"".join(whole))
+    picture = np.random.default_rng(1).integers(0, 255, (180, 320, 3), dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "1.png"), picture)
+
+    events = list(replay(RawRecording(clip=str(tmp_path / "1.png"), nmea=log), UNCONFIGURED))
+
+    begins_s = {event.kind: event.stamp_s for event in reversed(events)}
+    assert begins_s["lead"] == begins_s["position"]
+
+
+@pytest.mark.realdata
+def test_parts_by_different_clocks_are_the_users_mistake(rig_data: Path, tmp_path: Path) -> None:
+    bus = tmp_path / "drive.log"
+    bus.write_text("(0.000000) can0 7E8#03410D3C00000000\n")
+    recording = RawRecording(can=bus, nmea=rig_data / "gnss" / "drive-a.nmea")
+
+    with pytest.raises(UserError, match=r"jumps from 0 to \d{10} s: is it of one drive"):
+        list(replay(recording, UNCONFIGURED))
+
+
+def test_lines_that_cannot_be_read_are_told_wherever_they_stand(tmp_path: Path) -> None:
+    bus = tmp_path / "drive.log"
+    frame = "can0 7E8#03410D3C00000000"
+    bus.write_text(f"nonsense\n(1.0) {frame}\nnonsense\n(1.1) {frame}\nnonsense\n")
+
+    events = replay(RawRecording(can=bus), UNCONFIGURED)
+
+    assert sum(getattr(event, "reason", "") == "log_line" for event in events) == 3
+
+
+def test_nothing_to_replay_is_the_users_mistake() -> None:
+    with pytest.raises(UserError, match="nothing to replay"):
+        list(replay(RawRecording(), UNCONFIGURED))
+
+
+def test_pictures_that_are_none_a_second_are_the_users_mistake(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"onboard replay: fps: Input should be greater than 0"):
+        list(replay(RawRecording(clip=str(tmp_path), fps=-3.0), UNCONFIGURED))
+
+
+def test_a_recording_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"drive\.log"):
+        list(replay(RawRecording(can=tmp_path / "drive.log"), UNCONFIGURED))
+    with pytest.raises(UserError, match=r"drive\.nmea: cannot be read: No such file"):
+        list(replay(RawRecording(nmea=tmp_path / "drive.nmea"), UNCONFIGURED))

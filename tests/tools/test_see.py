@@ -1,0 +1,444 @@
+"""`onboard see`: rows, pictures and scores of a recording."""
+
+import csv
+import textwrap
+from dataclasses import replace
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+import typer
+from click.testing import Result
+from typer.testing import CliRunner
+
+from onboard.errors import UserError
+from onboard.observations import ImageBox, Lead, LeadIdentity, Plate
+from onboard.settings import load_settings
+from onboard.tools.calibrate.cli import calibrate
+from onboard.tools.see.annotated_frame import COLUMNS, SeenFrame
+from onboard.tools.see.cli import see
+from onboard.tools.see.ground_truth import Truth
+from onboard.tools.see.score import Scores, edit_distance, overlap
+from onboard.vision.frames import Frame
+from onboard.vision.settings import Calibration
+from sim_rig.rendering.scene import Scene, SceneCar
+from tests.vision.drive import CAMERA, PICTURE, frames
+
+TAG = {"tag_id": 1, "tag_side_m": 0.4}
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A second of closing in on a tagged car, with its truth, a calibration and settings."""
+    folder = tmp_path_factory.mktemp("see")
+    lines = ["file,x_px,y_px,w_px,h_px,text,gap_m"]
+    (folder / "pictures").mkdir()
+    for stamp_s, image in frames(lambda t: Scene(cars=(SceneCar(12 - 2 * t, 0.5, **TAG),)), 1.0):
+        name = f"f{round(10 * stamp_s)}.png"
+        cv2.imwrite(str(folder / "pictures" / name), image)
+        quad = PICTURE.plate_quad(SceneCar(12 - 2 * stamp_s, 0.5, **TAG))
+        (x, y), (w, h) = quad[0], quad[2] - quad[0]
+        lines.append(f"{name},{x},{y},{w},{h},TAG1,{12 - 2 * stamp_s}")
+    (folder / "truth.csv").write_text("\n".join(lines))
+    (folder / "vision.yaml").write_text("plates: false\ntag_side_m: 0.4\n")
+    calibration = CAMERA.model_dump(exclude={"source", "fps"})
+    (folder / "camera.yaml").write_text(
+        "\n".join(
+            f"{name}: {list(v) if isinstance(v, tuple) else v}" for name, v in calibration.items()
+        )
+    )
+    return folder
+
+
+def invoked(*arguments: str | Path) -> Result:
+    app = typer.Typer()
+    app.command()(see)
+    result = CliRunner().invoke(app, [str(each) for each in arguments])
+    if result.exception is not None:
+        raise result.exception
+    return result
+
+
+def run(*arguments: str | Path) -> str:
+    return invoked(*arguments).stdout
+
+
+def told_of(*arguments: str | Path) -> str:
+    return invoked(*arguments).stderr
+
+
+def options(drive: Path) -> list[str | Path]:
+    return ["--vision", drive / "vision.yaml", "--camera", drive / "camera.yaml"]
+
+
+def test_there_is_a_row_for_each_plate_and_frame(drive: Path, tmp_path: Path) -> None:
+    run(drive / "pictures", "--fps", "10", *options(drive), "--csv", tmp_path / "rows.csv")
+
+    with (tmp_path / "rows.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS
+    assert [row["frame"] for row in rows] == [str(index) for index in range(10)]
+    last = rows[-1]
+    assert (last["file"], last["stamp_s"], last["text"], last["is_lead"]) == (
+        "f9.png",
+        "0.900",
+        "TAG1",
+        "1",
+    )
+    assert float(last["gap_m"]) == pytest.approx(12 - 1.8, rel=0.03)
+    assert float(last["closing_speed_m_s"]) == pytest.approx(2.0, abs=1.0)
+    assert rows[0]["gap_m"] == ""  # one sighting is no lead
+
+
+def test_pictures_without_a_rate_stand_alone(drive: Path, tmp_path: Path) -> None:
+    run(drive / "pictures", *options(drive), "--csv", tmp_path / "rows.csv")
+
+    with (tmp_path / "rows.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["frame"] for row in rows] == [str(index) for index in range(10)]
+    assert {row["is_lead"] for row in rows} == {"0"}
+
+
+def test_a_score_is_told_against_the_truth(drive: Path) -> None:
+    told = run(
+        drive / "pictures", "--fps", "10", *options(drive), "--truth", drive / "truth.csv"
+    ).splitlines()
+
+    assert told[0].startswith("frames: 10, plates: 10, plates read: 10, frames with a lead: 8")
+    assert told[1].split()[:4] == ["frames", "plates", "found", "exact"]
+    assert told[2].split()[:7] == ["all", "10", "10", "100.0", "%", "100.0", "%"]
+
+
+def test_the_annotated_video_has_every_frame(drive: Path, tmp_path: Path) -> None:
+    run(drive / "pictures", "--fps", "10", *options(drive), "--video", tmp_path / "seen.mp4")
+
+    with av.open(str(tmp_path / "seen.mp4")) as container:
+        pictures = [frame.to_ndarray(format="bgr24") for frame in container.decode(video=0)]
+    assert len(pictures) == 10
+    assert pictures[0].shape == (540, 960, 3)
+    quad = PICTURE.plate_quad(SceneCar(12 - 1.8, 0.5, **TAG))
+    x, y = quad[0].astype(int)
+    frame_bgr = pictures[-1][y - 2 : y + 3, x + 4 : x + 14].reshape(-1, 3).astype(int)
+    assert (frame_bgr[:, 1] - frame_bgr[:, 2]).max() > 60  # green around the lead's tag
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nowhere.mp4"],
+        ["{}", "--camera", "nowhere.yaml"],
+        ["{}", "--csv", "/nowhere/rows.csv"],
+        ["{}", "--video", "/nowhere/seen.mp4"],
+        ["{}", "--truth", "nowhere.csv"],
+        ["{}", "--truth", "{}/../camera.yaml"],
+    ],
+)
+def test_a_users_mistake_is_told(drive: Path, arguments: list[str]) -> None:
+    with pytest.raises(UserError, match=r"nowhere|camera\.yaml"):
+        run(*(argument.format(drive / "pictures") for argument in arguments))
+
+
+def truth_of(folder: Path, *rows: str) -> Path:
+    path = folder / "rows-of-truth.csv"
+    path.write_text("\n".join(rows), encoding="utf-8-sig")  # as spreadsheets write it
+    return path
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("frame,gap_m", "{0},{1}"),
+        ("frame,stamp_s,gap_m", "{0},0,{1}"),
+        ("file,text,gap_m", "f{0}.png,TAG1,{1}"),
+        ("file,frame,gap_m", "pictures/f{0}.png,{2},{1}"),  # counted from somewhere else
+        ("file,x_px,y_px,w_px,h_px,text,gap_m", "f{0},,,,,TAG1,{1}"),
+    ],
+)
+def test_a_lead_is_scored_by_what_is_known_of_it(
+    drive: Path, tmp_path: Path, head: str, row: str
+) -> None:
+    """A range finder knows distances, and nothing of boxes."""
+    rows = [row.format(index, 12 - 0.2 * index, index + 40) for index in range(10)]
+
+    told = run(
+        drive / "pictures",
+        "--fps",
+        "10",
+        *options(drive),
+        "--truth",
+        truth_of(tmp_path, head, *rows),
+    ).splitlines()
+
+    assert told[1].split()[-4:] == ["right", "lead", "gap", "error"]
+    assert told[2].split()[-4:-2] == ["80.0", "%"]
+    assert float(told[2].split()[-2]) < 3.0
+    if "text" in head:
+        assert "100.0 %" in told[2]
+
+
+@pytest.mark.parametrize(
+    ("rows", "why"),
+    [
+        (["picture,plate", "f1.png,TAG1"], "has the columns picture, plate; allowed are"),
+        (["file,text", "g1.png,TAG1"], "tells of g1.png, and of none of these frames, such as f9"),
+        (["frame,gap_m", "1,near"], ":2: could not convert"),
+        (["file,x_px,text", "f1.png,3,TAG1"], ":2: a box has four numbers"),
+        (["frame,gap_m", "1,0"], ":2: gap_m is 0"),
+        (["frame,gap_m", "1,nan"], ":2: gap_m is nan"),
+        (["frame,gap_m,text", "1,inf,TAG1"], ":2: gap_m is inf"),
+        (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,nan,4"], ":2: no box is 1, 2, nan, 4"),
+        (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,-3,4"], ":2: no box is 1, 2, -3, 4"),
+    ],
+)
+def test_a_truth_that_says_nothing_is_told(
+    drive: Path, tmp_path: Path, rows: list[str], why: str
+) -> None:
+    with pytest.raises(UserError) as told:
+        run(drive / "pictures", *options(drive), "--truth", truth_of(tmp_path, *rows))
+
+    assert why in str(told.value)
+
+
+def test_a_rate_of_nothing_is_told(drive: Path) -> None:
+    with pytest.raises(UserError, match="fps: Input should be greater than 0"):
+        run(drive / "pictures", "--fps", "0")
+
+
+def test_pictures_of_another_shape_than_calibrated_are_told(drive: Path, tmp_path: Path) -> None:
+    camera = tmp_path / "camera.yaml"
+    camera.write_text("width_px: 1242\nheight_px: 375\nprincipal_y_px: 180\n")
+
+    told = r"no frame could be looked at .*picture_size \(960 x 540 px, calibrated for 1242 x 375\)"
+    with pytest.raises(UserError, match=told):
+        run(drive / "pictures", "--camera", camera)
+
+
+def test_the_first_picture_that_is_none_is_named(drive: Path, tmp_path: Path) -> None:
+    whole = (drive / "pictures" / "f0.png").read_bytes()
+    for index, data in enumerate([whole, whole[:20], b""]):
+        (tmp_path / f"{index}.png").write_bytes(data)
+
+    assert "discarded: corrupt_picture: 2 (first 1.png, frame 1)" in run(tmp_path, *options(drive))
+
+
+def test_a_camera_that_froze_is_told_with_its_first_lost_frame(drive: Path, tmp_path: Path) -> None:
+    picture = (drive / "pictures" / "f0.png").read_bytes()
+    for index in range(10):
+        (tmp_path / f"{index}.png").write_bytes(picture)
+
+    told = run(tmp_path, "--fps", "10", *options(drive))
+
+    assert "frozen: 3 (first 7.png, frame 7)" in told
+
+
+@pytest.mark.parametrize("output", ["--csv", "--video"])
+def test_what_is_read_is_not_overwritten(drive: Path, tmp_path: Path, output: str) -> None:
+    truth = truth_of(tmp_path, "file,text", "f1.png,TAG1")
+    before = truth.read_bytes()
+
+    with pytest.raises(UserError, match=r"rows-of-truth\.csv: is to be read"):
+        run(drive / "pictures", "--truth", truth, output, truth)
+
+    assert truth.read_bytes() == before
+
+
+def test_a_calibration_is_not_written_over_the_recording(tmp_path: Path) -> None:
+    video = tmp_path / "board.mp4"
+    video.write_bytes(b"a recording")
+
+    with pytest.raises(UserError, match=r"board\.mp4: is to be read"):
+        calibrate(str(video), board="9x6", out=video)
+
+    assert video.read_bytes() == b"a recording"
+
+
+@pytest.mark.parametrize("name", ["seen.gif", "seen.webm", "seen.pictures", "seen"])
+def test_a_video_that_cannot_be_written_is_told(drive: Path, tmp_path: Path, name: str) -> None:
+    with pytest.raises(UserError, match=f"{name}: cannot be written"):
+        run(drive / "pictures", *options(drive), "--video", tmp_path / name)
+
+
+def test_a_full_disk_is_told(drive: Path) -> None:
+    with pytest.raises(UserError, match="/dev/full: cannot be written: No space left"):
+        run(drive / "pictures", *options(drive), "--csv", "/dev/full")
+
+
+def test_a_mistake_of_ours_is_no_full_disk(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def mistake(*_: object) -> None:
+        raise ValueError("ours")
+
+    monkeypatch.setattr("onboard.vision.perception.Perception.receive_frame", mistake)
+    outputs = ["--csv", tmp_path / "rows.csv", "--video", tmp_path / "seen.mp4"]
+
+    with pytest.raises(ValueError, match="ours"):
+        run(drive / "pictures", *options(drive), *outputs)
+
+
+def test_pictures_of_every_size_go_into_one_video(drive: Path, tmp_path: Path) -> None:
+    (tmp_path / "odd").mkdir()
+    for index, (w, h) in enumerate([(1, 1), (641, 361), (101, 1000), (2, 2), (64, 64)]):
+        cv2.imwrite(str(tmp_path / "odd" / f"{index}.png"), np.full((h, w, 3), 90, np.uint8))
+    cv2.imwrite(str(tmp_path / "odd" / "9.png"), cv2.imread(str(drive / "pictures" / "f0.png")))
+
+    run(tmp_path / "odd", "--vision", drive / "vision.yaml", "--video", tmp_path / "seen.mp4")
+
+    with av.open(str(tmp_path / "seen.mp4")) as container:
+        sizes = [(frame.width, frame.height) for frame in container.decode(video=0)]
+    assert sizes == [(640, 360)] * 5
+
+
+def test_a_video_that_ends_too_early_is_told(drive: Path, tmp_path: Path) -> None:
+    whole = tmp_path / "whole.avi"
+    with av.open(str(whole), "w") as container:
+        stream = container.add_stream("mpeg4", rate=10)
+        stream.width, stream.height = 960, 540
+        for name in sorted((drive / "pictures").glob("*.png")):
+            image = np.asarray(cv2.imread(str(name)), np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+        container.mux(stream.encode())
+    torn = tmp_path / "torn.avi"
+    torn.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+
+    assert "torn off" not in told_of(whole, *options(drive))
+    assert "torn.avi: says that it has 10 frames, and" in told_of(torn, *options(drive))
+
+
+def seen(name: str, *events: Plate | Lead) -> SeenFrame:
+    return SeenFrame(0, Frame(0.0, np.zeros((8, 8, 3), np.uint8), name), events)
+
+
+def plate(text: str | None, confidence: float = 1.0, x_px: float = 10.0) -> Plate:
+    return Plate(0.0, ImageBox(x_px, 10.0, 100.0, 30.0), text, confidence, is_lead=False)
+
+
+def test_scores_count_what_they_say(tmp_path: Path) -> None:
+    (tmp_path / "truth.csv").write_text(
+        "file,x_px,y_px,w_px,h_px,text\n"
+        "us/1.jpg,10,10,100,30,GN417KB\n"
+        "us/2.jpg,10,10,100,30,rd-288 hx\n"  # as people write them
+        "eu/3.jpg,10,10,100,30,BL635TN\n"
+        "eu/4.jpg,10,10,100,30,YW903MS\n"
+    )
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+
+    scores.add(seen("us/1.jpg", plate("GN417KB"), plate("CAFE", x_px=500.0)))
+    scores.add(seen("us/2.jpg", plate("RD2B8HX", 0.5)))
+    scores.add(seen("eu/3.jpg"))
+    scores.add(seen("eu/4.jpg", plate("YW903MS", 0.95, x_px=50.0)))  # read, but the box is off
+    scores.add(seen("unheard/of.jpg", plate("ABCDEF")))
+
+    rows = {row.pop(""): row for row in scores.rows()}
+    assert list(rows) == ["eu", "us", "all"]
+    assert rows["all"] == {
+        "frames": "4",
+        "plates": "4",
+        "found": "50.0 %",
+        "exact": "50.0 %",
+        "characters": f"{100 * 20 / 28:.1f} %",
+        "false texts a frame": "0.250",
+        "certain": "50.0 %",
+        "wrong if certain": "33.3 %",
+    }
+    assert rows["us"]["exact"] == "50.0 %"
+
+
+def test_a_lead_where_the_truth_has_nobody_ahead_is_a_ghost(tmp_path: Path) -> None:
+    (tmp_path / "truth.csv").write_text("frame,gap_m\n0,inf\n1,inf\n2,12\n")
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=12.0)
+
+    for index, told in enumerate([lead, Lead(0.0, LeadIdentity.NO_LEAD), lead]):
+        scores.add(replace(seen("drive.mp4"), index=index, events=(told,)))
+
+    (row,) = scores.rows()
+    assert (row["frames"], row["plates"], row["false texts a frame"]) == ("3", "0", "0.000")
+    assert (row["ghost lead"], row["right lead"]) == ("50.0 %", "100.0 %")
+
+
+OURS, THEIRS = "GN417KB", "XY999ZZ"
+
+
+@pytest.mark.parametrize(
+    ("known", "text", "gap_m", "scored"),
+    [
+        # A range finder's truth: what is told far from there is another car.
+        ("", THEIRS, 5.0, ("0.0 %", "50.0 %")),
+        ("", THEIRS, 10.1, ("100.0 %", "1.0 %")),
+        # The plate that is told to be the lead's says who it is, however far off the gap.
+        (OURS, "GN4I7KB", 5.0, ("100.0 %", "50.0 %")),
+        (OURS, THEIRS, 5.0, ("0.0 %", None)),
+        (OURS, None, 10.1, ("100.0 %", "1.0 %")),
+    ],
+)
+def test_a_lead_is_right_by_its_plate_or_else_by_its_distance(
+    tmp_path: Path, known: str, text: str | None, gap_m: float, scored: tuple[str, str | None]
+) -> None:
+    (tmp_path / "truth.csv").write_text(f"frame,text,gap_m\n0,{known},10\n")
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=gap_m)
+
+    scores.add(seen("drive.mp4", replace(plate(text), is_lead=True), lead))
+
+    (row,) = scores.rows()
+    assert (row["right lead"], row.get("gap error")) == scored
+
+
+def test_a_neighbours_plate_says_nothing_of_a_lead_whose_plate_is_not_seen(tmp_path: Path) -> None:
+    (tmp_path / "truth.csv").write_text(f"frame,text,gap_m\n0,{OURS},10\n")
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=10.1)
+
+    scores.add(seen("drive.mp4", plate(THEIRS), lead))
+
+    (row,) = scores.rows()
+    assert row["right lead"] == "100.0 %"
+
+
+def test_never_more_plates_are_certain_than_the_truth_has(tmp_path: Path) -> None:
+    (tmp_path / "truth.csv").write_text(
+        "file,x_px,y_px,w_px,h_px,text\n1.jpg,10,10,100,30,GN417KB\n"
+    )
+    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+
+    scores.add(seen("1.jpg", plate("GN417KB"), plate("RD288HX", x_px=300.0)))
+
+    (row,) = scores.rows()
+    assert (row["certain"], row["wrong if certain"]) == ("100.0 %", "50.0 %")
+
+
+def test_a_name_that_two_files_of_the_truth_have_is_told(tmp_path: Path) -> None:
+    rows = ("file,text", "us/1.jpg,GN417KB", "eu/1.jpg,RD288HX")
+    truth = Truth.read(truth_of(tmp_path, *rows))
+
+    assert [plate.text for plate in truth.of(seen("us/1.jpg")) or []] == ["GN417KB"]
+    with pytest.raises(UserError, match=r"1\.jpg: the truth tells of us/1\.jpg and of eu/1\.jpg"):
+        truth.of(seen("1.jpg"))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "distance"),
+    [("", "", 0), ("ABC", "", 3), ("KITTEN", "SITTING", 3), ("GN417KB", "GN417K8", 1)],
+)
+def test_edit_distance(one: str, other: str, distance: int) -> None:
+    assert edit_distance(one, other) == edit_distance(other, one) == distance
+
+
+def test_overlap_is_intersection_over_union() -> None:
+    assert overlap(ImageBox(0, 0, 2, 2), ImageBox(1, 1, 2, 2)) == pytest.approx(1 / 7)
+    assert overlap(ImageBox(0, 0, 2, 2), ImageBox(2, 0, 2, 2)) == 0.0
+
+
+def test_the_calibration_in_the_docs_is_one(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "vision.md").read_text()
+    example = page.split("writes them down:\n\n")[1].split("\n\nPixels count")[0]
+    camera = tmp_path / "camera.yaml"
+    camera.write_text(textwrap.dedent(example))
+
+    assert load_settings(camera, Calibration).width_px == 1242
+    four = camera.read_text().replace(", 0.0]", "]")
+    camera.write_text(four)
+    assert load_settings(camera, Calibration).distortion == (-0.37, 0.19, 0.0, 0.0, 0.0)

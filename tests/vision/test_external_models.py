@@ -1,0 +1,172 @@
+"""Models that the user brings: loaded by OpenCV, their boxes put into metres."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from onboard.errors import UserError
+from onboard.observations import ImageBox, LeadIdentity
+from onboard.vision.box_model import BoxModel
+from onboard.vision.external_plate_detector import BroughtPlates
+from onboard.vision.perception import Perception
+from onboard.vision.perspective import Perspective
+from onboard.vision.plate_detector import PlateDetector
+from onboard.vision.plate_observation import Search
+from onboard.vision.settings import BoxModelSettings, VehicleModelSettings, VisionSettings
+from onboard.vision.vehicle_detector import VehicleDetector
+from sim_rig.rendering.plate_art import EU, draw_plate
+from sim_rig.rendering.scene import opaque, warp_onto
+from tests.vision.drive import CAMERA
+from tests.vision.onnx_by_hand import write_red_square_detector
+
+
+def model(tmp_path: Path, **changes: object) -> VehicleModelSettings:
+    write_red_square_detector(tmp_path / "squares.onnx", box_px=8.0)
+    given = {
+        "file": tmp_path / "squares.onnx",
+        "input_width_px": 64,
+        "input_height_px": 64,
+        "classes": (0,),
+        "least_score": 0.4,
+        "every_n_frames": 1,
+        "vehicle_width_m": 1.8,
+    }
+    return VehicleModelSettings(**(given | changes))
+
+
+def red_square(x: int, y: int, side: int, size: tuple[int, int] = (540, 960)) -> np.ndarray:
+    image = np.full((*size, 3), 90, np.uint8)
+    cv2.rectangle(image, (x, y), (x + side - 1, y + side - 1), (20, 20, 240), cv2.FILLED)
+    return image
+
+
+def test_boxes_come_back_in_the_pictures_own_pixels(tmp_path: Path) -> None:
+    # 960 px wide into 64: a cell of the model is 120 px of the picture.
+    found = BoxModel(model(tmp_path), "vision.vehicle_model").find(red_square(480, 240, 120))
+
+    ((box, score),) = found
+    assert (box.x_px, box.y_px, box.w_px, box.h_px) == pytest.approx((480, 240, 120, 120), abs=1)
+    assert 0.4 < score <= 1.0
+
+
+def test_a_picture_without_vehicles_has_none(tmp_path: Path) -> None:
+    assert (
+        BoxModel(model(tmp_path), "vision.vehicle_model").find(np.full((540, 960, 3), 90, np.uint8))
+        == []
+    )
+
+
+def test_a_missing_model_is_told(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"vehicle_model\.file.*no such file"):
+        BoxModel(model(tmp_path, file=tmp_path / "none.onnx"), "vision.vehicle_model")
+
+
+def test_a_file_that_is_no_model_is_told(tmp_path: Path, capfd: object) -> None:
+    (tmp_path / "text.onnx").write_text("not a model")
+    with pytest.raises(UserError, match=r"vehicle_model\.file.*not a model"):
+        BoxModel(model(tmp_path, file=tmp_path / "text.onnx"), "vision.vehicle_model")
+
+
+def test_a_model_that_takes_an_input_of_another_size_is_told(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"cannot run on an input of 64 x 32 px \(input_width_px"):
+        BoxModel(model(tmp_path, input_height_px=32), "vision.vehicle_model")
+
+
+@pytest.mark.parametrize("changes", [{"classes": (7,)}, {"has_objectness": True}])
+def test_an_output_that_does_not_fit_the_settings_is_told(
+    tmp_path: Path, changes: dict[str, object]
+) -> None:
+    with pytest.raises(UserError, match="output of shape"):
+        BoxModel(model(tmp_path, **changes), "vision.vehicle_model")
+
+
+def test_width_and_foot_agree_on_where_a_car_is(tmp_path: Path) -> None:
+    settings = model(tmp_path)
+    vehicles = VehicleDetector(
+        BoxModel(settings, "vision.vehicle_model"), settings, Perspective(CAMERA)
+    )
+    # The only cell that the model has there spans u 480 to 600 and ends at v = 360: 1.8 m at
+    # 825 px of focal length and 120 px are 12.4 m, the road at v = 360 begins at
+    # 1.3 m / (90 / 825 + 0.02) = 10.1 m.
+    (sighting,) = vehicles.find(red_square(480, 240, 120), Search())
+
+    assert 10.1 < sighting.place.ahead_m < 12.4
+    assert sighting.ahead_sigma_m < 0.1 * sighting.place.ahead_m
+    assert sighting.place.right_m == pytest.approx(60 / 825 * sighting.place.ahead_m, rel=0.05)
+
+
+def test_it_looks_at_each_nth_frame(tmp_path: Path) -> None:
+    settings = model(tmp_path, every_n_frames=3)
+    vehicles = VehicleDetector(
+        BoxModel(settings, "vision.vehicle_model"), settings, Perspective(CAMERA)
+    )
+
+    counts = [len(vehicles.find(red_square(480, 240, 120), Search())) for _ in range(7)]
+
+    assert counts == [1, 0, 0, 1, 0, 0, 1]
+
+
+def test_a_lead_without_any_plate_is_a_lead_of_unknown_identity(tmp_path: Path) -> None:
+    settings = VisionSettings(plates=False, vehicle_model=model(tmp_path))
+    sight = Perception(CAMERA, settings)
+    rng = np.random.default_rng(1)
+    leads = []
+    for index in range(10):
+        image = red_square(420, 240, 120)
+        noisy = np.clip(image + rng.normal(0, 3, image.shape), 0, 255).astype(np.uint8)
+        sight.receive_frame(noisy, 0.1 * index)
+        while (event := sight.next_event()) is not None:
+            if event.kind == "lead":
+                leads.append(event)
+            assert event.kind != "plate"
+
+    assert leads[-1].identity is LeadIdentity.UNKNOWN
+    assert leads[-1].text is None
+    assert 9.0 < leads[-1].gap_m < 13.0
+
+
+def plate_model(tmp_path: Path) -> BoxModelSettings:
+    """Takes red squares for plates: cells of 120 by 120 px in a picture of 960 by 540."""
+    settings = model(tmp_path)
+    return BoxModelSettings(
+        file=settings.file, input_width_px=64, input_height_px=64, least_score=0.4
+    )
+
+
+def test_a_plate_model_finds_and_the_own_detector_places_the_corners(tmp_path: Path) -> None:
+    found = BroughtPlates(BoxModel(plate_model(tmp_path), "vision.plate_model"), PlateDetector())
+    image = red_square(480, 240, 120)
+    art = draw_plate("GN417KB", EU)
+    truth = np.array([(490, 290), (590, 290), (590, 311), (490, 311)], np.float32)
+    warp_onto(image, opaque(art), truth)
+
+    (plate,) = found.find(image)
+
+    # Its box is the whole cell; Europe's blue band stays outside.
+    assert plate.box.w_px == pytest.approx(95, abs=8)
+    assert plate.box.centre_px == pytest.approx((543, 300), abs=6)
+    assert found.find_again(image, plate.corners_px) is not None
+
+
+def test_a_box_that_is_no_plate_to_the_own_detector_keeps_its_corners(tmp_path: Path) -> None:
+    found = BroughtPlates(BoxModel(plate_model(tmp_path), "vision.plate_model"), PlateDetector())
+
+    (plate,) = found.find(red_square(480, 240, 120))
+
+    assert plate.box.w_px == pytest.approx(120, abs=1)
+    in_region = found.find(red_square(480, 240, 120), ImageBox(360.0, 60.0, 600.0, 480.0))
+    assert in_region
+    for plate in in_region:
+        x, y = plate.box.centre_px
+        assert 480 <= x <= 600
+        assert 240 <= y <= 360
+    assert found.find(red_square(480, 240, 120), ImageBox(-50, -50, 20, 20)) == []
+
+
+def test_the_configuration_takes_a_plate_model(tmp_path: Path) -> None:
+    Perception(CAMERA, VisionSettings(plate_model=plate_model(tmp_path)))
+    missing = plate_model(tmp_path).model_copy(update={"file": tmp_path / "none.onnx"})
+    with pytest.raises(UserError, match=r"plate_model\.file.*no such file"):
+        Perception(CAMERA, VisionSettings(plate_model=missing))

@@ -1,0 +1,246 @@
+"""A drive behind a known car, through both networks, with pictures in it that are none, or odd."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+
+from onboard.observations import LeadIdentity, Sensor, SensorLost, SensorRecovered
+from onboard.vision.frame_check import PictureCheck
+from onboard.vision.frames import decode_picture
+from onboard.vision.perception import Perception
+from onboard.vision.plate_detector import Image, PlateDetector
+from onboard.vision.plate_reader import PlateReader
+from onboard.vision.settings import CameraSettings, VisionSettings
+from sim_rig.rendering.scene import Scene, SceneCar
+from tests.vision.drive import Seen, frames, see
+
+CAMERA = CameraSettings(
+    source="rendered",
+    width_px=640,
+    height_px=360,
+    focal_x_px=1600.0,
+    focal_y_px=1600.0,
+    principal_x_px=320.0,
+    principal_y_px=180.0,
+    pitch_rad=0.03,
+)
+GAP_M, LEAD = 9.0, "GN417KB"
+FINDER, READER = PlateDetector(), PlateReader()
+Drive = list[tuple[float, Image]]
+Change = Callable[[Image], Image]
+ODD = range(5, 14, 2)
+
+
+def rendered(*cars: SceneCar) -> Drive:
+    def scene(stamp_s: float) -> Scene:
+        return Scene(cars, travelled_m=15 * stamp_s)
+
+    return list(frames(scene, 1.5, camera=CAMERA))
+
+
+@pytest.fixture(scope="module")
+def drive() -> Drive:
+    """One and a half seconds behind one car."""
+    return rendered(SceneCar(GAP_M, 0.2, plate=LEAD))
+
+
+def looked_at(pictures: Drive) -> Seen:
+    return see(Perception(CAMERA, VisionSettings(), finder=FINDER, reader=READER), iter(pictures))
+
+
+def spoilt(drive: Drive, *ways: Change) -> Drive:
+    """The sixth picture and every other one from there is another, in one way after the other."""
+    return [
+        (stamp_s, ways[(index - 5) // 2 % len(ways)](image.copy()) if index in ODD else image)
+        for index, (stamp_s, image) in enumerate(drive)
+    ]
+
+
+def assert_still_known(seen: Seen) -> None:
+    assert {lead.text for lead in seen.leads} <= {None, LEAD}
+    assert seen.leads[-1].text == LEAD
+    assert seen.leads[-1].gap_m == pytest.approx(GAP_M, rel=0.1)
+
+
+def blank(level: int) -> Change:
+    return lambda image: np.full_like(image, level)
+
+
+def rotated(image: Image) -> Image:
+    return np.rot90(image).copy()
+
+
+def narrower(image: Image) -> Image:
+    return image[:, :500].copy()
+
+
+def not_decoded(_: Image) -> Image:
+    return np.zeros((0, 0, 3), np.uint8)
+
+
+def test_what_is_no_picture_of_the_road_is_discarded_and_the_lead_stays_known(drive: Drive) -> None:
+    seen = looked_at(spoilt(drive, blank(0), blank(255), rotated, narrower, not_decoded))
+
+    reasons = [event.reason for event in seen.discarded]
+    assert reasons == ["blank_picture"] * 2 + ["picture_size"] * 2 + ["corrupt_picture"]
+    assert len(seen.leads) == len(drive) - len(reasons)
+    assert_still_known(seen)
+
+
+def torn(image: Image) -> Image:
+    """From the middle on it belongs elsewhere."""
+    image[180:] = np.roll(image[180:], 230, axis=1)
+    return image
+
+
+def darker(image: Image) -> Image:
+    return (image * 0.3).astype(np.uint8)
+
+
+def overexposed(image: Image) -> Image:
+    return np.clip(image * 2.2, 0, 255).astype(np.uint8)
+
+
+def half_as_large(image: Image) -> Image:
+    return np.asarray(cv2.resize(image, (320, 180), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+@pytest.mark.parametrize("how", [torn, darker, overexposed, half_as_large])
+def test_pictures_that_are_odd_do_not_change_who_is_ahead(drive: Drive, how: Change) -> None:
+    seen = looked_at(spoilt(drive, how))
+
+    assert len(seen.leads) == len(drive)
+    assert_still_known(seen)
+
+
+def test_a_stream_that_changes_its_resolution_for_good_keeps_the_lead(drive: Drive) -> None:
+    pictures = drive[:10] + [(stamp_s, half_as_large(image)) for stamp_s, image in drive[10:]]
+
+    assert_still_known(looked_at(pictures))
+
+
+def test_a_stream_that_changes_its_resolution_to_and_fro_does_not_come_nearer(drive: Drive) -> None:
+    """By a little: by so much a rear grows from one picture to the next."""
+    sizes = [(640, 360), (576, 324)]
+    pictures = [
+        (stamp_s, np.asarray(cv2.resize(image, sizes[index % 2]), np.uint8))
+        for index, (stamp_s, image) in enumerate(drive)
+    ]
+
+    seen = looked_at(pictures)
+
+    assert_still_known(seen)
+    for lead in seen.leads[2:]:
+        assert lead.gap_m == pytest.approx(GAP_M, rel=0.1)
+        assert lead.closing_speed_m_s == pytest.approx(0.0, abs=2.0)
+
+
+def dark_noise(stamp_s: float) -> Image:
+    """Of a covered lens."""
+    noise = np.random.default_rng(round(10 * stamp_s)).normal(8, 5, (360, 640, 3))
+    return np.clip(noise, 0, 255).astype(np.uint8)
+
+
+def no_signal(_: float) -> Image:
+    return np.full((360, 640, 3), (255, 0, 0), np.uint8)
+
+
+@pytest.mark.parametrize("given", [dark_noise, no_signal])
+def test_a_camera_that_sees_nothing_does_not_say_that_the_road_is_free(
+    given: Callable[[float], Image],
+) -> None:
+    seen = looked_at([(0.1 * index, given(0.1 * index)) for index in range(5)])
+
+    assert [event.reason for event in seen.discarded] == ["blank_picture"] * 5
+    assert seen.leads == []
+
+
+@pytest.mark.parametrize("axis", [0, 1, -1], ids=["upside down", "mirrored", "both"])
+def test_a_camera_mounted_wrongly_names_nobody(drive: Drive, axis: int) -> None:
+    seen = looked_at([(stamp_s, np.asarray(cv2.flip(i, axis), np.uint8)) for stamp_s, i in drive])
+
+    assert {lead.text for lead in seen.leads} == {None}
+
+
+def test_a_frozen_camera_is_lost_and_the_lead_is_known_again_when_it_is_back(drive: Drive) -> None:
+    frozen = [(1.5 + 0.1 * index, drive[-1][1]) for index in range(15)]
+    after = [(3.0 + stamp_s, image) for stamp_s, image in drive]
+
+    seen = looked_at(drive + frozen + after)
+
+    lost, back = seen.health
+    assert isinstance(lost, SensorLost)
+    assert (lost.sensor, lost.reason) == (Sensor.CAMERA, "frozen")
+    assert back == SensorRecovered(3.0, Sensor.CAMERA)
+    assert not any(lost.stamp_s <= lead.stamp_s < back.stamp_s for lead in seen.leads)
+    assert_still_known(seen)
+
+
+@pytest.mark.parametrize("how", ["silent", "frozen", "covered"])
+def test_a_camera_that_was_away_does_not_know_who_is_ahead_now(drive: Drive, how: str) -> None:
+    """Another car, whose plate cannot be read, is where the known one was a minute before."""
+    away: Drive = []
+    if how == "frozen":
+        away = [(stamp_s, drive[-1][1]) for stamp_s in np.arange(1.5, 60.0, 0.5).tolist()]
+    elif how == "covered":
+        away = [(stamp_s, np.zeros_like(drive[-1][1])) for stamp_s in range(2, 60)]
+    another = rendered(SceneCar(28.0, plate="YW903MS", colour_bgr=(40, 40, 160)))
+    back = [(60.0 + stamp_s, image) for stamp_s, image in another]
+
+    seen = looked_at(drive + away + back)
+
+    after = [lead for lead in seen.leads if lead.stamp_s >= 60.0]
+    assert {lead.text for lead in after} == {None}
+    assert after[-1].identity is LeadIdentity.UNKNOWN
+
+
+def test_a_camera_that_was_away_for_a_second_still_knows_who_is_ahead(drive: Drive) -> None:
+    back = [(2.4 + stamp_s, image) for stamp_s, image in drive]
+
+    seen = looked_at(drive + back)
+
+    assert {lead.text for lead in seen.leads if lead.stamp_s >= 2.4} == {LEAD}
+
+
+def clock(image: Image, stamp_s: float) -> None:
+    at = (8, image.shape[0] - 8)
+    told = f"2026-11-22 10:30:{stamp_s:05.2f}"
+    cv2.putText(image, told, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255))
+
+
+def noisy_pixel(image: Image, stamp_s: float) -> None:
+    image[168:176, 320:328] = round(500 * stamp_s) % 256
+
+
+@pytest.mark.parametrize("changed", [clock, noisy_pixel])
+def test_a_frozen_camera_is_lost_though_it_tells_the_time(
+    drive: Drive, changed: Callable[[Image, float], None]
+) -> None:
+    frozen = [(1.5 + 0.1 * index, drive[-1][1].copy()) for index in range(10)]
+    pictures = []
+    for stamp_s, image in drive + frozen:
+        changed(shown := image.copy(), stamp_s)
+        pictures.append((stamp_s, shown))
+
+    seen = looked_at(pictures)
+
+    assert [type(event) for event in seen.health] == [SensorLost]
+    assert {lead.stamp_s for lead in seen.leads if lead.stamp_s >= seen.health[0].stamp_s} == set()
+
+
+def test_a_camera_that_stands_behind_a_standing_car_is_not_frozen() -> None:
+    """However much its pictures are compressed: nine tenths of their pixels are equal."""
+    check, scene = PictureCheck(), Scene((SceneCar(GAP_M, 0.2, plate=LEAD),))
+
+    for _, image in frames(lambda _: scene, 0.5, camera=CAMERA):
+        data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 30])[1]
+        assert not check.look(decode_picture(data.tobytes())).is_repeat
+
+
+def test_a_plate_in_the_next_lane_is_no_lead_where_the_own_lane_is_empty() -> None:
+    seen = looked_at(rendered(SceneCar(22.0, 3.5, plate=LEAD)))
+
+    assert seen.cars
+    assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
