@@ -4,7 +4,6 @@ Driven by the daemon, by the rig in virtual time and by the replay, always throu
 Whatever comes in is handed to the cores that it concerns; what they say is passed on at once.
 """
 
-import math
 from collections import deque
 from collections.abc import Iterable
 
@@ -308,12 +307,12 @@ class Stack:
     def get_timer(self) -> float:
         """When `handle_timer` next wants to be called."""
         cores = (self._bus, self._group, self._held_warnings, self._watch, self._link)
-        wishes = [self._assess_at, *(core.get_timer() for core in cores)]
+        timers = [self._assess_at, *(core.get_timer() for core in cores)]
         if self._access is not None:
-            wishes.append(self._access.get_timer())
+            timers.append(self._access.get_timer())
         if self._config.beacons:  # one that is due and never sent would be due for ever
-            wishes.append(self._beacon.get_timer())
-        return min((at for at in wishes if at is not None), default=math.inf)
+            timers.append(self._beacon.get_timer())
+        return min(timers)
 
     def handle_timer(self, now: float) -> None:
         """Do what has become due."""

@@ -81,8 +81,8 @@ class WaveLink:
         """What the radio is to be given now, the most urgent first, as (user priority, WSM)."""
         return self._queue.wsms_to_send(now)
 
-    def get_timer(self) -> float | None:
-        """When the radio is free for what still waits."""
+    def get_timer(self) -> float:
+        """Return when the radio is free for the next queued frame; `math.inf` without one."""
         return self._queue.get_timer()
 
     def next_event(self) -> Discarded | None:

@@ -147,6 +147,6 @@ class _VirtualRun:
 
     def _plan_air(self) -> None:
         at = self._air.get_timer()
-        if at is not None and at < self._air_planned_at:
+        if at < self._air_planned_at:
             self._air_planned_at = at
             heapq.heappush(self._agenda, (at, next(self._order), None))

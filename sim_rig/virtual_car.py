@@ -93,11 +93,10 @@ class VirtualCar:
     def get_timer(self) -> float:
         """When something of this car is next due."""
         self._stack_at = self._stack.get_timer()
-        ecu_at = self._ecu.get_timer()
         at = min(
             self._stack_at,
             self._camera.get_timer(),
-            math.inf if ecu_at is None else ecu_at,
+            self._ecu.get_timer(),
             *(device.get_timer() for device, _ in self._devices),
         )
         return self._faults.wakes_at(at)

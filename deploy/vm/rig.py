@@ -8,6 +8,7 @@ which is the unit without power, and `radio on`; `bus off` and `bus on` for the 
 """
 
 import asyncio
+import math
 import socket
 import sys
 import time
@@ -60,7 +61,7 @@ class VirtualBus:
     def _receive(self, frame: CanFrame) -> None:
         self._ecu.receive_frame(frame, self._loop.time())
         at = self._ecu.get_timer()
-        if at is not None:
+        if at < math.inf:
             self._loop.call_at(at, self._answer)
 
     def _answer(self) -> None:

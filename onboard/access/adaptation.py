@@ -7,6 +7,7 @@ BSMs. SAE J2945/1 stretches that among many cars. A safe car keeps to it; an uns
 less. No car ever talks more rarely than the standard demands, nor more often than its ten a second.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import ClassVar
@@ -55,7 +56,7 @@ class AccessAdaptation:
         self._settings = settings
         self._watch = ReactionObserver()
         self._speed: Speed | None = None
-        self._good_until: float | None = None
+        self._good_until = math.inf
         self._events: deque[FollowingSafety | ReactionObserved] = deque()
         self.is_unsafe = False
         self.safety_index = 1.0
@@ -87,14 +88,14 @@ class AccessAdaptation:
         """The own car brakes hard."""
         self._learn(brake.stamp_s, self._watch.receive_hard_brake(brake))
 
-    def get_timer(self) -> float | None:
-        """When the last look at the car ahead is no longer good."""
+    def get_timer(self) -> float:
+        """Return when the last measured lead expires; `math.inf` without one."""
         return self._good_until
 
     def handle_timer(self, now: float) -> None:
         """Be safe when nobody has been seen ahead for long."""
-        if self._good_until is not None and now >= self._good_until:
-            self._good_until = None
+        if now >= self._good_until:
+            self._good_until = math.inf
             self._judge(now, 0.0)
 
     def next_event(self) -> FollowingSafety | ReactionObserved | None:

@@ -15,6 +15,7 @@ names the warning in it, so the acknowledgement is a message that was due anyway
 warning to a follower that owes it one, a bounded number of times.
 """
 
+import math
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field, replace
 
@@ -155,12 +156,10 @@ class Forwarding:
         """Whether we are to repeat it and have nobody to repeat it to: then we say so at once."""
         return message.reach == distance and not self._followers
 
-    def get_timer(self) -> float | None:
-        """When a copy may be due."""
-        if not self._known:
-            return None
+    def get_timer(self) -> float:
+        """Return when a copy may be due; `math.inf` when none is planned."""
         due = [at for known in self._known.values() for at in (known.repeat_at, known.check_at)]
-        return min((at for at in due if at is not None), default=None)
+        return min((at for at in due if at is not None), default=math.inf)
 
     def copies_to_send(self, reach: int, *, is_member: bool, now: float) -> list[Update | Warn]:
         """Return what this car is to repeat now, as it looks from where the car stands now."""

@@ -6,6 +6,7 @@ alone decides the state. Where the paper is silent or the radio is not as kind a
 docs/decisions says what was chosen.
 """
 
+import math
 from collections import deque
 
 import numpy as np
@@ -36,7 +37,7 @@ class WarningGroup:
     def __init__(self, settings: LccaSettings, own_id: CarId, rng: np.random.Generator) -> None:
         """Start alone. `rng` spreads what many cars would send at once."""
         self._settings = settings
-        self._renaming_until: float | None = None
+        self._renaming_until = math.inf
         self._state = GroupState.REGULAR
         self._place = GroupPosition(
             own_id, settings.leader_silence_s, int(rng.integers(_SEQUENCES))
@@ -137,21 +138,20 @@ class WarningGroup:
         self._outbox.clear()
         return out
 
-    def get_timer(self) -> float | None:
-        """When `handle_timer` wants to be called."""
-        wishes = (
+    def get_timer(self) -> float:
+        """Return when `handle_timer` is due; `math.inf` when nothing is planned."""
+        return min(
             self._membership.get_timer(),
             self._followers.get_timer(),
             self._forwarding.get_timer(),
             self._renaming_until,
         )
-        return min((at for at in wishes if at is not None), default=None)
 
     def handle_timer(self, now: float) -> None:
         """Do what has become due."""
-        if self._renaming_until is not None and now >= self._renaming_until:
+        if now >= self._renaming_until:
             self._place.drop_previous_id()
-            self._renaming_until = None
+            self._renaming_until = math.inf
         if self._followers.expire(now):
             self._happen(GroupEvent.UNFOLLOWED, "expired", now)
         reason = self._membership.lapse(now)
@@ -198,7 +198,7 @@ class WarningGroup:
         self._membership.receive_reply(reply, news=news, now=now)
         if self._to_acknowledge:
             self._membership.join_soon(now)
-        if joins and followed is not None and self._renaming_until is None:
+        if joins and followed is not None and self._renaming_until == math.inf:
             self._send_leave(followed, LeaveReason.FOLLOWS_ANOTHER)
         if not circle:
             before = self._place.in_group
@@ -266,7 +266,7 @@ class WarningGroup:
         place = self._place
         leader_before, number_before = before
         shift = number_before - place.number
-        renamed = self._renaming_until is not None and shift == 0
+        renamed = self._renaming_until < math.inf and shift == 0
         if before == place.in_group or renamed or not self._followers:
             return
         update = Update(
@@ -357,8 +357,7 @@ class WarningGroup:
             self._membership.join_soon(now)
 
     def _forward_if_due(self, now: float) -> None:
-        due_at = self._forwarding.get_timer()
-        if due_at is None or now < due_at:
+        if now < self._forwarding.get_timer():
             return
         is_member = self._state is GroupState.MEMBER
         reach = self._reach.distance(now)

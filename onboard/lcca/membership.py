@@ -6,6 +6,8 @@ the old membership stays for as long as `lead_hold_s` allows: a misread plate an
 the next frames show the right one again.
 """
 
+import math
+
 import numpy as np
 
 from onboard.lcca.lead_monitor import LeadMonitor
@@ -135,10 +137,10 @@ class Membership:
         self._renaming_until = now + self._settings.rename_s
         self.join_soon(now)
 
-    def get_timer(self) -> float | None:
-        """When a join is due or the membership may be over."""
+    def get_timer(self) -> float:
+        """Return when a join is due or the membership may end; `math.inf` for neither."""
         if self.predecessor is None:
-            return None if self._asked is None else self._join_at
+            return math.inf if self._asked is None else self._join_at
         return min(
             self._join_at,
             self._shown_until(self.predecessor),

@@ -1,5 +1,6 @@
 """The warning list: who follows this car."""
 
+import math
 from collections import OrderedDict
 
 from onboard.messages.lcca import CarId
@@ -48,6 +49,6 @@ class WarningList:
             self._until.popitem(last=False)
         return not was_empty and not self._until
 
-    def get_timer(self) -> float | None:
-        """When the next follower would expire."""
-        return next(iter(self._until.values()), None)
+    def get_timer(self) -> float:
+        """Return when the next follower expires; `math.inf` without followers."""
+        return next(iter(self._until.values()), math.inf)

@@ -4,6 +4,7 @@ A tester's requests fit into a SingleFrame each, so it never segments; ECUs' ans
 Names and timers are the standard's: N_Cr bounds the wait for the next ConsecutiveFrame.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -48,7 +49,7 @@ class Reassembly:
         self._length = 0
         self._received = bytearray()
         self._sequence_number = 0
-        self._n_cr_at: float | None = None
+        self._n_cr_at = math.inf
         self._events: deque[Message | Aborted] = deque()
 
     def receive_pdu(self, pdu: NPdu, now: float) -> None:
@@ -64,13 +65,13 @@ class Reassembly:
             case ConsecutiveFrame(sequence_number, data):
                 self._continue(sequence_number, data, now)
 
-    def get_timer(self) -> float | None:
-        """When N_Cr runs out."""
+    def get_timer(self) -> float:
+        """Return when N_Cr runs out; `math.inf` while no message is being received."""
         return self._n_cr_at
 
     def handle_timer(self, now: float) -> None:
         """Give up a message whose next frame is overdue (N_TIMEOUT_Cr)."""
-        if self._n_cr_at is not None and now >= self._n_cr_at:
+        if now >= self._n_cr_at:
             self._abort("n_timeout_cr")
 
     def next_event(self) -> Message | Aborted | None:
@@ -87,7 +88,7 @@ class Reassembly:
         self._n_cr_at = now + self._n_cr_s
 
     def _continue(self, sequence_number: int, data: bytes, now: float) -> None:
-        if self._n_cr_at is None:
+        if self._n_cr_at == math.inf:
             self._events.append(
                 Aborted("unexpected_consecutive_frame", "no message is being received")
             )
@@ -103,15 +104,15 @@ class Reassembly:
         self._sequence_number = (sequence_number + 1) & 0xF
         self._n_cr_at = now + self._n_cr_s
         if len(self._received) == self._length:
-            self._n_cr_at = None
+            self._n_cr_at = math.inf
             self._events.append(Message(bytes(self._received)))
 
     def _interrupt(self) -> None:
         """A new message begins before the last one ended (N_UNEXP_PDU): the new one counts."""
-        if self._n_cr_at is not None:
+        if self._n_cr_at < math.inf:
             self._abort("n_unexp_pdu")
 
     def _abort(self, reason: str, why: str = "") -> None:
-        self._n_cr_at = None
+        self._n_cr_at = math.inf
         progress = f"after {len(self._received)} of {self._length} bytes"
         self._events.append(Aborted(reason, f"{why}, {progress}" if why else progress))

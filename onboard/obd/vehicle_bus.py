@@ -8,6 +8,7 @@ identifier, and is told to go on with a long answer under another one.
     29 bits   0x18DB33F1   0x18DAF1xx                 0x18DAxxF1
 """
 
+import math
 from collections import deque
 from typing import TYPE_CHECKING
 
@@ -83,12 +84,12 @@ class VehicleBus:
         self._to_send.clear()
         return frames
 
-    def get_timer(self) -> float | None:
-        """When the next request, or the next frame of a long answer, is due."""
+    def get_timer(self) -> float:
+        """Return when the next request, or the next frame of a long answer, is due."""
         timers = [reassembly.get_timer() for reassembly in self._reassemblies.values()]
         if self._tester is not None:
             timers.append(self._tester.get_timer())
-        return min((at for at in timers if at is not None), default=None)
+        return min(timers, default=math.inf)
 
     def handle_timer(self, now: float) -> None:
         """Give up answers that stopped half-way. Requests are due in `frames_to_send`."""

@@ -6,6 +6,7 @@ until the car's next BSM bears it out, and passes late rather than never when no
 Only a car that is heard driving on as before is disbelieved.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass, replace
 
@@ -54,9 +55,9 @@ class PendingWarnings:
         """The next warning that was not believed, and why."""
         return self._events.popleft() if self._events else None
 
-    def get_timer(self) -> float | None:
-        """When the first of those that are held is decided, if no BSM decides before."""
-        return self._held[0].since_s + HOLD_S if self._held else None
+    def get_timer(self) -> float:
+        """Return when the oldest pending warning must be decided; `math.inf` without one."""
+        return self._held[0].since_s + HOLD_S if self._held else math.inf
 
     def handle_timer(self, now: float) -> None:
         """Look again at all that are held: after each BSM, and when the time is over."""

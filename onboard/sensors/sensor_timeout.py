@@ -53,10 +53,10 @@ class SensorTimeouts:
             )
         )
 
-    def get_timer(self) -> float | None:
-        """When the next sensor would be silent for too long."""
+    def get_timer(self) -> float:
+        """Return when the next sensor times out; `math.inf` when none can."""
         waiting = (at for sensor, at in self._lost_at.items() if sensor not in self._lost)
-        return min(waiting, default=None)
+        return min(waiting, default=math.inf)
 
     def handle_timer(self, now: float) -> None:
         """Declare lost what has been silent for longer than its limit."""

@@ -5,6 +5,7 @@ here: the unit is given the next frame only when it has had the time to send the
 warning waits for one frame at most, however many are queued.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -65,9 +66,9 @@ class RadioQueue:
         self._free_at = now + FRAME_OVERHEAD_S + (MAC_BYTES + len(wsm)) * self._byte_s
         return [(priority, wsm)]
 
-    def get_timer(self) -> float | None:
-        """When the radio is free for the next frame; `None` while none waits."""
-        return self._free_at if len(self) else None
+    def get_timer(self) -> float:
+        """Return when the radio is free for the next frame; `math.inf` while none waits."""
+        return self._free_at if len(self) else math.inf
 
     def next_event(self) -> Discarded | None:
         """The oldest drop not yet taken: reason `expired` or `queue_full`."""

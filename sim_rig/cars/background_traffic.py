@@ -5,6 +5,7 @@ is asked only twice a second: that is enough to count as near, and cheap for who
 """
 
 import heapq
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -62,12 +63,9 @@ class BackgroundTraffic:
                 pass  # nobody reads its trace
         return deliveries
 
-    def get_timer(self) -> float | None:
-        """When to ask again."""
-        at_s = [self._due[0][0]] if self._due else []
-        if (timer := self._air.get_timer()) is not None:
-            at_s.append(timer)
-        return min(at_s, default=None)
+    def get_timer(self) -> float:
+        """Return when the next frame arrives or is sent; `math.inf` when none is planned."""
+        return min(self._due[0][0] if self._due else math.inf, self._air.get_timer())
 
 
 def background_names(scenario: Scenario) -> list[str]:

@@ -6,6 +6,7 @@ if everybody was asked, and refuses if it was asked by its own identifier (J1979
 """
 
 import heapq
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import count
@@ -103,9 +104,9 @@ class Ecu:
             )
         return frames
 
-    def get_timer(self) -> float | None:
-        """When the next frame is due."""
-        return self._due[0][0] if self._due else None
+    def get_timer(self) -> float:
+        """Return when the next frame is due; `math.inf` when none is."""
+        return self._due[0][0] if self._due else math.inf
 
     def _km_h(self, now: float) -> int:
         """PID 0x0D: whole km/h, one byte."""

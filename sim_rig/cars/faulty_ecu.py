@@ -59,12 +59,10 @@ class FaultyEcu:
             frames += self._babble(now)
         return frames
 
-    def get_timer(self) -> float | None:
-        """When the next frame is due."""
+    def get_timer(self) -> float:
+        """Return when the next frame is due; `math.inf` when none is."""
         ecu_at = self._ecu.get_timer()
-        if not self._babbles:
-            return ecu_at
-        return self._babbles_at if ecu_at is None else min(ecu_at, self._babbles_at)
+        return min(ecu_at, self._babbles_at) if self._babbles else ecu_at
 
     def _babble(self, now: float) -> list[CanFrame]:
         at_s = self._at_s(now)

@@ -6,6 +6,7 @@ digits are 11 bits long, with eight digits 29.
 """
 
 import asyncio
+import math
 import re
 import time
 from collections.abc import Callable
@@ -106,7 +107,7 @@ class SocketcandServer:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        if at is not None:
+        if at < math.inf:
             self._timer = asyncio.get_running_loop().call_later(at - now, self._step)
 
     def _put_on_bus(self, frame: CanFrame, but: asyncio.StreamWriter | None = None) -> None:

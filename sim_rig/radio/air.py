@@ -40,6 +40,6 @@ class Air(Protocol):
         """The copies that have arrived by now, in order."""
         ...
 
-    def get_timer(self) -> float | None:
-        """When to ask again."""
+    def get_timer(self) -> float:
+        """Return when the next copy arrives; `math.inf` when none is in flight."""
         ...

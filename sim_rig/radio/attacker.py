@@ -54,7 +54,7 @@ class Attacker:
         self._place: Reply | Update | None = None
         self._heard: list[tuple[float, int, int, bytes]] = []
         self._order = count()
-        self._next_at: float | None = None
+        self._next_at = math.inf
         self._sequence = _FIRST_SEQUENCE
         self._ghost_began_at: float | None = None
 
@@ -67,11 +67,11 @@ class Attacker:
             heapq.heappush(self._heard, (due_at, next(self._order), user_priority, wsm))
         elif sender == self.car:
             self._learn(wsm)
-            if self._next_at is None:
+            if self._next_at == math.inf:
                 self._next_at = now
 
-    def get_timer(self) -> float | None:
-        """When it lies next."""
+    def get_timer(self) -> float:
+        """Return when the next frame is injected; `math.inf` when none is planned."""
         return self._heard[0][0] if self._heard else self._next_at
 
     def wsms_to_send(self, now: float) -> Iterator[tuple[int, bytes]]:
@@ -79,10 +79,10 @@ class Attacker:
         while self._heard and self._heard[0][0] <= now:
             _, _, user_priority, wsm = heapq.heappop(self._heard)
             yield user_priority, wsm
-        if self._next_at is None or self._next_at > now:
+        if self._next_at > now:
             return
         if not self._fault.holds(self.car, self._at_s(now)):
-            self._next_at = None
+            self._next_at = math.inf
         elif self._fault.what == "forged_brake":
             self._next_at += self._fault.every_s
             if self._place is not None:

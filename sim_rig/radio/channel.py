@@ -136,9 +136,9 @@ class Channel:
         self._plan(station)
         return frame.number
 
-    def get_timer(self) -> float | None:
-        """When something happens next."""
-        return self._agenda[0][0] if self._agenda else None
+    def get_timer(self) -> float:
+        """Return when the next event is due; `math.inf` without one."""
+        return self._agenda[0][0] if self._agenda else math.inf
 
     def handle_timer(self, now: float) -> None:
         """Let everything happen that is due."""

@@ -56,12 +56,10 @@ class CsmaAir:
             arrived.append(heapq.heappop(self._in_flight))
         return arrived
 
-    def get_timer(self) -> float | None:
-        """When something happens on the channel, or the next copy arrives."""
-        at_s = [] if (timer := self._channel.get_timer()) is None else [timer]
-        if self._in_flight:
-            at_s.append(self._in_flight[0].at_s)
-        return min(at_s, default=None)
+    def get_timer(self) -> float:
+        """Return when the channel has an event or the next copy arrives; `math.inf` for neither."""
+        arrives_at = self._in_flight[0].at_s if self._in_flight else math.inf
+        return min(self._channel.get_timer(), arrives_at)
 
     def _look(self, now: float) -> None:
         """See where the cars are, if they were not looked at just now."""

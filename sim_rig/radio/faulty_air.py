@@ -1,5 +1,6 @@
 """The air, with the radios that fail and the cars that lie; live and virtual runs share it."""
 
+import math
 from collections.abc import Callable, Mapping
 
 from onboard.security.credentials import Credentials
@@ -49,10 +50,9 @@ class FaultyAir:
             if not self._has("radio_gone", delivery.receiver, now)
         ]
 
-    def get_timer(self) -> float | None:
-        """When to ask again."""
-        wishes = [self._air.get_timer(), *(liar.get_timer() for liar in self._liars)]
-        return min((at for at in wishes if at is not None), default=None)
+    def get_timer(self) -> float:
+        """Return when the next frame arrives or is injected; `math.inf` when none is planned."""
+        return min(self._air.get_timer(), *(liar.get_timer() for liar in self._liars), math.inf)
 
     def _has(self, what: str, car: str, now: float) -> bool:
         return self._scenario.has_fault(what, car, self._at_s(now))

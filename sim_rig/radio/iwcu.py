@@ -5,6 +5,7 @@ user priority (IP_TOS = priority << 5). One socket for each car's unit, one air 
 """
 
 import asyncio
+import math
 import socket
 import time
 from collections.abc import Callable
@@ -75,7 +76,7 @@ class RadioUnits:
             self._timer.cancel()
             self._timer = None
         at = self._air.get_timer()
-        if at is not None:
+        if at < math.inf:
             self._timer = asyncio.get_running_loop().call_later(at - now, self._step)
 
     def _hand_over(self, delivery: Delivery) -> None:

@@ -56,9 +56,9 @@ class ReachAir:
             arrived.append(heapq.heappop(self._in_flight))
         return arrived
 
-    def get_timer(self) -> float | None:
-        """When the next copy arrives."""
-        return self._in_flight[0].at_s if self._in_flight else None
+    def get_timer(self) -> float:
+        """Return when the next copy arrives; `math.inf` when none is in flight."""
+        return self._in_flight[0].at_s if self._in_flight else math.inf
 
     def _links(self, now: float) -> Iterator[tuple[str, str]]:
         if self._settings.neighbours is not None:

@@ -159,8 +159,7 @@ class _Platoon:
                 self._look(now)
             self._deliver(now)
             for car, group in self._groups.items():
-                at = group.get_timer()
-                if at is not None and at <= now:
+                if group.get_timer() <= now:
                     group.handle_timer(now)
                 self._send(car, group, now)
 

@@ -38,7 +38,7 @@ def test_nobody_ahead_is_safe() -> None:
     assert not core.is_unsafe
     assert core.safety_index == 1.0
     assert core.longest_interval_s == MAXIMUM_INTERVAL_S
-    assert core.get_timer() is None
+    assert core.get_timer() == math.inf
 
 
 def test_a_short_gap_is_unsafe_and_told_once() -> None:
@@ -111,7 +111,7 @@ def test_a_lost_lead_is_safe_after_the_hold() -> None:
     core.handle_timer(6.0)
 
     assert core.next_event() == FollowingSafety(6.0, False, 1.0, MAXIMUM_INTERVAL_S)
-    assert core.get_timer() is None
+    assert core.get_timer() == math.inf
 
 
 def test_without_a_fresh_speed_no_gap_is_judged() -> None:

@@ -5,6 +5,7 @@ its camera and its bus would say, never where it is.
 """
 
 import heapq
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
@@ -204,7 +205,7 @@ class Road:
         while (event := car.group.next_event()) is not None:
             car.said.append(event)
         timer = car.group.get_timer()
-        if timer is not None and (car.wakes_at is None or timer < car.wakes_at):
+        if timer < math.inf and (car.wakes_at is None or timer < car.wakes_at):
             car.wakes_at = timer
             self._at(max(timer, self.now), lambda: self._wake(car, timer))
 

@@ -1,5 +1,6 @@
 """Long messages, from frames that may be lost, doubled, late or cut; can-isotp as the other end."""
 
+import math
 from collections import deque
 
 import isotp
@@ -113,7 +114,7 @@ def test_a_last_frame_may_be_short_and_any_other_may_not():
 def test_a_sender_that_stops_is_given_up_after_n_cr():
     reassembly = Reassembly(n_cr_s=1.0)
     first, second, third = units_of(VIN)
-    assert reassembly.get_timer() is None
+    assert reassembly.get_timer() == math.inf
     reassembly.receive_pdu(first, 10.0)
     assert reassembly.get_timer() == 11.0
     reassembly.receive_pdu(second, 10.9)
@@ -122,7 +123,7 @@ def test_a_sender_that_stops_is_given_up_after_n_cr():
     assert events_of(reassembly) == []
     reassembly.handle_timer(11.9)
     assert events_of(reassembly) == [Aborted("n_timeout_cr", "after 13 of 20 bytes")]
-    assert reassembly.get_timer() is None
+    assert reassembly.get_timer() == math.inf
     reassembly.receive_pdu(third, 12.0)
     assert [event.reason for event in events_of(reassembly)] == ["unexpected_consecutive_frame"]
 

@@ -26,7 +26,7 @@ def channel(*along_m: float, seed: int = 1, **keys: object) -> Channel:
 
 def receptions(it: Channel) -> list[Reception]:
     found = []
-    while (at := it.get_timer()) is not None:
+    while (at := it.get_timer()) < math.inf:
         it.handle_timer(at)
     while (event := it.next_event()) is not None:
         found.append(event)

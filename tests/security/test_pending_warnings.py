@@ -1,5 +1,7 @@
 """A group's warning has to be borne out by the braking car's own speeds; the others are held."""
 
+import math
+
 import pytest
 
 from onboard.messages.bsm import BasicSafetyMessage
@@ -46,7 +48,7 @@ def test_a_warning_whose_brake_already_shows_passes_at_once() -> None:
     car.held.receive_warning(warning(), 1.11, 1.11)
 
     assert car.passed() == [warning()]
-    assert car.held.get_timer() is None
+    assert car.held.get_timer() == math.inf
 
 
 def test_a_warning_of_a_car_that_nobody_here_can_judge_passes_at_once() -> None:
@@ -92,7 +94,7 @@ def test_the_forged_brake_of_a_car_that_drives_on_as_before_is_not_believed() ->
 
     assert car.passed() == []
     assert car.disbelieved() == ["implausible_brake"]
-    assert car.held.get_timer() is None
+    assert car.held.get_timer() == math.inf
 
 
 def test_bsms_made_before_the_warning_and_held_back_do_not_speak_against_it() -> None:
@@ -162,7 +164,7 @@ def test_a_flood_of_doubtful_warnings_is_not_believed_and_takes_bounded_memory()
         car.held.receive_warning(warning(sequence), 1.05, 1.05)
 
     assert car.disbelieved() == ["too_many_warnings"] * 3
-    assert isinstance(car.held.get_timer(), float)
+    assert car.held.get_timer() < math.inf
 
 
 def test_a_demonstration_with_brake_buttons_can_do_without() -> None:

@@ -118,7 +118,7 @@ def test_a_babbler_keeps_to_its_rate() -> None:
     )
     frames: list[CanFrame] = []
     now = 0.0
-    while (at := ecu.get_timer()) is not None and at < 30.0:
+    while (at := ecu.get_timer()) < 30.0:
         now = max(now, at)
         frames += ecu.frames_to_send(now)
 
@@ -202,7 +202,7 @@ class Air:
         return wsm
 
     def pass_until(self, end: float) -> None:
-        while (at := self.air.get_timer()) is not None and at <= end:
+        while (at := self.air.get_timer()) <= end:
             for delivery in self.air.wsms_to_deliver(at):
                 self.heard[delivery.receiver].append(delivery.wsm)
 
