@@ -39,7 +39,7 @@ from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
-from sim_rig.processes import Processes
+from sim_rig.processes.processes import Processes
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
 CAMERA_FPS, PICTURES = 15.0, 60

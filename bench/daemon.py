@@ -14,8 +14,8 @@ from statistics import median
 import psutil
 
 from bench import Figure
-from sim_rig.live import LiveTestbench
-from sim_rig.scenario import Scenario, load_scenario
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 READER = "reader"
 SETTLED_S = 2.0

@@ -21,10 +21,10 @@ import numpy as np
 
 from bench import Figure
 from onboard.settings import parse_settings
-from sim_rig.latency_ledger import alarm_stamp_s, braking_of
-from sim_rig.live import LiveTestbench
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import Scenario
+from sim_rig.run_log.latency_ledger import alarm_stamp_s, braking_of
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.scenario.schema import Scenario
 
 BRAKINGS = 50
 PERIOD_S = 1.1

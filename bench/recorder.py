@@ -24,8 +24,8 @@ from onboard.recorder.recorded_stack import recorded_stack
 from onboard.recorder.replay import compare
 from onboard.recorder.settings import RecorderSettings
 from onboard.settings import parse_settings
-from sim_rig.scenario import load_scenario
-from sim_rig.virtual import run_virtual
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import load_scenario
 
 CAR = "red"
 LOOP_S = 5.0

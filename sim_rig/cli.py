@@ -19,16 +19,16 @@ from rich.console import Console
 
 from onboard.errors import UserError
 from onboard.settings import parse_yaml
-from sim_rig.campaign import Workers
-from sim_rig.cars.gpsd_feed import gpsd_program
 from sim_rig.engineer.page_process import ENGINEER
-from sim_rig.live import LiveTestbench
-from sim_rig.report import failures, print_report, print_verdict
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import Scenario, load_scenario, scenario_names
+from sim_rig.processes.gpsd import gpsd_program
+from sim_rig.reporting.report import failures, print_report, print_verdict
+from sim_rig.reporting.timeline import draw_timeline
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import Scenario, load_scenario, scenario_names
+from sim_rig.studies.campaign import Workers
 from sim_rig.studies.catalogue import check_study, run_study, study_names
-from sim_rig.timeline import draw_timeline
-from sim_rig.virtual import run_virtual
 
 app = typer.Typer(
     help="Test rig for `onboard`: plays the car's sensors, the radio and the other cars.",

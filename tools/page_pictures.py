@@ -16,8 +16,8 @@ import numpy as np
 from PIL import Image
 from playwright.async_api import Browser, Page, async_playwright, expect
 
-from sim_rig.live import LiveTestbench
-from sim_rig.scenario import load_scenario
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.scenario.schema import load_scenario
 from tools import chromium
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"

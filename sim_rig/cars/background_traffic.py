@@ -15,8 +15,8 @@ from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.stack import Stack
 from sim_rig.radio.air import Air, Delivery
-from sim_rig.scenario import Scenario
-from sim_rig.wiring import DIGEST
+from sim_rig.scenario.car_config import DIGEST
+from sim_rig.scenario.schema import Scenario
 
 SENDS_EVERY_S = 0.5
 

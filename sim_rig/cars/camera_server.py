@@ -25,7 +25,7 @@ from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_view import FPS, LENS, CameraView
 from sim_rig.rendering.scene import CameraRenderer
 from sim_rig.roads.breakpoints import BreakpointRoad
-from sim_rig.scenario import Scenario, load_scenario
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 _BOUNDARY = "picture"
 _JPEG_QUALITY = 90

@@ -9,10 +9,10 @@ import math
 import numpy as np
 
 from onboard.vision.settings import Calibration
-from sim_rig.faults import PlateMisread
 from sim_rig.rendering.scene import Scene, SceneCar
 from sim_rig.roads.road import Road
-from sim_rig.scenario import Scenario
+from sim_rig.scenario.faults import PlateMisread
+from sim_rig.scenario.schema import Scenario
 
 FPS = 10.0
 """Pictures a second that the rig's cameras take."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from onboard.obd.can_frame import CanFrame
 from sim_rig.cars.ecu import ENGINE_11_BIT, Ecu
-from sim_rig.faults import EcuBabbles, SpeedScaled
-from sim_rig.scenario import Scenario
+from sim_rig.scenario.faults import EcuBabbles, SpeedScaled
+from sim_rig.scenario.schema import Scenario
 
 _REFUSAL = bytes([0x03, 0x7F, 0x01, 0x22]).ljust(8, b"\x55")
 """To service 01: conditions not correct (ISO 14229-1)."""

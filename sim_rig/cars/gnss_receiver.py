@@ -16,9 +16,9 @@ import numpy as np
 
 from onboard.mvs.kalman import Array
 from onboard.units import KNOT
-from sim_rig.cars.settings import ReceiverSettings
 from sim_rig.roads.earth import ORIGIN_HEIGHT_M, to_degrees
 from sim_rig.roads.road import CarState
+from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 GEOID_M = 46.0
 """Of the geoid above the ellipsoid."""

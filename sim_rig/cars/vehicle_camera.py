@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from onboard.observations import VehicleDetection
-from sim_rig.cars.settings import VehicleCameraSettings
 from sim_rig.roads.road import CarState
+from sim_rig.scenario.sensor_settings import VehicleCameraSettings
 
 FPS = 10.0
 STEADY_SHARE = 0.2

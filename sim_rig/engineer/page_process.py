@@ -5,8 +5,8 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from sim_rig.processes import ProcessError, Processes
-from sim_rig.rig_recorder import RigRecorder
+from sim_rig.processes.processes import ProcessError, Processes
+from sim_rig.run_log.rig_recorder import RigRecorder
 
 ENGINEER = "engineer"
 """Whose page it is, and its process."""

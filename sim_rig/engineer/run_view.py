@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from sim_rig.run_log import Record, RunLog
+from sim_rig.run_log.run_log import Record, RunLog
 
 _ID = re.compile(r"\b[0-9a-f]{16}\b")
 UNTOLD = frozenset({"vehicle_detection", "detection_list", "position", "brake_pedal"})

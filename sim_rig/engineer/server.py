@@ -22,10 +22,10 @@ from onboard.trace.trace_line import as_json
 from onboard.vision.mjpeg import MjpegParts
 from sim_rig.engineer.image_store import ImageStore
 from sim_rig.engineer.run_view import RunView
-from sim_rig.latency_ledger import ledger
-from sim_rig.run_log import Record
-from sim_rig.scenario import Scenario, load_scenario
-from sim_rig.wiring import names_by_id
+from sim_rig.run_log.latency_ledger import ledger
+from sim_rig.run_log.run_log import Record
+from sim_rig.scenario.car_config import names_by_id
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 MOST_PICTURE_BYTES = 256 * 2**20
 """Some three minutes of four cameras."""

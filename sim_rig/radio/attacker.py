@@ -22,7 +22,7 @@ from onboard.security.ieee1609dot2 import SignedData
 from onboard.security.security_services import SecurityServices
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
-from sim_rig.faults import Attack
+from sim_rig.scenario.faults import Attack
 
 GHOST_ID = bytes.fromhex("6057CA12")
 _GHOST_EVERY_S = 0.1

@@ -22,6 +22,8 @@ from itertools import count, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_rig.propagation.fading import Fading
+from sim_rig.propagation.shadowing import VehicleShadowing
 from sim_rig.radio.edca import EIFS_EXTRA_S, SIFS_S, AccessCategory, QueuedFrame, Station
 from sim_rig.radio.links import Links
 from sim_rig.radio.ofdm import (
@@ -33,9 +35,7 @@ from sim_rig.radio.ofdm import (
     noise_mw,
     psdu_bytes,
 )
-from sim_rig.radio.propagation import Fading
-from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import VehicleShadowing
+from sim_rig.scenario.radio_settings import CsmaSettings
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

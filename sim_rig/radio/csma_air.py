@@ -6,11 +6,11 @@ from itertools import count
 
 import numpy as np
 
+from sim_rig.propagation.shadowing import VehicleShadowing
 from sim_rig.radio.air import LOOK_EVERY_S, CarsAt, Delivery
 from sim_rig.radio.channel import Channel
-from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import VehicleShadowing
 from sim_rig.roads.road import CarState
+from sim_rig.scenario.radio_settings import CsmaSettings
 
 
 class CsmaAir:

@@ -4,10 +4,10 @@ import math
 from collections.abc import Callable, Mapping
 
 from onboard.security.credentials import Credentials
-from sim_rig.faults import Attack
 from sim_rig.radio.air import Air, Delivery
 from sim_rig.radio.attacker import Attacker
-from sim_rig.scenario import Scenario
+from sim_rig.scenario.faults import Attack
+from sim_rig.scenario.schema import Scenario
 
 
 class FaultyAir:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 
 from sim_rig.radio.air import Air, Delivery
-from sim_rig.rig_recorder import RigRecorder
+from sim_rig.run_log.rig_recorder import RigRecorder
 
 _LARGEST = 65_535
 _TOS_ROOM = socket.CMSG_SPACE(1)
@@ -70,7 +70,9 @@ class RadioUnits:
     def _step(self) -> None:
         now = time.monotonic()
         for delivery in self._air.wsms_to_deliver(now):
-            self._recorder.note_delivery(delivery, now)
+            self._recorder.note_delivery(
+                delivery.receiver, delivery.sender, delivery.user_priority, now
+            )
             self._hand_over(delivery)
         if self._timer is not None:
             self._timer.cancel()

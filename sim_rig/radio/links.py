@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_rig.propagation.path_loss import LIGHT_M_S
+from sim_rig.propagation.shadowing import VehicleShadowing
 from sim_rig.radio.ofdm import from_db
-from sim_rig.radio.propagation import LIGHT_M_S
-from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import VehicleShadowing
+from sim_rig.scenario.radio_settings import CsmaSettings
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import numpy as np
 from sim_rig.radio.air import Air, CarsAt
 from sim_rig.radio.csma_air import CsmaAir
 from sim_rig.radio.reach import ReachAir
-from sim_rig.radio.settings import AirSettings, ReachSettings
+from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
 
 
 def open_air(

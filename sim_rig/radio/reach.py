@@ -9,7 +9,7 @@ import networkx as nx
 import numpy as np
 
 from sim_rig.radio.air import LOOK_EVERY_S, CarsAt, Delivery
-from sim_rig.radio.settings import ReachSettings
+from sim_rig.scenario.radio_settings import ReachSettings
 
 
 class ReachAir:

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 from typing_extensions import override
 
-from sim_rig.breakpoints import Course
 from sim_rig.roads.path import Path, heading_rad
+from sim_rig.roads.piecewise_linear import PiecewiseLinear
 from sim_rig.roads.road import CarState, Road
-from sim_rig.scenario import RoadSettings, Scenario, ScenarioCar
+from sim_rig.scenario.schema import RoadSettings, Scenario, ScenarioCar
 
 
 class BreakpointRoad(Road):
@@ -40,8 +40,8 @@ class _Drive:
         self._car = car
         self._path = Path(road.points_m)
         self._elevation_m = road.elevation_m
-        self._speed_m_s = Course(car.speed_m_s)
-        self._lane = Course(car.lane)
+        self._speed_m_s = PiecewiseLinear(car.speed_m_s)
+        self._lane = PiecewiseLinear(car.lane)
         self._lane_width_m = lane_width_m
         *_, driven_m = self._speed_m_s.sample(0.0)
         self._zero_m = car.start_m - driven_m

@@ -21,7 +21,7 @@ from sim_rig.roads.cars import Cars
 from sim_rig.roads.events import SETTING_OFF_M_S2, SETTING_OFF_TO_M_S
 from sim_rig.roads.paths import DrivePath, blocked_at_m, would_meet
 from sim_rig.roads.recording import STEP_S, Trajectory
-from sim_rig.setting_types import NotNegative, Positive, Span
+from sim_rig.scenario.setting_types import NotNegative, Positive, Span
 
 SEEN_M = 75.0
 """Who is farther away is nothing to react to."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from onboard.errors import UserError
 from onboard.settings import load_settings, parse_settings
-from sim_rig.campaign import Workers
+from sim_rig.studies.campaign import Workers
 
 Study = Callable[[Path], str]
 """Writes its table, figure and settings into a folder; returns what it found, for people."""

@@ -18,12 +18,12 @@ from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
-from sim_rig.cars.settings import ReceiverSettings
-from sim_rig.ground_truth import touch_s
-from sim_rig.scenario import load_scenario
+from sim_rig.run_log.ground_truth import touch_s
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import load_scenario
+from sim_rig.scenario.sensor_settings import ReceiverSettings
 from sim_rig.studies.joerer_traffic import Approaches, ApproachOutcome, TrafficSettings, drive
 from sim_rig.studies.results import write_results
-from sim_rig.virtual import run_virtual
 
 EVERY_S = 0.1
 LATE_S = 0.15

@@ -14,13 +14,13 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from onboard.settings import Settings, parse_settings
-from sim_rig.campaign import Row, Workers, run_campaign
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import Scenario
-from sim_rig.setting_types import Several
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import Scenario
+from sim_rig.scenario.setting_types import Several
+from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.fault_cases import CASES, FROM_S, UNTIL_S, FaultCase
 from sim_rig.studies.results import write_results
-from sim_rig.virtual import run_virtual
 
 BRAKES_S = (7.0, 14.0, 19.0, 24.0, 34.0, 39.0)
 END_S = 43.0

@@ -23,9 +23,9 @@ from onboard.lcca.settings import LccaSettings
 from onboard.messages.lcca import Warn
 from onboard.observations import HardBrake
 from onboard.settings import Settings
-from sim_rig.campaign import Row, Workers, run_campaign
-from sim_rig.radio.settings import CsmaSettings
-from sim_rig.setting_types import Positive, Several, Share, Span
+from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.scenario.setting_types import Positive, Several, Share, Span
+from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.lcca_channel import CHANNEL_STEP_S, LossyAir, PlatoonChannel
 from sim_rig.studies.results import write_results
 

@@ -7,8 +7,8 @@ from itertools import count
 import numpy as np
 
 from onboard.messages.lcca import LccaMessage, encode
-from sim_rig.radio.settings import CsmaSettings
 from sim_rig.roads.cars import Array, Cars
+from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
 CHANNEL_STEP_S = 0.002

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from onboard.settings import Settings
-from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.roads.events import TrafficEventKind
-from sim_rig.setting_types import Several, Share
+from sim_rig.scenario.setting_types import Several, Share
+from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs_outcomes import CrashOutcome
 from sim_rig.studies.mvs_scenes import SceneName, Where, scene_here

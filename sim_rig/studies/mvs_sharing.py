@@ -21,9 +21,9 @@ from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
 from onboard.mvs.shared_entries import SharedEntries, evidence_in
 from onboard.mvs.track import independent
 from onboard.settings import Settings
-from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.roads.cars import Cars
-from sim_rig.setting_types import NotNegative, Several, Share, Span
+from sim_rig.scenario.setting_types import NotNegative, Several, Share, Span
+from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.mvs_scenes import SceneName, Where, open_scene, scene_here
 from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, FooterSize, MvsWorld, WorldSettings
 from sim_rig.studies.results import write_results

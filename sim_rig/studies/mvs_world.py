@@ -24,9 +24,9 @@ from onboard.mvs.shared_entries import SharedEntries
 from onboard.mvs.sharing import read
 from onboard.observations import Position, VehicleDetection
 from onboard.settings import Settings
-from sim_rig.radio.settings import CsmaSettings
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
+from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
 ORIGIN = LocalFrame(47.37, 8.54)

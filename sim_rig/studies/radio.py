@@ -18,10 +18,10 @@ from pydantic import AfterValidator, Field
 
 from onboard.errors import UserError
 from onboard.settings import Settings
-from sim_rig.campaign import Row, Workers, run_campaign
+from sim_rig.propagation.path_loss import DualSlope, LogDistance, PathLoss, TwoRay
 from sim_rig.radio.channel import Channel, Reception
-from sim_rig.radio.propagation import DualSlope, LogDistance, PathLoss, TwoRay
-from sim_rig.radio.settings import CsmaSettings
+from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.results import write_results
 
 Array = NDArray[np.float64]

@@ -22,10 +22,10 @@ from pydantic import Field
 
 from onboard.access.rear_end import Array
 from onboard.settings import Settings
-from sim_rig.campaign import Row, Workers, run_campaign
 from sim_rig.radio.channel import Channel
-from sim_rig.radio.settings import CsmaSettings
-from sim_rig.setting_types import Positive, Several
+from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.scenario.setting_types import Positive, Several
+from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.rakhshan_highway import (
     Drops,
     RakhshanHighwaySettings,

@@ -8,13 +8,13 @@ import numpy as np
 
 from onboard.errors import UserError
 from onboard.settings import parse_settings, parse_yaml
-from sim_rig.campaign import Row, kept_runs
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import Trajectory
+from sim_rig.studies.campaign import Row, kept_runs
 from sim_rig.studies.mvs_collisions import CollisionSettings, case_of, encounters
 from sim_rig.studies.mvs_encounter import EncounterCase, EncounterOutcome, Encounters, Method, Shown
 from sim_rig.studies.mvs_outcomes import SAME_PLACE_M, CrashOutcome

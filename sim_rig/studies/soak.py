@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from onboard.settings import Settings
-from sim_rig.campaign import Workers
+from sim_rig.studies.campaign import Workers
 from sim_rig.studies.results import write_results
 from sim_rig.studies.soak_fleet import Fleet, resident_bytes
 from sim_rig.studies.soak_load import load

@@ -20,7 +20,7 @@ from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
-from sim_rig.wiring import DIGEST
+from sim_rig.scenario.car_config import DIGEST
 
 STEP_S = 0.2
 STRANGERS = 12

@@ -1,7 +1,7 @@
 """One real daemon behind a car that brakes again and again, first alone with it, then in a crowd.
 
 The car ahead is a stack in this process, and everything else that the daemon has wires to is as
-cheap as can be, so that processor time is the daemon's and the crowd's (`sim_rig.bsm_load`).
+cheap as can be, so that processor time is the daemon's and the load's (`studies/bsm_load.py`).
 """
 
 import asyncio
@@ -35,15 +35,15 @@ from onboard.stack import Stack
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
 from onboard.wave_udp import psid
-from sim_rig.bsm_load import LATITUDE_DEG, LONGITUDE_DEG
 from sim_rig.cars.camera_view import SMALL_LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
-from sim_rig.latency_ledger import alarm_stamp_s
-from sim_rig.processes import ProcessError, Processes
+from sim_rig.processes.processes import ProcessError, Processes
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
-from sim_rig.run_log import Record, read_trace
-from sim_rig.wiring import DIGEST
+from sim_rig.run_log.latency_ledger import alarm_stamp_s
+from sim_rig.run_log.run_log import Record, read_trace
+from sim_rig.scenario.car_config import DIGEST
+from sim_rig.studies.bsm_load import LATITUDE_DEG, LONGITUDE_DEG
 
 GROUP_WITHIN_S, SETTLE_S = 60.0, 2.0
 LONGEST_QUIET_S = 60.0
@@ -94,7 +94,7 @@ async def load(folder: Path, rate_hz: float, during_s: float) -> Load:
         end_at = loaded_at + during_s
         desk.ahead.brakes_from_at = quiet_at
         flood = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "sim_rig.bsm_load", str(desk.port), f"{rate_hz:g}"),
+            *(sys.executable, "-m", "sim_rig.studies.bsm_load", str(desk.port), f"{rate_hz:g}"),
             *(f"{during_s:g}", f"{loaded_at}", str(folder / "crowd")),
             stdout=asyncio.subprocess.PIPE,
         )

@@ -15,9 +15,9 @@ from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
-from sim_rig.processes import ProcessError, Processes
+from sim_rig.processes.processes import ProcessError, Processes
+from sim_rig.scenario.car_config import DIGEST
 from sim_rig.studies.soak_load import free_port, processor_s
-from sim_rig.wiring import DIGEST
 
 READY_WITHIN_S = 120.0
 SPEED_M_S = 15.0

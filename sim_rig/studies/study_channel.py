@@ -5,10 +5,10 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from sim_rig.propagation.shadowing import VehicleShadowing
 from sim_rig.radio.channel import Channel
-from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import VehicleShadowing
 from sim_rig.roads.cars import Cars
+from sim_rig.scenario.radio_settings import CsmaSettings
 
 SECURED_BYTES = 110
 """What WSMP and a 1609.2 signature with a digest add to a message."""

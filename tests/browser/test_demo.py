@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Browser, Page, async_playwright, expect
 
-from sim_rig.live import LiveTestbench
-from sim_rig.scenario import load_scenario
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.scenario.schema import load_scenario
 from tools import chromium
 
 pytestmark = [pytest.mark.browser, pytest.mark.live]

@@ -13,9 +13,9 @@ from playwright.sync_api import Browser, Page, expect
 
 from sim_rig.engineer.run_view import RunView
 from sim_rig.engineer.server import EngineerServer
-from sim_rig.run_log import Record
-from sim_rig.scenario import Scenario, load_scenario
-from sim_rig.virtual import run_virtual
+from sim_rig.run_log.run_log import Record
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 pytestmark = pytest.mark.browser
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
-from sim_rig.campaign import Workers, run_campaign
+from sim_rig.studies.campaign import Workers, run_campaign
 from sim_rig.studies.mvs_collisions import run_one
 from sim_rig.studies.show import show_run
 from tests.sim_rig.test_show import SETTINGS, WITH

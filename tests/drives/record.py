@@ -9,9 +9,9 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from sim_rig.live import LiveTestbench
-from sim_rig.scenario import load_scenario
-from sim_rig.virtual import run_virtual
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import load_scenario
 
 HERE = Path(__file__).parent
 VIRTUAL = {

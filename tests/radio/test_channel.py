@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sim_rig.propagation.path_loss import LIGHT_M_S
 from sim_rig.radio.channel import Channel, Reception
-from sim_rig.radio.propagation import LIGHT_M_S
-from sim_rig.radio.settings import CsmaSettings
+from sim_rig.scenario.radio_settings import CsmaSettings
 
 AIRTIME_S = 432e-6
 """Of 250 bytes at 6 Mbit/s."""

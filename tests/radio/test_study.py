@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from sim_rig.campaign import Workers
 from sim_rig.cli import app
+from sim_rig.propagation.path_loss import DualSlope, LogDistance, TwoRay
 from sim_rig.radio.channel import Channel
-from sim_rig.radio.propagation import DualSlope, LogDistance, TwoRay
+from sim_rig.studies.campaign import Workers
 from sim_rig.studies.radio import (
     COLUMNS,
     RadioSettings,

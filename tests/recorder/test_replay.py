@@ -16,8 +16,8 @@ from onboard.recorder.header import OF_THE_CORES
 from onboard.recorder.reader import RecordedDrive, RecordingError, raw_records
 from onboard.recorder.repair import write_records
 from onboard.recorder.replay import compare, play
-from sim_rig.scenario import load_scenario
-from sim_rig.virtual import run_virtual
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import load_scenario
 from tests.recorder.drive import AHEAD, BEHIND, KEY, record_drive
 
 

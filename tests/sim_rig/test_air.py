@@ -8,8 +8,8 @@ import pytest
 
 from sim_rig.radio.air import Delivery
 from sim_rig.radio.reach import ReachAir
-from sim_rig.radio.settings import ReachSettings
 from sim_rig.roads.road import CarState
+from sim_rig.scenario.radio_settings import ReachSettings
 
 UNITS = ["a", "b", "c", "d"]
 SPACING_M = 20.0

@@ -11,7 +11,7 @@ from onboard.wave_udp.wsmp import decode
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.radio.models import open_air
 from sim_rig.roads.breakpoints import BreakpointRoad
-from sim_rig.scenario import Scenario, load_scenario
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 
 def crowded(crowd: int) -> tuple[BackgroundTraffic, Scenario]:

@@ -21,8 +21,8 @@ from sim_rig.cars.camera_model import STAMP_S, CameraModel
 from sim_rig.cars.camera_server import Camera
 from sim_rig.cars.camera_view import FPS, LENS, CameraView
 from sim_rig.roads.breakpoints import BreakpointRoad
-from sim_rig.scenario import Scenario
-from sim_rig.wiring import car_config
+from sim_rig.scenario.car_config import car_config
+from sim_rig.scenario.schema import Scenario
 
 FAR_M, NEAR_M, CLOSING_M_S = 36.0, 6.0, 1.5
 DURATION_S = (FAR_M - NEAR_M) / CLOSING_M_S

@@ -15,7 +15,7 @@ from onboard.vision.frames import Image
 from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_server import Camera, CameraServer
 from sim_rig.cars.camera_view import LENS
-from sim_rig.scenario import Scenario, load_scenario
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ import pytest
 from distributed import LocalCluster
 
 from onboard.settings import Settings
-from sim_rig import campaign
-from sim_rig.campaign import CampaignError, Row, Workers, run_campaign
+from sim_rig.studies import campaign
+from sim_rig.studies.campaign import CampaignError, Row, Workers, run_campaign
 
 NUMBERS = range(12)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_rig.cli import main
-from sim_rig.scenario import scenario_names
+from sim_rig.scenario.schema import scenario_names
 
 
 class Terminal:

@@ -15,10 +15,10 @@ import pytest
 from sim_rig.engineer.image_store import ImageStore
 from sim_rig.engineer.run_view import RunView
 from sim_rig.engineer.server import EngineerServer, TraceReader
-from sim_rig.latency_ledger import ledger
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import Scenario, load_scenario
-from sim_rig.virtual import run_virtual
+from sim_rig.run_log.latency_ledger import ledger
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 
 @pytest.fixture(scope="module")

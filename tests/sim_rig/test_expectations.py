@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from sim_rig.expectations import Expectation
-from sim_rig.run_log import RunLog
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.scenario.expectations import Expectation
 
 ADAPTER: TypeAdapter[Any] = TypeAdapter(Expectation)
 GREEN, RED = "aa", "bb"

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from sim_rig.expectations import Expectation
-from sim_rig.ground_truth import overlap, touch_s
-from sim_rig.run_log import Record, RunLog
+from sim_rig.run_log.ground_truth import overlap, touch_s
+from sim_rig.run_log.run_log import Record, RunLog
+from sim_rig.scenario.expectations import Expectation
 
 ADAPTER: TypeAdapter[Any] = TypeAdapter(Expectation)
 

@@ -27,17 +27,17 @@ from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.cars.faulty_ecu import FaultyEcu
-from sim_rig.cars.wrong_clock import Clock
-from sim_rig.faults import SlowCpu, WrongClock
-from sim_rig.faults_of_car import FaultsOfCar
+from sim_rig.cars.vehicle_faults import VehicleFaults
+from sim_rig.processes.wrong_clock import Clock
 from sim_rig.radio.attacker import GHOST_ID
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.models import open_air
 from sim_rig.roads.breakpoints import BreakpointRoad
-from sim_rig.scenario import Scenario
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.faults import SlowCpu, WrongClock
+from sim_rig.scenario.schema import Scenario
 from sim_rig.studies.fault_cases import CASES, FaultCase
 from sim_rig.studies.faults import outcome_of, scenario_of
-from sim_rig.virtual import run_virtual
 
 SPEED_M_S = 20.0
 
@@ -131,12 +131,12 @@ def test_a_babbler_keeps_to_its_rate() -> None:
 
 def test_a_clock_that_drifts_is_further_ahead_the_longer_it_lasts() -> None:
     fault = {"what": "clock_wrong", "skew_s": 1.0, "drift_ppm": 1000.0}
-    car = FaultsOfCar(story(fault), "ann")
+    car = VehicleFaults(story(fault), "ann")
 
     assert [car.clock_error_s(at) for at in (9.9, 10.0, 15.0, 20.0)] == pytest.approx(
         [0.0, 1.0, 1.005, 0.0]
     )
-    assert not FaultsOfCar(story(fault), "ben").has_wrong_clock
+    assert not VehicleFaults(story(fault), "ben").has_wrong_clock
 
 
 def test_the_clock_of_a_live_daemon_is_wrong_from_the_moment_that_the_scenario_begins(
@@ -167,7 +167,7 @@ def test_a_receiver_that_jumps_is_elsewhere_and_one_that_is_silent_nowhere() -> 
         {"what": "gnss_jump", "east_m": 30.0}, {"what": "gnss_silent", "until_s": 12.0}
     )
     here = BreakpointRoad(scenario).car_at("ann", 15.0)
-    car = FaultsOfCar(scenario, "ann")
+    car = VehicleFaults(scenario, "ann")
 
     assert car.received(here, 11.0) is None
     there = car.received(here, 15.0)

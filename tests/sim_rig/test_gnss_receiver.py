@@ -7,9 +7,9 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
 from onboard.observations import Position
 from sim_rig.cars.gnss_receiver import GnssReceiver
-from sim_rig.cars.settings import ReceiverSettings
 from sim_rig.roads.earth import ORIGIN, ORIGIN_HEIGHT_M
 from sim_rig.roads.road import CarState
+from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 UTC_OFFSET_S = 1_750_000_000.04
 """So that fixes do not fall on round moments of the car's clock."""

@@ -9,8 +9,8 @@ from onboard.wave_udp.endpoint import open_endpoint
 from onboard.wave_udp.settings import IwcuSettings
 from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.reach import ReachAir
-from sim_rig.radio.settings import ReachSettings
-from sim_rig.rig_recorder import RigRecorder
+from sim_rig.run_log.rig_recorder import RigRecorder
+from sim_rig.scenario.radio_settings import ReachSettings
 
 CARS = ["ann", "ben", "cat"]
 

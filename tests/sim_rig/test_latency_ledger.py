@@ -2,8 +2,8 @@
 
 import pytest
 
-from sim_rig.latency_ledger import ledger
-from sim_rig.run_log import RunLog
+from sim_rig.run_log.latency_ledger import ledger
+from sim_rig.run_log.run_log import RunLog
 
 GREEN, RED, BLUE = "aa", "bb", "cc"
 

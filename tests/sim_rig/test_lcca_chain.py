@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from sim_rig.campaign import Workers
-from sim_rig.radio.propagation import LogDistance
-from sim_rig.radio.settings import CsmaSettings
+from sim_rig.propagation.path_loss import LogDistance
+from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.studies.campaign import Workers
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.lcca_chain import ChainSettings, cases, run_one
 

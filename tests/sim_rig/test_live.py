@@ -12,12 +12,12 @@ from pathlib import Path
 import psutil
 import pytest
 
-from sim_rig.cars.gpsd_feed import gpsd_program
-from sim_rig.live import LiveTestbench
-from sim_rig.processes import ProcessError, Processes
-from sim_rig.report import failures
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import Scenario, load_scenario, scenario_names
+from sim_rig.processes.gpsd import gpsd_program
+from sim_rig.processes.processes import ProcessError, Processes
+from sim_rig.reporting.report import failures
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.scenario.schema import Scenario, load_scenario, scenario_names
 
 IN_THE_GATE = ("fig4", "stopped-ecu")
 

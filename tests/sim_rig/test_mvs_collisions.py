@@ -8,10 +8,10 @@ import pytest
 from statsmodels.stats.proportion import proportion_confint
 
 from onboard.errors import UserError
-from sim_rig.campaign import CampaignError, Workers
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.events import TrafficEventKind
+from sim_rig.studies.campaign import CampaignError, Workers
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.mvs_collisions import (
     CollisionSettings,

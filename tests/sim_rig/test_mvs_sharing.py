@@ -9,7 +9,7 @@ import pytest
 from onboard.errors import UserError
 from onboard.mvs.evidence import Estimate, MeasurementId
 from onboard.mvs.settings import Selection
-from sim_rig.campaign import Workers
+from sim_rig.studies.campaign import Workers
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.mvs_scenes import SceneName
 from sim_rig.studies.mvs_sharing import (

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_rig.campaign import Workers
-from sim_rig.radio.settings import CsmaSettings
+from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.studies.campaign import Workers
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.rakhshan_chain import without_radio_s
 from sim_rig.studies.rakhshan_csma import ChannelTraffic, RakhshanCsmaSettings, delay_s, run_one

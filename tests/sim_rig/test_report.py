@@ -2,9 +2,9 @@
 
 from rich.console import Console
 
-from sim_rig.report import print_report
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import load_scenario
+from sim_rig.reporting.report import print_report
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.scenario.schema import load_scenario
 
 
 def the_report(*records: dict[str, object]) -> str:

@@ -9,7 +9,7 @@ from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.roads.earth import ORIGIN, to_degrees
 from sim_rig.roads.path import Path
 from sim_rig.roads.road import CarState
-from sim_rig.scenario import Scenario
+from sim_rig.scenario.schema import Scenario
 
 CORNER = ((0.0, 0.0), (100.0, 0.0), (100.0, 100.0))
 """East, then north."""

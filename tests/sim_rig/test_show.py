@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from onboard.errors import UserError
-from sim_rig.campaign import Workers, run_campaign
 from sim_rig.roads.events import TrafficEventKind
+from sim_rig.studies.campaign import Workers, run_campaign
 from sim_rig.studies.mvs_collisions import CollisionSettings, run_one
 from sim_rig.studies.mvs_encounter import EncounterSettings, Method
 from sim_rig.studies.mvs_scenes import SceneName

@@ -28,7 +28,7 @@ def test_a_flood_keeps_its_rate_and_is_of_many_cars_that_can_be_believed(tmp_pat
         wire.bind(("127.0.0.1", 0))
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
         port = str(wire.getsockname()[1])
-        command = [sys.executable, "-m", "sim_rig.bsm_load", port, "500", "0.5", "0"]
+        command = [sys.executable, "-m", "sim_rig.studies.bsm_load", port, "500", "0.5", "0"]
         told = subprocess.run(
             [*command, str(tmp_path / "crowd")], capture_output=True, text=True, check=True
         )

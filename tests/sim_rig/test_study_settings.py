@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from onboard.errors import UserError
-from sim_rig.campaign import Workers
+from sim_rig.studies.campaign import Workers
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.faults import FaultsSettings
 from sim_rig.studies.mvs_collisions import CollisionSettings, cases

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import cv2
 
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import load_scenario
-from sim_rig.timeline import Stay, draw_timeline, stays
-from sim_rig.virtual import run_virtual
+from sim_rig.reporting.timeline import Stay, draw_timeline, stays
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import load_scenario
 
 
 def test_a_run_becomes_a_picture(tmp_path: Path) -> None:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from onboard.observations import VehicleDetection
-from sim_rig.cars.settings import VehicleCameraSettings
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.roads.road import CarState
+from sim_rig.scenario.sensor_settings import VehicleCameraSettings
 
 
 def car(x_m: float, y_m: float, heading_deg: float = 0.0, length_m: float = 4.5) -> CarState:

@@ -5,10 +5,10 @@ import pytest
 
 from onboard.detector.object_list import ObjectListReader
 from onboard.observations import DetectionList
-from sim_rig.cars.settings import VehicleCameraSettings
 from sim_rig.cars.vehicle_camera import FPS, VehicleCamera
 from sim_rig.cars.vehicle_detector import LATENCY_S, VehicleDetector
 from sim_rig.roads.road import CarState
+from sim_rig.scenario.sensor_settings import VehicleCameraSettings
 
 
 def detector(seed: int = 1) -> VehicleDetector:

@@ -5,11 +5,11 @@ import json
 import pytest
 
 from onboard.stack import Stack
-from sim_rig.cars.settings import ReceiverSettings
-from sim_rig.report import failures
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import Scenario, load_scenario, scenario_names
-from sim_rig.virtual import run_virtual
+from sim_rig.reporting.report import failures
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import Scenario, load_scenario, scenario_names
+from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 
 @pytest.mark.parametrize("name", scenario_names())

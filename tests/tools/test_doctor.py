@@ -29,7 +29,7 @@ from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.rendering.scene import CameraRenderer, Scene
-from sim_rig.scenario import load_scenario
+from sim_rig.scenario.schema import load_scenario
 from tests.gnss.test_gpsd import REPORT, free_port
 
 GOOD, DOUBTFUL, MISSING = FindingLevel.GOOD, FindingLevel.DOUBTFUL, FindingLevel.MISSING

@@ -10,8 +10,8 @@ import pytest
 
 from onboard.recorder.reader import RecordedDrive
 from onboard.tools.export import write_candump, write_pcap
-from sim_rig.scenario import load_scenario
-from sim_rig.virtual import run_virtual
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import load_scenario
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,15 @@ from pydantic import Field
 from typing_extensions import override
 
 from onboard.observations import Sensor
-from sim_rig.expectation import Expected
-from sim_rig.expected_alarms import AlarmExpected, KnowsExpected, KnowsNotExpected, NoAlarmExpected
-from sim_rig.names import CarName, Seconds
-from sim_rig.run_log import Record, RunLog
+from sim_rig.run_log.run_log import Record, RunLog
+from sim_rig.scenario.expectation import Expected
+from sim_rig.scenario.expected_alarms import (
+    AlarmExpected,
+    KnowsExpected,
+    KnowsNotExpected,
+    NoAlarmExpected,
+)
+from sim_rig.scenario.field_types import CarName, Seconds
 
 
 class StateExpected(Expected):

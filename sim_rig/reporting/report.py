@@ -7,10 +7,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from sim_rig.ground_truth import Known, meant_by, perceived_objects, touch_s
-from sim_rig.latency_ledger import ledger
-from sim_rig.run_log import Record, RunLog
-from sim_rig.scenario import Scenario
+from sim_rig.run_log.ground_truth import Known, meant_by, perceived_objects, touch_s
+from sim_rig.run_log.latency_ledger import ledger
+from sim_rig.run_log.run_log import Record, RunLog
+from sim_rig.scenario.schema import Scenario
 
 _TOLD = frozenset(
     {"transition", "hard_brake", "warning", "alarm", "sensor_lost", "sensor_recovered"}

@@ -11,10 +11,10 @@ from pydantic import Field
 from typing_extensions import override
 
 from onboard.risk.alarm import Cause, Level
-from sim_rig.expectation import Expected
-from sim_rig.ground_truth import Known, meant_by, perceived_objects, touch_s
-from sim_rig.names import CarName, Seconds
-from sim_rig.run_log import Record, RunLog
+from sim_rig.run_log.ground_truth import Known, meant_by, perceived_objects, touch_s
+from sim_rig.run_log.run_log import Record, RunLog
+from sim_rig.scenario.expectation import Expected
+from sim_rig.scenario.field_types import CarName, Seconds
 
 Source = Literal["bsm", "sensor", "shared"]
 ANY_SOURCE: tuple[Source, ...] = ("bsm", "sensor", "shared")

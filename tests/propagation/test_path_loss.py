@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sim_rig.radio.propagation import DualSlope, Fading, LogDistance, TwoRay
+from sim_rig.propagation.fading import Fading
+from sim_rig.propagation.path_loss import DualSlope, LogDistance, TwoRay
 
 
 def test_log_distance_loses_ten_exponents_a_decade() -> None:

@@ -1,6 +1,6 @@
 """A daemon on a box whose clock is wrong.
 
-    python -m sim_rig.cars.wrong_clock BEGINS N FAULT... ARGS...
+    python -m sim_rig.processes.wrong_clock BEGINS N FAULT... ARGS...
 
 `onboard` runs as it is; what is wrong is `time.time` of its process, as it would be on such a box.
 The file BEGINS comes to be when the scenario begins, and says when that is on the monotonic clock.
@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from onboard.cli import main
-from sim_rig.faults import WrongClock
+from sim_rig.scenario.faults import WrongClock
 
 BEGINS = "begins"
 """Name of the file."""

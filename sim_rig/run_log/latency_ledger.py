@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sim_rig.run_log import Record, RunLog
+from sim_rig.run_log.run_log import Record, RunLog
 
 HOPS = ("noticed", "detected", "sent", "received", "alarm")
 _BRAKING_LASTS_S = 5.0

@@ -14,13 +14,13 @@ from pydantic import AfterValidator, BeforeValidator, Field, StringConstraints, 
 from onboard.access.settings import AccessSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.settings import Settings, SettingsError, load_settings
-from sim_rig.cars.settings import ReceiverSettings, VehicleCameraSettings
-from sim_rig.expectations import Expectation
-from sim_rig.faults import Fault, PlateMisread
-from sim_rig.names import CarName, PlateText, RoadName, Seconds
-from sim_rig.radio.settings import AirSettings, ReachSettings
+from sim_rig.scenario.expectations import Expectation
+from sim_rig.scenario.faults import Fault, PlateMisread
+from sim_rig.scenario.field_types import CarName, PlateText, RoadName, Seconds
+from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
+from sim_rig.scenario.sensor_settings import ReceiverSettings, VehicleCameraSettings
 
-SCENARIOS = Path(__file__).with_name("scenarios")
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
 """The scenarios that come with the rig."""
 
 

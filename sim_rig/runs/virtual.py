@@ -19,16 +19,16 @@ from onboard.security.p256 import key_from
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
-from sim_rig.ground_truth import true_states
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.models import open_air
-from sim_rig.rig_recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import Scenario
-from sim_rig.virtual_car import START_UTC_S, VirtualCar
-from sim_rig.virtual_recorder import VirtualRecorder
-from sim_rig.wiring import names_by_id
+from sim_rig.run_log.rig_recorder import RigRecorder
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.car_states import car_state_records
+from sim_rig.runs.virtual_car import START_UTC_S, VirtualCar
+from sim_rig.runs.virtual_recorder import VirtualRecorder
+from sim_rig.scenario.car_config import names_by_id
+from sim_rig.scenario.schema import Scenario
 
 _MOST_STEPS = 10_000
 """At one moment. Between events no time passes, so a timer that is always due would stop it."""
@@ -56,7 +56,7 @@ def run_virtual(
         traces={car.name: car.trace for car in run.cars.values()},
         rig=[
             *run.recorder.records,
-            *true_states(BreakpointRoad(scenario), 0.0, scenario.duration_s),
+            *car_state_records(BreakpointRoad(scenario), 0.0, scenario.duration_s),
         ],
         names=names_by_id(scenario, START_UTC_S, START_UTC_S + scenario.duration_s),
     )
@@ -127,7 +127,9 @@ class _VirtualRun:
     def _deliver(self, now: float) -> None:
         self._air_planned_at = math.inf
         for delivery in self._air.wsms_to_deliver(now):
-            self.recorder.note_delivery(delivery, now)
+            self.recorder.note_delivery(
+                delivery.receiver, delivery.sender, delivery.user_priority, now
+            )
             car = self.cars[delivery.receiver]
             car.receive_wsm(delivery.wsm, now)
             self._settle(car, now)

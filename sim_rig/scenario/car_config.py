@@ -5,8 +5,8 @@ from typing import Any
 
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings
-from sim_rig.cars.settings import ReceiverSettings
-from sim_rig.scenario import Scenario
+from sim_rig.scenario.schema import Scenario
+from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 DIGEST = {"scrypt_log2_n": 6}
 """Plates are cheap to derive on the desk, where nobody has to be kept from guessing them."""

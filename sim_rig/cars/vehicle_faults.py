@@ -3,12 +3,12 @@
 from dataclasses import replace
 from itertools import chain
 
-from sim_rig.faults import GnssJump, SlowCpu, WrongClock
 from sim_rig.roads.road import CarState
-from sim_rig.scenario import Scenario
+from sim_rig.scenario.faults import GnssJump, SlowCpu, WrongClock
+from sim_rig.scenario.schema import Scenario
 
 
-class FaultsOfCar:
+class VehicleFaults:
     """What a scenario orders for `car`, by the scenario's time."""
 
     def __init__(self, scenario: Scenario, car: str) -> None:

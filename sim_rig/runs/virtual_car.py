@@ -20,16 +20,16 @@ from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
-from sim_rig.cars.settings import ReceiverSettings
 from sim_rig.cars.udp_line import Device
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import VehicleDetector
-from sim_rig.faults_of_car import FaultsOfCar
+from sim_rig.cars.vehicle_faults import VehicleFaults
 from sim_rig.roads.road import CarState, Road
-from sim_rig.run_log import Record
-from sim_rig.scenario import Scenario
-from sim_rig.virtual_recorder import VirtualRecorder
-from sim_rig.wiring import car_config, gnss_config
+from sim_rig.run_log.run_log import Record
+from sim_rig.runs.virtual_recorder import VirtualRecorder
+from sim_rig.scenario.car_config import car_config, gnss_config
+from sim_rig.scenario.schema import Scenario
+from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 START_UTC_S = 1_750_000_000.0
 """UTC when a virtual run begins: some time in June 2025, the same for every run."""
@@ -58,7 +58,7 @@ class VirtualCar:
         own_seed, *other_seeds = seed.spawn(5)
         camera_rng, gnss_rng, vehicles_rng, ecu_rng = map(np.random.default_rng, other_seeds)
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
-        self._faults = FaultsOfCar(scenario, name)
+        self._faults = VehicleFaults(scenario, name)
         self._stack = recorded_stack(
             box,
             InitialState(

@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Iterator
 
 from onboard.settings import Settings
-from sim_rig.run_log import RunLog
+from sim_rig.run_log.run_log import RunLog
 
 
 class Expected(Settings):

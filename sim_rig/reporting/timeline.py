@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from onboard.units import KM_H
-from sim_rig.run_log import RunLog
-from sim_rig.scenario import Scenario
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.scenario.schema import Scenario
 
 _COLOURS = {
     "green": "#3a8f3a",

@@ -6,9 +6,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from matplotlib.path import Path as Outline
 
+from sim_rig.propagation.shadowing import Building, VehicleShadowing
 from sim_rig.radio.links import Links
-from sim_rig.radio.settings import CsmaSettings
-from sim_rig.radio.shadowing import Building, VehicleShadowing
+from sim_rig.scenario.radio_settings import CsmaSettings
 
 SQUARE = ((0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (0.0, 10.0))
 

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from onboard.settings import Settings
-from sim_rig.names import CarName
-from sim_rig.radio.propagation import DualSlope, PathLoss
-from sim_rig.radio.shadowing import Building
+from sim_rig.propagation.path_loss import DualSlope, PathLoss
+from sim_rig.propagation.shadowing import Building
+from sim_rig.scenario.field_types import CarName
 
 
 class ReachSettings(Settings):

@@ -8,7 +8,7 @@ Breakpoints = Sequence[tuple[float, float]]
 """(time in s, value), in order of time. The first and the last value hold outwards."""
 
 
-class Course:
+class PiecewiseLinear:
     """Evaluates breakpoints, their slope and their integral, exactly."""
 
     def __init__(self, breakpoints: Breakpoints) -> None:

@@ -11,10 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from onboard.risk.trajectory import Array
-from sim_rig.roads.road import Road
-from sim_rig.run_log import Record, RunLog
+from sim_rig.run_log.run_log import Record, RunLog
 
-EVERY_S = 0.1
 MEANT_WITHIN_M = 6.0
 """A car told of farther than this from every true one is none of them."""
 TOLD_WITHIN_S = 1.1
@@ -32,26 +30,6 @@ class Known:
     """The true car that is nearest, the teller itself not excepted."""
     off_m: float
     """How far it is from there."""
-
-
-def true_states(road: Road, start_s: float, duration_s: float) -> list[Record]:
-    """Every car, ten times a second, as records of the rig's trace."""
-    return [
-        {
-            "stamp_s": start_s + at_s,
-            "kind": "car_state",
-            "car": car,
-            "x_m": state.x_m,
-            "y_m": state.y_m,
-            "heading_rad": state.heading_rad,
-            "elevation_m": state.elevation_m,
-            "speed_m_s": state.speed_m_s,
-            "length_m": state.length_m,
-            "width_m": state.width_m,
-        }
-        for at_s in np.arange(0.0, duration_s, EVERY_S).tolist()
-        for car, state in road.cars_at(at_s).items()
-    ]
 
 
 def perceived_objects(

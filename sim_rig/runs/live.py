@@ -24,29 +24,29 @@ from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
-from sim_rig.cars.gpsd_feed import start_gpsd
-from sim_rig.cars.settings import ReceiverSettings, VehicleCameraSettings
 from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.cars.udp_line import UdpLine
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import VehicleDetector
-from sim_rig.cars.wrong_clock import BEGINS
+from sim_rig.cars.vehicle_faults import VehicleFaults
 from sim_rig.engineer.page_process import ENGINEER, EngineerPage
-from sim_rig.faults import WrongClock
-from sim_rig.faults_of_car import FaultsOfCar
-from sim_rig.ground_truth import true_states
-from sim_rig.processes import ProcessError, Processes
+from sim_rig.processes.gpsd import start_gpsd
+from sim_rig.processes.processes import ProcessError, Processes
+from sim_rig.processes.slow_cpu import slow_down
+from sim_rig.processes.wrong_clock import BEGINS
 from sim_rig.radio.air import Air
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.models import open_air
-from sim_rig.rig_recorder import RigRecorder
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.roads.road import CarState
-from sim_rig.run_log import RunLog, read_trace
-from sim_rig.scenario import Scenario
-from sim_rig.slow_cpu import slow_down
-from sim_rig.wiring import car_config, gnss_config, names_by_id
+from sim_rig.run_log.rig_recorder import RigRecorder
+from sim_rig.run_log.run_log import RunLog, read_trace
+from sim_rig.runs.car_states import car_state_records
+from sim_rig.scenario.car_config import car_config, gnss_config, names_by_id
+from sim_rig.scenario.faults import WrongClock
+from sim_rig.scenario.schema import Scenario
+from sim_rig.scenario.sensor_settings import ReceiverSettings, VehicleCameraSettings
 
 _READY_WITHIN_S = 40.0
 _LINGER_S = 0.5
@@ -120,7 +120,7 @@ class LiveTestbench:
             traces={car: read_trace(self._trace(car)) for car in self._scenario.equipped},
             rig=[
                 *self.recorder.records,
-                *true_states(self._road, self.start_s, self._scenario.duration_s),
+                *car_state_records(self._road, self.start_s, self._scenario.duration_s),
             ],
             names=names_by_id(self._scenario, self._start_utc_s, time.time()),
         )
@@ -186,7 +186,7 @@ class LiveTestbench:
             return ["-m", "onboard"]
         begins = self._folder / BEGINS
         faults = [fault.model_dump_json() for fault in clocks]
-        return ["-m", "sim_rig.cars.wrong_clock", str(begins), str(len(faults)), *faults]
+        return ["-m", "sim_rig.processes.wrong_clock", str(begins), str(len(faults)), *faults]
 
     def _make_keys(self) -> None:
         """Give every car certificates of one authority: on the desk, too, messages are signed."""
@@ -240,7 +240,7 @@ class LiveTestbench:
         port, nmea_port = _free_port(socket.SOCK_STREAM), _free_port(socket.SOCK_DGRAM)
         await start_gpsd(self.processes, car, port, nmea_port)
 
-        faults = FaultsOfCar(self._scenario, car)
+        faults = VehicleFaults(self._scenario, car)
 
         def state_at(now: float) -> CarState | None:
             at_s = self._at_s(now)

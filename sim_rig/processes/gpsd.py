@@ -2,7 +2,7 @@
 
 import shutil
 
-from sim_rig.processes import ProcessError, Processes
+from sim_rig.processes.processes import ProcessError, Processes
 
 _SYSTEM_FOLDERS = "/usr/sbin:/usr/local/sbin:/usr/bin:/usr/local/bin"
 

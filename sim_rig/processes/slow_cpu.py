@@ -6,9 +6,9 @@ import os
 import signal
 import time
 
-from sim_rig.faults import SlowCpu
-from sim_rig.processes import Processes
-from sim_rig.scenario import Scenario
+from sim_rig.processes.processes import Processes
+from sim_rig.scenario.faults import SlowCpu
+from sim_rig.scenario.schema import Scenario
 
 
 async def slow_down(scenario: Scenario, start_s: float, processes: Processes) -> None:

@@ -3,7 +3,6 @@
 from typing import Any
 
 from onboard.obd.can_frame import CanFrame
-from sim_rig.radio.air import Delivery
 
 _SPEED_ANSWER = bytes([0x41, 0x0D])
 
@@ -23,15 +22,9 @@ class RigRecorder:
         """The unit of `car` transmits."""
         self._note(now, "on_air", car=car, size_bytes=len(wsm), user_priority=user_priority)
 
-    def note_delivery(self, delivery: Delivery, now: float) -> None:
+    def note_delivery(self, car: str, sender: str, user_priority: int, now: float) -> None:
         """A copy has arrived at a unit."""
-        self._note(
-            now,
-            "delivered",
-            car=delivery.receiver,
-            sender=delivery.sender,
-            user_priority=delivery.user_priority,
-        )
+        self._note(now, "delivered", car=car, sender=sender, user_priority=user_priority)
 
     def _note(self, stamp_s: float, kind: str, **fields: object) -> None:
         self.records.append({"stamp_s": stamp_s, "kind": kind, **fields})

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from onboard.settings import Settings
-from sim_rig.names import CarName, PlateText, Seconds
+from sim_rig.scenario.field_types import CarName, PlateText, Seconds
 
 _INSTANT_S = 1e-6
 """Rounding must not have anybody sleep on."""

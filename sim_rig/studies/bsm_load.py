@@ -1,6 +1,6 @@
 """A crowded road on one wire: signed BSMs of many strangers, at a steady rate, to one daemon.
 
-    python -m sim_rig.flood PORT RATE_HZ SECONDS BEGIN_AT KEYS_FOLDER
+    python -m sim_rig.studies.bsm_load PORT RATE_HZ SECONDS BEGIN_AT KEYS_FOLDER
 
 Each pseudonym in the folder is a stranger, parked along the road from (LATITUDE_DEG,
 LONGITUDE_DEG) on, and they speak in turns. It begins at a moment of the monotonic clock, and prints

@@ -1,0 +1,1 @@
+"""Child processes of a live run: start, stop, gpsd, CPU and clock faults."""

@@ -1,0 +1,1 @@
+"""Physics of the radio channel: path loss, fading and shadowing."""

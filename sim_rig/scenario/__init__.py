@@ -1,0 +1,1 @@
+"""The scenario language: schema, faults, expectations, and each car's configuration."""
