@@ -105,7 +105,7 @@ class Stack:
         self._held_warnings = PendingWarnings(self._plausibility)
         self._bus = VehicleBus(config.obd)
         self._link = WaveLink(self._security, (bsm.PSID, config.lcca_psid))
-        self._group = WarningGroup(config.lcca, self._who.car_id, rng)
+        self._group = WarningGroup(config.lcca.parameters(), self._who.car_id, rng)
         size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
         self._beacon = BsmTransmitter(size, self._who, rng, now)
         self._mvs = MultiVehicleSensing(

@@ -1,12 +1,12 @@
-"""Which messages from the air are believed. Each refusal is a word that is counted.
+"""Which updates and warnings are accepted. Each reason for refusal is a counted word.
 
-The paper's rule for an update or a warning is: only from ahead, only from the same group. Positions
-are not known, so "ahead" is "with a smaller number", and "same group" is "with the same leader".
-A warning is from ahead if the braking car is: whoever has missed the first copy may believe the
-one that a car behind repeats.
+The paper accepts an update or a warning only from ahead and only from the same group. Positions are
+not known: "ahead" means a smaller group number, "same group" the same leader. A warning is from
+ahead if the braking vehicle is: a member that missed the first copy may accept the one that a
+vehicle behind repeats.
 
-While news of a new leader is on its way, leader and number lag. The car that we follow is ahead of
-us and in our group whatever it says about them, so it is always believed.
+While an update about a new leader is on its way, leader and number lag. The predecessor is ahead
+and in the own group whatever its header says, so it is always accepted.
 """
 
 from onboard.lcca.group_position import GroupPosition
@@ -17,16 +17,24 @@ from onboard.messages.lcca import CarId, Update, Warn
 def warn_refusal(
     warn: Warn,
     state: GroupState,
-    place: GroupPosition,
+    position: GroupPosition,
     *,
     from_predecessor: bool,
     lifetime_s: float,
 ) -> str | None:
-    """Return why a warning heard for the first time is not for us, or `None` if it is."""
+    """Return why the first copy of a warning is refused, or `None` if it is accepted.
+
+    Args:
+        warn: the copy that was received.
+        state: the receiver's state.
+        position: the receiver's position in its group.
+        from_predecessor: whether the vehicle that the receiver follows sent this copy.
+        lifetime_s: age above which a warning is refused.
+    """
     if warn.age_s > lifetime_s:
         return "stale"
-    refusal = _group_refusal((warn.leader_id,), state, place, from_predecessor=from_predecessor)
-    if refusal is None and not from_predecessor and warn.origin_number >= place.number:
+    refusal = _group_refusal((warn.leader_id,), state, position, from_predecessor=from_predecessor)
+    if refusal is None and not from_predecessor and warn.origin_number >= position.number:
         return "from_behind"
     return refusal
 
@@ -35,38 +43,52 @@ def update_refusal(
     update: Update,
     number: int,
     state: GroupState,
-    place: GroupPosition,
+    position: GroupPosition,
     *,
     from_predecessor: bool,
     now: float,
 ) -> str | None:
-    """Return why an update is not for us, or `None`; `number` would be ours by it."""
+    """Return why the first copy of an update is refused, or `None` if it is accepted.
+
+    Args:
+        update: the copy that was received.
+        number: the group number that the receiver would have after it.
+        state: the receiver's state.
+        position: the receiver's position in its group.
+        from_predecessor: whether the vehicle that the receiver follows sent this copy.
+        now: seconds on the cores' clock.
+    """
     leaders = (update.previous_leader_id, update.leader_id)
-    refusal = _group_refusal(leaders, state, place, from_predecessor=from_predecessor)
+    refusal = _group_refusal(leaders, state, position, from_predecessor=from_predecessor)
     if refusal is not None:
         return refusal
     if from_predecessor:
-        is_settled = (update.leader_id, number) == place.in_group
-    elif place.leader_id != update.previous_leader_id:
+        is_settled = (update.leader_id, number) == position.in_group
+    elif position.leader_id != update.previous_leader_id:
         is_settled = True
     elif number <= update.number:
         return "from_behind"
-    else:  # Within one group, a reply may have renumbered us already: no shift counts twice.
-        is_same = place.leader_id == update.leader_id
-        is_settled = is_same and not place.is_news(update.leader_id, update.beat)
+    else:  # Within one group, a reply may have renumbered this vehicle: no shift counts twice.
+        is_same = position.leader_id == update.leader_id
+        is_settled = is_same and not position.is_newer(update.leader_id, update.leader_sequence)
     if is_settled:
         return "up_to_date"
-    return "loop" if place.closes_circle(update.leader_id, number, update.beat, now) else None
+    forms_loop = position.forms_loop(update.leader_id, number, update.leader_sequence, now)
+    return "loop" if forms_loop else None
 
 
 def _group_refusal(
-    leaders: tuple[CarId, ...], state: GroupState, place: GroupPosition, *, from_predecessor: bool
+    leaders: tuple[CarId, ...],
+    state: GroupState,
+    position: GroupPosition,
+    *,
+    from_predecessor: bool,
 ) -> str | None:
-    """Return why a message to one of these groups, going backwards, cannot be for us."""
+    """Return why a message that travels backwards in one of these groups is refused."""
     if state is GroupState.REGULAR:
         return "not_in_group"
     if from_predecessor:
         return None
-    if place.leader_id not in leaders:
+    if position.leader_id not in leaders:
         return "other_group"
     return "from_behind" if state is GroupState.LEADER else None

@@ -1,4 +1,4 @@
-"""What the warning group is told of the road, and what it says."""
+"""Input and output values of the warning group."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -9,49 +9,51 @@ from onboard.messages.lcca import CarId
 
 @dataclass(frozen=True, slots=True)
 class PrecedingVehicle:
-    """The car ahead in the own lane, as the camera sees it."""
+    """The vehicle ahead in the own lane, as one camera frame shows it."""
 
     car_id: CarId | None
-    """`None` while its plate is not known."""
+    """Communication ID of its plate; `None` while the plate is not known."""
     gap_m: float
     closing_speed_m_s: float | None
-    """Positive while the gap shrinks; `None` if not known yet."""
+    """Positive while the gap shrinks; `None` while not known."""
 
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """Something happened to this car's place in its group."""
+    """This vehicle's state, leader or number in its group has changed."""
 
     kind: ClassVar[str] = "transition"
     stamp_s: float
     event: GroupEvent
     state_before: GroupState
     state: GroupState
-    """The place after the event; `number` is 1 unless it is MEMBER."""
+    """After the event."""
     leader_id: CarId
+    """After the event."""
     group_number: int
+    """After the event; 1 unless the state is MEMBER."""
     cause: str
-    """A short stable word: `answered`, `gap`, `not_ahead`, `no_answer`, `update`, ..."""
+    """A stable word: `answered`, `gap`, `not_ahead`, `no_answer`, `update`, ..."""
 
 
 @dataclass(frozen=True, slots=True)
 class WarningRaised:
-    """A car ahead in the group brakes hard: tell the driver."""
+    """A vehicle ahead in the group brakes hard: the driver is to be warned."""
 
     kind: ClassVar[str] = "warning"
     stamp_s: float
     origin_id: CarId
-    """Of the braking car."""
+    """Of the braking vehicle."""
     sequence: int
-    """With `origin_id` the name of the event."""
+    """Identifies the event together with `origin_id`."""
     origin_number: int
-    """The braking car's number in the group, smaller than ours."""
+    """The braking vehicle's number in the group, smaller than the own one."""
     group_number: int
-    """Ours."""
+    """The own number."""
     leader_id: CarId
     deceleration_m_s2: float
     age_s: float
-    """From the sample that showed the braking to the last car's sending; the time on the air
-    is not known without synchronised clocks and not in it."""
+    """From the sample that showed the braking to the sending of the last copy; the time on the air
+    is not included, since it is not known without synchronised clocks."""
     hops: int
-    """How many times it was sent to get here; 1: by the braking car itself."""
+    """How many transmissions the warning took; 1: from the braking vehicle itself."""

@@ -1,18 +1,19 @@
-"""Who repeats an update or a warning, without anybody's position.
+"""Which member repeats an update or a warning, decided from group numbers without positions.
 
-The LCCA paper mentions such a scheme and leaves it out; this one is ours.
+The LCCA paper mentions such a scheme and omits it; this one is ours.
 
-Going out. Every message tells where its sender stands in the group. So each car knows how many cars
-behind itself its radio has lately been heard to reach (taking radio as symmetric), and names that
-`reach` in what it sends. The car that far behind repeats at once, naming its own reach. The others
-that heard it wait, those nearer to the named one shorter, and stay silent once a car at least as
-far behind as themselves has repeated. A car without followers never repeats; if it is the named
-one, it acknowledges at once instead, and that silences the others too. While the named ones hear,
-the copies are those of a shortest path down the group, and there is no way to do with fewer.
+Dissemination. Every message carries its sender's group number. Each vehicle therefore knows how
+many vehicles behind it were received lately (radio links are taken as symmetric), and sends that
+number as `reach`. The member that far behind, the designated forwarder, repeats at once with its
+own reach. The others that received the copy wait, those nearer to the designated one for a shorter
+time, and cancel their copy when a vehicle at least as far behind as themselves has repeated. A
+vehicle without followers never repeats; if it is the designated forwarder it acknowledges at once
+instead, which cancels the others' copies too. If every designated forwarder receives its copy, the
+copies are those of a shortest path down the group, which is the minimum.
 
-Getting there (warnings only). A warned car brings the refreshing of its membership forward and
-names the warning in it, so the acknowledgement is a message that was due anyway. A car repeats the
-warning to a follower that owes it one, a bounded number of times.
+Reliability (warnings only). A warned member advances the next refresh of its membership and names
+the warning in it, so the acknowledgement is a message that was due anyway. A vehicle repeats the
+warning while a follower has not acknowledged it, a bounded number of times.
 """
 
 import math
@@ -20,50 +21,56 @@ from collections import OrderedDict, deque
 from dataclasses import dataclass, field, replace
 
 from onboard.lcca.group_position import GroupPosition
-from onboard.lcca.settings import LccaSettings
+from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.warning_list import WarningList
 from onboard.messages.lcca import CarId, Update, Warn
 
 EventId = tuple[CarId, int]
-"""Who started it, and its count there."""
+"""ID of the vehicle that started it, and its event sequence number."""
 
-_LATELY = 3.0
-"""For how many refreshings of its membership a car once heard counts as within reach."""
+_REACH_REFRESHES = 3.0
+"""A vehicle is within reach for this many refresh intervals after a message from it."""
 
-_REMEMBERED = 32
-"""Acknowledgements kept of messages that are not known here yet."""
+_MAX_EARLY_ACKNOWLEDGEMENTS = 32
+"""Stored acknowledgements of messages that were not received yet."""
 
-_MOST_KNOWN = 64
-"""Messages of others known at a time. A group has more only if somebody makes them up."""
+_MAX_MESSAGES = 64
+"""Stored messages of others. Only an attacker makes a group have more."""
 
 
 def event_of(message: Update | Warn) -> EventId:
-    """Return what all copies of one message share."""
+    """Return the ID of the event, which all copies of one message share."""
     return message.event_origin_id, message.event_sequence
 
 
 class Reach:
-    """How far behind in the group the radio reaches."""
+    """How many vehicles behind in the group the radio reaches."""
 
-    def __init__(self, settings: LccaSettings) -> None:
-        self._lifetime_s = _LATELY * settings.refresh_s
+    def __init__(self, parameters: GroupParameters) -> None:
+        self._lifetime_s = _REACH_REFRESHES * parameters.refresh_s
         self._heard: OrderedDict[CarId, tuple[int, float]] = OrderedDict()
-        """The car heard longest ago first."""
+        """Distance and time of the last message, the oldest first."""
 
-    def hear(self, car_id: CarId, distance: int, now: float) -> None:
-        """A car of the own group, `distance` > 0 cars behind, was heard."""
-        self._heard[car_id] = (distance, now)
-        self._heard.move_to_end(car_id)
-        self._forget(now)
+    def receive(self, car_id: CarId, distance: int, now: float) -> None:
+        """Note a message from a vehicle of the own group, `distance` > 0 vehicles behind.
 
-    def distance(self, now: float) -> int:
-        """Return how many cars behind the farthest car lately heard drives; 0 if there is none.
-
-        Never more than the number of cars heard: one that makes up a large number raises it by one.
+        Args:
+            car_id: its sender.
+            distance: difference of the group numbers.
+            now: seconds on the cores' clock.
         """
         self._forget(now)
-        farthest = max((distance for distance, _ in self._heard.values()), default=0)
-        return min(farthest, len(self._heard))
+        self._heard[car_id] = (distance, now)
+        self._heard.move_to_end(car_id)
+
+    def distance(self, now: float) -> int:
+        """Return how many vehicles behind the farthest one received lately is; 0 without any.
+
+        Never more than the number of vehicles received: a forged group number raises it by one.
+        """
+        horizon = now - self._lifetime_s
+        recent = [distance for distance, at in self._heard.values() if at >= horizon]
+        return min(max(recent, default=0), len(recent))
 
     def _forget(self, now: float) -> None:
         while self._heard and next(iter(self._heard.values()))[1] < now - self._lifetime_s:
@@ -71,118 +78,138 @@ class Reach:
 
 
 @dataclass(slots=True)
-class _Known:
-    """A message on its way through the group, as this car knows it."""
+class _Message:
+    """An update or a warning that was received or started, and what this vehicle still does."""
 
     message: Update | Warn
-    """The copy that came, or the original."""
+    """The copy that was received, or the original."""
     heard_at: float
     distance: int
-    """To the sender of the best copy, the one least far ahead; 0: this car started it."""
-    repeat_at: float | None
-    """When it is this car's turn, if nobody farther behind repeats before."""
-    check_at: float | None
-    """When the followers' acknowledgements are to be there."""
+    """To the nearest sender ahead of whom a copy was received; 0: this vehicle started it."""
+    repeat_at: float
+    """When to repeat it unless a vehicle farther behind repeats before; infinite: never."""
+    check_at: float
+    """When the followers' acknowledgements are checked; infinite: never."""
     repeats_left: int
-    owing: set[CarId] = field(default_factory=set)
-    """Followers that have not acknowledged."""
+    unacknowledged: set[CarId] = field(default_factory=set)
+    """Followers that have not acknowledged it."""
 
 
 class Forwarding:
-    """Decides when this car repeats what it knows."""
+    """Decides when this vehicle repeats updates and warnings."""
 
     def __init__(
-        self, settings: LccaSettings, place: GroupPosition, followers: WarningList
+        self, parameters: GroupParameters, position: GroupPosition, warning_list: WarningList
     ) -> None:
-        self._settings = settings
-        self._place = place
-        self._followers = followers
-        self._known: dict[EventId, _Known] = {}
-        self._acknowledged: deque[tuple[EventId, CarId]] = deque(maxlen=_REMEMBERED)
+        self._parameters = parameters
+        self._position = position
+        self._warning_list = warning_list
+        self._messages: dict[EventId, _Message] = {}
+        self._early_acknowledgements: deque[tuple[EventId, CarId]] = deque(
+            maxlen=_MAX_EARLY_ACKNOWLEDGEMENTS
+        )
 
-    def knows(self, message: Update | Warn) -> bool:
-        """Whether a copy came before."""
-        return event_of(message) in self._known
+    def is_duplicate(self, message: Update | Warn) -> bool:
+        """Whether a copy was received before, or this vehicle started it."""
+        return event_of(message) in self._messages
 
     def originate(self, message: Update | Warn, now: float) -> None:
-        """This car starts the message, and sends its first copy now."""
-        self._learn(message, 0, None, now)
+        """Start the message; the caller sends its first copy now."""
+        self._store(message, 0, math.inf, now)
 
     def receive(self, message: Update | Warn, distance: int, now: float) -> None:
-        """A first copy from a car `distance` ahead; if negative, one behind has repeated it."""
-        repeat_at = now + self._wait_s(message.reach, distance) if distance > 0 else None
-        self._learn(message, distance, repeat_at, now)
+        """Take a first copy.
 
-    def receive_again(self, message: Update | Warn, distance: int, now: float) -> None:
-        """Another copy, from a car `distance` ahead, or as far behind if that is negative."""
-        known = self._known[event_of(message)]
-        if known.repeat_at is None:
+        Args:
+            message: the copy.
+            distance: how many vehicles ahead its sender is; negative: behind.
+            now: seconds on the cores' clock.
+        """
+        repeat_at = now + self._wait_s(message.reach, distance) if distance > 0 else math.inf
+        self._store(message, distance, repeat_at, now)
+
+    def receive_duplicate(self, message: Update | Warn, distance: int, now: float) -> None:
+        """Take another copy; arguments as in `receive`."""
+        entry = self._messages[event_of(message)]
+        if entry.repeat_at == math.inf:
             return
         if distance <= 0:
-            known.repeat_at = None
-        elif distance < known.distance:
-            known.message, known.distance = message, distance
-            known.heard_at = now
-            known.repeat_at = now + self._wait_s(message.reach, distance)
+            entry.repeat_at = math.inf
+        elif distance < entry.distance:
+            entry.message, entry.distance = message, distance
+            entry.heard_at = now
+            entry.repeat_at = now + self._wait_s(message.reach, distance)
 
-    def owe(self, car_id: CarId, now: float) -> None:
-        """That car follows from now on: tell it, after its reply, if this one has just braked.
+    def add_recipient(self, car_id: CarId, now: float) -> None:
+        """Send a new follower, after its reply, the warning of this vehicle's own recent braking.
 
-        Of brakings farther ahead it is not told. They may have been in another lane.
+        Warnings from farther ahead are not sent to it: they may be about another lane.
         """
-        horizon = now - self._settings.event_lifetime_s
-        for known in self._known.values():
-            is_own_braking = isinstance(known.message, Warn) and known.distance == 0
-            if is_own_braking and known.heard_at >= horizon:
-                known.owing.add(car_id)
-                known.repeats_left = self._settings.warn_repeats
-                known.check_at = known.check_at or now + self._settings.slot_s
+        horizon = now - self._parameters.event_lifetime_s
+        for entry in self._messages.values():
+            is_own_braking = isinstance(entry.message, Warn) and entry.distance == 0
+            if is_own_braking and entry.heard_at >= horizon:
+                entry.unacknowledged.add(car_id)
+                entry.repeats_left = self._parameters.warn_repeats
+                if entry.check_at == math.inf:
+                    entry.check_at = now + self._parameters.slot_s
 
-    def hear_acknowledgement(self, event: EventId, car_id: CarId, behind: int) -> None:
-        """A car of the own group, `behind` cars behind, says that it has heard this event.
+    def receive_acknowledgement(self, event: EventId, car_id: CarId, behind: int) -> None:
+        """Take the acknowledgement of an event by a vehicle of the own group.
 
-        If it is the named one it has repeated it, or has nobody behind to repeat it to.
+        The designated forwarder has repeated the message, or has no follower to repeat it to.
+
+        Args:
+            event: what is acknowledged.
+            car_id: the sender of the acknowledgement.
+            behind: how many vehicles behind it is.
         """
-        known = self._known.get(event)
-        if known is None:
-            if (event, car_id) not in self._acknowledged:
-                self._acknowledged.append((event, car_id))
+        entry = self._messages.get(event)
+        if entry is None:
+            if (event, car_id) not in self._early_acknowledgements:
+                self._early_acknowledgements.append((event, car_id))
             return
-        known.owing.discard(car_id)
-        if behind == known.message.reach - known.distance:
-            known.repeat_at = None
+        entry.unacknowledged.discard(car_id)
+        if behind == entry.message.reach - entry.distance:
+            entry.repeat_at = math.inf
 
-    def is_named_last(self, message: Update | Warn, distance: int) -> bool:
-        """Whether we are to repeat it and have nobody to repeat it to: then we say so at once."""
-        return message.reach == distance and not self._followers
+    def is_last_forwarder(self, message: Update | Warn, distance: int) -> bool:
+        """Whether this vehicle is the designated forwarder and has no follower to repeat it to."""
+        return message.reach == distance and not self._warning_list
 
     def get_timer(self) -> float:
-        """Return when a copy may be due; `math.inf` when none is planned."""
-        due = [at for known in self._known.values() for at in (known.repeat_at, known.check_at)]
-        return min((at for at in due if at is not None), default=math.inf)
+        """When a copy may be due; infinite if none is planned."""
+        due = (min(entry.repeat_at, entry.check_at) for entry in self._messages.values())
+        return min(due, default=math.inf)
 
     def copies_to_send(self, reach: int, *, is_member: bool, now: float) -> list[Update | Warn]:
-        """Return what this car is to repeat now, as it looks from where the car stands now."""
+        """Return the copies that are due, with this vehicle's present leader and number.
+
+        Args:
+            reach: how many vehicles behind the radio reaches.
+            is_member: whether this vehicle is a member; others repeat only what they started.
+            now: seconds on the cores' clock.
+        """
         due = [
-            known
-            for known in self._known.values()
-            if any((self._has_turn(known, now), self._lacks_answer(known, now)))
+            entry
+            for entry in self._messages.values()
+            if any((self._is_due(entry, now), self._lacks_acknowledgement(entry, now)))
         ]
         copies = (
-            self._copy(known, reach, now) for known in due if known.distance == 0 or is_member
+            self._copy(entry, reach, now) for entry in due if entry.distance == 0 or is_member
         )
         return [copy for copy in copies if copy is not None]
 
-    def _copy(self, known: _Known, reach: int, now: float) -> Update | Warn | None:
-        message, (sender_id, leader_id, number) = known.message, self._place.header
+    def _copy(self, entry: _Message, reach: int, now: float) -> Update | Warn | None:
+        message, (sender_id, leader_id, number) = entry.message, self._position.header
         if isinstance(message, Update):
             if message.leader_id != leader_id:
                 return None
             return replace(message, sender_id=sender_id, number=number, reach=reach)
-        age_s = message.age_s + (now - known.heard_at)
-        # Since it came we may have been renumbered, and the braking car with us.
-        origin_number = message.origin_number + number - (message.number + known.distance)
-        if age_s > self._settings.event_lifetime_s or origin_number < 1:
+        age_s = message.age_s + (now - entry.heard_at)
+        # Since it was received, this vehicle and the braking one may have been renumbered.
+        origin_number = message.origin_number + number - (message.number + entry.distance)
+        if age_s > self._parameters.event_lifetime_s or origin_number < 1:
             return None
         return replace(
             message,
@@ -192,48 +219,60 @@ class Forwarding:
             reach=reach,
             origin_number=origin_number,
             age_s=age_s,
-            hops=min(message.hops + (known.distance != 0), 255),
+            hops=min(message.hops + (entry.distance != 0), 255),
         )
 
-    def _has_turn(self, known: _Known, now: float) -> bool:
-        if known.repeat_at is None or now < known.repeat_at:
+    def _is_due(self, entry: _Message, now: float) -> bool:
+        if now < entry.repeat_at:
             return False
-        known.repeat_at = None
-        return bool(known.owing) if isinstance(known.message, Warn) else len(self._followers) > 0
+        entry.repeat_at = math.inf
+        return (
+            bool(entry.unacknowledged)
+            if isinstance(entry.message, Warn)
+            else len(self._warning_list) > 0
+        )
 
-    def _lacks_answer(self, known: _Known, now: float) -> bool:
-        if known.check_at is None or now < known.check_at:
+    def _lacks_acknowledgement(self, entry: _Message, now: float) -> bool:
+        if now < entry.check_at:
             return False
-        known.owing.intersection_update(self._followers.ids)
-        if not known.owing or known.repeats_left == 0:
-            known.check_at = None
+        entry.unacknowledged.intersection_update(self._warning_list.ids)
+        if not entry.unacknowledged or entry.repeats_left == 0:
+            entry.check_at = math.inf
             return False
-        known.check_at = now + self._settings.acknowledge_s
-        known.repeats_left -= 1
+        entry.check_at = now + self._parameters.acknowledge_s
+        entry.repeats_left -= 1
         return True
 
-    def _learn(
-        self, message: Update | Warn, distance: int, repeat_at: float | None, now: float
-    ) -> None:
+    def _store(self, message: Update | Warn, distance: int, repeat_at: float, now: float) -> None:
         event = event_of(message)
-        owing = set(self._followers.ids)
-        owing -= {car_id for heard, car_id in self._acknowledged if heard == event}
-        check_at = now + self._settings.acknowledge_s if isinstance(message, Warn) else None
-        self._known[event] = _Known(
-            message, now, distance, repeat_at, check_at, self._settings.warn_repeats, owing
+        unacknowledged = set(self._warning_list.ids)
+        unacknowledged -= {
+            car_id for acknowledged, car_id in self._early_acknowledgements if acknowledged == event
+        }
+        check_at = now + self._parameters.acknowledge_s if isinstance(message, Warn) else math.inf
+        self._messages[event] = _Message(
+            message,
+            now,
+            distance,
+            repeat_at,
+            check_at,
+            self._parameters.warn_repeats,
+            unacknowledged,
         )
-        horizon = now - 2 * self._settings.event_lifetime_s
-        self._known = {key: old for key, old in self._known.items() if old.heard_at >= horizon}
-        others = [key for key, known in self._known.items() if known.distance != 0]
-        for key in others[:-_MOST_KNOWN]:
-            del self._known[key]
+        horizon = now - 2 * self._parameters.event_lifetime_s
+        self._messages = {
+            key: old for key, old in self._messages.items() if old.heard_at >= horizon
+        }
+        others = [key for key, entry in self._messages.items() if entry.distance != 0]
+        for key in others[:-_MAX_MESSAGES]:
+            del self._messages[key]
 
     def _wait_s(self, reach: int, distance: int) -> float:
-        """How long to wait for others to repeat, before this car does.
+        """How long to wait for copies of others before repeating.
 
-        The named car does not wait, the one behind it half a slot, the one ahead of it a slot, and
-        so on. Nobody waits longer than for an acknowledgement: otherwise a car that lies about its
-        number could stop the news.
+        The designated forwarder does not wait, the vehicle behind it waits half a slot, the one
+        ahead of it one slot, and so on. The wait is bounded by the time for an acknowledgement:
+        otherwise a forged group number could stop a message.
         """
         slots = abs(reach - distance) - (0.5 if distance > reach else 0.0)
-        return min(slots * self._settings.slot_s, self._settings.acknowledge_s)
+        return min(slots * self._parameters.slot_s, self._parameters.acknowledge_s)

@@ -1,16 +1,17 @@
-"""Where a car stands in its group, and why no misread plate can make it count without end.
+"""A vehicle's leader and number in its group, and the rule that keeps groups free of loops.
 
-If A followed B and B followed A, each would number itself behind the other, higher and higher.
-Distance vector routing knows the problem and its cure: the *feasibility condition* of DUAL and
-Babel (RFC 8966, section 2.4) with the sequence numbers of DSDV. The leader counts its replies, and
-each reply hands down the newest count (*beat*) that its sender has seen. For each leader, a car
-remembers the newest beat and the smallest number that it has had under it. It takes a place under
-that leader only from a newer beat, or a number that is not larger than that. News of itself that
-comes round through those behind it is never newer, and its number always larger.
+If A followed B and B followed A, each would number itself behind the other, without bound. This is
+the count-to-infinity problem of distance vector routing, and so is its solution: the feasibility
+condition of DUAL and Babel (RFC 8966, section 2.4) with the sequence numbers of DSDV. The leader
+counts its replies, and each reply carries the newest count (`leader_sequence`) that its sender has
+received. For each leader, a vehicle stores the newest sequence number and the smallest group number
+that it has had under it. It takes a position under that leader only with a newer sequence number,
+or with a group number that is not larger. A message about itself that returns through the vehicles
+behind it never has a newer sequence number, and always has a larger group number.
 
-One circle is left: two cars that read each other's plate and ask at the same moment both believe an
-answer given before the other moved. It counts no higher, has no leader whose beats could be new,
-and so lapses after `leader_silence_s`.
+One loop remains: two vehicles that read each other's plate and join at the same moment both accept
+a reply sent before the other moved. It does not count up, it has no leader that could send new
+sequence numbers, and so it ends after `leader_silence_s`.
 """
 
 from dataclasses import dataclass
@@ -20,37 +21,43 @@ from onboard.messages.lcca import CarId
 _MODULUS = 1 << 16
 
 
-def is_newer(beat: int, than: int) -> bool:
-    """Compare two counts that wrap at 16 bits (serial number arithmetic, RFC 1982)."""
-    return 0 < (beat - than) % _MODULUS < _MODULUS // 2
+def is_newer(sequence: int, than: int) -> bool:
+    """Compare two sequence numbers that wrap at 16 bits (serial number arithmetic, RFC 1982)."""
+    return 0 < (sequence - than) % _MODULUS < _MODULUS // 2
 
 
 @dataclass(slots=True)
-class _LowestPosition:
-    """The best place that this car has had under one leader."""
+class _FeasiblePosition:
+    """The smallest group number under one leader, for its newest sequence number."""
 
-    beat: int
+    leader_sequence: int
     number: int
     forget_at: float
 
 
 class GroupPosition:
-    """Who this car is, and its leader, number and beat."""
+    """Own ID, leader, group number and leader sequence number."""
 
-    def __init__(self, own_id: CarId, memory_s: float, beat: int) -> None:
-        """Stand alone. `beat` is where the own count starts."""
+    def __init__(self, own_id: CarId, memory_s: float, leader_sequence: int) -> None:
+        """Start in no group.
+
+        Args:
+            own_id: the own communication ID.
+            memory_s: how long the position under a former leader is stored.
+            leader_sequence: where the own count starts.
+        """
         self.own_id = own_id
         self.own_ids: tuple[CarId, ...] = (own_id,)
-        """The present ID and, while cars change theirs, the previous one."""
+        """The present ID and, while IDs change, the previous one."""
         self.leader_id = own_id
         self.number = 1
         self._memory_s = memory_s
-        self._own_beat = self._handed_beat = beat
-        self._best: dict[CarId, _LowestPosition] = {}
+        self._own_sequence = self._received_sequence = leader_sequence
+        self._feasible: dict[CarId, _FeasiblePosition] = {}
 
     @property
     def header(self) -> tuple[CarId, CarId, int]:
-        """How every message begins: own ID, leader, number."""
+        """The first fields of every message: own ID, leader, number."""
         return self.own_id, self.leader_id, self.number
 
     @property
@@ -59,50 +66,68 @@ class GroupPosition:
         return self.leader_id, self.number
 
     @property
-    def beat(self) -> int:
-        """The newest beat known of the own leader."""
-        return self._own_beat if self.number == 1 else self._handed_beat
+    def leader_sequence(self) -> int:
+        """The newest sequence number known of the own leader."""
+        return self._own_sequence if self.number == 1 else self._received_sequence
 
-    def next_beat(self) -> int:
-        """Return the beat for a reply: a leader counts, a member hands on."""
+    def next_leader_sequence(self) -> int:
+        """Return the sequence number for a reply: a leader counts up, a member passes it on."""
         if self.number == 1:
-            self._own_beat = (self._own_beat + 1) % _MODULUS
-        return self.beat
+            self._own_sequence = (self._own_sequence + 1) % _MODULUS
+        return self.leader_sequence
 
-    def rename(self, own_id: CarId) -> None:
-        """Be known by another ID, and for a while still by the present one."""
+    def change_id(self, own_id: CarId) -> None:
+        """Take a new ID; the present one stays valid until `drop_previous_id`."""
         self.own_ids = (own_id, self.own_id)
         self.own_id = own_id
         if self.number == 1:
             self.leader_id = own_id
 
     def drop_previous_id(self) -> None:
-        """Be known by the present ID only."""
+        """End the validity of the previous ID."""
         self.own_ids = (self.own_id,)
 
-    def lead(self) -> None:
-        """Stand at the head of what follows."""
-        self._own_beat = (self._own_beat + 1) % _MODULUS
+    def become_first(self) -> None:
+        """Take number 1: no vehicle is followed any more."""
+        self._own_sequence = (self._own_sequence + 1) % _MODULUS
         self.leader_id = self.own_id
         self.number = 1
 
-    def is_news(self, leader_id: CarId, beat: int) -> bool:
-        """Whether `beat` is the first or a newer one of that leader."""
-        best = self._best.get(leader_id)
-        return best is None or is_newer(beat, best.beat)
+    def is_newer(self, leader_id: CarId, sequence: int) -> bool:
+        """Whether `sequence` is the first or a newer one of that leader."""
+        feasible = self._feasible.get(leader_id)
+        return feasible is None or is_newer(sequence, feasible.leader_sequence)
 
-    def closes_circle(self, leader_id: CarId, number: int, beat: int, now: float) -> bool:
-        """Whether taking that place might mean following oneself."""
+    def forms_loop(self, leader_id: CarId, number: int, sequence: int, now: float) -> bool:
+        """Whether this vehicle might follow itself in that position (feasibility condition).
+
+        Args:
+            leader_id: the leader of the position.
+            number: its group number.
+            sequence: the leader sequence number that came with it.
+            now: seconds on the cores' clock.
+        """
         if leader_id in self.own_ids:
             return True
-        best = self._best.get(leader_id)
-        if best is None or best.forget_at <= now or is_newer(beat, best.beat):
+        feasible = self._feasible.get(leader_id)
+        if (
+            feasible is None
+            or feasible.forget_at <= now
+            or is_newer(sequence, feasible.leader_sequence)
+        ):
             return False
-        return beat != best.beat or number > best.number
+        return sequence != feasible.leader_sequence or number > feasible.number
 
-    def take(self, leader_id: CarId, number: int, beat: int, now: float) -> None:
-        """Stand there, after `closes_circle` said no: it is the best place of all so far."""
-        self._best[leader_id] = _LowestPosition(beat, number, now + self._memory_s)
-        self.leader_id, self.number, self._handed_beat = leader_id, number, beat
-        for old in [key for key, best in self._best.items() if best.forget_at <= now]:
-            del self._best[old]
+    def take(self, leader_id: CarId, number: int, sequence: int, now: float) -> None:
+        """Take a position that forms no loop (`forms_loop`).
+
+        Args:
+            leader_id: the new leader.
+            number: the new group number.
+            sequence: the leader sequence number that came with it.
+            now: seconds on the cores' clock.
+        """
+        self._feasible[leader_id] = _FeasiblePosition(sequence, number, now + self._memory_s)
+        self.leader_id, self.number, self._received_sequence = leader_id, number, sequence
+        for old in [key for key, each in self._feasible.items() if each.forget_at <= now]:
+            del self._feasible[old]

@@ -1,80 +1,90 @@
-"""What the camera and the speedometer say about the car ahead: who it is, and is it too close."""
+"""The preceding vehicle by camera and speedometer: which one it is, and whether it is too close."""
 
 from onboard.lcca.events import PrecedingVehicle
-from onboard.lcca.settings import LccaSettings
+from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import CarId
 
 
 class LeadMonitor:
-    """Judges each frame. A car is *shown close* while frames keep it within the safety distance."""
+    """Evaluates each frame. A vehicle is *close* in a frame within the leave headway."""
 
-    def __init__(self, settings: LccaSettings) -> None:
-        self._settings = settings
+    def __init__(self, parameters: GroupParameters) -> None:
+        self._parameters = parameters
         self._speed_m_s = 0.0
         self._speed_until = float("-inf")
-        self._lead: PrecedingVehicle | None = None
+        self._preceding: PrecedingVehicle | None = None
         self._is_close = False
-        self._named: CarId | None = None
-        self._named_since = 0.0
+        self._identified: CarId | None = None
+        self._identified_since = 0.0
         self._close_at: dict[CarId, float] = {}
         self.last_close_at = float("-inf")
-        """When any car whose plate is known was last shown close."""
+        """When any vehicle with a known plate was last close."""
 
     @property
-    def named(self) -> CarId | None:
-        """The last plate read, until a frame shows no car ahead."""
-        return self._named
+    def identified(self) -> CarId | None:
+        """The last plate read; `None` after a frame without a preceding vehicle."""
+        return self._identified
 
     def speed_at(self, now: float) -> float | None:
-        """Return the own speed in m/s, if it is known."""
+        """Return the own speed in m/s; `None` if the last sample is too old."""
         return self._speed_m_s if now < self._speed_until else None
 
     def receive_speed(self, speed_m_s: float, now: float) -> None:
-        """The own speed, from the car."""
+        """Take a sample of the own speed."""
         self._speed_m_s = speed_m_s
-        self._speed_until = now + self._settings.speed_hold_s
+        self._speed_until = now + self._parameters.speed_hold_s
 
-    def receive_preceding_vehicle(self, lead: PrecedingVehicle | None, now: float) -> None:
-        """One frame's verdict on the car ahead."""
-        self._lead = lead
-        self._is_close = self._is_within(self._settings.leave_headway_s, now)
-        if lead is None:
-            self._named = None
-        elif lead.car_id is not None:
-            if lead.car_id != self._named:
-                self._named, self._named_since = lead.car_id, now
+    def receive_preceding_vehicle(self, preceding: PrecedingVehicle | None, now: float) -> None:
+        """Take one frame; `None`: it shows no preceding vehicle."""
+        self._preceding = preceding
+        self._is_close = self._is_within(self._parameters.leave_headway_s, now)
+        if preceding is None:
+            self._identified = None
+        elif preceding.car_id is not None:
+            if preceding.car_id != self._identified:
+                self._identified, self._identified_since = preceding.car_id, now
             if self._is_close:
-                self._close_at[lead.car_id] = self.last_close_at = now
-        horizon = now - self._settings.lead_hold_s - self._settings.rename_s
+                self._close_at[preceding.car_id] = self.last_close_at = now
+        horizon = now - self._parameters.lead_hold_s - self._parameters.id_change_s
         if any(at < horizon for at in self._close_at.values()):
             self._close_at = {car: at for car, at in self._close_at.items() if at >= horizon}
 
     def close_at(self, car_id: CarId) -> float:
-        """Return when that car was last shown close; long ago if it never was."""
+        """Return when that vehicle was last close; minus infinity if it never was."""
         return self._close_at.get(car_id, float("-inf"))
 
-    def to_join(self, now: float) -> CarId | None:
-        """Return the car ahead if this frame says to join it: known for a while, and too close."""
-        lead = self._lead
-        if lead is None or lead.car_id is None:
+    def vehicle_to_join(self, now: float) -> CarId | None:
+        """Return the preceding vehicle if it is identified for long enough and too close."""
+        preceding = self._preceding
+        if preceding is None or preceding.car_id is None:
             return None
-        if now - self._named_since < self._settings.identity_dwell_s:
+        if now - self._identified_since < self._parameters.identity_dwell_s:
             return None
-        return lead.car_id if self._is_within(self._settings.join_headway_s, now) else None
+        is_too_close = self._is_within(self._parameters.join_headway_s, now)
+        return preceding.car_id if is_too_close else None
 
-    def shows_far(self, car_id: CarId) -> bool:
-        """Whether the last frame shows that car, and not close."""
-        return self._lead is not None and self._lead.car_id == car_id and not self._is_close
+    def is_far(self, car_id: CarId) -> bool:
+        """Whether the last frame shows that vehicle, and beyond the leave headway."""
+        preceding = self._preceding
+        return preceding is not None and preceding.car_id == car_id and not self._is_close
 
-    def fits(self, speed_m_s: float | None, now: float) -> bool:
-        """Whether a car that drives this fast can be the one that the camera sees."""
-        own, lead = self.speed_at(now), self._lead
-        if speed_m_s is None or own is None or lead is None or lead.closing_speed_m_s is None:
+    def matches_speed(self, speed_m_s: float | None, now: float) -> bool:
+        """Whether a vehicle with this speed can be the one that the camera sees.
+
+        `True` where either speed is unknown.
+        """
+        own, preceding = self.speed_at(now), self._preceding
+        if (
+            speed_m_s is None
+            or own is None
+            or preceding is None
+            or preceding.closing_speed_m_s is None
+        ):
             return True
-        seen_m_s = own - lead.closing_speed_m_s
-        return abs(speed_m_s - seen_m_s) <= self._settings.speed_tolerance_m_s
+        seen_m_s = own - preceding.closing_speed_m_s
+        return abs(speed_m_s - seen_m_s) <= self._parameters.speed_tolerance_m_s
 
     def _is_within(self, headway_s: float, now: float) -> bool:
-        """The safety distance: headway times own speed (LCCA, section 3, in SI)."""
-        speed = self.speed_at(now)
-        return self._lead is not None and speed is not None and self._lead.gap_m < headway_s * speed
+        """Compare the gap with the safety distance, headway times own speed (LCCA, section 3)."""
+        speed, preceding = self.speed_at(now), self._preceding
+        return preceding is not None and speed is not None and preceding.gap_m < headway_s * speed

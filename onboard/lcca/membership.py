@@ -1,9 +1,9 @@
-"""Our side of following the car ahead: joining, refreshing, believing, leaving.
+"""Membership in the group of the preceding vehicle: join, refresh, reply, leave.
 
-Soft state: a join is repeated until it is answered, an answered one is refreshed, and what is not
-refreshed expires. While the camera names another car than the one we follow, that one is asked, and
-the old membership stays for as long as `lead_hold_s` allows: a misread plate answers to nobody, and
-the next frames show the right one again.
+Membership is soft state: a join is repeated until it is answered, an answered join is refreshed,
+and what is not refreshed expires. While the camera identifies another vehicle than the predecessor,
+that one is sent joins, and the old membership lasts as long as `lead_hold_s` allows: no vehicle
+answers to a misread plate, and the next frames show the right one again.
 """
 
 import math
@@ -11,149 +11,163 @@ import math
 import numpy as np
 
 from onboard.lcca.lead_monitor import LeadMonitor
-from onboard.lcca.settings import LccaSettings
+from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import CarId, LeaveReason, Reply
 
 _NEVER = float("-inf")
 _SEQUENCES = 1 << 16
-_MOST_DOUBLINGS = 16
+_MAX_DOUBLINGS = 16
 
 
 class Membership:
-    """Who is followed, who is asked, and when the next join is due."""
+    """The predecessor, the candidate that is sent joins, and when the next join is due."""
 
     def __init__(
-        self, settings: LccaSettings, lookout: LeadMonitor, rng: np.random.Generator
+        self, parameters: GroupParameters, lead_monitor: LeadMonitor, rng: np.random.Generator
     ) -> None:
-        self._settings = settings
-        self._lookout = lookout
+        self._parameters = parameters
+        self._lead_monitor = lead_monitor
         self._rng = rng
         self.predecessor: CarId | None = None
-        """The car that this one follows."""
-        self._asked: CarId | None = None
-        """Another car that the camera wants joined."""
+        """The vehicle that this one follows."""
+        self._candidate: CarId | None = None
+        """Another vehicle that is sent joins."""
         self._unanswered = 0
         self._join_at = 0.0
         self._sequence = int(rng.integers(_SEQUENCES))
         self._answered_sequence = self._sequence
         self._answered_at = _NEVER
-        self._news_at = _NEVER
-        self._renaming_until = _NEVER
+        self._sequence_at = _NEVER
+        self._id_change_until = _NEVER
 
     def receive_frame(self, own_ids: tuple[CarId, ...], now: float) -> None:
-        """Follow the camera: ask the car that it wants joined, stop asking one it lost."""
-        wanted = self._lookout.to_join(now)
+        """Update the candidate after a frame that the lead monitor has received."""
+        wanted = self._lead_monitor.vehicle_to_join(now)
         if wanted is not None and wanted in own_ids:
             wanted = None
-        asked = self._asked
-        if asked is not None and (self._lookout.named != asked or self._lookout.shows_far(asked)):
-            self._ask(None, now)
-        if wanted is not None and wanted not in (self._asked, self.predecessor):
-            self._ask(wanted, now)
+        candidate = self._candidate
+        if candidate is not None and (
+            self._lead_monitor.identified != candidate or self._lead_monitor.is_far(candidate)
+        ):
+            self._set_candidate(None, now)
+        if wanted is not None and wanted not in (self._candidate, self.predecessor):
+            self._set_candidate(wanted, now)
 
-    def _ask(self, car_id: CarId | None, now: float) -> None:
-        self._asked = car_id
+    def _set_candidate(self, car_id: CarId | None, now: float) -> None:
+        self._candidate = car_id
         self._unanswered = 0
         self._join_at = now
 
     def next_join(self, now: float) -> tuple[CarId, int] | None:
-        """Return whom to send a join now, and its sequence number; plan its repetition."""
-        if self._asked is not None and now >= self._shown_until(self._asked):
-            self._ask(None, now)
-        to_id = self._asked if self._asked is not None else self.predecessor
+        """Return receiver and sequence number of a join that is due, and plan its repetition."""
+        if self._candidate is not None and now >= self._close_until(self._candidate):
+            self._set_candidate(None, now)
+        to_id = self._candidate if self._candidate is not None else self.predecessor
         if to_id is None or now < self._join_at:
             return None
-        wait_s = self._settings.retry_s
-        if self._asked is not None:
-            wait_s = min(wait_s * 2**self._unanswered, self._settings.retry_max_s)
-        self._unanswered = min(self._unanswered + 1, _MOST_DOUBLINGS)
+        wait_s = self._parameters.retry_s
+        if self._candidate is not None:
+            wait_s = min(wait_s * 2**self._unanswered, self._parameters.retry_max_s)
+        self._unanswered = min(self._unanswered + 1, _MAX_DOUBLINGS)
         self._join_at = now + wait_s + self._spread()
         self._sequence = (self._sequence + 1) % _SEQUENCES
         return to_id, self._sequence
 
     def join_soon(self, now: float) -> None:
-        """Bring the next join forward, but not to where others send theirs."""
+        """Advance the next join to a random moment within `spread_s`."""
         self._join_at = min(self._join_at, now + self._spread())
 
     def join_at_once(self, now: float) -> None:
-        """Bring the next join forward to now."""
+        """Advance the next join to now."""
         self._join_at = now
 
-    def hear_predecessor_refresh(self, now: float, *, moved: bool, news: bool) -> None:
-        """The car ahead was answered: ask it in turn, if it moved or we had no news for long."""
-        if moved or (news and now - self._news_at >= self._settings.refresh_s / 2):
+    def receive_predecessor_reply(self, now: float, *, moved: bool, newer: bool) -> None:
+        """Take a reply to the predecessor: refresh soon if its position changed.
+
+        Args:
+            now: seconds on the cores' clock.
+            moved: whether the predecessor's leader or number will change by it.
+            newer: whether it carries a newer leader sequence number.
+        """
+        if moved or (newer and now - self._sequence_at >= self._parameters.refresh_s / 2):
             self.join_soon(now)
 
     def refusal(self, reply: Reply, now: float) -> str | None:
-        """Return why a reply is not believed, as a reason word, or `None` if it is."""
-        if reply.sender_id not in (self._asked, self.predecessor):
+        """Return why a reply is refused, as a counted word, or `None` if it is accepted."""
+        if reply.sender_id not in (self._candidate, self.predecessor):
             return "not_asked"
         ahead = (reply.sequence - self._answered_sequence) % _SEQUENCES
         if not 0 < ahead <= (self._sequence - self._answered_sequence) % _SEQUENCES:
             return "stale"
-        if not self._lookout.fits(reply.speed_m_s, now):
+        if not self._lead_monitor.matches_speed(reply.speed_m_s, now):
             return "implausible"
         return None
 
-    def receive_reply(self, reply: Reply, *, news: bool, now: float) -> None:
-        """A believed answer of the car that we follow or, from now on, follow."""
+    def receive_reply(self, reply: Reply, *, newer: bool, now: float) -> None:
+        """Take an accepted reply of the predecessor or of the candidate, which becomes it.
+
+        Args:
+            reply: the reply.
+            newer: whether it carries a newer leader sequence number.
+            now: seconds on the cores' clock.
+        """
         self._answered_sequence = reply.sequence
         self._answered_at = now
-        if news or reply.sender_id != self.predecessor:
-            self._news_at = now
+        if newer or reply.sender_id != self.predecessor:
+            self._sequence_at = now
         if reply.sender_id != self.predecessor:
-            self.predecessor, self._asked = reply.sender_id, None
-        if self._asked is None:
+            self.predecessor, self._candidate = reply.sender_id, None
+        if self._candidate is None:
             self._unanswered = 0
-            self._join_at = now + self._settings.refresh_s + self._spread()
+            self._join_at = now + self._parameters.refresh_s + self._spread()
 
-    def receive_news(self, now: float) -> None:
-        """The leader lives, says somebody ahead."""
-        self._news_at = now
+    def receive_leader_sequence(self, now: float) -> None:
+        """Take a newer leader sequence number from a vehicle ahead."""
+        self._sequence_at = now
 
-    def lapse(self, now: float) -> LeaveReason | None:
-        """Return why the membership is over, if it is."""
+    def expire(self, now: float) -> LeaveReason | None:
+        """Return why the membership has ended, or `None`."""
         if self.predecessor is None:
             return None
-        if now >= self._shown_until(self.predecessor):
-            if self._lookout.speed_at(now) is None:
+        if now >= self._close_until(self.predecessor):
+            if self._lead_monitor.speed_at(now) is None:
                 return LeaveReason.SPEED_UNKNOWN
-            far = self._lookout.shows_far(self.predecessor)
+            far = self._lead_monitor.is_far(self.predecessor)
             return LeaveReason.GAP if far else LeaveReason.NOT_AHEAD
-        if now >= self._answered_at + self._settings.membership_lifetime_s:
+        if now >= self._answered_at + self._parameters.membership_lifetime_s:
             return LeaveReason.NO_ANSWER
-        if now >= self._news_at + self._settings.leader_silence_s:
+        if now >= self._sequence_at + self._parameters.leader_silence_s:
             return LeaveReason.LEADER_SILENT
         return None
 
     def leave(self, now: float) -> None:
-        """Follow nobody. If the camera still wants that car, it is asked again by and by."""
-        if self._asked is None and self._lookout.named == self.predecessor:
-            self._ask(None, now)
+        """Follow no vehicle. If the preceding vehicle stays too close, it is sent joins again."""
+        if self._candidate is None and self._lead_monitor.identified == self.predecessor:
+            self._set_candidate(None, now)
         self.predecessor = None
 
-    def rename(self, now: float) -> None:
-        """All cars change their IDs about now: another plate's digest may be the same plate."""
-        self._renaming_until = now + self._settings.rename_s
+    def change_id(self, now: float) -> None:
+        """Take the change of all IDs: for a while another ID may be of the same plate."""
+        self._id_change_until = now + self._parameters.id_change_s
         self.join_soon(now)
 
     def get_timer(self) -> float:
-        """Return when a join is due or the membership may end; `math.inf` for neither."""
+        """When a join is due or the membership may end; infinite without either."""
         if self.predecessor is None:
-            return math.inf if self._asked is None else self._join_at
+            return math.inf if self._candidate is None else self._join_at
         return min(
             self._join_at,
-            self._shown_until(self.predecessor),
-            self._answered_at + self._settings.membership_lifetime_s,
-            self._news_at + self._settings.leader_silence_s,
+            self._close_until(self.predecessor),
+            self._answered_at + self._parameters.membership_lifetime_s,
+            self._sequence_at + self._parameters.leader_silence_s,
         )
 
-    def _shown_until(self, car_id: CarId) -> float:
-        """How long what the camera has shown of that car is good for."""
-        close_at = self._lookout.close_at(car_id)
-        if self._lookout.last_close_at < self._renaming_until:
-            close_at = max(close_at, self._lookout.last_close_at)
-        return close_at + self._settings.lead_hold_s
+    def _close_until(self, car_id: CarId) -> float:
+        """Until when that vehicle counts as close after the last frame that showed it so."""
+        close_at = self._lead_monitor.close_at(car_id)
+        if self._lead_monitor.last_close_at < self._id_change_until:
+            close_at = max(close_at, self._lead_monitor.last_close_at)
+        return close_at + self._parameters.lead_hold_s
 
     def _spread(self) -> float:
-        return float(self._rng.uniform(0.0, self._settings.spread_s))
+        return float(self._rng.uniform(0.0, self._parameters.spread_s))

@@ -1,49 +1,48 @@
-"""The rules of a warning group, and the only place that decides a car's state.
+"""The states of a warning group, and the only code that decides a vehicle's state.
 
 Theory
 ======
 
-A warning group is a row of cars in one lane, each closer to the one ahead than it could safely
-brake. It has no list and no owner. It is nothing but the sum of pairs: a car *follows* the car that
-its camera shows ahead, from the answer to its join until it leaves. Everything else follows from
-two facts that a car knows by itself:
+A warning group is a row of vehicles in one lane, each closer to the one ahead than the safety
+distance. No vehicle holds a list of all members. The group consists of pairs: a vehicle *follows*
+the vehicle that its camera shows ahead, from the reply to its join until it leaves. The state
+follows from two facts that each vehicle knows without others:
 
-- do I follow the car ahead (my join was answered, and I have not left since)?
-- does anybody follow me (my warning list is not empty)?
+- does it follow the preceding vehicle (its join was answered, and it has not left since)?
+- is it followed (its warning list is not empty)?
 
-    follows the car ahead | is followed | state
-    ----------------------|-------------|--------
-    no                    | no          | REGULAR
-    no                    | yes         | LEADER
-    yes                   | no or yes   | MEMBER
+    follows | is followed | state
+    --------|-------------|--------
+    no      | no          | REGULAR
+    no      | yes         | LEADER
+    yes     | no or yes   | MEMBER
 
-So a state is never commanded from outside. No message makes a car a leader: it becomes one when it
-leaves and is followed, or when it is followed and did not follow. Two facts change one at a time,
-each in two directions, which gives four events; two more happen to a car that stays a member:
+No message sets a state directly: a vehicle becomes LEADER when it leaves and is followed, or when
+it is followed and does not follow. The two facts change one at a time, each in two directions,
+which gives four events; two more concern a vehicle that stays a member:
 
-- FOLLOWED, UNFOLLOWED: the first car came onto the warning list, the last one went off it.
-- JOINED: the car ahead answered. A member that JOINED has changed the car it follows, without
-  having been out of a group in between.
-- LEFT_LEADING, LEFT_ALONE: we follow nobody any more; somebody, nobody follows us. Two events, not
-  one, so that the table needs no condition.
-- RENUMBERED: our leader or number changed because something changed further ahead.
+- FOLLOWED, UNFOLLOWED: the warning list got its first follower, or lost its last one.
+- JOINED: the preceding vehicle answered. A member that JOINED changes its predecessor without
+  having left the group in between.
+- LEFT_LEADING, LEFT_ALONE: the vehicle follows no longer, and is followed or not. Two events, so
+  that the table needs no condition.
+- RENUMBERED: leader or number changed because of a change further ahead.
 
-What the states mean for warnings: a leader has nobody ahead to be warned by. A member believes
-warnings from ahead and hands them on. A regular car warns nobody and is warned by nobody.
+Warnings by state: a leader has no vehicle ahead to be warned by. A member accepts warnings from
+ahead and forwards them. A regular vehicle neither sends nor accepts warnings.
 
-The leader has number 1, every other car the number of the car it follows, plus one. A number says
-how many cars ahead there are to be warned by, and tells receivers without positions who is ahead
-of whom.
+The leader has number 1, every other member its predecessor's number plus one. The number is the
+count of vehicles ahead in the group plus one, and gives receivers without positions the order.
 
-The paper's figure 2 draws the same states; it leaves out the pairs that only a lossy radio or a
-second car on the warning list brings about.
+The paper's figure 2 has the same states; it omits the pairs that only arise with a lossy radio or
+with a second vehicle on the warning list.
 """
 
 from enum import Enum
 
 
 class GroupState(Enum):
-    """What a car is in its warning group (LCCA, section 3)."""
+    """A vehicle's state in its warning group (LCCA, section 3)."""
 
     REGULAR = "regular"
     LEADER = "leader"
@@ -51,7 +50,7 @@ class GroupState(Enum):
 
 
 class GroupEvent(Enum):
-    """What can change a car's state."""
+    """What can change a vehicle's state."""
 
     JOINED = "joined"
     LEFT_ALONE = "left_alone"
@@ -82,19 +81,19 @@ TRANSITIONS: dict[GroupState, dict[GroupEvent, GroupState]] = {
 
 
 class TransitionError(Exception):
-    """An event that the table does not allow: a mistake in this room, not in a message."""
+    """An event that the table does not allow: a defect of this package, not of a message."""
 
 
 def next_state(state: GroupState, event: GroupEvent) -> GroupState:
-    """Look the pair up.
+    """Return the state after `event`.
 
     Raises:
-        TransitionError: it is not in the table; the message names state and event.
+        TransitionError: the pair is not in the table; the message names state and event.
     """
     try:
         return TRANSITIONS[state][event]
     except KeyError:
-        raise TransitionError(f"{event.name} cannot happen to a {state.name} car") from None
+        raise TransitionError(f"{event.name} cannot happen to a {state.name} vehicle") from None
 
 
 def state_diagram() -> str:

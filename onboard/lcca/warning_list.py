@@ -1,4 +1,4 @@
-"""The warning list: who follows this car."""
+"""The warning list: the vehicles that follow this one (LCCA, section 3)."""
 
 import math
 from collections import OrderedDict
@@ -7,18 +7,18 @@ from onboard.messages.lcca import CarId
 
 
 class WarningList:
-    """Each follower is on the list until it leaves or is not heard for `lifetime_s`.
+    """A follower stays on the list until it leaves or sends no join for `lifetime_s`.
 
-    One car can be directly behind, but more may be listed for a while: one that cut in and the one
-    behind it, or one that misread a plate. Being warned for nothing is the smaller harm. Nobody is
-    refused, however many ask: whoever asks under many names must not keep the one behind from being
-    warned. So everything here takes as long with thousands on the list as with one.
+    Only one vehicle can be directly behind, but more may be listed for a while: one that cut in and
+    the one behind it, or one that misread a plate. A needless warning is the smaller harm. No join
+    is refused, however many arrive: a sender of many identities must not keep the vehicle behind
+    from being warned. Every operation therefore takes constant time, whatever the list's length.
     """
 
     def __init__(self, lifetime_s: float) -> None:
         self._lifetime_s = lifetime_s
         self._until: OrderedDict[CarId, float] = OrderedDict()
-        """The one heard longest ago first."""
+        """Expiry times, the least recently refreshed first."""
 
     def __len__(self) -> int:
         return len(self._until)
@@ -28,27 +28,27 @@ class WarningList:
 
     @property
     def ids(self) -> tuple[CarId, ...]:
-        """In the order in which they were last heard."""
+        """Followers, the least recently refreshed first."""
         return tuple(self._until)
 
-    def hear(self, car_id: CarId, now: float) -> bool:
-        """That car asks to follow, or still does. Returns whether nobody did before."""
+    def refresh(self, car_id: CarId, now: float) -> bool:
+        """Add a follower, or extend its lifetime. Return whether the list was empty before."""
         was_empty = not self._until
         self._until[car_id] = now + self._lifetime_s
         self._until.move_to_end(car_id)
         return was_empty
 
     def remove(self, car_id: CarId) -> bool:
-        """That car follows no longer. Returns whether it was the last one."""
+        """Remove a follower that has left. Return whether it was the last one."""
         return self._until.pop(car_id, None) is not None and not self._until
 
     def expire(self, now: float) -> bool:
-        """Drop those not heard for too long. Returns whether the last one was among them."""
+        """Remove followers whose lifetime is over. Return whether the last one was among them."""
         was_empty = not self._until
         while self._until and next(iter(self._until.values())) <= now:
             self._until.popitem(last=False)
         return not was_empty and not self._until
 
     def get_timer(self) -> float:
-        """Return when the next follower expires; `math.inf` without followers."""
+        """When the next follower expires; infinite if the list is empty."""
         return next(iter(self._until.values()), math.inf)

@@ -55,13 +55,13 @@ class Join:
     to_id: _CarId
     sequence: _Sequence
     """Returned by the reply."""
-    heard_origin_id: _CarId
-    """With `heard_sequence`: a warning that the sender has; all zero for none."""
-    heard_sequence: _Sequence
+    acknowledged_origin_id: _CarId
+    """With `acknowledged_sequence`: a warning that the sender has; all zero for none."""
+    acknowledged_sequence: _Sequence
 
     def without_acknowledgement(self) -> Self:
         """The same, as if the sender had no warning."""
-        return replace(self, heard_origin_id=bytes(8), heard_sequence=0)
+        return replace(self, acknowledged_origin_id=bytes(8), acknowledged_sequence=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class Reply:
     to_id: _CarId
     sequence: _Sequence
     """Of the join that this answers."""
-    beat: Annotated[int, Wire(16)]
+    leader_sequence: Annotated[int, Wire(16)]
     """The leader's count of its replies, as far as it has come down to the sender."""
     speed_m_s: _Speed
     """The sender's own, to be compared with what the camera behind it sees."""
@@ -114,7 +114,7 @@ class Update:
     previous_leader_id: _CarId
     shift: Annotated[int, Number(16, 1, "cars", lowest=-32767, highest=32767)]
     """Previous number less present number, the same for everybody."""
-    beat: Annotated[int, Wire(16)]
+    leader_sequence: Annotated[int, Wire(16)]
 
 
 @dataclass(frozen=True, slots=True)

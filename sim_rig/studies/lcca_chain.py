@@ -118,7 +118,9 @@ class _Platoon:
         places_m = -np.cumsum(self._gaps_m + _LENGTH_M)
         self._radios = np.flatnonzero(rng.random(cars) < share).tolist()
         self._groups = {
-            car: WarningGroup(settings.lcca, _id(car), np.random.default_rng([seed, car]))
+            car: WarningGroup(
+                settings.lcca.parameters(), _id(car), np.random.default_rng([seed, car])
+            )
             for car in self._radios
         }
         self._lossy = LossyAir(

@@ -9,7 +9,7 @@ from onboard.hmi.display import SHOW_S, Display
 from onboard.hmi.driver_view import Direction, DriverView
 from onboard.lcca.events import WarningRaised
 from onboard.lcca.group import WarningGroup
-from onboard.lcca.settings import LccaSettings
+from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupState
 from onboard.messages.lcca import Join
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
@@ -43,7 +43,7 @@ def display(**more: Any) -> Display:
 
 
 def alone() -> WarningGroup:
-    return WarningGroup(LccaSettings(), OWN, np.random.default_rng(1))
+    return WarningGroup(GroupParameters(), OWN, np.random.default_rng(1))
 
 
 def shown(on: Display, now: float, group: WarningGroup | None = None) -> DriverView:
@@ -290,7 +290,15 @@ def test_without_an_own_position_the_camera_fills_the_map_with_its_last_picture(
 def test_who_follows_is_counted() -> None:
     group = alone()
     group.receive_message(
-        Join(OTHER, OTHER, 1, to_id=OWN, sequence=1, heard_origin_id=bytes(8), heard_sequence=0),
+        Join(
+            OTHER,
+            OTHER,
+            1,
+            to_id=OWN,
+            sequence=1,
+            acknowledged_origin_id=bytes(8),
+            acknowledged_sequence=0,
+        ),
         10.0,
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from onboard.lcca.events import PrecedingVehicle, Transition
 from onboard.lcca.group import WarningGroup
-from onboard.lcca.settings import LccaSettings
+from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import CarId, Join, LccaMessage, Reply
 from onboard.observations import Discarded
 from tests.lcca.road import car_id
@@ -16,7 +16,7 @@ class OneCar:
     """B, unless told otherwise, alone at 20 m/s."""
 
     def __init__(self, own_id: CarId = B, **settings: float) -> None:
-        prompt = LccaSettings(**{"identity_dwell_s": 0.0, "spread_s": 0.0, **settings})  # type: ignore[arg-type]
+        prompt = GroupParameters(**{"identity_dwell_s": 0.0, "spread_s": 0.0, **settings})  # type: ignore[arg-type]
         self.group = WarningGroup(prompt, own_id, np.random.default_rng(1))
         self.group.receive_speed(20.0, 0.0)
 
@@ -43,8 +43,10 @@ class OneCar:
         return words
 
 
-def answer(join: Join, leader: CarId = A, number: int = 1, beat: int = 10, speed: float = 20.0):
-    return Reply(join.to_id, leader, number, join.sender_id, join.sequence, beat, speed)
+def answer(
+    join: Join, leader: CarId = A, number: int = 1, leader_sequence: int = 10, speed: float = 20.0
+):
+    return Reply(join.to_id, leader, number, join.sender_id, join.sequence, leader_sequence, speed)
 
 
 def member_of_a(**settings: float) -> OneCar:

@@ -15,7 +15,7 @@ import numpy as np
 
 from onboard.lcca.events import PrecedingVehicle, Transition, WarningRaised
 from onboard.lcca.group import WarningGroup
-from onboard.lcca.settings import LccaSettings
+from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupEvent
 from onboard.messages.lcca import CarId, LccaMessage, Warn, decode, encode
 from onboard.observations import Discarded, HardBrake
@@ -83,9 +83,11 @@ class Transmission:
 class Road:
     """Cars, each with a camera frame and a speed sample every `FRAME_S`, and the air."""
 
-    def __init__(self, air: Air | None = None, settings: LccaSettings | None = None, seed: int = 0):
+    def __init__(
+        self, air: Air | None = None, parameters: GroupParameters | None = None, seed: int = 0
+    ):
         self.air = air or Air()
-        self.settings = settings or LccaSettings()
+        self.parameters = parameters or GroupParameters()
         self.now = 0.0
         self.epoch = 0
         self.cars: dict[str, Car] = {}
@@ -100,7 +102,7 @@ class Road:
 
     def add(self, name: str, position_m: float, lane: int = 0, speed_m_s: float = 20.0) -> Car:
         rng = np.random.default_rng(self._rng.integers(1 << 32))
-        group = WarningGroup(self.settings, car_id(name, self.epoch), rng)
+        group = WarningGroup(self.parameters, car_id(name, self.epoch), rng)
         car = self.cars[name] = Car(name, group, lane, position_m, speed_m_s, self.epoch)
         self._at(self.now + float(self._rng.uniform(0.0, FRAME_S)), lambda: self._frame(car))
         return car

@@ -1,4 +1,4 @@
-"""A car never numbers itself behind itself."""
+"""A vehicle never numbers itself behind itself."""
 
 import pytest
 from hypothesis import given
@@ -9,27 +9,27 @@ from onboard.lcca.group_position import GroupPosition, is_newer
 ME, LEADER, OTHER = b"me-me-me", b"leader--", b"other---"
 
 
-def member(number: int, beat: int, now: float = 0.0) -> GroupPosition:
-    place = GroupPosition(ME, memory_s=3.0, beat=0)
-    place.take(LEADER, number, beat, now)
-    return place
+def member(number: int, leader_sequence: int, now: float = 0.0) -> GroupPosition:
+    position = GroupPosition(ME, memory_s=3.0, leader_sequence=0)
+    position.take(LEADER, number, leader_sequence, now)
+    return position
 
 
-def test_a_car_alone_is_number_1_under_itself() -> None:
-    place = GroupPosition(ME, memory_s=3.0, beat=7)
-    assert place.header == (ME, ME, 1)
-    assert place.beat == 7
+def test_a_vehicle_without_group_has_number_1_and_leads_itself() -> None:
+    position = GroupPosition(ME, memory_s=3.0, leader_sequence=7)
+    assert position.header == (ME, ME, 1)
+    assert position.leader_sequence == 7
 
 
-def test_a_leader_counts_its_replies_and_a_member_hands_the_count_on() -> None:
-    leader = GroupPosition(ME, memory_s=3.0, beat=65534)
-    assert [leader.next_beat() for _ in range(3)] == [65535, 0, 1]
-    place = member(number=4, beat=500)
-    assert [place.next_beat() for _ in range(3)] == [500, 500, 500]
+def test_a_leader_counts_its_replies_and_a_member_passes_the_count_on() -> None:
+    leader = GroupPosition(ME, memory_s=3.0, leader_sequence=65534)
+    assert [leader.next_leader_sequence() for _ in range(3)] == [65535, 0, 1]
+    position = member(number=4, leader_sequence=500)
+    assert [position.next_leader_sequence() for _ in range(3)] == [500, 500, 500]
 
 
 @pytest.mark.parametrize(
-    ("number", "beat", "closes"),
+    ("number", "leader_sequence", "closes"),
     [
         (5, 100, False),  # where we are
         (4, 100, False),  # closer to the leader
@@ -38,53 +38,56 @@ def test_a_leader_counts_its_replies_and_a_member_hands_the_count_on() -> None:
         (6, 101, False),  # the leader has counted on since: not from behind us
     ],
 )
-def test_a_place_under_the_same_leader_needs_a_newer_beat_or_no_larger_number(
-    number: int, beat: int, closes: bool
+def test_a_position_needs_a_newer_sequence_number_or_no_larger_group_number(
+    number: int, leader_sequence: int, closes: bool
 ) -> None:
-    assert member(number=5, beat=100).closes_circle(LEADER, number, beat, 1.0) is closes
+    assert (
+        member(number=5, leader_sequence=100).forms_loop(LEADER, number, leader_sequence, 1.0)
+        is closes
+    )
 
 
-def test_the_smallest_number_counts_not_the_last_one() -> None:
-    place = member(number=3, beat=100)
-    place.take(LEADER, 2, 100, 0.0)
-    assert place.closes_circle(LEADER, 3, 100, 0.0)
+def test_the_smallest_group_number_counts_not_the_last_one() -> None:
+    position = member(number=3, leader_sequence=100)
+    position.take(LEADER, 2, 100, 0.0)
+    assert position.forms_loop(LEADER, 3, 100, 0.0)
 
 
-def test_no_car_follows_one_that_it_leads_under_either_of_its_ids() -> None:
-    place = GroupPosition(ME, memory_s=3.0, beat=0)
-    place.rename(OTHER)
-    assert place.leader_id == OTHER
-    assert place.closes_circle(ME, 2, 9, 0.0)
-    assert place.closes_circle(OTHER, 2, 9, 0.0)
-    place.drop_previous_id()
-    assert not place.closes_circle(ME, 2, 9, 0.0)
+def test_a_vehicle_never_follows_its_own_group_under_either_id() -> None:
+    position = GroupPosition(ME, memory_s=3.0, leader_sequence=0)
+    position.change_id(OTHER)
+    assert position.leader_id == OTHER
+    assert position.forms_loop(ME, 2, 9, 0.0)
+    assert position.forms_loop(OTHER, 2, 9, 0.0)
+    position.drop_previous_id()
+    assert not position.forms_loop(ME, 2, 9, 0.0)
 
 
 def test_a_member_that_changes_its_id_keeps_its_leader() -> None:
-    place = member(number=3, beat=1)
-    place.rename(OTHER)
-    assert place.header == (OTHER, LEADER, 3)
+    position = member(number=3, leader_sequence=1)
+    position.change_id(OTHER)
+    assert position.header == (OTHER, LEADER, 3)
 
 
-def test_a_car_that_leads_anew_has_newer_news_than_when_it_led_before() -> None:
+def test_a_vehicle_that_leads_again_has_a_newer_sequence_number() -> None:
     # Or those behind, closer to it then, would refuse the larger numbers they have now.
-    place = GroupPosition(ME, memory_s=3.0, beat=7)
-    before = place.beat
-    place.take(LEADER, 2, 100, 0.0)
-    place.lead()
-    assert is_newer(place.beat, before)
+    position = GroupPosition(ME, memory_s=3.0, leader_sequence=7)
+    before = position.leader_sequence
+    position.take(LEADER, 2, 100, 0.0)
+    position.become_first()
+    assert is_newer(position.leader_sequence, before)
 
 
-def test_a_former_leader_is_remembered_for_as_long_as_old_news_of_it_may_be_about() -> None:
-    place = member(number=3, beat=100, now=0.0)
-    place.lead()
-    assert place.closes_circle(LEADER, 7, 100, 2.9)
-    assert not place.closes_circle(LEADER, 7, 100, 3.0)
+def test_the_position_under_a_former_leader_is_stored_for_leader_silence() -> None:
+    position = member(number=3, leader_sequence=100, now=0.0)
+    position.become_first()
+    assert position.forms_loop(LEADER, 7, 100, 2.9)
+    assert not position.forms_loop(LEADER, 7, 100, 3.0)
 
 
 @given(st.integers(0, 65535), st.integers(1, 32767))
-def test_counts_are_compared_across_their_wrap(beat: int, ahead: int) -> None:
-    later = (beat + ahead) % 65536
-    assert is_newer(later, beat)
-    assert not is_newer(beat, later)
-    assert not is_newer(beat, beat)
+def test_sequence_numbers_are_compared_across_their_wrap(leader_sequence: int, ahead: int) -> None:
+    later = (leader_sequence + ahead) % 65536
+    assert is_newer(later, leader_sequence)
+    assert not is_newer(leader_sequence, later)
+    assert not is_newer(leader_sequence, leader_sequence)

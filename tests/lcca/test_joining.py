@@ -1,4 +1,4 @@
-"""Joining, staying, leaving: two or three cars, told as they happen."""
+"""Joining, staying, leaving: narrated runs of two or three vehicles."""
 
 from itertools import pairwise
 
@@ -31,7 +31,7 @@ class Losing:
 # Joining
 
 
-def test_the_papers_example() -> None:
+def test_the_example_of_the_paper() -> None:
     # A, B and C in one lane. B is too close to A, C too close to B.
     road = Road()
     road.add_row("ABC")
@@ -62,12 +62,12 @@ def test_a_join_is_repeated_until_it_is_answered(count: int, kind: type, sender:
     joins = [entry.at for entry in road.sent if isinstance(entry.message, Join)][: count + 1]
     waits = [later - earlier for earlier, later in pairwise(joins)]
     planned = [min(0.1 * 2**n, 0.25) for n in range(count)]
-    assert waits == pytest.approx(planned, abs=road.settings.spread_s)
+    assert waits == pytest.approx(planned, abs=road.parameters.spread_s)
     joined_at = road.cars["B"].transitions[0].stamp_s
     assert joined_at == pytest.approx(joins[-1] + 2 * road.air.delay_s)
 
 
-def test_a_car_without_a_radio_is_asked_for_as_long_as_it_is_ahead_but_not_often() -> None:
+def test_a_lead_without_radio_is_sent_few_joins_while_it_is_ahead() -> None:
     road = Road()
     road.add_row("AB")[0].has_radio = False
     road.run(60.0)
@@ -90,7 +90,7 @@ def test_an_answered_join_is_refreshed_twice_a_second() -> None:
     assert 4 * 2 * 110 <= len(road.sent) - before <= 4 * 2 * 130
 
 
-def test_only_a_known_car_that_is_too_close_is_asked() -> None:
+def test_joins_go_only_to_an_identified_vehicle_that_is_too_close() -> None:
     car = OneCar()
     car.sees(None, 0.0)
     assert car.says(0.0) == []
@@ -100,7 +100,7 @@ def test_only_a_known_car_that_is_too_close_is_asked() -> None:
     assert car.asks(0.2).to_id == A
 
 
-def test_a_camera_that_reads_the_own_plate_asks_nobody() -> None:
+def test_reading_the_own_plate_sends_no_join() -> None:
     car = OneCar(own_id=B)
     car.sees(B, 0.0)
     assert car.says(0.0) == []
@@ -109,12 +109,12 @@ def test_a_camera_that_reads_the_own_plate_asks_nobody() -> None:
 # Answers that are not believed
 
 
-def test_an_answer_to_a_question_not_asked_is_not_believed() -> None:
+def test_a_reply_without_a_join_is_refused() -> None:
     car = OneCar()
     assert car.hears(Reply(A, A, 1, B, 0, 10, 20.0), 0.0) == ["not_asked"]
 
 
-def test_an_answer_counts_once_and_only_for_a_join_that_was_sent() -> None:
+def test_a_reply_is_accepted_once_and_only_for_a_join_that_was_sent() -> None:
     car = OneCar()
     car.sees(A, 0.0)
     join = car.asks(0.0)
@@ -124,15 +124,15 @@ def test_an_answer_counts_once_and_only_for_a_join_that_was_sent() -> None:
     assert car.hears(answer(join), 0.0) == ["stale"]
 
 
-def test_an_overtaken_answer_does_not_bring_back_the_old_leader() -> None:
+def test_a_late_reply_does_not_bring_back_the_old_leader() -> None:
     car = member_of_a()
     first, second = car.asks(0.5), car.asks(0.6)
-    assert car.hears(answer(second, leader=C, number=4, beat=7), 0.7) == ["renumbered"]
-    assert car.hears(answer(first, leader=A, number=1, beat=11), 0.7) == ["stale"]
+    assert car.hears(answer(second, leader=C, number=4, leader_sequence=7), 0.7) == ["renumbered"]
+    assert car.hears(answer(first, leader=A, number=1, leader_sequence=11), 0.7) == ["stale"]
     assert (car.group.leader_id, car.group.group_number) == (C, 5)
 
 
-def test_an_answer_from_a_car_that_moves_otherwise_than_the_one_in_view_is_not_believed() -> None:
+def test_a_reply_whose_speed_contradicts_the_camera_is_refused() -> None:
     car = OneCar()
     car.sees(A, 0.0, closing=0.0)  # the car ahead drives 20 m/s, as we do
     assert car.hears(answer(car.asks(0.0), speed=27.0), 0.0) == ["implausible"]
@@ -140,7 +140,7 @@ def test_an_answer_from_a_car_that_moves_otherwise_than_the_one_in_view_is_not_b
     assert car.hears(answer(car.asks(0.1), speed=20.5), 0.1) == ["joined"]
 
 
-def test_an_answer_that_comes_when_the_camera_reads_another_plate_is_not_believed() -> None:
+def test_a_reply_is_refused_once_the_camera_reads_another_plate() -> None:
     car = OneCar()
     car.sees(X, 0.0)
     join = car.asks(0.0)
@@ -149,7 +149,7 @@ def test_an_answer_that_comes_when_the_camera_reads_another_plate_is_not_believe
     assert car.group.state is GroupState.REGULAR
 
 
-def test_a_plate_misread_in_single_frames_is_never_asked() -> None:
+def test_a_plate_misread_in_single_frames_is_never_sent_a_join() -> None:
     road = Road()
     b = road.add_row("AB")[1]
     for _ in range(20):
@@ -161,7 +161,7 @@ def test_a_plate_misread_in_single_frames_is_never_asked() -> None:
     assert events_of(b) == [(GroupEvent.JOINED, "answered")]
 
 
-def test_a_plate_misread_for_a_while_is_asked_gives_no_answer_and_costs_no_membership() -> None:
+def test_a_plate_misread_for_a_while_gets_joins_and_costs_no_membership() -> None:
     road = Road()
     b = road.add_row("AB")[1]
     road.run(2.0)
@@ -173,7 +173,7 @@ def test_a_plate_misread_for_a_while_is_asked_gives_no_answer_and_costs_no_membe
     assert events_of(b) == [(GroupEvent.JOINED, "answered")]
 
 
-def test_a_plate_misread_for_good_ends_the_membership() -> None:
+def test_a_plate_misread_permanently_ends_the_membership() -> None:
     road = Road()
     b = road.add_row("AB")[1]
     road.run(2.0)
@@ -185,7 +185,7 @@ def test_a_plate_misread_for_good_ends_the_membership() -> None:
 # Leaving
 
 
-def test_a_car_that_falls_back_leaves_and_is_taken_off_the_list() -> None:
+def test_a_vehicle_that_falls_back_leaves_and_is_removed_from_the_warning_list() -> None:
     road = Road()
     a, b = road.add_row("AB")
     road.run(2.0)
@@ -198,7 +198,7 @@ def test_a_car_that_falls_back_leaves_and_is_taken_off_the_list() -> None:
     assert a.group.state is b.group.state is GroupState.REGULAR
 
 
-def test_a_lost_leave_is_made_good_by_expiry() -> None:
+def test_after_a_lost_leave_the_follower_expires() -> None:
     road = Road()
     a, b = road.add_row("AB")
     road.run(2.0)
@@ -208,7 +208,7 @@ def test_a_lost_leave_is_made_good_by_expiry() -> None:
     assert events_of(a)[-1] == (GroupEvent.UNFOLLOWED, "expired")
 
 
-def test_a_gap_that_is_noisy_about_the_safety_distance_does_not_flap() -> None:
+def test_a_noisy_gap_around_the_safety_distance_changes_no_membership() -> None:
     road = Road()
     _, b = road.add_row("AB")
     noise = np.random.default_rng(3)
@@ -238,7 +238,7 @@ def test_a_lost_sensor_ends_the_membership_after_a_stated_time(
     assert b.group.state is GroupState.MEMBER
 
 
-def test_a_car_ahead_that_goes_silent_is_left_and_a_follower_that_does_is_dropped() -> None:
+def test_a_silent_predecessor_is_left_and_a_silent_follower_expires() -> None:
     road = Road()
     a, b, c = road.add_row("ABC")
     road.run(2.0)
@@ -251,7 +251,7 @@ def test_a_car_ahead_that_goes_silent_is_left_and_a_follower_that_does_is_droppe
     assert places(road) == true_places(road)
 
 
-def test_a_car_whose_daemon_restarts_is_believed_again() -> None:
+def test_a_vehicle_whose_daemon_restarts_is_accepted_again() -> None:
     road = Road()
     road.add_row("ABC")
     road.run(5.0)

@@ -1,4 +1,4 @@
-"""What one member makes of the warnings and updates that it hears."""
+"""Which warnings and updates one member accepts."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 
 from onboard.lcca.events import PrecedingVehicle
 from onboard.lcca.group import WarningGroup
-from onboard.lcca.settings import LccaSettings
+from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import Join, Reply, Update, Warn
 from onboard.observations import Discarded, HardBrake
 from tests.lcca.road import car_id
@@ -20,7 +20,7 @@ class Listener:
 
     def __init__(self, **changes: float) -> None:
         prompt = {"identity_dwell_s": 0.0, "spread_s": 0.0}
-        instantly = LccaSettings(**(prompt | changes))  # type: ignore[arg-type]
+        instantly = GroupParameters(**(prompt | changes))  # type: ignore[arg-type]
         self.group = WarningGroup(instantly, B, np.random.default_rng(1))
         self.group.receive_speed(20.0, 0.0)
         self.group.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, 0.0), 0.0)
@@ -73,11 +73,13 @@ OUTSIDER = b"outsider"
         ({"sender_id": B}, ["own_echo"]),
     ],
 )
-def test_what_a_member_makes_of_a_warning(changes: dict[str, object], words: list[str]) -> None:
+def test_a_member_accepts_or_refuses_a_warning(
+    changes: dict[str, object], words: list[str]
+) -> None:
     assert Listener().hears(warn(**changes)) == words
 
 
-def test_a_copy_of_a_known_warning_is_a_duplicate_from_whomever() -> None:
+def test_every_further_copy_of_a_warning_is_a_duplicate() -> None:
     car = Listener()
     assert car.hears(warn()) == ["warning"]
     assert car.hears(warn()) == ["duplicate"]
@@ -96,7 +98,7 @@ def update(**changes: object) -> Update:
         "reach": 1,
         "previous_leader_id": A,
         "shift": -3,
-        "beat": 77,
+        "leader_sequence": 77,
     }
     return Update(**(fields | changes))  # type: ignore[arg-type]
 
@@ -109,14 +111,14 @@ def update(**changes: object) -> Update:
         ({"sender_id": OUTSIDER, "number": 5}, ["from_behind"], 2),
         ({"sender_id": OUTSIDER, "previous_leader_id": OUTSIDER}, ["other_group"], 2),
         ({"sender_id": OUTSIDER, "previous_leader_id": C, "leader_id": A}, ["up_to_date"], 2),
-        ({"sender_id": OUTSIDER, "leader_id": A, "beat": 10}, ["up_to_date"], 2),
-        ({"sender_id": OUTSIDER, "leader_id": A, "beat": 11}, ["transition"], 5),
+        ({"sender_id": OUTSIDER, "leader_id": A, "leader_sequence": 10}, ["up_to_date"], 2),
+        ({"sender_id": OUTSIDER, "leader_id": A, "leader_sequence": 11}, ["transition"], 5),
         ({"leader_id": A, "number": 1, "shift": 0}, ["up_to_date"], 2),
         ({"leader_id": B}, ["loop"], 2),
         ({"previous_leader_id": OUTSIDER}, ["transition"], 5),  # told by the car it follows
     ],
 )
-def test_what_a_member_makes_of_an_update(
+def test_a_member_accepts_or_refuses_an_update(
     changes: dict[str, object], words: list[str], number: int
 ) -> None:
     car = Listener()
@@ -124,7 +126,7 @@ def test_what_a_member_makes_of_an_update(
     assert car.group.group_number == number
 
 
-def test_a_member_that_is_told_what_does_not_fit_tells_those_behind_itself() -> None:
+def test_a_member_whose_shift_differs_sends_its_own_update() -> None:
     car = Listener()
     car.hears(update(previous_leader_id=OUTSIDER))
     (own,) = car.group.messages_to_send(0.0)
@@ -132,7 +134,7 @@ def test_a_member_that_is_told_what_does_not_fit_tells_those_behind_itself() -> 
     assert (own.event_origin_id, own.previous_leader_id, own.shift) == (B, A, -3)
 
 
-def test_the_age_of_a_repeated_warning_counts_the_time_it_was_held() -> None:
+def test_the_age_of_a_repeated_warning_includes_the_waiting_time() -> None:
     car = Listener()
     car.group.receive_message(warn(reach=3), 0.0)  # two slots before the named one
     at = car.group.get_timer()
@@ -148,7 +150,7 @@ def copies(car: Listener, now: float) -> list[str]:
     return [message.kind for message in out if isinstance(message, Warn | Update)]
 
 
-def test_a_car_that_has_left_hands_nothing_on() -> None:
+def test_a_vehicle_that_has_left_forwards_nothing() -> None:
     stays, leaves = Listener(), Listener(lead_hold_s=0.01)
     for car in (stays, leaves):
         car.hears(warn(reach=3))
@@ -158,7 +160,7 @@ def test_a_car_that_has_left_hands_nothing_on() -> None:
     assert copies(leaves, 0.02) == []
 
 
-def test_a_repeated_warning_counts_the_braking_car_in_todays_numbers() -> None:
+def test_a_repeated_warning_has_the_present_number_of_the_braking_vehicle() -> None:
     # A, number 4 now, braked as number 1. Who is number 2 to 4 of the new group is ahead of it.
     car = Listener()
     car.hears(warn(reach=3))
@@ -168,7 +170,7 @@ def test_a_repeated_warning_counts_the_braking_car_in_todays_numbers() -> None:
     assert (copy.leader_id, copy.number, copy.origin_number) == (b"leader-z", 5, 4)
 
 
-def test_a_warning_of_a_car_that_is_no_longer_in_the_group_is_not_repeated() -> None:
+def test_a_warning_from_a_vehicle_that_left_the_group_is_not_repeated() -> None:
     # A left its group and leads; the braking car was ahead of it.
     car = Listener()
     z = b"leader-z"
@@ -181,17 +183,19 @@ def test_a_warning_of_a_car_that_is_no_longer_in_the_group_is_not_repeated() -> 
     assert not any(isinstance(m, Warn) for m in car.group.messages_to_send(0.05))
 
 
-def test_an_update_that_has_been_overtaken_is_not_handed_on() -> None:
+def test_an_outdated_update_is_not_forwarded() -> None:
     car = Listener()
     car.hears(update(reach=3))
-    newer = update(previous_leader_id=b"leader-z", leader_id=b"leader-y", event_sequence=6, beat=9)
+    newer = update(
+        previous_leader_id=b"leader-z", leader_id=b"leader-y", event_sequence=6, leader_sequence=9
+    )
     assert car.hears(newer) == ["transition"]
     car.group.handle_timer(0.05)
     sent = [m for m in car.group.messages_to_send(0.05) if isinstance(m, Update)]
     assert {message.leader_id for message in sent} == {b"leader-y"}
 
 
-def test_a_warning_leaves_before_anything_else() -> None:
+def test_a_warning_is_sent_before_other_messages() -> None:
     car = Listener()
     car.hears(Join(C, A, 3, B, 1, bytes(8), 0))
     car.group.receive_hard_brake(HardBrake(0.0, 5.0, "test"), 0.2)

@@ -1,4 +1,4 @@
-"""Whatever happened on the road: once it stands still, the groups are what the road says.
+"""After any changes on the road, the groups match it once it stands still.
 
 Cars come, go, change lanes and speeds, misread plates, lose camera or radio, change their IDs,
 brake; the air loses, delays and reorders. Two things hold. While it happens, nobody raises a
@@ -225,7 +225,7 @@ def assert_each_warning_reaches_its_group_only(drive: Drive) -> None:
     phases=[Phase.explicit, Phase.generate],  # a road does not shrink in reasonable time
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
-def test_once_the_road_stands_still_the_groups_are_what_it_says(
+def test_after_the_last_change_on_the_road_the_groups_match_it(
     lanes: list[int],
     mute: frozenset[str],
     script: list[Step],

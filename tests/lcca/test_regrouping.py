@@ -15,7 +15,7 @@ A, B, C, X = (car_id(name) for name in "ABCX")
 # Another car ahead
 
 
-def test_a_car_that_cuts_in_takes_its_place_without_anybody_leaving_the_group() -> None:
+def test_a_vehicle_that_cuts_in_joins_without_a_leave_of_others() -> None:
     road = Road()
     a, b, c = road.add_row("ABC", gap_m=30.0)
     road.run(3.0)
@@ -32,7 +32,7 @@ def test_a_car_that_cuts_in_takes_its_place_without_anybody_leaving_the_group() 
     assert x.group.followers == (B,)
 
 
-def test_a_car_that_changes_lanes_out_of_the_group_is_closed_up_behind() -> None:
+def test_after_a_lane_change_out_of_the_group_the_next_vehicle_closes_up() -> None:
     road = Road()
     _, b, c = road.add_row("ABC", gap_m=15.0)
     road.run(3.0)
@@ -80,7 +80,7 @@ def test_two_groups_merge_and_the_second_learns_its_new_leader(updates_lost: boo
     assert places(road)["E"] == ("A", 5)
 
 
-def test_news_that_no_update_brought_comes_down_the_row_as_a_wave() -> None:
+def test_without_updates_a_new_leader_spreads_by_refreshes() -> None:
     road = Road()
     road.drops = lambda entry, _: isinstance(entry.message, Update)
     for i, name in enumerate("ABCDEFGHIJ"):
@@ -92,12 +92,12 @@ def test_news_that_no_update_brought_comes_down_the_row_as_a_wave() -> None:
     road.run(2.0)
     assert places(road)["J"] == ("Z", 11)
     reached = [road.cars[name].transitions[-1].stamp_s for name in "ABCDEFGHIJ"]
-    one_car_s = road.settings.spread_s + 3 * road.air.delay_s
+    one_car_s = road.parameters.spread_s + 3 * road.air.delay_s
     assert all(later - earlier <= one_car_s for earlier, later in pairwise(reached))
 
 
 @pytest.mark.parametrize(("cars", "loss"), [(40, 0.0), (16, 0.3)])
-def test_news_of_a_living_leader_reaches_the_end_of_a_long_row_in_time(
+def test_leader_sequence_numbers_reach_the_end_of_a_long_group_in_time(
     cars: int, loss: float
 ) -> None:
     road = Road(Air(reach_m=150.0, loss=loss), seed=3)
@@ -110,7 +110,7 @@ def test_news_of_a_living_leader_reaches_the_end_of_a_long_row_in_time(
     assert {name: len(car.transitions) for name, car in road.cars.items()} == settled
 
 
-def test_every_listed_transition_happens_on_the_road() -> None:
+def test_every_listed_transition_occurs_on_the_road() -> None:
     road = Road()
     cars = road.add_row("ABC", gap_m=15.0)  # REGULAR is followed, joins; a MEMBER is followed
     road.run(2.0)
@@ -133,7 +133,7 @@ def test_every_listed_transition_happens_on_the_road() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_two_cars_that_read_each_others_plate_do_not_count_up(seed: int) -> None:
+def test_two_vehicles_that_read_each_others_plate_do_not_count_up(seed: int) -> None:
     road = Road(Air(jitter_s=0.08), seed=seed)
     a, b = road.add_row("AB")
     ahead = road.add("Z", 20.0)
@@ -148,7 +148,7 @@ def test_two_cars_that_read_each_others_plate_do_not_count_up(seed: int) -> None
     assert places(road) == true_places(road)
 
 
-def test_the_first_of_a_row_that_reads_the_lasts_plate_stays_the_first() -> None:
+def test_a_leader_that_reads_the_last_members_plate_stays_leader() -> None:
     road = Road()
     road.add("Z", 20.0).has_radio = False
     cars = road.add_row("ABCD")
@@ -162,7 +162,7 @@ def test_the_first_of_a_row_that_reads_the_lasts_plate_stays_the_first() -> None
     assert cars[3].group.followers == ()
 
 
-def test_a_member_that_reads_the_plate_of_a_car_behind_does_not_follow_it() -> None:
+def test_a_member_that_reads_the_plate_of_a_vehicle_behind_does_not_follow_it() -> None:
     road = Road()
     cars = road.add_row("ABCD")
     road.run(2.0)
@@ -177,7 +177,7 @@ def test_a_member_that_reads_the_plate_of_a_car_behind_does_not_follow_it() -> N
 
 
 @pytest.mark.parametrize("spread_s", [0.0, 0.5, 1.5])
-def test_a_group_outlives_the_change_of_everybodys_id(spread_s: float) -> None:
+def test_a_group_outlasts_the_change_of_all_ids(spread_s: float) -> None:
     road = Road()
     cars = road.add_row("ABCDE")
     road.run(3.0)
@@ -195,7 +195,7 @@ def test_a_group_outlives_the_change_of_everybodys_id(spread_s: float) -> None:
     assert not any(isinstance(entry.message, Leave) for entry in road.sent[before_change:])
 
 
-def test_no_message_names_both_the_old_and_the_new_id_of_one_car() -> None:
+def test_no_message_holds_both_the_old_and_the_new_id_of_one_vehicle() -> None:
     road = Road()
     road.add_row("ABCDE")
     road.run(3.0)
@@ -205,7 +205,7 @@ def test_no_message_names_both_the_old_and_the_new_id_of_one_car() -> None:
     assert not any(isinstance(entry.message, Update) for entry in road.sent[before:])
 
 
-def test_after_the_change_the_previous_id_is_nobodys() -> None:
+def test_after_the_change_the_previous_id_is_invalid() -> None:
     car = OneCar(own_id=B)
     car.group.set_own_id(X, 1.0)
     car.says(1.0)
@@ -216,6 +216,6 @@ def test_after_the_change_the_previous_id_is_nobodys() -> None:
     assert car.hears(Join(C, C, 1, X, 0, bytes(8), 0), 3.1) == ["followed"]
 
 
-def test_the_own_voice_is_not_listened_to() -> None:
+def test_own_messages_are_ignored() -> None:
     car = OneCar(own_id=B)
     assert car.hears(Join(B, B, 1, B, 0, bytes(8), 0), 0.0) == ["own_echo"]

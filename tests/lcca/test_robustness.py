@@ -1,4 +1,4 @@
-"""No message from the air, in whatever order, can break a car or make it lie about its place."""
+"""Any messages in any order leave a consistent state and bounded memory."""
 
 import math
 import tracemalloc
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from onboard.lcca.events import PrecedingVehicle
 from onboard.lcca.group import WarningGroup
-from onboard.lcca.settings import LccaSettings
+from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupState
 from onboard.messages.lcca import Join, LccaMessage, Leave, LeaveReason, Reply, Update, Warn, encode
 from onboard.observations import HardBrake
@@ -26,10 +26,20 @@ event = {"event_origin_id": ids, "event_sequence": counts, "reach": counts}
 
 messages = st.one_of(
     st.builds(
-        Join, **header, to_id=ids, sequence=counts, heard_origin_id=ids, heard_sequence=counts
+        Join,
+        **header,
+        to_id=ids,
+        sequence=counts,
+        acknowledged_origin_id=ids,
+        acknowledged_sequence=counts,
     ),
     st.builds(
-        Reply, **header, to_id=st.just(OWN), sequence=counts, beat=counts, speed_m_s=st.none()
+        Reply,
+        **header,
+        to_id=st.just(OWN),
+        sequence=counts,
+        leader_sequence=counts,
+        speed_m_s=st.none(),
     ),
     st.builds(Leave, **header, to_id=ids, reason=st.just(LeaveReason.GAP)),
     st.builds(
@@ -38,7 +48,7 @@ messages = st.one_of(
         **event,
         previous_leader_id=ids,
         shift=st.integers(-5, 5) | st.just(-32767),
-        beat=counts,
+        leader_sequence=counts,
     ),
     st.builds(
         Warn,
@@ -71,10 +81,10 @@ steps = st.one_of(
 
 @given(st.lists(steps, max_size=60))
 @settings(max_examples=300, derandomize=True, database=None)
-def test_whatever_comes_the_car_stays_consistent_and_can_say_where_it_is(
+def test_any_sequence_of_inputs_leaves_a_consistent_state(
     script: list[Step],
 ) -> None:
-    group = WarningGroup(LccaSettings(identity_dwell_s=0.0), OWN, np.random.default_rng(0))
+    group = WarningGroup(GroupParameters(identity_dwell_s=0.0), OWN, np.random.default_rng(0))
     now, last_join, renamed = 0.0, None, 0
     for step in script:
         group.receive_speed(20.0, now)
@@ -85,8 +95,10 @@ def test_whatever_comes_the_car_stays_consistent_and_can_say_where_it_is(
             case Frame():
                 group.receive_preceding_vehicle(step.ahead, now)
             case "answer" if last_join is not None:
-                beat = int(now * 10) % 65536
-                answer = Reply(last_join.to_id, A, 3, OWN, last_join.sequence, beat, None)
+                leader_sequence = int(now * 10) % 65536
+                answer = Reply(
+                    last_join.to_id, A, 3, OWN, last_join.sequence, leader_sequence, None
+                )
                 group.receive_message(answer, now)
             case "brake":
                 group.receive_hard_brake(HardBrake(now, 6.0, "test"), now)
@@ -108,10 +120,10 @@ def test_whatever_comes_the_car_stays_consistent_and_can_say_where_it_is(
 
 @given(st.lists(messages, max_size=30))
 @settings(max_examples=100, derandomize=True, database=None)
-def test_a_car_that_nobody_follows_and_that_follows_nobody_is_never_warned(
+def test_a_regular_vehicle_is_never_warned(
     script: list[LccaMessage],
 ) -> None:
-    group = WarningGroup(LccaSettings(), OWN, np.random.default_rng(0))
+    group = WarningGroup(GroupParameters(), OWN, np.random.default_rng(0))
     for message in script:
         group.receive_message(message, 0.0)
         while (event := group.next_event()) is not None:
@@ -125,8 +137,8 @@ def made_up_joins(to_id: bytes) -> Iterator[Join]:
 
 
 @pytest.mark.parametrize("to_id", [OWN, A], ids=["to us", "to another"])
-def test_who_speaks_under_ever_new_names_fills_no_memory(to_id: bytes) -> None:
-    group = WarningGroup(LccaSettings(), OWN, np.random.default_rng(1))
+def test_a_sender_of_many_ids_fills_no_memory(to_id: bytes) -> None:
+    group = WarningGroup(GroupParameters(), OWN, np.random.default_rng(1))
     joins = made_up_joins(to_id)
 
     def hear_them_for(seconds: float, since: float) -> None:

@@ -1,4 +1,4 @@
-"""The table, every pair of it, and the picture drawn from it."""
+"""The transition table, every pair of it, and the diagram drawn from it."""
 
 from itertools import product
 from pathlib import Path
@@ -55,7 +55,7 @@ def expected(state: GroupState, event: GroupEvent) -> set[GroupState]:
 
 
 @pytest.mark.parametrize(("state", "event"), list(product(GroupState, GroupEvent)))
-def test_every_pair_is_what_the_two_facts_say(state: GroupState, event: GroupEvent) -> None:
+def test_every_pair_follows_from_the_two_facts(state: GroupState, event: GroupEvent) -> None:
     allowed = expected(state, event)
     if allowed:
         assert {next_state(state, event)} == allowed
@@ -72,14 +72,14 @@ def test_every_state_can_be_reached_and_left() -> None:
     assert nx.is_strongly_connected(graph)
 
 
-def test_the_picture_in_the_documentation_is_drawn_from_the_table() -> None:
+def test_the_diagram_in_the_documentation_is_drawn_from_the_table() -> None:
     page = (Path(__file__).parents[2] / "docs" / "lcca.md").read_text(encoding="utf-8")
     assert f"```mermaid\n{state_diagram()}\n```" in page, (
         f"docs/lcca.md is to contain:\n{state_diagram()}"
     )
 
 
-def test_the_picture_shows_every_listed_pair() -> None:
+def test_the_diagram_shows_every_listed_pair() -> None:
     arrows = [line.split(" : ") for line in state_diagram().splitlines() if " : " in line]
     drawn = {
         (ends.strip().split(" --> ")[0], event, ends.strip().split(" --> ")[1])

@@ -1,4 +1,4 @@
-"""Who is warned, who is not, and how few messages it takes."""
+"""Which members are warned, and how many messages that takes."""
 
 from itertools import accumulate
 
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from onboard.lcca.events import WarningRaised
 from onboard.lcca.forwarding import Forwarding
 from onboard.lcca.group_position import GroupPosition
-from onboard.lcca.settings import LccaSettings
+from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupState
 from onboard.lcca.warning_list import WarningList
 from onboard.messages.lcca import Join, Reply, Update, Warn
@@ -44,7 +44,7 @@ def fewest_transmissions(road: Road, origin: str, last: str) -> int:
 # Who
 
 
-def test_the_papers_demonstration() -> None:
+def test_the_demonstration_of_the_paper() -> None:
     # Three cars in a lane, one in another; the first brakes.
     road = Road()
     road.add_row("ABC")
@@ -69,7 +69,7 @@ def test_the_papers_demonstration() -> None:
     ]
 
 
-def test_cars_ahead_discard_the_warning() -> None:
+def test_vehicles_ahead_discard_the_warning() -> None:
     road = row("ABCD")
     road.brake("C")
     road.run(1.0)
@@ -89,14 +89,14 @@ def test_another_group_discards_the_warning() -> None:
     assert [road.cars[name].discarded[-1] for name in "XYZ"] == ["other_group"] * 3
 
 
-def test_a_car_in_no_group_warns_nobody() -> None:
+def test_a_regular_vehicle_sends_no_warning() -> None:
     road = row("AB", gap_m=60.0)
     road.brake("A")
     road.run(1.0)
     assert road.warns() == []
 
 
-def test_the_last_of_a_group_warns_all_the_same_and_nobody_repeats_it() -> None:
+def test_the_last_members_warning_is_sent_and_not_repeated() -> None:
     # LCCA: "whenever i is in the LEADER/MEMBER state and performs an emergency brake".
     road = row("ABC")
     road.brake("C")
@@ -126,7 +126,7 @@ def test_each_braking_is_one_alarm_and_two_at_once_are_two() -> None:
     origin=st.integers(0, 5),
     seed=st.integers(0, 99),
 )
-def test_on_a_perfect_channel_no_copy_is_more_than_the_radio_range_makes_necessary(
+def test_on_a_perfect_channel_the_number_of_copies_is_minimal(
     gaps_m: list[float], reach_m: float, origin: int, seed: int
 ) -> None:
     road = Road(Air(reach_m=reach_m), seed=seed)
@@ -153,7 +153,7 @@ def test_on_a_perfect_channel_no_copy_is_more_than_the_radio_range_makes_necessa
 
 @pytest.mark.parametrize("names", ["ABCDEF", "ABCDEFG", "ABCDEFGH"])
 @pytest.mark.parametrize("reach_m", [45.0, 65.0, 300.0])
-def test_an_update_takes_no_more_copies_either(names: str, reach_m: float) -> None:
+def test_the_number_of_copies_of_an_update_is_minimal(names: str, reach_m: float) -> None:
     road = row(names, Air(reach_m=reach_m))
     road.add("Z", 80.0)
     road.run(2.0)
@@ -183,7 +183,7 @@ def test_a_warning_costs_no_message_beyond_its_copies() -> None:
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_a_third_of_everything_lost_everybody_is_still_warned_and_once(seed: int) -> None:
+def test_with_a_third_of_all_messages_lost_every_member_is_warned_once(seed: int) -> None:
     road = Road(Air(reach_m=45.0, loss=0.3, jitter_s=0.004), seed=seed)
     road.add_row("ABCDEFGH")
     road.run(6.0)
@@ -192,7 +192,7 @@ def test_a_third_of_everything_lost_everybody_is_still_warned_and_once(seed: int
     assert [len(car.warnings) for car in road.cars.values()] == [0, 1, 1, 1, 1, 1, 1, 1]
 
 
-def test_the_next_best_repeats_when_the_named_one_has_not_heard() -> None:
+def test_the_next_candidate_repeats_if_the_designated_forwarder_received_nothing() -> None:
     # From A the radio reaches D. D misses it; C waits one slot, B would have waited two.
     road = row("ABCDEFG", Air(reach_m=65.0))
     road.drops = lambda entry, to: (
@@ -202,11 +202,11 @@ def test_the_next_best_repeats_when_the_named_one_has_not_heard() -> None:
     road.run(0.1)
     assert [entry.sender for entry in road.warns()] == ["A", "C", "F"]
     waited = road.warns()[1].at - road.warns()[0].at
-    assert waited == pytest.approx(road.air.delay_s + road.settings.slot_s)
+    assert waited == pytest.approx(road.air.delay_s + road.parameters.slot_s)
     assert warned(road) == "BCDEFG"
 
 
-def test_the_one_beyond_waits_half_a_slot_less_than_the_one_before() -> None:
+def test_a_candidate_behind_the_designated_forwarder_waits_half_a_slot_less() -> None:
     # E hears A by a stroke of luck, although A has only heard as far as D. D misses it.
     road = row("ABCDEFG", Air(reach_m=65.0))
     road.air = Air(reach_m=85.0)
@@ -218,7 +218,7 @@ def test_the_one_beyond_waits_half_a_slot_less_than_the_one_before() -> None:
     assert [entry.sender for entry in road.warns()] == ["A", "E"]
 
 
-def test_a_car_that_makes_up_a_number_costs_a_warning_a_slot_or_two_a_hop() -> None:
+def test_a_forged_group_number_delays_a_warning_by_a_slot_or_two_a_hop() -> None:
     road = row("ABCDEFGH", Air(reach_m=45.0))
     lie = Join(b"a liar--", A, 60_000, b"somebody", 0, bytes(8), 0)
     for car in road.cars.values():
@@ -233,14 +233,14 @@ def test_a_car_that_makes_up_a_number_costs_a_warning_a_slot_or_two_a_hop() -> N
     assert len(road.warns()) == 4
 
 
-def test_a_reach_that_no_radio_has_does_not_hold_an_update_back() -> None:
+def test_an_impossible_reach_does_not_delay_an_update() -> None:
     # Anybody may claim to be the 65,535th of a group, and its leader then names that reach.
-    forwarding = Forwarding(LccaSettings(), GroupPosition(B, 3.0, 0), WarningList(2.5))
+    forwarding = Forwarding(GroupParameters(), GroupPosition(B, 3.0, 0), WarningList(2.5))
     forwarding.receive(Update(A, A, 1, A, 7, 65535, C, 1, 0), 1, 10.0)
-    assert forwarding.get_timer() == pytest.approx(10.0 + LccaSettings().acknowledge_s)
+    assert forwarding.get_timer() == pytest.approx(10.0 + GroupParameters().acknowledge_s)
 
 
-def test_one_beyond_gives_way_to_the_named_one_that_has_heard() -> None:
+def test_a_candidate_behind_cancels_when_the_designated_forwarder_repeats() -> None:
     # E hears A by luck and would repeat after half a slot, but D, the named one, does so at once.
     road = row("ABCDEFGH", Air(reach_m=65.0))
     # It hears D's copy before its own turn, and G's only after.
@@ -258,7 +258,7 @@ def test_one_beyond_gives_way_to_the_named_one_that_has_heard() -> None:
     assert warned(road) == "BCDEFGH"
 
 
-def test_a_follower_that_knew_before_is_not_told_again() -> None:
+def test_a_follower_that_acknowledged_early_gets_no_repetition() -> None:
     # B misses the first copy and the one that C repeats. When A repeats it, C has long
     # acknowledged it to B.
     road = row("ABCD", Air(reach_m=45.0))
@@ -271,7 +271,7 @@ def test_a_follower_that_knew_before_is_not_told_again() -> None:
     assert [entry.sender for entry in road.warns()] == ["A", "C", "A"]
 
 
-def test_whoever_missed_it_believes_the_copy_that_a_car_behind_repeats() -> None:
+def test_a_member_accepts_the_copy_of_a_vehicle_behind() -> None:
     road = row("ABCDEFG", Air(reach_m=65.0))
     road.drops = lambda entry, to: (
         isinstance(entry.message, Warn) and entry.sender == "A" and to == "C"
@@ -284,21 +284,21 @@ def test_whoever_missed_it_believes_the_copy_that_a_car_behind_repeats() -> None
     assert len(road.warns()) == 2
 
 
-def test_a_warning_is_repeated_to_a_follower_that_does_not_acknowledge_but_not_for_ever() -> None:
+def test_repetitions_to_a_follower_without_acknowledgement_are_bounded() -> None:
     road = row("AB")
     road.drops = lambda entry, to: isinstance(entry.message, Warn)
     road.brake("A")
     road.run(3.0)
-    assert len(road.warns()) == 1 + road.settings.warn_repeats
+    assert len(road.warns()) == 1 + road.parameters.warn_repeats
     waits = {round(b.at - a.at, 6) for a, b in zip(road.warns(), road.warns()[1:], strict=False)}
-    assert waits == {road.settings.acknowledge_s}
+    assert waits == {road.parameters.acknowledge_s}
     ages = [entry.message.age_s for entry in road.warns()]
-    assert ages == pytest.approx([n * road.settings.acknowledge_s for n in range(len(ages))])
+    assert ages == pytest.approx([n * road.parameters.acknowledge_s for n in range(len(ages))])
     assert {entry.message.hops for entry in road.warns()} == {1}
 
 
 @pytest.mark.parametrize("others", ["", "X"])
-def test_who_comes_too_close_while_the_car_ahead_brakes_is_told_when_it_joins(others: str) -> None:
+def test_a_vehicle_that_joins_a_braking_one_is_warned(others: str) -> None:
     """The gap shrinks because that car brakes, so this is when cars join."""
     road = Road()
     road.add("A", 0.0)
@@ -321,25 +321,29 @@ def test_who_comes_too_close_while_the_car_ahead_brakes_is_told_when_it_joins(ot
     assert len(road.warns()) == before
 
 
-def test_a_braking_that_is_over_is_not_told_to_who_joins() -> None:
+def test_a_vehicle_that_joins_after_the_event_lifetime_is_not_warned() -> None:
     road = Road()
     road.add("A", 0.0)
     late = road.add("B", -10.0, lane=1)
     road.run(3.0)
     road.brake("A")
-    road.run(LccaSettings().event_lifetime_s)
+    road.run(GroupParameters().event_lifetime_s)
     late.lane = 0
     road.run(2.0)
     assert late.group.state is GroupState.MEMBER
     assert road.warns() == []
 
 
-def test_a_lost_acknowledgement_is_given_again_and_raises_no_second_alarm() -> None:
+def test_a_lost_acknowledgement_is_sent_again_and_raises_no_second_alarm() -> None:
     road = row("AB")
     lost: list[Transmission] = []
 
     def first_acknowledgement(entry: Transmission, to: str) -> bool:
-        if isinstance(entry.message, Join) and entry.message.heard_origin_id == A and not lost:
+        if (
+            isinstance(entry.message, Join)
+            and entry.message.acknowledged_origin_id == A
+            and not lost
+        ):
             lost.append(entry)
             return True
         return False
@@ -353,7 +357,7 @@ def test_a_lost_acknowledgement_is_given_again_and_raises_no_second_alarm() -> N
     assert "duplicate" in road.cars["B"].discarded
 
 
-def test_a_member_whose_view_of_the_leader_lags_still_believes_the_car_it_follows() -> None:
+def test_a_member_with_an_outdated_leader_accepts_its_predecessor() -> None:
     # The group joins Z, and no update and no reply arrives: C still takes A for its leader.
     road = row("ABC")
     road.add("Z", 80.0)
@@ -370,7 +374,7 @@ def test_a_member_whose_view_of_the_leader_lags_still_believes_the_car_it_follow
     assert "other_group" in road.cars["C"].discarded
 
 
-def test_a_warning_in_the_middle_of_a_change_of_ids_arrives() -> None:
+def test_a_warning_during_a_change_of_ids_arrives() -> None:
     for after_s in np.arange(0.0, 0.6, 0.05):
         road = row("ABCDEF", Air(reach_m=45.0))
         road.change_ids(spread_s=0.5)

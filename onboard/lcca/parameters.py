@@ -1,0 +1,50 @@
+"""The times and limits of the group protocol. Only those of `LccaSettings` are a user's choice."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroupParameters:
+    """Distances are headways: gap divided by the own speed."""
+
+    join_headway_s: float = 1.98
+    """Below it a vehicle joins the preceding one: 0.55 m for each km/h (LCCA, section 3)."""
+    leave_headway_s: float = 2.2
+    """From it on the vehicle leaves. The margin to `join_headway_s` absorbs noise of the gap."""
+    identity_dwell_s: float = 0.2
+    """How long the same plate must be read before the vehicle is sent a join."""
+    lead_hold_s: float = 1.0
+    """How long a membership outlasts the last frame that showed the preceding vehicle close."""
+    speed_hold_s: float = 1.0
+    """How long a speed sample is valid. Without a speed no gap is too small."""
+    speed_tolerance_m_s: float = 5.0
+    """Largest difference between the speed in a reply and the one that the camera measures."""
+
+    retry_s: float = 0.1
+    """Until a join is repeated; doubles while the vehicle has never answered."""
+    retry_max_s: float = 0.25
+    """Bounds the doubling, and with it the channel load of a lead without radio."""
+    refresh_s: float = 0.5
+    """Until an answered join is refreshed."""
+    spread_s: float = 0.02
+    """Random delay of joins that many vehicles send for the same reason."""
+    membership_lifetime_s: float = 2.5
+    """How long a membership lasts on either side without a message from the other."""
+    leader_silence_s: float = 3.0
+    """How long a membership lasts without a new leader sequence number, however well the
+    predecessor answers; and so how long the position under a former leader is stored."""
+    id_change_s: float = 2.0
+    """How long the previous ID stays valid after a change, and the vehicles ahead and behind may
+    change theirs."""
+
+    slot_s: float = 0.01
+    """Forwarding: each candidate waits one slot longer than the next better placed one."""
+    acknowledge_s: float = 0.1
+    """Until a warning is repeated to a follower that has not acknowledged it."""
+    warn_repeats: int = 10
+    """Largest number of such repetitions."""
+    event_lifetime_s: float = 3.0
+    """Age above which a warning is refused."""
+
+
+DEFAULTS = GroupParameters()
