@@ -27,6 +27,7 @@ import yaml
 
 from bench import Figure
 from bench.daemon import READ_AND_DECODE
+from onboard import psid
 from onboard.config import CarConfig
 from onboard.observations import Position, Speed, VehicleDetection
 from onboard.security.credentials import Credentials
@@ -35,7 +36,6 @@ from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
-from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer

@@ -17,6 +17,7 @@ from cryptography.hazmat.primitives.asymmetric.utils import Prehashed
 
 from bench import Figure
 from bench._messages import UTC_S, bsm
+from onboard import psid
 from onboard.messages import bsm as j2735
 from onboard.messages import mvs_footer
 from onboard.security import p256
@@ -37,7 +38,7 @@ def measure() -> Iterator[Figure]:
     """Messages a second through the whole path, and through its parts."""
     credentials = make_trial(
         [f"car{n}" for n in range(CARS + 1)],
-        [j2735.PSID],
+        [psid.BSM],
         UTC_S,
         p256.key_from(np.random.default_rng(3)),
     )
@@ -68,8 +69,8 @@ def signed_wsms(cars: Sequence[Credentials], entries: int) -> list[tuple[float, 
     for count in range(ROUNDS):
         for car, sender in enumerate(senders):
             now = count * 0.1 + car * 0.1 / len(cars)
-            payload = sender.secure(j2735.encode(bsm(entries, car, count)), j2735.PSID, now)
-            wsms.append((now, wsmp.encode(WaveShortMessage(j2735.PSID, payload))))
+            payload = sender.secure(j2735.encode(bsm(entries, car, count)), psid.BSM, now)
+            wsms.append((now, wsmp.encode(WaveShortMessage(psid.BSM, payload))))
     return wsms
 
 

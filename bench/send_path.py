@@ -12,6 +12,7 @@ import numpy as np
 
 from bench import Figure
 from bench._messages import UTC_S, bsm, footer
+from onboard import psid
 from onboard.messages import bsm as j2735
 from onboard.messages import mvs_footer
 from onboard.security import p256
@@ -30,7 +31,7 @@ WEIGHED_ENTRIES = (0, 5, 10, 20)
 def measure() -> Iterator[Figure]:
     """Messages a second, then bytes of a WSM by the entries of its footer."""
     (car,) = make_trial(
-        ["car"], [j2735.PSID], UTC_S, p256.key_from(np.random.default_rng(3))
+        ["car"], [psid.BSM], UTC_S, p256.key_from(np.random.default_rng(3))
     ).values()
     digest = bytes(32)
     key = car.pseudonyms[0].key
@@ -72,8 +73,8 @@ def send(car: Credentials, entries: int, count: int) -> list[bytes]:
         if entries:
             mvs_footer.encode(footer(entries))
         frame = j2735.encode(bsm(entries, 0, n))
-        payload = security.secure(frame, j2735.PSID, now=n * 0.1)
-        wsms.append(wsmp.encode(WaveShortMessage(j2735.PSID, payload)))
+        payload = security.secure(frame, psid.BSM, now=n * 0.1)
+        wsms.append(wsmp.encode(WaveShortMessage(psid.BSM, payload)))
     return wsms
 
 

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from onboard import psid
+from onboard.errors import DecodeError
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.gnss.nmea import NmeaReader
 from onboard.messages import bsm, lcca, mvs_footer
-from onboard.messages.declaration import DecodeError
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import ObdSettings
 from onboard.obd.socketcand import ProtocolError, parse_element
@@ -58,14 +59,14 @@ def _decode_version_3(data: bytes) -> WaveShortMessage:
 
 _UTC_S = 1_790_000_000.0
 _TRIAL = make_trial(
-    ["receiver", "sender"], [bsm.PSID], _UTC_S, p256.key_from(np.random.default_rng(1609))
+    ["receiver", "sender"], [psid.BSM], _UTC_S, p256.key_from(np.random.default_rng(1609))
 )
 _SECURITY = SecurityServices(_UTC_S, _TRIAL["receiver"])
 """Trusts the sender, whose messages are in the corpus."""
 
 
 def _security(data: bytes) -> object:
-    return _SECURITY.open(data, bsm.PSID, now=0.0)
+    return _SECURITY.open(data, psid.BSM, now=0.0)
 
 
 def _capture(data: bytes) -> None:

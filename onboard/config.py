@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints, field_validator
 
+from onboard import psid
 from onboard.access.settings import AccessSettings
 from onboard.detector.settings import DetectorSettings
 from onboard.gnss.settings import GnssSettings
@@ -20,7 +21,6 @@ from onboard.risk.settings import RiskSettings
 from onboard.security.settings import SecuritySettings
 from onboard.settings import Settings
 from onboard.vision.settings import CameraSettings, VisionSettings
-from onboard.wave_udp import psid
 from onboard.wave_udp.settings import RadioSettings
 
 PlateText = Annotated[str, StringConstraints(pattern=r"^[A-Z0-9]{1,10}$")]

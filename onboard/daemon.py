@@ -13,6 +13,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 import structlog
 
+from onboard import psid
 from onboard.access.driver_file import load_driver, save_driver
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.config import CarConfig
@@ -21,7 +22,6 @@ from onboard.detector.object_list import ObjectListReader
 from onboard.errors import UserError
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
-from onboard.messages import bsm
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Discarded, Lead, Sensor, SensorLost, SensorRecovered
@@ -35,6 +35,7 @@ from onboard.runtime.systemd import Systemd
 from onboard.security.key_files import read_credentials
 from onboard.stack import Observation
 from onboard.vision.camera import CameraThread
+from onboard.wave_link import bsm_sender
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
 from onboard.wave_udp.endpoint import open_endpoint
 from onboard.wave_udp.receive_queue import ReceiveQueue
@@ -78,7 +79,7 @@ class Daemon:
         self.config = config
         self._manager = manager
         folder = config.security.keys_folder
-        psids = (config.lcca_psid, bsm.PSID)
+        psids = (config.lcca_psid, psid.BSM)
         credentials = read_credentials(folder, psids) if folder is not None else None
         remembered = config.access.driver_file
         self._driver = (
@@ -99,7 +100,7 @@ class Daemon:
                 driver=self._driver,
             ),
         )
-        self._wsms = ReceiveQueue(config.lcca_psid)
+        self._wsms = ReceiveQueue(config.lcca_psid, bsm_sender)
         self._inbox: deque[tuple[Callable[[Any, float], None], object]] = deque()
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -250,7 +251,7 @@ class Daemon:
 
         So what a group message leads to is sent and shown before the crowd is heard.
         """
-        shed = self._wsms.take_shed()
+        shed = self._wsms.take_dropped()
         if shed:
             overload = Discarded(now, "wsmp", "overload", f"{shed} frames")
             self._stack.receive_observation(overload, now)

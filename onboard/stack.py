@@ -9,15 +9,16 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from onboard import psid
 from onboard.access.adaptation import AccessAdaptation
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.config import CarConfig
+from onboard.errors import DecodeError
 from onboard.lcca.events import WarningRaised
 from onboard.lcca.group import PrecedingVehicle, WarningGroup
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm_core import VehicleSize
-from onboard.messages.declaration import DecodeError
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.obd.can_frame import CanFrame
@@ -104,7 +105,7 @@ class Stack:
         self._plausibility = MisbehaviourDetector(brakes_must_show=config.security.brakes_must_show)
         self._held_warnings = PendingWarnings(self._plausibility)
         self._bus = VehicleBus(config.obd)
-        self._link = WaveLink(self._security, (bsm.PSID, config.lcca_psid))
+        self._link = WaveLink(self._security, (psid.BSM, config.lcca_psid))
         self._group = WarningGroup(config.lcca.parameters(), self._who.car_id, rng)
         size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
         self._beacon = BsmTransmitter(size, self._who, rng, now)
@@ -290,7 +291,7 @@ class Stack:
         heading_rad = None if facing is None else facing.heading_rad
         utc_s = now + self._security.utc_offset_s
         own = self._beacon.bsm(footer, now, utc_s, heading_rad)
-        self._link.submit(bsm.encode(own), bsm.PSID, own.user_priority, BSM_LIFETIME_S, now)
+        self._link.submit(bsm.encode(own), psid.BSM, own.user_priority, BSM_LIFETIME_S, now)
 
     def perceived_objects(self, now: float) -> list[PerceivedObject]:
         """Every car that is known, by radio, by sight or from others; none without a position."""

@@ -5,8 +5,11 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import ClassVar
 
-from onboard.messages.declaration import DecodeError
+from onboard import psid
+from onboard.errors import DecodeError
+from onboard.messages import bsm
 from onboard.observations import Discarded
+from onboard.security import ieee1609dot2
 from onboard.security.security_services import NotTrusted, Opened, SecurityServices
 from onboard.wave_udp.radio_queue import RadioQueue
 from onboard.wave_udp.wsmp import WaveShortMessage, decode, encode
@@ -88,3 +91,9 @@ class WaveLink:
     def next_event(self) -> Discarded | None:
         """The oldest event not yet taken."""
         return self._discarded.popleft() if self._discarded else self._queue.next_event()
+
+
+def bsm_sender(wsm: WaveShortMessage) -> bytes | None:
+    """Return the temporary ID of the BSM in `wsm`, unverified; `None` if it carries no BSM."""
+    payload = ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None
+    return None if payload is None else bsm.temporary_id_in(payload)

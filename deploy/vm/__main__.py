@@ -22,10 +22,10 @@ from deploy.vm.drive import BOX, FOLDER, TRACE, NotSeenError, StatusRow, VmDrive
 from deploy.vm.here import Here
 from deploy.vm.machine import PATIENCE_S, Machine, MachineError, new_disk
 from deploy.vm.report import record, table
+from onboard import psid
 from onboard.security.key_files import write_credentials
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
-from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import SMALL_LENS
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 

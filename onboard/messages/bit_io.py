@@ -1,6 +1,6 @@
 """Bits behind one another, as unaligned PER lays them (ITU-T X.691)."""
 
-from onboard.messages.declaration import DecodeError
+from onboard.errors import DecodeError
 
 _LONG = 1 << 14
 """From this length on X.691 (11.9.3.8) cuts into fragments, which no frame on the air can hold."""

@@ -8,13 +8,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
+from onboard.errors import DecodeError
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import SAFETY, VehicleSafetyExtensions
-from onboard.messages.declaration import DecodeError
 from onboard.messages.uper import Opaque, Optional, Record, Row, Several, Whole, printed
-
-PSID = 0x20
-"""Vehicle-to-vehicle safety and awareness (IEEE 1609.12)."""
 
 MESSAGE_ID = 20
 """DSRCmsgID of basicSafetyMessage."""

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.messages.declaration import DecodeError, Layout, Number, Wire
+from onboard.errors import DecodeError
+from onboard.messages.declaration import Layout, Number, Wire
 
 Array = NDArray[np.float64]
 

@@ -15,15 +15,7 @@ from typing import Any, Generic, TypeVar, get_type_hints
 
 from typing_extensions import override
 
-
-class DecodeError(ValueError):
-    """Bytes that are no message of ours: the sender's fault, never a reason to stop."""
-
-    def __init__(self, reason: str, detail: str = "") -> None:
-        """Take a short stable word, fit for a counter's label, and a sentence for people."""
-        super().__init__(f"{reason}: {detail}" if detail else reason)
-        self.reason = reason
-        self.detail = detail
+from onboard.errors import DecodeError
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Annotated, Any, ClassVar, Self
 
-from onboard.messages.declaration import Code, DecodeError, Layout, Number, Octets, Wire
+from onboard.errors import DecodeError
+from onboard.messages.declaration import Code, Layout, Number, Octets, Wire
 
 VERSION = 1
 

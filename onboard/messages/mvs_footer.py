@@ -20,7 +20,8 @@ from typing import Annotated, Any
 
 from typing_extensions import override
 
-from onboard.messages.declaration import DecodeError, Layout, Number, Wire
+from onboard.errors import DecodeError
+from onboard.messages.declaration import Layout, Number, Wire
 
 VERSION = 2
 OBSERVER_BYTES = 4

@@ -15,8 +15,8 @@ from typing import Any, Generic, TypeVar, get_type_hints
 
 from typing_extensions import override
 
+from onboard.errors import DecodeError
 from onboard.messages.bit_io import BitReader, BitWriter
-from onboard.messages.declaration import DecodeError
 
 
 class Wire(ABC):

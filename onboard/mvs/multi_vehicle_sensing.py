@@ -9,8 +9,8 @@ from itertools import groupby
 
 import numpy as np
 
+from onboard.errors import DecodeError
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.messages.declaration import DecodeError
 from onboard.mvs.evidence import Evidence, Measurement, MeasurementId
 from onboard.mvs.fusion import fuse, propagate
 from onboard.mvs.heading import Heading

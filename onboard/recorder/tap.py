@@ -7,9 +7,9 @@ the timer if it is due, then `wsms_to_send`, `can_to_send` and `next_event` unti
 
 from collections.abc import Callable
 
+from onboard import psid
+from onboard.errors import DecodeError
 from onboard.lcca.group import WarningGroup
-from onboard.messages import bsm
-from onboard.messages.declaration import DecodeError
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.obd.can_frame import CanFrame
 from onboard.recorder.identities import Aliases
@@ -149,7 +149,7 @@ class Tap:
 def _tells_places(value: Event) -> bool:
     if isinstance(value, ReceivedWsm | SentWsm):
         try:
-            return wsmp.decode(value.data).psid == bsm.PSID
+            return wsmp.decode(value.data).psid == psid.BSM
         except DecodeError:
             return True  # whatever it says
     return value.kind in PLACES

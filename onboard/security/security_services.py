@@ -6,7 +6,7 @@ from the cheapest to the dearest, the signature last.
 
 from dataclasses import dataclass
 
-from onboard.messages import bsm
+from onboard.psid import BSM
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credential, Credentials
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
@@ -104,7 +104,7 @@ class SecurityServices:
         return generation
 
     def _is_introduced(self, psid: int, now: float) -> bool:
-        if psid == bsm.PSID and now < self._certificate_due_at:
+        if psid == BSM and now < self._certificate_due_at:
             return False
         self._certificate_due_at = now + self._settings.certificate_interval_s
         return True

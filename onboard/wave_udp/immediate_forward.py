@@ -18,8 +18,8 @@ The unit puts a WSMP header around the payload and sends it at once. PSIDs are p
 
 from dataclasses import dataclass
 
-from onboard.messages.declaration import DecodeError
-from onboard.wave_udp.psid import p_decode, p_encode
+from onboard.errors import DecodeError
+from onboard.psid import p_decode, p_encode
 
 _FIELDS = (
     "Version",

@@ -1,79 +1,82 @@
-"""Frames from the radio that wait for the cores, still without I/O.
+"""Received frames that wait for the cores, without I/O.
 
-A crowd can send more than one processor verifies. Then the few messages of the warning group must
-not wait behind hundreds of BSMs: they come first, and none of them is given up. Where many others
-wait, of each sender only the newest BSM does, since an older one has been said again; the senders
-take turns. So a crowd that is too much is heard from less often, all of it alike, and always fresh.
+More messages can arrive than one processor verifies. Frames of the warning group then come first
+and are never dropped for others. Of each other sender, only the newest BSM waits once many do, and
+the senders take turns: under overload, every sender is processed less often, and always with its
+newest message.
 """
 
 from collections import OrderedDict, deque
+from collections.abc import Callable
 
-from onboard.messages import bsm
-from onboard.messages.declaration import DecodeError
-from onboard.security import ieee1609dot2
+from onboard.errors import DecodeError
 from onboard.wave_udp import wsmp
+from onboard.wave_udp.wsmp import WaveShortMessage
 
-MOST_WAITING = 1024
-"""Senders. No road has more in reach; of made-up ones those that came first are given up."""
-FEW_WAITING = 64
-"""Up to so many, all are kept, even of one sender: they are heard within 0.05 s."""
-MOST_URGENT = 4096
-"""No trial has so many cars; more is an attack on the car's memory."""
+MAX_SENDERS = 1024
+"""Senders with a frame waiting, more than are in radio range on any road. If forged senders exceed
+it, the frames that came first are dropped."""
+KEEP_ALL_BELOW = 64
+"""While fewer frames wait, all are kept, several of one sender too: 64 take under 0.05 s."""
+MAX_URGENT = 4096
+"""Urgent frames waiting, more than a trial has cars: a bound on memory under attack."""
 
 
 class ReceiveQueue:
-    """Urgent frames in their order, then the newest of each other sender, in turns."""
+    """Urgent frames in their order, then the newest frame of each other sender, in turns."""
 
-    def __init__(self, urgent_psid: int) -> None:
-        """Frames under `urgent_psid` go before all others."""
+    def __init__(
+        self, urgent_psid: int, sender_of: Callable[[WaveShortMessage], bytes | None]
+    ) -> None:
+        """Queue frames under `urgent_psid` before all others.
+
+        Args:
+            urgent_psid: PSID of the warning group.
+            sender_of: names the sender of a message without verifying it; `None` if it names none.
+        """
         self._urgent_psid = urgent_psid
-        self._urgent: deque[bytes] = deque(maxlen=MOST_URGENT)
+        self._sender_of = sender_of
+        self._urgent: deque[bytes] = deque(maxlen=MAX_URGENT)
         self._others: OrderedDict[bytes, bytes] = OrderedDict()
-        self._shed = 0
+        self._dropped = 0
 
     def __bool__(self) -> bool:
         return bool(self._urgent or self._others)
 
     @property
     def has_urgent(self) -> bool:
-        """Whether one of the frames that go first waits."""
+        """Whether an urgent frame waits."""
         return bool(self._urgent)
 
     def put(self, wsm: bytes) -> None:
-        """A frame came."""
+        """Queue a received frame."""
         try:
             message = wsmp.decode(wsm)
         except DecodeError:
-            self._put_other(wsm, wsm)  # the cores say what is wrong with it, when there is time
+            self._put_other(wsm, wsm)  # the cores count it with its reason
             return
         if message.psid == self._urgent_psid:
-            self._shed += len(self._urgent) == MOST_URGENT
+            self._dropped += len(self._urgent) == MAX_URGENT
             self._urgent.append(wsm)
         else:
-            self._put_other(_sender(message) or wsm, wsm)
+            self._put_other(self._sender_of(message) or wsm, wsm)
 
     def take(self, *, only_urgent: bool = False) -> bytes | None:
-        """The frame that is next; `None` when there is none."""
+        """Remove and return the next frame; `None` if there is none."""
         if self._urgent:
             return self._urgent.popleft()
         return self._others.popitem(last=False)[1] if self._others and not only_urgent else None
 
-    def take_shed(self) -> int:
-        """How many frames have been given up since the last call."""
-        shed, self._shed = self._shed, 0
-        return shed
+    def take_dropped(self) -> int:
+        """Return how many frames were dropped since the last call."""
+        dropped, self._dropped = self._dropped, 0
+        return dropped
 
     def _put_other(self, sender: bytes, wsm: bytes) -> None:
-        if sender in self._others and len(self._others) < FEW_WAITING:
+        if sender in self._others and len(self._others) < KEEP_ALL_BELOW:
             sender = wsm
-        self._shed += sender in self._others
-        self._others[sender] = wsm  # in the place of the older one
-        if len(self._others) > MOST_WAITING:
+        self._dropped += sender in self._others
+        self._others[sender] = wsm  # in the place of the older frame
+        if len(self._others) > MAX_SENDERS:
             self._others.popitem(last=False)
-            self._shed += 1
-
-
-def _sender(message: wsmp.WaveShortMessage) -> bytes | None:
-    """The temporary ID in a BSM, whoever wrote it there; `None` where there is none."""
-    payload = ieee1609dot2.payload_in(message.payload) if message.psid == bsm.PSID else None
-    return None if payload is None else bsm.temporary_id_in(payload)
+            self._dropped += 1

@@ -18,8 +18,8 @@ Version 2 (IEEE 1609.3-2010) is read, never written.
 from dataclasses import dataclass
 from typing import Final
 
-from onboard.messages.declaration import DecodeError
-from onboard.wave_udp.psid import p_decode, p_encode
+from onboard.errors import DecodeError
+from onboard.psid import p_decode, p_encode
 
 ETHERTYPE: Final = 0x88DC
 """Of WSMP on the link layer (IEEE 1609.3-2020, 5.2.1)."""

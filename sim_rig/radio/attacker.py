@@ -10,17 +10,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
 
+from onboard import psid
+from onboard.errors import DecodeError
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.messages.declaration import DecodeError
 from onboard.messages.lcca import LccaMessage, Reply, Update, Warn
 from onboard.security import ieee1609dot2
 from onboard.security.credentials import Credentials
 from onboard.security.ieee1609dot2 import SignedData
 from onboard.security.security_services import SecurityServices
-from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.scenario.faults import Attack
 
@@ -91,7 +92,7 @@ class Attacker:
             self._next_at += _GHOST_EVERY_S
             if self._core is not None:
                 ghost = self._ghost(self._core, now)
-                yield ghost.user_priority, self._sealed(bsm.encode(ghost), bsm.PSID, now)
+                yield ghost.user_priority, self._sealed(bsm.encode(ghost), psid.BSM, now)
 
     def _learn(self, wsm: bytes) -> None:
         """Where the car is, its place in its group and its pseudonym, from what it says itself."""
@@ -100,7 +101,7 @@ class Attacker:
         if isinstance(data, SignedData):
             self._sign_as(data)
         payload = data.payload
-        if frame.psid == bsm.PSID:
+        if frame.psid == psid.BSM:
             self._core = bsm.decode(payload).core
             return
         try:

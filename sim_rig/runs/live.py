@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from onboard import psid
 from onboard.obd.can_frame import CanFrame
 from onboard.security.key_files import write_credentials
 from onboard.tools.test_ca.authority import make_trial
-from onboard.wave_udp import psid
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.faulty_ecu import FaultyEcu

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from onboard import psid
 from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
 from onboard.tools.test_ca.authority import make_trial
-from onboard.wave_udp import psid
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.models import open_air

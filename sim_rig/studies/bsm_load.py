@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 
+from onboard import psid
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
@@ -69,8 +70,8 @@ def _messages(credentials: Credentials) -> Iterator[bytes]:
                 speed_m_s=0.0,
                 heading_rad=0.0,
             )
-            secured = stranger.secure(bsm.encode(BasicSafetyMessage(core)), bsm.PSID, now)
-            yield wsmp.encode(WaveShortMessage(psid=bsm.PSID, payload=secured))
+            secured = stranger.secure(bsm.encode(BasicSafetyMessage(core)), psid.BSM, now)
+            yield wsmp.encode(WaveShortMessage(psid=psid.BSM, payload=secured))
 
 
 if __name__ == "__main__":

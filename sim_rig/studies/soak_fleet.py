@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from onboard import psid
 from onboard.config import CarConfig
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
@@ -148,4 +149,4 @@ def _bsm_of(stranger: _Stranger, place: Position, now: float) -> bytes:
         heading_rad=float(np.pi / 2),
     )
     data = ieee1609dot2.encode_unsecured(bsm.encode(BasicSafetyMessage(core)))
-    return wsmp.encode(WaveShortMessage(psid=bsm.PSID, payload=data))
+    return wsmp.encode(WaveShortMessage(psid=psid.BSM, payload=data))

@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 import yaml
 
+from onboard import psid
 from onboard.config import CarConfig
 from onboard.obd.hard_brake import HardBrakeDetector
 from onboard.obd.settings import ObdSettings
@@ -34,7 +35,6 @@ from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
-from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import SMALL_LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer

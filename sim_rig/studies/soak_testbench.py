@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from onboard import psid
 from onboard.security.key_files import write_credentials
 from onboard.tools.test_ca.authority import make_trial
-from onboard.wave_udp import psid
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.processes.processes import ProcessError, Processes

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.errors import DecodeError
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage, OtherPart, RegionalExtension
 from onboard.messages.bsm_core import (
@@ -30,7 +31,6 @@ from onboard.messages.bsm_safety import (
     VehicleEventFlags,
     VehicleSafetyExtensions,
 )
-from onboard.messages.declaration import DecodeError
 
 ORACLE_TEXT = Path(__file__).with_name("bsm_oracle.asn1")
 ORACLE = asn1tools.compile_files(str(ORACLE_TEXT), "uper")

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.errors import DecodeError
 from onboard.messages.columns import Columns
-from onboard.messages.declaration import DecodeError, Layout
+from onboard.messages.declaration import Layout
 from onboard.messages.mvs_footer import MEASUREMENT, STATE
 
 Read = tuple[float, ...]

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.messages.declaration import Code, DecodeError, Layout, Number, Octets, Wire
+from onboard.errors import DecodeError
+from onboard.messages.declaration import Code, Layout, Number, Octets, Wire
 
 
 class Weather(Enum):

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.messages.declaration import DecodeError, Number, Wire
+from onboard.errors import DecodeError
+from onboard.messages.declaration import Number, Wire
 from onboard.messages.lcca import (
     LAYOUTS,
     VERSION,

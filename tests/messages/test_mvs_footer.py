@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.errors import DecodeError
 from onboard.messages import mvs_footer
-from onboard.messages.declaration import DecodeError
 from onboard.messages.mvs_footer import (
     HEAD,
     MEASUREMENT,

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from onboard import psid
 from onboard.config import CarConfig
 from onboard.observations import ImageBox as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, Position, Sensor, Speed
@@ -17,7 +18,6 @@ from onboard.recorder.settings import RecorderSettings
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.tools.test_ca.authority import make_trial
-from onboard.wave_udp import psid
 
 START_UTC_S = 1_750_000_480.0
 """20 s before everybody's ID changes."""

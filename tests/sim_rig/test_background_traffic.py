@@ -5,8 +5,7 @@ from collections import Counter
 
 import numpy as np
 
-from onboard.messages import bsm
-from onboard.wave_udp import psid
+from onboard import psid
 from onboard.wave_udp.wsmp import decode
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.radio.models import open_air
@@ -28,7 +27,7 @@ def test_every_car_of_the_crowd_is_heard_by_everybody_twice_a_second() -> None:
     heard: Counter[tuple[str, str]] = Counter()
     while (at := air.get_timer()) < 4.0:
         for delivery in air.wsms_to_deliver(at):
-            assert decode(delivery.wsm).psid == psid.BSM == bsm.PSID
+            assert decode(delivery.wsm).psid == psid.BSM
             heard[delivery.sender, delivery.receiver] += 1
 
     assert set(heard) == {

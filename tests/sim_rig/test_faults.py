@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from onboard import psid
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
@@ -24,7 +25,7 @@ from onboard.security.p256 import key_from
 from onboard.security.security_services import SecurityServices
 from onboard.settings import parse_settings
 from onboard.tools.test_ca.authority import make_trial
-from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.vehicle_faults import VehicleFaults
@@ -262,10 +263,10 @@ def test_a_liar_signs_with_the_pseudonym_that_its_car_goes_by() -> None:
 def test_a_ghost_drives_ahead_brakes_as_a_car_can_and_says_so() -> None:
     air = Air({"what": "ghost_car", "every_s": 4.0, "ahead_m": 30.0})
     core = CoreData(1, b"real", 1.0, 25.0, 121.0, speed_m_s=15.0, heading_rad=0.0)
-    air.say("ann", bsm.encode(BasicSafetyMessage(core)), bsm.PSID, 11.0)
+    air.say("ann", bsm.encode(BasicSafetyMessage(core)), psid.BSM, 11.0)
     air.pass_until(19.0)
 
-    said = [bsm.decode(each) for each in air.payloads("ben", bsm.PSID)]
+    said = [bsm.decode(each) for each in air.payloads("ben", psid.BSM)]
     ghost = [message for message in said if message.core.temporary_id == GHOST_ID]
     assert len(ghost) == pytest.approx(80, abs=2)
     assert ghost[0].core.latitude_deg == pytest.approx(25.0 + 30.0 / 111_320.0, abs=1e-6)

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from onboard import psid
 from onboard.messages import bsm
 from onboard.security.key_files import write_credentials
 from onboard.security.security_services import SecurityServices
 from onboard.tools.test_ca.authority import make_trial
-from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp import wsmp
 from sim_rig.studies.soak_fleet import STRANGERS, Fleet
 from sim_rig.studies.soak_load import load
 from sim_rig.studies.soak_testbench import fill_the_testbench

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from onboard import psid
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
@@ -14,7 +15,7 @@ from onboard.observations import HardBrake, Position
 from onboard.security.security_services import SecurityServices
 from onboard.trace.trace_line import as_record
 from onboard.units import KM_H
-from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp import wsmp
 from onboard.wave_udp.capture import PcapWriter
 from onboard.wave_udp.wsmp import WaveShortMessage
 from tests.security.trial import ALICE, BOB, CAROL, UTC_S
@@ -150,7 +151,7 @@ def test_one_car_with_many_names_does_not_make_others_silent(platoon: Platoon) -
     """The interval follows the number of cars near, and these are counted by who signs."""
     for i in range(300):
         name = bsm.encode(BasicSafetyMessage(CoreData(0, i.to_bytes(4))))
-        carol_sends(platoon, "BBB2", name, bsm.PSID, delay_s=0.0)
+        carol_sends(platoon, "BBB2", name, psid.BSM, delay_s=0.0)
     before = len(platoon.on_air)
 
     platoon.drive(2.0)
@@ -218,6 +219,6 @@ def test_wireshark_finds_nothing_malformed_in_a_drive(platoon: Platoon, tmp_path
         assert "_ws.malformed" not in packet
         assert "_ws.expert" not in packet
     # Wireshark looks for 1609.2 data under the PSIDs that it knows; the group's is our own.
-    bsms = [packet for packet in packets if f'"wsmp.psid": "0x{bsm.PSID:08x}"' in packet]
+    bsms = [packet for packet in packets if f'"wsmp.psid": "0x{psid.BSM:08x}"' in packet]
     assert len(bsms) > 60
     assert all("ieee1609dot2.ecdsaNistP256Signature" in packet for packet in bsms)

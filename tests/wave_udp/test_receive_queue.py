@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 import pytest
 
+from onboard import psid
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.security.ieee1609dot2 import encode_signed, encode_to_be_signed, encode_unsecured
-from onboard.wave_udp import psid
-from onboard.wave_udp.receive_queue import FEW_WAITING, MOST_WAITING, ReceiveQueue
+from onboard.wave_link import bsm_sender
+from onboard.wave_udp.receive_queue import KEEP_ALL_BELOW, MAX_SENDERS, ReceiveQueue
 from onboard.wave_udp.wsmp import WaveShortMessage, encode
 
 
@@ -22,7 +23,7 @@ def signed(payload: bytes) -> bytes:
 
 
 def test_group_messages_come_first_and_each_kind_in_its_order() -> None:
-    queue = ReceiveQueue(psid.LCCA)
+    queue = ReceiveQueue(psid.LCCA, bsm_sender)
     for number in range(3):
         queue.put(wsm(psid.BSM, number))
         queue.put(wsm(psid.LCCA, number))
@@ -31,11 +32,11 @@ def test_group_messages_come_first_and_each_kind_in_its_order() -> None:
 
     assert taken == [wsm(kind, n) for kind in (psid.LCCA, psid.BSM) for n in range(3)]
     assert not queue
-    assert queue.take_shed() == 0
+    assert queue.take_dropped() == 0
 
 
 def test_when_time_is_over_only_group_messages_are_taken() -> None:
-    queue = ReceiveQueue(psid.LCCA)
+    queue = ReceiveQueue(psid.LCCA, bsm_sender)
     queue.put(wsm(psid.BSM, 1))
     queue.put(wsm(psid.LCCA, 2))
 
@@ -52,21 +53,21 @@ def said_by(sender: int, number: int, *, secure: Callable[[bytes], bytes]) -> by
 @pytest.mark.parametrize("secure", [encode_unsecured, signed])
 def test_where_few_wait_all_are_heard(secure: Callable[[bytes], bytes]) -> None:
     """Or whoever writes another's ID on a frame could have the other's not heard."""
-    queue = ReceiveQueue(psid.LCCA)
-    said = [said_by(1, number, secure=secure) for number in range(FEW_WAITING)]
+    queue = ReceiveQueue(psid.LCCA, bsm_sender)
+    said = [said_by(1, number, secure=secure) for number in range(KEEP_ALL_BELOW)]
     for frame in said:
         queue.put(frame)
 
     assert list(iter(queue.take, None)) == said
-    assert queue.take_shed() == 0
+    assert queue.take_dropped() == 0
 
 
 @pytest.mark.parametrize("secure", [encode_unsecured, signed])
 def test_in_a_crowd_only_the_newest_bsm_of_each_sender_waits_and_all_take_turns(
     secure: Callable[[bytes], bytes],
 ) -> None:
-    queue = ReceiveQueue(psid.LCCA)
-    crowd = [said_by(number, 0, secure=secure) for number in range(100, 100 + FEW_WAITING)]
+    queue = ReceiveQueue(psid.LCCA, bsm_sender)
+    crowd = [said_by(number, 0, secure=secure) for number in range(100, 100 + KEEP_ALL_BELOW)]
     for frame in crowd:
         queue.put(frame)
     for number in range(3):
@@ -79,12 +80,12 @@ def test_in_a_crowd_only_the_newest_bsm_of_each_sender_waits_and_all_take_turns(
     newest = {1: 3, 2: 2, 3: 2}
     three = [said_by(sender, newest[sender], secure=secure) for sender in (1, 2, 3)]
     assert taken == crowd + three
-    assert queue.take_shed() == 7
-    assert queue.take_shed() == 0
+    assert queue.take_dropped() == 7
+    assert queue.take_dropped() == 0
 
 
 def test_a_sender_that_was_heard_goes_to_the_end_of_the_line() -> None:
-    queue = ReceiveQueue(psid.LCCA)
+    queue = ReceiveQueue(psid.LCCA, bsm_sender)
     one, two, again = (said_by(s, n, secure=encode_unsecured) for s, n in ((1, 0), (2, 0), (1, 1)))
     queue.put(one)
     queue.put(two)
@@ -95,20 +96,20 @@ def test_a_sender_that_was_heard_goes_to_the_end_of_the_line() -> None:
 
 
 def test_made_up_senders_cannot_fill_the_memory_nor_displace_the_group() -> None:
-    queue = ReceiveQueue(psid.LCCA)
+    queue = ReceiveQueue(psid.LCCA, bsm_sender)
     queue.put(wsm(psid.LCCA, 7))
-    frames = [said_by(n, 0, secure=encode_unsecured) for n in range(MOST_WAITING + 100)]
+    frames = [said_by(n, 0, secure=encode_unsecured) for n in range(MAX_SENDERS + 100)]
     for frame in frames:
         queue.put(frame)
 
     taken = list(iter(queue.take, None))
 
     assert taken == [wsm(psid.LCCA, 7), *frames[100:]]
-    assert queue.take_shed() == 100
+    assert queue.take_dropped() == 100
 
 
 def test_it_is_known_whether_a_group_message_waits() -> None:
-    queue = ReceiveQueue(psid.LCCA)
+    queue = ReceiveQueue(psid.LCCA, bsm_sender)
     queue.put(wsm(psid.BSM, 1))
     assert not queue.has_urgent
     queue.put(wsm(psid.LCCA, 2))
@@ -116,7 +117,7 @@ def test_it_is_known_whether_a_group_message_waits() -> None:
 
 
 def test_what_is_no_wsm_waits_like_a_bsm() -> None:
-    queue = ReceiveQueue(psid.LCCA)
+    queue = ReceiveQueue(psid.LCCA, bsm_sender)
     queue.put(b"")
     queue.put(b"\xff garbage")
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.messages.declaration import DecodeError
-from onboard.wave_udp.psid import HIGHEST
+from onboard.errors import DecodeError
+from onboard.psid import HIGHEST
 from onboard.wave_udp.wsmp import LARGEST_DATA, Element, WaveShortMessage, decode, encode
 
 PLAIN = WaveShortMessage(psid=0x20, payload=b"\x03\x80\x01\xaa")

@@ -10,8 +10,9 @@ from enum import StrEnum
 from itertools import chain, count
 from typing import Any
 
+from onboard import psid
+from onboard.errors import DecodeError
 from onboard.messages import bsm, lcca, mvs_footer
-from onboard.messages.declaration import DecodeError
 from onboard.messages.uper import printed
 from onboard.security import ieee1609dot2
 from onboard.security.certificates import Certificate
@@ -19,7 +20,7 @@ from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
 from onboard.security.its_time import from_time64
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.rejection import RejectionReason
-from onboard.wave_udp import immediate_forward, psid, wsmp
+from onboard.wave_udp import immediate_forward, wsmp
 
 
 class Form(StrEnum):

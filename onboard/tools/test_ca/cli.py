@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
+from onboard import psid as psids
 from onboard.errors import UserError
 from onboard.security import key_files
 from onboard.security.certificates import Certificate
 from onboard.security.credentials import Credentials
 from onboard.security.its_time import to_time32
 from onboard.tools.test_ca import authority
-from onboard.wave_udp import psid as psids
 
 keys = typer.Typer(
     help="Make and show IEEE 1609.2 certificates: a root, an authority, and those of each car.",

@@ -1,6 +1,6 @@
 """Provider service identifiers: which service a WSM is for (IEEE 1609.12)."""
 
-from onboard.messages.declaration import DecodeError
+from onboard.errors import DecodeError
 
 HIGHEST = 0x1020407F
 """What four octets of p-encoding reach (IEEE 1609.12-2019, 4.1)."""
