@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
 	$(PYTHON) -m onboard replay out/fig4-live/box/red --expect
-	$(PYTHON) -m sim_rig run third-car
+	$(PYTHON) -m sim_rig run shared-detection
 
 test: .venv/ready system-packages lint
 	$(PYTHON) -m pytest -n 2 --dist worksteal --durations=15 --durations-min=1 -m "not live and not browser"

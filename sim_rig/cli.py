@@ -42,7 +42,7 @@ app = typer.Typer(
 def list_scenarios() -> None:
     """List the scenarios that come with the rig, and what happens in each."""
     for name in scenario_names():
-        typer.echo(f"{name:14} {load_scenario(name).title}")
+        typer.echo(f"{name:16} {load_scenario(name).title}")
 
 
 @app.command()

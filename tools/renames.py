@@ -32,8 +32,14 @@ def renamed(value: Any, field: str = "") -> Any:
         return {name: renamed(item, name) for name, item in named if name is not None}
     if isinstance(value, list):
         return [renamed(item, field) for item in value]
+    if not isinstance(value, str):
+        return value
     words = TABLE["kinds"] if field == "kind" else TABLE["values"].get(field, {})
-    return words.get(value, value) if isinstance(value, str) else value
+    prefixes = TABLE["prefixes"].get(field, {})
+    for old, new in prefixes.items():
+        if value.startswith(old):
+            return new + value.removeprefix(old)
+    return words.get(value, value)
 
 
 def run(folder: Path, names: list[str]) -> None:
@@ -46,13 +52,13 @@ def run(folder: Path, names: list[str]) -> None:
 
 def differences(before: Path, after: Path) -> Iterator[str]:
     """Yield one line for each trace that differs in more than the renames."""
-    names = {path.relative_to(before) for path in before.rglob("*.jsonl")}
-    names |= {path.relative_to(after) for path in after.rglob("*.jsonl")}
+    paths = {_new_path(path.relative_to(before)): path for path in before.rglob("*.jsonl")}
+    names = paths.keys() | {path.relative_to(after) for path in after.rglob("*.jsonl")}
     for name in sorted(names):
-        if not (before / name).exists() or not (after / name).exists():
+        if name not in paths or not (after / name).exists():
             yield f"{name}: only in one of the two"
             continue
-        old, new = _lines(before / name), _lines(after / name)
+        old, new = _lines(paths[name]), _lines(after / name)
         for number, (was, now) in enumerate(zip(old, new, strict=False), 1):
             if renamed(was) != now:
                 yield f"{name}, line {number}:\n  {renamed(was)}\n  {now}"
@@ -86,6 +92,12 @@ def convert(path: Path) -> None:
             writer.add_message(channels[channel.id], message.log_time, data, message.publish_time)
         writer.finish()  # type: ignore[no-untyped-call]  # mcap's omission
     beside.replace(path)
+
+
+def _new_path(path: Path) -> Path:
+    """The path of a trace, which begins with the scenario's name, under the new name."""
+    scenario, *rest = path.parts
+    return Path(TABLE["scenarios"].get(scenario, scenario), *rest)
 
 
 def _topic(topic: str) -> str:

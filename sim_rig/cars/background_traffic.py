@@ -70,12 +70,12 @@ class BackgroundTraffic:
 
 def background_names(scenario: Scenario) -> list[str]:
     """What its cars are called, in logs and by the authority."""
-    return [f"crowd{number}" for number in range(scenario.background_traffic)]
+    return [f"background{number}" for number in range(scenario.background_traffic)]
 
 
 def _car(name: str, now: float, utc_s: float, credentials: Mapping[str, Credentials]) -> Stack:
-    tree = {"car": {"plate": name.upper()}, "security": {"plate_digest": DIGEST}}
-    number = int(name.removeprefix("crowd"))
+    number = int(name.removeprefix("background"))
+    tree = {"car": {"plate": f"BG{number}"}, "security": {"plate_digest": DIGEST}}
     return Stack(
         parse_settings(tree, CarConfig, name),
         (),

@@ -28,7 +28,7 @@ from sim_rig.studies.results import write_results
 EVERY_S = 0.1
 LATE_S = 0.15
 """How old a BSM's state is when it is judged, in the middle."""
-PAIRS = (("third-car", "v1", "v3"), ("red-light", "ann", "ben"), ("lost-beacons", "ann", "ben"))
+PAIRS = (("shared-detection", "v1", "v3"), ("red-light", "ann", "ben"), ("bsm-loss", "ann", "ben"))
 """Scenarios, the car whose alarms count, and the one that it meets."""
 _REPORTED_SPEED_SIGMA_M_S = 0.5
 _COLUMNS = ("what", "n", "missed", "lead_median_s", "lead_5_percent_s", "false_alarms", "hours")

@@ -25,7 +25,7 @@ def test_a_group_forms_an_alarm_is_shown_and_a_restarted_car_comes_back(
 
 
 async def look_at_demo(path: str, folder: Path) -> None:
-    whole = load_scenario("tags")
+    whole = load_scenario("ar-tags")
     pair = {name: whole.cars[name] for name in ("green", "red")}
     scenario = whole.model_copy(update={"cars": pair, "duration_s": 300.0, "expect": ()})
     async with LiveTestbench(scenario, 1, folder) as desk, async_playwright() as playwright:

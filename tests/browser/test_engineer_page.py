@@ -183,7 +183,7 @@ def test_a_fused_state_is_shown_with_each_measurement_once(
     browser: Browser, tmp_path: Path
 ) -> None:
     """A car without a radio that two others see, and a third is told of."""
-    with Shown(load_scenario("third-car"), tmp_path) as address:
+    with Shown(load_scenario("shared-detection"), tmp_path) as address:
         page = browser.new_page(viewport={"width": 1440, "height": 900})
         page.goto(address)
         box = page.locator("#timeline").bounding_box()

@@ -18,10 +18,10 @@ VIRTUAL = {
     "warned": ("fig4", "red", 17.0),
     "ecu-stopped": ("stopped-ecu", "red", 24.0),
     "plate-misread": ("misread-plate", "blue", 21.0),
-    "lossy-radio": ("loss", "car5", 12.0),
+    "lossy-radio": ("packet-loss", "car5", 12.0),
 }
 """By name: scenario, car, and after how many seconds it ends."""
-LIVE = ("tags", "red", 13.0)
+LIVE = ("ar-tags", "red", 13.0)
 
 
 def record_all() -> None:

@@ -19,7 +19,7 @@ def test_everything_comes_as_the_scenario_expects(name: str) -> None:
     assert failures(scenario, run_virtual(scenario)) == []
 
 
-@pytest.mark.parametrize("name", ["fig4", "lane-change", "red-light", "third-car"])
+@pytest.mark.parametrize("name", ["fig4", "lane-change", "red-light", "shared-detection"])
 def test_signed_and_with_one_late_fix_a_second_it_comes_all_the_same(name: str) -> None:
     """As with a receiver out of the box: 1 Hz, each fix told 0.4 s after it was."""
     scenario = load_scenario(name)
@@ -37,7 +37,7 @@ def traces(log: RunLog) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def lossy() -> Scenario:
-    return load_scenario("loss").model_copy(update={"duration_s": 12.0})
+    return load_scenario("packet-loss").model_copy(update={"duration_s": 12.0})
 
 
 def test_one_seed_gives_the_same_traces_to_the_byte(lossy: Scenario) -> None:
