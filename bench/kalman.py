@@ -13,7 +13,7 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from bench import Figure
-from onboard.mvs.kalman import predict, update_position
+from onboard.tracking.kalman import predict, update_position
 
 ROUNDS = 7
 DT_S, Q = 0.1, 1.0

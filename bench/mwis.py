@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
 
 from bench import Figure
-from onboard.mvs.independent_set import select_independent_masks
+from onboard.tracking.independent_set import select_independent_masks
 
 ROUNDS = 7
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from bench import Figure
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings, SensingSettings
-from onboard.mvs.shared_entries import SharedEntries
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from sim_rig.studies.mvs_roads import SixLaneRoad
 from sim_rig.studies.mvs_world import START_UTC_S, TICK_S, MvsWorld, WorldSettings

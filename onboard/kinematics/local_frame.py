@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from onboard.mvs.kalman import Array
+from onboard.kinematics.arrays import Array
 
 _SEMI_MAJOR_M = 6378137.0
 _FLATTENING = 1 / 298.257223563

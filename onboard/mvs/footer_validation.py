@@ -5,13 +5,17 @@ possible; what is impossible is dropped under a reason, what is too good to be t
 down to what is possible. What that leaves to a liar is in decision 0074.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.mvs.kalman import Array
-from onboard.mvs.kinematics import Kinematics
-from onboard.mvs.provenance_spans import ProvenanceSpans
-from onboard.mvs.settings import FooterValidationSettings
+from onboard.kinematics.arrays import Array, StateArrays
+from onboard.mvs.received_footers import ReceivedFooter
+from onboard.mvs.settings import FooterValidationSettings, MvsSettings
+from onboard.tracking.evidence import ProvenanceSpans
+from onboard.tracking.evidence_store import EvidenceBatch
 
 _NO_SPEED_SIGMA_M_S = 50.0
 """One position says nothing of the speed."""
@@ -20,8 +24,48 @@ _MOST_EXCESS = 1e5
 """Weighting down by more says nothing of a car, and of a lopsided covariance leaves rounding."""
 
 
+@dataclass(frozen=True, slots=True)
+class OwnMeasurements:
+    """What the own car knows of its own measurements."""
+
+    own_ids: frozenset[bytes]
+    stamps_ms: frozenset[int]
+    """When it made some, UTC."""
+
+
+def violations_of_received(
+    batch: EvidenceBatch,
+    heard: Sequence[ReceivedFooter],
+    own: OwnMeasurements,
+    settings: MvsSettings,
+) -> tuple[dict[int, str], Array]:
+    """Hold entries against what is possible (`belief.py`), recent, and known of the own car.
+
+    Returns:
+        a reason not to use it for each row of `batch` that has one: those of `belief.doubts`,
+        `stale`, `not_my_measurement`; and for each row by what to weight it down.
+    """
+    belief = settings.footer_validation
+    received_ms = np.array(batch.received_ms, dtype=np.float64)
+    doubted = dict.fromkeys(_with_what_is_not_mine(heard, own), "not_my_measurement")
+    stale = batch.spans.oldest_ms <= received_ms - round(settings.memory_s * 1000)
+    doubted |= dict.fromkeys(np.flatnonzero(stale).tolist(), "stale")
+    reaches_m = np.where(
+        batch.firsthand, belief.sensing_range_m, belief.sensing_range_m + belief.radio_range_m
+    )
+    impossible, excess = violations(
+        batch.entries,
+        batch.spans,
+        belief,
+        reaches_m=reaches_m,
+        tellers_m=np.array([each.sender_m for each in heard for _ in range(len(each.told))]).T,
+        now_ms=received_ms,
+    )
+    return impossible | dict(sorted(doubted.items())), excess
+
+
 def violations(
-    entries: Kinematics,
+    entries: StateArrays,
     spans: ProvenanceSpans,
     settings: FooterValidationSettings,
     *,
@@ -54,7 +98,7 @@ def violations(
     speeds_m_s = np.hypot(*states[2:])
     speed_sigmas_m_s = np.sqrt(np.abs(variances[2] + variances[3]))
     positive = _are_positive(covariances, whole)
-    sound = Kinematics(
+    sound = StateArrays(
         entries.stamps_ms,
         states,
         np.where(positive, covariances, np.eye(4)[:, :, None]),
@@ -80,7 +124,7 @@ def violations(
 
 
 def covariance_inflation(
-    entries: Kinematics, spans: ProvenanceSpans, sharpest_sigma_m: float
+    entries: StateArrays, spans: ProvenanceSpans, sharpest_sigma_m: float
 ) -> Array:
     """By what to multiply each covariance that claims to know more than its provenance allows.
 
@@ -97,6 +141,25 @@ def covariance_inflation(
     factors_of_speed = entries.has_speed * of_speed / _least_eigenvalues(speeds)
     excess: Array = np.maximum(np.maximum(factors, factors_of_speed), 1.0)
     return excess
+
+
+def _with_what_is_not_mine(heard: Sequence[ReceivedFooter], own: OwnMeasurements) -> list[int]:
+    """The rows that name a measurement of the own car's which it has not made."""
+    rows, first = [], 0
+    for told in (each.told for each in heard):
+        if not own.own_ids.isdisjoint(told.observers):
+            not_mine = {
+                identity
+                for identity in frozenset().union(*told.provenances)
+                if identity.observer in own.own_ids and identity.stamp_ms not in own.stamps_ms
+            }
+            rows += [
+                first + at
+                for at, provenance in enumerate(told.provenances)
+                if not not_mine.isdisjoint(provenance)
+            ]
+        first += len(told)
+    return rows
 
 
 def _are_positive(covariances: Array, whole: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from onboard.kinematics.arrays import Array
+from onboard.kinematics.heading import Heading, HeadingFilter
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.mvs.heading import Heading, HeadingFilter
-from onboard.mvs.kalman import Array
 from onboard.mvs.settings import SensingSettings
 from onboard.observations import Position, VehicleDetection
 

@@ -10,20 +10,13 @@ from itertools import groupby
 import numpy as np
 
 from onboard.errors import DecodeError
+from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.mvs.evidence import Evidence, Measurement, MeasurementId
-from onboard.mvs.fusion import fuse, propagate
-from onboard.mvs.heading import Heading
+from onboard.mvs.footer_coding import encode_within, free_number, read
+from onboard.mvs.footer_validation import OwnMeasurements, violations_of_received
 from onboard.mvs.host_vehicle import HostVehicle, ReportedState
-from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.mvs.provenance_spans import ProvenanceSpans
-from onboard.mvs.received_footers import (
-    OwnMeasurements,
-    ReceivedFooter,
-    concatenate,
-    violations_of_received,
-)
+from onboard.mvs.received_footers import ReceivedFooter, SharedEntries, concatenate
 from onboard.mvs.remote_vehicles import (
     RemoteVehicle,
     RemoteVehicles,
@@ -32,12 +25,19 @@ from onboard.mvs.remote_vehicles import (
 )
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.shared_entries import OWN, EvidenceBatch, SharedEntries
-from onboard.mvs.sharing import encode_within, free_number, read
-from onboard.mvs.stored_evidence import EvidenceView, StoredEvidence
-from onboard.mvs.track import Track, independent, up_to
-from onboard.mvs.tracks import Tracks
 from onboard.observations import Discarded, Position, VehicleDetection
+from onboard.tracking.evidence import (
+    Evidence,
+    Measurement,
+    MeasurementId,
+    ProvenanceSpans,
+    as_arrays,
+)
+from onboard.tracking.evidence_store import OWN, EvidenceBatch, EvidenceView, StoredEvidence
+from onboard.tracking.fusion import fuse, propagate
+from onboard.tracking.independent_set import independent, up_to
+from onboard.tracking.track import Track
+from onboard.tracking.tracks import Tracks
 
 
 class MultiVehicleSensing:
@@ -309,7 +309,7 @@ class MultiVehicleSensing:
                         [self._utc_ms(now)] * n,
                         ProvenanceSpans.of(provenances),
                         [True] * n,
-                        Kinematics.of(list(measured.values())),
+                        as_arrays(list(measured.values())),
                     )
                 )
         self._seen.clear()

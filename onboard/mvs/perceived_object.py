@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
 
-from onboard.mvs.evidence import Provenance
+from onboard.tracking.evidence import Provenance
 
 
 class ObjectSource(StrEnum):

@@ -5,12 +5,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from onboard.kinematics.arrays import Array, StateArrays
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.mvs.footer_validation import violations
-from onboard.mvs.kalman import Array
-from onboard.mvs.provenance_spans import ProvenanceSpans
-from onboard.mvs.settings import MvsSettings
-from onboard.mvs.shared_entries import EvidenceBatch, SharedEntries, are_firsthand, placed
+from onboard.tracking.evidence import Evidence, Provenance, ProvenanceSpans, piece_of
+from onboard.tracking.evidence_store import EvidenceBatch
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedEntries:
+    """The N entries of one footer, in the frame of its anchor; many cars may read the same."""
+
+    anchor: LocalFrame
+    cars: tuple[int, ...]
+    """What the teller calls each car; its other footers call it the same."""
+    provenances: tuple[Provenance, ...]
+    observers: frozenset[bytes]
+    """Who made the measurements in them."""
+    spans: ProvenanceSpans
+    """Of the provenances."""
+    entries: StateArrays
+
+    def __len__(self) -> int:
+        return len(self.cars)
 
 
 @dataclass(slots=True, eq=False)
@@ -22,15 +38,6 @@ class ReceivedFooter:
     sender_m: Array
     """Where the sender said it was (2), in the own car's frame."""
     at: float
-
-
-@dataclass(frozen=True, slots=True)
-class OwnMeasurements:
-    """What the own car knows of its own measurements."""
-
-    own_ids: frozenset[bytes]
-    stamps_ms: frozenset[int]
-    """When it made some, UTC."""
 
 
 def concatenate(
@@ -51,51 +58,28 @@ def concatenate(
     )
 
 
-def violations_of_received(
-    batch: EvidenceBatch,
-    heard: Sequence[ReceivedFooter],
-    own: OwnMeasurements,
-    settings: MvsSettings,
-) -> tuple[dict[int, str], Array]:
-    """Hold entries against what is possible (`belief.py`), recent, and known of the own car.
-
-    Returns:
-        a reason not to use it for each row of `batch` that has one: those of `belief.doubts`,
-        `stale`, `not_my_measurement`; and for each row by what to weight it down.
-    """
-    belief = settings.footer_validation
-    received_ms = np.array(batch.received_ms, dtype=np.float64)
-    doubted = dict.fromkeys(_with_what_is_not_mine(heard, own), "not_my_measurement")
-    stale = batch.spans.oldest_ms <= received_ms - round(settings.memory_s * 1000)
-    doubted |= dict.fromkeys(np.flatnonzero(stale).tolist(), "stale")
-    reaches_m = np.where(
-        batch.firsthand, belief.sensing_range_m, belief.sensing_range_m + belief.radio_range_m
-    )
-    impossible, excess = violations(
-        batch.entries,
-        batch.spans,
-        belief,
-        reaches_m=reaches_m,
-        tellers_m=np.array([each.sender_m for each in heard for _ in range(len(each.told))]).T,
-        now_ms=received_ms,
-    )
-    return impossible | dict(sorted(doubted.items())), excess
+def are_firsthand(
+    tellers: Sequence[bytes], provenances: Sequence[Provenance], entries: StateArrays
+) -> list[bool]:
+    """Of each entry whether it is a measurement that its teller has made himself."""
+    return [
+        not has_speed and all(by == teller for by, _ in provenance)
+        for teller, provenance, has_speed in zip(
+            tellers, provenances, entries.has_speed.tolist(), strict=True
+        )
+    ]
 
 
-def _with_what_is_not_mine(heard: Sequence[ReceivedFooter], own: OwnMeasurements) -> list[int]:
-    """The rows that name a measurement of the own car's which it has not made."""
-    rows, first = [], 0
-    for told in (each.told for each in heard):
-        if not own.own_ids.isdisjoint(told.observers):
-            not_mine = {
-                identity
-                for identity in frozenset().union(*told.provenances)
-                if identity.observer in own.own_ids and identity.stamp_ms not in own.stamps_ms
-            }
-            rows += [
-                first + at
-                for at, provenance in enumerate(told.provenances)
-                if not not_mine.isdisjoint(provenance)
-            ]
-        first += len(told)
-    return rows
+def placed(footers: Sequence[SharedEntries], frame: LocalFrame) -> StateArrays:
+    """Bring the entries of all `footers` into `frame`, one footer after the other."""
+    mappings = [frame.mapping_from(footer.anchor) for footer in footers]
+    counts = [len(footer) for footer in footers]
+    turns = np.repeat([turn for turn, _ in mappings], counts, axis=0)
+    shifts = np.repeat([shift for _, shift in mappings], counts, axis=0)
+    return StateArrays.together([footer.entries for footer in footers]).mapped(turns, shifts)
+
+
+def evidence_in(footer: SharedEntries, frame: LocalFrame) -> list[Evidence]:
+    """All entries of a footer as evidence in `frame`."""
+    entries = placed([footer], frame)
+    return [piece_of(p, entries, row) for row, p in enumerate(footer.provenances)]

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.mvs.evidence import map_state
+from onboard.kinematics.arrays import Array, StateArrays, map_state
 from onboard.mvs.host_vehicle import ReportedState
-from onboard.mvs.kalman import Array, predict
-from onboard.mvs.kinematics import Kinematics
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.mvs.settings import FooterValidationSettings
+from onboard.tracking.kalman import predict
 
 _QUIET_S = 0.25
 """Who speaks ten times a second and has been silent for so long has lost two in a row, or more."""
@@ -108,9 +107,9 @@ def _apart_m(earlier: ReportedState, later: ReportedState) -> float:
     return math.hypot(*(later.state[:2] - place))
 
 
-def as_kinematics(reported: Sequence[ReportedState], utc_ms: Callable[[float], int]) -> Kinematics:
+def as_kinematics(reported: Sequence[ReportedState], utc_ms: Callable[[float], int]) -> StateArrays:
     """What cars say of themselves, side by side."""
-    return Kinematics(
+    return StateArrays(
         np.array([utc_ms(each.stamp_s) for each in reported], dtype=np.float64),
         np.array([each.state for each in reported]).T,
         np.array([each.covariance for each in reported]).transpose(1, 2, 0),

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.mvs.evidence import Evidence, Measurement
 from onboard.mvs.settings import Selection
+from onboard.tracking.evidence import Evidence, Measurement
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from onboard.mvs.evidence import Measurement
-from onboard.mvs.kalman import Array
+from onboard.kinematics.arrays import Array
 from onboard.mvs.settings import MvsSettings, SensingSettings
+from onboard.tracking.evidence import Measurement
 from sim_rig.roads.cars import Cars
 from sim_rig.studies.mvs_methods import covariance_intersection, use_all
 from sim_rig.studies.mvs_roads import SixLaneRoad, states_of

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from onboard.mvs.evidence import Estimate, Evidence, Measurement
-from onboard.mvs.fusion import fuse, propagate
-from onboard.mvs.kalman import Array
+from onboard.kinematics.arrays import Array
+from onboard.tracking.evidence import Estimate, Evidence, Measurement
+from onboard.tracking.fusion import fuse, propagate
 
 OMEGAS = np.linspace(0.0, 1.0, 21)
 

@@ -15,12 +15,12 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from onboard.errors import UserError
-from onboard.mvs.evidence import Evidence, Measurement, Provenance
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.received_footers import SharedEntries, evidence_in
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
-from onboard.mvs.shared_entries import SharedEntries, evidence_in
-from onboard.mvs.track import independent
 from onboard.settings import Settings
+from onboard.tracking.evidence import Evidence, Measurement, Provenance
+from onboard.tracking.independent_set import independent
 from sim_rig.roads.cars import Cars
 from sim_rig.scenario.setting_types import NotNegative, Several, Share, Span
 from sim_rig.studies.campaign import Row, Workers, run_campaign

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.mvs.evidence import Measurement, MeasurementId
+from onboard.mvs.footer_coding import read
 from onboard.mvs.host_vehicle import HostVehicle
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.shared_entries import SharedEntries
-from onboard.mvs.sharing import read
 from onboard.observations import Position, VehicleDetection
 from onboard.settings import Settings
+from onboard.tracking.evidence import Measurement, MeasurementId
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
 from sim_rig.scenario.radio_settings import CsmaSettings

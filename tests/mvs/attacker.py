@@ -5,10 +5,10 @@ import numpy as np
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
 from onboard.messages.mvs_footer import MvsFooter
-from onboard.mvs.evidence import Estimate, Evidence, MeasurementId
+from onboard.mvs.footer_coding import footer_of
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.sharing import footer_of
 from onboard.observations import Position
+from onboard.tracking.evidence import Estimate, Evidence, MeasurementId
 from tests.mvs.world import EXACT
 
 HERE = LocalFrame(48.1, 11.5)

@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
 from onboard.mvs.footer_validation import covariance_inflation, violations
-from onboard.mvs.fusion import fuse
-from onboard.mvs.kinematics import Kinematics
-from onboard.mvs.provenance_spans import ProvenanceSpans
 from onboard.mvs.settings import FooterValidationSettings
+from onboard.tracking.evidence import (
+    Estimate,
+    Evidence,
+    Measurement,
+    MeasurementId,
+    ProvenanceSpans,
+    as_arrays,
+)
+from onboard.tracking.fusion import fuse
 from tests.mvs.attacker import LIAR, RECENT, estimate_at
 
 
@@ -42,7 +47,7 @@ def test_impossible_estimates_are_named(
     pieces: list[Evidence] = [honest, piece]
 
     doubted, _ = violations(
-        Kinematics.of(pieces),
+        as_arrays(pieces),
         ProvenanceSpans.of([each.provenance for each in pieces]),
         FooterValidationSettings(),
         reaches_m=np.full(2, 1700.0),
@@ -55,7 +60,7 @@ def test_impossible_estimates_are_named(
 
 def excess_of_trust_in(*pieces: Evidence) -> np.ndarray:
     spans = ProvenanceSpans.of([piece.provenance for piece in pieces])
-    return covariance_inflation(Kinematics.of(pieces), spans, 0.1)
+    return covariance_inflation(as_arrays(pieces), spans, 0.1)
 
 
 def test_honest_estimates_are_not_weighted_down() -> None:

@@ -19,11 +19,11 @@ from onboard.messages.mvs_footer import (
     SharedMeasurement,
     SharedState,
 )
-from onboard.mvs.evidence import Estimate, Measurement, MeasurementId
-from onboard.mvs.fusion import propagate
+from onboard.mvs.footer_coding import footer_of
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.sharing import footer_of
 from onboard.observations import Position, VehicleDetection
+from onboard.tracking.evidence import Estimate, Measurement, MeasurementId
+from onboard.tracking.fusion import propagate
 from tests.mvs.attacker import (
     HERE,
     LIAR,

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.messages import mvs_footer
-from onboard.mvs.evidence import Measurement, MeasurementId
-from onboard.mvs.fusion import fuse, propagate
-from onboard.mvs.shared_entries import OWN
-from onboard.mvs.track import Track
+from onboard.tracking.evidence import Measurement, MeasurementId
+from onboard.tracking.evidence_store import OWN
+from onboard.tracking.fusion import fuse, propagate
+from onboard.tracking.track import Track
 from tests.mvs.world import (
     EXACT,
     Car,

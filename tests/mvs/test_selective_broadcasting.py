@@ -5,8 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
-from onboard.mvs.fusion import fuse
 from onboard.mvs.selective_broadcasting import (
     SELECTIONS,
     Candidate,
@@ -16,7 +14,9 @@ from onboard.mvs.selective_broadcasting import (
     random_selection,
 )
 from onboard.mvs.settings import Selection
-from onboard.mvs.track import independent
+from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.tracking.fusion import fuse
+from onboard.tracking.independent_set import independent
 
 RNG = np.random.default_rng(0)
 

@@ -11,13 +11,13 @@ from onboard.lcca.events import WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.mvs.evidence import MeasurementId
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Discarded, Lead, LeadIdentity, Position, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.trace.trace_line import as_line
+from onboard.tracking.evidence import MeasurementId
 from onboard.units import KM_H
 
 OTHER_ID = bytes.fromhex("0a0b0c0d")

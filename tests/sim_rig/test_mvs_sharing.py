@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from onboard.errors import UserError
-from onboard.mvs.evidence import Estimate, MeasurementId
 from onboard.mvs.settings import Selection
+from onboard.tracking.evidence import Estimate, MeasurementId
 from sim_rig.studies.campaign import Workers
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.mvs_scenes import SceneName

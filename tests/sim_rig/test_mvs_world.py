@@ -3,8 +3,8 @@
 import numpy as np
 
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings, SensingSettings
-from onboard.mvs.shared_entries import SharedEntries
 from sim_rig.propagation.path_loss import LogDistance
 from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.mvs_roads import SixLaneRoad

@@ -1,15 +1,77 @@
 """Entries under names not yet known: by its place each finds its car, or may begin one."""
 
+import math
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from onboard.mvs.association import compare, with_speed_prior
-from onboard.mvs.fusion import UNKNOWN_SPEED_SIGMA_M_S
-from onboard.mvs.kinematics import Kinematics
+from onboard.kinematics.arrays import Array, StateArrays
 from onboard.mvs.settings import AssociationSettings
-from onboard.mvs.shared_entries import EvidenceBatch
-from onboard.mvs.track import Track
+from onboard.tracking.assignment import cheapest_pairs
+from onboard.tracking.evidence import UNKNOWN_SPEED_SIGMA_M_S
+from onboard.tracking.evidence_store import EvidenceBatch
+from onboard.tracking.gates import distances, gates, with_speed_prior
+from onboard.tracking.track import Track
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compared:
+    """M pieces held against N cars."""
+
+    inside: NDArray[np.bool_]
+    """(M, N) whether the piece may be the car's."""
+    cost: Array
+    """(M, N) the higher, the less likely it is the car's."""
+
+    def assign(self) -> dict[int, int]:
+        """Find the car of each piece that has one."""
+        rows = np.flatnonzero(self.inside.any(axis=1))
+        if not len(rows):
+            return {}
+        columns = np.flatnonzero(self.inside.any(axis=0))
+        allowed, cost = self.inside[np.ix_(rows, columns)], self.cost[np.ix_(rows, columns)]
+        least, most = cost[allowed].min(), cost[allowed].max()
+        alone = (most - least + 1) * len(rows)  # dearer than any other assignment of all pieces
+        cost = np.where(allowed, cost - least, 2 * alone)
+        is_wide = len(rows) <= len(columns)
+        of_few = cost if is_wide else cost.T  # one augmenting path a row
+        to_nobody = np.full((len(of_few), len(of_few)), alone)
+        pairs = [
+            (few, many) if is_wide else (many, few)
+            for few, many in cheapest_pairs(np.hstack([of_few, to_nobody]))
+            if many < of_few.shape[1]
+        ]
+        return {int(rows[row]): int(columns[column]) for row, column in sorted(pairs)}
+
+    def among(self, pieces: slice, cars: NDArray[np.bool_]) -> "Compared":
+        """Some of the pieces, which may be the cars' that are `True` in `cars` (N)."""
+        return Compared(self.inside[pieces] & cars, self.cost[pieces])
+
+
+def compare(
+    pieces: StateArrays,
+    cars: StateArrays,
+    gate_probability: float,
+    acceleration_density: float,
+    *,
+    vaguest_m: float = math.inf,
+) -> Compared:
+    """Hold M pieces against N cars.
+
+    Args:
+        pieces: M.
+        cars: N.
+        gate_probability: of the evidence of a car, how much its gate lets in.
+        acceleration_density: q of the process noise, m^2/s^3.
+        vaguest_m: a piece and a car whose places are together less certain than this (root of the
+            summed variances) are not matched.
+    """
+    squared, log_det, variance = distances(pieces[:, None], cars, acceleration_density)
+    inside = squared <= gates(pieces[:, None], gate_probability)
+    inside &= variance <= vaguest_m**2
+    return Compared(inside, squared + log_det)
 
 
 class UnassociatedEvidence:
@@ -19,7 +81,7 @@ class UnassociatedEvidence:
         self,
         batch: EvidenceBatch,
         tracks: Sequence[Track],
-        cars: Kinematics,
+        cars: StateArrays,
         settings: AssociationSettings,
         acceleration_density: float,
     ) -> None:
@@ -35,7 +97,7 @@ class UnassociatedEvidence:
         entries, self._provenances = batch.entries, batch.provenances
         begun = entries.with_any_speed(UNKNOWN_SPEED_SIGMA_M_S)
         begun = with_speed_prior(begun, settings.speed_sigma_m_s)
-        self._cars = Kinematics.together([cars, begun])
+        self._cars = StateArrays.together([cars, begun])
         self._tracks: list[Track | None] = [*tracks, *[None] * len(batch)]
         self._there = np.arange(len(self._cars)) < len(tracks)
         self._compared = compare(
@@ -51,7 +113,7 @@ class UnassociatedEvidence:
         self._touching = apart_m <= settings.overlap_m
 
     @property
-    def cars(self) -> Kinematics:
+    def cars(self) -> StateArrays:
         """What evidence is compared with, a column for each track that is there."""
         return self._cars[self._there]
 

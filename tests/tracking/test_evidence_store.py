@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from onboard.mvs.evidence import Estimate, Measurement, MeasurementId
-from onboard.mvs.evidence_store import EvidenceStore
-from onboard.mvs.kinematics import Kinematics
+from onboard.tracking.evidence import Estimate, Measurement, MeasurementId, as_arrays
+from onboard.tracking.evidence_store import EvidenceStore
 
 PLACED = Measurement(MeasurementId(b"seer", 1000), np.array([3.0, 4.0]), np.diag([1.0, 2.0]))
 WHOLE = Estimate(
@@ -16,8 +15,8 @@ WHOLE = Estimate(
 
 def test_what_is_put_is_found_again() -> None:
     shelf = EvidenceStore()
-    shelf.put(Kinematics.of([WHOLE, WHOLE]))
-    row = shelf.put(Kinematics.of([PLACED, WHOLE]))
+    shelf.put(as_arrays([WHOLE, WHOLE]))
+    row = shelf.put(as_arrays([PLACED, WHOLE]))
 
     placed, whole = shelf.piece(PLACED.provenance, row), shelf.piece(WHOLE.provenance, row + 1)
 
@@ -35,19 +34,19 @@ def test_it_grows_and_keeps_what_is_wanted() -> None:
     shelf = EvidenceStore()
     for at in range(3000):
         piece = Measurement(MeasurementId(b"seer", at), np.array([at, -at], float), np.eye(2))
-        assert shelf.put(Kinematics.of([piece])) == at
+        assert shelf.put(as_arrays([piece])) == at
     assert shelf.is_due(1000)
 
     shelf.keep([2999, 7, 1500])
 
     assert not shelf.is_due(3)
     assert shelf.at([0, 1, 2]).states[0].tolist() == [2999.0, 7.0, 1500.0]
-    assert shelf.put(Kinematics.of([PLACED])) == 3
+    assert shelf.put(as_arrays([PLACED])) == 3
 
 
 def test_a_piece_once_made_stays_as_it_is() -> None:
     shelf = EvidenceStore()
-    row = shelf.put(Kinematics.of([WHOLE]))
+    row = shelf.put(as_arrays([WHOLE]))
     piece = shelf.piece(WHOLE.provenance, row)
 
     shelf.map_to(np.array([[0.0, -1.0], [1.0, 0.0]]), np.array([10.0, 20.0]))

@@ -17,9 +17,8 @@ covariance stays symmetric and positive whatever the noise that is put in, as lo
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from onboard.kinematics.arrays import Array
 
 _I2 = np.eye(2)[:, :, None]
 _I4 = np.eye(4)

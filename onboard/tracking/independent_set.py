@@ -21,9 +21,11 @@ best so far are kept, and only there something better may be missed; honest cars
 
 import heapq
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from operator import itemgetter
 from typing import NamedTuple
+
+from onboard.tracking.evidence import Evidence, stamp_ms_of
 
 _MOST_STATES = 1000
 
@@ -63,6 +65,23 @@ def select_independent_masks(masks: Sequence[int]) -> list[int]:
         covered &= ~masks[index]
     chosen += [index for mask, index in singles.items() if mask & covered]
     return sorted(chosen)
+
+
+def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
+    """The most measurements, none twice, in the fewest pieces; the latest among equals."""
+    latest_first = sorted(pieces, key=stamp_ms_of, reverse=True)
+    chosen = select_independent([piece.provenance for piece in latest_first])
+    return [latest_first[index] for index in chosen]
+
+
+def up_to(most: int, pieces: Iterable[Evidence]) -> list[Evidence]:
+    """Those that make `most` measurements together at most, the first ones first."""
+    fitting = []
+    for piece in pieces:
+        if len(piece.provenance) <= most:
+            most -= len(piece.provenance)
+            fitting.append(piece)
+    return fitting
 
 
 def _choose(entries: Sequence[tuple[int, int]], covered: int) -> list[int]:

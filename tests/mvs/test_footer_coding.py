@@ -7,10 +7,7 @@ from hypothesis import strategies as st
 
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
-from onboard.mvs.fusion import fuse
-from onboard.mvs.shared_entries import SharedEntries, evidence_in
-from onboard.mvs.sharing import (
+from onboard.mvs.footer_coding import (
     Entry,
     encode_within,
     footer_of,
@@ -19,6 +16,9 @@ from onboard.mvs.sharing import (
     read,
     to_correlations,
 )
+from onboard.mvs.received_footers import SharedEntries, evidence_in
+from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.tracking.fusion import fuse
 
 SENDER, RECEIVER = LocalFrame(48.1, 11.5), LocalFrame(48.12, 11.53)
 ANCHOR = LocalFrame(48.1012345, 11.5012345)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.mvs.kalman import Array, predict, update_position, update_state
+from onboard.kinematics.arrays import Array
+from onboard.tracking.kalman import predict, update_position, update_state
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # its docstrings have invalid escapes

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
-from onboard.mvs.fusion import fuse, propagate
+from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.tracking.fusion import fuse, propagate
 
 Q = 1.0
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from onboard.kinematics.arrays import Array, StateArrays
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
 from onboard.messages.columns import Columns
@@ -19,11 +20,15 @@ from onboard.messages.mvs_footer import (
     SharedMeasurement,
     SharedState,
 )
-from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, Provenance, measurement_id
-from onboard.mvs.kalman import Array
-from onboard.mvs.kinematics import Kinematics
-from onboard.mvs.provenance_spans import ProvenanceSpans
-from onboard.mvs.shared_entries import SharedEntries
+from onboard.mvs.received_footers import SharedEntries
+from onboard.tracking.evidence import (
+    Evidence,
+    Measurement,
+    MeasurementId,
+    Provenance,
+    ProvenanceSpans,
+    measurement_id,
+)
 
 MOST_OBSERVERS = 255
 _CARS = 256
@@ -121,7 +126,7 @@ def read(data: bytes) -> SharedEntries:
         tuple(provenances),
         frozenset(observers),
         spans,
-        Kinematics(
+        StateArrays(
             spans.newest_ms,
             states.T,
             covariances.transpose(1, 2, 0),

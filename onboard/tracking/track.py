@@ -3,11 +3,16 @@
 import math
 from collections.abc import Iterable
 
-from onboard.mvs.evidence import Evidence, Measurement, MeasurementId, Provenance, stamp_ms_of
-from onboard.mvs.fusion import as_estimate
-from onboard.mvs.independent_set import select_independent, select_independent_masks
-from onboard.mvs.shared_entries import OWN
-from onboard.mvs.stored_evidence import StoredEvidence
+from onboard.tracking.evidence import (
+    Evidence,
+    Measurement,
+    MeasurementId,
+    Provenance,
+    as_estimate,
+    stamp_ms_of,
+)
+from onboard.tracking.evidence_store import OWN, StoredEvidence
+from onboard.tracking.independent_set import select_independent_masks
 
 _MOST_BITS = 512
 _SAME_PLACE_M = 0.1
@@ -223,20 +228,3 @@ class Track:
         for identity in provenance.difference(bits):
             bits[identity] = 1 << len(bits)
         return sum(map(bits.__getitem__, provenance))
-
-
-def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
-    """The most measurements, none twice, in the fewest pieces; the latest among equals."""
-    latest_first = sorted(pieces, key=stamp_ms_of, reverse=True)
-    chosen = select_independent([piece.provenance for piece in latest_first])
-    return [latest_first[index] for index in chosen]
-
-
-def up_to(most: int, pieces: Iterable[Evidence]) -> list[Evidence]:
-    """Those that make `most` measurements together at most, the first ones first."""
-    fitting = []
-    for piece in pieces:
-        if len(piece.provenance) <= most:
-            most -= len(piece.provenance)
-            fitting.append(piece)
-    return fitting

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import Bounds, LinearConstraint, milp
 
-from onboard.mvs.independent_set import select_independent, select_independent_masks
+from onboard.tracking.independent_set import select_independent, select_independent_masks
 
 provenances = st.lists(
     st.frozensets(st.integers(0, 9), min_size=1, max_size=4), min_size=0, max_size=12

@@ -2,12 +2,17 @@
 
 import numpy as np
 
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
-from onboard.mvs.kinematics import Kinematics
-from onboard.mvs.provenance_spans import ProvenanceSpans
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.shared_entries import OWN, EvidenceBatch
-from onboard.mvs.tracks import Tracks
+from onboard.tracking.evidence import (
+    Estimate,
+    Evidence,
+    Measurement,
+    MeasurementId,
+    ProvenanceSpans,
+    as_arrays,
+)
+from onboard.tracking.evidence_store import OWN, EvidenceBatch
+from onboard.tracking.tracks import Tracks
 
 SETTINGS = MvsSettings()
 A, B = b"aaaa", b"bbbb"
@@ -36,7 +41,7 @@ def tell(tracks: Tracks, teller: bytes, cars: dict[int, Evidence], now_ms: int) 
             [now_ms] * len(pieces),
             ProvenanceSpans.of(provenances),
             [isinstance(piece, Measurement) for piece in pieces],
-            Kinematics.of(pieces),
+            as_arrays(pieces),
         )
     )
     tracks.refresh(now_ms)

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from onboard.mvs.association import are_inside, compare, gate, with_speed_prior
-from onboard.mvs.evidence import Estimate, Evidence, Measurement, MeasurementId
-from onboard.mvs.kinematics import Kinematics
+from onboard.tracking.association import compare
+from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId, as_arrays
+from onboard.tracking.gates import are_inside, gate, with_speed_prior
 
 Q = 1.0
 
@@ -28,7 +28,7 @@ def car(x_m: float, y_m: float = 0.0, vx_m_s: float = 0.0, sigma_m: float = 1.0)
 
 
 def found(pieces: list[Evidence], cars: list[Estimate], gate: float = 0.99) -> dict[int, int]:
-    return compare(Kinematics.of(pieces), Kinematics.of(cars), gate, Q).assign()
+    return compare(as_arrays(pieces), as_arrays(cars), gate, Q).assign()
 
 
 def test_each_piece_goes_to_the_car_where_it_was_measured() -> None:
@@ -51,9 +51,9 @@ def test_nothing_is_near_to_a_car_whose_covariance_is_none(
     bad.covariance[at, at] = np.array(block)
 
     assert found([car(0.1)], [bad]) == {}
-    both = Kinematics.of([bad, car(0)])
-    assert are_inside(Kinematics.of([car(0), car(0)]), both, 0.99, Q).tolist() == [False, True]
-    measured_too = Kinematics.of([measured(0), car(0)])
+    both = as_arrays([bad, car(0)])
+    assert are_inside(as_arrays([car(0), car(0)]), both, 0.99, Q).tolist() == [False, True]
+    measured_too = as_arrays([measured(0), car(0)])
     assert are_inside(measured_too, both, 0.99, Q).tolist() == [of_speed, True]
 
 
@@ -129,7 +129,7 @@ def test_the_assignment_is_the_best_of_all(
 
 
 def test_of_a_car_seen_once_the_speed_is_taken_to_be_a_cars() -> None:
-    measured_once = Kinematics.of([measured(0.0)]).with_any_speed(100.0)
+    measured_once = as_arrays([measured(0.0)]).with_any_speed(100.0)
 
     learnt = with_speed_prior(measured_once, 20.0).covariances[:, :, 0]
 

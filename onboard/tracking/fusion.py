@@ -9,13 +9,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from onboard.mvs.evidence import Estimate, Evidence
-from onboard.mvs.kalman import Array, predict, update_position, update_state
-from onboard.mvs.kinematics import Kinematics
-from onboard.mvs.stored_evidence import StoredEvidence
+from onboard.kinematics.arrays import Array, StateArrays
+from onboard.tracking.evidence import UNKNOWN_SPEED_SIGMA_M_S, Estimate, Evidence, as_arrays
+from onboard.tracking.evidence_store import EvidenceStore, StoredEvidence
+from onboard.tracking.kalman import predict, update_position, update_state
+from onboard.tracking.track import Track
 
-UNKNOWN_SPEED_SIGMA_M_S = 100.0
-"""Of a car of which one position is known: no knowledge, with margin."""
+_ROUNDING = 1.2
+"""By this factor a variance may grow on its way: deviations are sent rounded up, by 1.2 % each."""
 
 
 def fuse(
@@ -32,11 +33,13 @@ def fuse(
     """
     pieces = [piece for evidence in evidence_of_cars for piece in evidence]
     counts = [len(evidence) for evidence in evidence_of_cars]
-    fused = filtered(Kinematics.of(pieces), counts, acceleration_density)
+    fused = filtered(as_arrays(pieces), counts, acceleration_density)
     return as_estimates(evidence_of_cars, fused)
 
 
-def filtered(pieces: Kinematics, counts: Sequence[int], acceleration_density: float) -> Kinematics:
+def filtered(
+    pieces: StateArrays, counts: Sequence[int], acceleration_density: float
+) -> StateArrays:
     """Estimate N cars: the first `counts[0]` of the pieces are of the first car, and so on."""
     # The longest first: at step k, the cars that have a k-th piece are the first ones.
     lengths = np.asarray(counts, dtype=np.intp)
@@ -60,7 +63,7 @@ def filtered(pieces: Kinematics, counts: Sequence[int], acceleration_density: fl
 
 
 def as_estimates(
-    evidence_of_cars: Sequence[Sequence[StoredEvidence | Evidence]], fused: Kinematics
+    evidence_of_cars: Sequence[Sequence[StoredEvidence | Evidence]], fused: StateArrays
 ) -> list[Estimate]:
     """Say of N cars from what each has been fused."""
     states, covariances = fused.states.T.copy(), fused.covariances.transpose(2, 0, 1).copy()
@@ -88,16 +91,50 @@ def propagate(
     return predict(states, covariances.transpose(1, 2, 0), dt_s, acceleration_density)
 
 
-def as_estimate(piece: Evidence) -> Estimate:
-    """What one piece says of the whole state: a position says nothing of the speed."""
-    if isinstance(piece, Estimate):
-        return piece
-    state, covariance = np.zeros(4), np.eye(4) * UNKNOWN_SPEED_SIGMA_M_S**2
-    state[:2], covariance[:2, :2] = piece.position_m, piece.covariance
-    return Estimate(piece.provenance, state, covariance)
+def choose_and_fuse(tracks: Sequence[Track], shelf: EvidenceStore, now_ms: int, q: float) -> None:
+    """Choose the evidence of each track anew, and fuse what has changed.
+
+    An estimate by another car that contains our own measurements should know at least what these
+    say alone. If with such estimates the car is known less well, in place or speed, than without
+    them, something is wrong with them, and the evidence that repeats us is left out.
+
+    Args:
+        tracks: all of them.
+        shelf: where the numbers of their evidence stand.
+        now_ms: UTC.
+        q: density of the process noise, m^2/s^3.
+    """
+    changed = [track for track in tracks if track.choose()]
+    own = [track.chosen_without_repeaters() for track in changed]
+    repeated = [at for at, pieces in enumerate(own) if pieces]
+    choices = [track.chosen for track in changed] + [own[at] for at in repeated]
+    fused = _fused(choices, shelf, q)
+    vague = _vagueness(fused, now_ms, q)
+    best = list(range(len(changed)))
+    for other, at in enumerate(repeated, len(changed)):
+        if (vague[:, at] > _ROUNDING * vague[:, other]).any():
+            changed[at].chosen, best[at] = own[at], other
+    estimates = as_estimates([track.chosen for track in changed], fused[best])
+    for track, estimate in zip(changed, estimates, strict=True):
+        track.estimate = estimate
 
 
-def _update(states: Array, covariances: Array, pieces: Kinematics) -> tuple[Array, Array]:
+def _fused(
+    choices: Sequence[Sequence[StoredEvidence]], shelf: EvidenceStore, q: float
+) -> StateArrays:
+    rows = [held.row for choice in choices for held in choice]
+    return filtered(shelf.at(rows), [len(choice) for choice in choices], q)
+
+
+def _vagueness(cars: StateArrays, now_ms: int, q: float) -> Array:
+    """Variances (2, N) of place and of speed as of now, either over both axes."""
+    dt_s = np.maximum(now_ms - cars.stamps_ms, 0.0) / 1000
+    _, covariances = predict(cars.states, cars.covariances, dt_s, q)
+    variances: Array = np.einsum("iin->in", covariances).reshape(2, 2, -1).sum(axis=1)
+    return variances
+
+
+def _update(states: Array, covariances: Array, pieces: StateArrays) -> tuple[Array, Array]:
     """Use one piece of each car: the 2 x 4 model for measurements, the 4 x 4 for estimates."""
     for model, size, uses in ((update_position, 2, 0.0), (update_state, 4, 1.0)):
         at = np.flatnonzero(pieces.has_speed == uses)

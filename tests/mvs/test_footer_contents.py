@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from onboard.messages import mvs_footer
+from onboard.mvs.footer_coding import read
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import FooterValidationSettings, MvsSettings
-from onboard.mvs.sharing import read
 from onboard.observations import Position, VehicleDetection
 from tests.mvs.world import (
     EXACT,

@@ -14,16 +14,14 @@ from itertools import accumulate, groupby
 
 import numpy as np
 
-from onboard.mvs.association import are_inside, compare, distances, gates, with_speed_prior
-from onboard.mvs.evidence_selection import choose_and_fuse
-from onboard.mvs.evidence_store import EvidenceStore
-from onboard.mvs.kalman import Array
-from onboard.mvs.kinematics import Kinematics
+from onboard.kinematics.arrays import Array, StateArrays
 from onboard.mvs.settings import MvsSettings
-from onboard.mvs.shared_entries import OWN, EvidenceBatch
-from onboard.mvs.stored_evidence import StoredEvidence
-from onboard.mvs.track import Name, Track
-from onboard.mvs.unassociated import UnassociatedEvidence
+from onboard.tracking.association import UnassociatedEvidence, compare
+from onboard.tracking.evidence import as_arrays
+from onboard.tracking.evidence_store import OWN, EvidenceBatch, EvidenceStore, StoredEvidence
+from onboard.tracking.fusion import choose_and_fuse
+from onboard.tracking.gates import are_inside, distances, gates, with_speed_prior
+from onboard.tracking.track import Name, Track
 
 _RADIO_REMEMBERED_MS = 500
 """For this long a track counts as a car with a radio after it last matched one."""
@@ -51,7 +49,7 @@ class Tracks:
         self._named: dict[Name, Track] = {}
         self._last_number = 0
         self._shelf = EvidenceStore()
-        self._compared: Kinematics | None = None
+        self._compared: StateArrays | None = None
         """What evidence is compared with, a column for each track; `None` before it is needed."""
 
     def __iter__(self) -> Iterator[Track]:
@@ -101,7 +99,7 @@ class Tracks:
         self._named = {name: track for track in self._tracks for name in track.names}
         self._tidy()
 
-    def recognise(self, ids: Sequence[bytes], reported: Kinematics, now_ms: int) -> None:
+    def recognise(self, ids: Sequence[bytes], reported: StateArrays, now_ms: int) -> None:
         """Find the tracks that are cars with a radio, or the own car.
 
         A track that only others report, and the own camera does not see, is matched only where the
@@ -116,7 +114,7 @@ class Tracks:
         settings, q = self._settings.association, self._settings.acceleration_density
         offset = np.zeros((4, 4, 1))
         offset[:2, :2, 0] = settings.radio_offset_sigma_m**2 * np.eye(2)
-        cars = Kinematics(
+        cars = StateArrays(
             reported.stamps_ms, reported.states, reported.covariances + offset, reported.has_speed
         )
         apart = _apart_m(reported.places_m(now_ms), self._comparison().places_m(now_ms))
@@ -277,9 +275,9 @@ class Tracks:
             and first_told < belief.cars_per_sender
         )
 
-    def _comparison(self) -> Kinematics:
+    def _comparison(self) -> StateArrays:
         if self._compared is None:
-            cars = Kinematics.of([track.estimate for track in self._tracks])
+            cars = as_arrays([track.estimate for track in self._tracks])
             sigma_m_s = self._settings.association.speed_sigma_m_s
             self._compared = with_speed_prior(cars, sigma_m_s)
         return self._compared
@@ -294,7 +292,7 @@ class Tracks:
             self._tracks = [self._tracks[at] for at in kept]
             self._compared = cars[kept]
 
-    def _join(self, cars: Kinematics, now_ms: int) -> tuple[set[int], list[set[int]]]:
+    def _join(self, cars: StateArrays, now_ms: int) -> tuple[set[int], list[set[int]]]:
         """Let tracks take over those that are the same car.
 
         Two tracks in each other's place are one car, unless they were seen side by side.
@@ -338,7 +336,7 @@ class Tracks:
         return joined, doubles
 
     def _choose_known(
-        self, cars: Kinematics, kept: Sequence[int], doubles: Sequence[set[int]], now_ms: int
+        self, cars: StateArrays, kept: Sequence[int], doubles: Sequence[set[int]], now_ms: int
     ) -> None:
         """Of the tracks in the places `kept` that might be one car, tell of one only.
 
@@ -363,7 +361,7 @@ def _apart_m(some: Array, others: Array) -> Array:
     return apart
 
 
-def _variances(cars: Kinematics, now_ms: int, q: float) -> Array:
+def _variances(cars: StateArrays, now_ms: int, q: float) -> Array:
     """How well N places are known at `now_ms`: the traces of their covariances, m^2."""
     dt, p = (now_ms - cars.stamps_ms) / 1000, cars.covariances
     grown: Array = (

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from onboard.mvs.evidence import Estimate, Evidence, Measurement
-from onboard.mvs.kalman import Array
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Kinematics:
+class StateArrays:
     """N states of cars, or pieces of evidence about them, each at its own time."""
 
     stamps_ms: Array
@@ -67,19 +67,17 @@ class Kinematics:
             np.concatenate([each.has_speed for each in some]),
         )
 
-    @classmethod
-    def of(cls, pieces: Sequence[Evidence]) -> Self:
-        """Take what is to be compared of `pieces`."""
-        n = len(pieces)
-        states, covariances = np.zeros((n, 4)), np.zeros((n, 4, 4))
-        has_speed = np.array([isinstance(piece, Estimate) for piece in pieces], dtype=np.float64)
-        if estimates := [piece for piece in pieces if isinstance(piece, Estimate)]:
-            whole = has_speed > 0
-            states[whole] = [piece.state for piece in estimates]
-            covariances[whole] = [piece.covariance for piece in estimates]
-        if measurements := [piece for piece in pieces if isinstance(piece, Measurement)]:
-            measured = has_speed == 0
-            states[measured, :2] = [piece.position_m for piece in measurements]
-            covariances[measured, :2, :2] = [piece.covariance for piece in measurements]
-        stamps_ms = np.array([piece.stamp_ms for piece in pieces], dtype=np.float64)
-        return cls(stamps_ms, states.T, covariances.transpose(1, 2, 0), has_speed)
+
+def map_state(state: Array, covariance: Array, turn: Array, shift: Array) -> tuple[Array, Array]:
+    """State (4) and covariance (4, 4) in another frame (`LocalFrame.mapping_from`)."""
+    both = turn_of_state(turn)
+    mapped = both @ state
+    mapped[:2] += shift
+    return mapped, both @ covariance @ both.T
+
+
+def turn_of_state(turn: Array) -> Array:
+    """The turn (4, 4) of position and velocity."""
+    both = np.zeros((4, 4))
+    both[:2, :2] = both[2:, 2:] = turn
+    return both

@@ -8,20 +8,17 @@ after as many pieces as possible have found a car.
 """
 
 import math
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.mvs.kalman import Array
-from onboard.mvs.kinematics import Kinematics
-from onboard.tracking.assignment import cheapest_pairs
+from onboard.kinematics.arrays import Array, StateArrays
 
 _SPEED = slice(2, 4)
 
 
-def with_speed_prior(cars: Kinematics, sigma_m_s: float) -> Kinematics:
+def with_speed_prior(cars: StateArrays, sigma_m_s: float) -> StateArrays:
     """The same after learning that cars drive at 0 +- `sigma_m_s` on either axis.
 
     Used for distances only: the speed of a car seen once is not known, but it is not just any.
@@ -33,69 +30,11 @@ def with_speed_prior(cars: Kinematics, sigma_m_s: float) -> Kinematics:
     gain_x = cross[:, 0] * c - cross[:, 1] * b
     gain_y = cross[:, 1] * a - cross[:, 0] * b
     learnt = p - gain_x[:, None] * p[2] - gain_y[:, None] * p[3]
-    return Kinematics(cars.stamps_ms, cars.states, learnt, cars.has_speed)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Compared:
-    """M pieces held against N cars."""
-
-    inside: NDArray[np.bool_]
-    """(M, N) whether the piece may be the car's."""
-    cost: Array
-    """(M, N) the higher, the less likely it is the car's."""
-
-    def assign(self) -> dict[int, int]:
-        """Find the car of each piece that has one."""
-        rows = np.flatnonzero(self.inside.any(axis=1))
-        if not len(rows):
-            return {}
-        columns = np.flatnonzero(self.inside.any(axis=0))
-        allowed, cost = self.inside[np.ix_(rows, columns)], self.cost[np.ix_(rows, columns)]
-        least, most = cost[allowed].min(), cost[allowed].max()
-        alone = (most - least + 1) * len(rows)  # dearer than any other assignment of all pieces
-        cost = np.where(allowed, cost - least, 2 * alone)
-        is_wide = len(rows) <= len(columns)
-        of_few = cost if is_wide else cost.T  # one augmenting path a row
-        to_nobody = np.full((len(of_few), len(of_few)), alone)
-        pairs = [
-            (few, many) if is_wide else (many, few)
-            for few, many in cheapest_pairs(np.hstack([of_few, to_nobody]))
-            if many < of_few.shape[1]
-        ]
-        return {int(rows[row]): int(columns[column]) for row, column in sorted(pairs)}
-
-    def among(self, pieces: slice, cars: NDArray[np.bool_]) -> "Compared":
-        """Some of the pieces, which may be the cars' that are `True` in `cars` (N)."""
-        return Compared(self.inside[pieces] & cars, self.cost[pieces])
-
-
-def compare(
-    pieces: Kinematics,
-    cars: Kinematics,
-    gate_probability: float,
-    acceleration_density: float,
-    *,
-    vaguest_m: float = math.inf,
-) -> Compared:
-    """Hold M pieces against N cars.
-
-    Args:
-        pieces: M.
-        cars: N.
-        gate_probability: of the evidence of a car, how much its gate lets in.
-        acceleration_density: q of the process noise, m^2/s^3.
-        vaguest_m: a piece and a car whose places are together less certain than this (root of the
-            summed variances) are not matched.
-    """
-    squared, log_det, variance = distances(pieces[:, None], cars, acceleration_density)
-    inside = squared <= gates(pieces[:, None], gate_probability)
-    inside &= variance <= vaguest_m**2
-    return Compared(inside, squared + log_det)
+    return StateArrays(cars.stamps_ms, cars.states, learnt, cars.has_speed)
 
 
 def are_inside(
-    pieces: Kinematics, cars: Kinematics, gate_probability: float, acceleration_density: float
+    pieces: StateArrays, cars: StateArrays, gate_probability: float, acceleration_density: float
 ) -> NDArray[np.bool_]:
     """Whether each of N pieces is inside the gate of its car, the one of N at the same place."""
     squared, _, _ = distances(pieces, cars, acceleration_density)
@@ -103,7 +42,7 @@ def are_inside(
     return inside
 
 
-def gates(pieces: Kinematics, probability: float) -> Array:
+def gates(pieces: StateArrays, probability: float) -> Array:
     """The largest d^2 that belongs, for each piece."""
     largest: Array = np.where(pieces.has_speed > 0, gate(probability, 4), gate(probability, 2))
     return largest
@@ -125,7 +64,7 @@ def gate(probability: float, degrees_of_freedom: int) -> float:
     return above
 
 
-def distances(pieces: Kinematics, cars: Kinematics, q: float) -> tuple[Array, Array, Array]:
+def distances(pieces: StateArrays, cars: StateArrays, q: float) -> tuple[Array, Array, Array]:
     """d^2 and ln det S in position and, if known, speed; and the trace of S in position.
 
     Pieces and cars are broadcast against each other: a column of M pieces against N cars gives

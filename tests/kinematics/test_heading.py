@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from onboard.gnss.nmea import NmeaReader
-from onboard.mvs.heading import CURVATURE_1_M, LATERAL_M_S2, Heading, HeadingFilter
+from onboard.kinematics.heading import CURVATURE_1_M, LATERAL_M_S2, Heading, HeadingFilter
 from onboard.mvs.settings import SensingSettings
 from onboard.observations import Position
 

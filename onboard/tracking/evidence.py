@@ -1,0 +1,179 @@
+"""Measurements and estimates (MEs) of a car without a radio, each knowing what it was made from.
+
+A measurement is known by who made it and when. An estimate carries the set of the measurements
+that went into it, its *provenance*; so two pieces of evidence are independent exactly if their
+provenances have nothing in common.
+
+Positions are metres east and north in the frame of the car that holds the evidence
+(`local_frame.py`), times are whole milliseconds of UTC, the clock that all cars share.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from operator import attrgetter
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from onboard.kinematics.arrays import Array, StateArrays, map_state
+
+UNKNOWN_SPEED_SIGMA_M_S = 100.0
+"""Of a car of which one position is known: no knowledge, with margin."""
+
+
+class MeasurementId(NamedTuple):
+    """Who measured, and when."""
+
+    observer: bytes
+    """Temporary ID of the measuring car, as in its BSM."""
+    stamp_ms: int
+    """UTC."""
+
+
+measurement_id = lru_cache(maxsize=1 << 14)(MeasurementId)
+"""The same object every time: a measurement is named in many estimates."""
+
+Provenance = frozenset[MeasurementId]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """`dm<v, t>` if the own car made it, `im<v, t>` if it came over the radio."""
+
+    id: MeasurementId
+    position_m: Array
+    """(2) east, north."""
+    covariance: Array
+    """(2, 2), m^2."""
+    provenance: Provenance = field(init=False)
+    """Itself."""
+    stamp_ms: int = field(init=False)
+    """When it was made."""
+    oldest_ms: int = field(init=False)
+    """The same."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "provenance", frozenset((self.id,)))
+        object.__setattr__(self, "stamp_ms", self.id.stamp_ms)
+        object.__setattr__(self, "oldest_ms", self.id.stamp_ms)
+
+    def mapped(self, turn: Array, shift: Array) -> Self:
+        """The same in another frame (`LocalFrame.mapping_from`)."""
+        return type(self)(self.id, turn @ self.position_m + shift, turn @ self.covariance @ turn.T)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """`e<v, T>`: position and velocity at the time of the last measurement in T."""
+
+    provenance: Provenance
+    """T; never empty."""
+    state: Array
+    """(4) east, north in m; speed east, north in m/s."""
+    covariance: Array
+    """(4, 4), m and s."""
+    stamp_ms: int = 0
+    """The last time in T; looked up there if it is not given."""
+    oldest_ms: int = 0
+    """The first time in T, as well."""
+
+    def __post_init__(self) -> None:
+        if not self.stamp_ms:
+            stamps_ms = [stamp_ms for _, stamp_ms in self.provenance]
+            object.__setattr__(self, "stamp_ms", max(stamps_ms))
+            object.__setattr__(self, "oldest_ms", min(stamps_ms))
+
+    def mapped(self, turn: Array, shift: Array) -> Self:
+        """The same in another frame (`LocalFrame.mapping_from`)."""
+        state, covariance = map_state(self.state, self.covariance, turn, shift)
+        return type(self)(self.provenance, state, covariance, self.stamp_ms, self.oldest_ms)
+
+
+Evidence = Measurement | Estimate
+"""An ME of the paper."""
+
+stamp_ms_of: Callable[[Any], int] = attrgetter("stamp_ms")
+"""To put evidence in order."""
+
+
+def as_arrays(pieces: Sequence[Evidence]) -> StateArrays:
+    """Take what is to be compared of `pieces`."""
+    n = len(pieces)
+    states, covariances = np.zeros((n, 4)), np.zeros((n, 4, 4))
+    has_speed = np.array([isinstance(piece, Estimate) for piece in pieces], dtype=np.float64)
+    if estimates := [piece for piece in pieces if isinstance(piece, Estimate)]:
+        whole = has_speed > 0
+        states[whole] = [piece.state for piece in estimates]
+        covariances[whole] = [piece.covariance for piece in estimates]
+    if measurements := [piece for piece in pieces if isinstance(piece, Measurement)]:
+        measured = has_speed == 0
+        states[measured, :2] = [piece.position_m for piece in measurements]
+        covariances[measured, :2, :2] = [piece.covariance for piece in measurements]
+    stamps_ms = np.array([piece.stamp_ms for piece in pieces], dtype=np.float64)
+    return StateArrays(stamps_ms, states.T, covariances.transpose(1, 2, 0), has_speed)
+
+
+def as_estimate(piece: Evidence) -> Estimate:
+    """What one piece says of the whole state: a position says nothing of the speed."""
+    if isinstance(piece, Estimate):
+        return piece
+    state, covariance = np.zeros(4), np.eye(4) * UNKNOWN_SPEED_SIGMA_M_S**2
+    state[:2], covariance[:2, :2] = piece.position_m, piece.covariance
+    return Estimate(piece.provenance, state, covariance)
+
+
+def piece_of(provenance: Provenance, entries: StateArrays, row: int) -> Evidence:
+    """Make evidence of an entry with this provenance."""
+    state, covariance = entries.states[:, row].copy(), entries.covariances[:, :, row].copy()
+    if entries.has_speed[row]:
+        return Estimate(provenance, state, covariance)
+    (identity,) = provenance
+    return Measurement(identity, state[:2], covariance[:2, :2])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProvenanceSpans:
+    """Of N provenances."""
+
+    counts: Array
+    """(N) measurements in each."""
+    oldest_ms: Array
+    """(N) when the first of them was made."""
+    newest_ms: Array
+    """(N) and the last."""
+    spreads_s2: Array
+    """(N) sums of the squares of the distances of their times from the mean of these."""
+
+    def __getitem__(self, rows: Any) -> Self:
+        """Some of them."""
+        return type(self)(
+            self.counts[rows], self.oldest_ms[rows], self.newest_ms[rows], self.spreads_s2[rows]
+        )
+
+    @classmethod
+    def together(cls, some: Sequence[Self]) -> Self:
+        """All of `some`, one after the other."""
+        return cls(
+            np.concatenate([each.counts for each in some]),
+            np.concatenate([each.oldest_ms for each in some]),
+            np.concatenate([each.newest_ms for each in some]),
+            np.concatenate([each.spreads_s2 for each in some]),
+        )
+
+    @classmethod
+    def of(cls, provenances: Sequence[Provenance]) -> Self:
+        """Look them up; no provenance is empty."""
+        counts = np.array([len(provenance) for provenance in provenances], dtype=np.intp)
+        stamps_ms = np.array(
+            [stamp_ms for provenance in provenances for _, stamp_ms in provenance], np.float64
+        )
+        if not len(counts):
+            return cls(stamps_ms, stamps_ms, stamps_ms, stamps_ms)
+        starts = np.cumsum(counts) - counts
+        oldest_ms = np.minimum.reduceat(stamps_ms, starts)
+        newest_ms = np.maximum.reduceat(stamps_ms, starts)
+        ages_ms = np.repeat(newest_ms, counts) - stamps_ms
+        squares = np.add.reduceat(ages_ms * ages_ms, starts)
+        spreads_s2 = (squares - np.add.reduceat(ages_ms, starts) ** 2 / counts) / 1e6
+        return cls(counts.astype(np.float64), oldest_ms, newest_ms, spreads_s2)
