@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -84,8 +85,55 @@ class Running:
         until(lambda: any(not state.is_recording for state in self.states))
 
 
-def test_all_notes_are_written_in_order_and_the_file_is_finished(tmp_path: Path) -> None:
-    running = Running(tmp_path / "new" / "box")
+@pytest.fixture
+def record() -> Iterator[Callable[..., Running]]:
+    """Start black boxes; close those that the test leaves open."""
+    with ExitStack() as stack:
+
+        def start(folder: Path, **settings: object) -> Running:
+            running = Running(folder, **settings)
+            stack.callback(running.box.close)
+            return running
+
+        yield start
+
+
+class HangingDisk:
+    """Flushes wait for `release`."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._released, self._reached = threading.Event(), threading.Event()
+        self._monkeypatch = monkeypatch
+
+    def hang(self) -> None:
+        """From the next flush on, which it waits for."""
+        flush = Segments.flush
+
+        def wait(segments: Segments) -> None:
+            self._reached.set()
+            self._released.wait(WITHIN_S)
+            flush(segments)
+
+        self._monkeypatch.setattr(Segments, "flush", wait)
+
+    def wait_until_reached(self) -> None:
+        assert self._reached.wait(WITHIN_S), "no flush came"
+
+    def release(self) -> None:
+        self._released.set()
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[HangingDisk]:
+    disk = HangingDisk(monkeypatch)
+    yield disk
+    disk.release()
+
+
+def test_all_notes_are_written_in_order_and_the_file_is_finished(
+    tmp_path: Path, record: Callable[..., Running]
+) -> None:
+    running = record(tmp_path / "new" / "box")
     for number in range(2000):
         running.box.note(frame(number))
     running.box.close()
@@ -95,8 +143,10 @@ def test_all_notes_are_written_in_order_and_the_file_is_finished(tmp_path: Path)
     assert (tmp_path / "new" / "box").stat().st_mode & 0o777 == 0o700
 
 
-def test_pictures_come_at_their_own_rate_and_are_jpeg(tmp_path: Path) -> None:
-    running = Running(tmp_path, pictures_hz=2.0)
+def test_pictures_come_at_their_own_rate_and_are_jpeg(
+    tmp_path: Path, record: Callable[..., Running]
+) -> None:
+    running = record(tmp_path, pictures_hz=2.0)
     image = np.full((36, 64, 3), 90, np.uint8)
     for number in range(30):
         running.box.note_picture(image, HEAD.now_s + number / 10)
@@ -129,25 +179,21 @@ def test_a_disk_slower_than_the_car_loses_notes_and_says_how_many(
 
 
 def test_a_disk_that_hangs_is_told_by_whoever_brings_the_notes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    record: Callable[..., Running],
+    disk: HangingDisk,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(black_box, "QUEUE_NOTES", 10)
-    hangs, reached = threading.Event(), threading.Event()
-
-    def hang(self: Segments) -> None:
-        reached.set()
-        hangs.wait(WITHIN_S)
-
-    running = Running(tmp_path)
+    running = record(tmp_path)
     until(lambda: bool(running.states))
-    monkeypatch.setattr(Segments, "flush", hang)
-    reached.wait(WITHIN_S)
+    disk.hang()
+    disk.wait_until_reached()
     for number in range(100):
         running.box.note(frame(number))
 
     told = running.states[-1]
-    hangs.set()
-    monkeypatch.undo()
+    disk.release()
     running.box.close()
     assert not told.is_recording
     assert told.reason == "the disk does not keep up"
@@ -156,39 +202,39 @@ def test_a_disk_that_hangs_is_told_by_whoever_brings_the_notes(
 
 
 def test_a_disk_that_still_hangs_when_the_drive_ends_takes_all_that_waits(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    record: Callable[..., Running],
+    disk: HangingDisk,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Nobody waits for it for long; what it may have lost is told."""
     monkeypatch.setattr(black_box, "STOP_S", 0.01)
-    hangs, reached = threading.Event(), threading.Event()
-
-    def hang(self: Segments) -> None:
-        reached.set()
-        hangs.wait(WITHIN_S)
-
-    running = Running(tmp_path)
+    running = record(tmp_path)
     until(lambda: bool(running.states))
-    monkeypatch.setattr(Segments, "flush", hang)
+    disk.hang()
     running.box.note(frame(0))
     until(running.box._queue.empty)
-    reached.wait(WITHIN_S)
+    disk.wait_until_reached()
     for number in range(1, 100):
         running.box.note(frame(number))
     running.box.close()
 
     told = running.states[-1]
-    hangs.set()
+    disk.release()
     running.box._thread.join(WITHIN_S)
     assert (told.is_recording, told.reason) == (False, "the disk does not keep up")
     assert told.dropped == 100
 
 
 def test_what_a_full_disk_took_is_counted_to_the_last_note(
-    tmp_path: Path, full_disk: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    record: Callable[..., Running],
+    full_disk: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Every note is on the disk, or counted in a gap."""
     monkeypatch.setattr(black_box, "RETRY_S", 0.05)
-    running = Running(tmp_path)
+    running = record(tmp_path)
     running.fill(full_disk)
     full_disk(resource.RLIM_INFINITY)
     until(lambda: running.states[-1].is_recording)
@@ -227,10 +273,10 @@ def test_a_note_whose_segment_cannot_be_begun_is_counted(tmp_path: Path) -> None
 
 
 def test_what_a_full_disk_took_is_counted_when_the_drive_ends(
-    tmp_path: Path, full_disk: Callable[[int], None]
+    tmp_path: Path, record: Callable[..., Running], full_disk: Callable[[int], None]
 ) -> None:
     """Also what still waited for the disk."""
-    running = Running(tmp_path)
+    running = record(tmp_path)
     running.fill(full_disk)
     lost_by_then = running.states[-1].dropped
     for number in range(500, 700):
@@ -242,11 +288,14 @@ def test_what_a_full_disk_took_is_counted_when_the_drive_ends(
 
 
 def test_a_lost_gap_does_not_take_its_count_with_it(
-    tmp_path: Path, full_disk: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    record: Callable[..., Running],
+    full_disk: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """It is no note of the car's either: nothing is counted twice."""
     monkeypatch.setattr(black_box, "RETRY_S", 0.05)
-    running = Running(tmp_path)
+    running = record(tmp_path)
     until(lambda: bool(running.states))
     with running.box._counting:
         running.box._lost = running.box._dropped = 90
@@ -274,7 +323,7 @@ def test_a_segment_that_was_taken_away_is_not_missed(tmp_path: Path) -> None:
     assert left.stem.endswith("-kept")
 
 
-def test_what_is_not_ours_stays_as_it_is(tmp_path: Path) -> None:
+def test_what_is_not_ours_stays_as_it_is(tmp_path: Path, record: Callable[..., Running]) -> None:
     """Somebody's recordings, and the one that another daemon is writing."""
     theirs = tmp_path / "rosbag.mcap"
     theirs.write_bytes(b"\x89MCAP0\r\n unfinished")
@@ -284,7 +333,7 @@ def test_what_is_not_ours_stays_as_it_is(tmp_path: Path) -> None:
     other = Segments(RecorderSettings(folder=tmp_path), head)
     other.open(HEAD.now_s, HEAD.utc_s)
     other.write(frame(1))
-    running = Running(tmp_path, ring_mib=1.0, ring_s=60.0)
+    running = record(tmp_path, ring_mib=1.0, ring_s=60.0)
     until(lambda: bool(running.states))
     running.box.close()
     other.close(HEAD.now_s + 1.0)
@@ -314,10 +363,13 @@ def full_disk() -> Iterator[Callable[[int], None]]:
 
 
 def test_a_full_disk_ends_the_recording_until_there_is_room_again(
-    tmp_path: Path, full_disk: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    record: Callable[..., Running],
+    full_disk: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(black_box, "RETRY_S", 0.05)
-    running = Running(tmp_path)
+    running = record(tmp_path)
     running.fill(full_disk)
     stopped = next(state for state in running.states if not state.is_recording)
     assert stopped.reason == "File too large"
@@ -381,7 +433,6 @@ class Car:
         self.process = subprocess.Popen(
             ["sh", "-c", f'{limit}exec "$@"', "sh", *daemon], stderr=subprocess.DEVNULL
         )
-        self.hear()
 
     def hear(self) -> bytes:
         """The next BSM of the car."""
@@ -399,9 +450,29 @@ class Car:
         self.wire.close()
         return self.process.wait(WITHIN_S)
 
+    def release(self) -> None:
+        """End what the test left running, and close the socket."""
+        self.process.kill()
+        self.process.wait()
+        self.wire.close()
 
-def test_a_killed_daemon_leaves_all_but_the_last_second(tmp_path: Path) -> None:
-    car = Car(tmp_path)
+
+@pytest.fixture
+def start_car(tmp_path: Path) -> Iterator[Callable[..., Car]]:
+    """Start daemons that send; none outlives the test, however it ends."""
+    with ExitStack() as stack:
+
+        def start(**limits: int) -> Car:
+            car = Car(tmp_path, **limits)
+            stack.callback(car.release)
+            car.hear()
+            return car
+
+        yield start
+
+
+def test_a_killed_daemon_leaves_all_but_the_last_second(start_car: Callable[..., Car]) -> None:
+    car = start_car()
     heard_at = [time.time() for _ in range(25) if car.hear()]
     car.end(signal.SIGKILL)
 
@@ -411,8 +482,8 @@ def test_a_killed_daemon_leaves_all_but_the_last_second(tmp_path: Path) -> None:
     assert compare(box).difference is None
 
 
-def test_a_daemon_that_is_stopped_finishes_its_recording(tmp_path: Path) -> None:
-    car = Car(tmp_path)
+def test_a_daemon_that_is_stopped_finishes_its_recording(start_car: Callable[..., Car]) -> None:
+    car = start_car()
     until(lambda: bool(car.traced("recorder")))
     began_at = time.monotonic()
     assert car.end(signal.SIGTERM) == 0
@@ -422,8 +493,8 @@ def test_a_daemon_that_is_stopped_finishes_its_recording(tmp_path: Path) -> None
     assert [state["is_recording"] for state in car.traced("recorder")] == [True]
 
 
-def test_a_daemon_whose_disk_is_full_says_so_and_drives_on(tmp_path: Path) -> None:
-    car = Car(tmp_path, blocks=128)  # of 512 bytes
+def test_a_daemon_whose_disk_is_full_says_so_and_drives_on(start_car: Callable[..., Car]) -> None:
+    car = start_car(blocks=128)  # of 512 bytes
     for _ in range(150):
         car.send(secrets.token_bytes(1000))
         time.sleep(0.002)
@@ -436,9 +507,11 @@ def test_a_daemon_whose_disk_is_full_says_so_and_drives_on(tmp_path: Path) -> No
     assert (stopped["is_recording"], stopped["reason"]) == (False, "File too large")
 
 
-def test_a_daemon_that_is_stopped_tells_what_the_full_disk_took_to_the_end(tmp_path: Path) -> None:
+def test_a_daemon_that_is_stopped_tells_what_the_full_disk_took_to_the_end(
+    start_car: Callable[..., Car],
+) -> None:
     """Its trace outlives the black box: the last state counts what still waited for the disk."""
-    car = Car(tmp_path, blocks=128)  # of 512 bytes
+    car = start_car(blocks=128)  # of 512 bytes
 
     def has_filled_the_disk() -> bool:
         car.send(secrets.token_bytes(1000))

@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +126,20 @@ def test_a_full_disk_costs_nothing_that_was_done(tmp_path: Path) -> None:
     assert run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "a", Workers()) == whole
 
 
+@contextmanager
+def process_group(*command: str) -> Iterator[subprocess.Popen[str]]:
+    """A process whose group ends with the block, however that ends."""
+    folder = Path(__file__).parents[2]
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=folder
+    ) as process:
+        try:
+            yield process
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+
+
 @pytest.mark.parametrize("processes", [1, 2])
 def test_an_interrupted_campaign_ends_at_once_and_says_what_is_kept(
     tmp_path: Path, processes: int
@@ -134,15 +150,12 @@ def test_an_interrupted_campaign_ends_at_once_and_says_what_is_kept(
         f"run_campaign(linger, DiceSettings(), range(30), Path({str(tmp_path)!r}),"
         f" Workers({processes}))"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, start_new_session=True,
-        cwd=Path(__file__).parents[2],
-    )  # fmt: skip
     kept = tmp_path / "runs.jsonl"
-    while process.poll() is None and not (kept.exists() and kept.stat().st_size):
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-    _, told = process.communicate(timeout=60.0)
+    with process_group(sys.executable, "-c", code) as process:
+        while process.poll() is None and not (kept.exists() and kept.stat().st_size):
+            time.sleep(0.02)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        _, told = process.communicate(timeout=60.0)
 
     assert process.returncode == -signal.SIGINT
     assert f"of 30 runs are kept in {tmp_path}; the same command goes on" in told
