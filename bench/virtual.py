@@ -1,8 +1,8 @@
-"""Car-seconds that one core drives in a second, with and without MVS, from 25 to 400 cars; memory.
+"""Car-seconds that one processor core simulates in a second, with and without MVS; memory.
 
-Cars on a six-lane road, 22 m apart, four in ten with a radio. Without MVS a radio car sends and
-receives plain BSMs, and is judged by its risk monitor; with it, it also senses, tells and fuses.
-The reference is real time: one car-second a second for each car that is there.
+25 to 400 cars on a six-lane road, 22 m apart, four in ten with a radio. Without MVS a car with a
+radio sends and receives plain BSMs and runs its risk monitor; with MVS it also senses, shares and
+fuses evidence. The reference is real time: one car-second a second for each car.
 """
 
 import time
@@ -13,8 +13,8 @@ import numpy as np
 from bench import Figure
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from onboard.risk.settings import RiskSettings
+from sim_rig.studies.mvs_driver_warning import WarningModel
 from sim_rig.studies.mvs_roads import LANES_M, SixLaneRoad
-from sim_rig.studies.mvs_warner import Warner
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
 from sim_rig.studies.soak_fleet import resident_bytes
 
@@ -23,21 +23,21 @@ WARM_TICKS, TICKS = 5, 2
 
 
 def measure() -> Iterator[Figure]:
-    """Yield a figure for each number of cars, with and without MVS, and what the most take."""
-    before = most = resident_bytes()
+    """Yield a figure for each number of cars, with and without MVS, and the largest memory."""
+    before = largest = resident_bytes()
     for cars in (25, 50, 100, 200, 400):
         for with_mvs in (False, True):
-            rate, held = _car_seconds_per_s(cars, with_mvs=with_mvs)
-            most = max(most, held)
+            rate, used = _car_seconds_per_s(cars, with_mvs=with_mvs)
+            largest = max(largest, used)
             name = f"virtual.{cars}_cars.{'mvs' if with_mvs else 'plain'}"
             real = ("real time of as many cars", float(cars))
             yield Figure(name, rate, "car-s/s", TICKS, *real)
     beside = "the same process before the first car"
-    yield Figure("virtual.memory", most / 2**20, "MiB", 1, beside, before / 2**20)
+    yield Figure("virtual.memory", largest / 2**20, "MiB", 1, beside, before / 2**20)
 
 
 def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
-    """Car-seconds a second, and the memory of this process at the end."""
+    """Car-seconds simulated in a second, and the memory of this process at the end."""
     rng = np.random.default_rng(cars)
     per_lane = round(cars / len(LANES_M)) or 1
     road = SixLaneRoad(per_lane, 22.0, (WARM_TICKS + TICKS) * TICK_S + 1.0, 1.0, rng)
@@ -48,7 +48,7 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
         sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
     )
     world = MvsWorld(road, equipped, WorldSettings(senses=with_mvs), settings, seed=1)
-    warners = {name: Warner(RiskSettings(), 4.5, 1.8) for name in equipped}
+    models = {name: WarningModel(RiskSettings(), 4.5, 1.8) for name in equipped}
     for _ in range(WARM_TICKS):
         world.tick()
     began = time.process_time()
@@ -56,6 +56,6 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
         world.tick()
         for name, core in world.cores.items():
             known = core.kinematic_info(world.now)
-            warners[name].assess(core.host_vehicle(world.now), known, 12.0, world.now)
+            models[name].assess(core.host_vehicle(world.now), known, 12.0, world.now)
     took_s = time.process_time() - began
     return len(names) * TICKS * TICK_S / took_s, resident_bytes()

@@ -1,4 +1,4 @@
-"""The papers' tables and figures again, one command each: `sim-rig study NAME`.
+"""Reproduces the papers' tables and figures, one command each: `sim-rig study NAME`.
 
-Each writes its numbers as CSV, its picture as PNG and its settings as YAML into one folder.
+Each writes its table as CSV, its figure as PNG and its settings as YAML into one folder.
 """

@@ -1,10 +1,10 @@
-"""A crowded road on one wire: signed BSMs of many strangers, at a steady rate, to one daemon.
+"""Sends signed BSMs of many remote vehicles to one daemon at a constant rate.
 
     python -m sim_rig.studies.bsm_load PORT RATE_HZ SECONDS BEGIN_AT KEYS_FOLDER
 
-Each pseudonym in the folder is a stranger, parked along the road from (LATITUDE_DEG,
-LONGITUDE_DEG) on, and they speak in turns. It begins at a moment of the monotonic clock, and prints
-how many messages it has sent.
+Each pseudonym in the folder is a remote vehicle, parked along the road from (LATITUDE_DEG,
+LONGITUDE_DEG) on; they send in turns. BEGIN_AT is a time of the monotonic clock. At the end the
+number of messages is printed.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ from onboard.wave_udp.wsmp import WaveShortMessage
 LATITUDE_DEG, LONGITUDE_DEG = 52.0, 5.0
 _APART_DEG = 3.0 / 111_000
 BURST_S = 0.005
-"""What is due in this time is sent at once, as a radio unit hands over what it has."""
+"""Messages due in this time are sent together, as a radio unit forwards its queue."""
 
 
 def main() -> None:
@@ -42,24 +42,24 @@ def main() -> None:
         wire.connect(("127.0.0.1", int(port)))
         while (passed_s := time.monotonic() - began_at) < seconds:
             while sent < passed_s * rate_hz:
-                with contextlib.suppress(ConnectionRefusedError):  # nobody listens any more
+                with contextlib.suppress(ConnectionRefusedError):  # the daemon has ended
                     wire.send(next(messages))
                 sent += 1
             time.sleep(BURST_S)
-    print(sent)  # noqa: T201 (what it is asked for)
+    print(sent)  # noqa: T201 (the program's output)
 
 
 def _messages(credentials: Credentials) -> Iterator[bytes]:
-    """Frames of all strangers in turns."""
+    """Frames of all remote vehicles in turns."""
     utc_offset_s = time.time() - time.monotonic()
-    strangers = [
+    vehicles = [
         SecurityServices(
             utc_offset_s, Credentials((own,), credentials.roots, credentials.authorities)
         )
         for own in credentials.pseudonyms
     ]
     for turn in count():
-        for number, stranger in enumerate(strangers):
+        for number, vehicle in enumerate(vehicles):
             now = time.monotonic()
             core = CoreData(
                 turn % 128,
@@ -70,7 +70,7 @@ def _messages(credentials: Credentials) -> Iterator[bytes]:
                 speed_m_s=0.0,
                 heading_rad=0.0,
             )
-            secured = stranger.secure(bsm.encode(BasicSafetyMessage(core)), psid.BSM, now)
+            secured = vehicle.secure(bsm.encode(BasicSafetyMessage(core)), psid.BSM, now)
             yield wsmp.encode(WaveShortMessage(psid=psid.BSM, payload=secured))
 
 

@@ -1,4 +1,4 @@
-"""The studies by name. Each is imported only when it is asked for."""
+"""The studies by name; each is imported only when it is run."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -9,9 +9,9 @@ from onboard.settings import load_settings, parse_settings
 from sim_rig.studies.campaign import Workers
 
 Study = Callable[[Path], str]
-"""Writes its table, figure and settings into a folder; returns what it found, for people."""
+"""Writes table, figure and settings into a folder; returns a summary."""
 
-_PLACES = {
+_SINGLE = {
     "crossing-alarms": "crossing_alarms:run",
     "joerer": "joerer:run",
     "rakhshan-figure6": "rakhshan_drivers:figure6",
@@ -21,7 +21,7 @@ _PLACES = {
     "rakhshan-figure11": "rakhshan:figure11",
     "rakhshan-sensitivity": "rakhshan:sensitivity",
 }
-
+"""Studies without settings."""
 
 _CAMPAIGNS = {
     "faults": "faults:run:FaultsSettings",
@@ -38,8 +38,8 @@ _CAMPAIGNS = {
 
 
 def study_names() -> list[str]:
-    """Every study there is."""
-    return sorted(_PLACES | _CAMPAIGNS)
+    """Names of all studies."""
+    return sorted(_SINGLE | _CAMPAIGNS)
 
 
 def run_study(
@@ -49,35 +49,43 @@ def run_study(
     workers: Workers,
     given: Mapping[str, object] | None = None,
 ) -> str:
-    """Run one study into a folder; returns what it found.
+    """Run one study.
 
-    `given` are single settings by name, on top of those of the file `settings`.
+    Args:
+        name: of the study.
+        out_dir: folder of its results.
+        settings: file of its settings; the default ones if None.
+        workers: processes or cluster, for studies of many runs.
+        given: single settings by name, which override those of the file.
+
+    Returns:
+        A summary of the results.
 
     Raises:
-        UserError: there is none of this name, or the settings do not fit.
+        UserError: no study has this name, or the settings are invalid.
     """
     if name not in _CAMPAIGNS:
-        if name in _PLACES and (settings is not None or given):
+        if name in _SINGLE and (settings is not None or given):
             raise UserError(f"the study {name} takes no settings")
         return find_study(name)(out_dir)
     module, function, schema = _CAMPAIGNS[name].split(":")
-    room = import_module(f"sim_rig.studies.{module}")
-    schema_of = getattr(room, schema)
+    study_module = import_module(f"sim_rig.studies.{module}")
+    schema_of = getattr(study_module, schema)
     chosen = None if settings is None else load_settings(settings, schema_of)
     if given:
         tree = {} if chosen is None else chosen.model_dump(mode="json")
         chosen = parse_settings(tree | dict(given), schema_of, name)
-    found: str = getattr(room, function)(out_dir, chosen, workers)
-    return found
+    summary: str = getattr(study_module, function)(out_dir, chosen, workers)
+    return summary
 
 
 def check_study(name: str) -> None:
-    """Whether there is a study of this name.
+    """Check that a study has this name.
 
     Raises:
-        UserError: there is none.
+        UserError: no study has it.
     """
-    if name not in _PLACES and name not in _CAMPAIGNS:
+    if name not in _SINGLE and name not in _CAMPAIGNS:
         raise _unknown(name)
 
 
@@ -85,12 +93,12 @@ def find_study(name: str) -> Study:
     """Import one study.
 
     Raises:
-        UserError: there is none of this name.
+        UserError: no study has this name.
     """
-    place = _PLACES.get(name)
-    if place is None:
+    location = _SINGLE.get(name)
+    if location is None:
         raise _unknown(name)
-    module, function = place.split(":")
+    module, function = location.split(":")
     study: Study = getattr(import_module(f"sim_rig.studies.{module}"), function)
     return study
 

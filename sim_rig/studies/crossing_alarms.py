@@ -1,9 +1,9 @@
-"""How early crossing-path alarms come, how many are missed, and how many are false.
+"""Lead time of IMA alarms at crossings, missed alarms and false alarms.
 
-Two parts. On the roads of Joerer's crossing, with the receivers of the rig and a BSM ten times a
-second, the car's own monitor judges every approach: crashes give lead times and misses, all others
-false alarms. And the rig's scenarios of two cars that meet, each in virtual time under many seeds:
-the whole car, from sentences and frames to alarms.
+In the first part, the risk monitor evaluates approaches to Joerer's crossing, with the rig's GNSS
+errors and ten BSMs a second: crashes give lead times and misses, other approaches false alarms. The
+second part runs the rig's scenarios of two crossing cars in virtual time with many seeds, through
+the whole stack from NMEA sentences and frames to alarms.
 """
 
 import math
@@ -27,27 +27,27 @@ from sim_rig.studies.results import write_results
 
 EVERY_S = 0.1
 LATE_S = 0.15
-"""How old a BSM's state is when it is judged, in the middle."""
+"""Mean age of a BSM's state when it is evaluated."""
 PAIRS = (("shared-detection", "v1", "v3"), ("red-light", "ann", "ben"), ("bsm-loss", "ann", "ben"))
-"""Scenarios, the car whose alarms count, and the one that it meets."""
+"""Scenario, the car whose alarms count, and the car that it collides with."""
 _REPORTED_SPEED_SIGMA_M_S = 0.5
 _COLUMNS = ("what", "n", "missed", "lead_median_s", "lead_5_percent_s", "false_alarms", "hours")
 
 
 class AlarmSettings(Settings):
-    """How much is driven."""
+    """Amount of driving, and properties of traffic, receivers and monitor."""
 
     seed: int = Field(1, ge=0)
     approaches: int = Field(1000, ge=10)
     seeds: int = Field(10, ge=1)
-    """Of each scenario."""
+    """Runs of each scenario."""
     traffic: TrafficSettings = TrafficSettings()
     receivers: ReceiverSettings = ReceiverSettings()
     risk: RiskSettings = RiskSettings()
 
 
 def run(out_dir: Path, settings: AlarmSettings | None = None) -> str:
-    """Write the table and the settings to `out_dir`; returns what was found."""
+    """Write the table and the settings to `out_dir`; returns a summary."""
     settings = settings or AlarmSettings()
     rows = [*_on_approaches(settings), *_in_the_rig(settings)]
     write_results(out_dir, _COLUMNS, rows, settings)
@@ -81,7 +81,7 @@ def _on_approaches(settings: AlarmSettings) -> Iterator[Row]:
 def _warned_s(
     driven: Approaches, n: int, settings: AlarmSettings, rng: np.random.Generator
 ) -> float:
-    """When the first car of an approach is warned of the second; infinite if it never is."""
+    """When IMA first warns the first car of the second; infinite without a warning."""
     monitor = RiskMonitor(settings.risk, settings.traffic.length_m, settings.traffic.width_m)
     own_share = math.sqrt(1.0 - settings.receivers.bias_shared)
     bias_m = own_share * settings.receivers.bias_sigma_m * rng.standard_normal((2, 2))
@@ -89,7 +89,8 @@ def _warned_s(
     for tick in range(0, int(driven.over_s[n] / driven.tick_s), step):
         now = tick * driven.tick_s
         own, other = (
-            _known(driven, (n, tick, car), bias_m[car], settings.receivers, rng) for car in (0, 1)
+            _perceived_object(driven, (n, tick, car), bias_m[car], settings.receivers, rng)
+            for car in (0, 1)
         )
         monitor.assess(own, [other], now)
         while (event := monitor.next_event()) is not None:
@@ -102,25 +103,25 @@ def _warned_s(
     return math.inf
 
 
-def _known(
+def _perceived_object(
     driven: Approaches,
     at: tuple[int, int, int],
     bias_m: np.ndarray,
     receivers: ReceiverSettings,
     rng: np.random.Generator,
 ) -> PerceivedObject:
-    """The car as a BSM or the own receiver tells it: the first drives east, the second north."""
+    """A car as its receiver or its BSM reports it: the first drives east, the second north."""
     n, tick, car = at
     age_s = LATE_S if car else LATE_S / 2
     before = max(tick - round(age_s / driven.tick_s), 0)
     speed_m_s = float(driven.speed_m_s[n, before, car])
     along_m = -float(driven.distance_m[n, before, car]) + speed_m_s * age_s
-    place = (0.0, along_m) if car else (along_m, 0.0)
+    position_m = (0.0, along_m) if car else (along_m, 0.0)
     velocity = (0.0, speed_m_s) if car else (speed_m_s, 0.0)
     noise = rng.standard_normal(4) * np.repeat(
         [receivers.noise_sigma_m, receivers.speed_sigma_m_s], 2
     )
-    state = np.array([*place, *velocity]) + noise + np.array([*bias_m, 0.0, 0.0])
+    state = np.array([*position_m, *velocity]) + noise + np.array([*bias_m, 0.0, 0.0])
     sigma_m = math.hypot(receivers.bias_sigma_m, receivers.noise_sigma_m)
     variances = np.repeat([sigma_m**2, _REPORTED_SPEED_SIGMA_M_S**2], 2)
     return PerceivedObject(
@@ -144,9 +145,9 @@ def _in_the_rig(settings: AlarmSettings) -> Iterator[Row]:
             log = run_virtual(scenario, settings.seed + number)
             warnings = log.of(car, "alarm", cause=Cause.IMA.value, level=Level.WARNING.value)
             first = next(warnings, None)
-            touch = touch_s(log, car, other)
-            if first is not None and touch is not None:
-                lead_s.append(touch - log.at_s(first))
+            contact_s = touch_s(log, car, other)
+            if first is not None and contact_s is not None:
+                lead_s.append(contact_s - log.at_s(first))
             false += sum(1 for _ in log.of(car, "alarm", 0.0, 3.0))
         hours = settings.seeds * scenario.duration_s / 3600.0
         missed = settings.seeds - len(lead_s)

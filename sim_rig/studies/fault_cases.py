@@ -1,32 +1,32 @@
-"""The faults of the matrix, each from mild to severe."""
+"""Cases of the fault study: each fault in severities from mild to severe."""
 
 from dataclasses import dataclass, field
 from typing import Any
 
 FROM_S, UNTIL_S = 12.0, 29.0
-"""While the fault lasts. The air is bad all the time."""
+"""Begin and end of a fault; losses of the radio last for the whole run."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaultCase:
-    """One fault in one severity."""
+    """One fault of one severity."""
 
     fault: str
     severity: str
     car: str = "red"
     faults: tuple[dict[str, Any], ...] = ()
-    """Of the scenario, without car and times."""
+    """Faults of the scenario, without car and times."""
     radio: dict[str, Any] = field(default_factory=dict)
-    """Settings of the air."""
+    """Settings of the radio channel."""
     signed: bool = False
-    """Where signatures have a say in it; they take time."""
+    """Whether messages are signed, which takes computing time."""
 
 
-def _air(fault: str, setting: str, values: tuple[float, ...], unit: str = "") -> list[FaultCase]:
+def _radio(fault: str, setting: str, values: tuple[float, ...], unit: str = "") -> list[FaultCase]:
     return [FaultCase(fault, f"{value:g}{unit}", radio={setting: value}) for value in values]
 
 
-def _wire(fault: str, what: str, *cars: str) -> list[FaultCase]:
+def _lasting(fault: str, what: str, *cars: str) -> list[FaultCase]:
     return [FaultCase(fault, "all the time", car, ({"what": what},)) for car in cars]
 
 
@@ -52,19 +52,19 @@ def _graded(
 CASES = (
     FaultCase("none", ""),
     FaultCase("none", "signed", signed=True),
-    *_air("loss", "loss", (0.1, 0.3, 0.6, 0.9)),
-    *_air("delay", "delay_s", (0.05, 0.2, 1.0), " s"),
-    *_air("duplication", "duplication", (0.3, 1.0)),
-    *_air("reordering", "reordering", (0.3, 0.8)),
-    *_wire("radio gone", "radio_gone", "green", "red"),
-    *_wire("radio mute", "radio_mute", "green", "red"),
-    *_wire("ECU silent", "ecu_stopped", "green", "red"),
-    *_wire("ECU refuses", "ecu_refuses", "green", "red"),
+    *_radio("loss", "loss", (0.1, 0.3, 0.6, 0.9)),
+    *_radio("delay", "delay_s", (0.05, 0.2, 1.0), " s"),
+    *_radio("duplication", "duplication", (0.3, 1.0)),
+    *_radio("reordering", "reordering", (0.3, 0.8)),
+    *_lasting("radio gone", "radio_gone", "green", "red"),
+    *_lasting("radio mute", "radio_mute", "green", "red"),
+    *_lasting("ECU silent", "ecu_stopped", "green", "red"),
+    *_lasting("ECU refuses", "ecu_refuses", "green", "red"),
     *_graded("ECU babbles", "ecu_babbles", "rate_hz", (100.0, 1000.0, 4000.0), "/s", car="green"),
     *_graded("speed scaled", "speed_scaled", "factor", (0.5, 0.9, 1.1, 2.0), "x", car="green"),
     *_graded("speed scaled", "speed_scaled", "factor", (0.5, 0.9, 1.1, 2.0), "x", car="red"),
-    *_wire("camera frozen", "camera_frozen", "red"),
-    *_wire("camera dark", "camera_dark", "red"),
+    *_lasting("camera frozen", "camera_frozen", "red"),
+    *_lasting("camera dark", "camera_dark", "red"),
     *_graded(
         "plate misread",
         "plate_misread",
@@ -74,7 +74,7 @@ CASES = (
         of="green",
         reads="GN417XB",
     ),
-    *_wire("GNSS silent", "gnss_silent", "red"),
+    *_lasting("GNSS silent", "gnss_silent", "red"),
     *_graded("GNSS jump", "gnss_jump", "north_m", (10.0, 50.0, 500.0), " m"),
     *_graded("clock skew", "clock_wrong", "skew_s", (-1.0, 1.0, 3.0, 600.0), " s", signed=True),
     *_graded("clock drift", "clock_wrong", "drift_ppm", (100.0, 100_000.0), " ppm", signed=True),

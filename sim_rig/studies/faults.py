@@ -1,7 +1,7 @@
-"""What each fault costs, mild and severe: warnings missed and false, time to show and to recover.
+"""Effect of each fault: missed and false warnings, time to detection, and time to recovery.
 
-Three cars drive in one lane, green before red before blue, and green brakes: once before the fault,
-three times while it lasts, twice when it is over. Everything runs in virtual time.
+Three cars drive in one lane, green ahead of red ahead of blue. Green brakes once before the fault,
+three times during it and twice after it. All runs are in virtual time.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,10 +25,11 @@ from sim_rig.studies.results import write_results
 BRAKES_S = (7.0, 14.0, 19.0, 24.0, 34.0, 39.0)
 END_S = 43.0
 WARNED_WITHIN_S = 2.0
-"""Of the brake's being applied; the rig's own scenarios allow 0.8 s on a good day."""
+"""Time after the braking within which a warning counts; the rig's scenarios without faults allow
+0.8 s."""
 BRAKING_LASTS_S = 4.5
-"""A warning or alarm later than this after a brake is about nothing that happened."""
-PLACES = {"green": ("leader", 1), "red": ("member", 2), "blue": ("member", 3)}
+"""A warning or alarm later than this after a braking is false."""
+POSITIONS = {"green": ("leader", 1), "red": ("member", 2), "blue": ("member", 3)}
 COLUMNS = (
     "fault",
     "severity",
@@ -54,27 +55,37 @@ class FaultsSettings(Settings):
 
     seeds: Several[Annotated[int, Field(ge=0)]] = (1, 2, 3)
     cases: tuple[Annotated[str, AfterValidator(_fault)], ...] = ()
-    """Names of faults; all if none is named."""
+    """Names of faults; empty for all."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaultOutcome:
-    """What came of one run."""
+    """Result of one run."""
 
     missed: float
-    """Part of the warnings due while the fault lasted."""
+    """Share of the warnings due during the fault that were missed."""
     missed_after: float
-    """Part of those due when it was over."""
+    """The same after the fault."""
     false: int
-    """Warnings and urgent alarms while nobody braked hard."""
+    """Warnings, and alarms of the highest level, without hard braking."""
     shown_s: float | None
-    """From the fault to the first report of a lost sensor by the faulty car."""
+    """Time from the fault to the first report of a lost sensor by the faulty car."""
     recovered_s: float | None
-    """From its end until every place and sensor is as it was; `None`: not before the end."""
+    """Time from the end of the fault until all group positions and sensors are as before; None if
+    they are not when the run ends."""
 
 
 def run(out_dir: Path, settings: FaultsSettings | None, workers: Workers) -> str:
-    """Run the matrix and write its table."""
+    """Run all cases and write their table.
+
+    Args:
+        out_dir: folder of table, settings and runs.
+        settings: seeds and faults; the default ones if None.
+        workers: processes or cluster.
+
+    Returns:
+        How many cases have neither missed nor false warnings, as a sentence.
+    """
     chosen = settings or FaultsSettings()
     cases = cases_of(chosen)
     numbers = range(len(cases) * len(chosen.seeds))
@@ -86,12 +97,12 @@ def run(out_dir: Path, settings: FaultsSettings | None, workers: Workers) -> str
 
 
 def cases_of(settings: FaultsSettings) -> list[FaultCase]:
-    """The cases that are asked for."""
+    """The cases of the selected faults."""
     return [case for case in CASES if not settings.cases or case.fault in settings.cases]
 
 
 def run_case(settings: FaultsSettings, number: int) -> Row:
-    """One case with one seed."""
+    """Run one case with one seed."""
     case_number, seed_number = divmod(number, len(settings.seeds))
     case = cases_of(settings)[case_number]
     outcome = outcome_of(run_virtual(scenario_of(case), settings.seeds[seed_number]), case.car)
@@ -105,10 +116,15 @@ def run_case(settings: FaultsSettings, number: int) -> Row:
 
 
 def scenario_of(case: FaultCase) -> Scenario:
-    """The drive, with the fault of the case."""
-    dips = [((at, 15.0), (at + 1.0, 9.0), (at + 1.6, 9.0), (at + 3.6, 15.0)) for at in BRAKES_S]
-    echoes = [((at + 0.5, 15.0), (at + 2.5, 9.0), (at + 4.7, 15.0)) for at in BRAKES_S]
-    first, follows = ([point for dip in each for point in dip] for each in (dips, echoes))
+    """The scenario of a case."""
+    leader_brakings = [
+        ((at, 15.0), (at + 1.0, 9.0), (at + 1.6, 9.0), (at + 3.6, 15.0)) for at in BRAKES_S
+    ]
+    follower_brakings = [((at + 0.5, 15.0), (at + 2.5, 9.0), (at + 4.7, 15.0)) for at in BRAKES_S]
+    leader, follower = (
+        [point for braking in each for point in braking]
+        for each in (leader_brakings, follower_brakings)
+    )
     tree: dict[str, Any] = {
         "title": "Three cars brake in one lane, and one of them has a fault.",
         "seed": 1,
@@ -117,9 +133,9 @@ def scenario_of(case: FaultCase) -> Scenario:
         "radio": {"reach_m": 300.0} | case.radio,
         "gnss": {},
         "cars": {
-            "green": {"plate": "GN417KB", "lane": 1, "start_m": 100.0, "speed_m_s": first},
-            "red": {"plate": "RD288HX", "lane": 1, "start_m": 83.5, "speed_m_s": follows},
-            "blue": {"plate": "BL635TN", "lane": 1, "start_m": 67.0, "speed_m_s": follows},
+            "green": {"plate": "GN417KB", "lane": 1, "start_m": 100.0, "speed_m_s": leader},
+            "red": {"plate": "RD288HX", "lane": 1, "start_m": 83.5, "speed_m_s": follower},
+            "blue": {"plate": "BL635TN", "lane": 1, "start_m": 67.0, "speed_m_s": follower},
         },
         "faults": [
             {"car": case.car, "from_s": FROM_S, "until_s": UNTIL_S} | fault for fault in case.faults
@@ -130,17 +146,17 @@ def scenario_of(case: FaultCase) -> Scenario:
 
 
 def outcome_of(log: RunLog, car: str) -> FaultOutcome:
-    """Measure one run; `car` has the fault."""
+    """Evaluate one run; `car` has the fault."""
     during = [at for at in BRAKES_S if FROM_S <= at < UNTIL_S]
     after = [at for at in BRAKES_S if at >= UNTIL_S]
     lost = [log.at_s(record) for record in log.of(car, "sensor_lost", from_s=FROM_S)]
-    whole_s = max(_broken_until_s(log, name) for name in PLACES)
+    restored_s = max(_restored_s(log, name) for name in POSITIONS)
     return FaultOutcome(
         missed=_missed(log, during),
         missed_after=_missed(log, after),
         false=sum(1 for _ in _false(log)),
         shown_s=lost[0] - FROM_S if lost else None,
-        recovered_s=None if whole_s >= END_S else max(0.0, whole_s - UNTIL_S),
+        recovered_s=None if restored_s >= END_S else max(0.0, restored_s - UNTIL_S),
     )
 
 
@@ -151,11 +167,11 @@ def _missed(log: RunLog, brakes_s: Sequence[float]) -> float:
 
 
 def _false(log: RunLog) -> Iterator[float]:
-    """When somebody is warned of nothing."""
-    for car in PLACES:
+    """Times of the false warnings and alarms."""
+    for car in POSITIONS:
         for record in log.of(car, "warning"):
-            about = log.name(record["origin_id"])
-            if about != "green" or not _brakes_at(log.at_s(record)):
+            subject = log.name(record["origin_id"])
+            if subject != "green" or not _brakes_at(log.at_s(record)):
                 yield log.at_s(record)
         for record in log.of(car, "alarm", level="warning"):
             if not _brakes_at(log.at_s(record)):
@@ -166,27 +182,27 @@ def _brakes_at(at_s: float) -> bool:
     return any(brake_s <= at_s < brake_s + BRAKING_LASTS_S for brake_s in BRAKES_S)
 
 
-def _broken_until_s(log: RunLog, car: str) -> float:
-    """When the last thing came right that was not as it should be; `END_S` if it never did."""
+def _restored_s(log: RunLog, car: str) -> float:
+    """When the last wrong group position or lost sensor was restored; `END_S` if it never was."""
     ends = [FROM_S]
     for kinds, is_wrong in (
-        (("transition",), partial(_is_out_of_place, car)),
+        (("transition",), partial(_has_wrong_position, car)),
         (("sensor_lost", "sensor_recovered"), _is_loss),
     ):
         state: dict[str, bool] = {}
         for record in log.traces[car]:
             if record["kind"] in kinds and log.at_s(record) >= FROM_S:
-                about = record.get("sensor", "")
-                was_wrong, state[about] = state.get(about, False), is_wrong(record)
-                if was_wrong and not state[about]:
+                subject = record.get("sensor", "")
+                was_wrong, state[subject] = state.get(subject, False), is_wrong(record)
+                if was_wrong and not state[subject]:
                     ends.append(log.at_s(record))
         if any(state.values()):
             return END_S
     return max(ends)
 
 
-def _is_out_of_place(car: str, record: Any) -> bool:
-    return (record["state"], record["group_number"]) != PLACES[car]
+def _has_wrong_position(car: str, record: Any) -> bool:
+    return (record["state"], record["group_number"]) != POSITIONS[car]
 
 
 def _is_loss(record: Any) -> bool:
@@ -210,6 +226,6 @@ def _table(cases: Sequence[FaultCase], rows: Sequence[Row], seeds: int) -> Itera
 
 
 def _slowest(runs: Sequence[Row], name: str) -> float | str:
-    """The longest of all runs; a run in which it never came counts elsewhere."""
+    """The largest value of all runs; runs without one count in `not_recovered`."""
     known = [run[name] for run in runs if run[name] is not None]
     return max(known) if known else ""

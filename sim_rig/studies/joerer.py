@@ -1,8 +1,8 @@
-"""Joerer et al., section V: figures 5 to 11 and Table III, from approaches of our own.
+"""Joerer et al., section V: figures 5 to 11 and Table III, from the rig's own simulated approaches.
 
-Everything but the beacons is in exact numbers: P_C is the integral, a crash is two rectangles that
-touch. Each figure is a PNG with the numbers behind it as CSV; `table3.csv` stands beside the
-paper's, `outcomes.csv` too.
+All values except those at beacons come from exact states. P_C is the integral of eq. 4, and a crash
+is contact of two rectangles. Each figure is a PNG with its data as CSV; `table3.csv` and
+`outcomes.csv` contain the paper's values as well.
 """
 
 import csv
@@ -43,14 +43,14 @@ PAPER_TABLE_3_PERCENT = {
     "uniform": {1.0: (21.0, 25.0), 0.5: (45.0, 48.0), 0.1: (83.0, 87.0), 0.04: (93.0, 95.0)},
     "triangular": {1.0: (39.0, 49.0), 0.5: (69.0, 76.0), 0.1: (94.0, 96.5), 0.04: (98.5, 99.3)},
 }
-"""At 99 % and 95 % success."""
+"""By behaviour and beacon interval in s, at 99 % and 95 % success."""
 
 BIN_M = 2.0
 BINS = 35
 """Figures 7 and 9 end at 70 m."""
 BINNED_INTERVAL_S = 0.04
 SLOWEST_INTERVAL_S = 1.0
-"""Of figure 8."""
+"""Beacon interval of figure 8."""
 
 
 class JoererSettings(Settings):
@@ -63,28 +63,28 @@ class JoererSettings(Settings):
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """What the figures are drawn from."""
+    """Data of all figures."""
 
     driven: Approaches
     p_c: dict[str, Array]
-    """By behaviour (n, ticks), with exact data."""
+    """(n, ticks) by behaviour, from exact data."""
     beacons: dict[float, Beacons]
-    """By interval."""
+    """By beacon interval in s."""
 
     @property
     def outcome_of_car(self) -> NDArray[np.int64]:
-        """Of both cars of each approach, (2 n)."""
+        """Outcomes (2 n,) of both cars of each approach."""
         return np.repeat(self.driven.outcome, 2)
 
     def lbu(self, behaviour: str, interval_s: float) -> Array:
-        """P_C at the last beacon before unavoidable, of each car that crashed; NaN without one."""
+        """P_C at the last beacon before unavoidable (LBU) of each crashed car; NaN without one."""
         values = last_before_unavoidable(self.p_c[behaviour], self.beacons[interval_s])
         crashed: Array = values[self.outcome_of_car == ApproachOutcome.CRASH]
         return crashed
 
 
 def simulate(settings: JoererSettings) -> Results:
-    """Drive, send beacons, and evaluate P_C at every recorded moment."""
+    """Simulate approaches and beacons, and evaluate P_C in every recorded tick."""
     rng = np.random.default_rng(settings.seed)
     driven = drive(settings.traffic, rng)
     beacons = {
@@ -96,7 +96,7 @@ def simulate(settings: JoererSettings) -> Results:
 
 
 def run(out_dir: Path, settings: JoererSettings | None = None) -> str:
-    """Write tables, figures and settings to `out_dir`; returns the outcomes."""
+    """Write tables, figures and settings to `out_dir`; returns the number of each outcome."""
     settings = settings or JoererSettings()
     out_dir.mkdir(parents=True, exist_ok=True)
     results = simulate(settings)
@@ -179,17 +179,17 @@ def _figures_7_9(results: Results, out_dir: Path) -> None:
 
 
 def _bin(results: Results, behaviour: str, group: ApproachOutcome, statistic: str) -> Array:
-    """(BINS, BINS) by the receiver's and the sender's distance; NaN where no beacon was heard."""
+    """(BINS, BINS) by distance of receiver and sender; NaN where no beacon was received."""
     beacons = results.beacons[BINNED_INTERVAL_S]
     approach, receiver = beacons.car // 2, beacons.car % 2
-    places = [
+    bins = [
         np.floor(results.driven.distance_m[approach, beacons.tick, car] / BIN_M).astype(np.int64)
         for car in (receiver, 1 - receiver)
     ]
     wanted = results.driven.outcome[approach] == group
-    for place in places:
-        wanted &= (place >= 0) & (place < BINS)
-    at = tuple(place[wanted] for place in places)
+    for bin_of in bins:
+        wanted &= (bin_of >= 0) & (bin_of < BINS)
+    at = tuple(bin_of[wanted] for bin_of in bins)
     values = results.p_c[behaviour][approach, beacons.tick][wanted].astype(np.float64)
     if statistic == "mean":
         total, count = np.zeros((2, BINS, BINS))
@@ -204,7 +204,7 @@ def _bin(results: Results, behaviour: str, group: ApproachOutcome, statistic: st
 
 
 def _figure_10(results: Results, out_dir: Path) -> None:
-    """The crash whose car got to know a middling P_C at 1 s: a typical one."""
+    """Draw a typical crash: the one with the median of the highest P_C received at 1 s."""
     driven, p_c = results.driven, results.p_c["uniform"]
     crashed = np.flatnonzero(driven.outcome == ApproachOutcome.CRASH)
     if not len(crashed):

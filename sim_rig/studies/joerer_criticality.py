@@ -1,4 +1,4 @@
-"""P_C during the approaches, with exact data and as the received beacons give it (section V)."""
+"""P_C during the approaches, from exact data and from received beacons (section V)."""
 
 from dataclasses import dataclass
 
@@ -8,35 +8,40 @@ from numpy.typing import NDArray
 from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
 from onboard.risk.driver_behaviour import Behaviour, Triangular, Uniform
-from sim_rig.studies.joerer_radio import BeaconSettings, arrives
+from sim_rig.studies.joerer_radio import BeaconSettings, is_received
 from sim_rig.studies.joerer_traffic import Approaches, Array, TrafficSettings
 
 NO_TOP_M_S = 100.0
-"""The paper limits accelerations, not speeds (eq. 1): no car of the study gets this fast."""
+"""The paper limits accelerations, not speeds (eq. 1); no car of the study reaches this speed."""
 
 UNAVOIDABLE = 1.0 - 1e-9
-"""From here on P_C is 100 %."""
+"""P_C from which a crash counts as unavoidable."""
 
 _PAIRS_AT_ONCE = 1000
-"""What stays in a processor's cache."""
+"""Batch that fits the processor's cache."""
 
 BEHAVIOURS = ("uniform", "triangular")
 
 
 @dataclass(frozen=True, slots=True)
 class Beacons:
-    """What each car received at one beacon interval: m beacons, in order of car and time."""
+    """The m beacons received at one beacon interval, in order of car and time."""
 
     car: NDArray[np.int64]
-    """(m) approach * 2 + receiving car."""
+    """(m,) approach * 2 + receiving car."""
     tick: NDArray[np.int64]
-    """(m)"""
+    """(m,) tick of reception."""
 
 
 def criticality(driven: Approaches, behaviour: str, traffic: TrafficSettings) -> Array:
-    """P_C (n, ticks) with exact data of both cars; NaN after the end.
+    """P_C (n, ticks) from exact data of both cars; NaN after the end of an approach.
 
-    The last value is that of the first tick at or after the crash, or at the end.
+    The last value is at the first tick at or after the crash or the end.
+
+    Args:
+        driven: n approaches.
+        behaviour: one of `BEHAVIOURS`.
+        traffic: sizes of the cars, and limits of acceleration.
     """
     result = np.full(driven.distance_m.shape[:2], np.nan)
     at = np.nonzero(~_ended(driven))
@@ -60,33 +65,40 @@ def criticality(driven: Approaches, behaviour: str, traffic: TrafficSettings) ->
 def received(
     driven: Approaches, interval_s: float, radio: BeaconSettings, rng: np.random.Generator
 ) -> Beacons:
-    """Let every car send each `interval_s`, from a moment of its own on, until the crash."""
+    """Simulate the beacons of all cars until the crash.
+
+    Args:
+        driven: n approaches.
+        interval_s: beacon interval; every car has its own phase.
+        radio: of the path loss.
+        rng: source of the phases.
+    """
     n, ticks, _ = driven.distance_m.shape
     every = round(interval_s / driven.tick_s)
     phase = rng.integers(every, size=(n, 2))  # of the sender
     sent = np.arange(ticks)[None, :, None] % every == phase[:, None, :]
     before_end = np.arange(ticks) * driven.tick_s < driven.over_s[:, None]
-    heard = arrives(driven.distance_m, radio) & before_end
-    approach, receiver, tick = np.nonzero((sent[:, :, ::-1] & heard[:, :, None]).swapaxes(1, 2))
+    arrived = is_received(driven.distance_m, radio) & before_end
+    approach, receiver, tick = np.nonzero((sent[:, :, ::-1] & arrived[:, :, None]).swapaxes(1, 2))
     return Beacons(approach * 2 + receiver, tick)
 
 
 def highest(p_c: Array, beacons: Beacons) -> Array:
-    """(2 n) the highest P_C that each car got to know; 0 where it heard nothing."""
+    """Highest P_C (2 n,) at the beacons that each car received; 0 without any."""
     result = np.zeros(2 * len(p_c))
     np.maximum.at(result, beacons.car, p_c[beacons.car // 2, beacons.tick])
     return result
 
 
 def last_before_unavoidable(p_c: Array, beacons: Beacons) -> Array:
-    """(2 n) P_C at each car's last beacon before the first that says 100 %; NaN without one."""
+    """P_C (2 n,) at each car's last beacon before the first with 100 %; NaN without one."""
     values = p_c[beacons.car // 2, beacons.tick]
     unavoidable_from = np.full(2 * len(p_c), p_c.shape[1])
     certain = values >= UNAVOIDABLE
     np.minimum.at(unavoidable_from, beacons.car[certain], beacons.tick[certain])
     before = beacons.tick < unavoidable_from[beacons.car]
     result = np.full(2 * len(p_c), np.nan)
-    result[beacons.car[before]] = values[before]  # in order of time: the last one stays
+    result[beacons.car[before]] = values[before]  # in order of time: the last assignment remains
     return result
 
 

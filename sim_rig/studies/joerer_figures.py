@@ -1,4 +1,4 @@
-"""The paper's figures 5 to 11, drawn from our own approaches."""
+"""Draws the paper's figures 5 to 11."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,13 @@ GROUPS = ("CRASH", "NEAR CRASH", "NO CRASH")
 
 
 def draw_boxes(highest: Mapping[str, Array], outcome: NDArray[np.int64], path: Path) -> None:
-    """Figures 5, 6 and 8: the highest P_C of each car, by outcome; one panel for each key."""
+    """Draw figures 5, 6 and 8: the highest P_C of each car by outcome.
+
+    Args:
+        highest: (2 n,) values by title, a panel each.
+        outcome: (2 n,) of `ApproachOutcome`.
+        path: PNG to write.
+    """
     figure, panels = _panels(len(highest), "maximum collision probability")
     for axes, (title, values) in zip(panels, highest.items(), strict=True):
         groups = [values[outcome == group] for group in ApproachOutcome]
@@ -27,7 +33,13 @@ def draw_boxes(highest: Mapping[str, Array], outcome: NDArray[np.int64], path: P
 
 
 def draw_bins(binned: Mapping[str, Array], bin_m: float, path: Path) -> None:
-    """Figures 7 and 9: P_C by the receiver's and the sender's distance, (bins, bins) each."""
+    """Draw figures 7 and 9: P_C by distance of receiver and sender.
+
+    Args:
+        binned: (bins, bins) values by title, a panel each.
+        bin_m: width of a bin.
+        path: PNG to write.
+    """
     figure, panels = _panels(len(binned), "sender from the crossing in m")
     for axes, (title, values) in zip(panels, binned.items(), strict=True):
         at = np.nonzero(np.isfinite(values))
@@ -45,7 +57,13 @@ def draw_bins(binned: Mapping[str, Array], bin_m: float, path: Path) -> None:
 def draw_evolution(
     exact: tuple[Array, Array], beacons: Mapping[float, tuple[Array, Array]], path: Path
 ) -> None:
-    """Figure 10: P_C over the time to the crash, exact and as the beacons give it."""
+    """Draw figure 10: P_C over the time to the crash.
+
+    Args:
+        exact: times in s and P_C from exact data.
+        beacons: the same at received beacons, by beacon interval in s.
+        path: PNG to write.
+    """
     figure, (axes,) = _panels(1, "collision probability")
     axes.plot(*exact, color="0.7", label="exact data")
     for interval_s, (time_s, p_c) in beacons.items():
@@ -60,7 +78,7 @@ def draw_evolution(
 
 
 def draw_eccdf(lbu: Mapping[str, Mapping[float, Array]], path: Path) -> None:
-    """Figure 11: how many last beacons before an unavoidable crash said more than this."""
+    """Draw figure 11: the eCCDF of P_C at the last beacons before unavoidable."""
     figure, panels = _panels(len(lbu), "eCCDF")
     for axes, (title, of_interval) in zip(panels, lbu.items(), strict=True):
         for interval_s, values in of_interval.items():

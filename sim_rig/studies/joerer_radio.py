@@ -1,7 +1,8 @@
-"""Whether one car's beacon reaches the other around a house at the corner (Table II).
+"""Reception of beacons around a building at the corner (Table II).
 
-A beacon arrives if its power is not below the receiver's sensitivity: free space, less what the
-walls and the inside of a building take (the obstacle model, the paper's reference 39).
+A beacon is received if its power is not below the receiver's sensitivity. The path loss is that of
+free space plus the loss in walls and inside of a building (obstacle model, the paper's reference
+39).
 """
 
 import numpy as np
@@ -15,7 +16,7 @@ LIGHT_M_S = 299_792_458.0
 
 
 class BeaconSettings(Settings):
-    """Table II, and where the houses stand."""
+    """Table II, and the positions of the buildings."""
 
     frequency_hz: float = Field(5.89e9, gt=0.0)
     transmit_power_w: float = Field(0.020, gt=0.0)
@@ -25,16 +26,16 @@ class BeaconSettings(Settings):
     setback_m: float = Field(10.0, ge=0.0)
     """From the middle of the crossing to the nearest walls, along either road."""
     building_m: float = Field(30.0, ge=0.0)
-    """How long a house is, along either road; one stands at each corner."""
+    """Length of a building along either road; there is one at each corner."""
     intervals_s: tuple[float, ...] = (1.0, 0.5, 0.1, 0.04)
 
 
-def arrives(distance_m: Array, settings: BeaconSettings) -> NDArray[np.bool_]:
-    """Whether a beacon between cars at `distance_m` (..., 2) from the crossing is heard."""
+def is_received(distance_m: Array, settings: BeaconSettings) -> NDArray[np.bool_]:
+    """Whether a beacon between cars at `distance_m` (..., 2) from the crossing is received."""
     along = np.maximum(np.abs(distance_m), 1e-3)
     apart_m = np.hypot(along[..., 0], along[..., 1])
     near, far = settings.setback_m, settings.setback_m + settings.building_m
-    # The line of sight at t is (t x, (1 - t) y); the house is a square on the diagonal.
+    # The line of sight at t is (t x, (1 - t) y); the building is a square on the diagonal.
     first = np.maximum(near / along[..., 0], 1.0 - far / along[..., 1])
     last = np.minimum(far / along[..., 0], 1.0 - near / along[..., 1])
     inside_m = np.maximum(last - first, 0.0) * apart_m
@@ -43,5 +44,5 @@ def arrives(distance_m: Array, settings: BeaconSettings) -> NDArray[np.bool_]:
     shadow_db = np.where(inside_m > 0.0, 2.0 * settings.per_wall_db, 0.0)
     shadow_db += settings.per_metre_db * inside_m
     power_dbm = 10.0 * np.log10(settings.transmit_power_w * 1e3)
-    heard: NDArray[np.bool_] = power_dbm - free_space_db - shadow_db >= settings.sensitivity_dbm
-    return heard
+    received: NDArray[np.bool_] = power_dbm - free_space_db - shadow_db >= settings.sensitivity_dbm
+    return received

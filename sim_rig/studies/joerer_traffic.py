@@ -1,9 +1,8 @@
-"""Two cars approach a crossing, as in section IV of the paper; all approaches at once.
+"""Two cars approach a crossing as in section IV of the paper; all approaches run at once.
 
-Cars follow the intelligent driver model. One comes from the side that has the right of way; the
-other yields, by stopping at its line, unless it is one of the half that ignores the rules. What the
-paper leaves to its map and to SUMO is chosen here, each choice a setting
-(docs/decisions/0100-a-crossing-of-our-own.md).
+Cars follow the intelligent driver model. One has the right of way; the other yields by stopping at
+its stop line, unless it is one of the half that ignores the rules. What the paper leaves to its map
+and to SUMO is a setting here.
 """
 
 from dataclasses import dataclass
@@ -20,12 +19,12 @@ Array = NDArray[np.float64]
 
 
 class TrafficSettings(Settings):
-    """Table I, and what it takes besides."""
+    """Table I, and what the paper leaves open."""
 
     approaches: int = Field(5000, ge=1, le=100_000)
     step_s: float = Field(0.005, gt=0.0, le=0.02)
     ticks_every: int = Field(4, ge=1)
-    """Steps from one recorded state to the next."""
+    """Steps between two recorded states."""
     near_crash_m: float = Field(0.4, ge=0.0)
     length_m: float = Field(5.0, gt=0.0)
     width_m: float = Field(1.75, gt=0.0)
@@ -34,26 +33,26 @@ class TrafficSettings(Settings):
     desired_deceleration_m_s2: tuple[float, float] = (3.47, 2.76)
     """Mean and standard deviation."""
     most_sigmas: float = Field(1.0, gt=0.0)
-    """Both are drawn again beyond this: the paper's largest step, 8.405 cm, is one of 16.81 m/s,
-    one standard deviation above the mean."""
+    """Truncation of both distributions: the paper's largest step of 8.405 cm is that of 16.81 m/s,
+    which is one standard deviation above the mean."""
     acceleration_m_s2: float = Field(2.1, gt=0.0)
     hardest_deceleration_m_s2: float = Field(9.55, gt=0.0)
     ignoring: float = Field(0.5, ge=0.0, le=1.0)
 
     start_m: tuple[float, float] = (100.0, 250.0)
-    """Between these a car starts, from the middle of the crossing."""
+    """Range of the initial distance from the middle of the crossing."""
     stop_line_m: float = Field(6.0, gt=0.0)
     """Before the middle of the crossing."""
     headway_s: float = Field(1.0, ge=0.0)
-    """IDM's T, towards the stop line."""
+    """T of the IDM, towards the stop line."""
     standing_gap_m: float = Field(1.0, gt=0.0)
-    """IDM's s0, towards the stop line."""
+    """s0 of the IDM, towards the stop line."""
     margin_s: float = Field(1.0, ge=0.0)
-    """A car that yields crosses first only if it is out this long before the other can be in."""
+    """A yielding car crosses first only if it leaves this long before the other can enter."""
 
 
 class ApproachOutcome(IntEnum):
-    """Of an approach."""
+    """Outcome of an approach."""
 
     CRASH = 0
     NEAR_CRASH = 1
@@ -62,14 +61,14 @@ class ApproachOutcome(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Approaches:
-    """What was driven: n approaches of two cars, the second of which has to yield."""
+    """n approaches of two cars, the second of which has to yield."""
 
     outcome: NDArray[np.int64]
-    """(n) of `ApproachOutcome`."""
+    """(n,) of `ApproachOutcome`."""
     over_s: Array
-    """(n) when they touched, or else when one was out of the other's way."""
+    """(n,) time of the contact, or else of the first car's leaving the conflict zone."""
     ignores_rules: NDArray[np.bool_]
-    """(n) the second car."""
+    """(n,) whether the second car ignores the right of way."""
     tick_s: float
     distance_m: Array
     """(n, ticks, 2) from the middle of a car to the middle of the crossing; negative behind it."""
@@ -80,7 +79,7 @@ class Approaches:
 
 
 class _Crossings:
-    """When each car comes within `half_m` of the middle and when it leaves, within a step."""
+    """Times at which each car enters the zone within `half_m` of the middle, and leaves it."""
 
     def __init__(self, half_m: float, n: int) -> None:
         self._half_m = half_m
@@ -96,13 +95,13 @@ class _Crossings:
 
     @property
     def met(self) -> NDArray[np.bool_]:
-        """(n) whether both were inside at once."""
+        """(n,) whether both cars were inside at the same time."""
         met: NDArray[np.bool_] = self.entered_s.max(axis=1) < self.left_s.min(axis=1)
         return met
 
 
 def drive(settings: TrafficSettings, rng: np.random.Generator) -> Approaches:
-    """Drive all approaches until each is over."""
+    """Simulate all approaches until each is over."""
     n = settings.approaches
     top = _draw(settings.top_speed_m_s, settings.most_sigmas, (n, 2), rng)
     desired = _draw(settings.desired_deceleration_m_s2, settings.most_sigmas, (n, 2), rng)
@@ -160,7 +159,7 @@ def _draw(
 def _may_cross_first(
     distance: Array, speed: Array, top: Array, half_m: float, settings: TrafficSettings
 ) -> NDArray[np.bool_]:
-    """(n) whether the second car, at its present speed, is out well before the first can be in."""
+    """(n,) whether the second car, at its speed, leaves well before the first can enter."""
     first_m = np.maximum(distance[:, 0] - half_m, 0.0)
     gaining_s = (top[:, 0] - speed[:, 0]) / settings.acceleration_m_s2
     gaining_m = 0.5 * (top[:, 0] + speed[:, 0]) * gaining_s
@@ -177,7 +176,7 @@ def _may_cross_first(
 def _gap_m(
     distance: Array, yields: NDArray[np.bool_], half_m: float, settings: TrafficSettings
 ) -> Array:
-    """(n, 2) to a line at which the car has to stop; infinite where there is none."""
+    """Gaps (n, 2) to the stop line of a car that has to stop; else infinite."""
     gap = np.full_like(distance, np.inf)
     front_m = distance[:, 1] - 0.5 * settings.length_m
     stops = yields & (distance[:, 0] > -half_m) & (front_m > settings.stop_line_m - 1.0)
@@ -186,7 +185,7 @@ def _gap_m(
 
 
 def _idm(speed: Array, top: Array, desired: Array, gap: Array, settings: TrafficSettings) -> Array:
-    """Towards a standing obstacle at `gap`."""
+    """Acceleration of the IDM towards a standing obstacle at `gap`."""
     model = CarFollowing(
         acceleration_m_s2=settings.acceleration_m_s2,
         hardest_deceleration_m_s2=settings.hardest_deceleration_m_s2,

@@ -1,9 +1,9 @@
-"""Chain crashes in a platoon, with and without LCCA, and what its warnings cost the channel.
+"""Chain collisions in a platoon, with and without LCCA, and the channel load of its warnings.
 
-The first car brakes hard. Every driver brakes when the car ahead has braked and his reaction time
-is over, or when his car has warned him and he has reacted to that. Whether he then runs into the
-car ahead is the same closed form as for channel access (`onboard/access/rear_end.py`). The warnings
-come from the real cores; a car without a radio is seen, but neither warns nor is warned.
+The first car brakes hard. Every driver brakes one reaction time after the car ahead, or after a
+warning. Whether a car then hits the car ahead follows from the closed form that channel access uses
+(`onboard/access/rear_end.py`). The warnings come from the cores of `onboard`; a car without a radio
+is detected by the camera behind it, but neither sends nor receives warnings.
 """
 
 import math
@@ -26,7 +26,7 @@ from onboard.settings import Settings
 from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.scenario.setting_types import Positive, Several, Share, Span
 from sim_rig.studies.campaign import Row, Workers, run_campaign
-from sim_rig.studies.lcca_channel import CHANNEL_STEP_S, LossyAir, PlatoonChannel
+from sim_rig.studies.lcca_channel import CHANNEL_STEP_S, LossyChannel, PlatoonChannel
 from sim_rig.studies.results import write_results
 
 _STEP_S = 0.01
@@ -42,31 +42,31 @@ class ChainSettings(Settings):
     """Platoons of each length."""
     cars: Several[Annotated[int, Field(ge=2, le=999)]] = (5, 10, 20)
     shares: Several[Share] = (0.0, 0.25, 0.5, 0.75, 1.0)
-    """Of the cars with a radio."""
+    """Shares of the cars with a radio."""
     reaction_medians_s: Several[Positive] = (1.0, 1.5)
-    """Unwarned; log-normal."""
+    """Medians of the log-normal reaction time without a warning."""
     reaction_sigma: float = Field(0.35, ge=0.0, le=1.5)
     warned_median_s: float = Field(0.9, gt=0.0, le=5.0)
     warned_sigma: float = Field(0.3, ge=0.0, le=1.5)
     speed_m_s: Span[Positive] = (22.0, 32.0)
     headway_s: Span[Positive] = (0.8, 1.8)
-    """Bumper to bumper, all below the distance of joining."""
+    """Bumper to bumper; all gaps are below the safety distance of LCCA."""
     deceleration_m_s2: Span[Positive] = (5.0, 8.0)
     detection_s: float = Field(0.3, ge=0.0, le=2.0)
-    """From the brake to the car's own certainty of it."""
+    """Time from the start of braking to its detection by the car itself."""
     reach_m: float = Field(300.0, gt=0.0)
     loss: float = Field(0.1, ge=0.0, lt=1.0)
     csma: CsmaSettings | None = None
-    """The 802.11p channel, in the place of `reach_m` and `loss`; all radios send BSMs then."""
-    cars_around: int = Field(0, ge=0, le=1000)
-    """With the channel: so many more cars with radios, on half a kilometre before and behind."""
+    """The 802.11p channel; replaces `reach_m` and `loss`, and all radios send BSMs too."""
+    background_traffic: int = Field(0, ge=0, le=1000)
+    """With the channel: cars that only send BSMs, up to half a kilometre before and behind."""
     forming_s: float = Field(4.0, ge=1.0, le=30.0)
-    """Before the brake the groups form."""
+    """Time before the braking in which the warning groups form."""
     lcca: LccaSettings = LccaSettings()
 
 
 Case = tuple[float, int, float]
-"""Reaction median, cars, share."""
+"""Median of the reaction time, number of cars, share with a radio."""
 
 
 def cases(settings: ChainSettings) -> list[Case]:
@@ -80,7 +80,7 @@ def cases(settings: ChainSettings) -> list[Case]:
 
 
 def run_one(settings: ChainSettings, number: int) -> Row:
-    """One platoon; all shares of a seed have the same cars and drivers."""
+    """Simulate one platoon; cars and drivers depend on the seed alone, not on the share."""
     of_a_seed = cases(settings)
     median_s, cars, share = of_a_seed[number % len(of_a_seed)]
     seed = settings.seed + number // len(of_a_seed)
@@ -100,7 +100,7 @@ def run_one(settings: ChainSettings, number: int) -> Row:
 
 
 class _Platoon:
-    """Cars in one lane, number 0 first. Time 0 is the brake."""
+    """Cars in one lane, number 0 first. The first car brakes at time 0."""
 
     def __init__(
         self, settings: ChainSettings, cars: int, median_s: float, share: float, seed: int
@@ -115,7 +115,7 @@ class _Platoon:
         self._warned_reaction_s = settings.warned_median_s * np.exp(
             settings.warned_sigma * noise[1]
         )
-        places_m = -np.cumsum(self._gaps_m + _LENGTH_M)
+        positions_m = -np.cumsum(self._gaps_m + _LENGTH_M)
         self._radios = np.flatnonzero(rng.random(cars) < share).tolist()
         self._groups = {
             car: WarningGroup(
@@ -123,34 +123,34 @@ class _Platoon:
             )
             for car in self._radios
         }
-        self._lossy = LossyAir(
-            places_m,
+        self._lossy_channel = LossyChannel(
+            positions_m,
             self._radios,
             reach_m=settings.reach_m,
             loss=settings.loss,
             rng=np.random.default_rng([seed, cars, 1]),
         )
-        self._air: LossyAir | PlatoonChannel = self._lossy
+        self._channel: LossyChannel | PlatoonChannel = self._lossy_channel
         self._step_s = _STEP_S
         if settings.csma is not None:
-            self._air = PlatoonChannel(
+            self._channel = PlatoonChannel(
                 settings.csma,
-                places_m,
+                positions_m,
                 self._radios,
-                settings.cars_around,
+                settings.background_traffic,
                 np.random.default_rng([seed, cars, 2]),
                 begin_s=-settings.forming_s,
             )
             self._step_s = CHANNEL_STEP_S
         self.brakes_s = [0.0] + [math.inf] * (cars - 1)
         self.warned_s = [math.inf] * cars
-        self._certain: set[int] = set()
+        self._braking_detected: set[int] = set()
         self.warn_messages = 0
         self.events = 0
         self.flooding_messages = 0
 
     def drive(self) -> None:
-        """Let the groups form, the first car brake, and everybody react."""
+        """Simulate until every car brakes."""
         for step in count():
             if all(map(math.isfinite, self.brakes_s)):
                 return
@@ -158,7 +158,7 @@ class _Platoon:
             self._react(now)
             self._detect(now)
             if step % round(_FRAME_S / self._step_s) == 0:
-                self._look(now)
+                self._measure_gaps(now)
             self._deliver(now)
             for car, group in self._groups.items():
                 if group.get_timer() <= now:
@@ -166,7 +166,7 @@ class _Platoon:
                 self._send(car, group, now)
 
     def crashes(self) -> int:
-        """How many run into the car ahead."""
+        """Number of cars that hit the car ahead."""
         lag_s = tolerable_lag_s(
             self._gaps_m[1:],
             np.array(self._speed_m_s),
@@ -179,24 +179,27 @@ class _Platoon:
     def _react(self, now: float) -> None:
         for car in range(1, len(self.brakes_s)):
             if math.isinf(self.brakes_s[car]):
-                sees_s = self.brakes_s[car - 1] + self._unwarned_s[car]
-                hears_s = self.warned_s[car] + self._warned_reaction_s[car]
-                if min(sees_s, hears_s) <= now:
+                brake_lights_s = self.brakes_s[car - 1] + self._unwarned_s[car]
+                warning_s = self.warned_s[car] + self._warned_reaction_s[car]
+                if min(brake_lights_s, warning_s) <= now:
                     self.brakes_s[car] = now
 
     def _detect(self, now: float) -> None:
-        """Cars with a radio become certain that they brake, and warn."""
+        """Cars with a radio detect their own hard braking, and warn."""
         for car in self._radios:
-            if car in self._certain or self.brakes_s[car] + self._settings.detection_s > now:
+            if (
+                car in self._braking_detected
+                or self.brakes_s[car] + self._settings.detection_s > now
+            ):
                 continue
-            self._certain.add(car)
+            self._braking_detected.add(car)
             self.events += 1
-            self.flooding_messages += self._lossy.reached_by_flooding(car)
+            self.flooding_messages += self._lossy_channel.reached_by_flooding(car)
             brake = HardBrake(now, float(self._decelerations_m_s2[car]), "study")
             self._groups[car].receive_hard_brake(brake, now)
 
-    def _look(self, now: float) -> None:
-        """Cars keep their gaps until they brake; what is seen after that decides nothing here."""
+    def _measure_gaps(self, now: float) -> None:
+        """Report the initial gaps; gaps after the braking do not influence the result."""
         for car, group in self._groups.items():
             group.receive_speed(float(self._speed_m_s), now)
             ahead = PrecedingVehicle(_id(car - 1), float(self._gaps_m[car]), 0.0) if car else None
@@ -205,13 +208,13 @@ class _Platoon:
     def _send(self, car: int, group: WarningGroup, now: float) -> None:
         for message in group.messages_to_send(now):
             self.warn_messages += isinstance(message, Warn)
-            self._air.send(car, message, now)
+            self._channel.send(car, message, now)
         while (event := group.next_event()) is not None:
             if isinstance(event, WarningRaised):
                 self.warned_s[car] = min(self.warned_s[car], now)
 
     def _deliver(self, now: float) -> None:
-        for message, receivers in list(self._air.heard(now)):
+        for message, receivers in list(self._channel.received(now)):
             for car in receivers:
                 self._groups[car].receive_message(message, now)
                 self._send(car, self._groups[car], now)
@@ -239,7 +242,16 @@ class _Line(NamedTuple):
 def chain(
     out_dir: Path, settings: ChainSettings | None = None, workers: Workers | None = None
 ) -> str:
-    """Write crashes and messages, by length of the platoon, share of radios and reaction time."""
+    """Write crashes and messages by platoon length, share of radios and reaction time.
+
+    Args:
+        out_dir: folder of table, figure, settings and runs.
+        settings: of the campaign; the default ones if None.
+        workers: processes or cluster; this process if None.
+
+    Returns:
+        Crashes and messages of the longest platoon, as a sentence.
+    """
     settings = settings or ChainSettings()
     numbers = range(len(cases(settings)) * settings.runs)
     rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())

@@ -1,4 +1,4 @@
-"""What is between the radios of a platoon: air that loses messages, or the 802.11p channel."""
+"""The channel between the radios of a platoon: random losses, or the 802.11p channel."""
 
 import heapq
 from collections.abc import Collection, Iterator, Sequence
@@ -12,59 +12,69 @@ from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
 CHANNEL_STEP_S = 0.002
-"""Of a study with a channel: shorter than the slots in which a warning is passed on."""
-_AIR_S = 0.002
-"""What a message takes, where the channel is not computed."""
+"""Step of a study with the 802.11p channel: shorter than the slots of LCCA's forwarding."""
+_TRANSMISSION_S = 0.002
+"""Duration of a transmission where the channel is not simulated."""
 _BSM_INTERVAL_S = 0.1
 _BSM_PRIORITY = 5
-_AROUND_M = 500.0
-_BESIDE_M = 4.0
+_BACKGROUND_RANGE_M = 500.0
+_BACKGROUND_LATERAL_M = 4.0
 
 
-class LossyAir:
-    """Whoever is in reach hears a message, unless this copy of it is lost."""
+class LossyChannel:
+    """Every radio in range receives a message, unless it loses its copy."""
 
     def __init__(
         self,
-        places_m: Array,
+        positions_m: Array,
         radios: Sequence[int],
         *,
         reach_m: float,
         loss: float,
         rng: np.random.Generator,
     ) -> None:
-        """`places_m` of the platoon's cars, by number; `radios` are the numbers with a radio."""
+        """Connect the radios of a platoon.
+
+        Args:
+            positions_m: (cars,) positions along the road.
+            radios: numbers of the cars with a radio.
+            reach_m: range of a radio.
+            loss: probability that one receiver loses a message.
+            rng: source of the losses.
+        """
         self._loss = loss
         self._rng = rng
         self._near = {
             car: [
                 other
                 for other in radios
-                if other != car and abs(places_m[other] - places_m[car]) <= reach_m
+                if other != car and abs(positions_m[other] - positions_m[car]) <= reach_m
             ]
             for car in radios
         }
-        self._on_air: list[tuple[float, int, int, LccaMessage]] = []
+        self._in_transmission: list[tuple[float, int, int, LccaMessage]] = []
         self._order = count()
 
     def send(self, car: int, message: LccaMessage, now: float) -> None:
-        """A car says something."""
+        """Broadcast a message."""
         for other in self._reached(car):
-            heapq.heappush(self._on_air, (now + _AIR_S, next(self._order), other, message))
+            heapq.heappush(
+                self._in_transmission, (now + _TRANSMISSION_S, next(self._order), other, message)
+            )
 
-    def heard(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:
-        """The messages that have arrived by now, and who has them."""
-        while self._on_air and self._on_air[0][0] <= now:
-            _, _, car, message = heapq.heappop(self._on_air)
+    def received(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:
+        """The messages received until `now`, each with its receivers."""
+        while self._in_transmission and self._in_transmission[0][0] <= now:
+            _, _, car, message = heapq.heappop(self._in_transmission)
             yield message, [car]
 
     def reached_by_flooding(self, car: int) -> int:
-        """Everybody who hears it repeats it once: as many messages as cars that it reaches."""
+        """Number of messages if every receiver repeats a message once."""
         reached, fresh = {car}, [car]
         while fresh:
-            heard = self._reached(fresh.pop(), but=reached)
-            reached.update(heard)
-            fresh += heard
+            receivers = self._reached(fresh.pop(), but=reached)
+            reached.update(receivers)
+            fresh += receivers
         return len(reached)
 
     def _reached(self, car: int, but: Collection[int] = ()) -> list[int]:
@@ -76,35 +86,43 @@ class LossyAir:
 
 
 class PlatoonChannel:
-    """Around the platoon others drive with a radio, who only send BSMs.
+    """The 802.11p channel, with background traffic around the platoon.
 
-    Every radio sends one ten times a second, at its own phase; nobody reads them here.
+    Every radio sends BSMs ten times a second at its own phase; they only load the channel.
     """
 
     def __init__(
         self,
         settings: CsmaSettings,
-        places_m: Array,
+        positions_m: Array,
         radios: Sequence[int],
-        around: int,
+        background_traffic: int,
         rng: np.random.Generator,
         *,
         begin_s: float,
     ) -> None:
-        """`places_m` of the platoon's cars, by number; `radios` are the numbers with a radio.
+        """Place platoon and background traffic.
 
-        The channel is used from `begin_s` on, which may be negative.
+        Args:
+            settings: of the channel.
+            positions_m: (cars,) positions of the platoon along the road.
+            radios: numbers of the platoon's cars with a radio.
+            background_traffic: number of other cars with a radio.
+            rng: source of positions, phases and backoffs.
+            begin_s: time at which the channel begins; may be negative.
         """
         self._begin_s = begin_s
         self._numbers = {str(car): car for car in radios}
-        others = [f"around{number}" for number in range(around)]
+        others = [f"background{number}" for number in range(background_traffic)]
         names_with_radio = [*self._numbers, *others]
-        low, high = places_m.min() - _AROUND_M, places_m.max() + _AROUND_M
-        x = np.concatenate([places_m, rng.uniform(low, high, around)])
-        y = np.concatenate([np.zeros(len(places_m)), np.full(around, _BESIDE_M)])
+        low, high = positions_m.min() - _BACKGROUND_RANGE_M, positions_m.max() + _BACKGROUND_RANGE_M
+        x = np.concatenate([positions_m, rng.uniform(low, high, background_traffic)])
+        y = np.concatenate(
+            [np.zeros(len(positions_m)), np.full(background_traffic, _BACKGROUND_LATERAL_M)]
+        )
         n = len(x)
-        names = tuple(map(str, range(len(places_m)))) + tuple(others)
-        # Platoon and others drive alike, so nobody moves against anybody.
+        names = tuple(map(str, range(len(positions_m)))) + tuple(others)
+        # All cars have the same speed, so their relative positions are constant.
         cars = Cars(0.0, names, np.stack([x, y], axis=1), *np.zeros((3, n)), *np.full((2, n), 2.0))
         self._channel: StudyChannel[LccaMessage | None] = StudyChannel(
             settings, names_with_radio, rng
@@ -114,15 +132,15 @@ class PlatoonChannel:
         self._order = count()
         for name in names_with_radio:
             self._wait(float(rng.uniform(0.0, _BSM_INTERVAL_S)), name, None)
-        # Cars act in steps that they have in common here, which no two real ones have.
-        self._late_s = {name: float(rng.uniform(0.0, CHANNEL_STEP_S)) for name in names_with_radio}
+        # Real cars are not synchronised; delay each car's messages by its own part of a step.
+        self._phase_s = {name: float(rng.uniform(0.0, CHANNEL_STEP_S)) for name in names_with_radio}
 
     def send(self, car: int, message: LccaMessage, now: float) -> None:
-        """Give a car's radio a message of LCCA."""
-        self._wait(now - self._begin_s + self._late_s[str(car)], str(car), message)
+        """Queue an LCCA message in a car's radio."""
+        self._wait(now - self._begin_s + self._phase_s[str(car)], str(car), message)
 
-    def heard(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:
-        """The messages of LCCA that have arrived by now, and who in the platoon has them."""
+    def received(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:
+        """The LCCA messages received until `now`, each with its receivers in the platoon."""
         since_s = now - self._begin_s
         while self._waiting and self._waiting[0][0] <= since_s:
             at_s, _, name, message = heapq.heappop(self._waiting)
@@ -132,7 +150,7 @@ class PlatoonChannel:
             else:
                 octets = len(encode(message))
                 self._channel.send(name, message, octets, message.user_priority, at_s)
-        for message, receivers in self._channel.heard(since_s):
+        for message, receivers in self._channel.received(since_s):
             if message is not None:
                 yield message, [self._numbers[name] for name in receivers if name in self._numbers]
 

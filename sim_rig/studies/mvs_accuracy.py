@@ -1,8 +1,8 @@
-"""How well cars without a radio are known: MVS beside other ways to use the same messages.
+"""Accuracy of the tracks of cars without a radio: MVS compared with other fusion methods.
 
-Every half second each car with a radio is asked what it knows. For every car without one that it
-knows, the error of MVS is noted, and the errors that other methods would have had with the evidence
-that this car holds; the limit is a filter that gets every measurement of every car, none lost.
+Every half second, for each car with a radio and each car without one that it tracks, the error of
+MVS is recorded, and the errors that other methods have with the same evidence. The lower limit is a
+centralised filter that receives every measurement of every car without loss.
 """
 
 from collections import defaultdict
@@ -22,30 +22,30 @@ CENTRALISED, MVS, BLIND, INTERSECTION, OWN = "centralised", "mvs", "blind", "int
 Q = 1.0
 """Density of the acceleration noise, m^2/s^3."""
 MEMORY_MS = 4000
-"""Of the centralised filter: what is older tells it nothing."""
+"""The centralised filter ignores older measurements."""
 FRESH_MS = 1000
-"""A car that was measured no longer ago is there to be known."""
+"""A car counts as present if it was measured within this time."""
 FARTHEST_MATCH_M = 3.0
 CONFIRMED_BY = 3
-"""Own measurements without which the own sensing alone would not know a car."""
+"""Own measurements that confirm a track from own sensing alone."""
 INSIDE_95 = 9.488
 """The 95 % quantile of chi^2 with 4 degrees of freedom."""
 
 Estimated = tuple[Array, Array]
-"""State (4) and covariance (4, 4)."""
+"""State (4,) and covariance (4, 4)."""
 
 
 @dataclass(slots=True)
 class Errors:
-    """Squared errors of one method, one entry for each car that one car knows at one moment."""
+    """Squared errors of one method, an entry for each track of each car at each comparison."""
 
     position_m2: list[float] = field(default_factory=list)
     speed_m2_s2: list[float] = field(default_factory=list)
     nees: list[float] = field(default_factory=list)
-    """e' P^-1 e: 4 on the average if P is right."""
+    """e' P^-1 e: 4 on average if P is consistent."""
 
     def add(self, error: Array, covariance: Array) -> None:
-        """Note an error (4) and the covariance (4, 4) that was claimed for it."""
+        """Add an error (4,) with its reported covariance (4, 4)."""
         self.position_m2.append(float(error[:2] @ error[:2]))
         self.speed_m2_s2.append(float(error[2:] @ error[2:]))
         self.nees.append(float(error @ np.linalg.solve(covariance, error)))
@@ -62,27 +62,27 @@ class Errors:
 
     @property
     def mean_nees(self) -> float:
-        """Above 4: more is claimed than is known."""
+        """Mean NEES; above 4 the covariances are too small."""
         return float(np.mean(self.nees))
 
     @property
     def inside_95(self) -> float:
-        """Part of the errors inside their 95 % ellipsoid."""
+        """Share of the errors inside their 95 % ellipsoid."""
         return float(np.mean(np.array(self.nees) <= INSIDE_95))
 
 
 @dataclass(slots=True)
 class Accuracy:
-    """What was found."""
+    """Errors by method, and counts of tracks."""
 
     errors: dict[str, Errors] = field(default_factory=lambda: defaultdict(Errors))
     centralised_of_own: Errors = field(default_factory=Errors)
-    """The limit for those cars that the own sensors see, to compare `own` with."""
+    """The centralised filter for the cars that own sensors detect: the limit of `own`."""
     known: int = 0
     present: int = 0
-    """Cars without a radio that somebody measured in the last second, by each car in reach."""
+    """Cars without a radio that any car measured in the last second, once for each car in reach."""
     wrong: int = 0
-    """Known cars where there is none without a radio, or a second time."""
+    """Tracks that match no car without a radio, or one that is matched already."""
 
 
 MODELLED = MvsSettings(
@@ -91,8 +91,8 @@ MODELLED = MvsSettings(
         face_to_centre_m=0.0, face_to_centre_sigma_m=0.0, heading_sigma_rad=0.001
     ),
 )
-"""The filter's model is that of the cars along their lane; across, they keep it. Their sensors are
-mounted without an error."""
+"""The filter's motion model is the true one along the lane; across it, cars do not move. Sensors
+have no mounting error."""
 
 
 def accuracy(
@@ -104,7 +104,16 @@ def accuracy(
     seconds: float = 4.0,
     road: type[SixLaneRoad] = SixLaneRoad,
 ) -> Accuracy:
-    """Run the road with a part `radio` of the cars equipped."""
+    """Run the road and compare all methods twice a second.
+
+    Args:
+        mvs: settings of every car's MVS core.
+        radio: share of the cars with a radio, 0 to 1.
+        loss: share of the messages that are lost, 0 to 1.
+        seed: of traffic, radios and noise.
+        seconds: length of the evaluated time.
+        road: how the cars move.
+    """
     rng = np.random.default_rng(seed)
     traffic = road(7, 25.0, seconds + 2.0, Q, rng)
     n = len(traffic.names)
@@ -122,23 +131,23 @@ def accuracy(
 
 
 def _compare(world: MvsWorld, measured: dict[str, list[Measurement]], result: Accuracy) -> None:
-    """Ask every car with a radio what it knows now."""
+    """Compare the tracks of every car with a radio at this time."""
     now_ms = _now_ms(world)
     cars = world.traffic.cars_at(world.now)
     limits = _limits(world, measured, now_ms)
     fresh = [car for car in limits if now_ms - measured[car][-1].stamp_ms <= FRESH_MS]
     for own in world.cores:
         here = cars.middle_m[cars.names.index(own)]
-        near = np.hypot(*(cars.middle_m - here).T) < world.settings.reach_m
-        present = {car: limits[car] for car in fresh if near[cars.names.index(car)]}
+        in_reach = np.hypot(*(cars.middle_m - here).T) < world.settings.reach_m
+        present = {car: limits[car] for car in fresh if in_reach[cars.names.index(car)]}
         result.present += len(present)
-        _compare_known(world, own, cars, present, result)
+        _compare_tracks(world, own, cars, present, result)
 
 
 def _limits(
     world: MvsWorld, measured: dict[str, list[Measurement]], now_ms: int
 ) -> dict[str, Estimated]:
-    """What can be known of each car without a radio that has been measured lately."""
+    """The centralised estimate of each car without a radio that was measured recently."""
     limits: dict[str, Estimated] = {}
     for car, measurements in measured.items():
         recent = [made for made in measurements if now_ms - made.stamp_ms <= MEMORY_MS]
@@ -147,16 +156,16 @@ def _limits(
     return limits
 
 
-def _compare_known(
+def _compare_tracks(
     world: MvsWorld, own: str, cars: Cars, limits: dict[str, Estimated], result: Accuracy
 ) -> None:
-    """Find out which of the cars in `limits` the car `own` knows, and how well."""
+    """Match the tracks of the car `own` with the cars in `limits`, and add their errors."""
     now_ms, own_id = _now_ms(world), world.own_id(own)
     states = states_of(cars)
     to_world = ORIGIN.mapping_from(world.frame_of(own))
     matched: set[str] = set()
-    for known in world.cores[own].cars_without_radio(world.now):
-        mvs = use_all([piece.mapped(*to_world) for piece in known.used], now_ms, Q)
+    for track in world.cores[own].cars_without_radio(world.now):
+        mvs = use_all([piece.mapped(*to_world) for piece in track.used], now_ms, Q)
         away_m = np.hypot(*(states[:, :2] - mvs[0][:2]).T)
         nearest = int(away_m.argmin())
         car, true = cars.names[nearest], states[nearest]
@@ -164,7 +173,7 @@ def _compare_known(
             result.wrong += 1
             continue
         matched.add(car)
-        evidence = [piece.mapped(*to_world) for piece in known.pieces]
+        evidence = [piece.mapped(*to_world) for piece in track.pieces]
         by_method = {
             CENTRALISED: limits[car],
             MVS: mvs,

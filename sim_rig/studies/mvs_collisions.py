@@ -1,7 +1,7 @@
-"""The MVS paper's Fig. 9 and Fig. 3: how often an event ends in a crash, by share of radios.
+"""The MVS paper's Fig. 9 and Fig. 3: probability that an event ends in a crash, by share of radios.
 
-One run is one event of one seed under one case. The same seed has the same event, drivers and order
-in which cars get a radio in every case, so cases can be compared run by run.
+One run is one event of one seed under one case. Event, drivers and the order in which cars get a
+radio depend on the seed alone, so cases are compared run by run.
 """
 
 import math
@@ -20,7 +20,7 @@ from sim_rig.scenario.setting_types import Several, Share
 from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs_outcomes import CrashOutcome
-from sim_rig.studies.mvs_scenes import SceneName, Where, scene_here
+from sim_rig.studies.mvs_scenes import SceneName, Where, available_scene
 from sim_rig.studies.mvs_world import FooterSize
 from sim_rig.studies.results import write_results
 
@@ -29,9 +29,9 @@ PAPER_REDUCTION: dict[Where, float] = {
     SceneName.SUMO_CROSSING: 0.615,
     SceneName.CITY: 0.601,
 }
-"""Of the collision probability by MVS at 40 %; the paper prints no other figure of its Fig. 9."""
+"""Reduction of the collision probability by MVS at 40 %: all that the paper prints of Fig. 9."""
 _MOST_COMPARED = 0.4
-_Z = 1.96
+_Z_95 = 1.96
 
 
 class CollisionSettings(Settings):
@@ -45,12 +45,12 @@ class CollisionSettings(Settings):
     methods: Several[Method] = (Method.DSRC, Method.OWN, Method.MVS)
     """At every share."""
     compared_at: float | None = Field(default=_MOST_COMPARED, gt=0.0, le=1.0)
-    """At this share also: MO and RS, the other sizes of footer, and half of all messages lost."""
+    """Share at which also MO, RS, other footer sizes and a loss of half of all messages are run."""
     entries: tuple[FooterSize, ...] = (5, 20)
     """M, where it is not 10."""
-    calm_every: int = Field(1, ge=1, le=100)
-    """Events in which radios can avoid nothing (no crash, or nobody who can act has a radio) are
-    run with radios only once in so many, and weigh as many: for what warnings cause."""
+    unaffected_every: int = Field(1, ge=1, le=100)
+    """Events in which radios cannot avoid anything (no crash, or no car that can act has a radio)
+    are run with radios only once in so many, with that weight: they show what warnings cause."""
     encounter: EncounterSettings = EncounterSettings()
 
 
@@ -86,12 +86,12 @@ def cases(settings: CollisionSettings) -> list[EncounterCase]:
 
 @cache
 def encounters(settings: EncounterSettings) -> Encounters:
-    """Opened once in a process."""
+    """The simulator of these settings, created once in a process."""
     return Encounters(settings)
 
 
 def case_of(settings: CollisionSettings, number: int) -> tuple[EncounterCase, int]:
-    """Case and seed of a run: all cases of a seed have numbers in a row."""
+    """Case and seed of a run; all cases of a seed have consecutive numbers."""
     of_a_seed = cases(settings)
     return of_a_seed[number % len(of_a_seed)], settings.seed + number // len(of_a_seed)
 
@@ -109,26 +109,26 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
         "seed": seed,
         "weight": 1,
     }
-    if settings.calm_every > 1 and case.method is not Method.NONE:
-        before, is_calm = scene.without_radios(case, seed)
-        if is_calm and seed % settings.calm_every:
-            fate = CrashOutcome.NO_RADIO.value if before is not None else None
-            return row | {"weight": 0, "crash": before is not None, "fate": fate}
-        row["weight"] = settings.calm_every if is_calm else 1
+    if settings.unaffected_every > 1 and case.method is not Method.NONE:
+        before, is_unaffected = scene.without_radios(case, seed)
+        if is_unaffected and seed % settings.unaffected_every:
+            result = CrashOutcome.NO_RADIO.value if before is not None else None
+            return row | {"weight": 0, "crash": before is not None, "outcome": result}
+        row["weight"] = settings.unaffected_every if is_unaffected else 1
     outcome = scene.run(case, seed)
     return row | {
         "crash": outcome.crash is not None,
         "speed_m_s": outcome.crash.speed_m_s if outcome.crash else None,
-        "fate": outcome.fate.value if outcome.fate else None,
+        "outcome": outcome.crash_outcome.value if outcome.crash_outcome else None,
         "known_before_s": outcome.known_before_s,
         "warned_before_s": outcome.warned_before_s,
         "first_warning_s": outcome.first_warning_s,
         "warned": outcome.warned,
         "false_warnings": outcome.false_warnings,
-        "straight_on_crash": outcome.straight_on_crash is not None,
-        "straight_on_these_two": outcome.straight_on_these_two,
-        "straight_on_before_s": outcome.straight_on_before_s,
-        "straight_on_false": outcome.straight_on_false,
+        "paper_alarm_crash": outcome.paper_alarm_crash is not None,
+        "paper_alarm_same_pair": outcome.paper_alarm_same_pair,
+        "paper_alarm_before_s": outcome.paper_alarm_before_s,
+        "paper_alarm_false": outcome.paper_alarm_false,
         "driven_s": outcome.driven_s,
         "messages": outcome.messages,
     }
@@ -137,19 +137,37 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
 def figure9(
     out_dir: Path, settings: CollisionSettings | None = None, workers: Workers | None = None
 ) -> str:
-    """Write collision probabilities, by method and share, with what the paper does not show."""
-    settings = _of_scene_here(settings or CollisionSettings())
+    """Write collision probabilities by method and share, and what the paper does not report.
+
+    Args:
+        out_dir: folder of table, figure, settings and runs.
+        settings: of the campaign; the default ones if None.
+        workers: processes or cluster; this process if None.
+
+    Returns:
+        The reduction of crashes by MVS, as a sentence.
+    """
+    settings = _with_available_scene(settings or CollisionSettings())
     rows = _all_runs(out_dir, settings, workers)
     table = _table(settings, rows)
     write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
-    return _told(settings, rows, _MOST_COMPARED)
+    return _summary(settings, rows, _MOST_COMPARED)
 
 
 def figure3(
     out_dir: Path, settings: CollisionSettings | None = None, workers: Workers | None = None
 ) -> str:
-    """Write the collision probability of red-light runners with plain DSRC."""
-    settings = _of_scene_here(settings or Figure3Settings())
+    """Write the collision probability of red-light runners with plain DSRC.
+
+    Args:
+        out_dir: folder of table, figure, settings and runs.
+        settings: of the campaign; the default ones if None.
+        workers: processes or cluster; this process if None.
+
+    Returns:
+        The collision probabilities without radios and at the largest share, as a sentence.
+    """
+    settings = _with_available_scene(settings or Figure3Settings())
     rows = _all_runs(out_dir, settings, workers)
     table = _table(settings, rows)
     write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
@@ -160,8 +178,8 @@ def figure3(
     )
 
 
-def _of_scene_here(settings: CollisionSettings) -> CollisionSettings:
-    scene = scene_here(settings.encounter.scene)
+def _with_available_scene(settings: CollisionSettings) -> CollisionSettings:
+    scene = available_scene(settings.encounter.scene)
     encounter = settings.encounter.model_copy(update={"scene": scene})
     return settings.model_copy(update={"encounter": encounter})
 
@@ -172,7 +190,7 @@ def _all_runs(out_dir: Path, settings: CollisionSettings, workers: Workers | Non
 
 
 class _Line(NamedTuple):
-    """One line of the table: a case, and what came of it."""
+    """One line of the table: a case and its results."""
 
     kind: str
     method: str
@@ -190,19 +208,19 @@ class _Line(NamedTuple):
     false_warnings_per_h: float
     known_before_s: float
     warned_before_s: float
-    straight_on_p_collision: float
-    straight_on_avoided: int
-    straight_on_before_s: float
-    straight_on_false_per_h: float
-    fate_no_radio: int
-    fate_unknown: int
-    fate_unwarned: int
-    fate_too_late: int
-    fate_another: int
-    fate_avoided: int
+    paper_alarm_p_collision: float
+    paper_alarm_avoided: int
+    paper_alarm_before_s: float
+    paper_alarm_false_per_h: float
+    outcome_no_radio: int
+    outcome_unknown: int
+    outcome_unwarned: int
+    outcome_too_late: int
+    outcome_another: int
+    outcome_avoided: int
     two_cars_p_collision: float
     two_cars_reduction: float
-    straight_on_two_cars_reduction: float
+    paper_alarm_two_cars_reduction: float
 
 
 _Key = tuple[str, str, float, int, float]
@@ -233,13 +251,15 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
     p, low, high = wilson(p_none - (avoided - caused) / len(mine), len(mine))
     run = [row for row in mine if "driven_s" in row]
     hours = sum(row["weight"] * row["driven_s"] for row in run) / 3600.0
-    false_warnings, straight_on_false = (
+    false_warnings, paper_alarm_false = (
         sum(row["weight"] * row[column] for row in run)
-        for column in ("false_warnings", "straight_on_false")
+        for column in ("false_warnings", "paper_alarm_false")
     )
-    straight_on = [row for row in run if row["fate"] and not row["straight_on_crash"]]
-    apart = _kept_apart(mine)
-    straight_on_apart = sum(bool(row["fate"]) and not row["straight_on_these_two"] for row in run)
+    paper_alarm_avoids = [row for row in run if row["outcome"] and not row["paper_alarm_crash"]]
+    pair_crashes_avoided = _count_pair_crashes_avoided(mine)
+    paper_alarm_no_pair_crash = sum(
+        bool(row["outcome"]) and not row["paper_alarm_same_pair"] for row in run
+    )
     crashes = p_none * len(mine)
     return _Line(
         kind=kind,
@@ -258,20 +278,23 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
         false_warnings_per_h=false_warnings / hours if hours else math.nan,
         known_before_s=_median(run, "known_before_s"),
         warned_before_s=_median(run, "warned_before_s"),
-        straight_on_p_collision=p_none - len(straight_on) / len(mine),
-        straight_on_avoided=len(straight_on),
-        straight_on_before_s=_median(run, "straight_on_before_s"),
-        straight_on_false_per_h=straight_on_false / hours if hours else math.nan,
-        **{f"fate_{fate.value}": sum(row["fate"] == fate for row in mine) for fate in CrashOutcome},
-        two_cars_p_collision=p_none - apart / len(mine),
-        two_cars_reduction=apart / crashes if crashes else math.nan,
-        straight_on_two_cars_reduction=straight_on_apart / crashes if crashes else math.nan,
+        paper_alarm_p_collision=p_none - len(paper_alarm_avoids) / len(mine),
+        paper_alarm_avoided=len(paper_alarm_avoids),
+        paper_alarm_before_s=_median(run, "paper_alarm_before_s"),
+        paper_alarm_false_per_h=paper_alarm_false / hours if hours else math.nan,
+        **{
+            f"outcome_{outcome.value}": sum(row["outcome"] == outcome for row in mine)
+            for outcome in CrashOutcome
+        },
+        two_cars_p_collision=p_none - pair_crashes_avoided / len(mine),
+        two_cars_reduction=pair_crashes_avoided / crashes if crashes else math.nan,
+        paper_alarm_two_cars_reduction=paper_alarm_no_pair_crash / crashes if crashes else math.nan,
     )
 
 
-def _kept_apart(rows: Iterable[Row]) -> int:
-    """Crashes avoided as the paper counts: these two have none, whoever else has."""
-    return sum(row["fate"] in {CrashOutcome.AVOIDED, CrashOutcome.ANOTHER} for row in rows)
+def _count_pair_crashes_avoided(rows: Iterable[Row]) -> int:
+    """Crashes avoided as the paper counts: these two cars do not crash, others may."""
+    return sum(row["outcome"] in {CrashOutcome.AVOIDED, CrashOutcome.ANOTHER} for row in rows)
 
 
 def _median(rows: Sequence[Row], column: str) -> float:
@@ -280,7 +303,7 @@ def _median(rows: Sequence[Row], column: str) -> float:
 
 
 def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[int, int]:
-    """Crashes of `before` that `after` has not, and the other way round, seed by seed."""
+    """Crashes that only `before` has, and those that only `after` has, compared seed by seed."""
 
     def event(row: Row) -> tuple[str, int]:
         return str(row.get("event", row["kind"])), int(row["seed"])
@@ -292,14 +315,14 @@ def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[int, int]:
 
 
 def wilson(p: float, n: int) -> tuple[float, float, float]:
-    """A share of n, and Wilson's 95 % interval of its probability; `p` is brought into 0 to 1."""
+    """A share `p` of n, limited to 0 to 1, and Wilson's 95 % interval of its probability."""
     p = min(max(p, 0.0), 1.0)
-    middle = (p + _Z**2 / (2 * n)) / (1 + _Z**2 / n)
-    half = _Z * math.sqrt(p * (1 - p) / n + _Z**2 / (4 * n * n)) / (1 + _Z**2 / n)
+    middle = (p + _Z_95**2 / (2 * n)) / (1 + _Z_95**2 / n)
+    half = _Z_95 * math.sqrt(p * (1 - p) / n + _Z_95**2 / (4 * n * n)) / (1 + _Z_95**2 / n)
     return p, middle - half, middle + half
 
 
-def _told(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str:
+def _summary(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str:
     def at(method: Method) -> list[Row]:
         return [
             row
@@ -317,14 +340,14 @@ def _told(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str
     fewer, more = changed(none, mvs)
     paper = PAPER_REDUCTION.get(settings.encounter.scene)
     text = f"at {share:.0%} MVS reduces crashes by {(fewer - more) / before:.1%}"
-    text += f", of the two cars alone {_kept_apart(mvs) / before:.1%}"
+    text += f", of the two cars alone {_count_pair_crashes_avoided(mvs) / before:.1%}"
     if paper is not None:
         text += f" (paper: {paper:.1%})"
     avoided = {(r["kind"], r["seed"]) for r in none if r["crash"]}
     avoided -= {(r["kind"], r["seed"]) for r in mvs if r["crash"]}
     needed = [key for key in avoided if key in {(r["kind"], r["seed"]) for r in own if r["crash"]}]
     if avoided and own:
-        text += f"; {len(needed)} of {len(avoided)} avoided crashes needed what others told"
+        text += f"; {len(needed)} of {len(avoided)} avoided crashes needed shared evidence"
     return text
 
 
@@ -341,11 +364,11 @@ def _draw(settings: CollisionSettings, table: Sequence[_Line]) -> Figure:
         label = method.value.upper()
         axes.errorbar(shares, p, [p - low, high - p], marker="o", capsize=3, label=label)
         if method is settings.methods[-1]:
-            alarm = [line.straight_on_p_collision for line in mine]
+            alarm = [line.paper_alarm_p_collision for line in mine]
             axes.plot(shares, alarm, "k--", label=f"{label}, the paper's alarm")
-            no_radio = np.array([line.fate_no_radio / line.runs for line in mine])
+            no_radio = np.array([line.outcome_no_radio / line.runs for line in mine])
             bound = np.where(shares > 0.0, no_radio, p)
-            axes.plot(shares, bound, "k:", label="nobody to be warned")
+            axes.plot(shares, bound, "k:", label="no car to be warned")
     paper = PAPER_REDUCTION.get(settings.encounter.scene)
     if paper is not None and Method.MVS in settings.methods:
         at = none.p_collision * (1.0 - paper)

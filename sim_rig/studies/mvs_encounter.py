@@ -1,4 +1,4 @@
-"""One event among many cars: who is warned in time, and whether there is a crash."""
+"""One traffic event among many cars: which drivers are warned in time, and whether cars crash."""
 
 import math
 from collections.abc import Callable
@@ -19,50 +19,49 @@ from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEvent, TrafficEventKind, TrafficEvents
 from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import RecordedTraffic
-from sim_rig.studies.mvs_outcomes import SAME_PLACE_M, Concerned, CrashOutcome
+from sim_rig.studies.mvs_driver_warning import DriverWarning, WarningModel
+from sim_rig.studies.mvs_outcomes import SAME_POSITION_M, CrashOutcome, CrashPair
+from sim_rig.studies.mvs_paper_alarm import paper_alarm
 from sim_rig.studies.mvs_scenes import OpenScene, SceneName, Where, open_scene
-from sim_rig.studies.mvs_straight_on import touched_straight_on
-from sim_rig.studies.mvs_warner import Warned, Warner
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
 
-_WAY_M = np.arange(0.0, 61.0, 10.0)
-"""Ahead of the event's car: where it may meet somebody."""
+_PATH_M = np.arange(0.0, 61.0, 10.0)
+"""Points of the event car's path ahead of it, where other cars may cross."""
 _LATER_S = (2.0, 4.0, 6.0)
-"""After the radios are on: fast cars that will be near the event are far away at first."""
+"""Times after the radios are switched on: fast cars that reach the event are far away at first."""
 
 
 class Method(StrEnum):
-    """What the cars with a radio do."""
+    """What cars with a radio send and use."""
 
     NONE = "none"
-    """Nothing: no radio at all."""
+    """No radios."""
     DSRC = "dsrc"
-    """Each tells of itself (plain DSRC)."""
+    """BSMs only (plain DSRC)."""
     OWN = "own"
-    """Each tells of itself, and uses its own sensors, but does not share what they see."""
+    """BSMs, and own sensors whose detections are not shared."""
     MEASUREMENTS_ONLY = "mo"
-    """As `OWN`, and shares measurements, chosen at random."""
+    """As `OWN`, and shares direct measurements, chosen at random (MO)."""
     RANDOM = "rs"
-    """As `OWN`, and shares what it knows of cars, chosen at random."""
+    """As `OWN`, and shares evidence, chosen at random (RS)."""
     MVS = "mvs"
-    """As `OWN`, and shares what it knows of cars, chosen as the paper says."""
+    """As `OWN`, and shares evidence, chosen by the paper's selective broadcasting."""
 
 
 class EncounterSettings(Settings):
-    """What is the same in all runs."""
+    """What all runs have in common."""
 
     scene: Where = SceneName.CROSSING
     warm_s: float = Field(1.2, ge=0.3, le=30.0)
-    """Before the event, cars get to know each other."""
+    """Time before the event in which radios are on, so that tracks are established."""
     after_s: float = Field(7.0, ge=1.0, le=30.0)
-    """A crash later than this has nothing to do with the event."""
+    """A crash later than this after the event is not counted."""
     watched_s: float = Field(5.0, ge=0.5, le=30.0)
-    """For how long after the event drivers may be warned."""
+    """Time after the event in which drivers can be warned."""
     near_m: float = Field(80.0, gt=0.0, le=2000.0)
-    """Radios that never come nearer than this to the path of the event's car are left out, to save
-    time."""
-    straight_on_s: float = Field(10.0, gt=0.0, le=30.0)
-    """How far the paper's alarm looks ahead; the paper gives no limit."""
+    """Cars that never come nearer than this to the event car's path get no radio, to save time."""
+    paper_alarm_horizon_s: float = Field(10.0, gt=0.0, le=30.0)
+    """Prediction horizon of the paper's alarm; the paper gives no limit."""
     reactions: ReactionSettings = ReactionSettings()
     world: WorldSettings = WorldSettings()
     risk: RiskSettings = RiskSettings()
@@ -70,12 +69,12 @@ class EncounterSettings(Settings):
 
 @dataclass(frozen=True, slots=True)
 class EncounterCase:
-    """One run, but for its seed."""
+    """What defines one run, apart from its seed."""
 
     kind: TrafficEventKind
     method: Method
     share: float
-    """Of the cars that have a radio."""
+    """Share of the cars with a radio."""
     entries: int = 10
     """M."""
     loss: float = 0.0
@@ -83,99 +82,105 @@ class EncounterCase:
 
 @dataclass(slots=True)
 class EncounterOutcome:
-    """What happened."""
+    """Result of one run."""
 
     event: TrafficEvent
     crash: Crash | None = None
-    fate: CrashOutcome | None = None
-    """Of the crash without radios, if there is one."""
+    crash_outcome: CrashOutcome | None = None
+    """What radios change about the crash without radios; None if there is no such crash."""
     known_before_s: float | None = None
-    """How long before that crash one of those who can act first knew the other."""
+    """Time to that crash when a car that could act first perceived the other."""
     warned_before_s: float | None = None
-    """And was first warned."""
+    """Time to that crash when such a car was first warned."""
     first_warning_s: float | None = None
-    """After the event, of a car that the event concerns."""
+    """Time from the event to the first warning of a car that the event affected."""
     warned: int = 0
-    """Drivers warned of somebody whom the event had moved."""
+    """Warnings of cars that the event affected."""
     false_warnings: int = 0
-    """Drivers warned of somebody who drives on as ever, or of nobody."""
-    straight_on_crash: Crash | None = None
-    """Of the same event, if the paper's alarm warned the drivers, and never for nothing."""
-    straight_on_these_two: bool = False
-    """Whether that is again the crash of the two without radios."""
-    straight_on_before_s: float | None = None
-    """How long before the crash without radios that alarm would have come."""
-    straight_on_false: int = 0
-    """Drivers whom it would have warned of somebody who drives on as ever, or of nobody."""
+    """Warnings of cars that the event did not affect, or of no car."""
+    paper_alarm_crash: Crash | None = None
+    """The crash of the same event if drivers reacted to the paper's true alarms."""
+    paper_alarm_same_pair: bool = False
+    """Whether the same two cars crash then as without radios."""
+    paper_alarm_before_s: float | None = None
+    """Time from the paper's first alarm to the crash without radios."""
+    paper_alarm_false: int = 0
+    """The paper's alarms of cars that the event did not affect, or of no car."""
     driven_s: float = 0.0
-    """By cars that could have been warned, all together."""
+    """Driving time of all cars with a radio, summed."""
     messages: int = 0
 
 
-Shown = tuple[str, Warned, bool]
-"""Who has been warned, of whom, and whether rightly."""
+IssuedWarning = tuple[str, DriverWarning, bool]
+"""The warned car, its warning, and whether that is true (the event affected one of the two)."""
 
-Watch = Callable[[MvsWorld, DisturbedTraffic, list[Shown]], None]
+RadioTickObserver = Callable[[MvsWorld, DisturbedTraffic, list[IssuedWarning]], None]
 """Called after each tick with radios."""
 
-Played = Callable[[DisturbedTraffic, float], None]
+TickObserver = Callable[[DisturbedTraffic, float], None]
 """Called after each tick without radios, with the time."""
 
 
 class Encounters:
-    """All that can happen in one scene; opened once in a process."""
+    """Simulates traffic events in one scene; loaded once in a process."""
 
     def __init__(self, settings: EncounterSettings) -> None:
-        """Look for where things can go wrong."""
+        """Load the scene and find where events are possible in it."""
         self._settings = settings
-        self._place: OpenScene = open_scene(settings.scene)
-        self._events = TrafficEvents(self._place.recording, has_lights=self._place.has_lights)
+        self._scene: OpenScene = open_scene(settings.scene)
+        self._events = TrafficEvents(self._scene.recording, has_lights=self._scene.has_lights)
         self._without_radios: dict[tuple[TrafficEventKind, int], Crash | None] = {}
 
     @property
     def recording(self) -> RecordedTraffic:
-        """What is driven where nothing goes wrong."""
-        return self._place.recording
+        """The traffic without events."""
+        return self._scene.recording
 
     def run(
         self,
         case: EncounterCase,
         seed: int,
-        watch: Watch | None = None,
-        played: Played | None = None,
+        on_radio_tick: RadioTickObserver | None = None,
+        on_tick: TickObserver | None = None,
     ) -> EncounterOutcome:
-        """Run one case; the seed alone decides on event, drivers, and the order of radios.
+        """Run one case.
 
-        `watch` is shown every tick with radios, `played` those without, which come after.
+        Event, drivers, and the order in which cars get radios depend on the seed alone.
+
+        Args:
+            case: kind of event, method, share of radios, footer size and loss.
+            seed: of event, drivers and radios.
+            on_radio_tick: called after every tick with radios.
+            on_tick: called after every tick without radios, which follow.
         """
         event = self._event(case.kind, seed)
         traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
         outcome = EncounterOutcome(event)
         if case.method is Method.NONE:
-            outcome.crash = self._play_on(traffic, event, self._begin_s(event), played)
+            outcome.crash = self._continue(traffic, event, self._begin_s(event), on_tick)
             self._without_radios[case.kind, seed] = outcome.crash
             return outcome
         before = self._crash_without_radios(case.kind, seed)
         equipped = self._equipped(case, seed, traffic.cars_at(self._begin_s(event)), event)
-        concerned = None if before is None else Concerned(before, self._can_act(before, event))
+        pair = None if before is None else CrashPair(before, self._can_act(before, event))
         world = self._world(case, seed, traffic, equipped)
-        drivers = _Drivers(self._settings, world, traffic, outcome, concerned)
+        equipped_cars = _EquippedCars(self._settings, world, traffic, outcome, pair)
         while world.now < event.at_s + self._settings.watched_s and traffic.crash is None:
-            shown = drivers.tick()
-            if watch is not None:
-                watch(world, traffic, shown)
-        outcome.crash = self._play_on(traffic, event, world.now, played)
-        if before is not None and concerned is not None:
-            outcome.fate = concerned.fate(outcome.crash, equipped)
-            outcome.known_before_s, outcome.warned_before_s = concerned.before_s()
-            outcome.straight_on_before_s = concerned.straight_on_before_s()
-            again = self._warned_straight_on(case, seed, before, concerned)
-            outcome.straight_on_crash = again
-            outcome.straight_on_these_two = again is not None and concerned.are_both(again)
+            warnings = equipped_cars.tick()
+            if on_radio_tick is not None:
+                on_radio_tick(world, traffic, warnings)
+        outcome.crash = self._continue(traffic, event, world.now, on_tick)
+        if before is not None and pair is not None:
+            outcome.crash_outcome = pair.outcome(outcome.crash, equipped)
+            outcome.known_before_s, outcome.warned_before_s = pair.lead_times_s()
+            outcome.paper_alarm_before_s = pair.paper_alarm_lead_s()
+            again = self._run_with_paper_alarm(case, seed, before, pair)
+            outcome.paper_alarm_crash = again
+            outcome.paper_alarm_same_pair = again is not None and pair.is_same_pair(again)
         return outcome
 
     def without_radios(self, case: EncounterCase, seed: int) -> tuple[Crash | None, bool]:
-        """The crash without radios, and whether nobody with a radio could avoid it."""
+        """The crash without radios, and whether no car with a radio could avoid it."""
         before, event = self._crash_without_radios(case.kind, seed), self._event(case.kind, seed)
         if before is None:
             return None, True
@@ -184,24 +189,24 @@ class Encounters:
         equipped = self._equipped(case, seed, cars, event)
         return before, equipped.isdisjoint(self._can_act(before, event))
 
-    def _warned_straight_on(
-        self, case: EncounterCase, seed: int, before: Crash, concerned: Concerned
+    def _run_with_paper_alarm(
+        self, case: EncounterCase, seed: int, before: Crash, pair: CrashPair
     ) -> Crash | None:
-        """The same event again, with drivers warned by the paper's alarm until they would crash."""
-        if not concerned.straight_on_at:
+        """Simulate the event again with drivers who react to the paper's true alarms."""
+        if not pair.paper_alarm_at:
             return before
         event = self._event(case.kind, seed)
         traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
 
         def warn(traffic: DisturbedTraffic, now: float) -> None:
-            for name, from_s in concerned.straight_on_at.items():
+            for name, from_s in pair.paper_alarm_at.items():
                 if from_s <= now <= before.at_s:
                     traffic.warn(name, now)
 
-        return self._play_on(traffic, event, self._begin_s(event), warn)
+        return self._continue(traffic, event, self._begin_s(event), warn)
 
     def _can_act(self, crash: Crash, event: TrafficEvent) -> tuple[str, ...]:
-        """The cars of a crash whose drivers can avoid it: not one that brakes and is run into."""
+        """The cars of a crash whose drivers can avoid it: not the one that brakes and is hit."""
         brakes = self.recording.drives[event.car].name if event.deceleration_m_s2 else None
         return tuple(name for name in crash.names if name != brakes)
 
@@ -215,7 +220,7 @@ class Encounters:
             self._settings.world.model_copy(update={"senses": senses, "loss": case.loss}),
             _mvs(case),
             seed,
-            blocked=self._place.blocked,
+            blocked=self._scene.blocked,
         )
         world.now = self._begin_s(self._event(case.kind, seed))
         return world
@@ -227,44 +232,44 @@ class Encounters:
         return max(round(event.at_s - self._settings.warm_s, 1), 0.0)
 
     def _crash_without_radios(self, kind: TrafficEventKind, seed: int) -> Crash | None:
-        """The crash of the same event and drivers; kept, since all cases of a seed ask for it."""
+        """The crash of the same event and drivers; cached, since all cases of a seed need it."""
         if (kind, seed) not in self._without_radios:
             self.run(EncounterCase(kind, Method.NONE, 0.0), seed)
         return self._without_radios[kind, seed]
 
-    def _play_on(
+    def _continue(
         self,
         traffic: DisturbedTraffic,
         event: TrafficEvent,
         now: float,
-        played: Played | None = None,
+        on_tick: TickObserver | None = None,
     ) -> Crash | None:
-        """Let the cars drive on without radios. A crash after `after_s` is not counted."""
+        """Simulate on without radios; a crash later than `after_s` is not counted."""
         end_s = event.at_s + self._settings.after_s
         while now < end_s and traffic.crash is None:
             now = round(now + TICK_S, 3)
             traffic.cars_at(now)
-            if played is not None:
-                played(traffic, now)
+            if on_tick is not None:
+                on_tick(traffic, now)
         return traffic.crash if traffic.crash and traffic.crash.at_s <= end_s else None
 
     def _equipped(
         self, case: EncounterCase, seed: int, cars: Cars, event: TrafficEvent
     ) -> set[str]:
-        """The cars with a radio near the path of the event's car; a larger share adds to them."""
+        """The cars with a radio near the event car's path; a larger share adds cars to them."""
         drives = self.recording.drives
-        luck = np.random.default_rng([seed, 1]).random(len(drives))
+        draws = np.random.default_rng([seed, 1]).random(len(drives))
         path = DrivePath(drives[event.car])
-        way, _ = path.places(path.way_m(event.at_s + event.sooner_s) + _WAY_M)
+        ahead_m, _ = path.places(path.way_m(event.at_s + event.sooner_s) + _PATH_M)
         near: set[str] = set()
         for then in (cars, *(self.recording.cars_at(cars.at_s + later) for later in _LATER_S)):
-            away_m = np.hypot(*(then.middle_m[:, None] - way).transpose(2, 0, 1)).min(axis=1)
+            away_m = np.hypot(*(then.middle_m[:, None] - ahead_m).transpose(2, 0, 1)).min(axis=1)
             near |= {then.names[i] for i in np.flatnonzero(away_m <= self._settings.near_m)}
-        return {d.name for d, mine in zip(drives, luck, strict=True) if mine < case.share} & near
+        return {d.name for d, drawn in zip(drives, draws, strict=True) if drawn < case.share} & near
 
 
-class _Drivers:
-    """The drivers with a radio: who of them is warned, tick by tick, and whether rightly."""
+class _EquippedCars:
+    """The cars with a radio: which of them is warned in each tick, and whether rightly."""
 
     def __init__(
         self,
@@ -272,54 +277,62 @@ class _Drivers:
         world: MvsWorld,
         traffic: DisturbedTraffic,
         outcome: EncounterOutcome,
-        concerned: Concerned | None,
+        pair: CrashPair | None,
     ) -> None:
-        """Note what happens in `outcome` and, if there is a crash to avoid, in `concerned`."""
+        """Prepare a run.
+
+        Args:
+            settings: of all runs.
+            world: cars with a radio, and their cores.
+            traffic: all cars, with the event.
+            outcome: result, which is updated in each tick.
+            pair: the cars of the crash without radios; None if there is none.
+        """
         self._settings = settings
         self._world = world
         self._traffic = traffic
         self._outcome = outcome
-        self._concerned = concerned
-        self._warners: dict[str, Warner] = {}
-        self._ours = _Alarms(settings.risk.release_s)
-        self._straight_on = _Alarms(settings.risk.release_s)
+        self._pair = pair
+        self._models: dict[str, WarningModel] = {}
+        self._warnings = _OngoingWarnings(settings.risk.release_s)
+        self._paper_alarm = _OngoingWarnings(settings.risk.release_s)
 
-    def tick(self) -> list[Shown]:
-        """Let all drive and talk for a tick; returns who is warned."""
+    def tick(self) -> list[IssuedWarning]:
+        """Simulate one tick; returns the warnings that are active in it."""
         world = self._world
         world.tick()
         self._outcome.messages += len(world.sent)
         self._outcome.driven_s += TICK_S * len(world.cores)
         cars = self._traffic.cars_at(world.now)
-        shown: list[Shown] = []
+        warnings: list[IssuedWarning] = []
         for name, core in world.cores.items():
             at = cars.index(name)
             if at is None:
                 continue
             own, known = core.host_vehicle(world.now), core.kinematic_info(world.now)
-            self._judge_straight_on(own, known, cars, at)
-            if self._concerned is not None and self._concerned.is_one(name):
-                places = np.array([world.place_of(name, car.state) for car in known])
-                self._concerned.receive_known(name, places, cars)
-            told = self._warner(cars, at).assess(own, known, float(cars.speed_m_s[at]), world.now)
-            if told is not None:
-                right = self._is_right(cars, name, told.of)
-                shown.append((name, told, right))
+            self._evaluate_paper_alarm(own, known, cars, at)
+            if self._pair is not None and self._pair.can_act(name):
+                positions_m = np.array([world.world_position_m(name, car.state) for car in known])
+                self._pair.receive_perceived(name, positions_m, cars)
+            warning = self._model(cars, at).assess(own, known, float(cars.speed_m_s[at]), world.now)
+            if warning is not None:
+                right = self._is_right(cars, name, warning.target)
+                warnings.append((name, warning, right))
                 self._warn(name, right=right)
-        return shown
+        return warnings
 
-    def _warner(self, cars: Cars, at: int) -> Warner:
+    def _model(self, cars: Cars, at: int) -> WarningModel:
         name = cars.names[at]
-        if name not in self._warners:
-            self._warners[name] = Warner(self._settings.risk, *_size_m(cars, at))
-        return self._warners[name]
+        if name not in self._models:
+            self._models[name] = WarningModel(self._settings.risk, *_size_m(cars, at))
+        return self._models[name]
 
     def _warn(self, name: str, *, right: bool) -> None:
         now, outcome = self._world.now, self._outcome
         self._traffic.warn(name, now)
-        if right and self._concerned is not None:
-            self._concerned.receive_warning(name, now)
-        if not self._ours.begins(name, now):
+        if right and self._pair is not None:
+            self._pair.receive_warning(name, now)
+        if not self._warnings.refresh(name, now):
             return
         if not right:
             outcome.false_warnings += 1
@@ -328,44 +341,44 @@ class _Drivers:
         if outcome.first_warning_s is None:
             outcome.first_warning_s = round(now - outcome.event.at_s, 3)
 
-    def _judge_straight_on(
+    def _evaluate_paper_alarm(
         self, own: PerceivedObject | None, known: list[PerceivedObject], cars: Cars, at: int
     ) -> None:
-        """Note whether the paper's alarm would warn this driver, and whether rightly."""
-        risk, within_s = self._settings.risk, self._settings.straight_on_s
+        """Count the paper's alarm for one driver, and whether it is true."""
+        risk, within_s = self._settings.risk, self._settings.paper_alarm_horizon_s
         if own is None or cars.speed_m_s[at] < risk.least_speed_m_s:
             return
-        of = touched_straight_on(own, known, _size_m(cars, at), risk, within_s)
-        if of is None:
+        target = paper_alarm(own, known, _size_m(cars, at), risk, within_s)
+        if target is None:
             return
         name, now = cars.names[at], self._world.now
-        right = self._is_right(cars, name, of)
-        if right and self._concerned is not None:
-            self._concerned.receive_straight_on(name, now)
-        self._outcome.straight_on_false += self._straight_on.begins(name, now) and not right
+        right = self._is_right(cars, name, target)
+        if right and self._pair is not None:
+            self._pair.receive_paper_alarm(name, now)
+        self._outcome.paper_alarm_false += self._paper_alarm.refresh(name, now) and not right
 
-    def _is_right(self, cars: Cars, name: str, of: PerceivedObject) -> bool:
-        """Whether the event has changed how the warned car drives, or the one it is warned of."""
+    def _is_right(self, cars: Cars, name: str, target: PerceivedObject) -> bool:
+        """Whether the event has changed the motion of the warned car or of its target."""
         if self._traffic.has_moved(name):
             return True
-        away_m = np.hypot(*(cars.middle_m - self._world.place_of(name, of.state)).T)
+        away_m = np.hypot(*(cars.middle_m - self._world.world_position_m(name, target.state)).T)
         nearest = int(away_m.argmin())
-        is_there = away_m[nearest] < SAME_PLACE_M
-        return bool(is_there and self._traffic.is_disturbed(cars.names[nearest]))
+        is_matched = away_m[nearest] < SAME_POSITION_M
+        return bool(is_matched and self._traffic.is_disturbed(cars.names[nearest]))
 
 
-class _Alarms:
-    """Drivers who are being warned, until there is no warning for `release_s`."""
+class _OngoingWarnings:
+    """Drivers with an active warning; one ends after `release_s` without a repetition."""
 
     def __init__(self, release_s: float) -> None:
         self._release_s = release_s
         self._until: dict[str, float] = {}
 
-    def begins(self, name: str, now: float) -> bool:
-        """Note that a driver is warned now; returns whether that is a new warning."""
-        begins = now >= self._until.get(name, -math.inf)
+    def refresh(self, name: str, now: float) -> bool:
+        """Refresh a driver's warning; returns whether it is a new one."""
+        is_new = now >= self._until.get(name, -math.inf)
         self._until[name] = now + self._release_s
-        return begins
+        return is_new
 
 
 def _size_m(cars: Cars, at: int) -> tuple[float, float]:

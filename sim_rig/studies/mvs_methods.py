@@ -1,7 +1,6 @@
-"""What the same evidence gives when it is fused in other ways: the yardsticks of MVS.
+"""Other methods to fuse the same evidence, for comparison with MVS.
 
-Each takes the evidence of one car and returns state (4) and covariance (4, 4) at `now_ms`, UTC;
-q is the density of the acceleration noise, m^2/s^3.
+Each takes the evidence of one car and returns state (4,) and covariance (4, 4) at `now_ms`.
 """
 
 from collections.abc import Sequence
@@ -16,10 +15,15 @@ OMEGAS = np.linspace(0.0, 1.0, 21)
 
 
 def use_all(evidence: Sequence[Evidence], now_ms: int, q: float) -> tuple[Array, Array]:
-    """Use every piece as if it were independent of all others.
+    """Fuse all evidence as if every piece were independent of the others.
 
-    Of measurements that are each given once this is the centralised filter; of evidence that
-    overlaps it is the blind one.
+    Given each measurement once, this is the centralised filter; given estimates that share
+    measurements, it counts those again.
+
+    Args:
+        evidence: measurements and estimates of one car.
+        now_ms: UTC time of the result, in ms.
+        q: density of the acceleration noise, m^2/s^3.
     """
     states, covariances = propagate(fuse([evidence], q), now_ms, q)
     return states[:, 0], covariances[:, :, 0]
@@ -28,10 +32,15 @@ def use_all(evidence: Sequence[Evidence], now_ms: int, q: float) -> tuple[Array,
 def covariance_intersection(
     evidence: Sequence[Evidence], now_ms: int, q: float
 ) -> tuple[Array, Array]:
-    """Filter the measurements; intersect what comes of it with each estimate, the newest first.
+    """Filter the measurements, and intersect the result with each estimate, the newest first.
 
-    Covariance intersection (Julier and Uhlmann, 1997) is consistent whatever two estimates share:
-    P^-1 = w A^-1 + (1 - w) B^-1, with the w that makes the determinant of P least.
+    Covariance intersection (Julier and Uhlmann, 1997) is consistent for any correlation of two
+    estimates: P^-1 = w A^-1 + (1 - w) B^-1, with the w that minimises the determinant of P.
+
+    Args:
+        evidence: measurements and estimates of one car.
+        now_ms: UTC time of the result, in ms.
+        q: density of the acceleration noise, m^2/s^3.
     """
     measurements = [piece for piece in evidence if isinstance(piece, Measurement)]
     received = [piece for piece in evidence if isinstance(piece, Estimate)]

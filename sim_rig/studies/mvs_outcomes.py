@@ -1,4 +1,4 @@
-"""What becomes of a crash when cars have radios: it is avoided, or why it happens all the same."""
+"""Outcome of a crash when cars have radios: it is avoided, or the reason why it still happens."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -8,86 +8,92 @@ import numpy as np
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crashes import Crash
 
-SAME_PLACE_M = 4.0
-"""A car is the one that another knows of, if it is no farther from where that one is believed."""
+SAME_POSITION_M = 4.0
+"""A perceived object is the car whose true position is no farther than this from its estimate."""
 
 
 class CrashOutcome(StrEnum):
-    """Of a crash of two cars, of whom one or both could act to avoid it."""
+    """What radios change about a crash of two cars, one or both of which could act to avoid it."""
 
     NO_RADIO = "no_radio"
-    """It happened again: nobody who could act has a radio."""
+    """It happens: no car that could act has a radio."""
     UNKNOWN = "unknown"
-    """It happened again: nobody who could act and has a radio knew of the other car."""
+    """It happens: no car with a radio that could act perceived the other car."""
     UNWARNED = "unwarned"
-    """It happened again: the other car was known, but nobody was warned of it."""
+    """It happens: the other car was perceived, but no driver was warned of it."""
     TOO_LATE = "too_late"
-    """It happened again in spite of a warning."""
+    """It happens in spite of a warning."""
     ANOTHER = "another"
-    """These two did not crash, but others did."""
+    """These two cars do not crash, but others do."""
     AVOIDED = "avoided"
 
 
-class Concerned:
-    """The two cars of a crash: when those that can act knew of the other, and were warned."""
+class CrashPair:
+    """The two cars of a crash: when those that can act perceived the other, and were warned."""
 
     def __init__(self, crash: Crash, can_act: Sequence[str]) -> None:
-        """Watch those of the two who can act."""
-        self._crash, self._can_act = crash, can_act
+        """`can_act` names those of the two cars whose drivers can avoid the crash."""
+        self._crash, self._able = crash, can_act
         self._known_at: float | None = None
         self._warned_at: float | None = None
-        self.straight_on_at: dict[str, float] = {}
+        self.paper_alarm_at: dict[str, float] = {}
         """When the paper's alarm would first have warned each of them."""
 
-    def is_one(self, name: str) -> bool:
-        """Whether a car is one of these."""
-        return name in self._can_act
+    def can_act(self, name: str) -> bool:
+        """Whether this car is one of the two and can avoid the crash."""
+        return name in self._able
 
-    def are_both(self, crash: Crash) -> bool:
-        """Whether a crash is one of the same two."""
+    def is_same_pair(self, crash: Crash) -> bool:
+        """Whether the same two cars collide in `crash`."""
         return set(crash.names) == set(self._crash.names)
 
-    def receive_known(self, name: str, places_m: Array, cars: Cars) -> None:
-        """Where one of these believes others, (n, 2), and where all are."""
+    def receive_perceived(self, name: str, positions_m: Array, cars: Cars) -> None:
+        """Note whether one car of the pair perceives the other.
+
+        Args:
+            name: the car that perceives.
+            positions_m: (n, 2) positions of its perceived objects.
+            cars: true states of all cars.
+        """
         if self._known_at is not None:
             return
         one, other = self._crash.names
         at = cars.index(other if name == one else one)
-        if at is not None and len(places_m):
-            away_m = np.hypot(*(places_m - cars.middle_m[at]).T)
-            if away_m.min() < SAME_PLACE_M:
+        if at is not None and len(positions_m):
+            away_m = np.hypot(*(positions_m - cars.middle_m[at]).T)
+            if away_m.min() < SAME_POSITION_M:
                 self._known_at = cars.at_s
 
     def receive_warning(self, name: str, at_s: float) -> None:
-        """A driver was warned of what the event has moved."""
-        if name in self._can_act and self._warned_at is None:
+        """Note a warning of a car that the event has affected."""
+        if name in self._able and self._warned_at is None:
             self._warned_at = at_s
 
-    def receive_straight_on(self, name: str, at_s: float) -> None:
-        """The paper's alarm would warn a driver of what the event has moved."""
-        if name in self._can_act:
-            self.straight_on_at.setdefault(name, at_s)
+    def receive_paper_alarm(self, name: str, at_s: float) -> None:
+        """Note that the paper's alarm would warn of a car that the event has affected."""
+        if name in self._able:
+            self.paper_alarm_at.setdefault(name, at_s)
 
-    def straight_on_before_s(self) -> float | None:
-        """How long before the crash the paper's alarm would first have warned one of the two."""
-        first_s = min(self.straight_on_at.values(), default=None)
+    def paper_alarm_lead_s(self) -> float | None:
+        """Time from the paper's first alarm to the crash; None without an alarm."""
+        first_s = min(self.paper_alarm_at.values(), default=None)
         return None if first_s is None else round(self._crash.at_s - first_s, 3)
 
-    def before_s(self) -> tuple[float | None, float | None]:
-        """How long before the crash one first knew of the other, and was first warned."""
+    def lead_times_s(self) -> tuple[float | None, float | None]:
+        """Times to the crash from when one first perceived the other, and was first warned."""
         known, warned = (
             None if at_s is None else round(self._crash.at_s - at_s, 3)
             for at_s in (self._known_at, self._warned_at)
         )
         return known, warned
 
-    def fate(self, crash: Crash | None, equipped: set[str]) -> CrashOutcome:
-        """Given the crash that there was with radios, and who has one."""
+    def outcome(self, crash: Crash | None, equipped: set[str]) -> CrashOutcome:
+        """Classify the run in which the cars `equipped` have radios and `crash` happened."""
         if crash is None:
             return CrashOutcome.AVOIDED
-        if not self.are_both(crash):
+        if not self.is_same_pair(crash):
             return CrashOutcome.ANOTHER
-        if equipped.isdisjoint(self._can_act):
+        if equipped.isdisjoint(self._able):
             return CrashOutcome.NO_RADIO
         if self._warned_at is not None:
             return CrashOutcome.TOO_LATE

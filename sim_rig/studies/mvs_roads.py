@@ -1,4 +1,4 @@
-"""The road on which the accuracy of MVS is measured: cars that move just as the filter assumes."""
+"""The road on which the accuracy of MVS is measured: cars move as the filter's model assumes."""
 
 import math
 
@@ -13,10 +13,10 @@ SPEED_M_S = 12.0
 
 
 class SixLaneRoad(Traffic):
-    """Three lanes each way at 12 m/s; every car strays about its place by white acceleration.
+    """Three lanes each way at 12 m/s; white acceleration noise moves every car about its position.
 
-    A spring and a damper keep it there: its acceleration is -0.25 x - 0.7 v + noise of density q
-    along the lane, with x the distance from its place and v the difference from 12 m/s.
+    A spring and a damper limit the deviation: the acceleration along the lane is -0.25 x - 0.7 v +
+    noise of density q, with x the deviation from the position and v that from 12 m/s.
     """
 
     def __init__(
@@ -27,29 +27,41 @@ class SixLaneRoad(Traffic):
         q: float,
         rng: np.random.Generator,
     ) -> None:
-        """Drive for `duration_s`; q in m^2/s^3."""
+        """Compute the trajectories of all cars.
+
+        Args:
+            cars_per_lane: number of cars in each of the six lanes.
+            spacing_m: distance between the undisturbed positions of two cars of a lane.
+            duration_s: last time that `cars_at` accepts.
+            q: density of the acceleration noise, m^2/s^3.
+            rng: source of offsets and noise.
+        """
         n = len(LANES_M) * cars_per_lane
         self.names = tuple(f"car{number}" for number in range(n))
         self._direction = np.repeat([1.0 if y < 0 else -1.0 for y in LANES_M], cars_per_lane)
         offsets = np.repeat(rng.uniform(0.0, spacing_m, len(LANES_M)), cars_per_lane)
-        places = np.tile((np.arange(cars_per_lane) - cars_per_lane / 2) * spacing_m, len(LANES_M))
-        self._places, self._lanes = places + offsets, np.repeat(LANES_M, cars_per_lane)
+        positions = np.tile(
+            (np.arange(cars_per_lane) - cars_per_lane / 2) * spacing_m, len(LANES_M)
+        )
+        self._positions, self._lanes = positions + offsets, np.repeat(LANES_M, cars_per_lane)
         start = np.stack([rng.normal(0, 1.5, n), rng.normal(0, 0.9, n)])
-        self._strays, self._speeds = _stray(start, duration_s, q, rng, spring=0.25, damper=0.7)
-        self._across = self._strays * 0.0, self._speeds * 0.0
+        self._deviation_m, self._speeds = _deviations(
+            start, duration_s, q, rng, spring=0.25, damper=0.7
+        )
+        self._across = self._deviation_m * 0.0, self._speeds * 0.0
 
     @override
     def cars_at(self, at_s: float) -> Cars:
-        """All of them, always."""
+        """All cars of the road."""
         step = round(at_s / STEP_S)
-        along = SPEED_M_S * step * STEP_S + self._strays[step]
-        across_m, across_m_s = (strayed[step] for strayed in self._across)
+        along = SPEED_M_S * step * STEP_S + self._deviation_m[step]
+        across_m, across_m_s = (deviation[step] for deviation in self._across)
         along_m_s = SPEED_M_S + self._speeds[step]
         n = len(self.names)
         return Cars(
             at_s,
             self.names,
-            np.stack([self._direction * (self._places + along), self._lanes + across_m], axis=1),
+            np.stack([self._direction * (self._positions + along), self._lanes + across_m], axis=1),
             np.arctan2(across_m_s, self._direction * along_m_s),
             np.hypot(along_m_s, across_m_s),
             np.zeros(n),
@@ -59,9 +71,9 @@ class SixLaneRoad(Traffic):
 
 
 class FreeCars(SixLaneRoad):
-    """Cars on such a road that nothing keeps in their places: they stray along it and across.
+    """Cars without spring and damper: they deviate without limit, along the road and across it.
 
-    That is no traffic, but exactly what the filter takes it for.
+    This is not realistic traffic, but it is exactly the motion model of the filter.
     """
 
     def __init__(
@@ -72,15 +84,23 @@ class FreeCars(SixLaneRoad):
         q: float,
         rng: np.random.Generator,
     ) -> None:
-        """As `SixLaneRoad`, the lanes three times as wide, since nobody keeps his."""
+        """Compute the trajectories; lanes are three times as wide, since cars leave them.
+
+        Args:
+            cars_per_lane: number of cars in each of the six lanes.
+            spacing_m: distance between the first positions of two cars of a lane.
+            duration_s: last time that `cars_at` accepts.
+            q: density of the acceleration noise, m^2/s^3.
+            rng: source of offsets and noise.
+        """
         super().__init__(cars_per_lane, spacing_m, duration_s, q, rng)
         self._lanes = 3.0 * self._lanes
-        still = np.zeros((2, len(self.names)))
-        self._strays, self._speeds = _stray(still, duration_s, q, rng)
-        self._across = _stray(still, duration_s, q, rng)
+        no_deviation = np.zeros((2, len(self.names)))
+        self._deviation_m, self._speeds = _deviations(no_deviation, duration_s, q, rng)
+        self._across = _deviations(no_deviation, duration_s, q, rng)
 
 
-def _stray(
+def _deviations(
     start: Array,
     duration_s: float,
     q: float,
@@ -89,21 +109,21 @@ def _stray(
     spring: float = 0.0,
     damper: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Distances and speeds of N cars under white acceleration of density q, a row for each step.
+    """Deviations in position and speed of N cars under white acceleration noise, a row each step.
 
     `start` (2, N) is the first row of either.
     """
     steps, n = math.ceil(duration_s / STEP_S) + 2, start.shape[1]
-    strays, speeds = np.zeros((steps, n)), np.zeros((steps, n))
-    strays[0], speeds[0] = start
+    deviation_m, speeds = np.zeros((steps, n)), np.zeros((steps, n))
+    deviation_m[0], speeds[0] = start
     for step in range(1, steps):
-        pull = -spring * strays[step - 1] - damper * speeds[step - 1]
+        pull = -spring * deviation_m[step - 1] - damper * speeds[step - 1]
         noise = rng.normal(0, math.sqrt(q * STEP_S), n)
         speeds[step] = speeds[step - 1] + pull * STEP_S + noise
-        strays[step] = strays[step - 1] + speeds[step] * STEP_S
-    return strays, speeds
+        deviation_m[step] = deviation_m[step - 1] + speeds[step] * STEP_S
+    return deviation_m, speeds
 
 
 def states_of(cars: Cars) -> Array:
-    """(N, 4): px, py, vx, vy."""
+    """True states (N, 4): px, py, vx, vy."""
     return np.hstack([cars.middle_m, cars.velocity_m_s])

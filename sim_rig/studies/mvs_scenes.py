@@ -1,7 +1,7 @@
-"""Where the MVS studies take place: the dense crossing and the city of the paper, or our own.
+"""Traffic scenes of the MVS studies: the dense crossing and the city of the paper, or others.
 
-The recordings of others are no part of this repository; `RIG_DATA` names their folder. Where they
-are not, a study of the dense crossing becomes one of SUMO's crossing, and says so in its settings.
+Recorded traces are not part of this repository; `RIG_DATA` names their folder. Without them, a
+study of the dense crossing uses SUMO's crossing instead, and its settings file states that.
 """
 
 import os
@@ -24,22 +24,22 @@ from sim_rig.roads.trace_files import read_trace
 
 _DATA = Path(__file__).parents[3] / "shared" / "data"
 _CITY_LANE_M = 1.75
-"""The city's cars drive along the middle of their roads."""
+"""The city trace has cars in the middle of the road; they are shifted right by this."""
 _DRIVEN_S, _WARM_S = 300.0, 90.0
-"""Of a simulation, after it has filled its roads."""
+"""Recorded part of a simulation, and the time before it in which its roads fill."""
 _CORNERS_M = 12.5
-"""Buildings stand from here on, beside both roads."""
+"""Distance of the buildings from the middle of both roads."""
 
 
 class SceneName(StrEnum):
-    """By name."""
+    """Names of the built-in scenes."""
 
     CROSSING = "crossing"
-    """Dense: some 100 cars on two six-lane roads; the AIM simulator's."""
+    """Dense: some 100 cars on two six-lane roads, from the AIM simulator."""
     LIGHTER_CROSSING = "lighter-crossing"
     """The same with some 50 cars."""
     OWN_CROSSING = "own-crossing"
-    """The same from our own car-following model."""
+    """The same from the rig's own car-following model."""
     SUMO_CROSSING = "sumo-crossing"
     """The same from SUMO."""
     CITY = "city"
@@ -47,22 +47,22 @@ class SceneName(StrEnum):
 
 
 Where = Annotated[SceneName | Path, Field(union_mode="left_to_right")]
-"""A scene by name, or the file of a trace or of a simulation of SUMO's."""
+"""A scene by name, or the file of a trace or of a SUMO simulation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenScene:
-    """A scene that is open."""
+    """A loaded scene."""
 
     recording: RecordedTraffic
     blocked: Blocked | None
     origin: str
-    """What was driven there."""
+    """Where the traffic comes from, for error messages."""
     has_lights: bool = True
 
     @property
     def names(self) -> list[str]:
-        """Of all cars, in the order of their coming."""
+        """Names of all cars in the order of their appearance."""
         return [drive.name for drive in self.recording.drives]
 
 
@@ -73,11 +73,11 @@ _RECORDED = {
 }
 
 
-def scene_here(scene: Where) -> Where:
-    """What a study of this scene drives where its recordings are as they are now.
+def available_scene(scene: Where) -> Where:
+    """The scene that a study uses, given the recordings that are present now.
 
-    A study asks once, when it begins, and states the answer in its settings: resumed elsewhere, or
-    with workers that have other recordings, it must not mix two kinds of traffic.
+    A study calls this once at its start and stores the result in its settings, so that resuming it
+    elsewhere, or with workers that have other recordings, does not mix two kinds of traffic.
     """
     if scene is SceneName.CROSSING and not _recorded(scene).is_file():
         return SceneName.SUMO_CROSSING
@@ -86,13 +86,13 @@ def scene_here(scene: Where) -> Where:
 
 @cache
 def open_scene(scene: Where) -> OpenScene:
-    """Read or drive it, once in a process; a path is traffic of the user's own.
+    """Load or simulate a scene, once in a process; a path is a user's own traffic.
 
     Raises:
-        UserError: its recording is not there.
+        UserError: the scene's recording does not exist.
     """
     if isinstance(scene, Path):
-        return _brought(scene)
+        return _user_scene(scene)
     if scene in _RECORDED:
         path = _recorded(scene)
         if not path.is_file():
@@ -110,8 +110,8 @@ def open_scene(scene: Where) -> OpenScene:
         return OpenScene(record(sumo, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "SUMO's crossing")
 
 
-def _brought(path: Path) -> OpenScene:
-    """A trace, a simulation of SUMO's, or a source by name; nothing is known of its buildings."""
+def _user_scene(path: Path) -> OpenScene:
+    """Open a trace, a SUMO simulation, or a traffic source by name; without buildings."""
     try:
         traffic = open_traffic(str(path), np.random.default_rng(0))
     except RoadSourceError as error:

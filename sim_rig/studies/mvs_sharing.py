@@ -1,9 +1,9 @@
-"""The MVS paper's Fig. 8 and Table I: what a car gets to hear of cars without a radio.
+"""The MVS paper's Fig. 8 and Table I: evidence that a car receives about cars without a radio.
 
 Fig. 8: the average number of different measurements and estimates (MEs) that a car with a radio
 receives about cars without one, by method, footer size M and share of cars with a radio. Table I:
-of the MEs about one such car, how many are selected for its estimate, and how many measurements are
-thereby used again. Both count what was sensed or received in one window of 0.1 s.
+of the MEs about one such car, how many are selected for its estimate, and how many measurements
+are thereby counted again. Both count what was sensed or received in one window of 0.1 s.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,7 +24,7 @@ from onboard.tracking.independent_set import independent
 from sim_rig.roads.cars import Cars
 from sim_rig.scenario.setting_types import NotNegative, Several, Share, Span
 from sim_rig.studies.campaign import Row, Workers, run_campaign
-from sim_rig.studies.mvs_scenes import SceneName, Where, open_scene, scene_here
+from sim_rig.studies.mvs_scenes import SceneName, Where, available_scene, open_scene
 from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, FooterSize, MvsWorld, WorldSettings
 from sim_rig.studies.results import write_results
 
@@ -35,7 +35,7 @@ PAPER_TABLE_1 = {
 """At 10, 20, 30 and 40 %."""
 _WINDOW_MS = 100
 _FARTHEST_M = 3.0
-"""An entry is about the car that is nearest to it, and not farther."""
+"""Largest distance from an entry to the car that it is attributed to, which is the nearest one."""
 
 
 class SharingSettings(Settings):
@@ -51,12 +51,12 @@ class SharingSettings(Settings):
     warm_s: float = Field(1.5, ge=0.0, le=60.0)
     measured_s: float = Field(0.5, gt=0.0, le=300.0)
     begin_s: Span[NotNegative] = (60.0, 240.0)
-    """Between these, by seed, the scene is looked at."""
+    """The evaluated part of the scene begins between these, by seed."""
     world: WorldSettings = WorldSettings()
 
 
 class Table1Settings(SharingSettings):
-    """Table I: the cars choose as MVS does; what RS would have selected is counted beside it."""
+    """Table I: cars select as MVS does; the selection that RS would make is counted as well."""
 
     entries: Several[FooterSize] = (10,)
     methods: Several[Selection] = (Selection.MVS,)
@@ -77,24 +77,24 @@ def cases(settings: SharingSettings) -> list[tuple[Selection, int, float, int]]:
 
 
 def run_one(settings: SharingSettings, number: int) -> Row:
-    """Let one world warm up, and count what each car receives in each window."""
+    """Simulate one world, and count what each car receives in each window after the warm-up."""
     method, entries, share, seed = cases(settings)[number]
-    place = open_scene(settings.scene)
-    looked_until_s = settings.begin_s[1] + settings.warm_s + settings.measured_s
-    if looked_until_s > place.recording.end_s:
+    scene = open_scene(settings.scene)
+    end_s = settings.begin_s[1] + settings.warm_s + settings.measured_s
+    if end_s > scene.recording.end_s:
         raise UserError(
-            f"{place.origin}: ends after {place.recording.end_s:g} s, and begin_s, warm_s and"
-            f" measured_s ask for {looked_until_s:g} s of it"
+            f"{scene.origin}: ends after {scene.recording.end_s:g} s, but begin_s, warm_s and"
+            f" measured_s need {end_s:g} s"
         )
     rng = np.random.default_rng(seed)
     begin_s = round(float(rng.uniform(*settings.begin_s)), 1)
-    equipped = {name for name in place.names if rng.random() < share}
+    equipped = {name for name in scene.names if rng.random() < share}
     mvs = MvsSettings(
         selection=method,
         most_entries=entries,
         sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
     )
-    world = MvsWorld(place.recording, equipped, settings.world, mvs, seed, blocked=place.blocked)
+    world = MvsWorld(scene.recording, equipped, settings.world, mvs, seed, blocked=scene.blocked)
     world.now = begin_s
     for _ in range(round(settings.warm_s / 0.1)):
         world.tick()
@@ -123,27 +123,27 @@ class _Counts:
         self._reused_in_state = 0
 
     def count_received(self, world: MvsWorld) -> None:
-        """Different MEs about cars without a radio that each car got in the last tick."""
+        """Count the different MEs about cars without a radio that each car received in a tick."""
         cars = world.traffic.cars_at(world.now)
-        heard: dict[str, set[tuple[str, Provenance]]] = {name: set() for name in world.cores}
+        received: dict[str, set[tuple[str, Provenance]]] = {name: set() for name in world.cores}
         for sent in world.sent:
-            told = _told(sent.told, cars, world)
+            content = _content(sent.entries, cars, world)
             for receiver in sent.receivers:
-                heard[receiver] |= told
-        self._different += [len(different) for different in heard.values()]
+                received[receiver] |= content
+        self._different += [len(different) for different in received.values()]
 
     def count_selected(
         self, cores: Iterable[MultiVehicleSensing], now: float, rng: np.random.Generator
     ) -> None:
-        """Of the MEs of each known car, those that either method selects."""
+        """Count the MEs of each track that either method selects."""
         now_ms = round((now + START_UTC_S) * 1000)
         for core in cores:
             for track in core.cars_without_radio(now):
                 self._reused_in_state += _reused(track.used)
                 window = [
-                    held.piece
-                    for held in track.evidence.values()
-                    if held.received_ms >= now_ms - _WINDOW_MS
+                    stored.piece
+                    for stored in track.evidence.values()
+                    if stored.received_ms >= now_ms - _WINDOW_MS
                 ]
                 if window:
                     for method, chosen in (
@@ -167,7 +167,7 @@ class _Counts:
 
 
 def random_until_all(pieces: Sequence[Evidence], rng: np.random.Generator) -> list[Evidence]:
-    """The paper's RS: at random, until every measurement that there is has been used."""
+    """The paper's RS: select at random until every measurement has been used."""
     missing = set().union(*(piece.provenance for piece in pieces))
     chosen = []
     for at in rng.permutation(len(pieces)):
@@ -179,24 +179,24 @@ def random_until_all(pieces: Sequence[Evidence], rng: np.random.Generator) -> li
 
 
 def _reused(pieces: Iterable[Evidence]) -> int:
-    """How many measurements stand in `pieces` more often than once, each time counted."""
+    """Repetitions of measurements in the provenance of all pieces together."""
     all_of_them = [identity for piece in pieces for identity in piece.provenance]
     return len(all_of_them) - len(set(all_of_them))
 
 
-def _told(footer: SharedEntries, cars: Cars, world: MvsWorld) -> set[tuple[str, Provenance]]:
-    """Entries by the car that they are truly about, and what they were made from."""
-    told = set()
+def _content(entries: SharedEntries, cars: Cars, world: MvsWorld) -> set[tuple[str, Provenance]]:
+    """The car that each entry is truly about, with the entry's provenance."""
+    content = set()
     now_ms = (world.now + START_UTC_S) * 1000
-    for piece in evidence_in(footer, ORIGIN):
-        place = piece.position_m if isinstance(piece, Measurement) else piece.state[:2]
+    for piece in evidence_in(entries, ORIGIN):
+        position_m = piece.position_m if isinstance(piece, Measurement) else piece.state[:2]
         then = cars.middle_m - (now_ms - piece.stamp_ms) / 1000 * cars.velocity_m_s
-        away = np.hypot(*(then - place).T)
+        away = np.hypot(*(then - position_m).T)
         nearest = int(away.argmin())
         name = cars.names[nearest]
         if away[nearest] < _FARTHEST_M and name not in world.equipped:
-            told.add((name, piece.provenance))
-    return told
+            content.add((name, piece.provenance))
+    return content
 
 
 class _Line(NamedTuple):
@@ -213,8 +213,17 @@ class _Line(NamedTuple):
 def figure8(
     out_dir: Path, settings: SharingSettings | None = None, workers: Workers | None = None
 ) -> str:
-    """Write the number of different MEs by method, M and share."""
-    settings = _of_scene_here(settings or SharingSettings())
+    """Write the number of different MEs by method, M and share.
+
+    Args:
+        out_dir: folder of table, figure, settings and runs.
+        settings: of the campaign; the default ones if None.
+        workers: processes or cluster; this process if None.
+
+    Returns:
+        In how many cells MVS delivers most, as a sentence.
+    """
+    settings = _with_available_scene(settings or SharingSettings())
     rows = _all_runs(out_dir, settings, workers)
     table = [
         _Line(
@@ -231,21 +240,30 @@ def figure8(
     cells: dict[tuple[float, int], dict[str, float]] = {}
     for line in table:
         cells.setdefault((line.share_with_radio, line.M), {})[line.method] = line.different_mes
-    wins = sum(_tells_most(cell) for cell in cells.values())
-    return f"MVS tells most in {wins} of {len(cells)} cells (paper: in all)"
+    wins = sum(_mvs_delivers_most(cell) for cell in cells.values())
+    return f"MVS delivers most in {wins} of {len(cells)} cells (paper: in all)"
 
 
-def _tells_most(cell: dict[str, float]) -> bool:
-    """Whether MVS tells more than every other method."""
-    others = [told for method, told in cell.items() if method != Selection.MVS.value]
+def _mvs_delivers_most(cell: dict[str, float]) -> bool:
+    """Whether MVS delivers more MEs than every other method."""
+    others = [count for method, count in cell.items() if method != Selection.MVS.value]
     return cell.get(Selection.MVS.value, 0.0) > max(others, default=0.0)
 
 
 def table1(
     out_dir: Path, settings: Table1Settings | None = None, workers: Workers | None = None
 ) -> str:
-    """Write selected and reused measurements beside the paper's."""
-    settings = _of_scene_here(settings or Table1Settings())
+    """Write selected and reused measurements beside the paper's.
+
+    Args:
+        out_dir: folder of table, settings and runs.
+        settings: of the campaign; the default ones if None.
+        workers: processes or cluster; this process if None.
+
+    Returns:
+        How many measurements any fused state counts twice, as a sentence.
+    """
+    settings = _with_available_scene(settings or Table1Settings())
     rows = _all_runs(out_dir, settings, workers)
     table = []
     for method in ("rs", "mvs"):
@@ -265,8 +283,8 @@ def table1(
     return f"measurements used twice in any fused state: {in_states}"
 
 
-def _of_scene_here(settings: SharingT) -> SharingT:
-    return settings.model_copy(update={"scene": scene_here(settings.scene)})
+def _with_available_scene(settings: SharingT) -> SharingT:
+    return settings.model_copy(update={"scene": available_scene(settings.scene)})
 
 
 def _all_runs(out_dir: Path, settings: SharingSettings, workers: Workers | None) -> list[Row]:

@@ -1,9 +1,9 @@
-"""Many cars that share what they see: each car with a radio runs the very MVS core of the car.
+"""Many cars that share evidence: each car with a radio runs the MVS core of `onboard`.
 
-What the cores are given is made from the true motion: fixes with noise, and cars seen by a ranging
-sensor all around, with range, noise, misses, and no view through cars or buildings. What they send
-is carried to everybody in reach, or lost, or over the 802.11p channel. Footers travel as values,
-each decoded once.
+The inputs of the cores are made from the true motion: fixes with noise, and detections of a ranging
+sensor all around, with a limited range, noise, misses, and occlusion by cars and buildings. Their
+messages reach every car in range, unless lost, or go over the 802.11p channel. Each footer is
+decoded once for all receivers.
 """
 
 import math
@@ -32,9 +32,9 @@ from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 ORIGIN = LocalFrame(47.37, 8.54)
 TICK_S = 0.1
 START_UTC_S = 1_750_000_000.0
-_PRIORITY = 5
-"""Of a BSM."""
+_BSM_PRIORITY = 5
 _ARRIVAL_M_S = 10.0
+"""Speed of the first fix of a car, which gives it a heading even if it stands."""
 
 
 FooterSize = Annotated[int, Field(ge=0, le=64)]
@@ -42,33 +42,33 @@ FooterSize = Annotated[int, Field(ge=0, le=64)]
 
 
 class WorldSettings(Settings):
-    """What is true of sensors and air."""
+    """True properties of sensors and radio."""
 
     senses: bool = True
-    """Whether cars with a radio see others at all."""
+    """Whether cars with a radio have sensors."""
     sensing_range_m: float = Field(60.0, gt=0.0)
     detection: float = Field(0.95, ge=0.0, le=1.0)
-    """Part of the pictures in which a car in view is found."""
+    """Probability that a car in view is detected in one tick."""
     range_sigma_m: float = Field(0.4, gt=0.0)
     range_sigma_per_m: float = Field(0.01, ge=0.0)
-    """On top, of the range."""
+    """Added to it, for each metre of range."""
     bearing_sigma_rad: float = Field(0.01, gt=0.0)
     position_sigma_m: float = Field(0.4, gt=0.0)
     speed_sigma_m_s: float = Field(0.1, ge=0.0)
-    """Of a velocity, on either axis; the course is as uncertain as this makes it."""
+    """Of each component of the velocity; the error of the course follows from it."""
     reach_m: float = Field(300.0, gt=0.0)
-    """Of the radio."""
+    """Range of the radio."""
     loss: float = Field(0.0, ge=0.0, le=1.0)
-    """Part of the copies of a message that do not arrive."""
+    """Probability that one receiver in range loses a message."""
     csma: CsmaSettings | None = None
-    """The 802.11p channel, in the place of `reach_m` and `loss`."""
+    """The 802.11p channel; replaces `reach_m` and `loss`."""
     blocker_radius_m: float = Field(0.9, ge=0.0)
-    """A car hides what lies behind a disc of this radius."""
+    """A car occludes what lies behind a disc of this radius."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueMeasurement:
-    """A direct measurement and the car that it is truly of."""
+    """A direct measurement and the car that it is truly about."""
 
     car: str
     measurement: Measurement
@@ -77,7 +77,7 @@ class TrueMeasurement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Bsm:
-    """What is on the air."""
+    """Contents of a BSM."""
 
     sender: str
     fix: Position
@@ -87,19 +87,18 @@ class _Bsm:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SentFooter:
-    """One footer that was on the air."""
+    """One footer that was sent."""
 
     at_s: float
     sender: str
     footer: bytes
-    told: SharedEntries
-    """What it says."""
+    entries: SharedEntries
+    """The decoded footer."""
     receivers: tuple[str, ...]
-    """Those that got it."""
 
 
 class MvsWorld:
-    """Steps all cars; a car with a radio acts once in 0.1 s, each at its own phase."""
+    """Steps all cars; a car with a radio senses and sends every 0.1 s, each at its own phase."""
 
     def __init__(
         self,
@@ -111,7 +110,16 @@ class MvsWorld:
         *,
         blocked: Blocked | None = None,
     ) -> None:
-        """Let the cars that `traffic` drives act, those in `equipped` with a radio."""
+        """Start at time 0.
+
+        Args:
+            traffic: motion of all cars.
+            equipped: names of the cars with a radio.
+            settings: of sensors and radio.
+            mvs: settings of every core.
+            seed: of noise, phases and losses.
+            blocked: occlusion by buildings; None for none.
+        """
         self.traffic = traffic
         self.equipped = equipped
         self.settings = settings
@@ -122,11 +130,11 @@ class MvsWorld:
         self._numbers: dict[str, int] = {}
         self._phases: dict[str, float] = {}
         self.cores: dict[str, MultiVehicleSensing] = {}
-        self._shadows: dict[str, HostVehicle] = {}
-        """Repeat what each core makes of its sensors, to know the measurements it made."""
+        self._reference_hosts: dict[str, HostVehicle] = {}
+        """Process the same inputs as each core, to compute the measurements that it makes."""
         self.measurements: list[TrueMeasurement] = []
         self.sent: list[SentFooter] = []
-        """In the last tick."""
+        """Footers of the last tick."""
         self.now = 0.0
         self._channel: StudyChannel[_Bsm] | None = None
         if settings.csma is not None:
@@ -138,7 +146,7 @@ class MvsWorld:
         return self._numbers.setdefault(car, len(self._numbers)).to_bytes(4)
 
     def tick(self) -> None:
-        """Let every car with a radio that is there act once."""
+        """Let every present car with a radio sense and send once."""
         self.measurements.clear()
         self.sent.clear()
         began = self.now
@@ -153,47 +161,51 @@ class MvsWorld:
                 self._join(name, cars)
         for name in sorted(with_radio, key=self._phases.__getitem__):
             self.now = began + self._phases[name] * TICK_S
-            self._listen()
-            self._act(name, cars.moved_on(self.now - began))
+            self._receive()
+            self._step_car(name, cars.moved_on(self.now - began))
         self.now = began + TICK_S
-        self._listen()
+        self._receive()
 
-    def place_of(self, car: str, state: tuple[float, ...]) -> Array:
-        """Where in the world a car believes somebody (2), from a state in its own frame."""
+    def world_position_m(self, car: str, state: tuple[float, ...]) -> Array:
+        """Position (2,) in the frame of `ORIGIN` of a state in the local frame of `car`."""
         turn, shift = ORIGIN.mapping_from(self.frame_of(car))
-        place: Array = turn @ np.array(state[:2]) + shift
-        return place
+        position_m: Array = turn @ np.array(state[:2]) + shift
+        return position_m
 
     def frame_of(self, car: str) -> LocalFrame:
-        """The frame in which a car holds what it knows."""
-        frame = self._shadows[car].frame
+        """The local frame of a car's core."""
+        frame = self._reference_hosts[car].frame
         assert frame is not None  # noqa: S101 (a core acts with a fix)
         return frame
 
     def _join(self, name: str, cars: Cars) -> None:
-        """A car that stands when it joins has come there driving: it knows its heading by that."""
+        """Create the core of a car; its first fix has a speed, so that its heading is defined."""
         own_id = self.own_id(name)
         rng = np.random.default_rng([self._seed, *own_id])
         self._phases[name] = float(rng.random())
         self.cores[name] = MultiVehicleSensing(self._mvs_settings, own_id, rng, START_UTC_S)
-        self._shadows[name] = HostVehicle(self._mvs_settings.sensing)
+        self._reference_hosts[name] = HostVehicle(self._mvs_settings.sensing)
         arrival = self._fix(cars, cars.names.index(name), speed_m_s=_ARRIVAL_M_S)
         self.cores[name].receive_position(arrival)
-        self._shadows[name].receive_position(arrival)
+        self._reference_hosts[name].receive_position(arrival)
 
-    def _act(self, name: str, cars: Cars) -> None:
-        core, shadow, settings = self.cores[name], self._shadows[name], self.settings
+    def _step_car(self, name: str, cars: Cars) -> None:
+        core, reference_host, settings = (
+            self.cores[name],
+            self._reference_hosts[name],
+            self.settings,
+        )
         own = cars.names.index(name)
         course_rad = math.pi / 2.0 - float(cars.heading_rad[own])
         fix = self._fix(cars, own, float(cars.speed_m_s[own]))
         core.receive_position(fix)
-        shadow.receive_position(fix)
+        reference_host.receive_position(fix)
         for other in self._in_view(own, cars).tolist() if settings.senses else ():
             east_m, north_m = (cars.middle_m[other] - cars.middle_m[own]).tolist()
             range_m = math.hypot(east_m, north_m)
             range_sigma_m = settings.range_sigma_m + settings.range_sigma_per_m * range_m
             bearing_rad = math.atan2(east_m, north_m) - course_rad
-            seen = VehicleDetection(
+            detection = VehicleDetection(
                 self.now,
                 int.from_bytes(self.own_id(cars.names[other])),
                 max(range_m + range_sigma_m * self._rng.normal(), 0.0),
@@ -201,8 +213,8 @@ class MvsWorld:
                 bearing_rad + settings.bearing_sigma_rad * self._rng.normal(),
                 settings.bearing_sigma_rad,
             )
-            core.receive_detection(seen)
-            self._note(name, cars.names[other], seen)
+            core.receive_detection(detection)
+            self._record_measurement(name, cars.names[other], detection)
         self._broadcast(own, fix, core.footer_to_send(self.now), cars)
 
     def _fix(self, cars: Cars, own: int, speed_m_s: float) -> Position:
@@ -219,11 +231,11 @@ class MvsWorld:
             math.atan2(east_m_s, north_m_s),
         )
 
-    def _note(self, car: str, other: str, seen: VehicleDetection) -> None:
-        placed = self._shadows[car].measure(seen)
-        assert not isinstance(placed, str)  # noqa: S101 (a core acts with a fix)
+    def _record_measurement(self, car: str, other: str, detection: VehicleDetection) -> None:
+        measured = self._reference_hosts[car].measure(detection)
+        assert not isinstance(measured, str)  # noqa: S101 (a core acts with a fix)
         stamp_ms = round((self.now + START_UTC_S) * 1000)
-        measurement = Measurement(MeasurementId(self.own_id(car), stamp_ms), *placed)
+        measurement = Measurement(MeasurementId(self.own_id(car), stamp_ms), *measured)
         self.measurements.append(
             TrueMeasurement(other, measurement.mapped(*ORIGIN.mapping_from(self.frame_of(car))))
         )
@@ -234,7 +246,7 @@ class MvsWorld:
         near = np.flatnonzero((ranges < self.settings.sensing_range_m) & (ranges > 0.0))
         towards = cars.middle_m[near] - here
         lengths = ranges[near]
-        # Of every other near car (axis 1): how far along the line of sight, and how far beside it.
+        # Of every other near car (axis 1): distance along the line of sight, and beside it.
         along = towards @ towards.T / lengths[:, None]
         beside = (
             np.abs(
@@ -244,8 +256,8 @@ class MvsWorld:
             / lengths[:, None]
         )
         radius = self.settings.blocker_radius_m
-        hides = (beside < radius) & (along > 0) & (along < lengths[:, None] - 2 * radius)
-        visible = ~hides.any(axis=1)
+        occluded = (beside < radius) & (along > 0) & (along < lengths[:, None] - 2 * radius)
+        visible = ~occluded.any(axis=1)
         if self._blocked is not None:
             visible &= ~self._blocked(here, cars.middle_m[near])
         visible &= self._rng.random(len(near)) < self.settings.detection
@@ -255,31 +267,31 @@ class MvsWorld:
     def _broadcast(self, own: int, fix: Position, footer: bytes, cars: Cars) -> None:
         bsm = _Bsm(cars.names[own], fix, float(cars.acceleration_m_s2[own]), footer)
         if self._channel is not None:
-            self._channel.send(bsm.sender, bsm, BSM_BYTES + len(footer), _PRIORITY, self.now)
+            self._channel.send(bsm.sender, bsm, BSM_BYTES + len(footer), _BSM_PRIORITY, self.now)
             return
         apart_m = np.hypot(*(cars.middle_m - cars.middle_m[own]).T)
         reached = (apart_m < self.settings.reach_m) & (
             self._rng.random(len(cars)) >= self.settings.loss
         )
         reached[own] = False
-        self._hand_over(bsm, [cars.names[i] for i in np.flatnonzero(reached)])
+        self._deliver(bsm, [cars.names[i] for i in np.flatnonzero(reached)])
 
-    def _listen(self) -> None:
-        for bsm, receivers in self._channel.heard(self.now) if self._channel is not None else ():
-            self._hand_over(bsm, receivers)
+    def _receive(self) -> None:
+        for bsm, receivers in self._channel.received(self.now) if self._channel is not None else ():
+            self._deliver(bsm, receivers)
 
-    def _hand_over(self, bsm: _Bsm, reached: Iterable[str]) -> None:
+    def _deliver(self, bsm: _Bsm, reached: Iterable[str]) -> None:
         receivers = tuple(name for name in reached if name in self.cores)
-        told = read(bsm.footer)
-        self.sent.append(SentFooter(self.now, bsm.sender, bsm.footer, told, receivers))
+        entries = read(bsm.footer)
+        self.sent.append(SentFooter(self.now, bsm.sender, bsm.footer, entries, receivers))
         for receiver in receivers:
             self.cores[receiver].receive_bsm(
-                self.own_id(bsm.sender), bsm.fix, told, self.now, bsm.acceleration_m_s2
+                self.own_id(bsm.sender), bsm.fix, entries, self.now, bsm.acceleration_m_s2
             )
 
 
 def to_degrees(position_m: Array) -> tuple[float, float]:
-    """Latitude and longitude of a place (2) in the frame of `ORIGIN`."""
+    """Latitude and longitude of a position (2,) in the frame of `ORIGIN`."""
     degrees = np.array([ORIGIN.latitude_deg, ORIGIN.longitude_deg])
     for _ in range(3):
         missing_m = position_m - ORIGIN.position_m(*degrees)

@@ -1,8 +1,8 @@
-"""The 802.11p channel held against ns-3: cars in a line that all broadcast.
+"""Validation of the 802.11p channel against ns-3: cars in a line that all broadcast.
 
-Delivery ratio and delay by distance, in the columns of the reference, so that the table can be
-laid beside what ns-3 gives for the same settings. Everything is set as the reference has it; its
-two quirks (symbols of 4 us, and an energy threshold 3 dB lower in a channel half as wide) as well.
+Delivery ratio and delay by distance, in the columns of the ns-3 reference for the same settings.
+All parameters are those of the reference, including two peculiarities of ns-3: symbols of 4 us, and
+thresholds that are 3 dB lower in a 10 MHz channel.
 """
 
 import heapq
@@ -39,11 +39,11 @@ _ORDERS = {
     "dual-slope": ("near_exponent", "far_exponent", "breakpoint_m", "reference_db"),
     "two-ray": ("antenna_height_m", "frequency_ghz"),
 }
-"""How the numbers after a model's name are meant."""
+"""Settings that the numbers after a model's name stand for."""
 
 
 def parse_loss(text: str) -> PathLoss:
-    """`MODEL` or `MODEL:NUMBER:...`, the numbers in the order of the model's settings.
+    """Parse `MODEL` or `MODEL:NUMBER:...`, the numbers in the order of the model's settings.
 
     Raises:
         ValueError: there is no such model, or its numbers do not fit.
@@ -59,10 +59,10 @@ def parse_loss(text: str) -> PathLoss:
 
 
 def parse_fading(text: str) -> float | None:
-    """`none`, `nakagami:M` or `rayleigh`.
+    """Parse `none`, `nakagami:M` or `rayleigh`; returns m of Nakagami, None without fading.
 
     Raises:
-        ValueError: it is none of these.
+        ValueError: `text` is none of these.
     """
     name, _, number = text.partition(":")
     if text == "none":
@@ -85,7 +85,7 @@ def _checked_fading(text: str) -> str:
 
 
 class RadioSettings(Settings):
-    """One road, and who sends how much."""
+    """Road, channel and messages."""
 
     cars: int = Field(100, ge=2, le=2_000)
     spacing_m: float = Field(10.0, gt=0.0, le=1_000.0)
@@ -96,32 +96,32 @@ class RadioSettings(Settings):
     """`none`, `rayleigh` or `nakagami:M`."""
     seeds: int = Field(20, ge=1)
     seed: int = Field(1, ge=0)
-    """The first."""
+    """The first seed."""
     seconds: float = Field(4.8, gt=0.0, le=600.0)
-    """Of each seed, with the warm-up."""
+    """Duration of each run, including the warm-up."""
     warm_s: float = Field(1.0, ge=0.0, le=60.0)
-    """Frames queued before are not counted."""
+    """Frames queued before this time are not counted."""
     interval_s: float = Field(0.1, gt=0.0, le=10.0)
     jitter_s: float = Field(0.001, ge=0.0, le=10.0)
-    """Added to each interval, uniform from 0 up to this."""
+    """Added to each interval, uniform from 0 to this."""
     payload_bytes: int = Field(250, ge=1, le=2_000)
     user_priority: int = Field(5, ge=0, le=7)
-    """5 is of AC_VI, 7 of AC_VO."""
+    """5 belongs to AC_VI, 7 to AC_VO."""
     data_rate_mbit_s: Literal[3, 6, 9, 12, 18, 24, 27] = 6
     tx_power_dbm: float = Field(20.0, ge=-10.0, le=40.0)
     noise_figure_db: float = Field(7.0, ge=0.0, le=30.0)
     preamble_snr_db: float = Field(4.0, ge=-10.0, le=30.0)
     preamble_dbm: float = Field(-95.0, ge=-120.0, le=0.0)
     sensitivity_dbm: float = Field(-104.0, ge=-140.0, le=0.0)
-    """ns-3 takes the -101 dBm of 20 MHz for half of that in 10 MHz."""
+    """ns-3 halves the -101 dBm of 20 MHz for a 10 MHz channel."""
     energy_detection_dbm: float = Field(-88.0, ge=-120.0, le=0.0)
-    """ns-3 takes the -85 dBm of 20 MHz for half of that in 10 MHz."""
+    """ns-3 halves the -85 dBm of 20 MHz for a 10 MHz channel."""
     symbol_us: Literal[4, 8] = 4
-    """ns-3 rounds frames to 4 us; the standard has 8 us in 10 MHz."""
+    """ns-3 rounds frames to 4 us; the standard specifies 8 us in 10 MHz."""
 
     @property
     def channel(self) -> CsmaSettings:
-        """The channel that this asks for."""
+        """Settings of the channel."""
         same = set(CsmaSettings.model_fields) & set(RadioSettings.model_fields)
         return CsmaSettings(
             path_loss=parse_loss(self.loss),
@@ -131,13 +131,13 @@ class RadioSettings(Settings):
 
     @property
     def distances_m(self) -> Array:
-        """(cars, cars)."""
+        """Distances (cars, cars) between all cars."""
         along_m = self.spacing_m * np.arange(self.cars)
         return np.abs(along_m[:, None] - along_m[None])
 
 
 def run_one(settings: RadioSettings, number: int) -> Row:
-    """Let all cars send for a while, and count by bin of distance."""
+    """Simulate one seed, and count frames by bin of distance."""
     rng = np.random.default_rng(settings.seed + number)
     channel = Channel(settings.channel, settings.cars, rng)
     along_m = settings.spacing_m * np.arange(settings.cars)
@@ -147,28 +147,28 @@ def run_one(settings: RadioSettings, number: int) -> Row:
     in_middle = np.zeros(settings.cars, dtype=np.bool_)
     in_middle[settings.cars // 3 : 2 * settings.cars // 3] = True
     sent = np.zeros(settings.cars, dtype=np.int64)
-    for now, car in _moments(settings, rng):
+    for now, car in _queue_times(settings, rng):
         channel.receive_frame(car, settings.payload_bytes, settings.user_priority, now)
-        # What is still waiting at the end has not been delivered.
+        # A frame that is still queued at the end counts as not delivered.
         sent[car] += now >= settings.warm_s
     channel.handle_timer(settings.seconds)
-    senders, receivers, delays_us = _heard(settings, channel)
+    senders, receivers, delays_us = _received_copies(settings, channel)
     pairs = np.array([np.bincount(row, minlength=bins) for row in bin_of])
-    pairs[:, 0] -= 1  # nobody is a receiver of its own
-    heard_in, mid = bin_of[senders, receivers], in_middle[senders]
-    by_bin = [delays_us[heard_in == each] for each in range(bins)]
+    pairs[:, 0] -= 1  # a car does not receive its own frames
+    bins_received, mid = bin_of[senders, receivers], in_middle[senders]
+    by_bin = [delays_us[bins_received == each] for each in range(bins)]
     return {
         "expected": (sent @ pairs).tolist(),
         "received": [len(each) for each in by_bin],
         "expected_mid": ((sent * in_middle) @ pairs).tolist(),
-        "received_mid": np.bincount(heard_in[mid], minlength=bins).tolist(),
+        "received_mid": np.bincount(bins_received[mid], minlength=bins).tolist(),
         "delay_sum_us": [float(each.sum()) for each in by_bin],
         "delay_p95_us": [float(np.quantile(each, 0.95)) if len(each) else None for each in by_bin],
     }
 
 
 def table(rows: list[Row]) -> list[tuple[float | str, ...]]:
-    """One line a bin, in the order of `COLUMNS`.
+    """The table: one line for each bin, in the order of `COLUMNS`.
 
     As in the reference, `pdr_mid` (senders in the middle third) is 0 where there is no such pair,
     and delays are empty where nothing was received.
@@ -191,14 +191,26 @@ def table(rows: list[Row]) -> list[tuple[float | str, ...]]:
 def run(
     out_dir: Path, settings: RadioSettings | None = None, workers: Workers | None = None
 ) -> str:
-    """Write table, figure and settings; returns the channel's load and the reach."""
+    """Write table, figure and settings.
+
+    Args:
+        out_dir: folder of table, figure, settings and runs.
+        settings: of the study; the default ones if None.
+        workers: processes or cluster; this process if None.
+
+    Returns:
+        Delivery ratio and delay of the nearest bin, and the range, as a sentence.
+
+    Raises:
+        UserError: no frame was sent after the warm-up.
+    """
     settings = settings or RadioSettings()
-    # Runs are kept by what they depend on, so that one folder may see other settings later.
+    # Runs are stored by a checksum of their settings, so that settings may change in one folder.
     runs = out_dir / f"runs-{zlib.crc32(settings.model_dump_json().encode()):08x}"
     rows = run_campaign(run_one, settings, range(settings.seeds), runs, workers or Workers())
     lines = table(rows)
     if not lines:
-        raise UserError("radio: nobody sent anything between warm_s and seconds")
+        raise UserError("radio: no frame was sent between warm_s and seconds")
     write_results(out_dir, COLUMNS, lines, settings, _figure(settings, lines))
     _, nearest_pdr, _, delay_us, _ = lines[0]
     text = f"{settings.cars} cars, {settings.seeds} seeds: nearest {nearest_pdr:.4f} delivered"
@@ -209,8 +221,8 @@ def run(
     return f"{text}; at least half {reach}"
 
 
-def _moments(settings: RadioSettings, rng: np.random.Generator) -> Iterator[tuple[float, int]]:
-    """When each car has something to send, in order."""
+def _queue_times(settings: RadioSettings, rng: np.random.Generator) -> Iterator[tuple[float, int]]:
+    """Times at which cars queue a frame, in order."""
     begins_s = rng.uniform(0.0, settings.interval_s, settings.cars)
     queue = [(float(at_s), car) for car, at_s in enumerate(begins_s)]
     heapq.heapify(queue)
@@ -221,18 +233,18 @@ def _moments(settings: RadioSettings, rng: np.random.Generator) -> Iterator[tupl
         heapq.heapreplace(queue, (next_s, car))
 
 
-def _heard(settings: RadioSettings, channel: Channel) -> tuple[Indices, Indices, Array]:
+def _received_copies(settings: RadioSettings, channel: Channel) -> tuple[Indices, Indices, Array]:
     """Sender, receiver and delay in us of each copy of what was queued after the warm-up."""
-    nothing = Reception(0, 0, 0.0, 0.0, np.zeros(0, dtype=np.int64), np.zeros(0))
-    heard = [
-        nothing,
+    empty = Reception(0, 0, 0.0, 0.0, np.zeros(0, dtype=np.int64), np.zeros(0))
+    receptions = [
+        empty,
         *(each for each in iter(channel.next_event, None) if each.queued_s >= settings.warm_s),
     ]
-    copies = [len(each.receivers) for each in heard]
-    senders = np.repeat([each.sender for each in heard], copies)
-    receivers = np.concatenate([each.receivers for each in heard])
-    queued_s = np.repeat([each.queued_s for each in heard], copies)
-    return senders, receivers, 1e6 * (np.concatenate([each.at_s for each in heard]) - queued_s)
+    copies = [len(each.receivers) for each in receptions]
+    senders = np.repeat([each.sender for each in receptions], copies)
+    receivers = np.concatenate([each.receivers for each in receptions])
+    queued_s = np.repeat([each.queued_s for each in receptions], copies)
+    return senders, receivers, 1e6 * (np.concatenate([each.at_s for each in receptions]) - queued_s)
 
 
 def _figure(settings: RadioSettings, lines: list[tuple[float | str, ...]]) -> Figure:

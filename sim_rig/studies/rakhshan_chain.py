@@ -1,16 +1,15 @@
-"""How the news of braking comes down a lane: by radio, and by drivers who react (section III-B).
+"""Propagation of the information that car 0 brakes along a lane, by radio and by brake lights.
 
-Car 0 brakes. Car i hears of it from car 0, or from a car between that has heard, has reacted and
-says so itself, or sees the brake lights of the car right ahead once that one brakes:
+Section III-B of the paper. Car i is informed by car 0, or by the messages of a car between that was
+informed and has reacted, or by the brake lights of the car directly ahead:
 
     D(1) = 0
     D(i) = min( slot s(0, i),
                 min over j = 1 .. i-2 of  D(j) + tau_j + slot s(j, i),
                 D(i-1) + tau_(i-1) )
 
-The paper lets a message be relayed once and writes s(j) where this has D(j); with D(j) the relays
-may have been told by relays, as they are on the road. For chains in which car j is best told by car
-0 itself the two are equal.
+The paper allows one relay, with s(j) in the place of D(j); with D(j) a relay may itself be informed
+by a relay. Both are equal for chains in which car 0 informs car j first.
 """
 
 from itertools import combinations
@@ -22,18 +21,18 @@ from sim_rig.studies.rakhshan_slotted import SlottedLinks
 
 
 def lane_links(cars: int) -> SlottedLinks:
-    """Every link from a car to one behind it that does not see it brake."""
-    apart = [(j, i) for j, i in combinations(range(cars), 2) if i - j > 1]
-    return SlottedLinks(*np.array(apart, dtype=np.int64).reshape(-1, 2).T)
+    """All links from a car to cars behind it that do not see its brake lights."""
+    links = [(j, i) for j, i in combinations(range(cars), 2) if i - j > 1]
+    return SlottedLinks(*np.array(links, dtype=np.int64).reshape(-1, 2).T)
 
 
 def reception_delay_s(slots: Array, slot_s: float, reaction_s: Array) -> Array:
-    """D(i) of each car of a lane.
+    """Reception delay D(i) of each car of a lane, in s.
 
     Args:
         slots: (..., k) mean slots of the links that `lane_links` gives.
-        slot_s: length of a slot.
-        reaction_s: (..., cars) tau; that of car 0 is not used.
+        slot_s: duration of a slot.
+        reaction_s: (..., cars) reaction times tau; that of car 0 is not used.
 
     Returns:
         (..., cars), 0 for the first two.
@@ -45,14 +44,14 @@ def reception_delay_s(slots: Array, slot_s: float, reaction_s: Array) -> Array:
     shape = np.broadcast_shapes(slots.shape[:-1], reaction_s.shape[:-1])
     delay_s = np.zeros((*shape, cars))
     for i in range(2, cars):
-        heard_s = [link_s[0, i], delay_s[..., i - 1] + reaction_s[..., i - 1]]
-        heard_s += [delay_s[..., j] + reaction_s[..., j] + link_s[j, i] for j in range(1, i - 1)]
-        delay_s[..., i] = np.min(np.broadcast_arrays(*heard_s), axis=0)
+        informed_s = [link_s[0, i], delay_s[..., i - 1] + reaction_s[..., i - 1]]
+        informed_s += [delay_s[..., j] + reaction_s[..., j] + link_s[j, i] for j in range(1, i - 1)]
+        delay_s[..., i] = np.min(np.broadcast_arrays(*informed_s), axis=0)
     return delay_s
 
 
 def without_radio_s(reaction_s: Array) -> Array:
-    """D(i) when only brake lights tell: each waits for the reactions of all ahead of it."""
+    """D(i) with brake lights only: the sum of the reaction times of cars 1 to i-1."""
     delay_s = np.zeros_like(reaction_s)
     delay_s[..., 2:] = np.cumsum(reaction_s[..., 1:-1], axis=-1)
     return delay_s

@@ -1,7 +1,7 @@
-"""How fast drivers react: the population fitted from data, and one driver told from it.
+"""Reaction times: a population model fitted to data, and one driver's distribution within it.
 
-The mixed model of eq. 2 is fitted by statsmodels (restricted maximum likelihood), once, on a desk;
-the car only gets the resulting `Population`. The data are simulated, as the paper's are.
+The mixed model of eq. 2 is fitted offline by statsmodels (restricted maximum likelihood); `onboard`
+uses the resulting `Population`. The data are simulated, as in the paper.
 """
 
 import math
@@ -24,16 +24,16 @@ from sim_rig.studies.results import write_results
 
 
 class DriversSettings(Settings):
-    """How many are watched, and how long."""
+    """Number of drivers and reactions."""
 
     seed: int = Field(1, ge=0)
     drivers: int = Field(100, ge=10)
     reactions: int = Field(20, ge=3)
-    """Of each driver."""
+    """Reactions of each driver."""
     least_headway_s: float = Field(0.5, gt=0.0)
     most_headway_s: float = Field(3.0, gt=0.0)
     one_drivers_reactions: int = Field(15, ge=1)
-    """What the car has seen of the driver of figure 7."""
+    """Observed reactions of the driver of figure 7."""
 
 
 FULL = DriversSettings()
@@ -41,7 +41,7 @@ FULL = DriversSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reactions:
-    """What was seen: one entry for each reaction."""
+    """Observed reactions; one entry for each."""
 
     driver: NDArray[np.int64]
     headway_s: Array
@@ -51,7 +51,13 @@ class Reactions:
 def simulate_reactions(
     population: Population, settings: DriversSettings, rng: np.random.Generator
 ) -> Reactions:
-    """Let a population drive."""
+    """Draw drivers from a population, and reactions of each.
+
+    Args:
+        population: coefficients, their spread and the noise.
+        settings: number of drivers and reactions, and range of headways.
+        rng: source of all draws.
+    """
     driver = np.repeat(np.arange(settings.drivers), settings.reactions)
     own = rng.multivariate_normal(population.coefficients, population.spread, settings.drivers)
     headway_s = rng.uniform(settings.least_headway_s, settings.most_headway_s, len(driver))
@@ -69,7 +75,7 @@ def fit_population(reactions: Reactions) -> Population:
     x = np.column_stack([np.ones(len(reactions.headway_s)), np.log(reactions.headway_s)])
     model = MixedLM(np.log(reactions.reaction_s), x, groups=reactions.driver, exog_re=x)
     with warnings.catch_warnings():
-        # It takes any variance of a driver's coefficients below 0.01 for the boundary.
+        # statsmodels warns of the boundary for any variance of the coefficients below 0.01.
         warnings.simplefilter("ignore", ConvergenceWarning)
         fit = model.fit(method="lbfgs")
     if not fit.converged:
@@ -78,24 +84,26 @@ def fit_population(reactions: Reactions) -> Population:
 
 
 def figure6(out_dir: Path, settings: DriversSettings = FULL) -> str:
-    """Reactions of a simulated population over the headway, and the model fitted to them."""
+    """Draw reaction times of a simulated population over the headway, and the fitted model."""
     rng = np.random.default_rng(settings.seed)
-    seen = simulate_reactions(DEFAULT_POPULATION, settings, rng)
-    fitted = fit_population(seen)
+    observed = simulate_reactions(DEFAULT_POPULATION, settings, rng)
+    fitted = fit_population(observed)
     headway_s = np.linspace(settings.least_headway_s, settings.most_headway_s, 60)
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = figure.subplots()
-    axes.plot(seen.headway_s, seen.reaction_s, ".", ms=2, color="0.7")
+    axes.plot(observed.headway_s, observed.reaction_s, ".", ms=2, color="0.7")
     for one, colour in zip((0, 1, 2), ("C0", "C1", "C2"), strict=True):
         driver = DriverModel(fitted, forgetting=1.0)
-        mine = seen.driver == one
-        for reaction_s, at_s in zip(seen.reaction_s[mine], seen.headway_s[mine], strict=True):
+        mine = observed.driver == one
+        for reaction_s, at_s in zip(
+            observed.reaction_s[mine], observed.headway_s[mine], strict=True
+        ):
             driver.receive_reaction(float(reaction_s), float(at_s))
-        axes.plot(seen.headway_s[mine], seen.reaction_s[mine], "o", ms=4, color=colour)
+        axes.plot(observed.headway_s[mine], observed.reaction_s[mine], "o", ms=4, color=colour)
         median_s = [driver.percentile_s(0.5, at_s)[0] for at_s in headway_s]
         axes.plot(headway_s, median_s, color=colour, label=f"driver {one + 1}")
-    anybody = DriverModel(fitted)
-    median_s = [anybody.percentile_s(0.5, at_s)[0] for at_s in headway_s]
+    average = DriverModel(fitted)
+    median_s = [average.percentile_s(0.5, at_s)[0] for at_s in headway_s]
     axes.plot(headway_s, median_s, "k", lw=2, label="population")
     axes.set(yscale="log", xlabel="time headway in s", ylabel="reaction time in s")
     axes.legend(frameon=False)
@@ -105,7 +113,7 @@ def figure6(out_dir: Path, settings: DriversSettings = FULL) -> str:
 
 
 def figure7(out_dir: Path, settings: DriversSettings = FULL) -> str:
-    """One slow driver's reaction times as they are, and as the car thinks they are."""
+    """Draw the true and the estimated distribution of one slow driver's reaction times."""
     rng = np.random.default_rng(settings.seed)
     fitted = fit_population(simulate_reactions(DEFAULT_POPULATION, settings, rng))
     headway_s, slower = 1.5, 0.35
@@ -114,12 +122,12 @@ def figure7(out_dir: Path, settings: DriversSettings = FULL) -> str:
     driver = DriverModel(fitted)
     for log_s in rng.normal(usual, noise, settings.one_drivers_reactions):
         driver.receive_reaction(math.exp(log_s), headway_s)
-    guess, spread = driver.log_reaction(headway_s)
+    estimate, spread = driver.log_reaction(headway_s)
     time_s = np.linspace(0.3, 4.0, 200)
     curves = {
         "the driver": (usual, noise),
-        "estimate, noise variance only": (guess, math.sqrt(fitted.noise_variance)),
-        "estimate, all uncertainty": (guess, spread),
+        "estimate, noise variance only": (estimate, math.sqrt(fitted.noise_variance)),
+        "estimate, all uncertainty": (estimate, spread),
         "population": DriverModel(fitted).log_reaction(headway_s),
     }
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")

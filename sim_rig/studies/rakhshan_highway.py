@@ -1,9 +1,9 @@
-"""The paper's highway: lanes of cars whose first ones brake, and who then runs into whom.
+"""The paper's highway: the first car of each lane brakes, and cars that brake too late collide.
 
-Vectorised over drops (one drop is all lanes once) and over pairs of access probabilities, one for
-safe cars and one for unsafe ones. All pairs meet the same drops, so that they can be compared.
+Vectorised over drops (realisations of all lanes) and over pairs of access probabilities, one for
+safe and one for unsafe cars. All pairs use the same drops, so that they can be compared.
 
-Where the paper is silent, docs/decisions/0091 says what is taken and why.
+docs/design/access.md states and explains what the paper leaves open.
 """
 
 import math
@@ -23,15 +23,15 @@ from sim_rig.studies.rakhshan_slotted import (
     SlottedChannel,
     SlottedLinks,
     asynchronous,
-    drowning,
     from_db,
+    interference_probability,
     slot_s,
     slots_needed,
 )
 
 
 class Spacing(StrEnum):
-    """How gaps are spread about their mean."""
+    """Distribution of the gaps about their mean."""
 
     EXPONENTIAL = "exponential"
     LOGNORMAL = "lognormal"
@@ -39,16 +39,16 @@ class Spacing(StrEnum):
 
 
 class RakhshanHighwaySettings(Settings):
-    """Table III, and what it does not say."""
+    """Table III, and what it leaves open."""
 
     lanes: int = Field(4, ge=1)
     cars_per_lane: int = Field(10, ge=3)
     speed_m_s: float = Field(20.0, gt=0.0)
     deceleration_low_m_s2: float = Field(4.0, gt=0.0)
     deceleration_high_m_s2: float = Field(8.0, gt=0.0)
-    """Each car's own, evenly from low to high."""
+    """Each car's deceleration is uniform from low to high."""
     threshold_db: float = 11.0
-    """Signal to interference that 9 Mbit/s need (Table II)."""
+    """Signal to interference ratio required at 9 Mbit/s (Table II)."""
     data_rate_mbit_s: float = Field(9.0, gt=0.0)
     packet_bytes: int = Field(250, gt=0)
 
@@ -58,33 +58,39 @@ class RakhshanHighwaySettings(Settings):
     least_gap_m: float = Field(2.0, gt=0.0)
     car_length_m: float = Field(4.5, ge=0.0)
     reaction_factor: float = Field(1.0, gt=0.0)
-    """Stretches everybody's reaction time."""
+    """Multiplies all reaction times."""
     unsafe_threshold: float = Field(0.5, gt=0.0, lt=1.0)
-    """A car is unsafe if it would run into the car ahead with more than this probability."""
+    """A car is unsafe if it would hit the car ahead with more than this probability."""
     synchronous: bool = True
-    """Slots in step (SSP) or not (SAP)."""
+    """Synchronous slots (SSP) or asynchronous ones (SAP)."""
     slots_per_packet: float = Field(1.0, gt=0.0)
-    """Stretches the slot beyond a packet: what guard times or a slower beacon would do."""
+    """Slot duration in packet durations, for guard times or slower beacons."""
     random_waits: bool = False
-    """Draw each link's wait instead of taking its mean."""
+    """Draw each link's waiting time instead of using its mean."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drops:
-    """What chance decides: (drops, lanes, cars)."""
+    """Random draws, (drops, lanes, cars) each."""
 
     position_m: Array
     lag_s: Array
-    """How much later than the car ahead it may brake."""
+    """Longest delay after the car ahead brakes that avoids a collision with it."""
     reaction_s: Array
-    danger: Array
-    """That it runs into the car ahead without radio, both braking."""
-    luck: Array
-    """(drops, lanes, links) even draws for random waits."""
+    crash_probability: Array
+    """Probability that the car hits the car ahead when both brake, without radio."""
+    wait_draws: Array
+    """(drops, lanes, links) uniform draws for random waiting times."""
 
 
 def draw(settings: RakhshanHighwaySettings, drops: int, rng: np.random.Generator) -> Drops:
-    """Place cars and drivers."""
+    """Draw positions, decelerations and drivers.
+
+    Args:
+        settings: of the highway.
+        drops: number of drops.
+        rng: source of all draws.
+    """
     shape = (drops, settings.lanes, settings.cars_per_lane)
     gap_m = settings.least_gap_m + _spread(settings, shape, rng)
     first_m = rng.uniform(0.0, settings.mean_gap_m + settings.car_length_m, (*shape[:2], 1))
@@ -120,38 +126,46 @@ def draw(settings: RakhshanHighwaySettings, drops: int, rng: np.random.Generator
 def collided(
     settings: RakhshanHighwaySettings, drops: Drops, safe_access: Array, unsafe_access: Array
 ) -> Array:
-    """Part of each drop's following cars that run into the car ahead, the first cars braking.
+    """Share of each drop's following cars that hit the car ahead after the first cars brake.
 
-    The logarithm of P_s is a sum over cars, so each class is summed once for each of its
-    probabilities, and the pairs only add the two.
+    The logarithm of P_s is a sum over cars. So each class is summed once for each of its
+    probabilities, and a pair only adds two sums.
+
+    Args:
+        settings: of the highway.
+        drops: all drops.
+        safe_access: (safe,) access probabilities of safe cars.
+        unsafe_access: (unsafe,) access probabilities of unsafe cars.
 
     Returns:
         (safe, unsafe, drops): for each pair of access probabilities.
     """
-    unsafe = drops.danger > settings.unsafe_threshold
+    unsafe = drops.crash_probability > settings.unsafe_threshold
     road = len(unsafe), settings.lanes * settings.cars_per_lane
-    drowned = drowning(drops.position_m.reshape(road), _all_links(settings), _channel(settings))
-    log_safe = _log_survival(settings, drowned, ~unsafe.reshape(road), safe_access)
-    log_unsafe = _log_survival(settings, drowned, unsafe.reshape(road), unsafe_access)
+    interference = interference_probability(
+        drops.position_m.reshape(road), _all_links(settings), _channel(settings)
+    )
+    log_safe = _log_survival(settings, interference, ~unsafe.reshape(road), safe_access)
+    log_unsafe = _log_survival(settings, interference, unsafe.reshape(road), unsafe_access)
     sender, receiver = lane_links(settings.cars_per_lane)
     result = np.empty((len(safe_access), len(unsafe_access), len(unsafe)))
     for i, safe_p in enumerate(safe_access):
         for j, unsafe_p in enumerate(unsafe_access):
             access = np.where(unsafe, unsafe_p, safe_p)
-            hearing = access if settings.synchronous else asynchronous(access)
+            receiver_access = access if settings.synchronous else asynchronous(access)
             success = np.exp(log_safe[i] + log_unsafe[j]).reshape(*unsafe.shape[:2], -1)
-            slots = slots_needed(success, access[..., sender], hearing[..., receiver])
+            slots = slots_needed(success, access[..., sender], receiver_access[..., receiver])
             result[i, j] = _collided(settings, drops, slots)
     return result
 
 
 def collided_without_radio(drops: Drops) -> Array:
-    """The same (drops,) with brake lights only."""
+    """Share (drops,) of the cars that collide with brake lights only."""
     return late(drops, without_radio_s(drops.reaction_s))
 
 
 def collided_with_perfect_radio(drops: Drops) -> Array:
-    """The same (drops,) if everybody knew at once: no channel access can do better."""
+    """Share (drops,) of the cars that collide with a radio without delay."""
     return late(drops, np.zeros_like(drops.reaction_s))
 
 
@@ -172,13 +186,13 @@ def reduction_and_error(samples: Array, reference: Array) -> tuple[float, float]
 
 def _collided(settings: RakhshanHighwaySettings, drops: Drops, slots: Array) -> Array:
     if settings.random_waits:
-        slots = slots * -np.log(drops.luck)
+        slots = slots * -np.log(drops.wait_draws)
     length_s = settings.slots_per_packet * slot_s(settings.data_rate_mbit_s, settings.packet_bytes)
     return late(drops, reception_delay_s(slots, length_s, drops.reaction_s))
 
 
 def late(drops: Drops, delay_s: Array) -> Array:
-    """Part of each drop's following cars that brake too late, `delay_s` being D(i); (drops,)."""
+    """Share (drops,) of the following cars that brake too late, with `delay_s` D(i)."""
     begins_s = delay_s + drops.reaction_s
     begins_s[..., 0] = 0.0
     late = np.diff(begins_s, axis=-1) > drops.lag_s[..., 1:]
@@ -187,12 +201,18 @@ def late(drops: Drops, delay_s: Array) -> Array:
 
 
 def _log_survival(
-    settings: RakhshanHighwaySettings, drowned: Array, members: NDArray[np.bool_], access: Array
+    settings: RakhshanHighwaySettings,
+    interference: Array,
+    members: NDArray[np.bool_],
+    access: Array,
 ) -> Array:
-    """Logarithm of what the members of one class leave of P_s: (access, drops, links)."""
-    heard = access if settings.synchronous else asynchronous(access)
+    """Logarithm (access, drops, links) of the factor of P_s that one class contributes."""
+    interferer_access = access if settings.synchronous else asynchronous(access)
     return np.stack(
-        [np.einsum("dkn,dn->dk", np.log1p(-p * drowned), members.astype(float)) for p in heard]
+        [
+            np.einsum("dkn,dn->dk", np.log1p(-p * interference), members.astype(float))
+            for p in interferer_access
+        ]
     )
 
 

@@ -1,4 +1,4 @@
-"""One run of a collision study from above, as a page that needs no other file."""
+"""Writes one run of a collision study as a self-contained HTML page with an animated map."""
 
 import json
 from dataclasses import asdict, dataclass, field, replace
@@ -16,13 +16,19 @@ from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import Trajectory
 from sim_rig.studies.campaign import Row, kept_runs
 from sim_rig.studies.mvs_collisions import CollisionSettings, case_of, encounters
-from sim_rig.studies.mvs_encounter import EncounterCase, EncounterOutcome, Encounters, Method, Shown
-from sim_rig.studies.mvs_outcomes import SAME_PLACE_M, CrashOutcome
+from sim_rig.studies.mvs_encounter import (
+    EncounterCase,
+    EncounterOutcome,
+    Encounters,
+    IssuedWarning,
+    Method,
+)
+from sim_rig.studies.mvs_outcomes import SAME_POSITION_M, CrashOutcome
 from sim_rig.studies.mvs_world import MvsWorld
 
 _PAGE = Path(__file__).with_name("show.html")
 _RUN = "sim_rig.studies.mvs_collisions.run_one"
-_WAY_EVERY_M = 10.0
+_PATH_POINT_EVERY_M = 10.0
 
 _METHODS = {
     Method.DSRC: "plain DSRC",
@@ -31,94 +37,105 @@ _METHODS = {
     Method.RANDOM: "RS",
     Method.MVS: "MVS",
 }
-_FATES = {
-    CrashOutcome.NO_RADIO: "it happens again: nobody who could act has a radio",
-    CrashOutcome.UNKNOWN: "it happens again: no car with a radio that could act knew of the other",
-    CrashOutcome.UNWARNED: "it happens again: the other car was known, but nobody was warned of it",
+_OUTCOMES = {
+    CrashOutcome.NO_RADIO: "it happens again: no car that could act has a radio",
+    CrashOutcome.UNKNOWN: "it happens again: no radio car that could act perceived the other",
+    CrashOutcome.UNWARNED: "it happens again: the other car was perceived, but no driver warned",
     CrashOutcome.TOO_LATE: "it happens again in spite of a warning",
     CrashOutcome.ANOTHER: "these two do not crash, but others do",
     CrashOutcome.AVOIDED: "it is avoided",
 }
-"""Of the crash without radios."""
+"""What radios change about the crash without radios, in words."""
 
 
 @dataclass(slots=True)
 class _Frame:
-    """All cars at one moment."""
+    """All cars at one time."""
 
     at: float
     cars: dict[str, list[float]]
-    """Middle, heading, and speed."""
-    off: list[str]
-    """Who no longer keeps to the recording."""
-    radio: list[str] | None = None
-    """Who has one; none once nobody is warned any more."""
+    """Position of the middle, heading, and speed of each car."""
+    disturbed: list[str]
+    """Cars that no longer follow the recorded traffic."""
+    equipped: list[str] | None = None
+    """Cars with a radio; None after the radios are switched off."""
     sent: list[tuple[str, int]] = field(default_factory=list)
-    """Senders, and how many entries their messages have."""
+    """Senders, and the number of entries in their footers."""
     warned: list[tuple[str, str, bool, str | None, list[float]]] = field(default_factory=list)
-    """Who, why, whether rightly when it began, of whom, and where that one is believed."""
-    known: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
-    """Whom each car with a radio knows, and how."""
+    """Warned car, cause, whether the warning was true when it began, the car that it is about, and
+    the estimated position of that car."""
+    perceived: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
+    """Perceived objects of each car with a radio, with their sources."""
 
 
 @dataclass(slots=True)
-class _Film:
-    """What the page is given: a frame for each tenth of a second, the last at a crash if any."""
+class _Animation:
+    """Data of the page: a frame for each tenth of a second, the last one at the crash, if any."""
 
     title: str = ""
     event_s: float = 0.0
     event_car: str = ""
-    story: str = ""
-    """What happens, and how that comes out with radios and without."""
+    summary: str = ""
+    """The event, and its outcome with radios and without."""
     crash: Crash | None = None
     crash_without_radios: Crash | None = None
-    ghosts: list[_Frame] = field(default_factory=list)
-    """The cars of that crash, as they drive without radios."""
+    frames_without_radios: list[_Frame] = field(default_factory=list)
+    """The two cars of that crash, as they drive without radios."""
     sizes: dict[str, tuple[float, float]] = field(default_factory=dict)
-    ways: list[list[list[float]]] = field(default_factory=list)
-    """Where the cars of the film drive, from the beginning of each drive to its end."""
+    paths: list[list[list[float]]] = field(default_factory=list)
+    """Path of each car, from the beginning of its trajectory to the end."""
     frames: list[_Frame] = field(default_factory=list)
 
-    def watch(self, world: MvsWorld, traffic: DisturbedTraffic, warned: list[Shown]) -> None:
-        """Take one picture of cars with radios."""
-        rightly = {each[0]: each[2] for each in self.frames[-1].warned} if self.frames else {}
-        self.play(traffic, world.now)
+    def add_radio_frame(
+        self, world: MvsWorld, traffic: DisturbedTraffic, warned: list[IssuedWarning]
+    ) -> None:
+        """Add a frame of a tick with radios.
+
+        Args:
+            world: cores of the cars with a radio.
+            traffic: all cars.
+            warned: active warnings.
+        """
+        begun_as_true = {each[0]: each[2] for each in self.frames[-1].warned} if self.frames else {}
+        self.add_frame(traffic, world.now)
         cars, frame = traffic.cars_at(world.now), self.frames[-1]
-        frame.radio = sorted(world.cores)
-        frame.sent = [(sent.sender, len(sent.told)) for sent in world.sent]
-        believed_m: dict[tuple[str, str], Array] = {}
+        frame.equipped = sorted(world.cores)
+        frame.sent = [(sent.sender, len(sent.entries)) for sent in world.sent]
+        estimated_m: dict[tuple[str, str], Array] = {}
         for name, core in world.cores.items():
             for car in core.kinematic_info(world.now):
-                place_m = believed_m[name, car.name] = world.place_of(name, car.state)
-                if (other := _who_is_at(cars, place_m)) is not None:
-                    frame.known.setdefault(name, []).append((other, car.source.value))
-        for name, told, right in warned:
-            # A warning that is on holds its car as it was when the warning began.
-            place_m = believed_m.get((name, told.of.name), world.place_of(name, told.of.state))
-            of, why = _who_is_at(cars, place_m), told.cause.value
+                position_m = estimated_m[name, car.name] = world.world_position_m(name, car.state)
+                if (other := _car_at(cars, position_m)) is not None:
+                    frame.perceived.setdefault(name, []).append((other, car.source.value))
+        for name, warning, right in warned:
+            # An active warning refers to the state of its target when the warning began.
+            position_m = estimated_m.get(
+                (name, warning.target.name), world.world_position_m(name, warning.target.state)
+            )
+            of, why = _car_at(cars, position_m), warning.cause.value
             frame.warned.append(
-                (name, why, rightly.get(name, right), of, place_m.round(1).tolist())
+                (name, why, begun_as_true.get(name, right), of, position_m.round(1).tolist())
             )
 
-    def play(self, traffic: DisturbedTraffic, at_s: float) -> None:
-        """Take one picture of cars as they drive."""
+    def add_frame(self, traffic: DisturbedTraffic, at_s: float) -> None:
+        """Add a frame of a tick without radios."""
         cars = traffic.cars_at(at_s)
-        places = np.column_stack([cars.middle_m, cars.heading_rad, cars.speed_m_s]).round(3)
+        states = np.column_stack([cars.middle_m, cars.heading_rad, cars.speed_m_s]).round(3)
         for i, name in enumerate(cars.names):
             self.sizes[name] = float(cars.length_m[i]), float(cars.width_m[i])
-        off = [name for name in cars.names if traffic.is_disturbed(name)]
-        driving = dict(zip(cars.names, places.tolist(), strict=True))
-        self.frames.append(_Frame(round(at_s, 3), driving, off))
+        disturbed = [name for name in cars.names if traffic.is_disturbed(name)]
+        driving = dict(zip(cars.names, states.tolist(), strict=True))
+        self.frames.append(_Frame(round(at_s, 3), driving, disturbed))
 
 
-def _who_is_at(cars: Cars, place_m: Array) -> str | None:
-    away_m = np.hypot(*(cars.middle_m - place_m).T)
+def _car_at(cars: Cars, position_m: Array) -> str | None:
+    away_m = np.hypot(*(cars.middle_m - position_m).T)
     nearest = int(away_m.argmin())
-    return cars.names[nearest] if away_m[nearest] < SAME_PLACE_M else None
+    return cars.names[nearest] if away_m[nearest] < SAME_POSITION_M else None
 
 
 def _settings_of(path: Path) -> CollisionSettings:
-    """Those of the campaign that has left its settings at `path`."""
+    """Settings of the campaign whose `campaign.yaml` is at `path`."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -130,14 +147,14 @@ def _settings_of(path: Path) -> CollisionSettings:
     if not isinstance(claim, dict) or claim.get("run") != _RUN:
         named = claim.get("run") if isinstance(claim, dict) else None
         raise UserError(
-            f"{path}: runs of {named or 'what is no campaign'} cannot be shown, only those of"
+            f"{path}: runs of {named or 'something else'} cannot be shown, only those of"
             " mvs-figure3 and mvs-figure9"
         )
     return parse_settings(claim.get("settings"), CollisionSettings, str(path))
 
 
 def _row_of(folder: Path, number: int) -> Row:
-    """What the study has kept of a run."""
+    """The stored result of a run."""
     try:
         done = kept_runs(folder / "runs")
     except OSError as error:
@@ -145,77 +162,81 @@ def _row_of(folder: Path, number: int) -> Row:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
     if number not in done:
         most = f", the last is {max(done)}" if done else ""
-        raise UserError(f"{folder}: no run {number} was done: it holds {len(done)}{most}")
+        raise UserError(f"{folder}: run {number} was not done: it holds {len(done)}{most}")
     return done[number]
 
 
 def show_run(folder: Path, number: int, page: Path) -> str:
-    """Run one run of a study again and write its page; returns what happened in it.
+    """Simulate one run of a study again and write its page; returns a summary of the run.
 
     Args:
-        folder: of the study, as `sim-rig study mvs-figure9` has left it.
+        folder: of the study, as written by `sim-rig study mvs-figure9`.
         number: of the run, as it stands in `runs/runs.jsonl`.
         page: where to write to.
 
     Raises:
-        UserError: the folder holds no such study, the study has no such run, or the page would
-            take the place of a folder.
+        UserError: the folder holds no such study, the study has no such run, or `page` is a
+            folder.
     """
     settings = _settings_of(folder / "runs" / "campaign.yaml")
     row = _row_of(folder, number)
     if page.is_dir():
         raise UserError(f"{page}: is a folder; name the file to write")
     case, seed = case_of(settings, number)
-    film = _filmed(encounters(settings.encounter), case, seed)
-    film.title = _title(number, case)
-    # A calm run that the study left out is driven here, and may end otherwise.
-    if row["weight"] and row["crash"] != (film.crash is not None):
-        film.story += " THE STUDY HAS KEPT IT OTHERWISE: its settings or the program have changed."
-    data = json.dumps(asdict(film), separators=(",", ":")).replace("<", "\\u003c")
-    page.write_text(_PAGE.read_text("utf-8").replace("/*FILM*/null", data), "utf-8")
-    return f"{film.title}\n{film.story}"
+    animation = _animation(encounters(settings.encounter), case, seed)
+    animation.title = _title(number, case)
+    # A run that the study skipped (weight 0) is simulated here, and may end differently.
+    if row["weight"] and row["crash"] != (animation.crash is not None):
+        animation.summary += (
+            " THE STUDY'S RESULT DIFFERS: its settings or the program have changed."
+        )
+    data = json.dumps(asdict(animation), separators=(",", ":")).replace("<", "\\u003c")
+    page.write_text(_PAGE.read_text("utf-8").replace("/*ANIMATION*/null", data), "utf-8")
+    return f"{animation.title}\n{animation.summary}"
 
 
-def _filmed(scene: Encounters, case: EncounterCase, seed: int) -> _Film:
-    film, without = _Film(), _Film()
-    before = scene.run(replace(case, method=Method.NONE), seed, played=without.play).crash
-    outcome = scene.run(case, seed, film.watch, film.play)
+def _animation(scene: Encounters, case: EncounterCase, seed: int) -> _Animation:
+    animation, without = _Animation(), _Animation()
+    before = scene.run(replace(case, method=Method.NONE), seed, on_tick=without.add_frame).crash
+    outcome = scene.run(case, seed, animation.add_radio_frame, animation.add_frame)
     drives = {drive.name: drive for drive in scene.recording.drives}
-    film.event_s = outcome.event.at_s
-    film.event_car = scene.recording.drives[outcome.event.car].name
-    film.crash = outcome.crash
-    film.story = f"{film.event_car} {_doing(outcome.event)}. {_came_out(case, outcome, before)}"
-    film.ways = [_way(drives[name]) for name in film.sizes]
+    animation.event_s = outcome.event.at_s
+    animation.event_car = scene.recording.drives[outcome.event.car].name
+    animation.crash = outcome.crash
+    outcome_text = _describe_outcome(case, outcome, before)
+    animation.summary = f"{animation.event_car} {_describe_event(outcome.event)}. {outcome_text}"
+    animation.paths = [_path(drives[name]) for name in animation.sizes]
     if before is not None and case.method is not Method.NONE:
-        film.crash_without_radios = before
-        film.ghosts = [
-            replace(frame, cars={name: frame.cars[name] for name in before.names}, off=[])
+        animation.crash_without_radios = before
+        animation.frames_without_radios = [
+            replace(frame, cars={name: frame.cars[name] for name in before.names}, disturbed=[])
             for frame in without.frames
             if all(name in frame.cars for name in before.names)
         ]
-    return film
+    return animation
 
 
-def _way(drive: Trajectory) -> list[list[float]]:
+def _path(drive: Trajectory) -> list[list[float]]:
     path = DrivePath(drive)
-    places, _ = path.places(np.append(np.arange(0.0, path.length_m, _WAY_EVERY_M), path.length_m))
-    way: list[list[float]] = places.round(1).tolist()
-    return way
+    along_m = np.append(np.arange(0.0, path.length_m, _PATH_POINT_EVERY_M), path.length_m)
+    positions_m, _ = path.places(along_m)
+    points: list[list[float]] = positions_m.round(1).tolist()
+    return points
 
 
 def _title(number: int, case: EncounterCase) -> str:
     kind = "red-light runner" if case.kind is TrafficEventKind.RED_LIGHT else "sudden braking"
     if case.method is Method.NONE:
         return f"Run {number}: {kind}, no radios"
-    told = f"{100.0 * case.share:g} % radios, {_METHODS[case.method]}"
+    method = f"{100.0 * case.share:g} % radios, {_METHODS[case.method]}"
     if case.method not in {Method.DSRC, Method.OWN}:
-        told += f", M = {case.entries}"
+        method += f", M = {case.entries}"
     if case.loss:
-        told += f", {100.0 * case.loss:g} % of all messages lost"
-    return f"Run {number}: {kind}, {told}"
+        method += f", {100.0 * case.loss:g} % of all messages lost"
+    return f"Run {number}: {kind}, {method}"
 
 
-def _doing(event: TrafficEvent) -> str:
+def _describe_event(event: TrafficEvent) -> str:
     if event.kind is TrafficEventKind.SUDDEN_BRAKE:
         return f"brakes with {event.deceleration_m_s2:.1f} m/s²"
     if event.sooner_s:
@@ -223,26 +244,28 @@ def _doing(event: TrafficEvent) -> str:
     return "sets off at a red light" if event.sets_off else "does not stop at a red light"
 
 
-def _came_out(case: EncounterCase, outcome: EncounterOutcome, before: Crash | None) -> str:
-    """How it ended, and what the radios had to do with it."""
+def _describe_outcome(case: EncounterCase, outcome: EncounterOutcome, before: Crash | None) -> str:
+    """The crashes with radios and without, and the effect of the radios."""
 
-    def told(crash: Crash) -> str:
+    def crash_text(crash: Crash) -> str:
         later_s = crash.at_s - outcome.event.at_s
         one, other = crash.names
         return f"{one} and {other} crash {later_s:.1f} s later at {crash.speed_m_s:.1f} m/s"
 
-    now = "nobody crashes" if outcome.crash is None else told(outcome.crash)
+    now = "no cars crash" if outcome.crash is None else crash_text(outcome.crash)
     if case.method is Method.NONE:
         return f"Without radios {now}."
-    if before is None or outcome.fate is None:
+    if before is None or outcome.crash_outcome is None:
         with_them = ", nor with them" if outcome.crash is None else f"; with them {now}"
-        return f"Without radios nobody crashes{with_them}."
-    story = f"Without radios {told(before)}. With them {_FATES[outcome.fate]}"
-    if outcome.fate is CrashOutcome.ANOTHER:
-        story += f": {now}"
+        return f"Without radios no cars crash{with_them}."
+    text = f"Without radios {crash_text(before)}. With them {_OUTCOMES[outcome.crash_outcome]}"
+    if outcome.crash_outcome is CrashOutcome.ANOTHER:
+        text += f": {now}"
     if outcome.known_before_s is not None:
-        story += f". Who could act knew of the other {outcome.known_before_s:.1f} s before that"
-        story += " crash, and was "
+        text += (
+            f". A car that could act perceived the other {outcome.known_before_s:.1f} s before that"
+        )
+        text += " crash, and was "
         warned_s = outcome.warned_before_s
-        story += "not warned" if warned_s is None else f"warned {warned_s:.1f} s before it"
-    return f"{story}."
+        text += "not warned" if warned_s is None else f"warned {warned_s:.1f} s before it"
+    return f"{text}."

@@ -1,4 +1,4 @@
-"""Load and time: a daemon in a crowd, a desk of daemons, an hour of cars that come and go."""
+"""Load and endurance: a daemon in background traffic, many daemons, an hour of changing traffic."""
 
 import asyncio
 import tempfile
@@ -12,9 +12,9 @@ from sim_rig.studies.campaign import Workers
 from sim_rig.studies.results import write_results
 from sim_rig.studies.soak_fleet import Fleet, resident_bytes
 from sim_rig.studies.soak_load import load
-from sim_rig.studies.soak_testbench import fill_the_testbench
+from sim_rig.studies.soak_testbench import run_daemons
 
-DESK_S = 30.0
+TESTBENCH_S = 30.0
 COLUMNS = ("what", "value", "unit")
 Rows = list[tuple[str, float, str]]
 
@@ -23,25 +23,35 @@ class SoakSettings(Settings):
     """One run of the study."""
 
     load_s: float = Field(20.0, ge=0.0, le=600.0)
-    """How long the crowd talks, after as long without it or a minute; 0 leaves this part out."""
+    """Duration of the background traffic, after as long without it but at most a minute; 0 skips
+    this part."""
     rate_hz: float = Field(3000.0, gt=0.0, le=20_000.0)
     """Datagrams a second."""
-    desk_cars: int = Field(20, ge=0, le=100)
-    """Daemons at a time, for half a minute; 0 leaves this part out."""
+    testbench_cars: int = Field(20, ge=0, le=100)
+    """Daemons that run at the same time, for half a minute; 0 skips this part."""
     fleet_s: float = Field(3600.0, ge=0.0, le=36_000.0)
-    """How long the fleet drives, in virtual time; 0 leaves this part out."""
+    """Virtual time that the fleet drives; 0 skips this part."""
 
 
 def run(out_dir: Path, settings: SoakSettings | None, _workers: Workers) -> str:
-    """Run all parts and write what they gave."""
+    """Run all parts and write their results.
+
+    Args:
+        out_dir: folder of table and settings.
+        settings: of the study; the default ones if None.
+        _workers: not used.
+
+    Returns:
+        All results, one a line.
+    """
     chosen = settings or SoakSettings()
     rows: Rows = []
     if chosen.load_s > 0.0:
         with tempfile.TemporaryDirectory() as folder:
             rows += _load(chosen, Path(folder))
-    if chosen.desk_cars > 0:
+    if chosen.testbench_cars > 0:
         with tempfile.TemporaryDirectory() as folder:
-            rows += _desk(chosen.desk_cars, Path(folder))
+            rows += _testbench(chosen.testbench_cars, Path(folder))
     if chosen.fleet_s > 0.0:
         rows += _fleet(chosen.fleet_s)
     write_results(out_dir, COLUMNS, rows, chosen)
@@ -49,18 +59,18 @@ def run(out_dir: Path, settings: SoakSettings | None, _workers: Workers) -> str:
 
 
 def _load(settings: SoakSettings, folder: Path) -> Rows:
-    found = asyncio.run(load(folder, settings.rate_hz, settings.load_s))
+    result = asyncio.run(load(folder, settings.rate_hz, settings.load_s))
     parts = zip(
-        ("quiet", "loaded"),
-        (found.quiet_ms, found.loaded_ms),
-        found.due,
-        found.cores,
+        ("unloaded", "loaded"),
+        (result.unloaded_ms, result.loaded_ms),
+        result.due,
+        result.cores,
         strict=True,
     )
     return [
-        ("datagrams sent by the crowd", float(found.sent), ""),
-        ("datagrams dropped by the kernel", float(found.dropped_by_kernel), ""),
-        ("given up by the daemon for newer ones", float(found.shed), ""),
+        ("datagrams sent by background traffic", float(result.sent), ""),
+        ("datagrams dropped by the kernel", float(result.dropped_by_kernel), ""),
+        ("datagrams discarded by the daemon", float(result.discarded), ""),
         *(
             row
             for name, delays_ms, due, cores in parts
@@ -77,14 +87,14 @@ def _load(settings: SoakSettings, folder: Path) -> Rows:
     ]
 
 
-def _desk(cars: int, folder: Path) -> Rows:
-    found = asyncio.run(fill_the_testbench(folder, cars, DESK_S))
+def _testbench(cars: int, folder: Path) -> Rows:
+    result = asyncio.run(run_daemons(folder, cars, TESTBENCH_S))
     return [
         ("daemons at a time", float(cars), ""),
-        ("processor, all", sum(found.cores), "cores"),
-        ("memory, the largest", max(found.memory_mib), "MiB"),
-        ("messages sent, the least", min(found.sent_per_s), "/s"),
-        ("between two messages, the longest", max(found.longest_gaps_s), "s"),
+        ("processor, all", sum(result.cores), "cores"),
+        ("memory, the largest", max(result.memory_mib), "MiB"),
+        ("messages sent, the least", min(result.sent_per_s), "/s"),
+        ("between two messages, the longest", max(result.longest_gaps_s), "s"),
     ]
 
 
@@ -95,7 +105,7 @@ def _fleet(duration_s: float) -> Rows:
     fleet.drive(duration_s * 5.0 / 6.0)
     after = resident_bytes()
     return [
-        ("strangers met", float(fleet.strangers_met), ""),
+        ("remote vehicles met", float(fleet.remote_vehicles_met), ""),
         ("messages received by each car", float(fleet.messages), ""),
         ("memory after a sixth of the time", before / 2**20, "MiB"),
         ("memory at the end", after / 2**20, "MiB"),

@@ -1,6 +1,6 @@
-"""Two cars in a row, among strangers that come and go, for as long as one likes, in little time.
+"""Two cars in a row among remote vehicles that come and go, in virtual time.
 
-Everything is unsigned, and the air loses nothing: what is looked at is what the cores keep.
+Messages are unsigned, and none is lost: the study measures the memory that the cores keep.
 """
 
 import os
@@ -24,18 +24,18 @@ from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.scenario.car_config import DIGEST
 
 STEP_S = 0.2
-STRANGERS = 12
-STRANGER_STAYS_S = 60.0
+REMOTE_VEHICLES = 12
+REMOTE_VEHICLE_STAYS_S = 60.0
 SPEED_M_S = 15.0
-OTHER_LEAD_EVERY_S = 45.0
-"""So often somebody else drives ahead of the first car for a while."""
+LEAD_CHANGES_EVERY_S = 45.0
+"""Another vehicle is the lead of the first car every other interval of this length."""
 START_UTC_S = 1_750_000_000.0
 _LATITUDE_DEG, _LONGITUDE_DEG = 25.0, 121.5
 _DEGREE_M = 111_320.0
 
 
 @dataclass(slots=True)
-class _Stranger:
+class _RemoteVehicle:
     temporary_id: bytes
     offset_m: float
     leaves_at: float
@@ -43,16 +43,16 @@ class _Stranger:
 
 
 class Fleet:
-    """The cars and their surroundings."""
+    """The two cars and the remote vehicles around them."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
         self._now = 0.0
-        self._strangers: list[_Stranger] = []
+        self._remote_vehicles: list[_RemoteVehicle] = []
         self._numbers = count(1)
-        self.strangers_met = 0
+        self.remote_vehicles_met = 0
         self.messages = 0
-        """That each car has received from strangers."""
+        """Messages that each car has received from remote vehicles."""
         sensors = (Sensor.SPEED, Sensor.CAMERA, Sensor.POSITION)
         self._cars = {
             plate: Stack(_config(plate), sensors, child, now=0.0, utc_s=START_UTC_S)
@@ -60,58 +60,58 @@ class Fleet:
         }
 
     def drive(self, duration_s: float) -> None:
-        """Go on for so long."""
+        """Simulate for so long."""
         for _ in range(round(duration_s / STEP_S)):
-            self._see()
-            self._hear_strangers()
+            self._observe()
+            self._receive_bsms()
             end = self._now + STEP_S
-            self._settle()
+            self._step()
             while (at := min(car.get_timer() for car in self._cars.values())) < end:
                 self._now = max(at, self._now + 1e-4)
-                self._settle()
+                self._step()
             self._now = end
 
-    def _see(self) -> None:
+    def _observe(self) -> None:
         now = self._now
         ahead: str | None = None
         for number, (plate, car) in enumerate(self._cars.items()):
-            place = _place(now, SPEED_M_S * now - 16.5 * number)
+            fix = _fix(now, SPEED_M_S * now - 16.5 * number)
             car.receive_observation(Speed(now, SPEED_M_S, 0.28, "obd:7E8"), now)
-            car.receive_observation(place, now)
-            if ahead is None and now % (2 * OTHER_LEAD_EVERY_S) < OTHER_LEAD_EVERY_S:
+            car.receive_observation(fix, now)
+            if ahead is None and now % (2 * LEAD_CHANGES_EVERY_S) < LEAD_CHANGES_EVERY_S:
                 lead = Lead(now, LeadIdentity.NO_LEAD)
             else:
-                text = ahead or f"X{int(now / OTHER_LEAD_EVERY_S)}"
+                text = ahead or f"X{int(now / LEAD_CHANGES_EVERY_S)}"
                 lead = Lead(now, LeadIdentity.KNOWN, text, 12.0, 0.4, 0.0, 0.5)
             car.receive_observation(lead, now)
-            track = int(now / STRANGER_STAYS_S)
+            track = int(now / REMOTE_VEHICLE_STAYS_S)
             car.receive_observation(VehicleDetection(now, track, 30.0, 1.0, 0.2, 0.01), now)
             ahead = plate
 
-    def _hear_strangers(self) -> None:
+    def _receive_bsms(self) -> None:
         now = self._now
-        self._strangers = [each for each in self._strangers if each.leaves_at > now]
-        while len(self._strangers) < STRANGERS:
-            stays_s = STRANGER_STAYS_S * float(self._rng.uniform(0.5, 1.5))
+        self._remote_vehicles = [each for each in self._remote_vehicles if each.leaves_at > now]
+        while len(self._remote_vehicles) < REMOTE_VEHICLES:
+            stays_s = REMOTE_VEHICLE_STAYS_S * float(self._rng.uniform(0.5, 1.5))
             identity = next(self._numbers).to_bytes(4)
             offset_m = float(self._rng.uniform(-200.0, 200.0))
-            self._strangers.append(_Stranger(identity, offset_m, now + stays_s))
-            self.strangers_met += 1
-        for stranger in self._strangers:
-            stranger.messages += 1
-            wsm = _bsm_of(stranger, _place(now, SPEED_M_S * now + stranger.offset_m), now)
+            self._remote_vehicles.append(_RemoteVehicle(identity, offset_m, now + stays_s))
+            self.remote_vehicles_met += 1
+        for remote in self._remote_vehicles:
+            remote.messages += 1
+            wsm = _bsm_of(remote, _fix(now, SPEED_M_S * now + remote.offset_m), now)
             self.messages += 1
             for car in self._cars.values():
                 car.receive_wsm(wsm, now)
 
-    def _settle(self) -> None:
+    def _step(self) -> None:
         cars = self._cars.values()
         for car in cars:
             if car.get_timer() <= self._now:
                 car.handle_timer(self._now)
             car.can_to_send(self._now)
-        on_air = [(car, wsm) for car in cars for _, wsm in car.wsms_to_send(self._now)]
-        for sender, wsm in on_air:
+        sent = [(car, wsm) for car in cars for _, wsm in car.wsms_to_send(self._now)]
+        for sender, wsm in sent:
             for car in cars:
                 if car is not sender:
                     car.receive_wsm(wsm, self._now)
@@ -121,7 +121,7 @@ class Fleet:
 
 
 def resident_bytes() -> int:
-    """What this process has in memory now."""
+    """Resident memory of this process."""
     pages = int(Path("/proc/self/statm").read_text("ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
 
@@ -132,19 +132,19 @@ def _config(plate: str) -> CarConfig:
     )
 
 
-def _place(now: float, east_m: float) -> Position:
-    """On a road that leads east."""
+def _fix(now: float, east_m: float) -> Position:
+    """A fix on a road that leads east."""
     longitude_deg = _LONGITUDE_DEG + east_m / _DEGREE_M / np.cos(np.radians(_LATITUDE_DEG))
     return Position(now, _LATITUDE_DEG, float(longitude_deg), 10.0, 1.5, SPEED_M_S, np.pi / 2)
 
 
-def _bsm_of(stranger: _Stranger, place: Position, now: float) -> bytes:
+def _bsm_of(remote: _RemoteVehicle, fix: Position, now: float) -> bytes:
     core = CoreData(
-        stranger.messages % 128,
-        stranger.temporary_id,
+        remote.messages % 128,
+        remote.temporary_id,
         sec_mark_s=(now + START_UTC_S) % 60.0,
-        latitude_deg=place.latitude_deg,
-        longitude_deg=place.longitude_deg,
+        latitude_deg=fix.latitude_deg,
+        longitude_deg=fix.longitude_deg,
         speed_m_s=SPEED_M_S,
         heading_rad=float(np.pi / 2),
     )

@@ -1,7 +1,7 @@
-"""One real daemon behind a car that brakes again and again, first alone with it, then in a crowd.
+"""One real daemon behind a vehicle that brakes repeatedly, without and with background traffic.
 
-The car ahead is a stack in this process, and everything else that the daemon has wires to is as
-cheap as can be, so that processor time is the daemon's and the load's (`studies/bsm_load.py`).
+The lead vehicle is a stack in this process, and the daemon's other inputs are as cheap as possible,
+so that the daemon and the background traffic (`bsm_load.py`) have the processor.
 """
 
 import asyncio
@@ -46,12 +46,12 @@ from sim_rig.scenario.car_config import DIGEST
 from sim_rig.studies.bsm_load import LATITUDE_DEG, LONGITUDE_DEG
 
 GROUP_WITHIN_S, SETTLE_S = 60.0, 2.0
-LONGEST_QUIET_S = 60.0
+LONGEST_UNLOADED_S = 60.0
 PERIOD_S = 1.1
-"""From brake to brake."""
+"""Interval of the brakings."""
 STEP_S = 0.05
-STRANGERS = 300
-PICTURES_HZ, FIXES_HZ = 10.0, 10.0
+REMOTE_VEHICLES = 300
+IMAGES_HZ, FIXES_HZ = 10.0, 10.0
 GAP_M, TAG_M = 12.0, 0.4
 _VIEW = SMALL_LENS.model_dump()
 _FAST_M_S, _DROP_M_S = 15.0, 4.0
@@ -62,71 +62,87 @@ Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What came of it."""
+    """Result of the load test."""
 
     sent: int
-    """By the crowd."""
+    """Datagrams of the background traffic."""
     dropped_by_kernel: int
-    shed: int
-    """Given up by the daemon, because newer ones came or there was no room."""
-    quiet_ms: list[float]
-    """From a warning's being sent to the alarm, for each that came."""
+    discarded: int
+    """Datagrams discarded by the daemon because its queue was full or newer ones replaced them."""
+    unloaded_ms: list[float]
+    """Time from the sending of a warning to the alarm, without background traffic."""
     loaded_ms: list[float]
+    """The same with background traffic."""
     due: tuple[int, int]
-    """Warnings sent, without and with the crowd."""
+    """Warnings sent, without and with background traffic."""
     cores: tuple[float, float]
-    """That the daemon had, without and with the crowd."""
+    """Processor cores used by the daemon, without and with background traffic."""
 
 
 async def load(folder: Path, rate_hz: float, during_s: float) -> Load:
-    """Drive for a while without the crowd, a minute at most, and then for `during_s` with it."""
-    quiet_s = min(during_s, LONGEST_QUIET_S)
+    """Drive without background traffic, for a minute at most, and then with it.
+
+    Args:
+        folder: of keys, configuration and trace.
+        rate_hz: datagrams a second of the background traffic.
+        during_s: duration with background traffic.
+
+    Raises:
+        ProcessError: no warning group has formed, or the daemon has ended.
+    """
+    unloaded_s = min(during_s, LONGEST_UNLOADED_S)
     async with AsyncExitStack() as open_wires:
-        desk = await _Desk.set_up(folder, open_wires)
-        driving = asyncio.create_task(desk.ahead.drive())
+        testbench = await _DaemonTestbench.set_up(folder, open_wires)
+        driving = asyncio.create_task(testbench.lead.drive())
         give_up_at = time.monotonic() + GROUP_WITHIN_S
-        while not desk.ahead.is_followed:
-            await desk.processes.sleep_until(time.monotonic() + 0.1)
+        while not testbench.lead.is_followed:
+            await testbench.processes.sleep_until(time.monotonic() + 0.1)
             if time.monotonic() > give_up_at:
                 raise ProcessError(f"no group after {GROUP_WITHIN_S:g} s; see {folder}")
-        quiet_at = time.monotonic() + SETTLE_S
-        loaded_at = quiet_at + quiet_s
+        unloaded_at = time.monotonic() + SETTLE_S
+        loaded_at = unloaded_at + unloaded_s
         end_at = loaded_at + during_s
-        desk.ahead.brakes_from_at = quiet_at
-        flood = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "sim_rig.studies.bsm_load", str(desk.port), f"{rate_hz:g}"),
-            *(f"{during_s:g}", f"{loaded_at}", str(folder / "crowd")),
+        testbench.lead.brakes_from_at = unloaded_at
+        background = await asyncio.create_subprocess_exec(
+            *(
+                sys.executable,
+                "-m",
+                "sim_rig.studies.bsm_load",
+                str(testbench.port),
+                f"{rate_hz:g}",
+            ),
+            *(f"{during_s:g}", f"{loaded_at}", str(folder / "background")),
             stdout=asyncio.subprocess.PIPE,
         )
         used_s = []
-        for at in (quiet_at, loaded_at, end_at):
-            await desk.processes.sleep_until(at)
-            used_s.append(processor_s(desk.processes.pid("car")))
-        sent, _ = await flood.communicate()
-        dropped = _dropped_by_kernel(desk.port)
+        for at in (unloaded_at, loaded_at, end_at):
+            await testbench.processes.sleep_until(at)
+            used_s.append(processor_s(testbench.processes.pid("car")))
+        sent, _ = await background.communicate()
+        dropped = _dropped_by_kernel(testbench.port)
         driving.cancel()
     trace = list(read_trace(folder / "trace.jsonl"))
-    quiet, loaded = (
-        [at for at in desk.ahead.warned_at if begin <= at < end]
-        for begin, end in ((quiet_at, loaded_at), (loaded_at, end_at))
+    unloaded, loaded = (
+        [at for at in testbench.lead.warned_at if begin <= at < end]
+        for begin, end in ((unloaded_at, loaded_at), (loaded_at, end_at))
     )
     return Load(
         int(sent),
         dropped,
         sum(int(each["detail"].split()[0]) for each in trace if each.get("reason") == "overload"),
-        list(_delays_ms(trace, quiet)),
+        list(_delays_ms(trace, unloaded)),
         list(_delays_ms(trace, loaded)),
-        (len(quiet), len(loaded)),
-        ((used_s[1] - used_s[0]) / quiet_s, (used_s[2] - used_s[1]) / during_s),
+        (len(unloaded), len(loaded)),
+        ((used_s[1] - used_s[0]) / unloaded_s, (used_s[2] - used_s[1]) / during_s),
     )
 
 
-class _CarAhead:
-    """Another car's cores, on a wire of their own to the daemon."""
+class _LeadVehicle:
+    """The cores of the lead vehicle, with their own wire to the daemon."""
 
     def __init__(self, credentials: Credentials, unit: socket.socket, port: int) -> None:
         self.warned_at: list[float] = []
-        """When a warning of a new brake was sent."""
+        """Times at which warnings of a new braking were sent."""
         self.brakes_from_at = math.inf
         self._unit, self._port = unit, port
         self._stack = Stack(
@@ -143,11 +159,11 @@ class _CarAhead:
 
     @property
     def is_followed(self) -> bool:
-        """Whether the car behind has joined."""
+        """Whether the daemon's car has joined."""
         return bool(self._stack.group.followers)
 
     async def drive(self) -> None:
-        """Straight on, and brake every `PERIOD_S` from `brakes_from_at` on, until cancelled."""
+        """Drive, and brake every `PERIOD_S` from `brakes_from_at` on, until cancelled."""
         at, ahead_m = time.monotonic(), GAP_M
         while True:
             into_s = (
@@ -156,7 +172,7 @@ class _CarAhead:
             speed = Speed(at, _speed_m_s(into_s), 0.1, "ahead")
             ahead_m += speed.speed_m_s * STEP_S
             self._stack.receive_observation(speed, at)
-            self._stack.receive_observation(_place(at, ahead_m, speed.speed_m_s), at)
+            self._stack.receive_observation(_fix(at, ahead_m, speed.speed_m_s), at)
             if (brake := self._detector.receive_speed(speed)) is not None:
                 self._stack.receive_observation(brake, at)
             self._step()
@@ -182,11 +198,11 @@ class _CarAhead:
 
 
 def _speed_m_s(into_s: float) -> float:
-    """A sawtooth: down in half a second, up in another."""
+    """A sawtooth: half a second of braking, half a second of acceleration."""
     return _FAST_M_S - _DROP_M_S * max(0.0, 1.0 - abs(into_s - 0.5) / 0.5)
 
 
-def _place(now: float, ahead_m: float, speed_m_s: float) -> Position:
+def _fix(now: float, ahead_m: float, speed_m_s: float) -> Position:
     latitude_deg = LATITUDE_DEG + ahead_m * _DEG_PER_M
     return Position(now, latitude_deg, LONGITUDE_DEG, 0.0, 1.5, speed_m_s, 0.0)
 
@@ -196,20 +212,20 @@ def _config(plate: str) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Desk:
-    """The daemon with its wires."""
+class _DaemonTestbench:
+    """The daemon with the other ends of its wires."""
 
-    ahead: _CarAhead
+    lead: _LeadVehicle
     processes: Processes
     port: int
-    """On which the daemon hears the radio."""
+    """UDP port on which the daemon receives from its radio unit."""
 
     @classmethod
-    async def set_up(cls, folder: Path, wires: AsyncExitStack) -> "_Desk":
-        """Start the daemon, with everything it needs."""
+    async def set_up(cls, folder: Path, wires: AsyncExitStack) -> "_DaemonTestbench":
+        """Start the daemon and all its inputs."""
         utc_s, psids = time.time(), {psid.BSM, psid.LCCA}
-        trial = make_trial(["own", "ahead", "crowd"], psids, utc_s, pseudonyms=STRANGERS)
-        for name in ("own", "crowd"):
+        trial = make_trial(["own", "ahead", "background"], psids, utc_s, pseudonyms=REMOTE_VEHICLES)
+        for name in ("own", "background"):
             write_credentials(folder / name, trial[name])
         bus = SocketcandServer(Ecu(lambda _now: _MEAN_M_S), "can0", lambda _frame: None)
         bus_port = await bus.start()
@@ -233,68 +249,68 @@ class _Desk:
                 "unit_port": unit.getsockname()[1],
             },
             "trace": {"file": str(folder / "trace.jsonl")},
-            "recorder": {"folder": str(folder / "box")},
+            "recorder": {"folder": str(folder / "recorder")},
         }
         config["security"]["keys_folder"] = str(folder / "own")
         (folder / "car.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
         processes = await wires.enter_async_context(Processes(folder))
         await processes.start("car", "-m", "onboard", "run", str(folder / "car.yaml"))
-        return cls(_CarAhead(trial["ahead"], unit, port), processes, port)
+        return cls(_LeadVehicle(trial["ahead"], unit, port), processes, port)
 
 
 def _serve_camera() -> Handler:
-    """A car with a tag a little way ahead, as MJPEG, from pictures drawn before."""
-    picture = CameraRenderer(CameraSettings(source="rig", **_VIEW))
+    """Serve MJPEG of a car with a tag a little way ahead, from images rendered before."""
+    renderer = CameraRenderer(CameraSettings(source="rig", **_VIEW))
     rng = np.random.default_rng(1)
     jpegs = []
     for number in range(10):
         ahead = SceneCar(ahead_m=GAP_M + 0.05 * number, tag_id=1, tag_side_m=TAG_M)
-        image = picture.draw(Scene(cars=(ahead,), travelled_m=1.4 * number), rng)
+        image = renderer.draw(Scene(cars=(ahead,), travelled_m=1.4 * number), rng)
         jpegs.append(cv2.imencode(".jpg", image)[1].tobytes())
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.readuntil(b"\r\n\r\n")
-        kind = b"multipart/x-mixed-replace; boundary=picture"
+        kind = b"multipart/x-mixed-replace; boundary=image"
         writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: " + kind + b"\r\n\r\n")
-        # A stream would log that it was cancelled.
+        # Without this, a cancelled stream would be logged.
         with contextlib.closing(writer), contextlib.suppress(asyncio.CancelledError):
             for jpeg in itertools.takewhile(
                 lambda _: not writer.is_closing(), itertools.cycle(jpegs)
             ):
-                head = b"--picture\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
+                head = b"--image\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
                 writer.write(head + jpeg + b"\r\n")
-                await asyncio.sleep(1 / PICTURES_HZ)
+                await asyncio.sleep(1 / IMAGES_HZ)
 
     return serve
 
 
 async def _serve_fixes(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """The own car's fixes, as gpsd tells them."""
+    """Serve the host vehicle's fixes as gpsd does."""
     began_at = time.monotonic()
     with contextlib.closing(writer), contextlib.suppress(asyncio.CancelledError):
         while not writer.is_closing():
             now = time.monotonic()
-            writer.write(_report(_place(now, (now - began_at) * _MEAN_M_S, _MEAN_M_S)))
+            writer.write(_report(_fix(now, (now - began_at) * _MEAN_M_S, _MEAN_M_S)))
             await asyncio.sleep(1 / FIXES_HZ)
 
 
-def _report(place: Position) -> bytes:
+def _report(fix: Position) -> bytes:
     report = {
         "class": "TPV",
         "mode": 3,
         "time": datetime.now(UTC).isoformat().replace("+00:00", "Z"),
-        "lat": place.latitude_deg,
-        "lon": place.longitude_deg,
+        "lat": fix.latitude_deg,
+        "lon": fix.longitude_deg,
         "epx": 3.0,
         "epy": 3.0,
-        "speed": place.speed_m_s,
+        "speed": fix.speed_m_s,
         "track": 0.0,
     }
     return json.dumps(report, separators=(",", ":")).encode() + b"\n"
 
 
 def _delays_ms(trace: Sequence[Record], warned_at: Sequence[float]) -> Iterator[float]:
-    """From each warning's being sent to the alarm that it raised."""
+    """Time from the sending of each warning to the alarm that it raised."""
     alarms = [alarm_stamp_s(each) for each in trace if each["kind"] == "warning"]
     for at in warned_at:
         raised = [alarm for alarm in alarms if at <= alarm < at + 0.9 * PERIOD_S]
@@ -303,20 +319,20 @@ def _delays_ms(trace: Sequence[Record], warned_at: Sequence[float]) -> Iterator[
 
 
 def free_port() -> int:
-    """A UDP port that nobody has; the daemon binds it a moment later."""
+    """A free UDP port; the daemon binds it shortly after."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def processor_s(pid: int) -> float:
-    """What a process has had of the processors; the fields of proc(5) behind the name."""
+    """Processor time of a process, from the fields of proc(5) behind the name."""
     fields = Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _dropped_by_kernel(port: int) -> int:
-    """The last column of /proc/net/udp: what the receive buffer had no room for."""
+    """Datagrams for which the receive buffer had no space: last column of /proc/net/udp."""
     for line in Path("/proc/net/udp").read_text("ascii").splitlines()[1:]:
         fields = line.split()
         if int(fields[1].rpartition(":")[2], 16) == port:

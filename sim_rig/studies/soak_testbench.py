@@ -1,4 +1,4 @@
-"""Many real daemons at a time on one desk, all of which hear each other, without cameras."""
+"""Many real daemons at the same time, all within radio range of each other, without cameras."""
 
 import asyncio
 import socket
@@ -24,23 +24,32 @@ SPEED_M_S = 15.0
 
 
 @dataclass(frozen=True, slots=True)
-class Crowding:
-    """What each daemon took and gave."""
+class DaemonUsage:
+    """Resources used by each daemon, and messages sent by it."""
 
     cores: list[float]
     memory_mib: list[float]
     sent_per_s: list[float]
-    """Messages to the radio."""
+    """Messages a second to the radio unit."""
     longest_gaps_s: list[float]
-    """Between two of them."""
+    """Longest time between two messages."""
 
 
-async def fill_the_testbench(folder: Path, cars: int, during_s: float) -> Crowding:
-    """Run `cars` daemons, and look at them for `during_s`."""
+async def run_daemons(folder: Path, cars: int, during_s: float) -> DaemonUsage:
+    """Run daemons and measure them.
+
+    Args:
+        folder: of keys, configurations and traces.
+        cars: number of daemons.
+        during_s: duration of the measurement, after all are ready.
+
+    Raises:
+        ProcessError: a daemon is not ready in time, or has ended.
+    """
     trial = make_trial([f"car{n}" for n in range(cars)], {psid.BSM, psid.LCCA}, time.time())
     async with AsyncExitStack() as wires:
-        air = _Air()
-        wires.callback(air.close)
+        radio = _RadioUnits()
+        wires.callback(radio.close)
         processes = await wires.enter_async_context(Processes(folder))
         for name, credentials in trial.items():
             write_credentials(folder / name, credentials)
@@ -49,7 +58,7 @@ async def fill_the_testbench(folder: Path, cars: int, during_s: float) -> Crowdi
             config = {
                 "car": {"plate": name.upper()},
                 "can": {"channel": "can0", "port": await bus.start()},
-                "radio": {"endpoint": "iwcu", "listen_port": port, "unit_port": air.add(port)},
+                "radio": {"endpoint": "iwcu", "listen_port": port, "unit_port": radio.add(port)},
                 "security": {"keys_folder": str(folder / name), "plate_digest": DIGEST},
             }
             wires.push_async_callback(bus.close)
@@ -57,20 +66,22 @@ async def fill_the_testbench(folder: Path, cars: int, during_s: float) -> Crowdi
             file.write_text(yaml.safe_dump(config), encoding="utf-8")
             await processes.start(name, "-m", "onboard", "run", str(file))
         give_up_at = time.monotonic() + READY_WITHIN_S
-        while not all(unit.heard_at for unit in air.units):
+        while not all(unit.received_at for unit in radio.units):
             await processes.sleep_until(time.monotonic() + 0.1)
             if time.monotonic() > give_up_at:
-                raise ProcessError(f"not all of {cars} daemons are up after {READY_WITHIN_S:g} s")
-        air.forget()
+                raise ProcessError(
+                    f"not all of {cars} daemons are ready after {READY_WITHIN_S:g} s"
+                )
+        radio.clear()
         before_s = [processor_s(processes.pid(name)) for name in trial]
         await processes.sleep_until(time.monotonic() + during_s)
         used_s = [processor_s(processes.pid(name)) for name in trial]
         memory_mib = [_resident_mib(processes.pid(name)) for name in trial]
-        return Crowding(
+        return DaemonUsage(
             [(after - before) / during_s for before, after in zip(before_s, used_s, strict=True)],
             memory_mib,
-            [len(unit.heard_at) / during_s for unit in air.units],
-            [float(np.diff(unit.heard_at).max()) for unit in air.units],
+            [len(unit.received_at) / during_s for unit in radio.units],
+            [float(np.diff(unit.received_at).max()) for unit in radio.units],
         )
 
 
@@ -78,17 +89,17 @@ async def fill_the_testbench(folder: Path, cars: int, during_s: float) -> Crowdi
 class _Unit:
     wire: socket.socket
     car_port: int
-    heard_at: list[float] = field(default_factory=list)
+    received_at: list[float] = field(default_factory=list)
 
 
-class _Air:
-    """Everybody hears everybody at once."""
+class _RadioUnits:
+    """Radio units that relay every message to all others at once."""
 
     def __init__(self) -> None:
         self.units: list[_Unit] = []
 
     def add(self, car_port: int) -> int:
-        """Open a unit for a daemon, and return its port."""
+        """Open the radio unit of a daemon; returns the unit's port."""
         wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         wire.bind(("127.0.0.1", 0))
         wire.setblocking(False)
@@ -97,13 +108,13 @@ class _Air:
         asyncio.get_running_loop().add_reader(wire, self._relay, unit)
         return int(wire.getsockname()[1])
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Begin to count."""
         for unit in self.units:
-            unit.heard_at.clear()
+            unit.received_at.clear()
 
     def close(self) -> None:
-        """Switch all units off."""
+        """Close all units."""
         for unit in self.units:
             asyncio.get_running_loop().remove_reader(unit.wire)
             unit.wire.close()
@@ -112,8 +123,8 @@ class _Air:
         try:
             wsm = sender.wire.recv(8192)
         except OSError:
-            return  # a daemon that is not up yet was told something
-        sender.heard_at.append(time.monotonic())
+            return  # a message was sent to a daemon that is not ready yet
+        sender.received_at.append(time.monotonic())
         for unit in self.units:
             if unit is not sender:
                 unit.wire.sendto(wsm, ("127.0.0.1", unit.car_port))

@@ -25,57 +25,57 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def page(browser: Browser, page_file: Path) -> Iterator[Page]:
     page = browser.new_page()
-    wrong: list[str] = []
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("request", lambda request: wrong.append(request.url))
+    unexpected: list[str] = []
+    page.on("pageerror", lambda error: unexpected.append(str(error)))
+    page.on("request", lambda request: unexpected.append(request.url))
     page.goto(page_file.as_uri())
     yield page
-    assert wrong == [page_file.as_uri()]
+    assert unexpected == [page_file.as_uri()]
     page.close()
 
 
-def test_the_page_steps_through_the_run_and_fetches_nothing(page: Page) -> None:
-    page.select_option("#who", "everybody")
-    first = page.inner_text("#told")
+def test_the_page_steps_through_the_run_without_network_access(page: Page) -> None:
+    page.select_option("#selected", "all")
+    first = page.inner_text("#status")
     page.click("#step")
 
-    assert page.inner_text("#told") != first
+    assert page.inner_text("#status") != first
     page.click("#back")
-    assert page.inner_text("#told") == first
+    assert page.inner_text("#status") == first
     page.click("#play")
     assert page.inner_text("#play") == "Pause"
 
 
-def test_playing_stops_at_the_crash_and_begins_anew(page: Page) -> None:
-    page.evaluate("go(film.frames.length - 2)")
+def test_playing_stops_at_the_crash_and_restarts(page: Page) -> None:
+    page.evaluate("go(animation.frames.length - 2)")
     page.click("#play")
     page.wait_for_function("!playing")
-    assert page.evaluate("at") == page.evaluate("film.frames.length - 1")
+    assert page.evaluate("at") == page.evaluate("animation.frames.length - 1")
     page.click("#play")
-    assert page.evaluate("at") < page.evaluate("film.frames.length - 1")
+    assert page.evaluate("at") < page.evaluate("animation.frames.length - 1")
 
 
-def test_the_moments_are_listed_and_lead_to_their_pictures(page: Page) -> None:
-    said = page.locator("#moments button").all_inner_texts()
-    assert "0.0 s event: car654" in said
-    assert any("warned" in each for each in said)
-    assert said[-1].endswith("crash")
+def test_events_are_listed_and_lead_to_their_frames(page: Page) -> None:
+    events = page.locator("#events button").all_inner_texts()
+    assert "0.0 s event: car654" in events
+    assert any("warned" in each for each in events)
+    assert events[-1].endswith("crash")
 
-    page.click("#moments button:last-child")
-    assert page.evaluate("film.frames[at].at >= film.crash.at_s")
-    assert page.locator("#moments button.past").count() == len(said)
-    page.locator("#moments button", has_text="event").click()
-    assert page.inner_text("#told").startswith("0.0 s after the event")
+    page.click("#events button:last-child")
+    assert page.evaluate("animation.frames[at].at >= animation.crash.at_s")
+    assert page.locator("#events button.past").count() == len(events)
+    page.locator("#events button", has_text="event").click()
+    assert page.inner_text("#status").startswith("0.0 s after the event")
 
 
-def test_a_click_on_a_car_shows_whom_it_knows_and_a_drag_moves_the_road(page: Page) -> None:
-    name = page.evaluate("film.crash.names[0]")
-    x, y = page.evaluate("name => place(film.frames[at].cars[name])", name)
+def test_a_click_on_a_car_shows_its_perceived_objects_and_a_drag_moves_the_map(page: Page) -> None:
+    name = page.evaluate("animation.crash.names[0]")
+    x, y = page.evaluate("name => place(animation.frames[at].cars[name])", name)
     box = page.locator("canvas").bounding_box()
     assert box is not None
     page.mouse.click(box["x"] + x, box["y"] + y)
-    assert page.input_value("#who") == name
-    assert f"{name}: " in page.inner_text("#told")
+    assert page.input_value("#selected") == name
+    assert f"{name}: " in page.inner_text("#status")
 
     before, zoom = page.evaluate("[middle[0], zoom]")
     page.mouse.move(box["x"] + 100, box["y"] + 100)
@@ -85,17 +85,18 @@ def test_a_click_on_a_car_shows_whom_it_knows_and_a_drag_moves_the_road(page: Pa
     assert page.evaluate("middle[0]") == pytest.approx(before - 50 / zoom)
 
 
-def test_of_a_car_without_a_radio_it_is_said_who_knows_it(page: Page) -> None:
-    page.evaluate("go(film.frames.findIndex(frame => frame.at >= film.event_s))")
+def test_the_status_of_a_car_without_a_radio_counts_the_cars_that_perceive_it(page: Page) -> None:
+    page.evaluate("go(animation.frames.findIndex(frame => frame.at >= animation.event_s))")
     without = page.evaluate(
-        "Object.values(film.frames[at].known).flat().find(([, how]) => how === 'seen')[0]"
+        "Object.values(animation.frames[at].perceived).flat()"
+        ".find(([, source]) => source === 'sensor')[0]"
     )
-    page.select_option("#who", without)
-    assert f"{without}: " in page.inner_text("#told")
-    assert "no radio, known to" in page.inner_text("#told")
+    page.select_option("#selected", without)
+    assert f"{without}: " in page.inner_text("#status")
+    assert "no radio, perceived by" in page.inner_text("#status")
 
 
-def test_the_wheel_zooms_where_it_points(page: Page) -> None:
+def test_the_wheel_zooms_at_the_pointer(page: Page) -> None:
     box = page.locator("canvas").bounding_box()
     assert box is not None
     where = (

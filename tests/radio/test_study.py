@@ -50,9 +50,9 @@ def study(*words: str, out: Path) -> tuple[int, str]:
 
 def test_one_command_writes_table_figure_and_settings(tmp_path: Path) -> None:
     words = "--cars 10 --spacing-m 60 --loss log-distance:2.75 --fading nakagami:3 --seeds 2"
-    code, told = study(*words.split(), "--workers", "1", out=tmp_path)
+    code, output = study(*words.split(), "--workers", "1", out=tmp_path)
 
-    assert code == 0, told
+    assert code == 0, output
     rows = read(tmp_path / "radio" / "table.csv")
     assert tuple(rows[0]) == COLUMNS
     assert [float(row["dist_lo_m"]) for row in rows] == [50, 100, 150, 200, 300, 350, 400, 450, 500]
@@ -63,15 +63,15 @@ def test_one_command_writes_table_figure_and_settings(tmp_path: Path) -> None:
     assert "nakagami:3" in (tmp_path / "radio" / "settings.yaml").read_text()
 
 
-def test_where_nothing_is_received_no_delay_is_told(tmp_path: Path) -> None:
-    code, told = study("--cars=2", "--spacing-m=1000", "--seeds=1", "--seconds=1.2", out=tmp_path)
+def test_without_receptions_no_delay_is_stated(tmp_path: Path) -> None:
+    code, output = study("--cars=2", "--spacing-m=1000", "--seeds=1", "--seconds=1.2", out=tmp_path)
 
-    assert code == 0, told
-    assert "nearest 0.0000 delivered; at least half nowhere" in told
+    assert code == 0, output
+    assert "nearest 0.0000 delivered; at least half nowhere" in output
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--cars", "1"], "cars: Input should be greater than or equal to 2"),
         (["--cras", "40"], "did you mean cars?"),
@@ -81,24 +81,24 @@ def test_where_nothing_is_received_no_delay_is_told(tmp_path: Path) -> None:
         (["--fading", "nakagami:0.1"], "M from 0.5 to 50"),
         (["--fading", "nakagami:nan"], "M from 0.5 to 50"),
         (["--tx-power-dbm", "99"], "tx_power_dbm: Input should be less than or equal to 40"),
-        (["--cars", "2", "--seeds", "1", "--warm-s", "5"], "nobody sent anything"),
+        (["--cars", "2", "--seeds", "1", "--warm-s", "5"], "no frame was sent"),
         (["--cars=4", "--cars=5"], "--cars is given twice"),
         (["--cars", "[4"], "--cars: not YAML"),
         (["--seeds"], "settings are given as --name value"),
     ],
 )
-def test_a_mistake_is_told(tmp_path: Path, words: list[str], told: str) -> None:
+def test_an_invalid_setting_is_an_error(tmp_path: Path, words: list[str], message: str) -> None:
     code, output = study(*words, out=tmp_path)
 
     assert code != 0
-    assert told in output
+    assert message in output
 
 
 def test_a_setting_may_be_joined_to_its_name(tmp_path: Path) -> None:
-    code, told = study("--cars=3", "--seeds=1", "--seconds=1.2", "--workers", "1", out=tmp_path)
+    code, output = study("--cars=3", "--seeds=1", "--seconds=1.2", "--workers", "1", out=tmp_path)
 
-    assert code == 0, told
-    assert told.startswith("radio: 3 cars, 1 seeds")
+    assert code == 0, output
+    assert output.startswith("radio: 3 cars, 1 seeds")
 
 
 def test_what_waits_too_long_is_given_up_and_counts_as_sent() -> None:

@@ -1,4 +1,4 @@
-"""The study of alarms: a few approaches, of which the harmful ones are warned of in time."""
+"""The study of IMA alarms, with a few approaches."""
 
 import csv
 from pathlib import Path
@@ -9,14 +9,14 @@ from sim_rig.studies import crossing_alarms
 from sim_rig.studies.crossing_alarms import AlarmSettings, run
 
 
-def test_crashes_are_warned_of_and_harmless_approaches_are_not(
+def test_crashes_raise_alarms_and_harmless_approaches_do_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(crossing_alarms, "PAIRS", ())
 
-    told = run(tmp_path, AlarmSettings(approaches=10, seed=4))
+    summary = run(tmp_path, AlarmSettings(approaches=10, seed=4))
 
-    assert told.startswith("approaches: ")
+    assert summary.startswith("approaches: ")
     with (tmp_path / "table.csv").open() as file:
         (row,) = csv.DictReader(file)
     assert int(row["n"]) >= 1

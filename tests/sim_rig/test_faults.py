@@ -1,4 +1,4 @@
-"""The faults that a scenario can order, each at the place where it happens."""
+"""The faults of scenarios, each tested where it is injected."""
 
 import time
 from collections.abc import Mapping
@@ -43,8 +43,8 @@ from sim_rig.studies.faults import outcome_of, scenario_of
 SPEED_M_S = 20.0
 
 
-def story(*faults: dict[str, Any]) -> Scenario:
-    """Ann before Ben, 12 m apart; each fault holds from 10 to 20 s."""
+def scenario_with(*faults: dict[str, Any]) -> Scenario:
+    """Ann drives 12 m ahead of Ben; each fault lasts from 10 to 20 s."""
     tree = {
         "title": "Two cars drive, one behind the other.",
         "seed": 1,
@@ -57,16 +57,20 @@ def story(*faults: dict[str, Any]) -> Scenario:
         "faults": [{"car": "ann", "from_s": 10.0, "until_s": 20.0, **fault} for fault in faults],
         "expect": [],
     }
-    return parse_settings(tree, Scenario, "story")
+    return parse_settings(tree, Scenario, "faults")
 
 
 # ---- the bus ------------------------------------------------------------------------------
 
 
 def bus_events(*faults: dict[str, Any], from_s: float, until_s: float) -> list[object]:
-    """What the car's own bus core makes of an ECU with these faults."""
+    """Events of the car's bus core with an ECU that has these faults."""
     ecu = FaultyEcu(
-        story(*faults), "ann", lambda _: SPEED_M_S, lambda now: now, np.random.default_rng(1)
+        scenario_with(*faults),
+        "ann",
+        lambda _: SPEED_M_S,
+        lambda now: now,
+        np.random.default_rng(1),
     )
     bus = VehicleBus(ObdSettings())
     events: list[object] = []
@@ -88,30 +92,30 @@ def reasons(events: list[object]) -> set[str]:
     return {event.reason for event in events if isinstance(event, Discarded)}
 
 
-def test_a_speed_in_a_wrong_scale_is_wrong_only_while_it_lasts() -> None:
+def test_a_scaled_speed_is_wrong_only_during_the_fault() -> None:
     scaled = {"what": "speed_scaled", "factor": 1.6}
 
     assert set(speeds(bus_events(scaled, from_s=8.0, until_s=9.0))) == {SPEED_M_S}
     assert speeds(bus_events(scaled, from_s=11.0, until_s=12.0))[-1] == pytest.approx(32.0, abs=0.2)
 
 
-def test_an_ecu_that_refuses_tells_no_speed_and_is_counted() -> None:
+def test_negative_responses_give_no_speed_and_are_counted() -> None:
     events = bus_events({"what": "ecu_refuses"}, from_s=11.0, until_s=12.0)
 
     assert speeds(events) == []
     assert reasons(events) == {"negative_response"}
 
 
-def test_a_babbler_is_counted_and_the_speed_still_comes() -> None:
+def test_babbling_frames_are_counted_and_the_speed_is_still_received() -> None:
     events = bus_events({"what": "ecu_babbles", "rate_hz": 1000.0}, from_s=11.0, until_s=13.0)
 
     assert len(speeds(events)) > 10
     assert len([event for event in events if isinstance(event, Discarded)]) > 100
 
 
-def test_a_babbler_keeps_to_its_rate() -> None:
+def test_babbling_frames_have_the_configured_rate() -> None:
     ecu = FaultyEcu(
-        story({"what": "ecu_babbles", "rate_hz": 400.0}),
+        scenario_with({"what": "ecu_babbles", "rate_hz": 400.0}),
         "ann",
         lambda _: SPEED_M_S,
         lambda now: now,
@@ -127,20 +131,20 @@ def test_a_babbler_keeps_to_its_rate() -> None:
     assert all(10.0 <= frame.stamp_s < 20.0 for frame in frames)
 
 
-# ---- clock, processor, sky ----------------------------------------------------------------
+# ---- clock, processor, GNSS ---------------------------------------------------------------
 
 
-def test_a_clock_that_drifts_is_further_ahead_the_longer_it_lasts() -> None:
+def test_the_error_of_a_drifting_clock_grows_with_time() -> None:
     fault = {"what": "clock_wrong", "skew_s": 1.0, "drift_ppm": 1000.0}
-    car = VehicleFaults(story(fault), "ann")
+    car = VehicleFaults(scenario_with(fault), "ann")
 
     assert [car.clock_error_s(at) for at in (9.9, 10.0, 15.0, 20.0)] == pytest.approx(
         [0.0, 1.0, 1.005, 0.0]
     )
-    assert not VehicleFaults(story(fault), "ben").has_wrong_clock
+    assert not VehicleFaults(scenario_with(fault), "ben").has_wrong_clock
 
 
-def test_the_clock_of_a_live_daemon_is_wrong_from_the_moment_that_the_scenario_begins(
+def test_the_clock_of_a_live_daemon_is_wrong_from_the_start_of_the_scenario(
     tmp_path: Path,
 ) -> None:
     fault = WrongClock(what="clock_wrong", car="ann", from_s=0.0, until_s=60.0, skew_s=100.0)
@@ -153,7 +157,7 @@ def test_the_clock_of_a_live_daemon_is_wrong_from_the_moment_that_the_scenario_b
     assert clock() == pytest.approx(time.time() + 100.0, abs=1.0)
 
 
-def test_a_slow_processor_sleeps_its_share_and_always_wakes() -> None:
+def test_a_slow_processor_sleeps_its_share_of_each_period() -> None:
     fault = SlowCpu(what="cpu_slow", car="ann", from_s=10.0, until_s=20.0, share=0.25, period_s=0.2)
 
     assert [fault.wakes_at_s(at) for at in (10.0, 10.04, 10.1, 10.3)] == pytest.approx(
@@ -163,8 +167,8 @@ def test_a_slow_processor_sleeps_its_share_and_always_wakes() -> None:
     assert all(fault.wakes_at_s(at) == at for at in wakes)
 
 
-def test_a_receiver_that_jumps_is_elsewhere_and_one_that_is_silent_nowhere() -> None:
-    scenario = story(
+def test_a_gnss_jump_shifts_the_position_and_silence_gives_none() -> None:
+    scenario = scenario_with(
         {"what": "gnss_jump", "east_m": 30.0}, {"what": "gnss_silent", "until_s": 12.0}
     )
     here = BreakpointRoad(scenario).car_at("ann", 15.0)
@@ -183,18 +187,18 @@ UTC_S = 1_750_000_000.0
 
 
 class Air:
-    """The air of a story, and what each of the two cars hears."""
+    """The channel of a scenario with faults, and the messages that each car receives."""
 
     def __init__(
         self, *faults: dict[str, Any], credentials: Mapping[str, Credentials] | None = None
     ) -> None:
-        scenario = story(*faults)
+        scenario = scenario_with(*faults)
         road = BreakpointRoad(scenario)
         inner = open_air(scenario.radio, road.cars_at, ["ann", "ben"], np.random.default_rng(1))
         self.air = FaultyAir(inner, scenario, lambda now: now, UTC_S, credentials or {})
-        self.heard: dict[str, list[bytes]] = {"ann": [], "ben": []}
+        self.received: dict[str, list[bytes]] = {"ann": [], "ben": []}
 
-    def say(self, car: str, payload: bytes, service: int, now: float) -> bytes:
+    def send_unsecured(self, car: str, payload: bytes, service: int, now: float) -> bytes:
         return self.send(car, ieee1609dot2.encode_unsecured(payload), service, now)
 
     def send(self, car: str, data: bytes, service: int, now: float) -> bytes:
@@ -205,30 +209,35 @@ class Air:
     def pass_until(self, end: float) -> None:
         while (at := self.air.get_timer()) <= end:
             for delivery in self.air.wsms_to_deliver(at):
-                self.heard[delivery.receiver].append(delivery.wsm)
+                self.received[delivery.receiver].append(delivery.wsm)
 
     def payloads(self, car: str, service: int) -> list[bytes]:
-        frames = map(wsmp.decode, self.heard[car])
+        frames = map(wsmp.decode, self.received[car])
         return [ieee1609dot2.decode(f.payload).payload for f in frames if f.psid == service]
 
 
 @pytest.mark.parametrize(
-    ("what", "ann_hears", "ben_hears"), [("radio_gone", 1, 1), ("radio_mute", 2, 1)]
+    ("what", "received_by_ann", "received_by_ben"), [("radio_gone", 1, 1), ("radio_mute", 2, 1)]
 )
-def test_a_radio_that_is_gone_or_mute(what: str, ann_hears: int, ben_hears: int) -> None:
+def test_a_radio_that_is_gone_or_mute_sends_nothing(
+    what: str, received_by_ann: int, received_by_ben: int
+) -> None:
     air = Air({"what": what})
     for now in (5.0, 15.0):
-        air.say("ann", b"from ann", psid.LCCA, now)
-        air.say("ben", b"from ben", psid.LCCA, now)
+        air.send_unsecured("ann", b"from ann", psid.LCCA, now)
+        air.send_unsecured("ben", b"from ben", psid.LCCA, now)
         air.pass_until(now + 1.0)
 
-    assert (len(air.heard["ann"]), len(air.heard["ben"])) == (ann_hears, ben_hears)
+    assert (len(air.received["ann"]), len(air.received["ben"])) == (
+        received_by_ann,
+        received_by_ben,
+    )
 
 
-def test_a_forged_brake_is_a_warning_to_the_liars_group() -> None:
+def test_a_forged_brake_is_a_warning_to_the_attackers_group() -> None:
     air = Air({"what": "forged_brake", "every_s": 2.0})
     reply = Reply(b"ann.....", b"leader..", 2, b"ben.....", 7, 1, 15.0)
-    air.say("ann", lcca.encode(reply), psid.LCCA, 11.0)
+    air.send_unsecured("ann", lcca.encode(reply), psid.LCCA, 11.0)
     air.pass_until(25.0)
 
     forged = [lcca.decode(each) for each in air.payloads("ben", psid.LCCA)][1:]
@@ -238,7 +247,7 @@ def test_a_forged_brake_is_a_warning_to_the_liars_group() -> None:
     assert len({warn.event_sequence for warn in forged}) == 5  # type: ignore[union-attr]
 
 
-def test_a_liar_signs_with_the_pseudonym_that_its_car_goes_by() -> None:
+def test_an_attacker_signs_with_the_current_pseudonym_of_its_car() -> None:
     rng = np.random.default_rng(1)
     trial = make_trial(["ann"], {psid.LCCA}, UTC_S, key_from(rng), pseudonyms=3)
     air = Air({"what": "forged_brake", "every_s": 1.0}, credentials=trial)
@@ -247,12 +256,12 @@ def test_a_liar_signs_with_the_pseudonym_that_its_car_goes_by() -> None:
     for now, credential in zip((11.2, 15.2), reversed(trial["ann"].pseudonyms), strict=False):
         own.sign_with(credential)
         air.send("ann", own.secure(reply, psid.LCCA, now), psid.LCCA, now)
-        air.heard["ben"].clear()
+        air.received["ben"].clear()
         air.pass_until(now + 3.5)
 
-        said = [ieee1609dot2.decode(wsmp.decode(each).payload) for each in air.heard["ben"]]
-        assert len(said) == 5
-        signers = [each.signer for each in said if isinstance(each, ieee1609dot2.SignedData)]
+        decoded = [ieee1609dot2.decode(wsmp.decode(each).payload) for each in air.received["ben"]]
+        assert len(decoded) == 5
+        signers = [each.signer for each in decoded if isinstance(each, ieee1609dot2.SignedData)]
         certificates = [each[0] for each in signers if isinstance(each, tuple)]
         digests = [each for each in signers if isinstance(each, bytes)]
         assert {each.hashed_id8 for each in certificates} | set(digests) == {
@@ -260,31 +269,31 @@ def test_a_liar_signs_with_the_pseudonym_that_its_car_goes_by() -> None:
         }
 
 
-def test_a_ghost_drives_ahead_brakes_as_a_car_can_and_says_so() -> None:
+def test_a_ghost_car_drives_ahead_brakes_plausibly_and_reports_it() -> None:
     air = Air({"what": "ghost_car", "every_s": 4.0, "ahead_m": 30.0})
     core = CoreData(1, b"real", 1.0, 25.0, 121.0, speed_m_s=15.0, heading_rad=0.0)
-    air.say("ann", bsm.encode(BasicSafetyMessage(core)), psid.BSM, 11.0)
+    air.send_unsecured("ann", bsm.encode(BasicSafetyMessage(core)), psid.BSM, 11.0)
     air.pass_until(19.0)
 
-    said = [bsm.decode(each) for each in air.payloads("ben", psid.BSM)]
-    ghost = [message for message in said if message.core.temporary_id == GHOST_ID]
+    decoded = [bsm.decode(each) for each in air.payloads("ben", psid.BSM)]
+    ghost = [message for message in decoded if message.core.temporary_id == GHOST_ID]
     assert len(ghost) == pytest.approx(80, abs=2)
     assert ghost[0].core.latitude_deg == pytest.approx(25.0 + 30.0 / 111_320.0, abs=1e-6)
-    told = [message.core.speed_m_s for message in ghost]
-    assert min(told) < 4.0
-    assert all(abs(later - sooner) <= 0.7 for sooner, later in pairwise(told))
+    speeds_m_s = [message.core.speed_m_s for message in ghost]
+    assert min(speeds_m_s) < 4.0
+    assert all(abs(later - sooner) <= 0.7 for sooner, later in pairwise(speeds_m_s))
     braking = [m for m in ghost if m.safety and m.safety.events == VehicleEventFlags.HARD_BRAKING]
     assert len(braking) == pytest.approx(40, abs=2)
 
 
-def test_a_replay_is_heard_again_after_its_delay() -> None:
+def test_a_replayed_message_is_received_again_after_its_delay() -> None:
     air = Air({"what": "replay", "delay_s": 3.0})
-    wsm = air.say("ben", b"said once", psid.LCCA, 11.0)
+    wsm = air.send_unsecured("ben", b"sent once", psid.LCCA, 11.0)
     air.pass_until(13.0)
-    assert air.heard == {"ann": [wsm], "ben": []}
+    assert air.received == {"ann": [wsm], "ben": []}
     air.pass_until(20.0)
 
-    assert air.heard == {"ann": [wsm], "ben": [wsm]}
+    assert air.received == {"ann": [wsm], "ben": [wsm]}
 
 
 # ---- the study ----------------------------------------------------------------------------
@@ -294,7 +303,7 @@ def case(fault: str, car: str) -> FaultCase:
     return next(each for each in CASES if (each.fault, each.car) == (fault, car))
 
 
-def test_a_silent_ecu_of_the_braking_car_is_missed_shown_and_recovered_from() -> None:
+def test_a_silent_ecu_of_the_braking_car_is_detected_and_recovered_from() -> None:
     outcome = outcome_of(run_virtual(scenario_of(case("ECU silent", "green"))), "green")
 
     assert (outcome.missed, outcome.missed_after, outcome.false) == (1.0, 0.0, 0)
@@ -304,5 +313,5 @@ def test_a_silent_ecu_of_the_braking_car_is_missed_shown_and_recovered_from() ->
     assert outcome.recovered_s < 5.0
 
 
-def test_every_case_is_a_good_scenario() -> None:
+def test_every_case_is_a_valid_scenario() -> None:
     assert all(scenario_of(each).duration_s > 0.0 for each in CASES)

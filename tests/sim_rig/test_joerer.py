@@ -1,4 +1,4 @@
-"""The crossing study: what the paper states of its figures, on a draw small enough for a test."""
+"""The crossing study: statements of the paper about its figures, on small samples."""
 
 import csv
 from pathlib import Path
@@ -13,7 +13,7 @@ from sim_rig.studies.joerer_criticality import (
     Beacons,
     last_before_unavoidable,
 )
-from sim_rig.studies.joerer_radio import BeaconSettings, arrives
+from sim_rig.studies.joerer_radio import BeaconSettings, is_received
 from sim_rig.studies.joerer_traffic import ApproachOutcome, TrafficSettings, drive
 
 SMALL = JoererSettings(traffic=TrafficSettings(approaches=250, start_m=(60.0, 110.0)))
@@ -24,7 +24,7 @@ def results() -> Results:
     return simulate(SMALL)
 
 
-def test_there_is_something_to_see(results: Results) -> None:
+def test_the_sample_contains_crashes_and_harmless_approaches(results: Results) -> None:
     counts = np.bincount(results.driven.outcome, minlength=3)
 
     assert counts[ApproachOutcome.CRASH] >= 8
@@ -39,10 +39,8 @@ def test_every_crash_reaches_100_percent(results: Results, behaviour: str) -> No
 
 
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
-def test_no_approach_without_crash_is_held_for_unavoidable(
-    results: Results, behaviour: str
-) -> None:
-    """The paper's 40 % holds for all but those that miss each other by little more than 0.4 m."""
+def test_p_c_stays_low_in_approaches_without_crash(results: Results, behaviour: str) -> None:
+    """The paper's limit of 40 % holds, except for cars that pass at little more than 0.4 m."""
     highest = np.nanmax(results.p_c[behaviour], axis=1)[
         results.driven.outcome == ApproachOutcome.NO_CRASH
     ]
@@ -51,11 +49,11 @@ def test_no_approach_without_crash_is_held_for_unavoidable(
     assert highest.max() < 0.45
 
 
-def test_who_keeps_the_rules_does_not_crash(results: Results) -> None:
+def test_cars_that_obey_the_right_of_way_do_not_crash(results: Results) -> None:
     assert (results.driven.outcome[~results.driven.ignores_rules] == ApproachOutcome.NO_CRASH).all()
 
 
-def test_more_beacons_leave_less_to_the_last_moment(results: Results) -> None:
+def test_more_frequent_beacons_give_a_higher_p_c_at_the_last_one(results: Results) -> None:
     medians = [
         np.nanmedian(results.lbu("uniform", interval_s)) for interval_s in (1.0, 0.5, 0.1, 0.04)
     ]
@@ -63,8 +61,8 @@ def test_more_beacons_leave_less_to_the_last_moment(results: Results) -> None:
     assert medians == sorted(medians)
 
 
-def test_cars_that_overlap_crashed_and_others_did_not() -> None:
-    """Against the rectangles at each step of a run that records all of them."""
+def test_a_crash_is_an_overlap_of_the_cars() -> None:
+    """Compared with the rectangles at each step of a run that records all steps."""
     traffic = TrafficSettings(approaches=120, ticks_every=1, start_m=(60.0, 70.0))
     driven = drive(traffic, np.random.default_rng(3))
     half_m = (traffic.length_m + traffic.width_m) / 2
@@ -73,25 +71,25 @@ def test_cars_that_overlap_crashed_and_others_did_not() -> None:
 
     crashed = driven.outcome == ApproachOutcome.CRASH
     assert crashed[overlap].all()
-    assert crashed.sum() - overlap.sum() <= 1  # Touched for less than a step.
+    assert crashed.sum() - overlap.sum() <= 1  # Contact for less than a step.
 
 
 @pytest.mark.parametrize(
-    ("distance_m", "heard"),
+    ("distance_m", "received"),
     [
         ((5.0, 300.0), True),  # Along the road.
-        ((9.0, 9.0), True),  # In front of the houses.
-        ((20.0, 20.0), True),  # 18 dB of walls and almost nothing of house.
+        ((9.0, 9.0), True),  # In front of the buildings.
+        ((20.0, 20.0), True),  # 18 dB of walls and almost no distance inside.
         ((60.0, 60.0), False),
-        ((-60.0, 60.0), False),  # Another corner, another house.
+        ((-60.0, 60.0), False),  # The building at another corner.
     ],
 )
-def test_houses_stand_in_the_way(distance_m: tuple[float, float], heard: bool) -> None:
-    assert arrives(np.array(distance_m), BeaconSettings()) == heard
+def test_buildings_block_beacons(distance_m: tuple[float, float], received: bool) -> None:
+    assert is_received(np.array(distance_m), BeaconSettings()) == received
 
 
-def test_a_wall_and_its_inside_cost_what_table_2_says() -> None:
-    """At 40 m each, the sight goes from wall to wall, from (30, 10) to (10, 30)."""
+def test_the_loss_of_a_building_is_that_of_table_2() -> None:
+    """At 40 m each, the line of sight crosses the building from (30, 10) to (10, 30)."""
     just = BeaconSettings(transmit_power_w=0.025)
     at = np.array((40.0, 40.0))
     apart_m = np.hypot(*at)
@@ -99,8 +97,8 @@ def test_a_wall_and_its_inside_cost_what_table_2_says() -> None:
 
     needed_w = 10 ** ((loss_db - 94.0) / 10) / 1e3
 
-    assert arrives(at, just.model_copy(update={"transmit_power_w": needed_w * 1.001}))
-    assert not arrives(at, just.model_copy(update={"transmit_power_w": needed_w * 0.999}))
+    assert is_received(at, just.model_copy(update={"transmit_power_w": needed_w * 1.001}))
+    assert not is_received(at, just.model_copy(update={"transmit_power_w": needed_w * 0.999}))
 
 
 def test_the_last_beacon_before_unavoidable_is_the_one_before_the_first_at_100_percent() -> None:
@@ -109,16 +107,16 @@ def test_the_last_beacon_before_unavoidable_is_the_one_before_the_first_at_100_p
 
     lbu = last_before_unavoidable(p_c, beacons)
 
-    # Car 1 and car 4 heard of it only when it was too late, car 2 never heard 100 %.
+    # Cars 1 and 4 received only beacons with 100 %, car 2 received none with 100 %.
     assert lbu == pytest.approx([0.6, np.nan, 0.1, np.nan, np.nan, np.nan], nan_ok=True)
 
 
-def test_writes_every_figure_beside_the_papers(tmp_path: Path) -> None:
+def test_all_figures_and_the_papers_values_are_written(tmp_path: Path) -> None:
     tiny = JoererSettings(traffic=TrafficSettings(approaches=60, start_m=(60.0, 80.0)))
 
-    told = run(tmp_path, tiny)
+    summary = run(tmp_path, tiny)
 
-    assert "NO_CRASH" in told
+    assert "NO_CRASH" in summary
     figures = {f"figure{number}.{kind}" for number in range(5, 11) for kind in ("csv", "png")}
     others = {"figure11.png", "table3.csv", "outcomes.csv", "settings.yaml"}
     assert {path.name for path in tmp_path.iterdir()} == figures | others

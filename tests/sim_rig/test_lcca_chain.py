@@ -1,4 +1,4 @@
-"""Chain crashes with and without LCCA, small."""
+"""Chain collisions with and without LCCA, in small campaigns."""
 
 import csv
 from pathlib import Path
@@ -14,18 +14,18 @@ from sim_rig.studies.lcca_chain import ChainSettings, cases, run_one
 SMALL = ChainSettings(cars=(6,), shares=(0.0, 1.0), reaction_medians_s=(1.5,), loss=0.0)
 
 
-def test_who_hears_of_it_crashes_less() -> None:
+def test_warned_platoons_have_less_than_half_of_the_crashes() -> None:
     of_a_seed = len(cases(SMALL))
     rows = [run_one(SMALL, number) for number in range(6 * of_a_seed)]
 
-    without, everybody = rows[::of_a_seed], rows[1::of_a_seed]
+    without, with_radios = rows[::of_a_seed], rows[1::of_a_seed]
 
-    assert sum(row["crashes"] for row in everybody) < sum(row["crashes"] for row in without) / 2
+    assert sum(row["crashes"] for row in with_radios) < sum(row["crashes"] for row in without) / 2
     assert all(row["warned"] == row["warn_messages"] == 0 for row in without)
-    assert all(row["warned"] == 5 for row in everybody)
+    assert all(row["warned"] == 5 for row in with_radios)
 
 
-def test_flooding_takes_a_message_of_each_car() -> None:
+def test_flooding_takes_one_message_from_each_car() -> None:
     row = run_one(SMALL, 1)
 
     assert row["flooding_messages"] == 6 * row["events"]
@@ -36,18 +36,18 @@ def test_the_table_is_written(tmp_path: Path) -> None:
     path = tmp_path / "small.yaml"
     path.write_text("runs: 2\ncars: [5]\nshares: [0.0, 1.0]\nreaction_medians_s: [1.5]\n")
 
-    told = run_study("lcca-chain", tmp_path / "out", path, Workers())
+    summary = run_study("lcca-chain", tmp_path / "out", path, Workers())
 
-    assert told.startswith("5 cars:")
+    assert summary.startswith("5 cars:")
     with (tmp_path / "out/table.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [float(row["share_with_radio"]) for row in rows] == [0.0, 1.0]
     assert float(rows[0]["reduction"]) == pytest.approx(0.0)
 
 
-def test_over_the_channel_warnings_arrive_as_well_and_are_few() -> None:
-    """Nobody is hidden and nothing fades: one message each, and none repeated."""
-    over_channel = SMALL.model_copy(update={"csma": CsmaSettings(), "cars_around": 10})
+def test_over_the_channel_one_message_for_each_event_warns_all_cars() -> None:
+    """Without shadowing and fading no message is lost, so none is repeated."""
+    over_channel = SMALL.model_copy(update={"csma": CsmaSettings(), "background_traffic": 10})
 
     row = run_one(over_channel, 1)
 
@@ -56,9 +56,9 @@ def test_over_the_channel_warnings_arrive_as_well_and_are_few() -> None:
     assert row == run_one(over_channel, 1)
 
 
-def test_who_hears_nobody_on_the_channel_is_not_warned() -> None:
-    deaf = CsmaSettings(tx_power_dbm=-10.0, path_loss=LogDistance(exponent=5.0))
-    over_channel = SMALL.model_copy(update={"csma": deaf})
+def test_cars_out_of_range_on_the_channel_are_not_warned() -> None:
+    weak_radio = CsmaSettings(tx_power_dbm=-10.0, path_loss=LogDistance(exponent=5.0))
+    over_channel = SMALL.model_copy(update={"csma": weak_radio})
 
     row = run_one(over_channel, 1)
 

@@ -1,4 +1,4 @@
-"""Whether what is claimed of cars is right, on roads where that can be said."""
+"""Consistency of the covariances, on roads whose motion model is known."""
 
 import numpy as np
 import pytest
@@ -7,17 +7,17 @@ from sim_rig.studies.mvs_accuracy import BLIND, CENTRALISED, MODELLED, MVS, accu
 from sim_rig.studies.mvs_roads import FreeCars, states_of
 
 
-def test_free_cars_stray_as_white_acceleration_has_it() -> None:
+def test_free_cars_deviate_as_white_acceleration_noise_predicts() -> None:
     road = FreeCars(100, 25.0, 3.0, 2.0, np.random.default_rng(1))
     at_once, later = (states_of(road.cars_at(t)) for t in (0.0, 3.0))
-    strayed = later - at_once
-    strayed[:, :2] -= 3.0 * at_once[:, 2:]
+    deviation = later - at_once
+    deviation[:, :2] -= 3.0 * at_once[:, 2:]
 
     variances = np.tile([2.0 * 3.0**3 / 3.0, 2.0 * 3.0], (2, 1)).T.ravel()
-    assert strayed.var(axis=0) == pytest.approx(variances, rel=0.2)
+    assert deviation.var(axis=0) == pytest.approx(variances, rel=0.2)
 
 
-def test_where_cars_are_what_the_filter_takes_them_for_its_covariances_are_right() -> None:
+def test_covariances_are_consistent_if_cars_move_as_the_filters_model() -> None:
     found = accuracy(MODELLED, 0.15, 0.0, seed=1, seconds=0.5, road=FreeCars).errors
 
     assert len(found[MVS].nees) > 200

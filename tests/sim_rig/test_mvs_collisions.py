@@ -1,4 +1,4 @@
-"""Fig. 9 and Fig. 3 of the MVS paper, small; and what their figures rest on."""
+"""Fig. 9 and Fig. 3 of the MVS paper, in small campaigns, and the functions behind them."""
 
 import csv
 from pathlib import Path
@@ -22,7 +22,7 @@ from sim_rig.studies.mvs_collisions import (
     wilson,
 )
 from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSettings, Method
-from sim_rig.studies.mvs_outcomes import Concerned, CrashOutcome
+from sim_rig.studies.mvs_outcomes import CrashOutcome, CrashPair
 from sim_rig.studies.mvs_scenes import SceneName
 
 ENCOUNTER = EncounterSettings(
@@ -37,10 +37,10 @@ SMALL = CollisionSettings(
 def test_the_interval_is_wilsons(crashes: int, runs: int) -> None:
     p, low, high = wilson(crashes / runs, runs)
 
-    theirs = proportion_confint(crashes, runs, method="wilson")
+    reference = proportion_confint(crashes, runs, method="wilson")
 
     assert p == crashes / runs
-    assert (low, high) == pytest.approx(theirs, abs=1e-4)
+    assert (low, high) == pytest.approx(reference, abs=1e-4)
 
 
 def test_crashes_are_compared_seed_by_seed() -> None:
@@ -55,7 +55,7 @@ def test_crashes_are_compared_seed_by_seed() -> None:
 
 
 def test_every_case_has_the_same_event_for_one_seed() -> None:
-    """Without radios a run is the same whatever else is in the campaign."""
+    """A run without radios does not depend on the other cases of the campaign."""
     of_a_seed = cases(SMALL)
     other = SMALL.model_copy(update={"shares": (0.1, 0.3)})
 
@@ -71,7 +71,7 @@ OTHERS = Crash(5.5, ("bob", "cid"), 8.0)
 
 
 @pytest.mark.parametrize(
-    ("crash", "known", "warned", "equipped", "fate"),
+    ("crash", "known", "warned", "equipped", "outcome"),
     [
         (None, True, True, {"bob"}, CrashOutcome.AVOIDED),
         (OTHERS, True, True, {"bob"}, CrashOutcome.ANOTHER),
@@ -82,18 +82,18 @@ OTHERS = Crash(5.5, ("bob", "cid"), 8.0)
     ],
 )
 def test_a_crash_has_one_fate(
-    crash: Crash | None, known: bool, warned: bool, equipped: set[str], fate: CrashOutcome
+    crash: Crash | None, known: bool, warned: bool, equipped: set[str], outcome: CrashOutcome
 ) -> None:
-    """Ann brakes; Bob behind her is the one who can do something."""
-    concerned = Concerned(CRASH, ["bob"])
+    """Ann brakes; only Bob, behind her, can avoid the crash."""
+    pair = CrashPair(CRASH, ["bob"])
     cars = platoon_of("ann", "bob")
     if known:
-        concerned.receive_known("bob", cars.middle_m[:1] + 1.0, cars)
+        pair.receive_perceived("bob", cars.middle_m[:1] + 1.0, cars)
     if warned:
-        concerned.receive_warning("bob", 3.5)
+        pair.receive_warning("bob", 3.5)
 
-    assert concerned.fate(crash, equipped) is fate
-    assert concerned.before_s() == (3.0 if known else None, 1.5 if warned else None)
+    assert pair.outcome(crash, equipped) is outcome
+    assert pair.lead_times_s() == (3.0 if known else None, 1.5 if warned else None)
 
 
 def platoon_of(*names: str) -> Cars:
@@ -102,16 +102,16 @@ def platoon_of(*names: str) -> Cars:
     return Cars(2.0, names, middle, *np.zeros((3, n)), *np.full((2, n), 2.0))
 
 
-def test_calm_events_are_counted_as_without_radios(tmp_path: Path) -> None:
-    """Nobody has a radio in any of them, so what is not run gives what it would have given."""
+def test_events_that_radios_cannot_change_count_as_without_radios(tmp_path: Path) -> None:
+    """No car has a radio in any of them, so a skipped run has the result of a run."""
     settings = SMALL.model_copy(update={"shares": (0.001,), "methods": (Method.DSRC,)})
-    some = settings.model_copy(update={"calm_every": 100})
+    some = settings.model_copy(update={"unaffected_every": 100})
 
     rows = [run_one(each, number) for each in (settings, some) for number in (1, 3)]
 
     assert [row["weight"] for row in rows] == [1, 1, 0, 0]
     assert [row["crash"] for row in rows[:2]] == [row["crash"] for row in rows[2:]]
-    assert [row["fate"] for row in rows[:2]] == [row["fate"] for row in rows[2:]]
+    assert [row["outcome"] for row in rows[:2]] == [row["outcome"] for row in rows[2:]]
 
 
 def test_figure_9_is_written(tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
         "encounter: {scene: own-crossing, warm_s: 0.5, watched_s: 1.0, near_m: 40.0}\n"
     )
 
-    told = run_study("mvs-figure9", tmp_path / "out", path, Workers())
+    summary = run_study("mvs-figure9", tmp_path / "out", path, Workers())
 
     with (tmp_path / "out/table.csv").open() as file:
         columns = next(file).strip().split(",")
@@ -133,11 +133,11 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
         for method in ("none", "dsrc", "mvs")
     }
     assert (tmp_path / "out/figure.png").read_bytes().startswith(b"\x89PNG")
-    assert told
+    assert summary
 
 
-def test_where_nobody_crashes_nothing_is_said_to_be_reduced(tmp_path: Path) -> None:
-    """A second after a sudden brake nobody has run into the car yet."""
+def test_without_a_crash_no_reduction_is_stated(tmp_path: Path) -> None:
+    """One second after sudden braking no car has reached the braking car."""
     settings = SMALL.model_copy(
         update={
             "kinds": (TrafficEventKind.SUDDEN_BRAKE,),
@@ -154,9 +154,9 @@ def test_figure_3_is_written(tmp_path: Path) -> None:
     encounter = {"scene": "own-crossing", "warm_s": 0.5, "watched_s": 0.5, "near_m": 40.0}
 
     given = {"runs": 1, "shares": [0.1], "encounter": encounter}
-    told = run_study("mvs-figure3", tmp_path, None, Workers(), given)
+    summary = run_study("mvs-figure3", tmp_path, None, Workers(), given)
 
-    assert told.startswith("P(collision)")
+    assert summary.startswith("P(collision)")
     with (tmp_path / "table.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(row["kind"], row["method"]) for row in rows] == [
@@ -166,42 +166,45 @@ def test_figure_3_is_written(tmp_path: Path) -> None:
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_papers_alarm_is_judged_in_the_same_run() -> None:
-    """One runner is heard of; of another nobody hears, and no alarm changes that."""
+def test_the_papers_alarm_is_evaluated_in_the_same_run() -> None:
+    """One red-light runner has a radio; another has none, and no alarm is possible."""
     scene = Encounters(
         ENCOUNTER.model_copy(update={"warm_s": 0.6, "watched_s": 2.5, "near_m": 20.0})
     )
     half = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 0.5)
 
-    heard, unknown = scene.run(half, 6), scene.run(half, 2)
+    equipped_runner, unequipped_runner = scene.run(half, 6), scene.run(half, 2)
 
-    assert heard.known_before_s is not None
-    assert heard.straight_on_before_s is not None
-    assert 0.0 < heard.straight_on_before_s <= heard.known_before_s
-    assert heard.straight_on_crash is None
-    assert heard.straight_on_false > heard.false_warnings
-    assert unknown.fate is CrashOutcome.UNKNOWN
-    assert unknown.straight_on_before_s is None
-    assert unknown.straight_on_crash == unknown.crash
-    assert (heard.straight_on_these_two, unknown.straight_on_these_two) == (False, True)
+    assert equipped_runner.known_before_s is not None
+    assert equipped_runner.paper_alarm_before_s is not None
+    assert 0.0 < equipped_runner.paper_alarm_before_s <= equipped_runner.known_before_s
+    assert equipped_runner.paper_alarm_crash is None
+    assert equipped_runner.paper_alarm_false > equipped_runner.false_warnings
+    assert unequipped_runner.crash_outcome is CrashOutcome.UNKNOWN
+    assert unequipped_runner.paper_alarm_before_s is None
+    assert unequipped_runner.paper_alarm_crash == unequipped_runner.crash
+    assert (equipped_runner.paper_alarm_same_pair, unequipped_runner.paper_alarm_same_pair) == (
+        False,
+        True,
+    )
 
 
-def test_who_will_be_there_has_a_radio_though_he_is_far_when_the_event_begins() -> None:
+def test_a_car_that_reaches_the_event_later_has_a_radio() -> None:
     scene = Encounters(ENCOUNTER.model_copy(update={"near_m": 20.0}))
-    everybody = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 1.0)
+    all_cars = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 1.0)
 
     for seed in range(4):
-        crash, _ = scene.without_radios(everybody, seed)
+        crash, _ = scene.without_radios(all_cars, seed)
         event = scene._event(TrafficEventKind.RED_LIGHT, seed)
         cars = scene.recording.cars_at(event.at_s - ENCOUNTER.warm_s)
-        equipped = scene._equipped(everybody, seed, cars, event)
+        equipped = scene._equipped(all_cars, seed, cars, event)
 
         assert crash is not None
         assert set(crash.names) <= equipped
         assert len(equipped) < len(cars)
 
 
-def test_traffic_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
+def test_traffic_may_be_a_users_file(tmp_path: Path) -> None:
     """Two cars at 15 m/s, 12 m from bumper to bumper."""
     trace = tmp_path / "lane.csv"
     rows = [
@@ -223,10 +226,10 @@ def test_traffic_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
     assert all(row["messages"] for row in rows_of[1:])
 
 
-def test_a_study_of_a_recording_that_is_missing_is_one_of_sumo_to_its_end(
+def test_a_study_whose_recording_is_missing_uses_sumo_throughout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its settings say so; and it does not go on with the recording once that is there."""
+    """Its settings state that, and it does not resume with the recording when that appears."""
     data, out = tmp_path / "data", tmp_path / "out"
     monkeypatch.setenv("RIG_DATA", str(data))
     settings = SMALL.model_copy(
@@ -246,6 +249,6 @@ def test_a_study_of_a_recording_that_is_missing_is_one_of_sumo_to_its_end(
         figure9(out, settings)
 
 
-def test_no_such_traffic_is_said_with_what_there_is(tmp_path: Path) -> None:
+def test_an_unknown_scene_is_an_error_that_lists_the_scenes(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"crossing, .*, city, .*a \.sumocfg, or a trace's file"):
         Encounters(EncounterSettings(scene=tmp_path / "none.csv"))

@@ -1,4 +1,4 @@
-"""Fig. 8 and Table I of the MVS paper, small."""
+"""Fig. 8 and Table I of the MVS paper, in small campaigns."""
 
 import csv
 from pathlib import Path
@@ -48,9 +48,9 @@ def test_figure_8_is_written_with_its_settings(tmp_path: Path) -> None:
         "seeds: 1\nscene: own-crossing\nshares: [0.1]\nentries: [5]\nwarm_s: 0.8\nmeasured_s: 0.2\n"
     )
 
-    told = run_study("mvs-figure8", tmp_path / "out", path, Workers())
+    summary = run_study("mvs-figure8", tmp_path / "out", path, Workers())
 
-    assert "of 1 cells" in told
+    assert "of 1 cells" in summary
     with (tmp_path / "out/table.csv").open() as file:
         rows = {row["method"]: float(row["different_mes"]) for row in csv.DictReader(file)}
     assert rows["mvs"] >= max(rows["mo"], rows["rs"]) > 0.0
@@ -65,25 +65,25 @@ def trace_of_one_car(folder: Path) -> Path:
     return path
 
 
-def test_a_recording_that_ends_before_it_is_looked_at_is_told(tmp_path: Path) -> None:
+def test_a_recording_that_is_too_short_is_an_error(tmp_path: Path) -> None:
     settings = SMALL.model_copy(update={"scene": trace_of_one_car(tmp_path)})
 
-    with pytest.raises(UserError, match=r"one\.csv: ends after 9\.9 s, and .* ask for 241 s"):
+    with pytest.raises(UserError, match=r"one\.csv: ends after 9\.9 s, but .* need 241 s"):
         figure8(tmp_path / "out", settings)
 
 
-def test_who_tells_nothing_does_not_tell_most(tmp_path: Path) -> None:
-    lonely = {"scene": trace_of_one_car(tmp_path), "begin_s": (2.0, 4.0), "shares": (1.0,)}
+def test_a_cell_without_messages_is_not_counted_for_mvs(tmp_path: Path) -> None:
+    one_car = {"scene": trace_of_one_car(tmp_path), "begin_s": (2.0, 4.0), "shares": (1.0,)}
 
-    told = figure8(tmp_path / "out", SMALL.model_copy(update=lonely))
+    summary = figure8(tmp_path / "out", SMALL.model_copy(update=one_car))
 
-    assert told == "MVS tells most in 0 of 1 cells (paper: in all)"
+    assert summary == "MVS delivers most in 0 of 1 cells (paper: in all)"
 
 
-def test_table_1_with_a_setting_of_ones_own_is_table_1_still(tmp_path: Path) -> None:
-    lonely = {"scene": str(trace_of_one_car(tmp_path)), "begin_s": [2.0, 4.0], "seeds": 1}
+def test_table_1_with_a_users_setting_keeps_its_other_settings(tmp_path: Path) -> None:
+    one_car = {"scene": str(trace_of_one_car(tmp_path)), "begin_s": [2.0, 4.0], "seeds": 1}
 
-    run_study("mvs-table1", tmp_path / "out", None, Workers(), lonely | {"shares": [1.0]})
+    run_study("mvs-table1", tmp_path / "out", None, Workers(), one_car | {"shares": [1.0]})
 
     assert len((tmp_path / "out/runs/runs.jsonl").read_text().splitlines()) == 1
 
@@ -91,9 +91,9 @@ def test_table_1_with_a_setting_of_ones_own_is_table_1_still(tmp_path: Path) -> 
 def test_table_1_reuses_no_measurement(tmp_path: Path) -> None:
     settings = Table1Settings.model_validate(SMALL.model_dump() | {"methods": (Selection.MVS,)})
 
-    told = table1(tmp_path, settings)
+    summary = table1(tmp_path, settings)
 
-    assert told.endswith("fused state: 0")
+    assert summary.endswith("fused state: 0")
     row = run_one(settings, 0)
     assert row["reused_mvs"] == 0.0
     assert row["selected_rs"] >= row["selected_mvs"] >= 1.0

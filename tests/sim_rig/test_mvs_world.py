@@ -1,4 +1,4 @@
-"""The studies' world: footers may travel as values, since nothing else changes by it."""
+"""The studies' world: footers passed as decoded values give the same results as bytes."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ SETTINGS = MvsSettings(sensing=SensingSettings(face_to_centre_m=0.0, face_to_cen
 
 
 class Doubled:
-    """Two fresh cores of one car, the second of which gets every footer as bytes."""
+    """Two new cores of one car; the second receives every footer as bytes."""
 
     def __init__(self, own_id: bytes, world: MvsWorld) -> None:
         self.world = world
@@ -35,7 +35,7 @@ class Doubled:
         return call
 
 
-def test_a_core_knows_the_same_from_footers_as_values_and_as_bytes() -> None:
+def test_a_core_computes_the_same_from_decoded_footers_and_from_bytes() -> None:
     road = SixLaneRoad(4, 25.0, 2.0, 1.0, np.random.default_rng(1))
     world = MvsWorld(road, set(road.names[::3]), WorldSettings(loss=0.2), SETTINGS, seed=1)
     world.tick()
@@ -51,7 +51,7 @@ def test_a_core_knows_the_same_from_footers_as_values_and_as_bytes() -> None:
     assert known == doubled.twin.kinematic_info(world.now)
 
 
-def test_a_lost_message_reaches_nobody_and_no_radio_is_no_core() -> None:
+def test_a_lost_message_has_no_receivers_and_a_car_without_radio_has_no_core() -> None:
     road = SixLaneRoad(2, 25.0, 1.0, 1.0, np.random.default_rng(1))
     world = MvsWorld(road, set(road.names[:4]), WorldSettings(loss=1.0), SETTINGS, seed=1)
     world.tick()
@@ -61,20 +61,22 @@ def test_a_lost_message_reaches_nobody_and_no_radio_is_no_core() -> None:
     assert all(sent.receivers == () for sent in world.sent)
 
 
-def test_over_the_channel_the_near_hear_and_the_far_do_not() -> None:
+def test_over_the_channel_near_cars_receive_and_far_cars_do_not() -> None:
     road = SixLaneRoad(2, 25.0, 3.0, 1.0, np.random.default_rng(1))
     near = WorldSettings(csma=CsmaSettings())
     world = MvsWorld(road, set(road.names[::2]), near, SETTINGS, seed=1)
     for _ in range(10):
         world.tick()
-    heard = {sent.sender: set(sent.receivers) for sent in world.sent}
+    receivers_of = {sent.sender: set(sent.receivers) for sent in world.sent}
 
-    assert len(heard) >= 5
-    assert all(receivers == set(world.cores) - {sender} for sender, receivers in heard.items())
+    assert len(receivers_of) >= 5
+    assert all(
+        receivers == set(world.cores) - {sender} for sender, receivers in receivers_of.items()
+    )
     assert len(world.cores[road.names[0]].kinematic_info(world.now)) > len(world.cores)
 
-    deaf = CsmaSettings(tx_power_dbm=-10.0, path_loss=LogDistance(exponent=5.0))
-    far = near.model_copy(update={"csma": deaf})
-    faint = MvsWorld(road, set(road.names[::2]), far, SETTINGS, seed=1)
-    faint.tick()
-    assert all(len(sent.receivers) < len(faint.cores) - 1 for sent in faint.sent)
+    weak_radio = CsmaSettings(tx_power_dbm=-10.0, path_loss=LogDistance(exponent=5.0))
+    far = near.model_copy(update={"csma": weak_radio})
+    weak = MvsWorld(road, set(road.names[::2]), far, SETTINGS, seed=1)
+    weak.tick()
+    assert all(len(sent.receivers) < len(weak.cores) - 1 for sent in weak.sent)

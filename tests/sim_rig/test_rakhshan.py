@@ -1,4 +1,4 @@
-"""The studies of driver-based access, small; and their fast sums against the plain formulas."""
+"""The studies of driver-based access on small samples, and their vectorised sums."""
 
 import csv
 from pathlib import Path
@@ -48,10 +48,10 @@ def read_table(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_one_drop_lane_by_lane_with_the_plain_formulas() -> None:
+def test_the_vectorised_sum_equals_the_formulas_lane_by_lane() -> None:
     settings = RakhshanHighwaySettings(lanes=2, cars_per_lane=6)
     one = drops(settings, 1)
-    unsafe = one.danger[0] > settings.unsafe_threshold
+    unsafe = one.crash_probability[0] > settings.unsafe_threshold
     assert unsafe.any()
     assert not unsafe.all()
     access = np.where(unsafe, 0.2, 0.03)
@@ -73,7 +73,7 @@ def test_one_drop_lane_by_lane_with_the_plain_formulas() -> None:
     assert part == collisions / 10
 
 
-def test_cars_that_brake_alike_may_lag_by_their_headways() -> None:
+def test_with_equal_decelerations_the_tolerable_lag_is_the_headway() -> None:
     settings = RakhshanHighwaySettings(deceleration_low_m_s2=5.0, deceleration_high_m_s2=5.0)
     some = drops(settings)
 
@@ -82,38 +82,42 @@ def test_cars_that_brake_alike_may_lag_by_their_headways() -> None:
     assert some.lag_s[..., 1:] == pytest.approx(gap_m / settings.speed_m_s)
 
 
-def test_danger_is_how_often_a_driver_without_radio_would_collide() -> None:
-    """The decelerations, summed over points here, are drawn there."""
+def test_the_crash_probability_is_the_share_of_drivers_without_radio_that_collide() -> None:
+    """The probability integrates over decelerations; the drops draw them."""
     settings = RakhshanHighwaySettings()
     some = drops(settings, 2000)
 
     hits = some.reaction_s[..., 1:] > some.lag_s[..., 1:]
 
-    danger = some.danger[..., 1:]
+    probability = some.crash_probability[..., 1:]
     for low in (0.0, 0.2, 0.4, 0.6, 0.8):
-        within = (danger >= low) & (danger < low + 0.2)
+        within = (probability >= low) & (probability < low + 0.2)
         standard_error = 0.5 / np.sqrt(within.sum())
-        assert hits[within].mean() == pytest.approx(danger[within].mean(), abs=4 * standard_error)
+        assert hits[within].mean() == pytest.approx(
+            probability[within].mean(), abs=4 * standard_error
+        )
 
 
-def test_no_access_is_better_than_knowing_at_once_and_none_is_as_bad_as_none() -> None:
+def test_collisions_lie_between_those_of_a_perfect_radio_and_of_brake_lights() -> None:
     some = drops(RakhshanHighwaySettings(), 100)
     access = np.array([1e-9, 0.03])
 
-    silent, talking = np.diagonal(collided(RakhshanHighwaySettings(), some, access, access)).T
+    without_access, with_access = np.diagonal(
+        collided(RakhshanHighwaySettings(), some, access, access)
+    ).T
 
-    assert np.array_equal(silent, collided_without_radio(some))
-    assert collided_with_perfect_radio(some).mean() <= talking.mean() < silent.mean()
+    assert np.array_equal(without_access, collided_without_radio(some))
+    assert collided_with_perfect_radio(some).mean() <= with_access.mean() < without_access.mean()
 
 
-def test_slots_out_of_step_serve_worse() -> None:
+def test_asynchronous_slots_cause_more_collisions() -> None:
     access = np.array([0.1])
-    in_step, out_of_step = (
+    synchronous, asynchronous = (
         collided(settings, drops(settings, 100), access, access).mean()
         for settings in (RakhshanHighwaySettings(), RakhshanHighwaySettings(synchronous=False))
     )
 
-    assert in_step < out_of_step
+    assert synchronous < asynchronous
 
 
 @pytest.mark.parametrize("spacing", list(Spacing))
@@ -125,7 +129,7 @@ def test_gaps_have_their_mean(spacing: Spacing) -> None:
     assert gap_m.min() >= settings.least_gap_m - 1e-9
 
 
-def test_reduction_has_an_interval_that_holds_the_truth() -> None:
+def test_the_interval_of_a_reduction_contains_the_true_value() -> None:
     rng = np.random.default_rng(5)
     inside = 0
     for _ in range(200):
@@ -143,7 +147,7 @@ def test_mean_and_half_interval() -> None:
     assert (mean[0], error[0]) == pytest.approx((2.0, 1.96 / np.sqrt(3)))
 
 
-def test_figure_9_is_best_between_silence_and_noise(tmp_path: Path) -> None:
+def test_figure_9_has_its_maximum_at_a_medium_access_probability(tmp_path: Path) -> None:
     rakhshan.figure9(tmp_path)
 
     table = read_table(tmp_path)
@@ -153,14 +157,14 @@ def test_figure_9_is_best_between_silence_and_noise(tmp_path: Path) -> None:
     assert max(far) > max(float(row["sap_car_9"]) for row in table)
 
 
-def test_figure_10_finds_that_tailoring_hardly_helps(tmp_path: Path) -> None:
-    """The paper says 25 %. If all knew at once, not two percent would be saved."""
+def test_figure_10_shows_hardly_a_gain_of_driver_based_access(tmp_path: Path) -> None:
+    """The paper states 25 %. A radio without delay would not save two percent."""
     rakhshan.figure10(tmp_path, SMALL)
 
     assert len(read_table(tmp_path)) == len(SMALL.access) ** 2
     found = gain(SMALL, simulate(SMALL))
-    assert found.all_at_once < 0.02
-    assert found.reduction - found.error <= found.all_at_once
+    assert found.perfect_radio < 0.02
+    assert found.reduction - found.error <= found.perfect_radio
 
 
 def test_figure_11_is_low_near_the_papers_optimum(tmp_path: Path) -> None:
@@ -181,28 +185,28 @@ def test_the_same_seed_gives_the_same_table(tmp_path: Path) -> None:
     assert read_table(tmp_path / "a") == read_table(tmp_path / "b")
 
 
-def test_labels_by_lot_keep_their_number() -> None:
-    by_danger, by_lot = simulate(SMALL), simulate(SMALL, shuffled=True)
+def test_random_labels_keep_the_number_of_unsafe_cars() -> None:
+    labelled, shuffled = simulate(SMALL), simulate(SMALL, shuffled=True)
 
-    assert by_danger.unsafe_share == by_lot.unsafe_share
-    assert np.array_equal(by_danger.without_radio, by_lot.without_radio)
+    assert labelled.unsafe_share == shuffled.unsafe_share
+    assert np.array_equal(labelled.without_radio, shuffled.without_radio)
 
 
-def test_sensitivity_tries_every_variant_by_danger_and_by_lot(tmp_path: Path) -> None:
+def test_sensitivity_runs_every_variant_with_both_kinds_of_labels(tmp_path: Path) -> None:
     rakhshan.sensitivity(tmp_path, RakhshanSettings(drops=4, access=(0.01, 0.05)))
 
     assert len(read_table(tmp_path)) == 2 * len(rakhshan.VARIANTS)
 
 
-def test_too_few_drivers_make_no_population() -> None:
+def test_too_few_drivers_are_an_error() -> None:
     few = DriversSettings(drivers=40, reactions=10)
-    seen = simulate_reactions(DEFAULT_POPULATION, few, np.random.default_rng(1))
+    observed = simulate_reactions(DEFAULT_POPULATION, few, np.random.default_rng(1))
 
     with pytest.raises(RuntimeError, match="more drivers"):
-        fit_population(seen)
+        fit_population(observed)
 
 
-def test_the_population_is_found_again_in_its_drivers(tmp_path: Path) -> None:
+def test_the_fit_recovers_the_population(tmp_path: Path) -> None:
     rakhshan_drivers.figure6(tmp_path, DriversSettings(drivers=150, reactions=15))
 
     fitted = {row["parameter"]: float(row["fitted"]) for row in read_table(tmp_path)}
@@ -212,7 +216,7 @@ def test_the_population_is_found_again_in_its_drivers(tmp_path: Path) -> None:
     assert fitted["sigma_squared"] == pytest.approx(0.25**2, rel=0.1)
 
 
-def test_a_slow_driver_is_told_from_the_population(tmp_path: Path) -> None:
+def test_a_slow_drivers_estimate_moves_away_from_the_population(tmp_path: Path) -> None:
     rakhshan_drivers.figure7(tmp_path, DriversSettings(drivers=100))
 
     medians_s = {row["distribution"]: float(row["median_s"]) for row in read_table(tmp_path)}
@@ -228,7 +232,7 @@ def test_every_study_can_be_found(name: str) -> None:
     assert callable(find_study(name))
 
 
-def test_one_command_makes_a_figure(tmp_path: Path) -> None:
+def test_one_command_writes_a_figure(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["study", "rakhshan-figure9", "--out", str(tmp_path)])
 
     assert done.exit_code == 0
@@ -237,6 +241,6 @@ def test_one_command_makes_a_figure(tmp_path: Path) -> None:
     assert written == {"table.csv", "figure.png", "settings.yaml"}
 
 
-def test_a_study_that_there_is_not_names_those_there_are() -> None:
+def test_an_unknown_study_is_an_error_that_lists_the_studies() -> None:
     with pytest.raises(UserError, match="rakhshan-figure10"):
         find_study("rakhshan-figure99")

@@ -1,4 +1,4 @@
-"""The news of braking comes by radio, by reacting relays, and by brake lights."""
+"""Cars are informed of braking by radio, by relays and by brake lights."""
 
 from itertools import combinations
 
@@ -11,7 +11,7 @@ from sim_rig.studies.rakhshan_chain import lane_links, reception_delay_s, withou
 SLOT_S = 0.000_222
 
 
-def test_links_are_those_to_cars_that_do_not_see_the_brake_lights() -> None:
+def test_links_lead_to_cars_that_do_not_see_the_brake_lights() -> None:
     sender, receiver = lane_links(5)
 
     assert set(zip(sender.tolist(), receiver.tolist(), strict=True)) == {
@@ -37,13 +37,13 @@ def test_delay_is_the_shortest_path_of_radio_and_reactions() -> None:
     assert delay_s == pytest.approx([shortest[i] for i in range(cars)])
 
 
-def test_without_radio_each_waits_for_all_reactions_ahead() -> None:
+def test_without_radio_the_delay_is_the_sum_of_the_reaction_times_ahead() -> None:
     delay_s = without_radio_s(np.array([9.0, 1.0, 2.0, 4.0]))
 
     assert delay_s.tolist() == [0.0, 0.0, 1.0, 3.0]
 
 
-def test_radio_that_never_gets_through_is_no_worse_than_none() -> None:
+def test_a_radio_without_reception_has_the_delay_of_brake_lights() -> None:
     reaction_s = np.array([0.0, 1.0, 1.5, 0.7, 2.0])
     never = np.full(len(lane_links(5).sender), np.inf)
 
@@ -52,7 +52,7 @@ def test_radio_that_never_gets_through_is_no_worse_than_none() -> None:
     )
 
 
-def test_many_lanes_at_once() -> None:
+def test_lanes_are_vectorised() -> None:
     rng = np.random.default_rng(2)
     slots = rng.uniform(50.0, 5000.0, (3, 4, len(lane_links(6).sender)))
     reaction_s = rng.uniform(0.3, 2.0, (3, 1, 6))

@@ -1,4 +1,4 @@
-"""Each formula against a slot-by-slot simulation of the same assumptions."""
+"""Each formula compared with a slot-by-slot simulation of the same assumptions."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ SLOTS = 200_000
 
 
 def received(sender: int, receiver: int, *, slots: int = SLOTS, seed: int = 1) -> np.ndarray:
-    """In which slots a packet would get through, if it is sent and listened to."""
+    """(slots,) whether a packet would be received if the sender sends and the receiver listens."""
     rng = np.random.default_rng(seed)
     sends = rng.uniform(size=(slots, len(ACCESS))) < ACCESS
     sends[:, [sender, receiver]] = False
@@ -44,13 +44,13 @@ def test_theorem_1(link: int) -> None:
     assert formula == pytest.approx(simulated, abs=3 * standard_error)
 
 
-def test_slots_needed_is_the_mean_wait_until_sent_heard_and_received() -> None:
+def test_slots_needed_is_the_mean_waiting_time_until_reception() -> None:
     sender, receiver = 0, 2
     rng = np.random.default_rng(2)
-    through = received(sender, receiver, seed=3)
-    through &= rng.uniform(size=SLOTS) < ACCESS[sender]
-    through &= rng.uniform(size=SLOTS) >= ACCESS[receiver]
-    waits = np.diff(np.flatnonzero(through))
+    is_received = received(sender, receiver, seed=3)
+    is_received &= rng.uniform(size=SLOTS) < ACCESS[sender]
+    is_received &= rng.uniform(size=SLOTS) >= ACCESS[receiver]
+    waits = np.diff(np.flatnonzero(is_received))
 
     success = packet_success(POSITION_M, ACCESS, LINKS, CHANNEL)[0]
     formula = slots_needed(success, ACCESS[sender], ACCESS[receiver])
@@ -67,7 +67,7 @@ def test_success_after_d_opportunities() -> None:
     assert success_after(slots, np.array(30.0))[0] == pytest.approx(simulated, abs=0.007)
 
 
-def test_slots_that_are_not_synchronised_meet_an_interferer_twice() -> None:
+def test_an_interferer_overlaps_two_asynchronous_slots() -> None:
     rng = np.random.default_rng(5)
     p = 0.2
     overlaps = (rng.uniform(size=(200_000, 2)) < p).any(axis=1).mean()
@@ -79,7 +79,7 @@ def test_the_papers_packet_fills_an_opportunity_in_222_us() -> None:
     assert opportunities(np.array(0.1), data_rate_mbit_s=9.0, packet_bytes=250) == 450
 
 
-def test_a_chain_alone_loses_nothing_and_a_car_beside_the_receiver_everything() -> None:
+def test_two_cars_lose_nothing_and_a_third_car_at_the_receiver_destroys_every_overlap() -> None:
     pair = SlottedLinks(np.array([0]), np.array([1]))
     two = packet_success(np.array([0.0, 30.0]), np.array([0.5, 0.5]), pair, CHANNEL)
     beside = packet_success(np.array([0.0, 30.0, 30.0]), np.array([0.5, 0.5, 0.25]), pair, CHANNEL)
@@ -88,7 +88,7 @@ def test_a_chain_alone_loses_nothing_and_a_car_beside_the_receiver_everything() 
     assert beside[0] == 0.75, "only when the car beside is silent"
 
 
-def test_many_chains_and_probabilities_at_once_are_what_each_is_alone() -> None:
+def test_chains_and_probabilities_are_vectorised() -> None:
     rng = np.random.default_rng(6)
     positions = np.sort(rng.uniform(0.0, 200.0, (7, 1, 6)), axis=-1)
     access = rng.uniform(0.0, 0.5, (5, 6))
@@ -102,15 +102,17 @@ def test_many_chains_and_probabilities_at_once_are_what_each_is_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("position_m", "access", "told"),
+    ("position_m", "access", "message"),
     [
         ([0.0, 10.0], [0.5, 1.5], "probabilities are 0 to 1"),
         ([0.0, 10.0], [-0.1, 0.5], "probabilities are 0 to 1"),
-        ([5.0, 5.0], [0.5, 0.5], "must not be in one place"),
+        ([5.0, 5.0], [0.5, 0.5], "must not have the same position"),
     ],
 )
-def test_nonsense_is_refused(position_m: list[float], access: list[float], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_invalid_arguments_are_an_error(
+    position_m: list[float], access: list[float], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
         packet_success(
             np.array(position_m),
             np.array(access),

@@ -1,4 +1,4 @@
-"""Settings of studies that cannot be meant are told before anything runs."""
+"""Invalid settings of studies are errors before anything runs."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from sim_rig.studies.mvs_encounter import Method
 
 
 @pytest.mark.parametrize(
-    ("study", "given", "told"),
+    ("study", "given", "message"),
     [
         ("lcca-chain", {"shares": []}, "shares: must be at least one"),
         ("lcca-chain", {"shares": [0.5, 0.5]}, "shares: must each stand there once"),
@@ -36,17 +36,17 @@ from sim_rig.studies.mvs_encounter import Method
         ("mvs-figure8", {"entries": [-5]}, "entries.0: Input should be greater than or equal to 0"),
         ("mvs-figure8", {"begin_s": [240, 60]}, "begin_s: must be the lesser and the greater"),
         ("rakhshan-csma", {"intervals_s": [0]}, "intervals_s.0: Input should be greater than 0"),
-        ("faults", {"cases": ["deaf"]}, "cases.0: no fault 'deaf'; there are: "),
+        ("faults", {"cases": ["unknown"]}, "cases.0: no fault 'unknown'; there are: "),
         ("faults", {"seeds": [-1]}, "seeds.0: Input should be greater than or equal to 0"),
     ],
 )
-def test_what_cannot_be_meant_is_told(
-    tmp_path: Path, study: str, given: dict[str, object], told: str
+def test_invalid_settings_are_an_error(
+    tmp_path: Path, study: str, given: dict[str, object], message: str
 ) -> None:
     with pytest.raises(UserError) as error:
         run_study(study, tmp_path, None, Workers(), given)
 
-    assert told in str(error.value)
+    assert message in str(error.value)
     assert not list(tmp_path.iterdir())
 
 

@@ -1,8 +1,8 @@
-"""The alarm of the MVS paper, as we read it: whatever is on the way is a potential collision.
+"""The alarm of the MVS paper, as we read it: every car on the path is a potential collision.
 
 "A DSRC-vehicle triggers an alert whenever it detects potential collision", from the states of both
-cars (section V-C); the paper counts no false alarms. Here it is judged beside our own alarm, in the
-same runs, and a crash is played again with drivers who are warned by it.
+cars (section V-C); the paper counts no false alarms. The studies evaluate it beside our own alarms
+in the same runs, and simulate each crash once more with the drivers that it warns.
 """
 
 import math
@@ -15,23 +15,34 @@ from onboard.risk.settings import RiskSettings
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import first_crash
 
-_STANDS_M_S = 1.0
-"""A slower car has no course, and is in the way as well."""
+_STANDING_M_S = 1.0
+"""A slower car needs no course to be an obstacle."""
 
 
-def touched_straight_on(
+def paper_alarm(
     own: PerceivedObject,
     cars: list[PerceivedObject],
     own_size_m: tuple[float, float],
     settings: RiskSettings,
     within_s: float,
 ) -> PerceivedObject | None:
-    """Who is touched first if all keep speed and course; `None` if nobody is within that time."""
+    """Find the first car that is hit if all cars keep speed and course.
+
+    Args:
+        own: the host vehicle.
+        cars: its perceived objects.
+        own_size_m: length and width of the host vehicle.
+        settings: size of other vehicles, and limits on age and course.
+        within_s: prediction horizon.
+
+    Returns:
+        The car that is hit, or None if there is no contact within the horizon.
+    """
     others = [
         car
         for car in cars
         if car.age_s <= settings.ima.oldest_s
-        and (math.hypot(*car.state[2:]) < _STANDS_M_S or has_course(car, settings.ima))
+        and (math.hypot(*car.state[2:]) < _STANDING_M_S or has_course(car, settings.ima))
         and _comes_near(own, car, own_size_m, settings, within_s)
     ]
     if not others:
@@ -39,7 +50,7 @@ def touched_straight_on(
     states = np.array([car.state for car in (own, *others)])
     n = len(others)
 
-    def straight_on(after_s: float) -> Cars:
+    def constant_velocity(after_s: float) -> Cars:
         return Cars(
             after_s,
             ("own", *map(str, range(n))),
@@ -52,12 +63,14 @@ def touched_straight_on(
         )
 
     crash = first_crash(
-        straight_on(0.0), straight_on(within_s), lambda one, other: "own" in (one, other)
+        constant_velocity(0.0),
+        constant_velocity(within_s),
+        lambda one, other: "own" in (one, other),
     )
     if crash is None:
         return None
-    (touched,) = (name for name in crash.names if name != "own")
-    return others[int(touched)]
+    (hit,) = (name for name in crash.names if name != "own")
+    return others[int(hit)]
 
 
 def _comes_near(
@@ -67,7 +80,7 @@ def _comes_near(
     settings: RiskSettings,
     within_s: float,
 ) -> bool:
-    """Whether the circles around both cars meet within that time."""
+    """Whether the circumscribed circles of both cars touch within that time."""
     apart, closing = np.subtract(car.state, own.state).reshape(2, 2)
     speed2 = float(closing @ closing)
     nearest_s = min(max(-float(apart @ closing) / speed2, 0.0), within_s) if speed2 else 0.0

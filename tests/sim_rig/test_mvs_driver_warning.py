@@ -1,4 +1,4 @@
-"""When a driver of the studies is warned, and of whom."""
+"""Warnings of the studies' drivers, and the paper's alarm."""
 
 import math
 from itertools import cycle
@@ -8,8 +8,8 @@ import pytest
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.risk.alarm import Cause
 from onboard.risk.settings import RiskSettings
-from sim_rig.studies.mvs_straight_on import touched_straight_on
-from sim_rig.studies.mvs_warner import Warned, Warner
+from sim_rig.studies.mvs_driver_warning import DriverWarning, WarningModel
+from sim_rig.studies.mvs_paper_alarm import paper_alarm
 
 SPEED_M_S = 15.0
 
@@ -34,77 +34,75 @@ def car(
     )  # fmt: skip
 
 
-def each_tick(*leads: PerceivedObject, braking_m_s2: float = 0.0) -> list[Warned | None]:
+def each_tick(*leads: PerceivedObject, braking_m_s2: float = 0.0) -> list[DriverWarning | None]:
     """0.8 s at nearly the same gap, judged ten times a second.
 
-    Of several `leads`, which is one car, each is what is believed of it in a tick, in turn.
+    Several `leads` are estimates of one car, used in turn.
     """
-    warner = Warner(RiskSettings(), 4.5, 1.8)
+    model = WarningModel(RiskSettings(), 4.5, 1.8)
     speeds_m_s = [SPEED_M_S - braking_m_s2 * step / 10 for step in range(8)]
     return [
-        warner.assess(car("own", 0.0, speed_m_s), [lead], speed_m_s, step / 10)
+        model.assess(car("own", 0.0, speed_m_s), [lead], speed_m_s, step / 10)
         for step, (speed_m_s, lead) in enumerate(zip(speeds_m_s, cycle(leads), strict=False))
     ]
 
 
-def drive_up_to(lead: PerceivedObject) -> Warned | None:
-    """What the driver is told at the end."""
+def drive_up_to(lead: PerceivedObject) -> DriverWarning | None:
+    """The warning at the end."""
     return each_tick(lead)[-1]
 
 
-def test_a_standing_car_close_ahead_is_warned_of() -> None:
+def test_a_standing_car_close_ahead_raises_a_warning() -> None:
     warned = drive_up_to(car("lead", 35.0, 0.0))
 
     assert warned is not None
-    assert (warned.cause, warned.of.name) == (Cause.FCW, "lead")
+    assert (warned.cause, warned.target.name) == (Cause.FCW, "lead")
 
 
-def test_a_speed_that_swings_for_one_tick_is_not_warned_of() -> None:
-    """As in the car, which waits for a second picture (`confirm_s`)."""
+def test_a_wrong_speed_in_a_single_tick_raises_no_warning() -> None:
+    """As in the car, which waits for a second image (`confirm_s`)."""
     as_it_is, for_a_tick = car("lead", 18.0, SPEED_M_S), car("lead", 18.0, SPEED_M_S - 6.0)
 
     assert drive_up_to(for_a_tick) is not None
     assert not any(each_tick(as_it_is, as_it_is, as_it_is, for_a_tick))
 
 
-def test_a_speed_that_is_still_settling_counts_for_less() -> None:
+def test_an_uncertain_closing_speed_is_reduced() -> None:
     assert drive_up_to(car("lead", 18.0, SPEED_M_S - 6.0)) is not None
     assert drive_up_to(car("lead", 18.0, SPEED_M_S - 6.0, sigma_m_s=3.5)) is None
 
 
-def test_who_brakes_hard_enough_is_told_nothing() -> None:
-    """Not at first either, when it is not known yet whether he brakes."""
+def test_a_car_that_brakes_hard_enough_is_not_warned() -> None:
+    """Nor at the start, when its own deceleration is not known yet."""
     assert not any(each_tick(car("lead", 35.0, 0.0), braking_m_s2=6.0))
 
 
-def test_what_a_car_says_of_its_own_braking_counts() -> None:
+def test_the_braking_that_a_remote_vehicle_reports_counts() -> None:
     assert drive_up_to(car("lead", 22.0, SPEED_M_S)) is None
     assert drive_up_to(car("lead", 22.0, SPEED_M_S, acceleration_m_s2=-7.0)) is not None
 
 
-def touched(*others: PerceivedObject, within_s: float = 10.0) -> str | None:
+def alarm_target(*others: PerceivedObject, within_s: float = 10.0) -> str | None:
     own = car("own", 0.0, SPEED_M_S)
-    of = touched_straight_on(own, list(others), (4.5, 1.8), RiskSettings(), within_s)
-    return None if of is None else of.name
+    target = paper_alarm(own, list(others), (4.5, 1.8), RiskSettings(), within_s)
+    return None if target is None else target.name
 
 
 @pytest.mark.parametrize(("within_s", "name"), [(2.5, None), (4.0, "other"), (10.0, "other")])
-def test_the_papers_alarm_is_of_who_would_be_touched_straight_on(
-    within_s: float, name: str | None
-) -> None:
-    """Both are 3 s from where their ways cross."""
+def test_the_papers_alarm_is_of_who_would_be_paper_alarm(within_s: float, name: str | None) -> None:
+    """Both are 3 s from where their paths cross."""
     crossing = car("other", 45.0, SPEED_M_S, north_m=-45.0, course_rad=math.pi / 2)
 
-    assert touched(crossing, within_s=within_s) == name
+    assert alarm_target(crossing, within_s=within_s) == name
 
 
-def test_the_papers_alarm_is_of_the_first_and_of_nobody_who_passes() -> None:
+def test_the_papers_alarm_is_for_the_first_hit_and_not_for_passing_cars() -> None:
     slow = car("slow", 60.0, SPEED_M_S - 8.0)
     standing = car("standing", 80.0, 0.1)
     beside = car("beside", 30.0, SPEED_M_S - 8.0, north_m=3.5)
     ahead = car("ahead", 20.0, SPEED_M_S + 1.0)
-    unsure = car("unsure", 15.0, SPEED_M_S - 8.0, sigma_m_s=3.0)
+    uncertain = car("uncertain", 15.0, SPEED_M_S - 8.0, sigma_m_s=3.0)
 
-    assert touched(standing, beside, slow, ahead, unsure) == "standing"
-    assert touched(beside, ahead) is None
-    assert touched() is None
+    assert alarm_target(standing, beside, slow, ahead, uncertain) == "standing"
+    assert alarm_target(beside, ahead) is None
+    assert alarm_target() is None
