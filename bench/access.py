@@ -15,7 +15,6 @@ from bench import Figure
 from onboard.access.adaptation import AccessAdaptation
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.access.rear_end import tolerable_lag_s
-from onboard.access.settings import AccessSettings
 from onboard.observations import Lead, LeadIdentity, Speed
 from sim_rig.studies.rakhshan_highway import Drops, RakhshanHighwaySettings, collided, draw
 from sim_rig.studies.rakhshan_slotted import from_db, slot_s
@@ -57,7 +56,7 @@ def measure() -> Iterator[Figure]:
 
 
 def _on_board() -> Iterator[Figure]:
-    core = AccessAdaptation(AccessSettings(enabled=True), DriverModel(DEFAULT_POPULATION))
+    core = AccessAdaptation(DriverModel(DEFAULT_POPULATION))
     core.receive_speed(Speed(0.0, 20.0, 0.28, "bench"))
     lead = Lead(0.0, LeadIdentity.UNKNOWN, None, 20.0, 0.5, 1.0, 0.1)
 

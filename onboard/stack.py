@@ -113,7 +113,7 @@ class Stack:
             config.mvs, self._who.temporary_id, rng, self._security.utc_offset_s
         )
         self._access = (
-            AccessAdaptation(config.access, driver or DriverModel(DEFAULT_POPULATION))
+            AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION))
             if config.access.enabled
             else None
         )

@@ -219,7 +219,7 @@ class VmTest:
         with self._timed("doctor"):
             command = "runuser -u onboard -- onboard doctor --json --patience 15"
             answer = machine.run(command, check=False)
-        found = {each["subject"]: each["verdict"] for each in json.loads(answer.output)}
+        found = {each["subject"]: each["level"] for each in json.loads(answer.output)}
         if found != expected:
             self._failures.append(f"doctor: {answer.output}")
 

@@ -1,10 +1,11 @@
-"""How often this car talks, from how dangerous its driver's following is (section II-B).
+"""Adapts the BSM interval to the driver's crash probability (section II-B).
 
-With each look at the car ahead the collision probability is worked out anew, by physics alone, and
-decides how often the car talks until the next: that is the paper's iteration. Slots and their
-access probabilities do not exist on the real channel; what a car may choose is the interval of its
-BSMs. SAE J2945/1 stretches that among many cars. A safe car keeps to it; an unsafe one stretches
-less. No car ever talks more rarely than the standard demands, nor more often than its ten a second.
+Each measurement of the lead vehicle gives a new crash probability, which sets the longest BSM
+interval until the next measurement: the paper's iteration. The paper's slots and access
+probabilities do not exist on a DSRC channel; what a vehicle can choose is its BSM interval. SAE
+J2945/1 lengthens this interval where many vehicles are near. A safe vehicle follows the standard;
+an unsafe one limits the lengthening. The interval is never longer than the standard demands, and
+never shorter than its 100 ms.
 """
 
 import math
@@ -15,31 +16,42 @@ from typing import ClassVar
 from onboard.access.crash_probability import rear_end_crash_probability
 from onboard.access.driver_model import DriverModel
 from onboard.access.reaction_times import Reaction, ReactionObserver
-from onboard.access.settings import AccessSettings
-from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S
+from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S, MINIMUM_INTERVAL_S
 from onboard.observations import BrakePedal, HardBrake, Lead, Speed
 
-SLOWEST_M_S = 1.0
-"""Slower, a car does not run into anybody that this could help with."""
+UNSAFE_ABOVE = 0.5
+"""Crash probability above which a vehicle becomes unsafe: a crash is more likely than none."""
+SAFE_BELOW = 0.4
+"""Crash probability below which it is safe again; the hysteresis covers the noise of the gap."""
+UNSAFE_INTERVAL_S = MINIMUM_INTERVAL_S
+"""Longest BSM interval of an unsafe vehicle: the shortest that SAE J2945/1 allows."""
+HOLD_S = 1.0
+"""Validity of the last measurement of lead and speed; without a lead the vehicle is safe."""
+DECELERATION_M_S2 = 4.0, 8.0
+"""Limits of the uniform distribution of both vehicles' decelerations (Table III)."""
+MINIMUM_SPEED_M_S = 1.0
+"""Below this speed the crash probability is 0: a vehicle that creeps can stop at once."""
+MINIMUM_HEADWAY_GAP_M = 1.0
+"""Gaps below this count as this in the headway, whose logarithm would diverge."""
 
 
 @dataclass(frozen=True, slots=True)
 class FollowingSafety:
-    """The car has become safe or unsafe."""
+    """The vehicle has become safe or unsafe."""
 
     kind: ClassVar[str] = "following_safety"
     stamp_s: float
-    """Of the look at the car ahead that decided; of the loss of it where there is none."""
+    """Time of the lead measurement that decided, or of its expiry."""
     is_unsafe: bool
     safety_index: float
-    """1 minus the probability of running into the car ahead, should it brake."""
+    """1 minus the probability of running into the lead vehicle if that brakes."""
     longest_interval_s: float
-    """Between two BSMs from now on, if J2945/1 does not ask for a shorter one."""
+    """Upper limit of the BSM interval from now on."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReactionObserved:
-    """The car ahead braked, and then the driver did. Stays on the box."""
+    """The lead vehicle braked, and then the driver did. Never leaves the computer."""
 
     kind: ClassVar[str] = "reaction_observed"
     stamp_s: float
@@ -48,76 +60,76 @@ class ReactionObserved:
 
 
 class AccessAdaptation:
-    """Watches one driver, and says how far apart BSMs may be."""
+    """Computes the longest BSM interval from the lead, the speed and the driver model."""
 
-    def __init__(self, settings: AccessSettings, driver: DriverModel) -> None:
-        """`driver` is what is known already; it learns from what is seen."""
+    def __init__(self, driver: DriverModel) -> None:
+        """Start safe; `driver` is updated with each reaction that is observed."""
         self.driver = driver
-        self._settings = settings
-        self._watch = ReactionObserver()
+        self._reactions = ReactionObserver()
         self._speed: Speed | None = None
-        self._good_until = math.inf
+        self._lead_expires_at = math.inf
         self._events: deque[FollowingSafety | ReactionObserved] = deque()
         self.is_unsafe = False
         self.safety_index = 1.0
 
     @property
     def longest_interval_s(self) -> float:
-        """The most that may lie between two BSMs."""
-        return self._settings.unsafe_interval_s if self.is_unsafe else MAXIMUM_INTERVAL_S
+        """Upper limit of the BSM interval."""
+        return UNSAFE_INTERVAL_S if self.is_unsafe else MAXIMUM_INTERVAL_S
 
     def receive_speed(self, speed: Speed) -> None:
-        """The own speed."""
+        """Store the host vehicle's speed."""
         self._speed = speed
-        self._watch.receive_speed(speed)
+        self._reactions.receive_speed(speed)
 
     def receive_lead(self, lead: Lead, now: float) -> None:
-        """The car ahead, in each frame."""
-        self._watch.receive_lead(lead)
+        """Compute the crash probability for the lead of one camera frame."""
+        self._reactions.receive_lead(lead)
         speed = self._speed
-        if lead.gap_m is None or speed is None or now - speed.stamp_s > self._settings.hold_s:
+        if lead.gap_m is None or speed is None or now - speed.stamp_s > HOLD_S:
             return
-        self._good_until = now + self._settings.hold_s
-        self._judge(lead.stamp_s, self._danger(lead, lead.gap_m, speed.speed_m_s))
+        self._lead_expires_at = now + HOLD_S
+        self._update(lead.stamp_s, self._crash_probability(lead, lead.gap_m, speed.speed_m_s))
 
     def receive_brake_pedal(self, pedal: BrakePedal) -> None:
-        """The driver's foot."""
-        self._learn(pedal.stamp_s, self._watch.receive_brake_pedal(pedal))
+        """Learn from the driver's brake pedal, if this is a reaction."""
+        self._learn(pedal.stamp_s, self._reactions.receive_brake_pedal(pedal))
 
     def receive_hard_brake(self, brake: HardBrake) -> None:
-        """The own car brakes hard."""
-        self._learn(brake.stamp_s, self._watch.receive_hard_brake(brake))
+        """Learn from the host vehicle's hard braking, if this is a reaction."""
+        self._learn(brake.stamp_s, self._reactions.receive_hard_brake(brake))
 
     def get_timer(self) -> float:
-        """Return when the last measured lead expires; `math.inf` without one."""
-        return self._good_until
+        """Return when the last lead measurement expires; `math.inf` without one."""
+        return self._lead_expires_at
 
     def handle_timer(self, now: float) -> None:
-        """Be safe when nobody has been seen ahead for long."""
-        if now >= self._good_until:
-            self._good_until = math.inf
-            self._judge(now, 0.0)
+        """Become safe when the last lead measurement has expired."""
+        if now >= self._lead_expires_at:
+            self._lead_expires_at = math.inf
+            self._update(now, 0.0)
 
     def next_event(self) -> FollowingSafety | ReactionObserved | None:
-        """The oldest event not yet taken; `None` when there is none."""
+        """Return the oldest event not yet taken, or `None`."""
         return self._events.popleft() if self._events else None
 
-    def _danger(self, lead: Lead, gap_m: float, speed_m_s: float) -> float:
-        if speed_m_s < SLOWEST_M_S:
+    def _crash_probability(self, lead: Lead, gap_m: float, speed_m_s: float) -> float:
+        if speed_m_s < MINIMUM_SPEED_M_S:
             return 0.0
         closing_m_s = lead.closing_speed_m_s or 0.0
         gap_m = max(gap_m, 0.0)
-        log_reaction = self.driver.log_reaction(max(gap_m, 1.0) / speed_m_s)
-        brakes = self._settings.deceleration_low_m_s2, self._settings.deceleration_high_m_s2
+        log_reaction = self.driver.log_reaction(max(gap_m, MINIMUM_HEADWAY_GAP_M) / speed_m_s)
         lead_speed_m_s = max(speed_m_s - closing_m_s, 0.0)
         return float(
-            rear_end_crash_probability(gap_m, lead_speed_m_s, speed_m_s, log_reaction, brakes)
+            rear_end_crash_probability(
+                gap_m, lead_speed_m_s, speed_m_s, log_reaction, DECELERATION_M_S2
+            )
         )
 
-    def _judge(self, stamp_s: float, danger: float) -> None:
-        self.safety_index = 1.0 - danger
-        limit = self._settings.safe_below if self.is_unsafe else self._settings.unsafe_above
-        if (danger > limit) is self.is_unsafe:
+    def _update(self, stamp_s: float, crash_probability: float) -> None:
+        self.safety_index = 1.0 - crash_probability
+        limit = SAFE_BELOW if self.is_unsafe else UNSAFE_ABOVE
+        if (crash_probability > limit) is self.is_unsafe:
             return
         self.is_unsafe = not self.is_unsafe
         self._events.append(

@@ -1,4 +1,4 @@
-"""Keeps what is known of the driver from one drive to the next, on this box's disk only."""
+"""The file that keeps the driver model from one drive to the next, on the local disk only."""
 
 import os
 from pathlib import Path
@@ -9,20 +9,20 @@ from onboard.settings import load_settings
 
 
 def load_driver(path: Path, population: Population) -> DriverModel:
-    """Remember the driver; one of the population where there is no file yet.
+    """Load the driver model; without a file, return that of the population.
 
     Raises:
-        SettingsError: the file is there and not what `save_driver` writes.
+        SettingsError: the file exists and is not in the format of `save_driver`.
     """
     memory = load_settings(path, DriverMemory) if path.exists() else None
     return DriverModel(population, memory=memory)
 
 
 def save_driver(path: Path, driver: DriverModel) -> None:
-    """Write all or nothing, readable by its owner only.
+    """Write the driver model atomically, readable by its owner only.
 
     Raises:
-        UserError: it cannot be written there.
+        UserError: the file cannot be written.
     """
     new = path.with_name(path.name + ".new")
     try:

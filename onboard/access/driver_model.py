@@ -1,13 +1,13 @@
-"""How fast one driver reacts: from few observations, on top of what the population does.
+"""Reaction times of one driver, from few observations and those of the population.
 
-The mixed model of eq. 2 on the logarithm of the reaction time y, with the time headway h as
-covariate, x = (1, log h):
+The mixed model of eq. 2 for the logarithm y of the reaction time, with the headway h as covariate,
+x = (1, log h):
 
     y = x (beta + gamma) + noise,   noise ~ N(0, sigma^2),   gamma ~ N(0, Sigma) for each driver
 
-For one driver it is a Bayesian regression, updated in closed form with each reaction seen. Old
-reactions are forgotten slowly, since drivers change: before each update the driver's own part is
-drawn back towards the population by `forgetting`.
+For one driver this is a Bayesian regression, updated in closed form with each reaction. Since
+drivers change, old reactions lose weight: before each update, gamma and its covariance are drawn
+towards the population by the factor `forgetting`.
 """
 
 import math
@@ -22,21 +22,21 @@ from onboard.access.rear_end import Array
 from onboard.settings import Settings
 
 SHORTEST_REACTION_S = 0.15
-"""Below: the foot was on its way already."""
+"""Shorter times are no reaction: the driver had begun to brake before the lead vehicle did."""
 LONGEST_REACTION_S = 6.0
-"""Above: the driver braked for something else."""
+"""Longer times are no reaction: the driver braked for something else."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Population:
-    """What is known of drivers nobody has watched."""
+    """Distribution of reaction times over all drivers."""
 
     coefficients: Array
-    """beta, (2): of 1 and of the headway's logarithm."""
+    """beta, shape (2): intercept, and factor of the logarithm of the headway."""
     spread: Array
-    """Sigma, (2, 2): of the drivers about it."""
+    """Sigma, shape (2, 2): covariance of gamma over the drivers."""
     noise_variance: float
-    """sigma^2: of one driver's reactions about that driver's own mean."""
+    """sigma^2: variance of one driver's log reaction times about that driver's mean."""
 
 
 DEFAULT_POPULATION = Population(
@@ -44,18 +44,19 @@ DEFAULT_POPULATION = Population(
     spread=np.diag([0.25**2, 0.10**2]),
     noise_variance=0.25**2,
 )
-"""Median 0.95 s at a headway of 1 s, longer when the car ahead is far: of the order that studies
-of braking for a car ahead find (docs/decisions/0090)."""
+"""Median 0.95 s at a headway of 1 s, longer at longer headways: the order of magnitude of published
+studies (docs/design/access.md)."""
 
 
 class DriverMemory(Settings):
-    """What has been learned of one driver, as a file keeps it."""
+    """State of one driver's model, as the driver file keeps it."""
 
     offset: tuple[float, float]
-    """gamma: of this driver's coefficients from the population's."""
+    """Mean of gamma."""
     covariance: tuple[tuple[float, float], tuple[float, float]]
-    """Of the offset."""
+    """Covariance of gamma."""
     observed: int = Field(ge=0)
+    """Number of reactions it was learned from."""
 
     @model_validator(mode="after")
     def _is_covariance(self) -> Self:
@@ -66,7 +67,7 @@ class DriverMemory(Settings):
 
 
 class DriverModel:
-    """One driver's reaction times. Stays on the box."""
+    """Distribution of one driver's reaction times. Never leaves the computer."""
 
     def __init__(
         self,
@@ -74,9 +75,12 @@ class DriverModel:
         forgetting: float = 0.995,
         memory: DriverMemory | None = None,
     ) -> None:
-        """Know the population, and what is remembered of this driver.
+        """Start from the population, or from a stored state.
 
-        `forgetting` is the share kept at each update.
+        Args:
+            population: prior of the driver.
+            forgetting: factor of the weight of old reactions at each update; 1 keeps all.
+            memory: state to continue from.
         """
         self._population = population
         self._forgetting = forgetting
@@ -87,7 +91,7 @@ class DriverModel:
             self.observed = memory.observed
 
     def memory(self) -> DriverMemory:
-        """What to remember of this driver until the next drive."""
+        """Return the state to store for the next drive."""
         (a, b), (_, d) = self._covariance.tolist()
         first, second = self._mean.tolist()
         return DriverMemory(
@@ -95,55 +99,56 @@ class DriverModel:
         )
 
     def forget(self) -> None:
-        """Erase everything known of this driver."""
+        """Return to the distribution of the population."""
         self._mean = np.zeros(2)
         self._covariance = self._population.spread.copy()
         self.observed = 0
-        self.left_out = 0
+        self.rejected = 0
 
     def receive_reaction(self, reaction_s: float, headway_s: float) -> bool:
-        """The lead braked, and after `reaction_s` the driver did, at the headway of then.
-
-        What cannot be a reaction is left out and counted.
+        """Update the model with one reaction time and the headway when the lead began to brake.
 
         Returns:
-            whether it was one.
+            whether the value is a possible reaction; others are counted in `rejected`.
         """
         plausible = SHORTEST_REACTION_S <= reaction_s <= LONGEST_REACTION_S
         if not plausible or not 0.0 < headway_s < math.inf:
-            self.left_out += 1
+            self.rejected += 1
             return False
         keep = self._forgetting
         self._mean = keep * self._mean
         self._covariance = keep**2 * self._covariance + (1.0 - keep**2) * self._population.spread
         x = _covariates(headway_s)
-        surprise = math.log(reaction_s) - x @ (self._population.coefficients + self._mean)
-        along = self._covariance @ x
-        gain = along / (x @ along + self._population.noise_variance)
-        self._mean = self._mean + gain * surprise
-        self._covariance = self._covariance - np.outer(gain, along)
+        innovation = math.log(reaction_s) - x @ (self._population.coefficients + self._mean)
+        covariance_x = self._covariance @ x
+        gain = covariance_x / (x @ covariance_x + self._population.noise_variance)
+        self._mean = self._mean + gain * innovation
+        self._covariance = self._covariance - np.outer(gain, covariance_x)
         self._covariance = 0.5 * (self._covariance + self._covariance.T)
         self.observed += 1
         return True
 
     def log_reaction(self, headway_s: float) -> tuple[float, float]:
-        """Mean and standard deviation of the next reaction's logarithm, all uncertainty in it."""
+        """Return mean and standard deviation of the logarithm of the next reaction time.
+
+        The deviation includes the uncertainty of the model.
+        """
         x = _covariates(headway_s)
         mean = x @ (self._population.coefficients + self._mean)
         variance = x @ self._covariance @ x + self._population.noise_variance
         return float(mean), math.sqrt(variance)
 
     def percentile_s(self, share: float, headway_s: float) -> tuple[float, float, float]:
-        """The reaction time below which `share` of this driver's reactions are.
+        """Return the quantile `share` of this driver's reaction times.
 
         Returns:
-            the estimate, and the ends of its central 90 % interval, in seconds.
+            the estimate and the limits of its central 90 % interval, in s.
         """
         x = _covariates(headway_s)
         mean = float(x @ (self._population.coefficients + self._mean))
-        own = mean + _normal_quantile(share) * math.sqrt(self._population.noise_variance)
+        quantile = mean + _normal_quantile(share) * math.sqrt(self._population.noise_variance)
         half = _normal_quantile(0.95) * math.sqrt(float(x @ self._covariance @ x))
-        return math.exp(own), math.exp(own - half), math.exp(own + half)
+        return math.exp(quantile), math.exp(quantile - half), math.exp(quantile + half)
 
 
 def _covariates(headway_s: float) -> Array:

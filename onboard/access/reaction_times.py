@@ -1,8 +1,9 @@
-"""Reaction times from what the box sees: the car ahead brakes, and then the driver does.
+"""Observes the driver's reaction times: the lead vehicle brakes, and then the driver does.
 
-The car ahead is seen to brake when the gap begins to close fast. That is certain only late, so it
-is dated back to the last frame in which the gap closed slowly. The driver's foot must have been off
-the brake; if the gap stops closing without the driver's braking, there was no reaction to learn.
+A lead that begins to brake shows as a gap that begins to close fast. This is certain only late, so
+its beginning is set back to the last frame in which the gap closed slowly. A reaction counts only
+if the brake pedal was released before; it is dropped if the gap stops closing before the driver
+brakes.
 """
 
 from typing import NamedTuple
@@ -10,80 +11,82 @@ from typing import NamedTuple
 from onboard.observations import NEW_LEAD_M, BrakePedal, HardBrake, Lead, Speed
 
 STEADY_M_S = 0.5
-"""Closing slower than this, nobody brakes."""
+"""Closing speed up to which the lead does not brake."""
 CLOSING_M_S = 1.5
-"""Closing faster than this, beyond what noise explains, the car ahead brakes."""
+"""Closing speed above which, after `SIGMAS` standard deviations, the lead brakes."""
 SIGMAS = 2.0
-"""Of the closing speed's noise."""
-SLOWEST_M_S = 5.0
-"""In a queue people brake before they must."""
-FRESH_S = 1.0
-"""An observation older than this is of another situation."""
+"""Standard deviations that are subtracted from a closing speed."""
+MINIMUM_SPEED_M_S = 5.0
+"""Slower, drivers in a queue brake before the lead does."""
+MAXIMUM_AGE_S = 1.0
+"""Older observations belong to another situation."""
 
 
 class Reaction(NamedTuple):
-    """The driver braked so long after the car ahead."""
+    """The driver's reaction to one braking of the lead vehicle."""
 
     reaction_s: float
+    """From the beginning of the lead's braking to that of the driver's."""
     headway_s: float
-    """When the car ahead began."""
+    """When the lead began to brake."""
 
 
 class ReactionObserver:
-    """Pairs the lead car's braking with the driver's. Stamps are those of the observations."""
+    """Pairs the lead's braking with the driver's, by the time stamps of the observations."""
 
     def __init__(self) -> None:
+        """Start without observations."""
         self._speed: Speed | None = None
         self._steady: Lead | None = None
         self._gap_m: float | None = None
         self._pending: tuple[float, float] | None = None
-        self._closes = False
+        self._is_closing = False
         self._pedal: BrakePedal | None = None
 
     def receive_speed(self, speed: Speed) -> None:
-        """The own speed."""
+        """Store the host vehicle's speed."""
         self._speed = speed
 
     def receive_lead(self, lead: Lead) -> None:
-        """The car ahead, in each frame."""
+        """Find out from the lead of one camera frame whether it brakes."""
         closing_m_s, before_m = lead.closing_speed_m_s, self._gap_m
         self._gap_m = lead.gap_m
         if lead.gap_m is None or closing_m_s is None:
-            self._forget()
+            self._reset()
             return
         if before_m is not None and abs(lead.gap_m - before_m) > NEW_LEAD_M:
-            self._forget()
+            self._reset()
         if closing_m_s <= STEADY_M_S:
             self._steady = lead
-            if self._closes:
-                self._pending, self._closes = None, False
+            if self._is_closing:
+                self._pending, self._is_closing = None, False
         elif closing_m_s - SIGMAS * (lead.closing_speed_sigma_m_s or 0.0) > CLOSING_M_S:
-            if self._steady is not None and not self._closes:
+            if self._steady is not None and not self._is_closing:
                 self._begin(self._steady.stamp_s, lead.stamp_s)
-            self._closes = True
+            self._is_closing = True
 
     def receive_brake_pedal(self, pedal: BrakePedal) -> Reaction | None:
-        """The driver's foot, where the car tells; the reaction if this is one."""
+        """Return the reaction if the driver has just pressed the pedal because of the lead."""
         pressed_now = pedal.pressed and (self._pedal is None or not self._pedal.pressed)
         self._pedal = pedal
         return self._end(pedal.stamp_s) if pressed_now else None
 
     def receive_hard_brake(self, brake: HardBrake) -> Reaction | None:
-        """The own car brakes hard: the only sign in a car that does not tell of its pedal."""
+        """Return the reaction if the vehicle brakes hard: for vehicles without a pedal signal."""
         return self._end(brake.stamp_s)
 
-    def _forget(self) -> None:
-        self._steady, self._pending, self._closes = None, None, False
+    def _reset(self) -> None:
+        self._steady, self._pending, self._is_closing = None, None, False
 
     def _begin(self, began_s: float, certain_s: float) -> None:
         steady, speed, pedal = self._steady, self._speed, self._pedal
         if self._pending is not None or steady is None or speed is None:
             return
-        if pedal is not None and pedal.pressed and certain_s - pedal.stamp_s <= FRESH_S:
+        if pedal is not None and pedal.pressed and certain_s - pedal.stamp_s <= MAXIMUM_AGE_S:
             return
-        if certain_s - min(steady.stamp_s, speed.stamp_s) > FRESH_S or steady.gap_m is None:
+        if certain_s - min(steady.stamp_s, speed.stamp_s) > MAXIMUM_AGE_S or steady.gap_m is None:
             return
-        if speed.speed_m_s >= SLOWEST_M_S:
+        if speed.speed_m_s >= MINIMUM_SPEED_M_S:
             self._pending = began_s, steady.gap_m / speed.speed_m_s
 
     def _end(self, stamp_s: float) -> Reaction | None:

@@ -1,1 +1,1 @@
-"""Cars found by a detector of the user's: from every side, where the own vision knows plates."""
+"""Detections from a detector program of the user's, which sees vehicles on every side."""

@@ -1,4 +1,4 @@
-"""The wire to the detector: datagrams that come to a port."""
+"""The UDP socket that receives the detector's datagrams."""
 
 import asyncio
 from collections.abc import Callable
@@ -10,16 +10,16 @@ from onboard.errors import UserError
 
 
 class DetectorError(UserError):
-    """The port cannot be had; one line for the user."""
+    """The port cannot be opened; one line for the user."""
 
 
 async def open_detector(
     settings: DetectorSettings, on_data: Callable[[bytes], None]
 ) -> asyncio.DatagramTransport:
-    """Have `on_data` called with each datagram, from the running loop, until it is closed.
+    """Call `on_data` with each datagram, in the running loop, until the transport is closed.
 
     Raises:
-        DetectorError: the port cannot be had.
+        DetectorError: the port cannot be opened.
     """
     address = settings.host, settings.port
     try:

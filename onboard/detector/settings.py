@@ -1,4 +1,4 @@
-"""Where a detector of the user's sends what it finds."""
+"""Settings of the connection to a detector of the user's."""
 
 from pydantic import Field
 
@@ -6,8 +6,8 @@ from onboard.settings import Settings
 
 
 class DetectorSettings(Settings):
-    """A program that finds cars, by camera, radar or lidar, and sends them by UDP."""
+    """A program that detects vehicles by camera, radar or lidar, and sends them by UDP."""
 
     host: str = Field("127.0.0.1", min_length=1)
-    """To listen at; another one only where the detector runs on another machine."""
+    """Address to listen at; another one only if the detector runs on another computer."""
     port: int = Field(5300, ge=1, le=65535)

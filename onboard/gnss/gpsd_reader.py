@@ -106,7 +106,7 @@ class GpsdReader:
         utc_s = None if time is None else _utc_s(time)
         course_deg = _number(tpv, "track", 0.0, 360.0)
         position = Position(
-            stamp_s=self._clock.stamp_s(utc_s, now),
+            stamp_s=self._clock.receive_stamp(utc_s, now),
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             altitude_m=_number(tpv, "altHAE", -1000.0, 100_000.0),

@@ -98,7 +98,7 @@ class NmeaReader:
         epoch.told = True
         utc_s = self._utc_of(said)
         if epoch.began_at is not None:
-            stamp_s = self._clock.stamp_s(utc_s, epoch.began_at)
+            stamp_s = self._clock.receive_stamp(utc_s, epoch.began_at)
         elif utc_s is not None:
             stamp_s = utc_s
         else:

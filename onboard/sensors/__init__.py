@@ -1,1 +1,1 @@
-"""What all sensor inputs share: their clocks, and their timeouts."""
+"""Common parts of all sensor inputs: clocks of devices, and timeouts."""

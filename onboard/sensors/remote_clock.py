@@ -1,39 +1,43 @@
-"""Moves the time of another clock, a GNSS receiver's or a detector's, onto the car's.
+"""Converts time stamps of another clock, of a GNSS receiver or detector, to the host's clock.
 
-What it sends is stamped by itself, and arrives late by computing, lines, programs between and this
-machine: always some, sometimes more. The least lateness seen lately is the constant part; what is
-beyond it is jitter and does not enter the stamp. The machine's own UTC is not used, since nothing
-guarantees that it is set.
+Stamped data arrives late by computation, transmission and scheduling. The smallest lateness of the
+last seconds is taken as its constant part; the rest is jitter, which does not enter the converted
+stamp. UTC of the host's own clock is not used, since nothing guarantees that it is set.
 """
 
 import math
 
 PERIOD_S = 30.0
-"""The least lateness is that of the last one to two periods; clocks drift by 1 ms in one."""
+"""The smallest lateness is that of the last one to two periods; clocks drift by 1 ms in one."""
 
 LARGEST_STEP_S = 2.0
-"""More is no lateness: the other clock was set, or its receiver learnt its leap seconds."""
+"""A larger change is no lateness: the other clock was set, or the receiver got its leap seconds."""
 
 
 class RemoteClock:
-    """Learns the difference between the two clocks from the stream itself."""
+    """Estimates the offset between the two clocks from the data itself."""
 
     def __init__(self, latency_s: float) -> None:
-        """`latency_s` is the constant part: from the stamp to the arrival, at best."""
+        """Start without data; `latency_s` is the smallest time from stamp to arrival."""
         self._latency_s = latency_s
         self._period_ends_at = -math.inf
         self._last_least_s = math.inf
         self._least_s = math.inf
 
-    def stamp_s(self, other_s: float | None, now: float) -> float:
-        """When what was stamped `other_s`, and arrived at `now`, was so, on the car's clock."""
-        if other_s is None:
+    def receive_stamp(self, remote_s: float | None, now: float) -> float:
+        """Update the offset, and return a stamp on the host's clock.
+
+        Args:
+            remote_s: the stamp on the other clock; without one, the arrival counts.
+            now: the arrival, on the host's clock.
+        """
+        if remote_s is None:
             return now - self._latency_s
-        difference_s = now - other_s
+        difference_s = now - remote_s
         if abs(difference_s - min(self._least_s, self._last_least_s)) > LARGEST_STEP_S:
             self._last_least_s = self._least_s = math.inf
         if now >= self._period_ends_at:
             self._last_least_s, self._least_s = self._least_s, math.inf
             self._period_ends_at = now + PERIOD_S
         self._least_s = min(self._least_s, difference_s)
-        return other_s + min(self._least_s, self._last_least_s) - self._latency_s
+        return remote_s + min(self._least_s, self._last_least_s) - self._latency_s

@@ -1,7 +1,7 @@
-"""Says when a sensor has gone silent, and when it is back.
+"""Reports when a sensor has timed out, and when it has recovered.
 
-A sensor that is silent is shown as lost, never as its last value. The limit of each sensor says
-how long a gap is normal for it.
+A silent sensor is shown as lost, and its last value is not used. Each sensor's timeout is the
+longest silence that is normal for it.
 """
 
 import math
@@ -12,58 +12,73 @@ from onboard.observations import Sensor, SensorLost, SensorRecovered
 
 
 class SensorTimeouts:
-    """Tracks when each watched sensor was last heard."""
+    """Tracks the last sample of each sensor."""
 
-    def __init__(self, limits_s: Mapping[Sensor, float], now: float) -> None:
-        """Watch the sensors in `limits_s`; each is given its limit from `now` on to start."""
-        self._limits_s = dict(limits_s)
-        self._heard_at: dict[Sensor, float | None] = dict.fromkeys(self._limits_s)
-        self._lost_at = {sensor: now + limit for sensor, limit in self._limits_s.items()}
+    def __init__(self, timeouts_s: Mapping[Sensor, float], now: float) -> None:
+        """Monitor the sensors in `timeouts_s`, as if each had sent a sample at `now`.
+
+        A timeout of `math.inf` is for sensors that may be silent.
+        """
+        self._timeouts_s = dict(timeouts_s)
+        self._last_sample_at: dict[Sensor, float | None] = dict.fromkeys(self._timeouts_s)
+        self._lost_at = {sensor: now + timeout for sensor, timeout in self._timeouts_s.items()}
         self._lost: set[Sensor] = set()
         self._events: deque[SensorLost | SensorRecovered] = deque()
 
     @property
     def lost(self) -> frozenset[Sensor]:
-        """The watched sensors that are lost now."""
+        """The monitored sensors that are lost."""
         return frozenset(self._lost)
 
     def receive_sample(self, sensor: Sensor, stamp_s: float, now: float) -> None:
-        """A valid sample of `sensor` arrived; one that is older than its limit does not count."""
-        if sensor not in self._limits_s or now >= stamp_s + self._limits_s[sensor]:
+        """Restart the timeout of a sensor.
+
+        Args:
+            sensor: which one; sensors that are not monitored are ignored.
+            stamp_s: when it was sampled; a sample older than the timeout is ignored.
+            now: the arrival.
+        """
+        if sensor not in self._timeouts_s or now >= stamp_s + self._timeouts_s[sensor]:
             return
-        self._heard_at[sensor] = stamp_s
-        self._lost_at[sensor] = stamp_s + self._limits_s[sensor]
+        self._last_sample_at[sensor] = stamp_s
+        self._lost_at[sensor] = stamp_s + self._timeouts_s[sensor]
         if sensor in self._lost:
             self._lost.discard(sensor)
             self._events.append(SensorRecovered(stamp_s=stamp_s, sensor=sensor))
 
     def receive_loss(self, sensor: Sensor, reason: str, now: float) -> None:
-        """The sensor's own room found it lost (unplugged, frozen) before its limit passed."""
-        if sensor not in self._limits_s or sensor in self._lost:
+        """Report a sensor as lost before its timeout.
+
+        Args:
+            sensor: which one.
+            reason: found by the sensor's component, such as unplugged or frozen.
+            now: when it was found.
+        """
+        if sensor not in self._timeouts_s or sensor in self._lost:
             return
-        may_be_silent = self._limits_s[sensor] == math.inf
-        heard_at = None if may_be_silent else self._heard_at[sensor]
+        may_be_silent = self._timeouts_s[sensor] == math.inf
+        last_sample_at = None if may_be_silent else self._last_sample_at[sensor]
         self._lost.add(sensor)
         self._events.append(
             SensorLost(
                 stamp_s=now,
                 sensor=sensor,
-                silent_s=None if heard_at is None else now - heard_at,
+                silent_s=None if last_sample_at is None else now - last_sample_at,
                 reason=reason,
             )
         )
 
     def get_timer(self) -> float:
         """Return when the next sensor times out; `math.inf` when none can."""
-        waiting = (at for sensor, at in self._lost_at.items() if sensor not in self._lost)
-        return min(waiting, default=math.inf)
+        pending = (at for sensor, at in self._lost_at.items() if sensor not in self._lost)
+        return min(pending, default=math.inf)
 
     def handle_timer(self, now: float) -> None:
-        """Declare lost what has been silent for longer than its limit."""
+        """Report the sensors that have timed out as lost."""
         for sensor, at in self._lost_at.items():
             if now >= at:
                 self.receive_loss(sensor, "silent", now)
 
     def next_event(self) -> SensorLost | SensorRecovered | None:
-        """The oldest event not yet taken."""
+        """Return the oldest event not yet taken, or `None`."""
         return self._events.popleft() if self._events else None

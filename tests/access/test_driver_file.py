@@ -1,4 +1,4 @@
-"""A driver is remembered on the box, by its owner only, until the file is deleted."""
+"""The driver file: kept between drives, readable by its owner only."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from onboard.errors import UserError
 from onboard.settings import SettingsError
 
 
-def test_the_next_drive_knows_the_driver(tmp_path: Path) -> None:
+def test_the_next_drive_continues_with_the_model(tmp_path: Path) -> None:
     path = tmp_path / "driver.json"
     driver = load_driver(path, DEFAULT_POPULATION)
     for _ in range(12):
@@ -27,7 +27,7 @@ def test_the_next_drive_knows_the_driver(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["driver.json"]
 
 
-def test_a_deleted_file_is_a_driver_nobody_has_watched(tmp_path: Path) -> None:
+def test_after_deletion_the_model_is_that_of_the_population(tmp_path: Path) -> None:
     path = tmp_path / "driver.json"
     driver = DriverModel(DEFAULT_POPULATION)
     driver.receive_reaction(1.8, 1.3)
@@ -39,7 +39,7 @@ def test_a_deleted_file_is_a_driver_nobody_has_watched(tmp_path: Path) -> None:
     )
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_missing_folder_is_an_error_that_names_the_file(tmp_path: Path) -> None:
     path = tmp_path / "nowhere" / "driver.json"
 
     with pytest.raises(UserError, match=r"driver\.json: cannot be written: No such file"):
@@ -47,7 +47,7 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("", "offset"),
         ("{", "not YAML"),
@@ -57,18 +57,20 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
         ('{"offset":[0,0],"covariance":[[1,0],[0,1]],"observed":-1}', "observed"),
     ],
 )
-def test_a_spoilt_file_is_named(tmp_path: Path, text: str, told: str) -> None:
+def test_an_invalid_file_is_an_error_that_names_the_field(
+    tmp_path: Path, text: str, message: str
+) -> None:
     path = tmp_path / "driver.json"
     path.write_text(text, encoding="utf-8")
 
-    with pytest.raises(SettingsError, match=told) as caught:
+    with pytest.raises(SettingsError, match=message) as caught:
         load_driver(path, DEFAULT_POPULATION)
 
     assert str(path) in str(caught.value)
 
 
 @given(st.lists(st.tuples(st.floats(0.15, 6.0), st.floats(0.05, 50.0)), max_size=200))
-def test_whatever_is_learned_can_be_remembered(reactions: list[tuple[float, float]]) -> None:
+def test_any_learned_state_can_be_stored_and_loaded(reactions: list[tuple[float, float]]) -> None:
     driver = DriverModel(DEFAULT_POPULATION)
     for reaction in reactions:
         driver.receive_reaction(*reaction)

@@ -1,4 +1,4 @@
-"""A whole car with the switch on: among many cars, an unsafe driver is heard more often."""
+"""A stack with access adaptation: among many vehicles, an unsafe one sends more BSMs."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from onboard.stack import Stack
 from onboard.trace.trace_line import as_record
 
 
-def car(plate: str, seed: int, enabled: bool) -> Stack:
+def stack_of(plate: str, seed: int, enabled: bool) -> Stack:
     tree = {
         "car": {"plate": plate},
         "access": {"enabled": enabled},
@@ -22,14 +22,14 @@ def car(plate: str, seed: int, enabled: bool) -> Stack:
 
 
 def bsms_among_many(gap_m: float, enabled: bool) -> tuple[int, list[dict[str, object]]]:
-    """BSMs that a car sends from 15 s to 20 s among 75 others, and what it says of its safety."""
-    stack = car("AAA1", 1, enabled)
-    others = [car(f"BBB{k}", 10 + k, enabled=False) for k in range(75)]
+    """Return the number of BSMs from 15 s to 20 s among 75 vehicles, and the safety events."""
+    stack = stack_of("AAA1", 1, enabled)
+    others = [stack_of(f"BBB{k}", 10 + k, enabled=False) for k in range(75)]
     frames = []
     for other in others:
         for tenth in range(4):
             frames += [wsm for _, wsm in other.wsms_to_send(0.05 * tenth)]
-    count, told = 0, []
+    count, events = 0, []
     for step in range(2000):
         now = 0.01 * step
         if step % 10 == 0:
@@ -44,16 +44,16 @@ def bsms_among_many(gap_m: float, enabled: bool) -> tuple[int, list[dict[str, ob
         sent = stack.wsms_to_send(now)
         count += len(sent) if now >= 15.0 else 0
         while (event := stack.next_event()) is not None:
-            told += [as_record(event)] if event.kind == "following_safety" else []
-    return count, told
+            events += [as_record(event)] if event.kind == "following_safety" else []
+    return count, events
 
 
 @pytest.mark.parametrize(
     ("gap_m", "enabled", "expected"),
     [(8.0, True, 50), (60.0, True, 17), (8.0, False, 17)],
 )
-def test_among_76_cars(gap_m: float, enabled: bool, expected: int) -> None:
-    count, told = bsms_among_many(gap_m, enabled)
+def test_bsms_of_one_among_76_vehicles(gap_m: float, enabled: bool, expected: int) -> None:
+    count, events = bsms_among_many(gap_m, enabled)
 
     assert count == pytest.approx(expected, abs=2)
-    assert [line["is_unsafe"] for line in told] == ([True] if expected == 50 else [])
+    assert [line["is_unsafe"] for line in events] == ([True] if expected == 50 else [])

@@ -1,4 +1,4 @@
-"""How late a follower may brake, against small time steps."""
+"""Tolerable lag in closed form, against a simulation in small time steps."""
 
 import numpy as np
 import pytest
@@ -8,26 +8,26 @@ from onboard.access.rear_end import Array, tolerable_lag_s
 V = 20.0
 
 
-def nearest_m(
+def smallest_gap_m(
     gap_m: Array, speeds: tuple[Array, Array], brakes: tuple[Array, Array], lag_s: Array
 ) -> Array:
-    """The smallest gap until both stand; with a negative lag the follower brakes first."""
+    """Return the smallest gap until the follower stops; with a negative lag it brakes first."""
     dt = 2e-3
     (lead_v, v), (lead_a, a) = speeds, brakes
     lead_at_s, at_s = np.maximum(-lag_s, 0.0), np.maximum(lag_s, 0.0)
-    nearest, gap, lead_speed, speed = gap_m, gap_m, lead_v, v
+    smallest, gap, lead_speed, speed = gap_m, gap_m, lead_v, v
     for step in range(30_000):
         lead_next = np.maximum(lead_speed - lead_a * dt * (step * dt >= lead_at_s), 0.0)
         next_ = np.maximum(speed - a * dt * (step * dt >= at_s), 0.0)
         gap = gap + 0.5 * dt * (lead_speed + lead_next - speed - next_)
-        nearest, lead_speed, speed = np.minimum(nearest, gap), lead_next, next_
+        smallest, lead_speed, speed = np.minimum(smallest, gap), lead_next, next_
         if not speed.any():
             break
-    return nearest
+    return smallest
 
 
 @pytest.mark.parametrize("is_one_speed", [False, True])
-def test_a_follower_collides_exactly_if_it_lags_by_more(is_one_speed: bool) -> None:
+def test_the_follower_crashes_exactly_if_it_brakes_later(is_one_speed: bool) -> None:
     rng = np.random.default_rng(3)
     n = 2000
     gap_m = rng.uniform(1.0, 80.0, n)
@@ -37,17 +37,17 @@ def test_a_follower_collides_exactly_if_it_lags_by_more(is_one_speed: bool) -> N
 
     tolerable_s = tolerable_lag_s(gap_m, lead_v, v, lead_a, a)
 
-    nearest = nearest_m(gap_m, (lead_v, v), (lead_a, a), lag_s)
-    clear = np.abs(nearest) > 0.1
+    smallest = smallest_gap_m(gap_m, (lead_v, v), (lead_a, a), lag_s)
+    clear = np.abs(smallest) > 0.1
     assert clear.mean() > 0.98
-    assert np.array_equal((nearest <= 0.0)[clear], (lag_s > tolerable_s)[clear])
+    assert np.array_equal((smallest <= 0.0)[clear], (lag_s > tolerable_s)[clear])
 
 
-def test_equal_brakes_tolerate_the_headway() -> None:
+def test_with_equal_decelerations_the_tolerable_lag_is_the_headway() -> None:
     lag_s = tolerable_lag_s(np.array(30.0), V, V, np.array(6.0), np.array(6.0))
 
     assert lag_s == pytest.approx(30.0 / V)
 
 
-def test_who_brakes_weakly_must_begin_first() -> None:
+def test_a_weakly_braking_follower_has_to_brake_first() -> None:
     assert tolerable_lag_s(np.array(5.0), V, V, np.array(8.0), np.array(4.0)) < 0.0

@@ -1,4 +1,4 @@
-"""The wire to the detector, on the loopback."""
+"""The detector's socket, on the loopback interface."""
 
 import asyncio
 import socket
@@ -32,36 +32,38 @@ def is_free(port: int) -> bool:
     return True
 
 
-def test_each_datagram_is_handed_over_as_it_came() -> None:
+def test_each_datagram_is_passed_on_unchanged() -> None:
     async def run() -> list[bytes]:
         settings = DetectorSettings(port=free_port())
-        came: asyncio.Queue[bytes] = asyncio.Queue()
-        wire = await open_detector(settings, came.put_nowait)
+        received: asyncio.Queue[bytes] = asyncio.Queue()
+        wire = await open_detector(settings, received.put_nowait)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as detector:
             for data in (b"{}", b"", b"x" * 20_000):
                 detector.sendto(data, (settings.host, settings.port))
-        handed = [await asyncio.wait_for(came.get(), 10.0) for _ in range(3)]
+        datagrams = [await asyncio.wait_for(received.get(), 10.0) for _ in range(3)]
         wire.close()
-        return handed
+        return datagrams
 
     assert asyncio.run(run()) == [b"{}", b"", b"x" * 20_000]
 
 
-def test_a_port_that_another_has_is_the_user_s_to_know() -> None:
+def test_a_port_in_use_is_an_error_that_names_it() -> None:
     taken, port = taken_port()
     with taken, pytest.raises(DetectorError, match=f"127.0.0.1:{port}"):
         asyncio.run(open_detector(DetectorSettings(port=port), lambda _data: None))
 
 
 @pytest.mark.parametrize(
-    ("data", "verdict", "says"),
+    ("data", "level", "detail"),
     [
-        (b'{"sent_s": 1.0, "age_s": 0.0, "cars": []}', FindingLevel.GOOD, "1 pictures"),
+        (b'{"sent_s": 1.0, "age_s": 0.0, "cars": []}', FindingLevel.GOOD, "1 images"),
         (b"{}", FindingLevel.MISSING, "sent_s"),
         (None, FindingLevel.MISSING, "nothing at port"),
     ],
 )
-def test_the_doctor_listens_to_it(data: bytes | None, verdict: FindingLevel, says: str) -> None:
+def test_the_doctor_reports_what_it_receives(
+    data: bytes | None, level: FindingLevel, detail: str
+) -> None:
     async def run() -> list[Finding]:
         settings = DetectorSettings(port=free_port())
         examining = asyncio.create_task(examine_detector(settings, 0.1))
@@ -73,13 +75,13 @@ def test_the_doctor_listens_to_it(data: bytes | None, verdict: FindingLevel, say
         return await examining
 
     (finding,) = asyncio.run(run())
-    assert finding.verdict is verdict
-    assert says in finding.detail
+    assert finding.level is level
+    assert detail in finding.detail
 
 
-def test_the_doctor_says_who_has_the_port() -> None:
+def test_the_doctor_reports_a_port_in_use() -> None:
     taken, port = taken_port()
     with taken:
         (finding,) = asyncio.run(examine_detector(DetectorSettings(port=port), 0.1))
 
-    assert finding.verdict is FindingLevel.MISSING
+    assert finding.level is FindingLevel.MISSING

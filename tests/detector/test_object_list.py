@@ -1,4 +1,4 @@
-"""What a detector of the user's sends, and what becomes of it."""
+"""Object lists of a detector: decoded, or discarded as a whole."""
 
 import json
 import math
@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.detector.object_list import MOST_CARS, ObjectListReader
+from onboard.detector.object_list import MOST_VEHICLES, ObjectListReader
 from onboard.observations import DetectionList, Discarded, VehicleDetection
 
-CAR = {
+VEHICLE = {
     "id": 7, "range_m": 31.5, "range_sigma_m": 1.5, "bearing_rad": -0.12, "bearing_sigma_rad": 0.01
 }  # fmt: skip
 
 
-def datagram(*cars: dict[str, Any], sent_s: float = 10.0, age_s: float = 0.04) -> bytes:
-    return json.dumps({"sent_s": sent_s, "age_s": age_s, "cars": cars}).encode()
+def datagram(*vehicles: dict[str, Any], sent_s: float = 10.0, age_s: float = 0.04) -> bytes:
+    return json.dumps({"sent_s": sent_s, "age_s": age_s, "cars": vehicles}).encode()
 
 
 def read(*data: bytes, now: float = 500.0) -> list[DetectionList | Discarded]:
@@ -34,44 +34,44 @@ def reason_of(data: bytes) -> str:
     return event.reason
 
 
-def test_a_picture_with_cars() -> None:
-    (found,) = read(datagram(CAR, CAR | {"id": 8}))
+def test_an_image_with_two_vehicles() -> None:
+    (detections,) = read(datagram(VEHICLE, VEHICLE | {"id": 8}))
 
     first = VehicleDetection(pytest.approx(499.96), 7, 31.5, 1.5, -0.12, 0.01)
-    assert isinstance(found, DetectionList)
-    assert found.cars[0] == first
-    assert [car.track_id for car in found.cars] == [7, 8]
-    assert {car.stamp_s for car in found.cars} == {found.stamp_s}
+    assert isinstance(detections, DetectionList)
+    assert detections.cars[0] == first
+    assert [each.track_id for each in detections.cars] == [7, 8]
+    assert {each.stamp_s for each in detections.cars} == {detections.stamp_s}
 
 
-def test_to_find_no_car_is_an_answer_too() -> None:
-    (found,) = read(datagram())
+def test_an_image_without_vehicles_gives_an_empty_list() -> None:
+    (detections,) = read(datagram())
 
-    assert found == DetectionList(pytest.approx(499.96), ())
-
-
-def test_whole_numbers_and_keys_of_the_detector_s_own_are_welcome() -> None:
-    (found,) = read(datagram(CAR | {"range_m": 30, "class": "truck"}, sent_s=9))
-
-    assert isinstance(found, DetectionList)
-    assert found.cars[0].range_m == 30.0
+    assert detections == DetectionList(pytest.approx(499.96), ())
 
 
-def test_what_is_held_up_on_its_way_keeps_the_time_of_its_picture() -> None:
-    """The detector's clock began somewhere else; nothing is quicker than the quickest."""
+def test_integers_and_unknown_keys_are_accepted() -> None:
+    (detections,) = read(datagram(VEHICLE | {"range_m": 30, "class": "truck"}, sent_s=9))
+
+    assert isinstance(detections, DetectionList)
+    assert detections.cars[0].range_m == 30.0
+
+
+def test_a_late_datagram_keeps_the_time_of_its_image() -> None:
+    """The detector's clock has another origin; the least late datagram gives the offset."""
     reader = ObjectListReader()
     for k, late_s in enumerate((0.0, 0.2, 0.1, 0.0, 0.3)):
-        reader.receive_bytes(datagram(CAR, sent_s=7000.0 + 0.1 * k), 500.0 + 0.1 * k + late_s)
+        reader.receive_bytes(datagram(VEHICLE, sent_s=7000.0 + 0.1 * k), 500.0 + 0.1 * k + late_s)
 
     stamps_s = [event.stamp_s for event in iter(reader.next_event, None)]
     assert stamps_s == pytest.approx([499.96 + 0.1 * k for k in range(5)])
 
 
-def test_two_that_come_together_are_two_pictures_and_a_flood_is_none() -> None:
-    pictures = read(*[datagram(sent_s=10.0 + 0.1 * k) for k in range(3)])
+def test_datagrams_may_arrive_together_but_not_be_sent_too_fast() -> None:
+    images = read(*[datagram(sent_s=10.0 + 0.1 * k) for k in range(3)])
     flood = read(*[datagram(sent_s=10.0 + 0.001 * k) for k in range(10)])
 
-    assert [event.kind for event in pictures] == ["detection_list"] * 3
+    assert [event.kind for event in images] == ["detection_list"] * 3
     assert [event.kind for event in flood] == ["detection_list", *["discarded"] * 9]
     assert flood[1].reason == "too_often"  # type: ignore[union-attr]
 
@@ -94,8 +94,8 @@ def test_two_that_come_together_are_two_pictures_and_a_flood_is_none() -> None:
         {"id": 1 << 31},
     ],
 )
-def test_a_car_that_cannot_be_costs_the_whole_picture(change: dict[str, Any]) -> None:
-    assert reason_of(datagram(CAR, CAR | {"id": 8} | change)) == "no_object_list"
+def test_an_impossible_vehicle_discards_the_whole_datagram(change: dict[str, Any]) -> None:
+    assert reason_of(datagram(VEHICLE, VEHICLE | {"id": 8} | change)) == "no_object_list"
 
 
 @pytest.mark.parametrize(
@@ -112,25 +112,25 @@ def test_a_car_that_cannot_be_costs_the_whole_picture(change: dict[str, Any]) ->
         datagram(sent_s=math.inf),
         datagram(sent_s=1.79e12),
         datagram(sent_s=-1.79e18),
-        datagram(*[CAR | {"id": k} for k in range(MOST_CARS + 1)]),
+        datagram(*[VEHICLE | {"id": k} for k in range(MOST_VEHICLES + 1)]),
         b"[" * 60_000,
     ],
 )
-def test_what_is_no_object_list_is_counted(data: bytes) -> None:
+def test_other_data_is_discarded_with_a_reason(data: bytes) -> None:
     assert reason_of(data) == "no_object_list"
 
 
-def test_the_first_mistake_is_named() -> None:
-    (event,) = read(datagram(CAR | {"range_m": -3.0}))
+def test_the_detail_names_the_first_invalid_field() -> None:
+    (event,) = read(datagram(VEHICLE | {"range_m": -3.0}))
 
     assert isinstance(event, Discarded)
     assert event.detail.startswith("cars.0.range_m: ")
 
 
-def test_one_id_is_one_car() -> None:
-    assert reason_of(datagram(CAR, CAR | {"range_m": 50.0})) == "repeated_id"
+def test_two_vehicles_with_one_id_are_discarded() -> None:
+    assert reason_of(datagram(VEHICLE, VEHICLE | {"range_m": 50.0})) == "repeated_id"
 
 
 @given(st.lists(st.binary(max_size=200), max_size=5))
-def test_whatever_comes_every_datagram_has_one_answer(data: list[bytes]) -> None:
+def test_any_datagram_gives_one_event(data: list[bytes]) -> None:
     assert len(read(*data)) == len(data)

@@ -1,4 +1,4 @@
-"""Stamps on the car's clock, from the receiver's UTC and no other."""
+"""Conversion of remote time stamps to the host's clock."""
 
 import numpy as np
 import pytest
@@ -12,38 +12,39 @@ UTC_S = 1.7e9
 
 def stamps(arrivals, latency_s=0.1, start_utc_s=UTC_S):
     clock = RemoteClock(latency_s)
-    return [clock.stamp_s(start_utc_s + n, now) for n, now in enumerate(arrivals)]
+    return [clock.receive_stamp(start_utc_s + n, now) for n, now in enumerate(arrivals)]
 
 
-def test_a_steady_receiver_is_stamped_by_its_latency():
+def test_without_jitter_a_stamp_is_the_arrival_minus_the_latency():
     assert stamps([50.1, 51.1, 52.1]) == pytest.approx([50.0, 51.0, 52.0])
 
 
 def test_jitter_does_not_enter_the_stamp():
-    """Late by up to half a second: on a slow serial line, in a busy machine."""
+    """Late by up to 0.5 s, as on a slow serial line or a busy computer."""
     late = np.random.default_rng(1).uniform(0.0, 0.5, 300)
     late[::5] = 0.0
-    told = stamps([50.1 + n + lateness for n, lateness in enumerate(late)])
-    errors = np.array(told[10:]) - (50.0 + np.arange(10, 300))
+    stamps_s = stamps([50.1 + n + lateness for n, lateness in enumerate(late)])
+    errors = np.array(stamps_s[10:]) - (50.0 + np.arange(10, 300))
     assert np.abs(errors).max() < 1e-6
 
 
-def test_a_clock_that_drifts_is_followed():
-    """100 ppm, as bad as a quartz gets: 6 ms in a minute."""
-    told = stamps([50.1 + n * (1 + 1e-4) for n in range(600)])
-    errors = np.array(told) - (50.0 + np.arange(600) * (1 + 1e-4))
+def test_a_drifting_clock_is_followed():
+    """100 ppm, the drift of a poor quartz: 6 ms a minute."""
+    stamps_s = stamps([50.1 + n * (1 + 1e-4) for n in range(600)])
+    errors = np.array(stamps_s) - (50.0 + np.arange(600) * (1 + 1e-4))
     assert np.abs(errors).max() < 0.0065
 
 
-def test_a_receiver_that_learns_its_leap_seconds_or_its_date_is_followed_at_once():
+def test_a_step_of_the_remote_clock_is_followed_at_once():
+    """The receiver gets its leap seconds, then the right week."""
     clock = RemoteClock(0.1)
-    assert clock.stamp_s(UTC_S, 50.1) == pytest.approx(50.0)
-    assert clock.stamp_s(UTC_S + 1 - 18, 51.1) == pytest.approx(51.0)
-    assert clock.stamp_s(UTC_S + 2 - 18 + 1024 * 7 * 86400, 52.1) == pytest.approx(52.0)
+    assert clock.receive_stamp(UTC_S, 50.1) == pytest.approx(50.0)
+    assert clock.receive_stamp(UTC_S + 1 - 18, 51.1) == pytest.approx(51.0)
+    assert clock.receive_stamp(UTC_S + 2 - 18 + 1024 * 7 * 86400, 52.1) == pytest.approx(52.0)
 
 
-def test_without_utc_the_arrival_is_all_there_is():
-    assert RemoteClock(0.1).stamp_s(None, 50.1) == pytest.approx(50.0)
+def test_without_utc_the_arrival_counts():
+    assert RemoteClock(0.1).receive_stamp(None, 50.1) == pytest.approx(50.0)
 
 
 @given(
@@ -56,4 +57,4 @@ def test_a_stamp_is_never_later_than_its_arrival(steps):
     now = 0.0
     for step_s, utc_s, is_known in steps:
         now += step_s
-        assert clock.stamp_s(utc_s if is_known else None, now) <= now - 0.1 + 1e-5
+        assert clock.receive_stamp(utc_s if is_known else None, now) <= now - 0.1 + 1e-5

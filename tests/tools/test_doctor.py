@@ -1,4 +1,4 @@
-"""What the doctor finds: the rig's own ends of the wires on 127.0.0.1, and what can ail them."""
+"""Findings of the doctor, with simulated devices on 127.0.0.1 and their failures."""
 
 import asyncio
 import json
@@ -36,30 +36,30 @@ GOOD, DOUBTFUL, MISSING = FindingLevel.GOOD, FindingLevel.DOUBTFUL, FindingLevel
 PATIENCE_S = 0.4
 
 
-def verdicts(findings: list[Finding]) -> dict[str, FindingLevel]:
-    return {finding.subject: finding.verdict for finding in findings}
+def levels(findings: list[Finding]) -> dict[str, FindingLevel]:
+    return {finding.subject: finding.level for finding in findings}
 
 
 # ---- bus and ECU ------------------------------------------------------------------------------
 
 
-def bus_findings(ecu: Ecu, *, chatter: bool = False) -> list[Finding]:
+def bus_findings(ecu: Ecu, *, other_traffic: bool = False) -> list[Finding]:
     async def run() -> list[Finding]:
         server = SocketcandServer(ecu, "can0", lambda frame: None)
         port = await server.start()
         can = CanSettings(interface="socketcand", channel="can0", port=port)
-        talker = asyncio.create_task(talk(port)) if chatter else None
+        other_node = asyncio.create_task(send_other_traffic(port)) if other_traffic else None
         try:
-            # On a loop of its own, since opening a bus blocks.
+            # In a loop of its own, since opening a bus blocks.
             examined = can_bus.examine_bus(can, ObdSettings(), PATIENCE_S)
             return await asyncio.to_thread(asyncio.run, examined)
         finally:
-            if talker is not None:
-                talker.cancel()
+            if other_node is not None:
+                other_node.cancel()
             await server.close()
 
-    async def talk(port: int) -> None:
-        """Another node of the bus, as cars have many."""
+    async def send_other_traffic(port: int) -> None:
+        """Send frames of another node."""
         _, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(b"< open can0 >< rawmode >")
         try:
@@ -72,41 +72,41 @@ def bus_findings(ecu: Ecu, *, chatter: bool = False) -> list[Finding]:
     return asyncio.run(run())
 
 
-def test_an_ecu_that_answers_is_told_with_its_speed() -> None:
+def test_an_ecu_that_answers_is_reported_with_its_speed() -> None:
     findings = bus_findings(Ecu(lambda _now: 50 * KM_H))
 
-    assert verdicts(findings) == {"bus": GOOD, "ECU": GOOD}
+    assert levels(findings) == {"bus": GOOD, "ECU": GOOD}
     assert findings[1].detail == "50 km/h from obd:7E8"
 
 
-def test_a_bus_without_a_frame_is_one_with_the_ignition_off_or_a_wrong_bit_rate() -> None:
+def test_for_a_silent_bus_the_advice_is_ignition_and_bit_rate() -> None:
     findings = bus_findings(Ecu(lambda _now: 0.0, runs=lambda _now: False))
 
-    assert verdicts(findings) == {"bus": MISSING, "ECU": MISSING}
+    assert levels(findings) == {"bus": MISSING, "ECU": MISSING}
     assert all("ignition" in finding.advice for finding in findings)
     assert "bit rate" in findings[0].advice
 
 
-def test_a_bus_where_others_talk_and_no_ecu_answers_is_another_trouble() -> None:
-    findings = bus_findings(Ecu(lambda _now: 0.0, runs=lambda _now: False), chatter=True)
+def test_for_a_bus_with_traffic_and_no_answer_the_advice_is_another() -> None:
+    findings = bus_findings(Ecu(lambda _now: 0.0, runs=lambda _now: False), other_traffic=True)
 
-    assert verdicts(findings) == {"bus": GOOD, "ECU": MISSING}
+    assert levels(findings) == {"bus": GOOD, "ECU": MISSING}
     assert "gateway" in findings[1].advice
 
 
-def test_a_bus_that_cannot_be_opened_is_told_with_what_the_system_says() -> None:
+def test_a_bus_that_cannot_be_opened_is_reported_with_the_error_of_the_system() -> None:
     can = CanSettings(interface="socketcan", channel="nosuchcan9")
 
     findings = asyncio.run(can_bus.examine_bus(can, ObdSettings(), PATIENCE_S))
 
-    assert verdicts(findings) == {"bus": MISSING, "ECU": MISSING}
+    assert levels(findings) == {"bus": MISSING, "ECU": MISSING}
     assert "nosuchcan9 cannot be opened" in findings[0].detail
 
 
 # ---- camera, light, calibration -----------------------------------------------------------------
 
 
-def pictures(folder: Path, draw: Callable[[int], np.ndarray]) -> str:
+def image_folder(folder: Path, draw: Callable[[int], np.ndarray]) -> str:
     for number in range(5):
         cv2.imwrite(str(folder / f"{number}.png"), draw(number))
     return str(folder)
@@ -122,7 +122,7 @@ def camera_findings(source: str, fps: float = 15.0, **lens: float) -> dict[str, 
     return {finding.subject: finding for finding in camera.examine_camera(settings, PATIENCE_S)}
 
 
-def test_the_rigs_camera_is_a_good_one() -> None:
+def test_the_camera_of_the_rig_is_good() -> None:
     async def run() -> list[Finding]:
         scenario = load_scenario("fig4")
         server = CameraServer(scenario, 1)
@@ -136,111 +136,119 @@ def test_the_rigs_camera_is_a_good_one() -> None:
 
     findings = asyncio.run(run())
 
-    assert verdicts(findings) | {"camera": GOOD} == dict.fromkeys(
+    assert levels(findings) | {"camera": GOOD} == dict.fromkeys(
         ("camera", "light", "calibration"), GOOD
     )
     assert findings[0].detail.startswith("640 x 360, ")
 
 
 @pytest.mark.parametrize(
-    ("draw", "subject", "verdict", "told"),
+    ("draw", "subject", "level", "detail"),
     [
         (road, "light", GOOD, "mean grey"),
-        (lambda number: road(1), "camera", MISSING, "all the same"),
+        (lambda number: road(1), "camera", MISSING, "all equal"),
         (lambda number: road(number) // 8, "light", DOUBTFUL, "mean grey"),
         (lambda number: 255 - road(number) // 8, "light", DOUBTFUL, "mean grey"),
         (lambda number: np.full((360, 640, 3), number, np.uint8), "light", MISSING, "one colour"),
-        (lambda number: road(number)[:, :480], "calibration", MISSING, "these are 480 x 360"),
+        (
+            lambda number: road(number)[:, :480],
+            "calibration",
+            MISSING,
+            "the camera sends 480 x 360",
+        ),
     ],
 )
-def test_what_pictures_tell(
+def test_findings_from_images(
     tmp_path: Path,
     draw: Callable[[int], np.ndarray],
     subject: str,
-    verdict: FindingLevel,
-    told: str,
+    level: FindingLevel,
+    detail: str,
 ) -> None:
-    finding = camera_findings(pictures(tmp_path, draw))[subject]
+    finding = camera_findings(image_folder(tmp_path, draw))[subject]
 
-    assert finding.verdict is verdict
-    assert told in finding.detail
-    assert bool(finding.advice) == (verdict is not GOOD)
-
-
-def test_few_pictures_are_slow_ones(tmp_path: Path) -> None:
-    assert camera_findings(pictures(tmp_path, road), fps=5.0)["camera"].verdict is DOUBTFUL
+    assert finding.level is level
+    assert detail in finding.detail
+    assert bool(finding.advice) == (level is not GOOD)
 
 
-def test_files_that_are_no_pictures_are_no_camera(tmp_path: Path) -> None:
+def test_a_low_frame_rate_is_doubtful(tmp_path: Path) -> None:
+    assert camera_findings(image_folder(tmp_path, road), fps=5.0)["camera"].level is DOUBTFUL
+
+
+def test_a_camera_whose_images_cannot_be_decoded_is_missing(tmp_path: Path) -> None:
     (tmp_path / "0.jpg").write_bytes(b"\xff\xd8 not really")
 
     findings = camera_findings(str(tmp_path))
 
-    assert findings["camera"].detail == "no picture can be decoded"
-    assert findings["light"].verdict is MISSING
+    assert findings["camera"].detail == "no image can be decoded"
+    assert findings["light"].level is MISSING
 
 
-def test_a_camera_that_is_not_there_is_missing_and_its_calibration_still_told() -> None:
+def test_without_a_camera_the_calibration_is_still_reported() -> None:
     findings = camera_findings("/dev/video77")
 
-    assert {name: it.verdict for name, it in findings.items()} == {
+    assert {name: each.level for name, each in findings.items()} == {
         "camera": MISSING,
         "light": MISSING,
         "calibration": GOOD,
     }
 
 
-def test_a_camera_that_nobody_calibrated_is_guessed(tmp_path: Path) -> None:
-    settings = CameraSettings(source=pictures(tmp_path, road))
+def test_a_camera_without_a_calibration_is_doubtful(tmp_path: Path) -> None:
+    settings = CameraSettings(source=image_folder(tmp_path, road))
 
     finding = camera.examine_camera(settings, PATIENCE_S)[-1]
 
-    assert (finding.verdict, finding.detail[:8]) == (DOUBTFUL, "guessed:")
+    assert finding.level is DOUBTFUL
+    assert finding.detail.startswith("default values: ")
 
 
 # ---- gpsd ---------------------------------------------------------------------------------------
 
 
-def satellite_finding(report: bytes) -> Finding:
+def gnss_finding(report: bytes) -> Finding:
     async def run() -> Finding:
         async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             writer.write(report)
             await reader.read()
             writer.close()
-            hung_up.set()
+            closed.set()
 
-        hung_up = asyncio.Event()
+        closed = asyncio.Event()
         server = await asyncio.start_server(serve, "127.0.0.1", 0)
         gnss = GnssSettings(port=server.sockets[0].getsockname()[1])
         async with server:
-            (finding,) = await gnss_receiver.examine_satellites(gnss, PATIENCE_S)
-            await hung_up.wait()
+            (finding,) = await gnss_receiver.examine_gnss_receiver(gnss, PATIENCE_S)
+            await closed.wait()
             return finding
 
     return asyncio.run(run())
 
 
 @pytest.mark.parametrize(
-    ("report", "verdict", "told"),
+    ("report", "level", "detail"),
     [
         (REPORT, GOOD, "fix, good to 2.0 m"),
         (REPORT.replace(b"4.9", b"49"), DOUBTFUL, "fix, good to 20.0 m"),
         (b'{"class":"TPV","mode":1}\r\n', MISSING, "no fix"),
     ],
 )
-def test_a_fix_is_told_with_how_good_it_is(report: bytes, verdict: FindingLevel, told: str) -> None:
-    finding = satellite_finding(report)
+def test_a_fix_is_reported_with_its_accuracy(
+    report: bytes, level: FindingLevel, detail: str
+) -> None:
+    finding = gnss_finding(report)
 
-    assert finding.verdict is verdict
-    assert finding.detail.startswith(told)
+    assert finding.level is level
+    assert finding.detail.startswith(detail)
 
 
-def test_a_gpsd_that_is_not_there_is_told_from_one_without_a_fix() -> None:
+def test_a_missing_gpsd_is_distinguished_from_a_missing_fix() -> None:
     gnss = GnssSettings(port=free_port())
 
-    (finding,) = asyncio.run(gnss_receiver.examine_satellites(gnss, PATIENCE_S))
+    (finding,) = asyncio.run(gnss_receiver.examine_gnss_receiver(gnss, PATIENCE_S))
 
-    assert finding.verdict is MISSING
+    assert finding.level is MISSING
     assert finding.detail.endswith("Connection refused")
     assert "systemctl start gpsd" in finding.advice
 
@@ -248,14 +256,14 @@ def test_a_gpsd_that_is_not_there_is_told_from_one_without_a_fix() -> None:
 # ---- radio --------------------------------------------------------------------------------------
 
 
-def radio_finding(unit_port: int, listen_port: int, *, spoken: int = 0) -> Finding:
+def radio_finding(unit_port: int, listen_port: int, *, message_count: int = 0) -> Finding:
     settings = IwcuSettings(endpoint="iwcu", unit_port=unit_port, listen_port=listen_port)
 
     async def run() -> Finding:
         examined = asyncio.create_task(radio.examine_radio(settings, PATIENCE_S))
         await asyncio.sleep(PATIENCE_S / 4)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
-            for _ in range(spoken):
+            for _ in range(message_count):
                 unit.sendto(b"a message", ("127.0.0.1", listen_port))
         (finding,) = await examined
         return finding
@@ -263,17 +271,17 @@ def radio_finding(unit_port: int, listen_port: int, *, spoken: int = 0) -> Findi
     return asyncio.run(run())
 
 
-def test_a_unit_that_hands_over_messages_is_good_and_one_that_is_alone_doubtful() -> None:
+def test_a_unit_with_messages_is_good_and_a_silent_one_doubtful() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
         unit.bind(("127.0.0.1", 0))
         unit_port = unit.getsockname()[1]
 
-        heard = radio_finding(unit_port, free_port(socket.SOCK_DGRAM), spoken=3)
-        alone = radio_finding(unit_port, free_port(socket.SOCK_DGRAM))
+        received = radio_finding(unit_port, free_port(socket.SOCK_DGRAM), message_count=3)
+        silent = radio_finding(unit_port, free_port(socket.SOCK_DGRAM))
 
-        assert (heard.verdict, heard.detail[:10]) == (GOOD, "3 messages")
-        assert alone.verdict is DOUBTFUL
-        # The unit was sent nothing that it could put on the air.
+        assert (received.level, received.detail[:10]) == (GOOD, "3 messages")
+        assert silent.level is DOUBTFUL
+        # Only empty datagrams were sent, which the unit cannot transmit.
         unit.setblocking(False)
         assert {unit.recv(100) for _ in range(4)} == {b""}
 
@@ -281,59 +289,61 @@ def test_a_unit_that_hands_over_messages_is_good_and_one_that_is_alone_doubtful(
 def test_a_unit_whose_host_refuses_is_missing() -> None:
     finding = radio_finding(free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM))
 
-    assert finding.verdict is MISSING
+    assert finding.level is MISSING
     assert "Connection refused" in finding.detail
 
 
-def test_a_port_that_somebody_has_is_told_with_who_that_may_be() -> None:
+def test_a_port_in_use_is_reported_with_the_advice_to_stop_the_daemon() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as running:
         running.bind(("127.0.0.1", 0))
         finding = radio_finding(1, running.getsockname()[1])
 
-    assert finding.verdict is MISSING
+    assert finding.level is MISSING
     assert "systemctl stop onboard" in finding.advice
 
 
-# ---- the box ------------------------------------------------------------------------------------
+# ---- the computer -------------------------------------------------------------------------------
 
 
-def test_a_clock_from_before_the_program_is_wrong() -> None:
-    assert computer.examine_clock(0.0).verdict is MISSING
-    assert computer.examine_clock(time.time()).verdict is not MISSING
+def test_a_clock_earlier_than_the_installation_is_wrong() -> None:
+    assert computer.examine_clock(0.0).level is MISSING
+    assert computer.examine_clock(time.time()).level is not MISSING
 
 
-def test_folders_are_written_to_and_measured(tmp_path: Path) -> None:
-    there, gone = computer.examine_disk([tmp_path, tmp_path / "gone"])
+def test_folders_are_tested_for_writing(tmp_path: Path) -> None:
+    writable, missing = computer.examine_disk([tmp_path, tmp_path / "missing"])
 
-    assert there.verdict is not MISSING
-    assert (gone.verdict, gone.detail.endswith("No such file or directory")) == (MISSING, True)
-    assert verdicts(computer.examine_disk([])) == {"disk": FindingLevel.NOT_CONFIGURED}
-
-
-def test_how_much_space_is_enough(tmp_path: Path) -> None:
-    given = {100 << 20: MISSING, 1 << 30: DOUBTFUL, 10 << 30: GOOD}
-
-    assert {free: computer.free_space(tmp_path, free).verdict for free in given} == given
+    assert writable.level is not MISSING
+    assert (missing.level, missing.detail.endswith("No such file or directory")) == (MISSING, True)
+    assert levels(computer.examine_disk([])) == {"disk": FindingLevel.NOT_CONFIGURED}
 
 
-def test_keys_are_good_for_as_long_as_they_are_valid(tmp_path: Path) -> None:
+def test_limits_of_the_free_space(tmp_path: Path) -> None:
+    expected = {100 << 20: MISSING, 1 << 30: DOUBTFUL, 10 << 30: GOOD}
+
+    assert {
+        free: computer.examine_free_space(tmp_path, free).level for free in expected
+    } == expected
+
+
+def test_keys_that_are_not_valid_now_are_missing(tmp_path: Path) -> None:
     now = time.time()
     (credentials,) = make_trial(["car"], {0x20}, now).values()
     write_credentials(tmp_path / "car", credentials)
     digest = PlateDigestSettings.model_validate({"community_key": "our own trial's key"})
     security = SecuritySettings(keys_folder=tmp_path / "car", plate_digest=digest)
-    (now_finding,) = computer.examine_keys(security, now)
-    (later_finding,) = computer.examine_keys(security, now + 10 * 365 * computer.DAY_S)
+    (valid,) = computer.examine_keys(security, now)
+    (expired,) = computer.examine_keys(security, now + 10 * 365 * computer.DAY_S)
 
-    assert now_finding.verdict is not MISSING
-    assert (later_finding.verdict, later_finding.detail.endswith("not now")) == (MISSING, True)
+    assert valid.level is not MISSING
+    assert (expired.level, expired.detail.endswith("none valid now")) == (MISSING, True)
 
 
-def test_no_keys_lost_keys_and_a_key_that_everybody_has() -> None:
+def test_unsigned_messages_missing_keys_and_the_public_community_key() -> None:
     unsigned, public = computer.examine_keys(SecuritySettings(), 0.0)
     lost, _ = computer.examine_keys(SecuritySettings(keys_folder=Path("/nonexistent")), 0.0)
 
-    assert (unsigned.verdict, public.verdict, lost.verdict) == (DOUBTFUL, DOUBTFUL, MISSING)
+    assert (unsigned.level, public.level, lost.level) == (DOUBTFUL, DOUBTFUL, MISSING)
 
 
 # ---- the command --------------------------------------------------------------------------------
@@ -348,7 +358,7 @@ def onboard_doctor(config: Path, *options: str) -> subprocess.CompletedProcess[s
     )
 
 
-def test_the_command_fails_where_something_is_missing_and_says_what_to_do(tmp_path: Path) -> None:
+def test_the_command_fails_if_something_is_missing_and_gives_advice(tmp_path: Path) -> None:
     config = tmp_path / "car.yaml"
     tree = {"car": {"plate": "A1"}, "gnss": {"port": free_port()}, "obd": {}}
     config.write_text(yaml.safe_dump(tree))
@@ -361,7 +371,7 @@ def test_the_command_fails_where_something_is_missing_and_says_what_to_do(tmp_pa
     assert "bus         not configured" in result.stdout
 
 
-def test_for_programs_it_is_json_and_doubts_are_no_failure(tmp_path: Path) -> None:
+def test_json_output_and_doubtful_findings_are_no_failure(tmp_path: Path) -> None:
     config = tmp_path / "car.yaml"
     config.write_text("car: {plate: A1}\n")
 
@@ -369,5 +379,5 @@ def test_for_programs_it_is_json_and_doubts_are_no_failure(tmp_path: Path) -> No
 
     assert result.returncode == 0, result.stderr
     findings = json.loads(result.stdout)
-    assert {tuple(finding) for finding in findings} == {("subject", "verdict", "detail", "advice")}
-    assert {finding["verdict"] for finding in findings} <= {"good", "doubtful", "not configured"}
+    assert {tuple(finding) for finding in findings} == {("subject", "level", "detail", "advice")}
+    assert {finding["level"] for finding in findings} <= {"good", "doubtful", "not configured"}

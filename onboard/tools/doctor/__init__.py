@@ -1,4 +1,4 @@
-"""What is there on this box and what is missing, wire by wire, each with what to do about it.
+"""`onboard doctor`: tests each connection of the vehicle, and advises what to do where one fails.
 
-Every examination opens the same edge that the daemon opens, looks for a few seconds, and closes it.
+Each test opens the same socket, bus or camera as the daemon for some seconds.
 """

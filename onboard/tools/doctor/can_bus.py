@@ -1,4 +1,4 @@
-"""The CAN bus, and whether an ECU answers on it."""
+"""Test of the CAN bus, and of the ECU's answers."""
 
 import asyncio
 import contextlib
@@ -12,23 +12,29 @@ from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.units import KM_H
 
 STEP_S = 0.01
+"""Between two calls of the core."""
 
 NO_BUS = (
-    "plug the adapter in; `ip -details link show type can` lists what the kernel has,"
-    " /etc/systemd/network/80-onboard-can.network brings it up"
+    "plug the adapter in; `ip -details link show type can` lists the interfaces of the"
+    " kernel, /etc/systemd/network/80-onboard-can.network starts it"
 )
 SILENT = (
     "switch the ignition on; check the bit rate (500K or 250K, in 80-onboard-can.network) and the"
     " wires (pins 6 and 14 of the OBD-II port)"
 )
 UNANSWERED = (
-    "switch the ignition on; if it is, the car may hide its bus behind a gateway, or needs"
+    "switch the ignition on; if it is on, the bus may be behind a gateway, or the vehicle needs"
     " `obd.addressing` or a DBC file (`obd.broadcast`)"
 )
 
 
 async def examine_bus(can: CanSettings, obd: ObdSettings, patience_s: float) -> list[Finding]:
-    """Listen and ask as the car does, until a speed comes or `patience_s` has passed.
+    """Receive and request as the daemon does, until there is a speed.
+
+    Args:
+        can: the bus.
+        obd: what to request.
+        patience_s: time limit.
 
     Raises:
         UserError: the DBC file cannot be read.
@@ -39,12 +45,12 @@ async def examine_bus(can: CanSettings, obd: ObdSettings, patience_s: float) -> 
     speed: Speed | None = None
     lost: list[str] = []
 
-    def take(frame: CanFrame) -> None:
+    def receive(frame: CanFrame) -> None:
         nonlocal frames
         frames += 1
         core.receive_frame(frame, loop.time())
 
-    bus = CanBus(can, take, lambda up, why: None if up else lost.append(why))
+    bus = CanBus(can, receive, lambda up, why: None if up else lost.append(why))
     try:
         bus.start(loop)
     except CanBusError as error:
@@ -67,7 +73,7 @@ async def examine_bus(can: CanSettings, obd: ObdSettings, patience_s: float) -> 
 
 def _bus(frames: int, took_s: float, lost: list[str]) -> Finding:
     if lost:
-        return Finding("bus", FindingLevel.MISSING, f"lost again: {lost[0]}", NO_BUS)
+        return Finding("bus", FindingLevel.MISSING, f"connection lost: {lost[0]}", NO_BUS)
     if frames == 0:
         return Finding("bus", FindingLevel.MISSING, f"open, but silent for {took_s:.1f} s", SILENT)
     return Finding("bus", FindingLevel.GOOD, f"{frames} frames in {took_s:.1f} s")
@@ -76,7 +82,7 @@ def _bus(frames: int, took_s: float, lost: list[str]) -> Finding:
 def _ecu(speed: Speed | None, frames: int, patience_s: float) -> Finding:
     if speed is None:
         advice = UNANSWERED if frames else SILENT
-        return Finding("ECU", FindingLevel.MISSING, f"told no speed in {patience_s:g} s", advice)
+        return Finding("ECU", FindingLevel.MISSING, f"no speed in {patience_s:g} s", advice)
     return Finding(
         "ECU", FindingLevel.GOOD, f"{speed.speed_m_s / KM_H:.0f} km/h from {speed.source}"
     )

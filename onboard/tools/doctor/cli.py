@@ -1,4 +1,4 @@
-"""`onboard doctor`: one line for each thing looked at, and what to do."""
+"""`onboard doctor`: one line a test, and what to do."""
 
 import asyncio
 import json
@@ -18,12 +18,12 @@ from onboard.tools.doctor.can_bus import examine_bus
 from onboard.tools.doctor.computer import examine_clock, examine_disk, examine_keys, written_folders
 from onboard.tools.doctor.detector import examine_detector
 from onboard.tools.doctor.finding import Finding, FindingLevel
-from onboard.tools.doctor.gnss_receiver import examine_satellites
+from onboard.tools.doctor.gnss_receiver import examine_gnss_receiver
 from onboard.tools.doctor.radio import examine_radio
 
-INSTALLED = Path("/etc/onboard/car.yaml")
+INSTALLED_CONFIG = Path("/etc/onboard/car.yaml")
 
-WIRES = ("bus", "camera", "detector", "gpsd", "radio")
+CONNECTIONS = ("bus", "camera", "detector", "gpsd", "radio")
 
 CORRECT = "correct the configuration; `onboard check` names every mistake"
 
@@ -37,7 +37,7 @@ _COLOURS = {
 def doctor(
     config: Annotated[
         Path, typer.Argument(help="The car's configuration, a YAML file.")
-    ] = INSTALLED,
+    ] = INSTALLED_CONFIG,
     *,
     patience_s: Annotated[
         float,
@@ -55,24 +55,24 @@ def doctor(
     else:
         for finding in findings:
             _print(finding)
-    is_complete = all(finding.verdict is not FindingLevel.MISSING for finding in findings)
+    is_complete = all(finding.level is not FindingLevel.MISSING for finding in findings)
     raise typer.Exit(0 if is_complete else 1)
 
 
 async def examine(config: CarConfig, patience_s: float) -> list[Finding]:
-    """Look at everything that `config` names, all wires at the same time."""
-    wires: dict[str, Coroutine[None, None, list[Finding]] | None] = dict.fromkeys(WIRES)
+    """Test everything that `config` names, all connections concurrently, `patience_s` each."""
+    connections: dict[str, Coroutine[None, None, list[Finding]] | None] = dict.fromkeys(CONNECTIONS)
     if config.can is not None:
-        wires["bus"] = examine_bus(config.can, config.obd, patience_s)
+        connections["bus"] = examine_bus(config.can, config.obd, patience_s)
     if config.camera is not None:
-        wires["camera"] = asyncio.to_thread(examine_camera, config.camera, patience_s)
+        connections["camera"] = asyncio.to_thread(examine_camera, config.camera, patience_s)
     if config.detector is not None:
-        wires["detector"] = examine_detector(config.detector, patience_s)
+        connections["detector"] = examine_detector(config.detector, patience_s)
     if config.gnss is not None:
-        wires["gpsd"] = examine_satellites(config.gnss, patience_s)
+        connections["gpsd"] = examine_gnss_receiver(config.gnss, patience_s)
     if config.radio is not None:
-        wires["radio"] = examine_radio(config.radio, patience_s)
-    examined = [_examined(subject, examination) for subject, examination in wires.items()]
+        connections["radio"] = examine_radio(config.radio, patience_s)
+    examined = [_examined(subject, examination) for subject, examination in connections.items()]
     findings = [finding for found in await asyncio.gather(*examined) for finding in found]
     now_utc_s = time.time()
     return [
@@ -87,7 +87,7 @@ async def _examined(
     subject: str, examination: Coroutine[None, None, list[Finding]] | None
 ) -> list[Finding]:
     if examination is None:
-        return [Finding(subject, FindingLevel.NOT_CONFIGURED, "the car does without")]
+        return [Finding(subject, FindingLevel.NOT_CONFIGURED, "not in the configuration")]
     try:
         return await examination
     except UserError as error:
@@ -95,7 +95,7 @@ async def _examined(
 
 
 def _print(finding: Finding) -> None:
-    verdict = typer.style(f"{finding.verdict:14}", fg=_COLOURS.get(finding.verdict))
-    typer.echo(f"{finding.subject:12}{verdict}  {finding.detail}")
+    level = typer.style(f"{finding.level:14}", fg=_COLOURS.get(finding.level))
+    typer.echo(f"{finding.subject:12}{level}  {finding.detail}")
     if finding.advice:
         typer.echo(f"{'':28}-> {finding.advice}")

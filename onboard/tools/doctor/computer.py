@@ -1,4 +1,4 @@
-"""The box itself: its clock, its disk, and the car's keys."""
+"""Tests of the computer: clock, disk, and the vehicle's keys."""
 
 import ctypes
 import errno
@@ -16,31 +16,32 @@ from onboard.tools.doctor.finding import Finding, FindingLevel
 
 DAY_S = 86_400.0
 LEAST_FREE_BYTES, SCARCE_BYTES = 256 << 20, 2 << 30
+"""Free space below which the disk counts as missing, and as doubtful."""
 LEAST_LEFT_S = DAY_S
-"""Of the last pseudonym's life."""
+"""Remaining validity of the last pseudonym below which the keys are doubtful."""
 
-SET_CLOCK = "`systemctl enable --now systemd-timesyncd`, or chrony fed by gpsd where no network is"
-DELETE = "take old recordings away"
-ELSEWHERE = "the folder must be there and belong to the user onboard"
+SET_CLOCK = "`systemctl enable --now systemd-timesyncd`, or chrony with gpsd if there is no network"
+DELETE = "delete old recordings"
+ELSEWHERE = "the folder must exist and belong to the user onboard"
 NEW_KEYS = "`onboard keys car` makes new ones; see in-the-car.md"
 UNSIGNED = "`onboard keys`, and name the folder in `security.keys_folder`; see in-the-car.md"
 AGREE_ON_A_KEY = "agree on a `security.plate_digest.community_key` for your trial"
 
 _STA_UNSYNC = 0x40
-"""Status bit of adjtimex(2): nobody keeps the clock."""
+"""Status bit of adjtimex(2): the clock is not synchronised."""
 _TIMEX_BYTES, _STATUS_AT = 208, 40
-"""Size of struct timex and place of its status, on 64-bit Linux."""
+"""Size of struct timex and offset of its status, on 64-bit Linux."""
 
 
 def examine_clock(now_utc_s: float) -> Finding:
-    """Signed messages are refused when clocks differ by more than seconds."""
-    shown = datetime.fromtimestamp(now_utc_s, UTC).isoformat(sep=" ", timespec="seconds")
+    """Test the clock: receivers refuse signed messages whose time is wrong by some seconds."""
+    text = datetime.fromtimestamp(now_utc_s, UTC).isoformat(sep=" ", timespec="seconds")
     if now_utc_s < Path(onboard.__file__).stat().st_mtime - DAY_S:
-        before = f"{shown} UTC is before this program was installed"
+        before = f"{text} UTC is before this program was installed"
         return Finding("clock", FindingLevel.MISSING, before, SET_CLOCK)
     if not _is_synchronised():
-        return Finding("clock", FindingLevel.DOUBTFUL, f"{shown} UTC, not synchronised", SET_CLOCK)
-    return Finding("clock", FindingLevel.GOOD, f"{shown} UTC, synchronised")
+        return Finding("clock", FindingLevel.DOUBTFUL, f"{text} UTC, not synchronised", SET_CLOCK)
+    return Finding("clock", FindingLevel.GOOD, f"{text} UTC, synchronised")
 
 
 def _is_synchronised() -> bool:
@@ -51,19 +52,19 @@ def _is_synchronised() -> bool:
 
 
 def written_folders(config: CarConfig) -> set[Path]:
-    """Every folder that the car writes to."""
+    """Return every folder that the daemon writes to."""
     files = (config.trace.file, config.trace.capture, config.access.driver_file)
     folders = {file.parent for file in files if file is not None}
     if config.recorder is not None:
-        box = config.recorder.folder  # which the recorder makes
-        folders.add(box if box.exists() else box.parent)
+        folder = config.recorder.folder  # The recorder creates it.
+        folders.add(folder if folder.exists() else folder.parent)
     return folders
 
 
 def examine_disk(folders: Iterable[Path]) -> list[Finding]:
-    """Free space where the car writes, and whether it can."""
+    """Test that each folder can be written to, and its free space."""
     findings = [_folder(folder) for folder in sorted(folders)]
-    return findings or [Finding("disk", FindingLevel.NOT_CONFIGURED, "nothing is recorded")]
+    return findings or [Finding("disk", FindingLevel.NOT_CONFIGURED, "nothing is written")]
 
 
 def _folder(folder: Path) -> Finding:
@@ -74,11 +75,11 @@ def _folder(folder: Path) -> Finding:
     except OSError as error:
         advice = DELETE if error.errno == errno.ENOSPC else ELSEWHERE
         return Finding("disk", FindingLevel.MISSING, f"{folder}: {error.strerror}", advice)
-    return free_space(folder, free)
+    return examine_free_space(folder, free)
 
 
-def free_space(folder: Path, free_bytes: int) -> Finding:
-    """Whether that much is enough."""
+def examine_free_space(folder: Path, free_bytes: int) -> Finding:
+    """Compare the free space of a folder with the limits."""
     detail = f"{folder}: {free_bytes / 2**30:.1f} GiB free"
     if free_bytes < LEAST_FREE_BYTES:
         return Finding("disk", FindingLevel.MISSING, detail, DELETE)
@@ -88,18 +89,18 @@ def free_space(folder: Path, free_bytes: int) -> Finding:
 
 
 def examine_keys(security: SecuritySettings, now_utc_s: float) -> list[Finding]:
-    """The certificates, for how long they last, and the secret of the plates."""
+    """Test the certificates, their validity at `now_utc_s`, and the community key."""
     findings = [_certificates(security.keys_folder, now_utc_s)]
     default = PlateDigestSettings().community_key
     if security.plate_digest.community_key == default:
-        public = "plates are hidden by the key that everybody has"
+        public = "the community key is the public default, so plates are not secret"
         findings.append(Finding("keys", FindingLevel.DOUBTFUL, public, AGREE_ON_A_KEY))
     return findings
 
 
 def _certificates(folder: Path | None, now_utc_s: float) -> Finding:
     if folder is None:
-        unsigned = "messages go out unsigned, and anybody is believed"
+        unsigned = "messages are sent unsigned, and unsigned messages are accepted"
         return Finding("keys", FindingLevel.DOUBTFUL, unsigned, UNSIGNED)
     try:
         pseudonyms = read_credentials(folder).pseudonyms
@@ -108,10 +109,10 @@ def _certificates(folder: Path | None, now_utc_s: float) -> Finding:
     subjects = [pseudonym.certificate.subject for pseudonym in pseudonyms]
     begins_s = min(subject.valid_from_utc_s for subject in subjects)
     ends_s = max(subject.valid_until_utc_s for subject in subjects)
-    until = datetime.fromtimestamp(ends_s, UTC).isoformat(sep=" ", timespec="minutes")
-    detail = f"{len(subjects)} pseudonyms, the last valid until {until}"
+    valid_until = datetime.fromtimestamp(ends_s, UTC).isoformat(sep=" ", timespec="minutes")
+    detail = f"{len(subjects)} pseudonyms, the last valid until {valid_until}"
     if not begins_s <= now_utc_s < ends_s:
-        return Finding("keys", FindingLevel.MISSING, f"{detail}: not now", NEW_KEYS)
+        return Finding("keys", FindingLevel.MISSING, f"{detail}, none valid now", NEW_KEYS)
     if ends_s - now_utc_s < LEAST_LEFT_S:
         return Finding("keys", FindingLevel.DOUBTFUL, detail, NEW_KEYS)
     return Finding("keys", FindingLevel.GOOD, detail)

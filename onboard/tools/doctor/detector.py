@@ -1,4 +1,4 @@
-"""The wire to a detector of the user's."""
+"""Test of the connection to a detector of the user's."""
 
 import asyncio
 import contextlib
@@ -9,30 +9,33 @@ from onboard.detector.settings import DetectorSettings
 from onboard.observations import Discarded
 from onboard.tools.doctor.finding import Finding, FindingLevel
 
-BUSY = "if onboard is running, it has this port: `systemctl stop onboard` before this"
+BUSY = "onboard uses this port while it runs: stop it first with `systemctl stop onboard`"
 SILENT = (
-    "start the detector, and check the port that it sends to; it sends pictures without cars too"
+    "start the detector, and check the port that it sends to; it must also send images without"
+    " vehicles"
 )
-UNREADABLE = "what it is to send stands in docs/mvs.md"
+UNREADABLE = "see docs/mvs.md for the format"
 
 
 async def examine_detector(detector: DetectorSettings, patience_s: float) -> list[Finding]:
-    """Listen for `patience_s`, and read what comes."""
+    """Listen for `patience_s`, and decode what arrives."""
     loop = asyncio.get_running_loop()
     reader = ObjectListReader()
     try:
-        wire = await open_detector(detector, lambda data: reader.receive_bytes(data, loop.time()))
+        transport = await open_detector(
+            detector, lambda data: reader.receive_bytes(data, loop.time())
+        )
     except DetectorError as error:
         return [Finding("detector", FindingLevel.MISSING, str(error), BUSY)]
-    with contextlib.closing(wire):
+    with contextlib.closing(transport):
         await asyncio.sleep(patience_s)
     events = list(iter(reader.next_event, None))
-    wrong = [event for event in events if isinstance(event, Discarded)]
+    discarded = [event for event in events if isinstance(event, Discarded)]
     if not events:
         silent = f"nothing at port {detector.port} in {patience_s:g} s"
         return [Finding("detector", FindingLevel.MISSING, silent, SILENT)]
-    if wrong:
-        detail = f"{wrong[0].reason}: {wrong[0].detail}"
-        verdict = FindingLevel.MISSING if len(wrong) == len(events) else FindingLevel.DOUBTFUL
-        return [Finding("detector", verdict, detail, UNREADABLE)]
-    return [Finding("detector", FindingLevel.GOOD, f"{len(events)} pictures in {patience_s:g} s")]
+    if discarded:
+        detail = f"{discarded[0].reason}: {discarded[0].detail}"
+        level = FindingLevel.MISSING if len(discarded) == len(events) else FindingLevel.DOUBTFUL
+        return [Finding("detector", level, detail, UNREADABLE)]
+    return [Finding("detector", FindingLevel.GOOD, f"{len(events)} images in {patience_s:g} s")]

@@ -1,27 +1,27 @@
-"""One thing that was looked at, and what was found."""
+"""Result of one test."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class FindingLevel(StrEnum):
-    """From best to worst."""
+    """Result of a test, from best to worst."""
 
     GOOD = "good"
     NOT_CONFIGURED = "not configured"
-    """The configuration has no such wire; the car does without."""
+    """The configuration has no such connection."""
     DOUBTFUL = "doubtful"
-    """The car drives, but not as well as it could."""
+    """It works, with reduced quality."""
     MISSING = "missing"
-    """The car does not do what it was configured for."""
+    """It is configured and does not work."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What a line of the report says."""
+    """One line of the report."""
 
     subject: str
-    verdict: FindingLevel
+    level: FindingLevel
     detail: str
     advice: str = ""
-    """What to do; empty where there is nothing to do."""
+    """What the user can do; empty if there is nothing to do."""

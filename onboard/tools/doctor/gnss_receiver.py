@@ -1,4 +1,4 @@
-"""gpsd, and whether its receiver has a fix."""
+"""Test of gpsd, and of the fix of its receiver."""
 
 import asyncio
 import contextlib
@@ -10,19 +10,19 @@ from onboard.observations import Position
 from onboard.tools.doctor.finding import Finding, FindingLevel
 
 COARSE_M = 10.0
-"""One standard deviation; a lane is 3.5 m wide, a junction some 10."""
+"""Standard deviation above which a fix is doubtful; a junction is some 10 m wide."""
 
-NO_GPSD = "`systemctl start gpsd`; which receiver it reads stands in /etc/default/gpsd"
-NO_FIX = "give the antenna a view of the sky and a minute; `gpspipe -w` shows what gpsd hears"
-COARSE = "give the antenna a better view of the sky; under a roof and between houses it is so"
+NO_GPSD = "`systemctl start gpsd`; /etc/default/gpsd names its receiver"
+NO_FIX = "give the antenna a view of the sky and a minute; `gpspipe -w` shows what gpsd receives"
+COARSE = "give the antenna a better view of the sky; under a roof or between houses this is normal"
 
 
-async def examine_satellites(gnss: GnssSettings, patience_s: float) -> list[Finding]:
+async def examine_gnss_receiver(gnss: GnssSettings, patience_s: float) -> list[Finding]:
     """Wait for a position for `patience_s`."""
     loop = asyncio.get_running_loop()
     reader = GpsdReader(gnss)
     positions: asyncio.Queue[Position] = asyncio.Queue()
-    troubles: list[str] = []
+    failures: list[str] = []
 
     def take(data: bytes) -> None:
         reader.receive_bytes(data, loop.time())
@@ -30,14 +30,14 @@ async def examine_satellites(gnss: GnssSettings, patience_s: float) -> list[Find
             if isinstance(event, Position):
                 positions.put_nowait(event)
 
-    gpsd = Gpsd(gnss, take, lambda up, why: None if up else troubles.append(why))
+    gpsd = Gpsd(gnss, take, lambda up, why: None if up else failures.append(why))
     gpsd.start(loop)
     with contextlib.closing(gpsd):
         try:
             fix = await asyncio.wait_for(positions.get(), patience_s)
         except TimeoutError:
-            if troubles:
-                return [Finding("gpsd", FindingLevel.MISSING, troubles[-1], NO_GPSD)]
+            if failures:
+                return [Finding("gpsd", FindingLevel.MISSING, failures[-1], NO_GPSD)]
             return [Finding("gpsd", FindingLevel.MISSING, f"no fix in {patience_s:g} s", NO_FIX)]
     detail = f"fix, good to {fix.sigma_m:.1f} m"
     if fix.sigma_m > COARSE_M:

@@ -1,4 +1,4 @@
-"""The wire to the radio unit. Nothing goes on the air: the unit is sent an empty datagram."""
+"""Test of the connection to the radio unit; only empty datagrams are sent to it, no message."""
 
 import asyncio
 import contextlib
@@ -9,32 +9,34 @@ from onboard.wave_udp.drained_socket import RadioError
 from onboard.wave_udp.endpoint import open_endpoint
 from onboard.wave_udp.settings import RadioSettings, RawSettings
 
-BUSY = "if onboard is running, it has this wire: `systemctl stop onboard` before this"
-NOBODY = "switch the unit on; check its address and port against `radio` in the configuration"
-ALONE = "normal where no other car is near; else check the channel and the unit's forwarding"
+BUSY = "onboard uses this connection while it runs: stop it first with `systemctl stop onboard`"
+REFUSED = "switch the unit on; check its address and port against `radio` in the configuration"
+SILENT = (
+    "normal if no other vehicle with a radio is near; else check channel and forwarding of the unit"
+)
 
 
 async def examine_radio(radio: RadioSettings, patience_s: float) -> list[Finding]:
-    """Listen for `patience_s`, and see whether the unit's host refuses."""
+    """Listen for `patience_s`, and test whether the unit's host refuses datagrams."""
     loop = asyncio.get_running_loop()
-    heard: list[bytes] = []
+    received: list[bytes] = []
     try:
-        endpoint = open_endpoint(radio, heard.append)
+        endpoint = open_endpoint(radio, received.append)
     except RadioError as error:
         return [Finding("radio", FindingLevel.MISSING, str(error), BUSY)]
     with contextlib.closing(endpoint):
         endpoint.start(loop)
         refusal = await _refusal(radio, patience_s)
     if refusal:
-        return [Finding("radio", FindingLevel.MISSING, refusal, NOBODY)]
-    if not heard:
-        silent = f"nothing heard in {patience_s:g} s"
-        return [Finding("radio", FindingLevel.DOUBTFUL, silent, ALONE)]
-    return [Finding("radio", FindingLevel.GOOD, f"{len(heard)} messages in {patience_s:g} s")]
+        return [Finding("radio", FindingLevel.MISSING, refusal, REFUSED)]
+    if not received:
+        silent = f"nothing received in {patience_s:g} s"
+        return [Finding("radio", FindingLevel.DOUBTFUL, silent, SILENT)]
+    return [Finding("radio", FindingLevel.GOOD, f"{len(received)} messages in {patience_s:g} s")]
 
 
 async def _refusal(radio: RadioSettings, patience_s: float) -> str:
-    """Why the unit cannot be there, as ICMP tells within `patience_s`; empty where it may be."""
+    """Return the error that ICMP reports within `patience_s`; empty if there is none."""
     if isinstance(radio, RawSettings):
         await asyncio.sleep(patience_s)
         return ""
@@ -44,7 +46,7 @@ async def _refusal(radio: RadioSettings, patience_s: float) -> str:
             probe.connect(address)
             probe.send(b"")
             await asyncio.sleep(patience_s)
-            probe.send(b"")  # which is when a socket tells what ICMP said
+            probe.send(b"")  # The socket raises an ICMP error with the next call.
         except OSError as error:
             return f"unit at {address[0]}:{address[1]}: {error.strerror}"
     return ""

@@ -1,4 +1,4 @@
-"""One driver's reactions on top of the population's."""
+"""Reaction times of one driver, given those of the population."""
 
 import math
 
@@ -11,7 +11,7 @@ from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 
 
 def batch_posterior(y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same regression in one piece, by the normal equations."""
+    """The same regression over all reactions at once, by the normal equations."""
     population = DEFAULT_POPULATION
     precision = np.linalg.inv(population.spread) + x.T @ x / population.noise_variance
     covariance = np.linalg.inv(precision)
@@ -19,7 +19,7 @@ def batch_posterior(y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return mean, covariance
 
 
-def test_one_by_one_is_the_same_as_all_at_once() -> None:
+def test_the_recursive_update_equals_the_batch_regression() -> None:
     rng = np.random.default_rng(1)
     headway_s, reaction_s = rng.uniform(0.5, 3.0, 20), rng.uniform(0.5, 2.0, 20)
     driver = DriverModel(DEFAULT_POPULATION, forgetting=1.0)
@@ -35,7 +35,7 @@ def test_one_by_one_is_the_same_as_all_at_once() -> None:
     assert driver.log_reaction(1.4) == pytest.approx((expected_mean, expected_sd))
 
 
-def test_nobody_watched_is_the_population() -> None:
+def test_without_reactions_the_model_is_that_of_the_population() -> None:
     driver = DriverModel(DEFAULT_POPULATION)
 
     median_s, low_s, high_s = driver.percentile_s(0.5, headway_s=1.0)
@@ -45,7 +45,7 @@ def test_nobody_watched_is_the_population() -> None:
     assert high_s > 1.3
 
 
-def test_a_slow_driver_is_known_after_a_few_reactions_and_surer_after_more() -> None:
+def test_the_interval_covers_a_slow_driver_and_narrows_with_each_reaction() -> None:
     rng = np.random.default_rng(2)
     driver = DriverModel(DEFAULT_POPULATION)
     widths_s = []
@@ -60,7 +60,7 @@ def test_a_slow_driver_is_known_after_a_few_reactions_and_surer_after_more() -> 
     assert widths_s[-1] < widths_s[4] < widths_s[0]
 
 
-def test_what_is_no_reaction_is_left_out_and_counted() -> None:
+def test_impossible_reaction_times_are_rejected_and_counted() -> None:
     driver = DriverModel(DEFAULT_POPULATION)
     before = driver.log_reaction(1.0)
 
@@ -73,11 +73,11 @@ def test_what_is_no_reaction_is_left_out_and_counted() -> None:
     ]:
         driver.receive_reaction(reaction_s, headway_s)
 
-    assert driver.left_out == 5
+    assert driver.rejected == 5
     assert driver.log_reaction(1.0) == before
 
 
-def test_a_driver_can_be_erased() -> None:
+def test_forget_returns_to_the_population() -> None:
     driver = DriverModel(DEFAULT_POPULATION)
     driver.receive_reaction(2.0, 1.0)
 
@@ -87,7 +87,7 @@ def test_a_driver_can_be_erased() -> None:
     assert driver.observed == 0
 
 
-def test_old_habits_are_forgotten_slowly() -> None:
+def test_old_reactions_lose_weight() -> None:
     driver = DriverModel(DEFAULT_POPULATION, forgetting=0.98)
     for _ in range(200):
         driver.receive_reaction(2.0, 1.5)
@@ -101,7 +101,7 @@ def test_old_habits_are_forgotten_slowly() -> None:
     st.lists(st.tuples(st.floats(0.15, 6.0), st.floats(0.1, 10.0)), max_size=60),
     st.floats(0.05, 0.95),
 )
-def test_percentiles_stay_in_order_whatever_comes(
+def test_percentiles_are_ordered_for_any_reactions(
     reactions: list[tuple[float, float]], share: float
 ) -> None:
     driver = DriverModel(DEFAULT_POPULATION)
