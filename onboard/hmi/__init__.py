@@ -1,5 +1,5 @@
-"""What the driver sees and hears, and what an operator counts.
+"""The driver's page, and the metrics for an operator.
 
-`display.py` is the core: from what the stack says to what is to be shown. `page_server.py` is the
-edge: it serves the page in `page/`, pushes each view to every browser, and answers `/metrics`.
+`display.py` is the core: it turns events of the stack into views. `page_server.py` is the edge: it
+serves the files in `page/`, pushes each view to every browser, and answers `/metrics`.
 """

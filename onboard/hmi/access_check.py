@@ -1,9 +1,9 @@
-"""Who may see the page: decided from the request's own words, before anything is answered.
+"""Access check of HTTP requests, from their headers alone.
 
-Without a token only this machine is served, and a page of another origin that a browser on this
-machine has open must not look either. Two ways it could: by a name of its own that resolves to
-this machine (so it must be asked for by address), and by a web socket, which browsers let cross
-origins (so its origin must be the page).
+Without a token only this computer is served. A page of another origin, open in a browser on this
+computer, must get nothing either. It could try with a host name of its own that resolves to this
+computer (DNS rebinding), so the requested host must be a loopback address. Or it could try with a
+web socket, which browsers do not restrict by origin, so the origin must be the page itself.
 """
 
 import hmac
@@ -12,41 +12,40 @@ from urllib.parse import urlsplit
 
 
 class AccessCheck:
-    """Lets in, or says why not."""
+    """Accepts or refuses requests."""
 
     def __init__(self, token: str | None) -> None:
-        """`token`: what to ask for; `None` asks for nothing, and is for this machine only."""
+        """Require `token`; with `None`, serve this computer only."""
         self._token = token
 
     def refusal(
         self, host: str, origin: str | None, cookie: str | None, authorization: str | None
     ) -> str | None:
-        """A short stable word why not, or `None`.
+        """Return the reason of a refusal as a short word, or `None` if the request is accepted.
 
         Args:
             host: the `Host` header.
-            origin: the `Origin` header; browsers send it where another origin may be behind it.
-            cookie: what `cookie_for` once gave.
-            authorization: the `Authorization` header.
+            origin: the `Origin` header, if the browser sent one.
+            cookie: the value of the page's cookie, if the browser sent one.
+            authorization: the `Authorization` header, if there is one.
         """
         if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
             return "foreign_origin"
         if self._token is None:
-            return None if _is_this_machine(host) else "foreign_host"
+            return None if _is_loopback(host) else "foreign_host"
         scheme, _, bearer = (authorization or "").partition(" ")
         offered = cookie if cookie is not None else bearer if scheme == "Bearer" else None
         if offered is None:
             return "no_token"
-        return None if self.is_right(offered) else "wrong_token"
+        return None if self.is_token(offered) else "wrong_token"
 
-    def is_right(self, offered: str) -> bool:
-        """Whether it is the token, in a time that does not tell how much of it is right."""
+    def is_token(self, offered: str) -> bool:
+        """Compare with the token, in a time that does not depend on how many characters match."""
         token = self._token or ""
         return bool(token) and hmac.compare_digest(offered.encode(), token.encode())
 
 
-def _is_this_machine(host: str) -> bool:
-    """Whether it is asked for by an address of its own; any name may resolve to one."""
+def _is_loopback(host: str) -> bool:
     try:
         name = urlsplit(f"//{host}").hostname
         return name == "localhost" or ip_address(name or "").is_loopback

@@ -1,8 +1,8 @@
-"""Keeps whoever opens connections and says nothing from using up what the daemon may open.
+"""Limits the TCP connections of the page server, so that idle ones do not exhaust file descriptors.
 
-Between the network and the web server: a connection on which nothing comes for a while is closed,
-and of too many the first that has not said anything yet, be it the newest. A page asks at once
-and confirms what it is shown: one that is alive is neither silent for so long nor thrown out.
+It sits between the network and the web server. A connection without data for `SILENT_S` is closed.
+Above `MOST_CONNECTIONS`, the oldest connection that has not sent anything yet is closed, which may
+be the newest. A page sends its request at once and then confirms views, so it is never closed.
 """
 
 import asyncio
@@ -12,22 +12,23 @@ from collections.abc import Callable
 from typing_extensions import override
 
 MOST_CONNECTIONS = 128
-"""Each of the pages has a web socket, and a moment's worth of others while it is loaded."""
+"""One web socket for each of 64 pages, and as many for pages that are being loaded."""
 SILENT_S = 15.0
+"""Longest time without data; a page confirms several views each second."""
 
 Factory = Callable[[], asyncio.Protocol]
 
 
 class ConnectionLimiter:
-    """Makes the protocols of one server."""
+    """Creates the protocols of one server, and closes idle connections."""
 
     def __init__(self, make_protocol: Factory) -> None:
-        """`make_protocol` makes those of the server behind."""
+        """Forward to the protocols that `make_protocol` creates."""
         self._make_protocol = make_protocol
-        self._guests: dict[_LimitedConnection, None] = {}
-        """Those silent longest come first."""
-        self._strangers: dict[_LimitedConnection, None] = {}
-        """Those of them that have never said anything, oldest first."""
+        self._connections: dict[_LimitedConnection, None] = {}
+        """In the order of their last data."""
+        self._without_data: dict[_LimitedConnection, None] = {}
+        """Those of them that have not sent anything yet, oldest first."""
         self._timer: asyncio.TimerHandle | None = None
 
     def __call__(self) -> asyncio.Protocol:
@@ -35,54 +36,58 @@ class ConnectionLimiter:
         return _LimitedConnection(self._make_protocol(), self)
 
     def __len__(self) -> int:
-        return len(self._guests)
+        """Return the number of open connections."""
+        return len(self._connections)
 
     def close(self) -> None:
-        """Look no more."""
+        """Stop closing idle connections."""
         if self._timer is not None:
             self._timer.cancel()
 
-    def welcome(self, guest: "_LimitedConnection") -> None:
-        """Somebody has come."""
-        self._guests[guest] = self._strangers[guest] = None
-        if len(self._guests) > MOST_CONNECTIONS:
-            self._dismiss(next(iter(self._strangers)))
+    def add(self, connection: "_LimitedConnection") -> None:
+        """Count a new connection; above the limit, close one without data."""
+        self._connections[connection] = self._without_data[connection] = None
+        if len(self._connections) > MOST_CONNECTIONS:
+            self._abort(next(iter(self._without_data)))
         if self._timer is None:
-            self._look()
+            self._close_silent()
 
-    def hear(self, guest: "_LimitedConnection") -> None:
-        """Something came from `guest`."""
-        self._strangers.pop(guest, None)
-        del self._guests[guest]
-        self._guests[guest] = None
+    def note_data(self, connection: "_LimitedConnection") -> None:
+        """Restart the time without data of a connection."""
+        self._without_data.pop(connection, None)
+        del self._connections[connection]
+        self._connections[connection] = None
 
-    def forget(self, guest: "_LimitedConnection") -> None:
-        """The connection is closed."""
-        self._guests.pop(guest, None)
-        self._strangers.pop(guest, None)
+    def remove(self, connection: "_LimitedConnection") -> None:
+        """Count a closed connection no more."""
+        self._connections.pop(connection, None)
+        self._without_data.pop(connection, None)
 
-    def _look(self) -> None:
+    def _close_silent(self) -> None:
         loop = asyncio.get_running_loop()
-        long_ago = loop.time() - SILENT_S
-        while self._guests and (first := next(iter(self._guests))).heard_at <= long_ago:
-            self._dismiss(first)
-        first_at = next(iter(self._guests)).heard_at if self._guests else math.inf
-        self._timer = loop.call_at(first_at + SILENT_S, self._look) if self._guests else None
+        horizon = loop.time() - SILENT_S
+        while self._connections and (first := next(iter(self._connections))).data_at <= horizon:
+            self._abort(first)
+        first_at = next(iter(self._connections)).data_at if self._connections else math.inf
+        self._timer = (
+            loop.call_at(first_at + SILENT_S, self._close_silent) if self._connections else None
+        )
 
-    def _dismiss(self, guest: "_LimitedConnection") -> None:
-        self.forget(guest)
-        guest.transport.abort()
+    def _abort(self, connection: "_LimitedConnection") -> None:
+        self.remove(connection)
+        connection.transport.abort()
 
 
 class _LimitedConnection(asyncio.Protocol):
-    """Hands everything on, and tells when something came."""
+    """Forwards to the server's protocol, and reports data to the limiter."""
 
     transport: asyncio.Transport
-    heard_at: float
+    data_at: float
+    """When data was last received, on the loop's clock."""
 
-    def __init__(self, server: asyncio.Protocol, keeper: ConnectionLimiter) -> None:
+    def __init__(self, server: asyncio.Protocol, limiter: ConnectionLimiter) -> None:
         self._server = server
-        self._keeper = keeper
+        self._limiter = limiter
         self.pause_writing = server.pause_writing  # type: ignore[method-assign]
         self.resume_writing = server.resume_writing  # type: ignore[method-assign]
         self.eof_received = server.eof_received  # type: ignore[method-assign]
@@ -91,17 +96,17 @@ class _LimitedConnection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)  # noqa: S101 (of a TCP server)
         self.transport = transport
-        self.heard_at = asyncio.get_running_loop().time()
+        self.data_at = asyncio.get_running_loop().time()
         self._server.connection_made(transport)
-        self._keeper.welcome(self)
+        self._limiter.add(self)
 
     @override
     def data_received(self, data: bytes) -> None:
-        self.heard_at = asyncio.get_running_loop().time()
-        self._keeper.hear(self)
+        self.data_at = asyncio.get_running_loop().time()
+        self._limiter.note_data(self)
         self._server.data_received(data)
 
     @override
     def connection_lost(self, exc: Exception | None) -> None:
-        self._keeper.forget(self)
+        self._limiter.remove(self)
         self._server.connection_lost(exc)

@@ -1,4 +1,4 @@
-"""The driver's page of one car: the display, the metrics and the server, held against its stack."""
+"""The driver's page of one vehicle: display, metrics and server, connected to its stack."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ from onboard.trace.trace_line import Event, as_line
 
 
 class DriverPage:
-    """Told what the stack says, it keeps every page up to date."""
+    """Updates metrics and open pages with the events of the stack."""
 
     def __init__(
         self,
@@ -22,11 +22,19 @@ class DriverPage:
         stack: Stack | Tap,
         on_brake: Callable[[None], None],
     ) -> None:
+        """Build the page; nothing is served yet.
+
+        Args:
+            settings: where the page is served.
+            config: which sensors there are, their timeouts, and the safety distance.
+            stack: where the group and the perceived objects are read.
+            on_brake: called when the page's brake button is pressed.
+        """
         self._stack = stack
         self._display = Display(
             sensors=config.sensors(),
-            speed_held_s=config.sensor_timeouts.speed_s,
-            lead_held_s=config.sensor_timeouts.camera_s,
+            speed_timeout_s=config.sensor_timeouts.speed_s,
+            lead_timeout_s=config.sensor_timeouts.camera_s,
             safe_headway_s=config.lcca.join_headway_s,
             length_m=config.car.length_m,
             brake_button=settings.brake_button,
@@ -38,23 +46,23 @@ class DriverPage:
         """Listen.
 
         Raises:
-            UserError: the address cannot be had.
+            UserError: the address cannot be opened.
         """
         await self._server.start()
 
     async def close(self) -> None:
-        """Say goodbye to every page."""
+        """Close all pages and stop listening."""
         await self._server.close()
 
     def receive_event(self, event: Event) -> None:
-        """Anything that the stack says."""
+        """Update metrics and display by an event of the stack."""
         self._metrics.receive_event(event)
         self._display.receive_surroundings(*self._stack.surroundings)
         self._display.receive_event(event)
 
     def show(self, now: float) -> None:
-        """Push a view if one is due and anybody looks; to be called in every round."""
-        if not self._server.has_readers:
+        """Push a view if one is due and a page is open; to be called in every step."""
+        if not self._server.has_pages:
             return
         self._display.receive_surroundings(*self._stack.surroundings)
         view = self._display.view_to_show(self._stack.group, now)

@@ -1,7 +1,7 @@
-"""One moment of the driver's page, as values: what is in here is all that the page knows.
+"""One view of the driver's page, as values: all that the page receives.
 
-It becomes JSON as trace lines do. Gaps are metres, speeds m/s; the page turns
-them into what the driver reads.
+It is sent as JSON like the lines of a trace. Distances are in m, speeds in m/s; the page converts
+them to the driver's units.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from onboard.risk.alarm import Cause, Level
 
 
 class Direction(StrEnum):
-    """Where the driver is to look."""
+    """Where the driver has to look."""
 
     AHEAD = "ahead"
     LEFT = "left"
@@ -24,65 +24,66 @@ class Direction(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class GroupStatus:
-    """The own place in the warning group."""
+    """The host vehicle in the warning group."""
 
     state: GroupState
-    number: int
-    """1 is the leader, or a car alone."""
-    group: str
-    """Of the leader's ID, enough to tell groups apart."""
-    followers: int
-    """How many cars directly behind have joined."""
+    group_number: int
+    """1 for the leader, and without a group."""
+    leader_id: str
+    """First hexadecimal digits of the leader's communication ID."""
+    follower_count: int
+    """Number of vehicles on the warning list."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeadView:
-    """The car ahead in the own lane."""
+    """The lead vehicle."""
 
     identity: LeadIdentity
     plate: str | None
     gap_m: float | None
     safe_gap_m: float | None
-    """At the own speed; `None` without a speed."""
+    """Safety distance at the host vehicle's speed; `None` without a speed."""
     closing_speed_m_s: float | None
     """Positive while the gap shrinks."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleOnMap:
-    """A car on the map; the own car is at (0, 0) and looks up."""
+    """A vehicle on the map, whose origin is the centre of the host vehicle."""
 
     ahead_m: float
-    """From the middle of the own car to the middle of that one; negative behind."""
+    """From centre to centre; negative behind."""
     right_m: float
-    turned_rad: float | None
-    """Its heading, clockwise from the own one; `None` if it stands or is not known to move."""
+    relative_heading_rad: float | None
+    """Clockwise from the host vehicle's heading; `None` if it stands or its speed is unknown."""
     source: ObjectSource
     in_alarm: bool = False
-    """Whether an alarm that holds is about it."""
+    """Whether a present alarm is about it."""
 
 
 @dataclass(frozen=True, slots=True)
 class AlarmView:
-    """One alarm that holds."""
+    """One present alarm."""
 
     cause: Cause
     level: Level
     direction: Direction
-    cars_ahead: int | None
-    """How many places ahead in the group the braking car is; only for `Cause.LCCA`."""
+    vehicles_ahead: int | None
+    """Position of the braking vehicle in the group, counted from the host vehicle; only for
+    `Cause.LCCA`."""
     raised_at_s: float
-    """When it came to this level: another one sounds anew."""
+    """When it rose to this level; another value sounds anew."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorView:
-    """A sensor that the car has."""
+    """One configured sensor."""
 
     sensor: Sensor
-    lost: bool
+    is_lost: bool
     reason: str | None
-    """Why, in a word of the room that lost it."""
+    """Reason of the loss, as the sensor's component names it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,15 +92,15 @@ class DriverView:
 
     kind: ClassVar[str] = "driver_view"
     stamp_s: float
-    place: GroupStatus
+    group: GroupStatus
     speed_m_s: float | None
-    ahead: LeadView | None
-    """`None` while the camera does not tell."""
-    cars: tuple[VehicleOnMap, ...]
-    """The nearest first."""
+    lead: LeadView | None
+    """`None` without a recent camera frame."""
+    vehicles: tuple[VehicleOnMap, ...]
+    """Nearest first."""
     alarms: tuple[AlarmView, ...]
-    """The most urgent first."""
+    """Most urgent first."""
     sensors: tuple[SensorView, ...]
-    not_recording: str | None
-    """Why the black box does not record; `None` while it does, or without one."""
+    recorder_failure: str | None
+    """Why the black box does not record; `None` while it records, or without one."""
     brake_button: bool

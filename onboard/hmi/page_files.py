@@ -1,4 +1,4 @@
-"""The files of a page, held in memory and sent under rules that let nothing in from outside."""
+"""Serves the files of a page from memory, with headers that forbid content of other origins."""
 
 from collections.abc import Awaitable, Callable, Mapping
 from importlib.resources import files
@@ -24,19 +24,18 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
-"""Of every answer. No inline script, no style attribute, no file of another origin."""
-
+"""Of every response: no inline script, no style attribute, no file of another origin."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 def read_page(package: str) -> dict[str, tuple[bytes, str]]:
-    """The files in `page/` of a package by their path from there: content and content type."""
+    """Return content and content type of the files in `page/` of a package, by their path."""
     return dict(_read(files(package) / "page", ""))
 
 
 def add_page(app: web.Application, pages: Mapping[str, tuple[bytes, str]]) -> None:
-    """Serve the files; `index.html` is also `/`."""
+    """Serve the files of `pages` at their paths, and `index.html` also at `/`."""
 
     async def send(request: web.Request) -> web.Response:
         name = request.match_info["path"] or "index.html"
@@ -48,8 +47,8 @@ def add_page(app: web.Application, pages: Mapping[str, tuple[bytes, str]]) -> No
     app.router.add_get("/{path:.*}", send)
 
 
-async def under_rules(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Have `handler` answer, and put `HEADERS` on whatever comes, errors too."""
+async def with_headers(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Add `HEADERS` to the response of `handler`, also to an error."""
     try:
         response = await handler(request)
     except web.HTTPException as error:
@@ -61,12 +60,12 @@ async def under_rules(request: web.Request, handler: Handler) -> web.StreamRespo
 
 
 def _read(folder: Traversable, prefix: str) -> list[tuple[str, tuple[bytes, str]]]:
-    found = []
+    entries = []
     for entry in folder.iterdir():
         path = prefix + entry.name
         if entry.is_dir():
-            found += _read(entry, f"{path}/")
+            entries += _read(entry, f"{path}/")
         else:
             suffix = entry.name[entry.name.rfind(".") :]
-            found.append((path, (entry.read_bytes(), CONTENT_TYPES[suffix])))
-    return found
+            entries.append((path, (entry.read_bytes(), CONTENT_TYPES[suffix])))
+    return entries

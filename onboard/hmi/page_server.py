@@ -1,7 +1,7 @@
-"""The edge: HTTP for browsers and Prometheus, a web socket that pushes each view to every page.
+"""The edge: HTTP for browsers and Prometheus, and a web socket that pushes views to every page.
 
-The page confirms each view (`shown NUMBER`), so that one that is slow or gone gets no queue (see
-`feed.py`), and so that it is known how long views take to get there.
+A page confirms each view (`shown NUMBER`). So views do not queue for a page that is slow or gone
+(see `feed.py`), and the delay to the page is measured.
 """
 
 import asyncio
@@ -17,19 +17,23 @@ from onboard.hmi.access_check import AccessCheck
 from onboard.hmi.connection_limiter import ConnectionLimiter
 from onboard.hmi.feed import Feed, FeedReader
 from onboard.hmi.metrics import Metrics
-from onboard.hmi.page_files import HEADERS, Handler, add_page, read_page, under_rules
+from onboard.hmi.page_files import HEADERS, Handler, add_page, read_page, with_headers
 from onboard.hmi.settings import HmiSettings
 
 log = structlog.get_logger()
 
 MOST_PAGES = 64
-"""Web sockets at a time; more are turned away."""
+"""Open web sockets; more are refused."""
 SILENT_S = 10.0
-"""A page that confirms nothing for so long is gone, whatever the network says."""
-GOODBYE_S = 0.5
-"""For a page to answer that it is closed; a car that is switched off does not wait longer."""
-_LONGEST_WORD = 64
+"""Time without a confirmation after which a page is closed."""
+CLOSE_TIMEOUT_S = 0.5
+"""For a page's answer to the closing of its web socket, so that shutting down takes no longer."""
+_MESSAGE_BYTES = 64
+"""Largest message from a page; a confirmation is shorter."""
+_SENT_VIEWS = 256
+"""Views whose times of sending are kept for the delay; later confirmations are not measured."""
 _PROBE_S = 0.1
+"""Between two samples of the loop's delay."""
 
 
 class PageServer:
@@ -38,13 +42,19 @@ class PageServer:
     def __init__(
         self, settings: HmiSettings, metrics: Metrics, on_brake: Callable[[], None]
     ) -> None:
-        """`on_brake` is called when the page's button is pressed, in test mode only."""
+        """Build the server; nothing is served yet.
+
+        Args:
+            settings: address, token and test mode.
+            metrics: served at `/metrics`.
+            on_brake: called when the page's button is pressed, in test mode only.
+        """
         self._settings = settings
         self._metrics = metrics
         self._on_brake = on_brake
         token = settings.token
         self._token = None if token is None else token.get_secret_value()
-        self._door = AccessCheck(self._token)
+        self._access_check = AccessCheck(self._token)
         self._cookie = f"onboard_{settings.port}"
         self._feed: Feed[str] = Feed()
         self._pages: set[web.WebSocketResponse] = set()
@@ -52,58 +62,58 @@ class PageServer:
         self._number = 0
 
     @property
-    def has_readers(self) -> bool:
-        """Whether anybody looks."""
+    def has_pages(self) -> bool:
+        """Whether a page is open."""
         return bool(self._pages)
 
     async def start(self) -> None:
         """Listen.
 
         Raises:
-            UserError: the address cannot be had.
+            UserError: the address cannot be opened.
         """
         app = web.Application(middlewares=[self._guard])
-        app.router.add_get("/views", self._push)
-        app.router.add_get("/metrics", self._tell_metrics)
+        app.router.add_get("/views", self._serve_views)
+        app.router.add_get("/metrics", self._serve_metrics)
         add_page(app, read_page("onboard.hmi"))
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
         await self._runner.setup()
         host, port = str(self._settings.host), self._settings.port
         server = self._runner.server
-        assert server is not None  # noqa: S101 (it has been set up)
-        self._doorkeeper = ConnectionLimiter(server)
+        assert server is not None  # noqa: S101 (after setup)
+        self._limiter = ConnectionLimiter(server)
         loop = asyncio.get_running_loop()
         try:
-            self._listener = await loop.create_server(self._doorkeeper, host, port, backlog=128)
+            self._listener = await loop.create_server(self._limiter, host, port, backlog=128)
         except OSError as error:
             await self._runner.cleanup()
             raise UserError(f"hmi: {host}:{port}: {error.strerror}") from error
-        self._probe = asyncio.create_task(self._note_delays())
+        self._probe = asyncio.create_task(self._sample_loop_delay())
         log.info("page", address=f"http://{host}:{port}/")
 
     async def close(self) -> None:
-        """Say goodbye to every page."""
+        """Close all pages and stop listening."""
         self._probe.cancel()
-        self._doorkeeper.close()
+        self._limiter.close()
         self._listener.close()
         pages = list(self._pages)
         await asyncio.gather(*(page.close() for page in pages), return_exceptions=True)
         await self._runner.cleanup()
 
     def publish(self, view: str) -> None:
-        """Push a view, as JSON."""
+        """Push a view, as JSON, to every page."""
         self._number += 1
         self._sent_at[self._number] = time.monotonic()
-        self._sent_at.pop(self._number - 256, None)
+        self._sent_at.pop(self._number - _SENT_VIEWS, None)
         self._feed.publish(view)
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         offered = request.query.get("token")
         if self._token is not None and request.path == "/" and offered is not None:
-            return self._hand_over_cookie(offered)
+            return self._set_cookie(offered)
         headers = request.headers
-        refusal = self._door.refusal(
+        refusal = self._access_check.refusal(
             request.host,
             headers.get("Origin"),
             request.cookies.get(self._cookie),
@@ -111,36 +121,38 @@ class PageServer:
         )
         if refusal is not None:
             return self._refuse(refusal)
-        return await under_rules(request, handler)
+        return await with_headers(request, handler)
 
-    def _hand_over_cookie(self, offered: str) -> web.Response:
-        """So that the token stands in the address once only, and not in the page's history."""
-        if not self._door.is_right(offered):
+    def _set_cookie(self, offered: str) -> web.Response:
+        """Turn the token into a cookie, and redirect, so that it does not stay in the address."""
+        if not self._access_check.is_token(offered):
             return self._refuse("wrong_token")
         response = web.Response(status=303, headers={"Location": "/"} | HEADERS)
         response.set_cookie(self._cookie, offered, httponly=True, samesite="Strict", path="/")
         return response
 
     def _refuse(self, reason: str) -> web.Response:
-        self._metrics.refused(reason)
+        self._metrics.count_refusal(reason)
         text = {
             "no_token": "This page needs its token: open it once with ?token=...",
             "wrong_token": "This is not the token of this page.",
-        }.get(reason, "This page is not served under that name.")
+        }.get(reason, "This page is not served under this name.")
         status = 401 if reason.endswith("token") else 403
         return web.Response(status=status, text=text + "\n", headers=HEADERS)
 
-    async def _tell_metrics(self, _request: web.Request) -> web.Response:
+    async def _serve_metrics(self, _request: web.Request) -> web.Response:
         body, content_type = self._metrics.exposition()
         return web.Response(body=body, headers={"Content-Type": content_type})
 
-    async def _push(self, request: web.Request) -> web.StreamResponse:
+    async def _serve_views(self, request: web.Request) -> web.StreamResponse:
         if len(self._pages) >= MOST_PAGES:
             raise web.HTTPServiceUnavailable(text="too many pages are open\n")
-        page = web.WebSocketResponse(timeout=GOODBYE_S, max_msg_size=_LONGEST_WORD, compress=False)
+        page = web.WebSocketResponse(
+            timeout=CLOSE_TIMEOUT_S, max_msg_size=_MESSAGE_BYTES, compress=False
+        )
         await page.prepare(request)
         self._pages.add(page)
-        self._metrics.pages(len(self._pages))
+        self._metrics.set_open_pages(len(self._pages))
         reader = FeedReader(self._feed)
         pushing = asyncio.create_task(self._push_all(page, reader))
         try:
@@ -148,7 +160,7 @@ class PageServer:
         finally:
             pushing.cancel()
             self._pages.discard(page)
-            self._metrics.pages(len(self._pages))
+            self._metrics.set_open_pages(len(self._pages))
         return page
 
     async def _push_all(self, page: web.WebSocketResponse, reader: FeedReader[str]) -> None:
@@ -158,7 +170,7 @@ class PageServer:
                 await page.send_str(f"{number} {text}")
 
     async def _listen(self, page: web.WebSocketResponse, reader: FeedReader[str]) -> None:
-        """Hear the page out until it closes, or has been silent for too long."""
+        """Handle the messages of a page until it closes or has been silent for `SILENT_S`."""
         while True:
             try:
                 message = await page.receive(timeout=SILENT_S)
@@ -167,19 +179,19 @@ class PageServer:
                 return
             if message.type is not WSMsgType.TEXT:
                 return
-            word, _, number = message.data.partition(" ")
-            if word == "shown" and number.isascii() and number.isdigit():
+            command, _, number = message.data.partition(" ")
+            if command == "shown" and number.isascii() and number.isdigit():
                 reader.confirm(int(number))
                 sent_at = self._sent_at.get(int(number))
                 if sent_at is not None:
-                    self._metrics.shown(time.monotonic() - sent_at)
-            elif word == "brake" and self._settings.brake_button:
+                    self._metrics.observe_page_delay(time.monotonic() - sent_at)
+            elif command == "brake" and self._settings.brake_button:
                 self._on_brake()
 
-    async def _note_delays(self) -> None:
-        """How late this loop comes to what is due: so long a warning waits, too."""
+    async def _sample_loop_delay(self) -> None:
+        """Measure how late a timer of this loop is; warnings wait as long."""
         loop = asyncio.get_running_loop()
         while True:
             due_at = loop.time() + _PROBE_S
             await asyncio.sleep(_PROBE_S)
-            self._metrics.loop_delay(max(loop.time() - due_at, 0.0))
+            self._metrics.observe_loop_delay(max(loop.time() - due_at, 0.0))

@@ -1,4 +1,4 @@
-"""Where the driver's page is served, and who may look."""
+"""Settings of the driver's page: address and access."""
 
 from ipaddress import IPv4Address
 from typing import Self
@@ -12,16 +12,16 @@ class HmiSettings(Settings):
     """The driver's page and the metrics, over HTTP."""
 
     host: IPv4Address = IPv4Address("127.0.0.1")
-    """Own address that browsers connect to. Any but 127.0.0.1 needs a `token`: whoever is in the
-    same network could look, and press the button."""
+    """Local address to listen at. Any but 127.0.0.1 needs a `token`, since other devices of the
+    network could open the page and press its button."""
     port: int = Field(8460, ge=1, le=65535)
-    """Of the page, and of `/metrics`."""
+    """Port of the page and of `/metrics`."""
     token: SecretStr | None = Field(None, min_length=16)
-    """Once a browser has opened `http://HOST:PORT/?token=TOKEN` it is let in; Prometheus sends it
-    as bearer token. Letters, digits, `-` and `_`."""
+    """A browser sends it once in `http://HOST:PORT/?token=TOKEN`, Prometheus as bearer token. It
+    has letters, digits, `-` and `_`."""
     brake_button: bool = False
-    """Test mode: the page has the button of the paper's demonstration, which warns those behind
-    as if this car braked hard."""
+    """Test mode: the page has the button of the LCCA paper's demonstration, which warns followers
+    as if this vehicle braked hard."""
 
     @model_validator(mode="after")
     def _others_need_a_token(self) -> Self:

@@ -1,4 +1,4 @@
-"""Cars around, as the driver sees them: ahead and to the right of the own car."""
+"""Positions of the vehicles on the driver's map: ahead of and to the right of the host vehicle."""
 
 import math
 from collections.abc import Collection, Iterator, Sequence
@@ -8,69 +8,81 @@ from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import VehicleDetection
 
 RANGE_M = 150.0
-"""What is farther away is not on the map."""
-MOST_CARS = 24
-"""The nearest; more cannot be read at a glance, whoever tells of them."""
-MOVES_M_S = 1.0
-"""Slower, a course over ground is noise."""
+"""Largest distance on the map."""
+MOST_VEHICLES = 24
+"""On the map, the nearest ones; more cannot be read at a glance."""
+MINIMUM_SPEED_M_S = 1.0
+"""Below this speed the direction of a velocity is noise."""
 
 
 class VehicleMap:
-    """Places cars on the map. Without an own position only the own camera tells."""
+    """Places vehicles around the host vehicle; without its position, only the camera's."""
 
     def __init__(self, length_m: float) -> None:
-        """`length_m` of the own car, and taken for others, of which nobody knows it."""
-        self._length_m = length_m
-        self._heading_rad: float | None = None
-
-    def place(
-        self,
-        own: PerceivedObject | None,
-        cars: Sequence[PerceivedObject],
-        seen: Sequence[VehicleDetection],
-        in_alarm: Collection[str] = (),
-    ) -> list[VehicleOnMap]:
-        """Map positions, the nearest first.
+        """Start without a position.
 
         Args:
-            own: the own car; `None` without a position.
-            cars: the others, in the same frame.
-            seen: by the own camera, in its last picture; only of use without a position, since
-                `cars` has them too.
-            in_alarm: names of the cars that an alarm is about.
+            length_m: of the host vehicle; other vehicles' lengths are unknown and taken as equal.
         """
-        placed = self._seen(seen) if own is None else self._known(own, cars, in_alarm)
-        near = [car for car in placed if math.hypot(car.ahead_m, car.right_m) <= RANGE_M]
-        return sorted(near, key=lambda car: math.hypot(car.ahead_m, car.right_m))[:MOST_CARS]
+        self._length_m = length_m
+        self._host: PerceivedObject | None = None
+        self._heading_rad: float | None = None
 
-    def right_m(self, own: PerceivedObject | None, car: PerceivedObject) -> float | None:
-        """How far to the right a car is; `None` where nobody can say."""
-        placed = [] if own is None else list(self._known(own, (car,)))
-        return placed[0].right_m if placed else None
+    def receive_host_vehicle(self, host: PerceivedObject | None) -> None:
+        """Store the host vehicle, `None` without a position. Stopped, it keeps its heading."""
+        self._host = host
+        if host is not None and math.hypot(host.state[2], host.state[3]) >= MINIMUM_SPEED_M_S:
+            self._heading_rad = math.atan2(host.state[2], host.state[3])
 
-    def _seen(self, seen: Sequence[VehicleDetection]) -> Iterator[VehicleOnMap]:
-        for car in seen:
-            ahead_m = car.range_m * math.cos(car.bearing_rad) + self._length_m
-            right_m = car.range_m * math.sin(car.bearing_rad)
+    def vehicles(
+        self,
+        objects: Sequence[PerceivedObject],
+        detections: Sequence[VehicleDetection],
+        in_alarm: Collection[str] = (),
+    ) -> list[VehicleOnMap]:
+        """Return the vehicles on the map, nearest first.
+
+        Args:
+            objects: perceived objects in the frame of the host vehicle's position.
+            detections: of the camera's last frame; used without a position only, since otherwise
+                `objects` include them.
+            in_alarm: names of the objects of present alarms.
+        """
+        placed = (
+            self._placed(objects, in_alarm)
+            if self._host is not None
+            else self._detected(detections)
+        )
+        near = [each for each in placed if math.hypot(each.ahead_m, each.right_m) <= RANGE_M]
+        near.sort(key=lambda each: math.hypot(each.ahead_m, each.right_m))
+        return near[:MOST_VEHICLES]
+
+    def right_m(self, each: PerceivedObject) -> float | None:
+        """Return how far to the right an object is; `None` without position or heading."""
+        return next((placed.right_m for placed in self._placed((each,))), None)
+
+    def _detected(self, detections: Sequence[VehicleDetection]) -> Iterator[VehicleOnMap]:
+        for each in detections:
+            ahead_m = each.range_m * math.cos(each.bearing_rad) + self._length_m
+            right_m = each.range_m * math.sin(each.bearing_rad)
             yield VehicleOnMap(ahead_m, right_m, None, ObjectSource.SENSOR)
 
-    def _known(
-        self, own: PerceivedObject, cars: Sequence[PerceivedObject], in_alarm: Collection[str] = ()
+    def _placed(
+        self, objects: Sequence[PerceivedObject], in_alarm: Collection[str] = ()
     ) -> Iterator[VehicleOnMap]:
-        if math.hypot(own.state[2], own.state[3]) >= MOVES_M_S:
-            self._heading_rad = math.atan2(own.state[2], own.state[3])
-        if self._heading_rad is None:
+        host, heading_rad = self._host, self._heading_rad
+        if host is None or heading_rad is None:
             return
-        sin, cos = math.sin(self._heading_rad), math.cos(self._heading_rad)
-        for car in cars:
-            east_m, north_m = car.state[0] - own.state[0], car.state[1] - own.state[1]
-            turned_rad = None
-            if math.hypot(car.state[2], car.state[3]) >= MOVES_M_S:
-                turned_rad = math.atan2(car.state[2], car.state[3]) - self._heading_rad
+        sin, cos = math.sin(heading_rad), math.cos(heading_rad)
+        for each in objects:
+            east_m, north_m = each.state[0] - host.state[0], each.state[1] - host.state[1]
+            relative_heading_rad = None
+            if math.hypot(each.state[2], each.state[3]) >= MINIMUM_SPEED_M_S:
+                relative_heading_rad = math.atan2(each.state[2], each.state[3]) - heading_rad
             yield VehicleOnMap(
                 east_m * sin + north_m * cos,
                 east_m * cos - north_m * sin,
-                turned_rad,
-                car.source,
-                car.name in in_alarm,
+                relative_heading_rad,
+                each.source,
+                each.name in in_alarm,
             )

@@ -17,7 +17,7 @@ import aiohttp
 from aiohttp import web
 
 from onboard.hmi.access_check import AccessCheck
-from onboard.hmi.page_files import Handler, add_page, read_page, under_rules
+from onboard.hmi.page_files import Handler, add_page, read_page, with_headers
 from onboard.trace.trace_line import as_json
 from onboard.vision.mjpeg import MjpegParts
 from sim_rig.engineer.image_store import ImageStore
@@ -98,7 +98,7 @@ class EngineerServer:
         origin = request.headers.get("Origin")
         if self._door.refusal(request.host, origin, None, None) is not None:
             return web.Response(status=403, text="not under that name\n")
-        return await under_rules(request, handler)
+        return await with_headers(request, handler)
 
     async def _run(self, _request: web.Request) -> web.Response:
         cars = [

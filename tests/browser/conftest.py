@@ -1,4 +1,4 @@
-"""A browser that the page tests share; where there is none they are skipped and say so."""
+"""The browser of the page tests, which are skipped without one."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from tools import chromium
 
 @pytest.fixture(scope="session")
 def chromium_path() -> str:
-    """Where chromium is."""
+    """Path of chromium."""
     path = chromium.find()
     if path is None:
         pytest.skip(chromium.HOW)
@@ -19,7 +19,7 @@ def chromium_path() -> str:
 
 @pytest.fixture(scope="module")
 def browser(chromium_path: str) -> Iterator[Browser]:
-    """Of one module, since playwright's event loop keeps others from running."""
+    """One browser a module, since playwright's event loop blocks others."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium_path, args=chromium.ARGUMENTS)
         yield browser

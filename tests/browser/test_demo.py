@@ -1,4 +1,4 @@
-"""The pages of real daemons, with cameras, buses and radios: the demonstration as people see it."""
+"""The pages of a live demonstration: real daemons with cameras, buses and radios."""
 
 import asyncio
 import math
@@ -14,11 +14,11 @@ from tools import chromium
 pytestmark = [pytest.mark.browser, pytest.mark.live]
 
 SLOW_MS = 20_000
-"""Real daemons on a machine that is busy with browsers take their time."""
+"""Real daemons beside browsers on a busy computer need this long."""
 TRIES = 5
 
 
-def test_a_group_forms_an_alarm_is_shown_and_a_restarted_car_comes_back(
+def test_a_group_forms_an_alarm_is_shown_and_a_restarted_vehicle_rejoins(
     chromium_path: str, tmp_path: Path
 ) -> None:
     asyncio.run(asyncio.wait_for(look_at_demo(chromium_path, tmp_path), 150.0))
@@ -63,7 +63,7 @@ async def open_page(browser: Browser, address: str) -> Page:
 
 
 async def brake_until_alarmed(green: Page, red: Page) -> None:
-    """Press the button. A camera that gets no time loses the group, and with it a warning."""
+    """Press the button, again if a busy computer has dropped the vehicle from the group."""
     for _ in range(TRIES):
         await expect(red.locator("#state")).to_have_text("Member 2")
         await green.click("#brake")

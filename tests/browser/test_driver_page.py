@@ -1,4 +1,4 @@
-"""The driver's page in a real browser, beside whole cars in real time."""
+"""The driver's page in a real browser, with vehicles in real time."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -27,7 +27,8 @@ window.notes = [];
 const start = OscillatorNode.prototype.start;
 OscillatorNode.prototype.start = function (at) {
   notes.push({
-    hz: this.frequency.value, at, heard: this.context.state === "running" && this.heard === true,
+    hz: this.frequency.value, at,
+    audible: this.context.state === "running" && this.audible === true,
   });
   return start.call(this, at);
 };
@@ -35,14 +36,14 @@ const connect = AudioNode.prototype.connect;
 AudioNode.prototype.connect = function (to, ...rest) {
   this.before = this.before ?? [];
   if (to instanceof AudioNode) to.before = [...(to.before ?? []), this];
-  const mark = (node) => { node.heard = true; (node.before ?? []).forEach(mark); };
+  const mark = (node) => { node.audible = true; (node.before ?? []).forEach(mark); };
   if (to instanceof AudioDestinationNode) mark(this);
   return connect.call(this, to, ...rest);
 };
-window.said = [];
-speechSynthesis.speak = (words) => said.push(words.text);
+window.spoken = [];
+speechSynthesis.speak = (utterance) => spoken.push(utterance.text);
 """
-"""Keeps every note that is started, and whether a chain of nodes leads from it to the speaker."""
+"""Records every note that is started, and whether its audio nodes are connected to the speaker."""
 
 
 @pytest.fixture(scope="module")
@@ -53,13 +54,13 @@ def row() -> Iterator[Row]:
 
 @pytest.fixture
 def cars(row: Row) -> Row:
-    """The same row for all, each time as at first."""
-    row.camera_works, row.plate_ahead, row.seen = True, "RD288HX", ()
+    """The shared row, reset to its initial state."""
+    row.camera_works, row.plate_ahead, row.detections = True, "RD288HX", ()
     return row
 
 
 def open_page(browser: Browser, address: str, size: Any = PHONE, **more: Any) -> Page:
-    """A page in a browser of its own; errors and dialogs fail the test that closes it."""
+    """Open a page in a context of its own; errors and dialogs fail the test."""
     context = browser.new_context(viewport=size, **more)
     context.set_default_timeout(10_000)
     context.add_init_script(LISTEN)
@@ -79,20 +80,20 @@ def page(browser: Browser, cars: Row) -> Iterator[Page]:
 
 
 def alarm(cars: Row, cause: Cause, level: Level) -> None:
-    cars.say(Alarm(cars.now, cause, level, 5.0, ()))
+    cars.send_event(Alarm(cars.now, cause, level, 5.0, ()))
 
 
 def notes(page: Page) -> list[dict[str, Any]]:
-    """The notes so far, at least the four of a warning."""
+    """Return the notes so far, at least the four of a warning."""
     for _ in range(500):
         found: list[dict[str, Any]] = page.evaluate("notes")
         if len(found) >= 4:
             return found
         page.wait_for_timeout(20)
-    raise AssertionError("no warning is heard")
+    raise AssertionError("no sound of a warning")
 
 
-def test_the_page_shows_the_place_in_the_group_and_the_gap(page: Page) -> None:
+def test_the_page_shows_the_group_number_and_the_gap(page: Page) -> None:
     expect(page.locator("#state-note")).to_contain_text("2 cars ahead warn you")
     expect(page.locator("#gap")).to_have_text("14")
     expect(page.locator("#gap-note")).to_have_text("0.9 s · safe from 30 m")
@@ -128,7 +129,9 @@ def test_everything_fits_on_the_screen(
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_words_stand_out_by_day_and_by_night(browser: Browser, cars: Row, scheme: Any) -> None:
+def test_text_has_enough_contrast_by_day_and_by_night(
+    browser: Browser, cars: Row, scheme: Any
+) -> None:
     """Contrast as WCAG 2.2 defines it; 4.5 is its level AA for text of any size."""
     page = open_page(browser, cars.address, color_scheme=scheme)
 
@@ -155,7 +158,7 @@ def test_words_stand_out_by_day_and_by_night(browser: Browser, cars: Row, scheme
     assert {pair: ratio for pair, ratio in contrasts if not ratio >= 4.5} == {}
 
 
-def test_the_colours_can_be_chosen_and_are_remembered(page: Page) -> None:
+def test_chosen_colours_are_kept_after_a_reload(page: Page) -> None:
     root = page.locator("html")
     expect(root).to_have_attribute("data-colours", "day")
     page.click("#colours")
@@ -167,7 +170,7 @@ def test_the_colours_can_be_chosen_and_are_remembered(page: Page) -> None:
     expect(root).to_have_attribute("data-colours", "night")
 
 
-def test_a_car_that_brakes_ahead_is_shown_and_heard(page: Page, cars: Row) -> None:
+def test_a_hard_braking_vehicle_raises_alarm_sound_and_speech(page: Page, cars: Row) -> None:
     expect(page.locator("#sound")).to_contain_text("Sound is off")
     page.click("#sound")
     page.click("#voice")
@@ -179,14 +182,14 @@ def test_a_car_that_brakes_ahead_is_shown_and_heard(page: Page, cars: Row) -> No
     expect(page.locator("#alarm-headline")).to_have_text("Brake!")
     expect(page.locator("#alarm-sentence")).to_have_text("Hard braking, 2 cars ahead")
     first = notes(page)[:4]
-    assert all(note["heard"] for note in first)
+    assert all(note["audible"] for note in first)
     assert all(lower["hz"] < higher["hz"] for lower, higher in pairwise(first))
-    assert page.evaluate("said") == ["Brake! Hard braking, 2 cars ahead"]
+    assert page.evaluate("spoken") == ["Brake! Hard braking, 2 cars ahead"]
 
     expect(page.locator("#alarm")).to_be_hidden()
 
 
-def test_before_the_page_is_touched_it_says_that_it_is_silent(page: Page, cars: Row) -> None:
+def test_before_the_first_touch_the_page_shows_that_sound_is_off(page: Page, cars: Row) -> None:
     alarm(cars, Cause.IMA, Level.WARNING)
     expect(page.locator("#alarm-headline")).to_have_text("Stop!")
     assert page.evaluate("notes") == []
@@ -199,18 +202,18 @@ def test_before_the_page_is_touched_it_says_that_it_is_silent(page: Page, cars: 
     expect(page.locator("#alarm")).to_be_hidden()
 
 
-def test_each_level_sounds_as_it_is_written_down(page: Page) -> None:
-    """Rendered by the browser's audio engine, and the pitch of each note counted from its waves."""
-    heard = page.evaluate(
+def test_each_level_has_the_pitches_of_its_pattern(page: Page) -> None:
+    """Rendered by the browser's audio engine; the pitch is counted from zero crossings."""
+    measured = page.evaluate(
         """async () => {
             const { PATTERNS, schedule } = await import("/sounds.js");
-            const heard = {};
+            const measured = {};
             for (const [level, pattern] of Object.entries(PATTERNS)) {
                 const length_s = pattern.note_s * pattern.notes_hz.length;
                 const context = new OfflineAudioContext(1, 44100 * length_s, 44100);
                 schedule(context, pattern, 0);
                 const samples = (await context.startRendering()).getChannelData(0);
-                heard[level] = pattern.notes_hz.map((_, index) => {
+                measured[level] = pattern.notes_hz.map((_, index) => {
                     const from = Math.round((index * pattern.note_s + 0.02) * 44100);
                     const to = Math.round(((index + 1) * pattern.note_s - 0.03) * 44100);
                     let crossings = 0;
@@ -219,23 +222,23 @@ def test_each_level_sounds_as_it_is_written_down(page: Page) -> None:
                     return [pattern.notes_hz[index], crossings / 2 / ((to - from) / 44100)];
                 });
             }
-            return heard;
+            return measured;
         }"""
     )
 
-    for notes in heard.values():
-        for written_hz, heard_hz in notes:
-            assert heard_hz == pytest.approx(written_hz, rel=0.03)
-    highest = {level: max(hz for _, hz in notes) for level, notes in heard.items()}
+    for notes in measured.values():
+        for pattern_hz, measured_hz in notes:
+            assert measured_hz == pytest.approx(pattern_hz, rel=0.03)
+    highest = {level: max(hz for _, hz in notes) for level, notes in measured.items()}
     assert highest["stale"] < highest["caution"] < highest["warning"]
 
 
-def test_a_lost_camera_is_shown_at_once_and_no_gap_is_claimed(page: Page, cars: Row) -> None:
+def test_a_lost_camera_is_shown_at_once_and_the_gap_disappears(page: Page, cars: Row) -> None:
     cars.lose_camera()
 
-    expect(page.locator("#sensors .lost")).to_have_text("Camera lostpicture frozen")
+    expect(page.locator("#sensors .lost")).to_have_text("Camera lostimage frozen")
     expect(page.locator("#gap")).to_have_text("\N{EN DASH}")
-    expect(page.locator("#gap-note")).to_have_text("Not known without the camera")
+    expect(page.locator("#gap-note")).to_have_text("Unknown without the camera")
     expect(page.locator("#road .plate-text")).to_have_count(0)
 
     cars.camera_works = True
@@ -243,14 +246,14 @@ def test_a_lost_camera_is_shown_at_once_and_no_gap_is_claimed(page: Page, cars: 
     expect(page.locator("#state")).to_have_text("Member 3")
 
 
-def test_a_full_disk_is_shown_and_warnings_go_on(page: Page, cars: Row) -> None:
-    cars.say(RecorderState(cars.now, is_recording=False, reason="disk full", dropped=3))
+def test_a_full_disk_is_shown(page: Page, cars: Row) -> None:
+    cars.send_event(RecorderState(cars.now, is_recording=False, reason="disk full", dropped=3))
     expect(page.locator("#sensors .lost")).to_have_text("Not recordingdisk full")
-    cars.say(RecorderState(cars.now, is_recording=True, reason="", dropped=3))
+    cars.send_event(RecorderState(cars.now, is_recording=True, reason="", dropped=3))
     expect(page.locator("#sensors .lost")).to_have_count(0)
 
 
-def test_a_page_whose_car_is_gone_says_so_and_comes_back_with_it(page: Page, cars: Row) -> None:
+def test_a_page_without_data_shows_that_and_reconnects(page: Page, cars: Row) -> None:
     page.click("#sound")
     alarm(cars, Cause.FCW, Level.WARNING)
     expect(page.locator("#alarm")).to_be_visible()
@@ -268,23 +271,21 @@ def test_a_page_whose_car_is_gone_says_so_and_comes_back_with_it(page: Page, car
     expect(page.locator("#state")).to_have_text("Member 3")
 
 
-def test_what_others_write_is_words_and_nothing_else(page: Page, cars: Row) -> None:
+def test_received_texts_are_not_interpreted_as_html(page: Page, cars: Row) -> None:
     cars.plate_ahead = HOSTILE
     expect(page.locator("#road .plate-text")).to_have_text(HOSTILE)
-    cars.say(SensorLost(cars.now, Sensor.SPEED, 1.0, HOSTILE))
+    cars.send_event(SensorLost(cars.now, Sensor.SPEED, 1.0, HOSTILE))
     expect(page.locator("#sensors .lost small")).to_have_text(HOSTILE)
 
     assert page.locator("img").count() == 0
     cars.do(lambda: cars.page.receive_event(SensorLost(cars.now, Sensor.SPEED, 1.0, "silent")))
 
 
-def test_the_brake_button_is_a_braking_of_the_own_car_and_no_alarm_in_it(
-    page: Page, cars: Row
-) -> None:
+def test_the_brake_button_warns_followers_and_not_the_host_vehicle(page: Page, cars: Row) -> None:
     page.click("#brake")
 
     metrics = page.context.request.get(f"{cars.address}metrics")
-    while 'onboard_sent_total{message="warn"}' not in metrics.text():
+    while 'onboard_messages_sent_total{message="warn"}' not in metrics.text():
         metrics = page.context.request.get(f"{cars.address}metrics")
     expect(page.locator("#alarm")).to_be_hidden()
 
@@ -295,22 +296,22 @@ def perceived_object(east_m: float, north_m: float, source: ObjectSource) -> Per
 
 
 @pytest.mark.parametrize("size", [PHONE, PHONE_ON_ITS_SIDE, DESKTOP])
-def test_cars_to_the_side_are_on_the_map_the_nearer_the_nearer(
+def test_vehicles_beside_are_on_the_map_in_the_order_of_their_distances(
     browser: Browser, cars: Row, size: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As far as 80 m away, and one on the next lane beside it."""
-    own = perceived_object(0.0, 0.0, ObjectSource.HOST)
+    """Up to 80 m away, and one in the next lane."""
+    host = perceived_object(0.0, 0.0, ObjectSource.HOST)
     beside = [
         perceived_object(right_m, 22.0, ObjectSource.BSM) for right_m in (-80.0, -25.0, 3.5, 40.0)
     ]
     display = cars.page._display
-    tell = display.receive_surroundings
-    monkeypatch.setattr(display, "receive_surroundings", lambda *_: tell(own, beside))
+    receive = display.receive_surroundings
+    monkeypatch.setattr(display, "receive_surroundings", lambda *_: receive(host, beside))
     page = open_page(browser, cars.address, size)
-    expect(page.locator(".car.radio")).to_have_count(4)
+    expect(page.locator(".vehicle.bsm")).to_have_count(4)
 
     frame, boxes = page.evaluate(
-        """() => [document.querySelector("#road"), ...document.querySelectorAll(".car.radio")]
+        """() => [document.querySelector("#road"), ...document.querySelectorAll(".vehicle.bsm")]
             .map((e) => e.getBoundingClientRect()).map(({ left, right }) => [left, right])
             .reduce(([frame, boxes], box) => frame ? [frame, [...boxes, box]] : [box, boxes],
                 [null, []])"""
@@ -322,7 +323,7 @@ def test_cars_to_the_side_are_on_the_map_the_nearer_the_nearer(
     assert all(frame[0] <= left and right <= frame[1] for left, right in boxes)
 
 
-def test_twenty_browsers_see_the_same_alarm(browser: Browser, cars: Row) -> None:
+def test_twenty_pages_show_the_same_alarm(browser: Browser, cars: Row) -> None:
     pages = [open_page(browser, cars.address)]
     for _ in range(19):
         pages.append(pages[0].context.new_page())

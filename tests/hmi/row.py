@@ -1,6 +1,6 @@
-"""A row of whole cars in real time, the last with its page: stacks joined by a perfect wire.
+"""Vehicles one behind the other in real time, the last with its page: stacks and a lossless radio.
 
-What the cameras would say is said by the test; everything from there to the browser is real.
+The test gives the observations of the cameras; everything from there to the browser is real.
 """
 
 import asyncio
@@ -34,7 +34,7 @@ def free_port() -> int:
 
 
 class Row:
-    """Cars one behind the other; the last one's page is served in a thread of its own."""
+    """Vehicles one behind the other; the page of the last is served in a thread of its own."""
 
     def __init__(self, *plates: str, gap_m: float = 14.0, **hmi: object) -> None:
         self.port = free_port()
@@ -42,8 +42,8 @@ class Row:
         self.plates = plates
         self.gap_m = gap_m
         self.plate_ahead: str | None = plates[-2] if len(plates) > 1 else None
-        self.seen: tuple[tuple[float, float], ...] = ()
-        """What else the last car's camera shows: ahead and right, in m."""
+        self.detections: tuple[tuple[float, float], ...] = ()
+        """Further vehicles in the last camera's image: ahead and right, in m."""
         self.camera_works = True
         self.now = 0.0
         self._loop = asyncio.new_event_loop()
@@ -65,15 +65,15 @@ class Row:
         self._loop.close()
 
     def start(self) -> None:
-        """Switch all cars on, as if for the first time."""
+        """Start all vehicles."""
         self._do(self._start())
 
     def stop(self) -> None:
-        """Switch them off."""
+        """Stop all vehicles."""
         self._do(self._stop())
 
     def do(self, action: Callable[[], Any]) -> Any:
-        """Do something on the loop of the cars."""
+        """Call `action` in the loop of the vehicles, and return its result."""
 
         async def on_loop() -> Any:
             return action()
@@ -81,15 +81,15 @@ class Row:
         return self._do(on_loop())
 
     def brake(self, car: int = 0) -> None:
-        """Press the button in a car."""
+        """Press the brake button of a vehicle, counted from the first."""
         self.do(lambda: self.stacks[car].press_brake_button(self.now))
 
-    def say(self, event: Event) -> None:
-        """Have the page told of something that the stack might have said."""
+    def send_event(self, event: Event) -> None:
+        """Give the page an event, as the stack would."""
         self.do(lambda: self.page.receive_event(event))
 
     def lose_camera(self, reason: str = "frozen") -> None:
-        """The last car's pictures freeze."""
+        """Report the last vehicle's camera as lost."""
         self.camera_works = False
         lost = SensorLost(self.now, Sensor.CAMERA, None, reason)
         self.do(lambda: self.stacks[-1].receive_observation(lost, self.now))
@@ -120,10 +120,10 @@ class Row:
             lambda _: self.stacks[-1].press_brake_button(self.now),
         )
         await self.page.start()
-        self._driving = asyncio.create_task(self._drive())
+        self._running = asyncio.create_task(self._run())
 
     async def _stop(self) -> None:
-        self._driving.cancel()
+        self._running.cancel()
         await self.page.close()
 
     def _config(self, number: int) -> CarConfig:
@@ -135,17 +135,17 @@ class Row:
             tree["hmi"] = {"port": self.port} | self.hmi
         return parse_settings(tree, CarConfig, self.plates[number])
 
-    async def _drive(self) -> None:
-        look_at = 0.0
+    async def _run(self) -> None:
+        observe_at = 0.0
         while True:
             self.now = time.monotonic()
-            if self.now >= look_at:
-                look_at = self.now + TICK_S
-                self._look()
-            self._settle()
+            if self.now >= observe_at:
+                observe_at = self.now + TICK_S
+                self._observe()
+            self._step()
             await asyncio.sleep(0.02)
 
-    def _look(self) -> None:
+    def _observe(self) -> None:
         ahead: str | None = None
         for stack, plate in zip(self.stacks, self.plates, strict=True):
             is_last = stack is self.stacks[-1]
@@ -159,7 +159,7 @@ class Row:
                 )
                 stack.receive_observation(lead, self.now)
                 if is_last:
-                    for number, (ahead_m, right_m) in enumerate(self.seen):
+                    for number, (ahead_m, right_m) in enumerate(self.detections):
                         range_m, bearing_rad = (
                             np.hypot(ahead_m, right_m),
                             np.arctan2(right_m, ahead_m),
@@ -172,7 +172,7 @@ class Row:
                         )
             ahead = plate
 
-    def _settle(self) -> None:
+    def _step(self) -> None:
         for stack in self.stacks:
             if stack.get_timer() <= self.now:
                 stack.handle_timer(self.now)

@@ -1,4 +1,4 @@
-"""Who is let in, from the words of the request alone."""
+"""Which requests are accepted, from their headers."""
 
 import pytest
 
@@ -14,23 +14,23 @@ TOKEN = "aaaabbbbccccdddd"  # noqa: S105 (of this test)
     "host",
     ["127.0.0.1:8460", "localhost:8460", "localhost", "127.0.0.1", "127.0.0.2:8460", "[::1]:8460"],
 )
-def test_without_a_token_this_machine_is_served(host: str) -> None:
+def test_without_a_token_this_computer_is_served(host: str) -> None:
     assert AccessCheck(None).refusal(host, None, None, None) is None
     assert AccessCheck(None).refusal(host, f"http://{host}", None, None) is None
 
 
-def test_a_proxy_with_tls_is_served_by_its_own_name() -> None:
+def test_a_proxy_with_tls_is_served_under_its_own_name() -> None:
     assert AccessCheck(TOKEN).refusal("car.example", "https://car.example", TOKEN, None) is None
 
 
 @pytest.mark.parametrize("host", ["evil.example:8460", "127.0.0.1.evil.example", "", "[::1", "@"])
-def test_a_foreign_name_that_resolves_to_us_is_not_served(host: str) -> None:
+def test_a_foreign_host_name_is_refused(host: str) -> None:
     assert AccessCheck(None).refusal(host, None, None, None) == "foreign_host"
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:9999"])
 @pytest.mark.parametrize("token", [None, TOKEN])
-def test_a_page_of_another_origin_is_not_served(origin: str, token: str | None) -> None:
+def test_another_origin_is_refused(origin: str, token: str | None) -> None:
     assert AccessCheck(token).refusal("127.0.0.1:8460", origin, TOKEN, None) == "foreign_origin"
 
 
@@ -48,16 +48,16 @@ def test_a_page_of_another_origin_is_not_served(origin: str, token: str | None) 
         (None, "Bearer ", "wrong_token"),
     ],
 )
-def test_with_a_token_it_is_asked_for(
+def test_a_configured_token_is_required(
     cookie: str | None, authorization: str | None, refusal: str | None
 ) -> None:
     assert AccessCheck(TOKEN).refusal("192.168.7.1:8460", None, cookie, authorization) == refusal
 
 
 @pytest.mark.parametrize(
-    ("tree", "told"),
+    ("tree", "message"),
     [
-        ({"host": "0.0.0.0"}, "needs a token"),  # noqa: S104 (that is the point)
+        ({"host": "0.0.0.0"}, "needs a token"),  # noqa: S104 (which is refused)
         ({"host": "192.168.7.1"}, "needs a token"),
         ({"token": "short"}, "at least 16"),
         ({"token": "aaaa bbbb cccc dddd"}, "letters, digits"),
@@ -65,12 +65,12 @@ def test_with_a_token_it_is_asked_for(
         ({"prot": 1}, "did you mean port?"),
     ],
 )
-def test_a_mistake_in_the_settings_is_told(tree: dict[str, object], told: str) -> None:
-    with pytest.raises(UserError, match=told):
+def test_invalid_settings_are_an_error(tree: dict[str, object], message: str) -> None:
+    with pytest.raises(UserError, match=message):
         parse_settings(tree, HmiSettings, "hmi")
 
 
-def test_another_address_with_a_token_is_fine() -> None:
+def test_another_address_with_a_token_is_accepted() -> None:
     settings = parse_settings({"host": "192.168.7.1", "token": TOKEN}, HmiSettings, "hmi")
 
     assert TOKEN not in repr(settings)

@@ -1,4 +1,4 @@
-"""Connections that say nothing, and too many of them: real sockets, short patience."""
+"""Connections without data, and too many of them, on real sockets with short limits."""
 
 import asyncio
 
@@ -9,7 +9,7 @@ from onboard.hmi.connection_limiter import ConnectionLimiter
 
 
 class Echo(asyncio.Protocol):
-    """A server that answers what it is told."""
+    """A server that returns what it receives."""
 
     lost = 0
 
@@ -36,32 +36,34 @@ async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> 
     return await reader.readexactly(5)
 
 
-def test_who_says_nothing_is_shut_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_connection_without_data_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection_limiter, "SILENT_S", 0.05)
     monkeypatch.setattr(Echo, "lost", 0)
 
     async def connect() -> None:
-        keeper = ConnectionLimiter(Echo)
-        server = await asyncio.get_running_loop().create_server(keeper, "127.0.0.1", 0)
+        limiter = ConnectionLimiter(Echo)
+        server = await asyncio.get_running_loop().create_server(limiter, "127.0.0.1", 0)
         async with server:
             address = server.sockets[0].getsockname()
-            for _ in range(3):  # also after there was nobody
+            for _ in range(3):  # also after all connections were closed
                 reader, writer = await asyncio.open_connection(*address)
                 assert await end_of(reader) == b""
                 writer.close()
-            assert len(keeper) == 0
+            assert len(limiter) == 0
             assert Echo.lost == 3
-            keeper.close()
+            limiter.close()
 
     asyncio.run(asyncio.wait_for(connect(), 20.0))
 
 
-def test_of_too_many_the_first_that_says_nothing_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_above_the_limit_the_oldest_connection_without_data_is_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(connection_limiter, "MOST_CONNECTIONS", 3)
 
     async def connect() -> None:
-        keeper = ConnectionLimiter(Echo)
-        server = await asyncio.get_running_loop().create_server(keeper, "127.0.0.1", 0)
+        limiter = ConnectionLimiter(Echo)
+        server = await asyncio.get_running_loop().create_server(limiter, "127.0.0.1", 0)
         async with server:
             address = server.sockets[0].getsockname()
             page = await asyncio.open_connection(*address)
@@ -72,24 +74,24 @@ def test_of_too_many_the_first_that_says_nothing_goes(monkeypatch: pytest.Monkey
             assert await end_of(silent[0][0]) == b""
             for each in (page, another, silent[1]):
                 assert await answer(*each) == b"hello"
-            assert len(keeper) == 3
+            assert len(limiter) == 3
             for _, writer in (page, another, *silent):
                 writer.close()
-            keeper.close()
+            limiter.close()
 
     asyncio.run(asyncio.wait_for(connect(), 20.0))
 
 
-def test_a_connection_that_is_closed_is_forgotten() -> None:
+def test_a_closed_connection_is_not_counted() -> None:
     async def connect() -> None:
-        keeper = ConnectionLimiter(Echo)
-        server = await asyncio.get_running_loop().create_server(keeper, "127.0.0.1", 0)
+        limiter = ConnectionLimiter(Echo)
+        server = await asyncio.get_running_loop().create_server(limiter, "127.0.0.1", 0)
         async with server:
             reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
             assert await answer(reader, writer) == b"hello"
             writer.close()
-            while len(keeper):
+            while len(limiter):
                 await asyncio.sleep(0)
-            keeper.close()
+            limiter.close()
 
     asyncio.run(asyncio.wait_for(connect(), 20.0))

@@ -1,4 +1,4 @@
-"""What the driver is shown, from what the stack says; no clock, no browser."""
+"""Views of the driver's page from events of the stack, without clock and browser."""
 
 from typing import Any
 
@@ -27,27 +27,27 @@ from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, AlarmReason, Cause, Level
 from onboard.trace.trace_line import as_record
 
-OWN = bytes.fromhex("00112233445566aa")
+HOST = bytes.fromhex("00112233445566aa")
 OTHER = bytes.fromhex("ffeeddccbbaa9988")
 
 
 def display(**more: Any) -> Display:
     given: dict[str, Any] = {
         "sensors": (Sensor.SPEED, Sensor.CAMERA),
-        "speed_held_s": 0.8,
-        "lead_held_s": 0.8,
+        "speed_timeout_s": 0.8,
+        "lead_timeout_s": 0.8,
         "safe_headway_s": 1.98,
         "length_m": 4.5,
     }
     return Display(**(given | more))
 
 
-def alone() -> WarningGroup:
-    return WarningGroup(GroupParameters(), OWN, np.random.default_rng(1))
+def no_group() -> WarningGroup:
+    return WarningGroup(GroupParameters(), HOST, np.random.default_rng(1))
 
 
 def shown(on: Display, now: float, group: WarningGroup | None = None) -> DriverView:
-    view = on.view_to_show(group or alone(), now)
+    view = on.view_to_show(group or no_group(), now)
     assert view is not None
     return view
 
@@ -60,7 +60,7 @@ def lead(now: float, gap_m: float = 14.0, text: str = "RD288HX") -> Lead:
     return Lead(now, LeadIdentity.KNOWN, text, gap_m, 0.3, 1.0, 0.3)
 
 
-def known(east_m: float, north_m: float, source: ObjectSource, **more: Any) -> PerceivedObject:
+def perceived(east_m: float, north_m: float, source: ObjectSource, **more: Any) -> PerceivedObject:
     given: dict[str, Any] = {
         "stamp_s": 0.0,
         "name": "7",
@@ -76,13 +76,13 @@ def alarm(now: float, cause: Cause, level: Level, name: str = "7") -> Alarm:
     return Alarm(now, cause, level, 6.0, (AlarmReason("perceived_object", name, 0.1),))
 
 
-def test_at_the_beginning_nothing_is_claimed() -> None:
+def test_the_first_view_is_empty() -> None:
     view = shown(display(), 0.0)
 
-    assert (view.speed_m_s, view.ahead, view.cars, view.alarms) == (None, None, (), ())
-    assert view.place.state is GroupState.REGULAR
-    assert view.place.number == 1
-    assert not any(sensor.lost for sensor in view.sensors)
+    assert (view.speed_m_s, view.lead, view.vehicles, view.alarms) == (None, None, (), ())
+    assert view.group.state is GroupState.REGULAR
+    assert view.group.group_number == 1
+    assert not any(sensor.is_lost for sensor in view.sensors)
     assert not view.brake_button
 
 
@@ -90,7 +90,7 @@ def test_a_view_is_due_five_times_a_second() -> None:
     page = display()
     shown(page, 10.0)
 
-    assert page.view_to_show(alone(), 10.0 + 0.9 * SHOW_S) is None
+    assert page.view_to_show(no_group(), 10.0 + 0.9 * SHOW_S) is None
     shown(page, 10.0 + SHOW_S)
 
 
@@ -102,7 +102,7 @@ def test_a_view_is_due_five_times_a_second() -> None:
         SensorRecovered(10.01, Sensor.CAMERA),
     ],
 )
-def test_what_cannot_wait_is_shown_at_once(event: Any) -> None:
+def test_an_urgent_event_is_shown_at_once(event: Any) -> None:
     page = display()
     shown(page, 10.0)
 
@@ -111,90 +111,94 @@ def test_what_cannot_wait_is_shown_at_once(event: Any) -> None:
     shown(page, 10.01)
 
 
-def test_the_gap_stands_beside_the_safety_distance_at_the_own_speed() -> None:
+def test_the_safety_distance_is_that_of_the_host_vehicle_s_speed() -> None:
     page = display()
     page.receive_event(speed(10.0, 15.0))
     page.receive_event(lead(10.0))
 
-    ahead = shown(page, 10.0).ahead
+    view = shown(page, 10.0).lead
 
-    assert ahead is not None
-    assert (ahead.plate, ahead.gap_m, ahead.closing_speed_m_s) == ("RD288HX", 14.0, 1.0)
-    assert ahead.safe_gap_m == pytest.approx(0.55 * 54.0)  # 0.55 m for each km/h
+    assert view is not None
+    assert (view.plate, view.gap_m, view.closing_speed_m_s) == ("RD288HX", 14.0, 1.0)
+    assert view.safe_gap_m == pytest.approx(0.55 * 54.0)  # 0.55 m for each km/h
 
 
-def test_what_is_old_is_not_shown() -> None:
+def test_old_values_are_not_shown() -> None:
     page = display()
     page.receive_event(speed(10.0))
     page.receive_event(lead(10.3))
 
     view = shown(page, 10.9)
     assert view.speed_m_s is None
-    assert view.ahead is not None
-    assert view.ahead.safe_gap_m is None
-    assert shown(page, 11.2).ahead is None
+    assert view.lead is not None
+    assert view.lead.safe_gap_m is None
+    assert shown(page, 11.2).lead is None
 
 
-def test_no_car_ahead_an_unread_one_and_a_blind_camera_are_three_things() -> None:
+def test_no_lead_an_unread_plate_and_a_lost_camera_are_distinguished() -> None:
     page = display()
     page.receive_event(Lead(10.0, LeadIdentity.NO_LEAD))
-    nobody = shown(page, 10.0).ahead
+    no_lead = shown(page, 10.0).lead
     page.receive_event(Lead(10.5, LeadIdentity.UNKNOWN, None, 20.0))
-    unread = shown(page, 10.5).ahead
+    unread = shown(page, 10.5).lead
     page.receive_event(SensorLost(10.6, Sensor.CAMERA, 0.1, "frozen"))
 
-    assert nobody is not None
+    assert no_lead is not None
     assert unread is not None
-    assert (nobody.identity, nobody.gap_m) == (LeadIdentity.NO_LEAD, None)
+    assert (no_lead.identity, no_lead.gap_m) == (LeadIdentity.NO_LEAD, None)
     assert (unread.identity, unread.plate, unread.gap_m) == (LeadIdentity.UNKNOWN, None, 20.0)
-    assert shown(page, 10.6).ahead is None
+    assert shown(page, 10.6).lead is None
 
 
-def test_without_a_position_the_cars_of_the_last_picture_are_shown() -> None:
+def test_without_a_position_the_detections_of_the_last_frame_are_shown() -> None:
     page = display()
     page.receive_event(Lead(10.0, LeadIdentity.NO_LEAD))
     first, second = (
         VehicleDetection(10.0, number, 20.0 + number, 1.0, 0.0, 0.01) for number in (1, 2)
     )
     page.receive_event(DetectionList(10.0, (first, second)))
-    both = shown(page, 10.0).cars
+    both = shown(page, 10.0).vehicles
     page.receive_event(DetectionList(10.3, (second,)))
 
     assert len(both) == 2
-    assert len(shown(page, 10.3).cars) == 1
+    assert len(shown(page, 10.3).vehicles) == 1
 
 
-def test_a_lost_sensor_is_shown_with_its_reason_until_it_is_back() -> None:
+def test_a_lost_sensor_is_shown_with_its_reason_until_it_recovers() -> None:
     page = display()
     page.receive_event(SensorLost(10.0, Sensor.CAMERA, 0.8, "frozen"))
-    lost = {each.sensor: (each.lost, each.reason) for each in shown(page, 10.0).sensors}
+    lost = {each.sensor: (each.is_lost, each.reason) for each in shown(page, 10.0).sensors}
     page.receive_event(SensorRecovered(11.0, Sensor.CAMERA))
 
     assert lost == {Sensor.CAMERA: (True, "frozen"), Sensor.SPEED: (False, None)}
-    assert not any(each.lost for each in shown(page, 11.0).sensors)
+    assert not any(each.is_lost for each in shown(page, 11.0).sensors)
 
 
-def test_a_black_box_that_does_not_record_is_shown_with_its_reason_until_it_does() -> None:
+def test_a_failed_recorder_is_shown_with_its_reason_until_it_records() -> None:
     page = display()
-    assert shown(page, 10.0).not_recording is None
+    assert shown(page, 10.0).recorder_failure is None
     page.receive_event(RecorderState(10.01, is_recording=False, reason="disk full", dropped=3))
-    assert shown(page, 10.01).not_recording == "disk full"
+    assert shown(page, 10.01).recorder_failure == "disk full"
     page.receive_event(RecorderState(10.02, is_recording=True, reason="", dropped=3))
-    assert shown(page, 10.02).not_recording is None
+    assert shown(page, 10.02).recorder_failure is None
 
 
-def test_an_alarm_stays_until_it_ends_and_tells_when_it_rose() -> None:
+def test_an_alarm_is_shown_until_it_ends_with_the_time_of_its_level() -> None:
     page = display()
     page.receive_event(alarm(10.0, Cause.FCW, Level.CAUTION))
     page.receive_event(alarm(10.5, Cause.FCW, Level.WARNING))
-    (held,) = shown(page, 12.0).alarms
+    (alarm_view,) = shown(page, 12.0).alarms
     page.receive_event(Alarm(13.0, Cause.FCW, Level.NONE, 0.0, ()))
 
-    assert (held.level, held.raised_at_s, held.direction) == (Level.WARNING, 10.5, Direction.AHEAD)
+    assert (alarm_view.level, alarm_view.raised_at_s, alarm_view.direction) == (
+        Level.WARNING,
+        10.5,
+        Direction.AHEAD,
+    )
     assert shown(page, 13.0).alarms == ()
 
 
-def test_the_most_urgent_alarm_comes_first_and_of_two_the_newer() -> None:
+def test_alarms_are_sorted_by_level_and_then_by_age() -> None:
     page = display()
     page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING))
     page.receive_event(alarm(11.0, Cause.FCW, Level.CAUTION))
@@ -207,7 +211,7 @@ def test_the_most_urgent_alarm_comes_first_and_of_two_the_newer() -> None:
     ]
 
 
-def test_a_warning_of_the_group_says_how_many_cars_ahead_it_was() -> None:
+def test_an_lcca_alarm_states_how_many_vehicles_ahead_it_began() -> None:
     page = display()
     page.receive_event(
         WarningRaised(
@@ -224,77 +228,83 @@ def test_a_warning_of_the_group_says_how_many_cars_ahead_it_was() -> None:
     )
     page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING, OTHER.hex()))
 
-    assert shown(page, 10.0).alarms[0].cars_ahead == 3
+    assert shown(page, 10.0).alarms[0].vehicles_ahead == 3
 
 
 @pytest.mark.parametrize(
     ("east_m", "direction"), [(30.0, Direction.RIGHT), (-30.0, Direction.LEFT)]
 )
-def test_a_crossing_car_comes_from_its_side(east_m: float, direction: Direction) -> None:
+def test_an_ima_alarm_states_the_side_of_the_vehicle(east_m: float, direction: Direction) -> None:
     page = display()
     page.receive_surroundings(
-        known(0.0, 0.0, ObjectSource.HOST, name="own"),
-        [known(-east_m, 5.0, ObjectSource.BSM, name="8"), known(east_m, 40.0, ObjectSource.BSM)],
+        perceived(0.0, 0.0, ObjectSource.HOST, name="host"),
+        [
+            perceived(-east_m, 5.0, ObjectSource.BSM, name="8"),
+            perceived(east_m, 40.0, ObjectSource.BSM),
+        ],
     )
     page.receive_event(alarm(10.0, Cause.IMA, Level.WARNING, "7"))
 
     assert shown(page, 10.0).alarms[0].direction is direction
 
 
-def test_the_car_that_an_alarm_is_about_is_marked_as_long_as_it_holds() -> None:
+def test_the_object_of_an_alarm_is_marked_until_the_alarm_ends() -> None:
     page = display()
     page.receive_surroundings(
-        known(0.0, 0.0, ObjectSource.HOST, name="own"),
-        [known(-20.0, 5.0, ObjectSource.BSM, name="8"), known(30.0, 40.0, ObjectSource.SHARED)],
+        perceived(0.0, 0.0, ObjectSource.HOST, name="host"),
+        [
+            perceived(-20.0, 5.0, ObjectSource.BSM, name="8"),
+            perceived(30.0, 40.0, ObjectSource.SHARED),
+        ],
     )
     page.receive_event(alarm(10.0, Cause.IMA, Level.CAUTION, "7"))
-    marked = [car.source for car in shown(page, 10.0).cars if car.in_alarm]
+    marked = [each.source for each in shown(page, 10.0).vehicles if each.in_alarm]
     page.receive_event(Alarm(11.0, Cause.IMA, Level.NONE, 0.0, ()))
 
     assert marked == [ObjectSource.SHARED]
-    assert not any(car.in_alarm for car in shown(page, 11.0).cars)
+    assert not any(each.in_alarm for each in shown(page, 11.0).vehicles)
 
 
-def test_a_crossing_car_that_is_gone_again_is_somewhere_ahead() -> None:
+def test_an_ima_alarm_without_its_object_points_ahead() -> None:
     page = display()
     page.receive_event(alarm(10.0, Cause.IMA, Level.WARNING))
 
     assert shown(page, 10.0).alarms[0].direction is Direction.AHEAD
 
 
-def test_the_lead_car_is_on_the_map_once() -> None:
+def test_the_lead_vehicle_is_shown_once() -> None:
     page = display()
     page.receive_event(lead(10.0, gap_m=14.0))
     page.receive_surroundings(
-        known(0.0, 0.0, ObjectSource.HOST, name="own"),
-        [known(0.3, 18.0, ObjectSource.BSM), known(3.5, 19.0, ObjectSource.SHARED)],
+        perceived(0.0, 0.0, ObjectSource.HOST, name="host"),
+        [perceived(0.3, 18.0, ObjectSource.BSM), perceived(3.5, 19.0, ObjectSource.SHARED)],
     )
 
-    (other,) = shown(page, 10.0).cars
+    (other,) = shown(page, 10.0).vehicles
     assert (other.source, other.ahead_m, other.right_m) == (ObjectSource.SHARED, 19.0, 3.5)
 
 
-def test_without_an_own_position_the_camera_fills_the_map_with_its_last_picture() -> None:
+def test_without_a_position_the_map_shows_the_camera_s_last_frame() -> None:
     page = display()
     page.receive_event(lead(10.0, gap_m=14.0))
     for stamp_s in (9.9, 10.0):
         page.receive_event(VehicleDetection(stamp_s, 1, 14.0, 0.3, 0.0, 0.01))
         page.receive_event(VehicleDetection(stamp_s, 2, 20.0, 0.3, 0.2, 0.01))
 
-    (other,) = shown(page, 10.0).cars
+    (other,) = shown(page, 10.0).vehicles
     assert other.source is ObjectSource.SENSOR
     assert other.right_m == pytest.approx(20.0 * np.sin(0.2))
-    assert shown(page, 11.0).cars == ()
+    assert shown(page, 11.0).vehicles == ()
 
 
-def test_who_follows_is_counted() -> None:
-    group = alone()
+def test_followers_are_counted() -> None:
+    group = no_group()
     group.receive_message(
         Join(
             OTHER,
             OTHER,
             1,
-            to_id=OWN,
+            to_id=HOST,
             sequence=1,
             acknowledged_origin_id=bytes(8),
             acknowledged_sequence=0,
@@ -302,12 +312,13 @@ def test_who_follows_is_counted() -> None:
         10.0,
     )
 
-    place = shown(display(), 10.0, group).place
-    assert (place.state, place.number, place.followers) == (GroupState.LEADER, 1, 1)
-    assert place.group == OWN.hex()[:4]
+    status = shown(display(), 10.0, group).group
+    assert status.state is GroupState.LEADER
+    assert (status.group_number, status.follower_count) == (1, 1)
+    assert status.leader_id == HOST.hex()[:4]
 
 
-def test_a_view_has_a_form_in_json() -> None:
+def test_a_view_converts_to_json() -> None:
     page = display(brake_button=True)
     page.receive_event(speed(10.0))
     page.receive_event(lead(10.0))
@@ -316,7 +327,7 @@ def test_a_view_has_a_form_in_json() -> None:
     record = as_record(shown(page, 10.0))
 
     assert record["kind"] == "driver_view"
-    assert record["place"]["state"] == "regular"
-    assert record["ahead"]["identity"] == "known"
+    assert record["group"]["state"] == "regular"
+    assert record["lead"]["identity"] == "known"
     assert record["alarms"][0]["level"] == "warning"
     assert record["brake_button"] is True

@@ -1,4 +1,4 @@
-"""Readers of the latest text: none queues, however slow it is."""
+"""Readers of the latest text; nothing is queued for a slow reader."""
 
 import asyncio
 from collections.abc import Awaitable
@@ -15,13 +15,13 @@ async def soon(work: Awaitable[T]) -> T:
     return await asyncio.wait_for(work, 1.0)
 
 
-async def not_now(work: Awaitable[object]) -> None:
-    """There is nothing to be had without anybody else's doing."""
+async def is_blocked(work: Awaitable[object]) -> None:
+    """Check that `work` waits."""
     with pytest.raises(TimeoutError):
         await asyncio.wait_for(work, 0.0)
 
 
-def test_a_reader_that_confirms_gets_everything() -> None:
+def test_a_reader_that_confirms_gets_every_item() -> None:
     async def read() -> list[str]:
         feed: Feed[str] = Feed()
         reader = FeedReader(feed)
@@ -36,7 +36,7 @@ def test_a_reader_that_confirms_gets_everything() -> None:
     assert asyncio.run(read()) == ["a", "b", "c", "d"]
 
 
-def test_a_slow_reader_misses_what_is_old_and_gets_the_latest() -> None:
+def test_a_slow_reader_misses_items_and_gets_the_latest() -> None:
     async def read() -> None:
         feed: Feed[str] = Feed()
         reader = FeedReader(feed)
@@ -47,7 +47,7 @@ def test_a_slow_reader_misses_what_is_old_and_gets_the_latest() -> None:
         assert len(numbers) == MOST_UNCONFIRMED
         for text in ("c", "d", "e"):
             feed.publish(text)
-            await not_now(reader.next())
+            await is_blocked(reader.next())
 
         reader.confirm(numbers[0])
 
@@ -56,13 +56,13 @@ def test_a_slow_reader_misses_what_is_old_and_gets_the_latest() -> None:
     asyncio.run(read())
 
 
-def test_a_new_reader_is_not_told_old_news() -> None:
+def test_a_new_reader_starts_with_the_next_item() -> None:
     async def read() -> None:
         feed: Feed[str] = Feed()
         feed.publish("long ago")
         reader = FeedReader(feed)
 
-        await not_now(reader.next())
+        await is_blocked(reader.next())
         feed.publish("now")
 
         assert (await soon(reader.next()))[1] == "now"
@@ -71,7 +71,7 @@ def test_a_new_reader_is_not_told_old_news() -> None:
 
 
 @pytest.mark.parametrize("confirmed", [0, -1, 99])
-def test_a_confirmation_of_what_was_not_sent_makes_no_room(confirmed: int) -> None:
+def test_a_confirmation_of_an_item_that_was_not_sent_is_ignored(confirmed: int) -> None:
     async def read() -> None:
         feed: Feed[str] = Feed()
         reader = FeedReader(feed)
@@ -82,6 +82,6 @@ def test_a_confirmation_of_what_was_not_sent_makes_no_room(confirmed: int) -> No
 
         reader.confirm(confirmed)
 
-        await not_now(reader.next())
+        await is_blocked(reader.next())
 
     asyncio.run(read())

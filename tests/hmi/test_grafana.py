@@ -1,4 +1,4 @@
-"""The dashboard asks for nothing that a car does not tell."""
+"""The dashboard queries only metrics that a vehicle has."""
 
 import json
 import re
@@ -14,8 +14,8 @@ FOLDER = Path(__file__).parents[2] / "deploy" / "grafana"
 DASHBOARD = json.loads((FOLDER / "onboard.json").read_text())
 
 
-def told() -> set[str]:
-    """Names of all metrics of a car, before anything has happened."""
+def metric_names() -> set[str]:
+    """Return the names of all metrics of a vehicle without events."""
     metrics = Metrics(frozenset(Sensor))
     text = metrics.exposition()[0].decode()
     families = re.findall(r"^# TYPE (\w+) (\w+)$", text, re.MULTILINE)
@@ -23,13 +23,13 @@ def told() -> set[str]:
     return names | {f"{name}_bucket" for name, kind in families if kind == "histogram"}
 
 
-def test_every_metric_of_the_dashboard_is_told_by_a_car() -> None:
-    names = told()
+def test_every_metric_of_the_dashboard_exists() -> None:
+    names = metric_names()
     for panel in DASHBOARD["panels"]:
         for target in panel["targets"]:
-            asked = re.findall(r"\b((?:onboard|process)_\w+)", target["expr"])
-            assert asked, panel["title"]
-            for name in asked:
+            queried = re.findall(r"\b((?:onboard|process)_\w+)", target["expr"])
+            assert queried, panel["title"]
+            for name in queried:
                 assert name in names, panel["title"]
 
 
@@ -47,7 +47,7 @@ def test_panels_do_not_overlap() -> None:
     assert len(ids) == len(set(ids))
 
 
-def test_prometheus_asks_at_the_port_that_a_car_has_by_default() -> None:
+def test_prometheus_reads_the_default_port_of_a_vehicle() -> None:
     settings = yaml.safe_load((FOLDER / "prometheus.yaml").read_text())
 
     (job,) = settings["scrape_configs"]

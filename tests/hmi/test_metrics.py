@@ -1,4 +1,4 @@
-"""What an operator counts, read back by Prometheus' own parser."""
+"""Metrics, as Prometheus' own parser reads them."""
 
 import math
 
@@ -31,7 +31,7 @@ def read(metrics: Metrics) -> dict[str, float]:
     }
 
 
-def test_what_the_stack_says_is_counted() -> None:
+def test_events_are_counted() -> None:
     metrics = Metrics(frozenset({Sensor.CAMERA}))
     for event in (
         Discarded(1.0, "lcca", "duplicate"),
@@ -53,8 +53,8 @@ def test_what_the_stack_says_is_counted() -> None:
     assert counted["onboard_discarded_total component=lcca reason=duplicate"] == 2
     assert counted["onboard_discarded_total component=security reason=wrong_signature"] == 1
     assert counted["onboard_events_total kind=discarded"] == 3
-    assert counted["onboard_sent_total message=warn"] == 1
-    assert counted["onboard_received_total message=join"] == 1
+    assert counted["onboard_messages_sent_total message=warn"] == 1
+    assert counted["onboard_messages_received_total message=join"] == 1
     assert counted["onboard_alarms_total cause=lcca level=warning"] == 1
     assert counted["onboard_alarm_level cause=lcca"] == 2
     assert counted["onboard_sensor_up sensor=camera"] == 0
@@ -64,7 +64,7 @@ def test_what_the_stack_says_is_counted() -> None:
     assert counted["onboard_gap_metres"] == 21.5
 
 
-def test_of_a_lost_sensor_nothing_is_told_that_it_said_last() -> None:
+def test_a_lost_sensor_has_no_value() -> None:
     metrics = Metrics(frozenset({Sensor.CAMERA, Sensor.SPEED}))
     metrics.receive_event(Speed(1.0, 20.0, 0.28, "obd:7E8"))
     metrics.receive_event(Lead(1.0, LeadIdentity.UNKNOWN, None, 21.5))
@@ -76,7 +76,7 @@ def test_of_a_lost_sensor_nothing_is_told_that_it_said_last() -> None:
     assert math.isnan(read(metrics)["onboard_gap_metres"])
 
 
-def test_what_is_over_is_shown_as_over() -> None:
+def test_gauges_follow_the_end_of_an_alarm_and_a_recovery() -> None:
     metrics = Metrics(frozenset({Sensor.CAMERA}))
     metrics.receive_event(Alarm(1.0, Cause.LCCA, Level.WARNING, 6.0, ()))
     metrics.receive_event(Alarm(2.0, Cause.LCCA, Level.NONE, 0.0, ()))
@@ -90,9 +90,9 @@ def test_what_is_over_is_shown_as_over() -> None:
     assert counted["onboard_sensor_up sensor=camera"] == 1
 
 
-def test_two_cars_in_one_process_count_apart() -> None:
+def test_two_vehicles_in_one_process_have_separate_metrics() -> None:
     one, other = Metrics(frozenset()), Metrics(frozenset())
-    one.refused("wrong_token")
+    one.count_refusal("wrong_token")
 
     assert read(one)["onboard_page_refused_total reason=wrong_token"] == 1
     assert "onboard_page_refused_total reason=wrong_token" not in read(other)

@@ -1,4 +1,4 @@
-"""The server over real sockets: who gets what, and that nobody can slow it down."""
+"""The page server on real sockets: access, and independence from slow pages."""
 
 import asyncio
 from collections.abc import AsyncIterator, Coroutine
@@ -11,7 +11,7 @@ import pytest
 from onboard.errors import UserError
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import read_page
-from onboard.hmi.page_server import GOODBYE_S, MOST_PAGES, PageServer
+from onboard.hmi.page_server import CLOSE_TIMEOUT_S, MOST_PAGES, PageServer
 from onboard.hmi.settings import HmiSettings
 from onboard.settings import parse_settings
 from tests.hmi.row import free_port
@@ -20,7 +20,7 @@ TOKEN = "aaaabbbbccccdddd"  # noqa: S105 (of this test)
 
 
 class Served:
-    """A server and how to ask it."""
+    """A running server and its client."""
 
     def __init__(
         self,
@@ -76,38 +76,38 @@ def run(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(asyncio.wait_for(work, 20.0))
 
 
-def test_every_file_of_the_page_is_served_under_strict_rules() -> None:
-    async def ask() -> None:
+def test_every_file_of_the_page_is_served_with_strict_headers() -> None:
+    async def check() -> None:
         async with served() as it:
             for path in ["", *read_page("onboard.hmi"), "metrics"]:
                 async with it.session.get(it.address + path) as answer:
                     assert answer.status == 200, path
-                    rules = answer.headers["Content-Security-Policy"]
-                    assert "default-src 'none'" in rules
-                    assert "unsafe" not in rules
+                    policy = answer.headers["Content-Security-Policy"]
+                    assert "default-src 'none'" in policy
+                    assert "unsafe" not in policy
                     assert answer.headers["X-Content-Type-Options"] == "nosniff"
 
-    run(ask())
+    run(check())
 
 
 @pytest.mark.parametrize("path", ["nothing.js", "../settings.py", "%2e%2e/settings.py", "fonts/"])
-def test_there_is_nothing_else(path: str) -> None:
-    async def ask() -> None:
+def test_other_paths_are_not_found(path: str) -> None:
+    async def check() -> None:
         async with served() as it:
             assert await it.status(path) == 404
 
-    run(ask())
+    run(check())
 
 
-def test_the_page_names_no_file_from_outside() -> None:
+def test_the_page_refers_to_no_other_origin() -> None:
     for name, (body, content_type) in read_page("onboard.hmi").items():
         if content_type.startswith(("text/html", "text/css", "text/javascript")):
             text = body.decode().replace("http://www.w3.org/2000/svg", "")
             assert "//" not in text.replace("// ", "").replace("//\n", ""), name
 
 
-def test_another_name_or_origin_gets_nothing() -> None:
-    async def ask() -> None:
+def test_another_host_name_or_origin_is_refused() -> None:
+    async def check() -> None:
         async with served() as it:
             assert await it.status("", headers={"Host": "evil.example"}) == 403
             assert await it.status("metrics", headers={"Host": "evil.example"}) == 403
@@ -117,24 +117,24 @@ def test_another_name_or_origin_gets_nothing() -> None:
                 )
             assert 'reason="foreign_host"} 2.0' in await it.text("metrics")
 
-    run(ask())
+    run(check())
 
 
-def test_with_a_token_nothing_is_served_without_it() -> None:
-    async def ask() -> None:
-        async with served(token=TOKEN) as it, aiohttp.ClientSession() as stranger:
+def test_without_the_configured_token_every_path_is_refused() -> None:
+    async def check() -> None:
+        async with served(token=TOKEN) as it, aiohttp.ClientSession() as unknown:
             for path in ("", "driver.js", "metrics", "views", "nothing"):
-                async with stranger.get(it.address + path) as answer:
+                async with unknown.get(it.address + path) as answer:
                     assert answer.status == 401
-                async with stranger.get(it.address + path, params={"token": "x" * 16}) as answer:
+                async with unknown.get(it.address + path, params={"token": "x" * 16}) as answer:
                     assert answer.status == 401
             assert await it.status("metrics") == 200
 
-    run(ask())
+    run(check())
 
 
-def test_the_right_token_in_the_address_becomes_a_cookie_and_leaves_the_address() -> None:
-    async def ask() -> None:
+def test_the_token_in_the_address_becomes_a_cookie() -> None:
+    async def check() -> None:
         jar = aiohttp.CookieJar(unsafe=True)
         async with served(token=TOKEN) as it, aiohttp.ClientSession(cookie_jar=jar) as driver:
             async with driver.get(it.address, params={"token": TOKEN}) as answer:
@@ -146,11 +146,11 @@ def test_the_right_token_in_the_address_becomes_a_cookie_and_leaves_the_address(
             async with driver.get(it.address + "driver.js") as answer:
                 assert answer.status == 200
 
-    run(ask())
+    run(check())
 
 
-def test_a_view_goes_to_every_page() -> None:
-    async def look() -> None:
+def test_a_view_is_sent_to_every_page() -> None:
+    async def check() -> None:
         async with served() as it:
             pages = [await it.page() for _ in range(20)]
             it.server.publish('{"n":1}')
@@ -158,11 +158,11 @@ def test_a_view_goes_to_every_page() -> None:
                 assert await page.receive_str() == '1 {"n":1}'
                 await page.send_str("shown 1")
 
-    run(look())
+    run(check())
 
 
-def test_a_page_that_confirms_nothing_gets_two_views_and_then_the_latest() -> None:
-    async def look() -> None:
+def test_a_page_without_confirmations_gets_two_views_and_then_the_latest() -> None:
+    async def check() -> None:
         async with served() as it:
             slow, quick = await it.page(), await it.page()
             for number in range(1, 500):
@@ -176,11 +176,11 @@ def test_a_page_that_confirms_nothing_gets_two_views_and_then_the_latest() -> No
 
             assert await slow.receive_str() == "499 499"
 
-    run(look())
+    run(check())
 
 
-def test_one_page_too_many_is_turned_away() -> None:
-    async def look() -> None:
+def test_one_page_too_many_is_refused() -> None:
+    async def check() -> None:
         async with served() as it:
             pages = [await it.page() for _ in range(MOST_PAGES)]
             with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
@@ -190,7 +190,7 @@ def test_one_page_too_many_is_turned_away() -> None:
                 await asyncio.sleep(0)
             await it.page()
 
-    run(look())
+    run(check())
 
 
 @pytest.mark.parametrize(("in_test_mode", "presses"), [(True, 1), (False, 0)])
@@ -210,22 +210,22 @@ def test_the_brake_button_works_in_test_mode_only(in_test_mode: bool, presses: i
 
 
 @pytest.mark.parametrize(
-    "word", ["shown", "shown x", "shown -1", "shown ²", "", "rm -rf", "shown 9999"]
+    "message", ["shown", "shown x", "shown -1", "shown ²", "", "rm -rf", "shown 9999"]
 )
-def test_nonsense_from_a_page_changes_nothing(word: str) -> None:
-    async def talk() -> None:
+def test_an_invalid_message_of_a_page_is_ignored(message: str) -> None:
+    async def check() -> None:
         async with served(brake_button=True) as it:
             page = await it.page()
-            await page.send_str(word)
+            await page.send_str(message)
             it.server.publish("view")
             assert await page.receive_str() == "1 view"
             assert it.pressed == []
 
-    run(talk())
+    run(check())
 
 
-def test_a_page_that_says_too_much_is_closed() -> None:
-    async def talk() -> None:
+def test_a_page_that_sends_a_too_long_message_is_closed() -> None:
+    async def check() -> None:
         async with served() as it:
             page = await it.page()
             await page.send_str("x" * 10_000)
@@ -233,20 +233,20 @@ def test_a_page_that_says_too_much_is_closed() -> None:
                 await page.receive()
             assert await it.status("") == 200
 
-    run(talk())
+    run(check())
 
 
-def test_pages_that_do_not_answer_do_not_keep_the_car_from_stopping() -> None:
+def test_pages_that_do_not_answer_do_not_delay_the_shutdown() -> None:
     async def stop() -> None:
         async with served() as it:
             pages = [await it.page(autoclose=False) for _ in range(10)]
-            await asyncio.wait_for(it.server.close(), 10 * GOODBYE_S)
+            await asyncio.wait_for(it.server.close(), 10 * CLOSE_TIMEOUT_S)
             assert len(pages) == 10
 
     run(stop())
 
 
-def test_a_port_that_is_taken_is_the_users_mistake() -> None:
+def test_a_port_in_use_is_a_user_error() -> None:
     async def start() -> None:
         async with served() as it:
             port = int(it.address.rsplit(":", 1)[1].strip("/"))

@@ -1,12 +1,12 @@
-// The driver's page: puts each view of the car where the driver looks.
+// The driver's page: draws each view that the server sends.
 import { Link } from "./link.js";
 import { Road } from "./road.js";
-import { Sounds, say } from "./sounds.js";
+import { Sounds, speak } from "./sounds.js";
 import { keepAwake, switchColours, switchVoice } from "./switches.js";
 import { TEXTS, fill } from "./texts.js";
 
 const KM_H = 3.6;
-const MOST_IN_CHAIN = 7;
+const MOST_IN_CHAIN = 7; // vehicles drawn on each side of the host vehicle
 const $ = (id) => document.getElementById(id);
 
 document.documentElement.lang = TEXTS.language;
@@ -28,50 +28,50 @@ $("sound").onclick = () => sounds.toggle();
 document.addEventListener("visibilitychange", keepAwake);
 keepAwake();
 
-let raised = ""; // which alarms hold, and since when
+let raised = ""; // cause, level and time of the present alarms
 const link = new Link("views", show, showAge);
 $("brake").onclick = () => link.send("brake");
 
 function show(view) {
-  showPlace(view.place);
-  showAhead(view);
-  showSensors(view.sensors, view.not_recording);
+  showGroup(view.group);
+  showLead(view);
+  showSensors(view.sensors, view.recorder_failure);
   showAlarms(view.alarms);
   for (const item of $("legend").children) {
-    item.hidden = !view.cars.some((car) => car.source === item.className);
+    item.hidden = !view.vehicles.some((vehicle) => vehicle.source === item.className);
   }
   $("brake").hidden = !view.brake_button;
   road.draw(view);
 }
 
-function showPlace({ state, number, group, followers }) {
-  $("place").dataset.state = state;
-  $("state").textContent = fill(TEXTS[state], { number });
-  const ahead = number - 1;
+function showGroup({ state, group_number, leader_id, follower_count }) {
+  $("group").dataset.state = state;
+  $("state").textContent = fill(TEXTS[state], { number: group_number });
+  const ahead = group_number - 1;
   const note = { regular: TEXTS.noteRegular, leader: TEXTS.noteLeader }[state]
     ?? (ahead === 1 ? TEXTS.noteMemberOne : fill(TEXTS.noteMember, { count: ahead }));
-  $("state-note").textContent = state === "regular" ? note : `${note} · ${fill(TEXTS.group, { group })}`;
+  $("state-note").textContent = state === "regular" ? note : `${note} · ${fill(TEXTS.group, { leader: leader_id })}`;
   const kinds = [
     ...Array(Math.min(ahead, MOST_IN_CHAIN)).fill("ahead"),
-    "own",
-    ...Array(Math.min(followers, MOST_IN_CHAIN)).fill("behind"),
+    "host",
+    ...Array(Math.min(follower_count, MOST_IN_CHAIN)).fill("behind"),
   ];
   $("chain").replaceChildren(...kinds.map((kind) => make("li", kind, "")));
 }
 
-function showAhead({ ahead, speed_m_s }) {
+function showLead({ lead, speed_m_s }) {
   $("speed").textContent = speed_m_s === null ? "–" : Math.round(speed_m_s * KM_H);
   const figures = $("figures");
   $("gap-label").textContent = TEXTS.gap;
-  if (ahead === null || ahead.gap_m === null) {
-    figures.dataset.gap = ahead === null ? "lost" : "none";
+  if (lead === null || lead.gap_m === null) {
+    figures.dataset.gap = lead === null ? "lost" : "none";
     $("gap").textContent = "–";
     $("gap-unit").hidden = true;
     $("gap-bar").style.width = "0";
-    $("gap-note").textContent = ahead === null ? TEXTS.gapUnknown : TEXTS.noLead;
+    $("gap-note").textContent = lead === null ? TEXTS.gapUnknown : TEXTS.noLead;
     return;
   }
-  const { gap_m, safe_gap_m } = ahead;
+  const { gap_m, safe_gap_m } = lead;
   $("gap").textContent = gap_m < 10 ? gap_m.toFixed(1) : Math.round(gap_m);
   $("gap-unit").hidden = false;
   if (safe_gap_m === null) {
@@ -80,26 +80,26 @@ function showAhead({ ahead, speed_m_s }) {
     $("gap-note").textContent = TEXTS.noSpeed;
     return;
   }
-  const part = safe_gap_m > 0 ? gap_m / safe_gap_m : 1;
-  figures.dataset.gap = part >= 1 ? "safe" : part >= 0.5 ? "close" : "tight";
-  $("gap-bar").style.width = `${Math.min(part, 1) * 100}%`;
+  const share = safe_gap_m > 0 ? gap_m / safe_gap_m : 1;
+  figures.dataset.gap = share >= 1 ? "safe" : share >= 0.5 ? "close" : "tight";
+  $("gap-bar").style.width = `${Math.min(share, 1) * 100}%`;
   const headway = speed_m_s > 0.5 ? (gap_m / speed_m_s).toFixed(1) : "–";
   $("gap-note").textContent = fill(TEXTS.safeFrom, { headway, safe: Math.round(safe_gap_m) });
 }
 
-function showSensors(sensors, not_recording) {
+function showSensors(sensors, recorder_failure) {
   const names = { camera: TEXTS.camera, speed: TEXTS.speedSensor, position: TEXTS.position, radio: TEXTS.radio, detector: TEXTS.detector };
-  $("sensors").replaceChildren(...sensors.map(({ sensor, lost, reason }) => {
-    const item = make("li", lost ? "lost" : "", "");
+  $("sensors").replaceChildren(...sensors.map(({ sensor, is_lost, reason }) => {
+    const item = make("li", is_lost ? "lost" : "", "");
     item.dataset.sensor = sensor;
-    const words = make("span", "", lost ? fill(TEXTS.lost, { sensor: names[sensor] }) : names[sensor]);
-    if (lost) words.append(make("small", "", TEXTS.why[reason] ?? reason));
+    const words = make("span", "", is_lost ? fill(TEXTS.lost, { sensor: names[sensor] }) : names[sensor]);
+    if (is_lost) words.append(make("small", "", TEXTS.reasons[reason] ?? reason));
     item.append(icon(sensor), words);
     return item;
   }));
-  if (not_recording === null) return;
+  if (recorder_failure === null) return;
   const words = make("span", "", TEXTS.notRecording);
-  words.append(make("small", "", not_recording));
+  words.append(make("small", "", recorder_failure));
   const item = make("li", "lost", "");
   item.append(icon("recorder"), words);
   $("sensors").append(item);
@@ -113,30 +113,30 @@ function showAlarms(alarms) {
   document.body.dataset.alarm = first?.level ?? "none";
   $("alarm").hidden = first === undefined;
   if (first !== undefined) {
-    const words = wordsOf(first);
+    const words = alarmTexts(first);
     $("alarm-sign").setAttribute("href", `#sign-${words.sign}`);
     $("alarm-headline").textContent = words.headline;
     $("alarm-sentence").textContent = words.sentence;
-    $("alarm-also").textContent = alarms.slice(1).map((alarm) => wordsOf(alarm).sentence).join(" · ");
-    if (isNew && voiceIsOn()) say(`${words.headline} ${words.sentence}`, TEXTS.language);
+    $("alarm-also").textContent = alarms.slice(1).map((alarm) => alarmTexts(alarm).sentence).join(" · ");
+    if (isNew && voiceIsOn()) speak(`${words.headline} ${words.sentence}`, TEXTS.language);
   }
   sounds.hold(first?.level ?? "none", isNew);
 }
 
-function wordsOf({ cause, level, direction, cars_ahead }) {
+function alarmTexts({ cause, level, direction, vehicles_ahead }) {
   const isWarning = level === "warning";
   switch (cause) {
     case "lcca": {
-      const sentence = cars_ahead > 1 ? fill(TEXTS.groupSecond, { count: cars_ahead }) : TEXTS.groupOne;
+      const sentence = vehicles_ahead > 1 ? fill(TEXTS.lccaSecond, { count: vehicles_ahead }) : TEXTS.lccaFirst;
       return { sign: "brake", headline: TEXTS.brakeNow, sentence };
     }
     case "eebl":
-      return { sign: "brake", headline: isWarning ? TEXTS.brakeNow : TEXTS.watchOut, sentence: TEXTS.hardBraking };
+      return { sign: "brake", headline: isWarning ? TEXTS.brakeNow : TEXTS.watchOut, sentence: TEXTS.eebl };
     case "fcw":
-      return { sign: "gap", headline: isWarning ? TEXTS.brakeNow : TEXTS.keepDistance, sentence: TEXTS.closingGap };
+      return { sign: "gap", headline: isWarning ? TEXTS.brakeNow : TEXTS.keepDistance, sentence: TEXTS.fcw };
     default: {
       const sign = direction === "ahead" ? "brake" : direction;
-      return { sign, headline: isWarning ? TEXTS.stopNow : TEXTS.watchOut, sentence: TEXTS.crossing[direction] };
+      return { sign, headline: isWarning ? TEXTS.stopNow : TEXTS.watchOut, sentence: TEXTS.ima[direction] };
     }
   }
 }
@@ -149,7 +149,7 @@ function showAge(age_ms, isStale) {
   if (now === "live") return;
   $("stale-headline").textContent = now === "waiting" ? TEXTS.connecting : TEXTS.stale;
   $("stale-sentence").textContent = now === "waiting" ? "" : fill(TEXTS.staleFor, { seconds: Math.round(age_ms / 1000) });
-  if (before === "live") { // What was true then need not be now: no alarm goes on.
+  if (before === "live") { // An alarm from before the loss may be over: stop it.
     showAlarms([]);
     sounds.once("stale");
   }

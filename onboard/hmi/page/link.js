@@ -1,27 +1,27 @@
-// The web socket to the car: reconnects by itself, and says when what it brought is old.
+// The web socket to the server: reconnects by itself, and reports when the last view is too old.
 
-const STALE_MS = 1200;   // views come five times a second
-const GIVE_UP_MS = 4000; // an open socket that brings nothing is not to be trusted
+const STALE_MS = 1200;   // the server sends five views a second
+const GIVE_UP_MS = 4000; // an open socket without data is replaced
 const RETRY_MS = [200, 400, 800, 1500];
 
 export class Link {
   #socket = null;
-  #heardAt = null;
+  #receivedAt = null;
   #openedAt = 0;
   #failures = 0;
   #retry = null;
 
-  // onView(view) draws; onAge(milliseconds or null, isStale) is called four times a second.
+  // onView(view) draws; onAge(age in ms or null, isStale) is called four times a second.
   constructor(path, onView, onAge) {
     this.path = path;
     this.onView = onView;
     this.onAge = onAge;
     this.#connect();
-    setInterval(() => this.#look(), 250);
+    setInterval(() => this.#check(), 250);
   }
 
-  send(word) {
-    if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(word);
+  send(command) {
+    if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(command);
   }
 
   #connect() {
@@ -37,12 +37,12 @@ export class Link {
     if (socket !== this.#socket) return;
     const space = data.indexOf(" ");
     const number = data.slice(0, space);
-    this.#heardAt = performance.now();
+    this.#receivedAt = performance.now();
     this.#failures = 0;
     this.onView(JSON.parse(data.slice(space + 1)));
     this.onAge(0, false);
     const confirm = () => { if (socket.readyState === WebSocket.OPEN) socket.send(`shown ${number}`); };
-    // A page that is in view confirms what has been drawn; one that is not is not drawn at all.
+    // A visible page confirms after drawing; browsers do not draw a hidden page.
     if (document.hidden) confirm();
     else requestAnimationFrame(() => setTimeout(confirm));
   }
@@ -54,11 +54,11 @@ export class Link {
     this.#retry = setTimeout(() => this.#connect(), wait);
   }
 
-  #look() {
+  #check() {
     const now = performance.now();
-    const age = this.#heardAt === null ? null : now - this.#heardAt;
+    const age = this.#receivedAt === null ? null : now - this.#receivedAt;
     this.onAge(age, age === null || age > STALE_MS);
-    if (now - Math.max(this.#heardAt ?? 0, this.#openedAt) > GIVE_UP_MS && this.#retry === null) {
+    if (now - Math.max(this.#receivedAt ?? 0, this.#openedAt) > GIVE_UP_MS && this.#retry === null) {
       const socket = this.#socket;
       this.#closed(socket);
       socket.close();

@@ -1,5 +1,5 @@
-// What the driver hears. Each level is a row of rising notes; the higher level has more of them,
-// higher, and again and again while it holds.
+// The alarm sounds. Each level is a sequence of rising notes, repeated while the alarm lasts; a
+// warning has more and higher notes than a caution.
 
 export const PATTERNS = {
   caution: { notes_hz: [784, 988], note_s: 0.14, gain: 0.5, repeat_s: 3.0 },
@@ -7,7 +7,7 @@ export const PATTERNS = {
   stale: { notes_hz: [494, 370], note_s: 0.18, gain: 0.35, repeat_s: null },
 };
 
-// Put one row of notes on the audio clock; a square wave cuts through road noise.
+// Schedule one sequence of notes on the audio clock; a square wave is audible over road noise.
 export function schedule(context, pattern, at_s) {
   pattern.notes_hz.forEach((note_hz, index) => {
     const start_s = at_s + index * pattern.note_s;
@@ -29,7 +29,8 @@ export class Sounds {
   #level = "none";
   #next = null;
 
-  // Browsers keep silent until the page has been touched; onState(isOn) says whether it sounds.
+  // Browsers allow sound only after the page has been touched; onState(isOn) is called with each
+  // change.
   constructor(onState) {
     this.onState = onState;
     this.#context = new AudioContext();
@@ -44,7 +45,7 @@ export class Sounds {
     this.onState(this.isOn);
   }
 
-  // An alarm of this level has begun, or goes on; `isNew` makes it sound at once.
+  // Repeat the sound of this level, "none" for silence; `isNew` starts it again at once.
   hold(level, isNew) {
     if (!isNew && level === this.#level) return;
     this.#level = level;
@@ -63,11 +64,11 @@ export class Sounds {
   }
 }
 
-export function say(text, language) {
+export function speak(text, language) {
   if (!("speechSynthesis" in window)) return;
   speechSynthesis.cancel();
-  const words = new SpeechSynthesisUtterance(text);
-  words.lang = language;
-  words.rate = 1.15;
-  speechSynthesis.speak(words);
+  const utterance = new SpeechSynthesisUtterance(text);
+  utterance.lang = language;
+  utterance.rate = 1.15;
+  speechSynthesis.speak(utterance);
 }

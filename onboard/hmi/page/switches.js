@@ -1,11 +1,11 @@
-// Colours of day and night, and the voice: what the driver chose stays with the browser.
+// Switches for day and night colours and for speech; the browser stores the choice.
 import { TEXTS } from "./texts.js";
 
 const CHOICES = ["auto", "day", "night"];
 const night = matchMedia("(prefers-color-scheme: dark)");
 
 export function switchColours(button, icon) {
-  let choice = CHOICES.includes(remembered("colours")) ? remembered("colours") : "auto";
+  let choice = CHOICES.includes(stored("colours")) ? stored("colours") : "auto";
   const apply = () => {
     const isNight = choice === "night" || (choice === "auto" && night.matches);
     document.documentElement.dataset.colours = isNight ? "night" : "day";
@@ -15,7 +15,7 @@ export function switchColours(button, icon) {
   };
   button.onclick = () => {
     choice = CHOICES[(CHOICES.indexOf(choice) + 1) % CHOICES.length];
-    remember("colours", choice);
+    store("colours", choice);
     apply();
   };
   night.addEventListener("change", apply);
@@ -23,31 +23,31 @@ export function switchColours(button, icon) {
 }
 
 export function switchVoice(button) {
-  let isOn = remembered("voice") === "on";
+  let isOn = stored("voice") === "on";
   const apply = () => button.setAttribute("aria-pressed", String(isOn));
   button.setAttribute("aria-label", TEXTS.voice);
   button.title = TEXTS.voice;
   button.onclick = () => {
     isOn = !isOn;
-    remember("voice", isOn ? "on" : "off");
+    store("voice", isOn ? "on" : "off");
     apply();
   };
   apply();
   return () => isOn;
 }
 
-// A screen that goes dark warns nobody. Only pages of this machine or over TLS may ask for this.
+// Keep the screen on. Browsers allow it only to pages of this computer or over TLS.
 export async function keepAwake() {
   if (!("wakeLock" in navigator) || document.hidden) return;
   try {
     await navigator.wakeLock.request("screen");
-  } catch { /* The device decides, a battery that is low for instance. */ }
+  } catch { /* The device may refuse, for instance with a low battery. */ }
 }
 
-function remembered(name) {
+function stored(name) {
   try { return localStorage.getItem(name); } catch { return null; }
 }
 
-function remember(name, value) {
-  try { localStorage.setItem(name, value); } catch { /* A private window forgets. */ }
+function store(name, value) {
+  try { localStorage.setItem(name, value); } catch { /* A private window stores nothing. */ }
 }

@@ -1,30 +1,30 @@
-// Every word on the page. To translate it, translate this file; `{...}` is filled in.
+// All texts of the page. To translate the page, translate this file; `{...}` is replaced.
 export const TEXTS = {
   language: "en",
   title: "onboard",
-  map: "Cars around",
+  map: "Vehicles nearby",
 
   regular: "No group",
   leader: "Leader",
   member: "Member {number}",
-  group: "group {group}",
-  noteRegular: "Nobody ahead warns you",
+  group: "group {leader}",
+  noteRegular: "No car ahead warns you",
   noteLeader: "You warn the cars behind",
   noteMemberOne: "The car ahead warns you",
   noteMember: "{count} cars ahead warn you",
   follows: "follows you",
 
   gap: "Gap",
-  noLead: "Nobody ahead",
-  gapUnknown: "Not known without the camera",
-  noSpeed: "No speed: safe gap not known",
+  noLead: "No car ahead",
+  gapUnknown: "Unknown without the camera",
+  noSpeed: "No speed: safe gap unknown",
   safeFrom: "{headway} s · safe from {safe} m",
   safeLine: "safe {safe} m",
   speed: "Speed",
   plateUnknown: "plate not read",
-  objectByBsm: "own radio",
-  objectBySensor: "seen",
-  objectByShared: "told of",
+  objectByBsm: "by radio (BSM)",
+  objectBySensor: "by own sensors",
+  objectByShared: "shared by others",
 
   camera: "Camera",
   speedSensor: "Speed",
@@ -33,29 +33,29 @@ export const TEXTS = {
   detector: "Detector",
   lost: "{sensor} lost",
   notRecording: "Not recording",
-  why: {
-    silent: "silent", frozen: "picture frozen", dark: "picture dark", end_of_recording: "recording ended",
+  reasons: {
+    silent: "silent", frozen: "image frozen", dark: "image dark", end_of_recording: "recording ended",
   },
 
   brakeNow: "Brake!",
   stopNow: "Stop!",
   keepDistance: "Keep distance",
   watchOut: "Watch out",
-  groupOne: "The car ahead brakes hard",
-  groupSecond: "Hard braking, {count} cars ahead",
-  closingGap: "You close in on the car ahead",
-  hardBraking: "A car ahead brakes hard",
-  crossing: { left: "Car from the left", right: "Car from the right", ahead: "Car crossing" },
+  lccaFirst: "The car ahead brakes hard",
+  lccaSecond: "Hard braking, {count} cars ahead",
+  fcw: "You are closing in on the car ahead",
+  eebl: "A car ahead brakes hard",
+  ima: { left: "Car from the left", right: "Car from the right", ahead: "Car crossing" },
 
   soundOff: "Sound is off: tap",
   soundOn: "Sound on",
-  voice: "Say alarms aloud",
+  voice: "Speak alarms",
   colours: { auto: "Colours: as the device", day: "Colours: day", night: "Colours: night" },
   brakeButton: "Brake (test)",
 
   connecting: "Connecting",
   stale: "No data",
-  staleFor: "Nothing heard for {seconds} s. Warnings would not reach you.",
+  staleFor: "Nothing received for {seconds} s. Warnings would not reach you.",
 };
 
 export function fill(text, values) {
