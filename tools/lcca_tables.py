@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from onboard.messages.lcca import LAYOUTS
+from onboard.messages.lcca import MESSAGES
 
 PAGE = Path(__file__).parents[1] / "docs" / "wire.md"
 BEGIN, END = "<!-- lcca tables: python tools/lcca_tables.py -->\n", "<!-- end -->\n"
@@ -11,9 +11,9 @@ BEGIN, END = "<!-- lcca tables: python tools/lcca_tables.py -->\n", "<!-- end --
 def tables() -> str:
     """Return one table a message."""
     return "\n".join(
-        f"**{layout.message.__name__}** (type {code}, user priority"
-        f" {layout.message.user_priority})\n\n{layout.table()}\n"
-        for code, layout in LAYOUTS.items()
+        f"**{record.record.__name__}** (type {code}, user priority"
+        f" {record.record.user_priority})\n\n{record.table()}\n"
+        for code, record in MESSAGES.items()
     )
 
 

@@ -1,5 +1,6 @@
-"""What travels between cars. Each message is declared once, in the module that names it.
+"""Messages between cars, each declared once in the module that names it.
 
-`declaration` turns a class with annotated fields into an encoder, a decoder, a printer and a table
-for the documentation. `uper` does the same for BSMs, in the packed encoding of their standard.
+`record` turns a frozen dataclass with annotated fields (`fields`) into an encoder, a decoder, a
+printer and a table for the documentation: BSMs in the packed encoding of their standard, LCCA
+messages and the MVS footer in fields of fixed width. `columns` decodes many footer entries at once.
 """

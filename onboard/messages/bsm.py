@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 from onboard.errors import DecodeError
-from onboard.messages.bsm_core import CoreData
+from onboard.messages.bsm_core import CORE, CoreData
 from onboard.messages.bsm_safety import SAFETY, VehicleSafetyExtensions
-from onboard.messages.uper import Opaque, Optional, Record, Row, Several, Whole, printed
+from onboard.messages.fields import Integer, OpenType, Optional, SequenceOf
+from onboard.messages.record import Record
 
 MESSAGE_ID = 20
 """DSRCmsgID of basicSafetyMessage."""
@@ -29,17 +30,21 @@ _SAFETY_PART = 0
 class OtherPart:
     """A Part II element that is not the safety extensions, kept as it came."""
 
-    part_id: Annotated[int, Whole(0, 63)]
+    part_id: Annotated[int, Integer(0, 63)]
     """1: special vehicle extensions, 2: supplemental vehicle extensions."""
-    content: Annotated[bytes, Opaque()]
+    content: Annotated[bytes, OpenType()]
 
 
 @dataclass(frozen=True, slots=True)
 class RegionalExtension:
     """Something a region adds, kept as it came."""
 
-    region_id: Annotated[int, Whole(0, 255)]
-    content: Annotated[bytes, Opaque()]
+    region_id: Annotated[int, Integer(0, 255)]
+    content: Annotated[bytes, OpenType()]
+
+
+_PART = Record(OtherPart)
+_REGION = Record(RegionalExtension)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,19 +69,17 @@ class BasicSafetyMessage:
 class _Frame:
     """MessageFrame."""
 
-    message_id: Annotated[int, Whole(0, 32767)]
-    content: Annotated[bytes, Opaque()]
+    message_id: Annotated[int, Integer(0, 32767)]
+    content: Annotated[bytes, OpenType()]
 
 
 @dataclass(frozen=True, slots=True)
 class _Message:
     """BasicSafetyMessage as the standard has it."""
 
-    core: Annotated[CoreData, Row(CoreData)]
-    parts: Annotated[tuple[OtherPart, ...] | None, Optional(Several(Record(OtherPart), 1, 8))]
-    regions: Annotated[
-        tuple[RegionalExtension, ...] | None, Optional(Several(Record(RegionalExtension), 1, 4))
-    ]
+    core: Annotated[CoreData, CORE]
+    parts: Annotated[tuple[OtherPart, ...] | None, Optional(SequenceOf(_PART, 1, 8))]
+    regions: Annotated[tuple[RegionalExtension, ...] | None, Optional(SequenceOf(_REGION, 1, 4))]
 
 
 _FRAME = Record(_Frame, extensible=True)
@@ -141,8 +144,13 @@ def temporary_id_in(frame: bytes) -> bytes | None:
 
 def as_dict(bsm: BasicSafetyMessage) -> dict[str, Any]:
     """Return the message as it stands in a trace line."""
-    fields: dict[str, Any] = printed(bsm)
-    return fields
+    return {
+        "core": CORE.as_dict(bsm.core),
+        "safety": None if bsm.safety is None else SAFETY.as_dict(bsm.safety),
+        "other_parts": [_PART.as_dict(part) for part in bsm.other_parts],
+        "footer": None if bsm.footer is None else bsm.footer.hex(),
+        "other_regions": [_REGION.as_dict(region) for region in bsm.other_regions],
+    }
 
 
 def _only(found: Iterable[bytes], what: str) -> bytes | None:

@@ -18,17 +18,16 @@ from onboard.messages.bsm_core import (
     PositionalAccuracy,
     TransmissionState,
 )
-from onboard.messages.uper import (
+from onboard.messages.fields import (
+    BitString,
     Enumerated,
-    Flags,
-    Number,
-    OpenFlags,
+    Integer,
+    OpenBitString,
     Optional,
-    Record,
-    Row,
-    Several,
-    Whole,
+    Quantity,
+    SequenceOf,
 )
+from onboard.messages.record import Record
 
 
 class VehicleEventFlags(IntFlag):
@@ -80,13 +79,13 @@ class GnssStatus(IntFlag):
 class DateTime:
     """A date and time in UTC, as far as the sender gives it."""
 
-    year: Annotated[int | None, Optional(Whole(0, 4095))]
-    month: Annotated[int | None, Optional(Whole(0, 12))]
-    day: Annotated[int | None, Optional(Whole(0, 31))]
-    hour: Annotated[int | None, Optional(Whole(0, 31))]
-    minute: Annotated[int | None, Optional(Whole(0, 60))]
-    second_s: Annotated[float | None, Optional(Number(0, 65535, 0.001, "s"))]
-    offset_s: Annotated[float | None, Optional(Number(-840, 840, 60.0, "s"))]
+    year: Annotated[int | None, Optional(Integer(0, 4095))]
+    month: Annotated[int | None, Optional(Integer(0, 12))]
+    day: Annotated[int | None, Optional(Integer(0, 31))]
+    hour: Annotated[int | None, Optional(Integer(0, 31))]
+    minute: Annotated[int | None, Optional(Integer(0, 60))]
+    second_s: Annotated[float | None, Optional(Quantity(0, 65535, 0.001, "s"))]
+    offset_s: Annotated[float | None, Optional(Quantity(-840, 840, 60.0, "s"))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,17 +100,17 @@ class TransmissionAndSpeed:
 class PositionConfidence:
     """Classes of accuracy: 0 is unavailable, 1 the worst, 15 the best (1 cm)."""
 
-    position: Annotated[int, Whole(0, 15)]
-    elevation: Annotated[int, Whole(0, 15)]
+    position: Annotated[int, Integer(0, 15)]
+    elevation: Annotated[int, Integer(0, 15)]
 
 
 @dataclass(frozen=True, slots=True)
 class MotionConfidence:
     """Classes of accuracy: 0 is unavailable, 1 the worst."""
 
-    heading: Annotated[int, Whole(0, 7)]
-    speed: Annotated[int, Whole(0, 7)]
-    throttle: Annotated[int, Whole(0, 3)]
+    heading: Annotated[int, Integer(0, 7)]
+    speed: Annotated[int, Integer(0, 7)]
+    throttle: Annotated[int, Integer(0, 3)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,16 +122,16 @@ class FullPositionVector:
     latitude_deg: Annotated[float | None, LATITUDE]
     elevation_m: Annotated[float | None, Optional(ELEVATION)]
     heading_rad: Annotated[float | None, Optional(HEADING)]
-    speed: Annotated[TransmissionAndSpeed | None, Optional(Row(TransmissionAndSpeed))]
+    speed: Annotated[TransmissionAndSpeed | None, Optional(Record(TransmissionAndSpeed))]
     accuracy: Annotated[PositionalAccuracy | None, Optional(POSITIONAL_ACCURACY)]
-    time_confidence: Annotated[int | None, Optional(Whole(0, 39))]
-    position_confidence: Annotated[PositionConfidence | None, Optional(Row(PositionConfidence))]
-    motion_confidence: Annotated[MotionConfidence | None, Optional(Row(MotionConfidence))]
+    time_confidence: Annotated[int | None, Optional(Integer(0, 39))]
+    position_confidence: Annotated[PositionConfidence | None, Optional(Record(PositionConfidence))]
+    motion_confidence: Annotated[MotionConfidence | None, Optional(Record(MotionConfidence))]
 
 
 FARTHEST_OFFSET_DEG = 0.013_107_1
 """1.4 km to the north; to the east less than 400 m beyond 74 degrees of latitude."""
-_OFFSET = Number(-131071, 131071, 1e-7, "deg", unavailable=-131072)
+_OFFSET = Quantity(-131071, 131071, 1e-7, "deg", unavailable=-131072)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,12 +140,12 @@ class PathHistoryPoint:
 
     latitude_offset_deg: Annotated[float | None, _OFFSET]
     longitude_offset_deg: Annotated[float | None, _OFFSET]
-    elevation_offset_m: Annotated[float | None, Number(-2047, 2047, 0.1, "m", unavailable=-2048)]
-    age_s: Annotated[float | None, Number(1, 65534, 0.01, "s", unavailable=65535)]
+    elevation_offset_m: Annotated[float | None, Quantity(-2047, 2047, 0.1, "m", unavailable=-2048)]
+    age_s: Annotated[float | None, Quantity(1, 65534, 0.01, "s", unavailable=65535)]
     speed_m_s: Annotated[float | None, Optional(SPEED)] = None
     accuracy: Annotated[PositionalAccuracy | None, Optional(POSITIONAL_ACCURACY)] = None
     heading_rad: Annotated[
-        float | None, Optional(Number(0, 239, math.radians(1.5), "rad", unavailable=240))
+        float | None, Optional(Quantity(0, 239, math.radians(1.5), "rad", unavailable=240))
     ] = None
 
 
@@ -158,9 +157,9 @@ class PathHistory:
         FullPositionVector | None, Optional(Record(FullPositionVector, extensible=True))
     ]
     """What the points are relative to; `None`: the position of the BSM itself."""
-    gnss_status: Annotated[GnssStatus | None, Optional(Flags(GnssStatus, 8))]
+    gnss_status: Annotated[GnssStatus | None, Optional(BitString(GnssStatus, 8))]
     crumb_data: Annotated[
-        tuple[PathHistoryPoint, ...], Several(Record(PathHistoryPoint, extensible=True), 1, 23)
+        tuple[PathHistoryPoint, ...], SequenceOf(Record(PathHistoryPoint, extensible=True), 1, 23)
     ]
 
 
@@ -168,9 +167,9 @@ class PathHistory:
 class PathPrediction:
     """Where the sender will go if nothing changes: along a circle."""
 
-    radius_of_curve_m: Annotated[float | None, Number(-32767, 32766, 0.1, "m", unavailable=32767)]
+    radius_of_curve_m: Annotated[float | None, Quantity(-32767, 32766, 0.1, "m", unavailable=32767)]
     """Positive to the right; `None`: straight on."""
-    confidence: Annotated[float, Number(0, 200, 0.005, "")]
+    confidence: Annotated[float, Quantity(0, 200, 0.005, "")]
     """0 to 1."""
 
 
@@ -178,14 +177,16 @@ class PathPrediction:
 class VehicleSafetyExtensions:
     """Part II, the element that J2945/1 asks of every light vehicle."""
 
-    events: Annotated[VehicleEventFlags | None, Optional(OpenFlags(VehicleEventFlags, 13))] = None
+    events: Annotated[VehicleEventFlags | None, Optional(OpenBitString(VehicleEventFlags, 13))] = (
+        None
+    )
     path_history: Annotated[PathHistory | None, Optional(Record(PathHistory, extensible=True))] = (
         None
     )
     path_prediction: Annotated[
         PathPrediction | None, Optional(Record(PathPrediction, extensible=True))
     ] = None
-    lights: Annotated[ExteriorLights | None, Optional(OpenFlags(ExteriorLights, 9))] = None
+    lights: Annotated[ExteriorLights | None, Optional(OpenBitString(ExteriorLights, 9))] = None
 
 
 SAFETY = Record(VehicleSafetyExtensions, extensible=True)

@@ -1,4 +1,8 @@
-"""Many messages of one layout read at once, a column for each field: a tick brings hundreds."""
+"""Many messages of one declaration decoded at once, a column for each field.
+
+MVS receives hundreds of measurements and states a step; this is several times as fast as
+`Record.decode` and gives the same numbers.
+"""
 
 from typing import Any
 
@@ -6,39 +10,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.errors import DecodeError
-from onboard.messages.declaration import Layout, Number, Wire
+from onboard.messages.fields import FixedField, FixedPoint
+from onboard.messages.record import Record
 
 Array = NDArray[np.float64]
 
 _TABLE_BITS = 12
-"""Of fields so narrow, what each code says is looked up."""
+"""Fields of up to so many bits are decoded by a table of all their codes."""
 
 
 class Columns:
-    """Reads messages all fields of which are numbers and always available."""
+    """Decodes messages all fields of which are numbers and always available."""
 
-    def __init__(self, layout: Layout[Any]) -> None:
-        wires = list(layout.wires.values())
-        self._bits = layout.size_bytes * 8
-        # What each bit of a message counts in each of its fields.
-        self._weights = np.zeros((self._bits, len(wires)))
+    def __init__(self, record: Record[Any]) -> None:
+        fields = [field.fixed for field in record.fields.values() if field.fixed is not None]
+        self._bits = record.size_bytes * 8
+        self._weights = np.zeros((self._bits, len(fields)))
+        """(bits of a message, fields): the weight of each bit in each field."""
         first = 0
-        for column, wire in enumerate(wires):
-            places = np.arange(first, first + wire.bits)
-            self._weights[places, column] = 2.0 ** np.arange(wire.bits)[::-1]
-            first += wire.bits
-        self._narrow = [at for at, wire in enumerate(wires) if wire.bits <= _TABLE_BITS]
-        tables = [_table(wires[at]) for at in self._narrow]
-        self._said = np.concatenate(tables)
+        for column, field in enumerate(fields):
+            places = np.arange(first, first + field.bits)
+            self._weights[places, column] = 2.0 ** np.arange(field.bits)[::-1]
+            first += field.bits
+        self._narrow = [at for at, field in enumerate(fields) if field.bits <= _TABLE_BITS]
+        tables = [_table(fields[at]) for at in self._narrow]
+        self._values = np.concatenate(tables)
+        """Of each code of each narrow field."""
         self._starts = np.cumsum([0] + [len(table) for table in tables[:-1]])
-        self._wide = [at for at, wire in enumerate(wires) if wire.bits > _TABLE_BITS]
-        numbers = [wire for wire in wires if isinstance(wire, Number) and wire.bits > _TABLE_BITS]
-        self._half = np.array([2.0 ** (n.bits - (n.lowest < 0)) for n in numbers])
+        self._wide = [at for at, field in enumerate(fields) if field.bits > _TABLE_BITS]
+        wide = [fields[at] for at in self._wide]
+        numbers = [field for field in wide if isinstance(field, FixedPoint)]
+        self._negative_from = np.array([float(n.negative_from) for n in numbers])
+        self._modulus = np.array([2.0**n.bits for n in numbers])
         self._bounds = np.array([(n.lowest, n.highest) for n in numbers]).T
-        self._scales = np.array([number.scale for number in numbers])
+        self._scales = np.array([n.scale for n in numbers])
 
     def read(self, data: bytes) -> Array:
-        """Return (messages, fields) of what stands in `data` one after the other.
+        """Decode the messages in `data`, one after the other.
+
+        Returns:
+            (messages, fields).
 
         Raises:
             DecodeError: `out_of_range`.
@@ -47,9 +58,9 @@ class Columns:
         codes = bits @ self._weights
         values = np.empty_like(codes)
         narrow = codes[:, self._narrow].astype(np.intp)
-        values[:, self._narrow] = self._said[self._starts + narrow]
+        values[:, self._narrow] = self._values[self._starts + narrow]
         steps = codes[:, self._wide]
-        steps -= (steps >= self._half) * (2.0 * self._half)
+        steps -= (steps >= self._negative_from) * self._modulus
         lowest, highest = self._bounds
         inside = (lowest <= steps) & (steps <= highest)
         values[:, self._wide] = np.where(inside, steps * self._scales, np.nan)
@@ -58,11 +69,12 @@ class Columns:
         return values
 
 
-def _table(wire: Wire) -> Array:
-    said = np.full(1 << wire.bits, np.nan)
-    for code in range(1 << wire.bits):
+def _table(field: FixedField) -> Array:
+    """Return the value of each code, (codes); NaN for one that has no meaning."""
+    values = np.full(1 << field.bits, np.nan)
+    for code in range(1 << field.bits):
         try:
-            said[code] = wire.from_raw(code)
+            values[code] = field.from_raw(code)
         except DecodeError:
             continue
-    return said
+    return values

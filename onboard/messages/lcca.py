@@ -13,17 +13,18 @@ from enum import Enum
 from typing import Annotated, Any, ClassVar, Self
 
 from onboard.errors import DecodeError
-from onboard.messages.declaration import Code, Layout, Number, Octets, Wire
+from onboard.messages.fields import FixedPoint, OctetString, OpenEnumerated, Unsigned
+from onboard.messages.record import Record
 
 VERSION = 1
 
 CarId = bytes
 """Eight bytes: the digest of a plate, see `onboard/security/plate_digest.py`."""
 
-_CarId = Annotated[CarId, Octets(64)]
-_GroupNumber = Annotated[int, Number(16, 1, "", lowest=1, highest=65535)]
-_Sequence = Annotated[int, Wire(16)]
-_Speed = Annotated[float | None, Number(16, 0.01, "m/s", highest=65534, unavailable=65535)]
+_CarId = Annotated[CarId, OctetString(8)]
+_GroupNumber = Annotated[int, FixedPoint(16, 1, "", lowest=1, highest=65535)]
+_Sequence = Annotated[int, Unsigned(16)]
+_Speed = Annotated[float | None, FixedPoint(16, 0.01, "m/s", highest=65534, unavailable=65535)]
 
 
 class LeaveReason(Enum):
@@ -78,7 +79,7 @@ class Reply:
     to_id: _CarId
     sequence: _Sequence
     """Of the join that this answers."""
-    leader_sequence: Annotated[int, Wire(16)]
+    leader_sequence: Annotated[int, Unsigned(16)]
     """The leader's count of its replies, as far as it has come down to the sender."""
     speed_m_s: _Speed
     """The sender's own, to be compared with what the camera behind it sees."""
@@ -95,7 +96,7 @@ class Leave:
     leader_id: _CarId
     number: _GroupNumber
     to_id: _CarId
-    reason: Annotated[LeaveReason | int, Code(8, LeaveReason)]
+    reason: Annotated[LeaveReason | int, OpenEnumerated(LeaveReason, 8)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +111,12 @@ class Update:
     number: _GroupNumber
     event_origin_id: _CarId
     event_sequence: _Sequence
-    reach: Annotated[int, Wire(16)]
+    reach: Annotated[int, Unsigned(16)]
     """How many cars behind the sender the car drives that is to repeat this; 0: unknown."""
     previous_leader_id: _CarId
-    shift: Annotated[int, Number(16, 1, "cars", lowest=-32767, highest=32767)]
+    shift: Annotated[int, FixedPoint(16, 1, "cars", lowest=-32767, highest=32767)]
     """Previous number less present number, the same for everybody."""
-    leader_sequence: Annotated[int, Wire(16)]
+    leader_sequence: Annotated[int, Unsigned(16)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,21 +131,21 @@ class Warn:
     number: _GroupNumber
     event_origin_id: _CarId
     event_sequence: _Sequence
-    reach: Annotated[int, Wire(16)]
+    reach: Annotated[int, Unsigned(16)]
     """As in `Update`."""
     origin_number: _GroupNumber
     """Of the braking car, as the sender of this copy would count it now."""
-    deceleration_m_s2: Annotated[float, Number(8, 0.1, "m/s^2", highest=255)]
-    age_s: Annotated[float, Number(16, 0.001, "s", highest=65535)]
+    deceleration_m_s2: Annotated[float, FixedPoint(8, 0.1, "m/s^2", highest=255)]
+    age_s: Annotated[float, FixedPoint(16, 0.001, "s", highest=65535)]
     """From the sample that showed the braking to the sending of this copy."""
-    hops: Annotated[int, Wire(8)]
+    hops: Annotated[int, Unsigned(8)]
     """1 in the copy that the braking car sends."""
 
 
 LccaMessage = Join | Reply | Leave | Update | Warn
 
-LAYOUTS: dict[int, Layout[Any]] = {
-    message.code: Layout(message) for message in (Join, Reply, Leave, Update, Warn)
+MESSAGES: dict[int, Record[Any]] = {
+    message.code: Record(message) for message in (Join, Reply, Leave, Update, Warn)
 }
 """By type byte."""
 
@@ -155,7 +156,7 @@ def encode(message: LccaMessage) -> bytes:
     Raises:
         ValueError: a field holds what it cannot carry.
     """
-    return bytes((VERSION, message.code)) + LAYOUTS[message.code].encode(message)
+    return bytes((VERSION, message.code)) + MESSAGES[message.code].encode(message)
 
 
 def decode(data: bytes) -> LccaMessage:
@@ -170,12 +171,12 @@ def decode(data: bytes) -> LccaMessage:
     version, code = data[0], data[1]
     if version != VERSION:
         raise DecodeError("unknown_version", f"{version} instead of {VERSION}")
-    if code not in LAYOUTS:
+    if code not in MESSAGES:
         raise DecodeError("unknown_type", f"{code}")
-    message: LccaMessage = LAYOUTS[code].decode(data[2:])
+    message: LccaMessage = MESSAGES[code].decode(data[2:])
     return message
 
 
 def as_dict(message: LccaMessage) -> dict[str, Any]:
     """Return the message as it stands in a trace line."""
-    return LAYOUTS[message.code].as_dict(message)
+    return MESSAGES[message.code].as_dict(message)

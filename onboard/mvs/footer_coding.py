@@ -12,8 +12,8 @@ from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
 from onboard.messages.columns import Columns
 from onboard.messages.mvs_footer import (
-    LONGEST_AGE_MS,
-    LONGEST_RUN,
+    MAX_AGE_MS,
+    MAX_RUN,
     MvsFooter,
     ObserverRun,
     SharedEstimate,
@@ -96,24 +96,24 @@ def read(data: bytes) -> SharedEntries:
     Raises:
         DecodeError: those of `mvs_footer.decode`.
     """
-    parts = mvs_footer.split(data)
-    head, observers = parts.head, parts.observers
-    measured, stated = _MEASUREMENTS.read(parts.measurements), _STATES.read(parts.states)
+    sections = mvs_footer.read_sections(data)
+    header, observers = sections.header, sections.observers
+    measured, stated = _MEASUREMENTS.read(sections.measurements), _STATES.read(sections.states)
     n, every = len(measured), len(measured) + len(stated)
     by, cars, ages_ms = measured[:, 0].tolist(), measured[:, 1].tolist(), measured[:, 2].tolist()
     provenances: list[Provenance] = [
-        frozenset((measurement_id(observers[int(maker)], head.reference_ms - int(age_ms)),))
+        frozenset((measurement_id(observers[int(maker)], header.reference_ms - int(age_ms)),))
         for maker, age_ms in zip(by, ages_ms, strict=True)
     ]
     provenances += [
         frozenset(
             [
-                measurement_id(observers[observer], head.reference_ms - age_ms)
+                measurement_id(observers[observer], header.reference_ms - age_ms)
                 for observer, ages_ms in runs
                 for age_ms in ages_ms
             ]
         )
-        for runs in parts.provenances
+        for runs in sections.provenances
     ]
     states, covariances = np.zeros((every, 4)), np.zeros((every, 4, 4))
     states[:n, :2], states[n:] = measured[:, 4:6], stated[:, 1:5]
@@ -121,7 +121,7 @@ def read(data: bytes) -> SharedEntries:
     covariances[n:] = from_correlations(stated[:, 5:9], stated[:, 9:-1])
     spans = ProvenanceSpans.of(provenances)
     return SharedEntries(
-        LocalFrame(head.latitude_deg, head.longitude_deg),
+        LocalFrame(header.latitude_deg, header.longitude_deg),
         tuple(map(int, cars + stated[:, 0].tolist())),
         tuple(provenances),
         frozenset(observers),
@@ -150,7 +150,7 @@ def encode_within(
     fitting = [
         (number, piece)
         for number, piece in entries
-        if all(0 <= reference_ms - stamp_ms <= LONGEST_AGE_MS for _, stamp_ms in piece.provenance)
+        if all(0 <= reference_ms - stamp_ms <= MAX_AGE_MS for _, stamp_ms in piece.provenance)
     ]
     while True:
         names = {observer for _, piece in fitting for observer, _ in piece.provenance}
@@ -169,10 +169,10 @@ def _runs(
         ages_of[observer].append(reference_ms - stamp_ms)
     return tuple(
         ObserverRun(
-            observers.setdefault(observer, len(observers)), tuple(ages_ms[at : at + LONGEST_RUN])
+            observers.setdefault(observer, len(observers)), tuple(ages_ms[at : at + MAX_RUN])
         )
         for observer, ages_ms in ages_of.items()
-        for at in range(0, len(ages_ms), LONGEST_RUN)
+        for at in range(0, len(ages_ms), MAX_RUN)
     )
 
 

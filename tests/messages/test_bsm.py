@@ -15,6 +15,7 @@ from onboard.errors import DecodeError
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage, OtherPart, RegionalExtension
 from onboard.messages.bsm_core import (
+    CORE,
     AccelerationSet,
     BrakeSystemStatus,
     ControlStatus,
@@ -31,6 +32,7 @@ from onboard.messages.bsm_safety import (
     VehicleEventFlags,
     VehicleSafetyExtensions,
 )
+from tests.messages.strategies import records
 
 ORACLE_TEXT = Path(__file__).with_name("bsm_oracle.asn1")
 ORACLE = asn1tools.compile_files(str(ORACLE_TEXT), "uper")
@@ -196,6 +198,13 @@ def test_what_another_compiler_wrote_is_read_and_written_back_bit_for_bit(
 def test_our_safety_extensions_are_read_by_another_compiler(safety):
     ours = SAFETY.encode(SAFETY.decode(ORACLE.encode("Safety", safety)))
     assert ORACLE.decode("Safety", ours) == safety
+
+
+@given(records(CORE), st.none() | records(SAFETY))
+def test_every_message_that_the_declarations_allow_survives_the_wire(core, safety):
+    message = BasicSafetyMessage(core, safety)
+    assert bsm.decode(bsm.encode(message)) == message
+    json.dumps(bsm.as_dict(message), allow_nan=False)
 
 
 def test_an_optional_field_sent_as_unavailable_is_none_and_left_out_when_written():

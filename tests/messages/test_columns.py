@@ -9,46 +9,46 @@ from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
 from onboard.messages.columns import Columns
-from onboard.messages.declaration import Layout
 from onboard.messages.mvs_footer import MEASUREMENT, STATE
+from onboard.messages.record import Record
 
 Read = tuple[float, ...]
 
 
-def one_by_one(layout: Layout[object], data: bytes) -> list[Read] | None:
-    size = layout.size_bytes
+def one_by_one(record: Record[object], data: bytes) -> list[Read] | None:
+    size = record.size_bytes
     try:
-        messages = [layout.decode(data[at : at + size]) for at in range(0, len(data), size)]
+        messages = [record.decode(data[at : at + size]) for at in range(0, len(data), size)]
     except DecodeError:
         return None
     return [dataclasses.astuple(message) for message in messages]  # type: ignore[call-overload]
 
 
-@pytest.mark.parametrize("layout", [MEASUREMENT, STATE])
+@pytest.mark.parametrize("record", [MEASUREMENT, STATE])
 @given(data=st.data())
-def test_columns_say_what_the_messages_say(layout: Layout[object], data: st.DataObject) -> None:
-    size = layout.size_bytes
+def test_columns_say_what_the_messages_say(record: Record[object], data: st.DataObject) -> None:
+    size = record.size_bytes
     messages = b"".join(data.draw(st.lists(st.binary(min_size=size, max_size=size), max_size=5)))
-    expected = one_by_one(layout, messages)
-    columns = Columns(layout)
+    expected = one_by_one(record, messages)
+    columns = Columns(record)
 
     if expected is None:
         with pytest.raises(DecodeError, match="out_of_range"):
             columns.read(messages)
     else:
         read = columns.read(messages)
-        assert read.shape == (len(expected), len(layout.wires))
+        assert read.shape == (len(expected), len(record.fields))
         np.testing.assert_array_equal(read, np.array(expected).reshape(read.shape))
 
 
-@pytest.mark.parametrize("layout", [MEASUREMENT, STATE])
+@pytest.mark.parametrize("record", [MEASUREMENT, STATE])
 @pytest.mark.parametrize("filling", [0x00, 0x7F, 0x80, 0x81, 0xFF])
-def test_the_ends_of_the_ranges(layout: Layout[object], filling: int) -> None:
-    messages = bytes([filling]) * layout.size_bytes
-    expected = one_by_one(layout, messages)
+def test_the_ends_of_the_ranges(record: Record[object], filling: int) -> None:
+    messages = bytes([filling]) * record.size_bytes
+    expected = one_by_one(record, messages)
 
     try:
-        read = Columns(layout).read(messages).tolist()
+        read = Columns(record).read(messages).tolist()
     except DecodeError:
         assert expected is None
     else:

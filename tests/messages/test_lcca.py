@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
-from onboard.messages.declaration import Number, Wire
 from onboard.messages.lcca import (
-    LAYOUTS,
+    MESSAGES,
     VERSION,
     Join,
     LccaMessage,
@@ -22,6 +21,7 @@ from onboard.messages.lcca import (
     decode,
     encode,
 )
+from tests.messages.strategies import records
 
 A, B, C = b"car-aaaa", b"car-bbbb", b"car-cccc"
 
@@ -51,19 +51,8 @@ EXAMPLES: list[tuple[LccaMessage, str]] = [
 
 
 def messages() -> st.SearchStrategy[Any]:
-    """Whatever the declarations allow."""
-
-    def values(wire: Wire) -> st.SearchStrategy[Any]:
-        if isinstance(wire, Number):
-            codes = st.integers(wire.lowest, wire.highest)
-            codes |= st.just(wire.lowest if wire.unavailable is None else wire.unavailable)
-            return codes.map(lambda code: wire.from_raw(code & (1 << wire.bits) - 1))
-        return st.integers(0, (1 << wire.bits) - 1).map(wire.from_raw)
-
-    return st.one_of(
-        st.builds(layout.message, **{name: values(wire) for name, wire in layout.wires.items()})
-        for layout in LAYOUTS.values()
-    )
+    """Return every message that the declarations allow."""
+    return st.one_of(records(record) for record in MESSAGES.values())
 
 
 @pytest.mark.parametrize(
@@ -93,7 +82,7 @@ def test_whatever_is_sent_is_read_again(message: LccaMessage) -> None:
     assert decode(encode(message)) == message
 
 
-@given(st.binary(max_size=64), st.sampled_from(sorted(LAYOUTS)))
+@given(st.binary(max_size=64), st.sampled_from(sorted(MESSAGES)))
 def test_garbage_is_refused_and_never_breaks_printing(data: bytes, code: int) -> None:
     for garbage in (data, bytes((VERSION, code)) + data):
         try:
@@ -127,7 +116,5 @@ def test_a_reason_of_a_later_version_survives() -> None:
 def test_a_warning_overtakes_everything_else() -> None:
     assert Warn.user_priority == 7
     assert all(
-        layout.message.user_priority < 7
-        for layout in LAYOUTS.values()
-        if layout.message is not Warn
+        record.record.user_priority < 7 for record in MESSAGES.values() if record.record is not Warn
     )

@@ -1,6 +1,7 @@
 """The footer on the wire: sizes, round trips over the declared range, and bytes that are none."""
 
 import dataclasses
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -8,19 +9,23 @@ from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
 from onboard.messages import mvs_footer
+from onboard.messages.bit_io import BitReader, BitWriter
+from onboard.messages.footer_reader import FooterReader
 from onboard.messages.mvs_footer import (
-    HEAD,
+    HEADER,
     MEASUREMENT,
+    RUN,
     STATE,
     MvsFooter,
     ObserverRun,
     SharedEstimate,
     SharedMeasurement,
     SharedState,
-    Sigma,
+    StandardDeviation,
     decode,
     encode,
 )
+from tests.messages.strategies import records
 
 MEASURED = SharedMeasurement(0, 9, 100, 0, 12.34, -56.78, 0.5, 0.7, 0.25)
 STATED = SharedState(
@@ -43,7 +48,7 @@ def raw_entries(size_bytes: int) -> st.SearchStrategy[bytes]:
 
 
 def test_sizes_are_those_that_the_documentation_names() -> None:
-    assert (HEAD.size_bytes, MEASUREMENT.size_bytes, STATE.size_bytes) == (18, 12, 21)
+    assert (HEADER.size_bytes, MEASUREMENT.size_bytes, STATE.size_bytes) == (18, 12, 21)
     provenance_bytes = (2 * 12 + 4 * 12 + 7) // 8
     assert len(encode(FOOTER)) == 18 + 2 * 4 + 12 + 21 + provenance_bytes
 
@@ -103,18 +108,35 @@ def test_every_entry_that_can_be_decoded_is_encoded_to_the_same_bytes(
     ]
 
 
+@given(st.lists(records(RUN), min_size=1, max_size=5, unique_by=lambda run: run.observer))
+def test_the_fast_reading_of_a_provenance_is_that_of_the_declaration(
+    provenance: list[ObserverRun],
+) -> None:
+    provenance = [dataclasses.replace(r, ages_ms=tuple(sorted({*r.ages_ms}))) for r in provenance]
+    writer = BitWriter()
+    for each in provenance:
+        RUN.put(writer, each)
+    data = writer.finish()
+
+    slow = BitReader(data)
+    assert [RUN.take(slow) for _ in provenance] == provenance
+    words, ends = FooterReader(data).take_runs(len(provenance))
+    fast = [(words[at] >> 4, words[at + 1 : end]) for at, end in pairwise([0, *ends])]
+    assert fast == [(each.observer, [*each.ages_ms]) for each in provenance]
+
+
 @given(st.floats(0.01, 1900))
 def test_a_standard_deviation_is_never_sent_smaller_nor_much_larger(sigma: float) -> None:
-    sent = Sigma().from_raw(Sigma().to_raw(sigma))
+    sent = StandardDeviation("m").from_raw(StandardDeviation("m").to_raw(sigma))
 
     assert sigma * (1 - 1e-6) <= sent <= sigma * 1.0121
 
 
 def test_beyond_its_range_a_standard_deviation_is_the_end_of_it() -> None:
-    assert Sigma().to_raw(1e-9) == 0
-    assert Sigma().to_raw(1e9) == 1023
+    assert StandardDeviation("m").to_raw(1e-9) == 0
+    assert StandardDeviation("m").to_raw(1e9) == 1023
     with pytest.raises(ValueError, match="no standard deviation"):
-        Sigma().to_raw(0.0)
+        StandardDeviation("m").to_raw(0.0)
 
 
 @pytest.mark.parametrize("size", range(len(encode(FOOTER))))

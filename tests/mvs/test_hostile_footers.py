@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from onboard.errors import DecodeError
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
 from onboard.messages.mvs_footer import (
@@ -281,7 +282,7 @@ def test_whatever_entries_say_the_state_is_finite_and_positive(
     for (bits,) in measurements:
         try:
             entry = mvs_footer.MEASUREMENT.decode(bits.to_bytes(12))
-        except mvs_footer.DecodeError:
+        except DecodeError:
             continue
         shared.append(dataclasses.replace(entry, observer=0, age_ms=entry.age_ms % 500))
     footer = dataclasses.replace(
@@ -289,7 +290,7 @@ def test_whatever_entries_say_the_state_is_finite_and_positive(
     )
     try:
         state = mvs_footer.STATE.decode(estimate.to_bytes(21))
-    except mvs_footer.DecodeError:
+    except DecodeError:
         pass
     else:
         state = dataclasses.replace(state, runs=1)

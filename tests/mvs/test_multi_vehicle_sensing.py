@@ -97,7 +97,7 @@ def test_a_seen_car_with_a_radio_is_not_reported_as_one_without() -> None:
     for _ in range(20):
         world.run(0.2)
         assert all(not world.without_radio(name) for name in "abc")
-    assert all(len(m.footer) == mvs_footer.HEAD.size_bytes for m in world.sent)
+    assert all(len(m.footer) == mvs_footer.HEADER.size_bytes for m in world.sent)
 
 
 def test_the_own_car_reported_back_is_recognised() -> None:

@@ -43,7 +43,7 @@ def test_a_ring_that_has_lost_sight_does_not_keep_a_car_alive() -> None:
     world.run(1.6)
 
     assert all(world.without_radio(f"c{k}") == [] for k in range(4))
-    assert all(len(message.footer) == mvs_footer.HEAD.size_bytes for message in world.sent[-4:])
+    assert all(len(message.footer) == mvs_footer.HEADER.size_bytes for message in world.sent[-4:])
 
 
 @settings(max_examples=12)

@@ -5,7 +5,7 @@ nothing it says was verified.
 """
 
 from collections.abc import Container
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from itertools import chain, count
 from typing import Any
@@ -13,7 +13,6 @@ from typing import Any
 from onboard import psid
 from onboard.errors import DecodeError
 from onboard.messages import bsm, lcca, mvs_footer
-from onboard.messages.uper import printed
 from onboard.security import ieee1609dot2
 from onboard.security.certificates import Certificate
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
@@ -180,7 +179,7 @@ def _signed(message: SignedData) -> dict[str, Any]:
             **_psid(message.psid),
             "generation_utc_s": _utc_s(message.generation_time64),
             "expiry_utc_s": _utc_s(message.expiry_time64),
-            "generation_location": printed(message.location),
+            "generation_location": None if message.location is None else asdict(message.location),
         },
         "signer": signer,
         "signature": {"r": f"{r:064x}", "s": f"{s:064x}"},
@@ -198,11 +197,15 @@ def _certificate(certificate: Certificate) -> dict[str, Any]:
         "valid_from_utc_s": subject.valid_from_utc_s,
         "valid_until_utc_s": subject.valid_until_utc_s,
         "app_permissions": [
-            {**_psid(permission.psid), "ssp": printed(permission.ssp)}
+            {**_psid(permission.psid), "ssp": _hex(permission.ssp)}
             for permission in subject.permissions
         ],
-        "public_key": printed(subject.public_key),
+        "public_key": _hex(subject.public_key),
     }
+
+
+def _hex(octets: bytes | None) -> str | None:
+    return None if octets is None else octets.hex()
 
 
 def _utc_s(time64: int | None) -> float | None:

@@ -2,14 +2,16 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Annotated, Any
+from typing import Annotated
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
-from onboard.messages.declaration import Code, Layout, Number, Octets, Wire
+from onboard.messages.fields import FixedPoint, OctetString, OpenEnumerated, Unsigned
+from onboard.messages.record import Record
+from tests.messages.strategies import records
 
 
 class Weather(Enum):
@@ -19,76 +21,62 @@ class Weather(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """As many kinds of field as there are, none of them on a byte boundary."""
+    """Every kind of field of a fixed width, none of them on a byte boundary."""
 
-    count: Annotated[int, Wire(3)]
-    speed_m_s: Annotated[float | None, Number(13, 0.02, "m/s", highest=8190, unavailable=8191)]
-    offset_m: Annotated[float, Number(11, 0.1, "m", lowest=-1000, highest=1000)]
-    name: Annotated[bytes, Octets(24)]
-    weather: Annotated[Weather | int, Code(5, Weather)]
+    count: Annotated[int, Unsigned(3)]
+    speed_m_s: Annotated[float | None, FixedPoint(13, 0.02, "m/s", highest=8190, unavailable=8191)]
+    offset_m: Annotated[float, FixedPoint(11, 0.1, "m", lowest=-1000, highest=1000)]
+    name: Annotated[bytes, OctetString(3)]
+    weather: Annotated[Weather | int, OpenEnumerated(Weather, 5)]
 
 
-LAYOUT = Layout(Sample)
+RECORD = Record(Sample)
 SAMPLE = Sample(5, 27.78, -3.2, b"abc", Weather.WET)
-
-
-def samples() -> st.SearchStrategy[Sample]:
-    """Every message that the declaration allows, at the resolution of the wire."""
-
-    def values(wire: Wire) -> st.SearchStrategy[Any]:
-        if isinstance(wire, Number):
-            codes = st.integers(wire.lowest, wire.highest)
-            if wire.unavailable is not None:
-                codes |= st.just(wire.unavailable)
-            return codes.map(lambda code: wire.from_raw(code & (1 << wire.bits) - 1))
-        return st.integers(0, (1 << wire.bits) - 1).map(wire.from_raw)
-
-    return st.builds(Sample, **{name: values(wire) for name, wire in LAYOUT.wires.items()})
 
 
 def test_the_bits_follow_one_another_most_significant_first() -> None:
     # 101 | 0010101101101 (1389) | 11111100000 (-32) | 'a' 'b' 'c' | 00010
     bits = "101_0010101101101_11111100000_011000010110001001100011_00010"
-    assert LAYOUT.encode(SAMPLE) == int(bits, 2).to_bytes(7)
-    assert LAYOUT.size_bytes == 7
+    assert RECORD.encode(SAMPLE) == int(bits, 2).to_bytes(7)
+    assert RECORD.size_bytes == 7
 
 
-@given(samples())
+@given(records(RECORD))
 def test_whatever_the_declaration_allows_comes_back(sample: Sample) -> None:
-    assert LAYOUT.decode(LAYOUT.encode(sample)) == sample
+    assert RECORD.decode(RECORD.encode(sample)) == sample
 
 
 @given(st.binary(min_size=7, max_size=7))
 def test_whatever_arrives_is_read_to_the_bit_or_refused(data: bytes) -> None:
     try:
-        sample = LAYOUT.decode(data)
+        sample = RECORD.decode(data)
     except DecodeError:
         return
-    assert LAYOUT.encode(sample) == data
-    assert set(LAYOUT.as_dict(sample)) == set(LAYOUT.wires)
+    assert RECORD.encode(sample) == data
+    assert set(RECORD.as_dict(sample)) == set(RECORD.fields)
 
 
 @pytest.mark.parametrize("size", range(7))
 def test_a_truncated_message_is_too_short(size: int) -> None:
     with pytest.raises(DecodeError, match=r"too_short: \d bytes instead of 7"):
-        LAYOUT.decode(LAYOUT.encode(SAMPLE)[:size])
+        RECORD.decode(RECORD.encode(SAMPLE)[:size])
 
 
 def test_a_longer_message_has_trailing_bytes() -> None:
     with pytest.raises(DecodeError) as refusal:
-        LAYOUT.decode(LAYOUT.encode(SAMPLE) + b"\0")
+        RECORD.decode(RECORD.encode(SAMPLE) + b"\0")
     assert refusal.value.reason == "trailing_bytes"
 
 
 def test_a_measurement_beyond_the_range_is_sent_as_its_end() -> None:
     fast = Sample(0, 400.0, -1e9, b"abc", 0)
-    assert LAYOUT.decode(LAYOUT.encode(fast)) == Sample(0, 8190 * 0.02, -100.0, b"abc", 0)
-    assert LAYOUT.wires["speed_m_s"].to_raw(float("inf")) == 8190
+    assert RECORD.decode(RECORD.encode(fast)) == Sample(0, 8190 * 0.02, -100.0, b"abc", 0)
+    assert RECORD.fields["speed_m_s"].to_raw(float("inf")) == 8190
 
 
 def test_an_unavailable_measurement_stays_unavailable() -> None:
     unknown = Sample(0, None, 0.0, b"abc", Weather.DRY)
-    assert LAYOUT.decode(LAYOUT.encode(unknown)) == unknown
+    assert RECORD.decode(RECORD.encode(unknown)) == unknown
 
 
 @pytest.mark.parametrize(
@@ -106,18 +94,18 @@ def test_what_cannot_be_carried_is_our_mistake_and_names_the_field(
     field: str, sample: Sample
 ) -> None:
     with pytest.raises(ValueError, match=rf"^Sample\.{field}: "):
-        LAYOUT.encode(sample)
+        RECORD.encode(sample)
 
 
 def test_a_code_of_a_later_version_survives_reading_and_printing() -> None:
-    later = LAYOUT.decode(LAYOUT.encode(Sample(0, 0.0, 0.0, b"abc", 9)))
+    later = RECORD.decode(RECORD.encode(Sample(0, 0.0, 0.0, b"abc", 9)))
     assert later.weather == 9
-    assert LAYOUT.as_dict(later)["weather"] == "unknown_9"
-    assert LAYOUT.encode(later) == LAYOUT.encode(Sample(0, 0.0, 0.0, b"abc", 9))
+    assert RECORD.as_dict(later)["weather"] == "unknown_9"
+    assert RECORD.encode(later) == RECORD.encode(Sample(0, 0.0, 0.0, b"abc", 9))
 
 
 def test_printing_gives_what_json_can_hold() -> None:
-    assert LAYOUT.as_dict(SAMPLE) == {
+    assert RECORD.as_dict(SAMPLE) == {
         "count": 5,
         "speed_m_s": 27.78,
         "offset_m": -3.2,
@@ -127,7 +115,7 @@ def test_printing_gives_what_json_can_hold() -> None:
 
 
 def test_the_documentation_is_the_declaration() -> None:
-    assert LAYOUT.table().splitlines()[2:] == [
+    assert RECORD.table().splitlines()[2:] == [
         "| count | 3 | count | 0 to 7 |  |",
         "| speed_m_s | 13 | m/s | 0 to 163.8 by 0.02 | 8191 |",
         "| offset_m | 11 | m | -100 to 100 by 0.1 |  |",
@@ -139,7 +127,7 @@ def test_the_documentation_is_the_declaration() -> None:
 def test_a_message_is_whole_bytes() -> None:
     @dataclass(frozen=True)
     class Odd:
-        count: Annotated[int, Wire(7)]
+        count: Annotated[int, Unsigned(7)]
 
     with pytest.raises(TypeError, match="Odd is 7 bits long, not whole bytes"):
-        Layout(Odd)
+        _ = Record(Odd).size_bytes

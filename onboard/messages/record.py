@@ -1,0 +1,217 @@
+"""Messages, each declared once.
+
+A message is a frozen dataclass whose annotations say what each field is on the wire:
+
+    speed_m_s: Annotated[float | None, Quantity(0, 8190, 0.02, "m/s", unavailable=8191)]
+
+`Record` reads that declaration; encoding, decoding, printing, documentation and the property tests
+all go through it. Fields follow one another without padding, most significant bit first. `None` is
+sent as the field's "unavailable" code, or, in an `Optional` field, left out.
+"""
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, Generic, TypeVar, get_type_hints
+
+from typing_extensions import override
+
+from onboard.errors import DecodeError
+from onboard.messages.bit_io import BitReader, BitWriter
+from onboard.messages.fields import Field, FixedField, Optional
+
+RecordT = TypeVar("RecordT")
+
+
+class Record(Field, Generic[RecordT]):
+    """SEQUENCE, as a frozen dataclass. Extension additions are skipped and not kept."""
+
+    def __init__(self, record: type[RecordT], *, extensible: bool = False) -> None:
+        self.record = record
+        self.extensible = extensible
+        self.fields = _declared_fields(record)
+        self._optional = [name for name, each in self.fields.items() if isinstance(each, Optional)]
+        self._preamble_bits = extensible + len(self._optional)
+        self._extended = extensible << len(self._optional)
+        self._steps = self._group()
+        self._fixed: _FixedRecord | None = None
+        match self._steps:
+            case [_Run() as run] if not self._preamble_bits:
+                self._fixed = _FixedRecord(record, run)
+        bits = 1 if self._fixed is None else self._fixed.bits
+        self._size_bytes = None if bits % 8 else bits // 8
+
+    @property
+    @override
+    def fixed(self) -> FixedField | None:
+        return self._fixed
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of every encoding. Raises `TypeError` if it varies or is not whole bytes."""
+        if self._size_bytes is None:
+            bits = "a varying number of" if self._fixed is None else self._fixed.bits
+            raise TypeError(f"{self.record.__name__} is {bits} bits long, not whole bytes")
+        return self._size_bytes
+
+    def encode(self, value: RecordT) -> bytes:
+        """Return `value` as a whole encoding. Raises `ValueError`, naming the field."""
+        if self._fixed is not None and self._size_bytes is not None:
+            return self._fixed.to_raw(value).to_bytes(self._size_bytes)
+        writer = BitWriter()
+        self.put(writer, value)
+        return writer.finish()
+
+    def decode(self, data: bytes) -> RecordT:
+        """Read a whole encoding.
+
+        Raises:
+            DecodeError: `too_short`, `out_of_range`, `too_long` or `trailing_bytes`.
+        """
+        value: RecordT
+        if self._fixed is not None and self._size_bytes is not None:
+            if len(data) != self._size_bytes:
+                reason = "too_short" if len(data) < self._size_bytes else "trailing_bytes"
+                raise DecodeError(reason, f"{len(data)} bytes instead of {self._size_bytes}")
+            value = self._fixed.from_raw(int.from_bytes(data))
+            return value
+        reader = BitReader(data)
+        value = self.take(reader)
+        if reader.left >= 8:
+            raise DecodeError("trailing_bytes", f"{reader.left // 8} bytes left over")
+        return value
+
+    @override
+    def put(self, writer: BitWriter, value: RecordT) -> None:
+        if self.extensible:
+            writer.put(0, 1)
+        for name in self._optional:
+            writer.put(getattr(value, name) is not None, 1)
+        for step in self._steps:
+            if isinstance(step, _Run):
+                writer.put(step.to_raw(value), step.bits)
+                continue
+            name, field, presence = step
+            content = getattr(value, name)
+            if content is None and presence:
+                continue
+            try:
+                field.put(writer, content)
+            except ValueError as error:
+                raise ValueError(f"{self.record.__name__}.{name}: {error}") from error
+
+    @override
+    def take(self, reader: BitReader) -> RecordT:
+        present = reader.take(self._preamble_bits)
+        values: list[Any] = []
+        for step in self._steps:
+            if isinstance(step, _Run):
+                values += step.from_raw(reader.take(step.bits))
+                continue
+            _, field, presence = step
+            values.append(None if presence & ~present else field.take(reader))
+        if present & self._extended:
+            _skip_additions(reader)
+        return self.record(*values)
+
+    def as_dict(self, value: RecordT) -> dict[str, Any]:
+        """Return `value` as it stands in a trace line, whatever its codes."""
+        return {name: field.printed(getattr(value, name)) for name, field in self.fields.items()}
+
+    @override
+    def printed(self, value: RecordT) -> dict[str, Any]:
+        return self.as_dict(value)
+
+    def table(self) -> str:
+        """Return the declaration as a Markdown table for the documentation."""
+        rows = [("field", "bits", "unit or type", "range", "unavailable"), ("---",) * 5]
+        for name, field in self.fields.items():
+            bits = "varies" if field.fixed is None else str(field.fixed.bits)
+            rows.append((name, bits, *field.row()))
+        return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+    @override
+    def row(self) -> tuple[str, str, str]:
+        return self.record.__name__, "", ""
+
+    def _group(self) -> "list[_Run | tuple[str, Field, int]]":
+        """Return the fields in their order, consecutive ones of fixed size as one `_Run`.
+
+        A field of varying size stands with its name and its presence bit (0: always present).
+        """
+        steps: list[_Run | tuple[str, Field, int]] = []
+        run: dict[str, FixedField] = {}
+        for name, field in self.fields.items():
+            if field.fixed is not None:
+                run[name] = field.fixed
+                continue
+            if run:
+                steps.append(_Run(run))
+                run = {}
+            if isinstance(field, Optional):
+                presence = 1 << len(self._optional) - 1 - self._optional.index(name)
+                steps.append((name, field.field, presence))
+            else:
+                steps.append((name, field, 0))
+        return [*steps, _Run(run)] if run else steps
+
+
+class _Run:
+    """Consecutive fields of fixed size in a record, read and written as one number."""
+
+    def __init__(self, fixed: dict[str, FixedField]) -> None:
+        self.bits = left = sum(field.bits for field in fixed.values())
+        self._writers = [(name, field.to_raw, field.bits) for name, field in fixed.items()]
+        self.readers: list[tuple[Callable[[int], Any], int, int]] = []
+        """What reads each field, its shift and its mask."""
+        for field in fixed.values():
+            left -= field.bits
+            self.readers.append((field.from_raw, left, (1 << field.bits) - 1))
+
+    def to_raw(self, record: object) -> int:
+        number = 0
+        for name, to_raw, bits in self._writers:
+            try:
+                number = number << bits | to_raw(getattr(record, name))
+            except ValueError as error:
+                raise ValueError(f"{type(record).__name__}.{name}: {error}") from error
+        return number
+
+    def from_raw(self, raw: int) -> list[Any]:
+        return [read(raw >> shift & mask) for read, shift, mask in self.readers]
+
+
+class _FixedRecord(FixedField):
+    """A record all fields of which have a fixed size and are always present."""
+
+    def __init__(self, record: type[Any], run: _Run) -> None:
+        self.bits = run.bits
+        self._record = record
+        self._run = run
+        self._readers = run.readers
+
+    @override
+    def to_raw(self, value: object) -> int:
+        return self._run.to_raw(value)
+
+    @override
+    def from_raw(self, raw: int) -> Any:
+        return self._record(*[read(raw >> shift & mask) for read, shift, mask in self._readers])
+
+
+def _declared_fields(record: type[Any]) -> dict[str, Field]:
+    hints = get_type_hints(record, include_extras=True)
+    return {
+        field.name: next(part for part in hints[field.name].__metadata__ if isinstance(part, Field))
+        for field in fields(record)
+    }
+
+
+def _skip_additions(reader: BitReader) -> None:
+    """Skip extension additions: how many there may be, which there are, each as an open type.
+
+    Source: X.691, 19.7 to 19.9.
+    """
+    count = reader.length() if reader.take(1) else reader.take(6) + 1
+    present = reader.take(count)
+    for _ in range(present.bit_count()):
+        reader.octets()
