@@ -1,4 +1,4 @@
-"""A car's whole configuration: one YAML file, each room's settings under its own key."""
+"""Configuration of a vehicle: one YAML file, with a section for each package's settings."""
 
 import math
 from collections.abc import Iterable
@@ -24,14 +24,14 @@ from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.wave_udp.settings import RadioSettings
 
 PlateText = Annotated[str, StringConstraints(pattern=r"^[A-Z0-9]{1,10}$")]
-"""As the camera of the car behind reads it: upper case, no separators."""
+"""As a camera reads it: upper case, no separators."""
 
 
 class CarSettings(Settings):
-    """The car itself."""
+    """The vehicle itself."""
 
     plate: PlateText
-    """Its own number plate, or `TAG<n>` for a model car that carries AR tag n."""
+    """Its number plate, or `TAG<n>` for a model vehicle with AR tag n."""
     length_m: float = Field(4.5, gt=0.0, lt=30.0)
     """Bumper to bumper."""
     width_m: float = Field(1.8, gt=0.0, lt=5.0)
@@ -39,7 +39,7 @@ class CarSettings(Settings):
 
 
 class SensorTimeoutSettings(Settings):
-    """How long a sensor may be silent before it is shown as lost."""
+    """Silence after which a sensor is shown as lost."""
 
     speed_s: float = Field(0.8, gt=0.0, le=10.0)
     camera_s: float = Field(0.8, gt=0.0, le=10.0)
@@ -47,52 +47,52 @@ class SensorTimeoutSettings(Settings):
     detector_s: float = Field(1.0, gt=0.0, le=10.0)
 
     def limits_s(self, sensors: Iterable[Sensor]) -> dict[Sensor, float]:
-        """The limit of each of `sensors`."""
+        """Return the timeout of each of `sensors`; `math.inf` for the radio."""
         limits_s = {
             Sensor.SPEED: self.speed_s,
             Sensor.CAMERA: self.camera_s,
             Sensor.POSITION: self.position_s,
             Sensor.DETECTOR: self.detector_s,
-            Sensor.RADIO: math.inf,  # which may be silent: nobody need be near
+            Sensor.RADIO: math.inf,  # no vehicle with a radio need be near
         }
-        # In this order, whatever a set's is: two that are lost at once are told the same again.
+        # A fixed order, so that a replay reports two sensors lost at once in the same order.
         given = frozenset(sensors)
         return {sensor: limit_s for sensor, limit_s in limits_s.items() if sensor in given}
 
 
 class TraceSettings(Settings):
-    """Where the daemon writes what it saw and decided."""
+    """Files for inputs and decisions."""
 
     file: Path | None = None
-    """JSON lines; `None` writes none."""
+    """Trace as JSON lines; `None` writes none."""
     capture: Path | None = None
-    """Every WSM sent and received, as pcap for Wireshark; `None` writes none."""
+    """All WSMs sent and received, as pcap for Wireshark; `None` writes none."""
 
 
 class CarConfig(Settings):
-    """Everything `onboard run` needs to know. A section that is left out is a wire not there."""
+    """The whole configuration. Without its section, a sensor, the radio or the page is not used."""
 
     seed: int | None = Field(None, ge=0)
-    """Of everything random, temporary IDs included. Only for tests, and another one for each car;
-    `None` takes it from the operating system."""
+    """Seed of all random numbers, including temporary IDs; for tests only, and a different one for
+    each vehicle. `None` takes it from the operating system."""
     car: CarSettings
     can: CanSettings | None = None
     obd: ObdSettings = ObdSettings()
     camera: CameraSettings | None = None
     vision: VisionSettings = VisionSettings()
     detector: DetectorSettings | None = None
-    """A detector of the user's, which knows cars from every side."""
+    """A detector of the user's, which sees vehicles on every side."""
     gnss: GnssSettings | None = None
     radio: RadioSettings | None = None
     security: SecuritySettings = SecuritySettings()
     lcca: LccaSettings = LccaSettings()
     lcca_psid: int = Field(psid.LCCA, ge=0, le=psid.HIGHEST)
-    """Service that the group messages go under; equal in all cars of a trial."""
+    """PSID of the group messages; equal in all vehicles of a trial."""
     mvs: MvsSettings = MvsSettings()
     risk: RiskSettings = RiskSettings()
     access: AccessSettings = AccessSettings()
     beacons: bool = True
-    """Send a BSM ten times a second, as SAE J2945/1 asks of every car with a radio."""
+    """Send BSMs, ten a second, as SAE J2945/1 requires."""
     sensor_timeouts: SensorTimeoutSettings = SensorTimeoutSettings()
     hmi: HmiSettings | None = None
     """The driver's page and `/metrics`; nothing is served if it is left out."""
@@ -103,16 +103,16 @@ class CarConfig(Settings):
     @classmethod
     def _differs_from_the_bsms(cls, lcca_psid: int) -> int:
         if lcca_psid == psid.BSM:
-            raise ValueError(f"0x{psid.BSM:X} is the basic safety message's")
+            raise ValueError(f"0x{psid.BSM:X} is the PSID of basic safety messages")
         return lcca_psid
 
     def sensors(self) -> frozenset[Sensor]:
-        """What the car has by these wires, and can lose."""
-        wires = {
+        """Return the configured sensors, with the radio."""
+        sections = {
             Sensor.SPEED: self.can,
             Sensor.CAMERA: self.camera,
             Sensor.POSITION: self.gnss,
             Sensor.RADIO: self.radio,
             Sensor.DETECTOR: self.detector,
         }
-        return frozenset(sensor for sensor, wire in wires.items() if wire is not None)
+        return frozenset(sensor for sensor, section in sections.items() if section is not None)

@@ -1,4 +1,4 @@
-"""Who is told what a car does and has no say in it: journal, trace, capture, driver's page."""
+"""The outputs that only observe: journal, trace, capture, driver's page."""
 
 import contextlib
 import time
@@ -31,51 +31,58 @@ LOGGED_KINDS = frozenset(
         "recorder",
     }
 )
-"""What an operator wants to read in the journal; the trace has the rest."""
+"""Kinds of events for the journal; the trace has all."""
 
 
 class OutputSinks:
-    """Of one car. Without file and page, only the journal."""
+    """The output sinks of one vehicle: the journal and, if configured, files and page."""
 
     def __init__(self) -> None:
+        """Start with the journal only."""
         self._trace: TraceFile | None = None
         self._capture: PcapWriter | None = None
         self._page: DriverPage | None = None
 
-    def open_files(self, settings: TraceSettings, wires: contextlib.AsyncExitStack) -> None:
-        """Open trace and capture, until `wires` are closed.
+    def open_files(self, settings: TraceSettings, edges: contextlib.AsyncExitStack) -> None:
+        """Open trace and capture, until `edges` are closed.
 
         Raises:
-            UserError: one of them cannot be made.
+            UserError: one of them cannot be created.
         """
         if settings.file is not None:
-            self._trace = wires.enter_context(TraceFile(settings.file))
+            self._trace = edges.enter_context(TraceFile(settings.file))
         if settings.capture is not None:
-            self._capture = PcapWriter(wires.enter_context(TraceFile(settings.capture)))
+            self._capture = PcapWriter(edges.enter_context(TraceFile(settings.capture)))
 
     async def open_page(
         self,
         config: CarConfig,
         stack: Stack | Tap,
         on_brake: Callable[[None], None],
-        wires: contextlib.AsyncExitStack,
+        edges: contextlib.AsyncExitStack,
     ) -> None:
-        """Serve the driver's page, if the car has one, until `wires` are closed.
+        """Serve the driver's page, if it is configured, until `edges` are closed.
+
+        Args:
+            config: address of the page, and which sensors there are.
+            stack: where the page reads the group and the perceived objects.
+            on_brake: called when the page's brake button is pressed.
+            edges: closes the page.
 
         Raises:
-            UserError: its address cannot be had.
+            UserError: its address cannot be opened.
         """
         if config.hmi is None:
             return
-        # A web server is a tenth of a start, and a box may have nobody who looks.
-        from onboard.hmi.driver_page import DriverPage  # noqa: PLC0415 (said above)
+        # Importing the web server takes a tenth of the start-up time.
+        from onboard.hmi.driver_page import DriverPage  # noqa: PLC0415 (see above)
 
         self._page = DriverPage(config.hmi, config, stack, on_brake)
         await self._page.start()
-        wires.push_async_callback(self._page.close)
+        edges.push_async_callback(self._page.close)
 
     def show(self, event: Event) -> None:
-        """Anything that the stack says, or the daemon."""
+        """Write an event of the stack or daemon to all sinks."""
         if self._page is not None:
             self._page.receive_event(event)
         if self._trace is not None:
@@ -84,11 +91,11 @@ class OutputSinks:
             log.info(event.kind, details=as_record(event))
 
     def show_frame(self, wsm: bytes, sender_mac: bytes) -> None:
-        """What goes over the radio."""
+        """Write a WSM that was sent or received to the capture."""
         if self._capture is not None:
             self._capture.write(wsm, time.time(), sender_mac)
 
     def show_view(self, now: float) -> None:
-        """What the driver is to see, if it is time; called in every round."""
+        """Send the driver's page a view if one is due; to be called in every step."""
         if self._page is not None:
             self._page.show(now)

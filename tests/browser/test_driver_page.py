@@ -47,16 +47,17 @@ speechSynthesis.speak = (utterance) => spoken.push(utterance.text);
 
 
 @pytest.fixture(scope="module")
-def row() -> Iterator[Row]:
+def shared_row() -> Iterator[Row]:
     with Row("GN417KB", "RD288HX", "BL635TN", gap_m=13.6, brake_button=True) as row:
         yield row
 
 
 @pytest.fixture
-def cars(row: Row) -> Row:
+def row(shared_row: Row) -> Row:
     """The shared row, reset to its initial state."""
-    row.camera_works, row.plate_ahead, row.detections = True, "RD288HX", ()
-    return row
+    shared_row.camera_works, shared_row.plate_ahead = True, "RD288HX"
+    shared_row.detections = ()
+    return shared_row
 
 
 def open_page(browser: Browser, address: str, size: Any = PHONE, **more: Any) -> Page:
@@ -72,15 +73,15 @@ def open_page(browser: Browser, address: str, size: Any = PHONE, **more: Any) ->
 
 
 @pytest.fixture
-def page(browser: Browser, cars: Row) -> Iterator[Page]:
-    page = open_page(browser, cars.address)
+def page(browser: Browser, row: Row) -> Iterator[Page]:
+    page = open_page(browser, row.address)
     expect(page.locator("#state")).to_have_text("Member 3")
     yield page
     page.context.close()
 
 
-def alarm(cars: Row, cause: Cause, level: Level) -> None:
-    cars.send_event(Alarm(cars.now, cause, level, 5.0, ()))
+def alarm(row: Row, cause: Cause, level: Level) -> None:
+    row.send_event(Alarm(row.now, cause, level, 5.0, ()))
 
 
 def notes(page: Page) -> list[dict[str, Any]]:
@@ -105,13 +106,11 @@ def test_the_page_shows_the_group_number_and_the_gap(page: Page) -> None:
 
 @pytest.mark.parametrize("size", [PHONE, PHONE_ON_ITS_SIDE, SMALL_SCREEN, DESKTOP])
 @pytest.mark.parametrize("level", [Level.NONE, Level.CAUTION, Level.WARNING])
-def test_everything_fits_on_the_screen(
-    browser: Browser, cars: Row, size: Any, level: Level
-) -> None:
-    page = open_page(browser, cars.address, size)
+def test_everything_fits_on_the_screen(browser: Browser, row: Row, size: Any, level: Level) -> None:
+    page = open_page(browser, row.address, size)
     expect(page.locator("#stale")).to_be_hidden()
     if level is not Level.NONE:
-        alarm(cars, Cause.FCW, level)
+        alarm(row, Cause.FCW, level)
         expect(page.locator("#alarm")).to_be_visible()
 
     outside = page.evaluate(
@@ -123,17 +122,17 @@ def test_everything_fits_on_the_screen(
         }).map((e) => `${e.tagName} ${e.id} ${e.className}`)"""
     )
 
-    alarm(cars, Cause.FCW, Level.NONE)
+    alarm(row, Cause.FCW, Level.NONE)
     page.context.close()
     assert outside == []
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_has_enough_contrast_by_day_and_by_night(
-    browser: Browser, cars: Row, scheme: Any
+    browser: Browser, row: Row, scheme: Any
 ) -> None:
     """Contrast as WCAG 2.2 defines it; 4.5 is its level AA for text of any size."""
-    page = open_page(browser, cars.address, color_scheme=scheme)
+    page = open_page(browser, row.address, color_scheme=scheme)
 
     contrasts = page.evaluate(
         """() => {
@@ -170,13 +169,13 @@ def test_chosen_colours_are_kept_after_a_reload(page: Page) -> None:
     expect(root).to_have_attribute("data-colours", "night")
 
 
-def test_a_hard_braking_vehicle_raises_alarm_sound_and_speech(page: Page, cars: Row) -> None:
+def test_a_hard_braking_vehicle_raises_alarm_sound_and_speech(page: Page, row: Row) -> None:
     expect(page.locator("#sound")).to_contain_text("Sound is off")
     page.click("#sound")
     page.click("#voice")
     expect(page.locator("#sound-word")).to_be_hidden()
 
-    cars.brake()
+    row.brake()
 
     expect(page.locator("#alarm")).to_be_visible()
     expect(page.locator("#alarm-headline")).to_have_text("Brake!")
@@ -189,8 +188,8 @@ def test_a_hard_braking_vehicle_raises_alarm_sound_and_speech(page: Page, cars: 
     expect(page.locator("#alarm")).to_be_hidden()
 
 
-def test_before_the_first_touch_the_page_shows_that_sound_is_off(page: Page, cars: Row) -> None:
-    alarm(cars, Cause.IMA, Level.WARNING)
+def test_before_the_first_touch_the_page_shows_that_sound_is_off(page: Page, row: Row) -> None:
+    alarm(row, Cause.IMA, Level.WARNING)
     expect(page.locator("#alarm-headline")).to_have_text("Stop!")
     assert page.evaluate("notes") == []
     expect(page.locator("#sound")).to_have_text("Sound is off: tap")
@@ -198,7 +197,7 @@ def test_before_the_first_touch_the_page_shows_that_sound_is_off(page: Page, car
     page.click("#sound")
 
     assert len(notes(page)) >= 4
-    alarm(cars, Cause.IMA, Level.NONE)
+    alarm(row, Cause.IMA, Level.NONE)
     expect(page.locator("#alarm")).to_be_hidden()
 
 
@@ -233,60 +232,60 @@ def test_each_level_has_the_pitches_of_its_pattern(page: Page) -> None:
     assert highest["stale"] < highest["caution"] < highest["warning"]
 
 
-def test_a_lost_camera_is_shown_at_once_and_the_gap_disappears(page: Page, cars: Row) -> None:
-    cars.lose_camera()
+def test_a_lost_camera_is_shown_at_once_and_the_gap_disappears(page: Page, row: Row) -> None:
+    row.lose_camera()
 
     expect(page.locator("#sensors .lost")).to_have_text("Camera lostimage frozen")
     expect(page.locator("#gap")).to_have_text("\N{EN DASH}")
     expect(page.locator("#gap-note")).to_have_text("Unknown without the camera")
     expect(page.locator("#road .plate-text")).to_have_count(0)
 
-    cars.camera_works = True
+    row.camera_works = True
     expect(page.locator("#sensors .lost")).to_have_count(0)
     expect(page.locator("#state")).to_have_text("Member 3")
 
 
-def test_a_full_disk_is_shown(page: Page, cars: Row) -> None:
-    cars.send_event(RecorderState(cars.now, is_recording=False, reason="disk full", dropped=3))
+def test_a_full_disk_is_shown(page: Page, row: Row) -> None:
+    row.send_event(RecorderState(row.now, is_recording=False, reason="disk full", dropped=3))
     expect(page.locator("#sensors .lost")).to_have_text("Not recordingdisk full")
-    cars.send_event(RecorderState(cars.now, is_recording=True, reason="", dropped=3))
+    row.send_event(RecorderState(row.now, is_recording=True, reason="", dropped=3))
     expect(page.locator("#sensors .lost")).to_have_count(0)
 
 
-def test_a_page_without_data_shows_that_and_reconnects(page: Page, cars: Row) -> None:
+def test_a_page_without_data_shows_that_and_reconnects(page: Page, row: Row) -> None:
     page.click("#sound")
-    alarm(cars, Cause.FCW, Level.WARNING)
+    alarm(row, Cause.FCW, Level.WARNING)
     expect(page.locator("#alarm")).to_be_visible()
 
-    cars.stop()
+    row.stop()
 
     expect(page.locator("#stale-headline")).to_have_text("No data")
     expect(page.locator("#alarm")).to_be_hidden()
     falling = [note["hz"] for note in page.evaluate("notes")][-2:]
     assert falling[0] > falling[1]
 
-    cars.start()
+    row.start()
 
     expect(page.locator("#stale")).to_be_hidden()
     expect(page.locator("#state")).to_have_text("Member 3")
 
 
-def test_received_texts_are_not_interpreted_as_html(page: Page, cars: Row) -> None:
-    cars.plate_ahead = HOSTILE
+def test_received_texts_are_not_interpreted_as_html(page: Page, row: Row) -> None:
+    row.plate_ahead = HOSTILE
     expect(page.locator("#road .plate-text")).to_have_text(HOSTILE)
-    cars.send_event(SensorLost(cars.now, Sensor.SPEED, 1.0, HOSTILE))
+    row.send_event(SensorLost(row.now, Sensor.SPEED, 1.0, HOSTILE))
     expect(page.locator("#sensors .lost small")).to_have_text(HOSTILE)
 
     assert page.locator("img").count() == 0
-    cars.do(lambda: cars.page.receive_event(SensorLost(cars.now, Sensor.SPEED, 1.0, "silent")))
+    row.do(lambda: row.page.receive_event(SensorLost(row.now, Sensor.SPEED, 1.0, "silent")))
 
 
-def test_the_brake_button_warns_followers_and_not_the_host_vehicle(page: Page, cars: Row) -> None:
+def test_the_brake_button_warns_followers_and_not_the_host_vehicle(page: Page, row: Row) -> None:
     page.click("#brake")
 
-    metrics = page.context.request.get(f"{cars.address}metrics")
+    metrics = page.context.request.get(f"{row.address}metrics")
     while 'onboard_messages_sent_total{message="warn"}' not in metrics.text():
-        metrics = page.context.request.get(f"{cars.address}metrics")
+        metrics = page.context.request.get(f"{row.address}metrics")
     expect(page.locator("#alarm")).to_be_hidden()
 
 
@@ -297,17 +296,17 @@ def perceived_object(east_m: float, north_m: float, source: ObjectSource) -> Per
 
 @pytest.mark.parametrize("size", [PHONE, PHONE_ON_ITS_SIDE, DESKTOP])
 def test_vehicles_beside_are_on_the_map_in_the_order_of_their_distances(
-    browser: Browser, cars: Row, size: Any, monkeypatch: pytest.MonkeyPatch
+    browser: Browser, row: Row, size: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Up to 80 m away, and one in the next lane."""
     host = perceived_object(0.0, 0.0, ObjectSource.HOST)
     beside = [
         perceived_object(right_m, 22.0, ObjectSource.BSM) for right_m in (-80.0, -25.0, 3.5, 40.0)
     ]
-    display = cars.page._display
+    display = row.page._display
     receive = display.receive_surroundings
     monkeypatch.setattr(display, "receive_surroundings", lambda *_: receive(host, beside))
-    page = open_page(browser, cars.address, size)
+    page = open_page(browser, row.address, size)
     expect(page.locator(".vehicle.bsm")).to_have_count(4)
 
     frame, boxes = page.evaluate(
@@ -323,30 +322,30 @@ def test_vehicles_beside_are_on_the_map_in_the_order_of_their_distances(
     assert all(frame[0] <= left and right <= frame[1] for left, right in boxes)
 
 
-def test_twenty_pages_show_the_same_alarm(browser: Browser, cars: Row) -> None:
-    pages = [open_page(browser, cars.address)]
+def test_twenty_pages_show_the_same_alarm(browser: Browser, row: Row) -> None:
+    pages = [open_page(browser, row.address)]
     for _ in range(19):
         pages.append(pages[0].context.new_page())
-        pages[-1].goto(cars.address)
+        pages[-1].goto(row.address)
     for page in pages:
         expect(page.locator("#stale")).to_be_hidden()
 
-    alarm(cars, Cause.EEBL, Level.WARNING)
+    alarm(row, Cause.EEBL, Level.WARNING)
 
     for page in pages:
         expect(page.locator("#alarm-sentence")).to_have_text("A car ahead brakes hard")
-    alarm(cars, Cause.EEBL, Level.NONE)
+    alarm(row, Cause.EEBL, Level.NONE)
     pages[0].context.close()
 
 
 def test_only_the_token_opens_the_page(browser: Browser) -> None:
-    with Row("GN417KB", "RD288HX", token=TOKEN) as cars:
-        page = open_page(browser, cars.address)
+    with Row("GN417KB", "RD288HX", token=TOKEN) as row:
+        page = open_page(browser, row.address)
         expect(page.locator("body")).to_contain_text("needs its token")
-        page.goto(f"{cars.address}?token=aaaabbbbccccdddX")
+        page.goto(f"{row.address}?token=aaaabbbbccccdddX")
         expect(page.locator("body")).to_contain_text("not the token")
 
-        page.goto(f"{cars.address}?token={TOKEN}")
+        page.goto(f"{row.address}?token={TOKEN}")
 
         expect(page.locator("#state")).to_have_text("Member 2")
         assert TOKEN not in page.url

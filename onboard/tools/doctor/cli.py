@@ -45,7 +45,7 @@ def doctor(
     ] = 3.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
-    """Test every connection; say what is missing and what to do. Exit with 1 if something is.
+    """Test every connection; print what is missing and what to do. Exit with 1 if anything is.
 
     Stop the service first: only one program at a time can use a camera or a UDP port.
     """
