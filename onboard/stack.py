@@ -98,11 +98,11 @@ class Stack:
             digest: derives IDs from plates, where it is not to be one of the car's own.
         """
         self._config = config
-        self._security = SecurityServices(utc_s - now, credentials, config.security)
+        self._security = SecurityServices(utc_s - now, credentials)
         self._digest = digest or PlateDigest(config.security.plate_digest)
         self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
         self._who = self._pseudonyms.at(utc_s)
-        self._plausibility = MisbehaviourDetector(brakes_must_show=config.security.brakes_must_show)
+        self._plausibility = MisbehaviourDetector(check_braking=config.security.check_braking)
         self._held_warnings = PendingWarnings(self._plausibility)
         self._bus = VehicleBus(config.obd)
         self._link = WaveLink(self._security, (psid.BSM, config.lcca_psid))

@@ -55,8 +55,8 @@ class RecordingDigest(PlateDigest):
         self._note = note
 
     @override
-    def _derive_slowly(self, plate: str, epoch: int) -> bytes:
-        car_id = super()._derive_slowly(plate, epoch)
+    def _derive_uncached(self, plate: str, epoch: int) -> bytes:
+        car_id = super()._derive_uncached(plate, epoch)
         self._note(plate, epoch, car_id)
         return car_id
 
@@ -72,7 +72,7 @@ class ReplayedDigest(PlateDigest):
         self._car_ids = car_ids
 
     @override
-    def _derive_slowly(self, plate: str, epoch: int) -> bytes:
+    def _derive_uncached(self, plate: str, epoch: int) -> bytes:
         car_id = self._car_ids.get((plate, epoch))
         if car_id is None:
             raise UserError(

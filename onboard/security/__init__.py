@@ -1,5 +1,5 @@
-"""IEEE 1609.2 signed data, the pseudonyms that a car signs with, and its own keys.
+"""IEEE 1609.2 signed data, the pseudonyms that a car signs with, and misbehaviour detection.
 
-Nothing that came by radio is believed before `Security.open` has looked at it. Plates never
-travel: `PlateDigest` turns one into the identity that LCCA messages carry.
+A received message is used only after `SecurityServices.open` has accepted it. Plates are never
+sent: `PlateDigest` derives the communication ID that LCCA messages carry instead.
 """

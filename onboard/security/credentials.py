@@ -1,4 +1,4 @@
-"""What a car signs with, and whom it trusts."""
+"""The keys and certificates of a car or an authority."""
 
 from dataclasses import dataclass, field
 
@@ -16,7 +16,7 @@ class Credential:
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """All that `onboard keys` wrote for one car."""
+    """Everything that `onboard keys` writes for one car."""
 
     pseudonyms: tuple[Credential, ...]
     """At least one."""
@@ -27,7 +27,7 @@ class Credentials:
 
 @dataclass(frozen=True, slots=True)
 class Authority:
-    """Somebody who issues certificates, and what those need to be believed."""
+    """An issuer of certificates, with the chain that makes them verifiable."""
 
     credential: Credential
     roots: tuple[Certificate, ...]

@@ -1,4 +1,4 @@
-"""Who goes by which name: certificates do not name the IDs that their owners use in messages."""
+"""Which signer uses which ID: certificates do not name the IDs in their owners' messages."""
 
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -11,31 +11,31 @@ class _Claim:
 
 
 class IdentityClaims:
-    """Remembers who used a name first, and whether somebody else did later."""
+    """The first signer of each ID, and whether another one used it later."""
 
-    def __init__(self, most: int) -> None:
-        """Remember at most `most` names, those that were used last."""
-        self._most = most
+    def __init__(self, capacity: int) -> None:
+        """Keep the `capacity` IDs that were used last."""
+        self._capacity = capacity
         self._claims: OrderedDict[bytes, _Claim] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self._claims)
 
     def receive(self, name: bytes, signer: bytes) -> bool:
-        """Note that `signer` goes by `name`; return whether it was the first to."""
+        """Record that `signer` uses `name`; return whether it is the first to."""
         claim = self._claims.setdefault(name, _Claim(signer))
         self._claims.move_to_end(name)
-        if len(self._claims) > self._most:
+        if len(self._claims) > self._capacity:
             self._claims.popitem(last=False)
         claim.is_disputed |= claim.signer != signer
         return claim.signer == signer
 
     def is_disputed(self, name: bytes) -> bool:
-        """Whether two have gone by `name`."""
+        """Whether two signers have used `name`."""
         claim = self._claims.get(name)
         return claim is not None and claim.is_disputed
 
     def owner(self, name: bytes) -> bytes | None:
-        """The only signer that goes by `name`; `None` if there is none, or more than one."""
+        """Return the only signer of `name`; `None` if there is none, or more than one."""
         claim = self._claims.get(name)
         return None if claim is None or claim.is_disputed else claim.signer

@@ -1,9 +1,8 @@
-"""Whether what a car says now agrees with what it said before.
+"""Misbehaviour detection: consistency checks of a sender's BSMs (after ETSI TR 103 460).
 
-A signature says who speaks, not that it is true. Here a speed has to be one that a car can have, to
-follow from the speed before, and to fit the way between two positions; a claimed hard brake has to
-show in the sender's own speeds; nobody may go by another's temporary ID. Where a sender has said
-too little, it is believed.
+A valid signature proves who sent a message, not that its content is true. Checked here: a speed is
+possible, follows from the speed before, and agrees with the distance between two positions; speeds
+show the hard braking that is claimed; a temporary ID has one sender. Too few data pass.
 """
 
 import math
@@ -18,120 +17,122 @@ from onboard.messages.bsm_safety import VehicleEventFlags
 from onboard.security.identity_claims import IdentityClaims
 
 HIGHEST_SPEED_M_S = 90.0
-"""No car on a road is faster."""
+"""324 km/h, faster than cars drive on roads."""
 HIGHEST_ACCELERATION_M_S2 = 12.0
-"""Sports tyres on dry road, both ways."""
+"""Sports tyres on dry road, accelerating or braking."""
 SPEED_ERROR_M_S = 1.0
-"""Two samples of a speed polled in whole km/h and some old, added to every difference."""
-OLDEST_POSITION_S = 2.0
-"""Of a receiver that gives one a second, and late."""
+"""Added to every difference: two samples in whole km/h, each up to a polling interval old."""
+MAX_POSITION_AGE_S = 2.0
+"""Greatest age of a position in a BSM: receivers with one fix a second, delivered late."""
 POSITION_ERROR_M = 20.0
-"""A receiver that leaves a tunnel or changes satellites."""
+"""Jump of a receiver that leaves a tunnel or changes satellites."""
 BRAKE_M_S2 = 2.0
-"""A brake counts as hard from 0.4 g (SAE J2945/1); speeds that came late show about half of it."""
+"""Mean deceleration that confirms hard braking: speeds that arrive late show about half of the
+0.4 g at which hard braking begins (SAE J2945/1)."""
 BRAKE_DROP_M_S = 0.6
-"""More than two steps of a speed in whole km/h, so that rounding does not look like a brake."""
+"""Least speed difference that confirms braking: more than two steps of a speed in whole km/h."""
 BRAKE_WINDOW_S = 2.0
-"""How far back the speeds are looked at."""
-ENOUGH_S = 0.3
-"""Speeds over less time than this prove nothing."""
+"""Speeds within this time of the braking are compared."""
+MIN_SPAN_S = 0.3
+"""Speeds over less time than this neither confirm nor contradict braking."""
 
-FORGOTTEN_S = 60.0
-"""A car not heard for so long begins anew: nothing that it said then proves anything now."""
+SENDER_TIMEOUT_S = 60.0
+"""Silence after which a sender's earlier messages are dropped."""
 
-_SENDERS = 512
-_SPEEDS = 32
-"""Samples kept of one sender: three seconds of BSMs."""
+_MAX_SENDERS = 512
+_MAX_SPEEDS = 32
+"""Speeds kept of one sender: three seconds of BSMs."""
 
 
 class Misbehaviour(StrEnum):
-    """Stable words, fit for a counter's label."""
+    """The check that failed, as a stable word for counters."""
 
     SPEED = "implausible_speed"
     ACCELERATION = "implausible_acceleration"
     POSITION = "implausible_position"
     BRAKE = "implausible_brake"
-    """A hard brake that the sender's own speeds do not show."""
+    """Hard braking that the sender's own speeds contradict."""
     IDENTITY = "implausible_identity"
-    """Another sender has been going by this temporary ID."""
+    """Another sender used this temporary ID first."""
 
 
 @dataclass(slots=True)
 class _Sender:
-    speeds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_SPEEDS))
+    speeds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_MAX_SPEEDS))
     """(stamp_s, speed_m_s)."""
     last: tuple[float, CoreData] | None = None
 
 
 class MisbehaviourDetector:
-    """What the cars around have said lately. Stamps are when a message was made, on our clock."""
+    """Recent BSMs of the remote vehicles. Stamps are generation times on the monotonic clock."""
 
-    def __init__(self, *, brakes_must_show: bool = True) -> None:
-        self._brakes_must_show = brakes_must_show
+    def __init__(self, *, check_braking: bool = True) -> None:
+        """Compare claimed braking with the sender's speeds only if `check_braking`."""
+        self._check_braking = check_braking
         self._senders: OrderedDict[bytes, _Sender] = OrderedDict()
-        self._car_ids = IdentityClaims(_SENDERS)
-        self._temporary_ids = IdentityClaims(_SENDERS)
+        self._car_ids = IdentityClaims(_MAX_SENDERS)
+        self._temporary_ids = IdentityClaims(_MAX_SENDERS)
 
     def receive_bsm(
         self, sender: bytes, message: BasicSafetyMessage, stamp_s: float
     ) -> Misbehaviour | None:
-        """Compare `message` with those before it, and remember it.
+        """Compare a BSM with the sender's BSMs before it, and keep it.
 
-        A message that was made before the last one heard is compared with it, and not remembered:
-        otherwise backdated messages could say anything.
+        A message older than the newest one is compared with it but not kept: backdated messages
+        would otherwise replace the sender's history.
 
         Args:
-            sender: the signer's HashedId8, or the temporary ID where nobody signs.
-            message: what it says.
-            stamp_s: when it was made.
+            sender: the signer's HashedId8, or the temporary ID if messages are not signed.
+            message: the BSM.
+            stamp_s: its generation time.
 
         Returns:
-            why it should not be believed; `None` if nothing speaks against it.
+            the check that failed; `None` if all passed.
         """
         core = message.core
         if not self._temporary_ids.receive(core.temporary_id, sender):
             return Misbehaviour.IDENTITY
-        self._forget(stamp_s)
+        self._drop_silent(stamp_s)
         known = self._senders.setdefault(sender, _Sender())
         self._senders.move_to_end(sender)
-        if len(self._senders) > _SENDERS:
+        if len(self._senders) > _MAX_SENDERS:
             self._senders.popitem(last=False)
-        doubt = _compare(known.last, core, stamp_s)
-        is_overtaken = known.last is not None and stamp_s < known.last[0]
-        if not is_overtaken:
+        violation = _compare(known.last, core, stamp_s)
+        is_out_of_order = known.last is not None and stamp_s < known.last[0]
+        if not is_out_of_order:
             known.last = (stamp_s, core)
-        if doubt is not None:
-            return doubt
-        if core.speed_m_s is not None and not is_overtaken:
+        if violation is not None:
+            return violation
+        if core.speed_m_s is not None and not is_out_of_order:
             known.speeds.append((stamp_s, core.speed_m_s))
         is_braking = message.safety is not None and bool(
             (message.safety.events or 0) & VehicleEventFlags.HARD_BRAKING
         )
-        return self._brake_doubt(known, stamp_s) if is_braking else None
+        return self._braking_violation(known, stamp_s) if is_braking else None
 
     def receive_car_id(self, sender: bytes, car_id: bytes) -> bool:
-        """Learn from a group message which sender goes by `car_id` there.
+        """Link the communication ID of a group message to its sender.
 
         Returns:
-            whether no other sender does. If two do, neither is judged by the other's messages.
+            whether no other sender uses it. If two do, neither is checked against the other's BSMs.
         """
         self._car_ids.receive(car_id, sender)
         return not self._car_ids.is_disputed(car_id)
 
     def check_warning(self, origin_id: bytes, braked_at_s: float) -> Misbehaviour | None:
-        """Return why the car `origin_id` cannot have braked hard then; `None`: it can."""
+        """Check a warning of car `origin_id` against its speeds; `None` if they allow it."""
         sender = self._sender_by(origin_id)
-        return None if sender is None else self._brake_doubt(sender, braked_at_s)
+        return None if sender is None else self._braking_violation(sender, braked_at_s)
 
-    def is_heard_since(self, car_id: bytes, stamp_s: float) -> bool:
-        """Whether the car has told a speed after `stamp_s`."""
+    def has_speed_since(self, car_id: bytes, stamp_s: float) -> bool:
+        """Whether a BSM with a speed of this car is newer than `stamp_s`."""
         sender = self._sender_by(car_id)
         return sender is not None and bool(sender.speeds) and sender.speeds[-1][0] > stamp_s
 
-    def _forget(self, stamp_s: float) -> None:
+    def _drop_silent(self, stamp_s: float) -> None:
         while self._senders:
             last = next(iter(self._senders.values())).last
-            if last is None or stamp_s - last[0] <= FORGOTTEN_S:
+            if last is None or stamp_s - last[0] <= SENDER_TIMEOUT_S:
                 return
             self._senders.popitem(last=False)
 
@@ -139,10 +140,10 @@ class MisbehaviourDetector:
         sender = self._car_ids.owner(car_id)
         return None if sender is None else self._senders.get(sender)
 
-    def _brake_doubt(self, sender: _Sender, at_s: float) -> Misbehaviour | None:
-        """Look for two speeds, the later one lower by what a hard brake takes away."""
+    def _braking_violation(self, sender: _Sender, at_s: float) -> Misbehaviour | None:
+        """Look for two speeds, the later one lower by as much as hard braking makes it."""
         near = [(at, speed) for at, speed in sender.speeds if abs(at - at_s) <= BRAKE_WINDOW_S]
-        if not self._brakes_must_show or not near or near[-1][0] - near[0][0] < ENOUGH_S:
+        if not self._check_braking or not near or near[-1][0] - near[0][0] < MIN_SPAN_S:
             return None
         for i, (later_at, later) in enumerate(near):
             for earlier_at, earlier in near[:i]:
@@ -161,34 +162,40 @@ def _compare(
     if before is None:
         return None
     elapsed_s = abs(stamp_s - before[0])
-    gained_m_s = HIGHEST_ACCELERATION_M_S2 * elapsed_s
+    max_change_m_s = HIGHEST_ACCELERATION_M_S2 * elapsed_s
     past = before[1]
     if speed_m_s is not None and past.speed_m_s is not None:
-        if abs(speed_m_s - past.speed_m_s) > gained_m_s + SPEED_ERROR_M_S:
+        if abs(speed_m_s - past.speed_m_s) > max_change_m_s + SPEED_ERROR_M_S:
             return Misbehaviour.ACCELERATION
-        fastest_m_s = max(speed_m_s, past.speed_m_s) + gained_m_s / 2
+        fastest_m_s = max(speed_m_s, past.speed_m_s) + max_change_m_s / 2
     else:
         fastest_m_s = HIGHEST_SPEED_M_S
-    way_m = _way_m(past, core)
-    driven_s = elapsed_s + _behind_s(past, before[0], core, stamp_s)
-    if way_m is not None and way_m > fastest_m_s * driven_s + POSITION_ERROR_M:
+    travelled_m = _distance_m(past, core)
+    between_s = elapsed_s + _behind_s(past, before[0], core, stamp_s)
+    if travelled_m is not None and travelled_m > fastest_m_s * between_s + POSITION_ERROR_M:
         return Misbehaviour.POSITION
     return None
 
 
 def _behind_s(past: CoreData, past_at_s: float, core: CoreData, at_s: float) -> float:
-    """How much longer the time between the two positions is than that between the messages.
+    """Return by how much the time between two positions exceeds that between their messages.
 
-    A car with one fix a second tells each in ten messages, and with the next one it is a second's
-    way further on. No more than `OLDEST_POSITION_S` is allowed for that.
+    A car with one fix a second repeats each in ten messages; the next position is then a second's
+    distance away. At most `MAX_POSITION_AGE_S` is allowed for that.
+
+    Args:
+        past: the earlier BSM.
+        past_at_s: its generation time.
+        core: the later BSM.
+        at_s: its generation time.
     """
     if past.sec_mark_s is None or core.sec_mark_s is None:
         return 0.0
     between_s = math.remainder(core.sec_mark_s - past.sec_mark_s, 60.0)
-    return min(max(0.0, between_s - (at_s - past_at_s)), OLDEST_POSITION_S)
+    return min(max(0.0, between_s - (at_s - past_at_s)), MAX_POSITION_AGE_S)
 
 
-def _way_m(one: CoreData, other: CoreData) -> float | None:
+def _distance_m(one: CoreData, other: CoreData) -> float | None:
     if (
         one.latitude_deg is None
         or one.longitude_deg is None

@@ -1,4 +1,4 @@
-"""ECDSA on NIST P-256 with SHA-256, the one algorithm that the US profile of 1609.2 asks for."""
+"""ECDSA on NIST P-256 with SHA-256, the algorithm of the US profile of IEEE 1609.2."""
 
 import hashlib
 from collections.abc import Callable
@@ -21,12 +21,12 @@ Signature = tuple[int, int]
 
 _CURVE = ec.SECP256R1()
 _VERIFY = ec.ECDSA(Prehashed(hashes.SHA256()))
-# RFC 6979: bad random numbers cannot leak the key, and a run can be repeated; 6 % slower.
+# RFC 6979: weak random numbers cannot leak the key, and runs are repeatable; 6 % slower.
 _SIGN = ec.ECDSA(Prehashed(hashes.SHA256()), deterministic_signing=True)
 
 
-NOBODY = hashlib.sha256(b"").digest()
-"""Stands for the signer of a self-signed certificate."""
+SELF_SIGNED = hashlib.sha256(b"").digest()
+"""In place of the digest of the signer's certificate (IEEE 1609.2-2022, 5.3.1.2.2)."""
 
 
 def digest_to_sign(data: bytes, signer: bytes) -> bytes:
@@ -34,7 +34,7 @@ def digest_to_sign(data: bytes, signer: bytes) -> bytes:
 
     Args:
         data: the encoding of what is signed.
-        signer: SHA-256 of the signer's certificate, or `NOBODY`.
+        signer: SHA-256 of the signer's certificate, or `SELF_SIGNED`.
     """
     return hashlib.sha256(hashlib.sha256(data).digest() + signer).digest()
 
@@ -54,7 +54,7 @@ def is_signed(key: PublicKey, digest: bytes, signature: Signature) -> bool:
 
 
 def new_key() -> PrivateKey:
-    """Draw a key from the operating system's random numbers."""
+    """Make a key from the operating system's random numbers."""
     return ec.generate_private_key(_CURVE)
 
 
@@ -69,7 +69,7 @@ def compressed(key: PublicKey) -> bytes:
 
 
 def public_key(point: bytes) -> PublicKey:
-    """Return the key behind a point, compressed or not.
+    """Return the key of a point, compressed or not.
 
     Raises:
         ValueError: the point is not on the curve.

@@ -1,9 +1,9 @@
-"""Warnings of a group, held against the speeds that the braking car tells in its BSMs.
+"""LCCA warnings that wait until the BSM speeds of the braking car confirm them.
 
-A warning comes first, and the BSM that shows the brake a moment later. So a warning that the
-speeds heard so far bear out, or cannot judge, passes at once. One that they speak against is held
-until the car's next BSM bears it out, and passes late rather than never when no further BSM comes.
-Only a car that is heard driving on as before is disbelieved.
+A warning arrives before the BSM that shows the braking. A warning that the speeds so far confirm,
+or that cannot be checked, passes at once. One that they contradict is pending until the car's next
+BSM confirms it. If no BSM arrives in `HOLD_S`, it passes late; if BSMs arrive and still contradict
+it, it is rejected.
 """
 
 import math
@@ -15,9 +15,9 @@ from onboard.observations import Discarded
 from onboard.security.misbehaviour_detection import MisbehaviourDetector
 
 HOLD_S = 0.25
-"""Two BSMs at 10 Hz come in this time, should one be lost."""
-MOST = 64
-"""Doubtful warnings held at a time; whoever floods the air with more is not believed."""
+"""Time for two BSMs at 10 Hz, so that one may be lost."""
+MAX_PENDING = 64
+"""Warnings pending at a time, a bound on memory; more are rejected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,55 +27,61 @@ class _Pending:
     since_s: float
 
     def aged(self, now: float) -> Warn:
-        """A message cannot count the time that it was on its way or held."""
+        """Return the warning with the time in transit and pending added to its age."""
         return replace(self.message, age_s=self.message.age_s + max(0.0, now - self.made_at_s))
 
 
 class PendingWarnings:
-    """Asks `plausibility` about each warning, now and while it is held."""
+    """Checks each warning with the misbehaviour detector, at once and while it is pending."""
 
-    def __init__(self, plausibility: MisbehaviourDetector) -> None:
-        self._plausibility = plausibility
-        self._held: deque[_Pending] = deque()
+    def __init__(self, misbehaviour: MisbehaviourDetector) -> None:
+        self._misbehaviour = misbehaviour
+        self._pending: deque[_Pending] = deque()
         self._passed: deque[Warn] = deque()
         self._events: deque[Discarded] = deque()
 
     def receive_warning(self, message: Warn, made_at_s: float, now: float) -> None:
-        """Take a warning that is authentic; `next_warning` has it now, later or never."""
-        self._held.append(_Pending(message, made_at_s, now))
+        """Take a warning of verified origin; `next_warning` returns it once it passes.
+
+        Args:
+            message: the warning.
+            made_at_s: its generation time.
+            now: the present time.
+        """
+        self._pending.append(_Pending(message, made_at_s, now))
         self.handle_timer(now)
-        if len(self._held) > MOST:
-            self._disbelieve(self._held.pop(), "too_many_warnings", now)
+        if len(self._pending) > MAX_PENDING:
+            self._reject(self._pending.pop(), "too_many_warnings", now)
 
     def next_warning(self) -> Warn | None:
-        """The next warning that passed; `None` when there is none."""
+        """Return the next warning that passed; `None` if there is none."""
         return self._passed.popleft() if self._passed else None
 
     def next_event(self) -> Discarded | None:
-        """The next warning that was not believed, and why."""
+        """Return the next rejected warning, with the reason."""
         return self._events.popleft() if self._events else None
 
     def get_timer(self) -> float:
         """Return when the oldest pending warning must be decided; `math.inf` without one."""
-        return self._held[0].since_s + HOLD_S if self._held else math.inf
+        return self._pending[0].since_s + HOLD_S if self._pending else math.inf
 
     def handle_timer(self, now: float) -> None:
-        """Look again at all that are held: after each BSM, and when the time is over."""
+        """Check all pending warnings again: after each BSM, and when their time is over."""
         waiting: deque[_Pending] = deque()
-        for held in self._held:
-            origin = held.message.event_origin_id
-            braked_at_s = held.made_at_s - held.message.age_s
-            doubt = self._plausibility.check_warning(origin, braked_at_s)
-            if doubt is None:
-                self._passed.append(held.aged(now))
-            elif now < held.since_s + HOLD_S:
-                waiting.append(held)
-            elif self._plausibility.is_heard_since(origin, held.made_at_s):
-                self._disbelieve(held, doubt, now)
+        for pending in self._pending:
+            origin = pending.message.event_origin_id
+            braked_at_s = pending.made_at_s - pending.message.age_s
+            violation = self._misbehaviour.check_warning(origin, braked_at_s)
+            if violation is None:
+                self._passed.append(pending.aged(now))
+            elif now < pending.since_s + HOLD_S:
+                waiting.append(pending)
+            elif self._misbehaviour.has_speed_since(origin, pending.made_at_s):
+                self._reject(pending, violation, now)
             else:
-                self._passed.append(held.aged(now))
-        self._held = waiting
+                self._passed.append(pending.aged(now))
+        self._pending = waiting
 
-    def _disbelieve(self, held: _Pending, reason: str, now: float) -> None:
-        origin = held.message.event_origin_id.hex()
+    def _reject(self, pending: _Pending, reason: str, now: float) -> None:
+        origin = pending.message.event_origin_id.hex()
         self._events.append(Discarded(now, "lcca", reason, f"a brake of {origin}"))

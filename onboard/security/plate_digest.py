@@ -1,7 +1,7 @@
-"""The communication ID of a car: a keyed digest of its plate that changes with time.
+"""The communication ID of a car: a keyed digest of its plate that changes every epoch.
 
-Whoever sees a plate can compute the ID its car sends under, and nobody reads the plate off the
-air. What that protects against, and what it does not, is in docs/decisions/0050.
+A car that reads a plate by camera can compute the ID of that car, and the plate cannot be read from
+messages. The limits of this protection are in docs/design/security.md, "Plate digests".
 """
 
 import hashlib
@@ -13,9 +13,9 @@ from functools import lru_cache
 from onboard.security.settings import PlateDigestSettings
 
 _LOOK_ALIKES = str.maketrans("OI", "01")
-"""Pairs that many plate fonts draw alike: a camera that mistakes one still finds the car."""
+"""Pairs that many plate fonts draw alike: a misread one still gives the right ID."""
 
-_REMEMBERED = 256
+_CACHE_SIZE = 256
 """Derivations kept: every plate in view, in this epoch and the next."""
 
 
@@ -24,13 +24,13 @@ class PlateDigest:
 
     def __init__(self, settings: PlateDigestSettings) -> None:
         self._settings = settings
-        self._derive = lru_cache(maxsize=_REMEMBERED)(self._derive_slowly)
+        self._derive = lru_cache(maxsize=_CACHE_SIZE)(self._derive_uncached)
 
     def car_id(self, plate_text: str, utc_s: float) -> bytes:
-        """Return the eight bytes that the car with this plate is known by at `utc_s`.
+        """Return the communication ID (8 bytes) of the car with this plate at `utc_s`.
 
-        The first call for a plate in an epoch is slow by design. Calling it ahead of time, with
-        `epoch_ends_at(now)`, makes the switch instant.
+        The first call for a plate in an epoch is slow by design; a call with `epoch_ends_at(now)`
+        ahead of time makes the change of epoch instant.
 
         Raises:
             ValueError: the plate has no letter and no digit.
@@ -38,14 +38,14 @@ class PlateDigest:
         return self._derive(normalised(plate_text), self.epoch(utc_s))
 
     def epoch_ends_at(self, utc_s: float) -> float:
-        """Return the UTC second from which the IDs of the next epoch hold."""
+        """Return the UTC second from which the IDs of the next epoch are valid."""
         return (self.epoch(utc_s) + 1) * self._settings.epoch_s
 
     def epoch(self, utc_s: float) -> int:
         """Return the number of the epoch at `utc_s`; the same for all cars."""
         return math.floor(utc_s / self._settings.epoch_s)
 
-    def _derive_slowly(self, plate: str, epoch: int) -> bytes:
+    def _derive_uncached(self, plate: str, epoch: int) -> bytes:
         n = 1 << self._settings.scrypt_log2_n
         key = self._settings.community_key.get_secret_value().encode()
         return hashlib.scrypt(

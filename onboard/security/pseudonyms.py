@@ -1,6 +1,6 @@
-"""Who the car is for now: certificate, temporary ID and plate digest, which change together.
+"""Pseudonyms: certificate, temporary ID and communication ID, which change together.
 
-If one of them stayed while the others changed, it would join the old identity to the new one.
+An identifier that stayed while the others changed would link the old pseudonym to the new one.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from onboard.security.plate_digest import PlateDigest
 
 @dataclass(frozen=True, slots=True)
 class CertificateExpired:
-    """The car signs with a certificate that does not hold any more, or not yet: nobody believes it.
+    """The host vehicle signs with a certificate that is not valid now: receivers refuse it.
 
     `onboard keys car` makes new ones.
     """
@@ -26,20 +26,20 @@ class CertificateExpired:
 
 @dataclass(frozen=True, slots=True)
 class Pseudonym:
-    """One identity."""
+    """The identifiers of one epoch."""
 
     car_id: bytes
-    """Of the LCCA messages: the digest of the plate."""
+    """Communication ID of LCCA messages."""
     temporary_id: bytes
-    """Of the BSMs."""
+    """Temporary ID of BSMs."""
     first_msg_cnt: int
-    """Where the BSMs begin to count, 0 to 127."""
+    """First `msg_cnt` of its BSMs, 0 to 127."""
     credential: Credential | None
-    """What to sign with; `None`: messages are not signed."""
+    """Certificate and key; `None` if messages are not signed."""
     ends_at_utc_s: float
 
     def is_out_of_date(self, utc_s: float) -> bool:
-        """Whether messages signed with it are refused by everybody."""
+        """Whether its certificate is not valid at `utc_s`."""
         if self.credential is None:
             return False
         subject = self.credential.certificate.subject
@@ -47,7 +47,7 @@ class Pseudonym:
 
 
 class Pseudonyms:
-    """The identities of one car, one for each epoch of the plate digest."""
+    """The pseudonyms of one car, one for each epoch of the plate digest."""
 
     def __init__(
         self,
@@ -56,7 +56,14 @@ class Pseudonyms:
         credentials: Credentials | None,
         rng: np.random.Generator,
     ) -> None:
-        """Take the pseudonym certificates of `credentials` in turns."""
+        """Use the pseudonym certificates of `credentials` in turns.
+
+        Args:
+            plate_text: the car's own plate.
+            digest: derives the communication IDs.
+            credentials: `None` if messages are not signed.
+            rng: draws temporary IDs and message counts.
+        """
         self._plate_text = plate_text
         self._digest = digest
         self._credentials = () if credentials is None else credentials.pseudonyms
@@ -64,7 +71,7 @@ class Pseudonyms:
         self._current: Pseudonym | None = None
 
     def at(self, utc_s: float) -> Pseudonym:
-        """Return the identity that holds at `utc_s`; the same object until it ends."""
+        """Return the pseudonym at `utc_s`; the same object until it ends."""
         ends_at_utc_s = self._digest.epoch_ends_at(utc_s)
         if self._current is None or self._current.ends_at_utc_s != ends_at_utc_s:
             self._current = Pseudonym(
@@ -77,19 +84,18 @@ class Pseudonyms:
         return self._current
 
     def _credential(self, utc_s: float, ends_at_utc_s: float) -> Credential | None:
-        """Return the certificate of this epoch, among those that hold for all of it.
+        """Return the certificate of this epoch, one that is valid for all of it.
 
-        It follows from the epoch's number: a car that starts again within an epoch signs as before,
-        and is not taken for a second one that goes by the same plate digest.
-
-        Where none holds, one of all: others will refuse it as `expired` and say so, which is better
-        than a car that falls silent.
+        The epoch's number selects it: a car that restarts within an epoch signs as before and is
+        not taken for a second signer of the same communication ID. If none is valid, an expired one
+        is used: receivers refuse its messages with a reason, which is easier to diagnose than
+        silence.
         """
-        holding = [each for each in self._credentials if _holds(each, utc_s, ends_at_utc_s)]
-        among = holding or self._credentials
-        return among[self._digest.epoch(utc_s) % len(among)] if among else None
+        valid = [each for each in self._credentials if _is_valid(each, utc_s, ends_at_utc_s)]
+        candidates = valid or self._credentials
+        return candidates[self._digest.epoch(utc_s) % len(candidates)] if candidates else None
 
 
-def _holds(credential: Credential, utc_s: float, ends_at_utc_s: float) -> bool:
+def _is_valid(credential: Credential, utc_s: float, ends_at_utc_s: float) -> bool:
     subject = credential.certificate.subject
     return subject.valid_from_utc_s <= utc_s and ends_at_utc_s <= subject.valid_until_utc_s

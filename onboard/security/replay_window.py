@@ -1,13 +1,13 @@
-"""Remembers what has been had, in bounded memory and without a gap."""
+"""Detection of replayed messages, in bounded memory and without a gap."""
 
 from collections import OrderedDict
 
 
 class ReplayWindow:
-    """The digests of messages made recently. Times are those of the messages, in microseconds."""
+    """Digests of recent messages. Times are generation times in microseconds (Time64)."""
 
     def __init__(self, window_us: int, capacity: int) -> None:
-        """Remember at most `capacity` messages, each until `window_us` after it was made."""
+        """Keep at most `capacity` digests, each for `window_us` after its generation."""
         self._window_us = window_us
         self._capacity = capacity
         self._made_at: OrderedDict[bytes, int] = OrderedDict()
@@ -15,13 +15,13 @@ class ReplayWindow:
 
     @property
     def forgotten_us(self) -> int:
-        """Nothing is known of messages made at this time or before: they must not be believed."""
+        """Latest generation time of a dropped digest: messages up to it are to be refused."""
         return self._forgotten_us
 
     def receive_time(self, now_us: int) -> None:
-        """Begin anew if what is forgotten lies ahead: the clock was put back.
+        """Reset `forgotten_us` if it is in the future: the clock was set back.
 
-        Otherwise nothing would be believed until it is as late again.
+        Otherwise all messages would be refused until the clock reaches it again.
         """
         if self._forgotten_us > now_us + self._window_us:
             self._forgotten_us = 0
@@ -33,7 +33,13 @@ class ReplayWindow:
         return len(self._made_at)
 
     def add(self, digest: bytes, made_us: int, now_us: int) -> None:
-        """Remember a message that was believed."""
+        """Add an accepted message.
+
+        Args:
+            digest: its digest.
+            made_us: its generation time.
+            now_us: the present time.
+        """
         self._made_at[digest] = made_us
         while self._made_at:
             oldest_us = next(iter(self._made_at.values()))

@@ -1,7 +1,7 @@
-"""The core between the messages and the radio: secures what goes out, opens what came in.
+"""Signs outgoing messages and verifies incoming ones (IEEE 1609.2), without I/O.
 
-Nothing that a radio received is believed before `Security.open` has returned it. The checks run
-from the cheapest to the dearest, the signature last.
+A received message is used only after `SecurityServices.open` has returned it. The cheapest checks
+come first, the signature last.
 """
 
 from dataclasses import dataclass
@@ -14,46 +14,59 @@ from onboard.security.its_time import from_time64, to_time64
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.replay_window import ReplayWindow
-from onboard.security.settings import SecuritySettings
 from onboard.security.trust import Trusted, TrustStore
 
 __all__ = ["NotTrusted", "Opened", "RejectionReason", "SecurityServices"]
 
-_REMEMBERED = 32_768
-"""Messages kept against replay: 5 s of 6,000 a second."""
+MESSAGE_LIFETIME_S = 5.0
+"""Age beyond which a signed message is refused. Safety messages are used within a second; this also
+bounds the replay window. Ours."""
+CLOCK_TOLERANCE_S = 2.0
+"""How far a sender's clock may be ahead of the host vehicle's. Ours: clocks set by NTP without GNSS
+stay within it."""
+CERTIFICATE_INTERVAL_S = 0.45
+"""Longest time between BSMs that carry the certificate instead of its digest: vCertAttachInterval
+of SAE J2945/1. Group messages always carry it: a warning cannot wait for the next certificate."""
+
+_MAX_REPLAY_DIGESTS = 32_768
+"""Size of the replay window: 5 s of 6,000 messages a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """A message out of its envelope."""
+    """The content of an accepted message."""
 
     payload: bytes
     signer_id: bytes | None
-    """HashedId8 of the certificate that signed it; `None`: nobody vouches for it."""
+    """HashedId8 of the signer's certificate; `None` if the message was not verified."""
     generation_utc_s: float | None
 
 
 class SecurityServices:
-    """Wraps and unwraps 1609.2 data. `now` is the car's clock; UTC is `now + utc_offset_s`."""
+    """Makes and opens 1609.2 data. `now` is the monotonic clock; UTC is `now + utc_offset_s`."""
 
     def __init__(
         self,
         utc_offset_s: float,
         credentials: Credentials | None = None,
-        settings: SecuritySettings | None = None,
+        *,
+        certificate_interval_s: float = CERTIFICATE_INTERVAL_S,
     ) -> None:
         """Sign and verify with `credentials`; without them, neither.
 
+        Args:
+            utc_offset_s: UTC less the monotonic clock.
+            credentials: pseudonym certificates with their keys, and the trusted roots.
+            certificate_interval_s: longest time between BSMs that carry the certificate.
+
         Raises:
-            NotTrusted: the credentials' own certificates do not fit together.
+            NotTrusted: the chain of an own certificate is not valid.
         """
         self.utc_offset_s = utc_offset_s
-        self._settings = settings or SecuritySettings()
+        self._certificate_interval_s = certificate_interval_s
         self._certificate_due_at = float("-inf")
         self._last_generation = 0
-        self._replays = ReplayWindow(
-            round(self._settings.message_lifetime_s * 1e6), capacity=_REMEMBERED
-        )
+        self._replays = ReplayWindow(round(MESSAGE_LIFETIME_S * 1e6), capacity=_MAX_REPLAY_DIGESTS)
         self._own_ids: frozenset[bytes] = frozenset()
         self._credential: Credential | None = None
         self._trust: TrustStore | None = None
@@ -63,7 +76,7 @@ class SecurityServices:
             self._trust = TrustStore(credentials.roots, credentials.authorities)
 
     def sign_with(self, credential: Credential) -> None:
-        """Use `credential` from now on; the next message introduces it."""
+        """Use `credential` from now on; the next message carries its certificate."""
         self._credential = credential
         self._certificate_due_at = float("-inf")
 
@@ -78,7 +91,15 @@ class SecurityServices:
         expires_in_s: float | None = None,
         location: ieee1609dot2.Location | None = None,
     ) -> bytes:
-        """Return `payload` as Ieee1609Dot2Data, to be sent under `psid`."""
+        """Return `payload` as Ieee1609Dot2Data, signed if there are credentials.
+
+        Args:
+            payload: the message.
+            psid: the service it is sent under, which the signature covers.
+            now: generation time.
+            expires_in_s: sets the expiry time in the header.
+            location: sets the generation location in the header.
+        """
         if self._credential is None:
             return ieee1609dot2.encode_unsecured(payload)
         generation = self._generation_time64(now)
@@ -88,14 +109,14 @@ class SecurityServices:
         digest = p256.digest_to_sign(to_be_signed, certificate.digest)
         return ieee1609dot2.encode_signed(
             to_be_signed,
-            certificate if self._is_introduced(psid, now) else certificate.hashed_id8,
+            certificate if self._attaches_certificate(psid, now) else certificate.hashed_id8,
             p256.sign(self._credential.key, digest),
         )
 
     def _generation_time64(self, now: float) -> int:
-        """Return the time to stamp; no two messages of a car have the same.
+        """Return the generation time (Time64), different for every message of a car.
 
-        The clock of a box may stand before 2004 until it is set. Nobody believes the car till then.
+        A clock that has not been set may be before 2004; receivers refuse the messages until it is.
         """
         generation = max(0, to_time64(now + self.utc_offset_s))
         if 0 <= self._last_generation - generation < 1_000:
@@ -103,21 +124,26 @@ class SecurityServices:
         self._last_generation = generation
         return generation
 
-    def _is_introduced(self, psid: int, now: float) -> bool:
+    def _attaches_certificate(self, psid: int, now: float) -> bool:
         if psid == BSM and now < self._certificate_due_at:
             return False
-        self._certificate_due_at = now + self._settings.certificate_interval_s
+        self._certificate_due_at = now + self._certificate_interval_s
         return True
 
     # ---- in -------------------------------------------------------------------------------
 
     def open(self, data: bytes, psid: int, now: float) -> Opened:
-        """Return what `data`, received under `psid`, carries.
+        """Verify 1609.2 data and return its content.
 
-        Without credentials whatever can be read is returned, and nobody vouches for it.
+        Without credentials, nothing is verified: whatever can be decoded is returned.
+
+        Args:
+            data: Ieee1609Dot2Data.
+            psid: the service it was received under.
+            now: the present time.
 
         Raises:
-            NotTrusted: it must not be believed; `reason` says why.
+            NotTrusted: the message is refused; `reason` tells why.
         """
         try:
             message = ieee1609dot2.decode(data)
@@ -150,19 +176,17 @@ class SecurityServices:
     def _check_time(self, message: SignedData, utc_s: float) -> int:
         generation = message.generation_time64
         if generation is None:
-            raise NotTrusted(RejectionReason.STALE, "does not say when it was made")
+            raise NotTrusted(RejectionReason.STALE, "no generation time")
         age_s = utc_s - from_time64(generation)
-        if age_s > self._settings.message_lifetime_s:
+        if age_s > MESSAGE_LIFETIME_S:
             raise NotTrusted(RejectionReason.STALE, f"{age_s:.3f} s old")
         self._replays.receive_time(to_time64(utc_s))
         if generation <= self._replays.forgotten_us:
-            raise NotTrusted(
-                RejectionReason.STALE, "of a time whose messages are no longer remembered"
-            )
-        if age_s < -self._settings.clock_tolerance_s:
+            raise NotTrusted(RejectionReason.STALE, "older than the replay window reaches back")
+        if age_s < -CLOCK_TOLERANCE_S:
             raise NotTrusted(RejectionReason.FROM_THE_FUTURE, f"{-age_s:.3f} s ahead")
         if message.expiry_time64 is not None and utc_s >= from_time64(message.expiry_time64):
-            raise NotTrusted(RejectionReason.EXPIRED, "the message is over")
+            raise NotTrusted(RejectionReason.EXPIRED, "the message")
         return generation
 
     def _signer(self, message: SignedData, trust: TrustStore) -> Trusted:

@@ -1,4 +1,4 @@
-"""Which certificates are believed, and for what: each chain is checked once and then remembered."""
+"""Trusted certificates: each chain is verified once and then kept."""
 
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator
@@ -8,26 +8,26 @@ from onboard.security import p256
 from onboard.security.certificates import Certificate
 from onboard.security.rejection import NotTrusted, RejectionReason
 
-_LEARNED = 4096
-"""Certificates from the air that are remembered, the ones seen last."""
+_MAX_RECEIVED = 4096
+"""Received certificates that are kept, those used last."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trusted:
-    """A certificate whose chain was found good."""
+    """A certificate whose chain was verified."""
 
     certificate: Certificate
     key: p256.PublicKey
     issuer: "Trusted | None"
     valid_from_utc_s: float
-    """The latest beginning in its chain."""
+    """Latest start of validity in its chain."""
     valid_until_utc_s: float
-    """The earliest end in its chain."""
+    """Earliest end of validity in its chain."""
     psids: frozenset[int]
-    """What its holder may speak in."""
+    """Applications that its holder may send in."""
 
     def chain(self) -> "Iterator[Trusted]":
-        """Yield those above it, from its issuer up to the root."""
+        """Yield the certificates above it, from its issuer up to the root."""
         above = self.issuer
         while above is not None:
             yield above
@@ -35,20 +35,20 @@ class Trusted:
 
 
 class TrustStore:
-    """The certificates a car knows."""
+    """The roots, authorities and received certificates of one car."""
 
     def __init__(self, roots: Iterable[Certificate], authorities: Iterable[Certificate]) -> None:
-        """Trust the self-signed `roots` for what they say, and what leads to them.
+        """Trust the self-signed `roots`, and certificates whose chain leads to one of them.
 
         Args:
-            roots: from the car's own files, never from the air.
+            roots: from the car's own files, never received by radio.
             authorities: certificates between roots and cars, in any order.
 
         Raises:
-            NotTrusted: one of them is not what it should be.
+            NotTrusted: one of them cannot be verified.
         """
         self._anchors: dict[bytes, Trusted] = {}
-        self._learned: OrderedDict[bytes, Trusted] = OrderedDict()
+        self._received: OrderedDict[bytes, Trusted] = OrderedDict()
         for root in roots:
             if root.issuer_id is not None:
                 raise NotTrusted(
@@ -64,15 +64,15 @@ class TrustStore:
                 self._anchors[authority.hashed_id8] = checked
 
     def find(self, hashed_id8: bytes) -> Trusted | None:
-        """Return the certificate of this name, if it has been seen and found good."""
-        found = self._learned.get(hashed_id8)
+        """Return the certificate of this HashedId8 if it was verified; else `None`."""
+        found = self._received.get(hashed_id8)
         if found is None:
             return self._anchors.get(hashed_id8)
-        self._learned.move_to_end(hashed_id8)
+        self._received.move_to_end(hashed_id8)
         return found
 
     def receive(self, certificate: Certificate) -> Trusted:
-        """Check a certificate from the air and remember it.
+        """Verify a received certificate and keep it.
 
         Raises:
             NotTrusted: `untrusted_issuer`, `bad_certificate` or `unsupported`.
@@ -81,9 +81,9 @@ class TrustStore:
         if known is not None and known.certificate.encoded == certificate.encoded:
             return known
         trusted = self._check(certificate, self._issuer(certificate))
-        self._learned[certificate.hashed_id8] = trusted
-        if len(self._learned) > _LEARNED:
-            self._learned.popitem(last=False)
+        self._received[certificate.hashed_id8] = trusted
+        if len(self._received) > _MAX_RECEIVED:
+            self._received.popitem(last=False)
         return trusted
 
     def _issuer(self, certificate: Certificate) -> Trusted:
@@ -97,7 +97,7 @@ class TrustStore:
         return issuer
 
     def _check(self, certificate: Certificate, issuer: Trusted | None) -> Trusted:
-        """Return `certificate` as trusted; `issuer` is `None` for a root of our own."""
+        """Verify `certificate`; `issuer` is `None` for an own root."""
         subject = certificate.subject
         if subject.public_key is None or certificate.signature is None:
             raise NotTrusted(RejectionReason.UNSUPPORTED, "an implicit certificate")
@@ -115,16 +115,16 @@ class TrustStore:
             min(subject.valid_until_utc_s, issuer.valid_until_utc_s if issuer else float("inf")),
             frozenset(permission.psid for permission in subject.permissions),
         )
-        _check_rights(trusted)
-        signer = p256.NOBODY if issuer is None else issuer.certificate.digest
+        _check_permissions(trusted)
+        signer = p256.SELF_SIGNED if issuer is None else issuer.certificate.digest
         digest = p256.digest_to_sign(certificate.to_be_signed, signer)
         if not p256.is_signed(key if issuer is None else issuer.key, digest, certificate.signature):
             raise NotTrusted(RejectionReason.BAD_CERTIFICATE, "its issuer did not sign it")
         return trusted
 
 
-def _check_rights(trusted: Trusted) -> None:
-    """Every authority above must be allowed to grant what the certificate claims."""
+def _check_permissions(trusted: Trusted) -> None:
+    """Check that every authority above may grant the permissions of the certificate."""
     subject = trusted.certificate.subject
     for height, authority in enumerate(trusted.chain(), start=1):
         granted = authority.certificate.subject.issue_permissions

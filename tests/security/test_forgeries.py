@@ -10,7 +10,6 @@ from onboard.security import ieee1609dot2, p256
 from onboard.security.certificate_codec import encode_certificate, encode_signature
 from onboard.security.its_time import to_time64
 from onboard.security.security_services import NotTrusted, SecurityServices
-from onboard.security.settings import SecuritySettings
 from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
 from tests.security.trial import (
     ALICE,
@@ -363,7 +362,7 @@ def test_a_new_identity_introduces_itself_at_once(alice):
 
 
 def test_the_interval_is_a_setting():
-    eager = SecurityServices(UTC_S, ALICE, SecuritySettings(certificate_interval_s=0.0))
+    eager = SecurityServices(UTC_S, ALICE, certificate_interval_s=0.0)
     assert len({_size(eager, BSM, now=i / 100) for i in range(5)}) == 1
 
 

@@ -8,7 +8,7 @@ import pytest
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.security.misbehaviour_detection import FORGOTTEN_S, MisbehaviourDetector
+from onboard.security.misbehaviour_detection import SENDER_TIMEOUT_S, MisbehaviourDetector
 from onboard.units import KM_H
 
 CORE = CoreData(0, b"abcd", latitude_deg=25.0, longitude_deg=121.5, speed_m_s=20.0)
@@ -21,13 +21,13 @@ def _bsm(speed_m_s=20.0, north_m=0.0, braking=False):
     return BasicSafetyMessage(core, BRAKING if braking else None)
 
 
-def _drive(speeds_m_s, plausibility, braking_from=None, interval_s=0.1):
+def _drive(speeds_m_s, detector, braking_from=None, interval_s=0.1):
     """Send BSMs of these speeds; what was thought of each."""
     north_m, doubts = 0.0, []
     for i, speed_m_s in enumerate(speeds_m_s):
         braking = braking_from is not None and i >= braking_from
         message = _bsm(speed_m_s, north_m, braking)
-        doubts.append(plausibility.receive_bsm(b"car", message, i * interval_s))
+        doubts.append(detector.receive_bsm(b"car", message, i * interval_s))
         north_m += speed_m_s * interval_s
     return doubts
 
@@ -77,9 +77,9 @@ def test_a_speed_that_no_car_has():
     ],
 )
 def test_a_speed_follows_from_the_one_before(after_s, speed_m_s, doubt):
-    plausibility = MisbehaviourDetector()
-    plausibility.receive_bsm(b"car", _bsm(20.0), 0.0)
-    assert plausibility.receive_bsm(b"car", _bsm(speed_m_s), after_s) == doubt
+    detector = MisbehaviourDetector()
+    detector.receive_bsm(b"car", _bsm(20.0), 0.0)
+    assert detector.receive_bsm(b"car", _bsm(speed_m_s), after_s) == doubt
 
 
 @pytest.mark.parametrize(
@@ -93,57 +93,57 @@ def test_a_speed_follows_from_the_one_before(after_s, speed_m_s, doubt):
     ],
 )
 def test_a_position_is_within_reach_of_the_one_before(after_s, north_m, doubt):
-    plausibility = MisbehaviourDetector()
-    plausibility.receive_bsm(b"car", _bsm(), 0.0)
-    assert plausibility.receive_bsm(b"car", _bsm(north_m=north_m), after_s) == doubt
+    detector = MisbehaviourDetector()
+    detector.receive_bsm(b"car", _bsm(), 0.0)
+    assert detector.receive_bsm(b"car", _bsm(north_m=north_m), after_s) == doubt
 
 
 def test_a_receiver_that_jumped_once_is_believed_again_from_where_it_is():
-    plausibility = MisbehaviourDetector()
+    detector = MisbehaviourDetector()
     doubts = [
-        plausibility.receive_bsm(b"car", _bsm(north_m=north_m), i / 10)
+        detector.receive_bsm(b"car", _bsm(north_m=north_m), i / 10)
         for i, north_m in enumerate((0.0, 300.0, 302.0))
     ]
     assert doubts == [None, "implausible_position", None]
 
 
 def test_the_date_line_is_no_jump():
-    plausibility = MisbehaviourDetector()
+    detector = MisbehaviourDetector()
     for i, longitude_deg in enumerate((179.99999, -179.99999)):
         message = BasicSafetyMessage(replace(CORE, longitude_deg=longitude_deg))
-        assert plausibility.receive_bsm(b"car", message, i / 10) is None
+        assert detector.receive_bsm(b"car", message, i / 10) is None
 
 
 def test_cars_do_not_answer_for_each_other():
-    plausibility = MisbehaviourDetector()
-    plausibility.receive_bsm(b"one", _bsm(10.0), 0.0)
+    detector = MisbehaviourDetector()
+    detector.receive_bsm(b"one", _bsm(10.0), 0.0)
     other = replace(_bsm(30.0, north_m=900.0).core, temporary_id=b"efgh")
-    assert plausibility.receive_bsm(b"two", BasicSafetyMessage(other), 0.1) is None
+    assert detector.receive_bsm(b"two", BasicSafetyMessage(other), 0.1) is None
 
 
 def test_nobody_goes_by_the_temporary_id_of_another():
-    plausibility = MisbehaviourDetector()
-    plausibility.receive_bsm(b"one", _bsm(), 0.0)
-    assert plausibility.receive_bsm(b"two", _bsm(), 0.1) == "implausible_identity"
-    assert plausibility.receive_bsm(b"one", _bsm(), 0.1) is None
+    detector = MisbehaviourDetector()
+    detector.receive_bsm(b"one", _bsm(), 0.0)
+    assert detector.receive_bsm(b"two", _bsm(), 0.1) == "implausible_identity"
+    assert detector.receive_bsm(b"one", _bsm(), 0.1) is None
 
 
 def test_speeds_that_were_doubted_do_not_bear_out_a_brake():
-    plausibility = MisbehaviourDetector()
-    _drive(np.full(15, 15.0), plausibility)
-    plausibility.receive_car_id(b"car", b"plate id")
+    detector = MisbehaviourDetector()
+    _drive(np.full(15, 15.0), detector)
+    detector.receive_car_id(b"car", b"plate id")
     for speed_m_s in (150.0, 15.0):
-        assert plausibility.receive_bsm(b"car", _bsm(speed_m_s, 25.0), 1.5) is not None
-    assert plausibility.check_warning(b"plate id", braked_at_s=1.5) == "implausible_brake"
+        assert detector.receive_bsm(b"car", _bsm(speed_m_s, 25.0), 1.5) is not None
+    assert detector.check_warning(b"plate id", braked_at_s=1.5) == "implausible_brake"
 
 
 def test_a_message_overtaken_by_a_later_one_is_believed_and_not_remembered():
-    plausibility = MisbehaviourDetector()
-    plausibility.receive_bsm(b"car", _bsm(20.0, north_m=10.0), 1.0)
-    assert plausibility.receive_bsm(b"car", _bsm(20.0, north_m=8.0), 0.9) is None
-    assert plausibility.receive_bsm(b"car", _bsm(20.0, north_m=12.0), 1.1) is None
-    plausibility.receive_car_id(b"car", b"plate id")
-    assert not plausibility.is_heard_since(b"plate id", 1.1)
+    detector = MisbehaviourDetector()
+    detector.receive_bsm(b"car", _bsm(20.0, north_m=10.0), 1.0)
+    assert detector.receive_bsm(b"car", _bsm(20.0, north_m=8.0), 0.9) is None
+    assert detector.receive_bsm(b"car", _bsm(20.0, north_m=12.0), 1.1) is None
+    detector.receive_car_id(b"car", b"plate id")
+    assert not detector.has_speed_since(b"plate id", 1.1)
 
 
 @pytest.mark.parametrize(
@@ -158,13 +158,13 @@ def test_a_message_overtaken_by_a_later_one_is_believed_and_not_remembered():
 )
 def test_a_receiver_of_one_fix_a_second_is_a_second_further_on_at_once(way_m, told_after_s, doubt):
     """Its messages tell ten times when one fix was true, then another, across a minute's end."""
-    plausibility = MisbehaviourDetector()
+    detector = MisbehaviourDetector()
     for tenth, (north_m, sec_mark_s) in enumerate(
         [(0.0, 59.4)] * 9 + [(way_m, 59.4 + told_after_s)]
     ):
         said = _bsm(40.0, north_m)
         core = replace(said.core, sec_mark_s=sec_mark_s % 60.0)
-        told = plausibility.receive_bsm(b"car", replace(said, core=core), tenth / 10)
+        told = detector.receive_bsm(b"car", replace(said, core=core), tenth / 10)
     assert told == doubt
 
 
@@ -177,9 +177,9 @@ def test_a_receiver_of_one_fix_a_second_is_a_second_further_on_at_once(way_m, to
     ],
 )
 def test_whoever_dates_his_messages_back_is_doubted_all_the_same(message, doubt):
-    plausibility = MisbehaviourDetector()
-    _drive(np.full(30, 20.0), plausibility)
-    assert plausibility.receive_bsm(b"car", message, 2.85) == doubt
+    detector = MisbehaviourDetector()
+    _drive(np.full(30, 20.0), detector)
+    assert detector.receive_bsm(b"car", message, 2.85) == doubt
 
 
 # ---- warnings of a group ------------------------------------------------------------------------
@@ -189,35 +189,35 @@ def test_a_warning_is_judged_by_the_bsms_of_the_car_that_is_said_to_brake():
     liar, honest = MisbehaviourDetector(), MisbehaviourDetector()
     _drive(np.full(30, 20.0), liar)
     _drive(np.concatenate([np.full(15, 20.0), np.linspace(20, 11, 15)]), honest)
-    for plausibility in (liar, honest):
-        plausibility.receive_car_id(b"car", b"plate id")
+    for detector in (liar, honest):
+        detector.receive_car_id(b"car", b"plate id")
     assert liar.check_warning(b"plate id", braked_at_s=2.0) == "implausible_brake"
     assert honest.check_warning(b"plate id", braked_at_s=2.0) is None
 
 
 def test_a_warning_of_a_car_that_was_never_heard_is_left_to_the_group():
     """It is several hops ahead, out of the reach of its BSMs: that is what forwarding is for."""
-    plausibility = MisbehaviourDetector()
-    _drive(np.full(30, 20.0), plausibility)
-    assert plausibility.check_warning(b"far away", braked_at_s=2.0) is None
+    detector = MisbehaviourDetector()
+    _drive(np.full(30, 20.0), detector)
+    assert detector.check_warning(b"far away", braked_at_s=2.0) is None
 
 
 def test_many_forged_senders_take_bounded_memory():
-    plausibility = MisbehaviourDetector()
+    detector = MisbehaviourDetector()
     for i in range(3000):
         core = replace(CORE, temporary_id=i.to_bytes(4))
-        plausibility.receive_bsm(i.to_bytes(8), BasicSafetyMessage(core), 0.0)
-        plausibility.receive_car_id(i.to_bytes(8), i.to_bytes(8))
-    assert len(plausibility._senders) <= 512
-    assert len(plausibility._car_ids) <= 512
-    assert len(plausibility._temporary_ids) <= 512
+        detector.receive_bsm(i.to_bytes(8), BasicSafetyMessage(core), 0.0)
+        detector.receive_car_id(i.to_bytes(8), i.to_bytes(8))
+    assert len(detector._senders) <= 512
+    assert len(detector._car_ids) <= 512
+    assert len(detector._temporary_ids) <= 512
 
 
 def test_who_has_not_been_heard_for_long_is_forgotten():
-    plausibility = MisbehaviourDetector()
+    detector = MisbehaviourDetector()
     for number in range(10):
         core = replace(CORE, temporary_id=number.to_bytes(4))
-        plausibility.receive_bsm(number.to_bytes(8), BasicSafetyMessage(core), float(number))
-    plausibility.receive_bsm(b"another.", _bsm(), FORGOTTEN_S + 4.5)
+        detector.receive_bsm(number.to_bytes(8), BasicSafetyMessage(core), float(number))
+    detector.receive_bsm(b"another.", _bsm(), SENDER_TIMEOUT_S + 4.5)
 
-    assert list(plausibility._senders) == [*(n.to_bytes(8) for n in range(5, 10)), b"another."]
+    assert list(detector._senders) == [*(n.to_bytes(8) for n in range(5, 10)), b"another."]

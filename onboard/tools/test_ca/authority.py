@@ -124,7 +124,7 @@ def make_trial(
 
 def _signed(subject: Subject, key: p256.PrivateKey, issuer: Certificate | None) -> Certificate:
     to_be_signed = encode_to_be_signed(subject)
-    signer = p256.NOBODY if issuer is None else issuer.digest
+    signer = p256.SELF_SIGNED if issuer is None else issuer.digest
     signature = p256.sign(key, p256.digest_to_sign(to_be_signed, signer))
     issuer_id = None if issuer is None else issuer.hashed_id8
     # Read back, so that the subject says what the wire says: durations come in whole units.
