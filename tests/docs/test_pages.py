@@ -40,6 +40,12 @@ def words_of_the_code() -> frozenset[str]:
     return frozenset(found)
 
 
+@cache
+def paths() -> frozenset[str]:
+    """Every file of the repository's code and data, from its root."""
+    return frozenset(name_of(path) for folder in CODE for path in (ROOT / folder).rglob("*.*"))
+
+
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_every_link_leads_to_a_file_and_a_heading(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
@@ -57,11 +63,11 @@ def test_every_link_leads_to_a_file_and_a_heading(page: Path) -> None:
 def test_every_constant_and_file_that_a_page_names_exists(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     constants = re.findall(r"`(_?[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)+)`", text)
-    files = [Path(each).name for each in re.findall(r"`([\w./-]+\.(?:py|yaml))`", text)]
+    files = re.findall(r"`(\w[\w./-]*\.(?:py|yaml))`", text)
     settings = re.findall(r"`(?:[a-z_]+\.)*([a-z]+(?:_[a-z0-9]+)+)`", text)
 
-    missing = {*constants, *files, *settings} - words_of_the_code()
-    assert not missing
+    assert not {*constants, *settings} - words_of_the_code()
+    assert not [each for each in files if not any(f"/{p}".endswith(f"/{each}") for p in paths())]
 
 
 def test_the_pages_stay_short() -> None:
