@@ -1,8 +1,8 @@
-"""Thousands of runs: spread over processes or a cluster, kept one by one, resumed where they ended.
+"""Runs of a study: distributed over processes or a cluster, stored one by one, and resumable.
 
-A run is a function of settings and a number, and takes its seed from them; so run 17 alone gives
-what it gave in the campaign, and an interrupted campaign ends like one that was not. What a run
-gives is kept as one line of `runs.jsonl` as soon as it is known.
+A run is a function of settings and a number, from which it takes its seed. So run 17 alone has the
+result that it has in the campaign, and an interrupted campaign, when it is resumed, ends with the
+same results. The result of a run is one line of `runs.jsonl`, written as soon as the run ends.
 """
 
 import fcntl
@@ -29,28 +29,28 @@ from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.settings import Settings
 
 Row = dict[str, Any]
-"""What a run gives: what JSON can hold, with floats as they are."""
+"""Result of a run: values that JSON can represent."""
 SettingsT = TypeVar("SettingsT", bound=Settings)
 Run = Callable[[SettingsT, int], Row]
-"""One run; must be found by its name in its module, so that other processes can call it."""
+"""One run; a function at the top level of its module, so that other processes can import it."""
 
-DASK_ANSWERS_S = 10.0
-_MOST_BREAKDOWNS = 3
-"""In a row, without a run between them."""
+DASK_TIMEOUT_S = 10.0
+_MOST_FAILURES = 3
+"""Consecutive failures of the worker pool, without a finished run between them."""
 
 
 class CampaignError(UserError):
-    """Names what the user can do."""
+    """An error of a campaign that the user can resolve."""
 
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Who does the runs."""
+    """Processes that execute the runs."""
 
     processes: int = 1
-    """With one, the runs are done here."""
+    """With 1, this process executes the runs."""
     dask: str | None = None
-    """Address of a Dask scheduler, in the place of processes."""
+    """Address of a Dask scheduler, instead of processes."""
 
 
 def run_campaign(
@@ -60,68 +60,78 @@ def run_campaign(
     folder: Path,
     workers: Workers,
 ) -> list[Row]:
-    """Do those runs that `folder` does not hold yet; returns all, in the order of `numbers`.
+    """Execute the runs that `folder` does not contain yet.
+
+    Args:
+        run: one run.
+        settings: of every run.
+        numbers: of the runs.
+        folder: of `runs.jsonl` and `campaign.yaml`.
+        workers: processes or cluster.
+
+    Returns:
+        The results of all runs, in the order of `numbers`.
 
     Raises:
-        CampaignError: the folder holds a campaign with other settings or what is no campaign,
-            another process is at it, or workers keep dying.
-        OSError: nothing can be written there.
+        CampaignError: the folder contains runs with other settings or invalid lines, another
+            process uses it, or workers fail repeatedly.
+        OSError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "runs.jsonl").open("a", encoding="utf-8") as kept, _bar(folder.name) as advance:
-        _lock(kept, folder)
-        done = kept_runs(folder)
-        _claim(folder, f"{run.__module__}.{run.__qualname__}", settings, holds_runs=bool(done))
-        _cut(folder / "runs.jsonl")
+    with (folder / "runs.jsonl").open("a", encoding="utf-8") as file, _bar(folder.name) as advance:
+        _lock(file, folder)
+        done = stored_runs(folder)
+        _reserve(folder, f"{run.__module__}.{run.__qualname__}", settings, holds_runs=bool(done))
+        _remove_incomplete_line(folder / "runs.jsonl")
         missing = [number for number in numbers if number not in done]
         advance(len(numbers), len(numbers) - len(missing))
         try:
-            for number, row in _spread(run, settings, missing, workers):
+            for number, row in _execute(run, settings, missing, workers):
                 done[number] = json.loads(json.dumps(row))
-                kept.write(json.dumps({"run": number} | row) + "\n")
-                kept.flush()
+                file.write(json.dumps({"run": number} | row) + "\n")
+                file.flush()
                 advance(len(numbers), 1)
         except KeyboardInterrupt:
             finished = sum(number in done for number in numbers)
             Console(stderr=True, highlight=False, soft_wrap=True).print(
-                f"interrupted: {finished} of {len(numbers)} runs are kept in {folder};"
-                " the same command goes on from there"
+                f"interrupted: {finished} of {len(numbers)} runs are stored in {folder};"
+                " the same command resumes there"
             )
             raise
     return [done[number] for number in numbers]
 
 
-def _lock(kept: IO[str], folder: Path) -> None:
-    """Until the file is closed, no other process may do runs of this folder."""
+def _lock(file: IO[str], folder: Path) -> None:
+    """Lock the folder against other processes until the file is closed."""
     try:
-        fcntl.flock(kept, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise CampaignError(f"{folder}: another process is doing these runs now") from error
+        raise CampaignError(f"{folder}: another process executes these runs now") from error
 
 
-def _claim(folder: Path, name: str, settings: Settings, *, holds_runs: bool) -> None:
-    """One folder is for one campaign; only a setting `runs`, how many there are, may change.
+def _reserve(folder: Path, name: str, settings: Settings, *, holds_runs: bool) -> None:
+    """Reserve the folder for one campaign; only its setting `runs`, their number, may change.
 
-    Where no run was done, as after a mistake in the settings, others may take it over.
+    A folder without runs, as after a mistake in the settings, may be used with other settings.
     """
     same = settings.model_dump(mode="json", exclude={"runs"})
-    claim = yaml.safe_dump({"run": name, "settings": same})
+    entry = yaml.safe_dump({"run": name, "settings": same})
     path = folder / "campaign.yaml"
-    if path.exists() and path.read_bytes() == claim.encode():
+    if path.exists() and path.read_bytes() == entry.encode():
         return
     if path.exists() and holds_runs:
-        raise CampaignError(f"{folder} holds runs with other settings: remove it, or take another")
-    begun = path.with_suffix(".new")  # who is killed here leaves no half of a claim
-    begun.write_text(claim, "utf-8")
+        raise CampaignError(f"{folder} holds runs with other settings: remove it, or use another")
+    begun = path.with_suffix(".new")  # so that an interruption leaves no incomplete file
+    begun.write_text(entry, "utf-8")
     begun.replace(path)
 
 
-def kept_runs(folder: Path) -> dict[int, Row]:
-    """The runs that `folder` holds by number, without a last one that was cut off.
+def stored_runs(folder: Path) -> dict[int, Row]:
+    """The stored runs by number, without an incomplete last line.
 
     Raises:
-        CampaignError: a line is no run.
-        OSError: it cannot be read.
+        CampaignError: a line is not a run.
+        OSError: the file cannot be read.
     """
     path = folder / "runs.jsonl"
     rows: dict[int, Row] = {}
@@ -130,18 +140,18 @@ def kept_runs(folder: Path) -> dict[int, Row]:
             row = json.loads(text)
             rows[row.pop("run")] = row
         except (ValueError, LookupError, AttributeError, TypeError) as error:
-            raise CampaignError(f"{path}, line {line}: no run: remove it") from error
+            raise CampaignError(f"{path}, line {line}: not a run: remove it") from error
     return rows
 
 
-def _cut(path: Path) -> None:
-    """Cut away a last line that was not written to its end."""
-    whole, end, cut = path.read_bytes().rpartition(b"\n")
-    if cut:
-        os.truncate(path, len(whole + end))
+def _remove_incomplete_line(path: Path) -> None:
+    """Remove an incomplete last line."""
+    complete, end, incomplete = path.read_bytes().rpartition(b"\n")
+    if incomplete:
+        os.truncate(path, len(complete + end))
 
 
-def _spread(
+def _execute(
     run: "Run[SettingsT]", settings: SettingsT, numbers: Sequence[int], workers: Workers
 ) -> Iterator[tuple[int, Row]]:
     if workers.dask is not None:
@@ -156,51 +166,51 @@ def _spread(
 def _in_processes(
     run: "Run[SettingsT]", settings: SettingsT, numbers: Sequence[int], processes: int
 ) -> Iterator[tuple[int, Row]]:
-    """A process that dies takes the pool with it: the runs that are missing get a new one."""
-    left, breakdowns = list(numbers), 0
+    """Execute runs in a process pool; a pool that a dying process breaks is replaced."""
+    left, failures = list(numbers), 0
     while left:
         try:
             with (
-                _one_thread_each(),
+                _single_threaded(),
                 ProcessPoolExecutor(
                     processes, mp_context=get_context("spawn"), initializer=_become_worker
                 ) as pool,
-                _ended_with_us(),
+                _end_on_error(),
             ):
-                with _deaf_to_interrupts():
+                with _ignore_interrupts():
                     futures = {pool.submit(run, settings, number): number for number in left}
                 for future in as_completed(futures):
                     row = future.result()
                     left.remove(futures[future])
-                    breakdowns = 0
+                    failures = 0
                     yield futures[future], row
         except BrokenProcessPool as error:
-            breakdowns += 1
-            if breakdowns == _MOST_BREAKDOWNS:
+            failures += 1
+            if failures == _MOST_FAILURES:
                 raise CampaignError(
-                    f"worker processes keep dying (out of memory?); {len(left)} runs are missing, "
-                    "the others are kept"
+                    f"worker processes fail repeatedly (out of memory?); {len(left)} runs are"
+                    " missing, the others are stored"
                 ) from error
 
 
 def _become_worker() -> None:
-    """A worker whose campaign was killed has nobody to tell its results: it ends."""
+    """Prepare a worker process: it ends when its parent process ends."""
     freeze_start_up_objects()
     parent = parent_process()
     assert parent is not None  # noqa: S101 (it was started by one)
 
-    def end_with_it() -> None:
+    def end_with_parent() -> None:
         wait([parent.sentinel])
         os._exit(1)
 
-    threading.Thread(target=end_with_it, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
 
 
 @contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Processes started inside leave Ctrl-C, which a terminal sends to all, to this one."""
+def _ignore_interrupts() -> Iterator[None]:
+    """Let processes started inside ignore Ctrl-C, which this process handles for all."""
     if threading.current_thread() is not threading.main_thread():
-        yield  # which is the only one that may say what a signal does
+        yield  # only the main thread may set signal handlers
         return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -210,8 +220,8 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 @contextmanager
-def _ended_with_us() -> Iterator[None]:
-    """Do not wait for processes started inside, nor for what they have yet to do, if we fail."""
+def _end_on_error() -> Iterator[None]:
+    """On an error, end the processes started inside without waiting for their runs."""
     before = set(active_children())
     try:
         yield
@@ -222,8 +232,8 @@ def _ended_with_us() -> Iterator[None]:
 
 
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes started inside do not share their cores out among threads of linear algebra."""
+def _single_threaded() -> Iterator[None]:
+    """Limit the linear algebra of processes started inside to one thread each."""
     before = {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     os.environ.update(dict.fromkeys(before, "1"))
     try:
@@ -239,13 +249,13 @@ def _one_thread_each() -> Iterator[None]:
 def _on_dask(
     run: "Run[SettingsT]", settings: SettingsT, numbers: Sequence[int], address: str
 ) -> Iterator[tuple[int, Row]]:
-    """Dask gives the runs of a worker that dies to another one by itself."""
+    """Execute runs on a Dask cluster, which reassigns the runs of a worker that dies."""
     try:
         import distributed  # noqa: PLC0415 (of the extra `cluster`)
     except ImportError as error:
         raise CampaignError("--dask needs the extra: pip install 'onboard[cluster]'") from error
     try:
-        client = distributed.Client(address, timeout=DASK_ANSWERS_S)  # type: ignore[no-untyped-call]
+        client = distributed.Client(address, timeout=DASK_TIMEOUT_S)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise CampaignError(f"no Dask scheduler answers at {address}: {error}") from error
     with client:
@@ -255,12 +265,12 @@ def _on_dask(
                 number, row = future.result()
             except (CancelledError, OSError, TimeoutError) as error:
                 raise CampaignError(
-                    f"the Dask scheduler at {address} has gone; the runs that were done are kept"
+                    f"the Dask scheduler at {address} has gone; the finished runs are stored"
                 ) from error
             except distributed.KilledWorker as error:
                 raise CampaignError(
-                    f"workers of the Dask scheduler at {address} keep dying (out of memory?);"
-                    " the runs that were done are kept"
+                    f"workers of the Dask scheduler at {address} fail repeatedly (out of memory?);"
+                    " the finished runs are stored"
                 ) from error
             yield number, row
 
@@ -271,7 +281,7 @@ def _numbered(run: "Run[SettingsT]", settings: SettingsT, number: int) -> tuple[
 
 @contextmanager
 def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on the terminal; elsewhere it is silent."""
+    """A progress bar, if the output is a terminal."""
     console = Console(stderr=True)
     columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:

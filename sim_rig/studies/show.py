@@ -14,7 +14,7 @@ from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import Trajectory
-from sim_rig.studies.campaign import Row, kept_runs
+from sim_rig.studies.campaign import Row, stored_runs
 from sim_rig.studies.mvs_collisions import CollisionSettings, case_of, encounters
 from sim_rig.studies.mvs_encounter import (
     EncounterCase,
@@ -143,20 +143,20 @@ def _settings_of(path: Path) -> CollisionSettings:
             f"{path}: cannot be read: {error.strerror}; runs of mvs-figure3 and mvs-figure9 can"
             " be shown, by the folder of the study"
         ) from error
-    claim = parse_yaml(data, str(path))
-    if not isinstance(claim, dict) or claim.get("run") != _RUN:
-        named = claim.get("run") if isinstance(claim, dict) else None
+    campaign = parse_yaml(data, str(path))
+    if not isinstance(campaign, dict) or campaign.get("run") != _RUN:
+        named = campaign.get("run") if isinstance(campaign, dict) else None
         raise UserError(
             f"{path}: runs of {named or 'something else'} cannot be shown, only those of"
             " mvs-figure3 and mvs-figure9"
         )
-    return parse_settings(claim.get("settings"), CollisionSettings, str(path))
+    return parse_settings(campaign.get("settings"), CollisionSettings, str(path))
 
 
 def _row_of(folder: Path, number: int) -> Row:
     """The stored result of a run."""
     try:
-        done = kept_runs(folder / "runs")
+        done = stored_runs(folder / "runs")
     except OSError as error:
         path = folder / "runs" / "runs.jsonl"
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error

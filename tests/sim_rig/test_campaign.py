@@ -1,4 +1,4 @@
-"""A campaign ends the same however it is run: here, in processes, resumed, with dying workers."""
+"""A campaign has the same results in one process, in many, resumed, and with failing workers."""
 
 import fcntl
 import os
@@ -24,28 +24,28 @@ NUMBERS = range(12)
 
 class DiceSettings(Settings):
     sides: int = 6
-    deadly: str = ""
-    """A file that the fifth run writes before it takes its process down; with it, it lives."""
-    always_deadly: bool = False
+    fatal_once: str = ""
+    """A file that run 5 writes before it kills its process; if it exists, run 5 succeeds."""
+    always_fatal: bool = False
 
 
 def throw(settings: DiceSettings, number: int) -> Row:
-    once = Path(settings.deadly)
-    if settings.always_deadly or (number == 5 and settings.deadly and not once.exists()):
+    once = Path(settings.fatal_once)
+    if settings.always_fatal or (number == 5 and settings.fatal_once and not once.exists()):
         once.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     rng = np.random.default_rng([settings.sides, number])
     return {"eyes": int(rng.integers(settings.sides)) + 1, "share": float(rng.random())}
 
 
-def linger(settings: DiceSettings, number: int) -> Row:
-    """The first is done, the others last until they are ended."""
+def wait_forever(settings: DiceSettings, number: int) -> Row:
+    """Run 0 ends, the others last until they are interrupted."""
     if number:
         signal.pause()
     return throw(settings, number)
 
 
-def test_one_run_alone_gives_what_it_gave_in_the_campaign(tmp_path: Path) -> None:
+def test_a_single_run_has_the_result_that_it_has_in_the_campaign(tmp_path: Path) -> None:
     settings = DiceSettings()
 
     rows = run_campaign(throw, settings, NUMBERS, tmp_path / "all", Workers())
@@ -54,26 +54,26 @@ def test_one_run_alone_gives_what_it_gave_in_the_campaign(tmp_path: Path) -> Non
     assert run_campaign(throw, settings, [7], tmp_path / "one", Workers()) == [rows[7]]
 
 
-def test_an_interrupted_campaign_is_resumed_where_it_ended(tmp_path: Path) -> None:
+def test_an_interrupted_campaign_is_resumed(tmp_path: Path) -> None:
     whole = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "whole", Workers())
     run_campaign(throw, DiceSettings(), range(4), tmp_path / "cut", Workers())
-    kept = tmp_path / "cut" / "runs.jsonl"
-    kept.write_text(kept.read_text()[:-9])  # Run 3 was being written.
+    stored = tmp_path / "cut" / "runs.jsonl"
+    stored.write_text(stored.read_text()[:-9])  # Run 3 was being written.
 
     resumed = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "cut", Workers())
 
     assert resumed == whole
-    assert kept.read_text() == (tmp_path / "whole" / "runs.jsonl").read_text()
+    assert stored.read_text() == (tmp_path / "whole" / "runs.jsonl").read_text()
 
 
-def test_runs_of_other_settings_are_not_mixed_in(tmp_path: Path) -> None:
+def test_runs_with_other_settings_are_an_error(tmp_path: Path) -> None:
     run_campaign(throw, DiceSettings(), range(2), tmp_path, Workers())
 
     with pytest.raises(CampaignError, match="other settings"):
         run_campaign(throw, DiceSettings(sides=20), range(2), tmp_path, Workers())
 
 
-def test_a_mistake_that_left_no_run_may_be_corrected_in_its_folder(tmp_path: Path) -> None:
+def test_settings_may_be_corrected_in_a_folder_without_runs(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="high <= 0"):
         run_campaign(throw, DiceSettings(sides=0), range(2), tmp_path, Workers())
 
@@ -84,8 +84,8 @@ def test_a_mistake_that_left_no_run_may_be_corrected_in_its_folder(tmp_path: Pat
         run_campaign(throw, DiceSettings(sides=20), range(2), tmp_path, Workers())
 
 
-def test_a_worker_that_is_killed_changes_nothing(tmp_path: Path) -> None:
-    settings = DiceSettings(deadly=str(tmp_path / "killed"))
+def test_a_killed_worker_does_not_change_the_results(tmp_path: Path) -> None:
+    settings = DiceSettings(fatal_once=str(tmp_path / "killed"))
 
     rows = run_campaign(throw, settings, NUMBERS, tmp_path / "a", Workers(processes=2))
 
@@ -93,26 +93,26 @@ def test_a_worker_that_is_killed_changes_nothing(tmp_path: Path) -> None:
     assert rows == run_campaign(throw, settings, NUMBERS, tmp_path / "b", Workers())
 
 
-def test_a_file_that_holds_no_runs_is_told_of(tmp_path: Path) -> None:
+def test_an_invalid_line_is_an_error(tmp_path: Path) -> None:
     run_campaign(throw, DiceSettings(), range(2), tmp_path, Workers())
-    kept = tmp_path / "runs.jsonl"
-    kept.write_bytes(kept.read_bytes() + b"\xff\x00\n")
+    stored = tmp_path / "runs.jsonl"
+    stored.write_bytes(stored.read_bytes() + b"\xff\x00\n")
 
-    with pytest.raises(CampaignError, match=r"runs\.jsonl, line 3: no run"):
+    with pytest.raises(CampaignError, match=r"runs\.jsonl, line 3: not a run"):
         run_campaign(throw, DiceSettings(), range(2), tmp_path, Workers())
 
 
-def test_two_campaigns_do_not_write_into_one_folder(tmp_path: Path) -> None:
+def test_two_campaigns_in_one_folder_are_an_error(tmp_path: Path) -> None:
     run_campaign(throw, DiceSettings(), range(2), tmp_path, Workers())
 
     with (tmp_path / "runs.jsonl").open() as others:
         fcntl.flock(others, fcntl.LOCK_EX)
-        with pytest.raises(CampaignError, match="another process is doing these runs now"):
+        with pytest.raises(CampaignError, match="another process executes these runs now"):
             run_campaign(throw, DiceSettings(), range(3), tmp_path, Workers())
     run_campaign(throw, DiceSettings(), range(3), tmp_path, Workers())
 
 
-def test_a_full_disk_costs_nothing_that_was_done(tmp_path: Path) -> None:
+def test_a_full_disk_loses_no_finished_run(tmp_path: Path) -> None:
     whole = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "whole", Workers())
     room = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (250, room[1]))
@@ -141,35 +141,35 @@ def process_group(*command: str) -> Iterator[subprocess.Popen[str]]:
 
 
 @pytest.mark.parametrize("processes", [1, 2])
-def test_an_interrupted_campaign_ends_at_once_and_says_what_is_kept(
+def test_an_interrupted_campaign_ends_at_once_and_states_the_stored_runs(
     tmp_path: Path, processes: int
 ) -> None:
     code = (
         "from tests.sim_rig.test_campaign import *\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # ignored in the background
-        f"run_campaign(linger, DiceSettings(), range(30), Path({str(tmp_path)!r}),"
+        f"run_campaign(wait_forever, DiceSettings(), range(30), Path({str(tmp_path)!r}),"
         f" Workers({processes}))"
     )
-    kept = tmp_path / "runs.jsonl"
+    stored = tmp_path / "runs.jsonl"
     with process_group(sys.executable, "-c", code) as process:
-        while process.poll() is None and not (kept.exists() and kept.stat().st_size):
+        while process.poll() is None and not (stored.exists() and stored.stat().st_size):
             time.sleep(0.02)
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-        _, told = process.communicate(timeout=60.0)
+        _, output = process.communicate(timeout=60.0)
 
     assert process.returncode == -signal.SIGINT
-    assert f"of 30 runs are kept in {tmp_path}; the same command goes on" in told
-    assert "SpawnProcess" not in told  # no worker has anything to say
+    assert f"of 30 runs are stored in {tmp_path}; the same command resumes" in output
+    assert "SpawnProcess" not in output  # no worker writes anything
 
 
-def test_workers_that_always_die_are_told_of(tmp_path: Path) -> None:
-    settings = DiceSettings(deadly=str(tmp_path / "killed"), always_deadly=True)
+def test_workers_that_always_fail_are_an_error(tmp_path: Path) -> None:
+    settings = DiceSettings(fatal_once=str(tmp_path / "killed"), always_fatal=True)
 
-    with pytest.raises(CampaignError, match="keep dying"):
+    with pytest.raises(CampaignError, match="fail repeatedly"):
         run_campaign(throw, settings, range(2), tmp_path / "a", Workers(processes=2))
 
 
-def test_a_cluster_gives_the_same(tmp_path: Path) -> None:
+def test_a_cluster_has_the_same_results(tmp_path: Path) -> None:
     with LocalCluster(
         n_workers=2,
         threads_per_worker=1,
@@ -183,9 +183,7 @@ def test_a_cluster_gives_the_same(tmp_path: Path) -> None:
     assert rows == run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "b", Workers())
 
 
-def test_a_cluster_that_is_not_there_is_the_users_mistake(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(campaign, "DASK_ANSWERS_S", 0.3)
+def test_a_missing_cluster_is_a_user_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "DASK_TIMEOUT_S", 0.3)
     with pytest.raises(CampaignError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         run_campaign(throw, DiceSettings(), [1], tmp_path, Workers(dask="tcp://127.0.0.1:9"))
