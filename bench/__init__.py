@@ -1,7 +1,8 @@
-"""Speed and memory, one JSON object a line: `python -m bench [NAME ...]`.
+"""Benchmarks of speed, memory and accuracy, one JSON object a line: `python -m bench [NAME ...]`.
 
-A benchmark is a module here with a function `measure() -> Iterator[Figure]`. Every figure stands
-beside a reference measured in the same run, as a ratio, since the machine is shared and noisy.
+A benchmark is a module of this package with a function `measure() -> Iterator[Figure]`. Every
+figure has a reference measured in the same run, and their ratio, since the machine is shared and
+noisy.
 """
 
 from dataclasses import dataclass
@@ -15,13 +16,13 @@ class Figure:
     value: float
     unit: str
     n: int
-    """How many times it was measured; `value` is the median unless the name says otherwise."""
+    """Number of measurements; `value` is their median unless the name says otherwise."""
     reference: str
-    """What it was run beside."""
+    """What the value is compared with."""
     reference_value: float
-    """In the same unit."""
+    """Value of the reference in the same unit."""
 
     @property
     def ratio(self) -> float:
-        """`value` by `reference_value`."""
+        """`value` divided by `reference_value`."""
         return self.value / self.reference_value

@@ -10,7 +10,7 @@ import bench
 
 
 def main() -> None:
-    """Print each figure as soon as it is known."""
+    """Print each figure as soon as it is measured."""
     names = [
         module.name for module in pkgutil.iter_modules(bench.__path__) if module.name[0] != "_"
     ]

@@ -1,4 +1,4 @@
-"""What the benchmarks of the wire send: a car's BSM with path history, prediction and footer."""
+"""Messages for the benchmarks: a BSM with path history, path prediction and MVS footer."""
 
 import math
 from dataclasses import replace
@@ -18,11 +18,11 @@ from onboard.messages.mvs_footer import MvsFooter, ObserverRun, SharedEstimate, 
 UTC_S = 1_790_000_000.0
 OBSERVERS = 4
 HISTORY_POINTS = 5
-"""Some 200 m of road with a bend."""
+"""Points for some 200 m of road with a bend."""
 
 
 @cache
-def _still(entries: int) -> BasicSafetyMessage:
+def _template(entries: int) -> BasicSafetyMessage:
     history = tuple(
         PathHistoryPoint(
             latitude_offset_deg=-3e-4 * n,
@@ -54,20 +54,26 @@ def _still(entries: int) -> BasicSafetyMessage:
 
 
 def bsm(entries: int, car: int, count: int) -> BasicSafetyMessage:
-    """The `count`-th BSM of a car, with so many entries in its footer."""
-    still = _still(entries)
+    """A BSM.
+
+    Args:
+        entries: number of entries in its footer.
+        car: number of the sender.
+        count: number of the message.
+    """
+    template = _template(entries)
     core = replace(
-        still.core,
+        template.core,
         msg_cnt=count % 128,
         temporary_id=car.to_bytes(4),
         sec_mark_s=count * 0.1 % 60.0,
         heading_rad=car * 0.1 % math.tau,
     )
-    return replace(still, core=core)
+    return replace(template, core=core)
 
 
 def footer(entries: int) -> MvsFooter:
-    """Half of them measurements, half estimates made from six measurements of two observers."""
+    """A footer: half measurements, half estimates from six measurements of two observers."""
     state = mvs_footer.SharedState(
         3, 12.5, -40.0, 3.0, 13.0, 0.6, 0.9, 0.4, 0.5, 0.1, 0.2, 0.0, 0.0, 0.3, -0.1, runs=2
     )

@@ -1,11 +1,11 @@
-"""Measured tables, put into the pages of `docs/`."""
+"""Writes measured tables into the pages of `docs/`."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 
 def write_tables(page: Path, tables: Mapping[str, str]) -> None:
-    """Put each table (Markdown) into the page, between the two marks of its name."""
+    """Write each Markdown table into the page, between the two comments with its name."""
     text = page.read_text(encoding="utf-8")
     for name, rows in tables.items():
         begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"

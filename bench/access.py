@@ -1,7 +1,7 @@
-"""Driver-based access: highways a second, and what the core costs on board.
+"""Driver-based access: simulated highways a second, and cost of the core on board.
 
-The reference of the Monte Carlo is the same work in plain Python: the same formulas, one drop, one
-link, one car after the other. Both are asked for the same drops and must agree.
+The reference of the Monte Carlo simulation is plain Python with the same formulas, for one drop,
+link and car at a time. Both compute the same drops and must agree.
 """
 
 import math
@@ -23,18 +23,18 @@ ROUNDS = 5
 DROPS, PLAIN_DROPS = 50, 2
 ACCESS = 0.03
 PAIRS = np.geomspace(0.002, 0.4, 20)
-"""Of these, each with each: the surface of figure 10."""
+"""Access probabilities whose pairs make the surface of figure 10."""
 CALLS = 500
 
 
 def measure() -> Iterator[Figure]:
-    """Yield chains/s, and microseconds for a look at the car ahead and for a reaction."""
+    """Yield chains/s, and microseconds for a lead update and for a reaction."""
     settings = RakhshanHighwaySettings()
     drops = draw(settings, DROPS, np.random.default_rng(1))
     few = draw(settings, PLAIN_DROPS, np.random.default_rng(2))
     access = np.array([ACCESS])
     if list(collided(settings, few, access, access)[0, 0]) != _plain(settings, few):
-        raise AssertionError("the two do not do the same work")
+        raise AssertionError("results differ from the reference's")
     plain_rates, rates, surface_rates = [], [], []
     for _ in range(ROUNDS):
         plain_s = timeit.timeit(lambda: _plain(settings, few), number=1)
@@ -69,9 +69,9 @@ def _on_board() -> Iterator[Figure]:
     x = np.array([1.0, math.log(1.4)])
 
     def regression_again() -> None:
-        """What the closed form saves: the normal equations of 200 reactions."""
-        seen = np.repeat(x[None], 200, axis=0)
-        np.linalg.solve(np.eye(2) + seen.T @ seen, seen.T @ np.ones(200))
+        """Solve the normal equations of 200 reactions, which the closed form avoids."""
+        rows = np.repeat(x[None], 200, axis=0)
+        np.linalg.solve(np.eye(2) + rows.T @ rows, rows.T @ np.ones(200))
 
     for name, call, reference, other in (
         (
@@ -87,15 +87,17 @@ def _on_board() -> Iterator[Figure]:
             regression_again,
         ),
     ):
-        ours_us, theirs_us = (
+        value_us, reference_us = (
             [1e6 * timeit.timeit(work, number=CALLS) / CALLS for _ in range(ROUNDS)]
             for work in (call, other)
         )
-        yield Figure(f"access.{name}", median(ours_us), "us", ROUNDS, reference, median(theirs_us))
+        yield Figure(
+            f"access.{name}", median(value_us), "us", ROUNDS, reference, median(reference_us)
+        )
 
 
 def _plain(settings: RakhshanHighwaySettings, drops: Drops) -> list[float]:
-    """Part of the cars of each drop that collide."""
+    """Share of the cars of each drop that collide."""
     beta, length_s = (
         from_db(settings.threshold_db),
         slot_s(settings.data_rate_mbit_s, settings.packet_bytes),
@@ -103,18 +105,18 @@ def _plain(settings: RakhshanHighwaySettings, drops: Drops) -> list[float]:
     cars = settings.cars_per_lane
     parts = []
     for drop in range(len(drops.position_m)):
-        everybody = [float(place) for lane in drops.position_m[drop] for place in lane]
+        positions_m = [float(at_m) for lane in drops.position_m[drop] for at_m in lane]
         hits = 0
         for lane in range(settings.lanes):
             reaction_s = drops.reaction_s[drop, lane].tolist()
             delay_s = [0.0] * cars
             for i in range(2, cars):
-                heard_s = [delay_s[i - 1] + reaction_s[i - 1]]
+                informed_s = [delay_s[i - 1] + reaction_s[i - 1]]
                 for j in range(i - 1):
-                    slots = _slots(everybody, lane * cars + j, lane * cars + i, beta, settings)
+                    slots = _slots(positions_m, lane * cars + j, lane * cars + i, beta, settings)
                     waited_s = delay_s[j] + reaction_s[j] if j else 0.0
-                    heard_s.append(waited_s + slots * length_s)
-                delay_s[i] = min(heard_s)
+                    informed_s.append(waited_s + slots * length_s)
+                delay_s[i] = min(informed_s)
             begins_s = [0.0] + [delay_s[i] + reaction_s[i] for i in range(1, cars)]
             hits += sum(
                 begins_s[i] - begins_s[i - 1] > drops.lag_s[drop, lane, i] for i in range(1, cars)
@@ -124,16 +126,18 @@ def _plain(settings: RakhshanHighwaySettings, drops: Drops) -> list[float]:
 
 
 def _slots(
-    everybody: list[float],
+    positions_m: list[float],
     sender: int,
     receiver: int,
     beta: float,
     settings: RakhshanHighwaySettings,
 ) -> float:
-    link_m = abs(everybody[sender] - everybody[receiver])
+    link_m = abs(positions_m[sender] - positions_m[receiver])
     success = 1.0
-    for other, place_m in enumerate(everybody):
+    for other, position_m in enumerate(positions_m):
         if other not in (sender, receiver):
-            relative = (abs(place_m - everybody[receiver]) / link_m) ** settings.path_loss_exponent
+            relative = (
+                abs(position_m - positions_m[receiver]) / link_m
+            ) ** settings.path_loss_exponent
             success *= 1.0 - ACCESS / (1.0 + relative / beta)
     return 1.0 / (success * ACCESS * (1.0 - ACCESS))

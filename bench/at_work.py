@@ -1,9 +1,9 @@
-"""One daemon at work: 15 pictures a second, OBD, GNSS, ten signed cars around it; and its start.
+"""One daemon under load: 15 images a second, OBD, GNSS, ten signed remote vehicles; and its start.
 
-The camera shows a car with a plate, the ECU is asked twenty times a second, gpsd tells ten fixes a
-second, and ten cars with a radio send BSMs ten times a second, each with a footer of the cars that
-it sees: everything is signed and verified. The reference for time and memory is a process that only
-decodes the same pictures; for start and stop it is Python with NumPy and OpenCV and nothing else.
+The camera shows a car with a plate, the ECU is polled twenty times a second, gpsd reports ten fixes
+a second, and ten remote vehicles send BSMs ten times a second, each with a footer of its
+detections. All messages are signed and verified. The reference for time and memory is a process
+that only decodes the same images; for start and stop it is Python that imports NumPy and OpenCV.
 """
 
 import asyncio
@@ -42,8 +42,8 @@ from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.processes.processes import Processes
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
-CAMERA_FPS, PICTURES = 15.0, 60
-OTHERS = 10
+CAMERA_FPS, IMAGES = 15.0, 60
+REMOTE_VEHICLES = 10
 SPEED_M_S = 15.0
 SETTLE_S, MEASURE_S = 4.0, 20.0
 STARTS = 3
@@ -52,26 +52,34 @@ FIXES_HZ = 10.0
 
 
 def measure() -> Iterator[Figure]:
-    """Cores and memory at work; seconds to ready and to the end."""
+    """Yield processor cores and memory under load, and the durations of start, reload and stop."""
     with tempfile.TemporaryDirectory() as name:
         own, reader = asyncio.run(_work(Path(name)))
-        beside = "a process that only decodes the pictures"
-        yield Figure("at_work.cpu", own[0], "cores", 1, beside, reader[0])
-        yield Figure("at_work.memory", own[1] / 2**20, "MiB", 1, beside, reader[1] / 2**20)
-        lives = [_life(Path(name)) for _ in range(STARTS)]
-        least = [_python_s() for _ in range(STARTS)]
-        beside = "Python that imports NumPy and OpenCV and ends"
+        reference = "a process that only decodes the images"
+        yield Figure("at_work.cpu", own[0], "cores", 1, reference, reader[0])
+        yield Figure("at_work.memory", own[1] / 2**20, "MiB", 1, reference, reader[1] / 2**20)
+        durations = [_start_reload_stop_s(Path(name)) for _ in range(STARTS)]
+        python_only = [_python_s() for _ in range(STARTS)]
+        reference = "Python that imports NumPy and OpenCV and ends"
         for what, times in zip(
-            ("start_to_ready", "reload", "stop"), zip(*lives, strict=True), strict=True
+            ("start_to_ready", "reload", "stop"), zip(*durations, strict=True), strict=True
         ):
-            figure = (float(np.median(times)), "s", STARTS, beside, float(np.median(least)))
+            figure = (
+                float(np.median(times)),
+                "s",
+                STARTS,
+                reference,
+                float(np.median(python_only)),
+            )
             yield Figure(f"at_work.{what}", *figure)
 
 
 async def _work(folder: Path) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Cores and bytes of the daemon and of the reference."""
+    """Processor cores and bytes of the daemon, and of the reference."""
     trial = make_trial(
-        ["own", *(f"car{number}" for number in range(OTHERS))], {psid.BSM, psid.LCCA}, time.time()
+        ["own", *(f"car{number}" for number in range(REMOTE_VEHICLES))],
+        {psid.BSM, psid.LCCA},
+        time.time(),
     )
     write_credentials(folder / "keys", trial.pop("own"))
     ecu = SocketcandServer(Ecu(lambda _now: SPEED_M_S), "can0", lambda _frame: None)
@@ -118,7 +126,7 @@ async def _work(folder: Path) -> tuple[tuple[float, float], tuple[float, float]]
 
 
 async def _traffic(credentials: list[Credentials], unit: socket.socket, port: int) -> None:
-    """Ten cars in two lanes behind, that see each other and the own car."""
+    """Ten remote vehicles in two lanes behind the host vehicle, each with two detections."""
     now, utc_s = time.monotonic(), time.time()
     config = parse_settings({"car": {"plate": "OTHER1"}}, CarConfig, "bench")
     others = [
@@ -160,7 +168,7 @@ def _position(now: float, north_m: float, east_m: float) -> Position:
 
 
 async def _serve_fixes(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """As gpsd tells them."""
+    """Serve fixes as gpsd does."""
     began_s = time.monotonic()
     while not writer.is_closing():
         north_m = (time.monotonic() - began_s) * SPEED_M_S
@@ -180,32 +188,32 @@ async def _serve_fixes(_reader: asyncio.StreamReader, writer: asyncio.StreamWrit
 
 
 class _Camera:
-    """Pictures of a car some 15 m ahead, drawn before and shown round and round."""
+    """Serves images of a car some 15 m ahead, rendered before, in a loop."""
 
     def __init__(self) -> None:
-        picture = CameraRenderer(CameraSettings(source="bench", **LENS.model_dump()))
+        renderer = CameraRenderer(CameraSettings(source="bench", **LENS.model_dump()))
         rng = np.random.default_rng(1)
         self._jpegs = []
-        for number in range(PICTURES):
-            ahead = SceneCar(ahead_m=15.0 + np.sin(2 * np.pi * number / PICTURES), plate="AB123CD")
+        for number in range(IMAGES):
+            ahead = SceneCar(ahead_m=15.0 + np.sin(2 * np.pi * number / IMAGES), plate="AB123CD")
             scene = Scene(cars=(ahead,), travelled_m=number * SPEED_M_S / CAMERA_FPS)
-            self._jpegs.append(cv2.imencode(".jpg", picture.draw(scene, rng))[1].tobytes())
+            self._jpegs.append(cv2.imencode(".jpg", renderer.draw(scene, rng))[1].tobytes())
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """MJPEG over HTTP."""
+        """Serve MJPEG over HTTP."""
         await reader.readuntil(b"\r\n\r\n")
-        kind = b"multipart/x-mixed-replace; boundary=picture"
+        kind = b"multipart/x-mixed-replace; boundary=image"
         writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: " + kind + b"\r\n\r\n")
         for number in itertools.count():
             if writer.is_closing():
                 return
-            jpeg = self._jpegs[number % PICTURES]
-            writer.write(b"--picture\r\nContent-Length: %d\r\n\r\n" % len(jpeg) + jpeg + b"\r\n")
+            jpeg = self._jpegs[number % IMAGES]
+            writer.write(b"--image\r\nContent-Length: %d\r\n\r\n" % len(jpeg) + jpeg + b"\r\n")
             await asyncio.sleep(1 / CAMERA_FPS)
 
 
-def _life(folder: Path) -> tuple[float, float, float]:
-    """Seconds from the process's start to ready, from SIGHUP to ready, from SIGTERM to its end."""
+def _start_reload_stop_s(folder: Path) -> tuple[float, float, float]:
+    """Seconds from start to ready, from SIGHUP to ready, and from SIGTERM to the end."""
     address = folder / "notify"
     address.unlink(missing_ok=True)
     config = folder / "start.yaml"
@@ -231,15 +239,15 @@ def _life(folder: Path) -> tuple[float, float, float]:
             stderr=subprocess.DEVNULL,
         )
         start_s = until_ready(began_s)
-        time.sleep(1.0)  # it is at work when it is told something
-        told_s = time.monotonic()
+        time.sleep(1.0)  # signal it while it is running
+        signalled_s = time.monotonic()
         process.send_signal(signal.SIGHUP)
-        reload_s = until_ready(told_s)
+        reload_s = until_ready(signalled_s)
         time.sleep(1.0)
-        told_s = time.monotonic()
+        signalled_s = time.monotonic()
         process.terminate()
         process.wait()
-        return start_s, reload_s, time.monotonic() - told_s
+        return start_s, reload_s, time.monotonic() - signalled_s
 
 
 def _python_s() -> float:

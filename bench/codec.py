@@ -1,6 +1,6 @@
-"""BSMs read and written, beside asn1tools doing the same bits without units.
+"""Decoding and encoding of BSMs, compared with asn1tools on the same bits without units.
 
-asn1tools reads the grammar that the tests use as an oracle; its open types need a call each.
+asn1tools uses the grammar of the tests' oracle; its open types need one call each.
 """
 
 import statistics
@@ -21,7 +21,7 @@ REPEATS = 7
 
 
 def measure() -> Iterator[Figure]:
-    """Messages a second on one core, decoding and encoding."""
+    """Yield messages a second of processor time, for decoding and encoding."""
     grammar = asn1tools.compile_files(str(GRAMMAR), "uper")
     messages = [example(0, car, 0) for car in range(MESSAGES)]
     frames = [bsm.encode(message) for message in messages]

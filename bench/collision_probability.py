@@ -1,4 +1,4 @@
-"""P_C a second beside brute force of equal error, and from data to decision for 100 known cars."""
+"""P_C a second compared with brute force, and the time of a decision with 100 objects."""
 
 import time
 import timeit
@@ -23,11 +23,11 @@ LOWEST_M_S2, HIGHEST_M_S2 = np.array(-9.55), np.array(2.1)
 TOP_M_S = np.array(100.0)
 HALF_M = 0.5 * (5.0 + 1.75)
 GRID = 400
-"""Accelerations of each car in the brute force: its error then is about ours, see below."""
+"""Accelerations of each car in the brute force, which give it about the same error."""
 
 
 def measure() -> Iterator[Figure]:
-    """Yield evaluations/s of one pair and of 1,000, the errors, and the time to a decision."""
+    """Yield evaluations/s of one pair and of 1,000, the errors, and the time of a decision."""
     rng = np.random.default_rng(0)
     pairs = rng.uniform(-3.0, 60.0, (2, BATCH, 1)), rng.uniform(0.0, 16.0, (2, BATCH, 1))
     one = _some(pairs, slice(1))
@@ -68,7 +68,7 @@ def _exact(distance: Array, speed: Array) -> Array:
 
 
 def _brute_force(distance: Array, speed: Array, grid: int) -> float:
-    """Of one pair: every acceleration of one with every one of the other, at a right angle."""
+    """P_C of one pair from all pairs of accelerations, at a right angle."""
     drawn = LOWEST_M_S2 + (np.arange(grid) + 0.5) / grid * (HIGHEST_M_S2 - LOWEST_M_S2)
     entered, left = [], []
     for car in (0, 1):
@@ -92,20 +92,20 @@ def _some(pairs: tuple[Array, Array], which: slice) -> tuple[Array, Array]:
 def _traffic(
     count: int, angle: float | None, rng: np.random.Generator
 ) -> tuple[PerceivedObject, list[PerceivedObject]]:
-    """The own car from the west, all others towards somewhere on its way."""
+    """A host vehicle from the west, and objects that cross its path."""
     rows = tuple(map(tuple, np.diag([1.0, 1.0, 0.25, 0.25]).tolist()))
 
-    def known(name: str, state: tuple[float, ...]) -> PerceivedObject:
+    def perceived_object(name: str, state: tuple[float, ...]) -> PerceivedObject:
         return PerceivedObject(0.0, name, ObjectSource.SHARED, state, rows, 0.1, frozenset())
 
     cars = []
     for k in range(count):
         course = angle if angle is not None else rng.uniform(0.4, 2.7)
         along = np.array([np.cos(course), np.sin(course)])
-        place = np.array([rng.uniform(-30.0, 10.0), 0.0]) - rng.uniform(5.0, 60.0) * along
+        position_m = np.array([rng.uniform(-30.0, 10.0), 0.0]) - rng.uniform(5.0, 60.0) * along
         velocity = rng.uniform(5.0, 16.0) * along
-        cars.append(known(f"{k:08x}", (*place.tolist(), *velocity.tolist())))
-    return known("own", (-40.0, 0.0, 14.0, 0.0)), cars
+        cars.append(perceived_object(f"{k:08x}", (*position_m.tolist(), *velocity.tolist())))
+    return perceived_object("own", (-40.0, 0.0, 14.0, 0.0)), cars
 
 
 def _decide(own: PerceivedObject, cars: list[PerceivedObject]) -> None:
@@ -113,7 +113,7 @@ def _decide(own: PerceivedObject, cars: list[PerceivedObject]) -> None:
 
 
 def _rate(work: Callable[[], object], count: int) -> float:
-    """Evaluations per second of CPU time; the machine is shared."""
+    """Evaluations a second of processor time."""
     rates = []
     for _ in range(ROUNDS):
         timer = timeit.Timer(work, timer=time.process_time)

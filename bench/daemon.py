@@ -1,7 +1,7 @@
-"""What the daemons of the demonstration take: processor time and memory, while it runs.
+"""Processor time and memory of the daemons of the demonstration.
 
-The reference, in the same run: a process that reads the same pictures from the same camera at the
-same rate, decodes them and does nothing more. That much any program with this camera takes.
+The reference, in the same run, is a process that reads the same images from the same camera at the
+same rate and only decodes them, which is the minimum for any program with this camera.
 """
 
 import asyncio
@@ -19,7 +19,7 @@ from sim_rig.scenario.schema import Scenario, load_scenario
 
 READER = "reader"
 SETTLED_S = 2.0
-"""After so long everybody has all that it keeps."""
+"""Time after which the memory of all daemons is constant."""
 READ_AND_DECODE = """
 import sys
 from onboard.config import CarConfig
@@ -32,30 +32,32 @@ for frame in open_frames(load_settings(Path(sys.argv[1]), CarConfig).camera):
 
 
 def measure() -> Iterator[Figure]:
-    """Share of one core, and resident memory; median over the four daemons."""
+    """Yield the share of one core and the resident memory, medians of the four daemons."""
     used = asyncio.run(_run(load_scenario("fig4")))
     reader_share, reader_bytes = used.pop(READER)
     shares, sizes = zip(*used.values(), strict=True)
-    beside = "a process that only decodes the pictures"
-    yield Figure("daemon.cpu", median(shares), "cores", len(shares), beside, reader_share)
+    reference = "a process that only decodes the images"
+    yield Figure("daemon.cpu", median(shares), "cores", len(shares), reference, reader_share)
     yield Figure(
-        "daemon.memory", median(sizes) / 2**20, "MiB", len(sizes), beside, reader_bytes / 2**20
+        "daemon.memory", median(sizes) / 2**20, "MiB", len(sizes), reference, reader_bytes / 2**20
     )
 
 
 async def _run(scenario: Scenario) -> dict[str, tuple[float, int]]:
-    """Cores used and bytes resident, of each daemon and of the reference."""
+    """Processor cores and resident bytes, of each daemon and of the reference."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        async with LiveTestbench(scenario, scenario.seed, folder) as desk:
+        async with LiveTestbench(scenario, scenario.seed, folder) as testbench:
             car = scenario.equipped[0]
-            await desk.processes.start(READER, "-c", READ_AND_DECODE, str(folder / f"{car}.yaml"))
-            running = asyncio.create_task(desk.run())
-            await _until(SETTLED_S, desk, running)
+            await testbench.processes.start(
+                READER, "-c", READ_AND_DECODE, str(folder / f"{car}.yaml")
+            )
+            running = asyncio.create_task(testbench.run())
+            await _until(SETTLED_S, testbench, running)
             names = [*scenario.equipped, READER]
-            processes = {name: psutil.Process(desk.processes.pid(name)) for name in names}
+            processes = {name: psutil.Process(testbench.processes.pid(name)) for name in names}
             began_at, before = time.monotonic(), _cpu_s(processes)
-            await _until(scenario.duration_s, desk, running)
+            await _until(scenario.duration_s, testbench, running)
             took_s = time.monotonic() - began_at
             used = {
                 name: ((cpu_s - before[name]) / took_s, processes[name].memory_info().rss)
@@ -65,9 +67,9 @@ async def _run(scenario: Scenario) -> dict[str, tuple[float, int]]:
     return used
 
 
-async def _until(at_s: float, desk: LiveTestbench, running: asyncio.Task[None]) -> None:
-    """Wait for a moment of the scenario, or for a run that fails."""
-    while time.monotonic() < desk.start_s + at_s and not running.done():
+async def _until(at_s: float, testbench: LiveTestbench, running: asyncio.Task[None]) -> None:
+    """Wait for a time of the scenario, or until the run fails."""
+    while time.monotonic() < testbench.start_s + at_s and not running.done():
         await asyncio.sleep(0.05)
 
 

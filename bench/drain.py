@@ -1,7 +1,7 @@
-"""Datagrams from the radio: what one takes to receive, and how many a second are all received.
+"""Datagrams from the radio unit: cost of receiving one, and the highest rate without loss.
 
-The sender is a process of its own that keeps to a rate; the reference is a bare blocking `recv`
-loop on an equal socket. Each step sends for one second at most, on 127.0.0.1 only.
+A separate process sends at a constant rate; the reference is a bare blocking `recv` loop on an
+equal socket. Each step sends for one second at most, on 127.0.0.1 only.
 """
 
 import asyncio
@@ -23,16 +23,16 @@ from onboard.wave_udp.drained_socket import (
 WSM_BYTES = 300
 RATES_HZ = (5_000, 10_000, 20_000, 40_000, 80_000, 160_000)
 QUIET_S = 0.5
-"""So long after the last datagram, the rest are lost."""
+"""Time after the last datagram after which the missing ones count as lost."""
 
 BATCH = 1_000
-"""Fits any receive buffer that a default kernel gives on this socket."""
+"""Datagrams that fit the receive buffer of this socket with any default kernel."""
 
 REPEATS = 20
 
 
 def measure() -> Iterator[Figure]:
-    """Cost of a datagram, then the highest rate without loss."""
+    """Yield the cost of a datagram, and the highest rate without loss."""
     context = multiprocessing.get_context("spawn")
     yield Figure(
         "drain.cost",
@@ -59,7 +59,7 @@ def _open() -> socket.socket:
 
 
 def _cost_us(receive_batch: Callable[[socket.socket], int]) -> float:
-    """Median over batches that wait in the socket already, so that nobody waits for a sender."""
+    """Median over batches that are queued already, so that the sender's time is not included."""
     costs = []
     for _ in range(REPEATS):
         with _open() as wire, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
@@ -91,7 +91,7 @@ def _drain_batch(wire: socket.socket) -> int:
 
 
 async def _count(wire: socket.socket, until: int, quiet_s: float) -> int:
-    """Count what comes through a `DrainedSocket`, until so many or none for `quiet_s`."""
+    """Count the datagrams of a `DrainedSocket`, until `until` of them or none for `quiet_s`."""
     loop = asyncio.get_running_loop()
     done = asyncio.Event()
     count = 0
@@ -104,9 +104,9 @@ async def _count(wire: socket.socket, until: int, quiet_s: float) -> int:
 
     drained = DrainedSocket(wire, on_datagram, print)
     drained.start(loop)
-    seen = -1
-    while seen != count and not done.is_set():
-        seen = count
+    previous_count = -1
+    while previous_count != count and not done.is_set():
+        previous_count = count
         try:
             await asyncio.wait_for(done.wait(), quiet_s)
         except TimeoutError:
@@ -140,7 +140,7 @@ def _highest_rate_hz(
     context: multiprocessing.context.SpawnContext,
     receive: Callable[[socket.socket, int, Event], int],
 ) -> float:
-    """The highest rate, as the sender really kept it, at which every datagram of 1 s arrived."""
+    """The highest rate at which all datagrams of 1 s were received, as measured by the sender."""
     best = 0.0
     for rate in RATES_HZ:
         with _open() as wire:
@@ -156,7 +156,7 @@ def _highest_rate_hz(
 
 
 def _send(address: tuple[str, int], rate_hz: int, go: Event, kept: "Synchronized[float]") -> None:
-    """Send one second's worth in steps of a millisecond; tell the rate that came of it."""
+    """Send the datagrams of one second in steps of a millisecond; reports the rate achieved."""
     wsm = bytes(WSM_BYTES)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
         go.wait()

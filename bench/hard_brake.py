@@ -1,8 +1,8 @@
-"""How late and how wrong hard braking is told from whole km/h, in simulated and real driving.
+"""Delay and false alarms of the hard-brake detector with whole km/h, in simulated and real driving.
 
-Delays count from the instant at which the true deceleration passes the threshold, so they contain
-the sampling. Beside them: what a detector needs that gets each sample's true speed and time.
-False alarms stand beside those of differencing two successive samples.
+Delays count from the time at which the true deceleration exceeds the threshold, so they include the
+sampling. Their reference is a detector with the true speed and time of each sample. The reference
+of false alarms is the difference of two successive samples.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
 
 STEP_S = 0.005
 JERK_M_S3 = 20.0
-"""Of a foot that means it."""
+"""Jerk of decided braking."""
 BRAKINGS = 100
 CITY_HOURS = 2.0
 REAL_DRIVES = ("drive-a", "drive-b-requests-and-answers", "drive-c")
@@ -32,28 +32,34 @@ Track = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """How a car tells its speed."""
+    """How a car reports its speed."""
 
     name: str
     hz: float
     resolution_m_s: float = KM_H
     refresh_s: float = 0.02
-    """How old a value may be on sampling."""
+    """Update interval of the value: its largest age when it is sampled."""
     jitter_s: float = 0.005
-    """Mean of the exponential delay on the bus and in the machine."""
+    """Mean of the exponential delay on the bus and in the computer."""
     pedal: bool = False
 
     def times(self, track: Track, rng: np.random.Generator) -> Track:
-        """When it is sampled: regular, at an unknown phase."""
+        """Sampling times: periodic, with a random phase."""
         return np.arange(rng.uniform(0.0, 1 / self.hz), len(track) * STEP_S - 0.01, 1 / self.hz)
 
     def samples(self, track: Track, times: Track, rng: np.random.Generator) -> Iterator[Speed]:
-        """What arrives: stale, rough by 0.1 km/h, cut to the resolution, and jittered."""
-        measured = np.floor(times / self.refresh_s) * self.refresh_s
-        rough = track[(measured / STEP_S).astype(int)] + rng.normal(0, 0.1 * KM_H, len(times))
-        told = np.floor(np.maximum(rough, 0.0) / self.resolution_m_s) * self.resolution_m_s
+        """Received samples: delayed, with noise of 0.1 km/h, quantised, and with jitter.
+
+        Args:
+            track: true speeds every `STEP_S`.
+            times: sampling times.
+            rng: source of noise and jitter.
+        """
+        updated_s = np.floor(times / self.refresh_s) * self.refresh_s
+        noisy = track[(updated_s / STEP_S).astype(int)] + rng.normal(0, 0.1 * KM_H, len(times))
+        reported = np.floor(np.maximum(noisy, 0.0) / self.resolution_m_s) * self.resolution_m_s
         stamps = np.sort(times + rng.exponential(self.jitter_s, len(times)))
-        for stamp_s, speed_m_s in zip(stamps.tolist(), told.tolist(), strict=True):
+        for stamp_s, speed_m_s in zip(stamps.tolist(), reported.tolist(), strict=True):
             yield Speed(stamp_s, speed_m_s, self.resolution_m_s, self.name)
 
 
@@ -66,7 +72,7 @@ OTHERS = (
 
 
 def measure() -> Iterator[Figure]:
-    """Delays first, then false alarms."""
+    """Yield delays, then false alarms."""
     for source in POLLED:
         # 3 m/s2 is below the default threshold of 0.4 g, and must not raise it.
         yield from _delays(source, 3.0, threshold_g=0.2)
@@ -91,8 +97,8 @@ def _delays(source: Source, deceleration_m_s2: float, threshold_g: float) -> Ite
         times = source.times(track, rng)
         detector = _detector(source, threshold_g)
         alarms = (detector.receive_speed(each) for each in source.samples(track, times, rng))
-        told = next((alarm.stamp_s for alarm in alarms if alarm is not None), np.inf)
-        ours.append(told - passed_at)
+        raised_at = next((alarm.stamp_s for alarm in alarms if alarm is not None), np.inf)
+        ours.append(raised_at - passed_at)
         ideal.append(_ideal_alarm_at(track, times, threshold_g) - passed_at)
     name = f"hard_brake_delay_{deceleration_m_s2:.0f}_m_s2_{source.name}_above_{threshold_g}_g"
     for suffix, percent in (("", 50), ("_p95", 95)):
@@ -138,7 +144,7 @@ def _city_alarms(source: Source, city: Track) -> Figure:
 
 
 def _real_alarms() -> Figure:
-    """Nobody brakes harder than 0.23 g in the recordings, so every alarm is a false one."""
+    """All braking in the recordings is below 0.23 g, so every alarm is false."""
     speeds = alarms = 0
     for drive in REAL_DRIVES:
         bus = VehicleBus(ObdSettings(polling_hz=None))
@@ -171,7 +177,7 @@ def _alarms(
 
 
 def _differencing(threshold_g: float) -> Callable[[Speed], HardBrake | None]:
-    """The naive detector: two samples, silent for a second after each alarm."""
+    """The naive detector: the difference of two samples, inhibited for 1 s after each alarm."""
     last: Speed | None = None
     quiet_until = 0.0
 
@@ -198,7 +204,7 @@ def _ideal_alarm_at(track: Track, times: Track, threshold_g: float) -> float:
 def _braking(
     deceleration_m_s2: float, threshold_g: float, rng: np.random.Generator
 ) -> tuple[Track, float]:
-    """From 80 km/h to 10 km/h, and when the deceleration passes the threshold."""
+    """Braking from 80 km/h to 10 km/h, and the time at which it exceeds the threshold."""
     started_at = 2.0 + rng.uniform(0.0, 1.0)
     deceleration = np.clip(
         (np.arange(0.0, 12.0, STEP_S) - started_at) * JERK_M_S3, 0.0, deceleration_m_s2
@@ -209,7 +215,7 @@ def _braking(
 
 
 def _city(rng: np.random.Generator, hours: float) -> Track:
-    """Accelerate, roll, brake (one time in seven firmly, never above 3.5 m/s2), sometimes stop."""
+    """City driving: accelerate, cruise, brake (one in seven above 2.5 m/s2), sometimes stop."""
     parts: list[Track] = []
     speed_m_s = 0.0
     steps = 0

@@ -1,11 +1,11 @@
-"""The warning hop on loopback, through real daemons: brake sample in one car, alarm in the next.
+"""Latency of a warning over one hop, through real daemons on loopback: brake sample to alarm.
 
-Three daemons on the rig's desk, as in `sim-rig run`: CAN over TCP, camera over HTTP, radio over
-UDP. The first car brakes once in 1.1 s, the two behind are warned. From the moment that the braking
-car's daemon takes the sample off its bus to the moment that the warned car's daemon has written its
-alarm, the warning crosses two UDP wires: car to radio unit, radio unit to car. The air takes no
-time here. The reference crosses two wires as well: a bare echo over UDP, to another process and
-back, measured all along.
+Three daemons on the rig's testbench, as in `sim-rig run`: CAN over TCP, camera over HTTP, radio
+over UDP. The first car brakes once in 1.1 s, and the two behind are warned. The latency is measured
+from the reception of the sample by the braking car's daemon to the alarm record of the warned
+car's. In between the warning crosses two UDP connections, from car to radio unit and from radio
+unit to car; the radio channel adds no delay. The reference is a bare UDP echo to another process
+and back, measured throughout the run.
 """
 
 import asyncio
@@ -29,13 +29,13 @@ from sim_rig.scenario.schema import Scenario
 BRAKINGS = 50
 PERIOD_S = 1.1
 FIRST_S = 4.0
-"""By then the group has formed."""
+"""Time at which the group has formed."""
 ECHO_EVERY_S = 0.02
 WSM_BYTES = 75
 
 
 def measure() -> Iterator[Figure]:
-    """Median and 99th percentile, each beside that of the bare echo."""
+    """Yield median and 99th percentile, each with that of the bare echo."""
     log, echoes_s = asyncio.run(_run())
     hops_s = [
         alarm_stamp_s(warning) - brake["stamp_s"]
@@ -56,22 +56,22 @@ def measure() -> Iterator[Figure]:
 
 async def _run() -> tuple[RunLog, list[float]]:
     context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    echo = context.Process(target=_echo, args=(theirs,), daemon=True)
+    parent_end, child_end = context.Pipe()
+    echo = context.Process(target=_echo, args=(child_end,), daemon=True)
     echo.start()
     scenario = parse_settings(_scenario(), Scenario, "hop_latency")
     with tempfile.TemporaryDirectory() as folder:
-        async with LiveTestbench(scenario, seed=1, folder=Path(folder)) as desk:
-            port = await asyncio.to_thread(ours.recv)
+        async with LiveTestbench(scenario, seed=1, folder=Path(folder)) as testbench:
+            port = await asyncio.to_thread(parent_end.recv)
             pinging = asyncio.create_task(asyncio.to_thread(_ping, port, scenario.duration_s))
-            await desk.run()
+            await testbench.run()
             echoes_s = await pinging
         echo.terminate()
-        return desk.log(), echoes_s
+        return testbench.log(), echoes_s
 
 
 def _scenario() -> dict[str, object]:
-    """Three model cars with AR tags in a row, 10 m apart; the first brakes and speeds up."""
+    """Three model cars with AR tags in a row, 10 m apart; the first brakes and accelerates."""
     brake_at_s = [FIRST_S + PERIOD_S * number for number in range(BRAKINGS)]
     sawtooth = [((at_s, 15.0), (at_s + 0.5, 11.0), (at_s + 1.0, 15.0)) for at_s in brake_at_s]
     mean_m_s = 15.0 - 2.0 / PERIOD_S
@@ -81,7 +81,7 @@ def _scenario() -> dict[str, object]:
         "red": [(FIRST_S, 15.0), (FIRST_S + 1.0, mean_m_s), (end_s, mean_m_s)],
     }
     return {
-        "title": "A car brakes again and again, and the two behind it are warned.",
+        "title": "A car brakes repeatedly, and the two cars behind it are warned.",
         "seed": 1,
         "duration_s": end_s,
         "radio": {"reach_m": 300.0, "delay_s": 0.0},
@@ -99,7 +99,7 @@ def _scenario() -> dict[str, object]:
 
 
 def _ping(port: int, duration_s: float) -> list[float]:
-    """Round trips of a datagram, measured all through the run."""
+    """Round trip times of a datagram during the run."""
     delays_s = []
     end_at = time.monotonic() + duration_s
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:

@@ -1,6 +1,6 @@
-"""Track updates a second (predict, then use one position), batched, beside filterpy.
+"""Track updates a second (prediction and position update), batched, compared with filterpy.
 
-Times are the processor's, since the machine is shared.
+Times are processor times, since the machine is shared.
 """
 
 import time
@@ -31,7 +31,7 @@ def measure() -> Iterator[Figure]:
         track = _filterpy_track()
         many, few = max(20, 20_000 // (tracks + 20)), 300
 
-        def ours(
+        def batched(
             states: Any = states,
             covariances: Any = covariances,
             dt_s: Any = dt_s,
@@ -40,14 +40,16 @@ def measure() -> Iterator[Figure]:
         ) -> None:
             update_position(*predict(states, covariances, dt_s, Q), positions, noises)
 
-        def theirs(track: Any = track, position: Any = positions[:, 0]) -> None:
+        def by_filterpy(track: Any = track, position: Any = positions[:, 0]) -> None:
             track.predict()
             track.update(position)
 
         rates, references = [], []
         for _ in range(ROUNDS):
-            rates.append(tracks * many / timeit.timeit(ours, timer=time.process_time, number=many))
-            references.append(few / timeit.timeit(theirs, timer=time.process_time, number=few))
+            rates.append(
+                tracks * many / timeit.timeit(batched, timer=time.process_time, number=many)
+            )
+            references.append(few / timeit.timeit(by_filterpy, timer=time.process_time, number=few))
         yield Figure(
             f"kalman.{tracks}_tracks",
             median(rates),

@@ -1,7 +1,7 @@
-"""Independent sets of evidence a second, at 8, 16 and 24 vertices, beside networkx and scipy.
+"""Independent sets of evidence a second, of 8 to 24 vertices, beside networkx and scipy.
 
-Every problem is solved by all three, and all three must agree on the weight. Times are the
-processor's, since the machine is shared.
+All three solve every problem and must agree on the weight. Times are processor times, since the
+machine is shared.
 """
 
 import time
@@ -20,15 +20,15 @@ ROUNDS = 7
 
 
 def measure() -> Iterator[Figure]:
-    """Yield solves/s for each size, once beside networkx and once beside milp."""
+    """Yield solves/s for each size, compared with networkx and with milp."""
     for vertices, problems_of_milp in ((8, 60), (16, 40), (24, 30)):
         rng = np.random.default_rng(vertices)
         problems = [_problem(vertices, rng) for _ in range(300)]
         weights = [_weight(masks, select_independent_masks(masks)) for masks in problems]
-        ours, theirs = [], []
+        rates, networkx_rates = [], []
         for _ in range(ROUNDS):
-            ours.append(_rate(select_independent_masks, problems))
-            theirs.append(_rate(_by_networkx, problems[:100]))
+            rates.append(_rate(select_independent_masks, problems))
+            networkx_rates.append(_rate(_by_networkx, problems[:100]))
         for masks, weight in zip(problems, weights, strict=True):
             if _by_networkx(masks) != weight:
                 raise AssertionError(f"networkx finds another weight than {weight} for {masks}")
@@ -38,13 +38,18 @@ def measure() -> Iterator[Figure]:
         by_milp = _rate(_by_milp, problems[:problems_of_milp])
         name = f"mwis.{vertices}_vertices"
         yield Figure(
-            name, median(ours), "solves/s", ROUNDS, "networkx max_weight_clique", median(theirs)
+            name,
+            median(rates),
+            "solves/s",
+            ROUNDS,
+            "networkx max_weight_clique",
+            median(networkx_rates),
         )
-        yield Figure(name, median(ours), "solves/s", ROUNDS, "scipy milp", by_milp)
+        yield Figure(name, median(rates), "solves/s", ROUNDS, "scipy milp", by_milp)
 
 
 def _problem(vertices: int, rng: np.random.Generator) -> list[int]:
-    """As many timestamps as vertices; a third of them single measurements, up to 4 in the rest."""
+    """Random provenances: a third single measurements, the rest of two to four."""
     masks: set[int] = set()
     while len(masks) < vertices:
         size = rng.choice([1, 1, 2, 2, 3, 4])
@@ -67,7 +72,7 @@ def _weight(masks: Sequence[int], chosen: Sequence[int]) -> int:
 
 
 def _by_networkx(masks: Sequence[int]) -> int:
-    """Solve as the maximum-weight clique of the complement."""
+    """Solve as the maximum-weight clique of the complement graph."""
     complement: nx.Graph[int] = nx.Graph()
     for index, mask in enumerate(masks):
         complement.add_node(index, weight=mask.bit_count())
@@ -78,7 +83,7 @@ def _by_networkx(masks: Sequence[int]) -> int:
 
 
 def _by_milp(masks: Sequence[int]) -> int:
-    """Solve as an integer programme: no timestamp in two of the chosen."""
+    """Solve as an integer programme: no measurement in two of the selected."""
     bits = range(max(masks).bit_length())
     uses = np.array([[mask >> bit & 1 for mask in masks] for bit in bits])
     weights = np.array([mask.bit_count() for mask in masks])

@@ -1,9 +1,9 @@
-"""From an alarm raised to an alarm shown, and what browsers cost the loop.
+"""Delay from an alarm to its display, and the load of browsers on the event loop.
 
-Shown is when the browser has drawn the frame with it. The reference of the delay is 100 ms, within
-which people take what happens as caused (and the aim); that of the loop's delay is the same loop
-with no browser. Browsers and loop share the cores of this machine here; in a car they do not, so
-the same is measured with as many readers that take every view and draw nothing.
+An alarm is displayed when the browser has drawn the frame with it. The aim and reference is 100 ms,
+within which people perceive an effect as immediate. The reference of the loop's delay is the same
+loop without browsers. Browsers and loop share the processor cores here, but not in a car; so the
+same is measured with readers that receive every view and draw nothing.
 """
 
 import asyncio
@@ -52,11 +52,11 @@ WATCH = """
   }).observe(document.body, { attributeFilter: ["data-alarm"] });
 }
 """
-"""After the frame in which it is drawn."""
+"""Records the alarm level after the frame in which it is drawn."""
 
 
 def measure() -> Iterator[Figure]:
-    """Delay of alarms, and of the loop."""
+    """Yield the delays of alarms, and those of the loop."""
     path = chromium.find()
     if path is None:
         print(chromium.HOW, file=sys.stderr)
@@ -65,9 +65,9 @@ def measure() -> Iterator[Figure]:
     for name, value_s in _percentiles(shown_s).items():
         yield Figure(f"pages.alarm_shown.{name}", value_s, "s", len(shown_s), "the aim", AIM_S)
     alone = _percentiles(delays_s.pop("alone"))
-    for who, found_s in delays_s.items():
+    for load, found_s in delays_s.items():
         for name, value_s in _percentiles(found_s).items():
-            what = f"pages.loop_delay_{BROWSERS}_{who}.{name}"
+            what = f"pages.loop_delay_{BROWSERS}_{load}.{name}"
             yield Figure(what, value_s, "s", len(found_s), "no browser", alone[name])
 
 
@@ -108,7 +108,7 @@ async def _car() -> AsyncIterator["_Car"]:
 
 
 class _Car:
-    """A stack with a page, and what its sensors would say."""
+    """A stack with a driver page and simulated sensors."""
 
     def __init__(self) -> None:
         tree = {"car": {"plate": "BENCH"}, "hmi": {"port": PORT}}
@@ -120,7 +120,7 @@ class _Car:
         self.page = DriverPage(config.hmi, config, self._stack, lambda _: None)
 
     async def drive(self) -> None:
-        """Speed at 20 Hz, the car ahead at 10 Hz."""
+        """Feed the stack with speed at 20 Hz and a lead at 10 Hz."""
         for step in range(10**9):
             now = time.monotonic()
             self._stack.receive_observation(Speed(now, 15.0, 0.28, "obd:7E8"), now)
@@ -137,7 +137,7 @@ class _Car:
             await asyncio.sleep(0.05)
 
     def raise_alarm(self, level: Level) -> None:
-        """As the daemon does: the alarm is told, and the page shown in the same round."""
+        """Raise an alarm as the daemon does: event and view in the same step."""
         now = time.monotonic()
         event: Event = Alarm(now, Cause.EEBL, level, 6.0, ())
         self.page.receive_event(event)
@@ -164,15 +164,15 @@ async def _alarm_delays_s(car: _Car, page: Page) -> AsyncIterator[float]:
 
 async def _shown_at(page: Page, level: str) -> float:
     while True:
-        for seen, at_s in await page.evaluate("shownAt"):
-            if seen == level:
+        for displayed, at_s in await page.evaluate("shownAt"):
+            if displayed == level:
                 await page.evaluate("shownAt.length = 0")
                 return float(at_s)
         await asyncio.sleep(0.02)
 
 
 async def _loop_delays_s() -> list[float]:
-    """How late this loop comes to what is due."""
+    """Delays of this loop's timers."""
     loop = asyncio.get_running_loop()
     delays_s = []
     until = loop.time() + PROBE_FOR_S

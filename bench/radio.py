@@ -1,7 +1,7 @@
-"""The 802.11p channel alone: CPU time for a second on the air, beside ns-3's for the same road.
+"""The 802.11p channel: processor time for a simulated second, compared with ns-3 for the same road.
 
-ns-3 is not run here: its figures are medians that were taken in turns with ours (docs/radio.md), so
-the ratio is worth little on another machine.
+ns-3 is not run here. Its figures are medians measured alternately with ours on one machine
+(docs/radio.md), so the ratio is not valid on another machine.
 """
 
 import time
@@ -22,12 +22,12 @@ NS3_CPU_S = {
     (200, "none"): 1.90,
     (200, "rayleigh"): 1.83,
 }
-"""By number of cars and fading."""
+"""Processor seconds of ns-3 for a simulated second, by number of cars and fading."""
 
 
 def measure() -> Iterator[Figure]:
-    """Yield CPU seconds a simulated second, and the memory of a channel of 400 stations."""
-    for (cars, fading), theirs_s in NS3_CPU_S.items():
+    """Yield processor seconds for a simulated second, and the memory with 400 stations."""
+    for (cars, fading), ns3_s in NS3_CPU_S.items():
         settings = RadioSettings(cars=cars, fading=fading, seconds=SECONDS)
         spent_s = []
         for number in range(ROUNDS):
@@ -39,14 +39,14 @@ def measure() -> Iterator[Figure]:
             median(spent_s),
             "s",
             ROUNDS,
-            "ns-3 3.37 (Debian's), in turns with ours on one machine",
-            theirs_s,
+            "ns-3 3.37 (Debian's), measured alternately on one machine",
+            ns3_s,
         )
     yield _memory()
 
 
 def _memory() -> Figure:
-    """At most while 400 cars send for two seconds, beside the one matrix that it cannot avoid."""
+    """Peak memory while 400 cars send for two seconds, compared with one matrix of all pairs."""
     tracemalloc.start()
     run_one(RadioSettings(cars=400, seconds=2.0, spacing_m=5.0), 0)
     _, peak_bytes = tracemalloc.get_traced_memory()

@@ -1,9 +1,9 @@
-"""The receive path on one core: WSM in, 1609.2 verified, BSM and footer decoded.
+"""The receive path: decoding of WSM, 1609.2 verification, decoding of BSM and footer.
 
-Twenty cars send at 10 Hz; each names its certificate by its digest and attaches it now and then, as
-the sending side does by itself, so certificates are known after the first. The reference is the
-signature alone: OpenSSL's ECDSA P-256 through the same library, of digests, keys ready. Rates are
-by CPU time: of a core that this has for itself.
+Twenty cars send at 10 Hz. Each attaches its certificate now and then and otherwise sends the
+digest, so certificates are known after the first message. The reference is the signature alone:
+OpenSSL's ECDSA P-256 through the same library, of digests, with keys loaded. Rates are per second
+of processor time.
 """
 
 import statistics
@@ -30,12 +30,12 @@ from onboard.wave_udp.wsmp import WaveShortMessage
 CARS = 20
 ENTRIES = 10
 ROUNDS = 50
-"""BSMs of each car, 0.1 s apart."""
+"""Number of BSMs of each car, 0.1 s apart."""
 REPEATS = 7
 
 
 def measure() -> Iterator[Figure]:
-    """Messages a second through the whole path, and through its parts."""
+    """Yield messages a second through the whole path, and without verification."""
     credentials = make_trial(
         [f"car{n}" for n in range(CARS + 1)],
         [psid.BSM],
@@ -63,7 +63,7 @@ def measure() -> Iterator[Figure]:
 
 
 def signed_wsms(cars: Sequence[Credentials], entries: int) -> list[tuple[float, bytes]]:
-    """What the air carries, as (time, WSM), each car's BSMs evenly apart."""
+    """WSMs of all cars with their times."""
     senders = [SecurityServices(UTC_S, credentials) for credentials in cars]
     wsms = []
     for count in range(ROUNDS):
@@ -75,7 +75,7 @@ def signed_wsms(cars: Sequence[Credentials], entries: int) -> list[tuple[float, 
 
 
 def receive_all(receiver: Credentials, wsms: list[tuple[float, bytes]]) -> None:
-    """Receive them as a car does that has just been switched on."""
+    """Receive all messages with a new receiver."""
     security = SecurityServices(UTC_S, receiver)
     for now, data in wsms:
         wsm = wsmp.decode(data)
@@ -84,7 +84,7 @@ def receive_all(receiver: Credentials, wsms: list[tuple[float, bytes]]) -> None:
 
 
 def _decode_all(wsms: list[tuple[float, bytes]]) -> None:
-    """The same without credentials: everything but the signature."""
+    """Receive without credentials, so without verification."""
     security = SecurityServices(UTC_S)
     for now, data in wsms:
         wsm = wsmp.decode(data)

@@ -1,8 +1,8 @@
-"""The black box: bytes a minute, replay speed, and what recording does to the loop.
+"""The black box: bytes a minute, replay speed, and the effect of recording on the loop.
 
-The drive is the demonstration's, in virtual time. What a minute takes stands beside the same notes
-as bare JSON lines; the replay, by CPU time, beside real time; the loop's delay, and how long a
-noted round takes, beside the same without a recorder.
+The drive is the demonstration's, in virtual time. References: the size of the same records as bare
+JSON lines, real time for the replay (by processor time), and a loop without a recorder for the
+delay of the loop and the duration of a step.
 """
 
 import asyncio
@@ -29,12 +29,12 @@ from sim_rig.scenario.schema import load_scenario
 
 CAR = "red"
 LOOP_S = 5.0
-ROUNDS_HZ = 100.0
-"""Of a loop that gets a speed, two plates and a lead each time: several times what a car has."""
+STEPS_HZ = 100.0
+"""Rate of a loop with a speed, two plates and a lead in each step: several times that of a car."""
 
 
 def measure() -> Iterator[Figure]:
-    """Size and replay of a drive, then a loop with and without a black box."""
+    """Yield size and replay speed of a drive, then a loop with and without a recorder."""
     scenario = load_scenario("fig4")
     with tempfile.TemporaryDirectory() as folder:
         run_virtual(scenario, box_folder=Path(folder))
@@ -72,7 +72,7 @@ def _loop() -> Iterator[Figure]:
         box = BlackBox(RecorderSettings(folder=Path(folder)), states.append)
         without = asyncio.run(_drive(None))
         recording = asyncio.run(_drive(box))
-    for index, name in enumerate(("late", "round")):
+    for index, name in enumerate(("late", "step")):
         for percentile in (50, 99):
             yield Figure(
                 f"recorder.{name}.p{percentile}",
@@ -85,32 +85,32 @@ def _loop() -> Iterator[Figure]:
 
 
 async def _drive(box: BlackBox | None) -> tuple[list[float], list[float]]:
-    """How late each round began, and how long it took, in seconds."""
+    """Delay of the start of each step, and its duration, in s."""
     tree = {"car": {"plate": "AB123"}, "security": {"plate_digest": {"scrypt_log2_n": 6}}}
     config = parse_settings(tree, CarConfig, "bench")
     now = time.monotonic()
-    beginning = InitialState(
+    initial_state = InitialState(
         config=config,
         sensors=frozenset({Sensor.SPEED, Sensor.CAMERA}),
         seed=np.random.SeedSequence(1),
         now=now,
         utc_s=time.time(),
     )
-    stack = recorded_stack(box, beginning)
+    stack = recorded_stack(box, initial_state)
     if box is not None:
         box.start()
     late_s, took_s = [], []
     begin_at = time.monotonic()
-    for number in range(round(LOOP_S * ROUNDS_HZ)):
-        due_at = begin_at + number / ROUNDS_HZ
+    for number in range(round(LOOP_S * STEPS_HZ)):
+        due_at = begin_at + number / STEPS_HZ
         await asyncio.sleep(max(0.0, due_at - time.monotonic()))
         now = time.monotonic()
         late_s.append(now - due_at)
         stack.set_utc(time.time(), now)
         stack.receive_observation(Speed(now, 15.0, 0.28, "obd:7E8"), now)
         for text in ("CD456", "EF789"):
-            seen = Plate(now, Pixels(300.0, 170.0, 52.0, 11.0), text, 0.9, is_lead=text == "CD456")
-            stack.receive_observation(seen, now)
+            plate = Plate(now, Pixels(300.0, 170.0, 52.0, 11.0), text, 0.9, is_lead=text == "CD456")
+            stack.receive_observation(plate, now)
         lead = Lead(now, LeadIdentity.KNOWN, "CD456", 15.0, 0.4, 0.1, 0.5)
         stack.receive_observation(lead, now)
         if stack.get_timer() <= now:

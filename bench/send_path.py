@@ -1,7 +1,7 @@
-"""The send path on one core: BSM and footer encoded, signed, framed; and the bytes on the air.
+"""The send path: encoding of BSM and footer, signing and framing; and the size of the messages.
 
 The reference is the signature alone, as `onboard.security` makes it (deterministic, RFC 6979).
-Rates are by CPU time: of a core that this has for itself.
+Rates are per second of processor time.
 """
 
 import statistics
@@ -25,11 +25,11 @@ from onboard.wave_udp.wsmp import WaveShortMessage
 ENTRIES = 10
 MESSAGES = 500
 REPEATS = 7
-WEIGHED_ENTRIES = (0, 5, 10, 20)
+FOOTER_SIZES = (0, 5, 10, 20)
 
 
 def measure() -> Iterator[Figure]:
-    """Messages a second, then bytes of a WSM by the entries of its footer."""
+    """Yield messages a second, then octets of a WSM by the entries of its footer."""
     (car,) = make_trial(
         ["car"], [psid.BSM], UTC_S, p256.key_from(np.random.default_rng(3))
     ).values()
@@ -52,7 +52,7 @@ def measure() -> Iterator[Figure]:
         "bare ECDSA P-256 sign",
         statistics.median(bare),
     )
-    for entries in WEIGHED_ENTRIES:
+    for entries in FOOTER_SIZES:
         with_certificate, with_digest = (len(wsm) for wsm in send(car, entries, 2))
         for name, size in (("certificate", with_certificate), ("digest", with_digest)):
             yield Figure(
@@ -66,7 +66,16 @@ def measure() -> Iterator[Figure]:
 
 
 def send(car: Credentials, entries: int, count: int) -> list[bytes]:
-    """The first WSMs of a car, 0.1 s apart, each BSM and footer encoded anew."""
+    """Encode, sign and frame the first messages of a car.
+
+    Args:
+        car: credentials of the sender.
+        entries: number of entries in each footer.
+        count: number of messages, 0.1 s apart.
+
+    Returns:
+        WSMs.
+    """
     security = SecurityServices(UTC_S, car)
     wsms = []
     for n in range(count):

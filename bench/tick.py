@@ -1,9 +1,9 @@
-"""One tick (100 ms) of one car's MVS that knows 100 others: 40 with a radio, 60 without.
+"""One tick (100 ms) of one car's MVS with 100 perceived objects: 40 with a radio, 60 without.
 
-Each of the 40 has an MVS core and sends its footer. What reaches the first car in 2 s is noted,
-and then given to fresh cores. A tick is all that MVS does in it: own fix, the cars in the picture,
-40 BSMs with footers, the own footer, and the kinematic-info. Garbage is collected as in the daemon.
-Times are the processor's, since the machine is shared.
+Each of the 40 has an MVS core and sends its footer. The inputs of the first car in 2 s are
+recorded, and then given to new cores. A tick includes the host vehicle's fix, its detections, 40
+BSMs with footers, its own footer, and the kinematic-info. Garbage is collected as in the daemon.
+Times are processor times, since the machine is shared.
 """
 
 import time
@@ -24,13 +24,13 @@ TICKS, WARM, ROUNDS = 20, 10, 10
 RADIOS, SPACING_M = 41, 22.0
 CARS_PER_LANE = 17
 OWN = 40
-"""Somewhere in the middle."""
+"""Number of the measured car, in the middle of the road."""
 
 Call = tuple[str, tuple[Any, ...]]
 
 
-class _Noting:
-    """An MVS core whose inputs are noted."""
+class _InputRecorder:
+    """An MVS core whose inputs are recorded."""
 
     def __init__(self, core: MultiVehicleSensing, world: MvsWorld) -> None:
         self._core = core
@@ -39,26 +39,26 @@ class _Noting:
 
     def __getattr__(self, name: str) -> Callable[..., object]:
         def call(*arguments: object) -> object:
-            # In a car footers come as bytes.
-            wire = tuple(self._written() if isinstance(a, SharedEntries) else a for a in arguments)
+            # In a car footers are received as bytes.
+            wire = tuple(self._footer() if isinstance(a, SharedEntries) else a for a in arguments)
             self.calls.append((name, wire))
             return getattr(self._core, name)(*arguments)
 
         return call
 
-    def _written(self) -> bytes:
+    def _footer(self) -> bytes:
         return self._world.sent[-1].footer
 
 
 def measure() -> Iterator[Figure]:
-    """Yield median and 99th percentile."""
+    """Yield median and 99th percentile of the duration of a tick."""
     settings = MvsSettings(
         sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
         acceleration_density=1.0,
     )
     ticks = _inputs(settings)
     times_s = []
-    known = 0
+    objects = 0
     freeze_start_up_objects()
     for _ in range(ROUNDS):
         core = MultiVehicleSensing(settings, OWN.to_bytes(4), np.random.default_rng(1), START_UTC_S)
@@ -67,17 +67,17 @@ def measure() -> Iterator[Figure]:
             for name, arguments in calls:
                 getattr(core, name)(*arguments)
                 if name == "footer_to_send":
-                    known = len(core.kinematic_info(*arguments))
+                    objects = len(core.kinematic_info(*arguments))
             if number >= WARM:
                 times_s.append(time.process_time() - began)
     interval = ("the BSM's interval", TICK_S * 1000)
     for name, quantile in (("median", 0.5), ("p99", 0.99)):
         value = float(np.quantile(times_s, quantile)) * 1000
-        yield Figure(f"tick.{known}_known_cars.{name}", value, "ms", len(times_s), *interval)
+        yield Figure(f"tick.{objects}_objects.{name}", value, "ms", len(times_s), *interval)
 
 
 def _inputs(settings: MvsSettings) -> list[list[Call]]:
-    """What one car is given in each of `TICKS` ticks."""
+    """Inputs of one car in each of `TICKS` ticks."""
     rng = np.random.default_rng(0)
     traffic = SixLaneRoad(CARS_PER_LANE, SPACING_M, TICKS * TICK_S + 1.0, 1.0, rng)
     own = traffic.names[OWN]
@@ -85,11 +85,11 @@ def _inputs(settings: MvsSettings) -> list[list[Call]]:
     equipped = {own, *(others[i] for i in rng.permutation(len(others))[: RADIOS - 1])}
     world = MvsWorld(traffic, equipped, WorldSettings(reach_m=1000.0), settings, seed=1)
     world.tick()
-    noting = _Noting(world.cores[own], world)
-    world.cores[own] = noting  # type: ignore[assignment]
+    recorder = _InputRecorder(world.cores[own], world)
+    world.cores[own] = recorder  # type: ignore[assignment]
     inputs = []
     for _ in range(TICKS):
         world.tick()
-        inputs.append(noting.calls.copy())
-        noting.calls.clear()
+        inputs.append(recorder.calls.copy())
+        recorder.calls.clear()
     return inputs
