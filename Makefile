@@ -40,7 +40,7 @@ vm-test: .venv/ready
 	$(PYTHON) -m deploy.vm
 
 box-test: .venv/ready
-	$(PYTHON) -m deploy.vm --here
+	$(PYTHON) -m deploy.vm --namespaces
 
 # The drives that tests replay, recorded anew after a change of the cores that is meant.
 drives: .venv/ready

@@ -1,1 +1,1 @@
-"""How the car gets onto a box, and the box tested as a whole."""
+"""Installation on the car's computer (the box), and tests of the installed box."""

@@ -1,6 +1,6 @@
 #!/bin/sh
-# box.sh FOLDER: everything that a box needs, to be copied there and installed by install.sh.
-# The wheels are for Debian 12's Python on processors as this one's, or ARCH=aarch64.
+# box.sh FOLDER: collects everything to install on a box with install.sh.
+# The wheels are for Debian 12's Python and this processor's architecture, or ARCH=aarch64.
 set -eu
 cd "$(dirname "$0")/.."
 folder=$1 arch=${ARCH:-$(uname -m)}

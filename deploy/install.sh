@@ -1,11 +1,11 @@
 #!/bin/sh
-# Installs onboard on a Debian 12 box, or brings what is installed up to date. Run as root:
+# Installs or updates onboard on a Debian 12 computer. Run as root:
 #
-#   install.sh [--vcan]              --vcan: a bus without a wire, for the desk
-#   install.sh --uninstall [--purge] --purge: configuration, keys and recordings as well
+#   install.sh [--vcan]              --vcan: a virtual CAN bus, for tests
+#   install.sh --uninstall [--purge] --purge: also configuration, keys and recordings
 #
-# It lies in a folder with everything that it needs (`make box`): nothing is downloaded but Debian
-# packages that are not there. Who runs it twice has what he had after the first time.
+# It needs the folder that `make box` creates. Only missing Debian packages are downloaded. A second
+# run changes nothing.
 set -eu
 here=$(dirname "$(realpath "$0")")
 files=$here/files
@@ -24,7 +24,7 @@ main() {
         --vcan) vcan=yes ;;
         --uninstall) action=uninstall ;;
         --purge) purge=yes ;;
-        *) complain "unknown option $option; see its head" 2 ;;
+        *) complain "unknown option $option; see the head of this file" 2 ;;
         esac
     done
     [ "$(id -u)" = 0 ] || complain "must be run as root" 2
@@ -33,7 +33,7 @@ main() {
 }
 
 install() {
-    [ -d "$here/wheels" ] || complain "no wheels beside it: make this folder with 'make box'" 2
+    [ -d "$here/wheels" ] || complain "no wheels in this folder: create it with 'make box'" 2
     add_packages python3-venv gpsd
     add_user
     add_program
@@ -41,7 +41,7 @@ install() {
     add_system_files
     systemctl daemon-reload
     udevadm control --reload 2>/dev/null || true  # containers have no udev
-    /lib/systemd/systemd-sysctl "$sysctl" 2>/dev/null || true  # nor a kernel of their own
+    /lib/systemd/systemd-sysctl "$sysctl" 2>/dev/null || true  # nor their own kernel
     systemctl try-restart systemd-journald.service
     start_network
     systemctl enable --quiet gpsd.service onboard.service
@@ -74,7 +74,7 @@ add_program() {
     pip="$home/venv/bin/python -m pip --isolated --disable-pip-version-check install --quiet"
     pip="$pip --root-user-action=ignore --no-index --find-links $here/wheels"
     $pip --require-hashes --requirement "$here/requirements.lock"
-    # Of one version there are many states: ours is installed anew each time.
+    # The version alone does not identify the build, so it is always reinstalled.
     $pip --no-deps --force-reinstall onboard
     cp "$here/in-the-car.md" "$home/"
     ln -sf "$home/venv/bin/onboard" /usr/local/bin/onboard
@@ -86,7 +86,7 @@ add_configuration() {
     chown -R root:onboard "$etc"
     chmod 750 "$etc"
     chmod 640 "$etc/car.yaml"
-    # Keys are for the car alone, and the car is not root.
+    # Only the service's user may read the keys.
     if [ -d "$etc/keys" ]; then
         chown -R onboard:onboard "$etc/keys"
         chmod -R u=rwX,go= "$etc/keys"
@@ -107,8 +107,8 @@ add_system_files() {
 }
 
 start_network() {
-    # Only what its files name is networkd's; whatever else runs the network goes on doing so, and
-    # nobody waits at boot for networks that networkd does not have.
+    # networkd manages only the interfaces of these files; other network software keeps the rest. So
+    # the boot must not wait for networkd to be online.
     if ! systemctl is-enabled --quiet systemd-networkd.service; then
         systemctl enable --quiet systemd-networkd.service
         systemctl disable --quiet systemd-networkd-wait-online.service
@@ -128,9 +128,9 @@ uninstall() {
     if [ "$purge" = yes ]; then
         rm -rf "$etc" "$state"
         userdel onboard 2>/dev/null || true
-        echo "uninstalled; nothing is left"
+        echo "uninstalled; all files are removed"
     else
-        echo "uninstalled; $etc and $state are left (--purge)"
+        echo "uninstalled; $etc and $state are kept (--purge removes them)"
     fi
 }
 

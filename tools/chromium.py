@@ -1,4 +1,4 @@
-"""Debian's chromium, for looking at our pages with playwright, which brings none of its own."""
+"""Debian's chromium for playwright, which is installed without a browser."""
 
 import shutil
 
@@ -16,5 +16,5 @@ HOW = "no chromium: `sh tools/system-packages.sh chromium` installs it"
 
 
 def find() -> str | None:
-    """Where it is; `None` where it is not, and `HOW` says what to do."""
+    """Path of chromium; None if it is not installed, which `HOW` explains."""
     return shutil.which("chromium")

@@ -1,8 +1,8 @@
-"""Takes the pictures of the pages in docs/pictures from the running demonstration.
+"""Takes the screenshots in docs/pictures from the running demonstration.
 
     .venv/bin/python -m tools.page_pictures
 
-Wants a machine that has nothing else to do: a browser beside four daemons takes its time from them.
+Needs an idle machine, since the browser shares the processor with four daemons.
 """
 
 import asyncio
@@ -28,28 +28,28 @@ GREY = (150, 150, 150)
 
 
 async def main() -> None:
-    """Run the demonstration up to its second braking."""
+    """Run the demonstration until its second braking."""
     path = chromium.find()
     if path is None:
         sys.exit(chromium.HOW)
     scenario = load_scenario("fig4")
     with tempfile.TemporaryDirectory() as name:
         async with (
-            LiveTestbench(scenario, scenario.seed, Path(name)) as desk,
+            LiveTestbench(scenario, scenario.seed, Path(name)) as testbench,
             async_playwright() as play,
         ):
             browser = await play.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
-            running = asyncio.create_task(desk.run())
-            while math.isinf(desk.start_s):
+            running = asyncio.create_task(testbench.run())
+            while math.isinf(testbench.start_s):
                 await asyncio.sleep(0.1)
-            await drivers(browser, desk.pages["blue"])
-            await engineers(browser, desk.pages["engineer"])
+            await drivers(browser, testbench.pages["blue"])
+            await engineers(browser, testbench.pages["engineer"])
             running.cancel()
             await browser.close()
 
 
 async def drivers(browser: Browser, address: str) -> None:
-    """Day, night, and night with an alarm, side by side."""
+    """Take the driver's page by day, by night, and by night with an alarm, side by side."""
     day, night = [
         await open_page(browser, address, PHONE, colours, 2) for colours in ("light", "dark")
     ]
@@ -64,34 +64,42 @@ async def drivers(browser: Browser, address: str) -> None:
         for shot in shots
     ]
     small = cv2.resize(np.hstack(framed), None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA)
-    keep(small, "driver.png")
+    write(small, "driver.png")
     for page in (day, night):
         await page.context.close()
 
 
 async def engineers(browser: Browser, address: str) -> None:
-    """The moment of the last warning."""
+    """Take the engineer's page at the time of the last warning."""
     page = await open_page(browser, address, LAPTOP, "dark", 1)
     await page.wait_for_timeout(7_000)
     await page.click("#earlier-warning")
     await page.click("#windows button:nth-child(1)")
     await page.wait_for_timeout(1_500)
-    keep(decode(await page.screenshot()), "engineer.png")
+    write(decode(await page.screenshot()), "engineer.png")
 
 
 def decode(shot: bytes) -> np.ndarray:
-    """A screenshot as BGR."""
+    """Decode a screenshot to BGR."""
     return cv2.imdecode(np.frombuffer(shot, np.uint8), cv2.IMREAD_COLOR)
 
 
-def keep(picture: np.ndarray, name: str) -> None:
-    """Write it with the 256 colours that matter, a third of the bytes."""
-    image = Image.fromarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB))
-    image.quantize(256, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
+def write(image: np.ndarray, name: str) -> None:
+    """Write an image with 256 colours, which takes a third of the bytes."""
+    palette = Image.fromarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
+    palette.quantize(256, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
 
 
 async def open_page(browser: Browser, address: str, size: object, colours: str, scale: int) -> Page:
-    """A page in a browser of its own."""
+    """Open a page in its own browser context.
+
+    Args:
+        browser: running browser.
+        address: of the page.
+        size: viewport, with width and height.
+        colours: `light` or `dark`.
+        scale: device pixels of a CSS pixel.
+    """
     context = await browser.new_context(
         viewport=size, color_scheme=colours, device_scale_factor=scale
     )

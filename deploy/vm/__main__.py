@@ -1,6 +1,6 @@
-"""Build the machine, install the box on it, drive it, and print what came of it.
+"""Build the machine, install the box on it, inject the faults, and print the results.
 
-python -m deploy.vm [--by-the-clock] [--again] [--record]
+python -m deploy.vm [--namespaces] [--reuse] [--record]
 """
 
 import argparse
@@ -19,8 +19,8 @@ import numpy as np
 import yaml
 
 from deploy.vm.drive import BOX, FOLDER, TRACE, NotSeenError, StatusRow, VmDrive, slowness
-from deploy.vm.here import Here
-from deploy.vm.machine import PATIENCE_S, Machine, MachineError, new_disk
+from deploy.vm.machine import HANG_TIMEOUT_S, Machine, MachineError, new_disk
+from deploy.vm.namespaces import Namespaces
 from deploy.vm.report import record, table
 from onboard import psid
 from onboard.security.key_files import write_credentials
@@ -33,14 +33,14 @@ ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "build" / "vm"
 SHARE = BUILD / "share"
 INSTALLED = BUILD / "installed.qcow2", BUILD / "installed.raw"
-"""The disk and the small disk as install.sh left them; each drive writes to its own."""
+"""The disk and the small disk after install.sh; each run works on copies."""
 DRIVEN = BUILD / "driven.qcow2", BUILD / "driven.raw"
 DOCS = ROOT / "docs" / "in-the-car.md"
 
 SMALL_DISK_BYTES = 48 << 20
-PICTURES = 40
+IMAGES = 40
 TAG_M = 0.4
-"""Large, for small pictures: the guest is slow."""
+"""A large tag, for small images, since the guest is slow."""
 VIEW = SMALL_LENS.model_dump()
 CAR = {
     "car": {"plate": "TAG2"},
@@ -57,12 +57,12 @@ CAR = {
 }
 RIG_UNIT = """
 [Unit]
-Description=The other end of the wires, on the same box and with the box's own Python
+Description=The other end of the daemon's wires
 
 [Service]
 Type=exec
-ExecStart=/opt/onboard/venv/bin/python /root/rig.py /root/pictures /root/keys BUS
-# Port 8081: what a car has when it is switched on is there before the car looks for it.
+ExecStart=/opt/onboard/venv/bin/python /root/rig.py /root/images /root/keys BUS
+# The camera (port 8081) must be ready before the daemon starts, as in a car.
 ExecStartPost=/bin/sh -c 'until grep -q :1F91 /proc/net/tcp; do sleep 0.2; done'
 Restart=always
 
@@ -79,7 +79,7 @@ systemctl stop onboard
 chown -R onboard:onboard /var/lib/onboard
 cp -R /share/keys/ahead /root/keys && chmod -R go= /root/keys
 cp -R /share/keys/car /etc/onboard/keys
-cp -R /share/rig.py /share/pictures /root/
+cp -R /share/rig.py /share/images /root/
 cp /share/rig.service /etc/systemd/system/
 mkdir -p /etc/systemd/system/onboard.service.d
 printf '[Unit]\\nAfter=rig.service\\n' >/etc/systemd/system/onboard.service.d/test.conf
@@ -90,33 +90,35 @@ echo 'DEVICES="udp://127.0.0.1:5000"' >/etc/default/gpsd
 systemctl restart gpsd
 sync
 """
-"""As docs/in-the-car.md tells it."""
+"""Installation as described in docs/in-the-car.md."""
 
 STATE = (
     "find /etc /opt/onboard /var/lib/onboard /usr/local/bin -xdev -not -type d -not -name '*.pyc'"
     " -not -name direct_url.json -not -name RECORD -printf '%p %U %G %m %s\\n' | sort"
 )
-"""Every file that an installation makes, with owner, mode and size."""
+"""Lists all installed files with owner, mode and size."""
 
 
 def main() -> int:
-    """Run the test; 0 if every limit was kept."""
+    """Run the test; returns 0 if all limits were kept."""
     parser = argparse.ArgumentParser(prog="python -m deploy.vm")
-    parser.add_argument("--here", action="store_true", help="in namespaces, without QEMU")
-    parser.add_argument("--again", action="store_true", help="with what is installed already")
+    parser.add_argument("--namespaces", action="store_true", help="in namespaces, without QEMU")
+    parser.add_argument(
+        "--reuse", action="store_true", help="use the installed disk of the last run"
+    )
     parser.add_argument("--record", action="store_true", help=f"write the table to {DOCS.name}")
     arguments = parser.parse_args()
     test = VmTest()
-    is_kept = test.run_here() if arguments.here else test.run(again=arguments.again)
+    is_kept = test.run_in_namespaces() if arguments.namespaces else test.run(reuse=arguments.reuse)
     text = test.table()
     print(text)
     if arguments.record and is_kept:
-        record(DOCS, "here" if arguments.here else "vm-test", text)
+        record(DOCS, "here" if arguments.namespaces else "vm-test", text)
     return 0 if is_kept else 1
 
 
 class VmTest:
-    """One run, and what it found."""
+    """One run of the test and its results."""
 
     def __init__(self) -> None:
         self._rows: list[StatusRow] = []
@@ -124,9 +126,9 @@ class VmTest:
         self._took_s: dict[str, float] = {}
         self._slowness = 1.0
 
-    def run(self, *, again: bool) -> bool:
-        """Do everything, go on after what fails; return whether nothing did."""
-        self._prepare(again=again)
+    def run(self, *, reuse: bool) -> bool:
+        """Run all steps, also after a failure; returns whether all limits were kept."""
+        self._prepare(reuse=reuse)
         with self._timed("boot"):
             machine = Machine(BUILD, DRIVEN, SHARE, counted=True)
         try:
@@ -147,17 +149,17 @@ class VmTest:
             machine.cut_power()
         return self._is_kept()
 
-    def run_here(self) -> bool:
-        """What can be done without a kernel of its own, at this machine's speed."""
+    def run_in_namespaces(self) -> bool:
+        """Run the steps that need no kernel of their own; returns whether all limits were kept."""
         self._make_share("socketcand", {"can": {"interface": "socketcand", "channel": "can0"}})
-        machine = Here(BUILD, BUILD / "here", SHARE)
+        machine = Namespaces(BUILD, BUILD / "namespaces", SHARE)
         try:
             with self._timed("install.sh twice"):
                 machine.run(SET_UP, timeout_s=600.0)
                 before = machine.run(STATE).output
                 machine.run("sh /share/box/install.sh --vcan; systemctl stop onboard")
                 if machine.run(STATE).output != before:
-                    self._failures.append("install.sh changes something when it runs again")
+                    self._failures.append("a second run of install.sh changes files")
             machine.run("systemctl daemon-reload; systemctl start rig")
             drive = VmDrive(machine)
             self._drive(drive)
@@ -171,14 +173,14 @@ class VmTest:
         return not self._failures and all(row.is_kept for row in self._rows)
 
     def table(self) -> str:
-        """For people."""
+        """The results as Markdown."""
         return table(self._rows, self._failures, self._took_s, self._slowness)
 
     # ---- before the drive ----------------------------------------------------------------
 
-    def _prepare(self, *, again: bool) -> None:
+    def _prepare(self, *, reuse: bool) -> None:
         self._make_share("vcan", {})
-        if not (again and INSTALLED[0].exists()):
+        if not (reuse and INSTALLED[0].exists()):
             self._install()
         DRIVEN[0].unlink(missing_ok=True)
         new_disk(DRIVEN[0], INSTALLED[0], "qcow2")
@@ -193,11 +195,11 @@ class VmTest:
             file.truncate(SMALL_DISK_BYTES)
         _sh("mke2fs", "-q", "-F", "-t", "ext4", small_disk)
         with self._timed("boot and install.sh"):
-            # By the clock and on two cores, which is sooner done.
+            # The host's clock and two cores are faster than counted instructions.
             try:
                 machine = Machine(BUILD, INSTALLED, SHARE, counted=False)
                 try:
-                    machine.run(MOUNT + SET_UP, timeout_s=PATIENCE_S - 300.0)
+                    machine.run(MOUNT + SET_UP, timeout_s=HANG_TIMEOUT_S - 300.0)
                 finally:
                     machine.power_off()
             except MachineError:
@@ -205,14 +207,14 @@ class VmTest:
                 raise
 
     def _make_share(self, bus: str, changes: dict[str, object]) -> None:
-        with self._timed("image (kept from run to run)"):
+        with self._timed("image (reused between runs)"):
             _sh("sh", ROOT / "deploy" / "vm" / "image.sh", BUILD)
         with self._timed("make box"):
             _sh("sh", ROOT / "deploy" / "box.sh", SHARE / "box")
             _fill_share(bus, CAR | changes)
 
     def _doctor(self, machine: Machine) -> None:
-        """What it must find on this box: the camera is slow and the disk small."""
+        """Check the findings of `onboard doctor`; the camera is slow and the disk small."""
         expected = dict.fromkeys(("bus", "ECU", "light", "calibration", "gpsd"), "good")
         expected |= dict.fromkeys(("camera", "radio", "clock", "keys"), "doubtful")
         expected["disk"] = "missing"
@@ -229,7 +231,7 @@ class VmTest:
         for step in drive.steps():
             self._do(step)
 
-    def _uninstall(self, machine: Machine | Here) -> None:
+    def _uninstall(self, machine: Machine | Namespaces) -> None:
         with self._timed("uninstall"):
             machine.run(f"umount {FOLDER}; sh /share/box/install.sh --uninstall --purge")
             left = machine.run(
@@ -259,7 +261,7 @@ class VmTest:
 
 
 def _fill_share(bus: str, car: dict[str, object]) -> None:
-    """What the guest reads: the box, and what the rig shows and signs with."""
+    """Write the files that the guest reads: configuration, keys and camera images."""
     shutil.copy(Path(__file__).with_name("rig.py"), SHARE)
     (SHARE / "rig.service").write_text(RIG_UNIT.replace("BUS", bus), encoding="utf-8")
     (SHARE / "car.yaml").write_text(yaml.safe_dump(car, sort_keys=False), encoding="utf-8")
@@ -269,19 +271,19 @@ def _fill_share(bus: str, car: dict[str, object]) -> None:
         ["car", "ahead"], {psid.BSM, psid.LCCA}, time.time()
     ).items():
         write_credentials(SHARE / "keys" / name, credentials)
-    if not (SHARE / "pictures").is_dir():
-        (SHARE / "pictures").mkdir()
-        _paint(SHARE / "pictures")
+    if not (SHARE / "images").is_dir():
+        (SHARE / "images").mkdir()
+        _render(SHARE / "images")
 
 
-def _paint(folder: Path) -> None:
-    """A car with a tag some 12 m ahead, which comes and goes a little, round and round."""
-    picture = CameraRenderer(CameraSettings(source="rig", **VIEW))
+def _render(folder: Path) -> None:
+    """Render a car with a tag some 12 m ahead, whose distance varies periodically."""
+    renderer = CameraRenderer(CameraSettings(source="rig", **VIEW))
     rng = np.random.default_rng(1)
-    for number in range(PICTURES):
-        gap_m = 12.0 + 0.3 * np.sin(2 * np.pi * number / PICTURES)
+    for number in range(IMAGES):
+        gap_m = 12.0 + 0.3 * np.sin(2 * np.pi * number / IMAGES)
         ahead = SceneCar(ahead_m=gap_m, tag_id=1, tag_side_m=TAG_M)
-        image = picture.draw(Scene(cars=(ahead,), travelled_m=3.75 * number), rng)
+        image = renderer.draw(Scene(cars=(ahead,), travelled_m=3.75 * number), rng)
         cv2.imwrite(str(folder / f"{number:03}.jpg"), image)
 
 

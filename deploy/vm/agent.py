@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Runs in the guest: a JSON line asks for a command, a JSON line says what came of it.
+"""Runs in the guest: receives commands as JSON lines, and returns their results as JSON lines.
 
-Stamps are of the guest's monotonic clock: the time that a car would have seen.
+Times are of the guest's monotonic clock.
 """
 
 import json
@@ -13,7 +13,7 @@ PORT = "/dev/virtio-ports/host"
 
 
 def main() -> None:
-    """Answer until the machine is switched off."""
+    """Execute commands until the machine is switched off."""
     while not os.path.exists(PORT):  # noqa: PTH110 (the guest has nothing but its own Python)
         time.sleep(0.1)
     with open(PORT, "r+b", buffering=0) as port:  # noqa: PTH123
@@ -24,21 +24,21 @@ def main() -> None:
             while b"\n" in unread:
                 line, unread = unread.split(b"\n", 1)
                 rest = json.dumps(answer(json.loads(line))).encode() + b"\n"
-                while rest:  # the port takes some of a long answer at a time
+                while rest:  # the port accepts only part of a long answer at a time
                     rest = rest[port.write(rest) or 0 :]
             time.sleep(0.01)
 
 
-def answer(asked: dict[str, object]) -> dict[str, object]:
-    """Run a command by bash; what it writes to both outputs comes back as one text."""
+def answer(request: dict[str, object]) -> dict[str, object]:
+    """Run a command in bash; returns exit code, both outputs as one text, and times."""
     began_s = time.monotonic()
     try:
         done = subprocess.run(
-            ["/bin/bash", "-c", str(asked["command"])],
+            ["/bin/bash", "-c", str(request["command"])],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            timeout=float(str(asked["timeout_s"])),
+            timeout=float(str(request["timeout_s"])),
             check=False,
         )
         code, output = done.returncode, done.stdout

@@ -1,4 +1,4 @@
-"""What is done to the box in the car, and what must come of it. All times are the guest's."""
+"""The faults that the test injects into the box, and the expected results, in the guest's time."""
 
 import json
 import timeit
@@ -6,175 +6,181 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from deploy.vm.here import Here
 from deploy.vm.machine import Machine
+from deploy.vm.namespaces import Namespaces
 
 FOLDER = "/var/lib/onboard/drive"
-"""A small disk of its own."""
+"""Mount point of a small second disk."""
 TRACE = f"{FOLDER}/trace.jsonl"
 BOX = f"{FOLDER}/box"
-"""The black box."""
-WORDS = "/dev/udp/127.0.0.1/5397"
-"""Where the rig listens, as bash reaches it."""
-POLL_S, PATIENCE = 0.5, 120
-"""Of the guest's time, between two looks at the trace; stamps are exact all the same."""
+"""Folder of the black box."""
+COMMANDS = "/dev/udp/127.0.0.1/5397"
+"""Port of the rig's commands, in the notation of bash."""
+POLL_S, POLLS = 0.5, 120
+"""Interval in guest time at which the trace is read, and how often at most."""
 
-BACK_S = 5.0
-"""From the end of a program to the next one's being ready."""
+RESTART_S = 5.0
+"""Limit from the end of the daemon to the next one's being ready."""
 BOOT_S = 120.0
-"""From switching on to ready: mostly Debian's own start on a processor as slow as the guest's."""
+"""Limit from power-on to ready, most of which is Debian's boot on the guest's slow processor."""
 WATCHDOG_S = 2.0
 STOP_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class StatusRow:
-    """One line of the table."""
+    """Result of one fault: a line of the table."""
 
     what: str
-    noticed_s: float | None
-    """After which the car said so."""
-    whole_s: float | None
-    """After which, counted from the end of the trouble, everything was as before."""
+    detected_s: float | None
+    """Time from the fault to its report in the trace."""
+    recovered_s: float | None
+    """Time from the end of the fault until everything was as before."""
     limit_s: float | None
-    """Of `whole_s`."""
+    """Limit of `recovered_s`."""
     remark: str = ""
 
     @property
     def is_kept(self) -> bool:
-        """Whether the limit was."""
-        return self.limit_s is None or (self.whole_s is not None and self.whole_s <= self.limit_s)
+        """Whether the limit was kept."""
+        if self.limit_s is None:
+            return True
+        return self.recovered_s is not None and self.recovered_s <= self.limit_s
 
 
 class NotSeenError(Exception):
-    """What had to come did not."""
+    """An expected event did not occur."""
 
 
 class VmDrive:
-    """The box, what it tells in its trace, and what is done to it."""
+    """Injects faults into the box, and reads its trace."""
 
-    def __init__(self, machine: Machine | Here) -> None:
+    def __init__(self, machine: Machine | Namespaces) -> None:
         self._machine = machine
-        self._is_whole = isinstance(machine, Machine)
+        self._has_kernel = isinstance(machine, Machine)
         self._events: list[dict[str, Any]] = []
         self._offset = 0
         self._rest = ""
 
     def steps(self) -> Sequence[Callable[[], Iterator[StatusRow]]]:
-        """In their order; after the last the car still drives."""
+        """All steps in their order; the daemon is running after the last."""
         anywhere = [
             self.start,
             self.warn,
             self.kill,
             self.hang,
-            self.take_bus,
-            self.take_gpsd,
-            self.take_radio,
+            self.stop_bus,
+            self.stop_gpsd,
+            self.switch_radio_off,
             self.fill_disk,
             self.refuse_configuration,
         ]
-        return [*anywhere, self.step_clock] if self._is_whole else anywhere
+        return [*anywhere, self.step_clock] if self._has_kernel else anywhere
 
-    # ---- what is done --------------------------------------------------------------------
+    # ---- faults --------------------------------------------------------------------------
 
     def start(self) -> Iterator[StatusRow]:
-        """From `systemctl start` to ready, and to the first of everything."""
+        """`systemctl start`: time to ready, and to the first output of each kind."""
         began_s = self._run("systemctl start onboard").began_s
-        ready_s = self._seen(began_s, "ready")
-        yield StatusRow("start: ready", None, ready_s - began_s, BACK_S)
+        ready_s = self._time_of(began_s, "ready")
+        yield StatusRow("start: ready", None, ready_s - began_s, RESTART_S)
         for what, kind, fields in (
-            ("start: speed by the ECU", "speed", {}),
-            ("start: position by gpsd", "position", {}),
-            ("start: lead car by its tag", "lead", {"identity": "known"}),
+            ("start: speed from the ECU", "speed", {}),
+            ("start: position from gpsd", "position", {}),
+            ("start: lead vehicle by its tag", "lead", {"identity": "known"}),
             ("start: member of the group", "transition", {"state": "member"}),
         ):
-            seen_s = self._seen(ready_s, kind, **fields)
-            yield StatusRow(what, None, seen_s - ready_s, 10.0, "after ready")
-        if not self._is_whole:
+            at_s = self._time_of(ready_s, kind, **fields)
+            yield StatusRow(what, None, at_s - ready_s, 10.0, "after ready")
+        if not self._has_kernel:
             return
         frames = self._run("timeout 3 candump -n 20 vcan0").output  # the kernel's own view
         if "7DF" not in frames or "7E8" not in frames:
-            raise NotSeenError(f"candump shows no question and answer: {frames}")
+            raise NotSeenError(f"candump shows no request and response: {frames}")
 
     def warn(self) -> Iterator[StatusRow]:
-        """The car ahead brakes."""
-        yield StatusRow("the car ahead brakes: warned", None, self._warned_after(), 1.0)
+        """The lead vehicle brakes."""
+        yield StatusRow("lead vehicle brakes: warned", None, self._warned_after(), 1.0)
 
     def kill(self) -> Iterator[StatusRow]:
-        """`kill -9`, and what was recorded until then."""
+        """`kill -9`, after which the recording until then must be readable."""
         drive = self.newest_recording()
-        yield self._restarted("kill -9", "KILL", BACK_S)
+        yield self._restarted("kill -9", "KILL", RESTART_S)
         yield self.open_recording("kill -9: recording opened", drive)
 
     def newest_recording(self) -> str:
-        """The drive that is being recorded."""
+        """Path prefix of the current recording."""
         newest: str = self._run(f"ls -t {BOX}/*.mcap | head -1").output
         return newest.partition("Z-")[0] + "Z"
 
     def open_recording(self, what: str, drive: str) -> StatusRow:
-        """As an engineer would."""
+        """Export a recording.
+
+        Raises:
+            NotSeenError: it contains too few frames or messages.
+        """
         answer = self._run(f"onboard export {drive}-*.mcap --candump /root/bus --pcap /root/air")
         frames, wsms = (int(line.split(": ")[1].split()[0]) for line in answer.output.splitlines())
         if frames < 10 or wsms < 10:
-            raise NotSeenError(f"a recording with next to nothing in it: {answer.output}")
+            raise NotSeenError(f"the recording is almost empty: {answer.output}")
         return StatusRow(what, None, None, None, f"{frames} CAN frames and {wsms} WSMs in it")
 
     def hang(self) -> Iterator[StatusRow]:
-        """A process that does nothing any more, and does not end."""
-        yield self._restarted("hang (SIGSTOP)", "STOP", WATCHDOG_S + BACK_S)
+        """A process that hangs."""
+        yield self._restarted("hang (SIGSTOP)", "STOP", WATCHDOG_S + RESTART_S)
 
-    def take_bus(self) -> Iterator[StatusRow]:
-        """The bus goes down for five seconds."""
+    def stop_bus(self) -> Iterator[StatusRow]:
+        """The CAN bus is down for five seconds."""
         off, on = (
             ("ip link set vcan0 down", "ip link set vcan0 up")
-            if self._is_whole
-            else (f"echo bus {state} >{WORDS}; sleep 0.3" for state in ("off", "on"))
+            if self._has_kernel
+            else (f"echo bus {state} >{COMMANDS}; sleep 0.3" for state in ("off", "on"))
         )
         down_s = self._run(off).began_s
-        lost_s = self._seen(down_s, "sensor_lost", sensor="speed")
+        lost_s = self._time_of(down_s, "sensor_lost", sensor="speed")
         self._run("sleep 5")
         up_s = self._run(on).began_s
-        back_s = self._seen(up_s, "sensor_recovered", sensor="speed")
+        back_s = self._time_of(up_s, "sensor_recovered", sensor="speed")
         yield StatusRow("bus down, up after 5 s", lost_s - down_s, back_s - up_s, 3.0)
 
-    def take_gpsd(self) -> Iterator[StatusRow]:
+    def stop_gpsd(self) -> Iterator[StatusRow]:
         """Gpsd is restarted."""
         down_s = self._run("systemctl stop gpsd.service gpsd.socket").began_s
-        lost_s = self._seen(down_s, "sensor_lost", sensor="position")
+        lost_s = self._time_of(down_s, "sensor_lost", sensor="position")
         self._run("sleep 5")
         up_s = self._run("systemctl start gpsd.service").ended_s
-        back_s = self._seen(up_s, "sensor_recovered", sensor="position")
+        back_s = self._time_of(up_s, "sensor_recovered", sensor="position")
         yield StatusRow("gpsd stopped, started after 5 s", lost_s - down_s, back_s - up_s, 10.0)
 
-    def take_radio(self) -> Iterator[StatusRow]:
+    def switch_radio_off(self) -> Iterator[StatusRow]:
         """The radio unit is without power for ten seconds."""
-        off_s = self._tell("radio off")
-        left_s = self._seen(off_s, "transition", state="regular")
+        off_s = self._send("radio off")
+        left_s = self._time_of(off_s, "transition", state="regular")
         self._run("sleep 5")
-        on_s = self._tell("radio on")
-        member_s = self._seen(on_s, "transition", state="member")
+        on_s = self._send("radio on")
+        member_s = self._time_of(on_s, "transition", state="member")
         yield StatusRow(
-            "radio away", left_s - off_s, member_s - on_s, 5.0, "noticed: left the group"
+            "radio unit off", left_s - off_s, member_s - on_s, 5.0, "detected: left the group"
         )
 
     def fill_disk(self) -> Iterator[StatusRow]:
-        """Where the car writes, nothing more can be written."""
+        """The disk of trace and recorder is full."""
         filled_s = self._run(f"dd if=/dev/zero of={FOLDER}/full bs=64k", check=False).ended_s
-        ended_s = self._logged(filled_s, "recorder", is_recording=False)
-        warned_s = self._logged(told_s := self._tell("brake"), "warning")
+        ended_s = self._logged_time_of(filled_s, "recorder", is_recording=False)
+        warned_s = self._logged_time_of(sent_s := self._send("brake"), "warning")
         freed_s = self._run(f"rm {FOLDER}/full").ended_s
-        again_s = self._logged(freed_s, "recorder", is_recording=True)
+        again_s = self._logged_time_of(freed_s, "recorder", is_recording=True)
         yield StatusRow("disk full: recorded again", ended_s - filled_s, again_s - freed_s, 10.0)
-        yield StatusRow("disk full: warned all the same", None, warned_s - told_s, 1.0)
-        self._run("systemctl reload onboard")  # which begins the trace again
-        self._seen(again_s, "transition", state="member")
+        yield StatusRow("disk full: warned", None, warned_s - sent_s, 1.0)
+        self._run("systemctl reload onboard")  # starts a new trace
+        self._time_of(again_s, "transition", state="member")
 
     def step_clock(self) -> Iterator[StatusRow]:
-        """Somebody sets the clock, ten minutes ahead."""
+        """The clock is set ten minutes ahead."""
         stepped_s = self._run('date -s "+10 minutes"').ended_s
         self._run("sleep 5")
         member_s = max(
-            (event["stamp_s"] for event in self._news() if event["kind"] == "transition"),
+            (event["stamp_s"] for event in self._read_trace() if event["kind"] == "transition"),
             default=stepped_s,
         )
         remark = "last change of membership; IDs follow UTC"
@@ -184,66 +190,66 @@ class VmDrive:
         yield StatusRow("clock stepped: warned", None, self._warned_after(), 1.0)
 
     def refuse_configuration(self) -> Iterator[StatusRow]:
-        """A configuration with a mistake in it, then a good one."""
+        """An invalid configuration, then a valid one."""
         self._run("cp /etc/onboard/car.yaml /root/good; echo oops: 1 >>/etc/onboard/car.yaml")
         self._run("systemctl reload onboard; sleep 2")
         status = self._run("systemctl show -p StatusText -p ActiveState onboard").output
         if "refused" not in status or "=active" not in status:
-            raise NotSeenError(f"a bad configuration was not refused: {status}")
+            raise NotSeenError(f"an invalid configuration was not refused: {status}")
         good_s = self._run("cp /root/good /etc/onboard/car.yaml; systemctl reload onboard").began_s
-        ready_s = self._seen(good_s, "ready")
-        yield StatusRow("reload: bad one refused, good one taken", None, ready_s - good_s, 20.0)
-        self._seen(good_s, "transition", state="member")
+        ready_s = self._time_of(good_s, "ready")
+        yield StatusRow("reload: invalid refused, valid accepted", None, ready_s - good_s, 20.0)
+        self._time_of(good_s, "transition", state="member")
 
     def after_power_cut(self, drive: str) -> Iterator[StatusRow]:
-        """The machine has been switched on again, and nobody has said anything to it.
+        """The machine has been switched on again after a power cut.
 
-        `drive` was being recorded when its power was cut.
+        `drive` is the recording that was interrupted.
         """
-        # Until then the trace is that of the drive before.
+        # Until then the trace is the previous one.
         self._run("until systemctl is-active --quiet onboard; do sleep 0.2; done")
-        ready_s = self._seen(0.0, "ready")
-        remark = "the rig starts before the car, on the same box"
-        yield StatusRow("power cut: ready after switching on", None, ready_s, BOOT_S, remark)
-        member_s = self._seen(ready_s, "transition", state="member")
+        ready_s = self._time_of(0.0, "ready")
+        remark = "the rig starts before the daemon, on the same box"
+        yield StatusRow("power cut: ready after power-on", None, ready_s, BOOT_S, remark)
+        member_s = self._time_of(ready_s, "transition", state="member")
         yield StatusRow(
             "power cut: member of the group", None, member_s - ready_s, 10.0, "after ready"
         )
         yield self.open_recording("power cut: recording opened", drive)
 
     def stop(self) -> Iterator[StatusRow]:
-        """In order."""
+        """`systemctl stop`."""
         took_s = self._run("systemctl stop onboard").took_s
         result = self._run("systemctl show -p Result -p ExecMainStatus onboard").output
         if "Result=success" not in result:
-            raise NotSeenError(f"not stopped in order: {result}")
+            raise NotSeenError(f"did not stop properly: {result}")
         yield StatusRow("stop", None, took_s, STOP_S)
 
-    # ---- how it is seen ------------------------------------------------------------------
+    # ---- observation ---------------------------------------------------------------------
 
     def _restarted(self, what: str, signal: str, limit_s: float) -> StatusRow:
         pid = self._run("systemctl show -P MainPID onboard").output.strip()
         began_s = self._run(f"kill -{signal} {pid}").began_s
         gone = f"while [ $(systemctl show -P MainPID onboard) = {pid} ]; do sleep 0.05; done"
         gone_s = self._run(gone).ended_s
-        ready_s = self._seen(began_s, "ready")
-        member_s = self._seen(ready_s, "transition", state="member")
+        ready_s = self._time_of(began_s, "ready")
+        member_s = self._time_of(ready_s, "transition", state="member")
         remark = f"member of the group {member_s - ready_s:.1f} s later"
         return StatusRow(what, gone_s - began_s, ready_s - began_s, limit_s, remark)
 
     def _warned_after(self) -> float:
-        told_s = self._tell("brake")
-        return self._seen(told_s, "warning") - told_s
+        sent_s = self._send("brake")
+        return self._time_of(sent_s, "warning") - sent_s
 
-    def _tell(self, words: str) -> float:
-        """Tell the car ahead; return when it heard."""
-        self._run(f"echo {words} >{WORDS}; sleep 0.3")
-        heard = self._run(f"journalctl -u rig -o cat | grep '{words}' | tail -1").output
-        return float(heard.split()[0])
+    def _send(self, command: str) -> float:
+        """Send a command to the rig; returns when the rig received it."""
+        self._run(f"echo {command} >{COMMANDS}; sleep 0.3")
+        received = self._run(f"journalctl -u rig -o cat | grep '{command}' | tail -1").output
+        return float(received.split()[0])
 
-    def _logged(self, after_s: float, kind: str, **fields: object) -> float:
-        """When, `after_s`, it happened as the journal says, which a full disk does not touch."""
-        for _ in range(PATIENCE):
+    def _logged_time_of(self, after_s: float, kind: str, **fields: object) -> float:
+        """Time of the first such event after `after_s` in the journal, which is on another disk."""
+        for _ in range(POLLS):
             for line in self._run("journalctl -u onboard -o cat -n 50").output.splitlines():
                 record = json.loads(line) if line.startswith("{") else {}
                 event = record.get("details", {})
@@ -252,22 +258,22 @@ class VmDrive:
             self._run(f"sleep {POLL_S}")
         raise NotSeenError(f"no {kind} {fields} in the journal after {after_s:.1f} s")
 
-    def _seen(self, after_s: float, kind: str, **fields: object) -> float:
-        """When, `after_s`, it first happened; waits for it."""
-        for _ in range(PATIENCE):
-            for event in self._news():
+    def _time_of(self, after_s: float, kind: str, **fields: object) -> float:
+        """Time of the first such event after `after_s` in the trace; waits for it."""
+        for _ in range(POLLS):
+            for event in self._read_trace():
                 if _fits(event, after_s, kind, fields):
                     return float(event["stamp_s"])
             self._run(f"sleep {POLL_S}")
         raise NotSeenError(f"no {kind} {fields} after {after_s:.1f} s")
 
-    def _news(self) -> list[dict[str, Any]]:
-        """All events since the daemon started last, which begins the trace anew."""
+    def _read_trace(self) -> list[dict[str, Any]]:
+        """All events since the last start of the daemon, which begins a new trace."""
         command = f"stat -c %s {TRACE} && tail -c +{self._offset + 1} {TRACE}"
         size, _, text = self._run(command).output.partition("\n")
         if int(size) < self._offset:
             self._events, self._offset, self._rest = [], 0, ""
-            return self._news()
+            return self._read_trace()
         self._offset += len(text.encode())
         *lines, self._rest = (self._rest + text).split("\n")
         self._events += [json.loads(line) for line in lines]
@@ -279,14 +285,14 @@ class VmDrive:
 
 
 def _fits(event: dict[str, Any], after_s: float, kind: str, fields: dict[str, object]) -> bool:
-    is_it = event.get("kind") == kind and event["stamp_s"] >= after_s
-    return is_it and all(event.get(name) == value for name, value in fields.items())
+    matches = event.get("kind") == kind and event["stamp_s"] >= after_s
+    return matches and all(event.get(name) == value for name, value in fields.items())
 
 
 LOOP = "for i in range(2000000): pass"
 
 
-def slowness(machine: Machine | Here) -> float:
-    """How many times longer the guest takes for a loop in Python than this machine."""
+def slowness(machine: Machine | Namespaces) -> float:
+    """Run time of a Python loop in the guest relative to this machine."""
     timed = f"import timeit; print(timeit.timeit('{LOOP}', number=1))"
     return float(machine.run(f'python3 -c "{timed}"').output) / timeit.timeit(LOOP, number=1)

@@ -1,7 +1,7 @@
 #!/bin/sh
-# image.sh FOLDER: leaves disk.raw, vmlinuz and initrd of a small Debian 12 in FOLDER.
-# A stock kernel and a stock systemd from Debian's packages; nothing of ours but vm-agent.
-# Needs root (or passwordless sudo) for mmdebstrap. Does nothing where the image is there already.
+# image.sh FOLDER: creates disk.raw, vmlinuz and initrd of a small Debian 12 in FOLDER.
+# Kernel and systemd are Debian's; only vm-agent is added. Needs root (or passwordless sudo) for
+# mmdebstrap. Does nothing if the image exists already.
 set -eu
 here=$(dirname "$(realpath "$0")")
 folder=$(realpath -m "$1")
@@ -21,7 +21,7 @@ done
 mkdir -p "$folder"
 root=$folder/root
 as_root rm -rf "$root"
-# The initramfs needs to find the disk and no more: it is unpacked by a slow processor.
+# A minimal initramfs with the drivers of the disk, since a slow processor unpacks it.
 as_root mmdebstrap --quiet --variant=minbase \
     --aptopt='APT::Install-Recommends "false"' --aptopt='Acquire::Languages "none"' \
     --dpkgopt=force-unsafe-io \
@@ -34,13 +34,13 @@ as_root mmdebstrap --quiet --variant=minbase \
     --essential-hook='printf "virtio_pci\nvirtio_blk\next4\n" >"$1/etc/initramfs-tools/modules"' \
     bookworm "$root"
 
-# Setting up the machine, as an administrator would; the car's box comes with deploy/install.sh.
+# Set up the machine as an administrator would; deploy/install.sh installs onboard later.
 as_root sh -eu -s "$root" "$here/agent.py" <<'SETUP'
 root=$1
 install -m 755 "$2" "$root/usr/local/sbin/vm-agent"
 cat >"$root/etc/systemd/system/vm-agent.service" <<'UNIT'
 [Unit]
-Description=Runs what the test asks for
+Description=Runs the commands of the test
 
 [Service]
 ExecStart=/usr/local/sbin/vm-agent

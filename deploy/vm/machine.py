@@ -1,9 +1,9 @@
-"""A small Debian in QEMU without KVM, and commands that run in it.
+"""A small Debian in QEMU without KVM, in which commands are run.
 
-It has no network and no window: the test asks the agent in the guest (`agent.py`) over a virtio
-port. In counted time (`-icount shift=0`) the guest's clock goes one nanosecond an instruction: to
-itself it is a machine of one core and 1,000 MIPS, slower than a desk and about as fast as a small
-board, however busy the desk is that it runs on.
+It has no network and no window: the test sends commands to the agent in the guest (`agent.py`) over
+a virtio port. With counted instructions (`-icount shift=0`) the guest's clock advances one
+nanosecond an instruction. So the guest is a machine of one core with 1,000 MIPS, about as fast as a
+small board, independently of the load of the host.
 """
 
 import json
@@ -14,20 +14,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 MEMORY_MIB = 1536
-PATIENCE_S = 3000.0
-"""On the host's clock; a guest that takes longer hangs."""
-COUNTED_S, BY_THE_CLOCK_S = 120.0, 1500.0
-"""What a command may take in the guest. By the host's clock a busy host makes it anything."""
-PATIENT = f"systemd.default_timeout_start_sec={BY_THE_CLOCK_S:.0f}"
+HANG_TIMEOUT_S = 3000.0
+"""Time of the host's clock after which a guest is considered hung."""
+COUNTED_S, HOST_CLOCK_S = 120.0, 1500.0
+"""Limit of a command, in guest time, and by the host's clock, which depends on its load."""
+LONG_TIMEOUT = f"systemd.default_timeout_start_sec={HOST_CLOCK_S:.0f}"
 
 
 class MachineError(Exception):
-    """The guest does not answer, or a command in it failed."""
+    """The guest does not respond, or a command in it failed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What came of a command, with stamps of the guest's monotonic clock."""
+    """Result of a command, with times of the guest's monotonic clock."""
 
     code: int
     output: str
@@ -36,12 +36,12 @@ class Answer:
 
     @property
     def took_s(self) -> float:
-        """In the guest's time."""
+        """Duration in the guest's time."""
         return self.ended_s - self.began_s
 
 
 class Machine:
-    """One boot of the machine; what it wrote stays on its disk."""
+    """One boot of the machine; its writes remain on its disks."""
 
     def __init__(
         self, image: Path, disks: tuple[Path, Path], share: Path, *, counted: bool
@@ -49,18 +49,18 @@ class Machine:
         """Switch on.
 
         Args:
-            image: the folder with the kernel and the initrd.
-            disks: /dev/vda, qcow2, and /dev/vdb, raw; what it writes goes there.
-            share: a folder of the host, which the guest reads at /share.
-            counted: by instructions and not by the host's clock.
+            image: folder with the kernel and the initrd.
+            disks: /dev/vda, qcow2, and /dev/vdb, raw; both are written to.
+            share: folder of the host that the guest reads at /share.
+            counted: whether the guest's clock counts instructions, instead of the host's clock.
         """
         disk, small_disk = disks
         self._address = disk.with_suffix(".agent")
         self._address.unlink(missing_ok=True)
         self._console = disk.with_suffix(".console").open("ab")
         clock = ["-icount", "shift=0", "-smp", "1"] if counted else ["-smp", "2"]
-        kernel = f"console=ttyS0 root=/dev/vda rw quiet panic=-1 mitigations=off {PATIENT}"
-        self._timeout_s = COUNTED_S if counted else BY_THE_CLOCK_S
+        kernel = f"console=ttyS0 root=/dev/vda rw quiet panic=-1 mitigations=off {LONG_TIMEOUT}"
+        self._timeout_s = COUNTED_S if counted else HOST_CLOCK_S
         threads = "single" if counted else "multi"
         self._process = subprocess.Popen(
             [
@@ -93,27 +93,32 @@ class Machine:
             raise
 
     def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Answer:
-        """Run `command` in the guest's bash as root, for at most `timeout_s` of the guest's time.
+        """Run a command in the guest's bash as root.
+
+        Args:
+            command: of bash.
+            timeout_s: limit in guest time; a default if None.
+            check: raise an error if the exit code is not 0.
 
         Raises:
-            MachineError: it failed, where `check` is asked for, or the guest does not answer.
+            MachineError: the command failed and `check` is set, or the guest does not respond.
         """
-        asked = {"command": command, "timeout_s": timeout_s or self._timeout_s}
-        self._wire.sendall(json.dumps(asked).encode() + b"\n")
+        request = {"command": command, "timeout_s": timeout_s or self._timeout_s}
+        self._wire.sendall(json.dumps(request).encode() + b"\n")
         answer = Answer(**json.loads(self._read_line()))
         if check and answer.code != 0:
             raise MachineError(f"{command}: exit code {answer.code}: {answer.output[-2000:]}")
         return answer
 
     def cut_power(self) -> None:
-        """Gone between two instructions; what had not reached the disk is lost."""
+        """Stop at once; writes that have not reached the disk are lost."""
         self._process.kill()
         self._close()
 
     def power_off(self) -> None:
-        """Shut down in order."""
+        """Shut down properly."""
         self._wire.sendall(b'{"command": "systemctl --no-block poweroff", "timeout_s": 60}\n')
-        self._process.wait(PATIENCE_S)
+        self._process.wait(HANG_TIMEOUT_S)
         self._close()
 
     def _close(self) -> None:
@@ -123,7 +128,7 @@ class Machine:
 
     def _connect(self) -> socket.socket:
         wire = socket.socket(socket.AF_UNIX)
-        wire.settimeout(PATIENCE_S)
+        wire.settimeout(HANG_TIMEOUT_S)
         while True:
             try:
                 wire.connect(str(self._address))
@@ -139,15 +144,21 @@ class Machine:
             try:
                 data = self._wire.recv(65536)
             except TimeoutError as error:
-                raise MachineError("the guest does not answer") from error
+                raise MachineError("the guest does not respond") from error
             if not data:
-                raise MachineError(f"the guest is gone; see {self._console.name}")
+                raise MachineError(f"the guest has ended; see {self._console.name}")
             self._unread += data
         line, self._unread = self._unread.split(b"\n", 1)
         return line
 
 
 def new_disk(disk: Path, base: Path, base_format: str) -> None:
-    """Make a disk that begins as `base`, which stays as it is."""
+    """Create a disk image on top of `base`, which is not changed.
+
+    Args:
+        disk: qcow2 image to create.
+        base: image with the initial contents.
+        base_format: of `base`, for example raw.
+    """
     command = ["qemu-img", "create", "-q", "-f", "qcow2", "-F", base_format]
     subprocess.run([*command, "-b", base.resolve(), disk], check=True)

@@ -1,4 +1,4 @@
-"""The table of a run, for people and for the docs."""
+"""The table of a run, for the terminal and for the docs."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,19 +13,26 @@ def table(
     took_s: Mapping[str, float],
     slowness: float,
 ) -> str:
-    """Markdown: what happened in the guest, and how long each step took on this machine."""
+    """Format the results in the guest, and the duration of each step on this machine, as Markdown.
+
+    Args:
+        rows: results.
+        failures: messages of failed steps.
+        took_s: duration of each step on this machine.
+        slowness: run time of Python in the guest relative to this machine.
+    """
     lines = [
-        "| what happened | noticed after | whole again after | limit | |",
+        "| fault | detected after | recovered after | limit | |",
         "|---|---|---|---|---|",
         *(
-            f"| {row.what} | {_seconds(row.noticed_s)} | {_seconds(row.whole_s)}"
+            f"| {row.what} | {_seconds(row.detected_s)} | {_seconds(row.recovered_s)}"
             f" | {_seconds(row.limit_s)} | {row.remark if row.is_kept else 'MISSED'} |"
             for row in rows
         ),
         "",
         *(f"FAILED: {failure}" for failure in failures),
-        f"Python ran {slowness:.0f} times slower in there than on the machine under it, where the"
-        f" test took {sum(took_s.values()) / 60:.1f} min: "
+        f"Python ran {slowness:.0f} times slower in the guest than on the host, where the test took"
+        f" {sum(took_s.values()) / 60:.1f} min: "
         + ", ".join(f"{name} {taken:.0f} s" for name, taken in took_s.items())
         + ".",
     ]
@@ -33,7 +40,13 @@ def table(
 
 
 def record(docs: Path, name: str, text: str) -> None:
-    """Put the table into the page between the marks of `name`, in the place of the last."""
+    """Replace the table in a page between the comments with its name.
+
+    Args:
+        docs: page.
+        name: in the comments.
+        text: new table.
+    """
     begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
     page = docs.read_text(encoding="utf-8")
     marked = f"{begin}\n{text}\n{end}"

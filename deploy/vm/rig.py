@@ -1,10 +1,10 @@
-"""Runs in the guest: an ECU on its bus, a camera, a GNSS receiver for gpsd, and the car ahead.
+"""Runs in the guest: an ECU on its bus, a camera, a GNSS receiver for gpsd, and the lead vehicle.
 
-The bus is vcan0, or a socketcand server where the kernel has no CAN. The car ahead is the whole
-stack of another car behind a radio unit on UDP. The rig hears words on UDP: `brake`; `radio off`,
-which is the unit without power, and `radio on`; `bus off` and `bus on` for the server.
+The bus is vcan0, or a socketcand server where the kernel has no CAN. The lead vehicle is the whole
+stack of another car behind a radio unit on UDP. The rig accepts commands on UDP: `brake`; `radio
+off` and `radio on` for the power of the unit; `bus off` and `bus on` for the server.
 
-    python rig.py PICTURES KEYS (vcan | socketcand)
+    python rig.py IMAGES KEYS (vcan | socketcand)
 """
 
 import asyncio
@@ -36,19 +36,19 @@ SPEED_M_S = 54 * KM_H
 CAMERA_PORT, CAMERA_FPS = 8081, 4.0
 UNIT_PORT, CAR_PORT = 5399, 5398
 NMEA_PORT, NMEA_HZ = 5000, 2.0
-WORDS_PORT = 5397
+COMMAND_PORT = 5397
 SOCKETCAND_PORT = 29536
-CAR_AHEAD = {
+LEAD_VEHICLE = {
     "car": {"plate": "TAG1"},
     "beacons": False,
     "security": {"plate_digest": {"scrypt_log2_n": 6}},
 }
 STEP_S = 0.05
-"""Of the car ahead, while nothing comes in."""
+"""Step of the lead vehicle while it receives nothing."""
 
 
 class VirtualBus:
-    """An ECU on vcan0, also after the interface was down."""
+    """An ECU on vcan0, which continues after the interface was down."""
 
     def __init__(self) -> None:
         """Open the bus."""
@@ -70,14 +70,14 @@ class VirtualBus:
 
 
 class ServedBus:
-    """An ECU behind a socketcand server that can be switched off."""
+    """An ECU behind a socketcand server that can be stopped."""
 
     def __init__(self) -> None:
-        """Keep off, until told."""
+        """Begin without a server."""
         self._server: SocketcandServer | None = None
 
     async def switch(self, state: str) -> None:
-        """On or off."""
+        """Start (`on`) or stop (`off`) the server."""
         if self._server is not None:
             await self._server.close()
         if state == "on":
@@ -87,18 +87,18 @@ class ServedBus:
 
 
 async def serve_camera(folder: Path) -> asyncio.Server:
-    """Serve the pictures of `folder` as MJPEG, round and round."""
-    pictures = [path.read_bytes() for path in sorted(folder.glob("*.jpg"))]
+    """Serve the images of `folder` as MJPEG, in a loop."""
+    jpegs = [path.read_bytes() for path in sorted(folder.glob("*.jpg"))]
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.readuntil(b"\r\n\r\n")
         writer.write(
-            b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=picture\r\n\r\n"
+            b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=image\r\n\r\n"
         )
         number = 0
         while not writer.is_closing():
-            jpeg = pictures[number % len(pictures)]
-            head = f"--picture\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+            jpeg = jpegs[number % len(jpegs)]
+            head = f"--image\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
             writer.write(head.encode() + jpeg + b"\r\n")
             number += 1
             await asyncio.sleep(1 / CAMERA_FPS)
@@ -107,7 +107,7 @@ async def serve_camera(folder: Path) -> asyncio.Server:
 
 
 async def drive_receiver() -> None:
-    """Send gpsd the sentences of a receiver that goes north, by UDP."""
+    """Send the sentences of a receiver that moves north to gpsd by UDP."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         began_s = time.monotonic()
         while True:
@@ -117,34 +117,34 @@ async def drive_receiver() -> None:
 
 
 def sentences(latitude: float, utc: datetime) -> bytes:
-    """RMC and GGA of one instant."""
+    """RMC and GGA of one fix."""
     clock = f"{utc:%H%M%S}.{utc.microsecond // 10_000:02}"
-    place = f"52{(latitude - 52) * 60:08.5f},N"
+    position = f"52{(latitude - 52) * 60:08.5f},N"
     knots = SPEED_M_S / 0.514444
     return b"".join(
         f"${body}*{reduce(xor, body.encode()):02X}\r\n".encode()
         for body in (
-            f"GPRMC,{clock},A,{place},00500.00000,E,{knots:.1f},0.0,{utc:%d%m%y},,,A",
-            f"GPGGA,{clock},{place},00500.00000,E,1,09,1.0,10.0,M,45.0,M,,",
+            f"GPRMC,{clock},A,{position},00500.00000,E,{knots:.1f},0.0,{utc:%d%m%y},,,A",
+            f"GPGGA,{clock},{position},00500.00000,E,1,09,1.0,10.0,M,45.0,M,,",
         )
     )
 
 
 def udp_socket(port: int, receive: Callable[[bytes], None]) -> socket.socket:
-    """Hand over each datagram that comes to `port`."""
+    """Open a port of localhost, and pass each datagram to `receive`."""
     wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     wire.bind(("127.0.0.1", port))
     asyncio.get_running_loop().add_reader(wire, lambda: receive(wire.recv(65535)))
     return wire
 
 
-class CarAhead:
-    """Another car's cores behind a radio unit: datagrams from and to the car under test."""
+class LeadVehicle:
+    """The cores of the lead vehicle behind a radio unit, connected to the daemon by datagrams."""
 
     def __init__(self, keys: Path) -> None:
-        """Switch the unit on."""
+        """Start the cores, with the radio unit on."""
         self._stack = Stack(
-            parse_settings(CAR_AHEAD, CarConfig, "rig"),
+            parse_settings(LEAD_VEHICLE, CarConfig, "rig"),
             (),
             np.random.default_rng(1),
             now=time.monotonic(),
@@ -155,22 +155,22 @@ class CarAhead:
         self._unit = udp_socket(UNIT_PORT, self._receive)
 
     def _receive(self, data: bytes) -> None:
-        """The unit was handed a WSM to send, and the car ahead hears it."""
+        """Receive a WSM that the daemon sends through its radio unit."""
         if self._is_on:
             self._stack.receive_wsm(data, time.monotonic())
             self._step()
 
     def brake(self) -> None:
-        """Hard, by the button."""
+        """Brake hard, by the brake button."""
         self._stack.press_brake_button(time.monotonic())
         self._step()
 
     def switch(self, state: str) -> None:
-        """Give the radio unit power, or take it."""
+        """Switch the radio unit `on` or `off`."""
         self._is_on = state == "on"
 
     async def drive(self) -> None:
-        """Go straight on, for ever."""
+        """Drive straight on until cancelled."""
         while True:
             now = time.monotonic()
             self._stack.receive_observation(Speed(now, SPEED_M_S, 0.1, "rig"), now)
@@ -189,10 +189,16 @@ class CarAhead:
             pass
 
 
-async def main(pictures: Path, keys: Path, bus: str) -> None:
-    """Serve until ended."""
-    car = CarAhead(keys)
-    camera = await serve_camera(pictures)
+async def main(images: Path, keys: Path, bus: str) -> None:
+    """Run all parts until the process is ended.
+
+    Args:
+        images: folder of the camera's images.
+        keys: folder of the lead vehicle's credentials.
+        bus: `vcan` or `socketcand`.
+    """
+    lead = LeadVehicle(keys)
+    camera = await serve_camera(images)
     served = ServedBus()
     if bus == "socketcand":
         await served.switch("on")
@@ -200,22 +206,22 @@ async def main(pictures: Path, keys: Path, bus: str) -> None:
         VirtualBus()
     tasks = set()
 
-    def hear(data: bytes) -> None:
+    def receive_command(data: bytes) -> None:
         now = time.monotonic()
-        words = data.decode().split()
-        match words:
+        command = data.decode().split()
+        match command:
             case ["brake"]:
-                car.brake()
+                lead.brake()
             case ["radio", state]:
-                car.switch(state)
+                lead.switch(state)
             case ["bus", state]:
                 tasks.add(asyncio.create_task(served.switch(state)))
-        print(f"{now:.4f} {' '.join(words)}", flush=True)
+        print(f"{now:.4f} {' '.join(command)}", flush=True)
 
-    udp_socket(WORDS_PORT, hear)
-    print("all wires are there", flush=True)
+    udp_socket(COMMAND_PORT, receive_command)
+    print("ready", flush=True)
     async with camera:
-        await asyncio.gather(drive_receiver(), car.drive())
+        await asyncio.gather(drive_receiver(), lead.drive())
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What goes onto a box: which packages, under which licences, and how the service is shut in."""
+"""Installed packages, their licences, and the sandbox of the service."""
 
 import re
 import shutil
@@ -16,12 +16,12 @@ def pinned(lock: Path) -> set[str]:
     return set(re.findall(r"^([\w.-]+==\S+)", lock.read_text(), re.MULTILINE))
 
 
-def test_a_box_gets_the_versions_that_the_tests_ran_with() -> None:
+def test_a_box_gets_the_package_versions_of_the_tests() -> None:
     assert pinned(ROOT / "deploy" / "requirements.lock") < pinned(ROOT / "requirements.lock")
 
 
-def test_nothing_in_a_car_is_under_the_gpl() -> None:
-    """One package is under the lesser one: a library that the user may exchange."""
+def test_no_installed_package_is_under_the_gpl() -> None:
+    """One package is under the LGPL: a library that the user may replace."""
     names = {pin.split("==")[0] for pin in pinned(ROOT / "deploy" / "requirements.lock")}
     names.discard("colorama")  # for Windows
 
@@ -35,7 +35,7 @@ def licences(name: str) -> str:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze")
-def test_the_service_is_shut_in() -> None:
+def test_the_service_is_sandboxed() -> None:
     """At most 2.0 of 10, as `systemd-analyze security` counts exposure."""
     result = subprocess.run(
         ["systemd-analyze", "security", "--offline=true", "--threshold=20", str(UNIT)],
@@ -46,6 +46,6 @@ def test_the_service_is_shut_in() -> None:
     assert result.returncode == 0, result.stdout[-300:] + result.stderr
 
 
-def test_scripts_are_scripts_of_any_posix_shell() -> None:
+def test_scripts_parse_in_a_posix_shell() -> None:
     for script in (ROOT / "deploy").rglob("*.sh"):
         subprocess.run(["sh", "-n", str(script)], check=True)

@@ -1,7 +1,7 @@
-"""The same box in namespaces of this machine, at this machine's speed: systemd is PID 1 of its own.
+"""The same box in namespaces of this machine, with its own systemd as PID 1.
 
-Needs root and a kernel with cgroup 2. What concerns the kernel itself (vcan, the clock, a loss of
-power) is not tried here, since this machine is not ours to shake.
+Needs root and a kernel with cgroup 2. Faults that concern the kernel itself (vcan, the clock, a
+loss of power) are not tested here, since they would affect this machine.
 """
 
 import shutil
@@ -37,20 +37,29 @@ umount -l old
 exec env -i container=vm-test /sbin/init
 """
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
-NAMESPACES = ("--pid", "--mount", "--uts", "--ipc", "--net", "--cgroup")
+NAMESPACE_OPTIONS = ("--pid", "--mount", "--uts", "--ipc", "--net", "--cgroup")
 
 
-class Here:
-    """As `Machine`, without a processor of its own."""
+class Namespaces:
+    """Like `Machine`, in namespaces of this machine."""
 
     def __init__(self, image: Path, folder: Path, share: Path) -> None:
-        """Boot what lies in `image`; what it writes goes to `folder`, which is emptied first."""
+        """Boot.
+
+        Args:
+            image: folder of the disk image.
+            folder: of all writes; it is emptied first.
+            share: folder of this machine that the box sees as /share.
+
+        Raises:
+            MachineError: systemd does not start.
+        """
         shutil.rmtree(folder, ignore_errors=True)
         for name in ("lower", "upper", "work", "root"):
             (folder / name).mkdir(parents=True)
         self._unshare = subprocess.Popen(
             [
-                *("unshare", "--fork", "--kill-child", *NAMESPACES),
+                *("unshare", "--fork", "--kill-child", *NAMESPACE_OPTIONS),
                 *("sh", "-c", BOOT, "boot", image, folder, share),
             ],
             stdin=subprocess.DEVNULL,
@@ -64,7 +73,7 @@ class Here:
             if self._init and self._is_up():
                 return
             if time.monotonic() > give_up_at:
-                raise MachineError("systemd does not come up in namespaces; is this root?")
+                raise MachineError("systemd does not start in namespaces; is this root?")
             time.sleep(0.1)
 
     def _is_up(self) -> bool:
@@ -72,7 +81,7 @@ class Here:
         return state in {"running", "degraded"}
 
     def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Answer:
-        """As `Machine.run`."""
+        """Run a command, as `Machine.run` does."""
         began_s = time.monotonic()
         done = subprocess.run(
             [
