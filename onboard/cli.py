@@ -1,4 +1,4 @@
-"""The commands of the car: run, check, replay, and those that each room brings."""
+"""The command line of `onboard`: run, check and replay, and the commands of the tools."""
 
 import asyncio
 import faulthandler
@@ -27,20 +27,20 @@ from onboard.tools.test_ca.cli import keys
 from onboard.trace.trace_line import as_line
 
 app = typer.Typer(
-    help="The program that runs in the car and warns its driver, and its tools.",
+    help="The in-car daemon that warns the driver, and its tools.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
 
 UNCONFIGURED = CarConfig(car=CarSettings(plate="REPLAY"))
-"""For a replay that needs nothing of the car."""
+"""Configuration of a replay without `--config`."""
 
 PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
-"""Of syslog (RFC 5424, table 2), by the name that structlog gives."""
+"""Severities of syslog (RFC 5424, table 2), by structlog's names."""
 
-WIRES = ("can", "camera", "detector", "gnss", "radio", "hmi", "recorder")
-"""Sections of the configuration that may be left out, and the car then does without."""
+OPTIONAL_SECTIONS = ("can", "camera", "detector", "gnss", "radio", "hmi", "recorder")
+"""Sections of the configuration without which an edge is not opened."""
 
 app.add_typer(keys, name="keys")
 app.command()(doctor)
@@ -54,21 +54,21 @@ ConfigFile = Annotated[Path, typer.Argument(help="The car's configuration, a YAM
 
 @app.command()
 def run(config: ConfigFile) -> None:
-    """Run the car's program until it is stopped. SIGHUP reads its configuration again."""
-    faulthandler.enable()  # so that a watchdog's SIGABRT leaves in the journal where it hung
+    """Run the daemon until it is stopped. SIGHUP reloads its configuration."""
+    faulthandler.enable()  # A watchdog's SIGABRT then logs where it hung.
     asyncio.run(Service(config).run())
 
 
 @app.command()
 def check(config: ConfigFile) -> None:
-    """Check a configuration: name every mistake, or which wires the car has. Opens no device."""
+    """Check a configuration: print every mistake, or the edges it uses. Opens no device."""
     loaded = load_settings(config, CarConfig)
-    left_out = [wire for wire in WIRES if getattr(loaded, wire) is None]
-    wired = [wire for wire in WIRES if wire not in left_out]
+    missing = [name for name in OPTIONAL_SECTIONS if getattr(loaded, name) is None]
+    present = [name for name in OPTIONAL_SECTIONS if name not in missing]
     typer.echo(f"{config}: good, car {loaded.car.plate}")
-    typer.echo(f"  with {', '.join(wired) or 'no wire at all'}")
-    if left_out:
-        typer.echo(f"  without {', '.join(left_out)}")
+    typer.echo(f"  with {', '.join(present) or 'none'}")
+    if missing:
+        typer.echo(f"  without {', '.join(missing)}")
 
 
 @app.command()
@@ -80,10 +80,10 @@ def replay(
     *,
     can: Annotated[
         Path | None,
-        typer.Option(help="A CAN log: candump, ASC, BLF, TRC or what else python-can reads."),
+        typer.Option(help="A CAN log: candump, ASC, BLF, TRC or another format of python-can."),
     ] = None,
     clip: Annotated[
-        str | None, typer.Option(help="The camera's video, or a folder or glob of pictures.")
+        str | None, typer.Option(help="The camera's video, or a folder or glob of images.")
     ] = None,
     nmea: Annotated[
         Path | None, typer.Option(help="NMEA sentences of a GNSS receiver, as a text file.")
@@ -94,7 +94,7 @@ def replay(
     ] = None,
     fps: Annotated[
         float | None,
-        typer.Option(help="Frames a second, for pictures, or if the video states a wrong rate."),
+        typer.Option(help="Frames a second, for images, or if the video states a wrong rate."),
     ] = None,
     realtime: Annotated[
         bool,
@@ -121,17 +121,16 @@ def replay(
     time of its own: it starts at the first CAN frame, or else at the first fix.
     """
     if (box or expected) and (can or clip or nmea):
-        raise UserError("replay either a recording of the black box, or others")
+        raise UserError("give either a recording of the black box, or --can, --clip and --nmea")
     if expected and not box:
-        raise UserError("--expect compares a recording of the black box: say which")
+        raise UserError("--expect needs a recording of the black box")
     if not (box or can or clip or nmea):
         raise UserError("nothing to replay: give a black box, or any of --can, --clip and --nmea")
     if expected:
         raise typer.Exit(0 if expect(box or [], within) else 1)
     if box:
-        moments = play(RecordedDrive(box))
-        boxed = (event for moment in moments for event in moment.events)
-        for event in drive.in_real_time(boxed) if realtime else boxed:
+        recorded = (event for step in play(RecordedDrive(box)) for event in step.events)
+        for event in drive.in_real_time(recorded) if realtime else recorded:
             typer.echo(as_line(event))
         return
     car = load_settings(config, CarConfig) if config is not None else UNCONFIGURED
@@ -141,7 +140,7 @@ def replay(
 
 
 def main() -> None:
-    """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    """Run the command line; a mistake of the user is one line on stderr and exit code 2."""
     in_journal = "JOURNAL_STREAM" in os.environ
     structlog.configure(
         processors=[
@@ -160,11 +159,11 @@ def main() -> None:
 
 
 def _with_priority(_logger: object, method: str, line: object) -> str:
-    """The line as journald takes it with a priority, for `journalctl -p` (sd-daemon(3))."""
+    """Add the priority that `journalctl -p` reads to a log line (sd-daemon(3))."""
     priority = PRIORITIES.get(method, PRIORITIES["info"])
     return f"<{priority}>{line}"
 
 
 def _complain(error: UserError) -> int:
-    print(error, file=sys.stderr)  # noqa: T201 (what the user asked for went wrong; not a log)
+    print(error, file=sys.stderr)  # noqa: T201 (for the user, not a log)
     return 2

@@ -1,4 +1,4 @@
-"""Errors by whose fault they are: the user's, a sender's, or (every other exception) ours."""
+"""Errors of the user and of senders; every other exception is an error of the program."""
 
 
 class UserError(Exception):
@@ -9,7 +9,7 @@ class UserError(Exception):
 
 
 class DecodeError(ValueError):
-    """Received bytes that cannot be decoded: the sender's fault, counted and dropped."""
+    """Received bytes that cannot be decoded: an error of the sender, counted and dropped."""
 
     def __init__(self, reason: str, detail: str = "") -> None:
         """Take a short stable word, fit for a counter's label, and a sentence for people."""

@@ -1,7 +1,7 @@
-"""The frozen values that cross rooms: value, unit, stamp, source, validity.
+"""Observations: the frozen values that packages exchange, with unit, time stamp and source.
 
-`stamp_s` is when the thing was measured, in seconds on the clock that the cores are given as
-`now`. Every class names its `kind`, the word under which a trace line carries it.
+`stamp_s` is the time of the measurement in s, on the clock of the cores' `now`. `kind` is the name
+of the class in traces and recordings.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import ClassVar
 
 
 class Sensor(StrEnum):
-    """What a car can lose."""
+    """Inputs whose loss is reported."""
 
     SPEED = "speed"
     CAMERA = "camera"
@@ -21,20 +21,20 @@ class Sensor(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Speed:
-    """The car's own speed over ground as its bus reports it."""
+    """Speed of the host vehicle, as its bus reports it."""
 
     kind: ClassVar[str] = "speed"
     stamp_s: float
     speed_m_s: float
     resolution_m_s: float
-    """Step of the source's scale: 1 km/h for OBD PID 0x0D."""
+    """Resolution of the source: 1 km/h for OBD PID 0x0D."""
     source: str
     """`obd:<ECU response id in hex>` or `dbc:<message>.<signal>`."""
 
 
 @dataclass(frozen=True, slots=True)
 class BrakePedal:
-    """Whether the brake pedal is pressed, from a signal that the car broadcasts."""
+    """Whether the brake pedal is pressed, from a broadcast signal."""
 
     kind: ClassVar[str] = "brake_pedal"
     stamp_s: float
@@ -44,11 +44,11 @@ class BrakePedal:
 
 @dataclass(frozen=True, slots=True)
 class HardBrake:
-    """The own car decelerates by more than the threshold; raised once per braking."""
+    """The host vehicle decelerates above the threshold; reported once a braking."""
 
     kind: ClassVar[str] = "hard_brake"
     stamp_s: float
-    """Stamp of the sample that gave certainty."""
+    """Of the sample that exceeded the threshold."""
     deceleration_m_s2: float
     """Positive while braking."""
     source: str
@@ -56,7 +56,7 @@ class HardBrake:
 
 @dataclass(frozen=True, slots=True)
 class ImageBox:
-    """An upright rectangle in the picture, in pixels from the top left corner."""
+    """Axis-aligned rectangle in an image, in pixels from the top left corner."""
 
     x_px: float
     y_px: float
@@ -65,26 +65,26 @@ class ImageBox:
 
     @property
     def centre_px(self) -> tuple[float, float]:
-        """(x, y) of the middle."""
+        """Centre (x, y)."""
         return self.x_px + self.w_px / 2, self.y_px + self.h_px / 2
 
 
 @dataclass(frozen=True, slots=True)
 class Plate:
-    """One plate or AR tag seen in one frame."""
+    """A plate or AR tag detected in one frame."""
 
     kind: ClassVar[str] = "plate"
     stamp_s: float
     box: ImageBox
     text: str | None
-    """Characters without separators, upper case; `None` where they could not be read."""
+    """Upper case without separators; `None` if it could not be read."""
     confidence: float
-    """Of the text, 0 to 1; 0 where `text` is `None`."""
+    """Of the text, 0 to 1; 0 without a text."""
     is_lead: bool
 
 
 class LeadIdentity(StrEnum):
-    """What is known of the car ahead in the own lane. Three different things to say."""
+    """Whether there is a lead vehicle, and whether its plate is known."""
 
     NO_LEAD = "no_lead"
     UNKNOWN = "unknown"
@@ -93,7 +93,7 @@ class LeadIdentity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Lead:
-    """The car ahead in the own lane, tracked from frame to frame."""
+    """The lead vehicle, tracked from frame to frame."""
 
     kind: ClassVar[str] = "lead"
     stamp_s: float
@@ -101,7 +101,7 @@ class Lead:
     text: str | None = None
     """The voted plate, only with `LeadIdentity.KNOWN`."""
     gap_m: float | None = None
-    """Camera to the rear of the lead car, along the lane; `None` without a lead."""
+    """From the camera to the rear of the lead vehicle, along the lane; `None` without a lead."""
     gap_sigma_m: float | None = None
     closing_speed_m_s: float | None = None
     """Positive while the gap shrinks."""
@@ -109,36 +109,36 @@ class Lead:
 
 
 NEW_LEAD_M = 5.0
-"""A gap that jumps by more from one `Lead` to the next is the gap to another car."""
+"""A larger change of the gap from one `Lead` to the next means another vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleDetection:
-    """Any car in the camera's view, relative to the camera (for MVS)."""
+    """A vehicle in one image or sweep, relative to the sensor (for MVS)."""
 
     kind: ClassVar[str] = "vehicle_detection"
     stamp_s: float
     track_id: int
-    """The observer's own name for it, stable while it is tracked."""
+    """Number of the sensor's track, constant while the vehicle is tracked."""
     range_m: float
     range_sigma_m: float
     bearing_rad: float
-    """Clockwise from the car's heading, as headings are."""
+    """Clockwise from the host vehicle's heading."""
     bearing_sigma_rad: float
     text: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class DetectionList:
-    """All cars that a detector of the user's found in one picture; to find none says that it looks.
+    """All vehicles that a detector of the user's found in one image or sweep, possibly none.
 
-    Where there is such a detector, what the own vision senses by plates is not shared besides.
+    With such a detector, the camera's detections are not shared.
     """
 
     kind: ClassVar[str] = "detection_list"
     stamp_s: float
     cars: tuple[VehicleDetection, ...]
-    """All of this stamp, each `track_id` once."""
+    """All with this stamp, each `track_id` once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ class Position:
     altitude_m: float | None
     """Above the ellipsoid."""
     sigma_m: float
-    """One standard deviation, horizontal, per axis."""
+    """Standard deviation of each horizontal axis."""
     speed_m_s: float | None
     course_rad: float | None
     """Clockwise from true north."""
@@ -160,7 +160,7 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class SensorLost:
-    """A sensor has been silent (or frozen) for longer than its limit."""
+    """A sensor has timed out, or its component reports it as lost."""
 
     kind: ClassVar[str] = "sensor_lost"
     stamp_s: float
@@ -172,7 +172,7 @@ class SensorLost:
 
 @dataclass(frozen=True, slots=True)
 class SensorRecovered:
-    """A lost sensor delivers again."""
+    """A lost sensor has sent a valid sample."""
 
     kind: ClassVar[str] = "sensor_recovered"
     stamp_s: float
@@ -181,13 +181,13 @@ class SensorRecovered:
 
 @dataclass(frozen=True, slots=True)
 class Discarded:
-    """Bytes or a message from outside that were not believed; counted by `reason`."""
+    """Bytes or a message from outside that were dropped; counted by `reason`."""
 
     kind: ClassVar[str] = "discarded"
     stamp_s: float
     component: str
-    """Who dropped it: `obd`, `vision`, `wsmp`, `security`, `lcca`, ..."""
+    """Which package dropped it: `obd`, `vision`, `wsmp`, `security`, `lcca`, ..."""
     reason: str
-    """A short stable word, fit for a counter's label."""
+    """A short constant word, usable as label of a metric."""
     detail: str = ""
-    """For people: what exactly was wrong."""
+    """What exactly was wrong, as text."""

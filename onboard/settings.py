@@ -1,6 +1,6 @@
-"""The base of every typed setting, and the YAML reader that gives errors a user can act on.
+"""Base class of all settings, and the YAML reader, whose errors tell a user what to correct.
 
-Each room declares its own settings beside its code; `onboard/config.py` puts a car's together.
+Each package declares its settings beside its code; `onboard/config.py` joins those of a vehicle.
 """
 
 import difflib
@@ -29,7 +29,7 @@ SettingsT = TypeVar("SettingsT", bound=Settings)
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):
-    """PyYAML keeps the last of two equal keys; in a car that hides a mistake."""
+    """Rejects repeated keys, of which PyYAML would use the last without an error."""
 
     @override
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -37,7 +37,7 @@ class _UniqueKeyLoader(yaml.SafeLoader):
         for key in keys:
             if keys.count(key) > 1:
                 raise yaml.MarkedYAMLError(
-                    problem=f"key {key!r} stands twice", problem_mark=node.start_mark
+                    problem=f"key {key!r} is repeated", problem_mark=node.start_mark
                 )
         return super().construct_mapping(node, deep)
 
@@ -58,10 +58,10 @@ def load_settings(path: Path, schema: type[SettingsT]) -> SettingsT:
 
 
 def parse_yaml(data: str | bytes, origin: str) -> object:
-    """The tree in a YAML text; `origin` names it in errors.
+    """Parse a YAML text; `origin` names it in errors.
 
     Raises:
-        SettingsError: it is not YAML, or not UTF-8, or a key stands twice.
+        SettingsError: it is not YAML or not UTF-8, or a key is repeated.
     """
     try:
         text = data if isinstance(data, str) else data.decode("utf-8")
@@ -80,13 +80,18 @@ def _where(error: yaml.MarkedYAMLError) -> str:
 
 
 def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> SettingsT:
-    """Validate an already parsed `tree`; `origin` names it in errors.
+    """Validate a parsed tree.
+
+    Args:
+        tree: what `parse_yaml` returns.
+        schema: the settings to build.
+        origin: name of the tree in errors.
 
     Raises:
         SettingsError: as in `load_settings`.
     """
     try:
-        # JSON mode lets a list stand for a tuple and a string for an enum, and nothing else.
+        # JSON mode accepts a list for a tuple and a string for an enum, and is strict otherwise.
         text = json.dumps(tree, default=str)
     except (TypeError, ValueError) as error:  # a date for a key, a mapping within itself
         raise SettingsError(f"{origin}: {error}") from error
@@ -98,7 +103,7 @@ def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> Settin
 
 
 def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
-    # pydantic puts the type's name where one of several types is meant: not for a user.
+    # pydantic adds the names of a union's types, which mean nothing to a user.
     place = [str(part) for part in error["loc"] if "[" not in str(part)]
     field = ".".join(place) or "(the whole file)"
     if error["type"] == "missing":
@@ -108,19 +113,19 @@ def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
     given, what = error["input"], error["msg"].removeprefix("Value error, ")
     is_secret = _is_secret(error["loc"], schema)
     if error["type"] == "string_type" and isinstance(given, bool | int | float):
-        # YAML 1.1 takes NO for false and 0123 for 83.
+        # YAML 1.1 reads NO as false and 0123 as 83.
         shown = "" if is_secret else f" (YAML understood {given!r})"
         return f"{field}: is a text, write it in quotes{shown}"
     if is_secret:
         least = error.get("ctx", {}).get("min_length")
         return f"{field}: {what if least is None else f'needs at least {least} characters'}"
-    # Of a whole section only the keys: there may be a secret among its values.
+    # Of a whole section only the keys, since a value may be secret.
     shown = ", ".join(map(str, given)) if isinstance(given, dict) else repr(given)
     return f"{field}: {what} (given {shown})"
 
 
 def _hint(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
-    """Name the keys allowed where `location` ends, the nearest one first."""
+    """Return the keys allowed at `location`, and the most similar one."""
     model = _model_at(location[:-1], schema)
     if model is None:
         return ""
@@ -131,7 +136,7 @@ def _hint(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
 
 
 def _is_secret(location: tuple[int | str, ...], schema: type[BaseModel]) -> bool:
-    """Whether what stands there must not come into a log."""
+    """Return whether the value at `location` must not be logged."""
     model = _model_at(location[:-1], schema)
     field = model.model_fields.get(str(location[-1])) if model is not None and location else None
     annotation = field.annotation if field is not None else None

@@ -1,4 +1,4 @@
-"""SI everywhere inside; these factors are used by codecs and by text for people, nowhere else."""
+"""Factors to SI units, for codecs and texts only; everything else is in SI units."""
 
 KM_H = 1 / 3.6
 """One kilometre per hour in m/s."""

@@ -1,4 +1,4 @@
-"""The outputs that only observe: journal, trace, capture, driver's page."""
+"""The output sinks of the daemon, which no core reads: journal, trace, capture, driver's page."""
 
 import contextlib
 import time

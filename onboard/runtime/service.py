@@ -1,8 +1,8 @@
-"""The car as a service: driven until it is told to stop, its configuration read again on SIGHUP.
+"""The daemon as a service: SIGHUP reloads its configuration, SIGINT and SIGTERM end it.
 
-A new configuration takes effect as a whole: all wires are closed and opened again, and the groups
-that the car was in are found again. One that is wrong, or whose wires cannot be opened, is refused
-and the car goes on with the one before.
+A new configuration takes effect as a whole: all edges are closed and opened again, and the vehicle
+joins its warning group again. An invalid one, or one whose edges cannot be opened, is refused, and
+the daemon continues with the previous one.
 """
 
 import asyncio
@@ -23,52 +23,52 @@ log = structlog.get_logger()
 
 
 class Service:
-    """Who drives, and with which configuration."""
+    """Runs one daemon after the other, each with its configuration."""
 
     def __init__(self, file: Path) -> None:
-        """Take the configuration's file, which `run` reads."""
+        """Store the path of the configuration, which `run` reads."""
         self._file = file
         self._manager = Systemd(os.environ)
-        self._asked: asyncio.Queue[signal.Signals] = asyncio.Queue()
+        self._signals: asyncio.Queue[signal.Signals] = asyncio.Queue()
 
     async def run(self) -> None:
-        """Drive until SIGINT or SIGTERM.
+        """Run until SIGINT or SIGTERM.
 
         Raises:
-            UserError: the first configuration is wrong, or one of its wires cannot be opened.
+            UserError: the first configuration is invalid, or one of its edges cannot be opened.
         """
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            loop.add_signal_handler(number, self._asked.put_nowait, number)
+            loop.add_signal_handler(number, self._signals.put_nowait, number)
         config = self._read()
         proven: CarConfig | None = None
         daemon: Daemon | None = Daemon(config, self._manager)
         while daemon is not None:
             try:
-                following = await daemon.run(partial(self._until_asked, daemon))
+                successor = await daemon.run(partial(self._until_signal, daemon))
             except UserError as error:
                 if proven is None:
                     raise
                 self._refuse(error)
-                following = Daemon(proven, self._manager)
+                successor = Daemon(proven, self._manager)
                 proven = None
             else:
                 proven = daemon.config
-            daemon = following
+            daemon = successor
 
-    async def _until_asked(self, driving: Daemon) -> Daemon | None:
-        """Wait for a configuration that can be driven with, or for the end (`None`)."""
-        while await self._asked.get() is signal.SIGHUP:
+    async def _until_signal(self, running: Daemon) -> Daemon | None:
+        """Return the daemon of a valid new configuration; `None` on SIGINT or SIGTERM."""
+        while await self._signals.get() is signal.SIGHUP:
             self._manager.reloading()
-            driving.save_driver()  # for the one that follows to read
+            running.save_driver()  # The next daemon reads it.
             try:
-                following = Daemon(self._read(), self._manager)
+                successor = Daemon(self._read(), self._manager)
             except UserError as error:
                 self._refuse(error)
-                self._manager.ready("configuration refused, driving with the one before")
+                self._manager.ready("configuration refused, continuing with the previous one")
             else:
-                log.info("configuration read again", file=str(self._file))
-                return following
+                log.info("configuration reloaded", file=str(self._file))
+                return successor
         self._manager.stopping()
         return None
 

@@ -1,7 +1,7 @@
-"""The wire to systemd: readiness, and a watchdog that is fed only while the car makes progress.
+"""Notifications to systemd: readiness, and a watchdog that is fed in each step of the daemon.
 
-The protocol of sd_notify(3): datagrams with `NAME=value` lines to the socket that `NOTIFY_SOCKET`
-names. Where nothing started us, everything here does nothing.
+The protocol of sd_notify(3): datagrams with `NAME=value` lines to the socket in `NOTIFY_SOCKET`.
+Without that variable nothing is sent.
 """
 
 import contextlib
@@ -10,11 +10,11 @@ import time
 from collections.abc import Mapping
 
 FEEDS_PER_INTERVAL = 4
-"""How often the watchdog is fed in the time after which it bites."""
+"""Notifications within one watchdog timeout."""
 
 
 class Systemd:
-    """systemd, as far as the environment says that it is there."""
+    """The connection to systemd, if it started the process."""
 
     def __init__(self, environment: Mapping[str, str]) -> None:
         """Read `NOTIFY_SOCKET` and `WATCHDOG_USEC`, which systemd sets."""
@@ -26,27 +26,27 @@ class Systemd:
         self._feed_at = 0.0
 
     def ready(self, status: str) -> None:
-        """All wires are open."""
-        self._tell(f"READY=1\nSTATUS={status}")
+        """Notify that all edges are open."""
+        self._notify(f"READY=1\nSTATUS={status}")
 
     def reloading(self) -> None:
-        """The configuration is read again; `ready` follows."""
-        self._tell(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
+        """Notify that the configuration is reloaded; `ready` follows."""
+        self._notify(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
 
     def stopping(self) -> None:
-        """The wires are being closed."""
-        self._tell("STOPPING=1")
+        """Notify that the edges are being closed."""
+        self._notify("STOPPING=1")
 
     def feed(self, now: float) -> None:
-        """The cores have made a step at `now`."""
+        """Feed the watchdog, if it is due, after a step at `now`."""
         if now >= self._feed_at:
             self._feed_at = now + self._feed_every_s
-            self._tell("WATCHDOG=1")
+            self._notify("WATCHDOG=1")
 
-    def _tell(self, text: str) -> None:
+    def _notify(self, text: str) -> None:
         if not self._address:
             return
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as wire:
-            wire.setblocking(False)  # a car does not wait for who watches it
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notifications:
+            notifications.setblocking(False)  # the daemon never waits for systemd
             with contextlib.suppress(OSError):
-                wire.sendto(text.encode(), self._address)
+                notifications.sendto(text.encode(), self._address)

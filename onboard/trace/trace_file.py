@@ -1,4 +1,4 @@
-"""A trace or capture on disk: it ends where the disk is full, and the car goes on."""
+"""A trace or capture on disk; if the disk is full, the file ends and the daemon goes on."""
 
 import io
 from pathlib import Path
@@ -12,27 +12,27 @@ log = structlog.get_logger()
 
 
 class TraceFile(io.FileIO):
-    """Written through at once; after the first error nothing more is written."""
+    """Unbuffered file; after the first error nothing more is written."""
 
     def __init__(self, path: Path) -> None:
-        """Make the file, or empty it.
+        """Create the file, or truncate it.
 
         Raises:
-            UserError: it cannot be made.
+            UserError: it cannot be created.
         """
         try:
             super().__init__(path, "wb")
         except OSError as error:
             raise UserError(f"trace: {path}: {error.strerror}") from error
-        self._is_given_up = False
+        self._has_failed = False
 
     @override
     def write(self, data: Buffer, /) -> int:
-        if self._is_given_up:
+        if self._has_failed:
             return 0
         try:
             return super().write(data)
         except OSError as error:
-            self._is_given_up = True
-            log.error("no more is traced", file=str(self.name), reason=error.strerror)  # noqa: TRY400 (the disk is full, not the program wrong)
+            self._has_failed = True
+            log.error("trace ended", file=str(self.name), reason=error.strerror)  # noqa: TRY400 (a full disk is no error of the program)
             return 0

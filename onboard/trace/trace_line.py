@@ -1,6 +1,6 @@
 """One JSON line per observation, transition, message and warning.
 
-A trace line is the event itself: its `stamp_s`, its `kind`, then its fields under their own names.
+A line has `stamp_s`, `kind`, and then the fields of the event under their own names.
 """
 
 import json
@@ -13,17 +13,17 @@ from typing import Any, ClassVar, Protocol
 
 
 class Event(Protocol):
-    """Anything that can become a trace line: a dataclass with a stamp and a kind."""
+    """What a trace line is written from: a dataclass with a time stamp and a kind."""
 
     kind: ClassVar[str]
 
     @property
     def stamp_s(self) -> float:
-        """When it happened, on the clock of the cores."""
+        """When it happened, on the clock of the cores, in s."""
 
 
 def as_line(event: Event, **more: float) -> str:
-    """The event as one line of JSON, with `more` fields of the edge that writes it.
+    """Return the event as one line of JSON, with `more` fields of the edge that writes it.
 
     Raises:
         TypeError: as in `as_record`.
@@ -32,7 +32,7 @@ def as_line(event: Event, **more: float) -> str:
 
 
 def as_json(record: Any) -> str:
-    """The record on one line. JSON has no infinity: what is not finite is written as a string."""
+    """Return the record as one line; numbers that are not finite become strings."""
     try:
         return json.dumps(record, separators=(",", ":"), allow_nan=False)
     except ValueError:
@@ -51,10 +51,10 @@ def _finite(value: Any) -> Any:
 
 
 def as_record(event: Event) -> dict[str, Any]:
-    """The event in JSON's types: what a reader of the line gets.
+    """Return the event in the types of JSON.
 
     Raises:
-        TypeError: a field has a type that has no form in JSON.
+        TypeError: a field has a type that cannot be converted.
     """
     record = {"stamp_s": event.stamp_s, "kind": event.kind}
     record.update(_plain_fields(event))
@@ -69,7 +69,7 @@ def _plain_fields(value: Any) -> dict[str, Any]:
 def _plain(value: object) -> Any:  # a dataclass becomes an object
     if is_dataclass(value):
         return _plain_fields(value)
-    raise TypeError(f"{type(value).__name__} has no form in a trace")
+    raise TypeError(f"{type(value).__name__} cannot be written to a trace")
 
 
 @_plain.register(str | int | float | None)
@@ -93,10 +93,10 @@ def _(value: Sequence[object]) -> list[Any]:
 
 
 @_plain.register
-def _(value: frozenset) -> list[Any]:  # type: ignore[type-arg]  # of whatever can be sorted
+def _(value: frozenset) -> list[Any]:  # type: ignore[type-arg]  # of any sortable type
     return [_plain(item) for item in sorted(value)]
 
 
 @_plain.register
-def _(value: dict) -> dict[str, Any]:  # type: ignore[type-arg]  # of whatever has a form
+def _(value: dict) -> dict[str, Any]:  # type: ignore[type-arg]  # of any convertible type
     return {str(_plain(key)): _plain(item) for key, item in value.items()}

@@ -1,4 +1,4 @@
-"""The car as a service: what systemd is told, and what a new configuration does."""
+"""The daemon as a service: notifications to systemd, and new configurations."""
 
 import signal
 import socket
@@ -22,16 +22,16 @@ class NotifySocket:
         self.socket.bind(self.address)
         self.socket.settimeout(20.0)
 
-    def told(self) -> dict[str, str]:
+    def notification(self) -> dict[str, str]:
         lines = self.socket.recv(4096).decode().splitlines()
         return dict(line.split("=", 1) for line in lines)
 
-    def told_next(self, name: str) -> dict[str, str]:
-        while name not in (told := self.told()):
+    def next_with(self, name: str) -> dict[str, str]:
+        while name not in (values := self.notification()):
             pass
-        return told
+        return values
 
-    def is_told_nothing(self) -> bool:
+    def is_empty(self) -> bool:
         self.socket.setblocking(False)
         try:
             return not self.socket.recv(4096)
@@ -47,7 +47,7 @@ def systemd(tmp_path: Path) -> Iterator[NotifySocket]:
 
 
 @pytest.fixture
-def car(systemd: NotifySocket, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+def daemon(systemd: NotifySocket, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     config = tmp_path / "car.yaml"
     config.write_text("car: {plate: OLD1}\n")
     process = subprocess.Popen(
@@ -61,32 +61,32 @@ def car(systemd: NotifySocket, tmp_path: Path) -> Iterator[subprocess.Popen[str]
     process.communicate()
 
 
-def test_systemd_hears_that_the_car_is_ready_that_it_goes_on_and_that_it_stops(
-    car: subprocess.Popen[str], systemd: NotifySocket
+def test_systemd_is_notified_of_readiness_progress_and_end(
+    daemon: subprocess.Popen[str], systemd: NotifySocket
 ) -> None:
-    assert "OLD1" in systemd.told_next("READY")["STATUS"]
-    systemd.told_next("WATCHDOG")
-    systemd.told_next("WATCHDOG")
-    car.terminate()
-    systemd.told_next("STOPPING")
-    _, log = car.communicate(timeout=20)
+    assert "OLD1" in systemd.next_with("READY")["STATUS"]
+    systemd.next_with("WATCHDOG")
+    systemd.next_with("WATCHDOG")
+    daemon.terminate()
+    systemd.next_with("STOPPING")
+    _, log = daemon.communicate(timeout=20)
 
-    assert car.returncode == 0
+    assert daemon.returncode == 0
     assert all(line.startswith("<6>{") for line in log.splitlines()), log
     assert '"event": "stopped"' in log
 
 
-def test_a_good_configuration_takes_effect_and_a_bad_one_is_refused(
-    car: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
+def test_a_valid_configuration_takes_effect_and_an_invalid_one_is_refused(
+    daemon: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
 ) -> None:
     config = tmp_path / "car.yaml"
-    systemd.told_next("READY")
+    systemd.next_with("READY")
 
     def after(text: str) -> str:
         config.write_text(text)
-        car.send_signal(signal.SIGHUP)
-        systemd.told_next("RELOADING")
-        return systemd.told_next("READY")["STATUS"]
+        daemon.send_signal(signal.SIGHUP)
+        systemd.next_with("RELOADING")
+        return systemd.next_with("READY")["STATUS"]
 
     assert "refused" in after("car: {plate: lower case}\n")
     assert "refused" in after("car: {plate: NEW1}\nsecurity: {keys_folder: /nonexistent}\n")
@@ -94,38 +94,38 @@ def test_a_good_configuration_takes_effect_and_a_bad_one_is_refused(
     assert "NEW1" in after("car: {plate: NEW2}\ncan: {interface: socketcan, channel: nosuchcan9}\n")
     assert "NEW3" in after("car: {plate: NEW3}\n")
 
-    car.terminate()
-    _, log = car.communicate(timeout=20)
-    assert car.returncode == 0
+    daemon.terminate()
+    _, log = daemon.communicate(timeout=20)
+    assert daemon.returncode == 0
     refused = [line for line in log.splitlines() if line.startswith("<3>")]
     reasons = ("car.plate: String should match", "/nonexistent", "nosuchcan9 cannot be opened")
     for line, reason in zip(refused, reasons, strict=True):
         assert reason in line
 
 
-def test_a_driver_who_cannot_be_remembered_does_not_stop_the_car(
-    car: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
+def test_a_driver_file_that_cannot_be_written_does_not_stop_the_daemon(
+    daemon: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
 ) -> None:
     config, disk = tmp_path / "car.yaml", tmp_path / "disk"
     disk.mkdir()
-    systemd.told_next("READY")
+    systemd.next_with("READY")
     config.write_text(f"car: {{plate: NEW1}}\naccess: {{driver_file: {disk}/driver.json}}\n")
-    car.send_signal(signal.SIGHUP)
-    assert "NEW1" in systemd.told_next("READY")["STATUS"]
+    daemon.send_signal(signal.SIGHUP)
+    assert "NEW1" in systemd.next_with("READY")["STATUS"]
     (disk / "driver.json").unlink()
     disk.rmdir()
 
     config.write_text("car: {plate: NEW2}\n")
-    car.send_signal(signal.SIGHUP)
+    daemon.send_signal(signal.SIGHUP)
 
-    assert "NEW2" in systemd.told_next("READY")["STATUS"]
-    car.terminate()
-    _, log = car.communicate(timeout=20)
-    assert car.returncode == 0
+    assert "NEW2" in systemd.next_with("READY")["STATUS"]
+    daemon.terminate()
+    _, log = daemon.communicate(timeout=20)
+    assert daemon.returncode == 0
     assert log.count("driver.json: cannot be written: No such file or directory") == 2
 
 
-def test_the_watchdog_is_fed_a_few_times_in_its_interval_and_not_at_each_step(
+def test_the_watchdog_is_fed_several_times_in_its_interval_and_not_in_each_step(
     systemd: NotifySocket,
 ) -> None:
     manager = Systemd({"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "2000000"})
@@ -133,11 +133,11 @@ def test_the_watchdog_is_fed_a_few_times_in_its_interval_and_not_at_each_step(
     for step in range(101):
         manager.feed(5.0 + step * 0.01)
 
-    assert [systemd.told() for _ in range(3)] == [{"WATCHDOG": "1"}] * 3
-    assert systemd.is_told_nothing()
+    assert [systemd.notification() for _ in range(3)] == [{"WATCHDOG": "1"}] * 3
+    assert systemd.is_empty()
 
 
-def test_without_systemd_nobody_is_told_anything() -> None:
+def test_without_systemd_nothing_is_sent() -> None:
     manager = Systemd({})
     manager.ready("")
     manager.reloading()
@@ -145,15 +145,15 @@ def test_without_systemd_nobody_is_told_anything() -> None:
     manager.stopping()
 
 
-def test_an_abstract_socket_is_reached() -> None:
+def test_an_abstract_socket_is_notified() -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as abstract:
-        abstract.bind("")  # the kernel names it
+        abstract.bind("")  # The kernel chooses a name.
         name = abstract.getsockname().decode()
         Systemd({"NOTIFY_SOCKET": "@" + name[1:]}).stopping()
         assert abstract.recv(64) == b"STOPPING=1"
 
 
-def test_a_full_disk_ends_the_trace_and_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_full_disk_ends_the_trace_only(capsys: pytest.CaptureFixture[str]) -> None:
     with TraceFile(Path("/dev/full")) as trace:
         assert trace.write(b"{}") == 0
         assert trace.write(b"{}") == 0

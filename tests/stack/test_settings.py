@@ -83,7 +83,7 @@ def test_an_empty_file_is_all_defaults(yaml_file: Path) -> None:
         ("name: NO", "name: is a text, write it in quotes (YAML understood False)"),
         ("name: 00123", "name: is a text, write it in quotes (YAML understood 83)"),
         ("name: [a]", "name: Input should be a valid string (given ['a'])"),
-        ("seed: 1\nseed: 2", "line 1, column 1: key 'seed' stands twice"),
+        ("seed: 1\nseed: 2", "line 1, column 1: key 'seed' is repeated"),
         ("seed: [", "not YAML"),
         ("wheels:\n\t- 1", "line 2, column 1: found character '\\t' that cannot start any token"),
         ("seed: 2026-02-31", "not YAML: day is out of range for month"),

@@ -1,4 +1,4 @@
-"""A trace line is the event itself."""
+"""Events as lines of a trace."""
 
 import json
 
@@ -9,36 +9,36 @@ from onboard.observations import ImageBox, Lead, LeadIdentity, Plate, Position
 from onboard.trace.trace_line import as_json, as_line, as_record
 
 
-def test_stamp_and_kind_come_first_then_the_fields_under_their_own_names() -> None:
+def test_stamp_and_kind_come_first_then_the_fields_of_the_event() -> None:
     line = as_line(Lead(1.5, LeadIdentity.KNOWN, "ABC123", gap_m=20.25))
 
     assert line.startswith('{"stamp_s":1.5,"kind":"lead","identity":"known","text":"ABC123"')
     assert json.loads(line)["gap_m"] == 20.25
 
 
-def test_what_json_lacks_has_one_form_each() -> None:
+def test_nested_values_and_none_are_converted() -> None:
     record = as_record(Plate(2.0, ImageBox(1.0, 2.0, 3.0, 4.0), None, 0.0, is_lead=False))
 
     assert record["box"] == {"x_px": 1.0, "y_px": 2.0, "w_px": 3.0, "h_px": 4.0}
     assert record["text"] is None
 
 
-def test_the_edge_may_add_its_own_fields() -> None:
+def test_an_edge_can_add_fields() -> None:
     assert as_record(Lead(1.0, LeadIdentity.NO_LEAD)) | {"traced_s": 3.0} == json.loads(
         as_line(Lead(1.0, LeadIdentity.NO_LEAD), traced_s=3.0)
     )
 
 
-def test_floats_survive_to_the_bit() -> None:
+def test_floats_are_converted_without_loss() -> None:
     stamp_s = float(np.nextafter(0.1, 1.0))
 
     assert as_record(Lead(stamp_s, LeadIdentity.NO_LEAD))["stamp_s"] == stamp_s
 
 
-def test_a_type_without_a_form_is_our_mistake_and_raises() -> None:
+def test_an_unknown_type_raises() -> None:
     position = Position(1.0, object(), 0.0, None, 1.0, None, None)  # type: ignore[arg-type]
 
-    with pytest.raises(TypeError, match="object has no form in a trace"):
+    with pytest.raises(TypeError, match="object cannot be written to a trace"):
         as_line(position)
 
 
