@@ -1,4 +1,4 @@
-"""What a run has shown, for people: the timeline, who warned whom, who dropped what, the ledger."""
+"""Text report of a run: timeline, warnings, perceived objects, discarded messages, latencies."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -7,35 +7,47 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from sim_rig.run_log.ground_truth import Known, meant_by, perceived_objects, touch_s
+from sim_rig.run_log.ground_truth import MatchedObject, match_object, perceived_objects, touch_s
 from sim_rig.run_log.latency_ledger import ledger
 from sim_rig.run_log.run_log import Record, RunLog
 from sim_rig.scenario.schema import Scenario
 
-_TOLD = frozenset(
+_TIMELINE_KINDS = frozenset(
     {"transition", "hard_brake", "warning", "alarm", "sensor_lost", "sensor_recovered"}
 )
 
 
 def failures(scenario: Scenario, log: RunLog) -> list[str]:
-    """A sentence for each expectation that was not met."""
+    """One sentence for each deviation from the scenario's expectations."""
     return [sentence for entry in scenario.expect for sentence in entry.check(log)]
 
 
 def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
-    """Print everything that a reader of a demonstration wants to know."""
+    """Print the timeline and all tables that have rows.
+
+    Args:
+        scenario: the scenario of the run.
+        log: its run log.
+        console: where to print.
+    """
     console.print(_timeline(scenario, log))
     if any(True for car in log.traces for _ in log.of(car, "hard_brake")):
         console.print(_warnings(log))
     if scenario.gnss is not None:
-        console.print(_knowledge(log, scenario.duration_s))
+        console.print(_perceived(log, scenario.duration_s))
     for table in (_discards(log), _ledger(log)):
         if table.row_count:
             console.print(table)
 
 
 def print_verdict(scenario: Scenario, log: RunLog, console: Console) -> None:
-    """Print which expectations failed, or that none did."""
+    """Print which expectations failed, or that none did.
+
+    Args:
+        scenario: the scenario of the run.
+        log: its run log.
+        console: where to print.
+    """
     failed = failures(scenario, log)
     for sentence in failed:
         console.print(f"[red]FAILED[/red] {sentence}", soft_wrap=True)
@@ -49,10 +61,10 @@ def _timeline(scenario: Scenario, log: RunLog) -> Table:
     for column, justify in (("s", "right"), ("car", "left"), ("what", "left")):
         table.add_column(column, justify=justify)  # type: ignore[arg-type]
     entries = [
-        (_known_at_s(log, record), car, _told(log, car, record))
+        (_reported_at_s(log, record), car, _description(log, car, record))
         for car, records in log.traces.items()
         for record in records
-        if record["kind"] in _TOLD and record.get("cause") != "refresh"
+        if record["kind"] in _TIMELINE_KINDS and record.get("cause") != "refresh"
     ]
     for fault in scenario.faults:
         what = fault.what.replace("_", " ")
@@ -65,20 +77,20 @@ def _timeline(scenario: Scenario, log: RunLog) -> Table:
     return table
 
 
-def _known_at_s(log: RunLog, record: Record) -> float:
-    """When the car knew it: a camera is back with a picture that may be older than its loss."""
+def _reported_at_s(log: RunLog, record: Record) -> float:
+    """Time of a report: a camera recovers with an image that may be older than its loss."""
     if record["kind"] == "sensor_recovered" and "traced_s" in record:
         return float(record["traced_s"]) - log.start_s
     return log.at_s(record)
 
 
-def _told(log: RunLog, car: str, record: Record) -> str:
+def _description(log: RunLog, car: str, record: Record) -> str:
     match record["kind"]:
         case "transition":
             place = f"number {record['group_number']} behind {log.name(record['leader_id'])}"
             state = record["state"].upper()
-            told = f"{state}, {place}" if record["state"] == "member" else state
-            return f"{told} [dim]({record['event']}: {record['cause']})[/dim]"
+            text = f"{state}, {place}" if record["state"] == "member" else state
+            return f"{text} [dim]({record['event']}: {record['cause']})[/dim]"
         case "hard_brake":
             return f"[bold]brakes with {record['deceleration_m_s2']:.1f} m/s2[/bold]"
         case "warning":
@@ -89,53 +101,55 @@ def _told(log: RunLog, car: str, record: Record) -> str:
         case "sensor_lost":
             return f"[yellow]{record['sensor']} lost[/yellow] [dim]({record['reason']})[/dim]"
         case _:
-            return f"{record['sensor']} back"
+            return f"{record['sensor']} recovered"
 
 
 def _alarm(log: RunLog, car: str, alarm: Record) -> str:
-    """Which car it is about, how that is known, and how long before the two touch."""
+    """Text of an alarm: the other car, its object source, and the time to contact of the two."""
     cause = alarm["cause"].replace("_", " ")
     if alarm["level"] == "none":
         return f"[dim]{cause}: over[/dim]"
     colour = "bold red" if alarm["level"] == "warning" else "yellow"
-    told = f"[{colour}]{alarm['level'].upper()}: {cause}[/{colour}]"
+    text = f"[{colour}]{alarm['level'].upper()}: {cause}[/{colour}]"
     for reason in alarm["reasons"]:
-        known = meant_by(log, car, reason["name"], log.at_s(alarm))
-        if known is not None and known.meant is not None:
-            touch = touch_s(log, car, known.meant)
+        matched = match_object(log, car, reason["name"], log.at_s(alarm))
+        if matched is not None and matched.true_car is not None:
+            touch = touch_s(log, car, matched.true_car)
             lead = "" if touch is None else f", {touch - log.at_s(alarm):.1f} s before they touch"
-            return f"{told} with {known.meant} [dim](known by: {known.source}{lead})[/dim]"
-    return told
+            return f"{text} with {matched.true_car} [dim](source: {matched.source}{lead})[/dim]"
+    return text
 
 
-def _knowledge(log: RunLog, duration_s: float) -> Table:
-    """How each car knew the others: from when to when, and how far off at worst."""
-    table = Table(title="Who knew whom", box=box.SIMPLE, title_justify="left")
+def _perceived(log: RunLog, duration_s: float) -> Table:
+    """Table of the cars that each car perceived: source, interval, and largest position error."""
+    table = Table(title="Perceived objects", box=box.SIMPLE, title_justify="left")
     for column, justify in (
-        ("car", "left"), ("knew", "left"), ("by", "left"), ("from s", "right"),
-        ("until s", "right"), ("off by at most m", "right"),
+        ("host", "left"), ("car", "left"), ("source", "left"), ("from s", "right"),
+        ("until s", "right"), ("largest error m", "right"),
     ):  # fmt: skip
         table.add_column(column, justify=justify)  # type: ignore[arg-type]
     for car in log.traces:
-        found: dict[tuple[str, str], list[Known]] = {}
-        for telling in perceived_objects(log, car, 0.0, duration_s):
-            for known in telling:
-                found.setdefault((known.meant or "(nobody)", known.source), []).append(known)
-        for (meant, source), times in sorted(found.items()):
+        found: dict[tuple[str, str], list[MatchedObject]] = {}
+        for snapshot in perceived_objects(log, car, 0.0, duration_s):
+            for matched in snapshot:
+                found.setdefault((matched.true_car or "(no car)", matched.source), []).append(
+                    matched
+                )
+        for (true_car, source), times in sorted(found.items()):
             table.add_row(
                 car,
-                meant,
+                true_car,
                 source,
                 f"{times[0].at_s:.0f}",
                 f"{times[-1].at_s:.0f}",
-                f"{max(known.off_m for known in times):.1f}",
+                f"{max(matched.error_m for matched in times):.1f}",
             )
     return table
 
 
 def _warnings(log: RunLog) -> Table:
-    """One row a braking; the delays count from the sample that gave certainty."""
-    table = Table(title="Who warned whom", box=box.SIMPLE, title_justify="left")
+    """Table of the brakings; delays count from the sample that confirms the braking."""
+    table = Table(title="Warnings", box=box.SIMPLE, title_justify="left")
     for column in ("s", "braking", "warned (after ms, over hops)"):
         table.add_column(column, justify="right" if column == "s" else "left")
     for braking in log.traces:
@@ -157,7 +171,7 @@ def _warned(log: RunLog, braking: str, at_s: float) -> Iterator[str]:
 
 
 def _discards(log: RunLog) -> Table:
-    table = Table(title="Messages discarded, and why", box=box.SIMPLE, title_justify="left")
+    table = Table(title="Discarded messages", box=box.SIMPLE, title_justify="left")
     for column in ("car", "component", "reason", "times"):
         table.add_column(column, justify="right" if column == "times" else "left")
     for car, records in log.traces.items():
@@ -166,8 +180,8 @@ def _discards(log: RunLog) -> Table:
             for record in records
             if record["kind"] == "discarded"
         )
-        for (room, reason), times in sorted(counted.items()):
-            table.add_row(car, room, reason, str(times))
+        for (component, reason), times in sorted(counted.items()):
+            table.add_row(car, component, reason, str(times))
     return table
 
 

@@ -1,4 +1,4 @@
-"""A run as a picture: how fast each car drives, its place in its group, who is warned of whom."""
+"""Figure of a run: speed of each car, its state in the warning group, warnings and alarms."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ _STATES = {"regular": "#e4e4e4", "leader": "#9ec9e8", "member": "#b5dca8"}
 
 
 @dataclass(frozen=True, slots=True)
-class Stay:
-    """How long a car kept one place."""
+class StateInterval:
+    """Interval in which a car kept one state and group number."""
 
     from_s: float
     until_s: float
@@ -33,19 +33,25 @@ class Stay:
 
 
 def draw_timeline(scenario: Scenario, log: RunLog, path: Path) -> None:
-    """Write the picture of a run as PNG."""
+    """Write the figure of a run as PNG.
+
+    Args:
+        scenario: the scenario of the run.
+        log: its run log.
+        path: the file; its folder is made.
+    """
     cars = list(log.traces)
     figure = Figure(figsize=(10.0, 3.2 + 0.45 * len(cars)), layout="constrained")
-    speeds, places = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 0.45 * len(cars) + 0.3])
+    speeds, states = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 0.45 * len(cars) + 0.3])
     for row, car in enumerate(cars):
         _draw_speed(speeds, scenario, log, car)
-        _draw_place(places, scenario, log, car, row)
+        _draw_states(states, scenario, log, car, row)
     speeds.set_ylabel("km/h, as read from the bus")
     speeds.legend(loc="best", ncols=len(cars), frameon=False, fontsize="small")
-    places.set_yticks(range(len(cars)), cars)
-    places.invert_yaxis()
-    places.set_xlim(0.0, scenario.duration_s)
-    places.set_xlabel("s        ▼ brakes hard     ▲ is warned     ◆ alarm     ✕ sensor lost")
+    states.set_yticks(range(len(cars)), cars)
+    states.invert_yaxis()
+    states.set_xlim(0.0, scenario.duration_s)
+    states.set_xlabel("s        ▼ brakes hard     ▲ is warned     ◆ alarm     ✕ sensor lost")
     figure.suptitle(scenario.title, fontsize="medium", wrap=True)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
@@ -57,12 +63,20 @@ def _draw_speed(axes: Axes, scenario: Scenario, log: RunLog, car: str) -> None:
         axes.plot(*zip(*samples, strict=True), lw=1.2, label=car, color=_colour(scenario, car))
 
 
-def _draw_place(axes: Axes, scenario: Scenario, log: RunLog, car: str, row: int) -> None:
-    for stay in stays(log, car, scenario.duration_s):
-        axes.barh(row, stay.until_s - stay.from_s, 0.8, stay.from_s, color=_STATES[stay.state])
-        if stay.until_s - stay.from_s > 0.04 * scenario.duration_s:
-            told = stay.state if stay.state != "member" else f"member {stay.number}"
-            axes.text(stay.from_s + 0.1, row, told, va="center", fontsize="x-small", color="#444")
+def _draw_states(axes: Axes, scenario: Scenario, log: RunLog, car: str, row: int) -> None:
+    for interval in state_intervals(log, car, scenario.duration_s):
+        axes.barh(
+            row,
+            interval.until_s - interval.from_s,
+            0.8,
+            interval.from_s,
+            color=_STATES[interval.state],
+        )
+        if interval.until_s - interval.from_s > 0.04 * scenario.duration_s:
+            label = interval.state if interval.state != "member" else f"member {interval.number}"
+            axes.text(
+                interval.from_s + 0.1, row, label, va="center", fontsize="x-small", color="#444"
+            )
     for kind, marker, colour in (
         ("hard_brake", "v", "black"),
         ("warning", "^", "#c0392b"),
@@ -76,20 +90,26 @@ def _draw_place(axes: Axes, scenario: Scenario, log: RunLog, car: str, row: int)
         axes.plot(at_s, [row] * len(at_s), "D", color=colour, ms=5)
 
 
-def stays(log: RunLog, car: str, end_s: float) -> Iterator[Stay]:
-    """The places of a car, one after the other, from the beginning to `end_s`."""
+def state_intervals(log: RunLog, car: str, end_s: float) -> Iterator[StateInterval]:
+    """Yield the states of a car, in order, from the start of the scenario to `end_s`.
+
+    Args:
+        log: the run log.
+        car: name of the car.
+        end_s: end of the last interval, s.
+    """
     from_s, state, number = 0.0, "regular", 1
     for record in log.of(car, "transition", until_s=end_s):
         at_s = max(0.0, log.at_s(record))
-        place = record["state"], record["group_number"]
-        if place != (state, number):
+        current = record["state"], record["group_number"]
+        if current != (state, number):
             if at_s > from_s:
-                yield Stay(from_s, at_s, state, number)
-            from_s, (state, number) = at_s, place
-    yield Stay(from_s, end_s, state, number)
+                yield StateInterval(from_s, at_s, state, number)
+            from_s, (state, number) = at_s, current
+    yield StateInterval(from_s, end_s, state, number)
 
 
 def _colour(scenario: Scenario, car: str) -> str | None:
-    """The car's own; cars without one take the next of the usual cycle."""
+    """Colour of the car; `None`, for the next of the default cycle, if it is grey."""
     colour = scenario.cars[car].colour
     return None if colour == "grey" else _COLOURS[colour]

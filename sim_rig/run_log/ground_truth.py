@@ -1,7 +1,7 @@
-"""Where the cars of a run truly were, and which of them a car means by what it says of others.
+"""Compares the perceived objects of a run with the true positions of the cars.
 
-A car tells positions in a frame of its own, itself among them. What it tells is compared as seen
-from itself, so that the error of its own position counts.
+Each car has a local frame of its own, in which it also reports itself. Positions are compared
+relative to the host, so that the host's own position error counts.
 """
 
 import math
@@ -13,47 +13,67 @@ import numpy as np
 from onboard.risk.trajectory import Array
 from sim_rig.run_log.run_log import Record, RunLog
 
-MEANT_WITHIN_M = 6.0
-"""A car told of farther than this from every true one is none of them."""
-TOLD_WITHIN_S = 1.1
-"""Of an alarm, the cars are told of by name; a little more than once a second."""
+MATCH_WITHIN_M = 6.0
+"""An object farther than this from every true position matches no car."""
+MATCH_WITHIN_S = 1.1
+"""Object lists this close to an alarm are searched for its object; lists are traced each second."""
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
-    """One car as another one has told it."""
+class MatchedObject:
+    """One perceived object, with the car that it is."""
 
     at_s: float
     name: str
     source: str
-    meant: str | None
-    """The true car that is nearest, the teller itself not excepted."""
-    off_m: float
-    """How far it is from there."""
+    true_car: str | None
+    """The nearest car, which may be the host; `None` if none is near."""
+    error_m: float
+    """Distance from the true position of the nearest car."""
 
 
 def perceived_objects(
     log: RunLog, car: str, from_s: float, until_s: float
-) -> Iterator[list[Known]]:
-    """What `car` tells of all others, one list for each time that it does."""
-    tellings: dict[float, list[Record]] = {}
+) -> Iterator[list[MatchedObject]]:
+    """Yield each traced list of perceived objects, without the host.
+
+    Args:
+        log: the run log.
+        car: name of the host.
+        from_s: start of the interval since the start of the scenario, s.
+        until_s: end of the interval, s.
+    """
+    snapshots: dict[float, list[Record]] = {}
     for record in log.of(car, "perceived_object", from_s, until_s):
-        tellings.setdefault(record["stamp_s"], []).append(record)
-    for records in tellings.values():
+        snapshots.setdefault(record["stamp_s"], []).append(record)
+    for records in snapshots.values():
         own = next((each for each in records if each["source"] == "host"), None)
         if own is not None:
-            yield [_known(log, car, own, each) for each in records if each is not own]
+            yield [_match(log, car, own, each) for each in records if each is not own]
 
 
-def meant_by(log: RunLog, car: str, name: str, at_s: float) -> Known | None:
-    """The car that `car` calls `name` around `at_s`."""
-    tellings = perceived_objects(log, car, at_s - TOLD_WITHIN_S, at_s + TOLD_WITHIN_S)
-    named = [known for telling in tellings for known in telling if known.name == name]
-    return min(named, key=lambda known: abs(known.at_s - at_s), default=None)
+def match_object(log: RunLog, car: str, name: str, at_s: float) -> MatchedObject | None:
+    """Return the perceived object of one name; `None` if it is in no list near `at_s`.
+
+    Args:
+        log: the run log.
+        car: name of the host.
+        name: name of the perceived object.
+        at_s: time since the start of the scenario, s.
+    """
+    snapshots = perceived_objects(log, car, at_s - MATCH_WITHIN_S, at_s + MATCH_WITHIN_S)
+    named = [matched for snapshot in snapshots for matched in snapshot if matched.name == name]
+    return min(named, key=lambda matched: abs(matched.at_s - at_s), default=None)
 
 
 def touch_s(log: RunLog, car: str, other: str) -> float | None:
-    """When two cars first touch, to a tenth of a second; `None` if they never do."""
+    """Time of the first contact of two cars, s, to 0.1 s; `None` without contact.
+
+    Args:
+        log: the run log.
+        car: name of one car.
+        other: name of the other car.
+    """
     states: dict[float, list[Record]] = {}
     for record in log.rig:
         if record["kind"] == "car_state" and record["car"] in (car, other):
@@ -85,21 +105,23 @@ def _corners(record: Record) -> Array:
     return np.array([middle + i * along + j * across for i in (-1, 1) for j in (-1, 1)])
 
 
-def _known(log: RunLog, car: str, own: Record, record: Record) -> Known:
+def _match(log: RunLog, car: str, own: Record, record: Record) -> MatchedObject:
     east_m, north_m = (record["state"][axis] - own["state"][axis] for axis in (0, 1))
     truth = _true_places(log, log.at_s(record))
     here = truth[car]
-    off_m = {
+    error_m = {
         name: math.hypot(x - here[0] - east_m, y - here[1] - north_m)
         for name, (x, y) in truth.items()
     }
-    nearest = min(off_m, key=off_m.__getitem__)
-    meant = nearest if off_m[nearest] <= MEANT_WITHIN_M else None
-    return Known(log.at_s(record), record["name"], record["source"], meant, off_m[nearest])
+    nearest = min(error_m, key=error_m.__getitem__)
+    true_car = nearest if error_m[nearest] <= MATCH_WITHIN_M else None
+    return MatchedObject(
+        log.at_s(record), record["name"], record["source"], true_car, error_m[nearest]
+    )
 
 
 def _true_places(log: RunLog, at_s: float) -> dict[str, tuple[float, float]]:
-    """Where every car is at `at_s`, straight on from the state before."""
+    """Position of every car at `at_s`, at constant velocity since its last state."""
     places: dict[str, tuple[float, float]] = {}
     for record in log.rig:
         since_s = at_s - log.at_s(record)

@@ -1,12 +1,12 @@
-"""The latency ledger: how long each hop takes from the brake on the CAN bus to the alarm.
+"""The latency ledger: delay of each step from the braking on the CAN bus to the alarm.
 
-All stamps are on one clock, since all processes of a run share one machine. The hops:
+All processes of a run share one machine, and so one clock. The steps:
 
-    noticed    first sample on the bus that shows the braking -> the sample that gives certainty
-    detected   that sample leaves the ECU -> the daemon takes it off the bus
-    sent       taken off the bus -> warning handed to the radio
-    received   handed to the radio -> taken from the radio by the next car, each hop
-    alarm      taken from the radio -> alarm raised
+    noticed    first speed sample of the braking -> the sample that confirms it
+    detected   that sample leaves the ECU -> the daemon reads it from the bus
+    sent       read from the bus -> warning passed to the radio
+    received   passed to the radio -> read from the radio by the next car, for each hop
+    alarm      read from the radio -> alarm raised
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +23,7 @@ _BRAKING_LASTS_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One hop's delays."""
+    """Delays of one step."""
 
     hop: str
     n: int
@@ -32,9 +32,9 @@ class Line:
 
 
 def ledger(log: RunLog) -> list[Line]:
-    """A line for each hop that happened.
+    """Return a line for each step that occurred.
 
-    `chain` comes last: from certainty in one car to the alarm in another, whatever lies between.
+    The last line, `chain`, is the total from the confirmed braking to the alarm in another car.
     """
     delays_s: dict[str, list[float]] = {hop: [] for hop in (*HOPS, "chain")}
     for car in log.traces:
@@ -70,7 +70,7 @@ def _in_braking_car(log: RunLog, car: str, brake: Record) -> Iterator[tuple[str,
 
 
 def _first_lower(answers: Sequence[Record]) -> Record:
-    """The first sample of the fall that the last one is part of."""
+    """The first sample of the speed drop that the last one belongs to."""
     first = answers[-1]
     for sooner, later in pairwise(reversed(answers)):
         if later["speed_km_h"] < sooner["speed_km_h"]:
@@ -97,12 +97,12 @@ def _in_warned_car(log: RunLog, car: str, warning: Record) -> Iterator[tuple[str
 
 
 def alarm_stamp_s(warning: Record) -> float:
-    """When the alarm is raised: when the daemon has shown it, if it says so."""
+    """Stamp of the alarm: the time of its display, if the trace has it."""
     return float(warning.get("traced_s", warning["stamp_s"]))
 
 
 def braking_of(log: RunLog, warning: Record) -> Record | None:
-    """The hard braking that a warning is about: the origin's last one before it."""
+    """The hard braking that a warning is about: the last one of its origin before it."""
     origin = log.name(warning["origin_id"])
     if origin not in log.traces:
         return None
@@ -120,5 +120,5 @@ def _last(records: Iterator[Record], event: tuple[str, int]) -> Record | None:
 
 
 def event_of(content: Mapping[str, object]) -> tuple[object, object]:
-    """The name of the event that a warn or update message is about."""
+    """Key of the event that a warn or update message is about."""
     return content["event_origin_id"], content["event_sequence"]

@@ -1,4 +1,4 @@
-"""What happened in a run, as the traces of its cars tell it. Live and virtual runs look alike."""
+"""Traces of one run. Live and virtual runs have the same form."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,22 +15,30 @@ class RunLog:
     """The traces of one run on one clock."""
 
     start_s: float
-    """The stamp at which the scenario began."""
+    """Stamp of the start of the scenario."""
     traces: Mapping[str, Sequence[Record]]
-    """Of each equipped car, in order of time."""
+    """Trace of each equipped car, in order of time."""
     rig: Sequence[Record]
-    """What the rig did at its ends of the wires: `ecu_answer`, `on_air`."""
+    """Records of the rig: `ecu_answer`, `on_air`, `delivered`, `car_state`."""
     names: Mapping[str, str]
-    """Which car has sent under an ID (hex); a car has several when an epoch ends in the run."""
+    """Car of each communication ID (hex); a car has several when an epoch ends in the run."""
 
     def at_s(self, record: Record) -> float:
-        """When it happened, in seconds since the scenario began."""
+        """Time of a record since the start of the scenario, s."""
         return float(record["stamp_s"]) - self.start_s
 
     def of(
         self, car: str, kind: str, from_s: float = -1e9, until_s: float = 1e9, **fields: object
     ) -> Iterator[Record]:
-        """The records of one kind of one car, within a time, whose fields have these values."""
+        """Yield the records of one car that match.
+
+        Args:
+            car: name of the car.
+            kind: kind of the records.
+            from_s: start of the interval since the start of the scenario, s.
+            until_s: end of the interval, s.
+            fields: values that the records' fields must have.
+        """
         for record in self.traces[car]:
             if (
                 record["kind"] == kind
@@ -40,7 +48,7 @@ class RunLog:
                 yield record
 
     def name(self, car_id: str) -> str:
-        """The car that has sent under this ID (hex); the ID itself if nobody has."""
+        """Car of a communication ID (hex); the ID itself if it is unknown."""
         return self.names.get(car_id, car_id)
 
     def write(self, folder: Path) -> None:
@@ -52,6 +60,6 @@ class RunLog:
 
 
 def read_trace(path: Path) -> list[Record]:
-    """Read a trace back. A last line that was cut off while being written is left out."""
+    """Read a trace. An incomplete last line is left out."""
     text = path.read_text(encoding="utf-8")
     return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]

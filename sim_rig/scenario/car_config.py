@@ -1,4 +1,4 @@
-"""What a car of a scenario is told about itself: its configuration, the same live and virtual."""
+"""The `onboard` configuration of a scenario's cars, the same in live and virtual runs."""
 
 import math
 from typing import Any
@@ -9,11 +9,17 @@ from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 DIGEST = {"scrypt_log2_n": 6}
-"""Plates are cheap to derive on the desk, where nobody has to be kept from guessing them."""
+"""Scrypt at its lowest cost: in the rig, communication IDs need no protection from guessing."""
 
 
 def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
-    """The tree of the car's `CarConfig`, without its wires. It holds no truth about the others."""
+    """Tree of the car's `CarConfig` without its interfaces and without ground truth of other cars.
+
+    Args:
+        scenario: the scenario of the run.
+        car: name of the car.
+        seed: seed of the car's random numbers.
+    """
     it = scenario.cars[car]
     has_plates = any(other.plate is not None for other in scenario.cars.values())
     has_tags = any(other.tag_id is not None for other in scenario.cars.values())
@@ -28,7 +34,7 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
         },
         "beacons": scenario.beacons,
         "lcca": scenario.lcca.model_dump(),
-        # The receiver's antenna is in the middle of the roof, the camera at the front bumper.
+        # The GNSS antenna is at the middle of the roof, the camera at the front bumper.
         "mvs": {"sensing": {"camera_ahead_m": it.length_m / 2}},
         "access": it.access.model_dump(mode="json"),
         "security": {"plate_digest": DIGEST},
@@ -36,12 +42,18 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
 
 
 def gnss_config(receiver: ReceiverSettings) -> dict[str, object]:
-    """The tree of what a car is told of its receiver, without where gpsd is."""
+    """Tree of the car's GNSS settings, without the address of gpsd."""
     return {"latency_s": receiver.latency_s}
 
 
 def names_by_id(scenario: Scenario, from_utc_s: float, until_utc_s: float) -> dict[str, str]:
-    """Which car sends under an ID (hex), in all the epochs that the run touches."""
+    """Map each communication ID (hex) of the run to its car.
+
+    Args:
+        scenario: the scenario of the run.
+        from_utc_s: UTC at the start of the run, s.
+        until_utc_s: UTC at the end of the run, s; IDs of all epochs in between are included.
+    """
     settings = PlateDigestSettings.model_validate(DIGEST)
     digest = PlateDigest(settings)
     first, last = (math.floor(utc_s / settings.epoch_s) for utc_s in (from_utc_s, until_utc_s))

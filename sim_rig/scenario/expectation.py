@@ -1,4 +1,4 @@
-"""What every entry of a scenario's `expect` can do."""
+"""Base class of the entries of a scenario's `expect`."""
 
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -8,16 +8,16 @@ from sim_rig.run_log.run_log import RunLog
 
 
 class Expected(Settings):
-    """One entry."""
+    """One entry of `expect`."""
 
     @abstractmethod
-    def cars_named(self) -> Iterator[str]:
-        """Every car this entry speaks of."""
+    def cars_used(self) -> Iterator[str]:
+        """Names of all cars that this entry refers to."""
 
-    def cars_telling(self) -> Iterator[str]:
-        """Those of them whose traces are read: they must be equipped."""
-        return self.cars_named()
+    def cars_traced(self) -> Iterator[str]:
+        """Names of the cars whose traces this entry reads; these must be equipped."""
+        return self.cars_used()
 
     @abstractmethod
     def check(self, log: RunLog) -> Iterator[str]:
-        """Yield a sentence for each thing that did not come as expected."""
+        """Yield one sentence for each deviation from the expectation."""

@@ -1,6 +1,6 @@
-"""What a scenario expects, as a timeline, each entry with the check that a run log must pass.
+"""Expected results of a scenario, each with the check of a run log.
 
-An entry's `check` yields one sentence for each thing that did not come as expected.
+The `check` of an entry yields one sentence for each deviation.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,27 +14,27 @@ from sim_rig.run_log.run_log import Record, RunLog
 from sim_rig.scenario.expectation import Expected
 from sim_rig.scenario.expected_alarms import (
     AlarmExpected,
-    KnowsExpected,
-    KnowsNotExpected,
     NoAlarmExpected,
+    NotPerceivedExpected,
+    PerceivedExpected,
 )
 from sim_rig.scenario.field_types import CarName, Seconds
 
 
 class StateExpected(Expected):
-    """A car has a place in its group by a time, and keeps it as long as is said."""
+    """A car has a state in its warning group at `by_s`, and keeps it until `until_s`."""
 
     what: Literal["state"]
     car: CarName
     by_s: Seconds
     until_s: Seconds | None = None
-    """Until when nothing of it may change; only the one moment `by_s` if left out."""
+    """End of the interval without a change; by default only `by_s` is checked."""
     state: Literal["regular", "leader", "member"]
     group_number: int | None = Field(default=None, ge=1)
     leader: CarName | None = None
 
     @override
-    def cars_named(self) -> Iterator[str]:
+    def cars_used(self) -> Iterator[str]:
         yield self.car
         if self.leader is not None:
             yield self.leader
@@ -63,22 +63,22 @@ class StateExpected(Expected):
 
 
 class WarningExpected(Expected):
-    """A car brakes, once or several times; some are warned in time, others are not."""
+    """A car brakes hard; some cars raise an LCCA warning in time, others raise none."""
 
     what: Literal["warning"]
     braking: CarName
     at_s: tuple[Seconds, ...] = Field(min_length=1)
-    """Each time that its brake is applied."""
+    """Times at which the brake is applied."""
     window_s: float = Field(default=3.0, gt=0.0, le=60.0)
-    """How long what follows belongs to one braking."""
+    """Warnings and discards up to this long after `at_s` belong to that braking."""
     within_s: Mapping[CarName, float] = {}
-    """Who is warned, and how long after the brake is applied at the latest."""
+    """For each car to be warned: the latest warning after `at_s`."""
     not_warned: tuple[CarName, ...] = ()
     discarded: Mapping[CarName, str] = {}
-    """Who hears it and drops it, and for which reason."""
+    """For each car that discards the warning: the reason."""
 
     @override
-    def cars_named(self) -> Iterator[str]:
+    def cars_used(self) -> Iterator[str]:
         yield self.braking
         yield from self.within_s
         yield from self.not_warned
@@ -105,14 +105,20 @@ class WarningExpected(Expected):
                 yield f"{car} discards nothing as {reason} upon {brake}"
 
     def warnings(self, log: RunLog, car: str, at_s: float) -> Iterator[Record]:
-        """The warnings that `car` raised because of the braking at `at_s`."""
+        """Yield the warnings of one car about one braking.
+
+        Args:
+            log: the run log.
+            car: name of the warned car.
+            at_s: time of the braking since the start of the scenario, s.
+        """
         for record in log.of(car, "warning", at_s, at_s + self.window_s):
             if log.name(record["origin_id"]) == self.braking:
                 yield record
 
 
-class QuietExpected(Expected):
-    """Some cars raise no warning at all for a while."""
+class NoWarningExpected(Expected):
+    """Some cars raise no LCCA warning in an interval."""
 
     what: Literal["no_warning"]
     cars: tuple[CarName, ...] = Field(min_length=1)
@@ -120,7 +126,7 @@ class QuietExpected(Expected):
     until_s: Seconds
 
     @override
-    def cars_named(self) -> Iterator[str]:
+    def cars_used(self) -> Iterator[str]:
         yield from self.cars
 
     @override
@@ -131,17 +137,17 @@ class QuietExpected(Expected):
 
 
 class SensorExpected(Expected):
-    """A sensor is shown as lost, or as back, in time."""
+    """A sensor is reported as lost, or as recovered, in time."""
 
     what: Literal["sensor_lost", "sensor_recovered"]
     car: CarName
     sensor: Sensor
     from_s: Seconds
-    """When it fails, or works again."""
+    """When the sensor fails, or works again."""
     within_s: float = Field(gt=0.0, le=60.0)
 
     @override
-    def cars_named(self) -> Iterator[str]:
+    def cars_used(self) -> Iterator[str]:
         yield self.car
 
     @override
@@ -159,7 +165,7 @@ class SensorExpected(Expected):
 
 
 class CountExpected(Expected):
-    """How often something is seen in the traces of some cars together."""
+    """Number of records in the traces of some cars together."""
 
     what: Literal["sent", "received", "discarded"]
     cars: tuple[CarName, ...] = Field(min_length=1)
@@ -173,7 +179,7 @@ class CountExpected(Expected):
     at_most: int | None = Field(default=None, ge=0)
 
     @override
-    def cars_named(self) -> Iterator[str]:
+    def cars_used(self) -> Iterator[str]:
         yield from self.cars
 
     @override
@@ -192,22 +198,22 @@ class CountExpected(Expected):
             yield f"{what}: {count} times by {', '.join(self.cars)}, at most {self.at_most}"
 
 
-class HeardExpected(Expected):
-    """How often the unit of one car gets frames of another, as the rig itself saw it."""
+class DeliveredExpected(Expected):
+    """Number of frames that the rig delivers from one car to another."""
 
-    what: Literal["heard"]
+    what: Literal["delivered"]
     sender: CarName
     car: CarName
     """The receiver."""
     user_priority: int | None = Field(default=None, ge=0, le=7)
-    """Only frames of this one; BSMs have 5, or 7 with an event flag up."""
+    """Count only this user priority; BSMs have 5, or 7 with an event flag."""
     from_s: Seconds
     until_s: Seconds
     at_least: int = Field(default=0, ge=0)
     at_most: int | None = Field(default=None, ge=0)
 
     @override
-    def cars_named(self) -> Iterator[str]:
+    def cars_used(self) -> Iterator[str]:
         yield self.sender
         yield self.car
 
@@ -221,23 +227,23 @@ class HeardExpected(Expected):
             and self.user_priority in {None, record["user_priority"]}
             and self.from_s <= log.at_s(record) <= self.until_s
         )
-        told = f"{self.car} hears {self.sender} {count} times"
+        found = f"{self.car} receives {count} frames of {self.sender}"
         if count < self.at_least:
-            yield f"{told}, at least {self.at_least}"
+            yield f"{found}, at least {self.at_least}"
         if self.at_most is not None and count > self.at_most:
-            yield f"{told}, at most {self.at_most}"
+            yield f"{found}, at most {self.at_most}"
 
 
 Expectation = Annotated[
     StateExpected
     | WarningExpected
-    | QuietExpected
+    | NoWarningExpected
     | SensorExpected
     | CountExpected
-    | HeardExpected
+    | DeliveredExpected
     | AlarmExpected
     | NoAlarmExpected
-    | KnowsExpected
-    | KnowsNotExpected,
+    | PerceivedExpected
+    | NotPerceivedExpected,
     Field(discriminator="what"),
 ]

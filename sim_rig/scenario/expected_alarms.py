@@ -1,7 +1,7 @@
-"""What a scenario expects of alarms, and of what each car knows about the others.
+"""Expected alarms and perceived objects of a scenario.
 
-Unlike the entries in `expectations.py`, these look at where the cars truly were (`truth.py`), and
-so may speak of cars that are not equipped.
+Unlike the entries in `expectations.py`, these compare with ground truth (`ground_truth.py`), and so
+may refer to cars that are not equipped.
 """
 
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from pydantic import Field
 from typing_extensions import override
 
 from onboard.risk.alarm import Cause, Level
-from sim_rig.run_log.ground_truth import Known, meant_by, perceived_objects, touch_s
+from sim_rig.run_log.ground_truth import MatchedObject, match_object, perceived_objects, touch_s
 from sim_rig.run_log.run_log import Record, RunLog
 from sim_rig.scenario.expectation import Expected
 from sim_rig.scenario.field_types import CarName, Seconds
@@ -21,29 +21,29 @@ ANY_SOURCE: tuple[Source, ...] = ("bsm", "sensor", "shared")
 
 
 class AlarmExpected(Expected):
-    """A car is warned for a cause, of the right car, and early enough."""
+    """A car raises an alarm of one cause, about the right car, and early enough."""
 
     what: Literal["alarm"]
     car: CarName
     cause: Cause
     level: Level = Level.WARNING
     of: CarName | None = None
-    """The car that it is warned of."""
+    """The car that the alarm is about."""
     source: Source | None = None
-    """How it knows of that car."""
+    """Object source of that car."""
     from_s: Seconds
     by_s: Seconds
     least_lead_s: float | None = Field(default=None, gt=0.0, le=60.0)
-    """Before the two cars touch; neither brakes for the warning."""
+    """Least time from the alarm to the contact of the two cars; neither brakes for the alarm."""
 
     @override
-    def cars_named(self) -> Iterator[str]:
+    def cars_used(self) -> Iterator[str]:
         yield self.car
         if self.of is not None:
             yield self.of
 
     @override
-    def cars_telling(self) -> Iterator[str]:
+    def cars_traced(self) -> Iterator[str]:
         yield self.car
 
     @override
@@ -64,7 +64,7 @@ class AlarmExpected(Expected):
         elif self.least_lead_s is not None and self.of is not None:
             touch = touch_s(log, self.car, self.of)
             if touch is None:
-                yield f"{self.car} and {self.of} never touch: there is nothing to be ahead of"
+                yield f"{self.car} and {self.of} never touch: no lead time"
             elif touch - at_s[0] < self.least_lead_s:
                 yield (
                     f"{self.car} is warned of {self.of} {touch - at_s[0]:.2f} s before they touch,"
@@ -72,12 +72,12 @@ class AlarmExpected(Expected):
                 )
 
     def _of(self, log: RunLog, alarm: Record) -> bool:
-        """Whether the alarm is about the expected car, known as expected."""
+        """Whether the alarm is about the expected car, from the expected source."""
         at_s = log.at_s(alarm)
         for reason in alarm["reasons"]:
             source = reason["what"].partition(":")[2]
-            known = meant_by(log, self.car, reason["name"], at_s) if source else None
-            if self.of is not None and (known is None or known.meant != self.of):
+            matched = match_object(log, self.car, reason["name"], at_s) if source else None
+            if self.of is not None and (matched is None or matched.true_car != self.of):
                 continue
             if self.source in (None, source):
                 return True
@@ -85,18 +85,18 @@ class AlarmExpected(Expected):
 
 
 class NoAlarmExpected(Expected):
-    """Some cars raise no alarm for a while."""
+    """Some cars raise no alarm in an interval."""
 
     what: Literal["no_alarm"]
     cars: tuple[CarName, ...] = Field(min_length=1)
     causes: tuple[Cause, ...] = tuple(Cause)
     from_level: Level = Level.CAUTION
-    """The lowest that must not be reached."""
+    """The lowest forbidden level."""
     from_s: Seconds = 0.0
     until_s: Seconds
 
     @override
-    def cars_named(self) -> Iterator[str]:
+    def cars_used(self) -> Iterator[str]:
         yield from self.cars
 
     @override
@@ -111,8 +111,8 @@ class NoAlarmExpected(Expected):
                     )
 
 
-class KnowledgeExpected(Expected):
-    """What a car tells that it knows of another one, for a while."""
+class PerceptionExpected(Expected):
+    """Perceived objects of one car that are another car, in an interval."""
 
     car: CarName
     of: CarName
@@ -120,16 +120,16 @@ class KnowledgeExpected(Expected):
     until_s: Seconds
 
     @override
-    def cars_named(self) -> Iterator[str]:
+    def cars_used(self) -> Iterator[str]:
         yield from (self.car, self.of)
 
     @override
-    def cars_telling(self) -> Iterator[str]:
+    def cars_traced(self) -> Iterator[str]:
         yield self.car
 
 
-class KnowsExpected(KnowledgeExpected):
-    """Whenever a car tells what it knows, a certain car is among it, and where it truly is."""
+class PerceivedExpected(PerceptionExpected):
+    """Every list of perceived objects of `car` has one object for `of`, at its true position."""
 
     what: Literal["perceives"]
     sources: tuple[Source, ...] = ANY_SOURCE
@@ -137,40 +137,41 @@ class KnowsExpected(KnowledgeExpected):
 
     @override
     def check(self, log: RunLog) -> Iterator[str]:
-        tellings = list(perceived_objects(log, self.car, self.from_s, self.until_s))
-        if not tellings:
-            yield f"{self.car} tells nothing from {self.from_s:g} s to {self.until_s:g} s"
-        for telling in tellings:
-            found = [known for known in telling if known.meant == self.of]
+        snapshots = list(perceived_objects(log, self.car, self.from_s, self.until_s))
+        if not snapshots:
+            yield f"{self.car} traces no objects from {self.from_s:g} s to {self.until_s:g} s"
+        for snapshot in snapshots:
+            found = [matched for matched in snapshot if matched.true_car == self.of]
             yield from self._compare(found)
             if not found:
-                yield f"{self.car} does not know {self.of} in all tellings"
+                yield f"{self.car} does not always perceive {self.of}"
                 return
 
-    def _compare(self, found: list[Known]) -> Iterator[str]:
+    def _compare(self, found: list[MatchedObject]) -> Iterator[str]:
         if len(found) > 1:
-            yield f"at {found[0].at_s:.2f} s {self.car} takes {self.of} for {len(found)} cars"
-        for known in found:
-            if known.source not in self.sources:
-                yield f"at {known.at_s:.2f} s {self.car} knows {self.of} by {known.source}"
-            if known.off_m > self.within_m:
+            yield f"at {found[0].at_s:.2f} s {self.car} has {len(found)} objects for {self.of}"
+        for matched in found:
+            if matched.source not in self.sources:
+                yield f"at {matched.at_s:.2f} s {self.car} perceives {self.of} by {matched.source}"
+            if matched.error_m > self.within_m:
                 yield (
-                    f"at {known.at_s:.2f} s {self.car} knows {self.of} {known.off_m:.1f} m"
-                    " from where it is"
+                    f"at {matched.at_s:.2f} s {self.car} perceives {self.of}"
+                    f" {matched.error_m:.1f} m off"
                 )
 
 
-class KnowsNotExpected(KnowledgeExpected):
-    """A car does not know another one.
+class NotPerceivedExpected(PerceptionExpected):
+    """A car has no perceived object for another car.
 
-    That may be the car itself: what others tell of it must not become a car of its own.
+    `of` may be `car` itself: entries of others about it must not become a perceived object.
     """
 
     what: Literal["does_not_perceive"]
 
     @override
     def check(self, log: RunLog) -> Iterator[str]:
-        for telling in perceived_objects(log, self.car, self.from_s, self.until_s):
-            for known in telling:
-                if known.meant == self.of:
-                    yield f"at {known.at_s:.2f} s {self.car} knows {self.of} by {known.source}"
+        for snapshot in perceived_objects(log, self.car, self.from_s, self.until_s):
+            for matched in snapshot:
+                if matched.true_car == self.of:
+                    at = f"at {matched.at_s:.2f} s"
+                    yield f"{at} {self.car} perceives {self.of} by {matched.source}"

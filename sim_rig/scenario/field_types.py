@@ -1,4 +1,4 @@
-"""The few types that every part of a scenario is written in."""
+"""Field types that all parts of a scenario share."""
 
 from typing import Annotated
 
@@ -7,6 +7,6 @@ from pydantic import Field, StringConstraints
 CarName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=20)]
 RoadName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=20)]
 PlateText = Annotated[str, StringConstraints(pattern=r"^[A-Z0-9]{1,10}$")]
-"""As the camera of the car behind reads it: upper case, no separators."""
+"""Text of a number plate: upper case, without separators."""
 Seconds = Annotated[float, Field(ge=0.0, le=3600.0)]
-"""Since the scenario began."""
+"""Time since the start of the scenario."""

@@ -1,4 +1,4 @@
-"""What the air between the cars is like: either of two models."""
+"""Settings of the radio channel between the cars: one of two models."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
@@ -12,38 +12,38 @@ from sim_rig.scenario.field_types import CarName
 
 
 class ReachSettings(Settings):
-    """The simple air: who hears whom, when, and how often not. Nobody waits for anybody."""
+    """Simple channel: connectivity, delay and loss, without channel access."""
 
     model: Literal["reach"] = "reach"
     reach_m: float | None = Field(default=None, gt=0.0, le=10_000.0)
-    """Up to this distance between two cars they hear each other."""
+    """Largest distance at which two cars receive each other's frames."""
     neighbours: Mapping[CarName, tuple[CarName, ...]] | None = None
-    """In the place of `reach_m`: who is heard by whom, both ways, wherever they are."""
+    """Instead of `reach_m`: the pairs of cars that receive each other, at any distance."""
     delay_s: float = Field(default=0.001, ge=0.0, le=10.0)
-    """From unit to unit."""
+    """From the transmitting to the receiving radio unit."""
     jitter_s: float = Field(default=0.0, ge=0.0, le=10.0)
-    """Added to the delay, uniform from 0 up to this."""
+    """Added to the delay: uniform between 0 and this."""
     loss: float = Field(default=0.0, ge=0.0, le=1.0)
-    """Part of the copies that do not arrive, each receiver for itself."""
+    """Share of the copies that are lost, independent for each receiver."""
     duplication: float = Field(default=0.0, ge=0.0, le=1.0)
-    """Part of the copies that arrive twice."""
+    """Share of the copies that arrive twice."""
     reordering: float = Field(default=0.0, ge=0.0, le=1.0)
-    """Part of the copies that are held back, so that later ones overtake them."""
+    """Share of the copies that are delayed by `hold_back_s`, so that later ones overtake them."""
     hold_back_s: float = Field(default=0.05, ge=0.0, le=10.0)
-    """For how long."""
+    """Extra delay of reordered copies."""
 
     @model_validator(mode="after")
-    def _knows_who_hears_whom(self) -> Self:
+    def _has_one_connectivity(self) -> Self:
         if (self.reach_m is None) == (self.neighbours is None):
             raise ValueError("exactly one of reach_m and neighbours")
         return self
 
 
 class CsmaSettings(Settings):
-    """The 802.11p channel: cars listen before they talk, and collide when that does not help.
+    """The 802.11p channel with carrier sensing, interference and collisions.
 
-    Defaults are IEEE 802.11-2016 for 10 MHz channels outside the context of a BSS, and the sizes
-    of docs/radio.md.
+    Defaults are those of IEEE 802.11-2016 for 10 MHz channels outside the context of a BSS, and
+    the values of docs/radio.md.
     """
 
     model: Literal["csma"] = "csma"
@@ -54,24 +54,24 @@ class CsmaSettings(Settings):
     """Shape of Nakagami fading, drawn for each frame and receiver: 1 is Rayleigh; null is none."""
     buildings: tuple[Building, ...] = ()
     vehicles_shadow: bool = False
-    """Whether cars between two cars weaken what they hear of each other."""
+    """Whether cars between two antennas attenuate the signal."""
     antenna_height_m: float = Field(default=1.5, gt=0.0, le=5.0)
     frequency_ghz: float = Field(default=5.86, gt=0.5, le=10.0)
     noise_figure_db: float = Field(default=7.0, ge=0.0, le=30.0)
     preamble_snr_db: float = Field(default=4.0, ge=-10.0, le=30.0)
-    """Weaker against noise and interference, the beginning of a frame is not noticed."""
+    """Least SINR at which a preamble is detected."""
     preamble_dbm: float = Field(default=-95.0, ge=-120.0, le=0.0)
-    """Nor below this power."""
+    """Least received power at which a preamble is detected."""
     sensitivity_dbm: float = Field(default=-104.0, ge=-140.0, le=0.0)
-    """Weaker, a signal does not even add to the interference."""
+    """Weaker signals do not count as interference."""
     energy_detection_dbm: float = Field(default=-85.0, ge=-120.0, le=0.0)
-    """From this power of all signals together the channel is busy, noticed frame or not."""
+    """Total received power from which the channel is busy, with or without a detected preamble."""
     symbol_us: Literal[4, 8] = 8
-    """OFDM symbols are 8 us long in 10 MHz; ns-3 rounds a frame up to 4 us."""
+    """OFDM symbols last 8 us in 10 MHz channels; ns-3 rounds the frame duration up to 4 us."""
 
 
 def _model_of(value: Any) -> str:
-    """`reach` needs not be named."""
+    """Model of the given settings; `reach` if none is given."""
     if isinstance(value, Settings):
         value = value.model_dump()
     return str(value.get("model", "reach")) if isinstance(value, Mapping) else "reach"

@@ -1,7 +1,7 @@
-"""A scenario: who drives how, what the radio is like, what breaks, and what must come of it.
+"""Schema of a scenario: cars, roads, radio, sensors, faults, and expected results.
 
-The YAML files in `scenarios/` are data. The schema is strict: an unknown key, a wrong type, a car
-that is not there or a time out of order is an error that names file, field and value.
+The YAML files in `scenarios/` are data. The schema is strict: an unknown key, a wrong type, an
+unknown car or a time out of order is an error that names file, field and value.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,7 @@ SCENARIOS = Path(__file__).parents[1] / "scenarios"
 
 
 def _points(value: object) -> object:
-    """One number stands for a quantity that never changes; YAML's lists are tuples here."""
+    """Convert a constant, or YAML's lists of points, to a tuple of breakpoints."""
     if isinstance(value, int | float):
         return ((0.0, value),)
     if isinstance(value, list):
@@ -55,7 +55,7 @@ LaneCourse = Annotated[
     BeforeValidator(_points),
     AfterValidator(_in_order),
 ]
-"""Lane at breakpoints, 1 the rightmost; in between the car drifts from one to the other."""
+"""Lane at breakpoints, 1 the rightmost; the lateral position is linear in between."""
 Sentence = Annotated[str, StringConstraints(pattern=r"^[A-Z].{10,}[.]$")]
 
 
@@ -63,15 +63,15 @@ Metres = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
 
 
 class RoadSettings(Settings):
-    """The line that lane 1 of a road follows."""
+    """Course of lane 1 of a road."""
 
     points_m: tuple[tuple[Metres, Metres], ...] = Field(min_length=2)
-    """East and north of the scenario's origin; straight in between, and on beyond both ends."""
+    """East and north of the scenario's origin; straight in between and beyond both ends."""
     elevation_m: float = Field(default=0.0, ge=-100.0, le=100.0)
-    """A bridge is higher than the road under it."""
+    """Height of the road; roads at different heights do not conflict."""
 
     @model_validator(mode="after")
-    def _leads_somewhere(self) -> Self:
+    def _has_a_direction(self) -> Self:
         if any(one == other for one, other in pairwise(self.points_m)):
             raise ValueError("two points of a road that follow each other must differ")
         return self
@@ -81,17 +81,17 @@ EASTWARDS = {"road": RoadSettings(points_m=((0.0, 0.0), (1.0, 0.0)))}
 
 
 class ScenarioCar(Settings):
-    """One car on the road."""
+    """One car."""
 
     plate: PlateText | None = None
-    """What the cars behind can read."""
+    """Text of its rear plate."""
     tag_id: int | None = Field(default=None, ge=0, le=49)
-    """An AR tag in the place of the plate, as on the paper's model cars."""
+    """AR tag instead of a plate, as on the model cars of the LCCA paper."""
     equipped: bool = True
-    """Whether it runs `onboard`; otherwise it is only seen."""
+    """Whether it runs `onboard`; other cars have no radio."""
     road: RoadName = "road"
     start_m: float
-    """Its front bumper when the scenario begins, along its road."""
+    """Position of its front bumper along its road at the start of the scenario."""
     lane: LaneCourse = ((0.0, 1.0),)
     speed_m_s: SpeedCourse
     length_m: float = Field(default=4.5, gt=1.0, le=20.0)
@@ -100,47 +100,53 @@ class ScenarioCar(Settings):
     colour: Literal["green", "red", "blue", "yellow", "white", "grey"] = "grey"
 
     access: AccessSettings = AccessSettings()
-    """Whether its driver's danger decides how often it talks."""
+    """Driver-based channel access."""
 
     @property
     def identity(self) -> str:
-        """The text that this car is known by: its plate, or `TAG<n>`."""
+        """The text from which its communication IDs are derived: its plate, or `TAG<n>`."""
         return self.plate if self.plate is not None else f"TAG{self.tag_id}"
 
 
 class Scenario(Settings):
-    """One story, from the first second to what must have come of it."""
+    """One scenario."""
 
     title: Sentence
     seed: int = Field(ge=0)
     duration_s: float = Field(gt=0.0, le=600.0)
     cars: Mapping[CarName, ScenarioCar] = Field(min_length=1)
     roads: Mapping[RoadName, RoadSettings] = EASTWARDS
-    """One that leads east, if left out."""
+    """Default: one road that leads east."""
     lane_width_m: float = Field(default=3.5, gt=2.0, le=6.0)
     radio: AirSettings
     gnss: ReceiverSettings | None = None
-    """Of every car that is equipped; without it no car knows where it is."""
+    """GNSS receiver of every equipped car; without it, no car has a position."""
     detector: VehicleCameraSettings | None = None
-    """Of every car that is equipped, beside its plate camera: it knows cars from every side."""
+    """Vehicle detector of every equipped car, beside its plate camera."""
     beacons: bool = True
-    """Whether the cars also send BSMs, ten a second; no warning group needs them."""
+    """Whether the cars send BSMs."""
     signed: bool = False
-    """Whether messages are signed in virtual time, too; live they always are."""
+    """Whether messages are signed in virtual runs; in live runs they always are."""
     lcca: LccaSettings = LccaSettings()
-    """Of every car."""
+    """Warning-group settings of every car."""
     background_traffic: int = Field(default=0, ge=0, le=200)
-    """Cars around that nobody sees, and everybody hears sending BSMs."""
+    """Number of invisible cars that only send BSMs, received by all."""
     faults: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...]
 
     @property
     def equipped(self) -> list[str]:
-        """The cars that run `onboard`."""
+        """Names of the cars that run `onboard`."""
         return [name for name, car in self.cars.items() if car.equipped]
 
     def has_fault(self, what: str, car: str, at_s: float) -> bool:
-        """Whether a sensor of `car` has the fault `what` at `at_s`."""
+        """Whether a fault is active.
+
+        Args:
+            what: kind of the fault.
+            car: name of the car.
+            at_s: time since the start of the scenario, s.
+        """
         return any(fault.what == what and fault.holds(car, at_s) for fault in self.faults)
 
 
@@ -150,10 +156,10 @@ def scenario_names() -> list[str]:
 
 
 def load_scenario(name: str) -> Scenario:
-    """Read a scenario by its name, or by the path of a file.
+    """Read a scenario that comes with the rig, by its name, or a file, by its path.
 
     Raises:
-        SettingsError: there is none, or it does not fit the schema; one line per mistake.
+        SettingsError: it does not exist or violates the schema; one line per mistake.
     """
     path = SCENARIOS / f"{name}.yaml"
     if not path.is_file():
@@ -169,16 +175,16 @@ def load_scenario(name: str) -> Scenario:
 
 
 def _mistakes(scenario: Scenario) -> Iterator[str]:
-    """What no field shows by itself: who is spoken of must be there, and known apart."""
+    """Yield mistakes across fields: unknown cars, repeated identities, times out of order."""
     for field, name in _names_used(scenario):
         if name not in scenario.cars:
             yield f"{field}: no such car (given {name!r}); cars: {', '.join(scenario.cars)}"
     yield from _mistakes_of_cars(scenario)
     for index, entry in enumerate(scenario.expect):
-        silent = [name for name in entry.cars_telling() if name not in scenario.equipped]
-        for name in silent:
+        untraced = [name for name in entry.cars_traced() if name not in scenario.equipped]
+        for name in untraced:
             if name in scenario.cars:
-                yield f"expect.{index}: {name!r} is not equipped and tells nothing"
+                yield f"expect.{index}: {name!r} is not equipped and has no trace"
     for index, fault in enumerate(scenario.faults):
         if fault.until_s <= fault.from_s:
             yield f"faults.{index}.until_s: must be after from_s (given {fault.until_s:g})"
@@ -198,13 +204,13 @@ def _mistakes_of_cars(scenario: Scenario) -> Iterator[str]:
 
 
 def _names_used(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Every place that names a car, and the name."""
+    """Yield every field that refers to a car, with the name of the car."""
     for index, fault in enumerate(scenario.faults):
         yield f"faults.{index}.car", fault.car
         if isinstance(fault, PlateMisread):
             yield f"faults.{index}.of", fault.of
     for index, entry in enumerate(scenario.expect):
-        for name in entry.cars_named():
+        for name in entry.cars_used():
             yield f"expect.{index}", name
     if isinstance(scenario.radio, ReachSettings):
         for name, neighbours in (scenario.radio.neighbours or {}).items():

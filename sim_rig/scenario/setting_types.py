@@ -1,4 +1,4 @@
-"""Settings that are more than one value: a share, several to go through, from one to another."""
+"""Types of settings: shares, positive numbers, lists of different values, and intervals."""
 
 from typing import Annotated, TypeVar
 
@@ -12,21 +12,21 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 def _each_once(values: tuple[ValueT, ...]) -> tuple[ValueT, ...]:
-    """What stands twice would be run, and counted, twice."""
+    """Reject repeated values, which would be run and counted twice."""
     if not values:
-        raise ValueError("must be at least one")
+        raise ValueError("must have at least one value")
     if len(set(values)) < len(values):
-        raise ValueError("must each stand there once")
+        raise ValueError("must not repeat a value")
     return values
 
 
 def _in_order(span: tuple[float, float]) -> tuple[float, float]:
     if span[0] > span[1]:
-        raise ValueError("must be the lesser and the greater")
+        raise ValueError("must be in ascending order")
     return span
 
 
 Several = Annotated[tuple[ValueT, ...], AfterValidator(_each_once)]
-"""What a study goes through."""
+"""Different values that a study varies."""
 Span = Annotated[tuple[ValueT, ValueT], AfterValidator(_in_order)]
-"""From one to another."""
+"""Interval: lower and upper bound."""

@@ -1,4 +1,4 @@
-"""Each expectation passes on what it describes and fails, in words, on what it does not."""
+"""Each expectation accepts a matching log, and describes each deviation."""
 
 import json
 from typing import Any
@@ -17,7 +17,7 @@ def record(at_s: float, kind: str, **fields: object) -> dict[str, object]:
     return {"stamp_s": 1000.0 + at_s, "kind": kind, **fields}
 
 
-def place(at_s: float, state: str, number: int, leader: str) -> dict[str, object]:
+def transition(at_s: float, state: str, number: int, leader: str) -> dict[str, object]:
     return record(at_s, "transition", state=state, group_number=number, leader_id=leader)
 
 
@@ -25,14 +25,14 @@ LOG = RunLog(
     start_s=1000.0,
     traces={
         "green": [
-            place(2.0, "leader", 1, GREEN),
+            transition(2.0, "leader", 1, GREEN),
             record(5.2, "sent", message="warn"),
             record(8.0, "sensor_lost", sensor="speed"),
         ],
         "red": [
-            place(2.1, "member", 2, GREEN),
+            transition(2.1, "member", 2, GREEN),
             record(5.3, "warning", origin_id=GREEN),
-            place(9.0, "regular", 1, RED),
+            transition(9.0, "regular", 1, RED),
         ],
         "yellow": [record(5.3, "discarded", component="lcca", reason="not_in_group")],
     },
@@ -44,7 +44,7 @@ LOG = RunLog(
 )
 
 STATE = {"what": "state", "car": "red", "by_s": 3, "state": "member"}
-HEARD = {"what": "heard", "sender": "green", "car": "red", "from_s": 0, "until_s": 9}
+DELIVERED = {"what": "delivered", "sender": "green", "car": "red", "from_s": 0, "until_s": 9}
 WARNING = {"what": "warning", "braking": "green", "at_s": [5]}
 
 
@@ -76,12 +76,15 @@ WARNING = {"what": "warning", "braking": "green", "at_s": [5]}
             WARNING | {"discarded": {"yellow": "stale"}},
             "yellow discards nothing as stale upon green braking at 5 s",
         ),
-        (HEARD | {"at_least": 3, "at_most": 3, "user_priority": 5}, None),
-        (HEARD | {"user_priority": 4, "at_most": 0}, None),
-        (HEARD | {"at_least": 4}, "red hears green 3 times, at least 4"),
-        (HEARD | {"at_most": 2}, "red hears green 3 times, at most 2"),
-        (HEARD | {"until_s": 3.15, "at_most": 2}, None),
-        (HEARD | {"sender": "yellow", "at_least": 1}, "red hears yellow 0 times, at least 1"),
+        (DELIVERED | {"at_least": 3, "at_most": 3, "user_priority": 5}, None),
+        (DELIVERED | {"user_priority": 4, "at_most": 0}, None),
+        (DELIVERED | {"at_least": 4}, "red receives 3 frames of green, at least 4"),
+        (DELIVERED | {"at_most": 2}, "red receives 3 frames of green, at most 2"),
+        (DELIVERED | {"until_s": 3.15, "at_most": 2}, None),
+        (
+            DELIVERED | {"sender": "yellow", "at_least": 1},
+            "red receives 0 frames of yellow, at least 1",
+        ),
         ({"what": "no_warning", "cars": ["green", "red"], "from_s": 0, "until_s": 5}, None),
         (
             {"what": "no_warning", "cars": ["red"], "from_s": 0, "until_s": 6},
@@ -135,9 +138,7 @@ WARNING = {"what": "warning", "braking": "green", "at_s": [5]}
         ),
     ],
 )
-def test_an_expectation_says_what_it_misses(
-    entry: dict[str, object], complaint: str | None
-) -> None:
+def test_a_deviation_is_described(entry: dict[str, object], complaint: str | None) -> None:
     found = list(ADAPTER.validate_json(json.dumps(entry)).check(LOG))
 
     assert found == ([] if complaint is None else [complaint])

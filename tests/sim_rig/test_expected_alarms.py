@@ -1,4 +1,4 @@
-"""Expectations of alarms and of knowledge, on a made-up log of two cars that meet."""
+"""Expected alarms and perceived objects, on a synthetic log of two cars that collide."""
 
 import math
 from typing import Any
@@ -28,8 +28,8 @@ def true_state(at_s: float, car: str) -> dict[str, object]:
     }  # fmt: skip
 
 
-def told(at_s: float, name: str, source: str, x_m: float, y_m: float) -> dict[str, object]:
-    """In ann's own frame, which begins somewhere else."""
+def perceived(at_s: float, name: str, source: str, x_m: float, y_m: float) -> dict[str, object]:
+    """Return a record in ann's local frame, whose origin is elsewhere."""
     state = [x_m + 500.0, y_m - 70.0, 0.0, 0.0]
     return {
         "stamp_s": 1000.0 + at_s, "kind": "perceived_object", "name": name, "source": source,
@@ -48,8 +48,8 @@ def log(*more: Record) -> RunLog:
     trace: list[Record] = []
     for at_s in range(2, 8):
         way_m = 10.0 * (at_s - 8.0)
-        trace.append(told(at_s, "aa", "host", 0.0, way_m))
-        trace.append(told(at_s, "7", "shared", way_m + 1.0, 0.5))
+        trace.append(perceived(at_s, "aa", "host", 0.0, way_m))
+        trace.append(perceived(at_s, "7", "shared", way_m + 1.0, 0.5))
     rig = [true_state(k / 10, car) for k in range(100) for car in ("ann", "ben", "eva")]
     return RunLog(1000.0, {"ann": [*trace, *more], "ben": []}, rig, {})
 
@@ -93,28 +93,40 @@ def test_alarms(more: Record, entry: dict[str, object], complaint: str | None) -
     assert_complains(log(more), entry, complaint)
 
 
-KNOWS = {"what": "perceives", "car": "ann", "of": "ben", "from_s": 2, "until_s": 7}
+PERCEIVES = {"what": "perceives", "car": "ann", "of": "ben", "from_s": 2, "until_s": 7}
 NOT = {"what": "does_not_perceive", "car": "ann", "of": "ben", "from_s": 2, "until_s": 7}
 
 
 @pytest.mark.parametrize(
     ("more", "entry", "complaint"),
     [
-        ((), KNOWS, None),
-        ((), KNOWS | {"sources": ["shared"]}, None),
-        ((), KNOWS | {"sources": ["bsm"]}, "at 2.00 s ann knows ben by shared"),
-        ((), KNOWS | {"within_m": 1.0}, "at 2.00 s ann knows ben 1.1 m from where it is"),
-        ((), KNOWS | {"of": "eva"}, "ann does not know eva in all tellings"),
-        ((), KNOWS | {"from_s": 8, "until_s": 9}, "ann tells nothing from 8 s to 9 s"),
-        ((told(4, "8", "sensor", -41.0, 0.0),), KNOWS, "at 4.00 s ann takes ben for 2 cars"),
-        ((), NOT, "at 2.00 s ann knows ben by shared"),
+        ((), PERCEIVES, None),
+        ((), PERCEIVES | {"sources": ["shared"]}, None),
+        ((), PERCEIVES | {"sources": ["bsm"]}, "at 2.00 s ann perceives ben by shared"),
+        (
+            (),
+            PERCEIVES | {"within_m": 1.0},
+            "at 2.00 s ann perceives ben 1.1 m off",
+        ),
+        ((), PERCEIVES | {"of": "eva"}, "ann does not always perceive eva"),
+        ((), PERCEIVES | {"from_s": 8, "until_s": 9}, "ann traces no objects from 8 s to 9 s"),
+        (
+            (perceived(4, "8", "sensor", -41.0, 0.0),),
+            PERCEIVES,
+            "ann has 2 objects for ben",
+        ),
+        ((), NOT, "at 2.00 s ann perceives ben by shared"),
         ((), NOT | {"of": "eva"}, None),
         ((), NOT | {"of": "ann"}, None),
-        ((told(4, "9", "shared", 1.0, -41.0),), NOT | {"of": "ann"}, "at 4.00 s ann knows ann by"),
-        ((told(4, "9", "shared", 1.0, -54.0),), NOT | {"of": "ann"}, None),
+        (
+            (perceived(4, "9", "shared", 1.0, -41.0),),
+            NOT | {"of": "ann"},
+            "ann perceives ann by",
+        ),
+        ((perceived(4, "9", "shared", 1.0, -54.0),), NOT | {"of": "ann"}, None),
     ],
 )
-def test_knowledge(
+def test_perceived_objects(
     more: tuple[Record, ...], entry: dict[str, object], complaint: str | None
 ) -> None:
     assert_complains(log(*more), entry, complaint)
@@ -128,8 +140,8 @@ def assert_complains(of: RunLog, entry: dict[str, object], complaint: str | None
         assert complaint in found[0]
 
 
-def test_cars_touch_when_their_rectangles_do() -> None:
-    # Nose to flank: 3.15 m before the middle, 0.315 s before both are there.
+def test_cars_touch_when_their_rectangles_overlap() -> None:
+    # Front of ann to side of ben: 3.15 m and 0.315 s before both reach the origin.
     assert touch_s(log(), "ann", "ben") == pytest.approx(7.7)
     assert touch_s(log(), "ann", "eva") is None
 

@@ -1,4 +1,4 @@
-"""A mistake in a scenario is told with file, field and value; the rig's own have none."""
+"""A mistake in a scenario is reported with file, field and value; the rig's scenarios have none."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ expect:
 
 
 def load(tmp_path: Path, text: str) -> Scenario:
-    path = tmp_path / "story.yaml"
+    path = tmp_path / "scenario.yaml"
     path.write_text(text)
     return load_scenario(str(path))
 
@@ -35,7 +35,7 @@ def test_a_constant_stands_for_one_breakpoint(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("good", "bad", "told"),
+    ("good", "bad", "message"),
     [
         ("seed: 1", "sead: 1", "sead: unknown key (given 1)"),
         ("seed: 1", "", "seed: is required and missing"),
@@ -72,17 +72,17 @@ def test_a_constant_stands_for_one_breakpoint(tmp_path: Path) -> None:
     ],
 )
 def test_a_mistake_names_file_field_and_value(
-    tmp_path: Path, good: str, bad: str, told: str
+    tmp_path: Path, good: str, bad: str, message: str
 ) -> None:
     assert good in GOOD
     with pytest.raises(SettingsError) as error:
         load(tmp_path, GOOD.replace(good, bad, 1))
 
-    assert told in str(error.value)
-    assert str(error.value).startswith(f"{tmp_path / 'story.yaml'}: ")
+    assert message in str(error.value)
+    assert str(error.value).startswith(f"{tmp_path / 'scenario.yaml'}: ")
 
 
-def test_an_unknown_name_lists_the_known_ones() -> None:
+def test_an_unknown_name_lists_all_scenarios() -> None:
     with pytest.raises(SettingsError, match=r"fig5: no such scenario or file; .*fig4"):
         load_scenario("fig5")
 
