@@ -1,4 +1,4 @@
-"""The rig's commands: list the scenarios, run one of them live or in virtual time."""
+"""Commands of the rig: list and run scenarios, run studies, show a run of a study."""
 
 import asyncio
 import errno
@@ -31,7 +31,7 @@ from sim_rig.studies.campaign import Workers
 from sim_rig.studies.catalogue import check_study, run_study, study_names
 
 app = typer.Typer(
-    help="Test rig for `onboard`: plays the car's sensors, the radio and the other cars.",
+    help="Test rig for `onboard`: simulates the car's sensors, the radio and the other cars.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -40,7 +40,7 @@ app = typer.Typer(
 
 @app.command("list")
 def list_scenarios() -> None:
-    """List the scenarios that come with the rig, and what happens in each."""
+    """List the scenarios that come with the rig, with their titles."""
     for name in scenario_names():
         typer.echo(f"{name:16} {load_scenario(name).title}")
 
@@ -66,32 +66,32 @@ def run(
         ),
     ] = False,
 ) -> None:
-    """Run a scenario and report what happened; exit with 1 if it is not what was expected."""
-    story = load_scenario(scenario)
+    """Run a scenario and print a report; exit with 1 if an expectation failed."""
+    loaded = load_scenario(scenario)
     console = Console(highlight=False)
-    console.print(f"[bold]{story.title}[/bold]", soft_wrap=True)
-    if not virtual and (why := _only_virtual(story)) is not None:
+    console.print(f"[bold]{loaded.title}[/bold]", soft_wrap=True)
+    if not virtual and (why := _only_virtual(loaded)) is not None:
         console.print(f"{why}: in virtual time")
         virtual = True
     folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
-    chosen = story.seed if seed is None else seed
+    chosen = loaded.seed if seed is None else seed
     began = time.monotonic()
     with _writing(folder):
         log = (
-            _run_virtual(story, chosen, folder)
+            _run_virtual(loaded, chosen, folder)
             if virtual
-            else _run_live(story, chosen, folder, watch)
+            else _run_live(loaded, chosen, folder, watch)
         )
         took_s = time.monotonic() - began
         log.write(folder)
-        draw_timeline(story, log, folder / "timeline.png")
-    print_report(story, log, console)
+        draw_timeline(loaded, log, folder / "timeline.png")
+    print_report(loaded, log, console)
     console.print(
-        f"{story.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces,"
+        f"{loaded.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces,"
         f" recordings and picture in {folder}"
     )
-    print_verdict(story, log, console)
-    failed = bool(failures(story, log))
+    print_verdict(loaded, log, console)
+    failed = bool(failures(loaded, log))
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
     if failed and not virtual and load > cores:
         console.print(
@@ -122,7 +122,7 @@ def study(
         str | None, typer.Option(help="Address of a Dask scheduler, to use a cluster instead.")
     ] = None,
 ) -> None:
-    """Make tables and figures of the papers again, from simulated drives."""
+    """Reproduce tables and figures of the papers from simulated drives."""
     named = list(takewhile(lambda word: not word.startswith("-"), names))
     given = _settings_given(names[len(named) :])
     for name in named:
@@ -149,14 +149,14 @@ def show(
 
     with _writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        told = show_run(folder, number, out)
-    typer.echo(told)
+        summary = show_run(folder, number, out)
+    typer.echo(summary)
     typer.echo(f"  in {out}")
 
 
 @contextmanager
 def _writing(place: Path) -> Iterator[None]:
-    """A disk that is full or may not be written is no fault of ours."""
+    """Report a disk that is full or not writable as an error of the user."""
     try:
         yield
     except OSError as error:
@@ -174,7 +174,7 @@ _OF_THE_DISK = (
 
 
 def _settings_given(words: list[str]) -> dict[str, object]:
-    """`--spacing-m 10` and `--spacing-m=10` are the setting spacing_m."""
+    """Parse settings: `--spacing-m 10` and `--spacing-m=10` set `spacing_m`."""
     split = [
         part for word in words for part in (word.split("=", 1) if word.startswith("--") else [word])
     ]
@@ -196,39 +196,39 @@ def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:
 
 
 def _only_virtual(scenario: Scenario) -> str | None:
-    """Why the scenario cannot run live here; `None` if it can."""
+    """Reason why the scenario cannot run live on this machine; `None` if it can."""
     if scenario.gnss is not None and gpsd_program() is None:
         return "gpsd is not installed (Debian: gpsd)"
     return None
 
 
 def _run_live(scenario: Scenario, seed: int, folder: Path, watch: bool) -> RunLog:
-    async def run_desk() -> RunLog:
+    async def run_testbench() -> RunLog:
         task = asyncio.current_task()
         assert task is not None  # noqa: S101 (inside of asyncio.run there is one)
-        # Whoever ends the rig ends its daemons as well.
+        # SIGTERM must end the daemons, too.
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
-        async with LiveTestbench(scenario, seed, folder) as desk:
-            for name, address in desk.pages.items():
+        async with LiveTestbench(scenario, seed, folder) as testbench:
+            for name, address in testbench.pages.items():
                 typer.echo(f"  {name:8} {address}")
             if watch:
-                webbrowser.open(desk.pages[ENGINEER])
-            await desk.run()
+                webbrowser.open(testbench.pages[ENGINEER])
+            await testbench.run()
             if watch:
                 typer.echo("The scenario has ended; the engineer's page stays until Ctrl-C.")
                 ended = asyncio.Event()
                 asyncio.get_running_loop().add_signal_handler(signal.SIGINT, ended.set)
                 await ended.wait()
-        return desk.log()
+        return testbench.log()
 
     try:
-        return asyncio.run(run_desk())
+        return asyncio.run(run_testbench())
     except asyncio.CancelledError:
         raise typer.Exit(128 + signal.SIGTERM) from None
 
 
 def main() -> None:
-    """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    """Run the command line; an error of the user is one line on stderr and exit code 2."""
     try:
         app()
     except UserError as error:

@@ -1,1 +1,1 @@
-"""The other end of each wire of a car: its ECU on the CAN bus, its camera, its satellites."""
+"""Simulated devices of a car: ECU on the CAN bus, camera, vehicle detector, GNSS receiver."""

@@ -1,7 +1,7 @@
-"""Cars around that only send BSMs: what makes a car that keeps to SAE J2945/1 talk less often.
+"""Cars that only send BSMs, so that congestion control (SAE J2945/1) lowers the others' rates.
 
-Each is a `Stack` without sensors, and is heard by everybody at once, whatever the air is like. It
-is asked only twice a second: that is enough to count as near, and cheap for whoever must listen.
+Each is a `Stack` without sensors. Its BSMs reach all cars at once, whatever the channel model. Its
+stack is called twice a second only: enough to count as a vehicle in range, and cheap to receive.
 """
 
 import heapq
@@ -18,11 +18,12 @@ from sim_rig.radio.air import Air, Delivery
 from sim_rig.scenario.car_config import DIGEST
 from sim_rig.scenario.schema import Scenario
 
-SENDS_EVERY_S = 0.5
+SEND_INTERVAL_S = 0.5
+"""Interval of each car's BSMs."""
 
 
 class BackgroundTraffic:
-    """The air of a scenario with a crowd's BSMs on top."""
+    """The channel of a scenario, with the BSMs of background traffic added."""
 
     def __init__(
         self,
@@ -33,26 +34,41 @@ class BackgroundTraffic:
         utc_s: float,
         credentials: Mapping[str, Credentials],
     ) -> None:
-        """Begin at `now`, which is `utc_s`; vehicles with `credentials` sign."""
+        """Start the background traffic.
+
+        Args:
+            air: the channel between the equipped cars.
+            scenario: the scenario of the run.
+            now: monotonic time, s.
+            utc_s: UTC at `now`, s.
+            credentials: by name of the car; cars with credentials sign.
+        """
         self._air = air
         self._units = scenario.equipped
         names = background_names(scenario)
         self._cars = {name: _car(name, now, utc_s, credentials) for name in names}
         self._due = [
-            (now + SENDS_EVERY_S * (1.0 + index / len(names)), name)
+            (now + SEND_INTERVAL_S * (1.0 + index / len(names)), name)
             for index, name in enumerate(names)
         ]
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
-        """The unit of `sender` is given a frame to transmit."""
+        """Transmit a frame of an equipped car.
+
+        Args:
+            sender: name of the car.
+            wsm: the frame.
+            user_priority: its user priority.
+            now: monotonic time, s.
+        """
         self._air.receive_wsm(sender, wsm, user_priority, now)
 
     def wsms_to_deliver(self, now: float) -> list[Delivery]:
-        """The copies that have arrived by now."""
+        """Return the copies that have arrived by `now`."""
         deliveries = self._air.wsms_to_deliver(now)
         while self._due and self._due[0][0] <= now:
             at_s, name = self._due[0]
-            heapq.heapreplace(self._due, (at_s + SENDS_EVERY_S, name))
+            heapq.heapreplace(self._due, (at_s + SEND_INTERVAL_S, name))
             car = self._cars[name]
             car.handle_timer(now)
             for user_priority, wsm in car.wsms_to_send(now):
@@ -60,7 +76,7 @@ class BackgroundTraffic:
                     Delivery(now, 0, name, unit, user_priority, wsm) for unit in self._units
                 ]
             while car.next_event() is not None:
-                pass  # nobody reads its trace
+                pass  # background traffic has no trace
         return deliveries
 
     def get_timer(self) -> float:
@@ -69,7 +85,7 @@ class BackgroundTraffic:
 
 
 def background_names(scenario: Scenario) -> list[str]:
-    """What its cars are called, in logs and by the authority."""
+    """Names of the background cars in traces and certificates."""
     return [f"background{number}" for number in range(scenario.background_traffic)]
 
 

@@ -1,10 +1,9 @@
 """The cameras of a run, as MJPEG over HTTP on 127.0.0.1: `http://127.0.0.1:PORT/CAR`.
 
-`/CAR/copy` has the pictures that the car gets, again: who looks over its shoulder draws none.
+`/CAR/copy` repeats the images that the daemon gets, without rendering them again.
 
-Runs as a process of its own, so that drawing does not hold up the radio. It reads the scenario
-itself; on its standard input it is told when the scenario begins, on its standard output it says
-which port it has. Until it is told, the world stands as at the first second.
+Runs as a process of its own, so that rendering does not delay the radio. It prints its port and
+reads the start time of the scenario from standard input; before the start, images show 0 s.
 
     python -m sim_rig.cars.camera_server SCENARIO SEED
 """
@@ -32,7 +31,7 @@ _JPEG_QUALITY = 90
 
 
 class Camera:
-    """Takes pictures from one car, with its faults."""
+    """The camera of one car, with its faults."""
 
     def __init__(self, scenario: Scenario, car: str, seed: np.random.SeedSequence) -> None:
         self._rng = np.random.default_rng(seed)
@@ -41,7 +40,7 @@ class Camera:
         self._last: bytes = b""
 
     def jpeg(self, at_s: float) -> bytes:
-        """The picture that leaves the camera at `at_s`."""
+        """Return the image of the camera at `at_s`."""
         if self._last and self._view.is_frozen(at_s):
             return self._last
         image = self._picture.draw(self._view.scene(at_s), self._rng)
@@ -82,7 +81,7 @@ class CameraServer:
 
     async def _stream(self, request: web.Request) -> web.StreamResponse:
         car, response = await self._answer(request)
-        # The cars take their pictures one after the other, not all at once.
+        # Cameras are staggered over a frame interval, to spread the load.
         next_at = time.monotonic() + list(self._cameras).index(car) / FPS / len(self._cameras)
         loop = asyncio.get_running_loop()
         while not (request.transport is None or request.transport.is_closing()):
@@ -118,7 +117,7 @@ class CameraServer:
 
 
 def as_jpeg(image: npt.NDArray[np.uint8]) -> bytes:
-    """A picture as the rig's cameras send it."""
+    """Encode an image as the rig's cameras do."""
     _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
     return data.tobytes()
 
@@ -129,9 +128,9 @@ def _part(jpeg: bytes) -> bytes:
 
 
 async def serve(scenario: Scenario, seed: int) -> None:
-    """Serve until standard input ends; a line on it is the time at which the scenario begins."""
+    """Serve until standard input ends; a line on it is the start time of the scenario."""
     server = CameraServer(scenario, seed)
-    print(await server.start(), flush=True)  # noqa: T201 (the answer to who started us)
+    print(await server.start(), flush=True)  # noqa: T201 (read by the testbench)
     try:
         while line := await asyncio.to_thread(sys.stdin.readline):
             server.start_s = float(line)
@@ -140,7 +139,7 @@ async def serve(scenario: Scenario, seed: int) -> None:
 
 
 def main() -> None:
-    """Run as a process; see the head of this file."""
+    """Run as a process; see the docstring of this module."""
     cv2.setNumThreads(1)
     asyncio.run(serve(load_scenario(sys.argv[1]), int(sys.argv[2])))
 

@@ -1,7 +1,7 @@
-"""What is in front of a car's camera, told to whoever draws it or pretends to have seen it.
+"""The scene in front of a car's camera, for the renderer and for the camera model.
 
-The camera sits at the front bumper, in the middle, and looks straight ahead. Whether a car drives
-the same way or another, it is told; a plate shows only from behind.
+The camera is at the middle of the front bumper and looks straight ahead. The scene has cars of any
+heading; plates are visible only from behind.
 """
 
 import math
@@ -15,7 +15,7 @@ from sim_rig.scenario.faults import PlateMisread
 from sim_rig.scenario.schema import Scenario
 
 FPS = 10.0
-"""Pictures a second that the rig's cameras take."""
+"""Frame rate of the rig's cameras."""
 
 LENS = Calibration(
     width_px=640,
@@ -28,8 +28,8 @@ LENS = Calibration(
     pitch_rad=0.04,
     yaw_rad=0.0,
 )
-"""Of every camera in the rig: 23 degrees wide, as a camera for plates is. A European plate is 55 px
-wide at 15 m, and four daemons with such pictures share two cores."""
+"""Calibration of all cameras of the rig, with a field of view of 23 degrees for reading plates. A
+European plate is 55 px wide at 15 m, and two cores are enough for four daemons."""
 
 SMALL_LENS = LENS.model_copy(
     update={
@@ -41,11 +41,12 @@ SMALL_LENS = LENS.model_copy(
         "principal_y_px": 90.0,
     }
 )
-"""The same with half the pixels each way, where a machine has other things to do."""
+"""The same at half the resolution, for machines with other load."""
 
 SIGHT_M = 120.0
+"""Range of the camera."""
 OTHER_LEVEL_M = 2.0
-"""A car on a road so much higher or lower is hidden by the bridge."""
+"""Cars on a road that is higher or lower by this are hidden by the bridge."""
 COLOURS_BGR = {
     "green": (60, 120, 40),
     "red": (40, 40, 170),
@@ -61,7 +62,14 @@ class CameraView:
     """The view from one car, over time."""
 
     def __init__(self, scenario: Scenario, road: Road, car: str, rng: np.random.Generator) -> None:
-        """`rng` decides in which frames a faulty camera misreads."""
+        """Mount the camera.
+
+        Args:
+            scenario: the scenario of the run.
+            road: source of the cars' states.
+            car: name of the host.
+            rng: selects the frames with a misread plate.
+        """
         self._scenario = scenario
         self._road = road
         self._car = car
@@ -73,7 +81,7 @@ class CameraView:
         ]
 
     def scene(self, at_s: float) -> Scene:
-        """The road ahead of the car at `at_s`; to be called once a frame."""
+        """Scene ahead of the car at `at_s`; call it once per frame."""
         return Scene(
             cars=tuple(car for _, car in self.cars(at_s)),
             lane_width_m=self._scenario.lane_width_m,
@@ -81,7 +89,7 @@ class CameraView:
         )
 
     def cars(self, at_s: float) -> list[tuple[str, SceneCar]]:
-        """The cars ahead, by name, the nearest first; to be called once a frame."""
+        """Cars ahead with their names, the nearest first; call it once per frame."""
         states = self._road.cars_at(at_s)
         own = states[self._car]
         cars = []
@@ -110,15 +118,15 @@ class CameraView:
         return sorted(cars, key=lambda each: each[1].ahead_m)
 
     def is_dark(self, at_s: float) -> bool:
-        """Whether the pictures are black."""
+        """Whether the images are black."""
         return self._scenario.has_fault("camera_dark", self._car, at_s)
 
     def is_frozen(self, at_s: float) -> bool:
-        """Whether the camera repeats its last picture."""
+        """Whether the camera repeats its last image."""
         return self._scenario.has_fault("camera_frozen", self._car, at_s)
 
     def _plate(self, name: str, at_s: float) -> str | None:
-        """What the plate of `name` looks like to this camera, in this frame."""
+        """Text on the plate of `name` as this camera shows it in this frame."""
         for fault in self._misread:
             if fault.of == name and fault.holds(self._car, at_s):
                 return fault.reads if self._rng.random() < fault.rate else self._true_plate(name)

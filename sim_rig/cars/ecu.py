@@ -1,8 +1,8 @@
 """An engine control unit that answers OBD-II requests (SAE J1979 over ISO 15765-4), without I/O.
 
-It knows service 01 with a handful of PIDs, several of them in one request, and service 09 PID 02
-(the vehicle's number, which needs several frames). What it does not support it leaves unanswered
-if everybody was asked, and refuses if it was asked by its own identifier (J1979, 6.2.4.3).
+It supports service 01 with some PIDs, also several in one request, and service 09 PID 02 (the VIN,
+in several frames). Unsupported functional requests get no answer, unsupported physical requests a
+negative response (J1979, 6.2.4.3).
 """
 
 import heapq
@@ -15,7 +15,7 @@ from onboard.obd.can_frame import CanFrame
 from onboard.units import KM_H
 
 N_BS_S = 1.0
-"""How long a sender waits for flow control (ISO 15765-2:2016, table 16)."""
+"""Timeout of the sender for flow control (ISO 15765-2:2016, table 16)."""
 _MOST_CONSECUTIVE = 1 << 30
 _SUB_FUNCTION_NOT_SUPPORTED = 0x12
 _SERVICE_NOT_SUPPORTED = 0x11
@@ -23,7 +23,7 @@ _SERVICE_NOT_SUPPORTED = 0x11
 
 @dataclass(frozen=True, slots=True)
 class Addresses:
-    """Under which identifiers an ECU is asked and answers (ISO 15765-4:2021, 10.3)."""
+    """CAN identifiers of the requests to an ECU and of its responses (ISO 15765-4:2021, 10.3)."""
 
     functional: int
     physical: int
@@ -37,7 +37,7 @@ ENGINE_29_BIT = Addresses(0x18DB33F1, 0x18DA10F1, 0x18DAF110, is_extended_id=Tru
 
 @dataclass(slots=True)
 class _Answer:
-    """The rest of an answer of several frames."""
+    """The unsent part of a response of several frames."""
 
     rest: bytes
     sequence: int = 1
@@ -45,7 +45,7 @@ class _Answer:
 
 
 class Ecu:
-    """One control unit. `speed_m_s(now)` is the car's true speed, `runs(now)` whether it works."""
+    """One control unit."""
 
     def __init__(
         self,
@@ -55,7 +55,15 @@ class Ecu:
         answer_after_s: float = 0.004,
         vin: str = "1RG0000000000001X",
     ) -> None:
-        """Answer `answer_after_s` after each request; the standard allows 50 ms (P2_CAN)."""
+        """Connect the control unit to a car.
+
+        Args:
+            speed_m_s: true speed of the car at a `now`, m/s.
+            runs: whether the unit works at a `now`.
+            addresses: its CAN identifiers.
+            answer_after_s: delay of each answer; the standard allows 0.05 s (P2_CAN).
+            vin: vehicle identification number.
+        """
         self._speed_m_s = speed_m_s
         self._runs = runs
         self._addresses = addresses
@@ -73,7 +81,7 @@ class Ecu:
         }
 
     def receive_frame(self, frame: CanFrame, now: float) -> None:
-        """A frame was on the bus."""
+        """Process a frame from the bus."""
         asked = frame.arbitration_id
         addresses = self._addresses
         if frame.is_extended_id != addresses.is_extended_id or not frame.data:
@@ -90,7 +98,7 @@ class Ecu:
             self._go_on(frame.data, now)
 
     def frames_to_send(self, now: float) -> list[CanFrame]:
-        """The frames that are due, in order."""
+        """Return the frames that are due, in order."""
         frames = []
         while self._due and self._due[0][0] <= now:
             _, _, data = heapq.heappop(self._due)
@@ -109,11 +117,11 @@ class Ecu:
         return self._due[0][0] if self._due else math.inf
 
     def _km_h(self, now: float) -> int:
-        """PID 0x0D: whole km/h, one byte."""
+        """PID 0x0D: speed in whole km/h, one byte."""
         return min(255, round(self._speed_m_s(now) / KM_H))
 
     def _engine_speed(self, now: float) -> bytes:
-        """PID 0x0C, in quarters of a turn a minute; a car with one long gear."""
+        """PID 0x0C: engine speed in 0.25 rev/min, proportional to the speed above idle."""
         return round(4 * max(800.0, 80.0 * self._speed_m_s(now))).to_bytes(2)
 
     def _response(self, request: bytes, was_named: bool, now: float) -> bytes:
@@ -138,7 +146,7 @@ class Ecu:
                 yield bytes([pid]) + self._pids[pid](now)
 
     def _supported(self, base: int) -> bytes:
-        """Which of the next 32 PIDs are known, the first in the highest bit (J1979, annex A)."""
+        """Bit mask of the supported PIDs among the next 32, first PID first (J1979, annex A)."""
         bits = sum(1 << 0x20 - (pid - base) for pid in self._pids if base < pid <= base + 0x20)
         return bits.to_bytes(4)
 
@@ -155,7 +163,7 @@ class Ecu:
         self._answer = _Answer(response[6:], give_up_at=at + N_BS_S)
 
     def _go_on(self, flow_control: bytes, now: float) -> None:
-        """Flow control (ISO 15765-2, 9.6.5): send a block of consecutive frames, wait, or stop."""
+        """Handle flow control (ISO 15765-2, 9.6.5): send a block of frames, wait, or stop."""
         status, block_size, st_min = flow_control[0] & 0x0F, flow_control[1], flow_control[2]
         answer = self._answer
         if answer is None or now > answer.give_up_at or status > 1:
@@ -179,7 +187,7 @@ class Ecu:
 
 
 def separation_s(st_min: int) -> float:
-    """The least time between consecutive frames (ISO 15765-2, 9.6.5.4); reserved codes: 127 ms."""
+    """Least separation of consecutive frames, s (ISO 15765-2, 9.6.5.4); 0.127 if reserved."""
     if st_min <= 0x7F:
         return st_min / 1e3
     if 0xF1 <= st_min <= 0xF9:

@@ -1,4 +1,4 @@
-"""The ECU of a scenario's car, and what can be wrong with it and its bus, without I/O."""
+"""The ECU of a scenario's car with the faults of ECU and bus, without I/O."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,17 +11,17 @@ from sim_rig.scenario.faults import EcuBabbles, SpeedScaled
 from sim_rig.scenario.schema import Scenario
 
 _REFUSAL = bytes([0x03, 0x7F, 0x01, 0x22]).ljust(8, b"\x55")
-"""To service 01: conditions not correct (ISO 14229-1)."""
-_STRANGERS = 0x100
-"""Identifiers of the babbler's own frames begin here."""
+"""Negative response to service 01: conditions not correct (ISO 14229-1)."""
+_RANDOM_IDS = 0x100
+"""First identifier, and number of identifiers, of the babbling node's own frames."""
 _BURST_S = 0.005
-"""What it says in this time comes at once."""
-_LOOK_S = 0.1
-"""How often it looks whether it is to begin."""
+"""Frames of this time are sent at once."""
+_CHECK_INTERVAL_S = 0.1
+"""Interval at which the start of the fault is checked."""
 
 
 class FaultyEcu:
-    """An `Ecu` with the faults that the scenario orders for its car; the same verbs."""
+    """An `Ecu` with the faults of the scenario, with the same interface."""
 
     def __init__(
         self,
@@ -31,9 +31,14 @@ class FaultyEcu:
         at_s: Callable[[float], float],
         rng: np.random.Generator,
     ) -> None:
-        """Take the car's true speed at a `now`, and the scenario's time then.
+        """Connect the ECU to a car.
 
-        `rng` draws what a babbler says.
+        Args:
+            scenario: the scenario of the run.
+            car: name of the car.
+            speed_m_s: true speed of the car at a `now`, m/s.
+            at_s: time since the start of the scenario at a `now`, s.
+            rng: source of the babbling node's frames.
         """
         self._scenario = scenario
         self._car = car
@@ -47,11 +52,11 @@ class FaultyEcu:
         self._babbles_at = 0.0
 
     def receive_frame(self, frame: CanFrame, now: float) -> None:
-        """A frame was on the bus."""
+        """Process a frame from the bus."""
         self._ecu.receive_frame(frame, now)
 
     def frames_to_send(self, now: float) -> list[CanFrame]:
-        """The frames that are due, in order."""
+        """Return the frames that are due, in order."""
         frames = self._ecu.frames_to_send(now)
         if self._has("ecu_refuses", now):
             frames = [replace(frame, data=_REFUSAL) for frame in frames]
@@ -68,15 +73,15 @@ class FaultyEcu:
         at_s = self._at_s(now)
         rate_hz = sum(fault.rate_hz for fault in self._babbles if fault.holds(self._car, at_s))
         if rate_hz == 0.0:
-            self._babbles_at = now + _LOOK_S
+            self._babbles_at = now + _CHECK_INTERVAL_S
             return []
         self._babbles_at = now + max(_BURST_S, 1.0 / rate_hz)
-        return [self._nonsense(now) for _ in range(max(1, round(rate_hz * _BURST_S)))]
+        return [self._random_frame(now) for _ in range(max(1, round(rate_hz * _BURST_S)))]
 
-    def _nonsense(self, now: float) -> CanFrame:
-        """Every fourth frame pretends to be the ECU's answer."""
-        stranger = _STRANGERS + int(self._rng.integers(_STRANGERS))
-        identifier = ENGINE_11_BIT.response if self._rng.integers(4) == 0 else stranger
+    def _random_frame(self, now: float) -> CanFrame:
+        """A frame of random data; one in four has the identifier of the ECU's responses."""
+        own_id = _RANDOM_IDS + int(self._rng.integers(_RANDOM_IDS))
+        identifier = ENGINE_11_BIT.response if self._rng.integers(4) == 0 else own_id
         return CanFrame(now, identifier, is_extended_id=False, data=self._rng.bytes(8))
 
     def _speed_m_s(self, now: float) -> float:

@@ -1,9 +1,8 @@
-"""A GNSS receiver: what its serial line says of a car that is somewhere else, by a little.
+"""Model of a GNSS receiver with its errors, as NMEA sentences.
 
-Positions are off by a bias that wanders slowly, part of which all receivers of a run share, and by
-noise that is new in each fix; speed and course come from a velocity that is off as well. Fixes are
-made at round moments of UTC, as real receivers make them, and told a latency later, as GGA, GST and
-RMC.
+Positions have a slowly varying bias, partly common to all receivers of a run, and white noise;
+speed and course come from a noisy velocity. Fixes are at multiples of the fix interval in UTC, as
+of real receivers, and are sent after a latency as GGA, GST and RMC.
 """
 
 import datetime as dt
@@ -21,10 +20,10 @@ from sim_rig.roads.road import CarState
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 GEOID_M = 46.0
-"""Of the geoid above the ellipsoid."""
+"""Height of the geoid above the ellipsoid."""
 HDOP = 0.9
 _AXES = np.array([1.0, 1.0, 2.0])
-"""Heights are twice as uncertain as places."""
+"""Scale of the errors east, north and up."""
 
 
 class GnssReceiver:
@@ -38,14 +37,14 @@ class GnssReceiver:
         rng: np.random.Generator,
         shared_rng: np.random.Generator,
     ) -> None:
-        """Begin with the first round moment at or after 0.
+        """Start at the first fix time at or after 0.
 
         Args:
             settings: the errors.
-            state_at: where the car truly is at a `now`; `None` where the receiver does not work.
-            utc_offset_s: UTC less `now`.
-            rng: of the errors of its own.
-            shared_rng: of those that all have; each receiver is given its own copy, equally seeded.
+            state_at: true state of the car at a `now`; `None` without reception.
+            utc_offset_s: UTC minus `now`, s.
+            rng: source of this receiver's own errors.
+            shared_rng: source of the common errors; each receiver has a copy with the same seed.
         """
         self._settings = settings
         self._state_at = state_at
@@ -53,7 +52,7 @@ class GnssReceiver:
         self._rng = rng
         self._shared_rng = shared_rng
         self._fixes = math.ceil(utc_offset_s * settings.rate_hz)
-        """Since 1970, up to the next one."""
+        """Number of the next fix, counted from 1970."""
         self._bias_m = self._fresh_m()
         self._kept = math.exp(-1.0 / settings.rate_hz / settings.bias_time_s)
 
@@ -62,11 +61,11 @@ class GnssReceiver:
         self._fixes = math.ceil((now + self._utc_offset_s) * self._settings.rate_hz)
 
     def get_timer(self) -> float:
-        """When the next fix has been computed."""
+        """Return when the next fix is sent."""
         return self._fix_at + self._settings.latency_s
 
     def bytes_to_send(self, now: float) -> bytes:
-        """Sentences for the serial line; empty while there is nothing to say."""
+        """Return the sentences of a fix; empty if none is due."""
         if now < self.get_timer():
             return b""
         at, self._fixes = self._fix_at, self._fixes + 1
@@ -90,7 +89,7 @@ class GnssReceiver:
         )
 
     def _fresh_m(self) -> Array:
-        """A bias drawn anew, (3) east, north, up."""
+        """Draw an independent bias, (3,) east, north, up, m."""
         shared = self._settings.bias_shared
         drawn = math.sqrt(shared) * self._shared_rng.standard_normal(3)
         drawn += math.sqrt(1.0 - shared) * self._rng.standard_normal(3)
@@ -128,7 +127,7 @@ class GnssReceiver:
 
 
 def _degrees(angle_deg: float, hemispheres: str, digits: int) -> str:
-    """`dddmm.mmmmmmm,h`: two millimetres are 0.000001 minutes."""
+    """Format as `dddmm.mmmmmmm,h`; the last digit is 0.2 mm."""
     whole, minutes = divmod(round(abs(angle_deg) * 60.0, 7), 60.0)
     return f"{int(whole):0{digits}d}{minutes:010.7f},{hemispheres[angle_deg < 0.0]}"
 

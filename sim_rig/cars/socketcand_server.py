@@ -1,8 +1,8 @@
-"""A CAN bus over TCP on 127.0.0.1, in the text protocol of socketcand, with an ECU on it.
+"""A CAN bus with an ECU, over TCP on 127.0.0.1, in the text protocol of socketcand.
 
-The client sends `< open BUS >` and `< rawmode >`, each answered `< ok >`, then
-`< send ID LENGTH B0 B1 ... >`; it is sent `< frame ID SECONDS DATA >`. Identifiers with three hex
-digits are 11 bits long, with eight digits 29.
+The client sends `< open BUS >` and `< rawmode >`, each answered with `< ok >`, then
+`< send ID LENGTH B0 B1 ... >`; it receives `< frame ID SECONDS DATA >`. Identifiers of three hex
+digits have 11 bits, those of eight digits 29.
 """
 
 import asyncio
@@ -17,16 +17,22 @@ from sim_rig.cars.faulty_ecu import FaultyEcu
 
 _MESSAGE = re.compile(rb"<\s*([^<>]*?)\s*>")
 _LONGEST = 4096
-"""Bytes without a whole message after which a client is talking nonsense."""
+"""A client that sends more bytes than this without a complete message is disconnected."""
 
 
 class SocketcandServer:
-    """Serves one car's bus to its daemon. Several clients are all on the same bus."""
+    """Serves one car's bus to its daemon. All clients share the bus."""
 
     def __init__(
         self, ecu: Ecu | FaultyEcu, bus: str, on_answer: Callable[[CanFrame], None]
     ) -> None:
-        """Call `on_answer` with each frame that the ECU puts on the bus."""
+        """Serve a bus.
+
+        Args:
+            ecu: the control unit on the bus.
+            bus: name of the bus, which clients open.
+            on_answer: called with each frame that the ECU sends.
+        """
         self._ecu = ecu
         self._bus = bus
         self._on_answer = on_answer
@@ -40,7 +46,7 @@ class SocketcandServer:
         return int(self._server.sockets[0].getsockname()[1])
 
     async def close(self) -> None:
-        """Stop listening, and hang up."""
+        """Stop listening, and close all connections."""
         self._server.close()
         if self._timer is not None:
             self._timer.cancel()
@@ -120,7 +126,7 @@ class SocketcandServer:
 
 
 def _frame(identifier: str, length: str, octets: list[str]) -> CanFrame | None:
-    """What a client wants to send, `None` if that is no frame."""
+    """Parse a frame from a client; `None` if it is malformed."""
     try:
         data = bytes(int(octet, 16) for octet in octets)
         frame = CanFrame(time.monotonic(), int(identifier, 16), len(identifier) > 3, data)

@@ -1,4 +1,4 @@
-"""What a device of a live run sends when it is due: to a port of 127.0.0.1, by UDP."""
+"""Sends the output of a simulated device by UDP to 127.0.0.1 when it is due."""
 
 import asyncio
 import contextlib
@@ -8,23 +8,23 @@ from typing import Protocol
 
 
 class Device(Protocol):
-    """A receiver or detector of the rig, without I/O."""
+    """A GNSS receiver or vehicle detector of the rig, without I/O."""
 
     def skip_to(self, now: float) -> None:
-        """Say nothing of what was before `now`."""
+        """Skip measurements before `now`."""
 
     def get_timer(self) -> float:
-        """When it next has something to say."""
+        """Return when the next datagram is due."""
 
     def bytes_to_send(self, now: float) -> bytes:
-        """One datagram; empty while there is nothing to say."""
+        """Return one datagram; empty if none is due."""
 
 
 class UdpLine:
-    """The line from a device into the car."""
+    """The connection from a device to the daemon."""
 
     def __init__(self, device: Device, port: int) -> None:
-        """Send from now on; `close` ends it. The loop is the running one."""
+        """Send from now on, until `close`, on the running event loop."""
         self._device = device
         self._line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._line.setblocking(False)
@@ -33,7 +33,7 @@ class UdpLine:
         self._arm()
 
     def close(self) -> None:
-        """Switch the device off."""
+        """Stop sending."""
         self._timer.cancel()
         self._line.close()
 
@@ -45,7 +45,7 @@ class UdpLine:
         now = time.monotonic()
         while self._device.get_timer() <= now:
             if data := self._device.bytes_to_send(now):
-                # Who is not up yet hears nothing.
+                # A daemon that does not listen yet loses the datagram.
                 with contextlib.suppress(ConnectionRefusedError, BlockingIOError):
                     self._line.send(data)
         self._arm()

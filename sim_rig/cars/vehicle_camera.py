@@ -1,8 +1,7 @@
-"""A camera with a vehicle detector, of virtual runs: cars from every side, and their errors.
+"""Model of a camera with a vehicle detector, with its errors.
 
-A car is found by the point of its outline that is nearest to the camera, `FACE_TO_CENTRE_M` before
-its middle in the mean; nearer cars hide it, some pictures miss it, and now and then there is a car
-in one picture where there is none.
+Detections are of the visible side of a car, at any aspect angle. Nearer cars occlude it, some
+images miss it, and some images have false detections.
 """
 
 import math
@@ -16,14 +15,14 @@ from sim_rig.scenario.sensor_settings import VehicleCameraSettings
 
 FPS = 10.0
 STEADY_SHARE = 0.2
-"""Of the range's variance: a car's size is not what the detector takes it for, and stays so."""
+"""Share of the range variance that is constant per car: the error of the assumed car size."""
 _FALSE_IDS = 1_000_000
 _Span = tuple[float, float]
-"""Bearings from the leftmost to the rightmost, rad."""
+"""Leftmost and rightmost bearing, rad."""
 
 
 class VehicleCamera:
-    """What the camera of one car says of all others in a picture."""
+    """The vehicle camera of one car."""
 
     def __init__(
         self,
@@ -32,28 +31,35 @@ class VehicleCamera:
         cars_at: Callable[[float], Mapping[str, CarState]],
         rng: np.random.Generator,
     ) -> None:
-        """Look out of `car`; `cars_at` says where all cars are."""
+        """Mount the camera.
+
+        Args:
+            settings: field of view and errors.
+            car: name of the host.
+            cars_at: true states of all cars at a time, s.
+            rng: source of the errors.
+        """
         self._settings = settings
         self._car = car
         self._cars_at = cars_at
         self._rng = rng
         self._steady: dict[str, float] = {}
-        """The share of each car's range error that stays, in standard deviations."""
+        """Constant part of each car's range error, in standard deviations."""
         self._ids: dict[str, int] = {}
         self._false_ids = _FALSE_IDS
 
-    def look(self, picture_at: float) -> list[VehicleDetection]:
-        """One picture."""
-        seen: list[VehicleDetection] = []
-        hidden: list[_Span] = []
-        cars = self._cars_at(picture_at)
+    def detect(self, image_at: float) -> list[VehicleDetection]:
+        """Return the detections of the image taken at `image_at`."""
+        detections: list[VehicleDetection] = []
+        nearer: list[_Span] = []
+        cars = self._cars_at(image_at)
         own = cars[self._car]
         others = sorted(
             ((_outline(own, state), name) for name, state in cars.items() if name != self._car),
             key=lambda each: each[0][0],
         )
         for (range_m, bearing_rad, span), name in others:
-            # Always the same number of draws: settings change fates, not the fates of others.
+            # The number of draws is constant, so that settings do not change other cars' errors.
             missed = self._rng.random()
             range_error, bearing_error = self._rng.standard_normal(2)
             if name not in self._steady:
@@ -61,21 +67,21 @@ class VehicleCamera:
                 self._ids[name] = len(self._ids)
             if (
                 self._is_in_view(range_m, span)
-                and _hidden_share(span, hidden) < self._settings.hidden_share
+                and _occluded_share(span, nearer) < self._settings.hidden_share
                 and missed >= self._settings.misses
             ):
                 steady = math.sqrt(STEADY_SHARE) * self._steady[name]
                 error = steady + math.sqrt(1.0 - STEADY_SHARE) * float(range_error)
                 sigma_m = self._settings.range_sigma * range_m
-                sensed = self._sensed(
+                detection = self._detection(
                     self._ids[name],
                     range_m + sigma_m * error,
                     bearing_rad + self._settings.bearing_sigma_rad * float(bearing_error),
-                    picture_at,
+                    image_at,
                 )
-                seen.append(sensed)
-            hidden.append(span)
-        return seen + self._false_detections(picture_at)
+                detections.append(detection)
+            nearer.append(span)
+        return detections + self._false_detections(image_at)
 
     def _is_in_view(self, range_m: float, span: _Span) -> bool:
         half_rad = math.radians(self._settings.view_deg) / 2.0
@@ -89,10 +95,10 @@ class VehicleCamera:
             half_rad = math.radians(settings.view_deg) / 2.0
             range_m = float(self._rng.uniform(5.0, settings.sight_m))
             bearing_rad = float(self._rng.uniform(-half_rad, half_rad))
-            found.append(self._sensed(self._false_ids, range_m, bearing_rad, stamp_s))
+            found.append(self._detection(self._false_ids, range_m, bearing_rad, stamp_s))
         return found
 
-    def _sensed(
+    def _detection(
         self, track_id: int, range_m: float, bearing_rad: float, stamp_s: float
     ) -> VehicleDetection:
         return VehicleDetection(
@@ -106,10 +112,9 @@ class VehicleCamera:
 
 
 def _outline(own: CarState, other: CarState) -> tuple[float, float, _Span]:
-    """Range and bearing of the middle of what shows of a car, and where it begins and ends.
+    """Range and bearing of the visible side of a car, and the span of its bearings.
 
-    The range is what a detector makes of it: that of the middle, less half of what the car's
-    extent is along the line of sight.
+    The range is that of the car's middle less half of its extent along the line of sight.
     """
     ahead_m, right_m = own.seen_from_front(other.x_m, other.y_m)
     bearing_rad = math.atan2(right_m, ahead_m)
@@ -129,8 +134,8 @@ def _turn(angle_rad: float) -> float:
     return (angle_rad + math.pi) % math.tau - math.pi
 
 
-def _hidden_share(span: _Span, nearer: list[_Span]) -> float:
-    """How much of `span` nearer cars cover."""
+def _occluded_share(span: _Span, nearer: list[_Span]) -> float:
+    """Share of `span` that nearer cars cover."""
     covered, reached = 0.0, span[0]
     for left, right in sorted(nearer):
         begin, end = max(left, reached), min(right, span[1])

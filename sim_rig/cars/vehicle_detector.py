@@ -1,42 +1,42 @@
-"""A vehicle detector beside the car's own vision: what it sends of each picture, as JSON."""
+"""An external vehicle detector, which sends its detections of each image as JSON."""
 
 import json
 
 from sim_rig.cars.vehicle_camera import FPS, VehicleCamera
 
 LATENCY_S = 0.04
-"""From the moment that the picture shows until its cars are sent."""
+"""From the time of an image to the datagram with its detections."""
 
 
 class VehicleDetector:
-    """One car's, without I/O."""
+    """The vehicle detector of one car, without I/O."""
 
     def __init__(self, camera: VehicleCamera, phase_s: float) -> None:
-        """Take the first picture at `phase_s`."""
+        """Take the first image at `phase_s`."""
         self._camera = camera
-        self._picture_at = phase_s
+        self._image_at = phase_s
 
     def skip_to(self, now: float) -> None:
-        """Take no picture before `now`."""
-        self._picture_at = max(self._picture_at, now)
+        """Take no image before `now`."""
+        self._image_at = max(self._image_at, now)
 
     def get_timer(self) -> float:
-        """When the next picture has been looked through."""
-        return self._picture_at + LATENCY_S
+        """Return when the detections of the next image are ready."""
+        return self._image_at + LATENCY_S
 
     def bytes_to_send(self, now: float) -> bytes:
-        """A datagram of `onboard.detector`; empty while there is nothing to say."""
+        """Return a datagram in the format of `onboard.detector`; empty if none is due."""
         if now < self.get_timer():
             return b""
-        at, self._picture_at = self._picture_at, self._picture_at + 1 / FPS
+        at, self._image_at = self._image_at, self._image_at + 1 / FPS
         cars = [
             {
-                "id": seen.track_id,
-                "range_m": seen.range_m,
-                "range_sigma_m": seen.range_sigma_m,
-                "bearing_rad": seen.bearing_rad,
-                "bearing_sigma_rad": seen.bearing_sigma_rad,
+                "id": detection.track_id,
+                "range_m": detection.range_m,
+                "range_sigma_m": detection.range_sigma_m,
+                "bearing_rad": detection.bearing_rad,
+                "bearing_sigma_rad": detection.bearing_sigma_rad,
             }
-            for seen in self._camera.look(at)
+            for detection in self._camera.detect(at)
         ]
         return json.dumps({"sent_s": now, "age_s": now - at, "cars": cars}).encode()

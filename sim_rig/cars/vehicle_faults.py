@@ -1,4 +1,4 @@
-"""The faults of one car that are not in a wire: its clock, its processor, its sky."""
+"""Faults of one car's clock, processor and GNSS reception."""
 
 from dataclasses import replace
 from itertools import chain
@@ -9,7 +9,7 @@ from sim_rig.scenario.schema import Scenario
 
 
 class VehicleFaults:
-    """What a scenario orders for `car`, by the scenario's time."""
+    """Clock, processor and GNSS faults of `car`; times are s since the start of the scenario."""
 
     def __init__(self, scenario: Scenario, car: str) -> None:
         self._scenario = scenario
@@ -25,16 +25,16 @@ class VehicleFaults:
         return bool(self._clocks)
 
     def clock_error_s(self, at_s: float) -> float:
-        """How far the box's UTC is ahead of the true one."""
+        """Error of the car's UTC at `at_s`, s; positive when it is ahead."""
         return sum(fault.error_s(at_s) for fault in self._clocks if fault.holds(self._car, at_s))
 
     def wakes_at(self, at_s: float) -> float:
-        """When the car next has the processor, `at_s` or later."""
+        """Next time at which the car's daemon runs: `at_s` or later."""
         loads = (fault for fault in self._loads if fault.holds(self._car, at_s))
         return max(chain((at_s,), (fault.wakes_at_s(at_s) for fault in loads)))
 
     def received(self, state: CarState, at_s: float) -> CarState | None:
-        """Where the receiver thinks that the car is; `None`: nowhere."""
+        """Position as the faulty receiver measures it; `None` without reception."""
         if self._scenario.has_fault("gnss_silent", self._car, at_s):
             return None
         for fault in self._jumps:

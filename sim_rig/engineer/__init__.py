@@ -1,6 +1,5 @@
-"""The engineer's page of a live run: all cars side by side, and all they said, at any moment.
+"""The engineer's page of a live run: traces and camera images of all cars, at any time of the run.
 
-`story.py` and `album.py` are the cores: what the traces tell and what the cameras took, kept so
-that any moment can be looked at again. `server.py` is the edge, a process of its own; `window.py`
-is its end at the rig.
+`run_view.py` and `image_store.py` are the cores: they keep trace records and camera images.
+`server.py` is the edge, a process of its own; `page_process.py` starts it.
 """

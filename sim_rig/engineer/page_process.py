@@ -1,4 +1,4 @@
-"""The rig's end of the engineer's page: starts its process, tells it what only the rig knows."""
+"""Starts the process of the engineer's page, and sends it the rig's own records."""
 
 import asyncio
 import json
@@ -9,10 +9,10 @@ from sim_rig.processes.processes import ProcessError, Processes
 from sim_rig.run_log.rig_recorder import RigRecorder
 
 ENGINEER = "engineer"
-"""Whose page it is, and its process."""
-_TELL_S = 0.25
-_TOLD = "ecu_answer"
-"""All that the ledger wants of the rig's own records."""
+"""Name of the page and of its process."""
+_SEND_INTERVAL_S = 0.25
+_SENT_KIND = "ecu_answer"
+"""The only kind of rig record that the latency ledger needs."""
 
 
 class EngineerPage:
@@ -28,6 +28,12 @@ class EngineerPage:
     ) -> "EngineerPage":
         """Start the process.
 
+        Args:
+            processes: where it becomes a child process.
+            scenario_file: the scenario as JSON.
+            folder: folder of the traces.
+            camera_port: port of the camera server.
+
         Raises:
             ProcessError: it does not start.
         """
@@ -39,28 +45,29 @@ class EngineerPage:
         assert process.stdout is not None  # noqa: S101 (started with pipes)
         line = await process.stdout.readline()
         if not line:
-            raise ProcessError(f"the page does not start: {processes.last_words(ENGINEER)}")
+            reason = processes.last_log_line(ENGINEER)
+            raise ProcessError(f"the engineer's page does not start: {reason}")
         return cls(process, f"http://127.0.0.1:{int(line)}/")
 
     def link(self, pages: Mapping[str, str]) -> None:
-        """Where the drivers' pages are."""
-        self._tell({"kind": "pages", "pages": dict(pages)})
+        """Send the addresses of the drivers' pages."""
+        self._send({"kind": "pages", "pages": dict(pages)})
 
     def begin(self, start_s: float) -> None:
-        """The scenario begins."""
-        self._tell({"kind": "start", "stamp_s": start_s})
+        """Send the start time of the scenario."""
+        self._send({"kind": "start", "stamp_s": start_s})
 
     async def follow(self, recorder: RigRecorder) -> None:
-        """Tell what the rig notes, as long as it runs."""
-        told = 0
+        """Send new records of the rig until cancelled."""
+        sent = 0
         while True:
-            records = recorder.records[told:]
-            told += len(records)
+            records = recorder.records[sent:]
+            sent += len(records)
             for record in records:
-                if record["kind"] == _TOLD:
-                    self._tell(record)
-            await asyncio.sleep(_TELL_S)
+                if record["kind"] == _SENT_KIND:
+                    self._send(record)
+            await asyncio.sleep(_SEND_INTERVAL_S)
 
-    def _tell(self, record: dict[str, object]) -> None:
+    def _send(self, record: dict[str, object]) -> None:
         assert self._process.stdin is not None  # noqa: S101 (started with pipes)
         self._process.stdin.write(json.dumps(record).encode() + b"\n")

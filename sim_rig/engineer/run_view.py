@@ -1,4 +1,4 @@
-"""What the traces of a run tell, in a form for people: names in the place of IDs, no matrices."""
+"""Trace records of a run in readable form: names instead of IDs, sigmas instead of covariances."""
 
 import math
 import re
@@ -8,36 +8,36 @@ from typing import Any
 from sim_rig.run_log.run_log import Record, RunLog
 
 _ID = re.compile(r"\b[0-9a-f]{16}\b")
-UNTOLD = frozenset({"vehicle_detection", "detection_list", "position", "brake_pedal"})
-"""Kinds that come often and that no view of the page shows."""
+HIDDEN_KINDS = frozenset({"vehicle_detection", "detection_list", "position", "brake_pedal"})
+"""Frequent kinds that the page does not show."""
 
 
 class RunView:
-    """Takes the records as they come, and keeps them."""
+    """Keeps the records of a running scenario."""
 
     def __init__(self, names: Mapping[str, str]) -> None:
-        """`names`: which car sends under an ID (hex)."""
+        """`names` maps communication IDs (hex) to cars."""
         self._names = names
         self._traces: dict[str, list[Record]] = {}
         self._rig: list[Record] = []
         self.entries: list[dict[str, Any]] = []
-        """For the page, in the order in which they came to be known."""
+        """Entries for the page, in the order of their arrival."""
         self.start_s: float | None = None
-        """The stamp at which the scenario began."""
+        """Stamp of the start of the scenario."""
         self.pages: Mapping[str, str] = {}
         """Addresses of the drivers' pages."""
 
     def receive(self, car: str, record: Record) -> None:
-        """A line of a car's trace."""
+        """Add a record of a car's trace."""
         self._traces.setdefault(car, []).append(record)
-        if record["kind"] not in UNTOLD:
-            told = _perceived_object(record) if record["kind"] == "perceived_object" else record
-            self.entries.append({"car": car} | self._readable(told))
+        if record["kind"] not in HIDDEN_KINDS:
+            shown = _perceived_object(record) if record["kind"] == "perceived_object" else record
+            self.entries.append({"car": car} | self._readable(shown))
 
     def receive_rig(self, record: Record) -> None:
-        """A line of the rig's own.
+        """Add a record of the rig.
 
-        `start` says when the scenario began, `pages` where the drivers' pages are.
+        `start` has the start time of the scenario, `pages` the addresses of the drivers' pages.
         """
         match record["kind"]:
             case "start":
@@ -48,7 +48,7 @@ class RunView:
                 self._rig.append(record)
 
     def log(self) -> RunLog:
-        """The run as far as it is known."""
+        """Return the run log up to now."""
         start_s = math.inf if self.start_s is None else self.start_s
         return RunLog(start_s, self._traces, self._rig, self._names)
 
@@ -63,10 +63,10 @@ class RunView:
 
 
 def _perceived_object(record: Record) -> Record:
-    """One standard deviation in the place of the covariance; the measurements by their observer."""
+    """Replace the covariance by one position sigma."""
     (east, *_), (_, north, *_), *_ = record["covariance"]
-    told = {key: value for key, value in record.items() if key != "covariance"}
-    return told | {
+    shown = {key: value for key, value in record.items() if key != "covariance"}
+    return shown | {
         "sigma_m": math.sqrt(max((east + north) / 2.0, 0.0)),
         "provenance": [list(measurement) for measurement in record["provenance"]],
     }

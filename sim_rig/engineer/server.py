@@ -1,7 +1,7 @@
 """Serves the engineer's page of a run on 127.0.0.1, as a process of its own.
 
-It reads the cars' traces as they are written and the cameras' pictures as the cars get them. On its
-standard input come the rig's own records, on its standard output goes the port.
+It follows the cars' traces and the camera streams. It reads the rig's own records from standard
+input and prints its port.
 
     python -m sim_rig.engineer.server SCENARIO FOLDER CAMERA_PORT
 """
@@ -27,45 +27,52 @@ from sim_rig.run_log.run_log import Record
 from sim_rig.scenario.car_config import names_by_id
 from sim_rig.scenario.schema import Scenario, load_scenario
 
-MOST_PICTURE_BYTES = 256 * 2**20
-"""Some three minutes of four cameras."""
+MAX_IMAGE_BYTES = 256 * 2**20
+"""About three minutes of four cameras."""
 READ_S = 0.2
 LEDGER_S = 1.0
-MOST_ENTRIES = 5000
-"""In one answer; the page asks again."""
+MAX_ENTRIES = 5000
+"""Limit of one response; the page requests the rest."""
 
 
 class TraceReader:
-    """The lines that have been added to a trace since it was last read."""
+    """Reads the lines that were added to a trace since the last call."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._read = 0
 
     def records(self) -> list[Record]:
-        """The new ones; a line that is not yet whole is left for the next time."""
+        """Return the new records; an incomplete last line is left for the next call."""
         if not self._path.exists():
             return []
         with self._path.open("rb") as trace:
             trace.seek(self._read)
             data = trace.read()
-        whole = data[: data.rfind(b"\n") + 1]
-        self._read += len(whole)
-        return [json.loads(line) for line in whole.splitlines()]
+        complete = data[: data.rfind(b"\n") + 1]
+        self._read += len(complete)
+        return [json.loads(line) for line in complete.splitlines()]
 
 
 class EngineerServer:
-    """The page and what it asks for."""
+    """Serves the page and its data."""
 
     def __init__(self, scenario: Scenario, folder: Path, camera_port: int) -> None:
+        """Serve one run.
+
+        Args:
+            scenario: the scenario of the run.
+            folder: folder of the traces.
+            camera_port: port of the camera server.
+        """
         self._scenario = scenario
         self._camera_port = camera_port
         now_utc_s = time.time()
         names = names_by_id(scenario, now_utc_s - 60.0, now_utc_s + scenario.duration_s + 60.0)
-        self.story = RunView(names)
-        self.album = ImageStore(MOST_PICTURE_BYTES)
+        self.run_view = RunView(names)
+        self.images = ImageStore(MAX_IMAGE_BYTES)
         self._traces = {car: TraceReader(folder / f"{car}.jsonl") for car in scenario.equipped}
-        self._door = AccessCheck(None)
+        self._access_check = AccessCheck(None)
         self._ledger: list[dict[str, object]] = []
         self._ledger_at = 0.0
         self._tasks: list[asyncio.Task[None]] = []
@@ -75,20 +82,22 @@ class EngineerServer:
         app = web.Application(middlewares=[self._guard])
         app.router.add_get("/run", self._run)
         app.router.add_get("/entries", self._entries)
-        app.router.add_get("/ledger", self._tell_ledger)
-        app.router.add_get("/pictures/{car}", self._picture)
+        app.router.add_get("/ledger", self._get_ledger)
+        app.router.add_get("/pictures/{car}", self._image)
         drivers = read_page("onboard.hmi")
         fonts = {name: drivers[name] for name in drivers if name.startswith("fonts/")}
         add_page(app, read_page("sim_rig.engineer") | fonts)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
         await self._runner.setup()
         await web.TCPSite(self._runner, "127.0.0.1", 0).start()
-        self._tasks = [asyncio.create_task(self._look(car)) for car in self._scenario.equipped]
+        self._tasks = [
+            asyncio.create_task(self._follow_camera(car)) for car in self._scenario.equipped
+        ]
         self._tasks.append(asyncio.create_task(self._read()))
         return int(self._runner.addresses[0][1])
 
     async def close(self) -> None:
-        """End."""
+        """Stop serving."""
         for task in self._tasks:
             task.cancel()
         await self._runner.cleanup()
@@ -96,8 +105,8 @@ class EngineerServer:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         origin = request.headers.get("Origin")
-        if self._door.refusal(request.host, origin, None, None) is not None:
-            return web.Response(status=403, text="not under that name\n")
+        if self._access_check.refusal(request.host, origin, None, None) is not None:
+            return web.Response(status=403, text="this host name or origin is not allowed\n")
         return await with_headers(request, handler)
 
     async def _run(self, _request: web.Request) -> web.Response:
@@ -106,7 +115,7 @@ class EngineerServer:
                 "name": name,
                 "identity": car.identity,
                 "colour": car.colour,
-                "page": self.story.pages.get(name),
+                "page": self.run_view.pages.get(name),
             }
             for name, car in self._scenario.cars.items()
             if car.equipped
@@ -116,15 +125,15 @@ class EngineerServer:
         )
 
     async def _entries(self, request: web.Request) -> web.Response:
-        """What is new since the entry number `from`."""
+        """Return the entries from number `from` on."""
         try:
             first = max(int(request.query.get("from", "0")), 0)
         except ValueError:
             raise web.HTTPBadRequest(text="from: a number\n") from None
-        entries = self.story.entries[first : first + MOST_ENTRIES]
+        entries = self.run_view.entries[first : first + MAX_ENTRIES]
         return web.json_response(
             {
-                "start_s": self.story.start_s,
+                "start_s": self.run_view.start_s,
                 "now_s": time.monotonic(),
                 "next": first + len(entries),
                 "entries": entries,
@@ -132,22 +141,22 @@ class EngineerServer:
             dumps=as_json,
         )
 
-    async def _tell_ledger(self, _request: web.Request) -> web.Response:
+    async def _get_ledger(self, _request: web.Request) -> web.Response:
         if time.monotonic() - self._ledger_at > LEDGER_S:
             self._ledger = [
                 {"hop": line.hop, "n": line.n, "p50_s": line.p50_s, "p99_s": line.p99_s}
-                for line in ledger(self.story.log())
+                for line in ledger(self.run_view.log())
             ]
             self._ledger_at = time.monotonic()
         return web.json_response(self._ledger)
 
-    async def _picture(self, request: web.Request) -> web.Response:
-        """The picture of a car at the stamp `at_s`."""
+    async def _image(self, request: web.Request) -> web.Response:
+        """Return the image of a car at the stamp `at_s`."""
         try:
             at_s = float(request.query["at_s"])
         except (KeyError, ValueError):
             raise web.HTTPBadRequest(text="at_s: a stamp\n") from None
-        found = self.album.at(request.match_info["car"], at_s)
+        found = self.images.at(request.match_info["car"], at_s)
         if found is None:
             raise web.HTTPNotFound
         stamp_s, jpeg = found
@@ -159,11 +168,11 @@ class EngineerServer:
         while True:
             for car, trace in self._traces.items():
                 for record in trace.records():
-                    self.story.receive(car, record)
+                    self.run_view.receive(car, record)
             await asyncio.sleep(READ_S)
 
-    async def _look(self, car: str) -> None:
-        """Over the shoulder of a car, until its camera ends."""
+    async def _follow_camera(self, car: str) -> None:
+        """Store the images of a car until its camera stream ends."""
         address = f"http://127.0.0.1:{self._camera_port}/{car}/copy"
         with contextlib.suppress(aiohttp.ClientError):
             async with (
@@ -174,22 +183,22 @@ class EngineerServer:
                 async for data in stream.content.iter_any():
                     parts.receive_bytes(data)
                     while (jpeg := parts.next_body()) is not None:
-                        self.album.add(car, time.monotonic(), jpeg)
+                        self.images.add(car, time.monotonic(), jpeg)
 
 
 async def serve(scenario: Scenario, folder: Path, camera_port: int) -> None:
     """Serve until standard input ends."""
     server = EngineerServer(scenario, folder, camera_port)
-    print(await server.start(), flush=True)  # noqa: T201 (the answer to who started us)
+    print(await server.start(), flush=True)  # noqa: T201 (read by `EngineerPage`)
     try:
         while line := await asyncio.to_thread(sys.stdin.readline):
-            server.story.receive_rig(json.loads(line))
+            server.run_view.receive_rig(json.loads(line))
     finally:
         await server.close()
 
 
 def main() -> None:
-    """Run as a process; see the head of this file."""
+    """Run as a process; see the docstring of this module."""
     scenario, folder, camera_port = sys.argv[1:]
     asyncio.run(serve(load_scenario(scenario), Path(folder), int(camera_port)))
 

@@ -1,4 +1,4 @@
-"""The gpsd of each car of a live run, which a receiver of the rig feeds by UDP."""
+"""Runs a gpsd for each car of a live run, with a simulated receiver as its UDP source."""
 
 import shutil
 
@@ -8,18 +8,24 @@ _SYSTEM_FOLDERS = "/usr/sbin:/usr/local/sbin:/usr/bin:/usr/local/bin"
 
 
 def gpsd_program() -> str | None:
-    """Where gpsd is on this machine; `None` if it is not installed."""
+    """Path of gpsd on this machine; `None` if it is not installed."""
     return shutil.which("gpsd", path=_SYSTEM_FOLDERS)
 
 
 async def start_gpsd(processes: Processes, car: str, port: int, nmea_port: int) -> None:
-    """Have gpsd serve on `port` what comes to it on `nmea_port`.
+    """Start the gpsd of one car.
+
+    Args:
+        processes: where it becomes a child process.
+        car: name of the car.
+        port: TCP port for gpsd's clients.
+        nmea_port: UDP port for the NMEA sentences of the receiver.
 
     Raises:
-        ProcessError: it is not installed.
+        ProcessError: gpsd is not installed.
     """
     program = gpsd_program()
     if program is None:
-        raise ProcessError("gpsd is not installed (Debian: gpsd); --virtual does without it")
+        raise ProcessError("gpsd is not installed (Debian: gpsd); --virtual needs none")
     device = f"udp://127.0.0.1:{nmea_port}"
     await processes.start_program(f"{car}_gpsd", program, "-N", "-n", "-S", str(port), device)

@@ -1,4 +1,4 @@
-"""The processes of a live run: started, watched, and ended by whoever started them."""
+"""Starts, watches and stops the child processes of a live run."""
 
 import asyncio
 import os
@@ -9,20 +9,20 @@ from pathlib import Path
 from onboard.errors import UserError
 
 _THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-"""Where BLAS and OpenCV are told how many threads to take."""
+"""Environment variables with the number of threads of BLAS and OpenCV."""
 
 
 class ProcessError(UserError):
-    """A process did not start, or ended before its time."""
+    """A process did not start, or ended unexpectedly."""
 
 
 class Processes:
-    """Our own children, by name; an asynchronous context that leaves none behind."""
+    """Child processes by name; an asynchronous context that stops all of them at its end."""
 
     def __init__(self, folder: Path, stopped_within_s: float = 5.0) -> None:
-        """Their standard error goes to `<name>.log` in `folder`.
+        """Write the standard error of each process to `<name>.log` in `folder`.
 
-        One that has not stopped within `stopped_within_s` of being asked is ended.
+        A process that has not ended `stopped_within_s` after SIGTERM gets SIGKILL.
         """
         self._folder = folder
         self._stopped_within_s = stopped_within_s
@@ -32,13 +32,25 @@ class Processes:
     async def start(
         self, name: str, *arguments: str, with_pipes: bool = False
     ) -> asyncio.subprocess.Process:
-        """Run Python with `arguments`."""
+        """Run Python.
+
+        Args:
+            name: name of the process.
+            arguments: its command line, without the interpreter.
+            with_pipes: whether its standard input and output are pipes.
+        """
         return await self.start_program(name, sys.executable, *arguments, with_pipes=with_pipes)
 
     async def start_program(
         self, name: str, *command: str, with_pipes: bool = False
     ) -> asyncio.subprocess.Process:
-        """Run `command`."""
+        """Run a program.
+
+        Args:
+            name: name of the process.
+            command: its command line.
+            with_pipes: whether its standard input and output are pipes.
+        """
         pipe = asyncio.subprocess.PIPE if with_pipes else asyncio.subprocess.DEVNULL
         with self._log(name).open("wb") as log:
             process = await asyncio.create_subprocess_exec(
@@ -46,7 +58,7 @@ class Processes:
                 stdin=pipe,
                 stdout=pipe,
                 stderr=log,
-                # Many processes share few cores: no library may bring threads of its own.
+                # Many processes share few cores: libraries must not start threads of their own.
                 env=os.environ | dict.fromkeys(_THREAD_COUNTS, "1"),
             )
         self._running[name] = process
@@ -54,14 +66,14 @@ class Processes:
         return process
 
     def pid(self, name: str) -> int:
-        """The process ID of one of them."""
+        """Process ID of a process."""
         return self._running[name].pid
 
     async def sleep_until(self, at: float) -> None:
-        """Sleep until the monotonic clock shows `at`, or a process ends.
+        """Sleep until the monotonic time `at`.
 
         Raises:
-            ProcessError: one has ended; the message has the last line of its log.
+            ProcessError: a process has ended; the message has the last line of its log.
         """
         timeout_s = max(0.0, at - time.monotonic())
         await asyncio.wait(
@@ -69,12 +81,12 @@ class Processes:
         )
         for name, end in self._ends.items():
             if end.done():
-                raise ProcessError(f"{name} has ended by itself: {self.last_words(name)}")
+                raise ProcessError(f"{name} ended unexpectedly: {self.last_log_line(name)}")
 
-    def last_words(self, name: str) -> str:
+    def last_log_line(self, name: str) -> str:
         """The last line of the log of a process."""
         lines = self._log(name).read_text(encoding="utf-8", errors="replace").splitlines()
-        return lines[-1] if lines else "(it said nothing)"
+        return lines[-1] if lines else "(empty log)"
 
     def _log(self, name: str) -> Path:
         return self._folder / f"{name}.log"
@@ -86,7 +98,7 @@ class Processes:
         await self.stop(*self._running)
 
     async def stop(self, *names: str) -> None:
-        """Ask these to stop; end those that do not."""
+        """Stop these processes: SIGTERM first, SIGKILL for those that do not end."""
         ends = [self._ends.pop(name) for name in names if name in self._ends]
         for name in names:
             process = self._running[name]

@@ -1,4 +1,4 @@
-"""Takes the processor away from a daemon, part of the time, as something else on its box would."""
+"""Stops and continues daemons periodically, as a busy processor would."""
 
 import asyncio
 import contextlib
@@ -12,7 +12,13 @@ from sim_rig.scenario.schema import Scenario
 
 
 async def slow_down(scenario: Scenario, start_s: float, processes: Processes) -> None:
-    """Do so for every car that has the fault; when cancelled, let all of them run."""
+    """Slow the daemons of all cars with the fault `SlowCpu`; when cancelled, all run again.
+
+    Args:
+        scenario: the scenario of the run.
+        start_s: monotonic time of its start, s.
+        processes: the daemons, by the name of their car.
+    """
     faults = [fault for fault in scenario.faults if isinstance(fault, SlowCpu)]
     await asyncio.gather(*(_slow_one(fault, start_s, processes.pid(fault.car)) for fault in faults))
 
@@ -31,5 +37,5 @@ async def _slow_one(fault: SlowCpu, start_s: float, pid: int) -> None:
 
 
 def _send(pid: int, number: signal.Signals) -> None:
-    with contextlib.suppress(ProcessLookupError):  # it has ended; somebody else tells
+    with contextlib.suppress(ProcessLookupError):  # `Processes` reports an ended process
         os.kill(pid, number)

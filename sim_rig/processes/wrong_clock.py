@@ -1,9 +1,9 @@
-"""A daemon on a box whose clock is wrong.
+"""Runs the daemon with a wrong UTC clock.
 
-    python -m sim_rig.processes.wrong_clock BEGINS N FAULT... ARGS...
+    python -m sim_rig.processes.wrong_clock START_FILE N FAULT... ARGS...
 
-`onboard` runs as it is; what is wrong is `time.time` of its process, as it would be on such a box.
-The file BEGINS comes to be when the scenario begins, and says when that is on the monotonic clock.
+`onboard` runs unchanged; `time.time` of its process is wrong. START_FILE is written at the start of
+the scenario and has the monotonic time of the start.
 """
 
 import sys
@@ -13,36 +13,36 @@ from pathlib import Path
 from onboard.cli import main
 from sim_rig.scenario.faults import WrongClock
 
-BEGINS = "begins"
-"""Name of the file."""
-_LOOK_EVERY_S = 0.1
+START_FILE = "begins"
+"""Name of the start file."""
+_CHECK_INTERVAL_S = 0.1
 
 
 class Clock:
-    """What time it is for the box."""
+    """UTC clock with the faults of a scenario."""
 
-    def __init__(self, begins: Path, faults: list[WrongClock]) -> None:
-        self._begins = begins
+    def __init__(self, start_file: Path, faults: list[WrongClock]) -> None:
+        self._start_file = start_file
         self._faults = faults
         self._true_utc_s = time.time
         self._start_s: float | None = None
-        self._look_at = 0.0
+        self._check_at = 0.0
 
     def __call__(self) -> float:
-        """Seconds since 1970, or so the box thinks."""
+        """UTC with the error of the active faults, s since 1970."""
         now = time.monotonic()
-        if self._start_s is None and now >= self._look_at:
-            self._look_at = now + _LOOK_EVERY_S
-            if self._begins.exists():
-                self._start_s = float(self._begins.read_text("utf-8") or "inf")
+        if self._start_s is None and now >= self._check_at:
+            self._check_at = now + _CHECK_INTERVAL_S
+            if self._start_file.exists():
+                self._start_s = float(self._start_file.read_text("utf-8") or "inf")
         at_s = -1.0 if self._start_s is None else now - self._start_s
-        holding = (fault for fault in self._faults if fault.holds(fault.car, at_s))
-        return self._true_utc_s() + sum(fault.error_s(at_s) for fault in holding)
+        active = (fault for fault in self._faults if fault.holds(fault.car, at_s))
+        return self._true_utc_s() + sum(fault.error_s(at_s) for fault in active)
 
 
 if __name__ == "__main__":
-    _, begins, number, *rest = sys.argv
+    _, start_file, number, *rest = sys.argv
     faults = [WrongClock.model_validate_json(each) for each in rest[: int(number)]]
     sys.argv = ["onboard", *rest[int(number) :]]
-    time.time = Clock(Path(begins), faults)
+    time.time = Clock(Path(start_file), faults)
     main()

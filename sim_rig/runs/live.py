@@ -1,9 +1,9 @@
-"""A scenario with real daemons, one process a car, on localhost.
+"""Runs a scenario with real daemons, one process per car, on localhost.
 
-The rig is the far end of each wire: a socketcand server with an ECU for each bus, an MJPEG server
-for the cameras (a process of its own), a UDP unit for each radio with the air behind. The daemons
-are told their own plate and their ports, and no more. Where a scenario has receivers, each feeds a
-real gpsd.
+The rig is the other end of each interface: a socketcand server with an ECU for each bus, an MJPEG
+server for the cameras (a process of its own), and a UDP radio unit for each car with the channel
+between them. A daemon's configuration has its own plate and ports, and nothing of other cars. GNSS
+receivers of a scenario each feed a real gpsd.
 """
 
 import asyncio
@@ -33,7 +33,7 @@ from sim_rig.engineer.page_process import ENGINEER, EngineerPage
 from sim_rig.processes.gpsd import start_gpsd
 from sim_rig.processes.processes import ProcessError, Processes
 from sim_rig.processes.slow_cpu import slow_down
-from sim_rig.processes.wrong_clock import BEGINS
+from sim_rig.processes.wrong_clock import START_FILE
 from sim_rig.radio.air import Air
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.iwcu import RadioUnits
@@ -49,30 +49,36 @@ from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings, VehicleCameraSettings
 
 _READY_WITHIN_S = 40.0
-_LINGER_S = 0.5
-"""After the scenario's end, for what is still on its way."""
-_SEEN_WHEN_READY = frozenset({"ready", "speed", "lead"})
-_SKY = 1_000_000
-"""In the place of a car's number, for the errors that all receivers share."""
+_EXTRA_S = 0.5
+"""Time after the scenario's end, for messages and records in transit."""
+_RECORDS_WHEN_READY = frozenset({"ready", "speed", "lead"})
+_SHARED_ERRORS = 1_000_000
+"""Seed of the GNSS errors that all receivers share, in place of a car's number."""
 _DETECTOR = 1
-"""Beside a car's number, for the errors of its vehicle detector."""
+"""Seed of a vehicle detector's errors, beside the car's number."""
 
 
 class LiveTestbench:
-    """Everything on the desk: the rig's ends of the wires, and the daemons.
+    """The daemons of a scenario, and the rig's ends of their interfaces.
 
-    An asynchronous context. Configurations, logs, traces and recordings come to lie in
-    `folder`.
+    An asynchronous context. Configurations, logs, traces and recordings are written to `folder`.
     """
 
     def __init__(self, scenario: Scenario, seed: int, folder: Path) -> None:
+        """Prepare `folder`.
+
+        Args:
+            scenario: the scenario to run.
+            seed: seed of all random errors.
+            folder: folder for all files of the run.
+        """
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / BEGINS).unlink(missing_ok=True)
+        (folder / START_FILE).unlink(missing_ok=True)
         self.recorder = RigRecorder()
         self.processes = Processes(folder)
         self.start_s = float("inf")
         self.pages: dict[str, str] = {}
-        """Addresses to look at while it runs, by whose page it is."""
+        """Address of each page by its car, and of the engineer's page."""
         self._start_utc_s = time.time()
         self._scenario = scenario
         self._seed = seed
@@ -93,20 +99,20 @@ class LiveTestbench:
         await self._open.aclose()
 
     async def run(self) -> None:
-        """Begin when all are ready, and return when the scenario has ended.
+        """Start the scenario when all daemons are ready, and return at its end.
 
         Raises:
-            ProcessError: a daemon did not get ready, or ended by itself.
+            ProcessError: a daemon did not get ready, or ended unexpectedly.
         """
         await self._until_ready()
         self.start_s = time.monotonic()
-        (self._folder / BEGINS).write_text(repr(self.start_s), encoding="utf-8")
+        (self._folder / START_FILE).write_text(repr(self.start_s), encoding="utf-8")
         slowing = asyncio.create_task(slow_down(self._scenario, self.start_s, self.processes))
         assert self._cameras.stdin is not None  # noqa: S101 (started with pipes)
         self._cameras.stdin.write(f"{self.start_s}\n".encode())
         self._engineer.begin(self.start_s)
         try:
-            end_at = self.start_s + self._scenario.duration_s + _LINGER_S
+            end_at = self.start_s + self._scenario.duration_s + _EXTRA_S
             await self.processes.sleep_until(end_at)
         finally:
             slowing.cancel()
@@ -114,7 +120,7 @@ class LiveTestbench:
         await self.processes.stop(*self._scenario.equipped)
 
     def log(self) -> RunLog:
-        """What happened, once the desk is closed."""
+        """Return the run log; call it after the end of the context."""
         return RunLog(
             start_s=self.start_s,
             traces={car: read_trace(self._trace(car)) for car in self._scenario.equipped},
@@ -140,10 +146,10 @@ class LiveTestbench:
         self._open.callback(asyncio.create_task(self._engineer.follow(self.recorder)).cancel)
 
     async def _start_car(self, car: str, number: int, camera_port: int, units: RadioUnits) -> None:
-        """Start a daemon with its wires, and with nothing left of the last run."""
-        wires = await self._wires(car, number, camera_port, units)
-        seed = 1000 * self._seed + number  # cars with one seed would go by one name
-        config = car_config(self._scenario, car, seed) | wires
+        """Start a daemon with its interfaces, without files of an earlier run."""
+        interfaces = await self._interfaces(car, number, camera_port, units)
+        seed = 1000 * self._seed + number  # cars with equal seeds would have equal temporary IDs
+        config = car_config(self._scenario, car, seed) | interfaces
         config["security"]["keys_folder"] = str(self._keys / car)
         config_file = self._folder / f"{car}.yaml"
         config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
@@ -151,13 +157,13 @@ class LiveTestbench:
         shutil.rmtree(self._box(car), ignore_errors=True)
         await self.processes.start(car, *self._program(car), "run", str(config_file))
 
-    async def _wires(
+    async def _interfaces(
         self, car: str, number: int, camera_port: int, units: RadioUnits
     ) -> dict[str, object]:
-        """Open the rig's ends of a car's wires, and return how the daemon finds them."""
+        """Open the rig's ends of a car's interfaces, and return the daemon's settings for them."""
         listen_port, page_port = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
         self.pages[car] = f"http://127.0.0.1:{page_port}/"
-        wires: dict[str, object] = {
+        interfaces: dict[str, object] = {
             "can": {"channel": "can0", "port": await self._start_bus(car)},
             "camera": {"source": f"http://127.0.0.1:{camera_port}/{car}"} | LENS.model_dump(),
             "radio": {
@@ -170,13 +176,13 @@ class LiveTestbench:
             "recorder": {"folder": str(self._box(car)), "segment_s": 3600.0},
         }
         if self._scenario.gnss is not None:
-            wires["gnss"] = await self._start_gnss(car, number, self._scenario.gnss)
+            interfaces["gnss"] = await self._start_gnss(car, number, self._scenario.gnss)
         if self._scenario.detector is not None:
-            wires["detector"] = self._start_detector(car, number, self._scenario.detector)
-        return wires
+            interfaces["detector"] = self._start_detector(car, number, self._scenario.detector)
+        return interfaces
 
     def _program(self, car: str) -> list[str]:
-        """The daemon; behind a clock that will be wrong, if the scenario wants it."""
+        """Python arguments of the daemon, with a wrong clock if the scenario has one."""
         clocks = [
             fault
             for fault in self._scenario.faults
@@ -184,12 +190,12 @@ class LiveTestbench:
         ]
         if not clocks:
             return ["-m", "onboard"]
-        begins = self._folder / BEGINS
+        start_file = self._folder / START_FILE
         faults = [fault.model_dump_json() for fault in clocks]
-        return ["-m", "sim_rig.processes.wrong_clock", str(begins), str(len(faults)), *faults]
+        return ["-m", "sim_rig.processes.wrong_clock", str(start_file), str(len(faults)), *faults]
 
     def _make_keys(self) -> None:
-        """Give every car certificates of one authority: on the desk, too, messages are signed."""
+        """Write certificates of one authority for every car: live messages are always signed."""
         shutil.rmtree(self._keys, ignore_errors=True)
         self._keys.mkdir(mode=0o700)
         psids = {psid.BSM, psid.LCCA}
@@ -200,7 +206,7 @@ class LiveTestbench:
             write_credentials(self._keys / car, self._trial[car])
 
     async def _start_cameras(self) -> int:
-        """Start their process, and return its port."""
+        """Start the process of the cameras, and return its port."""
         await self._open.enter_async_context(self.processes)
         self._scenario_file = self._folder / "scenario.json"
         self._scenario_file.write_text(self._scenario.model_dump_json(), encoding="utf-8")
@@ -212,13 +218,14 @@ class LiveTestbench:
         assert self._cameras.stdout is not None  # noqa: S101 (started with pipes)
         line = await self._cameras.stdout.readline()
         if not line:
-            raise ProcessError(f"the cameras do not start: {self.processes.last_words('cameras')}")
+            reason = self.processes.last_log_line("cameras")
+            raise ProcessError(f"the cameras do not start: {reason}")
         return int(line)
 
     async def _start_bus(self, car: str) -> int:
-        """Serve a bus with an ECU on it, and return its port."""
+        """Serve a bus with an ECU, and return its port."""
 
-        def note(frame: CanFrame) -> None:
+        def record(frame: CanFrame) -> None:
             self.recorder.note_answer(car, frame)
 
         ecu = FaultyEcu(
@@ -228,7 +235,7 @@ class LiveTestbench:
             at_s=self._at_s,
             rng=np.random.default_rng(self._seed),
         )
-        server = SocketcandServer(ecu, "can0", note)
+        server = SocketcandServer(ecu, "can0", record)
         port = await server.start()
         self._open.push_async_callback(server.close)
         return port
@@ -236,7 +243,7 @@ class LiveTestbench:
     async def _start_gnss(
         self, car: str, number: int, settings: ReceiverSettings
     ) -> dict[str, object]:
-        """Start a receiver with its gpsd, and return how the daemon finds them."""
+        """Start a receiver with its gpsd, and return the daemon's settings for them."""
         port, nmea_port = _free_port(socket.SOCK_STREAM), _free_port(socket.SOCK_DGRAM)
         await start_gpsd(self.processes, car, port, nmea_port)
 
@@ -251,7 +258,7 @@ class LiveTestbench:
             state_at,
             time.time() - time.monotonic(),
             np.random.default_rng([self._seed, number]),
-            np.random.default_rng([self._seed, _SKY]),
+            np.random.default_rng([self._seed, _SHARED_ERRORS]),
         )
         self._open.callback(UdpLine(receiver, nmea_port).close)
         return gnss_config(settings) | {"port": port}
@@ -259,7 +266,7 @@ class LiveTestbench:
     def _start_detector(
         self, car: str, number: int, settings: VehicleCameraSettings
     ) -> dict[str, object]:
-        """Start a vehicle detector, and return where the daemon hears it."""
+        """Start a vehicle detector, and return the daemon's settings for it."""
         port = _free_port(socket.SOCK_DGRAM)
         camera = VehicleCamera(
             settings,
@@ -290,7 +297,7 @@ class LiveTestbench:
         )
 
     async def _until_ready(self) -> None:
-        """Wait until every daemon is up, and has heard from its ECU and its camera."""
+        """Wait until every daemon is ready and receives its sensors."""
         give_up_at = time.monotonic() + _READY_WITHIN_S
         waiting = self._scenario.equipped
         while waiting := [car for car in waiting if not self._is_ready(car)]:
@@ -304,11 +311,11 @@ class LiveTestbench:
     def _is_ready(self, car: str) -> bool:
         if not self._trace(car).exists():
             return False
-        seen = {record["kind"] for record in read_trace(self._trace(car))}
-        return seen >= _SEEN_WHEN_READY | ({"position"} if self._scenario.gnss else set())
+        kinds = {record["kind"] for record in read_trace(self._trace(car))}
+        return kinds >= _RECORDS_WHEN_READY | ({"position"} if self._scenario.gnss else set())
 
     def _at_s(self, now: float) -> float:
-        """The scenario's time; the world stands still before it begins."""
+        """Time since the start of the scenario, s; 0 before it."""
         return max(0.0, now - self.start_s)
 
     def _box(self, car: str) -> Path:
@@ -319,7 +326,7 @@ class LiveTestbench:
 
 
 def _free_port(kind: socket.SocketKind) -> int:
-    """A port that nobody has; the daemon binds it a moment later."""
+    """Return a free port, which the daemon binds soon after."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

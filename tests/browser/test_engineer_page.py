@@ -31,17 +31,17 @@ class Shown:
         log = run_virtual(scenario)
         self.offset_s = time.monotonic() - scenario.duration_s - 1.0
         self.server = EngineerServer(scenario, folder, camera_port=1)
-        self.server.story = RunView(log.names)
-        self.server.story.receive_rig({"kind": "start", "stamp_s": self.offset_s})
+        self.server.run_view = RunView(log.names)
+        self.server.run_view.receive_rig({"kind": "start", "stamp_s": self.offset_s})
         for car, trace in log.traces.items():
             for record in trace:
                 self.tell(car, record)
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
 
-    def tell(self, car: str, record: Record) -> None:
+    def add(self, car: str, record: Record) -> None:
         shifted = {"stamp_s": record["stamp_s"] + self.offset_s}
-        self.server.story.receive(car, dict(record) | shifted)
+        self.server.run_view.receive(car, dict(record) | shifted)
 
     def __enter__(self) -> str:
         self._thread.start()
@@ -57,17 +57,17 @@ class Shown:
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Twelve seconds of the demonstration, with a picture of each, and lost sensors."""
+    """The first 12 s of `fig4`, with one image each second and lost sensors."""
     scenario = load_scenario("fig4").model_copy(update={"duration_s": 12.0})
     run = Shown(scenario, tmp_path_factory.mktemp("run"))
     lost = {"kind": "sensor_lost", "sensor": "camera"}
-    run.tell("yellow", lost | {"stamp_s": 11.0, "reason": PLATE})
-    run.tell("green", lost | {"stamp_s": 10.9, "reason": "silent"})
-    run.tell("green", {"kind": "sensor_recovered", "sensor": "camera", "stamp_s": 10.2})
+    run.add("yellow", lost | {"stamp_s": 11.0, "reason": PLATE})
+    run.add("green", lost | {"stamp_s": 10.9, "reason": "silent"})
+    run.add("green", {"kind": "sensor_recovered", "sensor": "camera", "stamp_s": 10.2})
     for second in range(13):
         grey = np.full((360, 640, 3), 10 * second, np.uint8)
         _, jpeg = cv2.imencode(".jpg", grey)
-        run.server.album.add("red", run.offset_s + second, jpeg.tobytes())
+        run.server.images.add("red", run.offset_s + second, jpeg.tobytes())
     with run as address:
         yield address
 
@@ -77,9 +77,9 @@ def page(browser: Browser, address: str) -> Iterator[Page]:
     context = browser.new_context(viewport=LAPTOP)
     context.set_default_timeout(10_000)
     page = context.new_page()
-    page.on("pageerror", lambda error: pytest.fail(f"an error in the page: {error}"))
+    page.on("pageerror", lambda error: pytest.fail(f"error in the page: {error}"))
     page.goto(address)
-    expect(page.locator("#clock")).not_to_have_text("getting ready")
+    expect(page.locator("#clock")).not_to_have_text("starting")
     yield page
     context.close()
 
@@ -88,18 +88,18 @@ def card(page: Page, car: str, part: str) -> str:
     return page.locator(f'[data-car="{car}"].card {part}').inner_text()
 
 
-def test_a_jump_to_a_warning_shows_all_cars_at_that_moment(page: Page) -> None:
+def test_a_jump_to_a_warning_shows_all_cars_at_that_time(page: Page) -> None:
     page.click("#earlier-warning")
 
-    expect(page.locator("#pause")).to_have_text("Go on")
-    expect(page.locator('[data-car="blue"].card .notes')).to_have_text("group")
+    expect(page.locator("#pause")).to_have_text("Resume")
+    expect(page.locator('[data-car="blue"].card .notes')).to_have_text("lcca")
     assert 10.0 < float(page.locator("#clock").inner_text().removesuffix(" s")) < 11.0
     assert card(page, "green", ".state") == "LEADER"
     assert card(page, "red", ".state") == "MEMBER 2 behind green"
     assert card(page, "blue", ".state") == "MEMBER 3 behind green"
     assert card(page, "yellow", ".state") == "REGULAR"
-    expect(page.locator("#said li.warning").first).to_contain_text("origin_id green")
-    expect(page.locator("#said li.discarded").first).to_contain_text("warn from green")
+    expect(page.locator("#events li.warning").first).to_contain_text("origin_id green")
+    expect(page.locator("#events li.discarded").first).to_contain_text("warn from green")
     expect(page.locator("#sequence g.warn").first).to_be_visible()
     expect(page.locator("#sequence")).to_contain_text("warned: green")
 
@@ -117,7 +117,7 @@ def test_steps_go_from_event_to_event_and_back(page: Page) -> None:
     assert float(earlier[:-2]) < float(there[:-2]) <= float(later[:-2])
 
 
-def test_the_picture_is_that_of_the_moment(page: Page) -> None:
+def test_the_image_is_that_of_the_shown_time(page: Page) -> None:
     box = page.locator("#timeline").bounding_box()
     assert box is not None
 
@@ -147,14 +147,14 @@ def test_discards_are_counted_by_reason_and_car(page: Page) -> None:
     assert int(counts["yellow"]) > 0
 
 
-def test_what_cars_say_is_words_and_nothing_else(page: Page) -> None:
+def test_text_of_traces_is_not_parsed_as_html(page: Page) -> None:
     page.click("#pause")
     expect(page.locator('[data-car="yellow"].card .lost')).to_have_text(f"camera lost: {PLATE}")
 
     assert page.locator(".card b").count() == 0
 
 
-def test_a_sensor_that_is_back_with_an_older_sample_is_back(page: Page) -> None:
+def test_a_sensor_that_recovers_with_an_older_sample_is_recovered(page: Page) -> None:
     page.click("#pause")
     expect(page.locator('[data-car="yellow"].card .lost')).to_have_count(1)
 
@@ -162,7 +162,7 @@ def test_a_sensor_that_is_back_with_an_older_sample_is_back(page: Page) -> None:
 
 
 @pytest.mark.parametrize("size", [LAPTOP, TABLET])
-def test_nothing_hangs_over_the_edge(page: Page, size: dict[str, int]) -> None:
+def test_the_page_fits_the_width(page: Page, size: dict[str, int]) -> None:
     page.set_viewport_size(size)  # type: ignore[arg-type]
 
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
@@ -172,7 +172,7 @@ def test_a_laptop_shows_everything_without_scrolling(page: Page) -> None:
     assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
 
 
-def test_four_cars_stand_side_by_side(page: Page) -> None:
+def test_four_cars_are_side_by_side(page: Page) -> None:
     expect(page.locator(".card")).to_have_count(4)
     tops = {box["y"] for each in page.locator(".card").all() if (box := each.bounding_box())}
 
@@ -182,7 +182,7 @@ def test_four_cars_stand_side_by_side(page: Page) -> None:
 def test_a_fused_state_is_shown_with_each_measurement_once(
     browser: Browser, tmp_path: Path
 ) -> None:
-    """A car without a radio that two others see, and a third is told of."""
+    """A car without radio, detected by one car and shared with another."""
     with Shown(load_scenario("shared-detection"), tmp_path) as address:
         page = browser.new_page(viewport={"width": 1440, "height": 900})
         page.goto(address)
@@ -190,9 +190,9 @@ def test_a_fused_state_is_shown_with_each_measurement_once(
         assert box is not None
         page.mouse.click(box["x"] + 76 + 0.7 * (box["width"] - 88), box["y"] + 9)
 
-        told = page.locator("#fused tbody tr", has_text="told").first
-        expect(told).to_be_visible()
-        measured = told.locator("td").last.inner_text()
+        shared = page.locator("#fused tbody tr", has_text="shared").first
+        expect(shared).to_be_visible()
+        measured = shared.locator("td").last.inner_text()
         page.close()
 
     by_observer = [each.split(": ") for each in measured.split("; ")]

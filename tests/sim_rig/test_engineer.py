@@ -1,4 +1,4 @@
-"""What the engineer's page is told: the story of a run, its pictures, and the server of both."""
+"""The data of the engineer's page: run view, camera images, and their server."""
 
 import asyncio
 import json
@@ -32,26 +32,26 @@ def log(scenario: Scenario) -> RunLog:
 
 
 @pytest.fixture
-def story(log: RunLog) -> RunView:
-    story = RunView(log.names)
-    story.receive_rig({"kind": "start", "stamp_s": 0.0})
+def view(log: RunLog) -> RunView:
+    view = RunView(log.names)
+    view.receive_rig({"kind": "start", "stamp_s": 0.0})
     for record in log.rig:
-        story.receive_rig(record)
+        view.receive_rig(record)
     for car, records in log.traces.items():
         for record in records:
-            story.receive(car, record)
-    return story
+            view.receive(car, record)
+    return view
 
 
 def run(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(asyncio.wait_for(work, 20.0))
 
 
-def test_cars_are_called_by_their_names(story: RunView) -> None:
-    warnings = [entry for entry in story.entries if entry["kind"] == "warning"]
+def test_ids_are_replaced_by_names(view: RunView) -> None:
+    warnings = [entry for entry in view.entries if entry["kind"] == "warning"]
     warns = [
         entry
-        for entry in story.entries
+        for entry in view.entries
         if entry["kind"] == "received" and entry["message"] == "warn"
     ]
 
@@ -62,14 +62,14 @@ def test_cars_are_called_by_their_names(story: RunView) -> None:
     assert {entry["content"]["sender_id"] for entry in warns} <= {"green", "red", "blue"}
 
 
-def test_the_ledger_is_that_of_the_finished_run(story: RunView, log: RunLog) -> None:
-    assert ledger(story.log()) == ledger(log)
+def test_the_ledger_equals_that_of_the_run_log(view: RunView, log: RunLog) -> None:
+    assert ledger(view.log()) == ledger(log)
     assert {line.hop for line in ledger(log)} >= {"noticed", "received", "alarm", "chain"}
 
 
-def test_a_fused_state_names_each_measurement_once_and_says_how_sure_it_is() -> None:
-    story = RunView({})
-    story.receive(
+def test_a_perceived_object_has_each_measurement_once_and_a_sigma() -> None:
+    view = RunView({})
+    view.receive(
         "red",
         {
             "stamp_s": 1.0,
@@ -83,36 +83,36 @@ def test_a_fused_state_names_each_measurement_once_and_says_how_sure_it_is() -> 
         },
     )
 
-    (entry,) = story.entries
+    (entry,) = view.entries
     assert entry["sigma_m"] == 2.0
     assert "covariance" not in entry
     assert entry["provenance"] == [["aabbccdd", 100], ["aabbccdd", 200], ["11223344", 150]]
 
 
-def test_an_album_finds_the_picture_of_a_moment() -> None:
-    album = ImageStore(most_bytes=1000)
+def test_the_store_finds_the_image_of_a_time() -> None:
+    images = ImageStore(max_bytes=1000)
     for stamp_s in (1.0, 2.0, 3.0):
-        album.add("red", stamp_s, f"red {stamp_s}".encode())
-    album.add("blue", 2.5, b"blue")
+        images.add("red", stamp_s, f"red {stamp_s}".encode())
+    images.add("blue", 2.5, b"blue")
 
-    assert album.at("red", 2.9) == (2.0, b"red 2.0")
-    assert album.at("red", 3.0) == (3.0, b"red 3.0")
-    assert album.at("red", 0.9) is None
-    assert album.at("blue", 9.0) == (2.5, b"blue")
-    assert album.at("nobody", 9.0) is None
+    assert images.at("red", 2.9) == (2.0, b"red 2.0")
+    assert images.at("red", 3.0) == (3.0, b"red 3.0")
+    assert images.at("red", 0.9) is None
+    assert images.at("blue", 9.0) == (2.5, b"blue")
+    assert images.at("unknown", 9.0) is None
 
 
-def test_a_full_album_forgets_the_oldest_pictures_of_all() -> None:
-    album = ImageStore(most_bytes=100)
+def test_a_full_store_drops_the_oldest_images() -> None:
+    images = ImageStore(max_bytes=100)
     for n in range(10):
-        album.add("red" if n % 2 else "blue", float(n), bytes(30))
+        images.add("red" if n % 2 else "blue", float(n), bytes(30))
 
-    assert album.at("red", 5.9) is None
-    assert album.at("red", 7.0) == (7.0, bytes(30))
-    assert album.at("blue", 9.0) == (8.0, bytes(30))
+    assert images.at("red", 5.9) is None
+    assert images.at("red", 7.0) == (7.0, bytes(30))
+    assert images.at("blue", 9.0) == (8.0, bytes(30))
 
 
-def test_a_trace_is_read_as_it_grows_and_no_line_in_halves(tmp_path: Path) -> None:
+def test_a_growing_trace_is_read_in_complete_lines(tmp_path: Path) -> None:
     path = tmp_path / "red.jsonl"
     reader = TraceReader(path)
     assert reader.records() == []
@@ -125,16 +125,14 @@ def test_a_trace_is_read_as_it_grows_and_no_line_in_halves(tmp_path: Path) -> No
     assert [record["kind"] for record in reader.records()] == ["lead"]
 
 
-def test_the_server_tells_what_is_new_and_shows_any_moment(
-    scenario: Scenario, tmp_path: Path
-) -> None:
-    async def ask() -> None:
+def test_the_server_returns_new_entries_and_any_image(scenario: Scenario, tmp_path: Path) -> None:
+    async def check() -> None:
         server = EngineerServer(scenario, tmp_path, camera_port=1)
         address = f"http://127.0.0.1:{await server.start()}"
         (tmp_path / "red.jsonl").write_text('{"kind":"speed","stamp_s":1.0,"speed_m_s":9}\n')
-        server.story.receive_rig({"kind": "start", "stamp_s": 1.0})
+        server.run_view.receive_rig({"kind": "start", "stamp_s": 1.0})
         _, jpeg = cv2.imencode(".jpg", np.zeros((9, 16, 3), np.uint8))
-        server.album.add("red", 1.5, jpeg.tobytes())
+        server.images.add("red", 1.5, jpeg.tobytes())
         async with aiohttp.ClientSession() as session:
 
             async def get(path: str, **more: Any) -> tuple[int, Any]:
@@ -154,15 +152,15 @@ def test_the_server_tells_what_is_new_and_shows_any_moment(
             assert news["now_s"] <= time.monotonic()
             assert (await get("/entries?from=1"))[1]["entries"] == []
             assert await get("/pictures/red?at_s=2.0") == (200, jpeg.tobytes())
-            _, told = await get("/run")
-            assert [car["name"] for car in told["cars"]] == scenario.equipped
+            _, overview = await get("/run")
+            assert [car["name"] for car in overview["cars"]] == scenario.equipped
             for path, status in {
                 "/": 200,
                 "/fonts/OFL-1.1.txt": 200,
                 "/ledger": 200,
                 "/pictures/red?at_s=1.0": 404,
                 "/pictures/red?at_s=x": 400,
-                "/pictures/nobody?at_s=2.0": 404,
+                "/pictures/unknown?at_s=2.0": 404,
                 "/entries?from=x": 400,
                 "/entries?from=-5": 200,
                 "/../server.py": 404,
@@ -171,4 +169,4 @@ def test_the_server_tells_what_is_new_and_shows_any_moment(
             assert (await get("/run", headers={"Host": "evil.example"}))[0] == 403
         await server.close()
 
-    run(ask())
+    run(check())

@@ -78,7 +78,7 @@ def test_a_process_that_ends_by_itself_is_told_with_its_last_words(tmp_path: Pat
             await processes.start("brief", "-c", "raise SystemExit('out of petrol')")
             await processes.sleep_until(1e12)
 
-    with pytest.raises(ProcessError, match="brief has ended by itself: out of petrol"):
+    with pytest.raises(ProcessError, match="brief ended unexpectedly: out of petrol"):
         asyncio.run(run())
 
 

@@ -33,7 +33,7 @@ def camera(cars: Mapping[str, CarState], **settings: float) -> VehicleCamera:
 
 
 def look(cars: Mapping[str, CarState], **settings: float) -> list[VehicleDetection]:
-    return camera(cars, **settings).look(0.0)
+    return camera(cars, **settings).detect(0.0)
 
 
 def test_range_is_to_the_side_that_shows_and_bearing_to_the_middle() -> None:
@@ -80,7 +80,7 @@ def test_several_cars_hide_together_what_none_hides_alone() -> None:
 def test_errors_grow_with_the_distance_as_stated() -> None:
     cars = {"a": car(0.0, 20.0 + 2.25), "b": car(12.0, 60.0)}
     of = camera(cars, range_sigma=0.05, bearing_sigma_rad=0.01)
-    seen = [of.look(0.0) for k in range(2000)]
+    seen = [of.detect(0.0) for k in range(2000)]
 
     for at, true_m in ((0, 20.0), (1, None)):
         ranges = np.array([picture[at].range_m for picture in seen])
@@ -96,7 +96,7 @@ def test_errors_grow_with_the_distance_as_stated() -> None:
 
 def test_some_pictures_miss_a_car_and_some_invent_one() -> None:
     of = camera({"a": car(0.0, 20.0)}, misses=0.25, false_detections_per_s=2.0)
-    seen = [of.look(0.0) for k in range(2000)]
+    seen = [of.detect(0.0) for k in range(2000)]
 
     true = [each for picture in seen for each in picture if each.track_id == 0]
     false = [each for picture in seen for each in picture if each.track_id != 0]

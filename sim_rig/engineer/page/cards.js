@@ -1,8 +1,8 @@
-// One card a car: its picture with what was read in it, its place, its alarm.
+// One card per car: camera image with the plates read, state, alarms, lost sensors.
 import { html, svg } from "./make.js";
 
 const WIDTH_PX = 640, HEIGHT_PX = 360;
-const PLATE_HELD_S = 0.15;
+const PLATE_SHOWN_S = 0.15;
 
 export class Card {
   constructor(car, store) {
@@ -23,32 +23,32 @@ export class Card {
   }
 
   draw(at_s) {
-    this.#drawWords(at_s);
+    this.#drawTexts(at_s);
     this.wanted_s = at_s;
     if (!this.busy) this.#drawPictures();
   }
 
-  // One after the other, until that of the moment last asked for is there.
+  // One request at a time, until the image of the last requested time is drawn.
   async #drawPictures() {
     this.busy = true;
     let drawn_s;
     while (drawn_s !== this.wanted_s) {
       drawn_s = this.wanted_s;
-      try { await this.#drawPicture(drawn_s); } catch { /* The run is over; the last picture stays. */ }
+      try { await this.#drawPicture(drawn_s); } catch { /* The run has ended; the last image stays. */ }
     }
     this.busy = false;
   }
 
   async #drawPicture(at_s) {
-    const answer = await fetch(`pictures/${this.car}?at_s=${at_s}`);
-    const stamp = answer.headers.get("X-Stamp");
-    if (!answer.ok || stamp === this.stamp) return;
+    const response = await fetch(`pictures/${this.car}?at_s=${at_s}`);
+    const stamp = response.headers.get("X-Stamp");
+    if (!response.ok || stamp === this.stamp) return;
     this.stamp = stamp;
-    const picture = await createImageBitmap(await answer.blob());
+    const picture = await createImageBitmap(await response.blob());
     this.picture.getContext("2d").drawImage(picture, 0, 0, WIDTH_PX, HEIGHT_PX);
   }
 
-  #drawWords(at_s) {
+  #drawTexts(at_s) {
     const { store, car } = this;
     const place = store.last(car, "transition", at_s);
     const state = place?.state ?? "regular";
@@ -56,9 +56,9 @@ export class Card {
     this.state.textContent = state === "member" ? `MEMBER ${place.group_number}` : state.toUpperCase();
     this.place.textContent = state === "member" ? `behind ${place.leader_id}` : "";
     const speed = store.last(car, "speed", at_s), lead = store.last(car, "lead", at_s);
-    const gap = lead?.gap_m == null ? "nobody ahead" : `${lead.text ?? "unread"} in ${lead.gap_m.toFixed(1)} m`;
+    const gap = lead?.gap_m == null ? "no lead" : `${lead.text ?? "unread"} in ${lead.gap_m.toFixed(1)} m`;
     this.numbers.textContent = `${speed ? (speed.speed_m_s * 3.6).toFixed(0) : "–"} km/h · ${gap}`;
-    const plates = store.between(car, "plate", at_s - PLATE_HELD_S, at_s);
+    const plates = store.between(car, "plate", at_s - PLATE_SHOWN_S, at_s);
     const newest = plates.at(-1)?.stamp_s;
     this.boxes.replaceChildren(...plates.filter((plate) => plate.stamp_s === newest).flatMap(plateBox));
     this.notes.replaceChildren(...this.#alarms(at_s), ...this.#lost(at_s));
@@ -66,9 +66,9 @@ export class Card {
   }
 
   #alarms(at_s) {
-    const holding = new Map();
-    for (const alarm of this.store.between(this.car, "alarm", -Infinity, at_s)) holding.set(alarm.cause, alarm);
-    return [...holding.values()].filter((alarm) => alarm.level !== "none")
+    const current = new Map();
+    for (const alarm of this.store.between(this.car, "alarm", -Infinity, at_s)) current.set(alarm.cause, alarm);
+    return [...current.values()].filter((alarm) => alarm.level !== "none")
       .map((alarm) => html("span", { class: alarm.level }, alarm.cause.replace("_", " ")));
   }
 

@@ -1,20 +1,20 @@
-// The engineer's page: one moment of the run, for all cars; the last one, or the one looked for.
+// The engineer's page: all cars at one time of the run, either the latest or a selected one.
 import { Card } from "./cards.js";
 import { html } from "./make.js";
 import { Sequence } from "./sequence.js";
 import { Store, isWarning } from "./store.js";
-import { drawDiscarded, drawFused, drawLedger, drawSaid } from "./tables.js";
+import { drawDiscarded, drawFused, drawLedger, drawEvents } from "./tables.js";
 import { Timeline } from "./timeline.js";
 
-const ASK_MS = 250;
-const BEHIND_S = 0.6; // so that all that belongs to a moment has come
+const POLL_MS = 250;
+const BEHIND_S = 0.6; // delay, so that all entries of the shown time have arrived
 const WINDOWS_S = [0.05, 0.5, 3, 10];
 const $ = (id) => document.getElementById(id);
 
 const store = new Store();
 const run = await (await fetch("run")).json();
-let next = 0, start_s = null, now_s = 0, heard_ms = performance.now();
-let paused_s = null;   // the moment looked at; null goes with the run
+let next = 0, start_s = null, now_s = 0, received_ms = performance.now();
+let paused_s = null;   // the selected time; null follows the run
 let window_s = 3;
 let isOver = false;
 
@@ -37,62 +37,62 @@ const steps = {
   "earlier": [-1], "later": [1], "earlier-warning": [-1, isWarning], "later-warning": [1, isWarning],
 };
 for (const [id, [direction, stopsAt]] of Object.entries(steps)) $(id).onclick = () => step(direction, stopsAt);
-$("pause").onclick = () => seek(paused_s === null ? moment() : null);
+$("pause").onclick = () => seek(paused_s === null ? shownTime() : null);
 document.onkeydown = (event) => {
-  const doing = {
+  const action = {
     " ": () => $("pause").onclick(), ArrowLeft: () => step(-1), ArrowRight: () => step(1),
     w: () => step(1, isWarning), W: () => step(-1, isWarning),
   }[event.key];
-  if (doing) { event.preventDefault(); doing(); }
+  if (action) { event.preventDefault(); action(); }
 };
 new ResizeObserver(() => draw()).observe($("sequence"));
-setInterval(ask, ASK_MS);
+setInterval(poll, POLL_MS);
 setInterval(async () => {
-  try { drawLedger($("ledger"), await (await fetch("ledger")).json()); } catch { /* It stays as it was. */ }
+  try { drawLedger($("ledger"), await (await fetch("ledger")).json()); } catch { /* The last ledger stays. */ }
 }, 1500);
-ask();
+poll();
 
 function base() { return start_s ?? store.first_s ?? now_s; }
 
-function moment() {
+function shownTime() {
   if (paused_s !== null) return paused_s;
-  const live_s = now_s + (isOver ? 0 : (performance.now() - heard_ms) / 1e3) - BEHIND_S;
+  const live_s = now_s + (isOver ? 0 : (performance.now() - received_ms) / 1e3) - BEHIND_S;
   return Math.min(live_s, base() + run.duration_s + 1);
 }
 
 function seek(at_s) {
   paused_s = at_s;
-  $("pause").textContent = at_s === null ? "Pause" : "Go on";
+  $("pause").textContent = at_s === null ? "Pause" : "Resume";
   document.body.classList.toggle("paused", at_s !== null);
   draw();
 }
 
 function step(direction, stopsAt) {
-  const entry = store.next(moment(), direction, stopsAt);
+  const entry = store.next(shownTime(), direction, stopsAt);
   if (entry) seek(entry.stamp_s);
 }
 
-async function ask() {
-  if (ask.busy) return;
-  ask.busy = true;
+async function poll() {
+  if (poll.busy) return;
+  poll.busy = true;
   try {
-    const news = await (await fetch(`entries?from=${next}`)).json();
-    ({ start_s, now_s, next } = news);
-    heard_ms = performance.now();
+    const answer = await (await fetch(`entries?from=${next}`)).json();
+    ({ start_s, now_s, next } = answer);
+    received_ms = performance.now();
     isOver = false;
-    news.entries.forEach((entry) => store.add(entry));
-  } catch { isOver = true; } finally { ask.busy = false; }
+    answer.entries.forEach((entry) => store.add(entry));
+  } catch { isOver = true; } finally { poll.busy = false; }
   document.body.classList.toggle("over", isOver);
   if (paused_s === null) draw();
 }
 
 function draw() {
-  const at_s = moment();
-  $("clock").textContent = start_s === null ? "getting ready" : `${(at_s - start_s).toFixed(3)} s`;
+  const at_s = shownTime();
+  $("clock").textContent = start_s === null ? "starting" : `${(at_s - start_s).toFixed(3)} s`;
   timeline.draw(base(), run.duration_s, Math.min(now_s, base() + run.duration_s), at_s);
   sequence.draw(at_s, window_s, base(), paused_s !== null);
   for (const card of cards) card.draw(at_s);
-  drawSaid($("said"), store, at_s, base());
+  drawEvents($("events"), store, at_s, base());
   drawDiscarded($("discarded"), run.cars, store, at_s);
   drawFused($("fused"), $("no-fused"), run.cars, store, at_s);
 }

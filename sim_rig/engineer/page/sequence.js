@@ -1,11 +1,11 @@
-// A line down for each car, time downwards, an arrow for each message that was received.
+// Sequence diagram: a lifeline per car, time downwards, an arrow per received message.
 import { svg } from "./make.js";
 
 const TOP_PX = 26, SIDE_PX = 58;
-const AHEAD = 0.4;       // the part of the window behind the moment, once it is past
-const NAME_ALL_S = 0.5;  // in a longer window only the rare messages are named
+const AHEAD = 0.4;       // part of the window after the shown time, when that is in the past
+const NAME_ALL_S = 0.5;  // longer windows label rare messages only
 const OFTEN = new Set(["join", "reply"]);
-const MARKED = {
+const EVENT_LABELS = {
   hard_brake: (entry) => `brakes ${entry.deceleration_m_s2.toFixed(1)} m/s²`,
   warning: (entry) => `warned: ${entry.origin_id}`,
   transition: (entry) => entry.event.replace("_", " "),
@@ -28,11 +28,11 @@ export class Sequence {
     const parts = [], labels = [];
     for (const car of this.cars) {
       parts.push(svg("line", { class: "life", x1: x(car), x2: x(car), y1: TOP_PX, y2: height }));
-      labels.push(words(x(car), 16, car, "car"));
+      labels.push(textAt(x(car), 16, car, "car"));
     }
     const step_s = window_s / 5;
     for (let s = Math.ceil((from_s - start_s) / step_s) * step_s; s <= at_s - start_s; s += step_s) {
-      labels.push(words(4, y(start_s + s) + 4, s.toFixed(window_s < 1 ? 2 : 1), "time"));
+      labels.push(textAt(4, y(start_s + s) + 4, s.toFixed(window_s < 1 ? 2 : 1), "time"));
     }
     for (const car of this.cars) {
       for (const entry of this.store.between(car, "received", from_s, at_s)) this.#arrow(entry, x, y, parts, labels);
@@ -41,10 +41,10 @@ export class Sequence {
         mark.append(title(`${car} discards: ${entry.reason} (${entry.detail})`));
         parts.push(mark);
       }
-      for (const [kind, told] of Object.entries(MARKED)) {
+      for (const [kind, describe] of Object.entries(EVENT_LABELS)) {
         for (const entry of this.store.between(car, kind, from_s, at_s)) {
           parts.push(svg("circle", { class: kind, cx: x(car), cy: y(entry.stamp_s), r: 4.5 }));
-          labels.push(words(x(car) + 9, y(entry.stamp_s) + 4, told(entry), `mark ${kind}`));
+          labels.push(textAt(x(car) + 9, y(entry.stamp_s) + 4, describe(entry), `mark ${kind}`));
         }
       }
     }
@@ -65,11 +65,11 @@ export class Sequence {
       svg("path", { d: "M0 0-7-3.5V3.5Z", transform: `translate(${x2} ${y2}) rotate(${(Math.atan2(y2 - y1, x2 - x1) * 180) / Math.PI})` }));
     arrow.append(title(`${entry.message} ${sender} to ${entry.car}, ${((entry.stamp_s - sent_s) * 1e3).toFixed(1)} ms`));
     parts.push(arrow);
-    if (!overheard && (this.window_s <= NAME_ALL_S || !OFTEN.has(entry.message))) labels.push(words((x1 + 2 * x2) / 3, (y1 + 2 * y2) / 3 - 4, entry.message, `message ${entry.message}`));
+    if (!overheard && (this.window_s <= NAME_ALL_S || !OFTEN.has(entry.message))) labels.push(textAt((x1 + 2 * x2) / 3, (y1 + 2 * y2) / 3 - 4, entry.message, `message ${entry.message}`));
   }
 }
 
-function words(x, y, text, kind) {
+function textAt(x, y, text, kind) {
   const element = svg("text", { x, y, class: kind });
   element.textContent = text;
   return element;

@@ -1,18 +1,18 @@
-// Everything that the cars said, by car and kind, in order of its stamp.
+// All trace entries, by car and kind, in order of their stamps.
 
 export class Store {
   #lists = new Map();
   #sent = new Map(); // the stamps at which a message was sent
   #count = 0;
   first_s = null;
-  told = [];         // what is stepped through
+  events = [];       // the entries that the step buttons visit
 
-  // `order` is that of coming to be known: a sensor is back with a sample of before it was missed.
+  // `order` is the order of arrival: a sensor may recover with a sample older than its loss.
   add(entry) {
     entry.order = this.#count += 1;
     this.first_s = Math.min(this.first_s ?? entry.stamp_s, entry.stamp_s);
     insert(this.#list(entry.car, entry.kind), entry);
-    if (!OFTEN.has(entry.kind)) insert(this.told, entry);
+    if (!OFTEN.has(entry.kind)) insert(this.events, entry);
     if (entry.kind === "sent") {
       const key = messageKey(entry.car, entry);
       this.#sent.set(key, [...(this.#sent.get(key) ?? []), entry.stamp_s]);
@@ -31,20 +31,20 @@ export class Store {
     return list.slice(after(list, from_s), after(list, until_s));
   }
 
-  // When the message that `received` tells of was sent.
+  // The stamp at which a received message was sent.
   sentAt(received) {
     const stamps = this.#sent.get(messageKey(received.content?.sender_id, received)) ?? [];
     return stamps.filter((at_s) => at_s <= received.stamp_s).at(-1);
   }
 
-  toldBefore(at_s, count) {
-    const end = after(this.told, at_s);
-    return this.told.slice(Math.max(0, end - count), end);
+  eventsBefore(at_s, count) {
+    const end = after(this.events, at_s);
+    return this.events.slice(Math.max(0, end - count), end);
   }
 
   // The next entry to stop at, forwards (+1) or backwards (-1).
   next(at_s, direction, stopsAt) {
-    const list = stopsAt ? this.told.filter(stopsAt) : this.told;
+    const list = stopsAt ? this.events.filter(stopsAt) : this.events;
     if (direction > 0) return list[after(list, at_s + 1e-7)];
     return list[after(list, at_s - 1e-7) - 1];
   }
@@ -56,7 +56,7 @@ export class Store {
   }
 }
 
-// Of the group or of any other cause.
+// A warning of any cause.
 export function isWarning({ kind, level }) {
   return kind === "alarm" && level === "warning";
 }

@@ -1,11 +1,11 @@
-// What was said, who discarded what, what is fused from what.
+// Events, discarded messages, and perceived objects with their measurements.
 import { html, row } from "./make.js";
 
 const HIDDEN = new Set(["car", "kind", "stamp_s", "traced_s", "content", "reasons", "signer_id", "message", "order"]);
-const FUSED_HELD_S = 1.5;
+const OBJECT_SHOWN_S = 1.5;
 
-export function drawSaid(element, store, at_s, start_s) {
-  const entries = store.toldBefore(at_s, 40).reverse();
+export function drawEvents(element, store, at_s, start_s) {
+  const entries = store.eventsBefore(at_s, 40).reverse();
   element.replaceChildren(...entries.map((entry) => html("li", { class: entry.kind, "data-car": entry.car },
     html("time", {}, (entry.stamp_s - start_s).toFixed(3)), html("b", {}, entry.car),
     html("i", {}, entry.kind.replace("_", " ")), html("span", {}, sentence(entry)))));
@@ -27,9 +27,9 @@ export function drawDiscarded(table, cars, store, at_s) {
 export function drawFused(table, none, cars, store, at_s, start_s) {
   const rows = [];
   for (const { name } of cars) {
-    const known = store.between(name, "perceived_object", at_s - FUSED_HELD_S, at_s);
-    const newest = known.at(-1)?.stamp_s;
-    for (const car of known.filter((each) => each.stamp_s === newest)) {
+    const objects = store.between(name, "perceived_object", at_s - OBJECT_SHOWN_S, at_s);
+    const newest = objects.at(-1)?.stamp_s;
+    for (const car of objects.filter((each) => each.stamp_s === newest)) {
       rows.push(row(name, car.name, car.source, `${car.state[0].toFixed(1)}, ${car.state[1].toFixed(1)}`,
         car.sigma_m.toFixed(2), measurements(car.provenance)));
     }
@@ -44,14 +44,14 @@ export function drawLedger(table, lines) {
     row(hop, n, (p50_s * 1e3).toFixed(1), (p99_s * 1e3).toFixed(1))));
 }
 
-// Each measurement once, by its observer: seconds of the minute, as the BSM counts them.
+// Measurements by observer, each as seconds of the minute, as in BSMs.
 function measurements(provenance) {
   const byObserver = new Map();
   for (const [observer, stamp_ms] of provenance) {
     byObserver.set(observer, [...(byObserver.get(observer) ?? []), stamp_ms]);
   }
   return [...byObserver].map(([observer, stamps]) =>
-    `${observer}: ${stamps.sort().map((ms) => ((ms % 60000) / 1000).toFixed(2)).join(" ")}`).join("; ") || "its own word";
+    `${observer}: ${stamps.sort().map((ms) => ((ms % 60000) / 1000).toFixed(2)).join(" ")}`).join("; ") || "own BSM";
 }
 
 function sentence(entry) {

@@ -1,4 +1,4 @@
-// Who was what, when, and where it mattered; a click goes there.
+// State of each car over time, with brakings, warnings and lost sensors; a click selects a time.
 import { svg } from "./make.js";
 import { isWarning } from "./store.js";
 
@@ -19,7 +19,7 @@ export class Timeline {
     };
   }
 
-  draw(start_s, duration_s, known_s, at_s) {
+  draw(start_s, duration_s, end_s, at_s) {
     const width = this.element.clientWidth, wide = width - LABEL_PX - 12;
     const x = (stamp_s) => LABEL_PX + Math.min(Math.max((stamp_s - start_s) / duration_s, 0), 1) * wide;
     this.element.setAttribute("viewBox", `0 0 ${width} ${this.cars.length * ROW_PX + 22}`);
@@ -27,16 +27,16 @@ export class Timeline {
     this.cars.forEach(({ name }, index) => {
       const y = index * ROW_PX;
       parts.push(words(4, y + 15, name, "name"));
-      const places = [{ stamp_s: start_s, state: "regular" },
-        ...this.store.between(name, "transition", -Infinity, known_s), { stamp_s: known_s }];
-      for (let n = 0; n + 1 < places.length; n += 1) {
-        const from = x(places[n].stamp_s), to = x(places[n + 1].stamp_s);
+      const states = [{ stamp_s: start_s, state: "regular" },
+        ...this.store.between(name, "transition", -Infinity, end_s), { stamp_s: end_s }];
+      for (let n = 0; n + 1 < states.length; n += 1) {
+        const from = x(states[n].stamp_s), to = x(states[n + 1].stamp_s);
         if (to > from) {
-          parts.push(svg("rect", { class: places[n].state, x: from, y: y + 3, width: to - from, height: ROW_PX - 6 }));
+          parts.push(svg("rect", { class: states[n].state, x: from, y: y + 3, width: to - from, height: ROW_PX - 6 }));
         }
       }
       for (const [kind, path] of Object.entries(MARKS)) {
-        for (const entry of this.store.between(name, kind, start_s, known_s)) {
+        for (const entry of this.store.between(name, kind, start_s, end_s)) {
           if (kind === "alarm" && !isWarning(entry)) continue;
           parts.push(svg("path", { class: kind, d: path, transform: `translate(${x(entry.stamp_s)} ${y + ROW_PX / 2})` }));
         }
