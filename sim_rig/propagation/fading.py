@@ -6,15 +6,15 @@ from sim_rig.propagation.path_loss import Array
 
 
 class Fading:
-    """Nakagami fading: what arrives, as a factor of the mean power, from a gamma distribution."""
+    """Nakagami fading: received power as a gamma-distributed multiple of the mean power."""
 
     def __init__(self, nakagami_m: float | None, rng: np.random.Generator) -> None:
-        """`nakagami_m` is the shape, 1 for Rayleigh; None for a channel that does not fade."""
+        """`nakagami_m` is the shape, 1 for Rayleigh; `None` for a channel without fading."""
         self._m = nakagami_m
         self._rng = rng
 
     def faded(self, mean_power: Array) -> Array:
-        """One draw for each receiver."""
+        """Received power of one frame at each receiver, mW, from the mean power (receivers,)."""
         if self._m is None:
             return mean_power
         if self._m == 1.0:

@@ -1,4 +1,4 @@
-"""How much of a signal arrives: path loss over distance, and fading.
+"""Path loss over distance.
 
 Losses are in dB over distances in metres, vectorised. The two-ray model is the usual approximation
 (Rappaport, "Wireless Communications", 4.6): free space up to the crossover distance, then the
@@ -18,11 +18,11 @@ Array = NDArray[np.float64]
 
 LIGHT_M_S = 299_792_458.0
 NEAREST_M = 1.0
-"""Two antennas are never nearer than this."""
+"""Shorter distances count as this."""
 
 
 class LogDistance(Settings):
-    """A constant exponent from 1 m on."""
+    """Log-distance model: one exponent from 1 m on."""
 
     model: Literal["log-distance"] = "log-distance"
     reference_db: float = Field(default=47.86, ge=0.0, le=100.0)
@@ -35,7 +35,7 @@ class LogDistance(Settings):
 
 
 class DualSlope(Settings):
-    """One exponent near, a larger one far, as measured along roads."""
+    """Dual-slope model: one exponent up to a breakpoint and a larger one beyond, for roads."""
 
     model: Literal["dual-slope"] = "dual-slope"
     reference_db: float = Field(default=47.86, ge=0.0, le=100.0)
@@ -53,7 +53,7 @@ class DualSlope(Settings):
 
 
 class TwoRay(Settings):
-    """The direct ray and the one reflected by the road."""
+    """Two-ray ground model: the direct ray and the one reflected by the road."""
 
     model: Literal["two-ray"] = "two-ray"
     antenna_height_m: float = Field(default=1.5, gt=0.0, le=20.0)

@@ -1,10 +1,9 @@
-"""What stands between two antennas: buildings and cars.
+"""Attenuation by buildings and cars between two antennas.
 
 Buildings after Sommer et al., "A Computationally Inexpensive Empirical Model of IEEE 802.11p Radio
-Shadowing in Urban Environments" (WONS 2011): so many dB for each wall that the line of sight cuts,
-and so many for each metre inside. Cars after Boban et al., "Impact of Vehicles as Obstacles in
-Vehicular Ad Hoc Networks" (JSAC 2011), as single knife edges (ITU-R P.526, 4.1), of which the
-worst counts.
+Shadowing in Urban Environments" (WONS 2011): a loss for each wall that the line of sight cuts, and
+a loss per metre inside. Cars after Boban et al., "Impact of Vehicles as Obstacles in Vehicular Ad
+Hoc Networks" (JSAC 2011), as single knife edges (ITU-R P.526, 4.1), of which the largest counts.
 """
 
 from dataclasses import dataclass
@@ -20,37 +19,37 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _CLEAR_BELOW = -0.78
-"""Fresnel parameter of an edge so low that it takes nothing."""
+"""Fresnel parameter below which an edge causes no loss."""
 
 Corner = Annotated[tuple[float, float], Field(description="x and y in metres")]
 
 
 class Building(Settings):
-    """One building from above."""
+    """Ground plan of a building."""
 
     corners_m: tuple[Corner, ...] = Field(min_length=3)
-    """In order, either way round; the last is joined to the first."""
+    """In either order of rotation; the last is joined to the first."""
     wall_db: float = Field(default=9.0, ge=0.0, le=60.0)
-    """For each wall cut."""
+    """Loss of each wall cut."""
     inside_db_per_m: float = Field(default=0.4, ge=0.0, le=10.0)
 
     def loss_db(self, from_m: Array, to_m: Array) -> Array:
-        """What the building takes from each line of sight, both (lines, 2)."""
+        """Loss of each line of sight, (lines,), from `from_m` to `to_m`, both (lines, 2)."""
         corners_m = np.array(self.corners_m)
         x, y = corners_m.T
         if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0:
             corners_m = corners_m[::-1]  # anticlockwise from here on
         wall_m = np.roll(corners_m, -1, axis=0) - corners_m
         line_m = to_m - from_m
-        # A wall is cut where its ends lie on two sides of the line. Each corner's side is worked
-        # out once for both its walls, so that a line through a corner cuts both or neither.
+        # A wall is cut if its ends are on different sides of the line. Each corner's side is
+        # computed once for both its walls, so that a line through a corner cuts both or neither.
         to_corner_m = corners_m[None] - from_m[:, None]
         left = _cross(line_m[:, None], to_corner_m) > 0.0
         span = _cross(line_m[:, None], wall_m[None])
         crossing = (left != np.roll(left, -1, axis=1)) & (span != 0.0)
         t = np.divide(_cross(to_corner_m, wall_m[None]), span, np.zeros_like(span), where=crossing)
         cut = crossing & (t >= 0.0) & (t <= 1.0)
-        # Walls that are left add the part of the line before them, those entered take it away.
+        # Walls at exits add the part of the line before them, walls at entries subtract it.
         inside = np.sum(np.where(cut, np.sign(span) * t, 0.0), axis=1) + self._holds(
             to_m, corners_m
         )
@@ -73,7 +72,7 @@ class Building(Settings):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleShadowing:
-    """All cars on the road, with a radio or without."""
+    """All cars on the road, with or without a radio."""
 
     middle_m: Array
     """(vehicles, 2)."""
@@ -83,13 +82,13 @@ class VehicleShadowing:
     """(vehicles,) above the road."""
 
     def loss_db(self, from_m: Array, to_m: Array, antenna_m: float, wave_m: float) -> Array:
-        """What the worst car between takes from each line of sight; 0 with nobody between.
+        """Loss of each line of sight by the car that attenuates most; 0 without cars between.
 
         Args:
             from_m: (lines, 2).
             to_m: (lines, 2).
-            antenna_m: height of the antennas. A car does not shadow its own.
-            wave_m: length of the wave.
+            antenna_m: height of the antennas; a car does not shadow its own.
+            wave_m: wavelength.
         """
         line_m = to_m - from_m
         length_m = np.linalg.norm(line_m, axis=1)[:, None]

@@ -1,7 +1,7 @@
-"""The air between the radio units: one interface, two models behind it.
+"""Interface of the radio channel between the units, with two models.
 
-`reach` (`reach.py`) lets everybody hear whom a scenario wants it to hear, late, lost or twice.
-`csma` (`csma_air.py`) is the 802.11p channel (`channel.py`). Live and virtual runs use either.
+`reach` (`reach.py`) has connectivity, delay, loss and duplication by the scenario. `csma`
+(`csma_air.py`) is the 802.11p channel (`channel.py`). Live and virtual runs use either.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,18 +11,18 @@ from typing import Protocol
 from sim_rig.roads.road import CarState
 
 CarsAt = Callable[[float], Mapping[str, CarState]]
-"""Where the cars are at a moment."""
-LOOK_EVERY_S = 0.1
-"""The air looks this often where they are."""
+"""States of all cars at a `now`."""
+POSITION_INTERVAL_S = 0.1
+"""Interval at which the channel updates the cars' positions."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Delivery:
-    """One copy of a frame on its way to one receiver."""
+    """One copy of a frame for one receiver."""
 
     at_s: float
     order: int
-    """Frames that arrive together arrive as they were sent."""
+    """Copies with equal `at_s` arrive in the order of sending."""
     sender: str = field(compare=False)
     receiver: str = field(compare=False)
     user_priority: int = field(compare=False)
@@ -30,14 +30,21 @@ class Delivery:
 
 
 class Air(Protocol):
-    """What carries frames from unit to unit."""
+    """A model of the radio channel."""
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
-        """The unit of `sender` is given a frame to transmit."""
+        """Pass a frame to the radio unit of its sender.
+
+        Args:
+            sender: name of the sending car.
+            wsm: the frame.
+            user_priority: its user priority, 0 to 7.
+            now: monotonic time, s.
+        """
         ...
 
     def wsms_to_deliver(self, now: float) -> list[Delivery]:
-        """The copies that have arrived by now, in order."""
+        """Return the copies that have arrived by `now`, in order."""
         ...
 
     def get_timer(self) -> float:

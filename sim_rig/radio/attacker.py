@@ -1,7 +1,7 @@
-"""A car whose owner lies: with its radio and its keys, beside what the car says itself.
+"""An insider attacker, who sends false messages with the radio and the keys of a car.
 
-What is forged is made as well as an insider can make it: signed, in the right group, moving as a
-car can.
+Forged messages are as plausible as an insider can make them: signed, in the right group, with
+possible motion.
 """
 
 import heapq
@@ -43,7 +43,14 @@ class Attacker:
         utc_offset_s: float,
         credentials: Credentials | None,
     ) -> None:
-        """Sign with `credentials`; `at_s` tells the scenario's time at a `now`."""
+        """Prepare an attack.
+
+        Args:
+            fault: the attack.
+            at_s: time since the start of the scenario at a `now`, s.
+            utc_offset_s: UTC minus `now`, s.
+            credentials: keys of the car; without them, messages are unsigned.
+        """
         self.car = fault.car
         self._fault = fault
         self._at_s = at_s
@@ -52,20 +59,27 @@ class Attacker:
         self._credentials = {each.certificate.hashed_id8: each for each in own}
         self._signer: bytes | None = None
         self._core: CoreData | None = None
-        self._place: Reply | Update | None = None
-        self._heard: list[tuple[float, int, int, bytes]] = []
+        self._group_message: Reply | Update | None = None
+        self._to_replay: list[tuple[float, int, int, bytes]] = []
         self._order = count()
         self._next_at = math.inf
         self._sequence = _FIRST_SEQUENCE
         self._ghost_began_at: float | None = None
 
     def overhear(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
-        """Somebody, or the car itself, transmits."""
+        """Process a frame of any car, also of the attacker's own.
+
+        Args:
+            sender: name of the sending car.
+            wsm: the frame.
+            user_priority: its user priority.
+            now: monotonic time, s.
+        """
         if not self._fault.holds(self.car, self._at_s(now)):
             return
         if self._fault.what == "replay":
             due_at = now + self._fault.delay_s
-            heapq.heappush(self._heard, (due_at, next(self._order), user_priority, wsm))
+            heapq.heappush(self._to_replay, (due_at, next(self._order), user_priority, wsm))
         elif sender == self.car:
             self._learn(wsm)
             if self._next_at == math.inf:
@@ -73,12 +87,12 @@ class Attacker:
 
     def get_timer(self) -> float:
         """Return when the next frame is injected; `math.inf` when none is planned."""
-        return self._heard[0][0] if self._heard else self._next_at
+        return self._to_replay[0][0] if self._to_replay else self._next_at
 
     def wsms_to_send(self, now: float) -> Iterator[tuple[int, bytes]]:
-        """The lies that are due, as (user priority, WSM)."""
-        while self._heard and self._heard[0][0] <= now:
-            _, _, user_priority, wsm = heapq.heappop(self._heard)
+        """Yield the false messages that are due, as (user priority, WSM)."""
+        while self._to_replay and self._to_replay[0][0] <= now:
+            _, _, user_priority, wsm = heapq.heappop(self._to_replay)
             yield user_priority, wsm
         if self._next_at > now:
             return
@@ -86,8 +100,8 @@ class Attacker:
             self._next_at = math.inf
         elif self._fault.what == "forged_brake":
             self._next_at += self._fault.every_s
-            if self._place is not None:
-                yield Warn.user_priority, self._forged_warning(self._place, now)
+            if self._group_message is not None:
+                yield Warn.user_priority, self._forged_warning(self._group_message, now)
         else:
             self._next_at += _GHOST_EVERY_S
             if self._core is not None:
@@ -95,7 +109,7 @@ class Attacker:
                 yield ghost.user_priority, self._sealed(bsm.encode(ghost), psid.BSM, now)
 
     def _learn(self, wsm: bytes) -> None:
-        """Where the car is, its place in its group and its pseudonym, from what it says itself."""
+        """Take position, group position and pseudonym of the car from its own messages."""
         frame = wsmp.decode(wsm)
         data = ieee1609dot2.decode(frame.payload)
         if isinstance(data, SignedData):
@@ -109,10 +123,10 @@ class Attacker:
         except DecodeError:
             return
         if isinstance(message, Reply | Update):
-            self._place = message
+            self._group_message = message
 
     def _sign_as(self, data: SignedData) -> None:
-        """One car, one pseudonym: nobody would believe two that go by one ID."""
+        """Sign with the car's current pseudonym: two pseudonyms with one ID are implausible."""
         signer = data.signer if isinstance(data.signer, bytes) else data.signer[0].hashed_id8
         if signer != self._signer:
             self._signer = signer
@@ -135,7 +149,7 @@ class Attacker:
         return self._sealed(lcca.encode(warn), psid.LCCA, now)
 
     def _ghost(self, core: CoreData, now: float) -> BasicSafetyMessage:
-        """A car ahead in the same lane that brakes for half a cycle, and speeds up again."""
+        """BSM of a car ahead in the lane that brakes for half a cycle and accelerates again."""
         if self._ghost_began_at is None:
             self._ghost_began_at = now
         since_s = now - self._ghost_began_at
@@ -158,7 +172,7 @@ class Attacker:
 
 
 def _ahead(core: CoreData, ahead_m: float) -> CoreData:
-    """The same further along its heading; where it is not known, nobody is ahead of it either."""
+    """Move a position ahead along its heading; without position or heading it stays."""
     if core.latitude_deg is None or core.longitude_deg is None or core.heading_rad is None:
         return core
     north_deg = ahead_m * math.cos(core.heading_rad) / _METRES_PER_DEGREE

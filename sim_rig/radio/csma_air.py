@@ -1,4 +1,4 @@
-"""The 802.11p channel under the radio units, without I/O: names and bytes around `Channel`."""
+"""The 802.11p channel between the radio units: maps names and bytes to `Channel`."""
 
 import heapq
 import math
@@ -7,36 +7,43 @@ from itertools import count
 import numpy as np
 
 from sim_rig.propagation.shadowing import VehicleShadowing
-from sim_rig.radio.air import LOOK_EVERY_S, CarsAt, Delivery
+from sim_rig.radio.air import POSITION_INTERVAL_S, CarsAt, Delivery
 from sim_rig.radio.channel import Channel
 from sim_rig.roads.road import CarState
 from sim_rig.scenario.radio_settings import CsmaSettings
 
 
 class CsmaAir:
-    """Carries each frame to everybody who hears it, when the channel is free for its sender."""
+    """Delivers each frame to the units that receive it on the 802.11p channel."""
 
     def __init__(
         self, settings: CsmaSettings, cars_at: CarsAt, units: list[str], rng: np.random.Generator
     ) -> None:
-        """Join `units`, the cars that have a radio; `cars_at(now)` says where they are."""
+        """Open the channel.
+
+        Args:
+            settings: parameters of the channel.
+            cars_at: states of all cars at a `now`.
+            units: names of the cars with a radio.
+            rng: source of backoffs, fading and losses.
+        """
         self._cars_at = cars_at
         self._units = units
         self._index = {unit: index for index, unit in enumerate(units)}
         self._channel = Channel(settings, len(units), rng)
-        self._looked = -1
+        self._updated = -1
         self._carried: dict[int, tuple[int, bytes]] = {}
         self._order = count()
         self._in_flight: list[Delivery] = []
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
-        """The unit of `sender` is given a frame to transmit."""
-        self._look(now)
+        """Queue a frame at its sender; see `Air.receive_wsm`."""
+        self._update_positions(now)
         number = self._channel.receive_frame(self._index[sender], len(wsm), user_priority, now)
         self._carried[number] = user_priority, wsm
 
     def wsms_to_deliver(self, now: float) -> list[Delivery]:
-        """The copies that have arrived by now, in order."""
+        """Return the copies that have arrived by `now`, in order."""
         self._channel.handle_timer(now)
         while (reception := self._channel.next_event()) is not None:
             user_priority, wsm = self._carried.pop(reception.number)
@@ -61,11 +68,11 @@ class CsmaAir:
         arrives_at = self._in_flight[0].at_s if self._in_flight else math.inf
         return min(self._channel.get_timer(), arrives_at)
 
-    def _look(self, now: float) -> None:
-        """See where the cars are, if they were not looked at just now."""
-        moment = math.floor(now / LOOK_EVERY_S)
-        if moment != self._looked:
-            self._looked = moment
+    def _update_positions(self, now: float) -> None:
+        """Update the positions of the stations, once per `POSITION_INTERVAL_S`."""
+        moment = math.floor(now / POSITION_INTERVAL_S)
+        if moment != self._updated:
+            self._updated = moment
             cars = self._cars_at(now)
             self._channel.receive_positions(
                 np.array([_middle_m(cars[unit]) for unit in self._units]),

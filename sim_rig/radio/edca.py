@@ -1,12 +1,12 @@
-"""Who may transmit when: EDCA, the contention of one station (IEEE 802.11-2016, 10.22.2).
+"""EDCA: channel access of one station (IEEE 802.11-2016, 10.22.2).
 
-A station listens; when the channel has been free for the category's AIFS, it counts down its
-backoff slots while the channel stays free, and transmits. Counting is not simulated slot by slot:
-the end is computed, and computed anew when the channel was taken before it came.
+When the channel has been free for the AIFS of the category, the station counts down its backoff
+slots while the channel stays free, and transmits. The end of the backoff is computed, not simulated
+slot by slot, and computed again when the channel becomes busy before it.
 
 A backoff is drawn when a frame is queued on a busy channel, and after each transmission. On a free
-channel a frame goes at the next slot boundary. Broadcast frames are not acknowledged, so the
-contention window grows only when categories of one station collide with each other.
+channel a frame is sent at the next slot boundary. Broadcast frames are not acknowledged, so the
+contention window grows only by internal collisions between the categories of a station.
 """
 
 import math
@@ -19,16 +19,16 @@ import numpy as np
 SLOT_S = 13e-6
 SIFS_S = 32e-6
 EIFS_EXTRA_S = SIFS_S + 88e-6
-"""Longer than after a good frame: SIFS and the time of the acknowledgement that might come."""
+"""Extra wait after a corrupt frame: SIFS and the duration of an acknowledgement."""
 LIFETIME_S = 0.5
-"""A frame that has waited longer is given up (dot11EDCATableMSDULifetime, 500 TU by default; ns-3
+"""A frame that has waited longer is dropped (dot11EDCATableMSDULifetime, 500 TU by default; ns-3
 has 500 ms)."""
 _SAME_S = 1e-10
-"""Times that differ by less are the same, whatever floats say."""
+"""Tolerance for rounding: times that differ by less are equal."""
 
 
 class AccessCategory(IntEnum):
-    """From the first served to the last."""
+    """Access category, in order of priority."""
 
     VO = 0
     VI = 1
@@ -37,7 +37,7 @@ class AccessCategory(IntEnum):
 
     @classmethod
     def of(cls, user_priority: int) -> "AccessCategory":
-        """Of a user priority, 0 to 7 (table 10-1)."""
+        """Access category of a user priority, 0 to 7 (table 10-1)."""
         return _OF_USER_PRIORITY[user_priority]
 
 
@@ -55,7 +55,7 @@ _OF_USER_PRIORITY = (
 
 @dataclass(frozen=True, slots=True)
 class _Parameters:
-    """Outside the context of a BSS (table 9-138)."""
+    """EDCA parameters outside the context of a BSS (table 9-138)."""
 
     aifsn: int
     least_window: int
@@ -72,7 +72,7 @@ _PARAMETERS = (
 
 @dataclass(slots=True)
 class QueuedFrame:
-    """One frame at its sender."""
+    """A frame in a queue of its sender."""
 
     number: int
     psdu_bytes: int
@@ -81,24 +81,24 @@ class QueuedFrame:
 
 @dataclass(slots=True)
 class _Contention:
-    """One access category of one station."""
+    """Queue and backoff of one access category of a station."""
 
     parameters: _Parameters
     window: int
     queue: deque[QueuedFrame] = field(default_factory=deque)
     slots: int = 0
     from_s: float = 0.0
-    """Slots count from here, unless the channel is taken for longer."""
+    """Backoff slots count from this time, or later if the channel is busy."""
 
     def starts_s(self, free_s: float) -> float:
-        """When counting starts, the channel being free (SIFS included) from `free_s`."""
+        """Start of the countdown if the channel is free (including SIFS) from `free_s`."""
         return max(self.from_s, free_s + self.parameters.aifsn * SLOT_S)
 
     def ends_s(self, free_s: float) -> float:
         return self.starts_s(free_s) + self.slots * SLOT_S
 
     def count_until(self, now: float, free_s: float) -> None:
-        """Count down the slots that have gone; the first goes at the end of AIFS."""
+        """Count down the slots that have passed; the first ends with AIFS."""
         if not self.slots:
             return
         starts_s = self.starts_s(free_s)
@@ -109,25 +109,33 @@ class _Contention:
 
 
 class Station:
-    """One station's four queues.
+    """The four queues of one station.
 
-    In the methods, `free_s` is when the channel is or was free again as this station hears it,
-    with SIFS on top, or what takes its place after a frame that could not be read.
+    In all methods, `free_s` is the end of the last busy period at this station plus SIFS, or plus
+    EIFS less AIFS after a corrupt frame.
     """
 
     __slots__ = ("_contentions", "_rng", "access_s")
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._contentions: dict[AccessCategory, _Contention] = {}
-        """Of the categories that have had a frame, from the first served to the last."""
+        """By category, in order of priority; only categories that had a frame."""
         self._rng = rng
         self.access_s = math.inf
-        """When it transmits, if the channel stays free; infinity with nothing to send."""
+        """Time of the next transmission if the channel stays free; infinite without a frame."""
 
     def enqueue(
         self, frame: QueuedFrame, category: AccessCategory, now: float, free_s: float, busy: bool
     ) -> None:
-        """Queue a frame; `busy` says whether the channel is taken now."""
+        """Queue a frame.
+
+        Args:
+            frame: the frame.
+            category: its access category.
+            now: time, s.
+            free_s: see the class.
+            busy: whether the channel is busy now.
+        """
         contention = self._contention(category)
         contention.queue.append(frame)
         if len(contention.queue) > 1:
@@ -141,31 +149,31 @@ class Station:
         self.plan(now, free_s)
 
     def plan(self, now: float, free_s: float) -> None:
-        """Work out `access_s` anew."""
+        """Compute `access_s` again."""
         ends_s = [each.ends_s(free_s) for each in self._contentions.values() if each.queue]
         self.access_s = max(now, min(ends_s)) if ends_s else math.inf
 
     def pause(self, now: float, free_s: float) -> None:
-        """The channel is taken from `now` on; `free_s` is from before."""
+        """Pause all backoffs: the channel is busy from `now` on; `free_s` is of the time before."""
         for contention in self._contentions.values():
             contention.count_until(now, free_s)
 
     @property
     def is_at_rest(self) -> bool:
-        """Nothing to send, and no backoff left to count."""
+        """Whether there is neither a frame to send nor a running backoff."""
         return not any(each.slots or each.queue for each in self._contentions.values())
 
-    def give_up(self, now: float) -> list[QueuedFrame]:
-        """Drop the frames that have waited for too long; they are returned."""
-        given_up: list[QueuedFrame] = []
+    def drop_expired(self, now: float) -> list[QueuedFrame]:
+        """Drop and return the frames whose lifetime has ended."""
+        dropped: list[QueuedFrame] = []
         for contention in self._contentions.values():
             queue = contention.queue
             while queue and queue[0].queued_s < now - LIFETIME_S:
-                given_up.append(queue.popleft())
-        return given_up
+                dropped.append(queue.popleft())
+        return dropped
 
     def take(self, now: float, free_s: float) -> QueuedFrame:
-        """The frame that is transmitted now: others that are due lose, and draw again."""
+        """Return the frame to transmit now; other due categories have an internal collision."""
         due = [
             each
             for each in self._contentions.values()
@@ -184,7 +192,7 @@ class Station:
         return frame
 
     def _contention(self, category: AccessCategory) -> _Contention:
-        """Made when it is first asked for: most stations never use more than one."""
+        """Queue of a category, created at its first use: most stations use one only."""
         if category not in self._contentions:
             parameters = _PARAMETERS[category]
             self._contentions[category] = _Contention(parameters, parameters.least_window)
@@ -195,7 +203,7 @@ class Station:
         return int(self._rng.integers(contention.window + 1))
 
     def _align(self, contention: _Contention, now: float, free_s: float) -> None:
-        """Slots go on while nobody has anything to send; a frame waits for the next boundary."""
+        """Start at the next slot boundary, counted from the end of AIFS on a free channel."""
         first_s = free_s + contention.parameters.aifsn * SLOT_S
         contention.from_s = now
         if now > first_s:

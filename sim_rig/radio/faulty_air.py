@@ -1,4 +1,4 @@
-"""The air, with the radios that fail and the cars that lie; live and virtual runs share it."""
+"""The radio channel with faulty radios and attackers, for live and virtual runs."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,7 +11,7 @@ from sim_rig.scenario.schema import Scenario
 
 
 class FaultyAir:
-    """An `Air` around another one."""
+    """Adds radio faults and attacks to another `Air`."""
 
     def __init__(
         self,
@@ -21,29 +21,37 @@ class FaultyAir:
         utc_offset_s: float,
         credentials: Mapping[str, Credentials],
     ) -> None:
-        """Take the true air, the scenario's time and UTC at a `now`, and what cars sign with."""
+        """Wrap a channel.
+
+        Args:
+            air: the channel without faults.
+            scenario: the scenario of the run.
+            at_s: time since the start of the scenario at a `now`, s.
+            utc_offset_s: UTC minus `now`, s.
+            credentials: keys of the cars by name, for attackers.
+        """
         self._air = air
         self._scenario = scenario
         self._at_s = at_s
-        self._liars = [
+        self._attackers = [
             Attacker(fault, at_s, utc_offset_s, credentials.get(fault.car))
             for fault in scenario.faults
             if isinstance(fault, Attack)
         ]
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
-        """The unit of `sender` is given a frame to transmit."""
+        """Transmit a frame unless the sender's radio has failed; see `Air.receive_wsm`."""
         if self._has("radio_mute", sender, now) or self._has("radio_gone", sender, now):
             return
-        for liar in self._liars:
-            liar.overhear(sender, wsm, user_priority, now)
+        for attacker in self._attackers:
+            attacker.overhear(sender, wsm, user_priority, now)
         self._air.receive_wsm(sender, wsm, user_priority, now)
 
     def wsms_to_deliver(self, now: float) -> list[Delivery]:
-        """The copies that have arrived by now, in order."""
-        for liar in self._liars:
-            for user_priority, wsm in liar.wsms_to_send(now):
-                self._air.receive_wsm(liar.car, wsm, user_priority, now)
+        """Return the copies that have arrived by `now`, in order."""
+        for attacker in self._attackers:
+            for user_priority, wsm in attacker.wsms_to_send(now):
+                self._air.receive_wsm(attacker.car, wsm, user_priority, now)
         return [
             delivery
             for delivery in self._air.wsms_to_deliver(now)
@@ -52,7 +60,9 @@ class FaultyAir:
 
     def get_timer(self) -> float:
         """Return when the next frame arrives or is injected; `math.inf` when none is planned."""
-        return min(self._air.get_timer(), *(liar.get_timer() for liar in self._liars), math.inf)
+        return min(
+            self._air.get_timer(), *(attacker.get_timer() for attacker in self._attackers), math.inf
+        )
 
     def _has(self, what: str, car: str, now: float) -> bool:
         return self._scenario.has_fault(what, car, self._at_s(now))

@@ -1,7 +1,7 @@
-"""The radio unit at the end of a car's UDP wire: datagrams to and from WSMs on the air.
+"""Radio units at the end of the cars' UDP connections.
 
-As ITRI's unit does in the paper (section 4): a datagram holds one WSM, its IP precedence is the
-user priority (IP_TOS = priority << 5). One socket for each car's unit, one air behind them.
+As ITRI's unit in the LCCA paper (section 4): a datagram holds one WSM, and its IP precedence is the
+user priority (IP_TOS = priority << 5). Each car's unit has a socket; all share one channel.
 """
 
 import asyncio
@@ -26,7 +26,13 @@ class RadioUnits:
         recorder: RigRecorder,
         is_mute: Callable[[str, float], bool] = lambda _car, _now: False,
     ) -> None:
-        """Join `air`; what `is_mute` (car, now) transmits, nobody hears."""
+        """Connect the units to a channel.
+
+        Args:
+            air: the channel.
+            recorder: records transmitted and delivered frames.
+            is_mute: whether the unit of a car does not transmit at a `now`.
+        """
         self._air = air
         self._is_mute = is_mute
         self._recorder = recorder
@@ -35,7 +41,15 @@ class RadioUnits:
         self._timer: asyncio.TimerHandle | None = None
 
     def add(self, car: str, car_port: int) -> int:
-        """Open the unit of `car`, whose daemon listens on `car_port`; return the unit's port."""
+        """Open the unit of a car.
+
+        Args:
+            car: name of the car.
+            car_port: port on which the daemon listens.
+
+        Returns:
+            Port of the unit.
+        """
         unit = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         unit.bind(("127.0.0.1", 0))
         unit.setblocking(False)
@@ -46,7 +60,7 @@ class RadioUnits:
         return int(unit.getsockname()[1])
 
     def close(self) -> None:
-        """Switch all units off."""
+        """Close all units."""
         if self._timer is not None:
             self._timer.cancel()
         for unit in self._sockets.values():
@@ -87,4 +101,4 @@ class RadioUnits:
             unit.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, delivery.user_priority << 5)
             unit.sendto(delivery.wsm, ("127.0.0.1", self._car_ports[delivery.receiver]))
         except (BlockingIOError, ConnectionRefusedError):
-            pass  # A daemon that is not there hears nothing, as on a real desk.
+            pass  # the daemon does not listen (any more)

@@ -1,4 +1,4 @@
-"""What each station receives of each other one on average: path loss and shadowing."""
+"""Mean received power between all stations: path loss and shadowing."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,25 +10,31 @@ from sim_rig.scenario.radio_settings import CsmaSettings
 
 Array = NDArray[np.float64]
 
-_WORTH_MORE = 0.01
-"""Links that are weaker than the sensitivity by more than this factor are not shadowed as well."""
+_SHADOWED_FROM = 0.01
+"""Shadowing is computed for links above the sensitivity times this factor."""
 
 
 class Links:
-    """All links of a channel at one moment; each is the same both ways."""
+    """All links of a channel at one time; links are symmetric."""
 
     def __init__(
         self, settings: CsmaSettings, position_m: Array, vehicles: VehicleShadowing | None = None
     ) -> None:
-        """`position_m` is (stations, 2), NaN for a station that is not there."""
+        """Compute all links.
+
+        Args:
+            settings: parameters of the channel.
+            position_m: (stations, 2), m; NaN for absent stations.
+            vehicles: vehicles that shadow links, if the settings enable it.
+        """
         apart_m = np.linalg.norm(position_m[:, None] - position_m[None], axis=-1)
         loss_db = settings.path_loss.loss_db(apart_m)
         mean_mw = 10.0 ** ((settings.tx_power_dbm - loss_db) / 10.0)
         np.fill_diagonal(mean_mw, 0.0)
         self.mean_mw = np.nan_to_num(mean_mw)
-        """(sender, receiver)."""
+        """(sender, receiver), mean received power."""
         self.delay_s = np.nan_to_num(apart_m / LIGHT_M_S)
-        """(sender, receiver), of propagation."""
+        """(sender, receiver), propagation delay."""
         shadowing = bool(settings.buildings) or (settings.vehicles_shadow and vehicles is not None)
         if shadowing:
             self._shadow(settings, position_m, vehicles)
@@ -36,8 +42,8 @@ class Links:
     def _shadow(
         self, settings: CsmaSettings, position_m: Array, vehicles: VehicleShadowing | None
     ) -> None:
-        worth_mw = _WORTH_MORE * from_db(settings.sensitivity_dbm)
-        one, other = np.nonzero(np.triu(self.mean_mw >= worth_mw))
+        shadowed_mw = _SHADOWED_FROM * from_db(settings.sensitivity_dbm)
+        one, other = np.nonzero(np.triu(self.mean_mw >= shadowed_mw))
         from_m, to_m = position_m[one], position_m[other]
         loss_db = np.zeros(len(one))
         for building in settings.buildings:

@@ -1,4 +1,4 @@
-"""The model of the air that the settings name."""
+"""Selects the model of the radio channel."""
 
 import numpy as np
 
@@ -11,7 +11,14 @@ from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
 def open_air(
     settings: AirSettings, cars_at: CarsAt, units: list[str], rng: np.random.Generator
 ) -> Air:
-    """Join `units`, the cars that have a radio; `cars_at(now)` says where they are."""
+    """Return the channel that the settings select.
+
+    Args:
+        settings: model and parameters.
+        cars_at: states of all cars at a `now`.
+        units: names of the cars with a radio.
+        rng: source of all random effects.
+    """
     if isinstance(settings, ReachSettings):
         return ReachAir(settings, cars_at, units, rng)
     return CsmaAir(settings, cars_at, units, rng)

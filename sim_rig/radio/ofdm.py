@@ -1,4 +1,4 @@
-"""802.11p's OFDM in 10 MHz: how long a frame lasts, and how likely it survives noise.
+"""OFDM of 802.11p in 10 MHz channels: airtime and survival of frames.
 
 IEEE 802.11-2016, clause 17. Error rates are those of link simulations in white noise, tabled for
 packets of 32 and of 1458 bytes (`error_rates.csv`: the figures that ns-3 uses, R. Patidar et al.,
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 PREAMBLE_S = 32e-6
 SIGNAL_S = 8e-6
-"""The PLCP header, one symbol of the lowest rate."""
+"""Duration of the PLCP header, one symbol at the lowest rate."""
 HEADERS_S = PREAMBLE_S + SIGNAL_S
 _HEADER_MBIT_S = 3
 _SERVICE_AND_TAIL_BITS = 16 + 6
@@ -29,31 +29,37 @@ MAC_BYTES = 26 + 4
 
 _TABLES = Path(__file__).with_name("error_rates.csv")
 _LARGE_BYTES = 400
-"""From here the table of the large packets is taken."""
+"""From this size on, the table of large packets is used."""
 _STEP_DB = 0.01
 _LEAST_DB, _MOST_DB = -4.0, 24.0
-"""All tables begin and end between."""
+"""Range of the tables, which contains the transitions of all rates."""
 
 
 def psdu_bytes(payload_bytes: int) -> int:
-    """What is transmitted for a payload of the upper layers."""
+    """Size of the PSDU of a payload of the upper layers."""
     return payload_bytes + LLC_BYTES + MAC_BYTES
 
 
 def airtime_s(psdu: int, data_rate_mbit_s: float, symbol_us: int = 8) -> float:
-    """How long a frame of `psdu` bytes is on the air (17.4.3)."""
+    """Airtime of a frame (17.4.3), s.
+
+    Args:
+        psdu: size of the PSDU, bytes.
+        data_rate_mbit_s: data rate.
+        symbol_us: granularity of the duration, 8 us or 4 us.
+    """
     bits = _SERVICE_AND_TAIL_BITS + 8 * psdu
     symbols = math.ceil(bits / (data_rate_mbit_s * symbol_us))
     return HEADERS_S + symbols * symbol_us * 1e-6
 
 
 def noise_mw(noise_figure_db: float, bandwidth_hz: float = 10e6) -> float:
-    """Thermal noise at 290 K with the receiver's own on top."""
+    """Noise power of a receiver: thermal noise at 290 K times its noise figure."""
     return 1e3 * 1.380649e-23 * 290.0 * bandwidth_hz * from_db(noise_figure_db)
 
 
 def from_db(ratio_db: float) -> float:
-    """Decibels as a ratio; dBm as milliwatts."""
+    """Convert dB to a ratio, or dBm to mW."""
     return float(10.0 ** (ratio_db / 10.0))
 
 
@@ -61,11 +67,11 @@ _LEAST_SINR = from_db(_LEAST_DB)
 
 
 class SurvivalInNoise:
-    """How likely stretches of a frame survive, by their signal to noise and interference ratio."""
+    """Probability that segments of a frame survive, by their SINR."""
 
     def __init__(self, data_rate_mbit_s: int) -> None:
         self._data_rate_mbit_s = data_rate_mbit_s
-        # One table a row: the PLCP header's, and those of small and large stretches of data.
+        # One table per row: PLCP header, small and large segments of data.
         self._tables = np.stack(
             [
                 _log_survival_per_byte(rate, size)
@@ -74,15 +80,15 @@ class SurvivalInNoise:
         )
 
     def log_survival(self, sinr: Array, of_header: list[bool], durations_s: list[float]) -> Array:
-        """The logarithm of the probability that each stretch survives.
+        """Logarithm of the survival probability of each segment.
 
         Args:
-            sinr: (stretches, receivers), not in dB; (1, receivers) if it is the same for all.
-            of_header: (stretches,) whether it is one of the PLCP header or of the data.
-            durations_s: (stretches,).
+            sinr: (segments, receivers), as a ratio; (1, receivers) if equal for all segments.
+            of_header: (segments,) whether the segment is of the PLCP header or of the data.
+            durations_s: (segments,), s.
 
         Returns:
-            (stretches, receivers).
+            (segments, receivers).
         """
         rates = [_HEADER_MBIT_S if header else self._data_rate_mbit_s for header in of_header]
         sizes = [
@@ -93,7 +99,7 @@ class SurvivalInNoise:
             0 if header else 1 + (size >= _LARGE_BYTES)
             for header, size in zip(of_header, sizes, strict=True)
         ]
-        # Below the tables nothing survives, above them all does: their ends say so.
+        # The ends of the tables hold outwards: nothing survives below, everything above.
         sinr = np.maximum(sinr, _LEAST_SINR)
         step = (10.0 / _STEP_DB) * np.log10(sinr) + (0.5 - _LEAST_DB / _STEP_DB)
         np.minimum(step, self._tables.shape[1] - 1, out=step)
@@ -101,8 +107,8 @@ class SurvivalInNoise:
         log: Array = np.array(sizes)[:, None] * found
         return log
 
-    def sure_from_sinr(self) -> float:
-        """From this ratio on (not in dB) nothing is lost to noise."""
+    def lossless_sinr(self) -> float:
+        """Least SINR, as a ratio, without losses."""
         steps = np.flatnonzero(self._tables.min(axis=0) < 0.0)[-1] + 1
         return from_db(_LEAST_DB + _STEP_DB * float(steps))
 

@@ -1,4 +1,4 @@
-"""The simple air, without I/O: a scenario says who hears whom, how late, and how often not."""
+"""Simple channel model: connectivity, delay, loss and duplication, without channel access."""
 
 import heapq
 import math
@@ -8,12 +8,12 @@ from itertools import combinations, count
 import networkx as nx
 import numpy as np
 
-from sim_rig.radio.air import LOOK_EVERY_S, CarsAt, Delivery
+from sim_rig.radio.air import POSITION_INTERVAL_S, CarsAt, Delivery
 from sim_rig.scenario.radio_settings import ReachSettings
 
 
 class ReachAir:
-    """Carries each frame to everybody in reach of its sender, late, lost or twice."""
+    """Delivers each frame to all units in reach of its sender."""
 
     def __init__(
         self,
@@ -22,7 +22,14 @@ class ReachAir:
         units: list[str],
         rng: np.random.Generator,
     ) -> None:
-        """Join `units`, the cars that have a radio; `cars_at(now)` says where they are."""
+        """Open the channel.
+
+        Args:
+            settings: reach, delay, loss and duplication.
+            cars_at: states of all cars at a `now`.
+            units: names of the cars with a radio.
+            rng: source of delay, loss and duplication.
+        """
         self._settings = settings
         self._cars_at = cars_at
         self._units = units
@@ -33,8 +40,8 @@ class ReachAir:
         self._graph_of = -1
 
     def reach_graph(self, now: float) -> "nx.Graph[str]":
-        """Who hears whom now; a node for each unit. It is looked at anew ten times a second."""
-        moment = math.floor(now / LOOK_EVERY_S)
+        """Graph of the units that receive each other; updated every `POSITION_INTERVAL_S`."""
+        moment = math.floor(now / POSITION_INTERVAL_S)
         if moment != self._graph_of:
             self._graph_of = moment
             self._graph = nx.Graph()
@@ -43,14 +50,14 @@ class ReachAir:
         return self._graph
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
-        """The unit of `sender` transmits a frame."""
+        """Transmit a frame; see `Air.receive_wsm`."""
         for receiver in self.reach_graph(now)[sender]:
             for at_s in self._arrivals(now):
                 delivery = Delivery(at_s, next(self._order), sender, receiver, user_priority, wsm)
                 heapq.heappush(self._in_flight, delivery)
 
     def wsms_to_deliver(self, now: float) -> list[Delivery]:
-        """The copies that have arrived by now, in order."""
+        """Return the copies that have arrived by `now`, in order."""
         arrived: list[Delivery] = []
         while self._in_flight and self._in_flight[0].at_s <= now:
             arrived.append(heapq.heappop(self._in_flight))
@@ -71,12 +78,12 @@ class ReachAir:
                     yield one, other
 
     def _arrivals(self, now: float) -> list[float]:
-        """When one receiver gets its copies: none, one or two of them."""
+        """Arrival times of the copies for one receiver: none, one or two."""
         settings = self._settings
-        # Always the same number of draws a copy: settings change fates, not the fates of others.
-        lost, twice, held, *jitter = self._rng.random(5)
+        # The number of draws is constant, so that settings do not change other copies.
+        lost, twice, late, *jitter = self._rng.random(5)
         if lost < settings.loss:
             return []
-        at_s = now + settings.delay_s + (settings.hold_back_s if held < settings.reordering else 0)
+        at_s = now + settings.delay_s + (settings.hold_back_s if late < settings.reordering else 0)
         copies = 2 if twice < settings.duplication else 1
         return [at_s + share * settings.jitter_s for share in jitter[:copies]]
