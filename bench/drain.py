@@ -14,7 +14,7 @@ from multiprocessing.synchronize import Event
 
 from bench import Figure
 from onboard.wave_udp.drained_socket import (
-    LARGEST_DATAGRAM,
+    MAX_DATAGRAM_BYTES,
     RECEIVE_BUFFER_BYTES,
     DrainedSocket,
     udp_socket,
@@ -77,7 +77,7 @@ def _receive_batch(wire: socket.socket) -> int:
     count = 0
     try:
         while True:
-            wire.recv(LARGEST_DATAGRAM)
+            wire.recv(MAX_DATAGRAM_BYTES)
             count += 1
     except BlockingIOError:
         return count
@@ -129,7 +129,7 @@ def _receive_until_quiet(wire: socket.socket, until: int, go: Event) -> int:
     go.set()
     try:
         while count < until:
-            wire.recv(LARGEST_DATAGRAM)
+            wire.recv(MAX_DATAGRAM_BYTES)
             count += 1
     except TimeoutError:
         pass

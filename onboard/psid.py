@@ -1,9 +1,9 @@
-"""Provider service identifiers: which service a WSM is for (IEEE 1609.12)."""
+"""Provider service identifiers (PSID, IEEE 1609.12)."""
 
 from onboard.errors import DecodeError
 
 HIGHEST = 0x1020407F
-"""What four octets of p-encoding reach (IEEE 1609.12-2019, 4.1)."""
+"""Greatest PSID of four octets (IEEE 1609.12-2019, 4.1)."""
 
 BSM = 0x20
 """Vehicle to vehicle safety and awareness: the J2735 BasicSafetyMessage."""
@@ -13,7 +13,7 @@ PRIVATE_USE = range(0x4020, 0x4060)
 ISO/TC 204 registry of ITS-AIDs). The values for testing beside them need an authorisation."""
 
 LCCA = PRIVATE_USE[0]
-"""Where this house carries its warning groups, unless configured otherwise."""
+"""PSID of LCCA messages, unless configured otherwise."""
 
 NAMES = {
     BSM: "vehicle to vehicle safety and awareness",
@@ -31,7 +31,7 @@ NAMES = {
     0x100: "certificate revocation list",
     **dict.fromkeys(PRIVATE_USE, "private (unregistered) use"),
 }
-"""As registered; for people who read a decoded frame."""
+"""Names as registered, for decoded frames."""
 
 _FIRST = (0, 0x80, 0x4080, 0x204080)
 """The lowest value of each length in octets, so that every value has exactly one encoding."""

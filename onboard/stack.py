@@ -377,7 +377,7 @@ class Stack:
         self._take_access(access, now)
 
     def _take_access(self, access: AccessAdaptation, now: float) -> None:
-        self._beacon.receive_longest_interval(access.longest_interval_s, now)
+        self._beacon.receive_max_interval(access.longest_interval_s, now)
         while (event := access.next_event()) is not None:
             self._events.append(event)
 

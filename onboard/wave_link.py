@@ -1,4 +1,4 @@
-"""From a message to the bytes on the air and back: 1609.2 inside WSMP, sent by priority."""
+"""Messages to WSM frames and back: 1609.2 data in WSMP, sent by user priority."""
 
 from collections import deque
 from collections.abc import Collection
@@ -22,16 +22,16 @@ class MessageSent:
     kind: ClassVar[str] = "sent"
     stamp_s: float
     message: str
-    """Its type: `join`, `warn`, `bsm`, ..."""
+    """Type: `join`, `warn`, `bsm`, ..."""
     user_priority: int
     size_bytes: int
-    """Of the whole WSM."""
+    """Size of the whole WSM."""
     content: dict[str, object]
 
 
 @dataclass(frozen=True, slots=True)
 class MessageReceived:
-    """A message from another car that was opened; whether it concerns us is said next."""
+    """An accepted message of a remote vehicle."""
 
     kind: ClassVar[str] = "received"
     stamp_s: float
@@ -41,10 +41,10 @@ class MessageReceived:
 
 
 class WaveLink:
-    """The car's way to the radio and from it, still without I/O."""
+    """Secures, frames and queues messages, and opens received frames, without I/O."""
 
     def __init__(self, security: SecurityServices, psids: Collection[int]) -> None:
-        """Listen to the services `psids` only."""
+        """Receive the services `psids` only."""
         self._security = security
         self._psids = frozenset(psids)
         self._queue = RadioQueue()
@@ -53,10 +53,17 @@ class WaveLink:
     def submit(
         self, payload: bytes, psid: int, user_priority: int, lifetime_s: float, now: float
     ) -> int:
-        """Queue `payload` under `psid`; it is dropped if it cannot go out within `lifetime_s`.
+        """Secure and queue a message.
+
+        Args:
+            payload: the encoded message.
+            psid: its service.
+            user_priority: 0 to 7.
+            lifetime_s: time after which it is dropped if it could not be sent.
+            now: the present time.
 
         Returns:
-            the size of the whole WSM in bytes.
+            size of the whole WSM in bytes.
         """
         secured = self._security.secure(payload, psid, now)
         wsm = encode(WaveShortMessage(psid=psid, payload=secured))
@@ -67,7 +74,7 @@ class WaveLink:
         """Open a frame from the radio.
 
         Returns:
-            its PSID and what it carried, or `None` if it was discarded.
+            its PSID and content, or `None` if it was discarded.
         """
         try:
             wsm = decode(data)

@@ -1,1 +1,1 @@
-"""When this car sends a BSM, and what it says of itself in it (SAE J2945/1)."""
+"""The host vehicle's BSM: when it is sent and what it contains (SAE J2945/1)."""

@@ -1,7 +1,6 @@
-"""Where the car goes if nothing changes: the path prediction of its BSM (SAE J2945/1, A.6).
+"""Path prediction of the BSM: a circle whose radius is speed over yaw rate (SAE J2945/1, A.6).
 
-A circle, whose radius is speed over yaw rate. There is no gyroscope on these wires, so the yaw rate
-is the slope of the receiver's course, and lags by half of `WINDOW_S`.
+There is no gyroscope: the yaw rate is the slope of the GNSS course, and lags by half of `WINDOW_S`.
 """
 
 import math
@@ -15,36 +14,36 @@ from onboard.messages.bsm_safety import PathPrediction
 from onboard.observations import Position
 
 WINDOW_S = 1.2
-"""Two fixes of a receiver that gives one a second lie in it, and their jitter."""
+"""Window of the slope: two fixes of a receiver at 1 Hz, with jitter."""
 
 STRAIGHT_M = 2500.0
-"""A larger radius is called straight on."""
+"""Radius above which the path is sent as straight (SAE J2945/1, A.6)."""
 
-STANDING_M_S = 1.0
-"""Below it a course says nothing, and the path is straight."""
+STANDSTILL_M_S = 1.0
+"""Speed below which the course is noise and the path is sent as straight."""
 
 CHANGES_DEG_S2 = (0.0, 2.5, 5.0, 25.0)
 CONFIDENCES = (1.0, 0.5, 0.4, 0.0)
-"""Table A3: who is just turning the wheel does not stay on the circle."""
+"""Confidence by the rate of change of the yaw rate (SAE J2945/1, Table A3)."""
 
 _Courses = Sequence[tuple[float, float]]
-"""(stamp in s, course in rad without a jump at north)"""
+"""(stamp in s, course in rad, continuous across north)."""
 
 
 class PathPredictor:
-    """Takes fixes, tells yaw rate and circle."""
+    """Estimates yaw rate and predicted path from GNSS fixes."""
 
     def __init__(self) -> None:
         self._courses: deque[tuple[float, float]] = deque()
         self._speed_m_s: float | None = None
 
     def receive_position(self, fix: Position) -> None:
-        """Take the next fix; one that comes late is ignored."""
+        """Take the next fix; a late one is ignored."""
         courses = self._courses
         if courses and is_late(fix.stamp_s, courses[-1][0], 2 * WINDOW_S):
             return
         self._speed_m_s = fix.speed_m_s
-        if fix.course_rad is None or fix.speed_m_s is None or fix.speed_m_s < STANDING_M_S:
+        if fix.course_rad is None or fix.speed_m_s is None or fix.speed_m_s < STANDSTILL_M_S:
             courses.clear()
             return
         course = fix.course_rad
@@ -59,13 +58,13 @@ class PathPredictor:
 
     @property
     def yaw_rate_rad_s(self) -> float | None:
-        """To the right; `None` while it is not known."""
+        """Yaw rate, positive to the right; `None` while unknown."""
         return _slope(self._newest())
 
     @property
     def prediction(self) -> PathPrediction | None:
-        """What the BSM says; `None` while it is not known."""
-        if self._speed_m_s is not None and self._speed_m_s < STANDING_M_S:
+        """The predicted path for the BSM; `None` while unknown."""
+        if self._speed_m_s is not None and self._speed_m_s < STANDSTILL_M_S:
             return PathPrediction(radius_of_curve_m=None, confidence=1.0)
         newest = self._newest()
         before = [each for each in self._courses if newest and each[0] <= newest[0][0]]
@@ -88,7 +87,7 @@ class PathPredictor:
 
 
 def _slope(courses: _Courses) -> float | None:
-    """`None` if they cover less than half of the window."""
+    """Return the slope in rad/s; `None` if they cover less than half of the window."""
     if not courses or courses[-1][0] - courses[0][0] < WINDOW_S / 2:
         return None
     return slope(courses)

@@ -1,89 +1,97 @@
-"""When the next BSM is due: ten a second, fewer among many cars, at once when something happens.
+"""BSM schedule: 10 Hz, less often at high vehicle density, at once for a critical event.
 
-The rate rules are those of SAE J2945/1 (rate control by vehicle density), with its own parameter
-names in the comments. Power control and the tracking-error rule are not followed: the radios here
-do not let their power be set for a frame, and a car without GNSS has no position error to track.
+The rules are the rate control of SAE J2945/1; its parameter names stand under the constants. Power
+control and the tracking-error rule are left out: the radio units cannot set the power per frame,
+and a car without GNSS has no position error to track.
 """
 
 import numpy as np
 
 MINIMUM_INTERVAL_S = 0.1
-"""vTxRateCntrlInt: ten a second, and how often the density is looked at."""
+"""vTxRateCntrlInt: interval of BSMs at low density, and of the density measurement."""
 MAXIMUM_INTERVAL_S = 0.6
-"""vMax_ITT."""
+"""vMax_ITT: interval at the highest density."""
 DENSITY_COEFFICIENT = 25.0
-"""vDensityCoefficient: up to so many cars near, the interval is not stretched."""
+"""vDensityCoefficient: vehicles within range up to which the interval is the minimum."""
 DENSITY_WEIGHT = 0.05
-"""vDensityWeightFactor: of the newest count in the smoothed density."""
+"""vDensityWeightFactor: weight of the newest count in the smoothed density."""
 DENSITY_RANGE_M = 100.0
-"""vPERRange: cars within it count as near."""
+"""vPERRange: vehicles within this range are counted."""
 DENSITY_WINDOW_S = 1.0
-"""vPERSubInterval: a car counts if it was heard so recently."""
-SPREAD_S = 0.005
-"""vTxRand: each sending time is moved by up to this, both ways, so that cars drift out of step."""
+"""vPERSubInterval: vehicles received within this time are counted."""
+JITTER_S = 0.005
+"""vTxRand: random shift of each transmission, both ways, which desynchronises vehicles."""
 RESCHEDULE_S = 0.025
-"""vRescheduleTh: a sending time moves only if it comes forward by at least this."""
+"""vRescheduleTh: a planned transmission is advanced only by at least this."""
 
-_MOST_NEAR = 1024
-"""More would not change the interval, and memory stays bounded."""
+_MAX_COUNTED = 1024
+"""Vehicles counted, a bound on memory; more would not change the interval."""
 
 
 class BsmSchedule:
-    """Says when to send. `now` is the car's clock."""
+    """Decides when to send BSMs."""
 
     def __init__(self, rng: np.random.Generator, now: float) -> None:
-        """Start somewhere in the first interval, so that cars switched on together differ."""
+        """Start at a random time in the first interval: cars switched on together differ."""
         self._rng = rng
-        self._near_until: dict[bytes, float] = {}
+        self._in_range_until: dict[bytes, float] = {}
         self._density = 0.0
         self._measure_at = now + MINIMUM_INTERVAL_S
         self._sent_at = now
         self._send_at = now + float(rng.uniform(0.0, MINIMUM_INTERVAL_S))
         self._is_critical = False
-        self._longest_s = MAXIMUM_INTERVAL_S
+        self._max_interval_s = MAXIMUM_INTERVAL_S
 
     @property
     def interval_s(self) -> float:
-        """Time between two BSMs, at the density of now."""
-        stretched = MINIMUM_INTERVAL_S * self._density / DENSITY_COEFFICIENT
-        return min(max(stretched, MINIMUM_INTERVAL_S), self._longest_s)
+        """Time between two BSMs at the present density."""
+        interval_s = MINIMUM_INTERVAL_S * self._density / DENSITY_COEFFICIENT
+        return min(max(interval_s, MINIMUM_INTERVAL_S), self._max_interval_s)
 
-    def receive_longest_interval(self, longest_s: float, now: float) -> None:
-        """Let density stretch the interval to at most `longest_s`, from now on.
+    def receive_max_interval(self, max_s: float, now: float) -> None:
+        """Limit the interval at high density to `max_s`.
 
         Raises:
             ValueError: it is not between the limits.
         """
-        if not MINIMUM_INTERVAL_S <= longest_s <= MAXIMUM_INTERVAL_S:
+        if not MINIMUM_INTERVAL_S <= max_s <= MAXIMUM_INTERVAL_S:
             raise ValueError(f"an interval is {MINIMUM_INTERVAL_S} to {MAXIMUM_INTERVAL_S} s")
-        self._longest_s = longest_s
+        self._max_interval_s = max_s
         if self._send_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
             self._send_at = max(now, self._sent_at + self.interval_s)
 
     def receive_remote_vehicle(self, sender: bytes, distance_m: float | None, now: float) -> None:
-        """A BSM came from `sender`; a car whose distance is unknown counts as near."""
+        """Count the sender of a received BSM.
+
+        Args:
+            sender: its temporary ID.
+            distance_m: `None` if unknown; it is then counted as in range.
+            now: the present time.
+        """
         if distance_m is not None and distance_m > DENSITY_RANGE_M:
             return
-        if sender in self._near_until or len(self._near_until) < _MOST_NEAR:
-            self._near_until[sender] = now + DENSITY_WINDOW_S
+        if sender in self._in_range_until or len(self._in_range_until) < _MAX_COUNTED:
+            self._in_range_until[sender] = now + DENSITY_WINDOW_S
 
     def receive_event_flags(self, is_critical: bool, now: float) -> None:
-        """Tell whether a critical event lasts; one that begins is sent at once."""
+        """Take whether a critical event is present; the start of one makes a BSM due at once."""
         if is_critical and not self._is_critical:
             self._send_at = now
         self._is_critical = is_critical
 
     def get_timer(self) -> float:
-        """When `handle_timer` or `take_due` has something to do."""
+        """Return the time of the next BSM or density measurement."""
         return min(self._send_at, self._measure_at)
 
     def handle_timer(self, now: float) -> None:
-        """Look at the density, if that is due."""
+        """Measure the density if that is due."""
         if now < self._measure_at:
             return
         self._measure_at = now + MINIMUM_INTERVAL_S
-        self._near_until = {car: until for car, until in self._near_until.items() if until > now}
-        self._density += DENSITY_WEIGHT * (len(self._near_until) - self._density)
+        self._in_range_until = {
+            car: until for car, until in self._in_range_until.items() if until > now
+        }
+        self._density += DENSITY_WEIGHT * (len(self._in_range_until) - self._density)
         if self._send_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
             self._send_at = max(now, self._sent_at + self.interval_s)
 
@@ -93,5 +101,5 @@ class BsmSchedule:
             return False
         self._sent_at = now
         interval_s = MINIMUM_INTERVAL_S if self._is_critical else self.interval_s
-        self._send_at = now + interval_s + float(self._rng.uniform(-SPREAD_S, SPREAD_S))
+        self._send_at = now + interval_s + float(self._rng.uniform(-JITTER_S, JITTER_S))
         return True

@@ -1,7 +1,7 @@
-"""What the car says of itself ten times a second: its BSM, put together from what it knows.
+"""Composes the host vehicle's BSM from its sensors.
 
-A car without GNSS sends one all the same: speed, size and hard braking are known, the position is
-said to be unavailable (docs/decisions/0003).
+Without GNSS a BSM is sent as well: with speed, size and hard braking, and with its position as
+unavailable (docs/design/messages.md, "BSM without a position").
 """
 
 import math
@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from onboard.bsm_transmission.path_history import PathHistoryKeeper
-from onboard.bsm_transmission.path_prediction import STANDING_M_S, PathPredictor
+from onboard.bsm_transmission.path_prediction import STANDSTILL_M_S, PathPredictor
 from onboard.bsm_transmission.schedule import BsmSchedule
 from onboard.kinematics.acceleration import AccelerationEstimator
 from onboard.kinematics.geodesy import distance_m
@@ -26,24 +26,24 @@ from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensio
 from onboard.observations import BrakePedal, HardBrake, Position, Speed
 from onboard.security.pseudonyms import Pseudonym
 
-FRESH_S = 1.0
-"""A speed or pedal older than this is said to be unavailable."""
+MAX_AGE_S = 1.0
+"""Age beyond which speed and brake pedal are sent as unavailable."""
 
-POSITION_FRESH_S = 1.6
-"""The same for a position: a receiver with one fix a second is late with it. The BSM says when it
-was taken."""
+MAX_POSITION_AGE_S = 1.6
+"""Age beyond which the position is sent as unavailable: receivers at 1 Hz deliver late. `sec_mark`
+is the time of the fix."""
 
-FIX_SPEED_S = 0.25
-"""Up to this age the fix's speed is told; then the bus's, which is rounded but of now."""
+MAX_FIX_SPEED_AGE_S = 0.25
+"""Age up to which the speed of the fix is sent; then the bus speed, rounded but newer."""
 
 HARD_BRAKING_S = 1.0
-"""How long the event flag stays up after the detector's certainty, which comes once a braking."""
+"""Time for which the event flag is set after a detection; there is one detection per braking."""
 
-UNKNOWN_SIGMA_M = 5.0
-"""Of a position whose sender does not know it: an ordinary receiver in the open."""
+DEFAULT_SIGMA_M = 5.0
+"""Sigma of a position without accuracy: an ordinary receiver under open sky."""
 
 ACCELERATION_WINDOW_S = 0.8
-"""A line through speeds in whole km/h, twenty a second, is then steep to within 0.1 m/s^2 (rms)."""
+"""Window of the slope of speed: 0.1 m/s^2 rms error for whole km/h at 20 Hz."""
 
 ALL_WHEELS = (
     WheelBrakes.LEFT_FRONT | WheelBrakes.LEFT_REAR | WheelBrakes.RIGHT_FRONT
@@ -54,15 +54,23 @@ MESSAGE_COUNTS = 128
 
 
 class BsmTransmitter:
-    """Composes BSMs when they are due."""
+    """Decides when a BSM is due, and composes it."""
 
     def __init__(
         self,
         size: VehicleSize,
-        who: Pseudonym,
+        pseudonym: Pseudonym,
         rng: np.random.Generator,
         now: float,
     ) -> None:
+        """Start the schedule.
+
+        Args:
+            size: of the host vehicle.
+            pseudonym: gives temporary ID and first message count.
+            rng: for the schedule's jitter.
+            now: the present time.
+        """
         self._size = size
         self._schedule = BsmSchedule(rng, now)
         self._speed: Speed | None = None
@@ -72,70 +80,76 @@ class BsmTransmitter:
         self._predictor = PathPredictor()
         self._position: Position | None = None
         self._braking_until = -math.inf
-        self.change_identity(who)
+        self.change_identity(pseudonym)
 
-    def change_identity(self, who: Pseudonym) -> None:
-        """Go by another temporary ID, and count from elsewhere: nothing links to the old one."""
-        self._temporary_id = who.temporary_id
-        self._msg_cnt = who.first_msg_cnt
+    def change_identity(self, pseudonym: Pseudonym) -> None:
+        """Change temporary ID and message count: nothing links to the old pseudonym."""
+        self._temporary_id = pseudonym.temporary_id
+        self._msg_cnt = pseudonym.first_msg_cnt
 
     def receive_speed(self, speed: Speed) -> None:
-        """The own speed."""
+        """Take the host vehicle's speed."""
         self._speed = speed
         self._trend.receive(speed.stamp_s, speed.speed_m_s)
 
     def receive_pedal(self, pedal: BrakePedal) -> None:
-        """The own brake pedal, where the car tells it."""
+        """Take the host vehicle's brake pedal, if the bus has it."""
         self._pedal = pedal
 
     def receive_position(self, position: Position) -> None:
-        """The own position."""
+        """Take the host vehicle's position."""
         self._position = position
         self._path.receive_position(position)
         self._predictor.receive_position(position)
 
     def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
-        """The own car brakes hard: the next BSM says so, and is due at once."""
+        """Take a detection of hard braking: the next BSM has the flag and is due at once."""
         self._braking_until = brake.stamp_s + HARD_BRAKING_S
         self._schedule.receive_event_flags(self._is_braking(now), now)
 
     def receive_remote_vehicle(self, sender: bytes, position: Position | None, now: float) -> None:
-        """A BSM of another car came: many of them from near make ours rarer."""
-        away_m = None
+        """Count a received BSM for the vehicle density.
+
+        Args:
+            sender: temporary ID.
+            position: of the sender; `None` if unknown.
+            now: the present time.
+        """
+        range_m = None
         if position is not None and self._position is not None:
             own = self._position
-            away_m = distance_m(
+            range_m = distance_m(
                 own.latitude_deg, own.longitude_deg, position.latitude_deg, position.longitude_deg
             )
-        self._schedule.receive_remote_vehicle(sender, away_m, now)
+        self._schedule.receive_remote_vehicle(sender, range_m, now)
 
-    def receive_longest_interval(self, longest_s: float, now: float) -> None:
-        """How far apart BSMs may be at most (`onboard/access`)."""
-        self._schedule.receive_longest_interval(longest_s, now)
+    def receive_max_interval(self, max_s: float, now: float) -> None:
+        """Limit the interval of BSMs (`onboard/access`)."""
+        self._schedule.receive_max_interval(max_s, now)
 
     def get_timer(self) -> float:
-        """When the next BSM is due, or the density is looked at."""
+        """Return the time of the next BSM or density measurement."""
         return self._schedule.get_timer()
 
     def handle_timer(self, now: float) -> None:
-        """Look at the density."""
+        """Measure the density if that is due."""
         self._schedule.receive_event_flags(self._is_braking(now), now)
         self._schedule.handle_timer(now)
 
     def take_due(self, now: float) -> bool:
-        """Whether a BSM is to be sent now; `bsm` then makes it."""
+        """Return whether a BSM is to be sent now; `bsm` composes it."""
         return self._schedule.take_due(now)
 
     def bsm(
         self, footer: bytes | None, now: float, utc_s: float, held_heading_rad: float | None = None
     ) -> BasicSafetyMessage:
-        """The next BSM.
+        """Compose the next BSM.
 
         Args:
-            footer: rides on it.
-            now: the same moment as `utc_s`.
-            utc_s: in seconds since 1970.
-            held_heading_rad: which way the car faces, told while it stands.
+            footer: the MVS footer.
+            now: the present time, the same as `utc_s`.
+            utc_s: the present time in seconds since 1970.
+            held_heading_rad: heading to send at standstill, clockwise from true north.
         """
         self._msg_cnt = (self._msg_cnt + 1) % MESSAGE_COUNTS
         events = VehicleEventFlags.HARD_BRAKING if self._is_braking(now) else None
@@ -174,18 +188,18 @@ class BsmTransmitter:
             elevation_m=fix.altitude_m,
             accuracy=PositionalAccuracy(fix.sigma_m, fix.sigma_m, 0.0),
             speed_m_s=self._speed_m_s(fix, speed, now),
-            heading_rad=held_heading_rad if _stands(fix) else fix.course_rad,
+            heading_rad=held_heading_rad if _is_at_standstill(fix) else fix.course_rad,
             acceleration=acceleration,
             brakes=self._brakes(now),
             size=self._size,
         )
 
     def _speed_m_s(self, fix: Position, speed: Speed | None, now: float) -> float | None:
-        is_better = fix.speed_m_s is None or now - fix.stamp_s > FIX_SPEED_S
+        is_better = fix.speed_m_s is None or now - fix.stamp_s > MAX_FIX_SPEED_AGE_S
         return speed.speed_m_s if speed is not None and is_better else fix.speed_m_s
 
     def _fix(self, now: float) -> Position | None:
-        return self._position if _is_fresh(self._position, now, POSITION_FRESH_S) else None
+        return self._position if _is_fresh(self._position, now, MAX_POSITION_AGE_S) else None
 
     def _brakes(self, now: float) -> BrakeSystemStatus:
         if self._pedal is None or not _is_fresh(self._pedal, now):
@@ -197,35 +211,40 @@ class BsmTransmitter:
 
 
 def position_in(core: CoreData, now: float, utc_offset_s: float) -> Position | None:
-    """Where the sender of a BSM says it is, on our own clock; `None` if it does not say.
+    """Return the position in a BSM on the monotonic clock; `None` if it has none.
 
-    A BSM says the second of the minute only; of all minutes, the one nearest to now is meant.
+    `sec_mark` is within a minute; the minute nearest to now is assumed.
+
+    Args:
+        core: Part I of the BSM.
+        now: the present time.
+        utc_offset_s: UTC less the monotonic clock.
     """
     if core.latitude_deg is None or core.longitude_deg is None or core.sec_mark_s is None:
         return None
-    behind_s = (now + utc_offset_s - core.sec_mark_s + 30.0) % 60.0 - 30.0
+    age_s = (now + utc_offset_s - core.sec_mark_s + 30.0) % 60.0 - 30.0
     sigma_m = core.accuracy.semi_major_m
     return Position(
-        stamp_s=now - behind_s,
+        stamp_s=now - age_s,
         latitude_deg=core.latitude_deg,
         longitude_deg=core.longitude_deg,
         altitude_m=core.elevation_m,
-        sigma_m=sigma_m if sigma_m is not None else UNKNOWN_SIGMA_M,
+        sigma_m=sigma_m if sigma_m is not None else DEFAULT_SIGMA_M,
         speed_m_s=core.speed_m_s,
         course_rad=core.heading_rad,
     )
 
 
-def _stands(fix: Position) -> bool:
-    return fix.speed_m_s is not None and fix.speed_m_s < STANDING_M_S
+def _is_at_standstill(fix: Position) -> bool:
+    return fix.speed_m_s is not None and fix.speed_m_s < STANDSTILL_M_S
 
 
 def _sec_mark_s(utc_s: float) -> float:
-    """Within the minute, in whole ms: 60.000 s and on would be a leap second."""
+    """Return the time within the minute in whole ms; 60.000 s and above would be a leap second."""
     return round(utc_s * 1e3) % 60_000 / 1e3
 
 
 def _is_fresh(
-    observation: Speed | BrakePedal | Position | None, now: float, limit_s: float = FRESH_S
+    observation: Speed | BrakePedal | Position | None, now: float, limit_s: float = MAX_AGE_S
 ) -> bool:
     return observation is not None and now - observation.stamp_s <= limit_s

@@ -21,7 +21,7 @@ HIGHEST_SPEED_M_S = 90.0
 HIGHEST_ACCELERATION_M_S2 = 12.0
 """Sports tyres on dry road, accelerating or braking."""
 SPEED_ERROR_M_S = 1.0
-"""Added to every difference: two samples in whole km/h, each up to a polling interval old."""
+"""Added to every difference: two samples in whole km/h, with some delay."""
 MAX_POSITION_AGE_S = 2.0
 """Greatest age of a position in a BSM: receivers with one fix a second, delivered late."""
 POSITION_ERROR_M = 20.0

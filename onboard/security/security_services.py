@@ -19,11 +19,9 @@ from onboard.security.trust import Trusted, TrustStore
 __all__ = ["NotTrusted", "Opened", "RejectionReason", "SecurityServices"]
 
 MESSAGE_LIFETIME_S = 5.0
-"""Age beyond which a signed message is refused. Safety messages are used within a second; this also
-bounds the replay window. Ours."""
+"""Age beyond which a signed message is refused; the replay window reaches as far back. Ours."""
 CLOCK_TOLERANCE_S = 2.0
-"""How far a sender's clock may be ahead of the host vehicle's. Ours: clocks set by NTP without GNSS
-stay within it."""
+"""How far a sender's clock may be ahead of the host vehicle's. Ours."""
 CERTIFICATE_INTERVAL_S = 0.45
 """Longest time between BSMs that carry the certificate instead of its digest: vCertAttachInterval
 of SAE J2945/1. Group messages always carry it: a warning cannot wait for the next certificate."""

@@ -1,4 +1,4 @@
-"""Captures: WSMs written as pcap that Wireshark dissects by itself, and read from pcap or pcapng.
+"""Captures: WSMs written as pcap that Wireshark dissects, and read from pcap or pcapng.
 
 Formats: draft-ietf-opsawg-pcap and draft-ietf-opsawg-pcapng.
 """
@@ -22,33 +22,39 @@ _UDP = b"\x11"
 _IPV6_HEADER_BYTES = 40
 _SNAP_LENGTH = 65_535
 OWN_MAC, OTHER_MAC = bytes.fromhex("020000000001"), bytes.fromhex("020000000002")
-"""In captures, since the radio unit does not tell who sent a frame (locally administered)."""
+"""Used in captures, since radio units do not report the MAC of a sender (locally administered)."""
 _BROADCAST = b"\xff" * 6
 
 
 class CaptureError(UserError):
-    """A file that is no capture, or one of a kind that is not read."""
+    """A file that is not a capture, or of an unsupported kind."""
 
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """What one captured packet carried."""
+    """One captured packet."""
 
     utc_s: float
     message: bytes | None
-    """The WSM of a link-layer frame, or the content of a UDP datagram; `None`: neither."""
+    """The WSM of a link-layer frame, or the content of a UDP datagram; `None` if neither."""
 
 
 class PcapWriter:
     """Writes WSMs as Ethernet frames of EtherType 0x88DC."""
 
     def __init__(self, file: BinaryIO) -> None:
-        """Write the head of the file."""
+        """Write the file header."""
         self._file = file
         file.write(struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, _SNAP_LENGTH, LINKTYPE_ETHERNET))
 
     def write(self, wsm: bytes, utc_s: float, sender: bytes) -> None:
-        """Append `wsm` as sent at `utc_s` by the MAC address `sender` (6 bytes)."""
+        """Append a frame.
+
+        Args:
+            wsm: the WSMP frame.
+            utc_s: time of transmission.
+            sender: MAC address, 6 bytes.
+        """
         frame = _BROADCAST + sender + ETHERTYPE.to_bytes(2) + wsm
         seconds, microseconds = divmod(round(utc_s * 1e6), 1_000_000)
         self._file.write(struct.pack("<IIII", seconds, microseconds, len(frame), len(frame)))
@@ -56,7 +62,7 @@ class PcapWriter:
 
 
 def is_capture(data: bytes) -> bool:
-    """Whether a file that begins with `data` is a pcap or pcapng."""
+    """Return whether a file that begins with `data` is a pcap or pcapng."""
     return data[:4] in _PCAP or data[:4] == _PCAPNG
 
 
@@ -75,7 +81,7 @@ def read_capture(data: bytes) -> Iterator[Packet]:
     """Yield every packet of a pcap or pcapng, in its order.
 
     Raises:
-        CaptureError: it is neither, ends within a packet, or is of a link type that is not read.
+        CaptureError: it is neither, ends within a packet, or has an unsupported link type.
     """
     if not is_capture(data):
         raise CaptureError("neither pcap nor pcapng")
@@ -120,7 +126,7 @@ def _read_pcapng(data: bytes) -> Iterator[Packet]:
 
 
 def _interface(block: bytes, order: str) -> tuple[int, float]:
-    """Link type and unit of the stamps in seconds (option if_tsresol, else microseconds)."""
+    """Return link type and time unit in seconds (option if_tsresol, else microseconds)."""
     (link_type,) = struct.unpack_from(order + "H", block, 8)
     position = 16
     while position + 4 <= len(block) - 4:
@@ -154,7 +160,7 @@ _ETHERTYPE_AT = {
     LINKTYPE_LINUX_SLL: (14, 16),
     LINKTYPE_LINUX_SLL2: (0, 20),
 }
-"""By link type: where the EtherType stands, and where the content of the frame begins."""
+"""By link type: offsets of the EtherType and of the frame content."""
 
 
 def _message_in(frame: bytes, link_type: int) -> bytes | None:

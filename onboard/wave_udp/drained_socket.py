@@ -1,7 +1,7 @@
-"""A datagram socket on an asyncio loop that keeps up: read until it is empty, in large gulps.
+"""A datagram socket on an asyncio loop that is read until it is empty.
 
-`loop.add_reader` with a loop of `recv`, since asyncio's own datagram transport costs several times
-as much for each datagram and loses where this does not (docs/decisions/0043).
+It uses `loop.add_reader` with a loop of `recv`: asyncio's datagram transport costs several times as
+much per datagram and loses some under load (docs/design/wave_udp.md, "Receiving").
 """
 
 import asyncio
@@ -13,65 +13,77 @@ from collections.abc import Callable, Sequence
 from onboard.errors import UserError
 
 RECEIVE_BUFFER_BYTES = 4 << 20
-"""Asked of the kernel, which gives what net.core.rmem_max allows."""
+"""Requested of the kernel, which grants up to net.core.rmem_max."""
 
-LARGEST_DATAGRAM = 8192
+MAX_DATAGRAM_BYTES = 8192
 """A WSM is 2,302 bytes at most (802.11), twice that as hex text."""
 
 _IP_RECVERR = 11
-"""Of <linux/in.h>: have errors told that ICMP brings."""
+"""IP_RECVERR of <linux/in.h>: report errors that arrive by ICMP."""
 
-_OF_ONE_DATAGRAM = (errno.ENOBUFS, errno.EMSGSIZE)
-"""The interface's queue is full, or the datagram too long: the radio is there."""
+_DATAGRAM_ERRORS = (errno.ENOBUFS, errno.EMSGSIZE)
+"""A full queue of the interface, or a datagram too long: the radio is reachable."""
 
-GULP = 64
-"""At most so many datagrams in one go, then the loop looks after the rest of the car."""
+MAX_DATAGRAMS_PER_READ = 64
+"""Datagrams read in one callback, so that other work of the loop gets its turn."""
 
 
 Address = tuple[str, int] | tuple[str, int, int, int, bytes]
-"""Of UDP, or of the link layer."""
+"""A UDP or link-layer address."""
 Option = tuple[int, int, bytes]
-"""Ancillary data of one datagram: level, type, value."""
+"""Ancillary data of a datagram: level, type, value."""
 
 
 class RadioError(UserError):
-    """The wire to the radio cannot be opened; one line for the user."""
+    """The connection to the radio cannot be opened; one line for the user."""
 
 
 class DrainedSocket:
-    """Owns `wire`, a datagram socket that is bound already."""
+    """Reads and writes a datagram socket."""
 
     def __init__(
         self,
         wire: socket.socket,
         on_datagram: Callable[[bytes], None],
-        on_trouble: Callable[[str], None],
+        on_error: Callable[[str], None],
     ) -> None:
-        """`on_trouble` is told why something could not be sent, or did not arrive."""
+        """Take ownership of a socket.
+
+        Args:
+            wire: a bound datagram socket.
+            on_datagram: called with each datagram.
+            on_error: called with the reason when the radio cannot be reached.
+        """
         self.wire = wire
         self._on_datagram = on_datagram
-        self._on_trouble = on_trouble
+        self._on_error = on_error
         self._loop: asyncio.AbstractEventLoop | None = None
         wire.setblocking(False)
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Call `on_datagram` from `loop` with each datagram that comes, until `close`."""
+        """Call `on_datagram` from `loop` with each datagram, until `close`."""
         self._loop = loop
         loop.add_reader(self.wire, self._drain)
 
     def send(self, data: bytes, address: Address, options: Sequence[Option] = ()) -> None:
-        """Send `data`; it is lost where that cannot be, as on the air, and `on_trouble` is told."""
+        """Send a datagram. One that cannot be sent is dropped, and `on_error` called.
+
+        Args:
+            data: the datagram.
+            address: where to.
+            options: ancillary data.
+        """
         try:
             self.wire.sendmsg((data,), options, 0, address)
         except BlockingIOError:
-            pass  # more than the socket takes at a time
+            pass  # the send buffer is full
         except OSError as error:
-            if error.errno not in _OF_ONE_DATAGRAM:
-                self._tell(error)
+            if error.errno not in _DATAGRAM_ERRORS:
+                self._report(error)
 
     def close(self) -> None:
-        """Leave the wire. No callback comes any more."""
+        """Close the socket. No callback follows."""
         if self._loop is not None:
             self._loop.remove_reader(self.wire)
             self._loop = None
@@ -79,25 +91,25 @@ class DrainedSocket:
 
     def _drain(self) -> None:
         receive, on_datagram = self.wire.recv, self._on_datagram
-        for _ in range(GULP):
+        for _ in range(MAX_DATAGRAMS_PER_READ):
             try:
-                datagram = receive(LARGEST_DATAGRAM)
+                datagram = receive(MAX_DATAGRAM_BYTES)
             except BlockingIOError:
                 return
-            except OSError as error:  # of something sent earlier: no unit, or no interface
-                self._tell(error)
+            except OSError as error:  # about an earlier datagram: no unit, or no interface
+                self._report(error)
                 continue
             on_datagram(datagram)
-            if self._loop is None:  # closed by who got the datagram
+            if self._loop is None:  # closed by the callback
                 return
 
-    def _tell(self, error: OSError) -> None:
-        # What ICMP said stands in a queue of its own as well, and wakes us until that is empty.
+    def _report(self, error: OSError) -> None:
+        # ICMP errors are queued apart as well, and wake the loop until that queue is empty.
         with contextlib.suppress(OSError):
             while self.wire.recvmsg(0, 0, socket.MSG_ERRQUEUE):
                 pass
         if self._loop is not None:
-            self._on_trouble(error.strerror or repr(error))
+            self._on_error(error.strerror or repr(error))
 
 
 def udp_socket(host: str, port: int) -> socket.socket:

@@ -1,4 +1,4 @@
-"""Opens the wire to the radio that the configuration names."""
+"""Opens the connection to the radio unit of the configuration."""
 
 import asyncio
 from collections.abc import Callable
@@ -11,39 +11,39 @@ from onboard.wave_udp.settings import IwcuSettings, RadioSettings, Rsu41Settings
 
 
 class Endpoint(Protocol):
-    """A wire to a radio."""
+    """A connection to a radio unit."""
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Hand over each WSM that the radio receives, called from `loop`."""
+        """Pass on each received WSM, called from `loop`."""
 
     def send(self, wsm: bytes, user_priority: int) -> None:
-        """Have the radio send `wsm`, user priority 0 to 7."""
+        """Transmit `wsm` with a user priority of 0 to 7."""
 
     def close(self) -> None:
-        """Leave the wire."""
+        """Close the connection."""
 
 
 def open_endpoint(
     settings: RadioSettings,
     on_wsm: Callable[[bytes], None],
-    on_trouble: Callable[[str], None] = lambda _why: None,
+    on_error: Callable[[str], None] = lambda _why: None,
 ) -> Endpoint:
-    """Open the wire.
+    """Open the connection.
 
     Args:
-        settings: which.
-        on_wsm: gets what the radio hands over, garbage included.
-        on_trouble: told why the radio cannot be reached, as often as that is noticed. Only what
-            the network says is: that nothing listens there, nobody has the address, or the
-            interface is down. A unit that takes everything and sends nothing is not noticed.
+        settings: kind and address of the radio unit.
+        on_wsm: called with everything received, malformed frames included.
+        on_error: called with the reason each time the network reports that the radio cannot be
+            reached: nothing listens, no such address, or the interface is down. A unit that accepts
+            frames and transmits none is not detected.
 
     Raises:
         RadioError: it cannot be opened.
     """
     match settings:
         case IwcuSettings():
-            return IwcuEndpoint(settings, on_wsm, on_trouble)
+            return IwcuEndpoint(settings, on_wsm, on_error)
         case Rsu41Settings():
-            return Rsu41Endpoint(settings, on_wsm, on_trouble)
+            return Rsu41Endpoint(settings, on_wsm, on_error)
         case _:
-            return RawEndpoint(settings, on_wsm, on_trouble)
+            return RawEndpoint(settings, on_wsm, on_error)

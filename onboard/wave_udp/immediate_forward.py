@@ -13,7 +13,7 @@
     Encryption=False
     Payload=0380...
 
-The unit puts a WSMP header around the payload and sends it at once. PSIDs are p-encoded hex.
+The unit adds a WSMP header to the payload and sends it at once. PSIDs are p-encoded hex.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class ImmediateForward:
     """One message for the unit to send. Field names are the specification's."""
 
     type: str
-    """What is carried: `BSM`, `SPAT`, `MAP`, ..."""
+    """Type of the payload: `BSM`, `SPAT`, `MAP`, ..."""
     psid: int
     priority: int
     """User priority, 0 to 7."""
@@ -54,14 +54,15 @@ class ImmediateForward:
     tx_channel: str = "172"
     """A channel number, or `CCH` or `SCH`."""
     tx_interval: str = "0"
-    """In seconds, for Store and Repeat; 0 is once."""
+    """In seconds, for Store and Repeat; 0 sends once."""
     delivery_start: str = ""
-    """For Store and Repeat, as are the times in `delivery_stop`; empty here."""
+    """Start time for Store and Repeat; empty here."""
     delivery_stop: str = ""
+    """Stop time for Store and Repeat; empty here."""
     signature: bool = False
-    """Whether the unit is to sign."""
+    """Whether the unit signs the payload."""
     encryption: bool = False
-    """Whether the unit is to encrypt."""
+    """Whether the unit encrypts the payload."""
     version: str = "0.7"
 
 
@@ -69,7 +70,7 @@ def encode(message: ImmediateForward) -> bytes:
     """Return the datagram for the unit.
 
     Raises:
-        ValueError: a field holds what it cannot carry.
+        ValueError: a field cannot carry its value.
     """
     if not 0 <= message.priority <= _HIGHEST_PRIORITY:
         raise ValueError(f"a priority is 0 to {_HIGHEST_PRIORITY} (given {message.priority})")
@@ -95,7 +96,7 @@ def encode(message: ImmediateForward) -> bytes:
 
 
 def decode(data: bytes) -> ImmediateForward:
-    r"""Read such a datagram; blanks around names and values, and \r\n, are no matter.
+    r"""Read such a datagram. Blanks around names and values, and \r\n, are accepted.
 
     Raises:
         DecodeError: `not_text`, `missing_field`, `bad_field`, `bad_psid` or `too_short`.

@@ -1,7 +1,7 @@
-"""The wire to an IWCU-style radio unit: UDP, a datagram is the WSMP frame and nothing else.
+"""Connection to an IWCU radio unit: each UDP datagram is one WSMP frame (LCCA, section 4).
 
-LCCA, section 4: the unit turns UDP packets into WSMs and back. The user priority travels as the IP
-precedence, the three high bits of the type of service octet (RFC 791, 3.1).
+The user priority is sent as the IP precedence, the three high bits of the type of service octet
+(RFC 791, 3.1).
 """
 
 import asyncio
@@ -18,27 +18,27 @@ _TOS = [
 
 
 class IwcuEndpoint:
-    """Sends WSMs to the unit, and hands over those that come from it."""
+    """Sends WSMs to the unit and receives those that it forwards."""
 
     def __init__(
         self,
         settings: IwcuSettings,
         on_wsm: Callable[[bytes], None],
-        on_trouble: Callable[[str], None],
+        on_error: Callable[[str], None],
     ) -> None:
         """Bind the port. Raises `RadioError`."""
         self._unit = str(settings.unit_host), settings.unit_port
         wire = udp_socket(str(settings.listen_host), settings.listen_port)
-        self._socket = DrainedSocket(wire, on_wsm, on_trouble)
+        self._socket = DrainedSocket(wire, on_wsm, on_error)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Receive on `loop` from now on."""
+        """Start to receive on `loop`."""
         self._socket.start(loop)
 
     def send(self, wsm: bytes, user_priority: int) -> None:
-        """Give `wsm` to the unit; it is lost where the unit is not there, as it is on the air."""
+        """Send `wsm` to the unit; it is lost if the unit is not reachable."""
         self._socket.send(wsm, self._unit, _TOS[user_priority])
 
     def close(self) -> None:
-        """Leave the wire."""
+        """Close the socket."""
         self._socket.close()

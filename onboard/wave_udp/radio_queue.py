@@ -1,8 +1,8 @@
-"""What goes to the radio first, and what no longer goes at all.
+"""Outgoing frames by user priority, without I/O.
 
-A radio unit sends frame by frame, and many keep one queue for all priorities. So the queue stands
-here: the unit is given the next frame only when it has had the time to send the last one, and a
-warning waits for one frame at most, however many are queued.
+Many radio units have one queue for all priorities. The queue is therefore here: the unit gets the
+next frame only after the time it takes to send the last one, so that a warning waits for one frame
+at most, however many are queued.
 """
 
 import math
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from onboard.observations import Discarded
 
 PRIORITIES = 8
-"""User priorities 0 to 7 (IEEE 802.1D), 7 the most urgent."""
+"""User priorities 0 to 7 (IEEE 802.1D); 7 is sent first."""
 
 FRAME_OVERHEAD_S = 0.000_15
-"""Preamble and signal field of 802.11p (40 us), and its mean wait for a free channel."""
+"""Preamble and signal field of 802.11p (40 us), and the mean wait for a free channel."""
 
 MAC_BYTES = 32
-"""802.11 QoS data header (26), EtherType (2), frame check sequence (4)."""
+"""Octets of the 802.11 QoS data header (26), EtherType (2) and frame check sequence (4)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +28,10 @@ class _Queued:
 
 
 class RadioQueue:
-    """Bounded, by user priority, first in first out within one."""
+    """A bounded queue by user priority, first in first out within one."""
 
     def __init__(self, data_rate_mbit_s: float = 6.0, capacity: int = 64) -> None:
-        """Take the radio's data rate, and how many frames may wait."""
+        """Pace frames by the radio's data rate; at most `capacity` frames wait."""
         self._byte_s = 8e-6 / data_rate_mbit_s
         self._capacity = capacity
         self._queues: list[deque[_Queued]] = [deque() for _ in range(PRIORITIES)]
@@ -39,11 +39,17 @@ class RadioQueue:
         self._events: deque[Discarded] = deque()
 
     def __len__(self) -> int:
-        """How many frames wait."""
+        """Return the number of frames that wait."""
         return sum(map(len, self._queues))
 
     def put(self, wsm: bytes, user_priority: int, expires_at: float, now: float) -> None:
-        """Queue `wsm`. A full queue loses the oldest of its least urgent frames.
+        """Queue a frame. A full queue drops the oldest of its frames of lowest priority.
+
+        Args:
+            wsm: the frame.
+            user_priority: 0 to 7.
+            expires_at: time from which it is dropped instead of sent.
+            now: the present time.
 
         Raises:
             ValueError: `user_priority` is not 0 to 7.
@@ -57,7 +63,7 @@ class RadioQueue:
             self._drop(least.popleft(), "queue_full", now)
 
     def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
-        """Return the frame that the radio is to be given now, if any, as (user priority, WSM)."""
+        """Return the frame to give to the radio now, if any, as (user priority, WSM)."""
         self._drop_expired(now)
         if now < self._free_at or not len(self):
             return []
@@ -71,7 +77,7 @@ class RadioQueue:
         return self._free_at if len(self) else math.inf
 
     def next_event(self) -> Discarded | None:
-        """The oldest drop not yet taken: reason `expired` or `queue_full`."""
+        """Return the oldest dropped frame not yet taken: reason `expired` or `queue_full`."""
         return self._events.popleft() if self._events else None
 
     def _drop_expired(self, now: float) -> None:

@@ -1,4 +1,4 @@
-"""The link layer as the radio: EtherType 0x88DC on OCB-mode Wi-Fi, or veth on a desk."""
+"""The link layer as the radio: EtherType 0x88DC on OCB-mode Wi-Fi, or veth for tests."""
 
 import asyncio
 import contextlib
@@ -12,34 +12,34 @@ from onboard.wave_udp.wsmp import ETHERTYPE
 BROADCAST = b"\xff" * 6
 
 _USER_PRIORITY_BASE = 256
-"""Linux takes socket priorities 256 to 263 for user priorities 0 to 7 whatever the EtherType
-(net/wireless, cfg80211_classify8021d); 0 to 7 alone would all be best effort."""
+"""Linux maps socket priorities 256 to 263 to user priorities 0 to 7 for every EtherType
+(net/wireless, cfg80211_classify8021d); 0 to 7 would all be best effort."""
 
 
 class RawEndpoint:
-    """Sends WSMs as broadcast frames, and hands over those of others."""
+    """Sends WSMs as broadcast frames and receives those of others."""
 
     def __init__(
         self,
         settings: RawSettings,
         on_wsm: Callable[[bytes], None],
-        on_trouble: Callable[[str], None],
+        on_error: Callable[[str], None],
     ) -> None:
         """Bind the interface. Raises `RadioError`."""
         self._address = settings.interface, ETHERTYPE, 0, 0, BROADCAST
         self._user_priority: int | None = None
-        self._socket = DrainedSocket(_open(settings.interface), on_wsm, on_trouble)
+        self._socket = DrainedSocket(_open(settings.interface), on_wsm, on_error)
         self._index = socket.if_nametoindex(settings.interface)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Receive on `loop` from now on."""
+        """Start to receive on `loop`."""
         self._socket.start(loop)
 
     def send(self, wsm: bytes, user_priority: int) -> None:
-        """Broadcast `wsm`; it is lost where the interface is away or down, or its queue full."""
+        """Broadcast `wsm`; it is lost if the interface is missing or down, or its queue full."""
         wire = self._socket.wire
-        with contextlib.suppress(OSError):  # what keeps it from being sent, the socket tells
-            self._follow(wire)
+        with contextlib.suppress(OSError):  # the socket reports what prevents sending
+            self._rebind(wire)
             if user_priority != self._user_priority:
                 wire.setsockopt(
                     socket.SOL_SOCKET, socket.SO_PRIORITY, _USER_PRIORITY_BASE + user_priority
@@ -47,8 +47,8 @@ class RawEndpoint:
                 self._user_priority = user_priority
         self._socket.send(wsm, self._address)
 
-    def _follow(self, wire: socket.socket) -> None:
-        """A radio that was plugged in again has the old name and is another interface."""
+    def _rebind(self, wire: socket.socket) -> None:
+        """Bind again to a radio that was plugged in again: same name, another interface."""
         interface = self._address[0]
         index = socket.if_nametoindex(interface)
         if index != self._index:
@@ -56,12 +56,12 @@ class RawEndpoint:
             self._index = index
 
     def close(self) -> None:
-        """Leave the wire."""
+        """Close the socket."""
         self._socket.close()
 
 
 def _open(interface: str) -> socket.socket:
-    """A socket for which the kernel writes and strips the Ethernet header."""
+    """Return a socket for which the kernel writes and strips the Ethernet header."""
     try:
         wire = socket.socket(socket.AF_PACKET, socket.SOCK_DGRAM, socket.htons(ETHERTYPE))
     except PermissionError as error:

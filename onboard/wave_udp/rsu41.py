@@ -1,7 +1,7 @@
-"""The wire to a radio unit that speaks the USDOT RSU Specification 4.1.
+"""Connection to a radio unit of the USDOT RSU Specification 4.1.
 
-WSMs to send go to it as Immediate Forward messages. What it hears it forwards to us, as its own
-configuration says: as the WSM, or as the 1609.2 data in it. Both are taken.
+WSMs are sent to it as Immediate Forward messages. Depending on its configuration, the unit forwards
+what it receives as the WSM or as the 1609.2 data in it; both are accepted.
 """
 
 import asyncio
@@ -17,32 +17,32 @@ from onboard.wave_udp.wsmp import WaveShortMessage
 
 
 class Rsu41Endpoint:
-    """Sends WSMs through the unit, and hands over those that it forwards."""
+    """Sends WSMs through the unit and receives those that it forwards."""
 
     def __init__(
         self,
         settings: Rsu41Settings,
         on_wsm: Callable[[bytes], None],
-        on_trouble: Callable[[str], None],
+        on_error: Callable[[str], None],
     ) -> None:
         """Bind the port. Raises `RadioError`."""
         self._settings = settings
         self._unit = str(settings.unit_host), settings.unit_port
         self._on_wsm = on_wsm
         wire = udp_socket(str(settings.listen_host), settings.listen_port)
-        self._socket = DrainedSocket(wire, self._receive, on_trouble)
+        self._socket = DrainedSocket(wire, self._receive, on_error)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Receive on `loop` from now on."""
+        """Start to receive on `loop`."""
         self._socket.start(loop)
 
     def send(self, wsm: bytes, user_priority: int) -> None:
-        """Give `wsm` to the unit; it is lost where the unit is not there, as it is on the air."""
+        """Send `wsm` to the unit; it is lost if the unit is not reachable."""
         text = immediate_forward.encode(as_immediate_forward(wsm, user_priority, self._settings))
         self._socket.send(text, self._unit)
 
     def close(self) -> None:
-        """Leave the wire."""
+        """Close the socket."""
         self._socket.close()
 
     def _receive(self, datagram: bytes) -> None:
@@ -52,7 +52,13 @@ class Rsu41Endpoint:
 def as_immediate_forward(
     wsm: bytes, user_priority: int, settings: Rsu41Settings
 ) -> ImmediateForward:
-    """Return what makes the unit send `wsm`, whose data is secured already."""
+    """Return the message that makes the unit transmit `wsm`, whose data is secured already.
+
+    Args:
+        wsm: a WSMP frame.
+        user_priority: 0 to 7.
+        settings: gives the channel of frames that name none.
+    """
     message = wsmp.decode(wsm)
     channel = settings.channel if message.channel_number is None else message.channel_number
     return ImmediateForward(
@@ -65,10 +71,10 @@ def as_immediate_forward(
 
 
 def as_wsm(datagram: bytes, forwarded_psid: int | None) -> bytes:
-    """Return a forwarded packet as a WSM; as it is where that cannot be done, to be counted."""
+    """Return a forwarded packet as a WSM; unchanged if that is impossible, to be counted."""
     try:
         wsmp.decode(datagram)
     except DecodeError:
-        if forwarded_psid is not None and len(datagram) <= wsmp.LARGEST_DATA:
+        if forwarded_psid is not None and len(datagram) <= wsmp.MAX_DATA_BYTES:
             return wsmp.encode(WaveShortMessage(psid=forwarded_psid, payload=datagram))
     return datagram

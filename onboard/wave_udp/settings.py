@@ -1,4 +1,4 @@
-"""Which radio the car has, told apart by `endpoint`."""
+"""Settings of the radio unit; `endpoint` selects its kind."""
 
 from ipaddress import IPv4Address
 from typing import Annotated, Literal
@@ -14,31 +14,31 @@ class _UnitOnIp(Settings):
     """A radio unit that is reached by UDP."""
 
     unit_host: IPv4Address = IPv4Address("127.0.0.1")
-    """Where the unit is."""
+    """Address of the unit."""
     listen_host: IPv4Address = IPv4Address("127.0.0.1")
-    """Own address that the unit sends to; 0.0.0.0 is all of them."""
+    """Own address that the unit sends to; 0.0.0.0 stands for all."""
     listen_port: Port
     """Own port that the unit sends to."""
 
 
 class IwcuSettings(_UnitOnIp):
-    """ITRI's WAVE Communication Unit and its like: a datagram is a WSM, nothing else."""
+    """ITRI's WAVE Communication Unit and compatible ones: each datagram is one WSM."""
 
     endpoint: Literal["iwcu"]
     unit_port: Port
-    """Where the unit takes WSMs to send."""
+    """Port on which the unit accepts WSMs."""
 
 
 class Rsu41Settings(_UnitOnIp):
-    """A radio that speaks the USDOT RSU Specification 4.1, as most on the market do."""
+    """A radio unit of the USDOT RSU Specification 4.1, as most on the market are."""
 
     endpoint: Literal["rsu41"]
     unit_port: Port = 1516
-    """Where the unit takes Immediate Forward messages; 1516 is the specification's."""
+    """Port on which the unit accepts Immediate Forward messages; the specification has 1516."""
     channel: int = Field(172, ge=0, le=255)
-    """`TxChannel` of WSMs that name none."""
+    """`TxChannel` for WSMs that name none."""
     forwarded_psid: int | None = Field(None, ge=0, le=0x1020407F)
-    """PSID of 1609.2 data that the unit forwards without WSMP header; `None` discards it."""
+    """PSID for 1609.2 data that the unit forwards without WSMP header; `None` discards it."""
 
 
 class RawSettings(Settings):
@@ -52,4 +52,4 @@ class RawSettings(Settings):
 RadioSettings = Annotated[
     IwcuSettings | Rsu41Settings | RawSettings, Field(discriminator="endpoint")
 ]
-"""One of the three."""
+"""One of the three kinds."""

@@ -10,9 +10,9 @@ Version 3, octet by octet:
                 WSM length
     WSM data
 
-Counts and lengths take one octet up to 127, two from there (8.1.3). What the N-header says of the
-radio (channel, data rate, power) are fields here; elements that we do not know are kept as bytes.
-Version 2 (IEEE 1609.3-2010) is read, never written.
+Counts and lengths take one octet up to 127 and two above (8.1.3). Channel, data rate and power of
+the N-header are fields here; other elements are kept as bytes. Version 2 (IEEE 1609.3-2010) is read
+and never written.
 """
 
 from dataclasses import dataclass
@@ -22,11 +22,11 @@ from onboard.errors import DecodeError
 from onboard.psid import p_decode, p_encode
 
 ETHERTYPE: Final = 0x88DC
-"""Of WSMP on the link layer (IEEE 1609.3-2020, 5.2.1)."""
+"""EtherType of WSMP on the link layer (IEEE 1609.3-2020, 5.2.1)."""
 
 VERSION: Final = 3
-LARGEST_DATA: Final = 0x3FFF
-"""What the WSM length can say, in bytes; radios carry 1,400 unless set otherwise."""
+MAX_DATA_BYTES: Final = 0x3FFF
+"""Greatest WSM length; radios carry 1,400 bytes by default."""
 
 _TRANSMIT_POWER_USED = 4
 _CHANNEL_NUMBER = 15
@@ -34,13 +34,13 @@ _DATA_RATE = 16
 _FIELDS = (_CHANNEL_NUMBER, _DATA_RATE, _TRANSMIT_POWER_USED)
 _OPTION_INDICATOR = 0x08
 _WSM_ELEMENTS = (0x80, 0x81, 0x82)
-"""Version 2: WSMP, WSMP-S, WSMP-I. The first that comes ends the header."""
+"""Version 2: WSMP, WSMP-S, WSMP-I. The first of them ends the header."""
 _WSMP_S = 0x81
 
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """A WAVE information element that this house gives no meaning to."""
+    """A WAVE information element that is not interpreted."""
 
     element_id: int
     content: bytes
@@ -48,21 +48,21 @@ class Element:
 
 @dataclass(frozen=True, slots=True)
 class WaveShortMessage:
-    """One WSM. `None` where the sender did not say."""
+    """One WSM. `None` stands for fields that the sender left out."""
 
     psid: int
     payload: bytes
-    """The WSM data: 1609.2 data, wherever this house sends."""
+    """The WSM data; `onboard` sends 1609.2 data."""
     channel_number: int | None = None
-    """IEEE 802.11 channel it was sent on, 0 to 255; 172 is 5.860 GHz."""
+    """IEEE 802.11 channel that it was sent on, 0 to 255; 172 is 5.860 GHz."""
     data_rate_mbit_s: float | None = None
     """0 to 127.5 by 0.5."""
     transmit_power_dbm: int | None = None
     """Transmit power used, -128 to 127."""
     n_extensions: tuple[Element, ...] = ()
-    """Of the N-header, all but the three above."""
+    """Other elements of the N-header."""
     t_extensions: tuple[Element, ...] = ()
-    """Of the T-header."""
+    """Elements of the T-header."""
     version: int = VERSION
 
 
@@ -70,7 +70,7 @@ def encode(wsm: WaveShortMessage) -> bytes:
     """Return the frame as it is sent, in version 3.
 
     Raises:
-        ValueError: a field holds what it cannot carry.
+        ValueError: a field cannot carry its value.
     """
     if wsm.version != VERSION:
         raise ValueError(f"WSMP version {wsm.version} is only read")
@@ -89,7 +89,7 @@ def encode(wsm: WaveShortMessage) -> bytes:
 
 
 def decode(data: bytes) -> WaveShortMessage:
-    """Read a frame. What follows the WSM data is padding of the link layer and not looked at.
+    """Read a frame. Bytes after the WSM data are padding of the link layer and ignored.
 
     Raises:
         DecodeError: `too_short`, `unknown_version`, `unknown_subtype`, `unknown_tpid`, `bad_length`
@@ -143,7 +143,7 @@ def _decode_version_2(data: bytes) -> WaveShortMessage:
 
 
 def _without_supplement(payload: bytes) -> bytes:
-    """Cut the safety supplement: octets up to the first without its high bit."""
+    """Remove the safety supplement: octets up to the first one below 0x80."""
     for position, octet in enumerate(payload, start=1):
         if octet < 0x80:
             return payload[position:]
@@ -157,7 +157,15 @@ def _message(
     t_extensions: tuple[Element, ...],
     version: int,
 ) -> WaveShortMessage:
-    """Tell the radio's fields from the other elements of the N-header."""
+    """Make the message, with channel, data rate and power taken from the N-header elements.
+
+    Args:
+        psid: of the T-header.
+        payload: the WSM data.
+        n_extensions: all elements of the N-header.
+        t_extensions: all elements of the T-header.
+        version: 2 or 3.
+    """
     octets: dict[int, int] = {}
     others = []
     for element in n_extensions:
@@ -181,7 +189,7 @@ def _message(
 
 
 def _power_dbm(octet: int, version: int) -> int:
-    """INTEGER (-128..127) in PER counts from -128 (version 3); version 2 was two's complement."""
+    """Version 3 has INTEGER (-128..127) in PER, an offset from -128; version 2 two's complement."""
     return octet - 128 if version == VERSION else (octet ^ 0x80) - 128
 
 
@@ -222,14 +230,14 @@ def _read_extensions(data: bytes, position: int) -> tuple[tuple[Element, ...], i
 
 
 def _length(size: int) -> bytes:
-    """8.1.3: 0 and seven bits, or 10 and fourteen."""
-    if size > LARGEST_DATA:
-        raise ValueError(f"a WSMP length is {LARGEST_DATA} at most (given {size})")
+    """Encode a length (8.1.3): 0 and seven bits, or 10 and fourteen."""
+    if size > MAX_DATA_BYTES:
+        raise ValueError(f"a WSMP length is {MAX_DATA_BYTES} at most (given {size})")
     return bytes((size,)) if size < 0x80 else (0x8000 | size).to_bytes(2)
 
 
 def _read_length(data: bytes, position: int) -> tuple[int, int]:
-    """Two octets are taken for a small number too: PER has none such, some senders do."""
+    """Read a length. Two octets for a small number are accepted: some senders write them."""
     (first,), position = _take(data, position, 1)
     if first < 0x80:
         return first, position

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from onboard.bsm_transmission.path_history import (
     LENGTH_M,
-    MOST_ERROR_M,
-    MOST_POINTS,
+    MAX_ERROR_M,
+    MAX_POINTS,
     PathHistoryKeeper,
 )
 from onboard.messages import bsm
@@ -81,7 +81,7 @@ def test_a_corner_has_a_point_near_it() -> None:
 
     assert history is not None
     assert np.linalg.norm(points - (0.0, 100.0), axis=1).min() < 3.0
-    assert off_the_line_m(corner, points) <= MOST_ERROR_M + 0.2
+    assert off_the_line_m(corner, points) <= MAX_ERROR_M + 0.2
 
 
 def test_ages_are_those_of_the_points() -> None:
@@ -102,9 +102,9 @@ def test_the_way_lies_near_the_lines_whatever_the_turns(turns_rad: list[float]) 
     history, points = drive(way)
 
     assert history is not None
-    assert len(history.crumb_data) <= MOST_POINTS
+    assert len(history.crumb_data) <= MAX_POINTS
     # The last point may leave the line by what the cone has not yet seen to be too much.
-    assert off_the_line_m(way, points) <= 2 * MOST_ERROR_M
+    assert off_the_line_m(way, points) <= 2 * MAX_ERROR_M
 
 
 def received(history: PathHistory | None) -> PathHistory | None:

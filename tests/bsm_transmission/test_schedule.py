@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from onboard.bsm_transmission.schedule import (
+    JITTER_S,
     MAXIMUM_INTERVAL_S,
     MINIMUM_INTERVAL_S,
-    SPREAD_S,
     BsmSchedule,
 )
 
@@ -32,8 +32,8 @@ def _sent(schedule, until_s, cars=0, distance_m=50.0):
 def test_alone_a_car_sends_ten_a_second_within_the_spread():
     gaps = np.diff(_sent(_schedule(), 60.0))
     assert len(gaps) == pytest.approx(600, abs=3)
-    assert np.all(np.abs(gaps - 0.1) <= SPREAD_S + 1e-9)
-    assert gaps.std() > SPREAD_S / 3
+    assert np.all(np.abs(gaps - 0.1) <= JITTER_S + 1e-9)
+    assert gaps.std() > JITTER_S / 3
 
 
 def test_cars_switched_on_together_do_not_send_together():
@@ -74,10 +74,10 @@ def test_a_critical_event_is_sent_at_once_and_ten_a_second_while_it_lasts():
     assert schedule.take_due(last + 0.2)
     schedule.receive_event_flags(is_critical=True, now=last + 0.21)
     assert not schedule.take_due(last + 0.21), "the same event is not new"
-    assert schedule.take_due(last + 0.2 + MINIMUM_INTERVAL_S + SPREAD_S)
+    assert schedule.take_due(last + 0.2 + MINIMUM_INTERVAL_S + JITTER_S)
     schedule.receive_event_flags(is_critical=False, now=last + 0.31)
     assert schedule.take_due(last + 0.45)
-    assert not schedule.take_due(last + 0.45 + MAXIMUM_INTERVAL_S - SPREAD_S - 0.01)
+    assert not schedule.take_due(last + 0.45 + MAXIMUM_INTERVAL_S - JITTER_S - 0.01)
 
 
 def test_many_forged_senders_take_bounded_memory():

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
 from onboard.psid import HIGHEST
-from onboard.wave_udp.wsmp import LARGEST_DATA, Element, WaveShortMessage, decode, encode
+from onboard.wave_udp.wsmp import MAX_DATA_BYTES, Element, WaveShortMessage, decode, encode
 
 PLAIN = WaveShortMessage(psid=0x20, payload=b"\x03\x80\x01\xaa")
 TUNED = WaveShortMessage(
@@ -57,7 +57,7 @@ def test_a_frame_that_ends_early_is_too_short_wherever_it_ends(wsm, octets):
         (255, "80ff"),
         (256, "8100"),
         (1400, "8578"),
-        (LARGEST_DATA, "bfff"),
+        (MAX_DATA_BYTES, "bfff"),
     ],
 )
 def test_the_wsm_length_takes_two_octets_from_128(size, length):
@@ -154,7 +154,7 @@ wsms = st.builds(
     WaveShortMessage,
     psid=st.integers(0, HIGHEST),
     payload=st.binary(max_size=300)
-    | st.sampled_from([127, 128, 255, 256, 1400, LARGEST_DATA]).map(bytes),
+    | st.sampled_from([127, 128, 255, 256, 1400, MAX_DATA_BYTES]).map(bytes),
     channel_number=st.none() | octet,
     data_rate_mbit_s=st.none() | octet.map(lambda n: n / 2),
     transmit_power_dbm=st.none() | st.integers(-128, 127),
@@ -182,7 +182,7 @@ def test_any_bytes_decode_or_are_refused(data):
     ("wsm", "message"),
     [
         (WaveShortMessage(-1, b""), "a PSID is"),
-        (WaveShortMessage(0x20, bytes(LARGEST_DATA + 1)), "length is 16383 at most"),
+        (WaveShortMessage(0x20, bytes(MAX_DATA_BYTES + 1)), "length is 16383 at most"),
         (WaveShortMessage(0x20, b"", channel_number=256), "element 15 is one octet"),
         (WaveShortMessage(0x20, b"", data_rate_mbit_s=128.0), "element 16 is one octet"),
         (WaveShortMessage(0x20, b"", data_rate_mbit_s=6.25), "multiple of 0.5"),
