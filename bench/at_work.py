@@ -34,6 +34,7 @@ from onboard.security.credentials import Credentials
 from onboard.security.key_files import write_credentials
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.step import Input
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_view import LENS
@@ -139,18 +140,16 @@ async def _traffic(credentials: list[Credentials], unit: socket.socket, port: in
         ahead_m = (now - began_s) * SPEED_M_S
         for number, other in enumerate(others):
             behind_m, beside_m = 15.0 * (number // 2 + 1), 3.5 * (number % 2)
-            other.set_utc(time.time(), now)
-            other.receive_observation(Speed(now, SPEED_M_S, 0.1, "bench"), now)
-            other.receive_observation(_position(now, ahead_m - behind_m, beside_m), now)
-            for track in (1, 2):
-                other.receive_observation(
-                    VehicleDetection(now, track, 15.0 * track, 0.5, 0.0, 0.02), now
-                )
-            other.handle_timer(now)
-            for _, wsm in other.wsms_to_send(now):
-                unit.sendto(wsm, ("127.0.0.1", port))
-            while other.next_event() is not None:
-                pass
+            detections = (
+                VehicleDetection(now, track, 15.0 * track, 0.5, 0.0, 0.02) for track in (1, 2)
+            )
+            inputs: tuple[Input, ...] = (
+                Speed(now, SPEED_M_S, 0.1, "bench"),
+                _position(now, ahead_m - behind_m, beside_m),
+                *detections,
+            )
+            for wsm in other.step(inputs, now, time.time()).wsms:
+                unit.sendto(wsm.data, ("127.0.0.1", port))
             await asyncio.sleep(0)
         await asyncio.sleep(max(0.0, now + 0.1 - time.monotonic()))
 

@@ -23,6 +23,7 @@ from onboard.observations import Lead, LeadIdentity, Sensor, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.step import Input
 from onboard.trace.trace_line import Event
 from tools import chromium
 
@@ -123,15 +124,11 @@ class _Car:
         """Feed the stack with speed at 20 Hz and a lead at 10 Hz."""
         for step in range(10**9):
             now = time.monotonic()
-            self._stack.receive_observation(Speed(now, 15.0, 0.28, "obd:7E8"), now)
+            inputs: list[Input] = [Speed(now, 15.0, 0.28, "obd:7E8")]
             if step % 2:
                 gap_m = 14.0 + (step % 16) / 10
-                lead = Lead(now, LeadIdentity.KNOWN, "AHEAD1", gap_m, 0.3, 0.2, 0.3)
-                self._stack.receive_observation(lead, now)
-            if self._stack.get_timer() <= now:
-                self._stack.handle_timer(now)
-            self._stack.wsms_to_send(now)
-            while (event := self._stack.next_event()) is not None:
+                inputs.append(Lead(now, LeadIdentity.KNOWN, "AHEAD1", gap_m, 0.3, 0.2, 0.3))
+            for event in self._stack.step(inputs, now).events:
                 self.page.receive_event(event)
             self.page.show(now)
             await asyncio.sleep(0.05)

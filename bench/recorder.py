@@ -106,19 +106,12 @@ async def _drive(box: BlackBox | None) -> tuple[list[float], list[float]]:
         await asyncio.sleep(max(0.0, due_at - time.monotonic()))
         now = time.monotonic()
         late_s.append(now - due_at)
-        stack.set_utc(time.time(), now)
-        stack.receive_observation(Speed(now, 15.0, 0.28, "obd:7E8"), now)
-        for text in ("CD456", "EF789"):
-            plate = Plate(now, Pixels(300.0, 170.0, 52.0, 11.0), text, 0.9, is_lead=text == "CD456")
-            stack.receive_observation(plate, now)
+        plates = [
+            Plate(now, Pixels(300.0, 170.0, 52.0, 11.0), text, 0.9, is_lead=text == "CD456")
+            for text in ("CD456", "EF789")
+        ]
         lead = Lead(now, LeadIdentity.KNOWN, "CD456", 15.0, 0.4, 0.1, 0.5)
-        stack.receive_observation(lead, now)
-        if stack.get_timer() <= now:
-            stack.handle_timer(now)
-        stack.wsms_to_send(now)
-        stack.can_to_send(now)
-        while stack.next_event() is not None:
-            pass
+        stack.step([Speed(now, 15.0, 0.28, "obd:7E8"), *plates, lead], now, time.time())
         took_s.append(time.monotonic() - now)
     if box is not None:
         box.close()

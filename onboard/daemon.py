@@ -6,9 +6,10 @@ import math
 import sys
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeVar
+from functools import partial
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import structlog
@@ -33,7 +34,7 @@ from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.systemd import Systemd
 from onboard.security.key_files import read_credentials
-from onboard.stack import Observation
+from onboard.step import BrakeButton, Input, Observation, ReceivedWsm
 from onboard.vision.camera import CameraThread
 from onboard.wave_link import bsm_sender
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
@@ -55,7 +56,9 @@ RADIO_BACK_S = 4.0
 """A radio without errors for this long is back: a host that is gone makes one every third second
 (ARP), a closed port every second."""
 
-InputT = TypeVar("InputT")
+_Item = Input | Callable[[float], Iterable[Input]]
+"""An input, or a function that makes inputs with the `now` of the step."""
+
 ReturnT = TypeVar("ReturnT")
 
 
@@ -101,12 +104,12 @@ class Daemon:
             ),
         )
         self._wsms = ReceiveQueue(config.lcca_psid, bsm_sender)
-        self._inbox: deque[tuple[Callable[[Any, float], None], object]] = deque()
+        self._inbox: deque[_Item] = deque()
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._radio_back: asyncio.TimerHandle | None = None
-        self._is_resting = False
-        self._onlookers = OutputSinks()
+        self._is_stopped = False
+        self._sinks = OutputSinks()
         self._send_can: Callable[[CanFrame], None] = _nowhere
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
@@ -119,10 +122,10 @@ class Daemon:
         sys.setswitchinterval(GIL_INTERVAL_S)
         self._loop = asyncio.get_running_loop()
         async with contextlib.AsyncExitStack() as wires:
-            wires.callback(self._rest)
+            wires.callback(self._stop_stepping)
             await self._open(wires)
             freeze_start_up_objects()
-            self._onlookers.show(Ready(time.monotonic()))
+            self._sinks.show(Ready(time.monotonic()))
             self._step()
             self._manager.ready(f"driving as {self.config.car.plate}")
             log.info("ready", plate=self.config.car.plate)
@@ -143,17 +146,15 @@ class Daemon:
                 log.error("driver not remembered", reason=str(error))  # noqa: TRY400 (no fault of the program)
 
     async def _open(self, wires: contextlib.AsyncExitStack) -> None:
-        config, stack = self.config, self._stack
+        config = self.config
         if config.access.driver_file is not None:
             save_driver(config.access.driver_file, self._driver)  # whether it can be, is said now
-        self._onlookers.open_files(config.trace, wires)
+        self._sinks.open_files(config.trace, wires)
         if self._box is not None:
             self._box.start()
             wires.push_async_callback(self._close_box, self._box)
         if config.can is not None:
-            take_discarded = self._taker(stack.receive_observation)
-            take_frame = self._taker(stack.receive_can)
-            bus = CanBus(config.can, take_frame, self._on_bus_state, take_discarded)
+            bus = CanBus(config.can, self._take, self._on_bus_state, self._take)
             bus.start(self._loop)
             wires.callback(bus.close)
             self._send_can = bus.send
@@ -176,92 +177,90 @@ class Daemon:
         if config.detector is not None:
             detector = await open_detector(config.detector, self._reading(ObjectListReader()))
             wires.callback(detector.close)
-        on_brake = self._taker(self._press_brake_button)
-        await self._onlookers.open_page(config, stack, on_brake, wires)
+        await self._sinks.open_page(config, self._stack, self._on_brake_button, wires)
 
     def _step(self) -> None:
-        """One round, in a fixed order: receive, decide, send, show, arm the next timer."""
+        """Run one step of the cores: receive, decide, send, show, and arm the next timer."""
         if self._next_step is not None:
-            self._next_step.cancel()  # planned, and the timer was sooner
+            self._next_step.cancel()  # the timer was sooner
             self._next_step = None
         now = time.monotonic()
-        self._stack.set_utc(time.time(), now)
-        while self._inbox:
-            receive, item = self._inbox.popleft()
-            receive(item, now)
-        self._receive_wsms(now)
-        if self._stack.get_timer() <= now:
-            self._stack.handle_timer(now)
-        for user_priority, wsm in self._stack.wsms_to_send(now):
-            self._send_wsm(wsm, user_priority)
-            self._onlookers.show_frame(wsm, OWN_MAC)
-        for frame in self._stack.can_to_send(now):
+        outputs = self._stack.step(self._inputs(now), now, time.time())
+        for wsm in outputs.wsms:
+            self._send_wsm(wsm.data, wsm.user_priority)
+            self._sinks.show_frame(wsm.data, OWN_MAC)
+        for frame in outputs.can_frames:
             self._send_can(frame)
-        while (event := self._stack.next_event()) is not None:
-            self._onlookers.show(event)
-        self._onlookers.show_view(now)
+        for event in outputs.events:
+            self._sinks.show(event)
+        self._sinks.show_view(now)
         if self._timer is not None:
             self._timer.cancel()
-        at = self._stack.get_timer()
+        at = outputs.timer_at
         self._timer = None if at == math.inf else self._loop.call_at(at, self._step)
         if self._wsms and self._next_step is None:
-            self._next_step = self._loop.call_soon(self._look_first)
+            self._next_step = self._loop.call_soon(self._poll_wires_first)
         self._manager.feed(now)
 
-    def _rest(self) -> None:
-        """No step any more, whatever the camera's thread still brings."""
-        self._is_resting = True
+    def _stop_stepping(self) -> None:
+        """Cancel all planned steps, and ignore what the camera thread still puts out."""
+        self._is_stopped = True
         for handle in (self._timer, self._next_step, self._radio_back):
             if handle is not None:
                 handle.cancel()
 
-    def _take(self, receive: Callable[[InputT, float], None], item: InputT) -> None:
-        """Have `item` received in the next round."""
-        self._inbox.append((receive, item))
+    def _take(self, item: _Item) -> None:
+        """Have `item` received in the next step."""
+        self._inbox.append(item)
         self._plan_step()
 
     def _plan_step(self) -> None:
-        """Have a round as soon as the wires have been looked at."""
-        if self._next_step is None and not self._is_resting:
+        """Plan a step as soon as the wires have been polled."""
+        if self._next_step is None and not self._is_stopped:
             self._next_step = self._loop.call_soon(self._step)
 
-    def _look_first(self) -> None:
-        """At the wires: a loop calls what was planned before what they bring in the same round."""
+    def _poll_wires_first(self) -> None:
+        """Plan a step after the loop's next poll: it runs planned calls before new input."""
         self._next_step = self._loop.call_soon(self._step)
 
-    def _taker(self, receive: Callable[[InputT, float], None]) -> Callable[[InputT], None]:
-        return lambda item: self._take(receive, item)
+    def _inputs(self, now: float) -> Iterator[Input]:
+        """Yield the inputs of a step, each after the cores have handled the one before."""
+        while self._inbox:
+            item = self._inbox.popleft()
+            if callable(item):
+                yield from item(now)
+            else:
+                yield item
+        yield from self._received_wsms(now)
 
-    def _reading(self, reader: GpsdReader | ObjectListReader) -> Callable[[bytes], None]:
-        """Have what comes read by `reader` in the next round, and what it says received."""
+    def _received_wsms(self, now: float) -> Iterator[Input]:
+        """Yield all group messages; without any, other frames for `RADIO_TURN_S`.
 
-        def receive(data: bytes, now: float) -> None:
-            reader.receive_bytes(data, now)
-            while (observation := reader.next_event()) is not None:
-                self._stack.receive_observation(observation, now)
-
-        return self._taker(receive)
-
-    def _on_wsm(self, wsm: bytes) -> None:
-        self._wsms.put(wsm)
-        self._plan_step()
-
-    def _receive_wsms(self, now: float) -> None:
-        """All of the warning group; without any, as many others as there is time for.
-
-        So what a group message leads to is sent and shown before the crowd is heard.
+        So what follows from a group message is sent and shown before further BSMs are verified.
         """
-        shed = self._wsms.take_dropped()
-        if shed:
-            overload = Discarded(now, "wsmp", "overload", f"{shed} frames")
-            self._stack.receive_observation(overload, now)
+        dropped = self._wsms.take_dropped()
+        if dropped:
+            yield Discarded(now, "wsmp", "overload", f"{dropped} frames")
         turn_ends_at = now if self._wsms.has_urgent else now + RADIO_TURN_S
         while True:
             wsm = self._wsms.take(only_urgent=time.monotonic() >= turn_ends_at)
             if wsm is None:
                 return
-            self._stack.receive_wsm(wsm, now)
-            self._onlookers.show_frame(wsm, OTHER_MAC)
+            yield ReceivedWsm(now, wsm)
+            self._sinks.show_frame(wsm, OTHER_MAC)
+
+    def _reading(self, reader: GpsdReader | ObjectListReader) -> Callable[[bytes], None]:
+        """Return a function that has bytes read by `reader` in the next step."""
+
+        def read(data: bytes, now: float) -> Iterator[Input]:
+            reader.receive_bytes(data, now)
+            return iter(reader.next_event, None)
+
+        return lambda data: self._take(partial(read, data))
+
+    def _on_wsm(self, wsm: bytes) -> None:
+        self._wsms.put(wsm)
+        self._plan_step()
 
     def _on_bus_state(self, up: bool, why: str) -> None:
         if not up:  # it is back when a speed comes, not when the bus does
@@ -281,12 +280,10 @@ class Daemon:
 
     def _on_radio_back(self) -> None:
         self._radio_back = None
-        back = SensorRecovered(self._loop.time(), Sensor.RADIO)
-        self._take(self._stack.receive_observation, back)
+        self._take(SensorRecovered(self._loop.time(), Sensor.RADIO))
 
     def _lose(self, sensor: Sensor, why: str) -> None:
-        lost = SensorLost(self._loop.time(), sensor, silent_s=None, reason=why)
-        self._take(self._stack.receive_observation, lost)
+        self._take(SensorLost(self._loop.time(), sensor, silent_s=None, reason=why))
 
     def _on_seen(self, observations: Sequence[Observation]) -> None:
         """Called from the camera's thread, where there is time for the slow derivation of IDs."""
@@ -295,12 +292,10 @@ class Daemon:
             for utc_s in (time.time(), time.time() + EPOCH_AHEAD_S):
                 self._stack.digest.car_id(plate_text, utc_s)
         for observation in observations:
-            self._loop.call_soon_threadsafe(
-                self._take, self._stack.receive_observation, observation
-            )
+            self._loop.call_soon_threadsafe(self._take, observation)
 
-    def _press_brake_button(self, _: None, now: float) -> None:
-        self._stack.press_brake_button(now)
+    def _on_brake_button(self, _: None) -> None:
+        self._take(lambda now: [BrakeButton(now)])
 
     async def _close_box(self, box: BlackBox) -> None:
         box.close()
@@ -308,7 +303,7 @@ class Daemon:
 
     def _on_box_state(self, state: RecorderState) -> None:
         """Called from the black box's thread."""
-        self._loop.call_soon_threadsafe(self._onlookers.show, state)
+        self._loop.call_soon_threadsafe(self._sinks.show, state)
 
 
 def _nowhere(*_: object) -> None:

@@ -1,11 +1,12 @@
-"""The cores of one car put together, still without I/O.
+"""The cores of one vehicle, connected, still without I/O.
 
-Driven by the daemon, by the rig in virtual time and by the replay, always through the same verbs.
-Whatever comes in is handed to the cores that it concerns; what they say is passed on at once.
+`Stack.step` is the one place where a vehicle receives, decides and sends. The daemon, the rig in
+virtual time and both replays call it.
 """
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from onboard.access.adaptation import AccessAdaptation
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.config import CarConfig
+from onboard.core import Core
 from onboard.errors import DecodeError
 from onboard.lcca.events import WarningRaised
 from onboard.lcca.group import PrecedingVehicle, WarningGroup
@@ -46,31 +48,33 @@ from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import CertificateExpired, Pseudonym, Pseudonyms
 from onboard.security.security_services import Opened, SecurityServices
 from onboard.sensors.sensor_timeout import SensorTimeouts
+from onboard.step import BrakeButton, Input, Observation, ReceivedWsm, SentWsm, StepOutputs
 from onboard.trace.trace_line import Event
 from onboard.units import STANDARD_GRAVITY_M_S2
 from onboard.wave_link import MessageReceived, MessageSent, WaveLink
 
-Observation = (
-    Speed | BrakePedal | HardBrake | Plate | Lead | VehicleDetection | DetectionList | Position
-    | SensorLost | SensorRecovered | Discarded
-)  # fmt: skip
-"""What the sensors' rooms say."""
-
 LCCA_LIFETIME_S = 0.5
-"""A group message that has waited longer for the radio is repeated by its own timers anyway."""
+"""Time a group message may wait for the radio; after it, the group's own timers repeat it."""
 
 BSM_LIFETIME_S = 0.1
-"""By then the next one is due."""
+"""Time a BSM may wait for the radio: the shortest interval to the next one (SAE J2945/1)."""
 
-ASSESS_S = 0.1
-"""How often the danger is judged anew."""
+ASSESSMENT_INTERVAL_S = 0.1
+"""Period of the risk assessment: that of BSMs."""
 
-TELL_CARS_S = 1.0
-"""How often the trace gets the host vehicle and every perceived object."""
+SURROUNDINGS_INTERVAL_S = 1.0
+"""Period at which host vehicle and perceived objects are put out as events."""
+
+
+class _Stage(NamedTuple):
+    """A core, and the function that passes its results on to the other cores."""
+
+    core: Core
+    pass_on: Callable[[float], None]
 
 
 class Stack:
-    """One car."""
+    """One vehicle."""
 
     def __init__(
         self,
@@ -84,33 +88,35 @@ class Stack:
         driver: DriverModel | None = None,
         digest: PlateDigest | None = None,
     ) -> None:
-        """Start at `now`, which is `utc_s` in seconds since 1970.
+        """Start at `now`, which is `utc_s`.
 
         Args:
-            config: the car's.
-            sensors: those that there are, and can be lost.
-            rng: for everything random.
-            now: the time on the cores' clock.
-            utc_s: the same in seconds since 1970.
-            credentials: what to sign with and whom to trust; without them nothing is signed and
-                anybody is believed.
-            driver: who drives, as far as earlier drives have told.
-            digest: derives IDs from plates, where it is not to be one of the car's own.
+            config: settings of the vehicle.
+            sensors: those fitted, which can time out.
+            rng: source of all random draws.
+            now: time on the clock of the cores in s.
+            utc_s: the same instant in seconds since 1970.
+            credentials: certificates and keys; without them nothing is signed and unsigned
+                messages are accepted.
+            driver: model learnt in earlier drives; the population's mean if not given.
+            digest: derives vehicle IDs from plates; made from `config` if not given.
         """
         self._config = config
         self._security = SecurityServices(utc_s - now, credentials)
         self._digest = digest or PlateDigest(config.security.plate_digest)
         self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
-        self._who = self._pseudonyms.at(utc_s)
-        self._plausibility = MisbehaviourDetector(check_braking=config.security.check_braking)
-        self._held_warnings = PendingWarnings(self._plausibility)
+        self._pseudonym = self._pseudonyms.at(utc_s)
+        self._misbehaviour_detector = MisbehaviourDetector(
+            check_braking=config.security.check_braking
+        )
+        self._pending_warnings = PendingWarnings(self._misbehaviour_detector)
         self._bus = VehicleBus(config.obd)
         self._link = WaveLink(self._security, (psid.BSM, config.lcca_psid))
-        self._group = WarningGroup(config.lcca.parameters(), self._who.car_id, rng)
+        self._group = WarningGroup(config.lcca.parameters(), self._pseudonym.car_id, rng)
         size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
-        self._beacon = BsmTransmitter(size, self._who, rng, now)
+        self._transmitter = BsmTransmitter(size, self._pseudonym, rng, now)
         self._mvs = MultiVehicleSensing(
-            config.mvs, self._who.temporary_id, rng, self._security.utc_offset_s
+            config.mvs, self._pseudonym.temporary_id, rng, self._security.utc_offset_s
         )
         self._access = (
             AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION))
@@ -118,85 +124,153 @@ class Stack:
             else None
         )
         self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
-        self._assess_at = self._tell_cars_at = now
+        self._assess_at = self._report_surroundings_at = now
         self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
         self._events: deque[Event] = deque()
-        self._sign(now)
+        self._use_credential(now)
         limits_s = config.sensor_timeouts.limits_s(sensors)
-        self._watch = SensorTimeouts(limits_s, now)
+        self._sensor_timeouts = SensorTimeouts(limits_s, now)
         self._has_detector = Sensor.DETECTOR in limits_s
+        self._stages = tuple(self._make_stages())
+
+    def _make_stages(self) -> Iterable[_Stage]:
+        """Yield all cores, from the wires to the decisions.
+
+        Timers are handled in this order. Events are collected in the reverse order: a decision
+        precedes the reports of the cores that it is based on.
+        """
+        if self._config.beacons:  # without, its timer would stay due: no BSM is ever taken
+            yield _Stage(self._transmitter, _pass_nothing_on)
+        if self._access is not None:
+            yield _Stage(self._access, self._take_access)
+        yield _Stage(self._bus, self._take_bus)
+        yield _Stage(self._risk, _pass_nothing_on)
+        yield _Stage(self._mvs, _pass_nothing_on)
+        yield _Stage(self._link, _pass_nothing_on)
+        yield _Stage(self._sensor_timeouts, _pass_nothing_on)
+        yield _Stage(self._pending_warnings, self._take_warnings)
+        yield _Stage(self._group, self._take_group)
 
     @property
     def digest(self) -> PlateDigest:
-        """Deriving an ID is slow: the camera's thread asks first, so that the loop need not."""
+        """Plate digest, whose slow results the camera thread computes ahead."""
         return self._digest
 
     @property
     def group(self) -> WarningGroup:
-        """The warning group, to look at."""
+        """Warning group, for display."""
         return self._group
 
     @property
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
-        """The own car, `None` without a position, and the others, when last judged."""
+        """Host vehicle (`None` without a position) and perceived objects at the last assessment."""
         return self._surroundings
 
-    def set_utc(self, utc_s: float, now: float) -> None:
-        """Tell what UTC is at `now`; the cores keep to `now`, messages and IDs need UTC."""
-        self._security.utc_offset_s = utc_s - now
-        self._mvs.set_utc_offset(utc_s - now)
+    # ---- the step -------------------------------------------------------------------------
+
+    def step(self, inputs: Iterable[Input], now: float, utc_s: float | None = None) -> StepOutputs:
+        """Receive `inputs`, handle the timer if it is due, and put out what follows.
+
+        Args:
+            inputs: in the order of arrival. Each is handled before the next is drawn, so that a
+                lazy iterable can end the step's inputs by the clock.
+            now: time on the clock of the cores in s; never less than in an earlier step.
+            utc_s: the same instant in seconds since 1970, which messages and IDs need; `None`
+                keeps the offset.
+        """
+        if utc_s is not None:
+            self._security.utc_offset_s = utc_s - now
+            self._mvs.set_utc_offset(utc_s - now)
+        for each in inputs:
+            self._receive(each, now)
+        if self.get_timer() <= now:
+            self._handle_timer(now)
+        wsms = self._wsms_to_send(now)
+        can_frames = self._bus.frames_to_send(now)
+        return StepOutputs(wsms, can_frames, self._take_events(), self.get_timer())
+
+    def get_timer(self) -> float:
+        """Return when the next step is due without any input; `math.inf` if never."""
+        return min(self._assess_at, *(stage.core.get_timer() for stage in self._stages))
+
+    def _handle_timer(self, now: float) -> None:
+        pseudonym = self._pseudonyms.at(now + self._security.utc_offset_s)
+        if pseudonym is not self._pseudonym:
+            self._change_pseudonym(pseudonym, now)
+        if now >= self._assess_at:
+            self._assess(now)
+        for core, pass_on in self._stages:
+            core.handle_timer(now)
+            pass_on(now)
+
+    def _take_events(self) -> list[Event]:
+        for core, _ in reversed(self._stages):
+            while (event := core.next_event()) is not None:
+                self._events.append(event)
+        events = list(self._events)
+        self._events.clear()
+        return events
 
     # ---- in -------------------------------------------------------------------------------
 
-    def receive_can(self, frame: CanFrame, now: float) -> None:
-        """A frame from the car's bus."""
-        self._bus.receive_frame(frame, now)
-        self._take_bus(now)
+    def _receive(self, received: Input, now: float) -> None:
+        match received:
+            case ReceivedWsm():
+                self._receive_wsm(received.data, now)
+            case CanFrame():
+                self._bus.receive_frame(received, now)
+                self._take_bus(now)
+            case BrakeButton():
+                threshold_m_s2 = self._config.obd.hard_brake_threshold_g * STANDARD_GRAVITY_M_S2
+                self._receive_observation(HardBrake(now, threshold_m_s2, source="button"), now)
+            case _:
+                self._receive_observation(received, now)
 
-    def receive_observation(self, observation: Observation, now: float) -> None:
-        """What the bus, vision or GNSS saw, or the loss of a sensor that its room has noticed."""
-        if self._is_of_no_use(observation):
+    def _receive_observation(self, observation: Observation, now: float) -> None:
+        if self._is_ignored(observation):
             return
         match observation:
             case Speed():
-                self._watch.receive_sample(Sensor.SPEED, observation.stamp_s, now)
+                self._sensor_timeouts.receive_sample(Sensor.SPEED, observation.stamp_s, now)
                 self._group.receive_speed(observation.speed_m_s, now)
-                self._beacon.receive_speed(observation)
+                self._transmitter.receive_speed(observation)
                 self._risk.receive_speed(observation)
             case BrakePedal():
-                self._beacon.receive_pedal(observation)
+                self._transmitter.receive_pedal(observation)
                 self._risk.receive_pedal(observation)
             case HardBrake():
                 self._group.receive_hard_brake(observation, now)
-                self._beacon.receive_hard_brake(observation, now)
+                self._transmitter.receive_hard_brake(observation, now)
             case Lead():
-                self._watch.receive_sample(Sensor.CAMERA, observation.stamp_s, now)
-                self._group.receive_preceding_vehicle(self._neighbour(observation, now), now)
+                self._sensor_timeouts.receive_sample(Sensor.CAMERA, observation.stamp_s, now)
+                self._group.receive_preceding_vehicle(
+                    self._preceding_vehicle(observation, now), now
+                )
                 self._risk.receive_lead(observation, now)
             case Position():
-                self._watch.receive_sample(Sensor.POSITION, observation.stamp_s, now)
-                self._beacon.receive_position(observation)
+                self._sensor_timeouts.receive_sample(Sensor.POSITION, observation.stamp_s, now)
+                self._transmitter.receive_position(observation)
                 self._mvs.receive_position(observation)
                 self._risk.receive_position(observation)
             case VehicleDetection() | DetectionList():
-                self._receive_cars(observation, now)
+                self._receive_detections(observation, now)
             case SensorLost():
-                self._watch.receive_loss(observation.sensor, observation.reason, now)
+                self._sensor_timeouts.receive_loss(observation.sensor, observation.reason, now)
                 return
             case SensorRecovered():
-                self._watch.receive_sample(observation.sensor, observation.stamp_s, now)
+                self._sensor_timeouts.receive_sample(observation.sensor, observation.stamp_s, now)
                 return
         if self._access is not None:
-            self._adapt_access(self._access, observation, now)
+            _adapt_access(self._access, observation, now)
+            self._take_access(now)
         self._events.append(observation)
 
-    def receive_wsm(self, data: bytes, now: float) -> None:
-        """A WAVE short message from the radio."""
+    def _receive_wsm(self, data: bytes, now: float) -> None:
         received = self._link.receive_wsm(data, now)
         if received is None:
             return
-        psid, opened = received
-        if psid == self._config.lcca_psid:
+        service, opened = received
+        if service == self._config.lcca_psid:
             self._receive_lcca(opened, now)
         else:
             self._receive_bsm(opened, now)
@@ -210,18 +284,18 @@ class Stack:
         self._events.append(
             MessageReceived(now, message.kind, opened.signer_id, lcca.as_dict(message))
         )
-        is_undisputed = opened.signer_id is None or self._plausibility.receive_car_id(
+        is_id_unique = opened.signer_id is None or self._misbehaviour_detector.receive_car_id(
             opened.signer_id, message.sender_id
         )
         match message:
             case lcca.Warn():
-                self._held_warnings.receive_warning(message, self._made_at_s(opened, now), now)
+                self._pending_warnings.receive_warning(message, self._made_at_s(opened, now), now)
                 self._take_warnings(now)
                 return
-            case lcca.Leave() if not is_undisputed:
+            case lcca.Leave() if not is_id_unique:
                 self._events.append(Discarded(now, "lcca", "claimed_by_two", "a leave"))
                 return
-            case lcca.Join() if not is_undisputed:
+            case lcca.Join() if not is_id_unique:
                 message = message.without_acknowledgement()
         self._group.receive_message(message, now)
         self._take_group(now)
@@ -239,36 +313,31 @@ class Stack:
             return
         core = message.core
         sender = opened.signer_id or core.temporary_id
-        doubt = self._plausibility.receive_bsm(sender, message, self._made_at_s(opened, now))
-        self._held_warnings.handle_timer(now)
+        reason = self._misbehaviour_detector.receive_bsm(
+            sender, message, self._made_at_s(opened, now)
+        )
+        self._pending_warnings.handle_timer(now)
         self._take_warnings(now)
-        if doubt is not None:
-            self._events.append(Discarded(now, "bsm", doubt, f"from {core.temporary_id.hex()}"))
+        if reason is not None:
+            self._events.append(Discarded(now, "bsm", reason, f"from {core.temporary_id.hex()}"))
             return
         position = position_in(core, now, self._security.utc_offset_s)
         self._mvs.receive_bsm(
             core.temporary_id, position, message.footer, now, core.acceleration.longitudinal_m_s2
         )
-        self._beacon.receive_remote_vehicle(sender, position, now)
+        self._transmitter.receive_remote_vehicle(sender, position, now)
         self._risk.receive_bsm(message, now)
-
-    def press_brake_button(self, now: float) -> None:
-        """The button of the paper's demonstration (section 4): brake hard without braking."""
-        threshold_m_s2 = self._config.obd.hard_brake_threshold_g * STANDARD_GRAVITY_M_S2
-        self.receive_observation(HardBrake(now, threshold_m_s2, source="button"), now)
 
     # ---- out ------------------------------------------------------------------------------
 
-    def can_to_send(self, now: float) -> list[CanFrame]:
-        """Frames for the car's bus."""
-        return self._bus.frames_to_send(now)
-
-    def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
-        """Frames for the radio as (user priority, WSM), the most urgent first."""
+    def _wsms_to_send(self, now: float) -> list[SentWsm]:
         self._submit_group_messages(now)
-        if self._config.beacons and self._beacon.take_due(now):
+        if self._config.beacons and self._transmitter.take_due(now):
             self._submit_bsm(now)
-        return self._link.wsms_to_send(now)
+        return [
+            SentWsm(now, user_priority, data)
+            for user_priority, data in self._link.wsms_to_send(now)
+        ]
 
     def _submit_group_messages(self, now: float) -> None:
         for message in self._group.messages_to_send(now):
@@ -287,123 +356,75 @@ class Stack:
 
     def _submit_bsm(self, now: float) -> None:
         footer = self._mvs.footer_to_send(now) or None
-        facing = self._mvs.heading(now)
-        heading_rad = None if facing is None else facing.heading_rad
+        heading = self._mvs.heading(now)
+        heading_rad = None if heading is None else heading.heading_rad
         utc_s = now + self._security.utc_offset_s
-        own = self._beacon.bsm(footer, now, utc_s, heading_rad)
-        self._link.submit(bsm.encode(own), psid.BSM, own.user_priority, BSM_LIFETIME_S, now)
+        message = self._transmitter.bsm(footer, now, utc_s, heading_rad)
+        self._link.submit(bsm.encode(message), psid.BSM, message.user_priority, BSM_LIFETIME_S, now)
 
-    def perceived_objects(self, now: float) -> list[PerceivedObject]:
-        """Every car that is known, by radio, by sight or from others; none without a position."""
-        return self._mvs.kinematic_info(now)
-
-    def next_event(self) -> Event | None:
-        """The oldest event not yet taken; `None` when there is none."""
-        if not self._events:
-            self._take_rest()
-        return self._events.popleft() if self._events else None
-
-    # ---- time -----------------------------------------------------------------------------
-
-    def get_timer(self) -> float:
-        """When `handle_timer` next wants to be called."""
-        cores = (self._bus, self._group, self._held_warnings, self._watch, self._link)
-        timers = [self._assess_at, *(core.get_timer() for core in cores)]
-        if self._access is not None:
-            timers.append(self._access.get_timer())
-        if self._config.beacons:  # one that is due and never sent would be due for ever
-            timers.append(self._beacon.get_timer())
-        return min(timers)
-
-    def handle_timer(self, now: float) -> None:
-        """Do what has become due."""
-        who = self._pseudonyms.at(now + self._security.utc_offset_s)
-        if who is not self._who:
-            self._change_identity(who, now)
-        if now >= self._assess_at:
-            self._assess(now)
-        self._beacon.handle_timer(now)
-        if self._access is not None:
-            self._access.handle_timer(now)
-            self._take_access(self._access, now)
-        self._bus.handle_timer(now)
-        self._take_bus(now)
-        self._watch.handle_timer(now)
-        self._held_warnings.handle_timer(now)
-        self._take_warnings(now)
-        self._group.handle_timer(now)
-        self._take_group(now)
-
-    # ---- between the rooms ----------------------------------------------------------------
+    # ---- between the cores ----------------------------------------------------------------
 
     def _assess(self, now: float) -> None:
-        """Judge the danger anew, from where everybody is."""
-        self._assess_at = now + ASSESS_S
+        """Assess the risk from the current states of all vehicles."""
+        self._assess_at = now + ASSESSMENT_INTERVAL_S
         host_vehicle, perceived_objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
         self._surroundings = (host_vehicle, perceived_objects)
         self._risk.assess(host_vehicle, perceived_objects, now)
-        if now >= self._tell_cars_at:
-            self._tell_cars_at = now + TELL_CARS_S
+        if now >= self._report_surroundings_at:
+            self._report_surroundings_at = now + SURROUNDINGS_INTERVAL_S
             if host_vehicle is not None:
                 self._events.extend([host_vehicle, *perceived_objects])
 
-    def _receive_cars(self, observation: VehicleDetection | DetectionList, now: float) -> None:
+    def _receive_detections(
+        self, observation: VehicleDetection | DetectionList, now: float
+    ) -> None:
         match observation:
             case VehicleDetection():
                 self._mvs.receive_detection(observation)
             case DetectionList():
-                self._watch.receive_sample(Sensor.DETECTOR, observation.stamp_s, now)
-                for car in observation.cars:
-                    self._mvs.receive_detection(car)
+                self._sensor_timeouts.receive_sample(Sensor.DETECTOR, observation.stamp_s, now)
+                for detection in observation.cars:
+                    self._mvs.receive_detection(detection)
 
-    def _is_of_no_use(self, observation: Observation) -> bool:
+    def _is_ignored(self, observation: Observation) -> bool:
         match observation:
             case Plate(text=None):
-                return True  # something like a plate that nobody could read is no plate
+                return True  # may be anything that looks like a plate
             case VehicleDetection():
-                return self._has_detector  # which calls the same car by another name
+                return self._has_detector  # which reports the same vehicle under another track ID
         return False
 
-    def _adapt_access(self, access: AccessAdaptation, observation: Observation, now: float) -> None:
-        match observation:
-            case Speed():
-                access.receive_speed(observation)
-            case Lead():
-                access.receive_lead(observation, now)
-            case BrakePedal():
-                access.receive_brake_pedal(observation)
-            case HardBrake():
-                access.receive_hard_brake(observation)
-        self._take_access(access, now)
-
-    def _take_access(self, access: AccessAdaptation, now: float) -> None:
-        self._beacon.receive_max_interval(access.longest_interval_s, now)
+    def _take_access(self, now: float) -> None:
+        access = self._access
+        if access is None:
+            return
+        self._transmitter.receive_max_interval(access.longest_interval_s, now)
         while (event := access.next_event()) is not None:
             self._events.append(event)
 
-    def _change_identity(self, who: Pseudonym, now: float) -> None:
-        """Everything that others know us by changes at once, so that nothing links old and new."""
-        self._who = who
-        self._group.set_own_id(who.car_id, now)
-        self._beacon.change_identity(who)
-        self._mvs.set_own_id(who.temporary_id)
-        self._sign(now)
+    def _change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
+        """Change all identifiers at once, so that nothing links the old ones to the new ones."""
+        self._pseudonym = pseudonym
+        self._group.set_own_id(pseudonym.car_id, now)
+        self._transmitter.change_identity(pseudonym)
+        self._mvs.set_own_id(pseudonym.temporary_id)
+        self._use_credential(now)
 
-    def _sign(self, now: float) -> None:
-        credential = self._who.credential
+    def _use_credential(self, now: float) -> None:
+        credential = self._pseudonym.credential
         if credential is None:
             return
         self._security.sign_with(credential)
-        if self._who.is_out_of_date(now + self._security.utc_offset_s):
+        if self._pseudonym.is_out_of_date(now + self._security.utc_offset_s):
             until_utc_s = credential.certificate.subject.valid_until_utc_s
             self._events.append(CertificateExpired(now, until_utc_s))
 
     def _take_bus(self, now: float) -> None:
         while (observation := self._bus.next_event()) is not None:
-            self.receive_observation(observation, now)
+            self._receive_observation(observation, now)
 
     def _take_warnings(self, now: float) -> None:
-        while (warning := self._held_warnings.next_warning()) is not None:
+        while (warning := self._pending_warnings.next_warning()) is not None:
             self._group.receive_message(warning, now)
             self._take_group(now)
 
@@ -413,21 +434,8 @@ class Stack:
             if isinstance(event, WarningRaised):
                 self._risk.receive_warning(event, now)
 
-    def _take_rest(self) -> None:
-        cores = (
-            self._group,
-            self._held_warnings,
-            self._watch,
-            self._link,
-            self._mvs,
-            self._risk,
-        )
-        for core in cores:
-            while (event := core.next_event()) is not None:
-                self._events.append(event)
-
-    def _neighbour(self, lead: Lead, now: float) -> PrecedingVehicle | None:
-        """What the warning group needs of the camera's lead car: its ID, not its plate."""
+    def _preceding_vehicle(self, lead: Lead, now: float) -> PrecedingVehicle | None:
+        """Return the lead vehicle by its ID instead of its plate; `None` without one."""
         if lead.identity is LeadIdentity.NO_LEAD or lead.gap_m is None:
             return None
         car_id = None if lead.text is None else self._car_id(lead.text, now)
@@ -435,3 +443,19 @@ class Stack:
 
     def _car_id(self, plate_text: str, now: float) -> lcca.CarId:
         return self._digest.car_id(plate_text, now + self._security.utc_offset_s)
+
+
+def _adapt_access(access: AccessAdaptation, observation: Observation, now: float) -> None:
+    match observation:
+        case Speed():
+            access.receive_speed(observation)
+        case Lead():
+            access.receive_lead(observation, now)
+        case BrakePedal():
+            access.receive_brake_pedal(observation)
+        case HardBrake():
+            access.receive_hard_brake(observation)
+
+
+def _pass_nothing_on(_now: float) -> None:
+    """Pass nothing on: the core's events are only put out."""

@@ -5,7 +5,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import ClassVar
 
+from typing_extensions import override
+
 from onboard import psid
+from onboard.core import Core
 from onboard.errors import DecodeError
 from onboard.messages import bsm
 from onboard.observations import Discarded
@@ -40,7 +43,7 @@ class MessageReceived:
     content: dict[str, object]
 
 
-class WaveLink:
+class WaveLink(Core):
     """Secures, frames and queues messages, and opens received frames, without I/O."""
 
     def __init__(self, security: SecurityServices, psids: Collection[int]) -> None:
@@ -91,10 +94,12 @@ class WaveLink:
         """What the radio is to be given now, the most urgent first, as (user priority, WSM)."""
         return self._queue.wsms_to_send(now)
 
+    @override
     def get_timer(self) -> float:
         """Return when the radio is free for the next queued frame; `math.inf` without one."""
         return self._queue.get_timer()
 
+    @override
     def next_event(self) -> Discarded | None:
         """The oldest event not yet taken."""
         return self._discarded.popleft() if self._discarded else self._queue.next_event()

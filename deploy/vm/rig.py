@@ -28,6 +28,7 @@ from onboard.observations import Speed
 from onboard.security.key_files import read_credentials
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.units import KM_H
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
@@ -157,13 +158,11 @@ class LeadVehicle:
     def _receive(self, data: bytes) -> None:
         """Receive a WSM that the daemon sends through its radio unit."""
         if self._is_on:
-            self._stack.receive_wsm(data, time.monotonic())
-            self._step()
+            self._step(ReceivedWsm(time.monotonic(), data))
 
     def brake(self) -> None:
         """Brake hard, by the brake button."""
-        self._stack.press_brake_button(time.monotonic())
-        self._step()
+        self._step(BrakeButton(time.monotonic()))
 
     def switch(self, state: str) -> None:
         """Switch the radio unit `on` or `off`."""
@@ -173,20 +172,13 @@ class LeadVehicle:
         """Drive straight on until cancelled."""
         while True:
             now = time.monotonic()
-            self._stack.receive_observation(Speed(now, SPEED_M_S, 0.1, "rig"), now)
-            self._step()
+            self._step(Speed(now, SPEED_M_S, 0.1, "rig"))
             await asyncio.sleep(STEP_S)
 
-    def _step(self) -> None:
-        now = time.monotonic()
-        self._stack.set_utc(time.time(), now)
-        if self._stack.get_timer() <= now:
-            self._stack.handle_timer(now)
-        for _, wsm in self._stack.wsms_to_send(now):
+    def _step(self, *inputs: Input) -> None:
+        for wsm in self._stack.step(inputs, time.monotonic(), time.time()).wsms:
             if self._is_on:
-                self._unit.sendto(wsm, ("127.0.0.1", CAR_PORT))
-        while self._stack.next_event() is not None:
-            pass
+                self._unit.sendto(wsm.data, ("127.0.0.1", CAR_PORT))
 
 
 async def main(images: Path, keys: Path, bus: str) -> None:

@@ -13,10 +13,13 @@ from collections import deque
 from dataclasses import dataclass
 from typing import ClassVar
 
+from typing_extensions import override
+
 from onboard.access.crash_probability import rear_end_crash_probability
 from onboard.access.driver_model import DriverModel
 from onboard.access.reaction_times import Reaction, ReactionObserver
 from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S, MINIMUM_INTERVAL_S
+from onboard.core import Core
 from onboard.observations import BrakePedal, HardBrake, Lead, Speed
 
 UNSAFE_ABOVE = 0.5
@@ -59,7 +62,7 @@ class ReactionObserved:
     headway_s: float
 
 
-class AccessAdaptation:
+class AccessAdaptation(Core):
     """Computes the longest BSM interval from the lead, the speed and the driver model."""
 
     def __init__(self, driver: DriverModel) -> None:
@@ -99,16 +102,19 @@ class AccessAdaptation:
         """Learn from the host vehicle's hard braking, if this is a reaction."""
         self._learn(brake.stamp_s, self._reactions.receive_hard_brake(brake))
 
+    @override
     def get_timer(self) -> float:
         """Return when the last lead measurement expires; `math.inf` without one."""
         return self._lead_expires_at
 
+    @override
     def handle_timer(self, now: float) -> None:
         """Become safe when the last lead measurement has expired."""
         if now >= self._lead_expires_at:
             self._lead_expires_at = math.inf
             self._update(now, 0.0)
 
+    @override
     def next_event(self) -> FollowingSafety | ReactionObserved | None:
         """Return the oldest event not yet taken, or `None`."""
         return self._events.popleft() if self._events else None

@@ -7,10 +7,12 @@ unavailable (docs/design/messages.md, "BSM without a position").
 import math
 
 import numpy as np
+from typing_extensions import override
 
 from onboard.bsm_transmission.path_history import PathHistoryKeeper
 from onboard.bsm_transmission.path_prediction import STANDSTILL_M_S, PathPredictor
 from onboard.bsm_transmission.schedule import BsmSchedule
+from onboard.core import Core
 from onboard.kinematics.acceleration import AccelerationEstimator
 from onboard.kinematics.geodesy import distance_m
 from onboard.messages.bsm import BasicSafetyMessage
@@ -53,7 +55,7 @@ ALL_WHEELS = (
 MESSAGE_COUNTS = 128
 
 
-class BsmTransmitter:
+class BsmTransmitter(Core):
     """Decides when a BSM is due, and composes it."""
 
     def __init__(
@@ -127,10 +129,12 @@ class BsmTransmitter:
         """Limit the interval of BSMs (`onboard/access`)."""
         self._schedule.receive_max_interval(max_s, now)
 
+    @override
     def get_timer(self) -> float:
         """Return the time of the next BSM or density measurement."""
         return self._schedule.get_timer()
 
+    @override
     def handle_timer(self, now: float) -> None:
         """Measure the density if that is due."""
         self._schedule.receive_event_flags(self._is_braking(now), now)

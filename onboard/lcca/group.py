@@ -10,7 +10,9 @@ import math
 from collections import deque
 
 import numpy as np
+from typing_extensions import override
 
+from onboard.core import Core
 from onboard.lcca.acceptance import update_refusal, warn_refusal
 from onboard.lcca.events import PrecedingVehicle, Transition, WarningRaised
 from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of
@@ -31,7 +33,7 @@ _MAX_ACKNOWLEDGEMENTS = 8
 """Acknowledgements waiting to be sent; the oldest is dropped, and its warning repeated."""
 
 
-class WarningGroup:
+class WarningGroup(Core):
     """State, membership, warning list and forwarding of one vehicle."""
 
     def __init__(
@@ -146,6 +148,7 @@ class WarningGroup:
         self._outbox.clear()
         return out
 
+    @override
     def get_timer(self) -> float:
         """When `handle_timer` is due; infinite if nothing is planned."""
         return min(
@@ -155,6 +158,7 @@ class WarningGroup:
             self._id_change_until,
         )
 
+    @override
     def handle_timer(self, now: float) -> None:
         """Do what has become due."""
         if now >= self._id_change_until:
@@ -168,6 +172,7 @@ class WarningGroup:
         self._join_if_due(now)
         self._forward_if_due(now)
 
+    @override
     def next_event(self) -> Transition | WarningRaised | Discarded | None:
         """Return the oldest event not yet taken, or `None`."""
         return self._events.popleft() if self._events else None

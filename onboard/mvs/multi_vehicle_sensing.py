@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
+from typing_extensions import override
 
+from onboard.core import Core
 from onboard.errors import DecodeError
 from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
@@ -40,7 +42,7 @@ from onboard.tracking.track import Track
 from onboard.tracking.tracks import Tracks
 
 
-class MultiVehicleSensing:
+class MultiVehicleSensing(Core):
     """One car's MVS. `now` and stamps are on the car's own clock, `utc_offset_s` behind UTC."""
 
     def __init__(
@@ -224,6 +226,7 @@ class MultiVehicleSensing:
         """Which way the own car faces, standing too; `None` until it has driven."""
         return self._own.heading(now)
 
+    @override
     def next_event(self) -> Discarded | None:
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None

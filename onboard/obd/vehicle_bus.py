@@ -12,6 +12,9 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING
 
+from typing_extensions import override
+
+from onboard.core import Core
 from onboard.obd import n_pdu, service_01
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.hard_brake import HardBrakeDetector
@@ -41,7 +44,7 @@ _IDENTIFIERS = {"auto": (False, True), "11-bit": (False,), "29-bit": (True,)}
 BusEvent = Speed | BrakePedal | HardBrake | Discarded
 
 
-class VehicleBus:
+class VehicleBus(Core):
     """See the module's head. Holds nothing that grows: at most one reassembly for each ECU."""
 
     def __init__(self, settings: ObdSettings) -> None:
@@ -84,6 +87,7 @@ class VehicleBus:
         self._to_send.clear()
         return frames
 
+    @override
     def get_timer(self) -> float:
         """Return when the next request, or the next frame of a long answer, is due."""
         timers = [reassembly.get_timer() for reassembly in self._reassemblies.values()]
@@ -91,12 +95,14 @@ class VehicleBus:
             timers.append(self._tester.get_timer())
         return min(timers, default=math.inf)
 
+    @override
     def handle_timer(self, now: float) -> None:
         """Give up answers that stopped half-way. Requests are due in `frames_to_send`."""
         for (ecu, is_extended_id), reassembly in self._reassemblies.items():
             reassembly.handle_timer(now)
             self._take_messages(reassembly, ecu, now, now, is_extended_id=is_extended_id)
 
+    @override
     def next_event(self) -> BusEvent | None:
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None

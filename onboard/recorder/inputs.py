@@ -23,10 +23,11 @@ from onboard.observations import (
     VehicleDetection,
 )
 from onboard.recorder.reader import Entry
-from onboard.recorder.records import BrakeButton, Identity, ReceivedWsm, RecordingGap, Step
+from onboard.recorder.records import Identity, RecordingGap, StepEnd
+from onboard.step import BrakeButton, ReceivedWsm
 
 Input = (
-    CanFrame | ReceivedWsm | BrakeButton | Step | Identity | RecordingGap
+    CanFrame | ReceivedWsm | BrakeButton | StepEnd | Identity | RecordingGap
     | Speed | BrakePedal | HardBrake | Plate | Lead | VehicleDetection | DetectionList | Position
     | SensorLost | SensorRecovered | Discarded
 )  # fmt: skip

@@ -45,7 +45,7 @@ def recorded_stack(writer: RecordWriter | None, beginning: InitialState) -> Stac
 
     def note_identity(plate: str, epoch: int, car_id: bytes) -> None:
         # The cores derive their own ID while they are made, before they can be tapped.
-        at_s, at_utc_s = begins if tap is None else tap.last_call
+        at_s, at_utc_s = begins if tap is None else tap.last_step
         identity = Identity(at_s, aliases.word(plate), epoch, car_id)
         writer.note(Record("/in/identity", at_utc_s, identity))
 

@@ -10,43 +10,14 @@ from onboard.trace.trace_line import Event
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """Ends the inputs of one moment: the cores did what was due, and were asked what they say."""
+class StepEnd:
+    """End of the inputs of one step of the cores (`Stack.step`)."""
 
     kind: ClassVar[str] = "step"
     stamp_s: float
-    """The time that all calls of the round were given as `now`."""
+    """`now` of the step."""
     utc_s: float | None
-    """What the cores were told UTC is, before the inputs; `None`: nothing."""
-    timer: bool
-    """Whether their timer was due."""
-
-
-@dataclass(frozen=True, slots=True)
-class ReceivedWsm:
-    """A frame from the radio."""
-
-    kind: ClassVar[str] = "wsm"
-    stamp_s: float
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class SentWsm:
-    """A frame for the radio."""
-
-    kind: ClassVar[str] = "wsm"
-    stamp_s: float
-    user_priority: int
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class BrakeButton:
-    """Somebody pressed the brake button of the paper's demonstration."""
-
-    kind: ClassVar[str] = "brake_button"
-    stamp_s: float
+    """UTC given to the step, in seconds since 1970; `None` if it was given none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from onboard.obd.can_frame import CanFrame
-from onboard.recorder.inputs import Input, as_input
+from onboard import step
+from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import RecordedDrive, RecordingError
 from onboard.recorder.recorded_stack import replayed_stack
-from onboard.recorder.records import BrakeButton, Identity, ReceivedWsm, Record, RecordingGap, Step
+from onboard.recorder.records import Identity, Record, RecordingGap, StepEnd
 from onboard.recorder.tap import Tap
 from onboard.trace.trace_line import Event, as_json, as_record
 from onboard.wave_udp import wsmp
@@ -90,7 +90,7 @@ def play(box: RecordedDrive) -> Iterator[RecordedStep]:
     car_ids: dict[tuple[str, int], bytes] = {}
     notes: list[Record] = []
     tap: Tap | None = None
-    inputs: list[Input] = []
+    inputs: list[step.Input] = []
     moment: RecordedStep | None = None
     for entry in box.entries():
         if entry.topic.startswith("/out/"):
@@ -111,12 +111,12 @@ def play(box: RecordedDrive) -> Iterator[RecordedStep]:
         if tap is None:
             begins = (value.stamp_s, entry.utc_s) if box.begins_late else None
             tap = replayed_stack(box.head, car_ids, notes.append, begins)
-        if isinstance(value, Step):
-            events = _go_round(tap, inputs, value)
+        if isinstance(value, StepEnd):
+            outputs = tap.step(inputs, value.stamp_s, value.utc_s)
             inputs = []
             said = [_said(note) for note in notes if note.topic.startswith("/out/")]
             notes.clear()
-            moment = RecordedStep(value.stamp_s - box.head.now_s, events, said)
+            moment = RecordedStep(value.stamp_s - box.head.now_s, outputs.events, said)
         else:
             inputs.append(value)
     if moment is not None:
@@ -168,33 +168,6 @@ def _require_whole(box: RecordedDrive) -> None:
         )
     if box.missing:
         raise RecordingError(f"segments are missing: {', '.join(map(str, box.missing))}")
-
-
-def _go_round(tap: Tap, inputs: list[Input], end: Step) -> list[Event]:
-    now = end.stamp_s
-    if end.utc_s is not None:
-        tap.set_utc(end.utc_s, now)
-    for each in inputs:
-        _give(tap, each, now)
-    if end.timer:
-        tap.handle_timer(now)
-    tap.wsms_to_send(now)
-    tap.can_to_send(now)
-    return list(iter(tap.next_event, None))
-
-
-def _give(tap: Tap, value: Input, now: float) -> None:
-    match value:
-        case CanFrame():
-            tap.receive_can(value, now)
-        case ReceivedWsm():
-            tap.receive_wsm(value.data, now)
-        case BrakeButton():
-            tap.press_brake_button(now)
-        case Step() | Identity() | RecordingGap():
-            raise AssertionError(f"no input of the cores: {value}")
-        case _:
-            tap.receive_observation(value, now)
 
 
 def _said(note: Record) -> Output:

@@ -9,6 +9,9 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from typing_extensions import override
+
+from onboard.core import Core
 from onboard.lcca.events import WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_safety import VehicleEventFlags
@@ -49,7 +52,7 @@ class _Said:
     brakes_hard_at_s: float
 
 
-class RiskMonitor:
+class RiskMonitor(Core):
     """Told what the other rooms know, says when an alarm begins, changes and ends."""
 
     def __init__(self, settings: RiskSettings, length_m: float, width_m: float) -> None:
@@ -141,6 +144,7 @@ class RiskMonitor:
             self._judge(Cause.EEBL, self._eebl(own, others, now), now)
             self._judge(Cause.IMA, self._crossing(own, others, now), now)
 
+    @override
     def next_event(self) -> Alarm | Discarded | None:
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None

@@ -10,6 +10,9 @@ import math
 from collections import deque
 from dataclasses import dataclass, replace
 
+from typing_extensions import override
+
+from onboard.core import Core
 from onboard.messages.lcca import Warn
 from onboard.observations import Discarded
 from onboard.security.misbehaviour_detection import MisbehaviourDetector
@@ -31,7 +34,7 @@ class _Pending:
         return replace(self.message, age_s=self.message.age_s + max(0.0, now - self.made_at_s))
 
 
-class PendingWarnings:
+class PendingWarnings(Core):
     """Checks each warning with the misbehaviour detector, at once and while it is pending."""
 
     def __init__(self, misbehaviour: MisbehaviourDetector) -> None:
@@ -57,14 +60,17 @@ class PendingWarnings:
         """Return the next warning that passed; `None` if there is none."""
         return self._passed.popleft() if self._passed else None
 
+    @override
     def next_event(self) -> Discarded | None:
         """Return the next rejected warning, with the reason."""
         return self._events.popleft() if self._events else None
 
+    @override
     def get_timer(self) -> float:
         """Return when the oldest pending warning must be decided; `math.inf` without one."""
         return self._pending[0].since_s + HOLD_S if self._pending else math.inf
 
+    @override
     def handle_timer(self, now: float) -> None:
         """Check all pending warnings again: after each BSM, and when their time is over."""
         waiting: deque[_Pending] = deque()

@@ -8,10 +8,13 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
+from typing_extensions import override
+
+from onboard.core import Core
 from onboard.observations import Sensor, SensorLost, SensorRecovered
 
 
-class SensorTimeouts:
+class SensorTimeouts(Core):
     """Tracks the last sample of each sensor."""
 
     def __init__(self, timeouts_s: Mapping[Sensor, float], now: float) -> None:
@@ -68,17 +71,20 @@ class SensorTimeouts:
             )
         )
 
+    @override
     def get_timer(self) -> float:
         """Return when the next sensor times out; `math.inf` when none can."""
         pending = (at for sensor, at in self._lost_at.items() if sensor not in self._lost)
         return min(pending, default=math.inf)
 
+    @override
     def handle_timer(self, now: float) -> None:
         """Report the sensors that have timed out as lost."""
         for sensor, at in self._lost_at.items():
             if now >= at:
                 self.receive_loss(sensor, "silent", now)
 
+    @override
     def next_event(self) -> SensorLost | SensorRecovered | None:
         """Return the oldest event not yet taken, or `None`."""
         return self._events.popleft() if self._events else None

@@ -2,7 +2,7 @@
 
 import heapq
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -13,10 +13,10 @@ from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.gnss.nmea import NmeaReader
 from onboard.obd.can_bus import read_can_log
-from onboard.obd.can_frame import CanFrame
 from onboard.observations import Discarded, Position, Sensor
 from onboard.settings import parse_settings
-from onboard.stack import Observation, Stack
+from onboard.stack import Stack
+from onboard.step import Input
 from onboard.trace.trace_line import Event
 from onboard.vision.camera import open_recorded
 from onboard.vision.perception import Perception
@@ -25,8 +25,8 @@ from onboard.vision.settings import CameraSettings
 LONGEST_PAUSE_S = 86_400.0
 """A car may stand for a night in its recording."""
 
-Input = tuple[float, int, Callable[[Stack, float], None]]
-"""When it came, which recording it came from, and how the stack is given it."""
+_Stamped = tuple[float, int, Input]
+"""Time in s, number of the source (which orders inputs of one time), and the input."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
         utc_s=first[0],
     )
     now = first[0]
-    for stamp_s, _, give in chain((first,), inputs):
+    for stamp_s, _, received in chain((first,), inputs):
         if stamp_s - now > LONGEST_PAUSE_S:
             raise UserError(
                 f"the recording jumps from {now:.0f} to {stamp_s:.0f} s: is it of one drive, and"
@@ -79,11 +79,9 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
             )
         while (at := stack.get_timer()) <= stamp_s:
             now = max(now, at)
-            stack.handle_timer(now)
-            yield from _said(stack, now)
+            yield from stack.step((), now).events
         now = max(now, stamp_s)
-        give(stack, now)
-        yield from _said(stack, now)
+        yield from stack.step((received,), now).events
 
 
 def in_real_time(events: Iterator[Event]) -> Iterator[Event]:
@@ -96,21 +94,13 @@ def in_real_time(events: Iterator[Event]) -> Iterator[Event]:
         yield event
 
 
-def _said(stack: Stack, now: float) -> Iterator[Event]:
-    """What the stack says; what it sends goes nowhere."""
-    stack.wsms_to_send(now)
-    stack.can_to_send(now)
-    while (event := stack.next_event()) is not None:
-        yield event
-
-
-def _inputs(recording: RawRecording, config: CarConfig) -> Iterator[Input]:
+def _inputs(recording: RawRecording, config: CarConfig) -> Iterator[_Stamped]:
     """All recordings, merged by stamp."""
     stamped = [
         *([_from_can(recording.can)] if recording.can is not None else []),
         *([_from_nmea(recording.nmea)] if recording.nmea is not None else []),
     ]
-    sources: list[Iterator[Input]] = []
+    sources: list[Iterator[_Stamped]] = []
     begins_s: list[float] = []
     for source in stamped:
         first = next(source, None)
@@ -123,17 +113,19 @@ def _inputs(recording: RawRecording, config: CarConfig) -> Iterator[Input]:
     return heapq.merge(*sources, key=lambda each: each[:2])
 
 
-def _from_can(path: Path) -> Iterator[Input]:
+def _from_can(path: Path) -> Iterator[_Stamped]:
     unreadable: list[Discarded] = []
     for frame in read_can_log(path, on_discarded=unreadable.append):
         while unreadable:
-            yield frame.stamp_s, 0, _observed(unreadable.pop(0))
-        yield frame.stamp_s, 0, _framed(frame)
+            yield frame.stamp_s, 0, unreadable.pop(0)
+        yield frame.stamp_s, 0, frame
     for discarded in unreadable:  # behind the last frame
-        yield discarded.stamp_s, 0, _observed(discarded)
+        yield discarded.stamp_s, 0, discarded
 
 
-def _from_clip(clip: str, fps: float | None, config: CarConfig, start_s: float) -> Iterator[Input]:
+def _from_clip(
+    clip: str, fps: float | None, config: CarConfig, start_s: float
+) -> Iterator[_Stamped]:
     calibration = config.camera.model_dump() if config.camera is not None else {}
     given = calibration | {"source": clip, "fps": fps}
     camera = parse_settings(given, CameraSettings, "onboard replay")
@@ -142,10 +134,10 @@ def _from_clip(clip: str, fps: float | None, config: CarConfig, start_s: float) 
     for frame in frames:
         sight.receive_frame(frame.image, start_s + frame.stamp_s)
         while (observation := sight.next_event()) is not None:
-            yield observation.stamp_s, 1, _observed(observation)
+            yield observation.stamp_s, 1, observation
 
 
-def _from_nmea(path: Path) -> Iterator[Input]:
+def _from_nmea(path: Path) -> Iterator[_Stamped]:
     """What is said before the first fix knows no date; it is told with that fix."""
     undated: list[Discarded] = []
     began = False
@@ -155,8 +147,8 @@ def _from_nmea(path: Path) -> Iterator[Input]:
             continue
         stamp_s, began = observation.stamp_s, True
         while undated:
-            yield stamp_s, 2, _observed(replace(undated.pop(0), stamp_s=stamp_s))
-        yield stamp_s, 2, _observed(observation)
+            yield stamp_s, 2, replace(undated.pop(0), stamp_s=stamp_s)
+        yield stamp_s, 2, observation
 
 
 def _read_nmea(path: Path) -> Iterator[Position | Discarded]:
@@ -169,11 +161,3 @@ def _read_nmea(path: Path) -> Iterator[Position | Discarded]:
                     yield observation
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-
-
-def _framed(frame: CanFrame) -> Callable[[Stack, float], None]:
-    return lambda stack, now: stack.receive_can(frame, now)
-
-
-def _observed(observation: Observation) -> Callable[[Stack, float], None]:
-    return lambda stack, now: stack.receive_observation(observation, now)

@@ -70,13 +70,11 @@ class BackgroundTraffic:
             at_s, name = self._due[0]
             heapq.heapreplace(self._due, (at_s + SEND_INTERVAL_S, name))
             car = self._cars[name]
-            car.handle_timer(now)
-            for user_priority, wsm in car.wsms_to_send(now):
+            for wsm in car.step((), now).wsms:
                 deliveries += [
-                    Delivery(now, 0, name, unit, user_priority, wsm) for unit in self._units
+                    Delivery(now, 0, name, unit, wsm.user_priority, wsm.data)
+                    for unit in self._units
                 ]
-            while car.next_event() is not None:
-                pass  # background traffic has no trace
         return deliveries
 
     def get_timer(self) -> float:

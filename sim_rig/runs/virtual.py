@@ -8,7 +8,8 @@ would have said of them is. Between events no time passes.
 
 import heapq
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import count
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import numpy as np
 from onboard import psid
 from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
+from onboard.step import SentWsm
 from onboard.tools.test_ca.authority import make_trial
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.radio.faulty_air import FaultyAir
@@ -99,6 +101,7 @@ class _VirtualRun:
                 sky_seed,
                 box=boxes.get(name),
                 credentials=credentials.get(name),
+                on_ecu_frame=partial(self.recorder.note_answer, name),
             )
             for name, car_seed in zip(scenario.equipped, car_seeds, strict=True)
         }
@@ -108,7 +111,7 @@ class _VirtualRun:
     def run(self) -> None:
         """Do everything that is due until the scenario ends."""
         for car in self.cars.values():
-            self._settle(car, 0.0)
+            self._carry_away(car, car.step(0.0), 0.0)
         last_s, steps = -1.0, 0
         while self._agenda and self._agenda[0][0] <= self._scenario.duration_s:
             now, _, due = heapq.heappop(self._agenda)
@@ -120,9 +123,7 @@ class _VirtualRun:
                 self._deliver(now)
             elif due.planned_at == now:
                 due.planned_at = math.inf
-                for frame in due.handle_timer(now):
-                    self.recorder.note_answer(due.name, frame)
-                self._settle(due, now)
+                self._carry_away(due, due.handle_timer(now), now)
 
     def _deliver(self, now: float) -> None:
         self._air_planned_at = math.inf
@@ -131,15 +132,14 @@ class _VirtualRun:
                 delivery.receiver, delivery.sender, delivery.user_priority, now
             )
             car = self.cars[delivery.receiver]
-            car.receive_wsm(delivery.wsm, now)
-            self._settle(car, now)
+            self._carry_away(car, car.receive_wsm(delivery.wsm, now), now)
         self._plan_air()
 
-    def _settle(self, car: VirtualCar, now: float) -> None:
-        """Carry away what a car sends, and plan when it wants to be called again."""
-        for user_priority, wsm in [] if car.is_asleep(now) else car.wsms_to_send(now):
-            self.recorder.note_on_air(car.name, wsm, user_priority, now)
-            self._air.receive_wsm(car.name, wsm, user_priority, now)
+    def _carry_away(self, car: VirtualCar, wsms: Sequence[SentWsm], now: float) -> None:
+        """Put the frames that a car sends on the air, and plan its next step."""
+        for wsm in wsms:
+            self.recorder.note_on_air(car.name, wsm.data, wsm.user_priority, now)
+            self._air.receive_wsm(car.name, wsm.data, wsm.user_priority, now)
         self._plan_air()
         at = max(car.get_timer(), now)
         if at != car.planned_at:

@@ -1,7 +1,7 @@
 """One car in virtual time: its stack, with the rig's ends of its wires held against it."""
 
 import math
-from collections import deque
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from onboard.recorder.initial_state import InitialState
 from onboard.recorder.recorded_stack import recorded_stack
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
+from onboard.step import Input, Observation, ReceivedWsm, SentWsm
 from onboard.trace.trace_line import as_record
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
@@ -50,11 +51,11 @@ class VirtualCar:
         *,
         box: VirtualRecorder | None,
         credentials: Credentials | None,
+        on_ecu_frame: Callable[[CanFrame], None],
     ) -> None:
         self.name = name
         self.trace: list[Record] = []
         self.planned_at = math.inf
-        self._stack_at = 0.0
         own_seed, *other_seeds = seed.spawn(5)
         camera_rng, gnss_rng, vehicles_rng, ecu_rng = map(np.random.default_rng, other_seeds)
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
@@ -70,7 +71,9 @@ class VirtualCar:
                 credentials=credentials,
             ),
         )
-        self._waiting: deque[bytes] = deque()
+        self._stack_at = self._stack.get_timer()
+        self._on_ecu_frame = on_ecu_frame
+        self._waiting: list[bytes] = []
         phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)
         self._camera = CameraModel(
             CameraView(scenario, road, name, camera_rng), config.vision, phase_s, camera_rng
@@ -92,7 +95,6 @@ class VirtualCar:
 
     def get_timer(self) -> float:
         """When something of this car is next due."""
-        self._stack_at = self._stack.get_timer()
         at = min(
             self._stack_at,
             self._camera.get_timer(),
@@ -105,36 +107,37 @@ class VirtualCar:
         """Whether something else has the processor."""
         return self._faults.wakes_at(now) > now
 
-    def receive_wsm(self, wsm: bytes, now: float) -> None:
-        """A frame arrives at the car's radio unit."""
+    def receive_wsm(self, wsm: bytes, now: float) -> list[SentWsm]:
+        """Receive a frame from the radio unit; return the frames for it."""
         self._waiting.append(wsm)
-        if not self.is_asleep(now):
-            self._take_waiting(now)
+        return [] if self.is_asleep(now) else self.step(now)
 
-    def handle_timer(self, now: float) -> list[CanFrame]:
-        """Do what is due; the frames that the ECU has put on the bus are returned."""
-        self._take_waiting(now)
-        answers = self._ecu.frames_to_send(now)
-        for frame in answers:
-            self._stack.receive_can(frame, now)
+    def handle_timer(self, now: float) -> list[SentWsm]:
+        """Read all wires and step the cores; return the frames for the radio unit."""
+        frames = self._ecu.frames_to_send(now)
+        for frame in frames:
+            self._on_ecu_frame(frame)
         self._camera.handle_timer(now)
-        self._take_observations(self._camera, now)
+        observations: list[Observation] = list(iter(self._camera.next_event, None))
         for device, reader in self._devices:
             if data := device.bytes_to_send(now):
                 reader.receive_bytes(data, now)
-                self._take_observations(reader, now)
-        if self._stack_at <= now:
-            self._stack.handle_timer(now)
-        return answers
+                observations += iter(reader.next_event, None)
+        return self.step(now, (*frames, *observations))
 
-    def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
-        """What the radio unit is given to send; everything else is settled inside the car."""
-        wsms = self._stack.wsms_to_send(now)
-        for frame in self._stack.can_to_send(now):
+    def step(self, now: float, inputs: Sequence[Input] = ()) -> list[SentWsm]:
+        """Step the cores with the waiting frames and `inputs`; return the frames for the radio."""
+        utc_s = None
+        if self._faults.has_wrong_clock:
+            utc_s = START_UTC_S + now + self._faults.clock_error_s(now)
+        waiting = [ReceivedWsm(now, wsm) for wsm in self._waiting]
+        self._waiting.clear()
+        outputs = self._stack.step((*waiting, *inputs), now, utc_s)
+        self._stack_at = outputs.timer_at
+        for frame in outputs.can_frames:
             self._ecu.receive_frame(frame, now)
-        while (event := self._stack.next_event()) is not None:
-            self.trace.append(as_record(event))
-        return wsms
+        self.trace += map(as_record, outputs.events)
+        return outputs.wsms
 
     def _receiver(
         self,
@@ -148,16 +151,6 @@ class VirtualCar:
 
         receiver = GnssReceiver(settings, state_at, START_UTC_S, rng, sky_rng)
         return receiver, NmeaReader(GnssSettings.model_validate(gnss_config(settings)))
-
-    def _take_observations(self, source: CameraModel | _Reader, now: float) -> None:
-        while (observation := source.next_event()) is not None:
-            self._stack.receive_observation(observation, now)
-
-    def _take_waiting(self, now: float) -> None:
-        if self._faults.has_wrong_clock:
-            self._stack.set_utc(START_UTC_S + now + self._faults.clock_error_s(now), now)
-        while self._waiting:
-            self._stack.receive_wsm(self._waiting.popleft(), now)
 
 
 def _sensors(scenario: Scenario) -> frozenset[Sensor]:

@@ -19,6 +19,7 @@ from onboard.observations import Lead, LeadIdentity, Position, Sensor, Speed, Ve
 from onboard.security import ieee1609dot2
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.step import Input, ReceivedWsm
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.scenario.car_config import DIGEST
@@ -54,9 +55,11 @@ class Fleet:
         self.messages = 0
         """Messages that each car has received from remote vehicles."""
         sensors = (Sensor.SPEED, Sensor.CAMERA, Sensor.POSITION)
+        self._inputs: dict[str, list[Input]] = {"AA1": [], "BB2": []}
+        """Of each car's next step."""
         self._cars = {
             plate: Stack(_config(plate), sensors, child, now=0.0, utc_s=START_UTC_S)
-            for plate, child in zip(("AA1", "BB2"), rng.spawn(2), strict=True)
+            for plate, child in zip(self._inputs, rng.spawn(2), strict=True)
         }
 
     def drive(self, duration_s: float) -> None:
@@ -74,18 +77,16 @@ class Fleet:
     def _observe(self) -> None:
         now = self._now
         ahead: str | None = None
-        for number, (plate, car) in enumerate(self._cars.items()):
+        for number, plate in enumerate(self._cars):
             fix = _fix(now, SPEED_M_S * now - 16.5 * number)
-            car.receive_observation(Speed(now, SPEED_M_S, 0.28, "obd:7E8"), now)
-            car.receive_observation(fix, now)
             if ahead is None and now % (2 * LEAD_CHANGES_EVERY_S) < LEAD_CHANGES_EVERY_S:
                 lead = Lead(now, LeadIdentity.NO_LEAD)
             else:
                 text = ahead or f"X{int(now / LEAD_CHANGES_EVERY_S)}"
                 lead = Lead(now, LeadIdentity.KNOWN, text, 12.0, 0.4, 0.0, 0.5)
-            car.receive_observation(lead, now)
             track = int(now / REMOTE_VEHICLE_STAYS_S)
-            car.receive_observation(VehicleDetection(now, track, 30.0, 1.0, 0.2, 0.01), now)
+            detection = VehicleDetection(now, track, 30.0, 1.0, 0.2, 0.01)
+            self._inputs[plate] += [Speed(now, SPEED_M_S, 0.28, "obd:7E8"), fix, lead, detection]
             ahead = plate
 
     def _receive_bsms(self) -> None:
@@ -101,23 +102,22 @@ class Fleet:
             remote.messages += 1
             wsm = _bsm_of(remote, _fix(now, SPEED_M_S * now + remote.offset_m), now)
             self.messages += 1
-            for car in self._cars.values():
-                car.receive_wsm(wsm, now)
+            for inputs in self._inputs.values():
+                inputs.append(ReceivedWsm(now, wsm))
 
     def _step(self) -> None:
-        cars = self._cars.values()
-        for car in cars:
-            if car.get_timer() <= self._now:
-                car.handle_timer(self._now)
-            car.can_to_send(self._now)
-        sent = [(car, wsm) for car in cars for _, wsm in car.wsms_to_send(self._now)]
-        for sender, wsm in sent:
-            for car in cars:
-                if car is not sender:
-                    car.receive_wsm(wsm, self._now)
-        for car in cars:
-            while car.next_event() is not None:
-                pass
+        """Step the vehicles until none has inputs; what one sends is an input of the other."""
+        self._step_all()
+        while any(self._inputs.values()):
+            self._step_all()
+
+    def _step_all(self) -> None:
+        for sender, car in self._cars.items():
+            inputs, self._inputs[sender] = self._inputs[sender], []
+            for sent in car.step(inputs, self._now).wsms:
+                for plate, received in self._inputs.items():
+                    if plate != sender:
+                        received.append(ReceivedWsm(self._now, sent.data))
 
 
 def resident_bytes() -> int:

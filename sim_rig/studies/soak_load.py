@@ -33,6 +33,7 @@ from onboard.security.credentials import Credentials
 from onboard.security.key_files import write_credentials
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.step import Input, ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_view import SMALL_LENS
@@ -171,28 +172,23 @@ class _LeadVehicle:
             )
             speed = Speed(at, _speed_m_s(into_s), 0.1, "ahead")
             ahead_m += speed.speed_m_s * STEP_S
-            self._stack.receive_observation(speed, at)
-            self._stack.receive_observation(_fix(at, ahead_m, speed.speed_m_s), at)
+            observations: list[Input] = [speed, _fix(at, ahead_m, speed.speed_m_s)]
             if (brake := self._detector.receive_speed(speed)) is not None:
-                self._stack.receive_observation(brake, at)
-            self._step()
+                observations.append(brake)
+            self._step(*observations)
             at += STEP_S
             await asyncio.sleep(max(0.0, at - time.monotonic()))
 
     def _receive(self) -> None:
-        self._stack.receive_wsm(self._unit.recv(8192), time.monotonic())
-        self._step()
+        self._step(ReceivedWsm(time.monotonic(), self._unit.recv(8192)))
 
-    def _step(self) -> None:
+    def _step(self, *inputs: Input) -> None:
         now = time.monotonic()
-        self._stack.set_utc(time.time(), now)
-        if self._stack.get_timer() <= now:
-            self._stack.handle_timer(now)
-        wsms = self._stack.wsms_to_send(now)
+        outputs = self._stack.step(inputs, now, time.time())
         sent_at = time.monotonic()
-        for _, wsm in wsms:
-            self._unit.sendto(wsm, ("127.0.0.1", self._port))
-        while (event := self._stack.next_event()) is not None:
+        for wsm in outputs.wsms:
+            self._unit.sendto(wsm.data, ("127.0.0.1", self._port))
+        for event in outputs.events:
             if isinstance(event, HardBrake):
                 self.warned_at.append(sent_at)
 

@@ -7,6 +7,7 @@ from onboard.config import CarConfig
 from onboard.observations import Lead, LeadIdentity, Sensor, Speed
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import as_record
 
 
@@ -28,22 +29,19 @@ def bsms_among_many(gap_m: float, enabled: bool) -> tuple[int, list[dict[str, ob
     frames = []
     for other in others:
         for tenth in range(4):
-            frames += [wsm for _, wsm in other.wsms_to_send(0.05 * tenth)]
+            frames += [wsm.data for wsm in other.step((), 0.05 * tenth).wsms]
     count, events = 0, []
     for step in range(2000):
         now = 0.01 * step
+        inputs: list[Input] = []
         if step % 10 == 0:
-            stack.receive_observation(Speed(now, 20.0, 0.28, "obd:7E8"), now)
             lead = Lead(now, LeadIdentity.UNKNOWN, None, gap_m, 0.3, 0.0, 0.2)
-            stack.receive_observation(lead, now)
+            inputs += [Speed(now, 20.0, 0.28, "obd:7E8"), lead]
         if step % 50 == 0:
-            for wsm in frames:
-                stack.receive_wsm(wsm, now)
-        if stack.get_timer() <= now:
-            stack.handle_timer(now)
-        sent = stack.wsms_to_send(now)
-        count += len(sent) if now >= 15.0 else 0
-        while (event := stack.next_event()) is not None:
+            inputs += [ReceivedWsm(now, wsm) for wsm in frames]
+        outputs = stack.step(inputs, now)
+        count += len(outputs.wsms) if now >= 15.0 else 0
+        for event in outputs.events:
             events += [as_record(event)] if event.kind == "following_safety" else []
     return count, events
 

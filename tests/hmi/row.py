@@ -19,6 +19,7 @@ from onboard.obd.settings import CanSettings
 from onboard.observations import Lead, LeadIdentity, Sensor, SensorLost, Speed, VehicleDetection
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.trace.trace_line import Event
 from onboard.vision.settings import CameraSettings
 
@@ -82,7 +83,7 @@ class Row:
 
     def brake(self, car: int = 0) -> None:
         """Press the brake button of a vehicle, counted from the first."""
-        self.do(lambda: self.stacks[car].press_brake_button(self.now))
+        self.do(lambda: self._receive(car, BrakeButton(self.now)))
 
     def send_event(self, event: Event) -> None:
         """Give the page an event, as the stack would."""
@@ -92,7 +93,7 @@ class Row:
         """Report the last vehicle's camera as lost."""
         self.camera_works = False
         lost = SensorLost(self.now, Sensor.CAMERA, None, reason)
-        self.do(lambda: self.stacks[-1].receive_observation(lost, self.now))
+        self.do(lambda: self._receive(-1, lost))
 
     def _do(self, work: Any) -> Any:
         future: Future[Any] = asyncio.run_coroutine_threadsafe(work, self._loop)
@@ -111,13 +112,15 @@ class Row:
             )
             for number, config in enumerate(configs)
         ]
+        self._inputs: list[list[Input]] = [[] for _ in self.stacks]
+        """Of each car's next step."""
         last = configs[-1]
         assert last.hmi is not None
         self.page = DriverPage(
             last.hmi,
             last.model_copy(update={"can": CanSettings(), "camera": CameraSettings(source="test")}),
             self.stacks[-1],
-            lambda _: self.stacks[-1].press_brake_button(self.now),
+            lambda _: self._receive(-1, BrakeButton(self.now)),
         )
         await self.page.start()
         self._running = asyncio.create_task(self._run())
@@ -147,9 +150,9 @@ class Row:
 
     def _observe(self) -> None:
         ahead: str | None = None
-        for stack, plate in zip(self.stacks, self.plates, strict=True):
-            is_last = stack is self.stacks[-1]
-            stack.receive_observation(Speed(self.now, SPEED_M_S, 0.28, "obd:7E8"), self.now)
+        for number, plate in enumerate(self.plates):
+            is_last = number == len(self.plates) - 1
+            self._receive(number, Speed(self.now, SPEED_M_S, 0.28, "obd:7E8"))
             if not is_last or self.camera_works:
                 text = self.plate_ahead if is_last else ahead
                 lead = (
@@ -157,33 +160,31 @@ class Row:
                     if text is None
                     else Lead(self.now, LeadIdentity.KNOWN, text, self.gap_m, 0.3, 0.2, 0.3)
                 )
-                stack.receive_observation(lead, self.now)
+                self._receive(number, lead)
                 if is_last:
-                    for number, (ahead_m, right_m) in enumerate(self.detections):
+                    for track_id, (ahead_m, right_m) in enumerate(self.detections):
                         range_m, bearing_rad = (
                             np.hypot(ahead_m, right_m),
                             np.arctan2(right_m, ahead_m),
                         )
-                        stack.receive_observation(
-                            VehicleDetection(
-                                self.now, number, float(range_m), 0.5, float(bearing_rad), 0.01
-                            ),
-                            self.now,
+                        detection = VehicleDetection(
+                            self.now, track_id, float(range_m), 0.5, float(bearing_rad), 0.01
                         )
+                        self._receive(number, detection)
             ahead = plate
 
+    def _receive(self, car: int, received: Input) -> None:
+        self._inputs[car].append(received)
+
     def _step(self) -> None:
-        for stack in self.stacks:
-            if stack.get_timer() <= self.now:
-                stack.handle_timer(self.now)
-            stack.can_to_send(self.now)
-        on_air = [(stack, wsm) for stack in self.stacks for _, wsm in stack.wsms_to_send(self.now)]
-        for sender, wsm in on_air:
-            for stack in self.stacks:
-                if stack is not sender:
-                    stack.receive_wsm(wsm, self.now)
-        for stack in self.stacks:
-            while (event := stack.next_event()) is not None:
-                if stack is self.stacks[-1]:
+        all_inputs, self._inputs = self._inputs, [[] for _ in self.stacks]
+        for number, stack in enumerate(self.stacks):
+            outputs = stack.step(all_inputs[number], self.now)
+            for wsm in outputs.wsms:
+                for other in range(len(self.stacks)):
+                    if other != number:
+                        self._receive(other, ReceivedWsm(self.now, wsm.data))
+            if stack is self.stacks[-1]:
+                for event in outputs.events:
                     self.page.receive_event(event)
         self.page.show(self.now)

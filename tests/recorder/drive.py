@@ -17,6 +17,7 @@ from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
+from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
 
 START_UTC_S = 1_750_000_480.0
@@ -84,32 +85,26 @@ def record_drive(
         )
     ]
     for step in range(round(duration_s / STEP_S)):
-        now = START_S + step * STEP_S
-        for number, car in enumerate(cars):
-            car.set_utc(START_UTC_S + step * STEP_S + 1e-7 * (step % 3), now)
-            car.receive_observation(Speed(now, 15.0, 0.28, "obd:7E8"), now)
-            if step % 4 == 0:
-                place = Position(now, 48.1, 11.5 - 2e-4 * number, 500.0, 2.0, 15.0, 1.57)
-                car.receive_observation(place, now)
-        sight = [
-            Plate(now, Pixels(10.0, 20.0, 52.0, 11.0), AHEAD, 0.9, is_lead=True),
-            Lead(now, LeadIdentity.KNOWN, AHEAD, 15.0, 0.3, 0.0, 0.3),
-        ]
-        for seen in sight:
-            cars[1].receive_observation(seen, now)
-        cars[0].receive_observation(Lead(now, LeadIdentity.NO_LEAD), now)
-        if step == round(3.0 / STEP_S):
-            cars[0].press_brake_button(now)
+        now, utc_s = START_S + step * STEP_S, START_UTC_S + step * STEP_S + 1e-7 * (step % 3)
+        inputs = [list(_inputs(number, step, now)) for number in range(len(cars))]
         for _ in range(3):  # so that answers are answered
-            on_air = [(car, car.wsms_to_send(now)) for car in cars]
-            for car in cars:
-                car.can_to_send(now)
-                while car.next_event() is not None:
-                    pass
-                for sender, wsms in on_air:
-                    for _, wsm in wsms if sender is not car else ():
-                        car.receive_wsm(wsm, now)
-                if car.get_timer() <= now:
-                    car.handle_timer(now)
+            all_inputs, inputs = inputs, [[] for _ in cars]
+            for number, car in enumerate(cars):
+                for wsm in car.step(all_inputs[number], now, utc_s).wsms:
+                    inputs[1 - number].append(ReceivedWsm(now, wsm.data))
     written.segments.close(START_S + duration_s)
     return folder
+
+
+def _inputs(number: int, step: int, now: float) -> Iterator[Input]:
+    """Yield what the sensors of the car in front (0) or behind (1) put out."""
+    yield Speed(now, 15.0, 0.28, "obd:7E8")
+    if step % 4 == 0:
+        yield Position(now, 48.1, 11.5 - 2e-4 * number, 500.0, 2.0, 15.0, 1.57)
+    if number == 1:
+        yield Plate(now, Pixels(10.0, 20.0, 52.0, 11.0), AHEAD, 0.9, is_lead=True)
+        yield Lead(now, LeadIdentity.KNOWN, AHEAD, 15.0, 0.3, 0.0, 0.3)
+        return
+    yield Lead(now, LeadIdentity.NO_LEAD)
+    if step == round(3.0 / STEP_S):
+        yield BrakeButton(now)

@@ -22,10 +22,11 @@ from onboard.obd.can_frame import CanFrame
 from onboard.recorder import black_box
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.reader import RecordedDrive, is_finished
-from onboard.recorder.records import BrakeButton, Record, RecorderState
+from onboard.recorder.records import Record, RecorderState
 from onboard.recorder.replay import compare
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
+from onboard.step import BrakeButton
 from tests.recorder import headers
 
 HEAD = headers.HEAD.model_copy(update={"now_s": time.monotonic()})

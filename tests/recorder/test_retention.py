@@ -7,10 +7,11 @@ import numpy as np
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import HardBrake
 from onboard.recorder.reader import RecordedDrive
-from onboard.recorder.records import BrakeButton, Identity, ReceivedWsm, Record
+from onboard.recorder.records import Identity, Record
 from onboard.recorder.retention import Stored, kept_path, to_delete
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
+from onboard.step import BrakeButton, ReceivedWsm
 from tests.recorder.drive import Written
 from tests.recorder.headers import HEAD
 

@@ -1,4 +1,4 @@
-"""Whole cars in one lane, joined by a wire that loses nothing."""
+"""Whole vehicles in one lane, connected by a lossless channel."""
 
 from collections.abc import Iterator
 
@@ -9,6 +9,7 @@ from onboard.observations import Lead, LeadIdentity, Sensor, Speed
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.stack import Stack
+from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import Event
 
 NOON_UTC_S = 1_700_000_100.0
@@ -37,30 +38,28 @@ def car(
 
 
 class Platoon:
-    """Cars in one lane that hear each other; every 0.1 s each has a speed and a picture."""
+    """Vehicles in one lane that receive each other; every 0.1 s each has a speed and a lead."""
 
     def __init__(self, cars: dict[str, Stack]) -> None:
+        """Take the vehicles by plate, the first one in front."""
         self.cars = cars
         self.speed_m_s = dict.fromkeys(cars, SPEED_M_S)
         self.events: list[tuple[str, Event]] = []
         self.on_air: list[bytes] = []
         self.now = 0.0
+        self._inputs: dict[str, list[Input]] = {plate: [] for plate in cars}
 
     def drive(self, duration_s: float, gap_m: float = 15.0) -> None:
-        ahead: str | None = None
         for _ in range(round(duration_s / 0.1)):
-            for plate, stack in self.cars.items():
-                stack.receive_observation(
-                    Speed(self.now, self.speed_m_s[plate], 0.28, "obd:7E8"), self.now
-                )
+            ahead: str | None = None
+            for plate in self.cars:
                 lead = (
                     Lead(self.now, LeadIdentity.NO_LEAD)
                     if ahead is None
                     else Lead(self.now, LeadIdentity.KNOWN, ahead, gap_m, 0.3, 0.0, 0.3)
                 )
-                stack.receive_observation(lead, self.now)
+                self.receive(plate, Speed(self.now, self.speed_m_s[plate], 0.28, "obd:7E8"), lead)
                 ahead = plate
-            ahead = None
             tick = self.now + 0.1
             self.settle()
             while (at := min(stack.get_timer() for stack in self.cars.values())) < tick:
@@ -68,25 +67,25 @@ class Platoon:
                 self.settle()
             self.now = tick
 
-    def settle(self) -> None:
-        """Let everything be said that is to be said now."""
-        for stack in self.cars.values():
-            if stack.get_timer() <= self.now:
-                stack.handle_timer(self.now)
-            stack.can_to_send(self.now)
-        on_air = [
-            (plate, wsm)
-            for plate, stack in self.cars.items()
-            for _, wsm in stack.wsms_to_send(self.now)
-        ]
-        for sender, wsm in on_air:
-            self.on_air.append(wsm)
-            for plate, stack in self.cars.items():
-                if plate != sender:
-                    stack.receive_wsm(wsm, self.now)
-        for plate, stack in self.cars.items():
-            while (event := stack.next_event()) is not None:
-                self.events.append((plate, event))
+    def receive(self, plate: str, *inputs: Input) -> None:
+        """Give a vehicle inputs for its next step."""
+        self._inputs[plate] += inputs
 
-    def said(self, plate: str, kind: str) -> Iterator[Event]:
-        return (event for who, event in self.events if who == plate and event.kind == kind)
+    def settle(self) -> None:
+        """Step the vehicles until no frame is on its way."""
+        self._step()
+        while any(self._inputs.values()):
+            self._step()
+
+    def _step(self) -> None:
+        all_inputs, self._inputs = self._inputs, {plate: [] for plate in self.cars}
+        for plate, stack in self.cars.items():
+            outputs = stack.step(all_inputs[plate], self.now)
+            self.events += [(plate, event) for event in outputs.events]
+            for wsm in outputs.wsms:
+                self.on_air.append(wsm.data)
+                for other in self.cars.keys() - {plate}:
+                    self.receive(other, ReceivedWsm(self.now, wsm.data))
+
+    def events_of(self, plate: str, kind: str) -> Iterator[Event]:
+        return (event for name, event in self.events if name == plate and event.kind == kind)

@@ -1,4 +1,4 @@
-"""Whole cars that sign: who is believed, and what others read on the air."""
+"""Whole vehicles that sign: which messages are accepted, and what an observer can read."""
 
 import json
 import shutil
@@ -13,6 +13,7 @@ from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.observations import HardBrake, Position
 from onboard.security.security_services import SecurityServices
+from onboard.step import BrakeButton, ReceivedWsm
 from onboard.trace.trace_line import as_record
 from onboard.units import KM_H
 from onboard.wave_udp import wsmp
@@ -34,47 +35,46 @@ def platoon() -> Platoon:
 
 
 def reasons(platoon: Platoon, plate: str) -> list[str]:
-    return [as_record(event)["reason"] for event in platoon.said(plate, "discarded")]
+    return [as_record(event)["reason"] for event in platoon.events_of(plate, "discarded")]
 
 
-def test_a_car_that_brakes_warns_the_car_behind_as_soon_as_its_speeds_show_it(
+def test_a_braking_vehicle_warns_its_follower_once_its_speeds_show_the_brake(
     platoon: Platoon,
 ) -> None:
-    brake_for_real(platoon, "AAA1")
+    brake_and_slow_down(platoon, "AAA1")
 
-    assert len(list(platoon.said("BBB2", "warning"))) == 1
+    assert len(list(platoon.events_of("BBB2", "warning"))) == 1
 
 
-def test_a_car_that_claims_a_brake_and_drives_on_is_not_believed(platoon: Platoon) -> None:
-    platoon.cars["AAA1"].press_brake_button(platoon.now)
+def test_a_warning_is_rejected_when_its_sender_keeps_its_speed(platoon: Platoon) -> None:
+    platoon.receive("AAA1", BrakeButton(platoon.now))
     platoon.drive(1.0)
 
-    assert list(platoon.said("BBB2", "warning")) == []
+    assert list(platoon.events_of("BBB2", "warning")) == []
     assert "implausible_brake" in reasons(platoon, "BBB2")
 
 
 def carol_sends(platoon: Platoon, plate: str, payload: bytes, psid: int, delay_s: float) -> None:
-    """Somebody whom all trust sends this to one car, where it arrives `delay_s` later."""
+    """A trusted third vehicle sends to one vehicle, where it arrives `delay_s` later."""
     made_at = platoon.now - delay_s
     wsm = WaveShortMessage(psid, SecurityServices(UTC_S, CAROL).secure(payload, psid, made_at))
-    platoon.cars[plate].receive_wsm(wsmp.encode(wsm), platoon.now)
+    platoon.receive(plate, ReceivedWsm(platoon.now, wsmp.encode(wsm)))
     platoon.settle()
 
 
-def brake_for_real(platoon: Platoon, plate: str) -> None:
+def brake_and_slow_down(platoon: Platoon, plate: str) -> None:
     platoon.speed_m_s[plate] = SPEED_M_S - 3 * KM_H
     platoon.drive(0.1)
-    brake = HardBrake(platoon.now, 7.0, source="obd")
-    platoon.cars[plate].receive_observation(brake, platoon.now)
+    platoon.receive(plate, HardBrake(platoon.now, 7.0, source="obd"))
     platoon.settle()
 
 
 @pytest.mark.parametrize("speed_m_s", [15.0, 30.0])
 @pytest.mark.parametrize("latest_fix_s", [0.0, 0.3, 0.6, 0.9])
-def test_a_warning_is_believed_at_once_of_a_car_whose_receiver_gives_one_fix_a_second(
+def test_a_warning_is_accepted_at_once_from_a_vehicle_with_one_fix_per_second(
     speed_m_s: float, latest_fix_s: float
 ) -> None:
-    """Its position is up to 1.3 s old; its speed is not, nor do others take its ways for leaps."""
+    """Its position is up to 1.3 s old, its speed is not; its steps pass the position check."""
     cars = {"AAA1": ALICE, "BBB2": BOB}
     platoon = Platoon(
         {plate: car(plate, credentials=keys, utc_s=UTC_S) for plate, keys in cars.items()}
@@ -97,14 +97,13 @@ def test_a_warning_is_believed_at_once_of_a_car_whose_receiver_gives_one_fix_a_s
                 speed_m_s - max(0.0, decelerated_m_s - 1.8),
                 0.0,
             )
-            platoon.cars["AAA1"].receive_observation(fix, platoon.now)
+            platoon.receive("AAA1", fix)
         if tenth == 53:
             braked_at = platoon.now
-            brake = HardBrake(braked_at, 6.0, source="obd:7E8")
-            platoon.cars["AAA1"].receive_observation(brake, braked_at)
+            platoon.receive("AAA1", HardBrake(braked_at, 6.0, source="obd:7E8"))
         platoon.drive(0.1)
 
-    (warning,) = platoon.said("BBB2", "warning")
+    (warning,) = platoon.events_of("BBB2", "warning")
     assert warning.stamp_s < braked_at + 0.05
     assert not {reason for reason in reasons(platoon, "BBB2") if reason.startswith("implausible")}
 
@@ -113,20 +112,20 @@ def car_id(platoon: Platoon, plate: str) -> bytes:
     return platoon.cars[plate].digest.car_id(plate, UTC_S + platoon.now)
 
 
-def test_nobody_takes_a_follower_out_of_reach_of_warnings_by_leaving_in_its_name(
+def test_a_forged_leave_does_not_remove_a_follower(
     platoon: Platoon,
 ) -> None:
     leader, follower = car_id(platoon, "AAA1"), car_id(platoon, "BBB2")
     leave = lcca.Leave(follower, leader, 2, leader, lcca.LeaveReason.GAP)
     carol_sends(platoon, "AAA1", lcca.encode(leave), psid.LCCA, delay_s=0.0)
 
-    brake_for_real(platoon, "AAA1")
+    brake_and_slow_down(platoon, "AAA1")
 
     assert "claimed_by_two" in reasons(platoon, "AAA1")
-    assert len(list(platoon.said("BBB2", "warning"))) == 1
+    assert len(list(platoon.events_of("BBB2", "warning"))) == 1
 
 
-def test_a_car_that_starts_again_is_taken_for_the_same_one(platoon: Platoon) -> None:
+def test_a_restarted_vehicle_keeps_its_identity(platoon: Platoon) -> None:
     platoon.cars["BBB2"] = car("BBB2", credentials=BOB, utc_s=UTC_S, seed=2)
     platoon.drive(2.0)
     assert platoon.cars["AAA1"].group.followers == (car_id(platoon, "BBB2"),)
@@ -137,18 +136,18 @@ def test_a_car_that_starts_again_is_taken_for_the_same_one(platoon: Platoon) -> 
     assert not platoon.cars["AAA1"].group.followers
 
 
-def test_a_warning_held_back_for_seconds_is_as_old_as_it_is(platoon: Platoon) -> None:
+def test_a_warning_delayed_for_seconds_is_discarded_as_stale(platoon: Platoon) -> None:
     leader = car_id(platoon, "AAA1")
     warning = lcca.Warn(leader, leader, 1, b"somebody", 1, 0, 1, 6.0, 0.01, 1)
 
     carol_sends(platoon, "BBB2", lcca.encode(warning), psid.LCCA, delay_s=4.0)
 
     assert "stale" in reasons(platoon, "BBB2")
-    assert list(platoon.said("BBB2", "warning")) == []
+    assert list(platoon.events_of("BBB2", "warning")) == []
 
 
-def test_one_car_with_many_names_does_not_make_others_silent(platoon: Platoon) -> None:
-    """The interval follows the number of cars near, and these are counted by who signs."""
+def test_many_temporary_ids_of_one_signer_do_not_lengthen_the_interval(platoon: Platoon) -> None:
+    """The interval depends on the number of vehicles near, counted by signer."""
     for i in range(300):
         name = bsm.encode(BasicSafetyMessage(CoreData(0, i.to_bytes(4))))
         carol_sends(platoon, "BBB2", name, psid.BSM, delay_s=0.0)
@@ -159,45 +158,45 @@ def test_one_car_with_many_names_does_not_make_others_silent(platoon: Platoon) -
     assert len(platoon.on_air) - before >= 2 * 19
 
 
-def test_a_service_that_this_car_does_not_speak_is_refused_unopened(platoon: Platoon) -> None:
-    platoon.cars["BBB2"].receive_wsm(wsmp.encode(WaveShortMessage(0x82, b"?")), platoon.now)
+def test_a_frame_of_an_unknown_service_is_discarded_unopened(platoon: Platoon) -> None:
+    wsm = wsmp.encode(WaveShortMessage(0x82, b"?"))
+    platoon.receive("BBB2", ReceivedWsm(platoon.now, wsm))
     platoon.settle()
 
     assert reasons(platoon, "BBB2")[-1:] == ["unknown_psid"]
 
 
-def test_a_car_whose_certificates_are_over_says_so() -> None:
-    over_utc_s = UTC_S + 2 * 86_400.0
-    late = car("AAA1", credentials=ALICE, utc_s=over_utc_s)
+def test_expired_certificates_are_reported() -> None:
+    expired_utc_s = UTC_S + 2 * 86_400.0
+    late = car("AAA1", credentials=ALICE, utc_s=expired_utc_s)
 
-    event = late.next_event()
+    (event, *_) = late.step((), 0.0).events
 
-    assert event is not None
     assert event.kind == "certificate_expired"
 
 
 @pytest.mark.parametrize("shown_s", [0.0, 946_684_800.0], ids=["1970", "2000"])
-def test_a_car_whose_clock_is_yet_to_be_set_drives_and_is_believed_from_then_on(
+def test_messages_are_accepted_once_the_sender_s_clock_is_set(
     shown_s: float,
 ) -> None:
-    """A box without a battery for its clock; 1609.2 counts from 2004."""
+    """A unit without a battery for its clock; time in IEEE 1609.2 begins in 2004."""
     unset = car("AAA1", credentials=ALICE, utc_s=shown_s)
     platoon = Platoon({"AAA1": unset, "BBB2": car("BBB2", credentials=BOB, utc_s=UTC_S)})
     platoon.drive(2.0)
     assert set(reasons(platoon, "BBB2")) == {"stale"}
-    assert list(platoon.said("BBB2", "transition")) == []
+    assert list(platoon.events_of("BBB2", "transition")) == []
 
-    unset.set_utc(UTC_S + platoon.now, platoon.now)
+    unset.step((), platoon.now, UTC_S + platoon.now)
     platoon.drive(2.0)
-    brake_for_real(platoon, "AAA1")
+    brake_and_slow_down(platoon, "AAA1")
 
-    assert len(list(platoon.said("BBB2", "warning"))) == 1
+    assert len(list(platoon.events_of("BBB2", "warning"))) == 1
 
 
 def test_wireshark_finds_nothing_malformed_in_a_drive(platoon: Platoon, tmp_path: Path) -> None:
     if shutil.which("tshark") is None:
         pytest.skip("tshark is not installed")
-    platoon.cars["AAA1"].press_brake_button(platoon.now)
+    platoon.receive("AAA1", BrakeButton(platoon.now))
     platoon.drive(0.5)
     capture = tmp_path / "drive.pcap"
     with capture.open("wb") as file:

@@ -1,0 +1,71 @@
+"""Inputs and outputs of one step of a vehicle's cores (`onboard.stack.Stack.step`)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from onboard.obd.can_frame import CanFrame
+from onboard.observations import (
+    BrakePedal,
+    DetectionList,
+    Discarded,
+    HardBrake,
+    Lead,
+    Plate,
+    Position,
+    SensorLost,
+    SensorRecovered,
+    Speed,
+    VehicleDetection,
+)
+from onboard.trace.trace_line import Event
+
+Observation = (
+    Speed | BrakePedal | HardBrake | Plate | Lead | VehicleDetection | DetectionList | Position
+    | SensorLost | SensorRecovered | Discarded
+)  # fmt: skip
+"""Values that the sensors' packages put out."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReceivedWsm:
+    """A WAVE short message from the radio."""
+
+    kind: ClassVar[str] = "wsm"
+    stamp_s: float
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SentWsm:
+    """A WAVE short message for the radio."""
+
+    kind: ClassVar[str] = "wsm"
+    stamp_s: float
+    user_priority: int
+    """IEEE 802.1D, 0 to 7."""
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class BrakeButton:
+    """Press of the demonstration's brake button (LCCA, section 4): warn without braking."""
+
+    kind: ClassVar[str] = "brake_button"
+    stamp_s: float
+
+
+Input = CanFrame | ReceivedWsm | BrakeButton | Observation
+
+
+@dataclass(frozen=True, slots=True)
+class StepOutputs:
+    """Everything that one step puts out."""
+
+    wsms: list[SentWsm]
+    """For the radio, the most urgent first."""
+    can_frames: list[CanFrame]
+    """For the vehicle's bus."""
+    events: list[Event]
+    """For trace, display and journal, in order."""
+    timer_at: float
+    """When the next step is due without any input; `math.inf` if never."""
