@@ -84,4 +84,4 @@ def test_many_forged_senders_take_bounded_memory():
     schedule = _schedule()
     for sender in range(5000):
         schedule.receive_remote_vehicle(sender.to_bytes(4), 10.0, now=0.01)
-    assert len(schedule._near_until) <= 1024
+    assert len(schedule._in_range_until) <= 1024
