@@ -130,7 +130,7 @@ def test_a_psid_that_is_no_number_is_said_so(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
-        (("car", "new", "--issuing", "root"), "root: is a root; a car takes what"),
+        (("car", "new", "--issuing", "root"), "root: is a root; pseudonyms need an authority"),
         (("car", "new", "--issuing", "issuing", "--psid", "0x83"), "may not grant PSID 0x83"),
         (("issuing", "new", "--root", "issuing"), "is no root"),
     ],

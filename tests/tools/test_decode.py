@@ -1,4 +1,4 @@
-"""`onboard decode`: every layer with its fields, and a reason for what cannot be read."""
+"""`onboard decode`: every layer with its fields, or the reason why it cannot be decoded."""
 
 import json
 import sys
@@ -54,33 +54,33 @@ WSM_FIELDS = {
 }
 
 
-def test_a_wsm_is_told_layer_by_layer():
-    told = describe(WSM)
-    assert list(told) == ["wsm", "1609.2", "lcca"]
-    assert told["wsm"] == WSM_FIELDS
-    assert told["lcca"] == LEAVE_FIELDS
+def test_a_wsm_is_described_layer_by_layer():
+    layers = describe(WSM)
+    assert list(layers) == ["wsm", "1609.2", "lcca"]
+    assert layers["wsm"] == WSM_FIELDS
+    assert layers["lcca"] == LEAVE_FIELDS
 
 
-def test_each_layer_alone_is_told_by_its_bytes():
+def test_each_layer_is_recognised_by_its_bytes():
     message = lcca.encode(LEAVE)
     assert describe(message) == {"lcca": LEAVE_FIELDS}
     assert list(describe(unsecured(message))) == ["1609.2", "lcca"]
 
 
-def test_a_layer_that_comes_twice_is_told_twice():
-    """What a unit sends on that wraps what was wrapped already."""
-    told = describe(unsecured(unsecured(lcca.encode(LEAVE))))
-    assert list(told) == ["1609.2", "1609.2 2", "lcca"]
+def test_a_repeated_layer_is_described_twice():
+    """A unit wraps data that was wrapped before."""
+    layers = describe(unsecured(unsecured(lcca.encode(LEAVE))))
+    assert list(layers) == ["1609.2", "1609.2 2", "lcca"]
 
 
-def test_an_immediate_forward_message_is_told_down_to_its_payload():
+def test_an_immediate_forward_message_is_described_with_its_payload():
     text = immediate_forward.encode(
         ImmediateForward("OTHER", 0x4020, 7, unsecured(lcca.encode(LEAVE)))
     )
-    told = describe(text)
-    assert list(told) == ["rsu41", "1609.2", "lcca"]
-    assert told["rsu41"]["psid"] == 0x4020
-    assert told["rsu41"]["priority"] == 7
+    layers = describe(text)
+    assert list(layers) == ["rsu41", "1609.2", "lcca"]
+    assert layers["rsu41"]["psid"] == 0x4020
+    assert layers["rsu41"]["priority"] == 7
 
 
 FOOTER = mvs_footer.encode(MvsFooter(1_790_000_000_000, 25.0, 121.5, (b"abcd",), (), ()))
@@ -88,22 +88,22 @@ FOOTER = mvs_footer.encode(MvsFooter(1_790_000_000_000, 25.0, 121.5, (b"abcd",),
 
 def test_the_footer_of_a_bsm_is_a_layer_of_its_own():
     core = CoreData(msg_cnt=5, temporary_id=b"abcd")
-    told = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER)))
-    assert list(told) == ["messageframe", "mvs_footer"]
-    assert told["mvs_footer"]["observers"] == [b"abcd".hex()]
+    layers = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER)))
+    assert list(layers) == ["messageframe", "mvs_footer"]
+    assert layers["mvs_footer"]["observers"] == [b"abcd".hex()]
 
 
-def test_a_bsm_is_told_though_its_footer_cannot_be_read():
+def test_a_bsm_with_an_invalid_footer_is_described():
     core = CoreData(msg_cnt=5, temporary_id=b"abcd")
-    told = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER[:-1])))
-    assert list(told) == ["messageframe", "error", "undecoded"]
-    assert told["messageframe"]["basic_safety_message"]["core"]["msg_cnt"] == 5
-    assert (told["error"]["layer"], told["error"]["reason"]) == ("mvs_footer", "too_short")
-    assert told["undecoded"] == FOOTER[:-1].hex()
+    layers = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER[:-1])))
+    assert list(layers) == ["messageframe", "error", "undecoded"]
+    assert layers["messageframe"]["basic_safety_message"]["core"]["msg_cnt"] == 5
+    assert (layers["error"]["layer"], layers["error"]["reason"]) == ("mvs_footer", "too_short")
+    assert layers["undecoded"] == FOOTER[:-1].hex()
 
 
 @pytest.mark.parametrize(
-    ("data", "form", "told", "layer_and_reason", "undecoded"),
+    ("data", "form", "decoded", "layer_and_reason", "undecoded"),
     [
         ("", Form.AUTO, [], ("messageframe", "too_short"), ""),
         ("ff", Form.AUTO, [], ("wsm", "unknown_version"), "ff"),
@@ -121,13 +121,11 @@ def test_a_bsm_is_told_though_its_footer_cannot_be_read():
         ("00130100", Form.AUTO, [], ("messageframe", "not_a_bsm"), "00130100"),
     ],
 )
-def test_what_cannot_be_read_says_which_layer_and_why(
-    data, form, told, layer_and_reason, undecoded
-):
-    found = describe(bytes.fromhex(data), form)
-    assert list(found) == [*told, "error", "undecoded"]
-    assert (found["error"]["layer"], found["error"]["reason"]) == layer_and_reason
-    assert found["undecoded"] == undecoded
+def test_an_error_names_layer_and_reason(data, form, decoded, layer_and_reason, undecoded):
+    layers = describe(bytes.fromhex(data), form)
+    assert list(layers) == [*decoded, "error", "undecoded"]
+    assert (layers["error"]["layer"], layers["error"]["reason"]) == layer_and_reason
+    assert layers["undecoded"] == undecoded
 
 
 def run(*arguments):
@@ -141,7 +139,7 @@ def records(result):
     return [json.loads(line) for line in result.output.splitlines()]
 
 
-def test_hex_lines_one_object_a_line_and_a_reason_where_it_is_no_hex(tmp_path):
+def test_hex_lines_give_one_object_or_error_a_line(tmp_path):
     file = tmp_path / "frames.hex"
     file.write_text(f"# recorded\n{WSM.hex()}\n\n0x{WSM.hex(':')}  # the same\nhello\n")
     first, second, third = records(run(file))
@@ -163,12 +161,12 @@ def decoded_from_stdin(tmp_path, monkeypatch, capsys):
     return decoded
 
 
-def test_the_standard_input_with_a_form_given(decoded_from_stdin):
-    (told,) = decoded_from_stdin(lcca.encode(LEAVE).hex().encode(), Form.LCCA)
-    assert told == {"line": 1, "lcca": LEAVE_FIELDS}
+def test_the_standard_input_with_a_given_form(decoded_from_stdin):
+    (layers,) = decoded_from_stdin(lcca.encode(LEAVE).hex().encode(), Form.LCCA)
+    assert layers == {"line": 1, "lcca": LEAVE_FIELDS}
 
 
-def test_a_capture_one_object_a_packet(tmp_path, decoded_from_stdin):
+def test_a_capture_gives_one_object_a_packet(tmp_path, decoded_from_stdin):
     file = tmp_path / "radio.pcap"
     with file.open("wb") as stream:
         writer = PcapWriter(stream)
@@ -184,7 +182,7 @@ def test_a_capture_one_object_a_packet(tmp_path, decoded_from_stdin):
     ("content", "message"),
     [(None, "cannot be read: No such file"), (b"\xd4\xc3\xb2\xa1", "ends within a packet")],
 )
-def test_a_file_that_cannot_be_read_is_the_users_mistake(tmp_path, content, message):
+def test_an_unreadable_file_is_a_user_error(tmp_path, content, message):
     file = tmp_path / "radio.pcap"
     if content is not None:
         file.write_bytes(content)
@@ -195,32 +193,32 @@ def test_a_file_that_cannot_be_read_is_the_users_mistake(tmp_path, content, mess
 
 
 @pytest.mark.realdata
-def test_80_real_message_frames_are_told_with_their_core_fields(rig_data):
+def test_80_real_message_frames_are_described_with_their_core_fields(rig_data):
     lines = (rig_data / "wsm" / "bsm-vectors.jsonl").read_text().splitlines()
     assert len(lines) == 80
     for line in lines:
         record = json.loads(line)
-        told = describe(bytes.fromhex(record["mf"]))
-        core = told["messageframe"]["basic_safety_message"]["core"]
-        assert told["messageframe"]["message_id"] == bsm.MESSAGE_ID
+        layers = describe(bytes.fromhex(record["mf"]))
+        core = layers["messageframe"]["basic_safety_message"]["core"]
+        assert layers["messageframe"]["message_id"] == bsm.MESSAGE_ID
         assert core["msg_cnt"] == record["expect"]["msgCnt"]
         assert core["temporary_id"] == record["expect"]["id"]
 
 
 @pytest.mark.realdata
-def test_18_wsms_of_real_units_are_told_down_to_the_bsm_and_say_that_nobody_verified_them(rig_data):
+def test_18_wsms_of_real_units_are_described_down_to_the_bsm_and_not_verified(rig_data):
     lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
     assert len(lines) == 18
     reasons = set()
     for line in lines:
         record = json.loads(line)
-        told = describe(bytes.fromhex(record["wsm"]))
-        assert list(told) == ["wsm", "1609.2", "messageframe"]
-        core = told["messageframe"]["basic_safety_message"]["core"]
+        layers = describe(bytes.fromhex(record["wsm"]))
+        assert list(layers) == ["wsm", "1609.2", "messageframe"]
+        core = layers["messageframe"]["basic_safety_message"]["core"]
         assert core["msg_cnt"] == record["core"]["msgCnt"]
         assert core["temporary_id"] == record["core"]["id"]
         assert core["latitude_deg"] == pytest.approx(record["core"]["lat"] * 1e-7)
-        signed = told["1609.2"]
+        signed = layers["1609.2"]
         assert signed["header_info"]["psid"] == 0x20
         assert signed["verified"] is False
         reasons.add(signed["not_verified_because"])

@@ -1,4 +1,4 @@
-"""`onboard decode`: what is in hex lines or in a capture."""
+"""`onboard decode`: decodes the messages of a capture or of lines of hex."""
 
 import json
 import sys
@@ -18,11 +18,13 @@ def decode(
     file: Annotated[
         Path, typer.Argument(help="A pcap or pcapng, or lines of hex; - reads the standard input.")
     ] = Path("-"),
-    form: Annotated[Form, typer.Option("--as", help="What the bytes begin with.")] = Form.AUTO,
+    form: Annotated[
+        Form, typer.Option("--as", help="The outermost layer of the bytes.")
+    ] = Form.AUTO,
 ) -> None:
     """Print the radio messages in a capture or in lines of hex, one JSON object each.
 
-    Nothing is verified. What cannot be decoded says so on its line.
+    Signatures are not verified. What cannot be decoded has an error on its line.
     """
     with _open(file) as stream:
         try:
@@ -49,15 +51,15 @@ def _records(stream: BufferedReader, form: Form) -> Iterator[dict[str, Any]]:
 
 def _describe_packets(packets: Iterable[Packet], form: Form) -> Iterator[dict[str, Any]]:
     for number, packet in enumerate(packets, start=1):
-        head = {"packet": number, "utc_s": packet.utc_s}
+        header = {"packet": number, "utc_s": packet.utc_s}
         if packet.message is None:
-            yield head | {"error": {"layer": "capture", "reason": "neither_wsmp_nor_udp"}}
+            yield header | {"error": {"layer": "capture", "reason": "neither_wsmp_nor_udp"}}
         else:
-            yield head | describe(packet.message, form)
+            yield header | describe(packet.message, form)
 
 
 def _describe_lines(lines: Iterable[bytes], form: Form) -> Iterator[dict[str, Any]]:
-    """Blanks and colons between the digits, and a leading 0x, are no matter; # begins a comment."""
+    """Ignore blanks and colons between the digits, a leading 0x, and comments from # on."""
     for number, line in enumerate(lines, start=1):
         digits = line.partition(b"#")[0].replace(b":", b" ").strip().removeprefix(b"0x")
         if not digits:

@@ -1,7 +1,6 @@
-"""Says what is in bytes from the air, layer by layer, as far as they can be read.
+"""Describes received bytes layer by layer, as far as they can be decoded.
 
-This looks over the shoulders of the other rooms, for people: nothing that drives depends on it, and
-nothing it says was verified.
+For people only: the daemon does not use it, and nothing is verified.
 """
 
 from collections.abc import Container
@@ -23,10 +22,10 @@ from onboard.wave_udp import immediate_forward, wsmp
 
 
 class Form(StrEnum):
-    """What the bytes begin with."""
+    """Outermost layer of bytes."""
 
     AUTO = "auto"
-    """Told by the bytes themselves."""
+    """Found from the bytes."""
     WSM = "wsm"
     DOT2 = "1609.2"
     MESSAGE_FRAME = "messageframe"
@@ -38,8 +37,8 @@ class Form(StrEnum):
 def describe(data: bytes, form: Form = Form.AUTO) -> dict[str, Any]:
     """Return each layer of `data` under its name, outermost first.
 
-    Where a layer cannot be read, `error` says which, with the reason, and `undecoded` has its bytes
-    as hex.
+    If a layer cannot be decoded, `error` names it with the reason, and `undecoded` has its bytes as
+    hex.
     """
     layers: dict[str, Any] = {}
     within = _Layer({}, data, form)
@@ -53,31 +52,31 @@ def describe(data: bytes, form: Form = Form.AUTO) -> dict[str, Any]:
             layers["error"] = {"layer": form, "reason": error.reason, "detail": error.detail}
             layers["undecoded"] = within.content.hex()
             break
-        layers[_unused(form, layers)] = inner.said
+        layers[_unused(form, layers)] = inner.fields
         within = inner if inner.psid is not None else replace(inner, psid=within.psid)
     return layers
 
 
 def _unused(form: Form, layers: Container[str]) -> str:
-    """Name a layer that comes again, as in 1609.2 data within 1609.2 data, apart from the first."""
+    """Number the names of repeated layers, such as 1609.2 data within 1609.2 data."""
     names = chain([str(form)], (f"{form} {n}" for n in count(2)))
     return next(name for name in names if name not in layers)
 
 
 @dataclass(frozen=True, slots=True)
 class _Layer:
-    """What is said of a layer, and what it carries."""
+    """The fields of a layer, and its content."""
 
-    said: dict[str, Any]
+    fields: dict[str, Any]
     content: bytes | None = None
     form: Form = Form.AUTO
-    """Of the content."""
+    """Layer of the content."""
     psid: int | None = None
-    """Under which the content travels, where the layer says so."""
+    """PSID of the content, if the layer states one."""
 
 
 def _form_of(data: bytes, inner_psid: int | None) -> Form:
-    """Tell by the first octets, and by the PSID that the layers around gave.
+    """Find the outermost layer from the first octets, and from the PSID of the outer layers.
 
     WSMP begins with its version and a TPID of 0 or 1, 1609.2 data with 3 and a choice of 80 hex or
     more, a MessageFrame with the high octet of a small message number, LCCA with its version.
@@ -96,7 +95,7 @@ def _form_of(data: bytes, inner_psid: int | None) -> Form:
 
 def _rsu41(data: bytes) -> _Layer:
     message = immediate_forward.decode(data)
-    said = {
+    fields = {
         "version": message.version,
         "type": message.type,
         **_psid(message.psid),
@@ -109,12 +108,12 @@ def _rsu41(data: bytes) -> _Layer:
         "signature": message.signature,
         "encryption": message.encryption,
     }
-    return _Layer(said, message.payload, psid=message.psid)
+    return _Layer(fields, message.payload, psid=message.psid)
 
 
 def _wsm(data: bytes) -> _Layer:
     wsm = wsmp.decode(data)
-    said = {
+    fields = {
         "version": wsm.version,
         "channel_number": wsm.channel_number,
         "data_rate_mbit_s": wsm.data_rate_mbit_s,
@@ -124,7 +123,7 @@ def _wsm(data: bytes) -> _Layer:
         "t_extensions": [_element(element) for element in wsm.t_extensions],
         "wsm_length_bytes": len(wsm.payload),
     }
-    return _Layer(said, wsm.payload, psid=wsm.psid)
+    return _Layer(fields, wsm.payload, psid=wsm.psid)
 
 
 def _psid(value: int) -> dict[str, Any]:
@@ -137,10 +136,10 @@ def _element(element: wsmp.Element) -> dict[str, Any]:
 
 def _message_frame(data: bytes) -> _Layer:
     message = bsm.decode(data)
-    fields = bsm.as_dict(message)
-    del fields["footer"]  # a layer of its own
-    said = {"message_id": bsm.MESSAGE_ID, "basic_safety_message": fields}
-    return _Layer(said, message.footer, Form.MVS_FOOTER)
+    content = bsm.as_dict(message)
+    del content["footer"]  # It is a layer of its own.
+    fields = {"message_id": bsm.MESSAGE_ID, "basic_safety_message": content}
+    return _Layer(fields, message.footer, Form.MVS_FOOTER)
 
 
 def _mvs_footer(data: bytes) -> _Layer:
@@ -165,7 +164,7 @@ def _dot2(data: bytes) -> _Layer:
 
 
 def _signed(message: SignedData) -> dict[str, Any]:
-    """No issuer is known here, so nothing is verified, and the layer says so."""
+    """Return the fields; there is no trust store, so the signature is not verified."""
     signer: dict[str, Any]
     if isinstance(message.signer, bytes):
         signer, reason = {"digest": message.signer.hex()}, RejectionReason.UNKNOWN_CERTIFICATE

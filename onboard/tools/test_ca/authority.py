@@ -1,7 +1,7 @@
-"""Makes certificates for tests, rigs and prototypes: a root, issuing authorities, pseudonyms.
+"""Issues certificates for tests, rigs and prototypes: a root, issuing authorities, pseudonyms.
 
-A root may only issue through one authority in between, and an authority only pseudonyms, which
-name nobody. Nothing here revokes: certificates are meant to be short-lived.
+A root issues authorities only, and an authority only pseudonyms, which have no name. There is no
+revocation: certificates are meant to be short-lived.
 """
 
 from collections.abc import Callable, Collection, Iterable
@@ -23,7 +23,7 @@ NewKey = Callable[[], p256.PrivateKey]
 
 
 class Validity(TypedDict):
-    """The two arguments that every `make_*` takes."""
+    """The validity of a certificate, as arguments of the `make_*` functions."""
 
     valid_from_utc_s: float
     valid_for_s: float
@@ -37,7 +37,15 @@ def make_root(
     valid_for_s: float,
     new_key: NewKey = p256.new_key,
 ) -> Authority:
-    """Make a root that may grant `psids` to cars, through one authority in between."""
+    """Make a self-signed root.
+
+    Args:
+        name: in the certificate.
+        psids: services that may be granted to vehicles, through one issuing authority.
+        valid_from_utc_s: beginning of the validity.
+        valid_for_s: duration of the validity.
+        new_key: creates the private key.
+    """
     key = new_key()
     grant = IssuePermission(frozenset(psids), min_chain_length=2)
     certificate = _signed(
@@ -58,7 +66,15 @@ def make_issuing(
     valid_for_s: float,
     new_key: NewKey = p256.new_key,
 ) -> Authority:
-    """Make an authority under `root` that may grant to cars what `root` may."""
+    """Make an authority that may grant the services of its root.
+
+    Args:
+        root: the issuer.
+        name: in the certificate.
+        valid_from_utc_s: beginning of the validity.
+        valid_for_s: duration of the validity.
+        new_key: creates the private key.
+    """
     key = new_key()
     psids = frozenset[int]().union(
         *(grant.psids or () for grant in root.credential.certificate.subject.issue_permissions)
@@ -84,7 +100,16 @@ def make_pseudonyms(
     valid_for_s: float,
     new_key: NewKey = p256.new_key,
 ) -> Credentials:
-    """Make `count` certificates for one car to take in turns, all valid for the same time."""
+    """Make the pseudonym certificates of one vehicle.
+
+    Args:
+        issuing: the issuer.
+        count: number of certificates, all with the same validity.
+        psids: services that they may sign.
+        valid_from_utc_s: beginning of the validity.
+        valid_for_s: duration of the validity.
+        new_key: creates each private key.
+    """
     issuer = issuing.credential
     permissions = tuple(Permission(psid) for psid in sorted(psids))
     pseudonyms = []
@@ -105,14 +130,17 @@ def make_trial(
     *,
     pseudonyms: int = 4,
 ) -> dict[str, Credentials]:
-    """Make all that a rig's cars need to sign and to believe each other for 23 hours.
+    """Make the credentials with which vehicles of a rig sign and verify for 23 hours.
 
     Args:
-        cars: their names, the keys of what is returned.
-        psids: what they speak in.
-        utc_s: now; the certificates hold from an hour before, for a day.
+        cars: names of the vehicles.
+        psids: services that they may sign.
+        utc_s: now; the certificates are valid from an hour before, for a day.
         new_key: `p256.key_from(rng)` gives the same keys for the same seed.
-        pseudonyms: how many for each car.
+        pseudonyms: number of certificates a vehicle.
+
+    Returns:
+        the credentials by vehicle.
     """
     valid: Validity = {"valid_from_utc_s": utc_s - 3600.0, "valid_for_s": DAY_S}
     root = make_root("trial root", psids, new_key=new_key, **valid)
@@ -127,7 +155,7 @@ def _signed(subject: Subject, key: p256.PrivateKey, issuer: Certificate | None) 
     signer = p256.SELF_SIGNED if issuer is None else issuer.digest
     signature = p256.sign(key, p256.digest_to_sign(to_be_signed, signer))
     issuer_id = None if issuer is None else issuer.hashed_id8
-    # Read back, so that the subject says what the wire says: durations come in whole units.
+    # Decoded again, since the encoding rounds durations to whole units.
     return decode_certificate(
         encode_certificate(issuer_id, to_be_signed, encode_signature(signature))
     )

@@ -16,26 +16,26 @@ from onboard.security.its_time import to_time32
 from onboard.tools.test_ca import authority
 
 keys = typer.Typer(
-    help="Make and show IEEE 1609.2 certificates: a root, an authority, and those of each car.",
+    help="Make and show IEEE 1609.2 certificates: a root, an authority, and those of each vehicle.",
     no_args_is_help=True,
 )
 
-_CLOCKS_DIFFER_S = 3600.0
-"""Certificates hold from so long before now."""
+_BACKDATED_S = 3600.0
+"""Certificates are valid from this long before now, for vehicles whose clocks are late."""
 
-NewFolder = Annotated[Path, typer.Argument(help="The new folder to make.")]
-_LONGEST_NAME = 255
-"""Octets of a certificate's `id`, a Hostname (IEEE 1609.2, 6.4.24)."""
+NewFolder = Annotated[Path, typer.Argument(help="The folder to create.")]
+_NAME_BYTES = 255
+"""Largest size of a certificate's `id`, a Hostname (IEEE 1609.2, 6.4.24)."""
 
 
-def _fits(name: str) -> str:
-    if not 0 < len(name.encode()) <= _LONGEST_NAME:
-        raise typer.BadParameter(f"empty, or longer than {_LONGEST_NAME} octets")
+def _valid_name(name: str) -> str:
+    if not 0 < len(name.encode()) <= _NAME_BYTES:
+        raise typer.BadParameter(f"empty, or longer than {_NAME_BYTES} octets")
     return name
 
 
-Name = Annotated[str, typer.Option(help="Name in the certificate.", callback=_fits)]
-Days = Annotated[float, typer.Option(min=0.01, max=3650, help="How many days it is valid.")]
+Name = Annotated[str, typer.Option(help="Name in the certificate.", callback=_valid_name)]
+Days = Annotated[float, typer.Option(min=0.01, max=3650, help="Validity in days.")]
 Psids = Annotated[
     list[str] | None,
     typer.Option("--psid", help="A service (PSID) that may be used, as 0x20. [BSM and LCCA]"),
@@ -49,10 +49,10 @@ def root(
     days: Days = 3650,
     psid: Psids = None,
 ) -> None:
-    """Make the root certificate, which all cars of a trial trust."""
+    """Make the root certificate, which all vehicles of a trial trust."""
     made = authority.make_root(name, _numbers(psid), **_valid(days))
     key_files.write_authority(folder, made)
-    _tell(folder, made.credential.certificate)
+    _print(folder, made.credential.certificate)
 
 
 @keys.command()
@@ -62,13 +62,13 @@ def issuing(
     name: Name = "prototype issuing",
     days: Days = 365,
 ) -> None:
-    """Make the authority that issues the cars' certificates."""
-    above = key_files.read_authority(root)
-    if above.credential.certificate.issuer_id is not None:
-        raise key_files.KeyFilesError(f"{root}: is no root, and authorities stand right below one")
-    made = authority.make_issuing(above, name, **_valid(days))
+    """Make the authority that issues the vehicles' certificates."""
+    issuer = key_files.read_authority(root)
+    if issuer.credential.certificate.issuer_id is not None:
+        raise key_files.KeyFilesError(f"{root}: is no root; an authority must be issued by one")
+    made = authority.make_issuing(issuer, name, **_valid(days))
     key_files.write_authority(folder, made)
-    _tell(folder, made.credential.certificate)
+    _print(folder, made.credential.certificate)
 
 
 @keys.command()
@@ -76,29 +76,32 @@ def car(
     folder: NewFolder,
     issuing: Annotated[Path, typer.Option(help="The folder of the issuing authority.")],
     count: Annotated[
-        int, typer.Option(min=1, max=1000, help="How many certificates the car uses in turn.")
+        int,
+        typer.Option(
+            min=1, max=1000, help="Number of certificates between which the vehicle changes."
+        ),
     ] = 20,
     days: Days = 7,
     psid: Psids = None,
 ) -> None:
-    """Make the pseudonym certificates of one car, which it changes between as it drives."""
+    """Make the pseudonym certificates of one vehicle, between which it changes as it drives."""
     issuer = key_files.read_authority(issuing)
     if issuer.credential.certificate.issuer_id is None:
         raise key_files.KeyFilesError(
-            f"{issuing}: is a root; a car takes what `onboard keys issuing` makes"
+            f"{issuing}: is a root; pseudonyms need an authority (`onboard keys issuing`)"
         )
     made = authority.make_pseudonyms(issuer, count, _numbers(psid), **_valid(days))
     key_files.write_credentials(folder, made)
-    _tell_pseudonyms(folder, made)
+    _print_pseudonyms(folder, made)
 
 
 @keys.command()
-def show(folder: Annotated[Path, typer.Argument(help="The folder of a car.")]) -> None:
-    """Check the folder of a car and list its certificates."""
+def show(folder: Annotated[Path, typer.Argument(help="The folder of a vehicle.")]) -> None:
+    """Check the folder of a vehicle and list its certificates."""
     credentials = key_files.read_credentials(folder)
     for certificate in credentials.roots + credentials.authorities:
-        _tell(folder, certificate)
-    _tell_pseudonyms(folder, credentials)
+        _print(folder, certificate)
+    _print_pseudonyms(folder, credentials)
 
 
 def _numbers(given: list[str] | None) -> list[int]:
@@ -114,22 +117,26 @@ def _numbers(given: list[str] | None) -> list[int]:
 
 
 def _valid(days: float) -> authority.Validity:
-    since_utc_s = time.time() - _CLOCKS_DIFFER_S
+    since_utc_s = time.time() - _BACKDATED_S
     if to_time32(since_utc_s) < 0:
-        raise UserError("the clock stands before 2004: set it first, certificates go by it")
+        raise UserError(
+            "the clock shows a time before 2004: set it first, certificates depend on it"
+        )
     return {
         "valid_from_utc_s": since_utc_s,
-        "valid_for_s": days * authority.DAY_S + _CLOCKS_DIFFER_S,
+        "valid_for_s": days * authority.DAY_S + _BACKDATED_S,
     }
 
 
-def _tell_pseudonyms(folder: Path, credentials: Credentials) -> None:
-    """Each with the time in which its whole chain holds."""
-    for own in key_files.trusted(credentials, [folder] * len(credentials.pseudonyms)):
-        _tell(folder, own.certificate, own.valid_from_utc_s, own.valid_until_utc_s)
+def _print_pseudonyms(folder: Path, credentials: Credentials) -> None:
+    """Print each pseudonym with the time for which its whole chain is valid."""
+    for pseudonym in key_files.trusted(credentials, [folder] * len(credentials.pseudonyms)):
+        _print(
+            folder, pseudonym.certificate, pseudonym.valid_from_utc_s, pseudonym.valid_until_utc_s
+        )
 
 
-def _tell(
+def _print(
     folder: Path,
     certificate: Certificate,
     since_utc_s: float | None = None,
