@@ -10,7 +10,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from onboard.kinematics.geodesy import distance_m
-from onboard.messages.bsm_safety import FARTHEST_OFFSET_DEG, PathHistory, PathHistoryPoint
+from onboard.messages.bsm_safety import MAX_OFFSET_DEG, PathHistory, PathHistoryPoint
 from onboard.observations import Position
 
 MAX_ERROR_M = 1.0
@@ -108,7 +108,7 @@ def _offset_point(point: Position, last: Position, now: float) -> PathHistoryPoi
     """
     north_deg = point.latitude_deg - last.latitude_deg
     east_deg = math.remainder(point.longitude_deg - last.longitude_deg, 360.0)
-    if max(abs(north_deg), abs(east_deg)) > FARTHEST_OFFSET_DEG:
+    if max(abs(north_deg), abs(east_deg)) > MAX_OFFSET_DEG:
         return None
     has_altitudes = point.altitude_m is not None and last.altitude_m is not None
     return PathHistoryPoint(

@@ -1,13 +1,13 @@
-"""Bits behind one another, as unaligned PER lays them (ITU-T X.691)."""
+"""Reading and writing of bits in unaligned PER (ITU-T X.691)."""
 
 from onboard.errors import DecodeError
 
-_LONG = 1 << 14
-"""From this length on X.691 (11.9.3.8) cuts into fragments, which no frame on the air can hold."""
+_FRAGMENTED = 1 << 14
+"""Length from which X.691 (11.9.3.8) uses fragments; no frame is as long."""
 
 
 class BitReader:
-    """Takes bits off the front of `data`."""
+    """Reads bits from the front of `data`."""
 
     __slots__ = ("left", "number")
 
@@ -37,7 +37,7 @@ class BitReader:
 
 
 class BitWriter:
-    """Puts bits behind one another."""
+    """Appends bits."""
 
     __slots__ = ("bits", "number")
 
@@ -46,13 +46,13 @@ class BitWriter:
         self.bits = 0
 
     def put(self, value: int, bits: int) -> None:
-        """Append `value`, which fits `bits` bits."""
+        """Append `value`, which must fit `bits` bits."""
         self.number = self.number << bits | value
         self.bits += bits
 
     def put_length(self, length: int) -> None:
         """Append a length determinant without upper bound."""
-        if length >= _LONG:
+        if length >= _FRAGMENTED:
             raise ValueError(f"{length} is too long for one message")
         if length < 0x80:
             self.put(length, 8)
@@ -65,6 +65,6 @@ class BitWriter:
         self.put(int.from_bytes(data), len(data) * 8)
 
     def finish(self) -> bytes:
-        """Return all of it, padded with zero bits, one byte at least (X.691, 11.1)."""
+        """Return all bits padded with zeros to whole bytes, at least one (X.691, 11.1)."""
         size = max(1, (self.bits + 7) // 8)
         return (self.number << size * 8 - self.bits).to_bytes(size)

@@ -1,7 +1,7 @@
-"""SAE J2735 BasicSafetyMessage in a MessageFrame, as the bytes that a WSM carries under PSID 0x20.
+"""SAE J2735 BasicSafetyMessage in a MessageFrame, the payload of WSMs under PSID 0x20.
 
-The MVS footer rides in the regional extension under a region of our own, so that a unit that has
-never heard of it reads the BSM and passes over the rest.
+The MVS footer is a regional extension with a RegionId for local use: other units decode the BSM and
+skip it.
 """
 
 from collections.abc import Iterable
@@ -18,17 +18,17 @@ MESSAGE_ID = 20
 """DSRCmsgID of basicSafetyMessage."""
 
 FOOTER_REGION = 0x80 + 0x4D
-"""RegionId of the MVS footer: 128 and up are for local use ("M" above it)."""
+"""RegionId of the MVS footer, an own choice (128 + "M") among those for local use (from 128)."""
 
 MAX_FOOTER_BYTES = 800
-"""What fits a WSM of 1,400 bytes beside a full path history and an attached certificate."""
+"""Space in a WSM of 1,400 bytes beside a full path history and an attached certificate."""
 
 _SAFETY_PART = 0
 
 
 @dataclass(frozen=True, slots=True)
 class OtherPart:
-    """A Part II element that is not the safety extensions, kept as it came."""
+    """A Part II element other than the safety extensions, still encoded."""
 
     part_id: Annotated[int, Integer(0, 63)]
     """1: special vehicle extensions, 2: supplemental vehicle extensions."""
@@ -37,7 +37,7 @@ class OtherPart:
 
 @dataclass(frozen=True, slots=True)
 class RegionalExtension:
-    """Something a region adds, kept as it came."""
+    """A regional extension, still encoded."""
 
     region_id: Annotated[int, Integer(0, 255)]
     content: Annotated[bytes, OpenType()]
@@ -49,19 +49,19 @@ _REGION = Record(RegionalExtension)
 
 @dataclass(frozen=True, slots=True)
 class BasicSafetyMessage:
-    """One BSM."""
+    """A basic safety message."""
 
     kind: ClassVar[str] = "bsm"
     core: CoreData
     safety: VehicleSafetyExtensions | None = None
     other_parts: tuple[OtherPart, ...] = ()
     footer: bytes | None = None
-    """The MVS footer; what is in it, `onboard/messages/mvs_footer.py` knows."""
+    """The MVS footer, encoded as in `onboard/messages/mvs_footer.py`."""
     other_regions: tuple[RegionalExtension, ...] = ()
 
     @property
     def user_priority(self) -> int:
-        """EDCA user priority: higher while an event is flagged (SAE J2945/1)."""
+        """User priority: 7 with an event flag, else 5 (SAE J2945/1)."""
         return 7 if self.safety is not None and self.safety.events else 5
 
 
@@ -75,7 +75,7 @@ class _Frame:
 
 @dataclass(frozen=True, slots=True)
 class _Message:
-    """BasicSafetyMessage as the standard has it."""
+    """BasicSafetyMessage as declared in the standard."""
 
     core: Annotated[CoreData, CORE]
     parts: Annotated[tuple[OtherPart, ...] | None, Optional(SequenceOf(_PART, 1, 8))]
@@ -90,8 +90,8 @@ def encode(bsm: BasicSafetyMessage) -> bytes:
     """Return the MessageFrame.
 
     Raises:
-        ValueError: a value cannot be carried (the text names its field), or the footer is longer
-            than `MAX_FOOTER_BYTES`.
+        ValueError: a field cannot carry its value (the text names it), or the footer is longer than
+            `MAX_FOOTER_BYTES`.
     """
     if bsm.footer is not None and len(bsm.footer) > MAX_FOOTER_BYTES:
         raise ValueError(f"footer: {len(bsm.footer)} bytes, at most {MAX_FOOTER_BYTES} fit")
@@ -130,10 +130,9 @@ def decode(frame: bytes) -> BasicSafetyMessage:
 
 
 def temporary_id_in(frame: bytes) -> bytes | None:
-    """The sender's temporary ID, at a tenth of the cost of `decode`; `None`: it is no BSM.
+    """Return the sender's temporary ID, at a tenth of the cost of `decode`; `None` if not a BSM.
 
-    Nothing else is looked at. The ID begins with the eleventh bit of the message in its frame,
-    after three bits that say what is present and seven of `msgCnt`.
+    Nothing else is checked. The ID follows three presence bits and the seven bits of `msgCnt`.
     """
     octets_of_length = 2 if frame[2:3] >= b"\x80" else 1
     start = frame[2 + octets_of_length : 8 + octets_of_length]

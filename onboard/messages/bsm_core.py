@@ -1,4 +1,4 @@
-"""Part I of a BSM: where the sender is and what it does, in every message.
+"""Part I of a BSM: position, motion, brakes and size of the sender.
 
 Field names, ranges and steps are those of SAE J2735 (2016 and 2020 agree here); values are SI.
 """
@@ -34,7 +34,7 @@ class TransmissionState(Enum):
 
 
 class WheelBrakes(IntFlag):
-    """Which wheels are braked."""
+    """Wheels whose brakes are applied."""
 
     UNAVAILABLE = 1 << 0
     LEFT_FRONT = 1 << 1
@@ -44,7 +44,7 @@ class WheelBrakes(IntFlag):
 
 
 class ControlStatus(Enum):
-    """Of traction control, ABS or stability control: `ENGAGED` is at work now."""
+    """State of traction control, ABS or stability control; `ENGAGED` means active now."""
 
     OFF = 1
     ON = 2
@@ -52,14 +52,14 @@ class ControlStatus(Enum):
 
 
 class BrakeBoost(Enum):
-    """Whether the brake assistant pushes along."""
+    """State of brake boost assist."""
 
     OFF = 1
     ON = 2
 
 
 class AuxiliaryBrakes(Enum):
-    """The brakes beside the service brake, the parking brake mostly."""
+    """State of the auxiliary brakes, usually the parking brake."""
 
     OFF = 1
     ON = 2
@@ -68,14 +68,14 @@ class AuxiliaryBrakes(Enum):
 
 @dataclass(frozen=True, slots=True)
 class PositionalAccuracy:
-    """One standard deviation of the position, as an ellipse."""
+    """The 1-sigma error ellipse of the position."""
 
     semi_major_m: Annotated[float | None, _SEMI_AXIS] = None
     semi_minor_m: Annotated[float | None, _SEMI_AXIS] = None
     orientation_rad: Annotated[
         float | None, Quantity(0, 65534, math.tau / 65535, "rad", unavailable=65535)
     ] = None
-    """Of the major axis, clockwise from true north."""
+    """Direction of the major axis, clockwise from true north."""
 
 
 POSITIONAL_ACCURACY = Record(PositionalAccuracy)
@@ -83,7 +83,7 @@ POSITIONAL_ACCURACY = Record(PositionalAccuracy)
 
 @dataclass(frozen=True, slots=True)
 class AccelerationSet:
-    """Acceleration in the axes of the car: forward, right, down. Yaw turns to the right."""
+    """Acceleration in vehicle axes: forward, right, down; yaw rate is positive to the right."""
 
     longitudinal_m_s2: Annotated[float | None, _ACCELERATION] = None
     lateral_m_s2: Annotated[float | None, _ACCELERATION] = None
@@ -91,12 +91,12 @@ class AccelerationSet:
         float | None, Quantity(-126, 127, 0.02 * STANDARD_GRAVITY_M_S2, "m/s2", unavailable=-127)
     ] = None
     yaw_rate_rad_s: Annotated[float, Quantity(-32767, 32767, math.radians(0.01), "rad/s")] = 0.0
-    """The standard has no code for "unavailable"."""
+    """J2735 has no code for "unavailable"."""
 
 
 @dataclass(frozen=True, slots=True)
 class BrakeSystemStatus:
-    """The brakes and what helps them."""
+    """Brakes and brake assistance."""
 
     wheel_brakes: Annotated[WheelBrakes, BitString(WheelBrakes, 5)] = WheelBrakes.UNAVAILABLE
     traction: Annotated[ControlStatus | None, Enumerated(ControlStatus, unavailable=0)] = None
@@ -108,7 +108,7 @@ class BrakeSystemStatus:
 
 @dataclass(frozen=True, slots=True)
 class VehicleSize:
-    """From bumper to bumper and from side to side."""
+    """Overall width and length."""
 
     width_m: Annotated[float | None, Quantity(1, 1023, 0.01, "m", unavailable=0)] = None
     length_m: Annotated[float | None, Quantity(1, 4095, 0.01, "m", unavailable=0)] = None
@@ -116,17 +116,17 @@ class VehicleSize:
 
 @dataclass(frozen=True, slots=True)
 class CoreData:
-    """What every BSM says. `None`: the sender does not know."""
+    """BSMcoreData; `None` stands for unavailable."""
 
     msg_cnt: Annotated[int, Integer(0, 127)]
-    """Counts the sender's BSMs, and starts anywhere again when it changes its identity."""
+    """Count of the sender's BSMs; it restarts at a random value with each pseudonym."""
     temporary_id: Annotated[bytes, OctetString(4)]
     sec_mark_s: Annotated[float | None, Quantity(0, 65534, 0.001, "s", unavailable=65535)] = None
-    """When the position was true, within the minute of UTC."""
+    """Time of the position, within the minute of UTC."""
     latitude_deg: Annotated[float | None, LATITUDE] = None
     longitude_deg: Annotated[float | None, LONGITUDE] = None
     elevation_m: Annotated[float | None, ELEVATION] = None
-    """Above the ellipsoid."""
+    """Height above the WGS 84 ellipsoid."""
     accuracy: Annotated[PositionalAccuracy, POSITIONAL_ACCURACY] = PositionalAccuracy()
     transmission: Annotated[
         TransmissionState | None, Enumerated(TransmissionState, unavailable=7)
@@ -137,7 +137,7 @@ class CoreData:
     steering_angle_rad: Annotated[
         float | None, Quantity(-126, 126, math.radians(1.5), "rad", unavailable=127)
     ] = None
-    """Of the steering wheel, positive to the right."""
+    """Angle of the steering wheel, positive to the right."""
     acceleration: Annotated[AccelerationSet, Record(AccelerationSet)] = AccelerationSet()
     brakes: Annotated[BrakeSystemStatus, Record(BrakeSystemStatus)] = BrakeSystemStatus()
     size: Annotated[VehicleSize, Record(VehicleSize)] = VehicleSize()

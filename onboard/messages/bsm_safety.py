@@ -1,4 +1,4 @@
-"""Part II of a BSM, vehicle safety extensions: events, where the car was, where it goes, lights.
+"""Part II of a BSM, vehicle safety extensions: events, path history and prediction, lights.
 
 Field names, ranges and steps are those of SAE J2735 (2016 and 2020 agree here).
 """
@@ -31,7 +31,7 @@ from onboard.messages.record import Record
 
 
 class VehicleEventFlags(IntFlag):
-    """What is happening to the sender; a flag is raised, never lowered, while it lasts."""
+    """Events of the sender; a flag is set while its event lasts."""
 
     HAZARD_LIGHTS = 1 << 0
     STOP_LINE_VIOLATION = 1 << 1
@@ -49,7 +49,7 @@ class VehicleEventFlags(IntFlag):
 
 
 class ExteriorLights(IntFlag):
-    """Which lights are on; none at all says "parked"."""
+    """Lights that are on."""
 
     LOW_BEAM = 1 << 0
     HIGH_BEAM = 1 << 1
@@ -63,7 +63,7 @@ class ExteriorLights(IntFlag):
 
 
 class GnssStatus(IntFlag):
-    """State of the sender's receiver."""
+    """State of the sender's GNSS receiver."""
 
     UNAVAILABLE = 1 << 0
     IS_HEALTHY = 1 << 1
@@ -77,7 +77,7 @@ class GnssStatus(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class DateTime:
-    """A date and time in UTC, as far as the sender gives it."""
+    """Date and time in UTC, possibly incomplete."""
 
     year: Annotated[int | None, Optional(Integer(0, 4095))]
     month: Annotated[int | None, Optional(Integer(0, 12))]
@@ -90,7 +90,7 @@ class DateTime:
 
 @dataclass(frozen=True, slots=True)
 class TransmissionAndSpeed:
-    """Gear and speed, together as the standard has them."""
+    """Gear and speed."""
 
     transmission: Annotated[TransmissionState | None, Enumerated(TransmissionState, unavailable=7)]
     speed_m_s: Annotated[float | None, SPEED]
@@ -115,7 +115,7 @@ class MotionConfidence:
 
 @dataclass(frozen=True, slots=True)
 class FullPositionVector:
-    """The point that a path history is relative to, where it is not the BSM's own position."""
+    """Initial position of a path history, if it is not the position of the BSM."""
 
     utc_time: Annotated[DateTime | None, Optional(Record(DateTime))]
     longitude_deg: Annotated[float | None, LONGITUDE]
@@ -129,14 +129,15 @@ class FullPositionVector:
     motion_confidence: Annotated[MotionConfidence | None, Optional(Record(MotionConfidence))]
 
 
-FARTHEST_OFFSET_DEG = 0.013_107_1
-"""1.4 km to the north; to the east less than 400 m beyond 74 degrees of latitude."""
+MAX_OFFSET_DEG = 0.013_107_1
+"""Greatest offset of a path history point: 1.4 km north; less than 400 m east from 74 degrees of
+latitude."""
 _OFFSET = Quantity(-131071, 131071, 1e-7, "deg", unavailable=-131072)
 
 
 @dataclass(frozen=True, slots=True)
 class PathHistoryPoint:
-    """A place where the sender has been, as an offset from the initial position."""
+    """A past position, as an offset from the initial position."""
 
     latitude_offset_deg: Annotated[float | None, _OFFSET]
     longitude_offset_deg: Annotated[float | None, _OFFSET]
@@ -151,12 +152,12 @@ class PathHistoryPoint:
 
 @dataclass(frozen=True, slots=True)
 class PathHistory:
-    """Up to 23 places, the newest first, such that the way between them is nearly straight."""
+    """Up to 23 points, newest first, between which the path is nearly straight."""
 
     initial_position: Annotated[
         FullPositionVector | None, Optional(Record(FullPositionVector, extensible=True))
     ]
-    """What the points are relative to; `None`: the position of the BSM itself."""
+    """Origin of the offsets; `None`: the position of the BSM."""
     gnss_status: Annotated[GnssStatus | None, Optional(BitString(GnssStatus, 8))]
     crumb_data: Annotated[
         tuple[PathHistoryPoint, ...], SequenceOf(Record(PathHistoryPoint, extensible=True), 1, 23)
@@ -165,17 +166,17 @@ class PathHistory:
 
 @dataclass(frozen=True, slots=True)
 class PathPrediction:
-    """Where the sender will go if nothing changes: along a circle."""
+    """Predicted path of the sender, an arc of a circle."""
 
     radius_of_curve_m: Annotated[float | None, Quantity(-32767, 32766, 0.1, "m", unavailable=32767)]
-    """Positive to the right; `None`: straight on."""
+    """Positive to the right; `None`: straight."""
     confidence: Annotated[float, Quantity(0, 200, 0.005, "")]
     """0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleSafetyExtensions:
-    """Part II, the element that J2945/1 asks of every light vehicle."""
+    """Part II element that SAE J2945/1 requires of every light vehicle."""
 
     events: Annotated[VehicleEventFlags | None, Optional(OpenBitString(VehicleEventFlags, 13))] = (
         None

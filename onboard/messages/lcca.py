@@ -1,9 +1,9 @@
 """The messages of a warning group (LCCA, section 3), each declared once.
 
-Every message says who sends it and where the sender stands in its group, so that each car learns
-from whatever it hears how far behind in the group its own radio reaches. Join, Reply and Leave go
-one hop, to the car they name. Update and Warn go to everybody behind in the group, over several
-hops; `sender_*` is then the car that repeats, and `event` tells copies of one event from another.
+Every message has its sender, leader and group number: each car learns from all received messages
+how far behind in the group its radio reaches. Join, Reply and Leave go one hop, to the car they
+name. Update and Warn go to all cars behind in the group, over several hops; `sender_id` is then the
+car that forwards, and `event_*` identifies the event of which it is a copy.
 
 On the wire: one byte version, one byte type, then the fields.
 """
@@ -19,7 +19,7 @@ from onboard.messages.record import Record
 VERSION = 1
 
 CarId = bytes
-"""Eight bytes: the digest of a plate, see `onboard/security/plate_digest.py`."""
+"""Communication ID, eight bytes: see `onboard/security/plate_digest.py`."""
 
 _CarId = Annotated[CarId, OctetString(8)]
 _GroupNumber = Annotated[int, FixedPoint(16, 1, "", lowest=1, highest=65535)]
@@ -31,22 +31,22 @@ class LeaveReason(Enum):
     """Why a car leaves the group of the car ahead."""
 
     GAP = 1
-    """The gap has grown to the safety distance."""
+    """The gap is larger than the safety distance."""
     NOT_AHEAD = 2
-    """The camera no longer shows that car ahead."""
+    """The camera no longer detects that car ahead."""
     FOLLOWS_ANOTHER = 3
     """Another car ahead has been joined."""
     NO_ANSWER = 4
     """The car ahead no longer answers."""
     LEADER_SILENT = 5
-    """The car ahead answers, but has no news from its leader."""
+    """The car ahead answers, but no longer receives its leader's sequence numbers."""
     SPEED_UNKNOWN = 6
-    """The car behind does not know its own speed, and so no safety distance."""
+    """The car behind has no speed, and so no safety distance."""
 
 
 @dataclass(frozen=True, slots=True)
 class Join:
-    """`M_join`: let me follow you, or: I still do. Repeated until a `Reply` answers it."""
+    """`M_join`: request to follow, or refresh of it; repeated until a `Reply` answers."""
 
     kind: ClassVar[str] = "join"
     code: ClassVar[int] = 1
@@ -56,19 +56,19 @@ class Join:
     number: _GroupNumber
     to_id: _CarId
     sequence: _Sequence
-    """Returned by the reply."""
+    """Repeated in the reply."""
     acknowledged_origin_id: _CarId
-    """With `acknowledged_sequence`: a warning that the sender has; all zero for none."""
+    """With `acknowledged_sequence`: the warning that the sender acknowledges; zero if none."""
     acknowledged_sequence: _Sequence
 
     def without_acknowledgement(self) -> Self:
-        """The same, as if the sender had no warning."""
+        """Return the same join without acknowledging a warning."""
         return replace(self, acknowledged_origin_id=bytes(8), acknowledged_sequence=0)
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """`M_reply`: you follow me; my leader and number are these."""
+    """`M_reply`: confirms a join, with the leader and number of the car ahead."""
 
     kind: ClassVar[str] = "reply"
     code: ClassVar[int] = 2
@@ -78,16 +78,16 @@ class Reply:
     number: _GroupNumber
     to_id: _CarId
     sequence: _Sequence
-    """Of the join that this answers."""
+    """`sequence` of the join that this answers."""
     leader_sequence: Annotated[int, Unsigned(16)]
     """The leader's count of its replies, as far as it has come down to the sender."""
     speed_m_s: _Speed
-    """The sender's own, to be compared with what the camera behind it sees."""
+    """Speed of the sender, for comparison with the camera of the car behind."""
 
 
 @dataclass(frozen=True, slots=True)
 class Leave:
-    """`M_leave`: I no longer follow you."""
+    """`M_leave`: the sender no longer follows."""
 
     kind: ClassVar[str] = "leave"
     code: ClassVar[int] = 3
@@ -101,7 +101,7 @@ class Leave:
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """`M_update`: whoever was in that group behind me is now in this one, renumbered."""
+    """`M_update`: the cars behind the sender change to another group and are renumbered."""
 
     kind: ClassVar[str] = "update"
     code: ClassVar[int] = 4
@@ -112,16 +112,16 @@ class Update:
     event_origin_id: _CarId
     event_sequence: _Sequence
     reach: Annotated[int, Unsigned(16)]
-    """How many cars behind the sender the car drives that is to repeat this; 0: unknown."""
+    """Position behind the sender of the car that is to forward this, in cars; 0: unknown."""
     previous_leader_id: _CarId
     shift: Annotated[int, FixedPoint(16, 1, "cars", lowest=-32767, highest=32767)]
-    """Previous number less present number, the same for everybody."""
+    """Previous number less present number, the same for all cars."""
     leader_sequence: Annotated[int, Unsigned(16)]
 
 
 @dataclass(frozen=True, slots=True)
 class Warn:
-    """`M_warn`: a car ahead of you in your group brakes hard."""
+    """`M_warn`: a car ahead in the group brakes hard."""
 
     kind: ClassVar[str] = "warn"
     code: ClassVar[int] = 5
@@ -134,7 +134,7 @@ class Warn:
     reach: Annotated[int, Unsigned(16)]
     """As in `Update`."""
     origin_number: _GroupNumber
-    """Of the braking car, as the sender of this copy would count it now."""
+    """Group number of the braking car, as the sender of this copy counts it now."""
     deceleration_m_s2: Annotated[float, FixedPoint(8, 0.1, "m/s^2", highest=255)]
     age_s: Annotated[float, FixedPoint(16, 0.001, "s", highest=65535)]
     """From the sample that showed the braking to the sending of this copy."""
@@ -154,13 +154,13 @@ def encode(message: LccaMessage) -> bytes:
     """Return the message as it is sent.
 
     Raises:
-        ValueError: a field holds what it cannot carry.
+        ValueError: a field cannot carry its value.
     """
     return bytes((VERSION, message.code)) + MESSAGES[message.code].encode(message)
 
 
 def decode(data: bytes) -> LccaMessage:
-    """Read a message from the air.
+    """Read a received message.
 
     Raises:
         DecodeError: `too_short`, `trailing_bytes`, `out_of_range`, `unknown_version` or

@@ -1,4 +1,4 @@
-"""Certificates as bytes: canonical octet encoding of clause 6.4 of IEEE 1609.2."""
+"""Certificates in canonical octet encoding (COER, IEEE 1609.2, 6.4)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,9 +14,9 @@ from onboard.security.oer import Malformed, OerReader, Unsupported
 _VERSION = 3
 _EXPLICIT = 0
 _DURATIONS_S = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 216_000.0, 31_556_952.0)
-"""Microseconds to years, the alternatives of Duration in their order."""
+"""Alternatives of Duration in their order, microseconds to years."""
 _ENTITY_APP = 0x80
-"""EndEntityType: certificates that speak in applications, the default."""
+"""EndEntityType `app`: certificates for applications, the default."""
 
 # Presence bits of ToBeSignedCertificate, the extension bit first.
 _EXTENDED, _REGION, _ASSURANCE, _APP, _ISSUE, _REQUEST, _ROLLOVER, _ENCRYPTION = (
@@ -27,7 +27,7 @@ ItemT = TypeVar("ItemT")
 
 
 class _Ssps(Enum):
-    """Which SSPs an authority may grant; `SOME` lists of them are not told apart here."""
+    """SSPs that an authority may grant; the contents of a list (`SOME`) are not kept."""
 
     NONE = auto()
     SOME = auto()
@@ -35,7 +35,7 @@ class _Ssps(Enum):
 
 
 def encode_point(point: bytes) -> bytes:
-    """Encode a compressed EccP256CurvePoint: alternatives 2 and 3 are y even and y odd."""
+    """Encode a compressed EccP256CurvePoint; alternatives 2 and 3 are y even and y odd."""
     return oer.choice(point[0]) + point[1:]
 
 
@@ -59,16 +59,16 @@ def encode_to_be_signed(subject: Subject) -> bytes:
     """Encode a ToBeSignedCertificate.
 
     Raises:
-        ValueError: the subject has no permission, no key, or a validity that cannot be expressed.
+        ValueError: the subject has no permission, no key, or a validity beyond the range.
     """
     if subject.public_key is None or not (subject.permissions or subject.issue_permissions):
-        raise ValueError("a certificate has a public key and something that its holder may do")
+        raise ValueError("a certificate has a public key and a permission")
     present = _APP * bool(subject.permissions) | _ISSUE * bool(subject.issue_permissions)
     name = subject.name
     parts = [
         bytes((present,)),
         oer.choice(3) if name is None else oer.choice(1) + oer.octets(name.encode()),
-        bytes(3),  # cracaId: nobody revokes these certificates
+        bytes(3),  # cracaId: these certificates are not revoked
         bytes(2),  # crlSeries
         to_time32(subject.valid_from_utc_s).to_bytes(4, "big"),
         _encode_duration(subject.valid_for_s),
@@ -82,7 +82,7 @@ def encode_to_be_signed(subject: Subject) -> bytes:
 
 
 def encode_certificate(issuer_id: bytes | None, to_be_signed: bytes, signature: bytes) -> bytes:
-    """Put an explicit certificate together."""
+    """Encode an explicit certificate."""
     issuer = b"\x81\x00" if issuer_id is None else b"\x80" + issuer_id
     return bytes((0x80, _VERSION, _EXPLICIT)) + issuer + to_be_signed + signature
 
@@ -91,7 +91,7 @@ def decode_certificate(data: bytes) -> Certificate:
     """Read one certificate and nothing else.
 
     Raises:
-        Malformed, Unsupported: it is none that can be used here.
+        Malformed, Unsupported: it is not a certificate that can be used.
     """
     reader = OerReader(data)
     certificate = read_certificate(reader)
@@ -100,7 +100,7 @@ def decode_certificate(data: bytes) -> Certificate:
 
 
 def read_certificate(reader: OerReader) -> Certificate:
-    """Read a certificate, explicit or implicit, off the front of `reader`."""
+    """Read the next certificate, explicit or implicit."""
     has_signature = reader.byte()
     version = reader.byte()
     if has_signature not in {0x00, 0x80} or version != _VERSION:
@@ -125,7 +125,7 @@ def read_certificate(reader: OerReader) -> Certificate:
 
 @dataclass(slots=True)
 class _Canonical:
-    """Follows a reader and notes where the canonical encoding differs from what was received."""
+    """Builds the canonical encoding of what a reader reads."""
 
     reader: OerReader
     start: int = field(init=False)
@@ -135,18 +135,18 @@ class _Canonical:
         self.start = self.reader.position
 
     def point(self) -> bytes:
-        """Read a point, which canonical encoding compresses."""
+        """Read a point; its canonical encoding is compressed."""
         reader = self.reader
         self.done.append(reader.data[self.start : reader.position])
         point = _read_point(reader)
         self.start = reader.position
         if point is None or point[0] == 0:
-            raise Malformed("a public key that is half a point")
+            raise Malformed("a public key without y")
         self.done.append(encode_point(point))
         return point
 
     def finish(self) -> bytes:
-        """Return the canonical encoding of all that was read."""
+        """Return the canonical encoding of everything read."""
         self.done.append(self.reader.data[self.start : self.reader.position])
         return b"".join(self.done)
 
@@ -228,7 +228,7 @@ def _read_name(reader: OerReader) -> str | None:
 
 
 def _skip_region(reader: OerReader) -> None:
-    """Pass over a GeographicRegion; docs/decisions/0052 says why it is not enforced."""
+    """Skip a GeographicRegion. It is not enforced: see docs/design/security.md."""
     kind = reader.choice()
     if kind == 0:
         reader.take(4 + 4 + 2)

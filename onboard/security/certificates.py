@@ -1,6 +1,6 @@
-"""Explicit certificates of IEEE 1609.2: who may say what, until when, and who vouches for it.
+"""Certificates of IEEE 1609.2: permissions, validity and issuer of a public key.
 
-Certificates are kept in their canonical form, the one that is hashed and signed: points compressed,
+Certificates are kept in canonical form, which is hashed and signed: points are compressed, and
 the signature's r without a y (IEEE 1609.2-2022, 6.4).
 """
 
@@ -13,7 +13,7 @@ from onboard.security import p256
 
 @dataclass(frozen=True, slots=True)
 class Permission:
-    """One application that the holder may speak in."""
+    """One application that the holder may send in."""
 
     psid: int
     ssp: bytes | None = None
@@ -22,16 +22,16 @@ class Permission:
 
 @dataclass(frozen=True, slots=True)
 class IssuePermission:
-    """What an authority may grant, and how far below itself."""
+    """Permissions that an authority may grant, and at which depth of the chain."""
 
     psids: frozenset[int] | None
-    """Applications it may grant without SSP; `None`: all of them, with any SSP."""
+    """Applications that it may grant without SSP; `None`: all, with any SSP."""
     any_ssp: frozenset[int] = frozenset()
-    """Applications it may grant with any SSP or none."""
+    """Applications that it may grant with any SSP or none."""
     min_chain_length: int = 1
-    """1: the certificate directly below it is the last; 2: there is one authority between."""
+    """1: it issues end certificates; 2: there is one authority in between."""
     chain_length_range: int = 0
-    """So many more are allowed; -1: any number."""
+    """Further authorities that are allowed in between; -1: any number."""
 
     def covers(self, permission: Permission, height: int) -> bool:
         """Return whether a certificate `height` steps below may hold `permission`."""
@@ -47,10 +47,10 @@ class IssuePermission:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What a certificate says of its holder."""
+    """The statements of a certificate about its holder."""
 
     name: str | None
-    """`None` in a pseudonym certificate, which must not name anybody."""
+    """`None` in a pseudonym certificate, which must not name its holder."""
     valid_from_utc_s: float
     valid_for_s: float
     public_key: bytes | None
@@ -60,17 +60,17 @@ class Subject:
 
     @property
     def valid_until_utc_s(self) -> float:
-        """The first second in which it no longer holds."""
+        """First second in which it is no longer valid."""
         return self.valid_from_utc_s + self.valid_for_s
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """A certificate as it was read or made."""
+    """A certificate."""
 
     subject: Subject
     issuer_id: bytes | None
-    """HashedId8 of the certificate that signed this one; `None`: it signed itself."""
+    """HashedId8 of the issuer's certificate; `None` if it is self-signed."""
     to_be_signed: bytes = field(repr=False)
     signature: p256.Signature | None = field(repr=False)
     """`None` in an implicit certificate."""
@@ -83,5 +83,5 @@ class Certificate:
 
     @property
     def hashed_id8(self) -> bytes:
-        """The name under which others refer to it."""
+        """Last eight octets of the digest, by which messages refer to it."""
         return self.digest[-8:]

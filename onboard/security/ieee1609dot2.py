@@ -1,7 +1,7 @@
-"""IEEE 1609.2 data as bytes: unsecured, or signed with ECDSA on NIST P-256.
+"""Ieee1609Dot2Data: unsecured, or signed with ECDSA on NIST P-256.
 
-Canonical octet encoding, written out for the structures of clause 6.3 that travel between cars.
-Encrypted data and certificate requests do not, and are `Unsupported`.
+Canonical octet encoding of the structures of IEEE 1609.2, 6.3, that vehicles exchange. Encrypted
+data and certificate requests are `Unsupported`.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ _EXTENDED, _GENERATION, _EXPIRY, _LOCATION, _P2PCD, _MISSING_CRL, _ENCRYPTION = 
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Where a message was made: ThreeDLocation."""
+    """ThreeDLocation: where a message was generated."""
 
     latitude_deg: float
     longitude_deg: float
@@ -37,14 +37,14 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class UnsecuredData:
-    """A payload that nobody vouches for."""
+    """A payload without signature."""
 
     payload: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class SignedData:
-    """A payload, what its signer says about it, and the signature over both."""
+    """A payload, its header, and the signature over both."""
 
     payload: bytes
     psid: int
@@ -52,13 +52,13 @@ class SignedData:
     expiry_time64: int | None
     location: Location | None
     signer: bytes | tuple[Certificate, ...]
-    """HashedId8 of the signer's certificate, or the certificate and those above it."""
+    """HashedId8 of the signer's certificate, or the certificate and its chain."""
     signature: p256.Signature
     to_be_signed: bytes
 
     @property
     def generation_utc_s(self) -> float | None:
-        """When it was made, in seconds since 1970."""
+        """Generation time in seconds since 1970."""
         return None if self.generation_time64 is None else from_time64(self.generation_time64)
 
 
@@ -74,7 +74,15 @@ def encode_to_be_signed(
     expiry_time64: int | None = None,
     location: Location | None = None,
 ) -> bytes:
-    """Return the ToBeSignedData that the signature covers."""
+    """Return the ToBeSignedData that the signature covers.
+
+    Args:
+        payload: the message.
+        psid: its service.
+        generation_time64: generation time (Time64).
+        expiry_time64: expiry time (Time64), if any.
+        location: generation location, if any.
+    """
     present = _GENERATION
     header = [oer.unsigned(psid), generation_time64.to_bytes(8, "big")]
     if expiry_time64 is not None:
@@ -89,7 +97,13 @@ def encode_to_be_signed(
 def encode_signed(
     to_be_signed: bytes, signer: bytes | Certificate, signature: p256.Signature
 ) -> bytes:
-    """Put signed data together; `signer` is a HashedId8 or the certificate itself."""
+    """Return Ieee1609Dot2Data with signed data.
+
+    Args:
+        to_be_signed: ToBeSignedData.
+        signer: HashedId8 of the certificate, or the certificate itself.
+        signature: over `to_be_signed`.
+    """
     if isinstance(signer, Certificate):
         identifier = b"\x81" + oer.sequence([signer.encoded])
     else:
@@ -98,11 +112,11 @@ def encode_signed(
 
 
 def decode(data: bytes) -> UnsecuredData | SignedData:
-    """Read Ieee1609Dot2Data, without believing it.
+    """Read Ieee1609Dot2Data without verifying it.
 
     Raises:
-        Malformed: it is none.
-        Unsupported: it is of a kind that is not read here.
+        Malformed: the bytes are not Ieee1609Dot2Data.
+        Unsupported: it is of a kind that is not supported.
     """
     reader = OerReader(data)
     content = _read_content(reader)
@@ -120,9 +134,9 @@ def decode(data: bytes) -> UnsecuredData | SignedData:
 
 
 def payload_in(data: bytes) -> bytes | None:
-    """What unsecured or signed `data` carries, at a tenth of the cost of `decode`.
+    """Return the payload of unsecured or signed `data`, at a tenth of the cost of `decode`.
 
-    Nothing is checked: it may be less than it says, or no payload at all.
+    Nothing is checked: it may be truncated, or not a payload at all. `None` for other data.
     """
     for head in (_SIGNED_HEAD + _PAYLOAD_ONLY + _UNSECURED_HEAD, _UNSECURED_HEAD):
         if data.startswith(head):

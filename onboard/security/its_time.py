@@ -2,7 +2,7 @@
 
 _EPOCH_UTC_S = 1_072_915_200
 LEAP_SECONDS = 5
-"""Inserted into UTC since the epoch, the last at the end of 2016; right until the next is."""
+"""Leap seconds since the epoch, the last at the end of 2016; to be updated with the next."""
 
 
 def to_time64(utc_s: float) -> int:

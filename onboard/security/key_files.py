@@ -1,10 +1,10 @@
-"""Keys and certificates on disk: folders that only their owner can open.
+"""Keys and certificates on disk, in folders that only their owner can open.
 
     CAR/pseudonyms/000.cert, 000.key, ...      AUTHORITY/own.cert, own.key
     both: roots/*.cert, authorities/*.cert
 
-Certificates are the bytes of IEEE 1609.2, keys are PKCS #8 PEM. Another trial's cars are believed
-once its certificates lie in `roots` and `authorities`.
+Certificates are encoded as in IEEE 1609.2, keys as PKCS #8 PEM. The cars of another
+trial are trusted once its certificates are in `roots` and `authorities`.
 """
 
 import os
@@ -32,14 +32,14 @@ _OTHERS = 0o077
 
 
 class KeyFilesError(UserError):
-    """The files cannot be used as they are; the message names the file and what to do."""
+    """Unusable files; the message names the file and the remedy."""
 
 
 def write_credentials(folder: Path, credentials: Credentials) -> None:
-    """Write what one car needs into `folder`, which must not exist.
+    """Write the credentials of one car into `folder`, which must not exist.
 
     Raises:
-        KeyFilesError: it exists or cannot be written, or nobody would believe the certificates.
+        KeyFilesError: it exists or cannot be written, or receivers would refuse the certificates.
     """
     trusted(credentials, [folder] * len(credentials.pseudonyms))
     _new_folder(folder)
@@ -51,11 +51,11 @@ def write_credentials(folder: Path, credentials: Credentials) -> None:
 
 
 def read_credentials(folder: Path, psids: Collection[int] = ()) -> Credentials:
-    """Read what `write_credentials` wrote, for a car that speaks in the services `psids`.
+    """Read what `write_credentials` wrote, for a car that sends in the services `psids`.
 
     Raises:
-        KeyFilesError: something is missing, damaged, does not fit together, others may read it, or
-            the certificates do not allow these services.
+        KeyFilesError: something is missing, damaged, inconsistent, or readable by others, or the
+            certificates do not permit these services.
     """
     _require_private(folder)
     pseudonyms = folder / "pseudonyms"
@@ -75,10 +75,10 @@ def read_credentials(folder: Path, psids: Collection[int] = ()) -> Credentials:
 
 
 def trusted(credentials: Credentials, files: Iterable[Path]) -> list[Trusted]:
-    """Check the chain of each pseudonym, as another car will.
+    """Verify the chain of each pseudonym, as a receiver does.
 
     Raises:
-        KeyFilesError: a chain does not hold; the message names the pseudonym's file of `files`.
+        KeyFilesError: a chain is not valid; the message names the pseudonym's file of `files`.
     """
     checked = []
     for file, own in zip(files, credentials.pseudonyms, strict=True):
@@ -91,7 +91,7 @@ def trusted(credentials: Credentials, files: Iterable[Path]) -> list[Trusted]:
 
 
 def write_authority(folder: Path, authority: Authority) -> None:
-    """Write what an authority needs to issue into `folder`, which must not exist.
+    """Write the keys of an authority into `folder`, which must not exist.
 
     Raises:
         KeyFilesError: it exists or cannot be written.
@@ -127,7 +127,7 @@ def _read_trusted(folder: Path) -> tuple[tuple[Certificate, ...], tuple[Certific
         for name in ("roots", "authorities")
     )
     if not roots:
-        raise KeyFilesError(f"{folder / 'roots'}: no certificate; nobody would be believed")
+        raise KeyFilesError(f"{folder / 'roots'}: no certificate; no message could be verified")
     return roots, authorities
 
 
@@ -168,7 +168,7 @@ def _new_folder(folder: Path) -> None:
 
 
 def _write(file: Path, content: bytes) -> None:
-    """Never over a file that is there, and never readable by others, not for a moment."""
+    """Write a new file that others can never read. Raises `KeyFilesError` if it exists."""
     try:
         descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "wb") as opened:

@@ -1,14 +1,14 @@
-"""Canonical octet encoding rules (ITU-T X.696): the few primitives that IEEE 1609.2 is made of."""
+"""Canonical octet encoding rules (COER, ITU-T X.696): the primitives that IEEE 1609.2 uses."""
 
 from collections.abc import Collection
 
 
-class Malformed(ValueError):  # noqa: N818 (what the bytes are)
-    """The bytes are not what they should be."""
+class Malformed(ValueError):  # noqa: N818 (names the state of the bytes)
+    """The bytes are not a valid encoding."""
 
 
-class Unsupported(ValueError):  # noqa: N818 (what the bytes are)
-    """The bytes may be right, but they are of a kind that is not read here."""
+class Unsupported(ValueError):  # noqa: N818 (names the state of the bytes)
+    """The bytes may be valid, but are of a kind that is not supported."""
 
 
 def length_of(size: int) -> bytes:
@@ -25,18 +25,18 @@ def octets(data: bytes) -> bytes:
 
 
 def unsigned(value: int) -> bytes:
-    """Encode an INTEGER that is not negative and has no upper bound (X.696, 10.3)."""
+    """Encode a non-negative INTEGER without upper bound (X.696, 10.3)."""
     return octets(value.to_bytes((value.bit_length() + 7) // 8 or 1, "big"))
 
 
 def signed(value: int) -> bytes:
-    """Encode an INTEGER without bounds, as two's complement (X.696, 10.4)."""
+    """Encode an INTEGER without bounds in two's complement (X.696, 10.4)."""
     bits = (value if value >= 0 else ~value).bit_length() + 1
     return octets(value.to_bytes((bits + 7) // 8, "big", signed=True))
 
 
 def sequence(items: Collection[bytes]) -> bytes:
-    """Encode a SEQUENCE OF: how many, then each (X.696, 17)."""
+    """Encode a SEQUENCE OF: the count, then the items (X.696, 17)."""
     return unsigned(len(items)) + b"".join(items)
 
 
@@ -46,7 +46,7 @@ def choice(number: int) -> bytes:
 
 
 class OerReader:
-    """Takes bytes off the front of `data`; every shortage raises `Malformed`."""
+    """Reads `data` from the front; raises `Malformed` where it is too short."""
 
     __slots__ = ("data", "position")
 
@@ -76,7 +76,7 @@ class OerReader:
         return int.from_bytes(self.take(size), "big")
 
     def length(self) -> int:
-        """Return a length determinant, which canonical encoding keeps as short as it can be."""
+        """Return a length determinant; canonical encoding demands the shortest form."""
         first = self.byte()
         if first < 0x80:
             return first
@@ -93,14 +93,14 @@ class OerReader:
         """Return an INTEGER without upper bound."""
         content = self.octets()
         if not content or (content[0] == 0 and len(content) > 1):
-            raise Malformed("an integer with no byte, or with one too many")
+            raise Malformed("an integer without bytes, or not in the shortest form")
         return int.from_bytes(content, "big")
 
     def signed(self) -> int:
         """Return an INTEGER without bounds."""
         content = self.octets()
         if not content or signed(int.from_bytes(content, "big", signed=True))[1:] != content:
-            raise Malformed("an integer with no byte, or with one too many")
+            raise Malformed("an integer without bytes, or not in the shortest form")
         return int.from_bytes(content, "big", signed=True)
 
     def choice(self) -> int:
@@ -111,7 +111,7 @@ class OerReader:
         return tag & 0x3F
 
     def skip_additions(self) -> None:
-        """Pass over the extension additions of a SEQUENCE: a bitmap, then open types (16.4)."""
+        """Skip the extension additions of a SEQUENCE: a bitmap, then open types (X.696, 16.4)."""
         bitmap = self.octets()
         if len(bitmap) < 2 or bitmap[0] > 7:
             raise Malformed("an extension bitmap without bits")
@@ -119,7 +119,7 @@ class OerReader:
             self.octets()
 
     def finish(self) -> None:
-        """Insist that nothing is left."""
+        """Check that nothing is left. Raises `Malformed`."""
         left = len(self.data) - self.position
         if left:
             raise Malformed(f"{left} bytes left over")

@@ -52,7 +52,7 @@ class TrustStore:
         for root in roots:
             if root.issuer_id is not None:
                 raise NotTrusted(
-                    RejectionReason.UNTRUSTED_ISSUER, f"{root.subject.name}: is no root"
+                    RejectionReason.UNTRUSTED_ISSUER, f"{root.subject.name}: is not a root"
                 )
             self._anchors[root.hashed_id8] = self._check(root, None)
         waiting = list(authorities)

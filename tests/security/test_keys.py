@@ -92,7 +92,7 @@ def _mode(mode):
         (
             "roots",
             lambda path: [file.unlink() for file in path.iterdir()],
-            "no certificate; nobody would be believed",
+            "no certificate; no message could be verified",
         ),
         (
             "pseudonyms",
