@@ -1,4 +1,4 @@
-"""The command line: a user's mistake is one clear line and exit code 2, never a traceback."""
+"""The command line: a mistake of the user is one line and exit code 2, without a traceback."""
 
 import json
 import subprocess
@@ -14,7 +14,7 @@ def onboard(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_good_configuration_is_called_good(tmp_path: Path) -> None:
+def test_check_lists_the_sections_of_a_valid_configuration(tmp_path: Path) -> None:
     config = tmp_path / "car.yaml"
     config.write_text("car: {plate: ABC1234}\ngnss: {}\ncan:\nhmi: {port: 8460}\n")
 
@@ -29,7 +29,7 @@ def test_a_good_configuration_is_called_good(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("car: {plate: abc 1}", "car.plate: String should match pattern"),
         ("car: {plate: A1}\nobd: {poling_hz: 3}", "did you mean polling_hz?"),
@@ -40,19 +40,21 @@ def test_a_good_configuration_is_called_good(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_mistake_in_the_configuration_is_one_line(tmp_path: Path, text: str, told: str) -> None:
+def test_a_mistake_in_the_configuration_is_one_line(
+    tmp_path: Path, text: str, message: str
+) -> None:
     config = tmp_path / "car.yaml"
     config.write_text(text)
 
     result = onboard("check", str(config))
 
     assert result.returncode == 2
-    assert told in result.stderr
+    assert message in result.stderr
     assert len(result.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
-    "wire",
+    "section",
     [
         "can: {interface: socketcand, port: 1}",
         "can: {interface: socketcan, channel: nosuchcan9}",
@@ -63,9 +65,9 @@ def test_a_mistake_in_the_configuration_is_one_line(tmp_path: Path, text: str, t
         "access: {driver_file: /nonexistent/driver.json}",
     ],
 )
-def test_a_missing_wire_is_one_line(tmp_path: Path, wire: str) -> None:
+def test_an_edge_that_cannot_be_opened_is_one_line(tmp_path: Path, section: str) -> None:
     config = tmp_path / "car.yaml"
-    config.write_text(f"car: {{plate: A1}}\n{wire}\n")
+    config.write_text(f"car: {{plate: A1}}\n{section}\n")
 
     result = onboard("run", str(config))
 
@@ -90,7 +92,7 @@ def test_replay_prints_one_json_object_a_line(tmp_path: Path) -> None:
     assert lines[0]["speed_m_s"] == pytest.approx(60 / 3.6)
 
 
-def test_a_log_that_is_not_there_is_no_format_that_is_unknown() -> None:
+def test_a_missing_log_is_reported_as_missing() -> None:
     result = onboard("replay", "--can", "/nonexistent")
 
     assert result.returncode == 2

@@ -1,4 +1,4 @@
-"""A mistake in a YAML file is told with file, field, value and what is allowed."""
+"""Errors of a YAML file name the file, the field, the value and what is allowed."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -31,14 +31,14 @@ def yaml_file(tmp_path: Path) -> Path:
     return tmp_path / "cart.yaml"
 
 
-def complaint(yaml_file: Path, text: str) -> str:
+def error_of(yaml_file: Path, text: str) -> str:
     yaml_file.write_text(text)
     with pytest.raises(SettingsError) as error:
         load_settings(yaml_file, Cart)
     return str(error.value)
 
 
-def test_a_good_file_becomes_a_frozen_value(yaml_file: Path) -> None:
+def test_a_valid_file_becomes_settings(yaml_file: Path) -> None:
     yaml_file.write_text("seed: 3\nwheels: [{radius_m: 1, colour: blue}]\n")
 
     assert load_settings(yaml_file, Cart) == Cart(
@@ -46,14 +46,14 @@ def test_a_good_file_becomes_a_frozen_value(yaml_file: Path) -> None:
     )
 
 
-def test_an_empty_file_is_all_defaults(yaml_file: Path) -> None:
+def test_an_empty_file_gives_the_defaults(yaml_file: Path) -> None:
     yaml_file.write_text("")
 
     assert load_settings(yaml_file, Cart) == Cart()
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         (
             "sead: 3",
@@ -97,19 +97,21 @@ def test_an_empty_file_is_all_defaults(yaml_file: Path) -> None:
         ),
     ],
 )
-def test_a_mistake_is_named(yaml_file: Path, text: str, told: str) -> None:
-    message = complaint(yaml_file, text)
+def test_an_error_names_file_and_field_and_no_secret(
+    yaml_file: Path, text: str, expected: str
+) -> None:
+    message = error_of(yaml_file, text)
 
-    assert told in message
+    assert expected in message
     assert message.startswith(str(yaml_file))
     assert "hush" not in message
     assert "987654" not in message
 
 
-def test_every_mistake_is_named_at_once(yaml_file: Path) -> None:
-    assert len(complaint(yaml_file, "sead: 1\nseed: x\n").splitlines()) == 2
+def test_every_mistake_has_a_line(yaml_file: Path) -> None:
+    assert len(error_of(yaml_file, "sead: 1\nseed: x\n").splitlines()) == 2
 
 
-def test_a_missing_file_is_named(yaml_file: Path) -> None:
+def test_a_missing_file_is_an_error_that_names_it(yaml_file: Path) -> None:
     with pytest.raises(SettingsError, match=r"cart\.yaml: cannot be read: No such file"):
         load_settings(yaml_file, Cart)
