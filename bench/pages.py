@@ -18,9 +18,9 @@ from playwright.async_api import Browser, Page, async_playwright
 
 from bench import Figure
 from onboard.config import CarConfig
-from onboard.hmi.driver_page import DriverPage
 from onboard.observations import Lead, LeadIdentity, Sensor, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.runtime.driver_page import DriverPage
 from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.step import Input

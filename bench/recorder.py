@@ -18,11 +18,11 @@ from onboard.config import CarConfig
 from onboard.observations import ImageBox as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, Sensor, Speed
 from onboard.recorder.black_box import BlackBox
-from onboard.recorder.initial_state import InitialState
 from onboard.recorder.reader import RecordedDrive
-from onboard.recorder.recorded_stack import recorded_stack
-from onboard.recorder.replay import compare
 from onboard.recorder.settings import RecorderSettings
+from onboard.replay.initial_state import InitialState
+from onboard.replay.recorded_stack import recorded_stack
+from onboard.replay.replay import compare
 from onboard.settings import parse_settings
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario

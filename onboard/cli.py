@@ -14,8 +14,8 @@ import typer
 from onboard.config import CarConfig, CarSettings
 from onboard.errors import UserError
 from onboard.recorder.reader import RecordedDrive
-from onboard.recorder.replay import play
-from onboard.runtime.service import Service
+from onboard.replay.replay import play
+from onboard.service import Service
 from onboard.settings import load_settings
 from onboard.tools import replay as drive
 from onboard.tools.calibrate.cli import calibrate

@@ -27,9 +27,9 @@ from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Discarded, Lead, Sensor, SensorLost, SensorRecovered
 from onboard.recorder.black_box import BlackBox
-from onboard.recorder.initial_state import InitialState
-from onboard.recorder.recorded_stack import recorded_stack
 from onboard.recorder.records import RecorderState
+from onboard.replay.initial_state import InitialState
+from onboard.replay.recorded_stack import recorded_stack
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.systemd import Systemd

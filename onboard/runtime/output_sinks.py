@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import structlog
 
 from onboard.config import CarConfig, TraceSettings
-from onboard.recorder.tap import Tap
+from onboard.replay.tap import Tap
 from onboard.stack import Stack
 from onboard.trace.trace_file import TraceFile
 from onboard.trace.trace_line import Event, as_line, as_record
 from onboard.wave_udp.capture import PcapWriter
 
 if TYPE_CHECKING:
-    from onboard.hmi.driver_page import DriverPage
+    from onboard.runtime.driver_page import DriverPage
 
 log = structlog.get_logger()
 
@@ -75,7 +75,7 @@ class OutputSinks:
         if config.hmi is None:
             return
         # Importing the web server takes a tenth of the start-up time.
-        from onboard.hmi.driver_page import DriverPage  # noqa: PLC0415 (see above)
+        from onboard.runtime.driver_page import DriverPage  # noqa: PLC0415 (see above)
 
         self._page = DriverPage(config.hmi, config, stack, on_brake)
         await self._page.start()

@@ -8,7 +8,7 @@ import typer
 
 from onboard.errors import UserError
 from onboard.recorder.reader import RecordedDrive
-from onboard.recorder.replay import Comparison, Output, compare
+from onboard.replay.replay import Comparison, Output, compare
 from onboard.tools.export import write_candump, write_pcap
 
 Boxes = Annotated[

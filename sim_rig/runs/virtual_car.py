@@ -11,8 +11,8 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Sensor
-from onboard.recorder.initial_state import InitialState
-from onboard.recorder.recorded_stack import recorded_stack
+from onboard.replay.initial_state import InitialState
+from onboard.replay.recorded_stack import recorded_stack
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.step import Input, Observation, ReceivedWsm, SentWsm

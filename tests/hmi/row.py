@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from onboard.config import CarConfig
-from onboard.hmi.driver_page import DriverPage
 from onboard.obd.settings import CanSettings
 from onboard.observations import Lead, LeadIdentity, Sensor, SensorLost, Speed, VehicleDetection
+from onboard.runtime.driver_page import DriverPage
 from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.step import BrakeButton, Input, ReceivedWsm

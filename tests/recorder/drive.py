@@ -10,11 +10,11 @@ from onboard.config import CarConfig
 from onboard.observations import ImageBox as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, Position, Sensor, Speed
 from onboard.recorder.header import RecordingHeader
-from onboard.recorder.initial_state import InitialState
-from onboard.recorder.recorded_stack import recorded_stack
 from onboard.recorder.records import Record
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
+from onboard.replay.initial_state import InitialState
+from onboard.replay.recorded_stack import recorded_stack
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.step import BrakeButton, Input, ReceivedWsm

@@ -23,9 +23,9 @@ from onboard.recorder import black_box
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.reader import RecordedDrive, is_finished
 from onboard.recorder.records import Record, RecorderState
-from onboard.recorder.replay import compare
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
+from onboard.replay.replay import compare
 from onboard.step import BrakeButton
 from tests.recorder import headers
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from onboard.recorder.reader import RecordedDrive
-from onboard.recorder.replay import compare
+from onboard.replay.replay import compare
 
 DRIVES = sorted((Path(__file__).parents[1] / "drives").glob("*.mcap"))
 LARGEST_BYTES = 300_000

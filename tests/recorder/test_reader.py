@@ -13,7 +13,7 @@ from onboard.recorder.header import Certificates
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import Entry, RecordedDrive, RecordingError, is_finished, raw_records
 from onboard.recorder.repair import repair, write_records
-from onboard.recorder.replay import compare
+from onboard.replay.replay import compare
 from onboard.trace.trace_line import as_json, as_record
 from tests.recorder.drive import record_drive
 from tests.recorder.headers import HEAD

@@ -12,10 +12,10 @@ from mcap.records import McapRecord, Message, Metadata
 from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.lcca.group import WarningGroup
-from onboard.recorder.header import OF_THE_CORES
 from onboard.recorder.reader import RecordedDrive, RecordingError, raw_records
 from onboard.recorder.repair import write_records
-from onboard.recorder.replay import compare, play
+from onboard.replay.drive_header import OF_THE_CORES
+from onboard.replay.replay import compare, play
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
 from tests.recorder.drive import AHEAD, BEHIND, KEY, record_drive

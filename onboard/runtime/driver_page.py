@@ -7,7 +7,7 @@ from onboard.hmi.display import Display
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_server import PageServer
 from onboard.hmi.settings import HmiSettings
-from onboard.recorder.tap import Tap
+from onboard.replay.tap import Tap
 from onboard.stack import Stack
 from onboard.trace.trace_line import Event, as_line
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from onboard import step
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import RecordedDrive, RecordingError
-from onboard.recorder.recorded_stack import replayed_stack
 from onboard.recorder.records import Identity, Record, RecordingGap, StepEnd
-from onboard.recorder.tap import Tap
+from onboard.replay.recorded_stack import replayed_stack
+from onboard.replay.tap import Tap
 from onboard.trace.trace_line import Event, as_json, as_record
 from onboard.wave_udp import wsmp
 

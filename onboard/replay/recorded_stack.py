@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Protocol
 
 from onboard.config import CarConfig
-from onboard.recorder.header import RecordingHeader, make_header
+from onboard.recorder.header import RecordingHeader
 from onboard.recorder.identities import Aliases, RecordingDigest, ReplayedDigest
-from onboard.recorder.initial_state import InitialState
 from onboard.recorder.records import Identity, Record
 from onboard.recorder.settings import RecorderSettings
-from onboard.recorder.tap import Tap
+from onboard.replay.drive_header import initial_state_of, make_header
+from onboard.replay.initial_state import InitialState
+from onboard.replay.tap import Tap
 from onboard.stack import Stack
 
 
@@ -68,7 +69,7 @@ def replayed_stack(
         note: gets what the cores answer.
         begins: the time on the cores' clock and in UTC, where it is not the drive's beginning.
     """
-    beginning = head.beginning()
+    beginning = initial_state_of(head)
     now, utc_s = begins or (beginning.now, beginning.utc_s)
     digest = ReplayedDigest(beginning.config.security.plate_digest, car_ids)
     with tempfile.TemporaryDirectory() as folder:

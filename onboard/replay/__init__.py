@@ -1,0 +1,1 @@
+"""Records the steps of a `Stack`, and repeats them from a recording."""

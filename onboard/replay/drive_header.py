@@ -1,0 +1,85 @@
+"""From the initial state of a vehicle's cores to the header of its recording, and back."""
+
+import datetime as dt
+import json
+from importlib.metadata import version
+
+import numpy as np
+
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
+from onboard.config import CarConfig
+from onboard.recorder.header import Certificates, RecordingHeader
+from onboard.recorder.identities import Aliases
+from onboard.replay.initial_state import InitialState
+from onboard.security.credentials import Credentials
+from onboard.settings import parse_settings
+
+OF_THE_CORES = frozenset({
+    "car", "obd", "vision", "security", "lcca", "lcca_psid", "mvs", "risk", "access", "beacons",
+    "sensor_timeouts",
+})  # fmt: skip
+"""The sections of a `CarConfig` that cores read. The others are wires and files, which may hold
+addresses and passwords."""
+
+
+def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -> RecordingHeader:
+    """Return the header of a drive that starts with `initial`.
+
+    Args:
+        initial: what the cores are given before the first input.
+        aliases: names to record in place of plates.
+        is_complete: whether records that hold positions are kept.
+    """
+    config, seed, credentials = initial.config, initial.seed, initial.credentials
+    tree = json.loads(config.model_dump_json(include=set(OF_THE_CORES), exclude_defaults=True))
+    tree["car"]["plate"] = aliases.word(config.car.plate)
+    tree.get("access", {}).pop("driver_file", None)
+    tree.get("security", {}).pop("keys_folder", None)
+    tree.get("security", {}).get("plate_digest", {}).pop("community_key", None)
+    broadcast = config.obd.broadcast
+    assert isinstance(seed.entropy, int)  # noqa: S101 (what numpy makes of None or a number)
+    return RecordingHeader(
+        drive=_name(initial.utc_s),
+        software=version("onboard"),
+        seed=(seed.entropy, *seed.spawn_key),
+        now_s=initial.now,
+        utc_s=initial.utc_s,
+        sensors=tuple(sorted(initial.sensors)),
+        config=tree,
+        dbc=broadcast.dbc.read_text("latin-1") if broadcast is not None else None,
+        certificates=None if credentials is None else _public(credentials),
+        driver=None if initial.driver is None else initial.driver.memory(),
+        is_complete=is_complete,
+    )
+
+
+def _name(utc_s: float) -> str:
+    """Of a drive: 20250615T150640.000Z."""
+    return f"{dt.datetime.fromtimestamp(utc_s, dt.UTC):%Y%m%dT%H%M%S.%f}"[:-3] + "Z"
+
+
+def _public(credentials: Credentials) -> Certificates:
+    return Certificates(
+        pseudonyms=tuple(own.certificate.encoded.hex() for own in credentials.pseudonyms),
+        roots=tuple(root.encoded.hex() for root in credentials.roots),
+        authorities=tuple(authority.encoded.hex() for authority in credentials.authorities),
+    )
+
+
+def initial_state_of(header: RecordingHeader) -> InitialState:
+    """Return the initial state of a recorded drive.
+
+    Raises:
+        SettingsError: this version of the software does not have one of its settings, or one of
+            its certificates cannot be read.
+    """
+    entropy, *spawn_key = header.seed
+    return InitialState(
+        config=parse_settings(header.config, CarConfig, f"the recording of {header.drive}"),
+        sensors=frozenset(header.sensors),
+        seed=np.random.SeedSequence(entropy, spawn_key=spawn_key),
+        now=header.now_s,
+        utc_s=header.utc_s,
+        credentials=header.credentials(),
+        driver=DriverModel(DEFAULT_POPULATION, memory=header.driver),
+    )
