@@ -26,7 +26,7 @@ CASES = (
 def measure() -> Iterator[Figure]:
     """Yield the errors and the NEES of every method in every case."""
     for radio, entries, loss in CASES:
-        settings = MODELLED.model_copy(update={"most_entries": entries})
+        settings = MODELLED.model_copy(update={"max_entries": entries})
         result = accuracy(settings, radio, loss, seed=1, seconds=SECONDS)
         yield from _figures(f"{radio:.0%}.M{entries}.loss{loss:.0%}", result)
     free = accuracy(MODELLED, 0.4, 0.0, seed=1, seconds=SECONDS, road=FreeCars)

@@ -17,6 +17,7 @@ from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from onboard.runtime.gc_tuning import freeze_start_up_objects
+from onboard.tracking.tracks import TrackingParameters
 from sim_rig.studies.mvs_roads import SixLaneRoad
 from sim_rig.studies.mvs_world import START_UTC_S, TICK_S, MvsWorld, WorldSettings
 
@@ -54,14 +55,16 @@ def measure() -> Iterator[Figure]:
     """Yield median and 99th percentile of the duration of a tick."""
     settings = MvsSettings(
         sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
-        acceleration_density=1.0,
     )
-    ticks = _inputs(settings)
+    tracking = TrackingParameters(acceleration_density=1.0)
+    ticks = _inputs(settings, tracking)
     times_s = []
     objects = 0
     freeze_start_up_objects()
     for _ in range(ROUNDS):
-        core = MultiVehicleSensing(settings, OWN.to_bytes(4), np.random.default_rng(1), START_UTC_S)
+        core = MultiVehicleSensing(
+            settings, OWN.to_bytes(4), np.random.default_rng(1), START_UTC_S, tracking=tracking
+        )
         for number, calls in enumerate(ticks):
             began = time.process_time()
             for name, arguments in calls:
@@ -76,14 +79,15 @@ def measure() -> Iterator[Figure]:
         yield Figure(f"tick.{objects}_objects.{name}", value, "ms", len(times_s), *interval)
 
 
-def _inputs(settings: MvsSettings) -> list[list[Call]]:
+def _inputs(settings: MvsSettings, tracking: TrackingParameters) -> list[list[Call]]:
     """Inputs of one car in each of `TICKS` ticks."""
     rng = np.random.default_rng(0)
     traffic = SixLaneRoad(CARS_PER_LANE, SPACING_M, TICKS * TICK_S + 1.0, 1.0, rng)
     own = traffic.names[OWN]
     others = [car for car in traffic.names if car != own]
     equipped = {own, *(others[i] for i in rng.permutation(len(others))[: RADIOS - 1])}
-    world = MvsWorld(traffic, equipped, WorldSettings(reach_m=1000.0), settings, seed=1)
+    reach = WorldSettings(reach_m=1000.0)
+    world = MvsWorld(traffic, equipped, reach, settings, seed=1, tracking=tracking)
     world.tick()
     recorder = _InputRecorder(world.cores[own], world)
     world.cores[own] = recorder  # type: ignore[assignment]

@@ -44,7 +44,7 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
     names = road.names
     equipped = {names[i] for i in rng.permutation(len(names))[: round(SHARE * len(names))]}
     settings = MvsSettings(
-        most_entries=10 if with_mvs else 0,
+        max_entries=10 if with_mvs else 0,
         sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
     )
     world = MvsWorld(road, equipped, WorldSettings(senses=with_mvs), settings, seed=1)
@@ -55,6 +55,7 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
     for _ in range(TICKS):
         world.tick()
         for name, core in world.cores.items():
+            core.update(world.now)
             known = core.kinematic_info(world.now)
             models[name].assess(core.host_vehicle(world.now), known, 12.0, world.now)
     took_s = time.process_time() - began

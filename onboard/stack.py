@@ -367,6 +367,7 @@ class Stack:
     def _assess(self, now: float) -> None:
         """Assess the risk from the current states of all vehicles."""
         self._assess_at = now + ASSESSMENT_INTERVAL_S
+        self._mvs.update(now)
         host_vehicle, perceived_objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
         self._surroundings = (host_vehicle, perceived_objects)
         self._risk.assess(host_vehicle, perceived_objects, now)

@@ -1,1 +1,1 @@
-"""Geodesy, and the acceleration behind a series of speeds."""
+"""Positions, headings and speeds of vehicles: frames, states as arrays, acceleration, heading."""

@@ -1,30 +1,30 @@
-"""Which way the own car faces: a Kalman filter in one dimension, over the receiver's courses.
+"""Heading of the host vehicle: a one-dimensional Kalman filter over the receiver's courses.
 
-A receiver has its course from a velocity, and the error of that is the same at every speed: the
-course is wrong by the error over the speed, 0.4 degrees in town and 6 at a walk. From one course to
-the next a car turns, by more the farther it drives and the slower it is: per metre, the variance of
-its heading grows by the square of the curvature that a driver takes at that speed. So a car that
-comes to a stand keeps what its better courses said, and who only just sets off believes the new.
+A receiver derives the course from a velocity whose error is the same at every speed. So the error
+of the course is that of the velocity over the speed: 0.4 degrees in town, 6 at walking pace.
+Between two courses the vehicle may turn: per metre, the variance of its heading grows by the square
+of the curvature that drivers take at that speed. So a vehicle that stops keeps the heading by its
+better courses, and one that sets off takes the new ones.
 """
 
 import math
 from dataclasses import dataclass
 
-from onboard.mvs.settings import SensingSettings
 from onboard.observations import Position
 
 CURVATURE_1_M = 0.02
-"""That a heading may take up within a metre, at low speed."""
+"""Curvature at low speed. Fitted with `LATERAL_M_S2` to real drives (docs/design/mvs.md)."""
 LATERAL_M_S2 = 1.5
-"""And the most at any speed: where it would take more than this to the side, drivers do not. With
-both, a heading wanders as on real drives (docs/decisions/0330)."""
-SURPRISING = 3.0
-"""Sigmas by which a course contradicts what was held: the car has turned, and it begins anew."""
+"""Lateral acceleration that drivers do not exceed; bounds the curvature at higher speeds."""
+OUTLIER_SIGMAS = 3.0
+"""A course that differs by more sigmas restarts the filter: the vehicle has turned."""
+MIN_COURSE_SPEED_M_S = 1.0
+"""At a lower speed the course is not used: it is wrong by 6 degrees or more."""
 
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """What is known of a heading."""
+    """A heading and its uncertainty."""
 
     heading_rad: float
     """Clockwise from true north, from 0 to 2 pi."""
@@ -32,29 +32,35 @@ class Heading:
 
 
 class HeadingFilter:
-    """Takes fixes in the order of their stamps, tells the heading at any moment near the last."""
+    """Filters the courses of fixes, which arrive in the order of their stamps."""
 
-    def __init__(self, settings: SensingSettings) -> None:
-        """`settings` say what is an error of the receiver's, and what of the camera's."""
-        self._settings = settings
+    def __init__(self, velocity_sigma_m_s: float, mounting_sigma_rad: float) -> None:
+        """Start without a heading.
+
+        Args:
+            velocity_sigma_m_s: error of the receiver's velocity on either axis.
+            mounting_sigma_rad: constant error, added to the sigma of every heading.
+        """
+        self._velocity_sigma_m_s = velocity_sigma_m_s
+        self._mounting_sigma_rad = mounting_sigma_rad
         self._heading_rad: float | None = None
         self._variance = 0.0
         self._stamp_s = 0.0
         self._speed_m_s = 0.0
 
     def receive_position(self, fix: Position) -> None:
-        """Take the next fix; a course without a speed tells nothing."""
+        """Use the next fix; one without a speed is ignored."""
         if fix.speed_m_s is None:
             return
-        self._variance += self._turned(fix.stamp_s, fix.speed_m_s)
+        self._variance += self._turn_variance(fix.stamp_s, fix.speed_m_s)
         self._stamp_s, self._speed_m_s = fix.stamp_s, fix.speed_m_s
-        if fix.course_rad is None or fix.speed_m_s < self._settings.heading_held_below_m_s:
+        if fix.course_rad is None or fix.speed_m_s < MIN_COURSE_SPEED_M_S:
             return
-        noise = (self._settings.velocity_sigma_m_s / fix.speed_m_s) ** 2
+        noise = (self._velocity_sigma_m_s / fix.speed_m_s) ** 2
         if self._heading_rad is not None:
             off_rad = math.remainder(fix.course_rad - self._heading_rad, math.tau)
             expected = self._variance + noise
-            if off_rad**2 <= SURPRISING**2 * expected:
+            if off_rad**2 <= OUTLIER_SIGMAS**2 * expected:
                 gain = self._variance / expected
                 self._heading_rad = (self._heading_rad + gain * off_rad) % math.tau
                 self._variance *= 1.0 - gain
@@ -62,16 +68,16 @@ class HeadingFilter:
         self._heading_rad, self._variance = fix.course_rad % math.tau, noise
 
     def at(self, stamp_s: float) -> Heading | None:
-        """What is known of it at `stamp_s`; `None` until the car has driven."""
+        """Return the heading at `stamp_s`; `None` before the first usable course."""
         if self._heading_rad is None:
             return None
-        turned = self._turned(stamp_s, self._speed_m_s)
-        variance = self._variance + turned + self._settings.heading_sigma_rad**2
+        turned = self._turn_variance(stamp_s, self._speed_m_s)
+        variance = self._variance + turned + self._mounting_sigma_rad**2
         return Heading(self._heading_rad, math.sqrt(variance))
 
-    def _turned(self, stamp_s: float, speed_m_s: float) -> float:
-        """Variance of what the car may have turned by between the last fix and `stamp_s`."""
+    def _turn_variance(self, stamp_s: float, speed_m_s: float) -> float:
+        """Variance of the turn between the last fix and `stamp_s`, in rad^2."""
         slow_m_s, fast_m_s = sorted((self._speed_m_s, speed_m_s))
-        way_m = fast_m_s * abs(stamp_s - self._stamp_s)
+        distance_m = fast_m_s * abs(stamp_s - self._stamp_s)
         curvature_1_m = min(CURVATURE_1_M, LATERAL_M_S2 / max(slow_m_s, 1.0) ** 2)
-        return curvature_1_m**2 * way_m
+        return curvature_1_m**2 * distance_m

@@ -1,4 +1,4 @@
-"""Between evidence as the core holds it and the footer as it travels."""
+"""Encoding of evidence as a footer, and decoding of footers."""
 
 from collections import defaultdict
 from collections.abc import Container, Iterable, Sequence
@@ -30,32 +30,38 @@ from onboard.tracking.evidence import (
     measurement_id,
 )
 
-MOST_OBSERVERS = 255
-_CARS = 256
-"""Numbers for cars on the wire."""
+MAX_OBSERVERS = 255
+"""In one footer: an observer is named by one byte."""
+_NUMBERS = 256
+"""Numbers of vehicles on the air."""
 
 _MEASUREMENTS = Columns(mvs_footer.MEASUREMENT)
 _STATES = Columns(mvs_footer.STATE)
 
 Entry = tuple[int, Evidence]
-"""The sender's number for a car, and what it tells of it."""
+"""The sender's number for a vehicle, and an ME of it."""
 
 
 def free_number(number: int, used: Container[int | None]) -> int:
-    """A number on the wire for the car `number`, none of `used` as long as one is left.
+    """Return a number on the air for the track `number`, not in `used` while one is free.
 
-    Two cars of one number would take each other's place with every footer, and neither be known.
+    Two vehicles under one number would replace each other with every footer.
     """
-    wanted = ((number + others) % _CARS for others in range(_CARS))
-    return next((free for free in wanted if free not in used), number % _CARS)
+    wanted = ((number + offset) % _NUMBERS for offset in range(_NUMBERS))
+    return next((free for free in wanted if free not in used), number % _NUMBERS)
 
 
 def footer_of(
     entries: Iterable[Entry], reference_ms: int, frame: LocalFrame, anchor: LocalFrame
 ) -> MvsFooter:
-    """Put `entries`, given in `frame`, into a footer around `anchor`.
+    """Return the footer that carries `entries`.
 
-    `reference_ms` is not before the last of its measurements and at most 4,095 ms behind the first.
+    Args:
+        entries: MEs in `frame`.
+        reference_ms: reference time, UTC; not before the last measurement and at most 4,095 ms
+            after the first.
+        frame: of `entries`.
+        anchor: frame of the footer.
     """
     mapping = anchor.mapping_from(frame)
     observers: dict[bytes, int] = {}
@@ -67,7 +73,7 @@ def footer_of(
             measurements.append(
                 SharedMeasurement(
                     observers.setdefault(piece.id.observer, len(observers)),
-                    number % _CARS,
+                    number % _NUMBERS,
                     reference_ms - piece.id.stamp_ms,
                     0,
                     east_m,
@@ -79,7 +85,7 @@ def footer_of(
         else:
             runs = _runs(piece.provenance, reference_ms, observers)
             numbers: list[Any] = [*piece.state.tolist(), *sigmas, *correlations, len(runs)]
-            estimates.append(SharedEstimate(SharedState(number % _CARS, *numbers), runs))
+            estimates.append(SharedEstimate(SharedState(number % _NUMBERS, *numbers), runs))
     return MvsFooter(
         reference_ms,
         anchor.latitude_deg,
@@ -91,7 +97,7 @@ def footer_of(
 
 
 def read(data: bytes) -> SharedEntries:
-    """Read the entries of a footer from the air, measurements first.
+    """Decode the entries of a footer, measurements first.
 
     Raises:
         DecodeError: those of `mvs_footer.decode`.
@@ -99,11 +105,11 @@ def read(data: bytes) -> SharedEntries:
     sections = mvs_footer.read_sections(data)
     header, observers = sections.header, sections.observers
     measured, stated = _MEASUREMENTS.read(sections.measurements), _STATES.read(sections.states)
-    n, every = len(measured), len(measured) + len(stated)
-    by, cars, ages_ms = measured[:, 0].tolist(), measured[:, 1].tolist(), measured[:, 2].tolist()
+    n, total = len(measured), len(measured) + len(stated)
+    observer_of, numbers, ages_ms = measured[:, :3].T.tolist()
     provenances: list[Provenance] = [
-        frozenset((measurement_id(observers[int(maker)], header.reference_ms - int(age_ms)),))
-        for maker, age_ms in zip(by, ages_ms, strict=True)
+        frozenset((measurement_id(observers[int(at)], header.reference_ms - int(age_ms)),))
+        for at, age_ms in zip(observer_of, ages_ms, strict=True)
     ]
     provenances += [
         frozenset(
@@ -115,14 +121,14 @@ def read(data: bytes) -> SharedEntries:
         )
         for runs in sections.provenances
     ]
-    states, covariances = np.zeros((every, 4)), np.zeros((every, 4, 4))
+    states, covariances = np.zeros((total, 4)), np.zeros((total, 4, 4))
     states[:n, :2], states[n:] = measured[:, 4:6], stated[:, 1:5]
     covariances[:n, :2, :2] = from_correlations(measured[:, 6:8], measured[:, 8:])
     covariances[n:] = from_correlations(stated[:, 5:9], stated[:, 9:-1])
     spans = ProvenanceSpans.of(provenances)
     return SharedEntries(
         LocalFrame(header.latitude_deg, header.longitude_deg),
-        tuple(map(int, cars + stated[:, 0].tolist())),
+        tuple(map(int, numbers + stated[:, 0].tolist())),
         tuple(provenances),
         frozenset(observers),
         spans,
@@ -130,7 +136,7 @@ def read(data: bytes) -> SharedEntries:
             spans.newest_ms,
             states.T,
             covariances.transpose(1, 2, 0),
-            np.repeat([0.0, 1.0], [n, every - n]),
+            np.repeat([0.0, 1.0], [n, total - n]),
         ),
     )
 
@@ -140,9 +146,16 @@ def encode_within(
     reference_ms: int,
     frame: LocalFrame,
     anchor: LocalFrame,
-    most_bytes: int,
+    max_bytes: int,
 ) -> tuple[bytes, list[Entry]]:
-    """Encode as many of `entries`, the first ones first, as `most_bytes` hold.
+    """Encode the first of `entries`, as many as fit.
+
+    Args:
+        entries: MEs in `frame`, the most important first.
+        reference_ms: reference time, UTC.
+        frame: of `entries`.
+        anchor: frame of the footer.
+        max_bytes: size of the footer.
 
     Returns:
         the footer, and the entries in it.
@@ -154,9 +167,9 @@ def encode_within(
     ]
     while True:
         names = {observer for _, piece in fitting for observer, _ in piece.provenance}
-        if len(names) <= MOST_OBSERVERS:
+        if len(names) <= MAX_OBSERVERS:
             data = mvs_footer.encode(footer_of(fitting, reference_ms, frame, anchor))
-            if len(data) <= most_bytes or not fitting:
+            if len(data) <= max_bytes or not fitting:
                 return data, fitting
         fitting.pop()
 
@@ -177,10 +190,10 @@ def _runs(
 
 
 def to_correlations(covariance: Array) -> tuple[list[float], list[float]]:
-    """Take a covariance (n, n) apart: n standard deviations, n (n - 1) / 2 partial correlations.
+    """Split a covariance (n, n) into n standard deviations and n (n - 1) / 2 partial correlations.
 
     With L the Cholesky factor of the correlation matrix, row i of which has length 1, the partial
-    correlation ij is L_ij by what the entries before it leave of that length.
+    correlation ij is L_ij over the length that the entries before it leave.
     """
     sigmas = np.sqrt(np.diagonal(covariance))
     factor = np.linalg.cholesky(covariance / np.outer(sigmas, sigmas)).tolist()
@@ -194,16 +207,16 @@ def to_correlations(covariance: Array) -> tuple[list[float], list[float]]:
 
 
 def from_correlations(sigmas: Array, correlations: Array) -> Array:
-    """Put M covariances (M, n, n) together again; positive for correlations between -1 and 1.
+    """Return M covariances (M, n, n), positive for correlations between -1 and 1.
 
     Args:
         sigmas: (M, n).
         correlations: (M, n (n - 1) / 2).
     """
-    many, n = sigmas.shape
-    factor = np.zeros((many, n, n))
+    m, n = sigmas.shape
+    factor = np.zeros((m, n, n))
     factor[:, *_below_diagonal(n)] = correlations
-    left = np.ones((many, n))  # of the length of each row, as in `to_correlations`
+    left = np.ones((m, n))  # of the length of each row, as in `to_correlations`
     for j in range(n - 1):
         factor[:, j + 1 :, j] *= np.sqrt(left[:, j + 1 :])
         left[:, j + 1 :] -= factor[:, j + 1 :, j] ** 2

@@ -1,8 +1,8 @@
-"""What is believed of the evidence in a footer, and how strongly.
+"""Footer validation: limits that received evidence must keep before it is used.
 
-A signature says who speaks, not that it is true. Every entry is held against what is physically
-possible; what is impossible is dropped under a reason, what is too good to be true is weighted
-down to what is possible. What that leaves to a liar is in decision 0074.
+A signature proves the sender, not the content. Every entry is checked against what is physically
+possible; an impossible one is dropped with a reason, one that claims more certainty than its
+provenance allows gets a larger covariance. The remaining gaps are in docs/design/mvs.md.
 """
 
 from collections.abc import Sequence
@@ -13,83 +13,112 @@ from numpy.typing import NDArray
 
 from onboard.kinematics.arrays import Array, StateArrays
 from onboard.mvs.received_footers import ReceivedFooter
-from onboard.mvs.settings import FooterValidationSettings, MvsSettings
 from onboard.tracking.evidence import ProvenanceSpans
 from onboard.tracking.evidence_store import EvidenceBatch
 
-_NO_SPEED_SIGMA_M_S = 50.0
-"""One position says nothing of the speed."""
+CLOCK_TOLERANCE_S = 0.1
+"""Time by which a sender's clock may be ahead of the host's."""
+RADIO_RANGE_M = 1500.0
+"""No sender is received from farther away: beyond the range of DSRC in the open."""
+SENSING_RANGE_M = 200.0
+"""No camera or radar measures vehicles farther away."""
+MAX_SPEED_M_S = 90.0
+"""No vehicle on a road is faster."""
+MIN_SIGMA_M = 0.1
+"""No single measurement is better; estimates are limited by what this allows them."""
+MAX_SIGMA_M = 30.0
+"""A position that is worse has no use."""
+FOOTERS_PER_S = 20.0
+"""Of one sender in the long run: twice the rate of BSMs; more are dropped."""
+FOOTERS_AT_ONCE = 5
+"""Of one sender: footers that were delayed on their way arrive together with the next ones."""
+MAX_SENDERS = 512
+"""Remote vehicles at once; bounds computing time."""
+MAX_ENTRIES = 64
+"""Entries in one footer; bounds computing time."""
+MAX_MEASUREMENTS_PER_ESTIMATE = 64
+"""Measurements in one estimate; bounds computing time."""
+
+_UNKNOWN_SPEED_SIGMA_M_S = 50.0
+"""Speed of a vehicle of which one position is known."""
 _FIVE_SIGMA = 5.0
-_MOST_EXCESS = 1e5
-"""Weighting down by more says nothing of a car, and of a lopsided covariance leaves rounding."""
+_MAX_INFLATION = 1e5
+"""Above this factor nothing is left of an entry but the rounding of its covariance."""
 
 
 @dataclass(frozen=True, slots=True)
 class OwnMeasurements:
-    """What the own car knows of its own measurements."""
+    """The host vehicle's own measurements of the last seconds."""
 
     own_ids: frozenset[bytes]
+    """Temporary IDs under which it made them."""
     stamps_ms: frozenset[int]
     """When it made some, UTC."""
 
 
 def violations_of_received(
     batch: EvidenceBatch,
-    heard: Sequence[ReceivedFooter],
+    received: Sequence[ReceivedFooter],
     own: OwnMeasurements,
-    settings: MvsSettings,
+    *,
+    memory_ms: int,
+    max_measurements: int,
 ) -> tuple[dict[int, str], Array]:
-    """Hold entries against what is possible (`belief.py`), recent, and known of the own car.
+    """Check the entries of received footers.
+
+    Args:
+        batch: the N entries of the footers.
+        received: the footers.
+        own: the host vehicle's own measurements.
+        memory_ms: older measurements are `stale`.
+        max_measurements: in one estimate.
 
     Returns:
-        a reason not to use it for each row of `batch` that has one: those of `belief.doubts`,
-        `stale`, `not_my_measurement`; and for each row by what to weight it down.
+        a reason not to use it for each row of `batch` that has one: those of `violations`, `stale`,
+        `not_my_measurement`; and for each row the factor of `covariance_inflation`.
     """
-    belief = settings.footer_validation
     received_ms = np.array(batch.received_ms, dtype=np.float64)
-    doubted = dict.fromkeys(_with_what_is_not_mine(heard, own), "not_my_measurement")
-    stale = batch.spans.oldest_ms <= received_ms - round(settings.memory_s * 1000)
-    doubted |= dict.fromkeys(np.flatnonzero(stale).tolist(), "stale")
-    reaches_m = np.where(
-        batch.firsthand, belief.sensing_range_m, belief.sensing_range_m + belief.radio_range_m
-    )
-    impossible, excess = violations(
+    refused = dict.fromkeys(_naming_false_own_measurements(received, own), "not_my_measurement")
+    stale = batch.spans.oldest_ms <= received_ms - memory_ms
+    refused |= dict.fromkeys(np.flatnonzero(stale).tolist(), "stale")
+    senders_m = [each.sender_m for each in received for _ in range(len(each.footer))]
+    impossible, inflation = violations(
         batch.entries,
         batch.spans,
-        belief,
-        reaches_m=reaches_m,
-        tellers_m=np.array([each.sender_m for each in heard for _ in range(len(each.told))]).T,
-        now_ms=received_ms,
+        ranges_m=np.where(batch.firsthand, SENSING_RANGE_M, SENSING_RANGE_M + RADIO_RANGE_M),
+        senders_m=np.array(senders_m).T,
+        received_ms=received_ms,
+        max_measurements=max_measurements,
     )
-    return impossible | dict(sorted(doubted.items())), excess
+    return impossible | dict(sorted(refused.items())), inflation
 
 
 def violations(
     entries: StateArrays,
     spans: ProvenanceSpans,
-    settings: FooterValidationSettings,
     *,
-    reaches_m: Array,
-    tellers_m: Array,
-    now_ms: Array,
+    ranges_m: Array,
+    senders_m: Array,
+    received_ms: Array,
+    max_measurements: int = MAX_MEASUREMENTS_PER_ESTIMATE,
 ) -> tuple[dict[int, str], Array]:
-    """Hold evidence against what is possible.
+    """Check N entries against what is physically possible.
 
     Args:
-        entries: N, in the own car's frame.
-        spans: N, of what each was made.
-        settings: the bounds.
-        reaches_m: (N) how far the car that tells of them can know of each.
-        tellers_m: (2, N) where that car is, in the same frame.
-        now_ms: (N) when they came, UTC.
+        entries: N, in the host vehicle's frame.
+        spans: N, of their provenances.
+        ranges_m: (N) distance from its sender at which each may be.
+        senders_m: (2, N) positions of the senders, in the same frame.
+        received_ms: (N) times of receipt, UTC.
+        max_measurements: in one estimate.
 
     Returns:
         a reason not to use it for each entry that has one, a short stable word: `not_finite`,
         `not_positive`, `future`, `too_many_measurements`, `far`, `too_vague`, `too_fast`,
-        `far_too_sure` (what weighting down could not mend); and the N factors of
-        `covariance_inflation`, which mean nothing for what is not used.
+        `far_too_sure` (inflation would not leave a usable entry); and the N factors of
+        `covariance_inflation`, without meaning for entries that are not used.
     """
-    whole = entries.has_speed > 0
+    is_estimate = entries.has_speed > 0
     finite = np.isfinite(entries.states).all(axis=0)
     finite &= np.isfinite(entries.covariances).all(axis=(0, 1))
     states = np.where(finite, entries.states, 0.0)
@@ -97,80 +126,86 @@ def violations(
     variances = np.diagonal(covariances).T
     speeds_m_s = np.hypot(*states[2:])
     speed_sigmas_m_s = np.sqrt(np.abs(variances[2] + variances[3]))
-    positive = _are_positive(covariances, whole)
+    positive = _are_positive(covariances, is_estimate)
     sound = StateArrays(
         entries.stamps_ms,
         states,
         np.where(positive, covariances, np.eye(4)[:, :, None]),
         entries.has_speed,
     )
-    excess = covariance_inflation(sound, spans, settings.sharpest_sigma_m)
-    vagueness = (variances[0] + variances[1]) / settings.vaguest_sigma_m**2
-    wrong = {
+    inflation = covariance_inflation(sound, spans, MIN_SIGMA_M)
+    vagueness = (variances[0] + variances[1]) / MAX_SIGMA_M**2
+    max_speeds_m_s = MAX_SPEED_M_S + _FIVE_SIGMA * speed_sigmas_m_s
+    failed = {
         "not_finite": ~finite,
         "not_positive": ~positive,
-        "future": entries.stamps_ms > now_ms + settings.clock_tolerance_s * 1000,
-        "too_many_measurements": spans.counts > settings.measurements_per_estimate,
-        "far": np.hypot(*(states[:2] - tellers_m)) > reaches_m,
+        "future": entries.stamps_ms > received_ms + CLOCK_TOLERANCE_S * 1000,
+        "too_many_measurements": spans.counts > max_measurements,
+        "far": np.hypot(*(states[:2] - senders_m)) > ranges_m,
         "too_vague": vagueness > 1.0,
-        "too_fast": whole & (speeds_m_s > settings.fastest_m_s + _FIVE_SIGMA * speed_sigmas_m_s),
-        "far_too_sure": (excess > _MOST_EXCESS) | (excess * vagueness > 1.0),
+        "too_fast": is_estimate & (speeds_m_s > max_speeds_m_s),
+        "far_too_sure": (inflation > _MAX_INFLATION) | (inflation * vagueness > 1.0),
     }
     reasons: dict[int, str] = {}
-    for reason, of_entries in wrong.items():
+    for reason, of_entries in failed.items():
         for at in np.flatnonzero(of_entries).tolist():
             reasons.setdefault(at, reason)
-    return reasons, excess
+    return reasons, inflation
 
 
-def covariance_inflation(
-    entries: StateArrays, spans: ProvenanceSpans, sharpest_sigma_m: float
-) -> Array:
-    """By what to multiply each covariance that claims to know more than its provenance allows.
+def covariance_inflation(entries: StateArrays, spans: ProvenanceSpans, min_sigma_m: float) -> Array:
+    """Return factors for covariances that claim more certainty than their provenances allow.
 
-    The best that positions of n moments t_i, each known to sigma, can say of a car that drives
-    straight on is sigma^2 / n for its position and sigma^2 / sum (t_i - mean)^2 for its speed.
+    Positions at n times t_i, each with the same sigma, give the position of a vehicle at constant
+    velocity with a variance of sigma^2 / n at best, its speed with sigma^2 / sum (t_i - mean)^2.
+
+    Args:
+        entries: N.
+        spans: N, of their provenances.
+        min_sigma_m: sigma of the best possible measurement.
 
     Returns:
         N factors, at least 1.
     """
-    variance = sharpest_sigma_m**2
-    of_speed = variance / np.maximum(spans.spreads_s2, variance / _NO_SPEED_SIGMA_M_S**2)
+    variance = min_sigma_m**2
+    of_speed = variance / np.maximum(spans.spreads_s2, variance / _UNKNOWN_SPEED_SIGMA_M_S**2)
     factors = variance / spans.counts / _least_eigenvalues(entries.covariances[:2, :2])
     speeds = entries.covariances[2:, 2:] + (1 - entries.has_speed) * np.eye(2)[:, :, None]
     factors_of_speed = entries.has_speed * of_speed / _least_eigenvalues(speeds)
-    excess: Array = np.maximum(np.maximum(factors, factors_of_speed), 1.0)
-    return excess
+    inflation: Array = np.maximum(np.maximum(factors, factors_of_speed), 1.0)
+    return inflation
 
 
-def _with_what_is_not_mine(heard: Sequence[ReceivedFooter], own: OwnMeasurements) -> list[int]:
-    """The rows that name a measurement of the own car's which it has not made."""
+def _naming_false_own_measurements(
+    received: Sequence[ReceivedFooter], own: OwnMeasurements
+) -> list[int]:
+    """Rows that name a measurement of the host vehicle that it has not made."""
     rows, first = [], 0
-    for told in (each.told for each in heard):
-        if not own.own_ids.isdisjoint(told.observers):
+    for footer in (each.footer for each in received):
+        if not own.own_ids.isdisjoint(footer.observers):
             not_mine = {
                 identity
-                for identity in frozenset().union(*told.provenances)
+                for identity in frozenset().union(*footer.provenances)
                 if identity.observer in own.own_ids and identity.stamp_ms not in own.stamps_ms
             }
             rows += [
                 first + at
-                for at, provenance in enumerate(told.provenances)
+                for at, provenance in enumerate(footer.provenances)
                 if not not_mine.isdisjoint(provenance)
             ]
-        first += len(told)
+        first += len(footer)
     return rows
 
 
-def _are_positive(covariances: Array, whole: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether each (4, 4) of finite numbers is symmetric and positive; of positions, the (2, 2)."""
-    full = np.where(whole, covariances, np.eye(4)[:, :, None])
+def _are_positive(covariances: Array, is_estimate: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether each finite (4, 4) is symmetric and positive; of positions, the (2, 2) block."""
+    full = np.where(is_estimate, covariances, np.eye(4)[:, :, None])
     full[:2, :2] = covariances[:2, :2]
     largest = np.abs(full).max(axis=(0, 1))
     positive: NDArray[np.bool_] = np.abs(full - full.swapaxes(0, 1)).max(axis=(0, 1)) <= (
         1e-6 * largest
     )
-    # By Sylvester: if every pivot is, as the variables are eliminated one after the other.
+    # Sylvester's criterion: every pivot of the elimination is positive.
     while len(full):
         pivot = full[0, 0]
         positive &= pivot > 0.0
@@ -180,7 +215,7 @@ def _are_positive(covariances: Array, whole: NDArray[np.bool_]) -> NDArray[np.bo
 
 
 def _least_eigenvalues(blocks: Array) -> Array:
-    """Of symmetric positive (2, 2, N)."""
+    """Least eigenvalues (N) of symmetric positive (2, 2, N)."""
     a, b, c = blocks[0, 0], blocks[0, 1], blocks[1, 1]
     # By the determinant: the difference of the usual formula loses all digits near singularity.
     largest = (a + c) / 2 + np.hypot((a - c) / 2, b)

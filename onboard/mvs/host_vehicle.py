@@ -1,4 +1,4 @@
-"""Where the own car is, and from there where the cars are that its camera sees."""
+"""Position and heading of the host vehicle, and the positions of the vehicles that it detects."""
 
 import math
 from dataclasses import dataclass
@@ -11,20 +11,23 @@ from onboard.kinematics.local_frame import LocalFrame
 from onboard.mvs.settings import SensingSettings
 from onboard.observations import Position, VehicleDetection
 
-NEW_ORIGIN_M = 5000.0
-"""So far from its origin, the frame is moved along."""
+MAX_ORIGIN_DISTANCE_M = 5000.0
+"""Farther from its origin, the frame is moved: `LocalFrame` is right to 1 cm up to here."""
+POSITION_TIMEOUT_S = 1.5
+"""Time for which a fix is predicted at its speed before the position counts as missing."""
 SPEED_SIGMA_M_S = 0.5
-"""Of a speed over ground that a car reports of itself, with its course, per axis."""
+"""Error of the reported velocity of a vehicle, on either axis."""
 UNKNOWN_SPEED_SIGMA_M_S = 30.0
+"""Velocity of a vehicle that reports none."""
 ACCELERATION_M_S2 = 3.0
-"""What a car may do between two fixes; twice this is hard braking."""
-VAGUEST_HEADING_RAD = 0.35
-"""With a heading that is less certain, nothing is placed: its error is no small, linear one."""
+"""Acceleration of the host vehicle between two fixes; hard braking is twice this."""
+MAX_HEADING_SIGMA_RAD = 0.35
+"""With a less certain heading detections are not used: the error is not linear any more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReportedState:
-    """The state that a car reports of itself: x as in `kalman.py`, in the own car's frame."""
+    """State that a vehicle reports of itself: x as in `kalman.py`, in the host vehicle's frame."""
 
     stamp_s: float
     state: Array
@@ -34,20 +37,20 @@ class ReportedState:
 
 
 class HostVehicle:
-    """The last fix, the frame around it and the heading."""
+    """The last fix, the frame around it, and the heading."""
 
     def __init__(self, settings: SensingSettings) -> None:
         self._settings = settings
         self._fix: Position | None = None
-        self._heading = HeadingFilter(settings)
+        self._heading = HeadingFilter(settings.velocity_sigma_m_s, settings.heading_sigma_rad)
         self._state: ReportedState | None = None
         self.frame: LocalFrame | None = None
 
     def receive_position(self, fix: Position) -> tuple[Array, Array] | None:
-        """Take a fix; older ones than the last are ignored.
+        """Take a fix; one older than the last is ignored.
 
         Returns:
-            turn and shift for everything held in the old frame, if the frame has moved.
+            turn and shift for everything stored in the old frame, if the frame was moved.
         """
         if self._fix is not None and fix.stamp_s < self._fix.stamp_s:
             return None
@@ -57,10 +60,10 @@ class HostVehicle:
         moved = None
         if self.frame is None:
             self.frame = here
-        elif math.hypot(*self.frame.position_m(*self.anchor)) > NEW_ORIGIN_M:
+        elif math.hypot(*self.frame.position_m(*self.anchor)) > MAX_ORIGIN_DISTANCE_M:
             moved = here.mapping_from(self.frame)
             self.frame = here
-        self._state = self.place(fix)
+        self._state = self.reported_state(fix)
         return moved
 
     @property
@@ -70,18 +73,16 @@ class HostVehicle:
         return self._fix.latitude_deg, self._fix.longitude_deg
 
     def has_position(self, at_s: float) -> bool:
-        """Whether there is a fix that still holds at `at_s`."""
-        return self._fix is not None and (
-            abs(at_s - self._fix.stamp_s) <= self._settings.position_held_s
-        )
+        """Whether the last fix is recent enough at `at_s`."""
+        return self._fix is not None and abs(at_s - self._fix.stamp_s) <= POSITION_TIMEOUT_S
 
     def heading(self, at_s: float) -> Heading | None:
-        """Which way it faces; `None` until it has driven, or where that is long ago."""
+        """Return the heading; `None` before the first course, or where it is too uncertain."""
         heading = self._heading.at(at_s)
-        return None if heading is None or heading.sigma_rad > VAGUEST_HEADING_RAD else heading
+        return None if heading is None or heading.sigma_rad > MAX_HEADING_SIGMA_RAD else heading
 
-    def place(self, fix: Position) -> ReportedState:
-        """Put a fix, the own or one from a BSM, into the own car's frame."""
+    def reported_state(self, fix: Position) -> ReportedState:
+        """Return a fix, the host's or a BSM's, as a state in the host vehicle's frame."""
         assert self.frame is not None  # noqa: S101 (callers ask `has_position` first)
         state, covariance = np.zeros(4), np.zeros((4, 4))
         state[:2] = self.frame.position_m(fix.latitude_deg, fix.longitude_deg)
@@ -98,34 +99,34 @@ class HostVehicle:
         return ReportedState(fix.stamp_s, state, covariance)
 
     def state(self) -> ReportedState | None:
-        """The own car at its last fix."""
+        """Return the host vehicle's state by its last fix."""
         return self._state
 
-    def measure(self, seen: VehicleDetection) -> tuple[Array, Array] | str:
-        """Place the middle of a car that the camera sees.
+    def measure(self, detection: VehicleDetection) -> tuple[Array, Array] | str:
+        """Return the position of a detected vehicle's centre.
 
         Returns:
-            position (2) and covariance (2, 2) in the frame, or the reason why it has none:
+            position (2) and covariance (2, 2) in the frame, or the reason why there is none:
             `no_position`, `no_heading`.
         """
-        if self._fix is None or self._state is None or not self.has_position(seen.stamp_s):
+        if self._fix is None or self._state is None or not self.has_position(detection.stamp_s):
             return "no_position"
-        facing = self.heading(seen.stamp_s)
+        facing = self.heading(detection.stamp_s)
         if facing is None:
             return "no_heading"
         settings = self._settings
         own = self._state
-        since_fix_s = seen.stamp_s - self._fix.stamp_s
+        since_fix_s = detection.stamp_s - self._fix.stamp_s
         speed = own.state[2:] if self._fix.speed_m_s is not None else np.zeros(2)
         heading = np.array([math.sin(facing.heading_rad), math.cos(facing.heading_rad)])
         camera = own.state[:2] + since_fix_s * speed + settings.camera_ahead_m * heading
 
-        direction = facing.heading_rad + seen.bearing_rad
+        direction = facing.heading_rad + detection.bearing_rad
         along = np.array([math.sin(direction), math.cos(direction)])
         across = np.array([along[1], -along[0]])
-        range_m = seen.range_m + settings.face_to_centre_m
-        range_variance = seen.range_sigma_m**2 + settings.face_to_centre_sigma_m**2
-        bearing_variance = seen.bearing_sigma_rad**2 + facing.sigma_rad**2
+        range_m = detection.range_m + settings.face_to_centre_m
+        range_variance = detection.range_sigma_m**2 + settings.face_to_centre_sigma_m**2
+        bearing_variance = detection.bearing_sigma_rad**2 + facing.sigma_rad**2
         own_variance = self._fix.sigma_m**2 + (ACCELERATION_M_S2 * since_fix_s**2 / 2) ** 2
         covariance = (
             own_variance * np.eye(2)

@@ -1,6 +1,6 @@
-"""The MVS sublayer of one car (section III): it sees, listens, tells, and knows the cars around it.
+"""The MVS sublayer of one vehicle (section III): measures, receives, fuses and broadcasts.
 
-Without a position there is no MVS: nothing is measured, believed or sent.
+Without a position there is no MVS: nothing is measured, used or sent.
 """
 
 from collections import Counter, deque
@@ -15,15 +15,20 @@ from onboard.errors import DecodeError
 from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.mvs.footer_coding import encode_within, free_number, read
-from onboard.mvs.footer_validation import OwnMeasurements, violations_of_received
+from onboard.mvs.footer_validation import (
+    MAX_ENTRIES,
+    MAX_MEASUREMENTS_PER_ESTIMATE,
+    OwnMeasurements,
+    violations_of_received,
+)
 from onboard.mvs.host_vehicle import HostVehicle, ReportedState
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.mvs.received_footers import ReceivedFooter, SharedEntries, concatenate
 from onboard.mvs.remote_vehicles import (
     RemoteVehicle,
     RemoteVehicles,
-    as_kinematics,
     as_perceived_objects,
+    as_state_arrays,
 )
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
@@ -39,11 +44,21 @@ from onboard.tracking.evidence_store import OWN, EvidenceBatch, EvidenceView, St
 from onboard.tracking.fusion import fuse, propagate
 from onboard.tracking.independent_set import independent, up_to
 from onboard.tracking.track import Track
-from onboard.tracking.tracks import Tracks
+from onboard.tracking.tracks import DEFAULTS, TrackingParameters, Tracks
+
+SHARED_SPAN_S = 0.5
+"""The oldest measurement in anything that is broadcast is not older than this."""
+UPDATE_S = 0.05
+"""Tracks are updated no more often than this; bounds computing time."""
+
+_MAX_WAITING_FOOTERS = 256
+"""Footers that wait for the next update; with more, they are processed at once."""
+_UTC_STEP_S = 0.1
+"""A larger change of UTC is a correction and no drift: vehicles move 3 m in that time."""
 
 
 class MultiVehicleSensing(Core):
-    """One car's MVS. `now` and stamps are on the car's own clock, `utc_offset_s` behind UTC."""
+    """MVS of one vehicle. `now` and stamps are on the vehicle's clock."""
 
     def __init__(
         self,
@@ -51,69 +66,73 @@ class MultiVehicleSensing(Core):
         own_id: bytes,
         rng: np.random.Generator,
         utc_offset_s: float = 0.0,
+        *,
+        tracking: TrackingParameters = DEFAULTS,
+        max_measurements: int = MAX_MEASUREMENTS_PER_ESTIMATE,
     ) -> None:
-        """Start with nothing known.
+        """Start without tracks.
 
         Args:
-            settings: all that can be set.
+            settings: the user's.
             own_id: temporary ID of the own BSM, 4 bytes.
             rng: for the selections that choose at random.
-            utc_offset_s: UTC less `now`.
+            utc_offset_s: UTC minus `now`.
+            tracking: parameters of the tracker.
+            max_measurements: in one estimate, sent or received.
         """
         self._settings = settings
         self._rng = rng
         self._utc_offset_s = utc_offset_s
+        self._parameters = tracking
+        self._max_measurements = max_measurements
         self._own_ids = deque([own_id], maxlen=2)
         self._own_stamps_ms: deque[int] = deque(maxlen=512)
-        self._own = HostVehicle(settings.sensing)
-        self._seen: deque[VehicleDetection] = deque(maxlen=1024)
-        """Not yet assigned: the cars of one picture are assigned together."""
-        self._heard: list[ReceivedFooter] = []
-        """Not yet assigned: what has come in since somebody last asked is looked at together."""
-        self._neighbours = RemoteVehicles()
-        self._tracks = Tracks(settings)
-        self._told_ms = 0
+        """Times of own measurements, UTC."""
+        self._host = HostVehicle(settings.sensing)
+        self._detections: deque[VehicleDetection] = deque(maxlen=1024)
+        """Not yet assigned: the detections of one image are assigned together."""
+        self._received: list[ReceivedFooter] = []
+        """Not yet assigned: the footers since the last update are assigned together."""
+        self._remote_vehicles = RemoteVehicles()
+        self._tracks = Tracks(tracking)
+        self._sent_ms = 0
         """When the last footer was made, UTC."""
-        self._refreshed_ms: int | None = None
-        """When the tracks were last brought up to date."""
+        self._updated_ms: int | None = None
+        """When the tracks were last updated, UTC."""
         self._events: deque[Discarded] = deque(maxlen=1024)
 
     @property
     def own_id(self) -> bytes:
-        """The temporary ID under which the own measurements go out."""
+        """The temporary ID under which own measurements are sent."""
         return self._own_ids[-1]
 
     def set_own_id(self, own_id: bytes) -> None:
-        """Change the pseudonym; measurements made under the last one stay known as own ones."""
+        """Change the pseudonym; measurements under the last one are still recognised as own."""
         if own_id != self.own_id:
             self._own_ids.append(own_id)
 
     def set_utc_offset(self, utc_offset_s: float) -> None:
-        """Say anew what UTC less `now` is. What has been known by another UTC is forgotten."""
+        """Set UTC minus `now`. At a correction of UTC all tracks are dropped."""
         if abs(utc_offset_s - self._utc_offset_s) > _UTC_STEP_S:
             self._tracks.clear()
             self._own_stamps_ms.clear()
-            self._told_ms, self._refreshed_ms = 0, None
+            self._sent_ms, self._updated_ms = 0, None
         self._utc_offset_s = utc_offset_s
 
-    def has_position(self, now: float) -> bool:
-        """Whether MVS is at work; without a position it is not."""
-        return self._own.has_position(now)
+    # ---- in -------------------------------------------------------------------------------
 
     def receive_position(self, fix: Position) -> None:
-        """The own car's position."""
-        moved = self._own.receive_position(fix)
+        """Take the host vehicle's position."""
+        moved = self._host.receive_position(fix)
         if moved is not None:
-            self._tracks.map_to(*moved)
-            self._neighbours.map_to(*moved)
-            turn, shift = moved
-            for heard in self._heard:
-                heard.sender_m = turn @ heard.sender_m + shift
+            self._tracks.change_frame(*moved)
+            self._remote_vehicles.change_frame(*moved)
+            self._received = [each.mapped(*moved) for each in self._received]
 
-    def receive_detection(self, seen: VehicleDetection) -> None:
-        """A car that the own camera sees, whether it has a radio or not."""
-        if self.has_position(seen.stamp_s):
-            self._seen.append(seen)
+    def receive_detection(self, detection: VehicleDetection) -> None:
+        """Take a vehicle that own sensors detect, with a radio or without."""
+        if self.has_position(detection.stamp_s):
+            self._detections.append(detection)
 
     def receive_bsm(
         self,
@@ -123,26 +142,24 @@ class MultiVehicleSensing(Core):
         now: float,
         acceleration_m_s2: float | None = None,
     ) -> None:
-        """What a car with a radio says of itself, and what it tells of others.
+        """Take a BSM and its footer.
 
         Args:
             sender_id: temporary ID, 4 bytes.
-            state: where it says it is; `stamp_s` on the own car's clock.
-            footer: the MVS footer behind its BSM, as it came or already read.
-            now: when it was received.
-            acceleration_m_s2: what it says of its own, forwards.
+            state: position by the BSM; `stamp_s` on the host vehicle's clock.
+            footer: the MVS footer of the BSM, encoded or already decoded.
+            now: time of receipt.
+            acceleration_m_s2: longitudinal acceleration by the BSM.
         """
         if sender_id in self._own_ids:
             self._discard(now, "own_message", sender_id.hex())
         elif self.has_position(now):
             if state is not None:
-                reported = self._own.place(state)
-                refused = self._neighbours.receive(
+                refused = self._remote_vehicles.receive(
                     sender_id,
-                    reported,
+                    self._host.reported_state(state),
                     acceleration_m_s2,
                     own_m=self._own_state().state[:2],
-                    settings=self._settings.footer_validation,
                     now=now,
                 )
                 if refused is not None:
@@ -150,18 +167,36 @@ class MultiVehicleSensing(Core):
             if footer is not None:
                 self._receive_footer(sender_id, footer, now)
 
+    def update(self, now: float) -> None:
+        """Process what has arrived, and update the tracks if the last update is `UPDATE_S` ago."""
+        if not self.has_position(now):
+            return
+        self._process(now)
+        now_ms = self._utc_ms(now)
+        if self._updated_ms is not None and 0 <= now_ms - self._updated_ms < round(UPDATE_S * 1000):
+            return  # below 0, UTC was set back: updates go on at once
+        self._remote_vehicles.drop_silent(now)
+        self._tracks.update(now_ms)
+        reported = {self.own_id: self._own_state()}
+        reported |= {key: remote.reported for key, remote in self._remote_vehicles.items()}
+        states = as_state_arrays(list(reported.values()), self._utc_ms)
+        self._tracks.match_remote_vehicles(list(reported), states, now_ms)
+        self._updated_ms = now_ms
+
+    # ---- out ------------------------------------------------------------------------------
+
     def footer_to_send(self, now: float) -> bytes:
-        """Tell others; called with every BSM, at 10 Hz. Without a position there is nothing."""
+        """Update, and return the footer of the BSM at `now`; empty without a position."""
+        self.update(now)
         if not self.has_position(now):
             return b""
         now_ms = self._utc_ms(now)
-        tracks = self.cars_without_radio(now)
+        tracks = self.reported_tracks()
         both = [(track, self._candidate(track, now_ms)) for track in tracks]
         known = [(track, candidate) for track, candidate in both if candidate is not None]
-        select = SELECTIONS[self._settings.selection]
-        selected = select(
+        selected = SELECTIONS[self._settings.selection](
             [candidate for _, candidate in known],
-            self._settings.most_entries,
+            self._settings.max_entries,
             self._estimate,
             self._rng,
         )
@@ -172,35 +207,33 @@ class MultiVehicleSensing(Core):
                 used = {each.wire_number for each in self._tracks}
                 track.wire_number = free_number(track.number, used)
             chosen.append((track.wire_number, piece))
-        self._told_ms = now_ms
-        frame = self._own.frame
+        self._sent_ms = now_ms
+        frame = self._host.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
-        anchor = LocalFrame(*self._own.anchor)
-        data, fitting = encode_within(chosen, now_ms, frame, anchor, self._settings.most_bytes)
-        called = {track.wire_number: track for track in tracks}
+        anchor = LocalFrame(*self._host.anchor)
+        data, fitting = encode_within(chosen, now_ms, frame, anchor, self._settings.max_bytes)
+        by_number = {track.wire_number: track for track in tracks}
         for number, piece in fitting:
-            called[number].told |= piece.provenance
-            called[number].told_ms = now_ms
+            by_number[number].sent |= piece.provenance
+            by_number[number].sent_ms = now_ms
         return data
 
     def kinematic_info(self, now: float) -> list[PerceivedObject]:
-        """Every known car but the own one, as it is expected to be at `now`."""
+        """Return all objects but the host vehicle by the last update, predicted to `now`."""
         if not self.has_position(now):
             return []
         now_ms = self._utc_ms(now)
-        tracks = self.cars_without_radio(now)
-        q = self._settings.acceleration_density
-        cars = as_perceived_objects(now, ObjectSource.BSM, self._neighbours, q)
-        estimates = [track.estimate for track in tracks]
-        states, covariances = propagate(estimates, now_ms, q)
+        tracks, q = self.reported_tracks(), self._parameters.acceleration_density
+        objects = as_perceived_objects(now, ObjectSource.BSM, self._remote_vehicles, q)
+        states, covariances = propagate([track.estimate for track in tracks], now_ms, q)
         for track, state, covariance in zip(
             tracks, states.T.tolist(), covariances.transpose(2, 0, 1).tolist(), strict=True
         ):
-            cars.append(
+            objects.append(
                 PerceivedObject(
                     stamp_s=now,
                     name=str(track.number),
-                    source=ObjectSource.SENSOR if track.is_seen else ObjectSource.SHARED,
+                    source=ObjectSource.SENSOR if track.is_sensed else ObjectSource.SHARED,
                     state=tuple(state),
                     covariance=tuple(map(tuple, covariance)),
                     age_s=(now_ms - track.estimate.stamp_ms) / 1000,
@@ -208,98 +241,96 @@ class MultiVehicleSensing(Core):
                     tracked_for_s=(now_ms - track.first_ms) / 1000,
                 )
             )
-        return cars
+        return objects
 
-    def cars_without_radio(self, now: float) -> list[Track]:
-        """The known cars that have no radio, with the evidence of each."""
-        self._bring_up_to_date(now)
-        return [track for track in self._tracks if track.is_known and track.radio_id is None]
+    def reported_tracks(self) -> list[Track]:
+        """Return the tracks of vehicles without radio that are reported, by the last update."""
+        return [
+            track for track in self._tracks if track.is_reported and track.remote_vehicle_id is None
+        ]
 
     def host_vehicle(self, now: float) -> PerceivedObject | None:
-        """The own car in the same frame; `None` without a position."""
+        """Return the host vehicle in the same frame; `None` without a position."""
         if not self.has_position(now):
             return None
-        own, q = RemoteVehicle(self._own_state(), now), self._settings.acceleration_density
+        own, q = RemoteVehicle(self._own_state(), now), self._parameters.acceleration_density
         return as_perceived_objects(now, ObjectSource.HOST, {self.own_id: own}, q)[0]
 
+    def has_position(self, now: float) -> bool:
+        """Whether the host vehicle has a position."""
+        return self._host.has_position(now)
+
     def heading(self, now: float) -> Heading | None:
-        """Which way the own car faces, standing too; `None` until it has driven."""
-        return self._own.heading(now)
+        """Return the host vehicle's heading, also at standstill; `None` until it has driven."""
+        return self._host.heading(now)
 
     @override
     def next_event(self) -> Discarded | None:
-        """The oldest event not yet taken."""
+        """Return the oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 
+    # ---- received evidence ----------------------------------------------------------------
+
     def _receive_footer(self, sender_id: bytes, data: bytes | SharedEntries, now: float) -> None:
-        belief = self._settings.footer_validation
-        neighbour = self._neighbours.get(sender_id)
-        if neighbour is None:
+        remote = self._remote_vehicles.get(sender_id)
+        if remote is None:
             return self._discard(now, "unplaced_sender", sender_id.hex())
-        if not neighbour.may_send_footer(belief, now):
+        if not remote.accepts_footer(now):
             return self._discard(now, "too_often", sender_id.hex())
+        remote.count_footer(now)
         try:
-            told = data if isinstance(data, SharedEntries) else read(data)
+            footer = data if isinstance(data, SharedEntries) else read(data)
         except DecodeError as error:
             return self._discard(now, error.reason, str(error))
-        if len(told) > belief.entries_per_footer:
-            return self._discard(now, "too_many_entries", f"{len(told)} from {sender_id.hex()}")
-        if len(told):
-            self._heard.append(ReceivedFooter(told, sender_id, neighbour.reported.state[:2], now))
-        if len(self._heard) >= _MOST_HEARD:
-            self._take_up(now)
+        if len(footer) > MAX_ENTRIES:
+            return self._discard(now, "too_many_entries", f"{len(footer)} from {sender_id.hex()}")
+        if len(footer):
+            sender_m = remote.reported.state[:2]
+            self._received.append(ReceivedFooter(footer, sender_id, sender_m, now))
+        if len(self._received) >= _MAX_WAITING_FOOTERS:
+            self._process(now)
         return None
 
-    def _take_up(self, now: float) -> None:
-        """Use what has come in: pictures first, then footers."""
-        self._assign_seen(now)
-        heard, self._heard = self._heard, []
-        if not heard:
+    def _process(self, now: float) -> None:
+        """Assign what has arrived to tracks: detections first, then footers."""
+        self._assign_detections(now)
+        received, self._received = self._received, []
+        if not received:
             return
-        frame = self._own.frame
+        frame = self._host.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
-        sources = [each for each in heard for _ in range(len(each.told))]
-        batch = concatenate(heard, frame, self._utc_ms)
-        own = OwnMeasurements(frozenset(self._own_ids), frozenset(self._own_stamps_ms))
-        refused, excess = violations_of_received(batch, heard, own, self._settings)
-        believed = [row for row in range(len(batch)) if row not in refused]
-        believed_batch, excess = batch.rows(believed), excess[believed]
-        believed_batch.entries.covariances[:] *= excess
-        refused |= {believed[at]: "too_sure" for at in np.flatnonzero(excess > 1.0).tolist()}
-        refused |= {believed[at]: "too_many_cars" for at in self._tracks.receive(believed_batch)}
+        footer_of = [each for each in received for _ in range(len(each.footer))]
+        batch = concatenate(received, frame, self._utc_ms)
+        refused, inflation = violations_of_received(
+            batch,
+            received,
+            OwnMeasurements(frozenset(self._own_ids), frozenset(self._own_stamps_ms)),
+            memory_ms=round(self._parameters.memory_s * 1000),
+            max_measurements=self._max_measurements,
+        )
+        valid = [row for row in range(len(batch)) if row not in refused]
+        inflation = inflation[valid]
+        refused |= {valid[at]: "too_sure" for at in np.flatnonzero(inflation > 1.0).tolist()}
+        left_over = self._tracks.receive(batch.subset(valid).with_covariances_scaled(inflation))
+        refused |= {valid[at]: "too_many_cars" for at in left_over}
         for (_, sender_id, at, reason), entries in Counter(
-            (id(sources[row]), sources[row].sender_id, sources[row].at, reason)
+            (id(footer_of[row]), footer_of[row].sender_id, footer_of[row].received_s, reason)
             for row, reason in refused.items()
         ).items():
             self._discard(at, reason, f"{entries} entries from {sender_id.hex()}")
 
-    def _bring_up_to_date(self, now: float) -> None:
-        self._take_up(now)
-        now_ms = self._utc_ms(now)
-        refresh_ms = round(self._settings.refresh_s * 1000)
-        if self._refreshed_ms is not None and 0 <= now_ms - self._refreshed_ms < refresh_ms:
-            return  # below 0, UTC has gone back, and nobody is to wait until it is there again
-        overlap_m = self._settings.association.overlap_m
-        self._neighbours.forget(self._settings.radio_silence_s, overlap_m, now)
-        self._tracks.refresh(now_ms)
-        reported = {self.own_id: self._own_state()}
-        reported |= {key: neighbour.reported for key, neighbour in self._neighbours.items()}
-        cars = as_kinematics(list(reported.values()), self._utc_ms)
-        self._tracks.recognise(list(reported), cars, now_ms)
-        self._refreshed_ms = now_ms
-
-    def _assign_seen(self, now: float) -> None:
-        """Make direct measurements of what the camera saw, a picture at a time."""
-        pictures = groupby(sorted(self._seen, key=_stamp_s), key=_stamp_s)
-        for stamp_s, picture in [(stamp_s, list(cars)) for stamp_s, cars in pictures]:
+    def _assign_detections(self, now: float) -> None:
+        """Make direct measurements of the detections, image by image."""
+        images = groupby(sorted(self._detections, key=_stamp_s), key=_stamp_s)
+        for stamp_s, detections in [(stamp_s, list(image)) for stamp_s, image in images]:
             identity = MeasurementId(self.own_id, self._utc_ms(stamp_s))
             measured: dict[int, Measurement] = {}
-            for seen in picture:
-                placed = self._own.measure(seen)
-                if isinstance(placed, str):
-                    self._discard(now, placed, f"car {seen.track_id} seen")
+            for detection in detections:
+                measurement = self._host.measure(detection)
+                if isinstance(measurement, str):
+                    self._discard(now, measurement, f"car {detection.track_id} seen")
                 else:
-                    measured[seen.track_id] = Measurement(identity, *placed)
+                    measured[detection.track_id] = Measurement(identity, *measurement)
             if measured:
                 n = len(measured)
                 self._own_stamps_ms.append(identity.stamp_ms)
@@ -315,43 +346,51 @@ class MultiVehicleSensing(Core):
                         as_arrays(list(measured.values())),
                     )
                 )
-        self._seen.clear()
+        self._detections.clear()
+
+    # ---- evidence to send -----------------------------------------------------------------
 
     def _candidate(self, track: Track, now_ms: int) -> Candidate | None:
-        """What Algorithm 1 is given of a car: the MEs of the window, and which may be sent on.
+        """Return what Algorithm 1 gets of a vehicle: the MEs of the window that may be sent.
 
         The paper's window is the interval of the broadcasts, so it begins with the last one: what
-        comes in between is told once, however punctual they are. What was told before and comes
-        back from others is not told again: old news would make an estimate old.
+        arrives in between is sent once, however punctual the broadcasts are. Evidence without a
+        measurement that was not sent before is left out: old measurements make an estimate old.
         """
-        span_ms = round(self._settings.shared_span_s * 1000)
-        received = [held for held in track.evidence.values() if held.received_ms >= self._told_ms]
-        untold = [
-            held
-            for held in received
-            if held.oldest_ms >= now_ms - span_ms and not held.provenance <= track.told
+        span_ms = round(SHARED_SPAN_S * 1000)
+        received = [each for each in track.evidence.values() if each.received_ms >= self._sent_ms]
+        unsent = [
+            each
+            for each in received
+            if each.oldest_ms >= now_ms - span_ms and not each.provenance <= track.sent
         ]
-        if not untold:
+        if not unsent:
             return None
-        is_seen = any(map(self._is_own_measurement, untold))
-        return Candidate(EvidenceView(untold), len(received), is_seen, track.told_ms)
+        is_sensed = any(map(self._is_own_measurement, unsent))
+        return Candidate(EvidenceView(unsent), len(received), is_sensed, track.sent_ms)
 
-    def _estimate(self, evidence_of_cars: Sequence[Sequence[Evidence]]) -> list[Evidence]:
-        """The paper's Estimate: from the independent ones of all MEs about a car, for each car.
+    def _estimate(self, evidence_of_vehicles: Sequence[Sequence[Evidence]]) -> list[Evidence]:
+        """The paper's Estimate: one ME from the independent ones of all MEs about a vehicle.
 
-        The latest of them, where all are more measurements than anybody believes an estimate.
+        Of more measurements than receivers accept in an estimate, the latest are used.
         """
-        most = self._settings.footer_validation.measurements_per_estimate
-        chosen = [up_to(most, independent(evidence)) for evidence in evidence_of_cars]
+        chosen = [
+            up_to(self._max_measurements, independent(evidence))
+            for evidence in evidence_of_vehicles
+        ]
         several = [evidence for evidence in chosen if len(evidence) > 1]
-        estimates = iter(fuse(several, self._settings.acceleration_density))
+        estimates = iter(fuse(several, self._parameters.acceleration_density))
         return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
 
-    def _is_own_measurement(self, held: StoredEvidence) -> bool:
-        return held.is_measurement and all(by in self._own_ids for by, _ in held.provenance)
+    def _is_own_measurement(self, stored: StoredEvidence) -> bool:
+        return stored.is_measurement and all(
+            observer in self._own_ids for observer, _ in stored.provenance
+        )
+
+    # ---- common ---------------------------------------------------------------------------
 
     def _own_state(self) -> ReportedState:
-        own = self._own.state()
+        own = self._host.state()
         assert own is not None  # noqa: S101 (callers have asked for the position)
         return own
 
@@ -362,11 +401,5 @@ class MultiVehicleSensing(Core):
         self._events.append(Discarded(now, "mvs", reason, detail))
 
 
-_MOST_HEARD = 256
-"""Footers that may wait, where nobody asks."""
-_UTC_STEP_S = 0.1
-"""A change of UTC by more is a correction and no drift: a car moves 3 m in that time."""
-
-
-def _stamp_s(seen: VehicleDetection) -> float:
-    return seen.stamp_s
+def _stamp_s(detection: VehicleDetection) -> float:
+    return detection.stamp_s

@@ -1,4 +1,4 @@
-"""What the applications read: every known car, and how it is known (the paper's kinematic-info)."""
+"""Output of MVS to the applications: every perceived object (the paper's kinematic-info)."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -8,36 +8,36 @@ from onboard.tracking.evidence import Provenance
 
 
 class ObjectSource(StrEnum):
-    """How the own car knows a car."""
+    """How an object is known (ETSI TS 103 324)."""
 
     HOST = "host"
-    """It is the own car."""
+    """It is the host vehicle."""
     BSM = "bsm"
-    """It says itself where it is."""
+    """A remote vehicle, by its own BSMs."""
     SENSOR = "sensor"
-    """It has no radio, and the own camera sees it."""
+    """It has no radio; own sensors measure it."""
     SHARED = "shared"
-    """It has no radio, and others tell of it."""
+    """It has no radio; footers of others report it."""
 
 
 @dataclass(frozen=True, slots=True)
 class PerceivedObject:
-    """One car, as it is expected to be at `stamp_s`."""
+    """One vehicle, predicted to `stamp_s`."""
 
     kind: ClassVar[str] = "perceived_object"
     stamp_s: float
     name: str
-    """Temporary ID of a car with a radio, in hex; the own car's number for one without."""
+    """Temporary ID of a vehicle with a radio, in hex; the track's number for one without."""
     source: ObjectSource
     state: tuple[float, ...]
-    """px, py in m, vx, vy in m/s; east and north in the own car's frame."""
+    """px, py in m, vx, vy in m/s; east and north in the host vehicle's frame."""
     covariance: tuple[tuple[float, ...], ...]
-    """(4, 4), m and s."""
+    """(4, 4), m and m/s."""
     age_s: float
-    """Since it was last measured, or last spoke."""
+    """Since its last measurement or BSM."""
     provenance: Provenance
-    """The measurements in it, each used once; none for a car with a radio."""
+    """The measurements in it, each used once; empty for a vehicle with a radio."""
     acceleration_m_s2: float | None = None
-    """Along its course, if it says so itself."""
+    """Along its course, by its BSM."""
     tracked_for_s: float = 0.0
-    """Since a car without a radio was first measured."""
+    """Since the first measurement of a vehicle without radio."""

@@ -1,4 +1,4 @@
-"""Footers that have come in: their entries side by side, and why some of them are not used."""
+"""Entries of received footers: of one footer in its sender's frame, of many in the host's."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,73 +13,84 @@ from onboard.tracking.evidence_store import EvidenceBatch
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedEntries:
-    """The N entries of one footer, in the frame of its anchor; many cars may read the same."""
+    """The N entries of one footer, in the frame of its anchor; receivers may share the object."""
 
     anchor: LocalFrame
-    cars: tuple[int, ...]
-    """What the teller calls each car; its other footers call it the same."""
+    numbers: tuple[int, ...]
+    """The sender's number for each vehicle; equal in its other footers."""
     provenances: tuple[Provenance, ...]
     observers: frozenset[bytes]
-    """Who made the measurements in them."""
+    """Observers of the measurements in them."""
     spans: ProvenanceSpans
-    """Of the provenances."""
+    """Of `provenances`."""
     entries: StateArrays
 
     def __len__(self) -> int:
-        return len(self.cars)
+        return len(self.numbers)
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class ReceivedFooter:
-    """A footer not yet taken up."""
+    """A received footer that is not yet processed."""
 
-    told: SharedEntries
+    footer: SharedEntries
     sender_id: bytes
     sender_m: Array
-    """Where the sender said it was (2), in the own car's frame."""
-    at: float
+    """Position of the sender by its BSM (2), in the host vehicle's frame."""
+    received_s: float
+
+    def mapped(self, turn: Array, shift: Array) -> "ReceivedFooter":
+        """Return it with the sender in another frame (`LocalFrame.mapping_from`)."""
+        sender_m = turn @ self.sender_m + shift
+        return ReceivedFooter(self.footer, self.sender_id, sender_m, self.received_s)
 
 
 def concatenate(
-    heard: Sequence[ReceivedFooter], frame: LocalFrame, utc_ms: Callable[[float], int]
+    received: Sequence[ReceivedFooter], frame: LocalFrame, utc_ms: Callable[[float], int]
 ) -> EvidenceBatch:
-    """Put the entries of all footers side by side, placed in `frame`."""
-    tellers = [each.sender_id for each in heard for _ in range(len(each.told))]
-    provenances = [provenance for each in heard for provenance in each.told.provenances]
-    entries = placed([each.told for each in heard], frame)
+    """Return the entries of all footers, one footer after the other, in `frame`.
+
+    Args:
+        received: at least one footer.
+        frame: the host vehicle's.
+        utc_ms: converts a time of receipt to UTC.
+    """
+    senders = [each.sender_id for each in received for _ in range(len(each.footer))]
+    provenances = [provenance for each in received for provenance in each.footer.provenances]
+    entries = in_frame([each.footer for each in received], frame)
     return EvidenceBatch(
-        tellers,
-        [car for each in heard for car in each.told.cars],
+        senders,
+        [number for each in received for number in each.footer.numbers],
         provenances,
-        [at_ms for each in heard for at_ms in [utc_ms(each.at)] * len(each.told)],
-        ProvenanceSpans.together([each.told.spans for each in heard]),
-        are_firsthand(tellers, provenances, entries),
+        [ms for each in received for ms in [utc_ms(each.received_s)] * len(each.footer)],
+        ProvenanceSpans.concatenate([each.footer.spans for each in received]),
+        _are_firsthand(senders, provenances, entries),
         entries,
     )
 
 
-def are_firsthand(
-    tellers: Sequence[bytes], provenances: Sequence[Provenance], entries: StateArrays
-) -> list[bool]:
-    """Of each entry whether it is a measurement that its teller has made himself."""
-    return [
-        not has_speed and all(by == teller for by, _ in provenance)
-        for teller, provenance, has_speed in zip(
-            tellers, provenances, entries.has_speed.tolist(), strict=True
-        )
-    ]
-
-
-def placed(footers: Sequence[SharedEntries], frame: LocalFrame) -> StateArrays:
-    """Bring the entries of all `footers` into `frame`, one footer after the other."""
+def in_frame(footers: Sequence[SharedEntries], frame: LocalFrame) -> StateArrays:
+    """Return the entries of all footers, one footer after the other, in `frame`."""
     mappings = [frame.mapping_from(footer.anchor) for footer in footers]
     counts = [len(footer) for footer in footers]
     turns = np.repeat([turn for turn, _ in mappings], counts, axis=0)
     shifts = np.repeat([shift for _, shift in mappings], counts, axis=0)
-    return StateArrays.together([footer.entries for footer in footers]).mapped(turns, shifts)
+    return StateArrays.concatenate([footer.entries for footer in footers]).mapped(turns, shifts)
 
 
 def evidence_in(footer: SharedEntries, frame: LocalFrame) -> list[Evidence]:
-    """All entries of a footer as evidence in `frame`."""
-    entries = placed([footer], frame)
+    """Return all entries of a footer as evidence in `frame`."""
+    entries = in_frame([footer], frame)
     return [piece_of(p, entries, row) for row, p in enumerate(footer.provenances)]
+
+
+def _are_firsthand(
+    senders: Sequence[bytes], provenances: Sequence[Provenance], entries: StateArrays
+) -> list[bool]:
+    """Whether each entry is a measurement that its sender made itself."""
+    return [
+        not has_speed and all(observer == sender for observer, _ in provenance)
+        for sender, provenance, has_speed in zip(
+            senders, provenances, entries.has_speed.tolist(), strict=True
+        )
+    ]

@@ -1,4 +1,4 @@
-"""The cars with a radio: where each says that it is, and when its footers may be read."""
+"""Remote vehicles: the last BSM of each, and the rate of its footers."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -7,36 +7,48 @@ from dataclasses import dataclass
 import numpy as np
 
 from onboard.kinematics.arrays import Array, StateArrays, map_state
+from onboard.mvs.footer_validation import (
+    CLOCK_TOLERANCE_S,
+    FOOTERS_AT_ONCE,
+    FOOTERS_PER_S,
+    MAX_SENDERS,
+    RADIO_RANGE_M,
+)
 from onboard.mvs.host_vehicle import ReportedState
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.mvs.settings import FooterValidationSettings
+from onboard.tracking.association import OVERLAP_M
 from onboard.tracking.kalman import predict
 
-_QUIET_S = 0.25
-"""Who speaks ten times a second and has been silent for so long has lost two in a row, or more."""
+SILENCE_S = 1.5
+"""A remote vehicle that has been silent for this long is dropped: fifteen BSMs in a row."""
+
+_MISSED_BSMS_S = 0.25
+"""Silence in which at least two BSMs in a row are missing, at 10 Hz."""
 
 
 @dataclass(slots=True, eq=False)
 class RemoteVehicle:
-    """A car with a radio."""
+    """A vehicle with a radio."""
 
     reported: ReportedState
+    """By its last BSM."""
     first_s: float
-    """Stamp of the first that was heard of it under its ID."""
+    """Stamp of its first BSM under its temporary ID."""
     acceleration_m_s2: float | None = None
     footers_due_at: float = -math.inf
-    """When it has had its time for all footers that were read."""
+    """When the footers accepted so far would have been due at `FOOTERS_PER_S`."""
 
-    def may_send_footer(self, settings: FooterValidationSettings, now: float) -> bool:
-        """Whether a footer that comes now is none too many; if so, it is counted."""
-        if self.footers_due_at - now > (settings.footers_at_once - 1) / settings.footers_per_s:
-            return False
-        self.footers_due_at = max(self.footers_due_at, now) + 1.0 / settings.footers_per_s
-        return True
+    def accepts_footer(self, now: float) -> bool:
+        """Whether a footer at `now` keeps the limits of one sender (a token bucket)."""
+        return self.footers_due_at - now <= (FOOTERS_AT_ONCE - 1) / FOOTERS_PER_S
+
+    def count_footer(self, now: float) -> None:
+        """Count a footer that is accepted at `now`."""
+        self.footers_due_at = max(self.footers_due_at, now) + 1.0 / FOOTERS_PER_S
 
 
 class RemoteVehicles(dict[bytes, RemoteVehicle]):
-    """Those that were heard lately, by temporary ID."""
+    """The remote vehicles that were received lately, by temporary ID."""
 
     def receive(
         self,
@@ -45,31 +57,29 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
         acceleration_m_s2: float | None,
         *,
         own_m: Array,
-        settings: FooterValidationSettings,
         now: float,
     ) -> tuple[str, str] | None:
-        """What one says of itself.
+        """Take the state that a BSM reports.
 
         Args:
             sender_id: temporary ID.
-            reported: its state, in the own car's frame.
-            acceleration_m_s2: forwards, if it says so.
-            own_m: where the own car is (2).
-            settings: what is believed.
-            now: when it came.
+            reported: its state, in the host vehicle's frame.
+            acceleration_m_s2: longitudinal, if the BSM has it.
+            own_m: position of the host vehicle (2).
+            now: time of receipt.
 
         Returns:
-            `None`, or why it is not used, with a detail: `future`, `sender_far`,
+            `None`, or the reason why it is not used, with a detail: `future`, `sender_far`,
             `too_many_senders`.
         """
-        away_m = math.hypot(*(reported.state[:2] - own_m))
+        distance_m = math.hypot(*(reported.state[:2] - own_m))
         known = self.get(sender_id)
         refused = None
-        if reported.stamp_s > now + settings.clock_tolerance_s:
+        if reported.stamp_s > now + CLOCK_TOLERANCE_S:
             refused = "future", f"BSM of {sender_id.hex()}"
-        elif not away_m <= settings.radio_range_m:
-            refused = "sender_far", f"{sender_id.hex()} at {away_m:.0f} m"
-        elif known is None and len(self) >= settings.senders:
+        elif not distance_m <= RADIO_RANGE_M:
+            refused = "sender_far", f"{sender_id.hex()} at {distance_m:.0f} m"
+        elif known is None and len(self) >= MAX_SENDERS:
             refused = "too_many_senders", sender_id.hex()
         elif known is None:
             known = self[sender_id] = RemoteVehicle(reported, reported.stamp_s)
@@ -79,36 +89,39 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
             known.acceleration_m_s2 = acceleration_m_s2
         return refused
 
-    def forget(self, silence_s: float, overlap_m: float, now: float) -> None:
-        """Drop those that have been silent for so long, or speak on under another ID.
+    def drop_silent(self, now: float) -> None:
+        """Drop those that have been silent for `SILENCE_S`, or have changed their pseudonym.
 
-        A car that changes its pseudonym falls silent where a new one begins to speak.
+        A vehicle that changes its pseudonym falls silent where a new one begins to send.
         """
-        quiet = [key for key, car in self.items() if now - car.reported.stamp_s > _QUIET_S]
+        quiet = [key for key, each in self.items() if now - each.reported.stamp_s > _MISSED_BSMS_S]
         for key in quiet:
-            was = self[key].reported
-            is_gone = now - was.stamp_s > silence_s
+            last = self[key].reported
+            is_gone = now - last.stamp_s > SILENCE_S
             if is_gone or any(
-                car.first_s > was.stamp_s and _apart_m(was, car.reported) <= overlap_m
-                for car in self.values()
+                each.first_s > last.stamp_s and _distance_m(last, each.reported) <= OVERLAP_M
+                for each in self.values()
             ):
                 del self[key]
 
-    def map_to(self, turn: Array, shift: Array) -> None:
-        """Bring everything into another frame (`LocalFrame.mapping_from`)."""
-        for car in self.values():
-            mapped = map_state(car.reported.state, car.reported.covariance, turn, shift)
-            car.reported = ReportedState(car.reported.stamp_s, *mapped)
+    def change_frame(self, turn: Array, shift: Array) -> None:
+        """Map everything into another frame (`LocalFrame.mapping_from`)."""
+        for each in self.values():
+            mapped = map_state(each.reported.state, each.reported.covariance, turn, shift)
+            each.reported = ReportedState(each.reported.stamp_s, *mapped)
 
 
-def _apart_m(earlier: ReportedState, later: ReportedState) -> float:
+def _distance_m(earlier: ReportedState, later: ReportedState) -> float:
+    """Distance between the earlier state, predicted to the later's time, and the later one."""
     dt_s = later.stamp_s - earlier.stamp_s
-    place = earlier.state[:2] + dt_s * earlier.state[2:]
-    return math.hypot(*(later.state[:2] - place))
+    predicted = earlier.state[:2] + dt_s * earlier.state[2:]
+    return math.hypot(*(later.state[:2] - predicted))
 
 
-def as_kinematics(reported: Sequence[ReportedState], utc_ms: Callable[[float], int]) -> StateArrays:
-    """What cars say of themselves, side by side."""
+def as_state_arrays(
+    reported: Sequence[ReportedState], utc_ms: Callable[[float], int]
+) -> StateArrays:
+    """Return reported states as arrays; `utc_ms` converts their stamps."""
     return StateArrays(
         np.array([utc_ms(each.stamp_s) for each in reported], dtype=np.float64),
         np.array([each.state for each in reported]).T,
@@ -118,31 +131,38 @@ def as_kinematics(reported: Sequence[ReportedState], utc_ms: Callable[[float], i
 
 
 def as_perceived_objects(
-    now: float, source: ObjectSource, cars: dict[bytes, RemoteVehicle], acceleration_density: float
+    now: float, source: ObjectSource, vehicles: dict[bytes, RemoteVehicle], q: float
 ) -> list[PerceivedObject]:
-    """Cars that say themselves where they are, as they are expected to be at `now`."""
-    if not cars:
+    """Return vehicles with a radio, predicted to `now`.
+
+    Args:
+        now: the time.
+        source: of all of them.
+        vehicles: by temporary ID.
+        q: spectral density of the acceleration noise, m^2/s^3.
+    """
+    if not vehicles:
         return []
-    ages_s = [max(now - car.reported.stamp_s, 0.0) for car in cars.values()]
+    ages_s = [max(now - each.reported.stamp_s, 0.0) for each in vehicles.values()]
     states, covariances = predict(
-        np.stack([car.reported.state for car in cars.values()], axis=-1),
-        np.stack([car.reported.covariance for car in cars.values()], axis=-1),
+        np.stack([each.reported.state for each in vehicles.values()], axis=-1),
+        np.stack([each.reported.covariance for each in vehicles.values()], axis=-1),
         np.array(ages_s),
-        acceleration_density,
+        q,
     )
     return [
         PerceivedObject(
             stamp_s=now,
-            name=car_id.hex(),
+            name=temporary_id.hex(),
             source=source,
             state=tuple(state),
             covariance=tuple(map(tuple, covariance)),
             age_s=age_s,
             provenance=frozenset(),
-            acceleration_m_s2=car.acceleration_m_s2,
+            acceleration_m_s2=each.acceleration_m_s2,
         )
-        for (car_id, car), state, covariance, age_s in zip(
-            cars.items(),
+        for (temporary_id, each), state, covariance, age_s in zip(
+            vehicles.items(),
             states.T.tolist(),
             covariances.transpose(2, 0, 1).tolist(),
             ages_s,

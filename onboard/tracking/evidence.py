@@ -1,11 +1,11 @@
-"""Measurements and estimates (MEs) of a car without a radio, each knowing what it was made from.
+"""Measurements and estimates (MEs) of a vehicle without radio, and their provenance.
 
-A measurement is known by who made it and when. An estimate carries the set of the measurements
-that went into it, its *provenance*; so two pieces of evidence are independent exactly if their
-provenances have nothing in common.
+A measurement is identified by its observer and time. An estimate carries the set of measurements
+it was fused from, its *provenance*; two pieces of evidence are independent exactly if their
+provenances are disjoint.
 
-Positions are metres east and north in the frame of the car that holds the evidence
-(`local_frame.py`), times are whole milliseconds of UTC, the clock that all cars share.
+Positions are metres east and north in the frame of the vehicle that stores the evidence
+(`local_frame.py`); times are whole milliseconds of UTC, the clock that all vehicles share.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,27 +19,27 @@ import numpy as np
 from onboard.kinematics.arrays import Array, StateArrays, map_state
 
 UNKNOWN_SPEED_SIGMA_M_S = 100.0
-"""Of a car of which one position is known: no knowledge, with margin."""
+"""Speed of a vehicle of which one position is known: no information, with margin."""
 
 
 class MeasurementId(NamedTuple):
-    """Who measured, and when."""
+    """Observer and time of a measurement."""
 
     observer: bytes
-    """Temporary ID of the measuring car, as in its BSM."""
+    """Temporary ID of the measuring vehicle, as in its BSM."""
     stamp_ms: int
     """UTC."""
 
 
 measurement_id = lru_cache(maxsize=1 << 14)(MeasurementId)
-"""The same object every time: a measurement is named in many estimates."""
+"""Returns the same object for the same ID: a measurement is named in many estimates."""
 
 Provenance = frozenset[MeasurementId]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
-    """`dm<v, t>` if the own car made it, `im<v, t>` if it came over the radio."""
+    """`dm<v, t>` if the host vehicle made it, `im<v, t>` if another vehicle did."""
 
     id: MeasurementId
     position_m: Array
@@ -47,11 +47,11 @@ class Measurement:
     covariance: Array
     """(2, 2), m^2."""
     provenance: Provenance = field(init=False)
-    """Itself."""
+    """The measurement itself."""
     stamp_ms: int = field(init=False)
-    """When it was made."""
+    """Time of the measurement."""
     oldest_ms: int = field(init=False)
-    """The same."""
+    """The same as `stamp_ms`, as for estimates."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "provenance", frozenset((self.id,)))
@@ -59,7 +59,7 @@ class Measurement:
         object.__setattr__(self, "oldest_ms", self.id.stamp_ms)
 
     def mapped(self, turn: Array, shift: Array) -> Self:
-        """The same in another frame (`LocalFrame.mapping_from`)."""
+        """Return the measurement in another frame (`LocalFrame.mapping_from`)."""
         return type(self)(self.id, turn @ self.position_m + shift, turn @ self.covariance @ turn.T)
 
 
@@ -72,11 +72,11 @@ class Estimate:
     state: Array
     """(4) east, north in m; speed east, north in m/s."""
     covariance: Array
-    """(4, 4), m and s."""
+    """(4, 4), m and m/s."""
     stamp_ms: int = 0
-    """The last time in T; looked up there if it is not given."""
+    """Last time in T; computed from T if it is 0."""
     oldest_ms: int = 0
-    """The first time in T, as well."""
+    """First time in T; computed with `stamp_ms`."""
 
     def __post_init__(self) -> None:
         if not self.stamp_ms:
@@ -85,7 +85,7 @@ class Estimate:
             object.__setattr__(self, "oldest_ms", min(stamps_ms))
 
     def mapped(self, turn: Array, shift: Array) -> Self:
-        """The same in another frame (`LocalFrame.mapping_from`)."""
+        """Return the estimate in another frame (`LocalFrame.mapping_from`)."""
         state, covariance = map_state(self.state, self.covariance, turn, shift)
         return type(self)(self.provenance, state, covariance, self.stamp_ms, self.oldest_ms)
 
@@ -94,28 +94,28 @@ Evidence = Measurement | Estimate
 """An ME of the paper."""
 
 stamp_ms_of: Callable[[Any], int] = attrgetter("stamp_ms")
-"""To put evidence in order."""
+"""Sort key of evidence."""
 
 
-def as_arrays(pieces: Sequence[Evidence]) -> StateArrays:
-    """Take what is to be compared of `pieces`."""
-    n = len(pieces)
+def as_arrays(evidence: Sequence[Evidence]) -> StateArrays:
+    """Return N pieces of evidence as arrays."""
+    n = len(evidence)
     states, covariances = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    has_speed = np.array([isinstance(piece, Estimate) for piece in pieces], dtype=np.float64)
-    if estimates := [piece for piece in pieces if isinstance(piece, Estimate)]:
-        whole = has_speed > 0
-        states[whole] = [piece.state for piece in estimates]
-        covariances[whole] = [piece.covariance for piece in estimates]
-    if measurements := [piece for piece in pieces if isinstance(piece, Measurement)]:
+    has_speed = np.array([isinstance(piece, Estimate) for piece in evidence], dtype=np.float64)
+    if estimates := [piece for piece in evidence if isinstance(piece, Estimate)]:
+        estimated = has_speed > 0
+        states[estimated] = [piece.state for piece in estimates]
+        covariances[estimated] = [piece.covariance for piece in estimates]
+    if measurements := [piece for piece in evidence if isinstance(piece, Measurement)]:
         measured = has_speed == 0
         states[measured, :2] = [piece.position_m for piece in measurements]
         covariances[measured, :2, :2] = [piece.covariance for piece in measurements]
-    stamps_ms = np.array([piece.stamp_ms for piece in pieces], dtype=np.float64)
+    stamps_ms = np.array([piece.stamp_ms for piece in evidence], dtype=np.float64)
     return StateArrays(stamps_ms, states.T, covariances.transpose(1, 2, 0), has_speed)
 
 
 def as_estimate(piece: Evidence) -> Estimate:
-    """What one piece says of the whole state: a position says nothing of the speed."""
+    """Return the whole state by one piece of evidence; a position leaves the speed unknown."""
     if isinstance(piece, Estimate):
         return piece
     state, covariance = np.zeros(4), np.eye(4) * UNKNOWN_SPEED_SIGMA_M_S**2
@@ -124,7 +124,13 @@ def as_estimate(piece: Evidence) -> Estimate:
 
 
 def piece_of(provenance: Provenance, entries: StateArrays, row: int) -> Evidence:
-    """Make evidence of an entry with this provenance."""
+    """Return the entry `row` as evidence.
+
+    Args:
+        provenance: of the entry.
+        entries: N entries.
+        row: index of the entry.
+    """
     state, covariance = entries.states[:, row].copy(), entries.covariances[:, :, row].copy()
     if entries.has_speed[row]:
         return Estimate(provenance, state, covariance)
@@ -134,36 +140,36 @@ def piece_of(provenance: Provenance, entries: StateArrays, row: int) -> Evidence
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProvenanceSpans:
-    """Of N provenances."""
+    """Number and times of the measurements in N provenances."""
 
     counts: Array
     """(N) measurements in each."""
     oldest_ms: Array
-    """(N) when the first of them was made."""
+    """(N) time of the first measurement."""
     newest_ms: Array
-    """(N) and the last."""
+    """(N) time of the last measurement."""
     spreads_s2: Array
-    """(N) sums of the squares of the distances of their times from the mean of these."""
+    """(N) sums of the squared differences of the times from their mean."""
 
     def __getitem__(self, rows: Any) -> Self:
-        """Some of them."""
+        """Return the provenances that numpy's indexing by `rows` selects."""
         return type(self)(
             self.counts[rows], self.oldest_ms[rows], self.newest_ms[rows], self.spreads_s2[rows]
         )
 
     @classmethod
-    def together(cls, some: Sequence[Self]) -> Self:
-        """All of `some`, one after the other."""
+    def concatenate(cls, parts: Sequence[Self]) -> Self:
+        """Return all of `parts`, one after the other."""
         return cls(
-            np.concatenate([each.counts for each in some]),
-            np.concatenate([each.oldest_ms for each in some]),
-            np.concatenate([each.newest_ms for each in some]),
-            np.concatenate([each.spreads_s2 for each in some]),
+            np.concatenate([each.counts for each in parts]),
+            np.concatenate([each.oldest_ms for each in parts]),
+            np.concatenate([each.newest_ms for each in parts]),
+            np.concatenate([each.spreads_s2 for each in parts]),
         )
 
     @classmethod
     def of(cls, provenances: Sequence[Provenance]) -> Self:
-        """Look them up; no provenance is empty."""
+        """Compute them for N provenances, none of them empty."""
         counts = np.array([len(provenance) for provenance in provenances], dtype=np.intp)
         stamps_ms = np.array(
             [stamp_ms for provenance in provenances for _, stamp_ms in provenance], np.float64

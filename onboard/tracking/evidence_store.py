@@ -1,7 +1,11 @@
-"""The numbers of all evidence that is held, side by side: each piece knows its row."""
+"""Evidence as arrays: a batch as it arrives, and the store of all that tracks keep.
+
+A tick brings hundreds of entries, most of which repeat what is known. They are compared as arrays;
+an object is made of an entry only when a track keeps it.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
@@ -11,36 +15,40 @@ from onboard.kinematics.arrays import Array, StateArrays
 from onboard.tracking.evidence import Evidence, Provenance, ProvenanceSpans, piece_of
 
 OWN = b""
-"""The teller of what the own camera sees."""
+"""Sender of the host vehicle's own measurements."""
 
-_LEAST_ROWS = 1024
+Label = tuple[bytes, int]
+"""A sender, and its number for a vehicle, which it keeps as long as it tracks the vehicle."""
+
+_MIN_ROWS = 1024
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EvidenceBatch:
-    """N entries of any tellers, in the own car's frame, in the order in which they came."""
+    """N entries of any senders, in the host vehicle's frame, in the order of their arrival."""
 
-    tellers: Sequence[bytes]
-    cars: Sequence[int]
+    senders: Sequence[bytes]
+    numbers: Sequence[int]
+    """Each sender's number for the vehicle."""
     provenances: Sequence[Provenance]
     received_ms: Sequence[int]
     """UTC."""
     spans: ProvenanceSpans
-    """Of the provenances."""
+    """Of `provenances`."""
     firsthand: Sequence[bool]
-    """Whether it is a measurement that its teller has made himself."""
+    """Whether the entry is a measurement that its sender made itself."""
     entries: StateArrays
 
     def __len__(self) -> int:
-        return len(self.cars)
+        return len(self.numbers)
 
-    def rows(self, rows: Sequence[int]) -> "EvidenceBatch":
-        """Some of them."""
+    def subset(self, rows: Sequence[int]) -> "EvidenceBatch":
+        """Return the entries `rows`."""
         if len(rows) == len(self):
             return self
         return EvidenceBatch(
-            [self.tellers[row] for row in rows],
-            [self.cars[row] for row in rows],
+            [self.senders[row] for row in rows],
+            [self.numbers[row] for row in rows],
             [self.provenances[row] for row in rows],
             [self.received_ms[row] for row in rows],
             self.spans[list(rows)],
@@ -48,85 +56,97 @@ class EvidenceBatch:
             self.entries[list(rows)],
         )
 
+    def with_covariances_scaled(self, factors: Array) -> "EvidenceBatch":
+        """Return the entries with each covariance multiplied by its factor (N)."""
+        return replace(self, entries=self.entries.with_covariances_scaled(factors))
+
 
 class EvidenceStore:
-    """Grows at its end; what nobody holds any more is dropped by `keep` now and then."""
+    """The numbers of all stored evidence in common arrays; each piece knows its row.
+
+    The arrays are its own and grow at the end; what it returns are copies.
+    """
 
     def __init__(self) -> None:
-        self._rows = _empty(_LEAST_ROWS)
         self._filled = 0
+        self._set(_empty(_MIN_ROWS))
 
-    def put(self, entries: StateArrays) -> int:
-        """Take N entries; returns the row of the first, behind which the others follow."""
+    def append(self, entries: StateArrays) -> int:
+        """Add N entries; returns the row of the first, the others follow it."""
         first, self._filled = self._filled, self._filled + len(entries)
-        if self._filled > len(self._rows):
-            self._rows = StateArrays.together([self._rows, _empty(self._filled)])
-        place = self._rows[first : self._filled]
-        place.stamps_ms[:], place.has_speed[:] = entries.stamps_ms, entries.has_speed
-        place.states[:], place.covariances[:] = entries.states, entries.covariances
+        if self._filled > len(self._stamps_ms):
+            self._set(StateArrays.concatenate([self._all, _empty(self._filled)]))
+        rows = slice(first, self._filled)
+        self._stamps_ms[rows], self._has_speed[rows] = entries.stamps_ms, entries.has_speed
+        self._states[:, rows], self._covariances[:, :, rows] = entries.states, entries.covariances
         return first
 
     def at(self, rows: list[int]) -> StateArrays:
-        """The numbers in `rows`."""
-        return self._rows[rows]
+        """Return the states in `rows`."""
+        return self._all[rows]
 
     def piece(self, provenance: Provenance, row: int) -> Evidence:
-        """The piece of evidence with this provenance whose numbers are in `row`."""
-        return piece_of(provenance, self._rows, row)
+        """Return the evidence with this provenance whose numbers are in `row`."""
+        return piece_of(provenance, self._all, row)
 
-    def is_due(self, held: int) -> bool:
-        """Whether it is worth dropping what is not among the `held` pieces."""
-        return self._filled > max(2 * held, _LEAST_ROWS)
+    def is_sparse(self, kept: int) -> bool:
+        """Whether `kept` pieces are so few of all rows that compacting pays."""
+        return self._filled > max(2 * kept, _MIN_ROWS)
 
-    def keep(self, rows: list[int]) -> None:
-        """Drop all but `rows`, which are 0, 1, 2, ... from now on."""
-        self._rows, self._filled = self._rows[rows], len(rows)
+    def compact(self, rows: list[int]) -> None:
+        """Drop all but `rows`, which become rows 0, 1, 2, ..."""
+        self._set(self._all[rows])
+        self._filled = len(rows)
 
-    def map_to(self, turn: Array, shift: Array) -> None:
-        """Bring everything into another frame (`LocalFrame.mapping_from`)."""
-        self._rows = self._rows.mapped(turn, shift[None])
+    def change_frame(self, turn: Array, shift: Array) -> None:
+        """Map everything into another frame (`LocalFrame.mapping_from`)."""
+        self._set(self._all.mapped(turn, shift[None]))
 
+    @property
+    def _all(self) -> StateArrays:
+        return StateArrays(self._stamps_ms, self._states, self._covariances, self._has_speed)
 
-def _empty(rows: int) -> StateArrays:
-    return StateArrays(np.zeros(rows), np.zeros((4, rows)), np.zeros((4, 4, rows)), np.zeros(rows))
+    def _set(self, rows: StateArrays) -> None:
+        self._stamps_ms, self._has_speed = rows.stamps_ms, rows.has_speed
+        self._states, self._covariances = rows.states, rows.covariances
 
 
 @dataclass(slots=True, eq=False)
 class StoredEvidence:
-    """What came, and how; its numbers stand on a shelf."""
+    """A piece of evidence that a track keeps; its numbers are in the store."""
 
     provenance: Provenance
     stamp_ms: int
-    """When the last measurement in it was made; UTC, as all times."""
+    """Time of its last measurement; UTC, as all times."""
     oldest_ms: int
-    """And the first."""
+    """Time of its first measurement."""
     is_measurement: bool
     is_firsthand: bool
-    """Whether its teller has measured it himself."""
-    teller: bytes
-    """Who sent it; `OWN` for the own measurements."""
+    """Whether it is a measurement that its sender made itself."""
+    sender: bytes
+    """`OWN` for the host vehicle's measurements."""
     received_ms: int
-    shelf: EvidenceStore
+    store: EvidenceStore
     row: int
-    """On the shelf."""
+    """In the store."""
     mask: int = 0
-    """The provenance as a bit set, in its track's numbering."""
+    """The provenance as a bit set, with one bit for each measurement that its track knows."""
 
     @property
     def piece(self) -> Evidence:
         """The evidence itself."""
-        return self.shelf.piece(self.provenance, self.row)
+        return self.store.piece(self.provenance, self.row)
 
 
 class EvidenceView(Sequence[Evidence]):
-    """What is held, as evidence; made where it is asked for, since most of it is only counted."""
+    """Stored evidence as a sequence; objects are made on access, since most is only counted."""
 
-    def __init__(self, held: Sequence[StoredEvidence]) -> None:
-        self._held = held
+    def __init__(self, stored: Sequence[StoredEvidence]) -> None:
+        self._stored = stored
 
     @override
     def __len__(self) -> int:
-        return len(self._held)
+        return len(self._stored)
 
     @overload
     def __getitem__(self, at: int) -> Evidence: ...
@@ -135,5 +155,9 @@ class EvidenceView(Sequence[Evidence]):
     @override
     def __getitem__(self, at: int | slice) -> Evidence | Sequence[Evidence]:
         if isinstance(at, slice):
-            return [held.piece for held in self._held[at]]
-        return self._held[at].piece
+            return [stored.piece for stored in self._stored[at]]
+        return self._stored[at].piece
+
+
+def _empty(rows: int) -> StateArrays:
+    return StateArrays(np.zeros(rows), np.zeros((4, rows)), np.zeros((4, 4, rows)), np.zeros(rows))

@@ -1,10 +1,7 @@
-"""Which piece of evidence belongs to which car: gated, globally optimal assignment.
+"""Gates: the region around a predicted vehicle in which evidence may belong to it.
 
-The distance of a piece from a car is Mahalanobis': the car is carried to the time of the piece, the
-difference is weighed with both covariances. What lies outside a car's gate is never assigned to it.
-Among all assignments of pieces to cars, at most one each, the one of the greatest likelihood is
-taken (d^2 + ln det S, which keeps a vaguely known car from attracting its neighbours' evidence),
-after as many pieces as possible have found a car.
+The distance between evidence and a vehicle is Mahalanobis': the vehicle is predicted to the time of
+the evidence, and the difference is weighed by the sum S of both covariances.
 """
 
 import math
@@ -15,44 +12,55 @@ from numpy.typing import NDArray
 
 from onboard.kinematics.arrays import Array, StateArrays
 
+GATE_PROBABILITY = 0.9999
+"""Share of a vehicle's evidence that its gate lets in. Wide, since a hundred pieces of evidence of
+each vehicle arrive every second, and each that the gate leaves out starts a track of its own."""
+
 _SPEED = slice(2, 4)
 
 
-def with_speed_prior(cars: StateArrays, sigma_m_s: float) -> StateArrays:
-    """The same after learning that cars drive at 0 +- `sigma_m_s` on either axis.
+def with_speed_prior(vehicles: StateArrays, sigma_m_s: float) -> StateArrays:
+    """Return the states after a prior speed of 0 +- `sigma_m_s` on either axis.
 
-    Used for distances only: the speed of a car seen once is not known, but it is not just any.
+    Only for distances: the speed of a vehicle that was measured once is unknown, but bounded.
     """
-    p = cars.covariances
+    p = vehicles.covariances
     speed = p[_SPEED, _SPEED] + sigma_m_s**2 * np.eye(2)[:, :, None]
     a, b, c = speed[0, 0], speed[0, 1], speed[1, 1]
     cross = p[:, _SPEED] / (a * c - b * b)
     gain_x = cross[:, 0] * c - cross[:, 1] * b
     gain_y = cross[:, 1] * a - cross[:, 0] * b
-    learnt = p - gain_x[:, None] * p[2] - gain_y[:, None] * p[3]
-    return StateArrays(cars.stamps_ms, cars.states, learnt, cars.has_speed)
+    updated = p - gain_x[:, None] * p[2] - gain_y[:, None] * p[3]
+    return StateArrays(vehicles.stamps_ms, vehicles.states, updated, vehicles.has_speed)
 
 
 def are_inside(
-    pieces: StateArrays, cars: StateArrays, gate_probability: float, acceleration_density: float
+    evidence: StateArrays, vehicles: StateArrays, gate_probability: float, q: float
 ) -> NDArray[np.bool_]:
-    """Whether each of N pieces is inside the gate of its car, the one of N at the same place."""
-    squared, _, _ = distances(pieces, cars, acceleration_density)
-    inside: NDArray[np.bool_] = squared <= gates(pieces, gate_probability)
+    """Whether each piece of evidence is inside the gate of the vehicle with the same index.
+
+    Args:
+        evidence: N pieces.
+        vehicles: N vehicles.
+        gate_probability: share of a vehicle's evidence that its gate lets in.
+        q: spectral density of the acceleration noise, m^2/s^3.
+    """
+    squared, _, _ = distances(evidence, vehicles, q)
+    inside: NDArray[np.bool_] = squared <= gates(evidence, gate_probability)
     return inside
 
 
-def gates(pieces: StateArrays, probability: float) -> Array:
-    """The largest d^2 that belongs, for each piece."""
-    largest: Array = np.where(pieces.has_speed > 0, gate(probability, 4), gate(probability, 2))
+def gates(evidence: StateArrays, probability: float) -> Array:
+    """Return the largest d^2 inside the gate, for each piece of evidence."""
+    largest: Array = np.where(evidence.has_speed > 0, gate(probability, 4), gate(probability, 2))
     return largest
 
 
 @cache
 def gate(probability: float, degrees_of_freedom: int) -> float:
-    """Return what a chi-squared variable of 2 or 4 degrees stays below with `probability`.
+    """Return the quantile of the chi-squared distribution with 2 or 4 degrees of freedom.
 
-    It lies above x with probability exp(-x/2), or exp(-x/2) (1 + x/2).
+    P(X > x) is exp(-x/2) with 2, and exp(-x/2) (1 + x/2) with 4 degrees of freedom.
     """
     log_rest = math.log1p(-probability)
     if degrees_of_freedom == 2:
@@ -64,25 +72,30 @@ def gate(probability: float, degrees_of_freedom: int) -> float:
     return above
 
 
-def distances(pieces: StateArrays, cars: StateArrays, q: float) -> tuple[Array, Array, Array]:
-    """d^2 and ln det S in position and, if known, speed; and the trace of S in position.
+def distances(evidence: StateArrays, vehicles: StateArrays, q: float) -> tuple[Array, Array, Array]:
+    """Return d^2, ln det S, and the trace of S's position block in m^2.
 
-    Pieces and cars are broadcast against each other: a column of M pieces against N cars gives
-    (M, N), as many pieces as cars give (N).
+    The first two are over position and, where both have one, speed. Evidence and vehicles broadcast
+    against each other: a column of M pieces against N vehicles gives (M, N), N against N gives (N).
+
+    Args:
+        evidence: pieces of evidence.
+        vehicles: states to compare them with.
+        q: spectral density of the acceleration noise, m^2/s^3.
     """
-    dt = (pieces.stamps_ms - cars.stamps_ms) / 1000
+    dt = (evidence.stamps_ms - vehicles.stamps_ms) / 1000
     drift = q * np.abs(dt)
-    x, p, z, r = cars.states, cars.covariances, pieces.states, pieces.covariances
+    x, p, z, r = vehicles.states, vehicles.covariances, evidence.states, evidence.covariances
 
-    def carried(i: int, j: int) -> Array:
+    def predicted(i: int, j: int) -> Array:
         grown = p[i, j] + dt * (p[i, j + 2] + p[i + 2, j] + dt * p[i + 2, j + 2])
         spread: Array = grown + r[i, j]
         return spread
 
     noise = drift * dt**2 / 3
-    a, b, c = carried(0, 0) + noise, carried(0, 1), carried(1, 1) + noise
+    a, b, c = predicted(0, 0) + noise, predicted(0, 1), predicted(1, 1) + noise
     squared, log_det = _mahalanobis(z[0] - x[0] - dt * x[2], z[1] - x[1] - dt * x[3], (a, b, c))
-    both = (pieces.has_speed * cars.has_speed) > 0
+    both = (evidence.has_speed * vehicles.has_speed) > 0
     if not both.any():
         return squared, log_det, a + c
     speed_squared, speed_log_det = _mahalanobis(
@@ -99,10 +112,10 @@ def distances(pieces: StateArrays, cars: StateArrays, q: float) -> tuple[Array, 
 
 
 def _mahalanobis(dx: Array, dy: Array, spread: tuple[Array, Array, Array]) -> tuple[Array, Array]:
-    """Of differences with the covariances [[a, b], [b, c]]."""
+    """Return d^2 and ln det of differences with the covariances [[a, b], [b, c]]."""
     a, b, c = spread
     determinant = a * c - b * b
-    # Rounding may leave of a needle what is no covariance: nothing is near to that.
+    # Rounding can make a nearly singular covariance indefinite: then the distance is infinite.
     positive = (determinant > 0.0) & (a > 0.0)
     divisor = np.where(positive, determinant, 1.0)
     squared = (c * dx * dx - 2 * b * dx * dy + a * dy * dy) / divisor

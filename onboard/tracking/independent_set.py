@@ -5,18 +5,17 @@ measurements in it, and an edge between two that share a measurement. Wanted is 
 of the greatest total value and, among equals, the one of fewest entries (each entry costs a run of
 the Kalman filter).
 
-The paper tries solution structures, {4}, {1,3}, {2,2}, ..., from the greatest total downwards. Its
-reason why that is quick, few distinct measurements, makes something quicker possible: settle one
-measurement after the other. An entry is decided on at its earliest measurement, and of everything
-decided so far only one thing matters for what follows: which of the later measurements are taken.
-All choices that agree in that are one state, of which the best is kept. The paper's order of
-preference is the order of the totals that are compared.
+The paper tries solution structures, {4}, {1,3}, {2,2}, ..., from the greatest total downwards. That
+is quick because there are few distinct measurements, which makes dynamic programming over the
+measurements quicker: each entry is decided on at its earliest measurement, and a state is the set
+of later measurements that are taken. Of all choices that lead to one state, only the best is kept.
+The paper's order of preference is the order of the totals that are compared.
 
-Entries of one measurement, the great majority, need no decision: whatever the others leave, they
-cover. So another entry is worth the measurements that it adds to theirs, and each that it spares.
+Entries of one measurement, the great majority, need no decision: they cover what the others leave.
+So another entry is worth the measurements that it adds to theirs, and each entry that it saves.
 
-Provenances made for it double the states with every measurement. Beyond `_MOST_STATES` only the
-best so far are kept, and only there something better may be missed; honest cars need a handful.
+Provenances made to be hard double the states with every measurement. Beyond `_MAX_STATES` only the
+best are kept, and only there the result may not be the best; ordinary traffic needs a handful.
 """
 
 import heapq
@@ -27,15 +26,14 @@ from typing import NamedTuple
 
 from onboard.tracking.evidence import Evidence, stamp_ms_of
 
-_MOST_STATES = 1000
+_MAX_STATES = 1000
 
 
 def select_independent(provenances: Sequence[frozenset[Hashable]]) -> list[int]:
     """Return the indices of the independent set of most measurements and fewest entries.
 
-    That is exact up to `_MOST_STATES` undecided combinations; more are only made on purpose.
-    Among several such sets the one is taken that contains the earlier entries, so put those first
-    that should be preferred. Entries without a measurement are never taken.
+    Exact up to `_MAX_STATES` undecided combinations. Among several such sets it is the one with the
+    earlier entries, so preferred entries come first. Entries without a measurement are never taken.
     """
     bits: dict[Hashable, int] = {}
     masks = []
@@ -67,19 +65,20 @@ def select_independent_masks(masks: Sequence[int]) -> list[int]:
     return sorted(chosen)
 
 
-def independent(pieces: Iterable[Evidence]) -> list[Evidence]:
-    """The most measurements, none twice, in the fewest pieces; the latest among equals."""
-    latest_first = sorted(pieces, key=stamp_ms_of, reverse=True)
+def independent(evidence: Iterable[Evidence]) -> list[Evidence]:
+    """Return the independent set of evidence, the latest among equals."""
+    latest_first = sorted(evidence, key=stamp_ms_of, reverse=True)
     chosen = select_independent([piece.provenance for piece in latest_first])
     return [latest_first[index] for index in chosen]
 
 
-def up_to(most: int, pieces: Iterable[Evidence]) -> list[Evidence]:
-    """Those that make `most` measurements together at most, the first ones first."""
+def up_to(max_measurements: int, evidence: Iterable[Evidence]) -> list[Evidence]:
+    """Return the first pieces that have at most `max_measurements` measurements together."""
+    left = max_measurements
     fitting = []
-    for piece in pieces:
-        if len(piece.provenance) <= most:
-            most -= len(piece.provenance)
+    for piece in evidence:
+        if len(piece.provenance) <= left:
+            left -= len(piece.provenance)
             fitting.append(piece)
     return fitting
 
@@ -89,13 +88,13 @@ def _choose(entries: Sequence[tuple[int, int]], covered: int) -> list[int]:
     totals = {0: 0}
     """The best total for every set of taken measurements that later entries contain."""
     for step in _steps(entries, covered):
-        totals = _settle(step, totals)
+        totals = _decide(step, totals)
     best, last = totals[0], len(entries) - 1
     return [index for at, (index, _) in enumerate(entries) if best >> (last - at) & 1]
 
 
 class _Step(NamedTuple):
-    """One measurement, and what may be decided on there."""
+    """One measurement, and the entries that are decided on at it."""
 
     measurement: int
     """Its bit."""
@@ -106,21 +105,21 @@ class _Step(NamedTuple):
 
 
 def _steps(entries: Sequence[tuple[int, int]], covered: int) -> list[_Step]:
-    """The earliest measurement of each entry, in their order.
+    """Return the earliest measurement of each entry, in their order.
 
-    What an entry is worth, and a total, is one number that is compared as a whole: measurements
-    gained, then entries spared, then one bit for every entry taken, the earlier the higher.
+    The worth of an entry, and a total, is one number that is compared as a whole: measurements
+    gained, then entries saved, then one bit for every entry taken, the earlier the higher.
     """
     shift = len(entries)
-    # A measurement gained weighs more than all entries spared, and one spared than all preferences.
-    spared = 1 << shift
-    gained = spared << 1 + (covered.bit_count() + shift).bit_length()
+    # A measurement gained weighs more than all entries saved, one saved more than all preferences.
+    saved = 1 << shift
+    gained = saved << 1 + (covered.bit_count() + shift).bit_length()
     by_earliest: dict[int, list[tuple[int, int]]] = defaultdict(list)
-    taken_bit = spared
+    taken_bit = saved
     for _, mask in entries:
         taken_bit >>= 1
         size, known = mask.bit_count(), (mask & covered).bit_count()
-        worth = (size - known) * gained + (known - 1) * spared + taken_bit
+        worth = (size - known) * gained + (known - 1) * saved + taken_bit
         by_earliest[mask & -mask].append((mask, worth))
     steps = []
     later = 0
@@ -131,21 +130,21 @@ def _steps(entries: Sequence[tuple[int, int]], covered: int) -> list[_Step]:
     return steps[::-1]
 
 
-def _settle(step: _Step, totals: dict[int, int]) -> dict[int, int]:
-    """What `totals` becomes by the best decision: to take none of those that start here, or one."""
+def _decide(step: _Step, totals: dict[int, int]) -> dict[int, int]:
+    """Return the totals after taking none or one of the entries that start at this step."""
     measurement, starting, later = step
-    settled: dict[int, int] = {}
+    decided: dict[int, int] = {}
     for taken, total in totals.items():
         left = taken & later
-        if left not in settled or settled[left] < total:
-            settled[left] = total
+        if left not in decided or decided[left] < total:
+            decided[left] = total
         if taken & measurement:
             continue
         for mask, worth in starting:
             if not mask & taken:
                 left, more = (taken | mask) & later, total + worth
-                if left not in settled or settled[left] < more:
-                    settled[left] = more
-    if len(settled) > _MOST_STATES:
-        return dict(heapq.nlargest(_MOST_STATES, settled.items(), key=itemgetter(1)))
-    return settled
+                if left not in decided or decided[left] < more:
+                    decided[left] = more
+    if len(decided) > _MAX_STATES:
+        return dict(heapq.nlargest(_MAX_STATES, decided.items(), key=itemgetter(1)))
+    return decided

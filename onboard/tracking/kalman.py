@@ -8,8 +8,8 @@ but for white acceleration noise of spectral density q (m^2/s^3):
         [0 0 1  0]            [dt^2/2      0      dt      0]
         [0 0 0  1]            [     0 dt^2/2       0     dt]
 
-A measurement sees the position only, H = [I 0] (2 x 4). An estimate that another car made sees
-the whole state, H = I (4 x 4), with the covariance that its sender gave it.
+A measurement observes the position only, H = [I 0] (2 x 4). An estimate made by another vehicle
+observes the whole state, H = I (4 x 4), with the covariance that its sender gives.
 
 The track is the last axis of every array, so that one step of N tracks is a handful of numpy
 operations: states (4, N), covariances (4, 4, N). Updates are in Joseph's form and symmetrised: a
@@ -24,12 +24,20 @@ _I2 = np.eye(2)[:, :, None]
 _I4 = np.eye(4)
 
 
-def predict(
-    states: Array, covariances: Array, dt_s: Array, acceleration_density: float
-) -> tuple[Array, Array]:
-    """Carry N tracks over `dt_s` (N) seconds, which are not negative; eqs. 1 and 2."""
+def predict(states: Array, covariances: Array, dt_s: Array, q: float) -> tuple[Array, Array]:
+    """Predict N tracks over `dt_s`; eqs. 1 and 2.
+
+    Args:
+        states: (4, N).
+        covariances: (4, 4, N).
+        dt_s: (N) seconds, not negative.
+        q: spectral density of the acceleration noise, m^2/s^3.
+
+    Returns:
+        predicted states and covariances.
+    """
     position, both, velocity = covariances[:2, :2], covariances[:2, 2:], covariances[2:, 2:]
-    noise = acceleration_density * dt_s * _I2
+    noise = q * dt_s * _I2
     moved = both + dt_s * velocity
     predicted = np.empty_like(covariances)
     predicted[:2, :2] = position + dt_s * (both.swapaxes(0, 1) + moved + noise * (dt_s / 3))
@@ -44,7 +52,17 @@ def predict(
 def update_position(
     states: Array, covariances: Array, positions: Array, noises: Array
 ) -> tuple[Array, Array]:
-    """Use N measured positions (2, N) with covariances (2, 2, N); eqs. 3 and 4."""
+    """Update N tracks with measured positions; eqs. 3 and 4.
+
+    Args:
+        states: (4, N).
+        covariances: (4, 4, N).
+        positions: (2, N).
+        noises: (2, 2, N) covariances of the positions.
+
+    Returns:
+        updated states and covariances.
+    """
     innovation = covariances[:2, :2] + noises
     a, b, c = innovation[0, 0], innovation[0, 1], innovation[1, 1]
     # K = P H' S^-1, as two columns of (4, N).
@@ -64,7 +82,17 @@ def update_position(
 def update_state(
     states: Array, covariances: Array, estimates: Array, noises: Array
 ) -> tuple[Array, Array]:
-    """Use N whole states (4, N) with covariances (4, 4, N); H is the 4 x 4 identity."""
+    """Update N tracks with estimates of the whole state; H is the 4 x 4 identity.
+
+    Args:
+        states: (4, N).
+        covariances: (4, 4, N).
+        estimates: (4, N).
+        noises: (4, 4, N) covariances of the estimates.
+
+    Returns:
+        updated states and covariances.
+    """
     prior, noise = covariances.transpose(2, 0, 1), noises.transpose(2, 0, 1)
     gain = np.linalg.solve(prior + noise, prior).swapaxes(1, 2)
     residual = (estimates - states).T[:, :, None]

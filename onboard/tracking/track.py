@@ -1,4 +1,4 @@
-"""One car without a radio: the evidence of it, and which of that may be used together."""
+"""One track: the evidence of a vehicle without radio, and which of it is used together."""
 
 import math
 from collections.abc import Iterable
@@ -11,217 +11,223 @@ from onboard.tracking.evidence import (
     as_estimate,
     stamp_ms_of,
 )
-from onboard.tracking.evidence_store import OWN, StoredEvidence
+from onboard.tracking.evidence_store import OWN, Label, StoredEvidence
 from onboard.tracking.independent_set import select_independent_masks
 
-_MOST_BITS = 512
-_SAME_PLACE_M = 0.1
-"""One measurement told by two is the same place, but for the rounding on its ways."""
+MAX_EVIDENCE = 128
+"""Pieces of evidence that a track keeps; bounds computing time."""
+MAX_ESTIMATES = 48
+"""Estimates among them."""
 
-Name = tuple[bytes, int]
-"""Who tells of a car, and what he calls it."""
+_MAX_BITS = 512
+_SAME_POSITION_M = 0.1
+"""One measurement from two senders differs by less than this, by rounding on the air."""
 
 
 class Track:
-    """What the own car holds of one car without a radio."""
+    """What is stored of one vehicle without radio. All times are ms of UTC."""
 
     def __init__(self, number: int, first: StoredEvidence) -> None:
         self.number = number
-        """The own car's name for it."""
-        self.first_teller = first.teller
-        self.names: dict[Name, int] = {}
-        """What others, and the own camera, call it, and when they last did; UTC, as all times."""
-        self.is_seen = False
-        """Whether the own camera has seen it, as long as that is remembered."""
+        """The host vehicle's number for it."""
+        self.first_sender = first.sender
+        self.labels: dict[Label, int] = {}
+        """The numbers that senders and the own sensors use for it, and when each was last used."""
+        self.is_sensed = False
+        """Whether an own sensor is among `labels`."""
         self.evidence: dict[Provenance, StoredEvidence] = {}
+        """Evidence to choose from."""
         self.settled: list[StoredEvidence] = []
-        """What was used when it grew old: it stays in use, and its measurements are spent."""
+        """Evidence in use when it grew old: it stays in use, and its measurements are spent."""
         self._spent: set[MeasurementId] = set()
         self._bits: dict[MeasurementId, int] = {}
-        """What has been told of this car, one bit for each measurement."""
+        """One bit for each measurement of this vehicle."""
         self._has_changed = False
-        """Whether evidence has come or gone since it was last chosen."""
+        """Whether evidence was added or dropped since it was last chosen."""
         self._oldest_ms = first.oldest_ms
-        """Nothing that is held of it is older than this."""
+        """No stored evidence is older than this."""
         self.chosen = [first]
         """The independent evidence in `estimate`."""
         self.first_ms = self.last_ms = first.stamp_ms
-        """Of the first evidence of it and of the last."""
+        """Times of the first and of the last evidence."""
         self.add(first)
         self.estimate = as_estimate(first.piece)
         self.is_confirmed = False
-        self.is_known = False
-        """Whether it is confirmed, well placed, and no other car seen twice."""
-        self.radio_id: bytes | None = None
-        """The car with a radio that it has turned out to be."""
-        self.radio_until_ms = 0
+        """Whether there was evidence of enough different times; before, it is tentative."""
+        self.is_reported = False
+        """Whether it is confirmed, certain enough, and no duplicate of another reported track."""
+        self.remote_vehicle_id: bytes | None = None
+        """Temporary ID of the vehicle with a radio that the track was matched with."""
+        self.remote_vehicle_until_ms = 0
         self.wire_number: int | None = None
-        """The own car's name for it in footers, once it has told of it."""
-        self.told: set[MeasurementId] = set()
-        """The measurements in what the own car has told others of it."""
-        self.told_ms = 0
-        """When the own car last told others of it."""
+        """The host vehicle's number for it in footers, once it was sent."""
+        self.sent: set[MeasurementId] = set()
+        """The measurements in what the host vehicle has sent of it."""
+        self.sent_ms = 0
+        """When the host vehicle last sent something of it."""
 
     @property
     def used(self) -> list[Evidence]:
         """The independent evidence in `estimate`."""
-        return [held.piece for held in self.chosen]
+        return [stored.piece for stored in self.chosen]
 
     @property
     def pieces(self) -> list[Evidence]:
-        """All evidence of it, as it came."""
-        return [held.piece for held in self.held]
+        """All stored evidence."""
+        return [stored.piece for stored in self.stored]
 
     @property
-    def held(self) -> list[StoredEvidence]:
-        """All evidence of it, as it came."""
+    def stored(self) -> list[StoredEvidence]:
+        """All stored evidence, the settled first."""
         return [*self.settled, *self.evidence.values()]
 
-    def call(self, name: Name, at_ms: int) -> None:
-        """Note what somebody has called it just now."""
-        self.names[name] = at_ms
-        self.is_seen = self.is_seen or name[0] == OWN
+    def add_label(self, label: Label, at_ms: int) -> None:
+        """Note that a sender used this number for it."""
+        self.labels[label] = at_ms
+        self.is_sensed = self.is_sensed or label[0] == OWN
 
-    def uncall(self, names: Iterable[Name]) -> None:
-        """Let it go by some of its names no longer."""
-        for name in names:
-            del self.names[name]
-        self.is_seen = any(teller == OWN for teller, _ in self.names)
+    def remove_labels(self, labels: Iterable[Label]) -> None:
+        """Forget some of its labels."""
+        for label in labels:
+            del self.labels[label]
+        self.is_sensed = any(sender == OWN for sender, _ in self.labels)
 
-    def wants(self, provenance: Provenance, *, is_firsthand: bool) -> bool:
-        """Whether a piece would say something new.
+    def accepts(self, provenance: Provenance, *, is_firsthand: bool) -> bool:
+        """Whether evidence with this provenance would be new.
 
-        What an observer says of its own measurement replaces what others have repeated of it.
+        An observer's own report of its measurement replaces what others have repeated of it.
         """
         if not self._spent.isdisjoint(provenance):
             return False
         known = self.evidence.get(provenance)
         return known is None or (is_firsthand and not known.is_firsthand)
 
-    def shares(self, provenance: Provenance) -> bool:
-        """Whether a measurement in `provenance` has been told of this car."""
+    def shares_measurement(self, provenance: Provenance) -> bool:
+        """Whether a measurement in `provenance` is one of this vehicle."""
         return not self._bits.keys().isdisjoint(provenance)
 
-    def shares_with(self, other: "Track") -> bool:
-        """Whether one measurement has been told of both."""
+    def shares_measurement_with(self, other: "Track") -> bool:
+        """Whether one measurement is in the evidence of both."""
         return not self._bits.keys().isdisjoint(other._bits)  # noqa: SLF001 (of the same class)
 
-    def add(self, held: StoredEvidence) -> None:
-        """Take a piece that it wants."""
-        held.mask = self._mask(held.provenance)
-        self.evidence[held.provenance] = held
-        self.last_ms = max(self.last_ms, held.stamp_ms)
-        self._oldest_ms = min(self._oldest_ms, held.oldest_ms)
+    def add(self, stored: StoredEvidence) -> None:
+        """Add evidence that it accepts."""
+        stored.mask = self._mask(stored.provenance)
+        self.evidence[stored.provenance] = stored
+        self.last_ms = max(self.last_ms, stored.stamp_ms)
+        self._oldest_ms = min(self._oldest_ms, stored.oldest_ms)
         self._has_changed = True
 
-    def forget(self, before_ms: int, most_estimates: int, most: int) -> None:
-        """Drop what has a measurement of `before_ms` or earlier, and the first of the too many."""
+    def drop_old(self, before_ms: int) -> None:
+        """Drop evidence with a measurement of `before_ms` or earlier, and the oldest in excess."""
         if self._oldest_ms <= before_ms:
-            self.settled = [held for held in self.settled if held.oldest_ms > before_ms]
-            self._drop([p for p, held in self.evidence.items() if held.oldest_ms <= before_ms])
-            self._oldest_ms = min([held.oldest_ms for held in self.held], default=before_ms)
+            self.settled = [stored for stored in self.settled if stored.oldest_ms > before_ms]
+            self._drop([p for p, stored in self.evidence.items() if stored.oldest_ms <= before_ms])
+            self._oldest_ms = min([stored.oldest_ms for stored in self.stored], default=before_ms)
             self._has_changed = True
-        if old := [name for name, at_ms in self.names.items() if at_ms <= before_ms]:
-            self.uncall(old)
-        if len(self.evidence) > min(most_estimates, most):
-            estimates = [p for p, held in self.evidence.items() if not held.is_measurement]
-            self._drop(estimates[: max(0, len(estimates) - most_estimates)])
-            self._drop(list(self.evidence)[:-most])
-        if len(self._bits) > _MOST_BITS:
-            self._number_anew(before_ms)
+        if old := [label for label, at_ms in self.labels.items() if at_ms <= before_ms]:
+            self.remove_labels(old)
+        if len(self.evidence) > min(MAX_ESTIMATES, MAX_EVIDENCE):
+            estimates = [p for p, stored in self.evidence.items() if not stored.is_measurement]
+            self._drop(estimates[: max(0, len(estimates) - MAX_ESTIMATES)])
+            self._drop(list(self.evidence)[:-MAX_EVIDENCE])
+        if len(self._bits) > _MAX_BITS:
+            self._renumber_bits(before_ms)
 
-    def choose(self) -> bool:
-        """Choose anew which evidence to use, as `independent` does; whether that is another."""
+    def choose_evidence(self) -> bool:
+        """Choose the independent evidence anew if any has changed; whether the choice differs."""
         if not self._has_changed:
             return False
         before, self.chosen = self.chosen, self._choice(self.evidence.values())
         self._has_changed = False
         return self.chosen != before
 
-    def chosen_without_repeaters(self) -> list[StoredEvidence]:
-        """What would be chosen if nobody repeated what the own camera has measured.
+    def choice_without_repeats(self) -> list[StoredEvidence]:
+        """Return the choice among evidence of others that has no measurement of own sensors.
 
-        Empty, if nothing that is chosen does.
+        Empty, if nothing that is chosen repeats one.
         """
         own = 0
-        for held in self.evidence.values() if self.is_seen else ():
-            if held.teller == OWN:
-                own |= held.mask
-        if not any(held.mask & own and held.teller != OWN for held in self.chosen):
+        for stored in self.evidence.values() if self.is_sensed else ():
+            if stored.sender == OWN:
+                own |= stored.mask
+        if not any(stored.mask & own and stored.sender != OWN for stored in self.chosen):
             return []
         return self._choice(
-            held for held in self.evidence.values() if held.teller == OWN or not held.mask & own
+            stored
+            for stored in self.evidence.values()
+            if stored.sender == OWN or not stored.mask & own
         )
 
     def settle(self, before_ms: int) -> None:
-        """Decide for good on evidence of `before_ms` or earlier: in use now, or never again."""
+        """Settle the evidence of `before_ms` or earlier: used until dropped, or never."""
         young = self.chosen[len(self.settled) :]
-        if old := [held for held in young if held.stamp_ms <= before_ms]:
+        if old := [stored for stored in young if stored.stamp_ms <= before_ms]:
             self._settle(old)
-            self.chosen = self.settled + [held for held in young if held.stamp_ms > before_ms]
+            self.chosen = self.settled + [stored for stored in young if stored.stamp_ms > before_ms]
             # What is left of the best choice is the best choice of what is left.
             self._has_changed = False
 
-    def take_over(self, other: "Track") -> None:
-        """Take all evidence of what has turned out to be the same car."""
-        settled = [held for held in other.settled if self._spent.isdisjoint(held.provenance)]
-        for held in settled:
-            held.mask = self._mask(held.provenance)
+    def merge(self, other: "Track") -> None:
+        """Take over all evidence of a track of the same vehicle."""
+        settled = [stored for stored in other.settled if self._spent.isdisjoint(stored.provenance)]
+        for stored in settled:
+            stored.mask = self._mask(stored.provenance)
         self._settle(settled)
-        for provenance, held in other.evidence.items():
-            if self.wants(provenance, is_firsthand=held.is_firsthand):
-                self.add(held)
+        for provenance, stored in other.evidence.items():
+            if self.accepts(provenance, is_firsthand=stored.is_firsthand):
+                self.add(stored)
         self.first_ms = min(self.first_ms, other.first_ms)
         self.last_ms = max(self.last_ms, other.last_ms)
         self.is_confirmed |= other.is_confirmed
-        self.names |= other.names
-        self.is_seen |= other.is_seen
-        self.told |= other.told
+        self.labels |= other.labels
+        self.is_sensed |= other.is_sensed
+        self.sent |= other.sent
         self._oldest_ms = min(self._oldest_ms, other._oldest_ms)  # noqa: SLF001 (of the same class)
         self._has_changed = True
 
-    def moments(self) -> int:
-        """Of how many different moments there is evidence."""
-        return len({held.stamp_ms for held in self.held})
+    def count_times(self) -> int:
+        """Return the number of different times of its evidence."""
+        return len({stored.stamp_ms for stored in self.stored})
 
-    def was_seen_beside(self, other: "Track") -> bool:
-        """Whether one observer at one moment measured both, which are therefore two cars."""
+    def was_measured_beside(self, other: "Track") -> bool:
+        """Whether one observer measured both at one time: then they are two vehicles."""
         for both in self.evidence.keys() & other.evidence.keys():
             mine, others = self.evidence[both].piece, other.evidence[both].piece
             if (
                 isinstance(mine, Measurement)
                 and isinstance(others, Measurement)
-                and math.dist(mine.position_m, others.position_m) > _SAME_PLACE_M
+                and math.dist(mine.position_m, others.position_m) > _SAME_POSITION_M
             ):
                 return True
         return False
 
     def _choice(self, evidence: Iterable[StoredEvidence]) -> list[StoredEvidence]:
         latest_first = sorted(evidence, key=stamp_ms_of, reverse=True)
-        indices = select_independent_masks([held.mask for held in latest_first])
+        indices = select_independent_masks([stored.mask for stored in latest_first])
         return self.settled + [latest_first[index] for index in indices]
 
     def _settle(self, some: Iterable[StoredEvidence]) -> None:
         spent = 0
-        for held in some:
-            self.settled.append(held)
-            self._spent |= held.provenance
-            spent |= held.mask
+        for stored in some:
+            self.settled.append(stored)
+            self._spent |= stored.provenance
+            spent |= stored.mask
         if spent:
-            self._drop([p for p, held in self.evidence.items() if held.mask & spent])
+            self._drop([p for p, stored in self.evidence.items() if stored.mask & spent])
 
     def _drop(self, provenances: Iterable[Provenance]) -> None:
         for provenance in provenances:
             del self.evidence[provenance]
             self._has_changed = True
 
-    def _number_anew(self, after_ms: int) -> None:
-        """Sweep out what was noted of measurements that nobody tells of any more."""
+    def _renumber_bits(self, after_ms: int) -> None:
+        """Forget the measurements of `after_ms` or earlier, and number the others anew."""
         self._spent = {identity for identity in self._spent if identity.stamp_ms > after_ms}
-        self.told = {identity for identity in self.told if identity.stamp_ms > after_ms}
+        self.sent = {identity for identity in self.sent if identity.stamp_ms > after_ms}
         self._bits.clear()
-        for held in self.held:
-            held.mask = self._mask(held.provenance)
+        for stored in self.stored:
+            stored.mask = self._mask(stored.provenance)
 
     def _mask(self, provenance: Provenance) -> int:
         bits = self._bits

@@ -1,56 +1,100 @@
-"""All cars without a radio: which evidence is of which car, and which cars are new or the same.
+"""The tracker: assigns evidence to tracks, starts, confirms, merges and drops tracks.
 
-A track holds nothing but its evidence. Evidence expires, and a track that has none left is dropped.
+A track stores nothing but its evidence. Evidence expires, and a track without evidence is dropped.
 
-Every observer, the own camera included, has a name of its own for a car and keeps to it. Evidence
-under a name that has been matched goes to the same track for as long as it fits there. A new name
-is matched by its place only where that leaves no doubt; otherwise it begins a track of its own,
-which is joined with another when both are known well enough to say that they are one car.
+Every sender, own sensors included, has a number of its own for a vehicle and keeps it. Evidence
+under a label (sender, number) that was associated before goes to the same track while it lies in
+the track's gate. Evidence under a new label is associated by position only where that is certain;
+otherwise it starts a tentative track, which is merged with another when both are certain enough.
 """
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import accumulate, groupby
 
 import numpy as np
 
 from onboard.kinematics.arrays import Array, StateArrays
-from onboard.mvs.settings import MvsSettings
-from onboard.tracking.association import UnassociatedEvidence, compare
+from onboard.tracking.association import (
+    OVERLAP_M,
+    SPEED_SIGMA_M_S,
+    UnassociatedEvidence,
+    compare,
+)
 from onboard.tracking.evidence import as_arrays
-from onboard.tracking.evidence_store import OWN, EvidenceBatch, EvidenceStore, StoredEvidence
+from onboard.tracking.evidence_store import (
+    OWN,
+    EvidenceBatch,
+    EvidenceStore,
+    Label,
+    StoredEvidence,
+)
 from onboard.tracking.fusion import choose_and_fuse
-from onboard.tracking.gates import are_inside, distances, gates, with_speed_prior
-from onboard.tracking.track import Name, Track
+from onboard.tracking.gates import GATE_PROBABILITY, are_inside, with_speed_prior
+from onboard.tracking.track import Track
+from onboard.tracking.track_merging import (
+    choose_reported,
+    distances_m,
+    merge_tracks,
+    position_variances,
+)
 
-_RADIO_REMEMBERED_MS = 500
-"""For this long a track counts as a car with a radio after it last matched one."""
+MAX_TRACKS = 256
+"""Vehicles without radio at once; bounds computing time."""
+MAX_TRACKS_PER_SENDER = 64
+"""Tracks that one sender may start; also the room that is left for own sensors."""
+CONFIRMATIONS = 3
+"""Different times of evidence after which a track is confirmed."""
+SETTLED_MS = 600
+"""Evidence older than this is chosen for good: older than any that is shared (`SHARED_SPAN_S` in
+`mvs`), so that evidence that still arrives has little in common with it."""
 
-_PLACE_HOLDS_MS = 500
-"""For this long a car with a radio is taken to be where its last BSM foretells: 1 m off, if it
-brakes hard."""
-
+_REMOTE_MATCH_PROBABILITY = 0.9
+"""Gate in which a track counts as a vehicle with a radio. Narrower than for evidence: a vehicle
+wrongly matched with its neighbour is hidden, one that is missed is matched at the next update."""
+_BSM_OFFSET_SIGMA_M = 0.5
+"""Offset between a BSM's position and the measured centre of the vehicle, beside noise."""
+_REMOTE_MATCH_HOLD_MS = 500
+"""Time for which a track counts as a vehicle with a radio after the last match."""
+_BSM_PREDICTION_MS = 500
+"""Time for which a vehicle with a radio is predicted from its last BSM: braking hard, it is then
+1 m off."""
 _ENTRIES_AT_ONCE = 64
-"""Compared with all cars together: many enough for arrays to pay, few enough for hostile ones."""
-_NEAR_M = 8.0
-"""Tracks farther apart than this count as two cars, however vague they are. Errors of two observers
-that stay from picture to picture can place one car this far apart."""
+"""Entries that are compared with all tracks together: enough for arrays to pay, few enough to bound
+the work that a hostile sender causes."""
 
-_Said = tuple[bytes, int]
-"""A report: who tells, and when it was received."""
+_ReportId = tuple[bytes, int]
+"""Sender and time of receipt of a report, the entries of one footer or image."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackingParameters:
+    """Parameters of the tracker that studies vary."""
+
+    acceleration_density: float = 2.0
+    """q of the process noise, m^2/s^3: speeds drift by sqrt(q) m/s in one second."""
+    memory_s: float = 2.0
+    """Evidence with an older measurement is not used."""
+    unseen_s: float = 1.5
+    """A vehicle that nobody has measured for this long is dropped: measurements that arrive through
+    a third vehicle are up to 0.4 s old."""
+
+
+DEFAULTS = TrackingParameters()
 
 
 class Tracks:
-    """Holds the tracks; times are ms of UTC."""
+    """All tracks of vehicles without radio; times are ms of UTC."""
 
-    def __init__(self, settings: MvsSettings) -> None:
-        self._settings = settings
+    def __init__(self, parameters: TrackingParameters = DEFAULTS) -> None:
+        self._parameters = parameters
         self._tracks: list[Track] = []
-        self._named: dict[Name, Track] = {}
+        self._by_label: dict[Label, Track] = {}
         self._last_number = 0
-        self._shelf = EvidenceStore()
-        self._compared: StateArrays | None = None
-        """What evidence is compared with, a column for each track; `None` before it is needed."""
+        self._store = EvidenceStore()
+        self._cached_states: StateArrays | None = None
+        """Result of `_states`; `None` where it is to be computed."""
 
     def __iter__(self) -> Iterator[Track]:
         return iter(self._tracks)
@@ -59,315 +103,233 @@ class Tracks:
         return len(self._tracks)
 
     def receive(self, batch: EvidenceBatch) -> list[int]:
-        """Give each entry to the car that it belongs to, or let it be a new car.
+        """Assign each entry to the track of its vehicle, or start one.
 
         Returns:
-            the rows that would have been one new car too many.
+            the rows for which no further track could be started.
         """
-        shelved = self._shelf.put(batch.entries)
-        strangers, told_of = self._assign_named(batch, shelved)
-        sayings = [
-            (list(rows), told_of[said])
-            for said, rows in groupby(
-                strangers, key=lambda row: (batch.tellers[row], batch.received_ms[row])
+        first_row = self._store.append(batch.entries)
+        unlabelled, tracks_of_report = self._assign_labelled(batch, first_row)
+        reports = [
+            (list(rows), tracks_of_report[report])
+            for report, rows in groupby(
+                unlabelled, key=lambda row: (batch.senders[row], batch.received_ms[row])
             )
         ]
         refused: list[int] = []
-        while sayings:
-            entries = accumulate(len(saying) for saying, _ in sayings)
+        while reports:
+            entries = accumulate(len(rows) for rows, _ in reports)
             together = max(1, sum(so_far <= _ENTRIES_AT_ONCE for so_far in entries))
-            refused += self._assign_strangers(batch, shelved, sayings[:together])
-            sayings = sayings[together:]
+            refused += self._assign_unlabelled(batch, first_row, reports[:together])
+            reports = reports[together:]
         return refused
 
-    def refresh(self, now_ms: int) -> None:
-        """Forget what is old, choose the evidence of each car anew, and fuse it."""
-        settings, belief = self._settings, self._settings.footer_validation
-        memory_ms, unseen_ms = round(settings.memory_s * 1000), round(settings.unseen_s * 1000)
-        settled_ms = round(settings.settled_s * 1000)
+    def update(self, now_ms: int) -> None:
+        """Drop old evidence, choose and fuse that of each track, confirm and merge tracks."""
+        parameters, q = self._parameters, self._parameters.acceleration_density
+        memory_ms, unseen_ms = round(parameters.memory_s * 1000), round(parameters.unseen_s * 1000)
         self._tracks = [track for track in self._tracks if now_ms - track.last_ms <= unseen_ms]
         for track in self._tracks:
-            track.forget(now_ms - memory_ms, belief.estimates_per_car, belief.evidence_per_car)
-        # An estimate goes by its oldest measurement, so a car may lose all before it is unseen.
-        self._tracks = [track for track in self._tracks if track.held]
-        choose_and_fuse(self._tracks, self._shelf, now_ms, settings.acceleration_density)
+            track.drop_old(now_ms - memory_ms)
+        # An estimate expires with its oldest measurement: a track can lose all before `unseen_s`.
+        self._tracks = [track for track in self._tracks if track.stored]
+        choose_and_fuse(self._tracks, self._store, now_ms, q)
         for track in self._tracks:
-            track.settle(now_ms - settled_ms)
-            track.is_confirmed = track.is_confirmed or track.moments() >= settings.confirmed_by
-        self._compared = None
-        self._tell_apart(now_ms)
-        self._named = {name: track for track in self._tracks for name in track.names}
-        self._tidy()
+            track.settle(now_ms - SETTLED_MS)
+            track.is_confirmed = track.is_confirmed or track.count_times() >= CONFIRMATIONS
+        self._cached_states = None
+        self._merge(now_ms)
+        self._by_label = {label: track for track in self._tracks for label in track.labels}
+        self._compact_store()
 
-    def recognise(self, ids: Sequence[bytes], reported: StateArrays, now_ms: int) -> None:
-        """Find the tracks that are cars with a radio, or the own car.
+    def match_remote_vehicles(self, ids: Sequence[bytes], states: StateArrays, now_ms: int) -> None:
+        """Find the tracks that are vehicles with a radio, or the host vehicle.
 
-        A track that only others report, and the own camera does not see, is matched only where the
-        two overlap: whoever reports it has told it apart from the cars with a radio beside it. The
-        own car is matched in either case.
+        A track that only others report is matched only where the two overlap: its observer has told
+        it apart from the vehicles with a radio beside it. A track that own sensors measure is also
+        matched within a gate, and the host vehicle in either case.
 
         Args:
-            ids: of those cars, the own one first.
-            reported: what they say of themselves.
+            ids: temporary IDs of N vehicles, the host vehicle first.
+            states: N reported states.
             now_ms: UTC.
         """
-        settings, q = self._settings.association, self._settings.acceleration_density
         offset = np.zeros((4, 4, 1))
-        offset[:2, :2, 0] = settings.radio_offset_sigma_m**2 * np.eye(2)
-        cars = StateArrays(
-            reported.stamps_ms, reported.states, reported.covariances + offset, reported.has_speed
+        offset[:2, :2, 0] = _BSM_OFFSET_SIGMA_M**2 * np.eye(2)
+        vehicles = StateArrays(
+            states.stamps_ms, states.states, states.covariances + offset, states.has_speed
         )
-        apart = _apart_m(reported.places_m(now_ms), self._comparison().places_m(now_ms))
-        silent = now_ms - reported.stamps_ms > _PLACE_HOLDS_MS
+        tracked = self._states()
+        apart = distances_m(states.positions_m(now_ms), tracked.positions_m(now_ms))
+        silent = now_ms - states.stamps_ms > _BSM_PREDICTION_MS
         silent[:1] = False
         apart[silent] = np.inf
-        eligible = apart <= settings.overlap_m
-        eligible |= np.array([track.is_seen for track in self._tracks], dtype=bool)
+        eligible = apart <= OVERLAP_M
+        eligible |= np.array([track.is_sensed for track in self._tracks], dtype=bool)
         eligible[:1] = True
-        compared = compare(cars, self._comparison(), settings.recognition_probability, q)
-        compared.inside[:] &= eligible
-        radio_of = {track: row for row, track in compared.assign().items()}
+        q = self._parameters.acceleration_density
+        compared = compare(vehicles, tracked, _REMOTE_MATCH_PROBABILITY, q)
+        matched = compared.among(None, eligible).assign()
+        vehicle_of = {track: row for row, track in matched.items()}
         for at, track in enumerate(self._tracks):
-            row = radio_of.get(at)
-            if row is None and len(ids) and apart[:, at].min() <= settings.overlap_m:
+            row = vehicle_of.get(at)
+            if row is None and len(ids) and apart[:, at].min() <= OVERLAP_M:
                 row = int(apart[:, at].argmin())
             if row is not None:
-                track.radio_id, track.radio_until_ms = ids[row], now_ms + _RADIO_REMEMBERED_MS
-            elif now_ms > track.radio_until_ms:
-                track.radio_id = None
+                track.remote_vehicle_id = ids[row]
+                track.remote_vehicle_until_ms = now_ms + _REMOTE_MATCH_HOLD_MS
+            elif now_ms > track.remote_vehicle_until_ms:
+                track.remote_vehicle_id = None
 
     def clear(self) -> None:
-        """Forget all cars, but give none of their numbers to another."""
+        """Drop all tracks; their numbers are not used again."""
         self._tracks.clear()
-        self._named.clear()
-        self._compared = None
+        self._by_label.clear()
+        self._cached_states = None
 
-    def map_to(self, turn: Array, shift: Array) -> None:
-        """Bring everything into another frame (`LocalFrame.mapping_from`)."""
-        self._shelf.map_to(turn, shift)
+    def change_frame(self, turn: Array, shift: Array) -> None:
+        """Map everything into another frame (`LocalFrame.mapping_from`)."""
+        self._store.change_frame(turn, shift)
         for track in self._tracks:
             track.estimate = track.estimate.mapped(turn, shift)
-        self._compared = None
+        self._cached_states = None
 
-    def _tidy(self) -> None:
-        """Drop from the shelf what no track holds any more."""
-        if self._shelf.is_due(sum(len(track.evidence) + len(track.settled) for track in self)):
-            held = {held for track in self for held in (*track.held, *track.chosen)}
-            self._shelf.keep([each.row for each in held])
-            for row, each in enumerate(held):
-                each.row = row
+    def _assign_labelled(
+        self, batch: EvidenceBatch, first_row: int
+    ) -> tuple[list[int], defaultdict[_ReportId, set[int]]]:
+        """Assign entries under known labels to their tracks, if they are inside the gates.
 
-    def _add(self, track: Track, batch: EvidenceBatch, row: int, shelved: int) -> None:
-        track.call((batch.tellers[row], batch.cars[row]), batch.received_ms[row])
-        if track.wants(batch.provenances[row], is_firsthand=batch.firsthand[row]):
-            track.add(self._held(batch, row, shelved))
+        Args:
+            batch: entries.
+            first_row: row of the first of them in the store.
 
-    def _held(self, batch: EvidenceBatch, row: int, shelved: int) -> StoredEvidence:
-        """An entry as evidence; its numbers stand in the row `shelved` of the shelf."""
+        Returns:
+            the rows under new labels, in order; of each report, the indices of the tracks that its
+            other rows belong to.
+        """
+        tracks_of_report: defaultdict[_ReportId, set[int]] = defaultdict(set)
+        labels = list(zip(batch.senders, batch.numbers, strict=True))
+        labelled = [row for row, label in enumerate(labels) if label in self._by_label]
+        unlabelled = [row for row, label in enumerate(labels) if label not in self._by_label]
+        if not labelled:
+            return unlabelled, tracks_of_report
+        q = self._parameters.acceleration_density
+        index_of = {track.number: at for at, track in enumerate(self._tracks)}
+        indices = [index_of[self._by_label[labels[row]].number] for row in labelled]
+        states = self._states()[indices]
+        inside = are_inside(batch.entries[labelled], states, GATE_PROBABILITY, q)
+        for row, index, fits in zip(labelled, indices, inside.tolist(), strict=True):
+            if fits:
+                self._add(self._tracks[index], batch, row, first_row + row)
+                tracks_of_report[batch.senders[row], batch.received_ms[row]].add(index)
+            else:
+                self._remove_label(labels[row])
+                unlabelled.append(row)
+        return sorted(unlabelled), tracks_of_report
+
+    def _assign_unlabelled(
+        self, batch: EvidenceBatch, first_row: int, reports: Sequence[tuple[list[int], set[int]]]
+    ) -> list[int]:
+        """Associate entries under new labels with tracks, or start tracks for them.
+
+        Args:
+            batch: entries.
+            first_row: row of the first of them in the store.
+            reports: of each report, the rows under new labels, and the indices of the tracks that
+                its other rows belong to: no two rows of a report are of one vehicle.
+
+        Returns:
+            the rows for which no further track could be started.
+        """
+        rows = [row for report, _ in reports for row in report]
+        evidence = UnassociatedEvidence(
+            batch.subset(rows),
+            self._tracks,
+            self._states(),
+            self._parameters.acceleration_density,
+        )
+        started = Counter(track.first_sender for track in self._tracks)
+        refused = []
+        at = 0
+        for report, excluded in reports:
+            found = evidence.associate(range(at, at + len(report)), excluded)
+            for row in report:
+                sender, label = batch.senders[row], (batch.senders[row], batch.numbers[row])
+                if (track := found.get(at)) is not None:
+                    self._add(track, batch, row, first_row + row)
+                elif self._may_start(sender, started[sender]):
+                    track = self._start(label, self._stored(batch, row, first_row + row))
+                    evidence.start_track(at, track)
+                    started[sender] += 1
+                else:
+                    refused.append(row)
+                if track is not None:
+                    self._by_label[label] = track
+                at += 1
+        self._cached_states = evidence.vehicles
+        return refused
+
+    def _add(self, track: Track, batch: EvidenceBatch, row: int, store_row: int) -> None:
+        track.add_label((batch.senders[row], batch.numbers[row]), batch.received_ms[row])
+        if track.accepts(batch.provenances[row], is_firsthand=batch.firsthand[row]):
+            track.add(self._stored(batch, row, store_row))
+
+    def _stored(self, batch: EvidenceBatch, row: int, store_row: int) -> StoredEvidence:
+        """Return an entry as evidence whose numbers are in `store_row`."""
         return StoredEvidence(
             batch.provenances[row],
             int(batch.spans.newest_ms[row]),
             int(batch.spans.oldest_ms[row]),
             not batch.entries.has_speed[row],
             batch.firsthand[row],
-            batch.tellers[row],
+            batch.senders[row],
             batch.received_ms[row],
-            self._shelf,
-            shelved,
+            self._store,
+            store_row,
         )
 
-    def _unname(self, name: Name) -> None:
-        track = self._named.pop(name, None)
-        if track is not None and name in track.names:
-            track.uncall([name])
+    def _remove_label(self, label: Label) -> None:
+        track = self._by_label.pop(label, None)
+        if track is not None and label in track.labels:
+            track.remove_labels([label])
 
-    def _assign_named(
-        self, batch: EvidenceBatch, shelved: int
-    ) -> tuple[list[int], defaultdict[_Said, set[int]]]:
-        """Give entries under known names to their tracks, as long as they fit there.
-
-        Args:
-            batch: entries.
-            shelved: where the first of them stands on the shelf.
-
-        Returns:
-            the rows under new names, in order; of each report, the places of the tracks that its
-            other rows are of.
-        """
-        told_of: defaultdict[_Said, set[int]] = defaultdict(set)
-        names = list(zip(batch.tellers, batch.cars, strict=True))
-        named = [row for row, name in enumerate(names) if name in self._named]
-        strangers = [row for row, name in enumerate(names) if name not in self._named]
-        if not named:
-            return strangers, told_of
-        association, q = self._settings.association, self._settings.acceleration_density
-        place_of = {track.number: at for at, track in enumerate(self._tracks)}
-        places = [place_of[self._named[names[row]].number] for row in named]
-        cars = self._comparison()[places]
-        fitting = are_inside(batch.entries[named], cars, association.gate_probability, q)
-        for row, place, fits in zip(named, places, fitting.tolist(), strict=True):
-            if fits:
-                self._add(self._tracks[place], batch, row, shelved + row)
-                told_of[batch.tellers[row], batch.received_ms[row]].add(place)
-            else:
-                self._unname(names[row])
-                strangers.append(row)
-        return sorted(strangers), told_of
-
-    def _assign_strangers(
-        self, batch: EvidenceBatch, shelved: int, sayings: Sequence[tuple[list[int], set[int]]]
-    ) -> list[int]:
-        """Match entries under new names with tracks, or begin tracks for them.
-
-        Args:
-            batch: entries.
-            shelved: where the first of them stands on the shelf.
-            sayings: of each report, the rows under new names, and the places of the tracks that its
-                other rows are of: no two rows of a report are one car.
-
-        Returns:
-            the rows that found no room.
-        """
-        settings = self._settings
-        rows = [row for saying, _ in sayings for row in saying]
-        strangers = UnassociatedEvidence(
-            batch.rows(rows),
-            self._tracks,
-            self._comparison(),
-            settings.association,
-            settings.acceleration_density,
+    def _may_start(self, sender: bytes, started: int) -> bool:
+        """Whether a sender that has `started` so many tracks may start another."""
+        if sender == OWN:
+            return len(self._tracks) < MAX_TRACKS
+        return (
+            len(self._tracks) < MAX_TRACKS - MAX_TRACKS_PER_SENDER
+            and started < MAX_TRACKS_PER_SENDER
         )
-        first_told = Counter(track.first_teller for track in self._tracks)
-        refused = []
-        at = 0
-        for saying, barred in sayings:
-            found = strangers.tracks_of(range(at, at + len(saying)), barred)
-            for row in saying:
-                teller, name = batch.tellers[row], (batch.tellers[row], batch.cars[row])
-                if (track := found.get(at)) is not None:
-                    self._add(track, batch, row, shelved + row)
-                elif self._has_room(teller, first_told[teller]):
-                    track = self._begin(name, self._held(batch, row, shelved + row))
-                    strangers.begin(at, track)
-                    first_told[teller] += 1
-                else:
-                    refused.append(row)
-                if track is not None:
-                    self._named[name] = track
-                at += 1
-        self._compared = strangers.cars
-        return refused
 
-    def _begin(self, name: Name, first: StoredEvidence) -> Track:
+    def _start(self, label: Label, first: StoredEvidence) -> Track:
         self._last_number += 1
         track = Track(self._last_number, first)
-        track.call(name, first.received_ms)
+        track.add_label(label, first.received_ms)
         self._tracks.append(track)
         return track
 
-    def _has_room(self, teller: bytes, first_told: int) -> bool:
-        """Whether a track may be begun; some room is kept for what the own camera sees."""
-        belief = self._settings.footer_validation
-        if teller == OWN:
-            return len(self._tracks) < belief.cars
-        return (
-            len(self._tracks) < belief.cars - belief.cars_per_sender
-            and first_told < belief.cars_per_sender
-        )
-
-    def _comparison(self) -> StateArrays:
-        if self._compared is None:
-            cars = as_arrays([track.estimate for track in self._tracks])
-            sigma_m_s = self._settings.association.speed_sigma_m_s
-            self._compared = with_speed_prior(cars, sigma_m_s)
-        return self._compared
-
-    def _tell_apart(self, now_ms: int) -> None:
-        """Join tracks that are one car, and say which are known as a car of their own."""
-        cars = self._comparison()
-        joined, doubles = self._join(cars, now_ms)
-        kept = [at for at in range(len(cars)) if at not in joined]
-        self._choose_known(cars, kept, doubles, now_ms)
-        if joined:
+    def _merge(self, now_ms: int) -> None:
+        states, q = self._states(), self._parameters.acceleration_density
+        merged, duplicates = merge_tracks(self._tracks, states, now_ms, q)
+        kept = [at for at in range(len(states)) if at not in merged]
+        variances = position_variances(states, now_ms, q)
+        choose_reported(self._tracks, kept, duplicates, variances)
+        if merged:
             self._tracks = [self._tracks[at] for at in kept]
-            self._compared = cars[kept]
+            self._cached_states = states[kept]
 
-    def _join(self, cars: StateArrays, now_ms: int) -> tuple[set[int], list[set[int]]]:
-        """Let tracks take over those that are the same car.
+    def _states(self) -> StateArrays:
+        """The estimates of all tracks with a speed prior, as evidence is compared with them."""
+        if self._cached_states is None:
+            estimates = as_arrays([track.estimate for track in self._tracks])
+            self._cached_states = with_speed_prior(estimates, SPEED_SIGMA_M_S)
+        return self._cached_states
 
-        Two tracks in each other's place are one car, unless they were seen side by side.
-
-        Returns:
-            places of the tracks that have been taken over; for each track the places of those that
-            might be the same car, but are not known well enough to say so.
-        """
-        association, q = self._settings.association, self._settings.acceleration_density
-        apart = _apart_m(places := cars.places_m(now_ms), places)
-        near = np.argwhere(np.triu(apart < _NEAR_M, k=1))
-        joined: set[int] = set()
-        doubles: list[set[int]] = [set() for _ in self._tracks]
-        if not len(near):
-            return joined, doubles
-        one, other = cars[near[:, 0]], cars[near[:, 1]]
-        squared, _, variance = distances(one, other, q)
-        compatible = squared <= gates(one, association.gate_probability)
-        close = apart[near[:, 0], near[:, 1]] <= association.overlap_m
-        maybe_one = compatible | close
-        for (i, j), fits, touches, spread in zip(
-            near[maybe_one].tolist(),
-            compatible[maybe_one].tolist(),
-            close[maybe_one].tolist(),
-            variance[maybe_one].tolist(),
-            strict=True,
-        ):
-            if i in joined or j in joined:
-                continue
-            first, second = self._tracks[i], self._tracks[j]
-            if first.was_seen_beside(second):
-                continue
-            age_s = (now_ms - max(first.first_ms, second.first_ms)) / 1000
-            certain = spread <= (association.certain_m * (1.0 + 4.0 * age_s)) ** 2
-            if touches and (certain or first.shares_with(second)):
-                first.take_over(second)
-                joined.add(j)
-            elif fits and first.is_confirmed and second.is_confirmed:
-                doubles[i].add(j)
-                doubles[j].add(i)
-        return joined, doubles
-
-    def _choose_known(
-        self, cars: StateArrays, kept: Sequence[int], doubles: Sequence[set[int]], now_ms: int
-    ) -> None:
-        """Of the tracks in the places `kept` that might be one car, tell of one only.
-
-        That is the one that the own camera sees, or else the better placed one, whatever a liar
-        says. Each that is told of hides its doubles; one that is hidden hides nobody.
-        """
-        variances = _variances(cars, now_ms, self._settings.acceleration_density)
-        told: set[int] = set()
-        for at in sorted(kept, key=lambda at: (not self._tracks[at].is_seen, variances[at])):
-            track = self._tracks[at]
-            well_placed = variances[at] <= self._settings.vaguest_known_m**2
-            track.is_known = bool(
-                track.is_confirmed and well_placed and told.isdisjoint(doubles[at])
-            )
-            if track.is_known:
-                told.add(at)
-
-
-def _apart_m(some: Array, others: Array) -> Array:
-    """Distances (M, N) between places (2, M) and (2, N)."""
-    apart: Array = np.hypot(*(some[:, :, None] - others[:, None, :]))
-    return apart
-
-
-def _variances(cars: StateArrays, now_ms: int, q: float) -> Array:
-    """How well N places are known at `now_ms`: the traces of their covariances, m^2."""
-    dt, p = (now_ms - cars.stamps_ms) / 1000, cars.covariances
-    grown: Array = (
-        p[0, 0]
-        + p[1, 1]
-        + dt * (2 * (p[0, 2] + p[1, 3]) + dt * (p[2, 2] + p[3, 3]))
-        + 2 * q * np.abs(dt) ** 3 / 3
-    )
-    return grown
+    def _compact_store(self) -> None:
+        """Drop the rows of evidence that no track stores."""
+        if self._store.is_sparse(sum(len(track.evidence) + len(track.settled) for track in self)):
+            kept = {stored for track in self for stored in (*track.stored, *track.chosen)}
+            self._store.compact([each.row for each in kept])
+            for row, each in enumerate(kept):
+                each.row = row

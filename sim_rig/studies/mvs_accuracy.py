@@ -13,6 +13,7 @@ import numpy as np
 from onboard.kinematics.arrays import Array
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from onboard.tracking.evidence import Measurement
+from onboard.tracking.tracks import TrackingParameters
 from sim_rig.roads.cars import Cars
 from sim_rig.studies.mvs_methods import covariance_intersection, use_all
 from sim_rig.studies.mvs_roads import SixLaneRoad, states_of
@@ -86,13 +87,14 @@ class Accuracy:
 
 
 MODELLED = MvsSettings(
-    acceleration_density=Q,
     sensing=SensingSettings(
         face_to_centre_m=0.0, face_to_centre_sigma_m=0.0, heading_sigma_rad=0.001
     ),
 )
-"""The filter's motion model is the true one along the lane; across it, cars do not move. Sensors
-have no mounting error."""
+"""Sensors have no mounting error."""
+
+TRACKING = TrackingParameters(acceleration_density=Q)
+"""The filter's motion model is the true one along the lane; across it, cars do not move."""
 
 
 def accuracy(
@@ -118,7 +120,7 @@ def accuracy(
     traffic = road(7, 25.0, seconds + 2.0, Q, rng)
     n = len(traffic.names)
     equipped = {traffic.names[i] for i in rng.permutation(n)[: round(radio * n)]}
-    world = MvsWorld(traffic, equipped, WorldSettings(loss=loss), mvs, seed)
+    world = MvsWorld(traffic, equipped, WorldSettings(loss=loss), mvs, seed, tracking=TRACKING)
     result = Accuracy()
     measured: dict[str, list[Measurement]] = defaultdict(list)
     for tick in range(round((seconds + 1.5) * 10)):
@@ -164,7 +166,8 @@ def _compare_tracks(
     states = states_of(cars)
     to_world = ORIGIN.mapping_from(world.frame_of(own))
     matched: set[str] = set()
-    for track in world.cores[own].cars_without_radio(world.now):
+    world.cores[own].update(world.now)
+    for track in world.cores[own].reported_tracks():
         mvs = use_all([piece.mapped(*to_world) for piece in track.used], now_ms, Q)
         away_m = np.hypot(*(states[:, :2] - mvs[0][:2]).T)
         nearest = int(away_m.argmin())

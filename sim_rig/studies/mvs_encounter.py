@@ -309,6 +309,7 @@ class _EquippedCars:
             at = cars.index(name)
             if at is None:
                 continue
+            core.update(world.now)
             own, known = core.host_vehicle(world.now), core.kinematic_info(world.now)
             self._evaluate_paper_alarm(own, known, cars, at)
             if self._pair is not None and self._pair.can_act(name):
@@ -392,7 +393,7 @@ def _mvs(case: EncounterCase) -> MvsSettings:
     }
     return MvsSettings(
         selection=selections.get(case.method, Selection.MVS),
-        most_entries=0 if case.method in {Method.DSRC, Method.OWN} else case.entries,
+        max_entries=0 if case.method in {Method.DSRC, Method.OWN} else case.entries,
         # The study's sensors range to the middle of a car.
         sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
     )

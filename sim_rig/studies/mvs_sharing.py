@@ -91,7 +91,7 @@ def run_one(settings: SharingSettings, number: int) -> Row:
     equipped = {name for name in scene.names if rng.random() < share}
     mvs = MvsSettings(
         selection=method,
-        most_entries=entries,
+        max_entries=entries,
         sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
     )
     world = MvsWorld(scene.recording, equipped, settings.world, mvs, seed, blocked=scene.blocked)
@@ -138,7 +138,8 @@ class _Counts:
         """Count the MEs of each track that either method selects."""
         now_ms = round((now + START_UTC_S) * 1000)
         for core in cores:
-            for track in core.cars_without_radio(now):
+            core.update(now)
+            for track in core.reported_tracks():
                 self._reused_in_state += _reused(track.used)
                 window = [
                     stored.piece

@@ -24,6 +24,7 @@ from onboard.mvs.settings import MvsSettings
 from onboard.observations import Position, VehicleDetection
 from onboard.settings import Settings
 from onboard.tracking.evidence import Measurement, MeasurementId
+from onboard.tracking.tracks import DEFAULTS, TrackingParameters
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
 from sim_rig.scenario.radio_settings import CsmaSettings
@@ -38,7 +39,7 @@ _ARRIVAL_M_S = 10.0
 
 
 FooterSize = Annotated[int, Field(ge=0, le=64)]
-"""M, as `MvsSettings.most_entries` bounds it."""
+"""M, as `MvsSettings.max_entries` bounds it."""
 
 
 class WorldSettings(Settings):
@@ -109,6 +110,7 @@ class MvsWorld:
         seed: int,
         *,
         blocked: Blocked | None = None,
+        tracking: TrackingParameters = DEFAULTS,
     ) -> None:
         """Start at time 0.
 
@@ -119,11 +121,13 @@ class MvsWorld:
             mvs: settings of every core.
             seed: of noise, phases and losses.
             blocked: occlusion by buildings; None for none.
+            tracking: parameters of every tracker.
         """
         self.traffic = traffic
         self.equipped = equipped
         self.settings = settings
         self._mvs_settings = mvs
+        self._tracking = tracking
         self._blocked = blocked
         self._seed = seed
         self._rng = np.random.default_rng(seed)
@@ -183,7 +187,9 @@ class MvsWorld:
         own_id = self.own_id(name)
         rng = np.random.default_rng([self._seed, *own_id])
         self._phases[name] = float(rng.random())
-        self.cores[name] = MultiVehicleSensing(self._mvs_settings, own_id, rng, START_UTC_S)
+        self.cores[name] = MultiVehicleSensing(
+            self._mvs_settings, own_id, rng, START_UTC_S, tracking=self._tracking
+        )
         self._reference_hosts[name] = HostVehicle(self._mvs_settings.sensing)
         arrival = self._fix(cars, cars.names.index(name), speed_m_s=_ARRIVAL_M_S)
         self.cores[name].receive_position(arrival)

@@ -103,6 +103,7 @@ class _Animation:
         frame.sent = [(sent.sender, len(sent.entries)) for sent in world.sent]
         estimated_m: dict[tuple[str, str], Array] = {}
         for name, core in world.cores.items():
+            core.update(world.now)
             for car in core.kinematic_info(world.now):
                 position_m = estimated_m[name, car.name] = world.world_position_m(name, car.state)
                 if (other := _car_at(cars, position_m)) is not None:

@@ -10,12 +10,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from onboard.gnss.nmea import NmeaReader
-from onboard.kinematics.heading import CURVATURE_1_M, LATERAL_M_S2, Heading, HeadingFilter
-from onboard.mvs.settings import SensingSettings
+from onboard.kinematics.heading import (
+    CURVATURE_1_M,
+    LATERAL_M_S2,
+    MIN_COURSE_SPEED_M_S,
+    Heading,
+    HeadingFilter,
+)
 from onboard.observations import Position
 
-SETTINGS = SensingSettings()
-SIGMA_M_S = SETTINGS.velocity_sigma_m_s
+SIGMA_M_S, MOUNTING_RAD = 0.1, 0.02
 
 
 def fix(at: float, speed_m_s: float | None, course_rad: float | None) -> Position:
@@ -23,7 +27,7 @@ def fix(at: float, speed_m_s: float | None, course_rad: float | None) -> Positio
 
 
 def after(fixes: Iterable[Position]) -> HeadingFilter:
-    heading = HeadingFilter(SETTINGS)
+    heading = HeadingFilter(SIGMA_M_S, MOUNTING_RAD)
     for each in fixes:
         heading.receive_position(each)
     return heading
@@ -61,7 +65,7 @@ def stop(from_m_s: float, braking_m_s2: float, heading_rad: float) -> list[tuple
 
 
 def test_who_has_not_driven_yet_knows_no_heading() -> None:
-    assert HeadingFilter(SETTINGS).at(0.0) is None
+    assert HeadingFilter(SIGMA_M_S, MOUNTING_RAD).at(0.0) is None
     assert after(fix(k / 10, 0.1, float(k)) for k in range(50)).at(5.0) is None
 
 
@@ -107,7 +111,7 @@ def test_who_crawls_farther_believes_the_new_courses() -> None:
 def test_at_speed_it_is_as_certain_as_the_camera_is_mounted(rate_hz: int) -> None:
     fixes = [fix(k / rate_hz, 25.0, 3.0) for k in range(20)]
 
-    assert known(after(fixes), fixes[-1].stamp_s).sigma_rad < 1.03 * SETTINGS.heading_sigma_rad
+    assert known(after(fixes), fixes[-1].stamp_s).sigma_rad < 1.03 * MOUNTING_RAD
 
 
 @pytest.mark.parametrize(("speed_m_s", "radius_m"), [(3.0, 7.0), (5.0, 10.0), (8.0, 20.0)])
@@ -123,7 +127,7 @@ def test_who_turns_is_followed(speed_m_s: float, radius_m: float) -> None:
             (at, speed_m_s, truth)
             for at, truth in zip(times.tolist(), truths.tolist(), strict=True)
         ]
-        heading = HeadingFilter(SETTINGS)
+        heading = HeadingFilter(SIGMA_M_S, MOUNTING_RAD)
         for said, (at, _, truth) in zip(drive(moments, rng), moments, strict=True):
             heading.receive_position(said)
             now = known(heading, at)
@@ -217,11 +221,11 @@ def test_on_a_real_drive_the_next_course_is_where_it_is_said_to_be(
     """One fix a second, junctions included: within two sigma a second ahead, most of the time."""
     reader = NmeaReader()
     reader.receive_bytes((rig_data / "gnss" / f"{name}.nmea").read_bytes())
-    heading, inside = HeadingFilter(SETTINGS), []
+    heading, inside = HeadingFilter(SIGMA_M_S, MOUNTING_RAD), []
     while (event := reader.next_event()) is not None:
         if isinstance(event, Position):
             said = heading.at(event.stamp_s)
-            if said is not None and event.speed_m_s >= SETTINGS.heading_held_below_m_s:
+            if said is not None and event.speed_m_s >= MIN_COURSE_SPEED_M_S:
                 inside.append(abs(off_rad(said, event.course_rad)) < 2.0 * said.sigma_rad)
             heading.receive_position(event)
 

@@ -27,7 +27,7 @@ def say(mvs: MultiVehicleSensing, footer: MvsFooter | bytes, at: float = NOW) ->
     data = footer if isinstance(footer, bytes) else mvs_footer.encode(footer)
     place = Position(at, 48.1009, 11.5, None, 0.5, 10.0, 0.0)
     mvs.receive_bsm(LIAR, place, data, at)
-    mvs.cars_without_radio(at)
+    mvs.update(at)
     reasons = []
     while (event := mvs.next_event()) is not None:
         reasons.append(event.reason)

@@ -148,7 +148,7 @@ def test_a_car_keeps_the_number_that_its_sender_gave_it() -> None:
     data, _ = encode_within(entries, 100_000, SENDER, ANCHOR, 1000)
     told = read_bytes(data)
 
-    assert told.cars == (300 % 256, 2)
+    assert told.numbers == (300 % 256, 2)
     assert told.observers == {b"aaaa", b"bbbb"}
 
 

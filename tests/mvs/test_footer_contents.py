@@ -6,7 +6,7 @@ import pytest
 from onboard.messages import mvs_footer
 from onboard.mvs.footer_coding import read
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.settings import FooterValidationSettings, MvsSettings
+from onboard.mvs.settings import MvsSettings
 from onboard.observations import Position, VehicleDetection
 from tests.mvs.world import (
     EXACT,
@@ -23,7 +23,7 @@ def test_a_footer_keeps_to_m_entries_and_to_its_bytes(selection: str) -> None:
     observers = [Car("a", 0, 0, 0, 10, sees=frozenset(f"x{k}" for k in range(12)))]
     observers += [Car("b", 200, 0, 0, 10, sees=frozenset(f"x{k}" for k in range(12)))]
     others = [Car(f"x{k}", 8.0 * k - 40, 60 + k, 0, 10, radio=False) for k in range(12)]
-    changes = {"selection": selection, "most_entries": 5, "most_bytes": 150}
+    changes = {"selection": selection, "max_entries": 5, "max_bytes": 150}
     world = World(
         observers + others, settings=MvsSettings.model_validate(
             EXACT.model_dump(mode="python") | changes, strict=False)
@@ -92,7 +92,7 @@ def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
         mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 10.0, 0.0))
         for number in range(1 if k < 4 else 2):
             mvs.receive_detection(VehicleDetection(at, number, 30.0, 0.3, 0.6 * number, 0.01))
-        told.append(read(mvs.footer_to_send(at)).cars)
+        told.append(read(mvs.footer_to_send(at)).numbers)
         mvs._tracks._last_number = 256
 
     assert {track.number for track in mvs._tracks} == {1, 257}
@@ -102,7 +102,7 @@ def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
 
 def test_what_did_not_fit_into_a_footer_is_told_first_in_the_next() -> None:
     """Else the last of three cars in view would never be told of, where two fit at most."""
-    tight = EXACT.model_copy(update={"most_bytes": 50})
+    tight = EXACT.model_copy(update={"max_bytes": 50})
     mvs = MultiVehicleSensing(tight, b"-own", np.random.default_rng(0))
     told: list[int] = []
     for k in range(12):
@@ -110,7 +110,7 @@ def test_what_did_not_fit_into_a_footer_is_told_first_in_the_next() -> None:
         mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0))
         for number in range(3):
             mvs.receive_detection(VehicleDetection(now, number, 30.0, 0.3, 0.5 * number, 0.01))
-        told += read(mvs.footer_to_send(now)).cars
+        told += read(mvs.footer_to_send(now)).numbers
 
     times_told = [told.count(car) for car in sorted(set(told))]
     assert len(times_told) == 3
@@ -119,12 +119,11 @@ def test_what_did_not_fit_into_a_footer_is_told_first_in_the_next() -> None:
 
 def test_nobody_tells_more_measurements_at_once_than_are_believed() -> None:
     """Estimates that come back grow with each round, up to all that anybody measured lately."""
-    most = FooterValidationSettings(measurements_per_estimate=8)
     names = [f"r{k}" for k in range(4)]
     cars = [Car(name, 9.0 * k, 0, 0, 10, sees=frozenset({"x"})) for k, name in enumerate(names)]
     world = World(
         [*cars, Car("x", 12, 50, 0, 10, radio=False)],
-        settings=EXACT.model_copy(update={"footer_validation": most}),
+        max_measurements=8,
     )
 
     world.run(2.0)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from onboard.mvs.footer_validation import covariance_inflation, violations
-from onboard.mvs.settings import FooterValidationSettings
 from onboard.tracking.evidence import (
     Estimate,
     Evidence,
@@ -49,10 +48,9 @@ def test_impossible_estimates_are_named(
     doubted, _ = violations(
         as_arrays(pieces),
         ProvenanceSpans.of([each.provenance for each in pieces]),
-        FooterValidationSettings(),
-        reaches_m=np.full(2, 1700.0),
-        tellers_m=np.zeros((2, 2)),
-        now_ms=np.full(2, 1000.0),
+        ranges_m=np.full(2, 1700.0),
+        senders_m=np.zeros((2, 2)),
+        received_ms=np.full(2, 1000.0),
     )
 
     assert doubted == {1: reason}

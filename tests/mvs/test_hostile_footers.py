@@ -21,10 +21,11 @@ from onboard.messages.mvs_footer import (
     SharedState,
 )
 from onboard.mvs.footer_coding import footer_of
-from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.multi_vehicle_sensing import UPDATE_S, MultiVehicleSensing
 from onboard.observations import Position, VehicleDetection
 from onboard.tracking.evidence import Estimate, Measurement, MeasurementId
 from onboard.tracking.fusion import propagate
+from onboard.tracking.tracks import DEFAULTS, MAX_TRACKS_PER_SENDER
 from tests.mvs.attacker import (
     HERE,
     LIAR,
@@ -37,12 +38,11 @@ from tests.mvs.attacker import (
     say,
     victim,
 )
-from tests.mvs.world import EXACT
 
 
 def tracks(mvs: MultiVehicleSensing, now: float = NOW) -> list[Estimate]:
     """What it holds of cars without a radio, known or not yet."""
-    mvs.kinematic_info(now)
+    mvs.update(now)
     return [track.estimate for track in mvs._tracks]
 
 
@@ -165,7 +165,7 @@ def test_ghosts_without_end_are_bounded_and_leave_room_for_the_own_camera() -> N
         near = [ghost for ghost in ghosts if abs(ghost.state[0]) < 1200]
         reasons = say(mvs, footer_with(*near, reference_ms=round(now * 1000)), now)
 
-    assert len(tracks(mvs, NOW + 1.0)) <= EXACT.footer_validation.cars_per_sender
+    assert len(tracks(mvs, NOW + 1.0)) <= MAX_TRACKS_PER_SENDER
     assert "too_many_cars" in reasons or len(near) == 0
 
 
@@ -197,9 +197,9 @@ def variances_of_a_seen_car(
                 np.diag([sigma_m**2, sigma_m**2, sigma_m_s**2, sigma_m_s**2]),
             )
             say(mvs, footer_with(lie, reference_ms=now_ms), at + 0.01)
-        mvs.kinematic_info(at + 0.02)
-        (track,) = (track for track in mvs._tracks if track.is_seen)
-        _, covariances = propagate([track.estimate], stamps[-1] + 20, EXACT.acceleration_density)
+        mvs.update(at + 0.02)
+        (track,) = (track for track in mvs._tracks if track.is_sensed)
+        _, covariances = propagate([track.estimate], stamps[-1] + 20, DEFAULTS.acceleration_density)
         x, y, vx, vy = np.diagonal(covariances[:, :, 0])
         found.append((x + y, vx + vy))
     return np.array(found)
@@ -266,6 +266,7 @@ def test_no_bytes_stop_the_car(data: bytes, with_head: bool) -> None:
 
     say(mvs, data)
 
+    mvs.update(NOW)
     for car in mvs.kinematic_info(NOW):
         assert np.isfinite(car.state).all()
         assert np.isfinite(car.covariance).all()
@@ -336,7 +337,7 @@ def test_a_needle_about_a_seen_car_stops_nothing(footer: str) -> None:
     mvs = drive_with([bytes.fromhex(footer)])
 
     assert_sound(mvs)
-    assert any(track.is_known and track.is_seen for track in mvs._tracks)
+    assert any(track.is_reported and track.is_sensed for track in mvs._tracks)
 
 
 CORNERS_OF_CORRELATION = st.sampled_from([-127 / 128, -120 / 128, 0.0, 120 / 128, 127 / 128])
@@ -394,7 +395,7 @@ def test_an_observer_corrects_what_others_said_of_his_measurement() -> None:
     place = Position(NOW, 48.1003, 11.5, None, 0.5, 10.0, 0.0)
     mvs.receive_bsm(WITNESS, place, mvs_footer.encode(footer_with(own_word)), NOW)
 
-    mvs.kinematic_info(NOW + EXACT.refresh_s)
+    mvs.update(NOW + UPDATE_S)
     (track,) = mvs._tracks
     assert track.estimate.state[0] == pytest.approx(0.6, abs=0.01)
 

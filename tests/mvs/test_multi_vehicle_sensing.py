@@ -230,6 +230,7 @@ def test_without_a_position_there_is_no_mvs() -> None:
 
     assert not mvs.has_position(10.0)
     assert mvs.footer_to_send(10.0) == b""
+    mvs.update(10.0)
     assert mvs.kinematic_info(10.0) == []
     assert mvs.host_vehicle(10.0) is None
 
@@ -241,6 +242,7 @@ def test_what_is_seen_without_a_position_is_not_kept_for_when_there_is_one() -> 
 
     mvs.receive_position(Position(60.0, 48.0, 11.0, None, 1.0, 5.0, 0.0))
 
+    mvs.update(60.0)
     assert mvs.kinematic_info(60.0) == []
     assert mvs.next_event() is None
 
@@ -261,6 +263,7 @@ def test_without_a_heading_the_camera_is_of_no_use_but_the_radio_is() -> None:
     mvs.receive_detection(VehicleDetection(10.0, 1, 20.0, 0.5, 0.1, 0.01))
     mvs.receive_bsm(b"-you", Position(10.0, 48.0, 11.0005, None, 1.0, 5.0, 0.0), None, 10.0)
 
+    mvs.update(10.0)
     (you,) = mvs.kinematic_info(10.0)
 
     assert you.source is ObjectSource.BSM
@@ -277,6 +280,7 @@ def test_a_standing_car_keeps_its_last_heading() -> None:
         mvs.receive_position(Position(10.0 + k / 10, 48.0, 11.0, None, 0.1, 0.1, float(k)))
         mvs.receive_detection(VehicleDetection(10.0 + k / 10, 1, 20.0, 0.5, 0.0, 0.01))
 
+    mvs.update(11.0)
     (ahead,) = mvs.kinematic_info(11.0)
 
     assert ahead.state[:2] == pytest.approx((20.0, 0.0), abs=0.1)
@@ -285,7 +289,7 @@ def test_a_standing_car_keeps_its_last_heading() -> None:
 def test_on_a_long_way_the_frame_moves_along_and_nobody_is_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(host_vehicle, "NEW_ORIGIN_M", 100.0)
+    monkeypatch.setattr(host_vehicle, "MAX_ORIGIN_DISTANCE_M", 100.0)
     cars = [
         Car("a", 0, 0, 0, 60, sees=frozenset({"x"})),
         Car("b", 30, 50, 0, 60),
@@ -297,7 +301,7 @@ def test_on_a_long_way_the_frame_moves_along_and_nobody_is_lost(
     frames = set()
     for _ in range(50):
         world.run(0.1)
-        frames.add(world.mvs["a"]._own.frame)
+        frames.add(world.mvs["a"]._host.frame)
         x = only(world.without_radio("a"))
         assert np.abs(world.place_of("a", x) - world.truth("x"))[:2].max() < 1.5
         assert sum(car.source is ObjectSource.BSM for car in world.known("a")) == 1
@@ -346,6 +350,7 @@ def test_when_utc_is_corrected_a_car_in_view_is_known_again_at_once(step_s: floa
         mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0))
         seen = VehicleDetection(now, 1, 30.0 + 15.0 * (now - 1000.0), 0.5, 0.0, 0.01)
         mvs.receive_detection(seen)
+        mvs.update(now)
         known = mvs.kinematic_info(now)
         if k >= 34:
             car = only(known)

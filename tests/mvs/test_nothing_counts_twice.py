@@ -10,8 +10,8 @@ from onboard.tracking.evidence import Measurement, MeasurementId
 from onboard.tracking.evidence_store import OWN
 from onboard.tracking.fusion import fuse, propagate
 from onboard.tracking.track import Track
+from onboard.tracking.tracks import DEFAULTS
 from tests.mvs.world import (
-    EXACT,
     Car,
     Message,
     World,
@@ -76,22 +76,22 @@ def test_what_a_car_knows_is_what_a_central_filter_of_all_measurements_knows() -
     for _ in range(20):
         world.run(0.1)
         for core in world.mvs.values():
-            frame, own_frame = mvs._own.frame, core._own.frame
+            frame, own_frame = mvs._host.frame, core._host.frame
             assert frame is not None
             assert own_frame is not None
             mapping = frame.mapping_from(own_frame)
             for held in (held for track in core._tracks for held in track.evidence.values()):
                 piece = held.piece
-                if isinstance(piece, Measurement) and held.teller == OWN:
+                if isinstance(piece, Measurement) and held.sender == OWN:
                     everything[piece.id] = piece.mapped(*mapping)
     x = only(world.without_radio("c0"))
 
-    (central,) = fuse([list(everything.values())], EXACT.acceleration_density)
-    (track,) = mvs.cars_without_radio(world.t)
+    (central,) = fuse([list(everything.values())], DEFAULTS.acceleration_density)
+    (track,) = mvs.reported_tracks()
 
     assert x.provenance <= set(everything)
     assert len(x.provenance) > 0.85 * len(everything)
-    states, _ = propagate([central], track.estimate.stamp_ms, EXACT.acceleration_density)
+    states, _ = propagate([central], track.estimate.stamp_ms, DEFAULTS.acceleration_density)
     apart = states[:, 0] - track.estimate.state
     assert np.abs(apart[:2]).max() < 0.3
     assert np.abs(apart[2:]).max() < 0.6
@@ -106,10 +106,10 @@ def test_without_the_selection_measurements_would_be_used_twice(
     """The property above can fail: it is the selection that keeps it."""
 
     def use_everything(track: Track) -> bool:
-        track.chosen = track.held
+        track.chosen = track.stored
         return True
 
-    monkeypatch.setattr(Track, "choose", use_everything)
+    monkeypatch.setattr(Track, "choose_evidence", use_everything)
     world = ring(3)
     world.run(1.0)
 

@@ -25,9 +25,9 @@ def measurement(car: int, observer: bytes, stamp_ms: int = 0) -> Measurement:
     return Measurement(MeasurementId(observer, stamp_ms), np.array([100.0 * car, 0.0]), np.eye(2))
 
 
-def candidate(car: int, observers: str, is_seen: bool) -> Candidate:
+def candidate(car: int, observers: str, is_sensed: bool) -> Candidate:
     evidence = [measurement(car, observer.encode()) for observer in observers]
-    return Candidate(evidence, len(evidence), is_seen)
+    return Candidate(evidence, len(evidence), is_sensed)
 
 
 def estimate(evidence_of_cars: Sequence[Sequence[Evidence]]) -> list[Evidence]:
@@ -69,16 +69,16 @@ def test_seen_cars_come_first_then_the_most_significant_lines_10_to_20() -> None
 def test_among_equally_significant_cars_the_one_told_of_last_comes_last() -> None:
     evidence = [[measurement(car, b"a")] for car in range(3)]
     candidates = [
-        Candidate(evidence[0], 1, is_seen=True, told_ms=900),
-        Candidate(evidence[1], 1, is_seen=True, told_ms=700),
-        Candidate(evidence[2], 1, is_seen=True, told_ms=800),
+        Candidate(evidence[0], 1, is_sensed=True, sent_ms=900),
+        Candidate(evidence[1], 1, is_sensed=True, sent_ms=700),
+        Candidate(evidence[2], 1, is_sensed=True, sent_ms=800),
     ]
 
     assert cars_of(algorithm_1(candidates, 2, estimate, RNG)) == [1, 2]
 
 
 def test_every_selection_says_which_candidate_it_tells_of() -> None:
-    candidates = [candidate(car, "ab", is_seen=car == 1) for car in range(6)]
+    candidates = [candidate(car, "ab", is_sensed=car == 1) for car in range(6)]
 
     for select in SELECTIONS.values():
         selected = select(candidates, 4, estimate, RNG)
@@ -87,12 +87,12 @@ def test_every_selection_says_which_candidate_it_tells_of() -> None:
 
 def test_significance_is_the_inverse_of_what_was_received() -> None:
     assert candidate(1, "abcd", True).significance == 0.25
-    assert Candidate([measurement(1, b"a")], 2, is_seen=False).significance == 0.5
+    assert Candidate([measurement(1, b"a")], 2, is_sensed=False).significance == 0.5
 
 
 def test_measurements_only_sends_measurements_of_cars_at_random() -> None:
     evidence = [measurement(1, b"a"), *fuse([[measurement(1, b"b"), measurement(1, b"c")]], 1.0)]
-    candidates = [Candidate(evidence, 2, is_seen=True), candidate(2, "abcd", False)]
+    candidates = [Candidate(evidence, 2, is_sensed=True), candidate(2, "abcd", False)]
 
     selections = [measurements_only(candidates, 2, estimate, RNG) for _ in range(200)]
 
@@ -102,7 +102,7 @@ def test_measurements_only_sends_measurements_of_cars_at_random() -> None:
 
 
 def test_random_selection_sends_one_me_of_cars_at_random() -> None:
-    candidates = [candidate(car, "ab", is_seen=car == 0) for car in range(6)]
+    candidates = [candidate(car, "ab", is_sensed=car == 0) for car in range(6)]
 
     selections = [random_selection(candidates, 2, estimate, RNG) for _ in range(300)]
 

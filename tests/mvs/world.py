@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from onboard.kinematics.local_frame import LocalFrame
+from onboard.mvs.footer_validation import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.mvs.settings import MvsSettings, SensingSettings
@@ -81,6 +82,7 @@ class World:
     cars: list[Car]
     radio: Radio = perfect_radio
     settings: MvsSettings = EXACT
+    max_measurements: int = MAX_MEASUREMENTS_PER_ESTIMATE
     seed: int = 1
     position_sigma_m: float = 0.3
     range_sigma_m: float = 0.3
@@ -94,7 +96,11 @@ class World:
         self.start = self.t
         self.mvs = {
             car.name: MultiVehicleSensing(
-                self.settings, car.id, np.random.default_rng(2), car.clock_offset_s
+                self.settings,
+                car.id,
+                np.random.default_rng(2),
+                car.clock_offset_s,
+                max_measurements=self.max_measurements,
             )
             for car in self.cars
             if car.radio
@@ -193,7 +199,9 @@ class World:
     def known(self, name: str) -> list[PerceivedObject]:
         """The kinematic-info of a car, now."""
         car = self.car(name)
-        return self.mvs[name].kinematic_info(self.t - car.clock_offset_s)
+        mvs, now = self.mvs[name], self.t - car.clock_offset_s
+        mvs.update(now)
+        return mvs.kinematic_info(now)
 
     def without_radio(self, name: str) -> list[PerceivedObject]:
         """What it knows of cars without a radio."""
@@ -201,7 +209,7 @@ class World:
 
     def place_of(self, name: str, known: PerceivedObject) -> np.ndarray:
         """State (4) of a car known to `name`, in the world's frame."""
-        frame = self.mvs[name]._own.frame
+        frame = self.mvs[name]._host.frame
         turn, shift = ORIGIN.mapping_from(frame)
         return np.concatenate([turn @ known.state[:2] + shift, turn @ known.state[2:]])
 

@@ -129,7 +129,7 @@ def test_the_assignment_is_the_best_of_all(
 
 
 def test_of_a_car_seen_once_the_speed_is_taken_to_be_a_cars() -> None:
-    measured_once = as_arrays([measured(0.0)]).with_any_speed(100.0)
+    measured_once = as_arrays([measured(0.0)]).with_unknown_speed(100.0)
 
     learnt = with_speed_prior(measured_once, 20.0).covariances[:, :, 0]
 

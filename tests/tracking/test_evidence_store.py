@@ -14,11 +14,11 @@ WHOLE = Estimate(
 
 
 def test_what_is_put_is_found_again() -> None:
-    shelf = EvidenceStore()
-    shelf.put(as_arrays([WHOLE, WHOLE]))
-    row = shelf.put(as_arrays([PLACED, WHOLE]))
+    store = EvidenceStore()
+    store.append(as_arrays([WHOLE, WHOLE]))
+    row = store.append(as_arrays([PLACED, WHOLE]))
 
-    placed, whole = shelf.piece(PLACED.provenance, row), shelf.piece(WHOLE.provenance, row + 1)
+    placed, whole = store.piece(PLACED.provenance, row), store.piece(WHOLE.provenance, row + 1)
 
     assert row == 2
     assert isinstance(placed, Measurement)
@@ -31,26 +31,26 @@ def test_what_is_put_is_found_again() -> None:
 
 
 def test_it_grows_and_keeps_what_is_wanted() -> None:
-    shelf = EvidenceStore()
+    store = EvidenceStore()
     for at in range(3000):
         piece = Measurement(MeasurementId(b"seer", at), np.array([at, -at], float), np.eye(2))
-        assert shelf.put(as_arrays([piece])) == at
-    assert shelf.is_due(1000)
+        assert store.append(as_arrays([piece])) == at
+    assert store.is_sparse(1000)
 
-    shelf.keep([2999, 7, 1500])
+    store.compact([2999, 7, 1500])
 
-    assert not shelf.is_due(3)
-    assert shelf.at([0, 1, 2]).states[0].tolist() == [2999.0, 7.0, 1500.0]
-    assert shelf.put(as_arrays([PLACED])) == 3
+    assert not store.is_sparse(3)
+    assert store.at([0, 1, 2]).states[0].tolist() == [2999.0, 7.0, 1500.0]
+    assert store.append(as_arrays([PLACED])) == 3
 
 
 def test_a_piece_once_made_stays_as_it_is() -> None:
-    shelf = EvidenceStore()
-    row = shelf.put(as_arrays([WHOLE]))
-    piece = shelf.piece(WHOLE.provenance, row)
+    store = EvidenceStore()
+    row = store.append(as_arrays([WHOLE]))
+    piece = store.piece(WHOLE.provenance, row)
 
-    shelf.map_to(np.array([[0.0, -1.0], [1.0, 0.0]]), np.array([10.0, 20.0]))
+    store.change_frame(np.array([[0.0, -1.0], [1.0, 0.0]]), np.array([10.0, 20.0]))
 
     assert isinstance(piece, Estimate)
     assert piece.state.tolist() == [1.0, 2.0, 3.0, 4.0]
-    assert shelf.at([row]).states[:, 0].tolist() == [8.0, 21.0, -4.0, 3.0]
+    assert store.at([row]).states[:, 0].tolist() == [8.0, 21.0, -4.0, 3.0]
