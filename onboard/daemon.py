@@ -25,6 +25,7 @@ from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
+from onboard.obd.dbc_file import read_signals
 from onboard.observations import Discarded, Lead, Sensor, SensorLost, SensorRecovered
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.records import RecorderState
@@ -101,6 +102,7 @@ class Daemon:
                 utc_s=time.time(),
                 credentials=credentials,
                 driver=self._driver,
+                signals=read_signals(config.obd.broadcast),
             ),
         )
         self._wsms = ReceiveQueue(config.lcca_psid, bsm_sender)

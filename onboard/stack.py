@@ -6,7 +6,7 @@ virtual time and both replays call it.
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,9 @@ from onboard.trace.trace_line import Event
 from onboard.units import STANDARD_GRAVITY_M_S2
 from onboard.wave_link import MessageReceived, MessageSent, WaveLink
 
+if TYPE_CHECKING:
+    from onboard.obd.broadcast import BroadcastSignals
+
 LCCA_LIFETIME_S = 0.5
 """Time a group message may wait for the radio; after it, the group's own timers repeat it."""
 
@@ -87,6 +90,7 @@ class Stack:
         credentials: Credentials | None = None,
         driver: DriverModel | None = None,
         digest: PlateDigest | None = None,
+        signals: "BroadcastSignals | None" = None,
     ) -> None:
         """Start at `now`, which is `utc_s`.
 
@@ -100,6 +104,7 @@ class Stack:
                 messages are accepted.
             driver: model learnt in earlier drives; the population's mean if not given.
             digest: derives vehicle IDs from plates; made from `config` if not given.
+            signals: those that the vehicle broadcasts on its bus.
         """
         self._config = config
         self._security = SecurityServices(utc_s - now, credentials)
@@ -110,7 +115,7 @@ class Stack:
             check_braking=config.security.check_braking
         )
         self._pending_warnings = PendingWarnings(self._misbehaviour_detector)
-        self._bus = VehicleBus(config.obd)
+        self._bus = VehicleBus(config.obd, signals)
         self._link = WaveLink(self._security, (psid.BSM, config.lcca_psid))
         self._group = WarningGroup(config.lcca.parameters(), self._pseudonym.car_id, rng)
         size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)

@@ -1,4 +1,4 @@
-"""Signals that the car sends by itself, read through its DBC file and known by name only."""
+"""Signals that the vehicle broadcasts, decoded by its DBC file and named in the settings."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -30,15 +30,20 @@ HIGHEST_SPEED_M_S = 100.0
 class BroadcastSignals:
     """Turns the frames of the named signals into observations."""
 
-    def __init__(self, settings: BroadcastSettings) -> None:
-        """Read the DBC file: a part of the configuration, so the one file that a core opens.
+    def __init__(self, settings: BroadcastSettings, dbc_text: str) -> None:
+        """Find the named signals.
+
+        Args:
+            settings: names of the signals.
+            dbc_text: content of the DBC file, as `onboard.obd.dbc_file` reads it.
 
         Raises:
-            UserError: the file cannot be read, a signal is not in it, speeds are spread over
+            UserError: the text is no DBC file, a signal is not in it, speeds are spread over
                 several messages, or a speed has no known unit.
         """
+        self.dbc_text = dbc_text
         self._dbc = settings.dbc
-        database = self._load()
+        database = self._parse(dbc_text)
         self._speed = [self._find(database, name) for name in settings.speed]
         self._pedal = [
             self._find(database, name) for name in (settings.brake_pedal,) if name is not None
@@ -92,11 +97,11 @@ class BroadcastSignals:
             source=_source(message, signals[0]),
         )
 
-    def _load(self) -> Any:
+    def _parse(self, text: str) -> Any:
         try:
-            return cantools.database.load_file(self._dbc)
-        except OSError as error:
-            raise UserError(f"{self._dbc}: cannot be read: {error.strerror}") from error
+            # DBC files are written in Windows-1252.
+            decoded = text.encode("latin-1").decode("cp1252")
+            return cantools.database.load_string(decoded, database_format="dbc")
         except (cantools.Error, ValueError) as error:
             raise UserError(f"{self._dbc}: no DBC file: {' '.join(str(error).split())}") from error
 

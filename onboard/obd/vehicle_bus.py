@@ -20,7 +20,7 @@ from onboard.obd.can_frame import CanFrame
 from onboard.obd.hard_brake import HardBrakeDetector
 from onboard.obd.iso_tp import Aborted, Reassembly
 from onboard.obd.request_scheduler import RequestScheduler
-from onboard.obd.settings import BroadcastSettings, ObdSettings
+from onboard.obd.settings import ObdSettings
 from onboard.observations import BrakePedal, Discarded, HardBrake, Speed
 
 if TYPE_CHECKING:
@@ -47,18 +47,19 @@ BusEvent = Speed | BrakePedal | HardBrake | Discarded
 class VehicleBus(Core):
     """See the module's head. Holds nothing that grows: at most one reassembly for each ECU."""
 
-    def __init__(self, settings: ObdSettings) -> None:
-        """Start with nothing known.
+    def __init__(self, settings: ObdSettings, signals: "BroadcastSignals | None" = None) -> None:
+        """Start with nothing received.
 
-        Raises:
-            UserError: the DBC file, or a signal in it, is not as the settings say.
+        Args:
+            settings: what to request.
+            signals: those that the vehicle broadcasts; `None` if none are known.
         """
         self._tester = (
             RequestScheduler(settings.polling_hz, _IDENTIFIERS[settings.addressing])
             if settings.polling_hz is not None
             else None
         )
-        self._signals = _signals(settings.broadcast) if settings.broadcast else None
+        self._signals = signals
         self._detector = HardBrakeDetector(settings.hard_brake_threshold_g)
         self._reassemblies: dict[tuple[int, bool], Reassembly] = {}
         self._speed_heard_at: dict[tuple[int, bool], float] = {}
@@ -214,10 +215,3 @@ def request_identifier(ecu: int, *, is_extended_id: bool) -> int:
     if is_extended_id:
         return 0x18DA00F1 | (ecu & 0xFF) << 8
     return ecu - 8
-
-
-def _signals(settings: BroadcastSettings) -> "BroadcastSignals":
-    """What reads a DBC file is a tenth of a start, and few cars have one."""
-    from onboard.obd.broadcast import BroadcastSignals  # noqa: PLC0415 (said above)
-
-    return BroadcastSignals(settings)

@@ -8,6 +8,7 @@ import numpy as np
 
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.config import CarConfig
+from onboard.obd.dbc_file import parse_signals
 from onboard.recorder.header import Certificates, RecordingHeader
 from onboard.recorder.identities import Aliases
 from onboard.replay.initial_state import InitialState
@@ -36,7 +37,6 @@ def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -
     tree.get("access", {}).pop("driver_file", None)
     tree.get("security", {}).pop("keys_folder", None)
     tree.get("security", {}).get("plate_digest", {}).pop("community_key", None)
-    broadcast = config.obd.broadcast
     assert isinstance(seed.entropy, int)  # noqa: S101 (what numpy makes of None or a number)
     return RecordingHeader(
         drive=_name(initial.utc_s),
@@ -46,7 +46,7 @@ def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -
         utc_s=initial.utc_s,
         sensors=tuple(sorted(initial.sensors)),
         config=tree,
-        dbc=broadcast.dbc.read_text("latin-1") if broadcast is not None else None,
+        dbc=None if initial.signals is None else initial.signals.dbc_text,
         certificates=None if credentials is None else _public(credentials),
         driver=None if initial.driver is None else initial.driver.memory(),
         is_complete=is_complete,
@@ -72,14 +72,18 @@ def initial_state_of(header: RecordingHeader) -> InitialState:
     Raises:
         SettingsError: this version of the software does not have one of its settings, or one of
             its certificates cannot be read.
+        UserError: its DBC file cannot be read.
     """
     entropy, *spawn_key = header.seed
+    config = parse_settings(header.config, CarConfig, f"the recording of {header.drive}")
+    broadcast = config.obd.broadcast
     return InitialState(
-        config=parse_settings(header.config, CarConfig, f"the recording of {header.drive}"),
+        config=config,
         sensors=frozenset(header.sensors),
         seed=np.random.SeedSequence(entropy, spawn_key=spawn_key),
         now=header.now_s,
         utc_s=header.utc_s,
         credentials=header.credentials(),
         driver=DriverModel(DEFAULT_POPULATION, memory=header.driver),
+        signals=None if broadcast is None else parse_signals(broadcast, header.dbc or ""),
     )

@@ -1,6 +1,7 @@
 """How a car begins: all that its cores are given before the first input."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from onboard.observations import Sensor
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
 from onboard.stack import Stack
+
+if TYPE_CHECKING:
+    from onboard.obd.broadcast import BroadcastSignals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,6 +28,7 @@ class InitialState:
     utc_s: float
     credentials: Credentials | None = None
     driver: DriverModel | None = None
+    signals: "BroadcastSignals | None" = None
 
     def stack(self, digest: PlateDigest | None = None) -> Stack:
         """The cores of a car that begins like this."""
@@ -36,4 +41,5 @@ class InitialState:
             credentials=self.credentials,
             driver=self.driver,
             digest=digest,
+            signals=self.signals,
         )

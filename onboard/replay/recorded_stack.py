@@ -1,12 +1,9 @@
 """Puts a car's cores together with everything about them on record, and again from the record."""
 
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Protocol
 
-from onboard.config import CarConfig
 from onboard.recorder.header import RecordingHeader
 from onboard.recorder.identities import Aliases, RecordingDigest, ReplayedDigest
 from onboard.recorder.records import Identity, Record
@@ -72,18 +69,5 @@ def replayed_stack(
     beginning = initial_state_of(head)
     now, utc_s = begins or (beginning.now, beginning.utc_s)
     digest = ReplayedDigest(beginning.config.security.plate_digest, car_ids)
-    with tempfile.TemporaryDirectory() as folder:
-        config = _with_dbc(beginning.config, head.dbc, Path(folder))
-        stack = replace(beginning, config=config, now=now, utc_s=utc_s).stack(digest)
+    stack = replace(beginning, now=now, utc_s=utc_s).stack(digest)
     return Tap(stack, note, Aliases(in_clear=True), (now, utc_s), positions=True)
-
-
-def _with_dbc(config: CarConfig, dbc: str | None, folder: Path) -> CarConfig:
-    """With the recorded signals of the car's bus, where it broadcasts them, in a file again."""
-    if config.obd.broadcast is None:
-        return config
-    file = folder / "car.dbc"
-    file.write_text(dbc or "", "latin-1")
-    broadcast = config.obd.broadcast.model_copy(update={"dbc": file})
-    obd = config.obd.model_copy(update={"broadcast": broadcast})
-    return config.model_copy(update={"obd": obd})

@@ -13,6 +13,7 @@ from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.gnss.nmea import NmeaReader
 from onboard.obd.can_bus import read_can_log
+from onboard.obd.dbc_file import read_signals
 from onboard.observations import Discarded, Position, Sensor
 from onboard.settings import parse_settings
 from onboard.stack import Stack
@@ -69,6 +70,7 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
         np.random.default_rng(config.seed or 0),
         now=first[0],
         utc_s=first[0],
+        signals=read_signals(config.obd.broadcast),
     )
     now = first[0]
     for stamp_s, _, received in chain((first,), inputs):

@@ -7,6 +7,7 @@ import pytest
 
 from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
+from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import BrakePedal, HardBrake, Speed
@@ -43,6 +44,10 @@ def settings(dbc, **more):
     return ObdSettings(broadcast=BroadcastSettings(dbc=dbc, **more))
 
 
+def bus_of(settings):
+    return VehicleBus(settings, read_signals(settings.broadcast))
+
+
 def frame(stamp_s, message, **values):
     """A frame as cantools, not our code, lays it out."""
     database = cantools.database.load_string(DBC, "dbc")
@@ -62,31 +67,31 @@ def hear(bus, *frames):
 
 
 def test_a_speed_in_si_with_its_resolution_and_name(dbc):
-    bus = VehicleBus(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
+    bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     assert hear(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0)) == [
         Speed(2.0, pytest.approx(10.0), pytest.approx(0.01 * KM_H), "dbc:WHEELS.FRONT_LEFT")
     ]
 
 
 def test_of_several_wheels_the_mean(dbc):
-    bus = VehicleBus(settings(dbc, speed=("WHEELS.FRONT_LEFT", "WHEELS.FRONT_RIGHT")))
+    bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT", "WHEELS.FRONT_RIGHT")))
     (speed,) = hear(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0, FRONT_RIGHT=37.0))
     assert speed.speed_m_s == pytest.approx(36.5 * KM_H)
 
 
 def test_the_unit_is_the_dbc_files_whatever_its_case(dbc):
-    bus = VehicleBus(settings(dbc, speed=("CLUSTER.SPEED",)))
+    bus = bus_of(settings(dbc, speed=("CLUSTER.SPEED",)))
     (speed,) = hear(bus, frame(2.0, "CLUSTER", SPEED=60))
     assert speed.speed_m_s == pytest.approx(60 * MPH)
 
 
 def test_the_settings_may_name_another_unit(dbc):
-    bus = VehicleBus(settings(dbc, speed=("WHEELS.FRONT_LEFT",), speed_unit="m/s"))
+    bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",), speed_unit="m/s"))
     assert hear(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0))[0].speed_m_s == pytest.approx(36.0)
 
 
 def test_the_brake_pedal(dbc):
-    bus = VehicleBus(settings(dbc, brake_pedal="PEDALS.BRAKE"))
+    bus = bus_of(settings(dbc, brake_pedal="PEDALS.BRAKE"))
     assert hear(bus, frame(2.0, "PEDALS", BRAKE=1), frame(2.1, "PEDALS", BRAKE=0)) == [
         BrakePedal(2.0, pressed=True, source="dbc:PEDALS.BRAKE"),
         BrakePedal(2.1, pressed=False, source="dbc:PEDALS.BRAKE"),
@@ -95,12 +100,12 @@ def test_the_brake_pedal(dbc):
 
 def test_an_identifier_is_its_kind_too(dbc):
     """0x100 with 29 bits is another message than 0x100 with 11."""
-    bus = VehicleBus(settings(dbc, brake_pedal="PEDALS.BRAKE"))
+    bus = bus_of(settings(dbc, brake_pedal="PEDALS.BRAKE"))
     assert hear(bus, CanFrame(2.0, 256, is_extended_id=True, data=b"\x01")) == []
 
 
 def test_beyond_the_range_stands_not_available(dbc):
-    bus = VehicleBus(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
+    bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     (discarded,) = hear(bus, CanFrame(2.0, 176, is_extended_id=False, data=b"\xff" * 8))
     assert (discarded.component, discarded.reason) == ("obd", "signal_range")
 
@@ -109,7 +114,7 @@ def test_beyond_the_range_stands_not_available(dbc):
 @pytest.mark.parametrize("number", ["ffffffff", "7f800000", "7fc00000", "47000000", "c7000000"])
 def test_without_a_range_stands_there_what_no_car_can_drive(dbc, signal, number):
     """All ones, and as floating point: infinite, no number, too fast either way."""
-    bus = VehicleBus(settings(dbc, speed=(f"NO_RANGES.{signal}",)))
+    bus = bus_of(settings(dbc, speed=(f"NO_RANGES.{signal}",)))
     wheel = b"\xff\xff"
     (discarded,) = hear(bus, CanFrame(2.0, 177, False, wheel + bytes.fromhex(number)))
     assert (discarded.component, discarded.reason) == ("obd", "signal_range")
@@ -117,13 +122,13 @@ def test_without_a_range_stands_there_what_no_car_can_drive(dbc, signal, number)
 
 @pytest.mark.parametrize("length", [0, 1, 7])
 def test_a_frame_that_is_too_short_is_discarded(dbc, length):
-    bus = VehicleBus(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
+    bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     (discarded,) = hear(bus, CanFrame(2.0, 176, is_extended_id=False, data=bytes(length)))
     assert (discarded.component, discarded.reason) == ("obd", "signal_decoding")
 
 
 def test_while_the_car_broadcasts_its_speed_obd_is_neither_asked_nor_believed(dbc):
-    bus = VehicleBus(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
+    bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     answer = CanFrame(10.1, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32"))
     events = hear(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0), answer)
     assert [event.source for event in events] == ["dbc:WHEELS.FRONT_LEFT"]
@@ -132,7 +137,7 @@ def test_while_the_car_broadcasts_its_speed_obd_is_neither_asked_nor_believed(db
 
 
 def test_when_it_stops_broadcasting_obd_takes_over(dbc):
-    bus = VehicleBus(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
+    bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     hear(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0))
     assert len(bus.frames_to_send(10.5)) == 1
     answer = CanFrame(10.51, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32"))
@@ -140,7 +145,7 @@ def test_when_it_stops_broadcasting_obd_takes_over(dbc):
 
 
 def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc):
-    bus = VehicleBus(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
+    bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     frames = [
         frame(n / 50, "WHEELS", FRONT_LEFT=100 - 28.8 * max(0.0, n / 50 - 1.0)) for n in range(100)
     ]
@@ -161,16 +166,16 @@ def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc):
 )
 def test_a_wrong_name_is_told_with_what_there_is(dbc, more, named):
     with pytest.raises(UserError) as told:
-        VehicleBus(settings(dbc, **more))
+        bus_of(settings(dbc, **more))
     assert named in str(told.value)
     assert "\n" not in str(told.value)
 
 
 def test_a_missing_or_broken_file_is_told_in_one_line(tmp_path):
     with pytest.raises(UserError, match=r"nowhere\.dbc: cannot be read: No such file"):
-        VehicleBus(settings(tmp_path / "nowhere.dbc"))
+        bus_of(settings(tmp_path / "nowhere.dbc"))
     broken = tmp_path / "broken.dbc"
     broken.write_text("BO_ this is no message", encoding="ascii")
     with pytest.raises(UserError, match=r"broken\.dbc: no DBC file: ") as told:
-        VehicleBus(settings(broken))
+        bus_of(settings(broken))
     assert "\n" not in str(told.value)

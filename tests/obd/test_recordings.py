@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from onboard.obd.can_bus import read_can_log
+from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import HardBrake, Speed
@@ -26,7 +27,7 @@ def frames_of(path):
 
 
 def events_of(path, settings=LISTENING):
-    bus = VehicleBus(settings)
+    bus = VehicleBus(settings, read_signals(settings.broadcast))
     events = []
     for frame in frames_of(path):
         bus.receive_frame(frame, frame.stamp_s)

@@ -14,11 +14,12 @@ from onboard.errors import UserError
 from onboard.lcca.group import WarningGroup
 from onboard.recorder.reader import RecordedDrive, RecordingError, raw_records
 from onboard.recorder.repair import write_records
-from onboard.replay.drive_header import OF_THE_CORES
+from onboard.replay.drive_header import OF_THE_CORES, initial_state_of
 from onboard.replay.replay import compare, play
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
 from tests.recorder.drive import AHEAD, BEHIND, KEY, record_drive
+from tests.recorder.headers import HEAD
 
 
 @pytest.fixture(scope="module")
@@ -288,3 +289,14 @@ def test_what_cannot_be_replayed_is_one_line(tmp_path: Path) -> None:
     assert result.returncode == 2
     assert result.stderr.count("\n") == 1
     assert "no recording there" in result.stderr
+
+
+def test_the_dbc_file_of_a_recording_is_read_from_its_header() -> None:
+    dbc = 'VERSION ""\nBU_: CAR\nBO_ 256 PEDALS: 1 CAR\n SG_ BRAKE : 0|1@1+ (1,0) [0|1] "" CAR\n'
+    broadcast = {"dbc": "gone.dbc", "brake_pedal": "PEDALS.BRAKE"}
+    config = {"car": {"plate": "A1"}, "obd": {"broadcast": broadcast}}
+
+    state = initial_state_of(HEAD.model_copy(update={"config": config, "dbc": dbc}))
+
+    assert state.signals is not None
+    assert state.signals.dbc_text == dbc

@@ -5,6 +5,7 @@ import contextlib
 
 from onboard.obd.can_bus import CanBus, CanBusError
 from onboard.obd.can_frame import CanFrame
+from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import Speed
@@ -40,7 +41,7 @@ async def examine_bus(can: CanSettings, obd: ObdSettings, patience_s: float) -> 
         UserError: the DBC file cannot be read.
     """
     loop = asyncio.get_running_loop()
-    core = VehicleBus(obd)
+    core = VehicleBus(obd, read_signals(obd.broadcast))
     frames = 0
     speed: Speed | None = None
     lost: list[str] = []
