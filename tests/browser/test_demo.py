@@ -44,7 +44,7 @@ async def look_at_demo(path: str, folder: Path) -> None:
         await brake_until_alarmed(green, red)
         await expect(engineer.locator("#timeline .alarm").first).to_be_visible()
         await engineer.click("#earlier-warning")
-        await expect(engineer.locator('[data-car="red"].card .notes')).to_contain_text("group")
+        await expect(engineer.locator('[data-car="red"].card .notes')).to_contain_text("lcca")
 
         running.cancel()
         await desk.processes.stop("red")

@@ -35,7 +35,7 @@ class Shown:
         self.server.run_view.receive_rig({"kind": "start", "stamp_s": self.offset_s})
         for car, trace in log.traces.items():
             for record in trace:
-                self.tell(car, record)
+                self.add(car, record)
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
 
