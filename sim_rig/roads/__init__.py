@@ -1,4 +1,4 @@
-"""Who drives where: on one road as a scenario says (`road.py`), or on a plane with many cars.
+"""Motion of the cars: on a scenario's roads (`road.py`), or of many cars on a plane.
 
-On the plane every source (`sources.py`) answers one question, `cars_at(at_s) -> Cars`.
+On the plane, every source (`sources.py`) has one method, `cars_at(at_s) -> Cars`.
 """

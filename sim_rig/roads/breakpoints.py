@@ -1,4 +1,4 @@
-"""The road as a scenario writes it down: speed and lane at breakpoints."""
+"""Motion of a scenario's cars: speed and lane at breakpoints."""
 
 from collections.abc import Mapping
 
@@ -11,7 +11,7 @@ from sim_rig.scenario.schema import RoadSettings, Scenario, ScenarioCar
 
 
 class BreakpointRoad(Road):
-    """Exact at every moment, in any order of moments: nothing is stepped."""
+    """Evaluates the breakpoints exactly, at any times in any order."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._cars = {
@@ -34,7 +34,7 @@ class BreakpointRoad(Road):
 
 
 class _Drive:
-    """One car's way."""
+    """Motion of one car."""
 
     def __init__(self, car: ScenarioCar, road: RoadSettings, lane_width_m: float) -> None:
         self._car = car
@@ -50,7 +50,7 @@ class _Drive:
         speed_m_s, acceleration_m_s2, driven_m = self._speed_m_s.sample(at_s)
         front_m = self._zero_m + driven_m
         left_m = (self._lane.value(at_s) - 1) * self._lane_width_m
-        # A car points from where its rear is to where its front is: so it turns in bends.
+        # The heading is that of the line from rear to front bumper, so that cars turn in bends.
         front = self._path.place(front_m, left_m)
         rear = self._path.place(front_m - self._car.length_m, left_m)
         return CarState(

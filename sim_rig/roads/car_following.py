@@ -7,11 +7,11 @@ from onboard.settings import Settings
 from sim_rig.roads.cars import Array
 
 COMFORTABLE_M_S2 = 3.0
-"""IDM's b, where it is the same for all."""
+"""Comfortable deceleration b of the IDM."""
 
 
 class CarFollowing(Settings):
-    """What drivers have in common."""
+    """IDM parameters that all drivers share."""
 
     acceleration_m_s2: float = Field(2.1, gt=0.0, le=10.0)
     """IDM's a."""
@@ -30,9 +30,15 @@ def idm_acceleration(  # noqa: PLR0917 (the arguments of the formula, in its ord
     comfortable_deceleration: Array | float,
     model: CarFollowing,
 ) -> Array:
-    """Acceleration in m/s^2; all arguments in m and s, and broadcast.
+    """Acceleration of the IDM, m/s^2; all arrays broadcast.
 
-    `gap` is from bumper to bumper, positive, infinite where nobody is ahead.
+    Args:
+        speed: m/s.
+        wished_speed: desired speed v0, m/s.
+        gap: bumper to bumper, m, positive; infinite without a car ahead.
+        closing_speed: m/s.
+        comfortable_deceleration: b, m/s^2.
+        model: the other parameters.
     """
     most = model.acceleration_m_s2
     dynamic = speed * closing_speed / (2.0 * np.sqrt(most * comfortable_deceleration))

@@ -1,4 +1,4 @@
-"""All cars on the plane at one moment, and what every source of movement tells."""
+"""State of all cars on the plane, and the interface of its sources."""
 
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -11,15 +11,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cars:
-    """N cars at one moment. x is east, y is north; headings turn counter-clockwise from east."""
+    """N cars at one time. x is east, y is north; headings are counter-clockwise from east."""
 
     at_s: float
     names: tuple[str, ...]
-    """(N), each once."""
+    """(N,), all different."""
     middle_m: Array
     """(N, 2)"""
     heading_rad: Array
-    """(N); where the bonnet points, also of a car that stands."""
+    """(N,), also of standing cars."""
     speed_m_s: Array
     """(N), along the heading; never negative."""
     acceleration_m_s2: Array
@@ -44,11 +44,11 @@ class Cars:
         return velocity
 
     def index(self, name: str) -> int | None:
-        """Where a car stands in the arrays; `None` if it is not there."""
+        """Index of a car in the arrays; `None` if it is absent."""
         return self.names.index(name) if name in self.names else None
 
     def only(self, which: NDArray[np.intp]) -> "Cars":
-        """Some of the cars, by index."""
+        """Select cars by index."""
         return Cars(
             self.at_s,
             tuple(self.names[i] for i in which.tolist()),
@@ -61,13 +61,13 @@ class Cars:
         )
 
     def without(self, name: str) -> "Cars":
-        """All but one, whether it is there or not."""
+        """All cars but one, which may be absent."""
         return self.only(
             np.array([i for i, n in enumerate(self.names) if n != name], dtype=np.intp)
         )
 
     def joined(self, others: "Cars") -> "Cars":
-        """These and others."""
+        """These and other cars."""
         return Cars(
             self.at_s,
             self.names + others.names,
@@ -80,7 +80,7 @@ class Cars:
         )
 
     def moved_on(self, seconds: float) -> "Cars":
-        """The same cars a moment later: straight on, and never backwards."""
+        """Predict the cars by `seconds`, straight on, and never backwards."""
         if seconds == 0.0:
             return self
         speed = np.maximum(self.speed_m_s + self.acceleration_m_s2 * seconds, 0.0)
@@ -94,8 +94,8 @@ class Cars:
 
 
 class Traffic(Protocol):
-    """A source of movement on the plane."""
+    """Source of the cars' motion on the plane."""
 
     def cars_at(self, at_s: float) -> Cars:
-        """Every car that is there `at_s` seconds after the beginning; times never go back."""
+        """All cars present at `at_s`, s since the start; times are in order."""
         ...

@@ -1,11 +1,10 @@
-"""Who runs into whom: the first touch of oriented boxes, found between the steps.
+"""Detection of the first contact of cars, as oriented boxes, between two steps.
 
-Between two moments a car's middle and heading change evenly. Two boxes are apart by at least the
-widest gap on any of their four side directions, and are disjoint exactly if that is positive
-(separating axes). No point of them moves faster than a bound; so time can jump by gap over bound
-and never past the first touch (conservative advancement). Where that would be less than
-`_LEAST_JUMP` of the step it is that much: a touch may be found so much too late, and one that is
-over sooner is none.
+Within a step, position and heading change linearly. The distance of two boxes is at least the
+largest gap along their four side directions, and the boxes are disjoint exactly if that gap is
+positive (separating axes). The speed of all points has a bound; so time can advance by gap divided
+by bound without passing the first contact (conservative advancement). Time advances by at least
+`_LEAST_JUMP` of the step: a contact may be found that much late, and a shorter one is missed.
 """
 
 from collections.abc import Callable
@@ -21,25 +20,28 @@ _LEAST_JUMP = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Crash:
-    """The first touch of two cars."""
+    """The first contact of two cars."""
 
     at_s: float
     names: tuple[str, str]
     speed_m_s: float
-    """Of one relative to the other."""
+    """Relative speed of the two cars."""
 
 
 def boxes_overlap(cars: Cars) -> list[tuple[int, int]]:
-    """Pairs that overlap at one moment, the lower index first."""
+    """Index pairs of overlapping cars, the lower index first."""
     return [(i, j) for i, j in _near(cars, np.zeros(len(cars))) if _gap_m(cars, i, j) <= 0.0]
 
 
 def first_crash(
     before: Cars, after: Cars, counts: Callable[[str, str], bool] | None = None
 ) -> Crash | None:
-    """The first touch from one moment to the next of any two cars that are there at both.
+    """Return the first contact in a step; `None` if there is none.
 
-    Pairs for which `counts` is false pass through each other.
+    Args:
+        before: cars at the start of the step.
+        after: cars at its end; only cars present at both times are checked.
+        counts: whether contacts of two cars, by name, count; all do by default.
     """
     common = [name for name in before.names if name in set(after.names)]
     begin, end = _only(before, common), _only(after, common)
@@ -64,7 +66,7 @@ def _only(cars: Cars, names: list[str]) -> Cars:
 
 
 def _near(cars: Cars, moved_m: Array) -> list[tuple[int, int]]:
-    """Pairs whose surrounding circles come close."""
+    """Index pairs whose bounding circles touch within the step."""
     reach = np.hypot(cars.length_m, cars.width_m) / 2.0 + moved_m
     east_m, north_m = (line[:, None] - line for line in cars.middle_m.T)
     near = east_m * east_m + north_m * north_m <= (reach[:, None] + reach) ** 2
@@ -85,14 +87,14 @@ def _halves(cars: Cars, i: int) -> Array:
 
 
 def _first_touch(begin: Cars, end: Cars, i: int, j: int) -> float | None:
-    """When in the step the two touch, 0 to 1; `None` if they do not."""
+    """Time of the first contact as a share of the step; `None` without contact."""
     halves, halves_other = _halves(begin, i), _halves(begin, j)
     apart, apart_end = (cars.middle_m[j] - cars.middle_m[i] for cars in (begin, end))
     headings = begin.heading_rad[[i, j]]
     turn = (end.heading_rad[[i, j]] - headings + np.pi) % (2.0 * np.pi) - np.pi
     corner = np.array([np.hypot(*halves), np.hypot(*halves_other)])
     fastest = float(np.hypot(*(apart_end - apart)) + 2.0 * np.abs(turn) @ corner) + 1e-9
-    # Side directions turn as well, hence twice the corners; the bound is on the gap's change.
+    # Side directions rotate too, hence twice the corners: the bound is on the change of the gap.
     fastest += float(np.abs(turn).max() * max(np.hypot(*apart), np.hypot(*apart_end)))
     share = 0.0
     while share <= 1.0:
@@ -112,7 +114,7 @@ def _first_touch(begin: Cars, end: Cars, i: int, j: int) -> float | None:
 def _widest_gap_m(
     apart: Array, headings: tuple[float, float], halves: Array, halves_other: Array
 ) -> float:
-    """The widest gap on a side direction of either box; negative if they overlap on all four."""
+    """Largest gap along the side directions of both boxes; negative if they overlap on all."""
     sides = []
     for heading in headings:
         cosine, sine = np.cos(heading), np.sin(heading)

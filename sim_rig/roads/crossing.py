@@ -1,4 +1,4 @@
-"""Two roads of our own: a dense crossing with lights, and a highway."""
+"""Two synthetic roads: a dense crossing with traffic lights, and a highway."""
 
 import math
 
@@ -13,18 +13,18 @@ CYCLE_S, GREEN_S, CLEARANCE_S = 60.0, 25.0, 5.0
 
 
 class IntersectionSettings(Settings):
-    """Two roads at a right angle, all cars straight on."""
+    """Crossing of two roads at a right angle; all cars go straight on."""
 
     lanes: int = Field(3, ge=1, le=6)
     """In each direction."""
     arm_m: float = Field(160.0, ge=50.0, le=1000.0)
     arrivals_per_s: float = Field(0.19, ge=0.0, le=1.0)
-    """In each lane; by default some 100 cars are there at once."""
+    """Rate in each lane; by default some 100 cars are present at a time."""
     drivers: DriverSettings = DriverSettings()
 
 
 class HighwaySettings(Settings):
-    """Some lanes in one direction."""
+    """Highway with lanes in one direction."""
 
     lanes: int = Field(3, ge=1, le=8)
     length_m: float = Field(1000.0, ge=100.0, le=20_000.0)
@@ -33,7 +33,7 @@ class HighwaySettings(Settings):
 
 
 def crossing(settings: IntersectionSettings, rng: np.random.Generator) -> LaneTraffic:
-    """Lanes of four directions; east and west have green first."""
+    """Return traffic on the lanes of four directions; east and west have green first."""
     lanes = []
     box_m = MEDIAN_M / 2.0 + settings.lanes * LANE_M
     for direction in range(4):
@@ -59,7 +59,7 @@ def crossing(settings: IntersectionSettings, rng: np.random.Generator) -> LaneTr
 
 
 def highway(settings: HighwaySettings, rng: np.random.Generator) -> LaneTraffic:
-    """All lanes eastwards, the fast ones on the left."""
+    """Return traffic on parallel lanes eastwards."""
     lanes = [
         Lane((0.0, lane * LANE_M), 0.0, settings.length_m, settings.arrivals_per_s, 0)
         for lane in range(settings.lanes)

@@ -1,8 +1,7 @@
-"""A recording in which something goes wrong, and drivers who notice, late or warned.
+"""Recorded traffic with a dangerous event, and drivers that react to it, with or without a warning.
 
-Everybody keeps to the recording until something touches him: the event itself, a warning, or
-another car that stands or slows on his way and was not there. What he does from then on is in
-`driver.py`.
+Each driver follows the recording until the event, a warning, or another car on its path that has
+left the recording affects it. From then on, `driver.py` drives the car.
 """
 
 import math
@@ -18,8 +17,8 @@ from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.recording import STEP_S, RecordedTraffic
 
 _NOTICED_M_S2 = 0.3
-"""Who drives as recorded reacts to what asks for so much more braking than the same cars asked for
-in the recording: it may be brake lights, from which reaction times are counted."""
+"""A driver on its recorded trajectory reacts when the needed deceleration exceeds that of the
+recording by this; the low threshold includes brake lights, from which reaction times count."""
 
 
 class DisturbedTraffic(Traffic):
@@ -32,18 +31,25 @@ class DisturbedTraffic(Traffic):
         reactions: ReactionSettings,
         seed: int,
     ) -> None:
-        """Let `event` happen to drivers who are drawn by `seed`."""
+        """Add an event to a recording.
+
+        Args:
+            recording: the traffic.
+            event: the event; `None` for none.
+            reactions: distribution of the drivers' reactions.
+            seed: seed of the drivers.
+        """
         self._recording = recording
         self._event = event
         self._reactions = reactions
         self._seed = seed
         self._numbers = {drive.name: i for i, drive in enumerate(recording.drives)}
         self._drivers: dict[str, SimulatedDriver] = {}
-        """Those whom something has touched, in that order."""
+        """Affected drivers by car, in the order in which they were affected."""
         self._event_car = None if event is None else recording.drives[event.car].name
         self._sooner_s = 0.0 if event is None else event.sooner_s
         self._moved_in_time = self._event_car if self._sooner_s else None
-        """Who drives his whole recording sooner, until he leaves it as well."""
+        """Car with a trajectory shifted in time, until it leaves that as well."""
         self._step: int | None = None
         self._cars: Cars | None = None
         self._ignored: set[frozenset[str]] = set()
@@ -67,18 +73,18 @@ class DisturbedTraffic(Traffic):
         return self._cars.moved_on(max(at_s - self._step * STEP_S, 0.0))
 
     def warn(self, name: str, at_s: float) -> None:
-        """The driver of a car is warned at this moment; he brakes for as long as that lasts."""
+        """Warn the driver of a car, which brakes while the warning lasts."""
         self._driver(name).warn(at_s)
 
     def is_disturbed(self, name: str) -> bool:
-        """Whether a car no longer keeps to the recording."""
+        """Whether a car has left the recording."""
         if self._event is not None and name == self._moved_in_time:
             return self._step is not None and self._step * STEP_S > self._event.at_s
         driver = self._drivers.get(name)
         return driver is not None and driver.is_off
 
     def has_moved(self, name: str) -> bool:
-        """Whether a car is the event's, and the event has begun."""
+        """Whether a car is that of the event, and the event has started."""
         return name == self._event_car and self.is_disturbed(name)
 
     def _driver(self, name: str) -> SimulatedDriver:
@@ -94,7 +100,7 @@ class DisturbedTraffic(Traffic):
         return driver
 
     def _look(self, at_s: float) -> Cars:
-        """The recording, with those who left it where they are."""
+        """The recorded cars, with simulated states for those that left the recording."""
         cars = self._recording.cars_at(at_s)
         off = {name: driver for name, driver in self._drivers.items() if driver.is_off}
         if self._moved_in_time is not None and self._moved_in_time not in off:
@@ -111,7 +117,7 @@ class DisturbedTraffic(Traffic):
         return cars
 
     def _decide(self, cars: Cars) -> None:
-        """Who leaves the recording now, and what those who have left it do in the next step."""
+        """Determine which cars leave the recording, and drive those that have for one step."""
         places = {name: at for at, name in enumerate(cars.names)}
         self._begin_event(cars, places)
         for name, driver in self._drivers.items():
@@ -128,7 +134,7 @@ class DisturbedTraffic(Traffic):
             driver.drive(wish_m_s2)
 
     def _begin_event(self, cars: Cars, places: dict[str, int]) -> None:
-        """If it is time."""
+        """Start the event when it is due."""
         event, name = self._event, self._event_car
         if event is None or name not in places or abs(event.at_s - cars.at_s) >= STEP_S / 2:
             return
@@ -143,7 +149,7 @@ class DisturbedTraffic(Traffic):
         return [name for name, driver in self._drivers.items() if driver.is_off and name in places]
 
     def _notice(self, disturbing: NDArray[np.intp], cars: Cars) -> None:
-        """Drivers with a disturbed car on their way react to it in their time."""
+        """Let drivers near a disturbed car react to it after their reaction time."""
         apart = cars.middle_m[:, None] - cars.middle_m[disturbing]
         close = (apart * apart).sum(axis=2) < SEEN_M**2
         close[disturbing, np.arange(len(disturbing))] = False
@@ -154,7 +160,7 @@ class DisturbedTraffic(Traffic):
                 self._see(driver, cars, at, disturbing[close[at]])
 
     def _see(self, driver: SimulatedDriver, cars: Cars, at: int, near: NDArray[np.intp]) -> None:
-        """A driver sees disturbed cars near him, and reacts if one of them is on his way."""
+        """Let a driver react to the disturbed cars near it if one is on its path."""
         ahead = driver.ahead(cars, at, near)
         if math.isinf(ahead.gap_m):
             driver.needed_since_s = math.inf
@@ -175,7 +181,7 @@ class DisturbedTraffic(Traffic):
     def _followed_m_s2(
         self, driver: SimulatedDriver, cars: Cars, others: NDArray[np.intp]
     ) -> float:
-        """What the intelligent driver does behind `others` where the recording has them."""
+        """Acceleration of the IDM behind the recorded states of `others`, m/s^2."""
         recorded = self._recording.cars_at(cars.at_s)
         own = recorded.names.index(driver.path.drive.name)
         there = [
@@ -185,12 +191,12 @@ class DisturbedTraffic(Traffic):
         return driver.follow_m_s2(recorded, own, driver.ahead(recorded, own, which))
 
     def _counts(self, name: str, other: str) -> bool:
-        """Whether a touch of these two has to do with the event."""
+        """Whether a contact of two cars is a consequence of the event."""
         disturbed = self.is_disturbed(name) or self.is_disturbed(other)
         return disturbed and frozenset((name, other)) not in self._ignored
 
     def _overlapping(self, cars: Cars) -> set[frozenset[str]]:
-        """Pairs that overlap in the recording itself, and are no crash of ours."""
+        """Pairs that overlap in the recording itself, which are not crashes."""
         return {
             frozenset((cars.names[i], cars.names[j]))
             for i, j in boxes_overlap(cars)

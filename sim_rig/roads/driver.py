@@ -1,9 +1,9 @@
-"""A driver in a recording to whom something happens, and what he does from then on.
+"""Model of a driver that leaves the recording because of an event or a warning.
 
-Who sees something on his way that was not there stops accelerating, brakes after his own reaction
-time, and follows the intelligent driver model from then on. A warned one brakes, and not only until
-the warning ends if he would still meet somebody who crosses his way. Where the recording waits at a
-light, he waits too. He keeps his way; only his speed changes.
+A driver with an unexpected obstacle on its path stops accelerating, brakes after its reaction time,
+and follows the intelligent driver model (IDM) from then on. A warned driver brakes, beyond the end
+of the warning too if it would still collide with a crossing car. Recorded waits at lights are kept.
+The path stays; only the speed changes.
 """
 
 import math
@@ -19,84 +19,87 @@ from onboard.settings import Settings
 from sim_rig.roads.car_following import COMFORTABLE_M_S2, CarFollowing, idm_acceleration
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.events import SETTING_OFF_M_S2, SETTING_OFF_TO_M_S
-from sim_rig.roads.paths import DrivePath, blocked_at_m, would_meet
+from sim_rig.roads.paths import DrivePath, blocked_at_m, would_collide
 from sim_rig.roads.recording import STEP_S, Trajectory
 from sim_rig.scenario.setting_types import NotNegative, Positive, Span
 
 SEEN_M = 75.0
-"""Who is farther away is nothing to react to."""
+"""Drivers react to cars within this distance."""
 STANDS_M_S = 0.5
+"""Slower cars count as standing."""
 _WARNING_HELD_S = 0.5
-"""After the last word of a warning a driver lets go of the brake."""
+"""A driver releases the brake this long after the last warning."""
 _NEEDED_M_S2 = 1.0
-"""Who is not on his own way by the recording reacts to what asks for so much more braking."""
+"""A driver off the recording reacts if the needed deceleration exceeds the planned by this."""
 _AHEAD_S = np.arange(0.2, 5.1, 0.2)
-"""A driver who looks out for others looks so far ahead."""
+"""Times ahead at which a driver checks for crossing cars."""
 _ROUNDING_S = 1e-9
-"""Moments that differ by less are the same."""
+"""Tolerance for rounding: times that differ by less are equal."""
 
 
 class ReactionSettings(Settings):
-    """How drivers react; of each driver drawn once. Times are log-normal."""
+    """Distribution of reactions; drawn once per driver. Times are log-normal."""
 
     unwarned_median_s: float = Field(1.3, gt=0.0, le=5.0)
     """To a car ahead that unexpectedly brakes (Green, Transportation Human Factors 2, 2000)."""
     unwarned_sigma: float = Field(0.4, ge=0.0, le=1.5)
-    """Of the logarithm."""
+    """Standard deviation of the logarithm."""
     distracted: float = Field(0.25, ge=0.0, le=1.0)
-    """Part of the drivers who look elsewhere at first."""
+    """Share of distracted drivers."""
     distracted_s: Span[NotNegative] = (0.5, 2.5)
-    """For how long, evenly."""
+    """Duration of the distraction, uniform."""
     warned_median_s: float = Field(0.9, gt=0.0, le=5.0)
     """From the warning to the brake."""
     warned_sigma: float = Field(0.3, ge=0.0, le=1.5)
     braking_m_s2: Span[Positive] = (4.0, 8.0)
-    """Of a warned driver, evenly between these."""
+    """Deceleration of a warned driver, uniform between these."""
     following: CarFollowing = CarFollowing()
 
 
 class Obstacle(NamedTuple):
-    """What is next on a driver's way."""
+    """Nearest obstacle on a driver's path."""
 
     gap_m: float
-    """Infinite, if nothing is."""
+    """Infinite without an obstacle."""
     closing_m_s: float
-    """How fast the gap shrinks."""
+    """Closing speed."""
 
 
 @dataclass(slots=True)
 class SimulatedDriver:
-    """One who has left the recording, or is about to. `at` is his place in `cars`, everywhere."""
+    """A driver that has left the recording, or may soon.
+
+    In all methods, `at` is the index of its car in `cars`.
+    """
 
     unwarned_s: float
     warned_s: float
     braking_m_s2: float
     path: DrivePath
     following: CarFollowing
-    """With brakes without a bound: what two situations ask for is compared beyond what they can."""
+    """IDM without a bound on deceleration, so that needs beyond the brakes can be compared."""
     hardest_braking_m_s2: float
-    """What they can."""
+    """Largest deceleration of the brakes."""
     sooner_s: float = 0.0
-    """Than the recording has him."""
+    """Shift in time against the recording."""
     way_m: float = 0.0
     speed_m_s: float = 0.0
     acceleration_m_s2: float = 0.0
     is_off: bool = False
-    """The recording."""
+    """Whether it has left the recording."""
     runs: bool = False
-    """A red light: keeps his speed until he notices."""
+    """Whether it runs a red light; it keeps its speed until `noticed`."""
     sets_off: bool = False
-    """At a red light: drives on from standing."""
+    """Whether it departs at a red light from standing."""
     noticed: bool = False
-    """That he runs a light, or what he was warned of: looks out for who crosses his way."""
+    """Whether it is aware of its red light or was warned; it then checks for crossing cars."""
     reacts_at_s: float = -math.inf
-    """To what made him leave the recording; until then he does not accelerate, and brakes only
-    where the recording does."""
+    """End of its reaction time; until then it does not accelerate, and brakes as recorded."""
     event_braking_m_s2: float = 0.0
     needed_since_s: float = math.inf
-    """Since when he would have to brake harder than he does."""
+    """Since when it needs to brake harder than planned."""
     brakes_at_s: float = math.inf
-    """When he brakes because he was warned."""
+    """Start of braking after a warning."""
     brakes_until_s: float = -math.inf
 
     @classmethod
@@ -107,7 +110,14 @@ class SimulatedDriver:
         drive: Trajectory,
         sooner_s: float,
     ) -> "SimulatedDriver":
-        """Draw how he reacts."""
+        """Draw a driver.
+
+        Args:
+            reactions: distribution of the reactions.
+            rng: source of the draws.
+            drive: recorded trajectory of its car.
+            sooner_s: shift in time against the recording, s.
+        """
         is_distracted = rng.random() < reactions.distracted
         away_s = rng.uniform(*reactions.distracted_s)
         unwarned_s = reactions.unwarned_median_s * math.exp(reactions.unwarned_sigma * rng.normal())
@@ -125,19 +135,19 @@ class SimulatedDriver:
 
     @property
     def has_seen(self) -> bool:
-        """Whether he reacts already to what others do."""
+        """Whether it already reacts to other cars."""
         return self.is_off and (self.noticed or not self.runs)
 
     def recorded_s(self, now: float) -> float:
-        """The moment of his drive that would be now: another for one who is moved in time."""
+        """Time in the recorded trajectory at `now`, with the shift in time, s."""
         return now + self.sooner_s
 
     def way_at_m(self, now: float) -> float:
-        """How far he has come on his way."""
+        """Distance from the start of the path, m."""
         return self.way_m if self.is_off else self.path.way_m(self.recorded_s(now))
 
     def car(self, at_s: float) -> Cars | None:
-        """His car, once he is off the recording; `None` beyond the end of his way."""
+        """State of its car off the recording; `None` beyond the end of the path."""
         if self.way_m > self.path.length_m:
             return None
         middle, heading = self.path.places(np.array([self.way_m]))
@@ -149,20 +159,26 @@ class SimulatedDriver:
         )  # fmt: skip
 
     def leave(self, cars: Cars, at: int) -> None:
-        """Keep to the recording no longer."""
+        """Leave the recording."""
         self.way_m = self.way_at_m(cars.at_s)
         self.is_off = True
         self.speed_m_s = float(cars.speed_m_s[at])
 
     def warn(self, at_s: float) -> None:
-        """He is warned at this moment, and brakes for as long as that lasts."""
+        """Receive a warning; the driver brakes while warnings last."""
         reacts_s = at_s + self.warned_s
         if at_s > self.brakes_until_s:
             self.brakes_at_s = reacts_s
         self.brakes_until_s = reacts_s + _WARNING_HELD_S
 
     def needs_to_brake(self, wish_m_s2: float, planned_m_s2: float, now: float) -> bool:
-        """Whether he has had to brake harder than planned for as long as he takes to see it."""
+        """Whether harder braking than planned was needed for its reaction time.
+
+        Args:
+            wish_m_s2: acceleration that the situation needs.
+            planned_m_s2: acceleration that is planned.
+            now: time, s.
+        """
         if wish_m_s2 > min(planned_m_s2, 0.0) - _NEEDED_M_S2:
             self.needed_since_s = math.inf
             return False
@@ -170,7 +186,13 @@ class SimulatedDriver:
         return now - self.needed_since_s >= self.unwarned_s - _ROUNDING_S
 
     def ahead(self, cars: Cars, at: int, others: NDArray[np.intp]) -> Obstacle:
-        """Whoever of `others` is nearest on his way."""
+        """Return the nearest of `others` on its path.
+
+        Args:
+            cars: all cars.
+            at: index of its car.
+            others: (n,) indices of the cars to check.
+        """
         gaps = blocked_at_m(self.path, self.way_at_m(cars.at_s), cars, at, others)
         if not np.isfinite(gaps).any():
             return Obstacle(math.inf, 0.0)
@@ -180,7 +202,13 @@ class SimulatedDriver:
         return Obstacle(max(float(gaps.min()), 0.1), closing)
 
     def follow_m_s2(self, cars: Cars, at: int, ahead: Obstacle) -> float:
-        """What the gap ahead asks for of the intelligent driver, be it more than brakes can do."""
+        """Acceleration of the IDM behind an obstacle, m/s^2, without a bound on deceleration.
+
+        Args:
+            cars: all cars.
+            at: index of its car.
+            ahead: the obstacle.
+        """
         speed = float(cars.speed_m_s[at])
         wished = max(self.path.speed_m_s(self.way_at_m(cars.at_s)), 2.0)
         return float(
@@ -191,7 +219,13 @@ class SimulatedDriver:
         )  # fmt: skip
 
     def wish_m_s2(self, cars: Cars, at: int, is_disturbed: Callable[[str], bool]) -> float:
-        """What he does in the next step; `is_disturbed` says who is where he was not recorded."""
+        """Acceleration in the next step, m/s^2.
+
+        Args:
+            cars: all cars.
+            at: index of its car.
+            is_disturbed: whether a car, by name, has left the recording.
+        """
         if self.event_braking_m_s2 > 0.0:
             return -self.event_braking_m_s2
         is_warned = self.brakes_at_s <= cars.at_s <= self.brakes_until_s
@@ -213,18 +247,18 @@ class SimulatedDriver:
                 return wish
             others = np.array([i for i in others if is_disturbed(cars.names[i])], np.intp)
         ways_m = self.way_m + self.speed_m_s * _AHEAD_S + max(wish, 0.0) * _AHEAD_S**2 / 2.0
-        meets = would_meet(self.path, ways_m, _AHEAD_S, cars, at, others)
+        meets = would_collide(self.path, ways_m, _AHEAD_S, cars, at, others)
         return min(wish, -self.braking_m_s2) if meets else wish
 
     def drive(self, acceleration_m_s2: float) -> None:
-        """Drive for one step."""
+        """Advance the car by one step."""
         faster = max(self.speed_m_s + acceleration_m_s2 * STEP_S, 0.0)
         self.way_m += (self.speed_m_s + faster) / 2.0 * STEP_S
         self.acceleration_m_s2 = (faster - self.speed_m_s) / STEP_S
         self.speed_m_s = faster
 
     def _ahead_or_light(self, cars: Cars, at: int, others: NDArray[np.intp]) -> Obstacle:
-        """Whoever of `others` is nearest on his way, or where the recording waits before that."""
+        """Return the nearest of `others` on its path, or the recorded wait before it."""
         ahead = self.ahead(cars, at, others)
         waits_m = self.path.waits_m(self.way_m, self.recorded_s(cars.at_s))
         waits_m = max(waits_m + self.following.standing_gap_m, 0.1)

@@ -1,18 +1,18 @@
-"""Where the scenarios' plane lies on the earth."""
+"""Geodetic position of the scenarios' plane."""
 
 import math
 
 from onboard.kinematics.local_frame import LocalFrame
 
 ORIGIN = LocalFrame(48.1, 11.5)
-"""Of every scenario; somewhere that is neither the equator nor a pole."""
+"""Origin of every scenario; neither at the equator nor at a pole."""
 ORIGIN_HEIGHT_M = 520.0
-"""Above the ellipsoid."""
+"""Height of the plane above the ellipsoid."""
 _METRES_A_DEGREE = 111_200.0
 
 
 def to_degrees(x_m: float, y_m: float) -> tuple[float, float]:
-    """Latitude and longitude of a place east and north of the origin, by Newton's method."""
+    """Latitude and longitude, deg, of a position east and north of the origin, m (Newton)."""
     latitude_deg, longitude_deg = ORIGIN.latitude_deg, ORIGIN.longitude_deg
     for _ in range(4):
         east_m, north_m = ORIGIN.position_m(latitude_deg, longitude_deg)

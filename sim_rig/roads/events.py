@@ -1,8 +1,8 @@
-"""What goes wrong: a car that brakes all of a sudden, or one that runs a red light.
+"""Dangerous events in recorded traffic: sudden braking, and running a red light.
 
-Both are put into a recording, by seed, where somebody may be hit: a car brakes that is followed
-closely; the first car at a red light does not stop, or drives off again, where others cross. In a
-recording without lights, a car that passed before or after another comes out of its turn.
+Events are drawn where a collision is possible: a car brakes that is followed closely; the first car
+at a red light does not stop, or departs, where others cross. In a recording without lights, the
+trajectory of a car that passed a crossing before or after another one is shifted in time.
 """
 
 import math
@@ -19,34 +19,34 @@ from sim_rig.roads.recording import STEP_S, RecordedTraffic, Trajectory
 BRAKING_M_S2 = (4.0, 8.0)
 _LEAST_SPEED_M_S = 7.0
 _CLOSE_S = 2.5
-"""A follower at this headway or less is close."""
+"""Largest headway of a close follower."""
 _FIRST_IN_LINE_M = 12.0
-"""Nobody stands ahead so near."""
+"""The first car in a queue has no car ahead within this distance."""
 _BRAKES_BEFORE_S = 8.0
-"""Before it stands, a car begins to brake no sooner."""
+"""Braking for a stop starts at most this long before it."""
 _STRAIGHT_RAD = 0.3
 _MOST_MOVED_S = 60.0
-"""By how much a drive may be moved in time to cross another's way out of turn."""
+"""Largest shift in time of a trajectory."""
 _BEFORE_STEPS = 70
-"""Both cars are there so long before they meet."""
+"""Both cars are present for at least this many steps before they meet."""
 _COARSE = 5
-"""Ways are first compared by every fifth sample."""
+"""Paths are first compared at every fifth sample."""
 SETTING_OFF_M_S2, SETTING_OFF_TO_M_S = 2.5, 13.0
-"""How who waits at a red light drives off, and up to which speed."""
+"""Acceleration and final speed of a car that departs at a red light."""
 _SOONEST_S = 3.0
-"""Before he would have, at the latest."""
+"""A departure at red is at least this long before the recorded one."""
 _AHEAD_S = 7.0
 _TIMING_S = 1.0
-"""A red-light runner does not aim: so much sooner or later, evenly."""
+"""Uniform spread of the timing of a red-light runner."""
 _OUT_OF_TURN_S = 4.0
-"""Before he meets somebody, who is moved in time is looked at."""
+"""A shifted car is checked from this long before the meeting."""
 _ROOM_M = 7.0
-"""From middle to middle; who is moved in time has nobody so near who drives his way."""
+"""Least distance, middle to middle, of a shifted car to others of its direction."""
 _MOST_DRAWS = 4000
 
 
 class TrafficEventKind(StrEnum):
-    """Of an event."""
+    """Kind of an event."""
 
     SUDDEN_BRAKE = "sudden_brake"
     RED_LIGHT = "red_light"
@@ -54,29 +54,29 @@ class TrafficEventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TrafficEvent:
-    """One car does one thing."""
+    """A dangerous event of one car."""
 
     kind: TrafficEventKind
     car: int
-    """Number of its drive in the recording."""
+    """Index of its trajectory in the recording."""
     at_s: float
     deceleration_m_s2: float = 0.0
-    """Of a sudden brake."""
+    """Deceleration of a sudden braking."""
     sets_off: bool = False
-    """At a red light: from standing."""
+    """Whether a red-light runner departs from standing."""
     sooner_s: float = 0.0
-    """The whole drive of the car, of one that runs a red light where nobody stops."""
+    """Shift in time of the whole trajectory, for red-light runners without lights."""
 
 
 class NoEventError(UserError):
-    """Nothing of the kind can happen in this recording."""
+    """The recording has no situation for an event of this kind."""
 
 
 class TrafficEvents:
-    """What can go wrong in one recording."""
+    """Possible events in one recording."""
 
     def __init__(self, recording: RecordedTraffic, *, has_lights: bool) -> None:
-        """Without lights a way is crossed out of turn."""
+        """Without lights, red-light runners are trajectories shifted in time."""
         self._recording = recording
         self._has_lights = has_lights
 
@@ -89,10 +89,14 @@ class TrafficEvents:
         return [] if self._has_lights else _ways_crossed(self._recording)
 
     def draw(self, kind: TrafficEventKind, rng: np.random.Generator) -> TrafficEvent:
-        """Choose who does it, and when.
+        """Draw car and time of an event.
+
+        Args:
+            kind: kind of the event.
+            rng: source of the choice.
 
         Raises:
-            NoEventError: nobody is followed, or nobody crosses anybody's way.
+            NoEventError: no car is followed closely, or no paths cross.
         """
         if kind is TrafficEventKind.SUDDEN_BRAKE:
             return _sudden_brake(self._recording, rng)
@@ -110,10 +114,10 @@ class TrafficEvents:
                 return event
         if self._out_of_turn:
             raise NoEventError(
-                "cars in this recording cross each other's ways, but whoever came out of his turn"
-                f" would be within {_ROOM_M:g} m of another who drives his way"
+                "paths in this recording cross, but every shifted car would be within"
+                f" {_ROOM_M:g} m of another one of its direction"
             )
-        raise NoEventError("nobody in this recording crosses another's way")
+        raise NoEventError("no paths in this recording cross")
 
 
 def _sudden_brake(recording: RecordedTraffic, rng: np.random.Generator) -> TrafficEvent:
@@ -127,7 +131,7 @@ def _sudden_brake(recording: RecordedTraffic, rng: np.random.Generator) -> Traff
         car = there[rng.integers(len(there))]
         if _is_followed(recording, car, at_s):
             return TrafficEvent(TrafficEventKind.SUDDEN_BRAKE, car, at_s, deceleration)
-    raise NoEventError("nobody in this recording is followed closely")
+    raise NoEventError("no car in this recording is followed closely")
 
 
 def _is_followed(recording: RecordedTraffic, car: int, at_s: float) -> bool:
@@ -148,7 +152,7 @@ def _is_followed(recording: RecordedTraffic, car: int, at_s: float) -> bool:
 
 
 def _at_red(recording: RecordedTraffic) -> list[tuple[int, float, bool]]:
-    """Who comes first to a red light, when he began to brake, and each half second he waits."""
+    """First cars at red: (car, time, departs), at braking onset and each 0.5 s of waiting."""
     found = []
     for number, drive in enumerate(recording.drives):
         for stop, go in _stands(drive):
@@ -166,7 +170,7 @@ def _at_red(recording: RecordedTraffic) -> list[tuple[int, float, bool]]:
 
 
 def _stands(drive: Trajectory) -> list[tuple[int, int]]:
-    """From which sample to which a drive stands, if it goes on for a while then."""
+    """Intervals of samples in which a car stands, if it drives on for a while after."""
     stands = np.concatenate([[False], drive.speed_m_s < 0.2, [False]])
     edges = np.flatnonzero(np.diff(stands.astype(np.int8)))
     both = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -179,7 +183,7 @@ def _turns(drive: Trajectory, step: int) -> bool:
 
 
 def _may_hit(recording: RecordedTraffic, event: TrafficEvent) -> bool:
-    """Whether somebody crosses the runner's way within `_TIMING_S` of him."""
+    """Whether another car crosses the runner's path within `_TIMING_S` of it."""
     path = DrivePath(recording.drives[event.car])
     times_s = np.arange(0.0, _AHEAD_S, 0.2)
     begin_m = path.way_m(event.at_s)
@@ -200,9 +204,9 @@ def _may_hit(recording: RecordedTraffic, event: TrafficEvent) -> bool:
 
 
 def _has_room(recording: RecordedTraffic, event: TrafficEvent) -> bool:
-    """Whether who is moved in time drives into nobody ahead of him in his lane, nor is driven into.
+    """Whether a shifted car keeps its distance to cars of its direction.
 
-    Such a crash would be none of a crossing, and nobody's fault but of moving him.
+    Rear-end crashes would be artefacts of the shift, not crashes at a crossing.
     """
     path = DrivePath(recording.drives[event.car])
     for at_s in event.at_s + np.arange(-1.6, _OUT_OF_TURN_S + 1.0, 0.2):
@@ -224,7 +228,7 @@ def _is_first(recording: RecordedTraffic, number: int, at_s: float) -> bool:
 
 
 def _ways_crossed(recording: RecordedTraffic) -> list[tuple[int, float, float]]:
-    """Whose way crosses another's: car, when it is there, and by how much sooner it would meet."""
+    """Crossing paths: (car, time at the crossing, shift in time that makes it meet the other)."""
     found = []
     for number, drive in enumerate(recording.drives):
         for other in recording.drives:
@@ -237,7 +241,7 @@ def _ways_crossed(recording: RecordedTraffic) -> list[tuple[int, float, float]]:
                 abs(later_s) < _MOST_MOVED_S
                 and min(drive.speed_m_s[mine], other.speed_m_s[others]) > _LEAST_SPEED_M_S
                 and min(mine, others) > _BEFORE_STEPS
-                # Moved, too, its drive begins after the recording.
+                # The shifted trajectory must start after the recording does.
                 and drive.first * STEP_S > later_s + _TIMING_S
             ):
                 found.append((number, (drive.first + mine) * STEP_S, later_s))
@@ -245,7 +249,7 @@ def _ways_crossed(recording: RecordedTraffic) -> list[tuple[int, float, float]]:
 
 
 def _crossing(drive: Trajectory, other: Trajectory) -> tuple[int, int] | None:
-    """The samples of two ways that lie nearest to each other where they cross, within 2 m."""
+    """Samples of two paths at their crossing, within 2 m; `None` if they do not cross."""
     low = np.maximum(drive.middle_m.min(axis=0), other.middle_m.min(axis=0)) - 2.0
     high = np.minimum(drive.middle_m.max(axis=0), other.middle_m.max(axis=0)) + 2.0
     if (low > high).any():

@@ -1,7 +1,7 @@
-"""Traffic of our own on straight lanes: car following, lane changes, traffic lights.
+"""Synthetic traffic on straight lanes: car following, lane changes, traffic lights.
 
-The cars of a lane follow each other by the intelligent driver model; a red light is a car that
-stands. Who gains by the lane beside his own, and leaves room there, changes over in some seconds.
+Cars follow each other by the intelligent driver model (IDM); a red light counts as a standing car.
+A car changes to a neighbouring lane if it gains acceleration and has room there.
 """
 
 import math
@@ -19,43 +19,43 @@ from sim_rig.roads.cars import Array, Cars, Traffic
 
 TICK_S = 0.1
 _CHANGE_S = 3.0
-"""From one lane to the next."""
+"""Duration of a lane change."""
 _CHANGE_GAIN_M_S2 = 0.3
-"""What a change must gain."""
+"""Least gain of acceleration for a lane change."""
 _CHANGE_IMPOSED_M_S2 = 2.0
-"""How hard the new follower may have to brake for it."""
-_RESTLESS_S = 5.0
-"""A driver who has changed stays so long."""
+"""Largest deceleration that a lane change may impose on the new follower."""
+_CHANGE_INTERVAL_S = 5.0
+"""Least time between two lane changes of a car."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """A straight lane, from where cars come in to where they go."""
+    """A straight lane."""
 
     begin_m: tuple[float, float]
     heading_rad: float
     length_m: float
     arrivals_per_s: float
     road: int
-    """Lanes of one road, beside each other in order, can be changed."""
+    """Number of the road; lane changes are between consecutive lanes of one road."""
     stop_line_m: float = math.inf
-    """From the beginning, if there is a light."""
+    """Distance of the stop line from the start of the lane; infinite without a light."""
     green_s: tuple[float, float] = (0.0, 0.0)
-    """From and until when in each cycle it is green."""
+    """Start and end of green in each cycle."""
 
 
 class DriverSettings(Settings):
-    """The drivers, and what they drive."""
+    """Drivers and sizes of their cars."""
 
     top_speed_m_s: float = Field(14.0, gt=0.0, le=60.0)
     top_speed_sigma_m_s: float = Field(1.5, ge=0.0, le=10.0)
     following: CarFollowing = CarFollowing()
     length_m: tuple[float, float] = (4.0, 5.4)
-    """Evenly between these."""
+    """Uniform between these."""
     width_m: float = Field(1.85, gt=0.5, le=3.0)
 
 
-def _nobody() -> Array:
+def _empty() -> Array:
     return np.zeros(0)
 
 
@@ -65,29 +65,29 @@ def _no_lane() -> NDArray[np.intp]:
 
 @dataclass(slots=True, eq=False)
 class _Driven:
-    """The N cars that are there, each by its place in the arrays (N)."""
+    """The N cars present, as arrays (N,)."""
 
     names: tuple[str, ...] = ()
     lane: NDArray[np.intp] = field(default_factory=_no_lane)
     left: NDArray[np.intp] = field(default_factory=_no_lane)
-    """The lane that the car has come from."""
-    front_m: Array = field(default_factory=_nobody)
-    """From the beginning of the lane."""
-    speed_m_s: Array = field(default_factory=_nobody)
-    acceleration_m_s2: Array = field(default_factory=_nobody)
-    top_speed_m_s: Array = field(default_factory=_nobody)
-    length_m: Array = field(default_factory=_nobody)
-    width_m: Array = field(default_factory=_nobody)
-    changed_s: Array = field(default_factory=_nobody)
-    """When it last changed its lane."""
+    """The lane before the last change."""
+    front_m: Array = field(default_factory=_empty)
+    """Front bumper from the start of the lane."""
+    speed_m_s: Array = field(default_factory=_empty)
+    acceleration_m_s2: Array = field(default_factory=_empty)
+    top_speed_m_s: Array = field(default_factory=_empty)
+    length_m: Array = field(default_factory=_empty)
+    width_m: Array = field(default_factory=_empty)
+    changed_s: Array = field(default_factory=_empty)
+    """Time of the last lane change."""
 
     @property
     def rear_m(self) -> Array:
-        """From the beginning of the lane."""
+        """Rear bumper from the start of the lane, m."""
         return self.front_m - self.length_m
 
     def only(self, which: NDArray[np.intp]) -> "_Driven":
-        """Some of them."""
+        """Select cars by index."""
         return _Driven(
             tuple(self.names[i] for i in which.tolist()),
             self.lane[which],
@@ -102,7 +102,7 @@ class _Driven:
         )
 
     def joined(self, name: str, lane: int, newcomer: "_Newcomer") -> "_Driven":
-        """With one that comes in, its rear at the beginning of the lane."""
+        """Add a car with its rear at the start of a lane."""
         return _Driven(
             (*self.names, name),
             np.append(self.lane, lane),
@@ -119,7 +119,7 @@ class _Driven:
 
 @dataclass(frozen=True, slots=True)
 class _Newcomer:
-    """A driver who comes in."""
+    """A car that enters."""
 
     length_m: float
     width_m: float
@@ -137,7 +137,14 @@ class LaneTraffic(Traffic):
         rng: np.random.Generator,
         cycle_s: float = 60.0,
     ) -> None:
-        """Begin with empty lanes; cars come in at random, as far apart as they drive."""
+        """Start with empty lanes; cars arrive as a Poisson process.
+
+        Args:
+            lanes: all lanes; lanes of one road are consecutive.
+            drivers: drivers and sizes of cars.
+            rng: source of arrivals and drivers.
+            cycle_s: cycle of the traffic lights.
+        """
         self._lanes, self._drivers, self._rng = tuple(lanes), drivers, rng
         self._cycle_s = cycle_s
         self._step = 0
@@ -153,7 +160,7 @@ class LaneTraffic(Traffic):
 
     @override
     def cars_at(self, at_s: float) -> Cars:
-        """Step up to `at_s`; between steps cars go straight on."""
+        """Step to `at_s`; between steps, cars go straight on."""
         while (self._step + 1) * TICK_S <= at_s + 1e-9:
             self._advance()
         return self._cars().moved_on(max(at_s - self._step * TICK_S, 0.0))
@@ -196,11 +203,11 @@ class LaneTraffic(Traffic):
         self._enter()
 
     def _wish(self, lane: NDArray[np.intp]) -> Array:
-        """The acceleration of each car if it were in `lane`, the others where they are."""
+        """Acceleration of each car if it were in `lane` and the others stayed, m/s^2."""
         driven = self._driven
         front, speed, top = driven.front_m, driven.speed_m_s, driven.top_speed_m_s
         same = driven.lane[None, :] == lane[:, None]
-        # A car that is changing is in the way in both lanes.
+        # During a lane change, a car occupies both lanes.
         same |= (driven.left[None, :] == lane[:, None]) & self._changing()[None, :]
         apart = driven.rear_m[None, :] - front[:, None]
         before = same & (front[None, :] > front[:, None])
@@ -229,13 +236,13 @@ class LaneTraffic(Traffic):
         return red
 
     def _change_lanes(self) -> None:
-        """One car in a step at most, so that no two go for the same room."""
+        """Start at most one lane change per step, so that no two cars use the same gap."""
         driven = self._driven
         if len(np.unique(self._road)) == len(self._lanes) or not driven.names:
             return
         now_s = self._step * TICK_S
         stays = self._wish(driven.lane)
-        can = (now_s - driven.changed_s > _RESTLESS_S) & (driven.speed_m_s > 5.0)
+        can = (now_s - driven.changed_s > _CHANGE_INTERVAL_S) & (driven.speed_m_s > 5.0)
         can &= np.abs(driven.front_m - self._stop_line_m[driven.lane]) > 40.0
         best, which, where = _CHANGE_GAIN_M_S2, -1, -1
         for side in (-1, 1):
@@ -272,7 +279,7 @@ class LaneTraffic(Traffic):
         return bool(imposed > -_CHANGE_IMPOSED_M_S2)
 
     def _is_in(self, lane: int) -> NDArray[np.bool_]:
-        """Whether each car is in a lane, or still on its way out of it."""
+        """Whether each car is in a lane, or still leaving it."""
         driven = self._driven
         there: NDArray[np.bool_] = (driven.lane == lane) | (
             (driven.left == lane) & self._changing()
@@ -285,7 +292,7 @@ class LaneTraffic(Traffic):
             self._driven = self._driven.only(np.flatnonzero(stays))
 
     def _enter(self) -> None:
-        """Who finds no room at the beginning waits before it."""
+        """Insert arrived cars; without room at the start of their lane they wait."""
         rates = np.array([lane.arrivals_per_s for lane in self._lanes])
         self._waiting += self._rng.poisson(rates * TICK_S)
         following = self._drivers.following
@@ -304,7 +311,7 @@ class LaneTraffic(Traffic):
             self._driven = self._driven.joined(f"car{self._count}", lane, newcomer)
 
     def _newcomer(self, ahead_m_s: float) -> _Newcomer:
-        """No faster than the car ahead drives."""
+        """Draw a car, no faster than the car ahead."""
         drivers = self._drivers
         length_m = self._rng.uniform(*drivers.length_m)
         spread = np.clip(self._rng.normal(), -2.0, 2.0) * drivers.top_speed_sigma_m_s

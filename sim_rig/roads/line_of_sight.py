@@ -1,4 +1,4 @@
-"""What stands between cars."""
+"""Buildings that block the line of sight between cars."""
 
 from collections.abc import Callable
 
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 from sim_rig.roads.cars import Array
 
 Blocked = Callable[[Array, Array], NDArray[np.bool_]]
-"""Whether something that stands between places (..., 2) and (..., 2) hides one from the other."""
+"""Whether the lines of sight between positions (..., 2) and (..., 2), m, are blocked."""
 
 
 class Corners:
     """Buildings in the four corners of a crossing at the origin: where |x| and |y| are large."""
 
     def __init__(self, from_m: float) -> None:
-        """The buildings begin `from_m` from the middle of either road."""
+        """`from_m`: distance of the buildings from the middle of either road."""
         self._from_m = from_m
 
     def __call__(self, here: Array, there: Array) -> NDArray[np.bool_]:
-        """Whether the line of sight goes through one of the four."""
+        """Whether each line of sight goes through one of the four buildings."""
         blocked = np.zeros(np.broadcast_shapes(here.shape, there.shape)[:-1], dtype=bool)
         for east in (-1.0, 1.0):
             for north in (-1.0, 1.0):

@@ -1,6 +1,6 @@
-"""The line that a road follows: where a point of it lies, which way it leads, how high it is.
+"""Course of a road in the plane.
 
-East is x, north is y, headings run clockwise from north, as everywhere.
+x is east, y is north; headings are clockwise from north.
 """
 
 import math
@@ -12,10 +12,10 @@ Point = tuple[float, float]
 
 
 class Path:
-    """Straight from point to point, and straight on beyond both ends."""
+    """A polyline that goes straight on beyond both ends."""
 
     def __init__(self, points_m: Sequence[Point]) -> None:
-        """Follow `points_m`, at least two of them, no two neighbours the same."""
+        """`points_m`: at least two points, consecutive ones different."""
         self._points_m = list(points_m)
         lengths_m = [math.dist(one, other) for one, other in pairwise(points_m)]
         self._begins_m = list(accumulate(lengths_m[:-1], initial=0.0))
@@ -25,7 +25,7 @@ class Path:
         ]
 
     def place(self, along_m: float, left_m: float) -> Point:
-        """The point `along_m` from the road's beginning and `left_m` to the left of its line."""
+        """Position `along_m` from the start of the road and `left_m` to its left."""
         index = max(bisect_right(self._begins_m, along_m) - 1, 0)
         (x, y), (dx, dy) = self._points_m[index], self._directions[index]
         on_m = along_m - self._begins_m[index]
@@ -33,5 +33,5 @@ class Path:
 
 
 def heading_rad(rear: Point, front: Point) -> float:
-    """Which way a car points that has its bumpers at these places."""
+    """Heading of a car with its bumpers at these positions."""
     return math.atan2(front[0] - rear[0], front[1] - rear[1])

@@ -1,4 +1,4 @@
-"""The way that a drive takes, whatever its speed, and what stands on it."""
+"""Paths of recorded trajectories, independent of speed, and obstacles on them."""
 
 import math
 
@@ -9,27 +9,27 @@ from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.recording import STEP_S, Trajectory
 
 LOOK_M = 70.0
-"""How far ahead a driver looks."""
+"""Distance ahead within which obstacles are searched."""
 _EVERY_M = 1.0
 _STANDS_M_S = 0.2
 _BEHIND_M = 0.5
-"""Who has come so far beyond where the drive stands has not stopped there."""
+"""A car this far beyond a recorded stop has passed it."""
 _SAME_WAY = 0.87
-"""The cosine of the least angle between two ways that are not the same, 30 degrees."""
+"""Cosine of the least angle between paths of different directions, 30 degrees."""
 _MARGIN_M = 0.3
-"""Who looks out for others wants so much room."""
+"""Safety margin to crossing cars."""
 _SHARE_OF_WIDTH = 0.9
-"""Of the own width, what must be free."""
+"""Share of the car's width that must be free."""
 
 
 class DrivePath:
-    """Places of the middle of a car along its way, in metres from the beginning of the drive."""
+    """Positions of a car's middle along its path, by distance from the start of its trajectory."""
 
     def __init__(self, drive: Trajectory) -> None:
-        """Take the way of `drive`; beyond its end the way goes straight on."""
+        """Follow the path of `drive`, and straight on beyond its end."""
         self.drive = drive
         moved = np.hypot(*np.diff(drive.middle_m, axis=0).T)
-        # Those that stand move by a hair, so that every place has one moment.
+        # Standing samples advance slightly, so that every position has one time.
         self._ways = np.concatenate([[0.0], np.cumsum(np.maximum(moved, 1e-9))])
         self._steps = np.arange(len(drive), dtype=np.float64)
         self.length_m = float(self._ways[-1])
@@ -41,22 +41,22 @@ class DrivePath:
         ]
 
     def acceleration_m_s2(self, at_s: float) -> float:
-        """Of the drive by then; 0 when it is over."""
+        """Recorded acceleration at `at_s`, m/s^2; 0 after the end."""
         step = min(max(math.floor(at_s / STEP_S + 1e-6) - self.drive.first, 0), len(self.drive) - 1)
         after = self.drive.speed_m_s[step : step + 2]
         return float(after[-1] - after[0]) / STEP_S
 
     def waits_m(self, way_m: float, at_s: float) -> float:
-        """How far ahead is where the drive stands by then or later; infinite if nowhere."""
+        """Distance to the next recorded stop that lasts beyond `at_s`, m; infinite if none."""
         ahead = (stood_m - way_m for stood_m, until_s in self._waits if at_s < until_s)
         return min((gap_m for gap_m in ahead if gap_m > -_BEHIND_M), default=np.inf)
 
     def way_m(self, at_s: float) -> float:
-        """How far the drive has come by then."""
+        """Recorded distance from the start at `at_s`, m."""
         return float(np.interp(at_s / STEP_S - self.drive.first, self._steps, self._ways))
 
     def places(self, ways_m: Array) -> tuple[Array, Array]:
-        """Middle (n, 2) and heading (n) at ways (n)."""
+        """Middle (n, 2), m, and heading (n,), rad, at distances (n,), m."""
         steps = np.interp(ways_m, self._ways, self._steps)
         heading = np.interp(steps, self._steps, self.drive.heading_rad)
         x, y = (np.interp(steps, self._steps, line) for line in self.drive.middle_m.T)
@@ -65,7 +65,7 @@ class DrivePath:
         return middle, heading
 
     def speed_m_s(self, way_m: float) -> float:
-        """How fast the drive was there."""
+        """Recorded speed at a distance from the start, m/s."""
         step = np.interp(way_m, self._ways, self._steps)
         return float(np.interp(step, self._steps, self.drive.speed_m_s))
 
@@ -73,9 +73,14 @@ class DrivePath:
 def blocked_at_m(
     path: DrivePath, way_m: float, cars: Cars, own: int, others: NDArray[np.intp]
 ) -> Array:
-    """How far from the own bumper each of `others` stands on the way ahead; infinite if not.
+    """Gap from the front bumper to each of `others` on the path ahead, m; infinite if off it.
 
-    `own` and `others` are indices in `cars`.
+    Args:
+        path: path of the car `own`.
+        way_m: its distance from the start of the path.
+        cars: all cars.
+        own: index of the car in `cars`.
+        others: (n,) indices in `cars`.
     """
     if not len(others):
         return np.zeros(0)
@@ -98,17 +103,17 @@ def blocked_at_m(
     return gaps
 
 
-def would_meet(  # noqa: PLR0917 (as above, with when he is where)
+def would_collide(  # noqa: PLR0917 (as above, with predicted times)
     path: DrivePath, ways_m: Array, after_s: Array, cars: Cars, own: int, others: NDArray[np.intp]
 ) -> bool:
-    """Whether any of `others` who drives another way than `own` would be touched.
+    """Whether the car `own` would touch any of `others` with another direction.
 
     Args:
-        path: of `own`.
-        ways_m: where on it he would be, (n).
-        after_s: when, (n); the others keep speed and course until then.
-        cars: as they are now.
-        own: index in `cars`.
+        path: path of the car `own`.
+        ways_m: (n,) its predicted distances from the start of the path.
+        after_s: (n,) times of these, s from now; the others keep speed and course.
+        cars: all cars now.
+        own: index of the car in `cars`.
         others: indices in `cars`.
     """
     otherwise = np.cos(cars.heading_rad[others] - cars.heading_rad[own]) < _SAME_WAY

@@ -1,11 +1,11 @@
-"""A quantity over time as its scenario gives it: values at breakpoints, linear in between."""
+"""Piecewise linear functions of time."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
 
 Breakpoints = Sequence[tuple[float, float]]
-"""(time in s, value), in order of time. The first and the last value hold outwards."""
+"""(time in s, value), in order of time; constant before the first and after the last."""
 
 
 class PiecewiseLinear:
@@ -29,7 +29,7 @@ class PiecewiseLinear:
     def sample(self, at_s: float) -> tuple[float, float, float]:
         """Value, slope (per second) and integral since the first breakpoint, at `at_s`.
 
-        At a breakpoint the slope is that of the stretch after it.
+        At a breakpoint the slope is that of the following segment.
         """
         index = bisect_right(self._times_s, at_s) - 1
         if index < 0:

@@ -1,6 +1,6 @@
-"""Movement that is already known: a trace from a file, or what another source has driven.
+"""Recorded motion: a trace from a file, or the output of another source.
 
-All drives are held at the same rate, so that any moment is one step of arithmetic for all cars.
+All trajectories have the same sampling interval, so that interpolation is one vector operation.
 """
 
 from collections.abc import Iterable
@@ -12,12 +12,12 @@ from typing_extensions import override
 from sim_rig.roads.cars import Array, Cars, Traffic
 
 STEP_S = 0.1
-"""From one sample to the next."""
+"""Sampling interval."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """One car from the moment it is there until it has gone, K samples `STEP_S` apart."""
+    """Motion of one car from its first to its last step: K samples at `STEP_S`."""
 
     name: str
     first: int
@@ -25,7 +25,7 @@ class Trajectory:
     middle_m: Array
     """(K, 2)"""
     heading_rad: Array
-    """(K), without jumps by whole turns."""
+    """(K,), unwrapped."""
     speed_m_s: Array
     """(K)"""
     length_m: float
@@ -41,7 +41,7 @@ class Trajectory:
 
 
 class RecordedTraffic(Traffic):
-    """Many drives, to be asked for any moment in any order."""
+    """Interpolates many trajectories at any times in any order."""
 
     def __init__(self, drives: Iterable[Trajectory]) -> None:
         self.drives = tuple(sorted(drives, key=lambda drive: drive.first))
@@ -57,18 +57,18 @@ class RecordedTraffic(Traffic):
 
     @property
     def end_s(self) -> float:
-        """When the last car goes."""
+        """Time of the last sample, s."""
         return float(self._last.max(initial=0)) * STEP_S
 
     def there(self, at_s: float) -> list[int]:
-        """Which drives are on at a moment."""
+        """Indices of the trajectories that cover `at_s`."""
         step = at_s / STEP_S
         on: list[int] = np.flatnonzero((self._first <= step) & (step <= self._last)).tolist()
         return on
 
     @override
     def cars_at(self, at_s: float) -> Cars:
-        """Linear between the samples."""
+        """All cars at `at_s`, linear between the samples."""
         on = np.array(self.there(at_s), dtype=np.intp)
         steps = at_s / STEP_S - self._first[on]
         whole = np.minimum(
@@ -95,7 +95,13 @@ class RecordedTraffic(Traffic):
 
 
 def record(traffic: Traffic, seconds: float, begin_s: float = 0.0) -> RecordedTraffic:
-    """Drive a source, and keep what it did from `begin_s` on, which becomes 0."""
+    """Record a source.
+
+    Args:
+        traffic: the source.
+        seconds: duration of the recording.
+        begin_s: start of the recording, which becomes 0.
+    """
     samples: dict[str, list[tuple[float, ...]]] = {}
     first: dict[str, int] = {}
     sizes: dict[str, tuple[float, float]] = {}
@@ -117,7 +123,7 @@ def record(traffic: Traffic, seconds: float, begin_s: float = 0.0) -> RecordedTr
 
 
 def keep_right(recording: RecordedTraffic, by_m: float) -> RecordedTraffic:
-    """Drives along the middle of their roads, moved to the right and rounded at the corners."""
+    """Shift trajectories along road centres to the right by `by_m`, and smooth their corners."""
     return RecordedTraffic(_kept_right(drive, by_m) for drive in recording.drives)
 
 
@@ -133,7 +139,7 @@ def _kept_right(drive: Trajectory, by_m: float) -> Trajectory:
 
 
 def _rounded(samples: Array, window: int) -> Array:
-    """Mean over a window of samples; fewer at the ends."""
+    """Moving average (n, 2), with smaller windows at the ends."""
     half = window // 2
     sums = np.concatenate([np.zeros((1, 2)), np.cumsum(samples, axis=0)])
     at = np.arange(len(samples))

@@ -1,7 +1,6 @@
-"""What every source of movement tells the rig: where each car is at a moment.
+"""State of a car on a scenario's roads, and the interface of its sources.
 
-The scenario's own breakpoints (`breakpoints.py`) are one source; a car-following model or a
-recorded trace is another. Nothing in the rig knows which of them it is driving.
+The breakpoints of a scenario (`breakpoints.py`) are one source.
 """
 
 import math
@@ -12,7 +11,7 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class CarState:
-    """One car at one moment."""
+    """State of one car at one time."""
 
     x_m: float
     """East of the scenario's origin; the middle of the car."""
@@ -31,11 +30,11 @@ class CarState:
     height_m: float
 
     def distance_m(self, other: "CarState") -> float:
-        """Between the middles of the two cars, as a radio sees it."""
+        """Distance between the middles of two cars, m."""
         return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
 
     def point(self, ahead_m: float, right_m: float) -> tuple[float, float]:
-        """East and north of a point that lies so far ahead and to the right of the car's middle."""
+        """East and north of a point given ahead and to the right of the car's middle, m."""
         sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
         return (
             self.x_m + ahead_m * sine + right_m * cosine,
@@ -43,7 +42,7 @@ class CarState:
         )
 
     def seen_from_front(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """How far ahead of the front bumper, and to the right of its middle, a point lies."""
+        """Position of a point ahead and to the right of the middle of the front bumper, m."""
         sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
         east_m, north_m = x_m - self.x_m, y_m - self.y_m
         return (
@@ -53,12 +52,12 @@ class CarState:
 
 
 class Road(Protocol):
-    """A source of movement. Times are seconds since the scenario began, and never go back."""
+    """Source of the cars' states. Times are s since the start of the scenario, in order."""
 
     def cars_at(self, at_s: float) -> Mapping[str, CarState]:
-        """Every car on the road at `at_s`, by name."""
+        """States of all cars at `at_s`, by name."""
         ...
 
     def car_at(self, car: str, at_s: float) -> CarState:
-        """One of them."""
+        """State of one car at `at_s`."""
         ...

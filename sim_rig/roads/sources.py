@@ -1,4 +1,4 @@
-"""Movement by name: a source of our own, SUMO's, or the file of a trace."""
+"""Opens a source of traffic by name: a synthetic road, SUMO, or a trace file."""
 
 from pathlib import Path
 
@@ -13,16 +13,16 @@ NAMES = ("crossing", "highway", "sumo-crossing", "sumo-highway")
 
 
 class RoadSourceError(UserError):
-    """There is no such source."""
+    """The named source does not exist."""
 
 
 def open_traffic(source: str, rng: np.random.Generator) -> Traffic:
-    """Open one of `NAMES`, a simulation of SUMO's (`.sumocfg`), or a trace's file.
+    """Open one of `NAMES`, a SUMO simulation (`.sumocfg`), or a trace file.
 
     Raises:
-        RoadSourceError: it is none of them.
+        RoadSourceError: the source does not exist.
         SumoError: SUMO cannot run it.
-        TraceError: the file is no recording of cars.
+        TraceError: the file is not a valid trace.
     """
     if source == "crossing":
         return crossing(IntersectionSettings(), rng)
@@ -38,5 +38,5 @@ def open_traffic(source: str, rng: np.random.Generator) -> Traffic:
         return read_trace(Path(source))
     names = ", ".join(NAMES)
     raise RoadSourceError(
-        f"no source of traffic {source!r}: it is one of {names}, a .sumocfg, or a trace's file"
+        f"no source of traffic {source!r}: it is one of {names}, a .sumocfg, or a trace file"
     )

@@ -1,7 +1,7 @@
-"""Traffic from SUMO, in this process by libsumo: one simulation at a time, stepped as we ask.
+"""Traffic from SUMO, run in this process by libsumo, one simulation at a time.
 
-`networks/` holds a dense crossing and a highway; `netconvert -c NAME.netccfg` has made their nets.
-A simulation of one's own is the `.sumocfg` of its network and routes.
+`networks/` has a dense crossing and a highway; their nets are made by `netconvert -c NAME.netccfg`.
+Other simulations are given by the `.sumocfg` of their network and routes.
 """
 
 import gzip
@@ -21,34 +21,34 @@ NETWORKS = Path(__file__).with_name("networks")
 STEP_S = 0.1
 _OPTIONS = (
     "--step-length", str(STEP_S),
-    "--route-steps", "100000000",  # all routes are read, and checked, in the first step
-    "--time-to-teleport", "-1",  # who is stuck stays where he is
-    "--collision.action", "none",  # crashes are found from the boxes, as everywhere
+    "--route-steps", "100000000",  # read and check all routes in the first step
+    "--time-to-teleport", "-1",  # stuck cars are not moved
+    "--collision.action", "none",  # crashes are detected by `crashes.py`
     "--no-step-log", "--no-warnings",
 )  # fmt: skip
 
 
 class SumoError(UserError):
-    """What SUMO says is wrong with a simulation."""
+    """SUMO cannot run a simulation."""
 
 
 class SumoTraffic(Traffic):
-    """Steps one simulation; SUMO's own random numbers come from `seed`."""
+    """Steps one simulation; `seed` is the seed of SUMO's random numbers."""
 
     def __init__(self, config: Path, seed: int) -> None:
         """Load the simulation.
 
         Raises:
-            SumoError: it cannot be loaded, its network does not fit its routes, or this process
-                runs one already.
+            SumoError: it cannot be loaded, its routes do not match its network, or this process
+                already runs a simulation.
         """
         if libsumo.simulation.isLoaded():
-            raise SumoError(f"{config}: this process runs a simulation of SUMO already")
+            raise SumoError(f"{config}: this process already runs a simulation of SUMO")
         self._config, self._step = config, 0
         _check_network(config)
         try:
             libsumo.start(["sumo", "-c", str(config), "--seed", str(seed), *_OPTIONS])
-            libsumo.simulationStep()  # the first puts on the road who is there at its beginning
+            libsumo.simulationStep()  # the first step inserts the cars that depart at 0 s
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             self.close()
             raise self._wrong(error) from None
@@ -59,7 +59,7 @@ class SumoTraffic(Traffic):
         """Step up to `at_s`; between steps cars go straight on.
 
         Raises:
-            SumoError: a car that is to come has no way through the network.
+            SumoError: a departing car has no route through the network.
         """
         try:
             while (self._step + 1) * STEP_S <= at_s + 1e-9:
@@ -72,7 +72,7 @@ class SumoTraffic(Traffic):
         return self._cars.moved_on(max(at_s - self._step * STEP_S, 0.0))
 
     def close(self) -> None:
-        """End the simulation; another one may begin."""
+        """End the simulation, so that another one can start."""
         if libsumo.simulation.isLoaded():
             libsumo.close()
 
@@ -102,11 +102,11 @@ class SumoTraffic(Traffic):
 
 
 def _check_network(config: Path) -> None:
-    """Whether the network is there and is XML; a process that had SUMO fail on it is lost."""
+    """Check that the network exists and is XML: SUMO is unusable after failing to load it."""
     try:
         named = ET.parse(config).iter("net-file")  # noqa: S314 (the user's own file)
     except (OSError, ET.ParseError):
-        return  # of its configuration SUMO itself says what is wrong
+        return  # SUMO reports errors of its configuration itself
     for option in named:
         network = config.parent / option.get("value", "")
         opened = gzip.open if network.suffix == ".gz" else open
@@ -115,7 +115,7 @@ def _check_network(config: Path) -> None:
                 for _, element in ET.iterparse(file):  # noqa: S314 (as above)
                     element.clear()
         except (OSError, EOFError) as error:
-            said = getattr(error, "strerror", None) or error
-            raise SumoError(f"{config}: its network {network} cannot be read: {said}") from error
+            reason = getattr(error, "strerror", None) or error
+            raise SumoError(f"{config}: its network {network} cannot be read: {reason}") from error
         except ET.ParseError as error:
-            raise SumoError(f"{config}: its network {network} is no XML: {error}") from error
+            raise SumoError(f"{config}: its network {network} is not XML: {error}") from error

@@ -1,7 +1,7 @@
-"""Traces from files: ns-2 setdest, SUMO's floating car data, and plain CSV; `.gz` as well.
+"""Reads trace files: ns-2 setdest, SUMO's floating car data, and plain CSV; also as `.gz`.
 
-What a car says at uneven times is put on the recording's rate. A file that cannot be a recording of
-cars (holes, jumps, one name for two cars, times that go back) is refused, with the place.
+Samples are resampled to the recording's interval. A file with gaps, jumps, one name for two cars or
+decreasing times is refused with the place of the error.
 """
 
 import csv
@@ -22,22 +22,22 @@ from sim_rig.roads.cars import Array
 from sim_rig.roads.recording import STEP_S, RecordedTraffic, Trajectory
 
 LENGTH_M, WIDTH_M = 4.5, 1.8
-"""Of a car whose trace does not say."""
+"""Default size of a car."""
 FASTEST_M_S = 90.0
-"""What moves faster than this has jumped."""
+"""Faster motion is a jump."""
 LONGEST_HOLE_S = 1.05
-"""Traces give a car at least once a second."""
+"""Longest interval between two samples of a car: traces have at least 1 Hz."""
 LONGEST_S = 86_400.0
-"""A day: what lasts longer is a mistake in its times."""
+"""Longest trace, one day; longer ones have wrong times."""
 
 
 class TraceError(UserError):
-    """The file, the line or the moment, and what is wrong there."""
+    """An error of a trace file, with its line or time."""
 
 
 @dataclass(slots=True)
-class _Seen:
-    """What a file says of one car, in order of time."""
+class _Samples:
+    """Samples of one car, in order of time."""
 
     times_s: list[float] = field(default_factory=list)
     rows: list[tuple[float, float, float, float]] = field(default_factory=list)
@@ -47,10 +47,10 @@ class _Seen:
 
 
 def read_trace(path: Path) -> RecordedTraffic:
-    """Read the file, by the ending of its name: `.ns2`, `.ns_movements`, `.tcl`, `.xml`, `.csv`.
+    """Read a trace; its suffix is `.ns2`, `.ns_movements`, `.tcl`, `.xml` or `.csv`.
 
     Raises:
-        TraceError: it cannot be read, or is not a recording of cars.
+        TraceError: the file cannot be read, or is not a valid trace.
     """
     endings = [ending for ending in path.suffixes if ending != ".gz"]
     reader = _READERS.get(endings[-1]) if endings else None
@@ -72,36 +72,46 @@ _SETDEST = re.compile(
 )
 _SWITCH = re.compile(rf'\$ns_ at {_NUMBER} "\$node_\((\w+)\) switch (ON|OFF)"')
 _GOD = re.compile(rf'(\$ns_ at {_NUMBER} ")?\$god_ set-dist ')
-"""What `setdest` itself writes between: how many hops two nodes are apart. No movement."""
+"""Hop distances of nodes, which `setdest` writes too; not motion."""
 
 
 @dataclass(slots=True)
 class _Node:
-    """One node of a setdest file on its way: corners, each at the moment it is reached."""
+    """One node of a setdest file: corners of its path, with the times at which it reaches them."""
 
     corners: list[tuple[float, float, float]] = field(default_factory=list)
     """(time, x, y)"""
     off_at_s: float = math.inf
-    """When it is switched off on its way."""
+    """Time at which it is switched off."""
     place: list[float | None] = field(default_factory=lambda: [None, None])
-    """Where it stands until it is first told to move, as far as the file has said."""
+    """Initial x and y, as far as given."""
     has_left: bool = False
-    """It has driven, and was then put elsewhere."""
+    """Whether it was placed elsewhere after driving."""
 
     @property
-    def _told_at_s(self) -> float:
-        """When it was last told to move: what comes after that is where it is going."""
+    def _last_command_s(self) -> float:
+        """Time of the last `setdest`; a later corner is its destination."""
         return self.corners[-2 if len(self.corners) > 1 else -1][0]
 
     def go(self, at_s: float, x: float, y: float, speed_m_s: float) -> str | None:
-        """Take a `setdest`; returns what is wrong with it."""
+        """Apply a `setdest`.
+
+        Args:
+            at_s: time of the command, s.
+            x: destination, m.
+            y: destination, m.
+            speed_m_s: speed to the destination.
+
+        Returns:
+            The error of the command; `None` if it is valid.
+        """
         if not self.corners:
             x0, y0 = self.place
             if x0 is None or y0 is None:
                 return "moves before it has a place"
             self.corners.append((at_s, x0, y0))
-        if at_s < self._told_at_s - 1e-9:
-            return "is told to move at a time before the last one"
+        if at_s < self._last_command_s - 1e-9:
+            return "has a command earlier than its last one"
         if speed_m_s > _PLACING_M_S:
             if len(self.corners) == 1:
                 self.corners = [(at_s, x, y)]
@@ -120,7 +130,7 @@ class _Node:
         return None
 
     def _be_at(self, at_s: float) -> None:
-        """Cut a way short that is not finished yet, or wait until `at_s`."""
+        """Cut an unfinished path at `at_s`, or wait until then."""
         time_s, x, y = self.corners[-1]
         if time_s > at_s:
             begin_s, x0, y0 = self.corners[-2]
@@ -131,11 +141,11 @@ class _Node:
 
 
 _PLACING_M_S = 1e6
-"""A node that is sent somewhere this fast is put there: on the road, or off it at the end."""
+"""A `setdest` with a higher speed places the node: on the road, or off it at the end."""
 
 
 def _read_setdest(lines: Iterable[str], origin: str) -> RecordedTraffic:
-    """ns-2 (setdest): places of the middle. A car is there while it moves and between moves."""
+    """Read ns-2 setdest: positions of the middle. A car is present from its first to last move."""
     nodes: dict[str, _Node] = {}
     placed: set[tuple[str, str]] = set()
     for number, line in enumerate(lines, 1):
@@ -189,7 +199,7 @@ def _drive_along(name: str, node: _Node, origin: str) -> Trajectory | None:
 
 
 def _held(headings: Array, moving: Array) -> Array:
-    """A car that stands keeps its heading; before the first move it has that of the first."""
+    """Keep the heading of standing cars; before the first motion, use that of the first."""
     if not moving.any():
         return np.zeros_like(headings)
     last = np.maximum.accumulate(np.where(moving, np.arange(len(headings)), -1))
@@ -198,8 +208,8 @@ def _held(headings: Array, moving: Array) -> Array:
 
 
 def _read_fcd(file: IO[str], origin: str) -> RecordedTraffic:
-    """SUMO's `--fcd-output`: angle in degrees clockwise from north, place of the front bumper."""
-    seen: dict[str, _Seen] = {}
+    """Read SUMO's `--fcd-output`: angle, deg clockwise from north; position of the front bumper."""
+    cars: dict[str, _Samples] = {}
     now_s = -math.inf
     try:
         for event, element in ET.iterparse(file, events=("start", "end")):  # noqa: S314 (the user's own file)
@@ -208,23 +218,23 @@ def _read_fcd(file: IO[str], origin: str) -> RecordedTraffic:
                 if now_s <= before_s:
                     raise TraceError(f"{origin}: time {now_s:g} s comes after {before_s:g} s")
             elif event == "end" and element.tag == "vehicle":
-                said = element.attrib
+                values = element.attrib
                 row = (
-                    float(said["x"]),
-                    float(said["y"]),
-                    math.radians(90.0 - float(said["angle"])),
-                    float(said["speed"]),
+                    float(values["x"]),
+                    float(values["y"]),
+                    math.radians(90.0 - float(values["angle"])),
+                    float(values["speed"]),
                 )
-                _note(seen, said["id"], now_s, row, origin)
+                _add_sample(cars, values["id"], now_s, row, origin)
             elif event == "end" and element.tag == "timestep":
                 element.clear()
     except KeyError as error:
-        raise TraceError(f"{origin}: no floating car data: no attribute {error}") from error
+        raise TraceError(f"{origin}: not floating car data: no attribute {error}") from error
     except UnicodeDecodeError:
         raise  # as for every file
     except (ET.ParseError, ValueError) as error:
-        raise TraceError(f"{origin}: no floating car data: {error}") from error
-    return _recording(_drives(seen, origin), origin)
+        raise TraceError(f"{origin}: not floating car data: {error}") from error
+    return _recording(_drives(cars, origin), origin)
 
 
 _COLUMNS = {"t": "t", "id": "id", "vin": "id", "x": "x", "y": "y", "heading": "heading"} | {
@@ -238,49 +248,50 @@ _ONCE_AROUND = 2.0 * math.pi + 1e-3
 
 
 def _read_csv(file: IO[str], origin: str) -> RecordedTraffic:
-    """Columns t, id (or vin), x, y of the front bumper, heading, v (or speed); length, width."""
+    """Read CSV: t, id (or vin), x, y of the front bumper, heading, v (or speed); length, width."""
     rows = csv.DictReader(file)
     given = [name for name in rows.fieldnames or () if name in _COLUMNS]
     names = {_COLUMNS[name]: name for name in given}
     if len(given) > len(names):
-        raise TraceError(f"{origin}: columns that say the same: {', '.join(given)}")
+        raise TraceError(f"{origin}: columns with the same meaning: {', '.join(given)}")
     missing = [name for name in _NEEDED if name not in names]
     if missing:
         raise TraceError(f"{origin}: no column {', '.join(missing)}")
-    seen: dict[str, _Seen] = {}
+    cars: dict[str, _Samples] = {}
     last_s = -math.inf
     for number, row in enumerate(rows, 2):
         if None in row.values() or None in row:
-            raise TraceError(f"{origin}, line {number}: not as many fields as columns")
+            raise TraceError(f"{origin}, line {number}: fields do not match columns")
         try:
             at_s, x, y, heading, v = (float(row[names[key]]) for key in _NEEDED if key != "id")
             sizes = {key: float(row[names[key]]) for key in ("length", "width") if key in names}
         except ValueError as error:
             raise TraceError(f"{origin}, line {number}: {error}") from error
         if not all(0.0 < size < math.inf for size in sizes.values()):
-            raise TraceError(f"{origin}, line {number}: a car of no length or width")
+            raise TraceError(f"{origin}, line {number}: length and width must be positive")
         if abs(heading) > _ONCE_AROUND:
             raise TraceError(f"{origin}, line {number}: a heading of {heading:g} rad (degrees?)")
         if at_s < last_s:
             raise TraceError(f"{origin}, line {number}: time {at_s:g} s comes after {last_s:g} s")
         last_s = at_s
-        car = _note(seen, row[names["id"]], at_s, (x, y, heading, v), f"{origin}, line {number}")
+        place = f"{origin}, line {number}"
+        car = _add_sample(cars, row[names["id"]], at_s, (x, y, heading, v), place)
         car.length_m = sizes.get("length", car.length_m)
         car.width_m = sizes.get("width", car.width_m)
-    return _recording(_drives(seen, origin), origin)
+    return _recording(_drives(cars, origin), origin)
 
 
-def _note(
-    seen: dict[str, _Seen], name: str, at_s: float, row: tuple[float, float, float, float],
+def _add_sample(
+    cars: dict[str, _Samples], name: str, at_s: float, row: tuple[float, float, float, float],
     origin: str,
-) -> _Seen:  # fmt: skip
+) -> _Samples:  # fmt: skip
     if not name:
         raise TraceError(f"{origin}: a car without a name")
     if not all(map(math.isfinite, (at_s, *row))):
-        raise TraceError(f"{origin}: car {name} is nowhere at {at_s:g} s")
+        raise TraceError(f"{origin}: car {name} has no finite state at {at_s:g} s")
     if not 0.0 <= row[3] <= FASTEST_M_S:
         raise TraceError(f"{origin}: car {name} drives at {row[3]:g} m/s")
-    car = seen.setdefault(name, _Seen())
+    car = cars.setdefault(name, _Samples())
     if car.times_s:
         passed_s = at_s - car.times_s[-1]
         if passed_s <= 0.0:
@@ -297,9 +308,9 @@ def _note(
     return car
 
 
-def _drives(seen: dict[str, _Seen], origin: str) -> Iterator[Trajectory]:
-    begin_s = min((car.times_s[0] for car in seen.values()), default=0.0)
-    for name, car in seen.items():
+def _drives(cars: dict[str, _Samples], origin: str) -> Iterator[Trajectory]:
+    begin_s = min((car.times_s[0] for car in cars.values()), default=0.0)
+    for name, car in cars.items():
         times_s = np.array(car.times_s) - begin_s
         steps = _steps(times_s, name, origin)
         if len(steps) < 2:

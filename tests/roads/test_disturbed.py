@@ -131,7 +131,7 @@ def test_events_are_drawn_by_seed_where_somebody_may_be_hit(busy: RecordedTraffi
 def test_where_nobody_crosses_nobody_can_run_a_light() -> None:
     for has_lights in (True, False):
         events = TrafficEvents(platoon(3), has_lights=has_lights)
-        with pytest.raises(NoEventError, match="crosses another's way"):
+        with pytest.raises(NoEventError, match="no paths in this recording cross"):
             events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(0))
     with pytest.raises(NoEventError, match="followed closely"):
         TrafficEvents(platoon(1), has_lights=False).draw(
@@ -159,7 +159,7 @@ def test_where_others_are_near_nobody_can_come_out_of_his_turn() -> None:
         ]
     events = TrafficEvents(RecordedTraffic(drives), has_lights=False)
 
-    with pytest.raises(NoEventError, match="whoever came out of his turn would be within 7 m"):
+    with pytest.raises(NoEventError, match="every shifted car would be within 7 m"):
         events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(0))
 
 

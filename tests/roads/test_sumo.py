@@ -93,7 +93,7 @@ def test_the_seed_decides_who_comes_and_when() -> None:
 def test_one_process_runs_one_simulation() -> None:
     with (
         SumoTraffic(NETWORKS / "highway.sumocfg", seed=1),
-        pytest.raises(SumoError, match="runs a simulation of SUMO already"),
+        pytest.raises(SumoError, match="already runs a simulation of SUMO"),
     ):
         SumoTraffic(NETWORKS / "crossing.sumocfg", seed=1)
 
@@ -132,7 +132,7 @@ def test_a_simulation_that_is_not_there_is_the_users_mistake(tmp_path: Path) -> 
     ("name", "content", "said"),
     [
         ("crossing.net.xml", None, "cannot be read: No such file or directory"),
-        ("crossing.net.xml", b"<net><edge", "is no XML: unclosed token"),
+        ("crossing.net.xml", b"<net><edge", "is not XML: unclosed token"),
         ("crossing.net.xml.gz", b"<net/>", "cannot be read: Not a gzipped file"),
         ("crossing.net.xml.gz", gzip.compress(b"<net/>", mtime=0)[:9], "cannot be read: "),
     ],
