@@ -1,4 +1,4 @@
-"""The path history names few points, and the way driven lies near the lines between them."""
+"""The path history has few points, and the path driven is near the lines between them."""
 
 import math
 from itertools import pairwise
@@ -75,7 +75,7 @@ def test_a_straight_road_needs_two_points_for_200_m() -> None:
     assert np.linalg.norm(points[-1] - points[0]) >= LENGTH_M
 
 
-def test_a_corner_has_a_point_near_it() -> None:
+def test_the_path_history_has_a_point_near_a_corner() -> None:
     corner = np.concatenate([straight(100.0), straight(60.0)[:, ::-1] + (0.0, 100.0)])
     history, points = drive(corner)
 
@@ -84,7 +84,7 @@ def test_a_corner_has_a_point_near_it() -> None:
     assert off_the_line_m(corner, points) <= MAX_ERROR_M + 0.2
 
 
-def test_ages_are_those_of_the_points() -> None:
+def test_each_path_history_point_has_its_own_age() -> None:
     history, points = drive(straight(150.0))
 
     assert history is not None
@@ -95,7 +95,7 @@ def test_ages_are_those_of_the_points() -> None:
 
 @settings(max_examples=60)
 @given(st.lists(st.floats(-0.15, 0.15), min_size=2, max_size=12))
-def test_the_way_lies_near_the_lines_whatever_the_turns(turns_rad: list[float]) -> None:
+def test_the_path_stays_near_the_lines_for_any_turns(turns_rad: list[float]) -> None:
     """Each turn is of one step of 1.5 m and kept for twenty: radii from 10 m."""
     headings = np.cumsum(np.repeat(turns_rad, 20))
     way = np.cumsum(1.5 * np.column_stack([np.sin(headings), np.cos(headings)]), axis=0)
@@ -108,13 +108,13 @@ def test_the_way_lies_near_the_lines_whatever_the_turns(turns_rad: list[float]) 
 
 
 def received(history: PathHistory | None) -> PathHistory | None:
-    """What another car reads of it."""
+    """Return the path history after encoding and decoding a BSM."""
     sent = BasicSafetyMessage(CoreData(0, b"abcd"), VehicleSafetyExtensions(None, history))
     safety = bsm.decode(bsm.encode(sent)).safety
     return None if safety is None else safety.path_history
 
 
-def test_it_travels_in_a_bsm() -> None:
+def test_the_path_history_survives_a_bsm() -> None:
     history, _ = drive(straight(100.0))
 
     got = received(history)
@@ -129,7 +129,7 @@ def test_it_travels_in_a_bsm() -> None:
     [(48.0, 0.0), (78.2, 0.0), (-89.0, 0.0), (48.0, 3000.0)],
     ids=["anywhere", "far north", "near the pole", "behind a tunnel"],
 )
-def test_every_point_is_told_where_the_car_was_then(latitude_deg: float, silent_m: float) -> None:
+def test_every_point_is_where_the_car_was_at_its_age(latitude_deg: float, silent_m: float) -> None:
     """East by 600 m, without a fix for `silent_m` before the last 60 m."""
     keeper = PathHistoryKeeper()
     metre_deg = METRE_DEG / math.cos(math.radians(latitude_deg))

@@ -1,4 +1,4 @@
-"""The path prediction is the circle that the car drives on, and says how sure that is."""
+"""The path prediction is the circle that the car drives on, with its confidence."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -39,7 +39,9 @@ def turning(
 
 @pytest.mark.parametrize("hz", [1, 2, 5, 10])
 @pytest.mark.parametrize("radius_m", [-30.0, 75.0, 2000.0])
-def test_on_a_circle_it_is_that_circle_for_certain(hz: float, radius_m: float) -> None:
+def test_the_prediction_on_a_circle_is_that_circle_with_full_confidence(
+    hz: float, radius_m: float
+) -> None:
     """Beginning north, so that the course jumps from 0 to 2 pi or back."""
     predictor = turning(lambda t: 0.01 + 10.0 * t / radius_m, hz)
 
@@ -48,7 +50,7 @@ def test_on_a_circle_it_is_that_circle_for_certain(hz: float, radius_m: float) -
 
 
 @pytest.mark.parametrize("radius_m", [2600.0, -2600.0, math.inf])
-def test_a_wide_circle_is_straight_on(radius_m: float) -> None:
+def test_a_circle_of_large_radius_is_predicted_as_straight(radius_m: float) -> None:
     predictor = turning(lambda t: 1.0 + 10.0 * t / radius_m, 10)
 
     assert predictor.prediction == PathPrediction(None, pytest.approx(1.0))
@@ -57,9 +59,7 @@ def test_a_wide_circle_is_straight_on(radius_m: float) -> None:
 @pytest.mark.parametrize(
     ("change_deg_s2", "confidence"), [(1.25, 0.75), (-2.5, 0.5), (5.0, 0.4), (15.0, 0.2), (30, 0.0)]
 )
-def test_who_is_turning_the_wheel_is_not_sure_to_stay_on_the_circle(
-    change_deg_s2: float, confidence: float
-) -> None:
+def test_a_changing_yaw_rate_lowers_the_confidence(change_deg_s2: float, confidence: float) -> None:
     """Table A3 of SAE J2945/1, from 0 % at 25 degrees/s2 to 100 % at none."""
     predictor = turning(lambda t: math.radians(change_deg_s2) * t**2 / 2, 10)
 
@@ -67,7 +67,7 @@ def test_who_is_turning_the_wheel_is_not_sure_to_stay_on_the_circle(
     assert predictor.prediction.confidence == pytest.approx(confidence, abs=0.01)
 
 
-def test_who_stands_goes_straight_on_whatever_the_receiver_takes_for_a_course() -> None:
+def test_at_standstill_the_prediction_is_straight_for_any_course() -> None:
     noise = np.random.default_rng(1).uniform(0.0, math.tau, 30)
     predictor = driven(fix(t / 10, course, 0.3) for t, course in enumerate(noise))
 
@@ -88,11 +88,11 @@ def test_who_stands_goes_straight_on_whatever_the_receiver_takes_for_a_course() 
     ],
     ids=["none", "one", "too short", "no course", "no speed", "far apart", "after a silence"],
 )
-def test_what_is_not_known_is_not_told(fixes: list[Position]) -> None:
+def test_no_prediction_is_made_without_course_and_speed(fixes: list[Position]) -> None:
     assert driven(fixes).prediction is None
 
 
-def test_a_fix_that_comes_late_changes_nothing() -> None:
+def test_a_late_fix_is_ignored() -> None:
     fixes = [fix(t / 10, t / 100) for t in range(40)]
 
     late = driven([*fixes, fixes[20], fix(3.9, 3.0), fix(3.0, None)])
@@ -100,7 +100,7 @@ def test_a_fix_that_comes_late_changes_nothing() -> None:
     assert late.prediction == driven(fixes).prediction is not None
 
 
-def test_the_own_bsm_carries_it_with_the_yaw_rate() -> None:
+def test_the_host_vehicles_bsm_has_prediction_and_yaw_rate() -> None:
     who = Pseudonym(bytes(8), b"abcd", 5, None, 300.0)
     beacon = BsmTransmitter(VehicleSize(1.8, 4.5), who, np.random.default_rng(1), now=0.0)
     for t in range(40):
@@ -116,8 +116,8 @@ def test_the_own_bsm_carries_it_with_the_yaw_rate() -> None:
     assert long_after.core.acceleration.yaw_rate_rad_s == 0.0
 
 
-def test_a_receiver_of_one_fix_a_second_leaves_no_bsm_without_a_position() -> None:
-    """It comes half a second late, so it is up to 1.5 s old."""
+def test_a_receiver_at_1_hz_gives_every_bsm_a_position() -> None:
+    """Each fix arrives half a second late, so it is up to 1.5 s old."""
     who = Pseudonym(bytes(8), b"abcd", 5, None, 300.0)
     beacon = BsmTransmitter(VehicleSize(1.8, 4.5), who, np.random.default_rng(1), now=0.0)
     for tenth in range(5, 60):
@@ -129,7 +129,7 @@ def test_a_receiver_of_one_fix_a_second_leaves_no_bsm_without_a_position() -> No
 
 
 @pytest.mark.realdata
-def test_on_a_real_drive_it_foretells_the_course_better_than_straight_on(rig_data: Path) -> None:
+def test_on_a_real_drive_the_prediction_is_better_than_a_straight_line(rig_data: Path) -> None:
     reader, predictor = NmeaReader(), PathPredictor()
     reader.receive_bytes((rig_data / "gnss" / "drive-a.nmea").read_bytes())
     fixes: list[Position] = []
@@ -153,7 +153,7 @@ def test_on_a_real_drive_it_foretells_the_course_better_than_straight_on(rig_dat
     assert np.mean(missed_deg["circle"]) < 0.75 * np.mean(missed_deg["straight"])
 
 
-def test_one_stamp_far_ahead_costs_the_window_and_no_more() -> None:
+def test_one_stamp_far_ahead_costs_only_the_window() -> None:
     stamps = [0.0, 0.5, 1e6, *np.arange(1.0, 6.0, 0.5).tolist()]
 
     predictor = driven(fix(stamp_s, 0.1 * stamp_s) for stamp_s in stamps)

@@ -1,4 +1,4 @@
-"""Ten BSMs a second, fewer among many cars, one at once when something happens."""
+"""The BSM schedule: 10 Hz, less often at high density, at once for a critical event."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def _schedule(seed=1):
 
 
 def _sent(schedule, until_s, cars=0, distance_m=50.0):
-    """Drive `schedule` by its timer alone, with `cars` heard ten times a second."""
+    """Run `schedule` by its timer, with `cars` received at 10 Hz."""
     times, heard_at = [], 0.0
     while (now := schedule.get_timer()) < until_s:
         if now >= heard_at:
@@ -29,14 +29,14 @@ def _sent(schedule, until_s, cars=0, distance_m=50.0):
     return np.array(times)
 
 
-def test_alone_a_car_sends_ten_a_second_within_the_spread():
+def test_a_car_alone_sends_10_hz_bsms_within_the_jitter():
     gaps = np.diff(_sent(_schedule(), 60.0))
     assert len(gaps) == pytest.approx(600, abs=3)
     assert np.all(np.abs(gaps - 0.1) <= JITTER_S + 1e-9)
     assert gaps.std() > JITTER_S / 3
 
 
-def test_cars_switched_on_together_do_not_send_together():
+def test_cars_switched_on_together_send_at_different_times():
     firsts = [_sent(_schedule(seed), 0.2)[0] for seed in range(50)]
     assert max(firsts) - min(firsts) > 0.09
     assert all(0 <= first <= MINIMUM_INTERVAL_S for first in firsts)
@@ -46,26 +46,26 @@ def test_cars_switched_on_together_do_not_send_together():
     ("cars", "interval_s"),
     [(0, 0.1), (25, 0.1), (50, 0.2), (100, 0.4), (149, 0.596), (150, 0.6), (400, 0.6)],
 )
-def test_the_interval_grows_with_the_cars_near(cars, interval_s):
+def test_the_interval_grows_with_the_vehicle_density(cars, interval_s):
     schedule = _schedule()
     late = np.diff(_sent(schedule, 40.0, cars))[-20:]
     assert late.mean() == pytest.approx(interval_s, abs=0.004)
     assert schedule.interval_s == pytest.approx(interval_s, abs=0.002)
 
 
-def test_cars_far_away_do_not_count_and_cars_at_unknown_distance_do():
+def test_distant_cars_are_not_counted_and_cars_at_unknown_distance_are():
     assert np.diff(_sent(_schedule(), 40.0, 100, distance_m=100.1))[-1] < 0.11
     assert np.diff(_sent(_schedule(), 40.0, 100, distance_m=None))[-1] > 0.39
 
 
-def test_cars_that_fall_silent_are_forgotten():
+def test_silent_cars_are_no_longer_counted():
     schedule = _schedule()
     _sent(schedule, 40.0, 150)
     _sent(schedule, 80.0, 0)
     assert schedule.interval_s == MINIMUM_INTERVAL_S
 
 
-def test_a_critical_event_is_sent_at_once_and_ten_a_second_while_it_lasts():
+def test_a_critical_event_is_sent_at_once_and_at_10_hz_while_it_lasts():
     schedule = _schedule()
     last = _sent(schedule, 40.0, 200)[-1]
     assert not schedule.take_due(last + 0.2)

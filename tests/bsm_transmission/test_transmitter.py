@@ -1,4 +1,4 @@
-"""What a car says of itself, from what it knows."""
+"""The host vehicle's BSM, composed from its sensors."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_the_acceleration_follows_from_speeds_in_whole_km_h(
 
 
 @pytest.mark.parametrize(("fix_at_s", "speed_m_s"), [(0.8, 20.0), (0.7, 14.0), (-0.7, 14.0)])
-def test_the_speed_is_the_fix_s_while_that_is_of_now_and_then_the_bus_s(
+def test_the_speed_is_that_of_a_fresh_fix_and_else_that_of_the_bus(
     beacon: BsmTransmitter, fix_at_s: float, speed_m_s: float
 ) -> None:
     beacon.receive_position(Position(fix_at_s, 48.0, 11.0, None, 1.0, 20.0, 0.0))
@@ -49,10 +49,10 @@ def test_the_speed_is_the_fix_s_while_that_is_of_now_and_then_the_bus_s(
     ("speed_m_s", "held_rad", "said_rad"),
     [(10.0, 0.5, 2.0), (0.3, 0.5, 0.5), (0.3, None, None), (None, 0.5, 2.0)],
 )
-def test_while_it_stands_it_tells_the_heading_that_is_held_and_no_course(
+def test_at_standstill_the_held_heading_is_sent_instead_of_the_course(
     beacon: BsmTransmitter, speed_m_s: float | None, held_rad: float | None, said_rad: float | None
 ) -> None:
-    """The course of a receiver that stands turns in circles."""
+    """At standstill the course of a receiver is random."""
     beacon.receive_position(Position(1.0, 48.0, 11.0, None, 1.0, speed_m_s, 2.0))
 
     assert beacon.bsm(None, 1.0, 1.0, held_rad).core.heading_rad == said_rad
@@ -62,7 +62,7 @@ def test_while_it_stands_it_tells_the_heading_that_is_held_and_no_course(
     ("utc_s", "sec_mark_s"),
     [(59.9994, 59.999), (59.9996, 0.0), (120.0, 0.0), (1_700_000_099.9999, 0.0)],
 )
-def test_the_end_of_a_minute_is_no_leap_second(
+def test_sec_mark_at_the_end_of_a_minute_is_not_a_leap_second(
     beacon: BsmTransmitter, utc_s: float, sec_mark_s: float
 ) -> None:
     said = bsm.decode(bsm.encode(beacon.bsm(None, 1.0, utc_s))).core
@@ -70,7 +70,7 @@ def test_the_end_of_a_minute_is_no_leap_second(
     assert said.sec_mark_s == pytest.approx(sec_mark_s)
 
 
-def test_nothing_is_said_of_what_is_not_known(beacon: BsmTransmitter) -> None:
+def test_missing_sensor_values_are_sent_as_unavailable(beacon: BsmTransmitter) -> None:
     said = core(beacon, 1.0)
 
     assert said.speed_m_s is None
@@ -78,7 +78,7 @@ def test_nothing_is_said_of_what_is_not_known(beacon: BsmTransmitter) -> None:
     assert said.brakes.wheel_brakes == WheelBrakes.UNAVAILABLE
 
 
-def test_two_speeds_are_no_acceleration(beacon: BsmTransmitter) -> None:
+def test_two_speeds_give_no_acceleration(beacon: BsmTransmitter) -> None:
     for stamp_s in (0.0, 0.5):
         beacon.receive_speed(Speed(stamp_s, 20.0, KM_H, "obd:7E8"))
 
@@ -86,7 +86,7 @@ def test_two_speeds_are_no_acceleration(beacon: BsmTransmitter) -> None:
 
 
 @pytest.mark.parametrize(("pressed", "wheels"), [(True, ALL_WHEELS), (False, WheelBrakes(0))])
-def test_the_pedal_is_told_where_the_car_has_a_signal_for_it(
+def test_the_brake_pedal_is_sent_if_the_bus_has_a_signal_for_it(
     beacon: BsmTransmitter, pressed: bool, wheels: WheelBrakes
 ) -> None:
     beacon.receive_pedal(BrakePedal(0.9, pressed, "dbc"))

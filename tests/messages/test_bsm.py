@@ -1,4 +1,4 @@
-"""BSMs: the bits that other people's compilers write, the values that the standard gives them."""
+"""BSMs: bits as of other ASN.1 compilers, values as in SAE J2735."""
 
 import contextlib
 import json
@@ -181,7 +181,7 @@ def framed(core, safety=None, other_parts=(), regions=()):
     footer=st.none() | st.binary(max_size=bsm.MAX_FOOTER_BYTES),
     other_regions=st.lists(st.tuples(st.integers(0, 127), st.binary(max_size=40)), max_size=3),
 )
-def test_what_another_compiler_wrote_is_read_and_written_back_bit_for_bit(
+def test_bsms_of_another_compiler_are_decoded_and_encoded_bit_for_bit(
     core, safety, other_parts, footer, other_regions
 ):
     regions = [(bsm.FOOTER_REGION, footer)] if footer is not None else []
@@ -195,13 +195,13 @@ def test_what_another_compiler_wrote_is_read_and_written_back_bit_for_bit(
 
 
 @given(safety=safeties)
-def test_our_safety_extensions_are_read_by_another_compiler(safety):
+def test_safety_extensions_are_decoded_by_another_compiler(safety):
     ours = SAFETY.encode(SAFETY.decode(ORACLE.encode("Safety", safety)))
     assert ORACLE.decode("Safety", ours) == safety
 
 
 @given(records(CORE), st.none() | records(SAFETY))
-def test_every_message_that_the_declarations_allow_survives_the_wire(core, safety):
+def test_every_declared_message_survives_encoding_and_decoding(core, safety):
     message = BasicSafetyMessage(core, safety)
     assert bsm.decode(bsm.encode(message)) == message
     json.dumps(bsm.as_dict(message), allow_nan=False)
@@ -275,7 +275,7 @@ def test_every_quantity_has_its_si_value():
     assert core.size == VehicleSize(width_m=1.85, length_m=4.5)
 
 
-def test_a_sender_that_knows_nothing_says_so_in_the_standard_s_codes():
+def test_missing_values_are_sent_as_the_unavailable_codes_of_the_standard():
     raw = ORACLE.decode(
         "Bsm", ORACLE.decode("Frame", bsm.encode(SILENT))["value"], check_constraints=True
     )
@@ -307,7 +307,7 @@ def test_a_sender_that_knows_nothing_says_so_in_the_standard_s_codes():
     assert bsm.decode(bsm.encode(SILENT)) == SILENT
 
 
-def test_what_lies_beyond_the_scale_is_sent_as_its_end():
+def test_values_beyond_the_range_are_sent_as_its_end():
     core = replace(
         SILENT.core,
         speed_m_s=500.0,
@@ -320,7 +320,7 @@ def test_what_lies_beyond_the_scale_is_sent_as_its_end():
     assert read.acceleration.longitudinal_m_s2 == -20.0
 
 
-def test_hard_braking_is_flag_seven_and_raises_the_priority():
+def test_hard_braking_is_flag_seven_and_raises_the_user_priority():
     braking = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING)
     frame = bsm.encode(replace(SILENT, safety=braking))
     parts = ORACLE.decode("Bsm", ORACLE.decode("Frame", frame)["value"])["parts"]
@@ -345,7 +345,7 @@ def test_a_straight_prediction_has_no_radius_and_lights_have_names():
 # ---- what a later standard may add --------------------------------------------------------------
 
 
-def test_extensions_of_a_later_edition_are_read_over():
+def test_extensions_of_a_later_edition_are_skipped():
     tomorrow = ORACLE.encode(
         "SafetyOfTomorrow",
         {"lights": (b"\x80\x00", 9), "mood": 3, "song": b"la" * 80},
@@ -353,7 +353,7 @@ def test_extensions_of_a_later_edition_are_read_over():
     assert SAFETY.decode(tomorrow) == VehicleSafetyExtensions(lights=ExteriorLights.LOW_BEAM)
 
 
-def test_an_event_flag_of_a_later_edition_survives_and_can_be_printed(tmp_path):
+def test_an_event_flag_of_a_later_edition_is_kept_and_printed(tmp_path):
     theirs = _pycrate(tmp_path).BsmOracle.Safety
     theirs.set_val({"events": (0b10, 15)})
     encoded = theirs.to_uper()
@@ -391,12 +391,12 @@ def _pycrate(folder):
         ({"core": replace(SILENT.core, msg_cnt=128)}, "msg_cnt: 128 is not 0 to 127"),
     ],
 )
-def test_what_cannot_be_carried_is_an_error_that_names_the_field(change, what):
+def test_a_value_that_cannot_be_encoded_is_an_error_that_names_the_field(change, what):
     with pytest.raises(ValueError, match=what):
         bsm.encode(replace(SILENT, **change))
 
 
-def test_each_kind_of_rubbish_has_its_reason():
+def test_each_kind_of_invalid_bytes_has_its_decode_error():
     good = framed(RAW_CORE, {"events": (b"\x01\x00", 13)})
     core = bytes(good[4:])
     twice = framed(RAW_CORE, {}, [(0, b"\x00")])
@@ -420,13 +420,13 @@ def _reason(data):
 
 
 @given(core=cores, safety=safeties)
-def test_the_temporary_id_is_found_without_reading_the_rest(core, safety):
+def test_the_temporary_id_is_found_without_decoding_the_rest(core, safety):
     frame = framed(core, safety)
     assert bsm.temporary_id_in(frame) == bsm.decode(frame).core.temporary_id
 
 
 @given(st.binary(max_size=20))
-def test_a_temporary_id_is_four_bytes_or_none_whatever_comes(noise):
+def test_any_bytes_give_a_temporary_id_of_four_bytes_or_none(noise):
     for given_bytes in (noise, b"\x00\x14" + noise):
         found = bsm.temporary_id_in(given_bytes)
         assert found is None or len(found) == 4
@@ -434,14 +434,14 @@ def test_a_temporary_id_is_four_bytes_or_none_whatever_comes(noise):
 
 
 @given(core=cores, safety=safeties, data=st.data())
-def test_a_truncated_message_is_too_short_wherever_it_was_cut(core, safety, data):
+def test_a_bsm_truncated_anywhere_is_too_short(core, safety, data):
     frame = framed(core, safety)
     cut = data.draw(st.integers(0, len(frame) - 1))
     assert _reason(frame[:cut]) == "too_short"
 
 
 @given(noise=st.binary(max_size=300), core=cores, safety=safeties, data=st.data())
-def test_no_bytes_raise_anything_but_the_declared_error(noise, core, safety, data):
+def test_any_bytes_raise_only_decode_errors(noise, core, safety, data):
     frame = bytearray(framed(core, safety))
     for _ in range(data.draw(st.integers(1, 4))):
         frame[data.draw(st.integers(0, len(frame) - 1))] = data.draw(st.integers(0, 255))
@@ -459,7 +459,7 @@ def _vectors(rig_data):
 
 
 @pytest.mark.realdata
-def test_eighty_bsms_of_real_units_are_read_as_given_and_written_back(rig_data):
+def test_eighty_bsms_of_real_units_are_decoded_as_documented_and_encoded_again(rig_data):
     rows = _vectors(rig_data)
     assert len(rows) == 80
     for row in rows:
@@ -488,7 +488,7 @@ def _steps(value, scale, unavailable):
 
 
 @pytest.mark.realdata
-def test_sixteen_of_them_say_what_another_decoder_printed_in_si(rig_data):
+def test_sixteen_of_them_have_the_si_values_of_another_decoder(rig_data):
     rows = [row for row in _vectors(rig_data) if "ode_json" in row["expect"]]
     assert len(rows) == 16
     for row in rows:

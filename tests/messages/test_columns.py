@@ -1,4 +1,4 @@
-"""Messages read as columns say what each of them says when it is read alone."""
+"""Messages decoded in columns have the values of messages decoded one by one."""
 
 import dataclasses
 
@@ -26,7 +26,9 @@ def one_by_one(record: Record[object], data: bytes) -> list[Read] | None:
 
 @pytest.mark.parametrize("record", [MEASUREMENT, STATE])
 @given(data=st.data())
-def test_columns_say_what_the_messages_say(record: Record[object], data: st.DataObject) -> None:
+def test_columns_hold_the_values_of_the_messages(
+    record: Record[object], data: st.DataObject
+) -> None:
     size = record.size_bytes
     messages = b"".join(data.draw(st.lists(st.binary(min_size=size, max_size=size), max_size=5)))
     expected = one_by_one(record, messages)

@@ -1,4 +1,4 @@
-"""The five messages of a warning group on the wire."""
+"""Encoding and decoding of the five LCCA messages."""
 
 from typing import Any
 
@@ -66,7 +66,7 @@ def test_the_bytes_are_the_declared_ones(message: LccaMessage, wire: str) -> Non
 @pytest.mark.parametrize(
     ("message", "wire"), EXAMPLES, ids=lambda value: getattr(value, "kind", "")
 )
-def test_every_truncated_twin_is_too_short(message: LccaMessage, wire: str) -> None:
+def test_every_truncation_is_too_short(message: LccaMessage, wire: str) -> None:
     data = bytes.fromhex(wire)
     for size in range(len(data)):
         with pytest.raises(DecodeError) as refusal:
@@ -78,12 +78,12 @@ def test_every_truncated_twin_is_too_short(message: LccaMessage, wire: str) -> N
 
 
 @given(messages())
-def test_whatever_is_sent_is_read_again(message: LccaMessage) -> None:
+def test_every_declared_lcca_message_survives_encoding_and_decoding(message: LccaMessage) -> None:
     assert decode(encode(message)) == message
 
 
 @given(st.binary(max_size=64), st.sampled_from(sorted(MESSAGES)))
-def test_garbage_is_refused_and_never_breaks_printing(data: bytes, code: int) -> None:
+def test_any_bytes_are_refused_or_decoded_and_printed(data: bytes, code: int) -> None:
     for garbage in (data, bytes((VERSION, code)) + data):
         try:
             message = decode(garbage)
@@ -93,7 +93,7 @@ def test_garbage_is_refused_and_never_breaks_printing(data: bytes, code: int) ->
         assert encode(message) == garbage
 
 
-def test_another_version_is_not_guessed_at() -> None:
+def test_another_version_is_a_decode_error() -> None:
     data = bytearray(encode(EXAMPLES[0][0]))
     data[0] = 2
     with pytest.raises(DecodeError) as refusal:
@@ -101,19 +101,19 @@ def test_another_version_is_not_guessed_at() -> None:
     assert refusal.value.reason == "unknown_version"
 
 
-def test_an_unknown_type_is_not_guessed_at() -> None:
+def test_an_unknown_type_is_a_decode_error() -> None:
     with pytest.raises(DecodeError) as refusal:
         decode(bytes((VERSION, 77)) + bytes(30))
     assert refusal.value.reason == "unknown_type"
 
 
-def test_a_reason_of_a_later_version_survives() -> None:
+def test_a_leave_reason_of_a_later_version_is_kept() -> None:
     later = Leave(B, A, 2, A, 200)
     assert decode(encode(later)) == later
     assert as_dict(later)["reason"] == "unknown_200"
 
 
-def test_a_warning_overtakes_everything_else() -> None:
+def test_warn_has_the_highest_user_priority() -> None:
     assert Warn.user_priority == 7
     assert all(
         record.record.user_priority < 7 for record in MESSAGES.values() if record.record is not Warn

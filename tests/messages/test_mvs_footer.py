@@ -1,4 +1,4 @@
-"""The footer on the wire: sizes, round trips over the declared range, and bytes that are none."""
+"""The MVS footer: sizes, round trips over the declared ranges, and invalid bytes."""
 
 import dataclasses
 from itertools import pairwise
@@ -47,7 +47,7 @@ def raw_entries(size_bytes: int) -> st.SearchStrategy[bytes]:
     return st.binary(min_size=size_bytes, max_size=size_bytes)
 
 
-def test_sizes_are_those_that_the_documentation_names() -> None:
+def test_entry_sizes_are_those_of_the_documentation() -> None:
     assert (HEADER.size_bytes, MEASUREMENT.size_bytes, STATE.size_bytes) == (18, 12, 21)
     provenance_bytes = (2 * 12 + 4 * 12 + 7) // 8
     assert len(encode(FOOTER)) == 18 + 2 * 4 + 12 + 21 + provenance_bytes
@@ -64,7 +64,7 @@ def test_ten_cars_measured_three_times_by_four_observers_fit_500_bytes() -> None
     assert len(encode(footer)) == 484
 
 
-def test_a_footer_comes_back_as_it_was_sent() -> None:
+def test_a_footer_is_decoded_as_it_was_encoded() -> None:
     came = decode(encode(FOOTER))
 
     assert came.reference_ms == FOOTER.reference_ms
@@ -109,7 +109,7 @@ def test_every_entry_that_can_be_decoded_is_encoded_to_the_same_bytes(
 
 
 @given(st.lists(records(RUN), min_size=1, max_size=5, unique_by=lambda run: run.observer))
-def test_the_fast_reading_of_a_provenance_is_that_of_the_declaration(
+def test_fast_decoding_of_a_provenance_equals_that_of_its_declaration(
     provenance: list[ObserverRun],
 ) -> None:
     provenance = [dataclasses.replace(r, ages_ms=tuple(sorted({*r.ages_ms}))) for r in provenance]
@@ -126,13 +126,13 @@ def test_the_fast_reading_of_a_provenance_is_that_of_the_declaration(
 
 
 @given(st.floats(0.01, 1900))
-def test_a_standard_deviation_is_never_sent_smaller_nor_much_larger(sigma: float) -> None:
+def test_a_standard_deviation_is_rounded_up_by_at_most_one_step(sigma: float) -> None:
     sent = StandardDeviation("m").from_raw(StandardDeviation("m").to_raw(sigma))
 
     assert sigma * (1 - 1e-6) <= sent <= sigma * 1.0121
 
 
-def test_beyond_its_range_a_standard_deviation_is_the_end_of_it() -> None:
+def test_a_standard_deviation_beyond_the_range_is_sent_as_its_end() -> None:
     assert StandardDeviation("m").to_raw(1e-9) == 0
     assert StandardDeviation("m").to_raw(1e9) == 1023
     with pytest.raises(ValueError, match="no standard deviation"):
@@ -188,7 +188,7 @@ def test_a_truncated_footer_is_too_short(size: int) -> None:
         (encode(FOOTER)[:7] + b"\x7f" + encode(FOOTER)[8:], "out_of_range"),
     ],
 )
-def test_what_is_no_footer_says_why(data: bytes, reason: str) -> None:
+def test_an_invalid_footer_is_refused_with_its_reason(data: bytes, reason: str) -> None:
     with pytest.raises(DecodeError) as error:
         decode(data)
 
@@ -196,7 +196,7 @@ def test_what_is_no_footer_says_why(data: bytes, reason: str) -> None:
 
 
 @given(st.binary(max_size=300))
-def test_any_bytes_are_a_footer_or_a_decode_error(data: bytes) -> None:
+def test_any_bytes_give_a_footer_or_a_decode_error(data: bytes) -> None:
     try:
         footer = decode(b"\x01" + data)
     except DecodeError:
@@ -217,7 +217,7 @@ def test_any_bytes_are_a_footer_or_a_decode_error(data: bytes) -> None:
         {"estimates": (SharedEstimate(STATED, (ObserverRun(256, (1,)), ObserverRun(1, (1,)))),)},
     ],
 )
-def test_what_cannot_be_carried_is_our_own_mistake(change: dict[str, object]) -> None:
+def test_a_footer_that_cannot_be_encoded_is_a_value_error(change: dict[str, object]) -> None:
     with pytest.raises(ValueError, match=r"\w"):
         encode(dataclasses.replace(FOOTER, **change))  # type: ignore[arg-type]
 

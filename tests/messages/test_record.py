@@ -1,4 +1,4 @@
-"""A message is declared once; everything else is read from the declaration."""
+"""Encoding, decoding, printing and documentation follow from one declaration."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -34,7 +34,7 @@ RECORD = Record(Sample)
 SAMPLE = Sample(5, 27.78, -3.2, b"abc", Weather.WET)
 
 
-def test_the_bits_follow_one_another_most_significant_first() -> None:
+def test_fields_follow_without_padding_most_significant_bit_first() -> None:
     # 101 | 0010101101101 (1389) | 11111100000 (-32) | 'a' 'b' 'c' | 00010
     bits = "101_0010101101101_11111100000_011000010110001001100011_00010"
     assert RECORD.encode(SAMPLE) == int(bits, 2).to_bytes(7)
@@ -42,12 +42,12 @@ def test_the_bits_follow_one_another_most_significant_first() -> None:
 
 
 @given(records(RECORD))
-def test_whatever_the_declaration_allows_comes_back(sample: Sample) -> None:
+def test_every_declared_message_survives_encoding_and_decoding(sample: Sample) -> None:
     assert RECORD.decode(RECORD.encode(sample)) == sample
 
 
 @given(st.binary(min_size=7, max_size=7))
-def test_whatever_arrives_is_read_to_the_bit_or_refused(data: bytes) -> None:
+def test_any_bytes_are_refused_or_encoded_again_to_the_same_bits(data: bytes) -> None:
     try:
         sample = RECORD.decode(data)
     except DecodeError:
@@ -68,13 +68,13 @@ def test_a_longer_message_has_trailing_bytes() -> None:
     assert refusal.value.reason == "trailing_bytes"
 
 
-def test_a_measurement_beyond_the_range_is_sent_as_its_end() -> None:
+def test_a_quantity_beyond_the_range_is_sent_as_its_end() -> None:
     fast = Sample(0, 400.0, -1e9, b"abc", 0)
     assert RECORD.decode(RECORD.encode(fast)) == Sample(0, 8190 * 0.02, -100.0, b"abc", 0)
     assert RECORD.fields["speed_m_s"].to_raw(float("inf")) == 8190
 
 
-def test_an_unavailable_measurement_stays_unavailable() -> None:
+def test_an_unavailable_quantity_stays_unavailable() -> None:
     unknown = Sample(0, None, 0.0, b"abc", Weather.DRY)
     assert RECORD.decode(RECORD.encode(unknown)) == unknown
 
@@ -90,21 +90,21 @@ def test_an_unavailable_measurement_stays_unavailable() -> None:
         ("weather", Sample(0, 0.0, 0.0, b"abc", 32)),
     ],
 )
-def test_what_cannot_be_carried_is_our_mistake_and_names_the_field(
+def test_a_value_that_cannot_be_encoded_is_a_value_error_that_names_the_field(
     field: str, sample: Sample
 ) -> None:
     with pytest.raises(ValueError, match=rf"^Sample\.{field}: "):
         RECORD.encode(sample)
 
 
-def test_a_code_of_a_later_version_survives_reading_and_printing() -> None:
+def test_a_code_of_a_later_version_survives_decoding_and_printing() -> None:
     later = RECORD.decode(RECORD.encode(Sample(0, 0.0, 0.0, b"abc", 9)))
     assert later.weather == 9
     assert RECORD.as_dict(later)["weather"] == "unknown_9"
     assert RECORD.encode(later) == RECORD.encode(Sample(0, 0.0, 0.0, b"abc", 9))
 
 
-def test_printing_gives_what_json_can_hold() -> None:
+def test_printing_gives_json_values() -> None:
     assert RECORD.as_dict(SAMPLE) == {
         "count": 5,
         "speed_m_s": 27.78,
@@ -114,7 +114,7 @@ def test_printing_gives_what_json_can_hold() -> None:
     }
 
 
-def test_the_documentation_is_the_declaration() -> None:
+def test_the_documentation_table_is_made_from_the_declaration() -> None:
     assert RECORD.table().splitlines()[2:] == [
         "| count | 3 | count | 0 to 7 |  |",
         "| speed_m_s | 13 | m/s | 0 to 163.8 by 0.02 | 8191 |",

@@ -1,4 +1,4 @@
-"""Certificates: the bytes that another implementation writes and reads, and what they grant."""
+"""Certificates: compatible with another implementation, and what they grant."""
 
 import pytest
 from hypothesis import given
@@ -24,7 +24,7 @@ OWN = ALICE.pseudonyms[0].certificate
     [ROOT.credential.certificate, ISSUING.credential.certificate, OWN],
     ids=["root", "issuing", "pseudonym"],
 )
-def test_another_implementation_reads_our_certificates(oracle, certificate):
+def test_another_implementation_decodes_our_certificates(oracle, certificate):
     value = reread(oracle.Certificate, certificate.encoded)
     assert value["type"] == "explicit"
     body = value["toBeSigned"]
@@ -169,7 +169,7 @@ bodies = st.fixed_dictionaries(
 
 @given(body=bodies, issuer=st.just(("self", "sha256")) | st.tuples(
     st.just("sha256AndDigest"), eight), s=st.binary(min_size=32, max_size=32))  # fmt: skip
-def test_we_read_another_implementation_s_certificates(oracle, body, issuer, s):
+def test_certificates_of_another_implementation_are_decoded(oracle, body, issuer, s):
     oracle.Certificate.set_val(
         {
             "version": 3,
@@ -203,8 +203,8 @@ def test_we_read_another_implementation_s_certificates(oracle, body, issuer, s):
     assert read.subject.public_key == (b"\x02" if parity == "compressed-y-0" else b"\x03") + x
 
 
-def test_points_written_at_length_are_compressed_before_they_are_hashed(oracle):
-    """Clause 6.4: whoever wrote the certificate, and however, its hash is the same."""
+def test_uncompressed_points_are_compressed_before_hashing(oracle):
+    """IEEE 1609.2, 6.4: the hash does not depend on how the certificate was written."""
     value = reread(oracle.Certificate, OWN.encoded)
     key = p256.public_key(OWN.subject.public_key).public_numbers()
     value["toBeSigned"]["verifyKeyIndicator"] = (
@@ -222,7 +222,7 @@ def test_points_written_at_length_are_compressed_before_they_are_hashed(oracle):
 
 
 @pytest.mark.parametrize("valid_for_s", [1, 65_535, 65_536, 604_800, 3.15e8, 9e9])
-def test_a_certificate_holds_at_least_as_long_as_was_asked(valid_for_s):
+def test_a_certificate_is_valid_for_at_least_the_requested_time(valid_for_s):
     credentials = make_pseudonyms(
         ISSUING, 1, {BSM}, new_key=new_key, valid_from_utc_s=UTC_S, valid_for_s=valid_for_s
     )
@@ -235,7 +235,7 @@ def test_a_certificate_holds_at_least_as_long_as_was_asked(valid_for_s):
     [{"public_key": None}, {"permissions": ()}, {"valid_for_s": 1e13}],
     ids=["no key", "no permission", "longer than years can say"],
 )
-def test_what_cannot_be_certified_is_our_own_mistake(change):
+def test_a_subject_that_cannot_be_certified_is_a_value_error(change):
     fields = {
         "name": None,
         "valid_from_utc_s": UTC_S,
@@ -260,7 +260,7 @@ def test_what_cannot_be_certified_is_our_own_mistake(change):
         (IssuePermission(None, min_chain_length=2, chain_length_range=-1), Permission(1), [2, 3]),
     ],
 )
-def test_what_an_authority_may_grant_and_how_far_below(grant, permission, heights):
+def test_an_issue_permission_covers_permissions_at_allowed_depths(grant, permission, heights):
     assert [height for height in (1, 2, 3) if grant.covers(permission, height)] == heights
 
 
@@ -283,7 +283,7 @@ psid_sets = st.frozensets(st.integers(0, 2**20), max_size=4)
         max_size=3,
     )
 )
-def test_what_an_authority_may_grant_survives(grants):
+def test_issue_permissions_survive_encoding_and_decoding(grants):
     subject = Subject("a", UTC_S, 60.0, OWN.subject.public_key, (), tuple(grants))
     body = encode_to_be_signed(subject)
     own = decode_certificate(encode_certificate(None, body, encode_signature((1, 1))))
@@ -291,7 +291,7 @@ def test_what_an_authority_may_grant_survives(grants):
 
 
 @given(st.binary(max_size=120), st.data())
-def test_no_bytes_raise_anything_but_the_two_declared_errors(noise, data):
+def test_any_bytes_raise_only_malformed_or_unsupported(noise, data):
     changed = bytearray(OWN.encoded)
     changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
     for given_bytes in (noise, b"\x80\x03\x00" + noise, bytes(changed)):

@@ -1,4 +1,4 @@
-"""Messages that must not be believed: each is dropped, and each under its own reason."""
+"""Forged, replayed, expired and stale messages: each is refused with its own reason."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def refused(receiver, data, psid=LCCA, now=0.0):
     return refusal.value.reason
 
 
-def test_what_alice_signed_bob_believes_once(alice, bob):
+def test_a_signed_message_is_accepted_once(alice, bob):
     opened = bob.open(alice.secure(WARN, LCCA, now=10.0), LCCA, now=10.02)
     assert opened.payload == WARN
     assert opened.signer_id == ALICE.pseudonyms[0].certificate.hashed_id8
@@ -54,7 +54,7 @@ def test_what_alice_signed_bob_believes_once(alice, bob):
 # ---- changed or repeated ------------------------------------------------------------------------
 
 
-def test_a_changed_byte_is_never_believed(alice, bob):
+def test_a_message_with_a_changed_bit_is_refused(alice, bob):
     """Every bit of the message, one at a time."""
     data = alice.secure(WARN, LCCA, now=0.0)
     reasons = set()
@@ -75,15 +75,15 @@ def test_a_changed_byte_is_never_believed(alice, bob):
     assert {"bad_signature", "malformed", "untrusted_issuer", "wrong_psid"} <= reasons
 
 
-def test_the_same_message_again_is_a_replay(alice, bob):
+def test_a_duplicate_message_is_refused_as_a_replay(alice, bob):
     data = alice.secure(WARN, LCCA, now=0.0)
     bob.open(data, LCCA, now=0.1)
     assert refused(bob, data, now=0.2) == "replay"
     assert refused(bob, data, now=6.0) == "stale"
 
 
-def test_a_replay_with_another_valid_signature_over_the_same_words_is_a_replay(alice, bob):
-    """(r, n - s) verifies too: what is remembered is what was signed, not the signature."""
+def test_a_replay_with_another_valid_signature_over_the_same_data_is_refused(alice, bob):
+    """(r, n - s) verifies too: the window holds digests of the data, not signatures."""
     data = alice.secure(WARN, LCCA, now=0.0)
     r, s = data[-64:-32], int.from_bytes(data[-32:])
     twin = data[:-64] + r + (P256_ORDER - s).to_bytes(32)
@@ -92,18 +92,18 @@ def test_a_replay_with_another_valid_signature_over_the_same_words_is_a_replay(a
     assert refused(bob, twin, now=0.2) == "replay"
 
 
-def test_a_forged_copy_that_arrives_first_does_not_spoil_the_true_one(alice, bob):
+def test_a_forged_copy_that_arrives_first_does_not_block_the_genuine_message(alice, bob):
     data = alice.secure(WARN, LCCA, now=0.0)
     assert refused(bob, data[:-1] + bytes((data[-1] ^ 1,))) == "bad_signature"
     assert bob.open(data, LCCA, now=0.1).payload == WARN
 
 
-def test_the_same_words_said_twice_in_the_same_instant_are_two_messages(alice, bob):
+def test_equal_payloads_signed_at_the_same_time_are_two_messages(alice, bob):
     for data in [alice.secure(WARN, LCCA, now=1.0) for _ in range(3)]:
         assert bob.open(data, LCCA, now=1.0).payload == WARN
 
 
-def test_our_own_message_come_back_is_an_echo(alice):
+def test_the_host_vehicles_own_message_is_refused_as_an_echo(alice):
     data = alice.secure(WARN, LCCA, now=0.0)
     assert refused(alice, data) == "own_echo"
     alice.sign_with(ALICE.pseudonyms[1])
@@ -120,16 +120,16 @@ def test_our_own_message_come_back_is_an_echo(alice):
     ("received_at", "reason"),
     [(5.001, "stale"), (3600.0, "stale"), (-2.001, "from_the_future"), (-3600, "from_the_future")],
 )
-def test_a_message_of_another_time_is_not_believed(alice, bob, received_at, reason):
+def test_a_stale_or_future_message_is_refused(alice, bob, received_at, reason):
     assert refused(bob, alice.secure(WARN, LCCA, now=0.0), now=received_at) == reason
 
 
 @pytest.mark.parametrize("received_at", [4.999, -1.999])
-def test_clocks_may_differ_a_little(alice, bob, received_at):
+def test_clocks_may_differ_within_the_tolerance(alice, bob, received_at):
     assert bob.open(alice.secure(WARN, LCCA, now=0.0), LCCA, received_at).payload == WARN
 
 
-def test_a_message_that_says_it_is_over_is_expired(alice, bob):
+def test_a_message_after_its_expiry_time_is_refused(alice, bob):
     data = alice.secure(WARN, LCCA, now=0.0, expires_in_s=0.5)
     assert security(BOB).open(data, LCCA, now=0.499).payload == WARN
     assert refused(bob, data, now=0.5) == "expired"
@@ -138,11 +138,11 @@ def test_a_message_that_says_it_is_over_is_expired(alice, bob):
 @pytest.mark.parametrize(
     ("now", "reason"), [(VALID["valid_for_s"], "expired"), (-3601.0, "not_yet_valid")]
 )
-def test_a_certificate_out_of_date_vouches_for_nothing(alice, bob, now, reason):
+def test_a_message_with_an_expired_certificate_is_refused(alice, bob, now, reason):
     assert refused(bob, alice.secure(WARN, LCCA, now=now), now=now) == reason
 
 
-def test_a_certificate_ends_with_its_issuer_s(bob):
+def test_a_certificate_expires_with_that_of_its_issuer(bob):
     short = make_issuing(
         ROOT, "short", new_key=new_key, valid_from_utc_s=UTC_S - 60, valid_for_s=120
     )
@@ -156,7 +156,7 @@ def test_a_certificate_ends_with_its_issuer_s(bob):
     assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
 
 
-def test_a_message_that_does_not_say_when_it_was_made_is_stale(bob):
+def test_a_message_without_generation_time_is_stale(bob):
     own = ALICE.pseudonyms[0]
     stamped = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
     unstamped = stamped[: -8 - 4] + b"\x00" + stamped[-8 - 3 : -8]
@@ -168,31 +168,31 @@ def test_a_message_that_does_not_say_when_it_was_made_is_stale(bob):
 # ---- who ----------------------------------------------------------------------------------------
 
 
-def test_nobody_s_message_is_unsigned(bob):
+def test_unsecured_data_is_refused_as_unsigned(bob):
     assert refused(bob, security().secure(WARN, LCCA, now=0.0)) == "unsigned"
 
 
-def test_a_digest_says_nothing_until_its_certificate_was_seen(alice, bob):
+def test_a_digest_is_unknown_until_its_certificate_was_received(alice, bob):
     first, second = (alice.secure(b"bsm", BSM, now) for now in (0.0, 0.1))
     assert refused(bob, second, BSM, now=0.1) == "unknown_certificate"
     assert bob.open(first, BSM, now=0.1).payload == b"bsm"
     assert bob.open(second, BSM, now=0.1).payload == b"bsm"
 
 
-def test_another_root_s_cars_are_not_believed(bob):
+def test_cars_of_another_root_are_refused(bob):
     root = make_root("another root", {LCCA}, new_key=new_key, **VALID)
     issuing = make_issuing(root, "another issuing", new_key=new_key, **VALID)
     stranger = security(make_pseudonyms(issuing, 1, {LCCA}, new_key=new_key, **VALID))
     assert refused(bob, stranger.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
 
 
-def test_whoever_signs_his_own_certificate_is_not_believed(bob):
+def test_a_self_signed_certificate_is_refused(bob):
     root = make_root("myself", {LCCA}, new_key=new_key, **VALID)
     mallory = security(type(BOB)((root.credential,), (), ()))
     assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
 
 
-def test_a_car_may_not_issue(bob):
+def test_a_certificate_issued_by_a_car_is_refused(bob):
     """Alice's own certificate grants nothing to others."""
     as_authority = type(ISSUING)(
         ALICE.pseudonyms[0], ISSUING.roots, (*ISSUING.authorities, ALICE.pseudonyms[0].certificate)
@@ -203,8 +203,8 @@ def test_a_car_may_not_issue(bob):
     assert refused(bob, friend.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
 
 
-def test_a_certificate_that_its_issuer_never_signed_is_bad(bob):
-    """Somebody writes the issuing authority's name into a certificate of his own making."""
+def test_a_certificate_not_signed_by_its_issuer_is_refused(bob):
+    """A forged certificate that names the issuing authority."""
     root = make_root("mallory", {BSM, LCCA}, new_key=new_key, **VALID)
     forger = type(ISSUING)(
         type(ALICE.pseudonyms[0])(ISSUING.credential.certificate, root.credential.key),
@@ -215,7 +215,7 @@ def test_a_certificate_that_its_issuer_never_signed_is_bad(bob):
     assert refused(bob, forged.secure(WARN, LCCA, now=0.0)) == "bad_certificate"
 
 
-def test_a_stolen_certificate_without_its_key_signs_nothing(bob):
+def test_a_message_signed_without_the_certificates_key_is_refused(bob):
     stolen = type(ALICE.pseudonyms[0])(ALICE.pseudonyms[0].certificate, new_key())
     mallory = security(type(ALICE)((stolen,), ALICE.roots, ALICE.authorities))
     assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "bad_signature"
@@ -224,11 +224,11 @@ def test_a_stolen_certificate_without_its_key_signs_nothing(bob):
 # ---- what they may say --------------------------------------------------------------------------
 
 
-def test_a_message_signed_for_one_service_says_nothing_in_another(alice, bob):
+def test_a_message_signed_for_another_service_is_refused(alice, bob):
     assert refused(bob, alice.secure(b"bsm", BSM, now=0.0), LCCA) == "wrong_psid"
 
 
-def test_a_certificate_speaks_only_in_its_own_services(bob):
+def test_a_service_that_the_certificate_does_not_permit_is_refused(bob):
     only_bsm = security(make_pseudonyms(ISSUING, 1, {BSM}, new_key=new_key, **VALID))
     assert refused(bob, only_bsm.secure(WARN, LCCA, now=0.0)) == "wrong_psid"
     assert bob.open(only_bsm.secure(b"bsm", BSM, now=0.0), BSM, now=0.0).payload == b"bsm"
@@ -262,7 +262,7 @@ def test_an_authority_below_an_authority_is_one_too_many(bob):
     assert refused(bob, chain) == "untrusted_issuer"
 
 
-def test_an_authority_that_comes_along_is_learned(bob):
+def test_an_attached_authority_certificate_is_kept(bob):
     second = make_issuing(ROOT, "second", new_key=new_key, **VALID)
     car = make_pseudonyms(second, 1, {LCCA}, new_key=new_key, **VALID).pseudonyms[0]
     to_be_signed = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
@@ -279,7 +279,7 @@ def test_an_authority_that_comes_along_is_learned(bob):
     assert bob.open(data, LCCA, now=0.0).payload == WARN
 
 
-def test_a_key_that_is_no_point_of_the_curve_is_a_bad_certificate(bob):
+def test_a_key_off_the_curve_is_a_bad_certificate(bob):
     encoded = ALICE.pseudonyms[0].certificate.encoded
     point = next(
         bytes((2,)) + x.to_bytes(32) for x in range(2, 50) if not _is_on_curve(x.to_bytes(32))
@@ -301,14 +301,14 @@ def _is_on_curve(x):
 # ---- rubbish ------------------------------------------------------------------------------------
 
 
-def test_every_truncated_twin_is_malformed(alice, bob):
+def test_every_truncation_is_malformed(alice, bob):
     data = alice.secure(WARN, LCCA, now=0.0)
     assert {refused(bob, data[:cut]) for cut in range(len(data))} == {"malformed"}
     assert refused(bob, data + b"\x00") == "malformed"
 
 
 @given(noise=st.binary(max_size=200), data=st.data())
-def test_no_bytes_raise_anything_but_a_refusal(noise, data):
+def test_any_bytes_raise_only_not_trusted(noise, data):
     whole = bytearray(security(ALICE).secure(WARN, LCCA, now=0.0))
     for _ in range(data.draw(st.integers(1, 5))):
         whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
@@ -321,7 +321,7 @@ def test_no_bytes_raise_anything_but_a_refusal(noise, data):
         assert opened.payload == WARN
 
 
-def test_encrypted_data_is_said_to_be_unsupported(bob):
+def test_encrypted_data_is_unsupported(bob):
     assert refused(bob, b"\x03\x82\x01\x01") == "unsupported"
 
 
@@ -350,18 +350,18 @@ def test_a_bsm_carries_the_certificate_every_450_ms_and_its_digest_between(alice
     assert max(sizes) - min(sizes) > 100
 
 
-def test_group_messages_always_carry_it(alice):
+def test_group_messages_always_carry_the_certificate(alice):
     sizes = {_size(alice, LCCA, now=i / 10) for i in range(20)}
     assert len(sizes) == 1
 
 
-def test_a_new_identity_introduces_itself_at_once(alice):
+def test_the_first_bsm_of_a_pseudonym_carries_its_certificate(alice):
     assert _size(alice, BSM, 0.0) > _size(alice, BSM, 0.1)
     alice.sign_with(ALICE.pseudonyms[1])
     assert _size(alice, BSM, 0.2) > _size(alice, BSM, 0.3)
 
 
-def test_the_interval_is_a_setting():
+def test_the_certificate_interval_is_a_parameter():
     eager = SecurityServices(UTC_S, ALICE, certificate_interval_s=0.0)
     assert len({_size(eager, BSM, now=i / 100) for i in range(5)}) == 1
 
@@ -369,13 +369,13 @@ def test_the_interval_is_a_setting():
 # ---- without credentials ------------------------------------------------------------------------
 
 
-def test_a_car_without_keys_reads_signed_messages_and_trusts_nobody(alice):
+def test_a_car_without_keys_opens_signed_messages_without_verifying(alice):
     opened = security().open(alice.secure(WARN, LCCA, now=0.0), LCCA, now=0.0)
     assert (opened.payload, opened.signer_id) == (WARN, None)
     assert opened.generation_utc_s == UTC_S
     assert refused(security(), alice.secure(WARN, LCCA, now=0.0), BSM) == "wrong_psid"
 
 
-def test_keys_of_a_simulation_come_from_its_seed():
+def test_keys_of_a_simulation_follow_from_its_seed():
     first, second = (p256.key_from(np.random.default_rng(7))() for _ in range(2))
     assert first.private_numbers() == second.private_numbers()

@@ -1,4 +1,4 @@
-"""1609.2 data: the bytes that another implementation writes and reads."""
+"""1609.2 data, compatible with another implementation."""
 
 import hashlib
 import json
@@ -38,7 +38,7 @@ def test_times_survive(time64):
 
 
 @given(payload=st.binary(max_size=300), psid=st.integers(0, 2**28))
-def test_another_implementation_reads_what_we_signed(oracle, payload, psid):
+def test_another_implementation_decodes_our_signed_data(oracle, payload, psid):
     alice = security(ALICE)
     with_certificate = alice.secure(
         payload, psid, now=1.0, expires_in_s=0.25, location=ieee1609dot2.Location(1.5, -2.5, 3.0)
@@ -63,7 +63,7 @@ def test_another_implementation_reads_what_we_signed(oracle, payload, psid):
 
 
 @given(payload=st.binary(max_size=300), noise=st.binary(max_size=20))
-def test_a_payload_is_found_without_reading_the_rest(payload, noise):
+def test_the_payload_is_found_without_decoding_the_rest(payload, noise):
     for secured in (
         ieee1609dot2.encode_unsecured(payload),
         security(ALICE).secure(payload, BSM, now=1.0),
@@ -76,8 +76,8 @@ def test_a_payload_is_found_without_reading_the_rest(payload, noise):
     assert ieee1609dot2.payload_in(b"\x02" + noise) is None
 
 
-def test_the_signature_is_over_the_hashes_that_the_standard_names(oracle):
-    """IEEE 1609.2, 5.3.1.2.2, done again by hand from the oracle's reading."""
+def test_the_signature_covers_the_hashes_of_the_standard(oracle):
+    """IEEE 1609.2, 5.3.1.2.2, computed from the fields that the oracle decodes."""
     value = reread(oracle.Ieee1609Dot2Data, security(ALICE).secure(b"words", BSM, now=0.0))
     signed = value["content"][1]
     oracle.ToBeSignedData.set_val(signed["tbsData"])
@@ -132,7 +132,9 @@ times = st.integers(0, 2**64 - 1)
     signature=st.tuples(points, st.binary(min_size=32, max_size=32)),
     digest=st.binary(min_size=8, max_size=8),
 )
-def test_we_read_what_another_implementation_signed(oracle, payload, header, signature, digest):
+def test_signed_data_of_another_implementation_are_decoded(
+    oracle, payload, header, signature, digest
+):
     r, s = signature
     to_be_signed = {
         "payload": {"data": {"protocolVersion": 3, "content": ("unsecuredData", payload)}},
@@ -179,7 +181,7 @@ def real_data(rig_data):
 
 
 @pytest.mark.realdata
-def test_eighteen_signed_messages_of_a_real_unit_are_read_down_to_the_bsm(real_data, oracle):
+def test_eighteen_signed_messages_of_a_real_unit_are_decoded_down_to_the_bsm(real_data, oracle):
     assert len(real_data) == 18
     for data, expected in real_data:
         signed = ieee1609dot2.decode(data)
@@ -193,7 +195,7 @@ def test_eighteen_signed_messages_of_a_real_unit_are_read_down_to_the_bsm(real_d
 
 
 @pytest.mark.realdata
-def test_its_certificate_has_the_name_under_which_the_other_messages_refer_to_it(real_data):
+def test_its_certificate_has_the_hashed_id8_of_the_other_messages(real_data):
     signers = [ieee1609dot2.decode(data).signer for data, _ in real_data]
     digests = {signer for signer in signers if isinstance(signer, bytes)}
     certificates = {signer[0].hashed_id8 for signer in signers if not isinstance(signer, bytes)}
@@ -202,7 +204,7 @@ def test_its_certificate_has_the_name_under_which_the_other_messages_refer_to_it
 
 
 @pytest.mark.realdata
-def test_none_of_them_is_believed_because_their_issuer_is_unknown(real_data):
+def test_all_of_them_are_refused_because_their_issuer_is_unknown(real_data):
     bob = SecurityServices(0.0, ALICE)
     refusals = set()
     for data, _ in real_data:

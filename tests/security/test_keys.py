@@ -1,4 +1,4 @@
-"""`onboard keys`: what it writes can be used, and only by its owner."""
+"""`onboard keys`: the files it writes are usable, by their owner only."""
 
 import re
 import time
@@ -31,7 +31,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_cars_whose_keys_were_made_by_the_commands_believe_each_other(folder):
+def test_cars_with_keys_made_by_the_commands_verify_each_other(folder):
     a, b = (
         SecurityServices(time.time(), key_files.read_credentials(folder / name))
         for name in ("a", "b")
@@ -40,7 +40,7 @@ def test_cars_whose_keys_were_made_by_the_commands_believe_each_other(folder):
     assert a.open(b.secure(b"y", BSM, now=0.0), BSM, now=0.1).payload == b"y"
 
 
-def test_nobody_else_can_open_what_was_written(folder):
+def test_other_users_cannot_open_the_key_files(folder):
     paths = [path for top in ("root", "issuing", "a", "b") for path in (folder / top).rglob("*")]
     assert {path.stat().st_mode & 0o777 for path in paths if path.is_file()} == {0o600}
     assert {path.stat().st_mode & 0o777 for path in paths if path.is_dir()} == {0o700}
@@ -106,7 +106,7 @@ def _mode(mode):
         ),
     ],
 )
-def test_files_that_cannot_be_used_are_named_with_what_to_do(tmp_path, file, damage, what):
+def test_unusable_files_are_errors_with_the_remedy(tmp_path, file, damage, what):
     car = tmp_path / "car"
     key_files.write_credentials(car, ALICE)
     damage(car / file)
@@ -114,13 +114,13 @@ def test_files_that_cannot_be_used_are_named_with_what_to_do(tmp_path, file, dam
         key_files.read_credentials(car)
 
 
-def test_nothing_is_written_over(tmp_path):
+def test_existing_files_are_not_overwritten(tmp_path):
     key_files.write_credentials(tmp_path / "car", ALICE)
     with pytest.raises(UserError, match="car: cannot be made: File exists"):
         key_files.write_credentials(tmp_path / "car", BOB)
 
 
-def test_a_psid_that_is_no_number_is_said_so(tmp_path):
+def test_a_psid_that_is_not_a_number_is_a_usage_error(tmp_path):
     result = _run("root", tmp_path / "root", "--psid", "bsm")
     assert result.exit_code == 2
     assert "a PSID is a number" in result.output
@@ -135,7 +135,7 @@ def test_a_psid_that_is_no_number_is_said_so(tmp_path):
         (("issuing", "new", "--root", "issuing"), "is no root"),
     ],
 )
-def test_nothing_is_written_that_nobody_would_believe(folder, arguments, what):
+def test_credentials_that_receivers_would_refuse_are_not_written(folder, arguments, what):
     command, new, option, above, *rest = arguments
     result = _run(command, folder / new, option, folder / above, *rest)
     assert isinstance(result.exception, UserError)
@@ -144,13 +144,13 @@ def test_nothing_is_written_that_nobody_would_believe(folder, arguments, what):
 
 
 @pytest.mark.parametrize("psid", ["-1", "0x99999999999", "much"])
-def test_a_service_that_cannot_be_is_a_usage_error(tmp_path, psid):
+def test_a_psid_out_of_range_is_a_usage_error(tmp_path, psid):
     result = _run("root", tmp_path / "root", f"--psid={psid}")
     assert result.exit_code == 2
     assert "a PSID is" in result.output
 
 
-def test_a_clock_that_was_never_set_is_to_be_set_first(tmp_path, monkeypatch):
+def test_a_clock_before_2004_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(time, "time", lambda: 1000.0)
     result = _run("root", tmp_path / "root")
     assert isinstance(result.exception, UserError)
@@ -159,19 +159,19 @@ def test_a_clock_that_was_never_set_is_to_be_set_first(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["x" * 256, ""])
-def test_a_name_that_no_certificate_has_room_for_is_a_usage_error(tmp_path, name):
+def test_a_name_that_is_too_long_or_empty_is_a_usage_error(tmp_path, name):
     result = _run("root", tmp_path / "root", "--name", name)
     assert result.exit_code == 2
     assert "255 octets" in result.output
 
 
-def test_a_car_is_told_until_when_its_whole_chain_holds(folder):
+def test_the_printed_validity_is_that_of_the_whole_chain(folder):
     issuing = _run("issuing", folder / "short", "--root", folder / "root", "--days", 2).output
     car = _run("car", folder / "long", "--issuing", folder / "short", "--days", 9, "--count", 1)
     assert car.output.split(" to ")[1] == issuing.split(" to ")[1]
 
 
-def test_a_car_whose_certificates_lack_one_of_its_services_does_not_start(folder):
+def test_credentials_that_lack_a_service_of_the_car_are_an_error(folder):
     with pytest.raises(UserError, match=r"000.cert: does not allow PSID 0x4020"):
         key_files.read_credentials(folder / "b", (BSM, LCCA))
     key_files.read_credentials(folder / "a", (BSM, LCCA))

@@ -1,4 +1,4 @@
-"""What a car says has to agree with what it said before, and a hard brake with its own speeds."""
+"""Misbehaviour detection: BSMs agree with earlier ones, and hard braking with the speeds."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def _bsm(speed_m_s=20.0, north_m=0.0, braking=False):
 
 
 def _drive(speeds_m_s, detector, braking_from=None, interval_s=0.1):
-    """Send BSMs of these speeds; what was thought of each."""
+    """Receive BSMs of these speeds; return the check that each failed."""
     north_m, doubts = 0.0, []
     for i, speed_m_s in enumerate(speeds_m_s):
         braking = braking_from is not None and i >= braking_from
@@ -34,8 +34,8 @@ def _drive(speeds_m_s, detector, braking_from=None, interval_s=0.1):
 
 @pytest.mark.parametrize("deceleration_m_s2", [4.0, 6.0, 9.0])
 @pytest.mark.parametrize("step_m_s", [0.01, KM_H], ids=["fine", "whole km/h"])
-def test_a_true_hard_brake_is_believed_from_its_first_flag(deceleration_m_s2, step_m_s):
-    """The flag goes up once the sender's own detector is certain: half a second into the brake."""
+def test_genuine_hard_braking_is_accepted_from_the_first_flag(deceleration_m_s2, step_m_s):
+    """The sender sets the flag half a second into the braking."""
     times = np.arange(0, 3, 0.1)
     speeds = np.clip(25.0 - deceleration_m_s2 * np.clip(times - 1.0, 0, None), 0, None)
     coarse = np.round(speeds / step_m_s) * step_m_s
@@ -52,16 +52,16 @@ def test_a_true_hard_brake_is_believed_from_its_first_flag(deceleration_m_s2, st
         pytest.param(np.zeros(30), id="parked"),
     ],
 )
-def test_a_hard_brake_that_its_own_speeds_do_not_show_is_not_believed(speeds_m_s):
+def test_hard_braking_that_the_senders_speeds_contradict_is_implausible(speeds_m_s):
     doubts = _drive(speeds_m_s, MisbehaviourDetector(), braking_from=15)
     assert doubts == [None] * 15 + ["implausible_brake"] * 15
 
 
-def test_a_car_heard_for_the_first_time_is_believed():
+def test_the_first_bsm_of_a_sender_is_accepted():
     assert MisbehaviourDetector().receive_bsm(b"new", _bsm(braking=True), 0.0) is None
 
 
-def test_a_speed_that_no_car_has():
+def test_an_impossible_speed_is_implausible():
     assert MisbehaviourDetector().receive_bsm(b"car", _bsm(91.0), 0.0) == "implausible_speed"
 
 
@@ -76,7 +76,7 @@ def test_a_speed_that_no_car_has():
         (1.0, None, None),
     ],
 )
-def test_a_speed_follows_from_the_one_before(after_s, speed_m_s, doubt):
+def test_a_speed_that_does_not_follow_from_the_one_before_is_implausible(after_s, speed_m_s, doubt):
     detector = MisbehaviourDetector()
     detector.receive_bsm(b"car", _bsm(20.0), 0.0)
     assert detector.receive_bsm(b"car", _bsm(speed_m_s), after_s) == doubt
@@ -92,13 +92,13 @@ def test_a_speed_follows_from_the_one_before(after_s, speed_m_s, doubt):
         (60.0, 1200.0, None),
     ],
 )
-def test_a_position_is_within_reach_of_the_one_before(after_s, north_m, doubt):
+def test_a_position_out_of_reach_of_the_one_before_is_implausible(after_s, north_m, doubt):
     detector = MisbehaviourDetector()
     detector.receive_bsm(b"car", _bsm(), 0.0)
     assert detector.receive_bsm(b"car", _bsm(north_m=north_m), after_s) == doubt
 
 
-def test_a_receiver_that_jumped_once_is_believed_again_from_where_it_is():
+def test_after_a_position_jump_the_next_bsms_are_accepted():
     detector = MisbehaviourDetector()
     doubts = [
         detector.receive_bsm(b"car", _bsm(north_m=north_m), i / 10)
@@ -107,28 +107,28 @@ def test_a_receiver_that_jumped_once_is_believed_again_from_where_it_is():
     assert doubts == [None, "implausible_position", None]
 
 
-def test_the_date_line_is_no_jump():
+def test_crossing_the_date_line_is_not_a_position_jump():
     detector = MisbehaviourDetector()
     for i, longitude_deg in enumerate((179.99999, -179.99999)):
         message = BasicSafetyMessage(replace(CORE, longitude_deg=longitude_deg))
         assert detector.receive_bsm(b"car", message, i / 10) is None
 
 
-def test_cars_do_not_answer_for_each_other():
+def test_each_sender_is_compared_with_its_own_bsms_only():
     detector = MisbehaviourDetector()
     detector.receive_bsm(b"one", _bsm(10.0), 0.0)
     other = replace(_bsm(30.0, north_m=900.0).core, temporary_id=b"efgh")
     assert detector.receive_bsm(b"two", BasicSafetyMessage(other), 0.1) is None
 
 
-def test_nobody_goes_by_the_temporary_id_of_another():
+def test_a_temporary_id_of_another_sender_is_implausible():
     detector = MisbehaviourDetector()
     detector.receive_bsm(b"one", _bsm(), 0.0)
     assert detector.receive_bsm(b"two", _bsm(), 0.1) == "implausible_identity"
     assert detector.receive_bsm(b"one", _bsm(), 0.1) is None
 
 
-def test_speeds_that_were_doubted_do_not_bear_out_a_brake():
+def test_implausible_speeds_do_not_confirm_braking():
     detector = MisbehaviourDetector()
     _drive(np.full(15, 15.0), detector)
     detector.receive_car_id(b"car", b"plate id")
@@ -137,7 +137,7 @@ def test_speeds_that_were_doubted_do_not_bear_out_a_brake():
     assert detector.check_warning(b"plate id", braked_at_s=1.5) == "implausible_brake"
 
 
-def test_a_message_overtaken_by_a_later_one_is_believed_and_not_remembered():
+def test_an_out_of_order_bsm_is_checked_and_not_kept():
     detector = MisbehaviourDetector()
     detector.receive_bsm(b"car", _bsm(20.0, north_m=10.0), 1.0)
     assert detector.receive_bsm(b"car", _bsm(20.0, north_m=8.0), 0.9) is None
@@ -156,8 +156,8 @@ def test_a_message_overtaken_by_a_later_one_is_believed_and_not_remembered():
     ],
     ids=["a second on", "at once", "made up", "back"],
 )
-def test_a_receiver_of_one_fix_a_second_is_a_second_further_on_at_once(way_m, told_after_s, doubt):
-    """Its messages tell ten times when one fix was true, then another, across a minute's end."""
+def test_a_receiver_at_1_hz_may_advance_by_a_second_between_two_bsms(way_m, told_after_s, doubt):
+    """Ten BSMs have one `sec_mark`, the next ten another, across the end of a minute."""
     detector = MisbehaviourDetector()
     for tenth, (north_m, sec_mark_s) in enumerate(
         [(0.0, 59.4)] * 9 + [(way_m, 59.4 + told_after_s)]
@@ -176,7 +176,7 @@ def test_a_receiver_of_one_fix_a_second_is_a_second_further_on_at_once(way_m, to
         (_bsm(20.0, north_m=57.0, braking=True), "implausible_brake"),
     ],
 )
-def test_whoever_dates_his_messages_back_is_doubted_all_the_same(message, doubt):
+def test_backdated_bsms_are_checked_too(message, doubt):
     detector = MisbehaviourDetector()
     _drive(np.full(30, 20.0), detector)
     assert detector.receive_bsm(b"car", message, 2.85) == doubt
@@ -185,7 +185,7 @@ def test_whoever_dates_his_messages_back_is_doubted_all_the_same(message, doubt)
 # ---- warnings of a group ------------------------------------------------------------------------
 
 
-def test_a_warning_is_judged_by_the_bsms_of_the_car_that_is_said_to_brake():
+def test_a_warning_is_checked_against_the_bsms_of_the_braking_car():
     liar, honest = MisbehaviourDetector(), MisbehaviourDetector()
     _drive(np.full(30, 20.0), liar)
     _drive(np.concatenate([np.full(15, 20.0), np.linspace(20, 11, 15)]), honest)
@@ -195,8 +195,8 @@ def test_a_warning_is_judged_by_the_bsms_of_the_car_that_is_said_to_brake():
     assert honest.check_warning(b"plate id", braked_at_s=2.0) is None
 
 
-def test_a_warning_of_a_car_that_was_never_heard_is_left_to_the_group():
-    """It is several hops ahead, out of the reach of its BSMs: that is what forwarding is for."""
+def test_a_warning_of_a_car_without_received_bsms_is_accepted():
+    """The car is several hops ahead, beyond the range of its BSMs."""
     detector = MisbehaviourDetector()
     _drive(np.full(30, 20.0), detector)
     assert detector.check_warning(b"far away", braked_at_s=2.0) is None
@@ -213,7 +213,7 @@ def test_many_forged_senders_take_bounded_memory():
     assert len(detector._temporary_ids) <= 512
 
 
-def test_who_has_not_been_heard_for_long_is_forgotten():
+def test_silent_senders_are_dropped():
     detector = MisbehaviourDetector()
     for number in range(10):
         core = replace(CORE, temporary_id=number.to_bytes(4))

@@ -1,4 +1,4 @@
-"""A group's warning has to be borne out by the braking car's own speeds; the others are held."""
+"""A warning that the braking car's speeds do not confirm is pending, then passes or is rejected."""
 
 import math
 
@@ -16,7 +16,7 @@ SIGNER, OTHER = b"signer 1", b"signer 2"
 
 
 class Listener:
-    """A car that has heard the leader drive 15 m/s for a second, until now = 1.0."""
+    """A car that received the leader's BSMs at 15 m/s for a second, until now = 1.0."""
 
     def __init__(self, *, check_braking: bool = True) -> None:
         self.misbehaviour = MisbehaviourDetector(check_braking=check_braking)
@@ -41,7 +41,7 @@ def warning(sequence: int = 1, sender: bytes = LEADER) -> Warn:
     return Warn(sender, LEADER, 1, LEADER, sequence, 0, 1, 6.0, 0.05, 1)
 
 
-def test_a_warning_whose_brake_already_shows_passes_at_once() -> None:
+def test_a_warning_that_speeds_already_confirm_passes_at_once() -> None:
     car = Listener()
     car.hear_bsm(1.1, 14.0)
 
@@ -51,7 +51,7 @@ def test_a_warning_whose_brake_already_shows_passes_at_once() -> None:
     assert car.pending.get_timer() == math.inf
 
 
-def test_a_warning_of_a_car_that_nobody_here_can_judge_passes_at_once() -> None:
+def test_a_warning_of_a_car_without_received_bsms_passes_at_once() -> None:
     car = Listener()
     from_afar = Warn(FORWARDER, LEADER, 4, b"far away", 1, 0, 1, 6.0, 0.2, 3)
 
@@ -60,8 +60,8 @@ def test_a_warning_of_a_car_that_nobody_here_can_judge_passes_at_once() -> None:
     assert car.passed() == [from_afar]
 
 
-def test_a_warning_that_comes_before_its_brake_shows_waits_for_the_next_bsm_and_says_so() -> None:
-    """A hard brake makes a BSM due at once: it comes right behind the warning."""
+def test_a_warning_before_its_braking_shows_waits_for_the_next_bsm_and_ages() -> None:
+    """Hard braking makes a BSM due at once: it follows the warning."""
     car = Listener()
     car.pending.receive_warning(warning(), 1.05, 1.05)
     assert car.passed() == []
@@ -73,7 +73,7 @@ def test_a_warning_that_comes_before_its_brake_shows_waits_for_the_next_bsm_and_
     assert passed.age_s == pytest.approx(0.05 + 0.002)
 
 
-def test_a_warning_passes_late_rather_than_never_when_no_bsm_comes() -> None:
+def test_a_pending_warning_passes_late_when_no_bsm_arrives() -> None:
     car = Listener()
     car.pending.receive_warning(warning(), 1.05, 1.05)
     assert car.pending.get_timer() == 1.05 + HOLD_S
@@ -84,7 +84,7 @@ def test_a_warning_passes_late_rather_than_never_when_no_bsm_comes() -> None:
     assert car.disbelieved() == []
 
 
-def test_the_forged_brake_of_a_car_that_drives_on_as_before_is_not_believed() -> None:
+def test_a_forged_warning_of_a_car_at_constant_speed_is_rejected() -> None:
     car = Listener()
     car.pending.receive_warning(warning(), 1.05, 1.05)
     for now in (1.1, 1.2):
@@ -97,8 +97,8 @@ def test_the_forged_brake_of_a_car_that_drives_on_as_before_is_not_believed() ->
     assert car.pending.get_timer() == math.inf
 
 
-def test_bsms_made_before_the_warning_and_held_back_do_not_speak_against_it() -> None:
-    """Whoever can jam the fresh ones and play old ones silences nobody."""
+def test_delayed_bsms_from_before_the_warning_do_not_contradict_it() -> None:
+    """An attacker that jams new BSMs and replays old ones cannot suppress a warning."""
     car = Listener()
     car.pending.receive_warning(warning(), 1.05, 1.05)
     for made_at_s in (1.02, 1.04):
@@ -109,7 +109,7 @@ def test_bsms_made_before_the_warning_and_held_back_do_not_speak_against_it() ->
     assert len(car.passed()) == 1
 
 
-def test_the_time_on_the_way_adds_to_a_warnings_age() -> None:
+def test_the_time_in_transit_adds_to_a_warnings_age() -> None:
     car = Listener()
     car.hear_bsm(1.1, 14.0)
 
@@ -118,7 +118,7 @@ def test_the_time_on_the_way_adds_to_a_warnings_age() -> None:
     assert [passed.age_s for passed in car.passed()] == [pytest.approx(0.05 + 2.0)]
 
 
-def test_a_clock_that_is_ahead_makes_no_warning_younger_than_it_says() -> None:
+def test_a_senders_clock_ahead_does_not_lower_a_warnings_age() -> None:
     car = Listener()
     car.hear_bsm(1.1, 14.0)
 
@@ -127,7 +127,7 @@ def test_a_clock_that_is_ahead_makes_no_warning_younger_than_it_says() -> None:
     assert [passed.age_s for passed in car.passed()] == [0.05]
 
 
-def test_bsms_that_tell_no_speed_do_not_speak_against_a_brake() -> None:
+def test_bsms_without_speed_do_not_contradict_braking() -> None:
     car = Listener()
     car.pending.receive_warning(warning(), 1.05, 1.05)
     car.hear_bsm(1.1, None)
@@ -137,7 +137,7 @@ def test_bsms_that_tell_no_speed_do_not_speak_against_a_brake() -> None:
     assert len(car.passed()) == 1
 
 
-def test_every_copy_of_a_forgery_is_held_and_the_first_true_bsm_lets_all_of_them_pass() -> None:
+def test_every_copy_of_a_warning_is_pending_and_the_first_confirming_bsm_passes_them_all() -> None:
     car = Listener()
     car.pending.receive_warning(warning(), 1.05, 1.05)
     car.pending.receive_warning(warning(sender=FORWARDER), 1.06, 1.06)
@@ -148,8 +148,8 @@ def test_every_copy_of_a_forgery_is_held_and_the_first_true_bsm_lets_all_of_them
     assert [passed.sender_id for passed in car.passed()] == [LEADER, FORWARDER]
 
 
-def test_who_is_to_be_believed_is_left_open_when_two_claim_to_be_the_same_car() -> None:
-    """Otherwise, whoever drives steadily could take a braking car's name and silence it."""
+def test_a_communication_id_of_two_senders_is_not_checked() -> None:
+    """Otherwise an attacker could claim a braking car's ID and suppress its warning."""
     car = Listener()
     car.misbehaviour.receive_car_id(OTHER, LEADER)
 
@@ -158,7 +158,7 @@ def test_who_is_to_be_believed_is_left_open_when_two_claim_to_be_the_same_car() 
     assert len(car.passed()) == 1
 
 
-def test_a_flood_of_doubtful_warnings_is_not_believed_and_takes_bounded_memory() -> None:
+def test_too_many_pending_warnings_are_rejected_in_bounded_memory() -> None:
     car = Listener()
     for sequence in range(MAX_PENDING + 3):
         car.pending.receive_warning(warning(sequence), 1.05, 1.05)
@@ -167,7 +167,7 @@ def test_a_flood_of_doubtful_warnings_is_not_believed_and_takes_bounded_memory()
     assert car.pending.get_timer() < math.inf
 
 
-def test_a_demonstration_with_brake_buttons_can_do_without() -> None:
+def test_check_braking_can_be_switched_off() -> None:
     car = Listener(check_braking=False)
 
     car.pending.receive_warning(warning(), 1.05, 1.05)
@@ -175,7 +175,7 @@ def test_a_demonstration_with_brake_buttons_can_do_without() -> None:
     assert len(car.passed()) == 1
 
 
-def test_what_was_not_believed_names_the_car() -> None:
+def test_a_rejected_warning_names_the_car() -> None:
     car = Listener()
     car.pending.receive_warning(warning(), 1.05, 1.05)
     car.hear_bsm(1.1, 15.0)

@@ -1,4 +1,4 @@
-"""The communication ID: computable by whoever sees the plate, different in every epoch."""
+"""The communication ID follows from the plate and changes every epoch."""
 
 import math
 
@@ -13,17 +13,17 @@ CHEAP = PlateDigestSettings(scrypt_log2_n=1)
 EPOCH_BEGIN_S = 1_700_000_100.0
 
 
-def test_two_cars_agree_on_what_they_see():
+def test_two_cars_derive_the_same_id_from_a_plate():
     written, read = PlateDigest(CHEAP), PlateDigest(CHEAP)
     assert written.car_id("abc-01 23", EPOCH_BEGIN_S) == read.car_id("ABC0123", EPOCH_BEGIN_S)
 
 
-def test_a_look_alike_character_is_forgiven():
+def test_look_alike_characters_give_the_same_id():
     digest = PlateDigest(CHEAP)
     assert digest.car_id("7OI X", EPOCH_BEGIN_S) == digest.car_id("701X", EPOCH_BEGIN_S)
 
 
-def test_the_id_holds_for_one_epoch_and_changes_at_its_end():
+def test_the_id_is_valid_for_one_epoch_and_changes_at_its_end():
     digest = PlateDigest(CHEAP)
     first = digest.car_id("ABC123", EPOCH_BEGIN_S)
     ends_at = digest.epoch_ends_at(EPOCH_BEGIN_S)
@@ -33,7 +33,7 @@ def test_the_id_holds_for_one_epoch_and_changes_at_its_end():
     assert digest.epoch_ends_at(ends_at) == ends_at + 300.0
 
 
-def test_another_community_has_other_ids():
+def test_another_community_key_gives_other_ids():
     ours = PlateDigest(CHEAP)
     theirs = PlateDigest(CHEAP.model_copy(update={"community_key": _secret("another community!")}))
     assert ours.car_id("ABC123", EPOCH_BEGIN_S) != theirs.car_id("ABC123", EPOCH_BEGIN_S)
@@ -43,7 +43,7 @@ def _secret(key: str):
     return PlateDigestSettings.model_validate({"community_key": key}, strict=False).community_key
 
 
-def test_the_key_does_not_show_when_settings_are_printed():
+def test_the_community_key_is_not_printed_with_the_settings():
     assert "open-community" not in repr(PlateDigestSettings())
 
 

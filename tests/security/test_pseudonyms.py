@@ -1,4 +1,4 @@
-"""One identity at a time: certificate, temporary ID and plate digest change in the same moment."""
+"""Pseudonyms: certificate, temporary ID and communication ID change together."""
 
 import itertools
 import math
@@ -19,7 +19,7 @@ def _pseudonyms(credentials=ALICE, seed=1):
     return Pseudonyms("ABC123", DIGEST, credentials, np.random.default_rng(seed))
 
 
-def test_an_identity_holds_to_the_end_of_its_epoch():
+def test_a_pseudonym_is_valid_to_the_end_of_its_epoch():
     pseudonyms = _pseudonyms()
     first = pseudonyms.at(UTC_S)
     assert first.ends_at_utc_s == DIGEST.epoch_ends_at(UTC_S)
@@ -29,7 +29,7 @@ def test_an_identity_holds_to_the_end_of_its_epoch():
     assert 0 <= first.first_msg_cnt <= 127
 
 
-def test_everything_changes_at_once_and_nothing_stays():
+def test_all_identifiers_change_together():
     pseudonyms = _pseudonyms()
     first = pseudonyms.at(UTC_S)
     second = pseudonyms.at(first.ends_at_utc_s)
@@ -45,12 +45,12 @@ def test_certificates_are_taken_in_turns():
     assert taken[3:] == taken[:3]
 
 
-def test_a_car_that_starts_again_signs_as_before():
+def test_a_restarted_car_uses_the_same_certificate():
     signing = {id(_pseudonyms(seed=seed).at(UTC_S).credential) for seed in range(30)}
     assert len(signing) == 1
 
 
-def test_only_certificates_that_hold_for_the_whole_epoch_are_taken():
+def test_only_certificates_valid_for_the_whole_epoch_are_used():
     tomorrow = make_pseudonyms(
         ISSUING, 2, {BSM}, new_key=new_key, valid_from_utc_s=UTC_S + DAY_S, valid_for_s=DAY_S
     )
@@ -66,17 +66,17 @@ def test_only_certificates_that_hold_for_the_whole_epoch_are_taken():
         assert pseudonyms.at(UTC_S + 1.5 * DAY_S).credential in tomorrow.pseudonyms
 
 
-def test_a_car_whose_batch_ran_out_goes_on_with_an_expired_one():
+def test_a_car_without_valid_certificates_uses_an_expired_one():
     long_after = UTC_S + 2 * VALID["valid_for_s"]
     assert _pseudonyms().at(long_after).credential in ALICE.pseudonyms
 
 
-def test_a_car_without_keys_changes_its_ids_all_the_same():
+def test_a_car_without_keys_changes_its_ids_too():
     pseudonyms = _pseudonyms(credentials=None)
     first, second = pseudonyms.at(UTC_S), pseudonyms.at(UTC_S + 300)
     assert first.credential is second.credential is None
     assert first.car_id != second.car_id
 
 
-def test_the_same_seed_gives_the_same_identities():
+def test_the_same_seed_gives_the_same_pseudonyms():
     assert _pseudonyms(seed=5).at(UTC_S) == _pseudonyms(seed=5).at(UTC_S)

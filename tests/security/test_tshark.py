@@ -1,4 +1,4 @@
-"""Wireshark's own dissector reads our 1609.2 data as we meant it, with nothing malformed."""
+"""Wireshark decodes our 1609.2 data with nothing malformed."""
 
 import json
 import shutil
@@ -42,7 +42,7 @@ def packets(tmp_path_factory):
 
 
 def values(tree, name):
-    """Every value of field `name`, wherever it stands in a packet."""
+    """Return every value of field `name` in a packet."""
     if isinstance(tree, list):
         return [value for item in tree for value in values(item, name)]
     if not isinstance(tree, dict):
@@ -70,7 +70,7 @@ def test_the_payload_is_the_message_frame(packets):
         assert octets(values(packet, "ieee1609dot2.unsecuredData")[0]) == FRAME
 
 
-def test_the_header_says_what_we_said(packets):
+def test_the_header_has_the_encoded_values(packets):
     for packet, tenths in zip(packets[:3], range(3), strict=True):
         assert values(packet, "ieee1609dot2.psid")[0] == str(BSM)
         expected = its_time.to_time64(UTC_S + tenths / 10)
@@ -103,7 +103,7 @@ def test_the_signer_is_the_certificate_or_its_digest(packets):
     assert octets(values(second, "ieee1609dot2.digest")[0]) == own.hashed_id8
 
 
-def test_a_certificate_on_disk_is_the_one_on_the_air():
+def test_a_certificate_on_disk_equals_the_transmitted_one():
     own = ALICE.pseudonyms[0].certificate
     data = security(ALICE).secure(FRAME, BSM, now=0.0)
     assert own.encoded in data

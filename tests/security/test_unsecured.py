@@ -1,4 +1,4 @@
-"""Unsecured 1609.2 data: nothing vouches for it, and its bytes are still the standard's."""
+"""Unsecured 1609.2 data, encoded as in the standard."""
 
 import pytest
 from hypothesis import given
@@ -9,14 +9,14 @@ from onboard.security.security_services import NotTrusted, SecurityServices
 BSM_PSID = 0x20
 
 
-def test_the_wrap_is_three_bytes_for_a_short_payload():
+def test_unsecured_data_adds_three_bytes_to_a_short_payload():
     assert SecurityServices(utc_offset_s=0).secure(
         b"\x00\x14\x01\x00", BSM_PSID, now=0.0
     ) == bytes.fromhex("03 80 04 00140100")
 
 
 @given(payload=st.binary(max_size=70_000), psid=st.integers(0, 2**28))
-def test_what_was_wrapped_is_opened(payload, psid):
+def test_unsecured_data_are_opened(payload, psid):
     security = SecurityServices(utc_offset_s=1.7e9)
     opened = security.open(security.secure(payload, psid, now=1.0), psid, now=1.1)
     assert (opened.payload, opened.signer_id, opened.generation_utc_s) == (payload, None, None)
@@ -33,7 +33,7 @@ def test_what_was_wrapped_is_opened(payload, psid):
         pytest.param("02 80 04 00140100", id="protocol version 2"),
     ],
 )
-def test_anything_else_is_malformed(data):
+def test_other_bytes_are_malformed(data):
     with pytest.raises(NotTrusted) as refused:
         SecurityServices(utc_offset_s=0).open(bytes.fromhex(data), BSM_PSID, now=0.0)
     assert refused.value.reason == "malformed"

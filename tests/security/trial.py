@@ -1,4 +1,4 @@
-"""Cars that trust each other, made once: keys are the same in every run."""
+"""Credentials of cars that trust each other, the same in every run."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from onboard.security.security_services import SecurityServices
 from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
 
 UTC_S = 1_790_000_000.0
-"""Now, in all of these tests; the cars' own clocks show 0."""
+"""UTC at monotonic time 0 in all of these tests."""
 BSM, LCCA = 0x20, 0x4020
 VALID = {"valid_from_utc_s": UTC_S - 3600, "valid_for_s": 86_400.0}
 
@@ -25,7 +25,7 @@ def security(credentials=None):
 
 
 def reread(structure, data):
-    """What the oracle understood of `data`, once it has written the same bytes again."""
+    """Return what the oracle decodes of `data`, after it has encoded the same bytes again."""
     structure.from_coer(data)
     value = structure.get_val()
     structure.set_val(value)

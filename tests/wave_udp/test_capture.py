@@ -1,4 +1,4 @@
-"""Captures of WSMs: ours are read by tshark as we meant them, and others' are read by us."""
+"""Captures of WSMs: written ones are decoded by tshark, and those of others are read."""
 
 import json
 import shutil
@@ -48,7 +48,7 @@ def write_pcap(path, frames):
 
 
 def tshark(path, *options):
-    """What tshark says of each packet, as `{field: [value, ...]}`."""
+    """Return the fields that tshark decodes of each packet, as `{field: [value, ...]}`."""
     command = ["tshark", "-n", "-r", path, "-T", "json", "--no-duplicate-keys", *options]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
     return [gather(packet["_source"]["layers"], {}) for packet in json.loads(done.stdout)]
@@ -93,7 +93,7 @@ def assert_as_meant(fields, wsm):
 
 
 @needs_tshark
-def test_tshark_reads_each_field_as_we_meant_it_and_finds_nothing_malformed(tmp_path):
+def test_tshark_decodes_each_field_of_a_wsm_and_finds_nothing_malformed(tmp_path):
     path = write_pcap(tmp_path / "ours.pcap", map(encode, WSMS))
     packets = tshark(path)
     assert len(packets) == len(WSMS)
@@ -105,7 +105,7 @@ def test_tshark_reads_each_field_as_we_meant_it_and_finds_nothing_malformed(tmp_
 
 
 @needs_tshark
-def test_with_the_lua_file_tshark_reads_wsms_inside_udp(tmp_path):
+def test_with_the_lua_file_tshark_decodes_wsms_inside_udp(tmp_path):
     path = tmp_path / "udp.pcap"
     wsms = [wsm for wsm in WSMS if len(wsm.payload) < 1500]
     path.write_bytes(pcap_of([ethernet_udp(encode(wsm)) for wsm in wsms]))
@@ -126,7 +126,7 @@ def test_the_lua_file_leaves_other_datagrams_alone(tmp_path):
 
 @needs_tshark
 @pytest.mark.realdata
-def test_wsms_of_real_units_written_by_us_are_well_formed(rig_data, tmp_path):
+def test_wsms_of_real_units_encoded_again_are_well_formed(rig_data, tmp_path):
     lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
     frames = [bytes.fromhex(json.loads(line)["wsm"]) for line in lines]
     packets = tshark(write_pcap(tmp_path / "real.pcap", frames))
@@ -173,7 +173,7 @@ WSM = encode(WSMS[0])
 
 
 @given(st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**32 - 1)), max_size=5))
-def test_what_was_written_is_read(written):
+def test_a_written_capture_is_read_back(written):
     file = BytesIO()
     writer = PcapWriter(file)
     for wsm, seconds in written:
@@ -205,7 +205,7 @@ def test_both_byte_orders_and_both_clocks_of_pcap():
         pytest.param(1, ethernet(0x0800, b""), None, id="IP without its header"),
     ],
 )
-def test_where_messages_are_found(link_type, frame, message):
+def test_a_message_is_found_in_each_kind_of_frame(link_type, frame, message):
     assert messages(pcap_of([frame], link_type)) == [message]
 
 
@@ -259,6 +259,6 @@ def test_pcapng_with_any_byte_order_and_clock(order, resolution, unit_s):
         (struct.pack("<II", 0x0A0D0D0A, 0) + b"\x4d\x3c\x2b\x1a", "a block of 0 bytes"),
     ],
 )  # fmt: skip
-def test_what_is_no_capture_says_what_is_wrong(data, message):
+def test_an_invalid_capture_is_an_error_that_names_the_fault(data, message):
     with pytest.raises(CaptureError, match=message):
         messages(data)

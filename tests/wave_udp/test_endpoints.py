@@ -1,4 +1,4 @@
-"""The wires to the radio: real sockets on 127.0.0.1, and a veth pair where we may make one."""
+"""Radio endpoints: real sockets on 127.0.0.1, and a veth pair where permitted."""
 
 import asyncio
 import contextlib
@@ -22,7 +22,7 @@ WSM = wsmp.encode(WaveShortMessage(0x20, bytes.fromhex("0380 04 00140100")))
 
 @pytest.fixture
 def unit():
-    """The radio unit's end of the wire."""
+    """The radio unit's socket."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.bind(("127.0.0.1", 0))
         wire.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
@@ -42,7 +42,7 @@ def iwcu(unit_port, listen_port):
 
 
 async def received(settings, datagrams, count):
-    """What an endpoint hands over when `datagrams` are sent to its port."""
+    """Return what an endpoint passes on when `datagrams` are sent to its port."""
     loop = asyncio.get_running_loop()
     got, all_there = [], asyncio.Event()
 
@@ -71,7 +71,7 @@ def test_iwcu_sends_the_wsm_alone_with_its_priority_as_ip_precedence(
     assert ancillary == [(socket.IPPROTO_IP, socket.IP_TOS, bytes((user_priority << 5,)))]
 
 
-def test_iwcu_hands_over_what_comes_in_order_garbage_included(free_port):
+def test_iwcu_passes_on_datagrams_in_order_malformed_ones_included(free_port):
     datagrams = [WSM, b"", b"garbage", WSM + b"\0"]
     assert asyncio.run(received(iwcu(9, free_port), datagrams, 4)) == datagrams
 
@@ -101,7 +101,7 @@ def test_a_burst_of_2000_is_drained_without_loss(free_port):
     assert asyncio.run(burst()) == datagrams
 
 
-def test_a_unit_that_is_not_there_stops_nothing(free_port):
+def test_an_unreachable_unit_does_not_stop_sending(free_port):
     async def talk():
         got = asyncio.get_running_loop().create_future()
         with contextlib.closing(
@@ -117,8 +117,8 @@ def test_a_unit_that_is_not_there_stops_nothing(free_port):
 
 
 @pytest.mark.parametrize(("kind", "endpoint"), [(IwcuSettings, "iwcu"), (Rsu41Settings, "rsu41")])
-def test_a_unit_that_is_not_there_is_told_as_often_as_something_is_sent(kind, endpoint, free_port):
-    """What ICMP brings wakes the loop, and must not wake it again and again."""
+def test_an_unreachable_unit_is_reported_once_a_datagram(kind, endpoint, free_port):
+    """An ICMP error wakes the loop once, not again and again."""
     settings = kind(endpoint=endpoint, unit_port=9, listen_port=free_port)
 
     async def talk():
@@ -157,7 +157,7 @@ def test_no_callback_comes_after_close(free_port):
     assert asyncio.run(talk()) == [WSM]
 
 
-def test_a_port_in_use_is_one_clear_line(unit):
+def test_a_port_in_use_is_an_error_of_one_line(unit):
     port = unit.getsockname()[1]
     with pytest.raises(RadioError) as refused:
         open_endpoint(iwcu(9, port), print)
@@ -166,7 +166,7 @@ def test_a_port_in_use_is_one_clear_line(unit):
     )
 
 
-def test_an_address_that_is_not_ours_is_one_clear_line(free_port):
+def test_a_foreign_address_is_an_error_of_one_line(free_port):
     settings = Rsu41Settings(
         endpoint="rsu41", listen_host=IPv4Address("192.0.2.1"), listen_port=free_port
     )
@@ -185,7 +185,7 @@ def test_rsu41_sends_the_text_datagram(unit, free_port):
     assert message.payload == wsmp.decode(WSM).payload
 
 
-def test_rsu41_hands_over_forwarded_packets_with_and_without_header(free_port):
+def test_rsu41_passes_on_forwarded_packets_with_and_without_header(free_port):
     settings = Rsu41Settings(endpoint="rsu41", listen_port=free_port, forwarded_psid=0x20)
     forwarded = [WSM, wsmp.decode(WSM).payload]
     assert asyncio.run(received(settings, forwarded, 2)) == [WSM, WSM]
@@ -195,7 +195,7 @@ needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="link-layer sockets ne
 
 
 @needs_root
-def test_raw_without_such_an_interface_is_one_clear_line():
+def test_a_missing_interface_is_an_error_of_one_line():
     with pytest.raises(RadioError) as refused:
         open_endpoint(RawSettings(endpoint="raw", interface="nosuch0"), print)
     assert str(refused.value) == "radio: no interface nosuch0: No such device"

@@ -1,4 +1,4 @@
-"""Inputs that fuzzing found worth having: each decoder takes them, or refuses as it declares."""
+"""Inputs kept from fuzzing: each decoder accepts them, or raises an exception that it declares."""
 
 import contextlib
 from pathlib import Path
@@ -11,7 +11,7 @@ from onboard.security.security_services import NotTrusted
 CORPUS = Path(__file__).parents[2] / "fuzz" / "corpus"
 
 
-def test_every_target_has_a_corpus_and_no_corpus_is_an_orphan():
+def test_every_target_has_a_corpus_and_every_corpus_a_target():
     assert {folder.name for folder in CORPUS.iterdir()} == set(TARGETS)
 
 
@@ -24,8 +24,8 @@ def test_the_corpus_raises_nothing_undeclared(name):
         TARGETS[name].feed(data[: len(data) // 2])
 
 
-def test_signed_messages_of_the_corpus_get_as_far_as_their_signature():
-    """Else the fuzzer starts from bytes that are refused at the door."""
+def test_signed_messages_of_the_corpus_pass_all_checks_of_the_signature():
+    """Otherwise the fuzzer starts from bytes that the first check refuses."""
     read = TARGETS["ieee1609dot2"].read
     with contextlib.suppress(NotTrusted):  # had before, where another test has fed it
         read((CORPUS / "ieee1609dot2" / "certificate").read_bytes())
@@ -34,7 +34,7 @@ def test_signed_messages_of_the_corpus_get_as_far_as_their_signature():
     assert refused.value.reason == "replay"
 
 
-def test_what_a_target_does_not_declare_comes_through():
+def test_an_exception_that_a_target_does_not_declare_is_raised():
     target = Target({}.__getitem__, declared=(ValueError,))
     with pytest.raises(KeyError):
         target.feed(b"")

@@ -34,7 +34,7 @@ def test_registered_values(value, octets):
 
 
 @given(st.integers(0, psid.HIGHEST), st.binary(max_size=4), st.binary(max_size=4))
-def test_what_was_encoded_is_read_from_anywhere(value, before, after):
+def test_an_encoded_psid_is_decoded_at_any_position(value, before, after):
     octets = p_encode(value)
     data = before + octets + after
     assert p_decode(data, len(before)) == (value, len(before) + len(octets))
@@ -60,19 +60,19 @@ def test_every_value_has_one_encoding(data):
         ("ff", "bad_psid"),
     ],
 )
-def test_bytes_that_are_no_psid(octets, reason):
+def test_invalid_psid_bytes_are_refused(octets, reason):
     with pytest.raises(DecodeError) as refused:
         p_decode(bytes.fromhex(octets))
     assert refused.value.reason == reason
 
 
 @pytest.mark.parametrize("value", [-1, psid.HIGHEST + 1])
-def test_a_value_beyond_the_range_is_the_callers_mistake(value):
+def test_a_psid_beyond_the_range_is_a_value_error(value):
     with pytest.raises(ValueError, match="a PSID is 0 to 0x1020407f"):
         p_encode(value)
 
 
-def test_ours_is_from_the_range_for_unregistered_use():
+def test_the_lcca_psid_is_in_the_range_for_unregistered_use():
     assert psid.LCCA in psid.PRIVATE_USE
     assert len(psid.PRIVATE_USE) == 64
     assert p_encode(psid.PRIVATE_USE[0]).hex() == "bfa0"

@@ -1,4 +1,4 @@
-"""The queue before the radio: urgent first, stale never, bounded always; virtual time."""
+"""The transmit queue: by priority, without expired frames, bounded; in virtual time."""
 
 import math
 
@@ -44,7 +44,7 @@ def test_a_warning_overtakes_everything_queued():
     ]  # fmt: skip
 
 
-def test_a_warning_waits_for_no_more_than_the_frame_in_the_air():
+def test_a_warning_waits_for_at_most_the_frame_on_the_air():
     queue = RadioQueue(data_rate_mbit_s=6.0)
     for _ in range(10):
         queue.put(bytes(300), BSM, LATER, now=0.0)
@@ -57,7 +57,7 @@ def test_a_warning_waits_for_no_more_than_the_frame_in_the_air():
     assert queue.wsms_to_send(free_at) == [(WARN, b"warn")]
 
 
-def test_what_is_stale_is_dropped_before_a_warning_waits():
+def test_expired_frames_are_dropped_before_a_warning_waits():
     queue = RadioQueue()
     queue.put(b"first", BSM, expires_at=1.0, now=0.0)
     queue.put(b"old", BSM, expires_at=0.0001, now=0.0)
@@ -66,7 +66,7 @@ def test_what_is_stale_is_dropped_before_a_warning_waits():
     assert drops(queue) == ["expired"]
 
 
-def test_a_frame_that_expires_now_is_not_sent_now():
+def test_a_frame_that_expires_now_is_not_sent():
     queue = RadioQueue()
     queue.put(b"bsm", BSM, expires_at=2.0, now=1.0)
     assert queue.wsms_to_send(2.0) == []
@@ -74,7 +74,7 @@ def test_a_frame_that_expires_now_is_not_sent_now():
     assert (event.stamp_s, event.component, event.reason) == (2.0, "radio", "expired")
 
 
-def test_a_full_queue_loses_the_oldest_of_the_least_urgent():
+def test_a_full_queue_drops_the_oldest_frame_of_lowest_priority():
     queue = RadioQueue(capacity=3)
     queue.put(b"a", 3, LATER, now=0.0)
     queue.put(b"b", 1, LATER, now=0.0)
@@ -84,7 +84,7 @@ def test_a_full_queue_loses_the_oldest_of_the_least_urgent():
     assert drops(queue) == ["queue_full"]
 
 
-def test_a_queue_full_of_warnings_takes_no_bsm():
+def test_a_queue_full_of_warnings_drops_a_new_bsm():
     queue = RadioQueue(capacity=2)
     for frame, priority in ((b"w1", WARN), (b"w2", WARN), (b"bsm", BSM)):
         queue.put(frame, priority, LATER, now=0.0)
@@ -93,7 +93,7 @@ def test_a_queue_full_of_warnings_takes_no_bsm():
 
 
 @pytest.mark.parametrize("priority", [-1, 8])
-def test_a_priority_that_does_not_exist_is_the_callers_mistake(priority):
+def test_a_priority_out_of_range_is_a_value_error(priority):
     with pytest.raises(ValueError, match="a user priority is 0 to 7"):
         RadioQueue().put(b"", priority, LATER, now=0.0)
 
@@ -110,7 +110,7 @@ frames = st.lists(
 
 
 @given(frames, st.integers(1, 20))
-def test_every_frame_is_sent_once_in_time_or_its_drop_is_told(puts, capacity):
+def test_every_frame_is_sent_once_in_time_or_its_drop_is_reported(puts, capacity):
     queue = RadioQueue(capacity=capacity)
     out, now, expiry = [], 0.0, {}
     for number, (priority, lifetime, pause, size) in enumerate(puts):
@@ -128,7 +128,7 @@ def test_every_frame_is_sent_once_in_time_or_its_drop_is_told(puts, capacity):
 
 
 @given(st.lists(st.integers(0, 7), max_size=60))
-def test_of_what_waits_the_most_urgent_goes_first_and_equals_in_order(priorities):
+def test_frames_are_sent_by_priority_and_in_order_within_one(priorities):
     queue = RadioQueue(capacity=60)
     for number, priority in enumerate(priorities):
         queue.put(bytes((number,)), priority, LATER, now=0.0)

@@ -1,4 +1,4 @@
-"""What comes first when more comes than can be looked at."""
+"""The order of received frames when more arrive than can be verified."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,7 @@ def signed(payload: bytes) -> bytes:
     return encode_signed(encode_to_be_signed(payload, psid.BSM, 1), b"signer..", (1, 1))
 
 
-def test_group_messages_come_first_and_each_kind_in_its_order() -> None:
+def test_group_messages_come_before_bsms_and_each_kind_in_its_order() -> None:
     queue = ReceiveQueue(psid.LCCA, bsm_sender)
     for number in range(3):
         queue.put(wsm(psid.BSM, number))
@@ -35,7 +35,7 @@ def test_group_messages_come_first_and_each_kind_in_its_order() -> None:
     assert queue.take_dropped() == 0
 
 
-def test_when_time_is_over_only_group_messages_are_taken() -> None:
+def test_only_urgent_takes_group_messages_only() -> None:
     queue = ReceiveQueue(psid.LCCA, bsm_sender)
     queue.put(wsm(psid.BSM, 1))
     queue.put(wsm(psid.LCCA, 2))
@@ -51,8 +51,8 @@ def said_by(sender: int, number: int, *, secure: Callable[[bytes], bytes]) -> by
 
 
 @pytest.mark.parametrize("secure", [encode_unsecured, signed])
-def test_where_few_wait_all_are_heard(secure: Callable[[bytes], bytes]) -> None:
-    """Or whoever writes another's ID on a frame could have the other's not heard."""
+def test_all_frames_are_kept_while_few_wait(secure: Callable[[bytes], bytes]) -> None:
+    """Otherwise a forged frame under another's temporary ID would displace its BSM."""
     queue = ReceiveQueue(psid.LCCA, bsm_sender)
     said = [said_by(1, number, secure=secure) for number in range(KEEP_ALL_BELOW)]
     for frame in said:
@@ -63,7 +63,7 @@ def test_where_few_wait_all_are_heard(secure: Callable[[bytes], bytes]) -> None:
 
 
 @pytest.mark.parametrize("secure", [encode_unsecured, signed])
-def test_in_a_crowd_only_the_newest_bsm_of_each_sender_waits_and_all_take_turns(
+def test_under_overload_the_newest_bsm_of_each_sender_waits_and_senders_take_turns(
     secure: Callable[[bytes], bytes],
 ) -> None:
     queue = ReceiveQueue(psid.LCCA, bsm_sender)
@@ -84,7 +84,7 @@ def test_in_a_crowd_only_the_newest_bsm_of_each_sender_waits_and_all_take_turns(
     assert queue.take_dropped() == 0
 
 
-def test_a_sender_that_was_heard_goes_to_the_end_of_the_line() -> None:
+def test_a_sender_whose_frame_was_taken_queues_again_at_the_end() -> None:
     queue = ReceiveQueue(psid.LCCA, bsm_sender)
     one, two, again = (said_by(s, n, secure=encode_unsecured) for s, n in ((1, 0), (2, 0), (1, 1)))
     queue.put(one)
@@ -95,7 +95,7 @@ def test_a_sender_that_was_heard_goes_to_the_end_of_the_line() -> None:
     assert list(iter(queue.take, None)) == [two, again]
 
 
-def test_made_up_senders_cannot_fill_the_memory_nor_displace_the_group() -> None:
+def test_forged_senders_cannot_fill_the_memory_or_displace_group_messages() -> None:
     queue = ReceiveQueue(psid.LCCA, bsm_sender)
     queue.put(wsm(psid.LCCA, 7))
     frames = [said_by(n, 0, secure=encode_unsecured) for n in range(MAX_SENDERS + 100)]
@@ -108,7 +108,7 @@ def test_made_up_senders_cannot_fill_the_memory_nor_displace_the_group() -> None
     assert queue.take_dropped() == 100
 
 
-def test_it_is_known_whether_a_group_message_waits() -> None:
+def test_has_urgent_is_true_while_a_group_message_waits() -> None:
     queue = ReceiveQueue(psid.LCCA, bsm_sender)
     queue.put(wsm(psid.BSM, 1))
     assert not queue.has_urgent
@@ -116,7 +116,7 @@ def test_it_is_known_whether_a_group_message_waits() -> None:
     assert queue.has_urgent
 
 
-def test_what_is_no_wsm_waits_like_a_bsm() -> None:
+def test_malformed_frames_wait_like_bsms() -> None:
     queue = ReceiveQueue(psid.LCCA, bsm_sender)
     queue.put(b"")
     queue.put(b"\xff garbage")

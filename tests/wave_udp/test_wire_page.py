@@ -1,4 +1,4 @@
-"""docs/wire.md says what the code does."""
+"""docs/wire.md agrees with the code."""
 
 import json
 import re
@@ -18,7 +18,7 @@ class Car(Settings):
     radio: RadioSettings
 
 
-def test_the_lcca_tables_are_those_of_the_declarations():
+def test_the_lcca_tables_of_the_page_are_those_of_the_declarations():
     assert with_tables(PAGE) == PAGE, "run python tools/lcca_tables.py"
 
 

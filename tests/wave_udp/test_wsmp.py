@@ -70,11 +70,11 @@ def test_padding_of_the_link_layer_is_not_part_of_the_message():
     assert decode(encode(PLAIN) + bytes(38)) == PLAIN
 
 
-def test_a_small_length_in_two_octets_is_understood():
+def test_a_small_length_in_two_octets_is_accepted():
     assert decode(bytes.fromhex("030020 8001 aa")) == WaveShortMessage(0x20, b"\xaa")
 
 
-def test_an_element_of_unexpected_size_or_number_survives_as_it_is():
+def test_an_element_of_unexpected_size_or_number_is_kept_unchanged():
     frame = bytes.fromhex("0b 03 0f02acac 0f01ac 0f01b7 00 20 01 aa")
     wsm = decode(frame)
     assert wsm.channel_number == 172
@@ -100,7 +100,7 @@ def test_an_element_of_unexpected_size_or_number_survives_as_it_is():
         ("0b bf ff 0f", "too_short"),
     ],
 )
-def test_bytes_that_are_no_wsm(octets, reason):
+def test_invalid_wsms_are_refused(octets, reason):
     with pytest.raises(DecodeError) as refused:
         decode(bytes.fromhex(octets))
     assert refused.value.reason == reason
@@ -125,7 +125,7 @@ def test_version_2_with_a_safety_supplement_or_identity():
     assert decode(bytes.fromhex("02 20 82 0002 aabb")).payload == b"\xaa\xbb"
 
 
-def test_an_unknown_element_of_version_2_survives():
+def test_an_unknown_element_of_version_2_is_kept():
     assert decode(bytes.fromhex("02 20 7702beef 80 0000")).n_extensions == (
         Element(0x77, b"\xbe\xef"),
     )
@@ -164,7 +164,7 @@ wsms = st.builds(
 
 
 @given(wsms)
-def test_what_was_encoded_is_decoded(wsm):
+def test_encoding_and_decoding_give_the_same_message(wsm):
     assert decode(encode(wsm)) == wsm
 
 
@@ -190,13 +190,13 @@ def test_any_bytes_decode_or_are_refused(data):
         (WaveShortMessage(0x20, b"", version=2), "version 2 is only read"),
     ],
 )
-def test_what_cannot_be_carried_is_the_callers_mistake(wsm, message):
+def test_a_wsm_that_cannot_be_encoded_is_a_value_error(wsm, message):
     with pytest.raises(ValueError, match=message):
         encode(wsm)
 
 
 @pytest.mark.realdata
-def test_18_wsms_of_real_units_come_out_as_they_went_in(rig_data):
+def test_eighteen_wsms_of_real_units_are_decoded_and_encoded_again(rig_data):
     lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
     assert len(lines) == 18
     for line in lines:
