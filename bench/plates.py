@@ -235,7 +235,7 @@ def score(ways: Mapping[str, Way], width_px: float | None = None) -> dict[str, T
 
 
 def table_by_width() -> str:
-    """Plates of each width, of the photographs that show them wider, as Markdown."""
+    """PlateRecognizer of each width, of the photographs that show them wider, as Markdown."""
     lines = [
         f"| width of the plate | {' | '.join(f'{region}: found, exact' for region in REGIONS)} |",
         "|---" * (len(REGIONS) + 1) + "|",

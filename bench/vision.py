@@ -23,7 +23,8 @@ import psutil
 
 from bench import Figure
 from bench._tables import write_tables
-from onboard.vision.perception import Perception
+from onboard.vision.networks import load_perception
+from onboard.vision.perception import DEFAULT_PARAMETERS, PerceptionParameters
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
@@ -32,7 +33,7 @@ CAMERA = CameraSettings(
 )
 FPS = 15.0
 FRAMES = 60
-_EVERYWHERE = VisionSettings(search_every_s=1e-3, search_without_lead_every_s=1e-3)
+_EVERYWHERE = PerceptionParameters(search_period_s=1e-3, search_period_without_lead_s=1e-3)
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
 _RUNS = 5
 _REFERENCE = "H.264 decode of the same frames, one thread"
@@ -47,8 +48,8 @@ def measure() -> Iterator[Figure]:
     started = time.process_time()
     frames = list(decoded(clip))
     decode_fps = len(frames) / (time.process_time() - started)
-    everywhere_fps = sight_fps(frames, _EVERYWHERE)
-    tracked_fps = sight_fps(frames, VisionSettings())
+    everywhere_fps = perception_fps(frames, _EVERYWHERE)
+    tracked_fps = perception_fps(frames)
     for name, value in (("vision.whole", everywhere_fps), ("vision.tracked", tracked_fps)):
         yield Figure(name, value, "frames/s", FRAMES, _REFERENCE, decode_fps)
     yield Figure(
@@ -59,7 +60,7 @@ def measure() -> Iterator[Figure]:
         _REFERENCE,
         FPS / decode_fps,
     )
-    with_sight, without = (_memory_mb(clip, what) for what in ("sight", "decode"))
+    with_sight, without = (_memory_mb(clip, what) for what in ("perception", "decode"))
     yield Figure("vision.memory", with_sight, "MB", 1, "a process that only decodes", without)
 
 
@@ -102,14 +103,16 @@ def decoded(clip: bytes) -> Iterator[Image]:
             yield np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)
 
 
-def sight_fps(frames: Iterable[Image], settings: VisionSettings) -> float:
+def perception_fps(
+    frames: Iterable[Image], parameters: PerceptionParameters = DEFAULT_PARAMETERS
+) -> float:
     """Frames by seconds of CPU, once the lead is known."""
-    sight = Perception(CAMERA, settings)
+    perception = load_perception(CAMERA, VisionSettings(), parameters)
     spent_s = []
     for index, frame in enumerate(frames):
         started = time.process_time()
-        sight.receive_frame(frame, index / FPS)
-        while sight.next_event() is not None:
+        perception.receive_frame(frame, index / FPS)
+        while perception.next_event() is not None:
             pass
         spent_s.append(time.process_time() - started)
     settled = spent_s[10:]
@@ -146,8 +149,8 @@ def _print_memory(what: str) -> None:
     """In a process of its own: what it takes to see, or only to decode."""
     cv2.setNumThreads(1)
     frames = decoded(sys.stdin.buffer.read())
-    if what == "sight":
-        sight_fps(frames, VisionSettings())
+    if what == "perception":
+        perception_fps(frames)
     else:
         for _ in frames:
             pass

@@ -16,9 +16,9 @@ from bench import Figure
 from bench._tables import write_tables
 from onboard.observations import Lead
 from onboard.security.plate_digest import normalised
-from onboard.tools.see.annotated_frame import SeenFrame, see_frames
+from onboard.tools.see.annotated_frame import AnnotatedFrame, annotate_frames
 from onboard.vision.frames import Frame
-from onboard.vision.perception import Perception
+from onboard.vision.perception import Networks, Perception
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.settings import CameraSettings, VisionSettings
@@ -30,7 +30,7 @@ CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0,
 FPS, SECONDS, DRIVES = 10.0, 2.0, 6
 GAPS_M = (5.0, 8.0, 11.0, 14.0, 17.0, 20.0, 25.0, 30.0)
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
-PICTURE = PAGE.with_name("vision-seen.png")
+RENDERER = PAGE.with_name("vision-seen.png")
 _TAG_SIDE_M = 0.3
 
 
@@ -148,8 +148,8 @@ def by_gap(*, tags: bool) -> dict[float, DriveTally]:
     return tallies
 
 
-def seen(drive: RenderedDrive) -> Iterator[SeenFrame]:
-    """What a sight says of each frame of a drive."""
+def seen(drive: RenderedDrive) -> Iterator[AnnotatedFrame]:
+    """What a perception says of each frame of a drive."""
     picture, rng = CameraRenderer(CAMERA), np.random.default_rng(drive.seed)
 
     def frames() -> Iterator[Frame]:
@@ -158,7 +158,7 @@ def seen(drive: RenderedDrive) -> Iterator[SeenFrame]:
             yield Frame(index / FPS, picture.draw(scene, rng))
 
     settings = VisionSettings(tag_side_m=_TAG_SIDE_M)
-    yield from see_frames(frames(), Perception(CAMERA, settings, finder=_FINDER, reader=_READER))
+    yield from annotate_frames(frames(), Perception(CAMERA, settings, Networks(_FINDER, _READER)))
 
 
 _FINDER, _READER = PlateDetector(), PlateReader()
@@ -221,7 +221,7 @@ def main() -> None:
     write_tables(PAGE, {"drives": table()})
     drive = _drive(Light.DUSK, 13.0, 0, np.random.default_rng(3))
     *_, last = seen(drive)
-    cv2.imwrite(str(PICTURE), cv2.resize(last.annotated(), None, fx=0.5, fy=0.5))
+    cv2.imwrite(str(RENDERER), cv2.resize(last.annotated(), None, fx=0.5, fy=0.5))
 
 
 if __name__ == "__main__":

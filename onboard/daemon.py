@@ -37,6 +37,7 @@ from onboard.runtime.systemd import Systemd
 from onboard.security.key_files import read_credentials
 from onboard.step import BrakeButton, Input, Observation, ReceivedWsm
 from onboard.vision.camera import CameraThread
+from onboard.vision.networks import load_perception
 from onboard.wave_link import bsm_sender
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
 from onboard.wave_udp.endpoint import open_endpoint
@@ -172,8 +173,13 @@ class Daemon:
             self._send_wsm = radio.send
         if config.camera is not None:
             takes_pictures = config.recorder is not None and config.recorder.pictures_hz > 0.0
-            on_picture = self._box.note_picture if self._box and takes_pictures else None
-            camera = CameraThread(config.camera, config.vision, self._on_seen, on_picture)
+            on_image = self._box.note_picture if self._box and takes_pictures else None
+            camera = CameraThread(
+                config.camera,
+                load_perception(config.camera, config.vision),
+                self._on_seen,
+                on_image,
+            )
             camera.start()
             wires.callback(camera.close)
         if config.detector is not None:

@@ -16,9 +16,10 @@ import numpy as np
 
 from onboard.observations import Lead, Plate
 from onboard.security.plate_digest import normalised
-from onboard.vision.frames import decode_picture
-from onboard.vision.identity import LEAST_READ_CONFIDENCE
-from onboard.vision.perception import Perception
+from onboard.vision.frames import decode_image
+from onboard.vision.identity import MIN_READ_CONFIDENCE
+from onboard.vision.perception import Networks, Perception, PerceptionParameters
+from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import CERTAIN, Corners, Image, PlateReader, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.cars.camera_server import as_jpeg
@@ -30,7 +31,8 @@ from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 PLATES_A_COLOUR, FAR_M, NEAR_M, CLOSING_M_S = 3, 36.0, 6.0, 1.5
 _COLOURS_BGR = [bgr for name, bgr in COLOURS_BGR.items() if name != "blue"]
 """Not blue: a band of that blue cannot be told from bodywork, and the gap is a tenth too long."""
-_READ_ALWAYS = VisionSettings(plate_width_m=PLATE_WIDTH_M, read_every_s=0.0, read_known_every_s=0.0)
+_SETTINGS = VisionSettings(plate_width_m=PLATE_WIDTH_M)
+_READ_ALWAYS = PerceptionParameters(read_period_s=0.0, read_period_identified_s=0.0)
 """As the rig's cars, which are told how wide plates are, but each frame is read."""
 
 
@@ -48,8 +50,8 @@ class Look:
     closing_error_m_s: float
 
 
-class _Noting:
-    """Reads, and keeps what it read last."""
+class _RecordingReader:
+    """A plate reader that keeps its last reading."""
 
     def __init__(self) -> None:
         self._reader = PlateReader()
@@ -66,15 +68,17 @@ def approach(
 ) -> Iterator[Look]:
     """A car of that colour, with that plate, comes nearer."""
     camera = CameraSettings(source="rig", **LENS.model_dump())
-    reader = _Noting()
-    picture, sight = CameraRenderer(camera), Perception(camera, _READ_ALWAYS, reader=reader)
+    reader = _RecordingReader()
+    networks = Networks(PlateDetector(), reader)
+    renderer = CameraRenderer(camera)
+    perception = Perception(camera, _SETTINGS, networks, _READ_ALWAYS)
     for number in range(int((FAR_M - NEAR_M) / CLOSING_M_S * FPS)):
         stamp_s = number / FPS
         car = SceneCar(FAR_M - CLOSING_M_S * stamp_s, plate=plate, colour_bgr=colour_bgr)
-        drawn = picture.draw(Scene((car,), travelled_m=15.0 * stamp_s), rng)
+        drawn = renderer.draw(Scene((car,), travelled_m=15.0 * stamp_s), rng)
         reader.last, is_found, lead = None, False, None
-        sight.receive_frame(decode_picture(as_jpeg(drawn)), stamp_s)
-        while (event := sight.next_event()) is not None:
+        perception.receive_frame(decode_image(as_jpeg(drawn)), stamp_s)
+        while (event := perception.next_event()) is not None:
             is_found |= isinstance(event, Plate)
             lead = event if isinstance(event, Lead) else lead
         gap_m = lead.gap_m if lead is not None else None
@@ -116,7 +120,7 @@ def _row(cars: list[list[Look]]) -> dict[str, float]:
     """One column of the tables, of the looks at each car."""
     looks = list(chain.from_iterable(cars))
     found = [look for look in looks if look.is_found]
-    counted = [look for look in found if look.confidence >= LEAST_READ_CONFIDENCE]
+    counted = [look for look in found if look.confidence >= MIN_READ_CONFIDENCE]
     certain = [look for look in counted if look.is_right and look.confidence >= CERTAIN]
     doubtful = [look for look in counted if look.is_right and look.confidence < CERTAIN]
     wrong = [look for look in counted if not look.is_right]

@@ -14,10 +14,10 @@ from training.reader_views import around, draw_recess, in_the_shade, paste, pose
 
 SCENE_SIZE = (256, 192)
 """(w, h) of a scene, in the pixels that the network sees."""
-MOST_PLATES = 2
+MAX_PLATES = 2
 SMALLEST_PX, LARGEST_PX = 11.0, 140.0
 """Width of a plate: outside it another level of the picture's pyramid shows it in this range."""
-_CENTRED, _CENTRED_PX, _LEAST_CENTRED_PX = 0.5, (70.0, 105.0), 24.0
+_CENTRED, _CENTRED_PX, _MIN_CENTRED_PX = 0.5, (70.0, 105.0), 24.0
 """Share of the plates that are shown about as the second look shows them, how wide they are then,
 and how wide they must have been: blurred as there."""
 _BARE = 0.15
@@ -31,7 +31,7 @@ def render_scenes(
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
     """Grey scenes (count, 192, 256); corners (count, 2, 4, 2) of their plates, NaN where none."""
     scenes = np.empty((count, SCENE_SIZE[1], SCENE_SIZE[0]), np.uint8)
-    corners = np.full((count, MOST_PLATES, 4, 2), np.nan, np.float32)
+    corners = np.full((count, MAX_PLATES, 4, 2), np.nan, np.float32)
     for index in range(count):
         scenes[index] = _scene(corners[index], rng)
     return scenes, corners
@@ -49,7 +49,7 @@ def moved(
         shift = middle * (1 + rng.uniform(-0.3, 0.3, 2)) - scale * middle
         plate = corners[index, 0]
         width_px = float(np.ptp(plate[:, 0]))  # NaN where there is none
-        if width_px >= _LEAST_CENTRED_PX and rng.random() < _CENTRED:
+        if width_px >= _MIN_CENTRED_PX and rng.random() < _CENTRED:
             scale = rng.uniform(*_CENTRED_PX) / width_px * np.exp(rng.normal(0, 0.04, 2))
             # As far from the scene's rim as from that of a second look.
             shift = rng.uniform((96, 48), (columns - 96, rows - 48)) - scale * plate.mean(axis=0)

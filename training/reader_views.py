@@ -45,7 +45,7 @@ def render_looks(count: int, rng: np.random.Generator) -> tuple[View, list[str]]
 def _photographed(
     count: int, rng: np.random.Generator, *, held_back: bool
 ) -> tuple[list[tuple[View, Quad]], list[str]]:
-    """Pictures of plates with the corners that a detector gives, and the texts."""
+    """ImageSequence of plates with the corners that a detector gives, and the texts."""
     found: list[tuple[View, Quad]] = []
     texts: list[str] = []
     while len(found) < count:

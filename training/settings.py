@@ -15,16 +15,16 @@ class NetworkSettings(Settings):
 
     seed: int
     """Of everything drawn at random."""
-    pictures: int = Field(gt=0)
+    images: int = Field(gt=0)
     """Rendered pictures to learn from."""
-    validation_pictures: int = Field(gt=0)
+    validation_images: int = Field(gt=0)
     """Rendered pictures, of other plates, to measure and to calibrate on."""
     rates: tuple[tuple[int, float], ...] = Field(min_length=2)
     """Learning rates at some steps, linear in between; the schooling ends at the last of them. The
     pictures are gone through as often as that takes."""
     batch: int = Field(gt=0)
-    """Pictures a step."""
-    begins_with: str | None = None
+    """ImageSequence a step."""
+    initial_network: str | None = None
     """Exported network in this folder that the schooling goes on from; none: from nothing."""
 
     @property
@@ -41,7 +41,7 @@ class NetworkSettings(Settings):
 class ReaderSettings(NetworkSettings):
     """The reader's."""
 
-    keeps: float = Field(0.0, ge=0.0, lt=1.0)
+    initial_share: float = Field(0.0, ge=0.0, lt=1.0)
     """Share of what it began with in the weights that it ends with."""
     temperature: float | None = Field(None, gt=0.0)
     """What the logits are divided by; none: what fits the validation pictures (0213)."""

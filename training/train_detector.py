@@ -12,11 +12,11 @@ from onboard.tools.see.score import overlap
 from onboard.vision.perspective import bounding_box
 from onboard.vision.plate_detector import CELL_PX, CORNER_UNIT_PX, PlateDetector, as_input
 from training.detector_scenes import mirrored, moved, render_scenes
+from training.initial_weights import load_weights
 from training.networks import DetectorNetwork
-from training.pictures import rendered
-from training.schooling import school
+from training.rendered_images import rendered
 from training.settings import NetworkSettings
-from training.start import take_over
+from training.training_loop import train_network
 
 _log = logging.getLogger(__name__)
 
@@ -32,17 +32,17 @@ def train_detector(settings: NetworkSettings, folder: Path, model: Path, process
     """Render, learn, export; prints what it sees on the way."""
     seed = settings.seed
     scenes, corners = rendered(
-        folder / "train", render_scenes, settings.pictures, seed + 10, processes
+        folder / "train", render_scenes, settings.images, seed + 10, processes
     )
     held_back = rendered(
-        folder / "validation", render_scenes, settings.validation_pictures, seed + 11, processes
+        folder / "validation", render_scenes, settings.validation_images, seed + 11, processes
     )
     torch.manual_seed(seed)
     # Not channels_last: with bfloat16 the gradient of a dilated convolution is then NaN.
     network = DetectorNetwork()
-    if settings.begins_with is not None:
+    if settings.initial_network is not None:
         some = torch.from_numpy(as_input(np.asarray(scenes[:_MEASURED_ON])))
-        take_over(network, Path(__file__).parent / settings.begins_with, some)
+        load_weights(network, Path(__file__).parent / settings.initial_network, some)
 
     def loss_of(rows: npt.NDArray[np.int64], rng: np.random.Generator) -> torch.Tensor:
         pictures, places = mirrored(*moved(scenes[rows], corners[rows], rng), rng)
@@ -52,7 +52,7 @@ def train_detector(settings: NetworkSettings, folder: Path, model: Path, process
             answer = network(batch).float()
         return _loss(answer, *wanted)
 
-    school(network, loss_of, len(scenes), settings, folder / "schooling.pt")
+    train_network(network, loss_of, len(scenes), settings, folder / "training.pt")
     export(network, model)
     report(PlateDetector(model, model), *held_back)
 

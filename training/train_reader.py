@@ -11,20 +11,20 @@ import torch
 from torch import nn
 
 from onboard.vision.plate_reader import ALPHABET, CERTAIN, decode, normalised
-from training.between import go_between
+from training.initial_weights import load_weights
 from training.networks import ReaderNetwork
-from training.pictures import rendered
 from training.reader_views import render_looks, render_views
-from training.schooling import school
+from training.rendered_images import rendered
 from training.settings import ReaderSettings
-from training.start import take_over
+from training.training_loop import train_network
+from training.weight_averaging import average_weights
 
 _log = logging.getLogger(__name__)
 
 _Views = npt.NDArray[np.uint8]
 
 LONGEST = 8
-MOST_WRONG = 0.01
+MAX_WRONG = 0.01
 """Share of wrong texts among the certain ones, on fonts that were held back."""
 _CALIBRATED_ON = 2500
 _MEASURED_ON = 1024
@@ -52,14 +52,14 @@ def _labels(texts: list[str]) -> _Views:
 def train_reader(settings: ReaderSettings, folder: Path, model: Path, processes: int) -> None:
     """Render, learn, calibrate, export; prints what it sees on the way."""
     seed = settings.seed
-    views, labels = rendered(folder / "train", labelled_views, settings.pictures, seed, processes)
-    count = settings.validation_pictures
+    views, labels = rendered(folder / "train", labelled_views, settings.images, seed, processes)
+    count = settings.validation_images
     held_back = rendered(folder / "validation", labelled_looks, count, seed + 1, processes)
     torch.manual_seed(seed)
     network = ReaderNetwork().to(memory_format=torch.channels_last)
-    if settings.begins_with is not None:
+    if settings.initial_network is not None:
         some = torch.from_numpy(normalised(np.asarray(views[:_MEASURED_ON])))
-        take_over(network, Path(__file__).parent / settings.begins_with, some)
+        load_weights(network, Path(__file__).parent / settings.initial_network, some)
     began = deepcopy(network)
     loss_of_texts = nn.CTCLoss(zero_infinity=True)
 
@@ -74,8 +74,8 @@ def train_reader(settings: ReaderSettings, folder: Path, model: Path, processes:
         loss: torch.Tensor = loss_of_texts(chances, wanted, columns, lengths)
         return loss
 
-    school(network, loss_of, len(views), settings, folder / "schooling.pt")
-    go_between(network, began, settings.keeps)
+    train_network(network, loss_of, len(views), settings, folder / "training.pt")
+    average_weights(network, began, settings.initial_share)
     fitting = report(network, *held_back)
     export(network, settings.temperature or fitting, model)
 
@@ -136,9 +136,9 @@ def _temperature(scores: torch.Tensor, right: npt.NDArray[np.bool_]) -> float:
         certain = sure >= CERTAIN
         wrong = 1 - right[certain].mean() if certain.any() else 0.0
         _log.info(f"temperature {temperature:.1f}: surprise {surprise:.4f}, wrong {wrong:.4f}")
-        if wrong <= MOST_WRONG and surprise >= best[0]:
+        if wrong <= MAX_WRONG and surprise >= best[0]:
             break
-        if wrong <= MOST_WRONG:
+        if wrong <= MAX_WRONG:
             best = surprise, float(temperature)
     return best[1]
 

@@ -20,7 +20,7 @@ from onboard.stack import Stack
 from onboard.step import Input
 from onboard.trace.trace_line import Event
 from onboard.vision.camera import open_recorded
-from onboard.vision.perception import Perception
+from onboard.vision.networks import load_perception
 from onboard.vision.settings import CameraSettings
 
 LONGEST_PAUSE_S = 86_400.0
@@ -132,10 +132,10 @@ def _from_clip(
     given = calibration | {"source": clip, "fps": fps}
     camera = parse_settings(given, CameraSettings, "onboard replay")
     frames = open_recorded(camera)
-    sight = Perception(camera, config.vision)
+    perception = load_perception(camera, config.vision)
     for frame in frames:
-        sight.receive_frame(frame.image, start_s + frame.stamp_s)
-        while (observation := sight.next_event()) is not None:
+        perception.receive_frame(frame.image, start_s + frame.stamp_s)
+        while (observation := perception.next_event()) is not None:
             yield observation.stamp_s, 1, observation
 
 

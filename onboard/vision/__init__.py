@@ -1,1 +1,1 @@
-"""Plate, tag, lead car and distance from camera frames, tracked from frame to frame."""
+"""Detection of plates, tags and vehicles in camera frames, their tracks, and the lead."""

@@ -1,9 +1,8 @@
-"""The blue band at the left end of European plates, which the detector takes for bodywork.
+"""The blue band at the left end of European plates, which the plate detector leaves out.
 
-A network that learns what a plate is learns white with black characters. The band (Council
-Regulation (EC) 2411/98: 40 to 50 mm wide on a plate of 520 mm) then stays outside, or is cut in
-two, and the gap comes out up to a tenth too long. It is known by its colour, where the bodywork
-beyond has another.
+The network detects white with black characters. The band (Council Regulation (EC) 2411/98: 40 to 50
+mm wide on a plate of 520 mm) stays outside or is cut in two, and the gap comes out up to a tenth
+too long. The band is found by its colour, if it differs from that of the bodywork beside it.
 """
 
 import cv2
@@ -15,16 +14,16 @@ from onboard.vision.perspective import Corners
 BAND = 0.085
 """Width of the band, as a share of the whole plate's."""
 NARROWEST, WIDEST = 0.5 * BAND, 1.7 * BAND
-"""What is blue over less or more of a plate is no band."""
+"""Widths between which a blue area is a band, as a share of the plate's."""
 BLUER = 1.3
-"""Blue light by red light, in a band; grey has 1."""
-LEAST_BLUE = 40.0
-"""Grey levels: darker than this, colours are noise."""
-UNLIKE = 25.0
+"""Least ratio of blue to red in a band; grey has 1."""
+MIN_BLUE = 40.0
+"""Least level of blue; below it, colours are noise."""
+COLOUR_CONTRAST = 25.0
 """Grey levels between the colours of band and bodywork."""
-PLAINLY = 0.35
-"""Of the most blue that is seen there, so that it is no longer the plate's ground; bodywork may be
-bluer than the band."""
+MIN_BLUE_SHARE = 0.35
+"""Share of the strongest blue near the left end that is no longer the plate's ground; the bodywork
+may be bluer than the band."""
 _BAND_STEPS, _LAST_STEPS = 16, 6
 _REACH, _STEP = 3 * BAND, BAND / _BAND_STEPS
 _HEIGHTS, _SMOOTHED = 16, 5
@@ -32,29 +31,29 @@ _HEIGHTS, _SMOOTHED = 16, 5
 _Values = npt.NDArray[np.float64]
 
 
-def with_band(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corners:
-    """`corners_px`, the left ones moved to where a blue band begins.
+def include_blue_band(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corners:
+    """Move the left corners of a plate to the outer edge of its blue band.
 
-    The same array if there is none. `image`: (h, w, 3), BGR.
+    Returns `corners_px` itself if there is none. `image`: (h, w, 3), BGR.
     """
-    places = np.arange(-_REACH, _REACH, _STEP)
-    colours = _colours(image, corners_px, places)
+    positions = np.arange(-_REACH, _REACH, _STEP)
+    colours = _colours(image, corners_px, positions)
     blueness = colours[:, 0] - colours[:, 1:].max(axis=1)
-    near = np.where(np.abs(places) < 1.2 * BAND, blueness, 0.0)
-    is_blue = (near >= PLAINLY * near.max()) & (near > 0)
+    near = np.where(np.abs(positions) < 1.2 * BAND, blueness, 0.0)
+    is_blue = (near >= MIN_BLUE_SHARE * near.max()) & (near > 0)
     if not is_blue.any():
         return corners_px
-    # From the plate's ground outwards: the band's right edge, and half a band on, its own colour.
+    # From the plate's ground outwards: the band's right edge, then its colour half a band further.
     last_blue = int(np.flatnonzero(is_blue)[-1])
     middle = last_blue - _BAND_STEPS // 2
     blue, _, red = colours[middle]
-    if blue < max(LEAST_BLUE, BLUER * red) or not is_blue[middle:last_blue].all():
+    if blue < max(MIN_BLUE, BLUER * red) or not is_blue[middle:last_blue].all():
         return corners_px
     unlike = np.abs(colours[: middle + 1] - colours[middle]).max(axis=1)[::-1]
     to_left = _end(unlike[: round(1.4 * _BAND_STEPS)])
-    if not NARROWEST <= places[last_blue] - places[middle] + to_left <= WIDEST:
+    if not NARROWEST <= positions[last_blue] - positions[middle] + to_left <= WIDEST:
         return corners_px
-    share = float(places[middle]) - to_left
+    share = float(positions[middle]) - to_left
     top_left, top_right, bottom_right, bottom_left = corners_px
     moved = [
         top_left + share * (top_right - top_left),
@@ -66,23 +65,23 @@ def with_band(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corners:
 
 
 def _end(unlike: _Values) -> float:
-    """How far the band reaches, from what each place differs by from the first of them.
+    """Width of the band, from the difference in colour of each position to the first.
 
-    A blurred edge lies where half of the difference is reached. Infinite where it does not end, or
-    what follows looks like it again.
+    A blurred edge is where half of the difference is reached. Infinite if the band does not end, or
+    if its colour occurs again behind its end.
     """
     beyond = float(np.median(unlike[-_LAST_STEPS:]))
     half = beyond / 2
     first = int(np.argmax(unlike >= half))
-    if beyond < UNLIKE or (unlike[first:] < min(half, UNLIKE)).any():
+    if beyond < COLOUR_CONTRAST or (unlike[first:] < min(half, COLOUR_CONTRAST)).any():
         return np.inf
     before, after = unlike[first - 1], unlike[first]
     return float(first - (after - half) / (after - before)) * _STEP
 
 
-def _colours(image: npt.NDArray[np.uint8], corners_px: Corners, places: _Values) -> _Values:
-    """BGR by place along the plate (0 left to 1 right): means over the middle of its height."""
-    along, down = np.meshgrid(places, np.linspace(0.25, 0.75, _HEIGHTS))
+def _colours(image: npt.NDArray[np.uint8], corners_px: Corners, positions: _Values) -> _Values:
+    """BGR by position along the plate (0 left to 1 right): means over the middle of its height."""
+    along, down = np.meshgrid(positions, np.linspace(0.25, 0.75, _HEIGHTS))
     top_left, top_right, bottom_right, bottom_left = corners_px
     upper = top_left + along[..., None] * (top_right - top_left)
     lower = bottom_left + along[..., None] * (bottom_right - bottom_left)

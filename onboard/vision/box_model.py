@@ -1,4 +1,4 @@
-"""Boxes by a detector that the user brings, in ONNX as the YOLO family exports it."""
+"""Boxes by a detector of the user's: an ONNX model, as the YOLO family exports it."""
 
 import cv2
 import numpy as np
@@ -9,16 +9,16 @@ from onboard.observations import ImageBox
 from onboard.vision.settings import BoxModelSettings
 
 _GREY = (114, 114, 114)
-"""What such models were trained to see beside a picture of another shape."""
-_LEAST_OVERLAP = 0.5
-"""Boxes that share so much are one thing."""
+"""Fill colour beside an image of another aspect ratio, as in the training of such models."""
+_MIN_OVERLAP = 0.5
+"""Intersection over union from which two boxes are one object."""
 
 
 class BoxModel:
-    """Runs the model on one picture after the other; not to be shared between threads."""
+    """Runs the model on one image at a time; not to be shared between threads."""
 
     def __init__(self, settings: BoxModelSettings, name: str) -> None:
-        """Load the model; `name` is where the settings stand in the configuration.
+        """Load the model; `name` is its settings' place in the configuration.
 
         Raises:
             UserError: it is missing, not a model that OpenCV can run, or its output is not as
@@ -42,7 +42,7 @@ class BoxModel:
             ) from error
 
     def find(self, image: npt.NDArray[np.uint8]) -> list[tuple[ImageBox, float]]:
-        """Boxes in an (h, w, 3) BGR picture and their scores, the surest first."""
+        """Boxes in an (h, w, 3) BGR image and their scores, highest score first."""
         width, height = self._settings.input_width_px, self._settings.input_height_px
         scale = min(width / image.shape[1], height / image.shape[0])
         size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
@@ -51,7 +51,7 @@ class BoxModel:
         self._network.setInput(cv2.dnn.blobFromImage(fitted, 1 / 255.0, swapRB=True))
         boxes, scores = self._boxes(np.asarray(self._network.forward(), np.float32))
         kept = cv2.dnn.NMSBoxes(
-            boxes.tolist(), scores.tolist(), self._settings.least_score, _LEAST_OVERLAP
+            boxes.tolist(), scores.tolist(), self._settings.least_score, _MIN_OVERLAP
         )
         return [
             (ImageBox(*(float(value) / scale for value in boxes[index])), float(scores[index]))

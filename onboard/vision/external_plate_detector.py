@@ -1,4 +1,4 @@
-"""Plates by a model that the user brings, which gives boxes, and corners by the own detector."""
+"""Plates by a model of the user's, with corners by the shipped detector."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,21 +6,21 @@ import numpy.typing as npt
 from onboard.observations import ImageBox
 from onboard.vision.box_model import BoxModel
 from onboard.vision.perspective import Corners
-from onboard.vision.plate_detector import FoundPlate, PlateDetector
+from onboard.vision.plate_detector import PlateDetection, PlateDetector
 
 
-class BroughtPlates:
+class ExternalPlateDetector:
     """Finds plates as `PlateDetector` does."""
 
     def __init__(self, model: BoxModel, own: PlateDetector) -> None:
-        """`own` looks at each box again: a reader and a distance need corners."""
+        """Take both detectors; `own` finds the corners in each box of `model`."""
         self._model = model
         self._own = own
 
     def find(
         self, image: npt.NDArray[np.uint8], region: ImageBox | None = None
-    ) -> list[FoundPlate]:
-        """Plates in the picture, or in `region` of it, the surest first."""
+    ) -> list[PlateDetection]:
+        """Plates in the image, or in `region` of it, highest score first."""
         left = top = 0
         if region is not None:
             left, top = max(0, int(region.x_px)), max(0, int(region.y_px))
@@ -35,9 +35,9 @@ class BroughtPlates:
             x1, y1 = x0 + box.w_px, y0 + box.h_px
             corners = np.asarray([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], np.float32)
             again = self._own.find_again(image, corners)
-            plates.append(FoundPlate(again.corners_px if again is not None else corners, score))
+            plates.append(PlateDetection(again.corners_px if again is not None else corners, score))
         return plates
 
-    def find_again(self, image: npt.NDArray[np.uint8], last: Corners) -> FoundPlate | None:
-        """The plate that was at `last` in the picture before, by the own detector."""
+    def find_again(self, image: npt.NDArray[np.uint8], last: Corners) -> PlateDetection | None:
+        """The plate that was at `last` in the frame before, by the shipped detector."""
         return self._own.find_again(image, last)

@@ -1,4 +1,4 @@
-"""Whether a picture is one of the road at all, before anybody looks for cars in it."""
+"""Checks of a frame before it is searched: corrupt, blank, repeated, or the first after a cut."""
 
 import math
 from dataclasses import dataclass
@@ -12,55 +12,55 @@ Image = npt.NDArray[np.uint8]
 """(h, w, 3), BGR."""
 
 _STRIDE = 8
-"""Each eighth pixel of each eighth row speaks for the picture."""
-_COARSE, _LEAST_COARSE = 5, 4
-"""So many of those each way are averaged for what is to be seen, and so many are left at least."""
+"""Only each eighth pixel of each eighth row is examined."""
+_COARSE, _MIN_COARSE = 5, 4
+"""Samples that are averaged each way to remove noise, and the least number left."""
 BLANK_SIGMA = 2.0
-"""In grey levels, of one colour, without the sensor's noise; pictures by night, of the road with
-lamps, have 7 and more."""
+"""Sigma of a blank frame in grey levels, of one colour, without the sensor's noise; frames by
+night, of the road with lamps, have 7 and more."""
 _RIM = 1 / 8
-"""Of the picture's height, above and below: there cameras write the time."""
-MOST_ODD = 0.0005
-"""Share of a frozen picture's pixels that may differ all the same, such as a noisy one."""
+"""Share of the height at top and bottom that is ignored: cameras write the time there."""
+MAX_ODD = 0.0005
+"""Share of a repeated frame's pixels that may differ, such as noisy ones."""
 CUT_CORRELATION = 0.4
-"""Two frames in a row correlate by less where a film is cut; light does not change this."""
+"""Correlation of two successive frames below which there is a cut; light does not change it."""
 
 
-class Fault(StrEnum):
-    """Why a picture is not looked at."""
+class FrameFault(StrEnum):
+    """Reasons to discard a frame."""
 
-    CORRUPT = "corrupt_picture"
-    BLANK = "blank_picture"
+    CORRUPT = "corrupt_frame"
+    BLANK = "blank_frame"
 
 
 @dataclass(frozen=True, slots=True)
 class FrameVerdict:
-    """What the check found."""
+    """Result of the check."""
 
-    fault: Fault | None = None
+    fault: FrameFault | None = None
     detail: str = ""
     is_repeat: bool = False
-    """The same picture as the last, to the bit, but for the time in its rim and an odd pixel or
-    two: no sensor gives that twice."""
+    """Equal to the frame before, but for its rim and single pixels: no sensor delivers that
+    twice."""
     is_cut: bool = False
-    """The picture before showed another place."""
+    """The frame before showed another scene."""
 
 
-class PictureCheck:
-    """Looks at each picture, and compares it with the one before."""
+class FrameCheck:
+    """Checks each frame, and compares it with the one before."""
 
     def __init__(self) -> None:
         self._last: npt.NDArray[np.uint8] | None = None
 
-    def look(self, image: Image) -> FrameVerdict:
-        """Judge one picture."""
+    def check(self, image: Image) -> FrameVerdict:
+        """Check one frame; an empty array is one that did not decode."""
         if image.ndim != 3 or image.shape[2] != 3 or min(image.shape) == 0:
-            return FrameVerdict(Fault.CORRUPT, f"no picture, array of shape {image.shape}")
+            return FrameVerdict(FrameFault.CORRUPT, f"no image, array of shape {image.shape}")
         sample = image[::_STRIDE, ::_STRIDE].copy()
         last, self._last = self._last, sample
         spread = _spread(sample)
         if spread < BLANK_SIGMA:
-            return FrameVerdict(Fault.BLANK, f"mean {sample.mean():.0f}, sigma {spread:.1f}")
+            return FrameVerdict(FrameFault.BLANK, f"mean {sample.mean():.0f}, sigma {spread:.1f}")
         if last is None:
             return FrameVerdict()
         if sample.shape != last.shape:
@@ -71,11 +71,11 @@ class PictureCheck:
 
 
 def _spread(sample: Image) -> float:
-    """Standard deviation over the picture, of the colour that has most; noise is averaged away.
+    """Standard deviation over the frame, of the colour that has most; noise is averaged out.
 
-    A covered lens gives dark noise, and a wire without a signal a blue picture.
+    A covered lens gives dark noise, and a cable without a signal a blue frame.
     """
-    rows, columns = (max(side // _COARSE, _LEAST_COARSE) for side in sample.shape[:2])
+    rows, columns = (max(side // _COARSE, _MIN_COARSE) for side in sample.shape[:2])
     coarse = cv2.resize(sample, (columns, rows), interpolation=cv2.INTER_AREA)
     return float(np.std(coarse, axis=(0, 1)).max())
 
@@ -84,11 +84,11 @@ def _is_repeat(sample: Image, last: Image) -> bool:
     rim = round(_RIM * len(sample))
     road, before = (each[rim : len(each) - rim] for each in (sample, last))
     odd = np.count_nonzero((road != before).any(axis=2))
-    return bool(odd <= math.ceil(MOST_ODD * road[..., 0].size))
+    return bool(odd <= math.ceil(MAX_ODD * road[..., 0].size))
 
 
 def _correlation(one: Image, other: Image) -> float:
-    """Pearson's, of the green channels."""
+    """Pearson's correlation of the green channels."""
     first, second = (np.asarray(sample[..., 1], np.float32) for sample in (one, other))
     first -= first.mean()
     second -= second.mean()

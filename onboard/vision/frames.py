@@ -1,4 +1,4 @@
-"""One picture of the camera, and how it is decoded."""
+"""Camera frames, and their decoding."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from onboard.errors import UserError
 from onboard.vision.jpeg import is_jpeg, is_whole
 
 Image = npt.NDArray[np.uint8]
-"""(h, w, 3), BGR; empty where a picture could not be decoded."""
+"""(h, w, 3), BGR; empty if decoding failed."""
 
 NO_IMAGE: Image = np.zeros((0, 0, 3), np.uint8)
 
@@ -21,18 +21,18 @@ class CameraError(UserError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One picture and when it was taken."""
+    """One image of the camera and its time."""
 
     stamp_s: float
     image: Image
     name: str = ""
-    """Of the file it came from."""
+    """Name of the file that it came from."""
 
 
-def decode_picture(data: bytes) -> Image:
-    """The picture in `data`, or an empty array.
+def decode_image(data: bytes) -> Image:
+    """Decode an image file; empty where that fails.
 
-    A JPEG without its end is not decoded: it would come out grey from where it was torn.
+    A JPEG without its end is not decoded: the rest of it would be grey.
     """
     if is_jpeg(data) and not is_whole(data):
         return NO_IMAGE

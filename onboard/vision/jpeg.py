@@ -1,7 +1,7 @@
-"""Whether a JPEG goes on to its end (ITU-T T.81, annex B): a torn one would come out half grey.
+"""Completeness of a JPEG (ITU-T T.81, annex B): a truncated one would be decoded half grey.
 
-Telephones append what is no part of the picture, such as a short film, a second picture, or notes
-of their own. The end of the picture is then not the end of the file, and has to be looked for.
+Telephones append further data, such as a short film or a second image. The end of the image is then
+not the end of the file, and has to be searched.
 """
 
 import re
@@ -9,7 +9,7 @@ import re
 _START_OF_IMAGE, _END_OF_IMAGE = b"\xff\xd8", b"\xff\xd9"
 _START_OF_SCAN = 0xDA
 _AFTER_SCAN = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]")
-"""What ends the coded data of a scan: any marker but those that stand within it."""
+"""Any marker that ends the coded data of a scan."""
 
 
 def is_jpeg(data: bytes) -> bool:
@@ -18,7 +18,7 @@ def is_jpeg(data: bytes) -> bool:
 
 
 def is_whole(jpeg: bytes) -> bool:
-    """Whether the picture's end is there, whatever follows it."""
+    """Whether the end of the image is there, whatever follows it."""
     if jpeg.rstrip(b"\r\n\0").endswith(_END_OF_IMAGE):
         return True
     at = len(_START_OF_IMAGE)
@@ -29,7 +29,7 @@ def is_whole(jpeg: bytes) -> bool:
         if marker == 0xFF:  # a fill byte
             at += 1
             continue
-        # A segment says how long it is; a preview within one has an end of its own.
+        # A segment states its length; a preview within one has an end of its own.
         at += 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big")
         if marker == _START_OF_SCAN:
             next_marker = _AFTER_SCAN.search(jpeg, at)

@@ -1,8 +1,8 @@
-"""The own lane on the road ahead: straight and centred until its markings say otherwise.
+"""The host vehicle's lane: straight and centred unless its markings are found.
 
-Its middle lies at x(z) = offset + heading z + curvature z^2 / 2, to the right of the camera, z
-ahead: the second-order form of a clothoid (Dickmanns and Mysliwetz 1992, "Recursive 3-D road and
-relative ego-state recognition").
+Its middle is at x(z) = offset + heading z + curvature z^2 / 2, to the right of the camera, z ahead:
+the second-order form of a clothoid (Dickmanns and Mysliwetz 1992, "Recursive 3-D road and relative
+ego-state recognition").
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class LaneShape:
-    """Where a lane lies, as the camera sees it."""
+    """Shape of a lane relative to the camera."""
 
     width_m: float
     offset_m: float = 0.0
@@ -28,11 +28,11 @@ class LaneShape:
     curvature_1_m: float = 0.0
 
     def middle_m(self, ahead_m: float) -> float:
-        """How far right of the camera the middle of the lane is, `ahead_m` away."""
+        """Position of the lane's middle at `ahead_m`, to the right of the camera."""
         return self.offset_m + ahead_m * (self.heading_rad + 0.5 * ahead_m * self.curvature_1_m)
 
     def towards(self, other: "LaneShape", share: float) -> "LaneShape":
-        """The shape that lies between this and `other`."""
+        """The shape between this and `other`, by linear interpolation."""
         return LaneShape(
             self.width_m + share * (other.width_m - self.width_m),
             self.offset_m + share * (other.offset_m - self.offset_m),
@@ -41,13 +41,14 @@ class LaneShape:
         )
 
 
-class OwnLane:
-    """The lane that the car drives in."""
+class HostLane:
+    """The lane of the host vehicle, smoothed over frames."""
 
-    NEW_SHARE, FORGET_SHARE = 0.3, 0.05
-    """How much of each new fit is believed, and of the straight lane where there is none."""
-    LEAP = 0.3
-    """Lane widths, 6 ahead: a fit so far from what is believed counts when it is repeated."""
+    FIT_SHARE, DECAY_SHARE = 0.3, 0.05
+    """Weight of each new fit, and of the straight lane in a frame without one."""
+    MAX_LEAP = 0.3
+    """Distance in lane widths, 6 ahead, from which a fit counts only when the next one repeats
+    it."""
 
     def __init__(self, width_m: float) -> None:
         self._unmarked = LaneShape(width_m)
@@ -55,67 +56,69 @@ class OwnLane:
         self.shape = self._unmarked
 
     def receive_fit(self, fit: LaneShape | None) -> None:
-        """Take in what the markings of one frame say; without any, fall back slowly."""
+        """Update by the fit of one frame; without a fit, the shape decays to the straight lane."""
         if fit is None:
-            self.shape = self.shape.towards(self._unmarked, self.FORGET_SHARE)
+            self.shape = self.shape.towards(self._unmarked, self.DECAY_SHARE)
         elif self._is_near(fit, self.shape) or (
             self._leap is not None and self._is_near(fit, self._leap)
         ):
-            self.shape = self.shape.towards(fit, self.NEW_SHARE)
+            self.shape = self.shape.towards(fit, self.FIT_SHARE)
         self._leap = fit
 
     def _is_near(self, one: LaneShape, other: LaneShape) -> bool:
         ahead_m = 6.0 * self._unmarked.width_m
         apart_m = abs(one.middle_m(ahead_m) - other.middle_m(ahead_m))
-        return apart_m <= self.LEAP * self._unmarked.width_m
+        return apart_m <= self.MAX_LEAP * self._unmarked.width_m
 
 
-class MarkingFinder:
-    """Finds the two lines of the own lane by looking at the road from above.
+class LaneMarkingDetector:
+    """Finds the two lines of the host vehicle's lane in a view from above.
 
-    A grid on the road, in units of the lane's width, is read from the picture. Points brighter than
-    what lies 0.3 m to their left and right vote for lines; the pair of lines a lane apart that
-    most rows vote for is the lane.
+    A grid on the road, in units of the lane's width, is sampled from the image. Points brighter
+    than those 0.3 m to their left and right vote for lines; the pair of lines a lane apart with
+    votes of most rows is the lane.
     """
 
     ROWS, COLUMNS = 40, 113
     NEAR, FAR, SIDE = 1.5, 10.0, 1.6
-    """Lane widths: what of the road is looked at."""
+    """Extent of the grid, in lane widths."""
     HEADINGS = np.linspace(-0.05, 0.05, 11)
     BENDS = np.linspace(-0.015, 0.015, 9)
     """Curvature times the lane's width: 0.015 is a radius of 230 m."""
     WIDTHS = (0.8, 1.2)
-    LEAST_CONTRAST = 10.0
-    """Grey levels by which paint is brighter than the road."""
-    LEAST_ROWS, LEAST_BOTH = 3.0, 12.0
-    """That vote for either line, and for both. A dashed line fills a quarter to a half of 40."""
+    MIN_CONTRAST = 10.0
+    """Contrast of paint to the road, in grey levels."""
+    MIN_ROWS, MIN_BOTH = 3.0, 12.0
+    """Rows that must vote for each line, and for both. A dashed line fills a quarter to a half of
+    40."""
 
     def __init__(self, perspective: Perspective, lane_width_m: float) -> None:
+        """Project the grid of a lane `lane_width_m` wide into the image."""
         self._lane_width_m = lane_width_m
         self._ahead = np.linspace(self.NEAR, self.FAR, self.ROWS)
         self._right = np.linspace(-self.SIDE, self.SIDE, self.COLUMNS)
         self._cell = float(self._right[1] - self._right[0])
-        places = [
+        positions = [
             RoadPosition(ahead * lane_width_m, right * lane_width_m, 0.0)
             for ahead in self._ahead
             for right in self._right
         ]
-        pixels = perspective.project_all(places) - 0.5
+        pixels = perspective.project_all(positions) - 0.5
         self._map = pixels.reshape(self.ROWS, self.COLUMNS, 2).astype(np.float32)
         bends, headings = np.meshgrid(self.BENDS, self.HEADINGS)
         self._bends, self._headings = bends.ravel(), headings.ravel()
-        # Roads are mostly straight and cars mostly along them: bends must be seen in more rows.
-        self._doubt = 4.0 * (np.abs(self._bends) / 0.015 + np.abs(self._headings) / 0.05)
+        # Prior: roads are mostly straight, so bends need votes of more rows.
+        self._penalty = 4.0 * (np.abs(self._bends) / 0.015 + np.abs(self._headings) / 0.05)
 
     def find(self, image: npt.NDArray[np.uint8], cars: Sequence[ImageBox] = ()) -> LaneShape | None:
-        """The lane's shape; `None` where its markings cannot be seen.
+        """Shape of the lane; `None` where its markings are not found.
 
         Args:
             image: (h, w, 3), BGR.
-            cars: where in the picture no road is seen.
+            cars: parts of the image in which vehicles hide the road.
         """
         ahead, right, weight = self._paint(image, cars)
-        if weight.sum() < self.LEAST_BOTH:
+        if weight.sum() < self.MIN_BOTH:
             return None
         votes = self._votes(ahead, right, weight)
         return self._best_pair(votes)
@@ -123,7 +126,7 @@ class MarkingFinder:
     def _paint(
         self, image: npt.NDArray[np.uint8], cars: Sequence[ImageBox]
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """Where paint is, in lane widths, and how sure."""
+        """Points of paint, in lane widths, and their weights."""
         above = cv2.remap(
             image,
             self._map[..., 0],
@@ -142,12 +145,12 @@ class MarkingFinder:
         for car in cars:
             across = (u_px >= car.x_px) & (u_px <= car.x_px + car.w_px)
             contrast[across & (v_px >= car.y_px) & (v_px <= car.y_px + car.h_px)] = 0.0
-        rows, columns = np.nonzero(contrast > self.LEAST_CONTRAST)
-        weight = np.minimum(contrast[rows, columns] / (3 * self.LEAST_CONTRAST), 1.0)
+        rows, columns = np.nonzero(contrast > self.MIN_CONTRAST)
+        weight = np.minimum(contrast[rows, columns] / (3 * self.MIN_CONTRAST), 1.0)
         return self._ahead[rows], self._right[columns + reach], weight.astype(np.float64)
 
     def _votes(self, ahead: _Floats, right: _Floats, weight: _Floats) -> _Floats:
-        """(headings and bends, columns): rows that see paint along each line."""
+        """(headings and bends, columns): votes of rows with paint along each line."""
         bent = (
             right[None]
             - self._headings[:, None] * ahead[None]
@@ -161,7 +164,7 @@ class MarkingFinder:
             weights=np.broadcast_to(weight, line.shape)[inside],
             minlength=len(self._bends) * self.COLUMNS,
         ).reshape(-1, self.COLUMNS)
-        # Paint is about three cells wide where it is near.
+        # Near paint is about three cells wide.
         padded = np.pad(counts, ((0, 0), (1, 1)))
         return np.asarray((padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]) / 2, np.float64)
 
@@ -175,12 +178,12 @@ class MarkingFinder:
             lefts, rights = lefts[rights < self.COLUMNS], rights[rights < self.COLUMNS]
             left, right = votes[:, lefts], votes[:, rights]
             scores = np.minimum(left, self.ROWS) + np.minimum(right, self.ROWS)
-            scores = scores - self._doubt[:, None] - 3.0 * abs(apart * self._cell - 1.0)
-            scores[(left < self.LEAST_ROWS) | (right < self.LEAST_ROWS)] = 0.0
+            scores = scores - self._penalty[:, None] - 3.0 * abs(apart * self._cell - 1.0)
+            scores[(left < self.MIN_ROWS) | (right < self.MIN_ROWS)] = 0.0
             curve, at = divmod(int(scores.argmax()), scores.shape[1])
             if best is None or scores[curve, at] > best[0]:
                 best = (float(scores[curve, at]), curve, int(lefts[at]), apart)
-        if best is None or best[0] < self.LEAST_BOTH:
+        if best is None or best[0] < self.MIN_BOTH:
             return None
         _, curve, left_column, apart = best
         offset = self._right[left_column] + 0.5 * apart * self._cell

@@ -1,64 +1,70 @@
-"""Which of the cars in view is the one ahead in the own lane.
+"""Selection of the lead: the nearest vehicle in the host vehicle's lane.
 
-A car is in the lane while its middle is: it enters at 0.35 lane widths from the lane's middle and
-leaves at 0.55, so that a car on the line does not flap. What is near and straight ahead is in the
-way whatever the markings seem to say. The nearest one is the lead.
+A vehicle enters the lane when its middle is within 0.35 lane widths of the lane's middle, and
+leaves it beyond 0.55, so that one on the line does not toggle. A vehicle that is near and straight
+ahead is in the lane whatever the markings say.
 
-A ghost lead is worse than a missed one: a car must have been sighted three times, and one that is
-not sighted any more gives way to a car that is seen beyond it, through the place where it would be.
-While the own car turns, parked cars sweep through where it points, and none of them stays there.
+A false lead is worse than a missed one: only confirmed tracks count, and a track that is no longer
+observed gives way to an observed one behind it. In bends, parked vehicles pass through the lane;
+they are excluded by their sideways speed.
 """
 
 import math
 
-from onboard.vision.car_track import CarTrack
-from onboard.vision.lane import OwnLane
+from onboard.vision.lane import HostLane
+from onboard.vision.vehicle_track import VehicleTrack
 
-ENTER, LEAVE = 0.35, 0.55
-"""Lane widths from the middle of the lane."""
-NEAR, IN_THE_WAY = 5.0, 0.25
-"""Lane widths ahead and to the side."""
-SIDEWAYS_M_S2, SURELY = 3.5, 1.5
-"""In the time in which this would bring it from lane to lane (1 s on a road), what came into the
-lane does not leave it again, but for so many sigmas: what does only sweeps past."""
-BLINK_S = 0.4
-"""A lead unseen for so long is not given up for one beyond it: detectors miss a frame or two."""
+ENTER_LANE_WIDTHS, LEAVE_LANE_WIDTHS = 0.35, 0.55
+"""Distance from the lane's middle at which a vehicle enters and leaves it, in lane widths."""
+NEAR_LANE_WIDTHS, STRAIGHT_AHEAD_LANE_WIDTHS = 5.0, 0.25
+"""Distance ahead and to the side within which a vehicle is always in the lane, in lane widths."""
+LANE_CHANGE_M_S2, LATERAL_SIGMAS = 3.5, 1.5
+"""Acceleration that crosses one lane in the time ahead for which a vehicle must stay in the lane to
+enter it (1 s on a road), and the sigmas of its lateral speed that are added against entering."""
+MAX_MISSED_S = 0.4
+"""A lead that was missed for less than this is kept: detectors miss a frame or two."""
 
 
-class LeadChoice:
-    """Chooses the lead, frame by frame."""
+class LeadSelector:
+    """Selects the lead, with the hysteresis of the lane's border."""
 
-    def __init__(self, lane: OwnLane) -> None:
+    def __init__(self, lane: HostLane) -> None:
         self._lane = lane
         self._in_lane: set[int] = set()
 
-    def choose(self, tracks: list[CarTrack], stamp_s: float) -> CarTrack | None:
-        """The lead among `tracks`, which were moved to `stamp_s`."""
+    def select(self, tracks: list[VehicleTrack], stamp_s: float) -> VehicleTrack | None:
+        """The lead among `tracks`, all predicted to `stamp_s`, if there is one."""
         inside = [track for track in tracks if track.confirmed and self._is_inside(track)]
         self._in_lane = {track.track_id for track in inside}
-        seen = [track for track in inside if stamp_s - track.present_at <= BLINK_S]
-        return min(seen or inside, key=lambda track: track.ahead.position_m, default=None)
+        observed = [track for track in inside if stamp_s - track.observed_at <= MAX_MISSED_S]
+        return min(observed or inside, key=lambda track: track.ahead.position_m, default=None)
 
-    def _is_inside(self, track: CarTrack) -> bool:
+    def _is_inside(self, track: VehicleTrack) -> bool:
         ahead_m, right_m = track.ahead.position_m, track.right.position_m
         width_m = self._lane.shape.width_m
         offset_m = self._offset_m(ahead_m, right_m)
         if track.track_id in self._in_lane:
-            return abs(offset_m) <= LEAVE * width_m or self._is_in_the_way(ahead_m, right_m)
-        soon_s = math.sqrt(width_m / SIDEWAYS_M_S2)
+            return abs(offset_m) <= LEAVE_LANE_WIDTHS * width_m or self._is_straight_ahead(
+                ahead_m, right_m
+            )
+        ahead_s = math.sqrt(width_m / LANE_CHANGE_M_S2)
         then_m = self._offset_m(
-            max(0.0, ahead_m + soon_s * track.ahead.rate_m_s),
-            right_m + soon_s * track.right.rate_m_s,
+            max(0.0, ahead_m + ahead_s * track.ahead.rate_m_s),
+            right_m + ahead_s * track.right.rate_m_s,
         )
-        surely_m = abs(then_m) + SURELY * soon_s * track.right.rate_sigma_m_s
-        return surely_m <= LEAVE * width_m and (
-            abs(offset_m) <= ENTER * width_m or self._is_in_the_way(ahead_m, right_m)
+        upper_m = abs(then_m) + LATERAL_SIGMAS * ahead_s * track.right.rate_sigma_m_s
+        return upper_m <= LEAVE_LANE_WIDTHS * width_m and (
+            abs(offset_m) <= ENTER_LANE_WIDTHS * width_m
+            or self._is_straight_ahead(ahead_m, right_m)
         )
 
     def _offset_m(self, ahead_m: float, right_m: float) -> float:
-        """To the right of the lane's middle."""
+        """Distance to the right of the lane's middle."""
         return right_m - self._lane.shape.middle_m(ahead_m)
 
-    def _is_in_the_way(self, ahead_m: float, right_m: float) -> bool:
+    def _is_straight_ahead(self, ahead_m: float, right_m: float) -> bool:
         width_m = self._lane.shape.width_m
-        return ahead_m <= NEAR * width_m and abs(right_m) <= IN_THE_WAY * width_m
+        return (
+            ahead_m <= NEAR_LANE_WIDTHS * width_m
+            and abs(right_m) <= STRAIGHT_AHEAD_LANE_WIDTHS * width_m
+        )

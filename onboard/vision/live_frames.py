@@ -1,7 +1,7 @@
-"""Frames of a camera that does not wait: a device, or MJPEG over HTTP.
+"""Frames of a live camera: a device, or MJPEG over HTTP.
 
-It is read by a thread of its own that keeps the newest picture only, so that a slow reader sees the
-road as it is and not as it was; it is opened again by itself.
+A thread reads them and keeps the newest one only, so that a slow consumer gets current frames; it
+reopens a lost source.
 """
 
 import http.client
@@ -16,35 +16,35 @@ from functools import partial
 import cv2
 import numpy as np
 
-from onboard.vision.frames import CameraError, Frame, Image, decode_picture
+from onboard.vision.frames import CameraError, Frame, Image, decode_image
 from onboard.vision.mjpeg import MjpegParts
 from onboard.vision.settings import CameraSettings
 
 TIMEOUT_S = 2.0
-"""A source that says nothing for this long is opened again."""
+"""Silence after which a source is reopened."""
 RECONNECT_S = (0.1, 2.0)
-"""Pause before the first and the longest before later attempts."""
+"""Pause before the first attempt to reopen, and the longest before later ones."""
 
 
 class LiveFrames:
-    """The newest picture of a source that does not wait."""
+    """The newest frame of a live source."""
 
     live = True
 
-    def __init__(self, open_pictures: Callable[[], Iterator[Callable[[], Image]]]) -> None:
-        """Open it once, so that a source that is not there is told at the start.
+    def __init__(self, open_stream: Callable[[], Iterator[Callable[[], Image]]]) -> None:
+        """Open the source; one that is missing is an error now.
 
         Args:
-            open_pictures: opens the source; each item decodes one picture.
+            open_stream: opens the source; each item decodes one image.
 
         Raises:
             CameraError: it cannot be opened.
         """
-        self._open_pictures = open_pictures
+        self._open_stream = open_stream
         self._arrived = threading.Condition()
         self._newest: tuple[float, Callable[[], Image]] | None = None
         self._closed = threading.Event()
-        first = open_pictures()
+        first = open_stream()
         self._thread = threading.Thread(
             target=self._keep_newest, args=(first,), name="camera-reader", daemon=True
         )
@@ -53,7 +53,7 @@ class LiveFrames:
     def __iter__(self) -> Iterator[Frame]:
         while not self._closed.is_set():
             with self._arrived:
-                self._arrived.wait_for(self._is_waited_for, timeout=TIMEOUT_S)
+                self._arrived.wait_for(self._has_news, timeout=TIMEOUT_S)
                 newest, self._newest = self._newest, None
             if newest is not None:
                 stamp_s, decode = newest
@@ -65,50 +65,50 @@ class LiveFrames:
         with self._arrived:
             self._arrived.notify_all()
 
-    def _is_waited_for(self) -> bool:
+    def _has_news(self) -> bool:
         return self._newest is not None or self._closed.is_set()
 
-    def _keep_newest(self, pictures: Iterator[Callable[[], Image]]) -> None:
+    def _keep_newest(self, images: Iterator[Callable[[], Image]]) -> None:
         pause_s, longest_s = RECONNECT_S
         while not self._closed.is_set():
             try:
-                for picture in pictures:
+                for image in images:
                     if self._closed.is_set():
                         return
                     pause_s = RECONNECT_S[0]
                     with self._arrived:
-                        self._newest = (time.monotonic(), picture)
+                        self._newest = (time.monotonic(), image)
                         self._arrived.notify_all()
             except (OSError, http.client.HTTPException):
-                pass  # gone; whoever watches the camera sees its silence
+                pass  # lost; the sensor timeout reports it
             self._closed.wait(pause_s)
             pause_s = min(2 * pause_s, longest_s)
             try:
-                pictures = self._open_pictures()
+                images = self._open_stream()
             except CameraError:
-                pictures = iter(())
+                images = iter(())
 
 
 def mjpeg_frames(url: str) -> LiveFrames:
-    """A network camera's.
+    """Frames of a network camera.
 
     Raises:
-        CameraError: nobody answers, or not with MJPEG.
+        CameraError: there is no answer, or it is not MJPEG.
     """
-    return LiveFrames(lambda: _mjpeg_pictures(url))
+    return LiveFrames(lambda: _mjpeg_images(url))
 
 
 def device_frames(settings: CameraSettings) -> LiveFrames:
-    """Those of a camera at this computer.
+    """Frames of a camera at this computer.
 
     Raises:
-        CameraError: it is not there, or in use.
+        CameraError: it is missing, or in use.
     """
-    return LiveFrames(lambda: _device_pictures(settings))
+    return LiveFrames(lambda: _device_images(settings))
 
 
-def _mjpeg_pictures(url: str) -> Iterator[Callable[[], Image]]:
-    # A camera is a neighbour: no proxy of the environment's stands between.
+def _mjpeg_images(url: str) -> Iterator[Callable[[], Image]]:
+    # A camera is in the local network: proxies of the environment are not used.
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
         response = opener.open(url, timeout=TIMEOUT_S)
@@ -119,7 +119,7 @@ def _mjpeg_pictures(url: str) -> Iterator[Callable[[], Image]]:
     boundary = header.get_param("boundary")
     if header.get_content_maintype() != "multipart" or not isinstance(boundary, str):
         response.close()
-        raise CameraError(f"camera.source: {url}: no MJPEG but {header.get_content_type()}")
+        raise CameraError(f"camera.source: {url}: expected MJPEG, got {header.get_content_type()}")
     return _parts(response, MjpegParts(boundary.encode("latin-1")))
 
 
@@ -128,14 +128,14 @@ def _parts(response: http.client.HTTPResponse, parts: MjpegParts) -> Iterator[Ca
         while data := response.read1(65536):
             parts.receive_bytes(data)
             while (body := parts.next_body()) is not None:
-                yield partial(decode_picture, body)
+                yield partial(decode_image, body)
 
 
-def _device_pictures(settings: CameraSettings) -> Iterator[Callable[[], Image]]:
+def _device_images(settings: CameraSettings) -> Iterator[Callable[[], Image]]:
     source = settings.source
     capture = cv2.VideoCapture(int(source) if source.isdigit() else source)
     if not capture.isOpened():
-        raise CameraError(f"camera.source: {source}: no camera there, or it is in use")
+        raise CameraError(f"camera.source: {source}: no camera, or it is in use")
     capture.set(cv2.CAP_PROP_FRAME_WIDTH, settings.width_px)
     capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings.height_px)
     if settings.fps is not None:

@@ -1,15 +1,15 @@
-"""Where a tracked car is and how it moves: one Kalman filter a direction.
+"""Position and speed of a tracked vehicle: one Kalman filter for each direction.
 
-State: position in m and its rate in m/s. The car's acceleration is unknown, taken as white noise
-(Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section
-6.2.2: the discretised continuous white noise acceleration model).
+State: position in m and its rate in m/s. The unknown acceleration is white noise (Bar-Shalom, Li
+and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 6.2.2: the
+discretised continuous white noise acceleration model).
 """
 
 import math
 
 
 class FrameMotion:
-    """Constant velocity, as well as known."""
+    """A constant-velocity filter in one direction."""
 
     def __init__(
         self,
@@ -20,16 +20,24 @@ class FrameMotion:
         rate_sigma_m_s: float,
         acceleration_sigma_m_s2: float,
     ) -> None:
-        """Start at a measured position, at rest but for `rate_sigma_m_s`."""
+        """Start at a measured position, with a rate of 0.
+
+        Args:
+            position_m: as measured.
+            sigma_m: of `position_m`.
+            stamp_s: of the measurement.
+            rate_sigma_m_s: of the initial rate.
+            acceleration_sigma_m_s2: growth of the rate's sigma in one second.
+        """
         self._position_m, self._rate_m_s = position_m, 0.0
-        # The covariance, which is symmetric: of the position, of both, of the rate.
+        # The symmetric covariance: of the position, of both, of the rate.
         self._pp, self._pr, self._rr = sigma_m**2, 0.0, rate_sigma_m_s**2
         self._acceleration_variance = acceleration_sigma_m_s2**2
         self._stamp_s = stamp_s
 
     @property
     def position_m(self) -> float:
-        """At the time of the last prediction or measurement."""
+        """Position at the time of the last prediction or measurement."""
         return self._position_m
 
     @property
@@ -48,7 +56,7 @@ class FrameMotion:
         return math.sqrt(self._rr)
 
     def predict(self, stamp_s: float) -> None:
-        """Go on to `stamp_s`; a time that has passed changes nothing."""
+        """Predict to `stamp_s`; an earlier time changes nothing."""
         step_s = stamp_s - self._stamp_s
         if step_s <= 0:
             return
@@ -61,7 +69,7 @@ class FrameMotion:
         self._rr += q * step_s
 
     def update(self, position_m: float, sigma_m: float) -> None:
-        """Take in a measurement made at the time of the last prediction."""
+        """Update by a position measured at the time of the last prediction."""
         variance = self._pp + sigma_m**2
         self._correct(position_m - self._position_m, self._pp / variance, self._pr / variance)
         self._rr -= self._pr**2 / variance
@@ -69,7 +77,7 @@ class FrameMotion:
         self._pp *= sigma_m**2 / variance
 
     def update_rate(self, rate_m_s: float, sigma_m_s: float) -> None:
-        """Take in a measurement of the rate, made at the time of the last prediction."""
+        """Update by a rate measured at the time of the last prediction."""
         variance = self._rr + sigma_m_s**2
         self._correct(rate_m_s - self._rate_m_s, self._pr / variance, self._rr / variance)
         self._pp -= self._pr**2 / variance
@@ -77,7 +85,7 @@ class FrameMotion:
         self._rr *= sigma_m_s**2 / variance
 
     def scale(self, factor: float) -> None:
-        """Take the unit of length to have been another."""
+        """Multiply all lengths by `factor`: all measurements so far were in another unit."""
         self._position_m *= factor
         self._rate_m_s *= factor
         self._pp, self._pr, self._rr = (factor**2 * each for each in (self._pp, self._pr, self._rr))

@@ -1,4 +1,4 @@
-"""Files that a command writes."""
+"""Output files of commands."""
 
 import contextlib
 from collections.abc import Iterable, Iterator
@@ -8,23 +8,23 @@ from onboard.errors import UserError
 
 
 def keep_inputs(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
-    """See that no output would overwrite an input.
+    """Check that no output overwrites an input.
 
     Raises:
-        UserError: one would.
+        UserError: one does.
     """
     read = [path for path in inputs if path is not None and path.exists()]
     for path in outputs:
         if path is not None and path.exists() and any(map(path.samefile, read)):
-            raise UserError(f"{path}: is to be read and would be overwritten; write another file")
+            raise UserError(f"{path}: is an input and would be overwritten; write another file")
 
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Tell the user why `path` cannot be written.
+    """Convert errors of writing `path` to a `UserError` that names it.
 
     Raises:
-        UserError: it cannot be.
+        UserError: writing failed.
     """
     try:
         yield

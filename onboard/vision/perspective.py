@@ -1,8 +1,8 @@
-"""From pixels to metres and back: a pinhole camera over a flat road.
+"""Projection between pixels and metres: a pinhole camera over a flat road.
 
-Coordinates of the car: `ahead_m` along its heading, `right_m` to its right, both from the camera,
-and `height_m` over the road. Those of the camera: x right, y down, z along the optical axis. The
-camera is pitched down by theta and turned right by psi, so a point `down` below it lies at
+Coordinates of the vehicle: `ahead_m` along its heading, `right_m` to its right, both from the
+camera, and `height_m` over the road. Those of the camera: x right, y down, z along the optical
+axis. The camera is pitched down by theta and turned right by psi, so a point `down` below it is at
 
     z' = ahead cos(psi) + right sin(psi)          x = right cos(psi) - ahead sin(psi)
     y  = down cos(theta) - z' sin(theta)          z = down sin(theta) + z' cos(theta)
@@ -27,12 +27,12 @@ Corners = npt.NDArray[np.float32]
 
 
 _UNTIL_EXACT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-6)
-"""Undistortion has no closed form; the default of five rounds leaves errors at the rim."""
+"""Undistortion has no closed form; OpenCV's default of five iterations leaves errors at the rim."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoadPosition:
-    """Where something is, from the camera."""
+    """Position relative to the camera, with its height over the road."""
 
     ahead_m: float
     right_m: float
@@ -40,7 +40,7 @@ class RoadPosition:
 
 
 class Perspective:
-    """The camera of one calibration."""
+    """Projection of a camera with one calibration."""
 
     def __init__(self, calibration: Calibration) -> None:
         self._calibration = calibration
@@ -52,7 +52,7 @@ class Perspective:
             ]
         )
         self._distortion = np.array(calibration.distortion)
-        # Rows: right, down, ahead of the car; columns: x, y, z of the camera.
+        # Rows: right, down, ahead of the vehicle; columns: x, y, z of the camera.
         cos_p, sin_p = math.cos(calibration.pitch_rad), math.sin(calibration.pitch_rad)
         cos_y, sin_y = math.cos(calibration.yaw_rad), math.sin(calibration.yaw_rad)
         self._to_car = np.array(
@@ -65,18 +65,18 @@ class Perspective:
 
     @property
     def mounting_height_m(self) -> float:
-        """Lens over the road."""
+        """Height of the lens over the road."""
         return self._calibration.mounting_height_m
 
-    def project(self, place: RoadPosition) -> tuple[float, float]:
-        """Pixel (u, v) of a place in front of the camera."""
-        u_px, v_px = self.project_all([place])[0]
+    def project(self, position: RoadPosition) -> tuple[float, float]:
+        """Pixel (u, v) of a position in front of the camera."""
+        u_px, v_px = self.project_all([position])[0]
         return float(u_px), float(v_px)
 
-    def project_all(self, places: Sequence[RoadPosition]) -> npt.NDArray[np.float64]:
-        """(n, 2) pixels of places in front of the camera."""
+    def project_all(self, positions: Sequence[RoadPosition]) -> npt.NDArray[np.float64]:
+        """Pixels (n, 2) of positions in front of the camera."""
         camera_m = self._calibration.mounting_height_m
-        in_car = np.array([(at.right_m, camera_m - at.height_m, at.ahead_m) for at in places])
+        in_car = np.array([(at.right_m, camera_m - at.height_m, at.ahead_m) for at in positions])
         pixels, _ = cv2.projectPoints(
             (in_car @ self._to_car).reshape(-1, 1, 3),
             np.zeros(3),
@@ -87,14 +87,14 @@ class Perspective:
         return np.asarray(pixels, np.float64)[:, 0]
 
     def width_px(self, width_m: float, ahead_m: float) -> float:
-        """How wide something upright appears at that distance."""
+        """Width in pixels of an upright object at that distance."""
         return self._calibration.focal_x_px * width_m / ahead_m
 
     def locate_upright(self, corners_px: Corners, width_m: float) -> RoadPosition:
-        """Middle of a plate or tag `width_m` wide that stands across the car's heading.
+        """Middle of a plate or tag `width_m` wide that is perpendicular to the vehicle's heading.
 
-        All of it is equally far ahead, so its width is to that distance as the difference of its
-        ends' slopes is to one.
+        All of it is equally far ahead, so the ratio of its width to that distance is the difference
+        of its ends' slopes.
         """
         slopes = self._slopes(corners_px)
         upper, lower = slopes[1] - slopes[0], slopes[2] - slopes[3]
@@ -104,10 +104,10 @@ class Perspective:
         height_m = self._calibration.mounting_height_m - ahead_m * float(down)
         return RoadPosition(ahead_m, ahead_m * float(right), height_m)
 
-    def locate_kinds(
+    def locate_widths(
         self, corners_px: Corners, widths_m: Sequence[float]
     ) -> dict[float, RoadPosition]:
-        """As `locate_upright`, for each width that it may have."""
+        """Position as by `locate_upright`, for each possible width."""
         unit = self.locate_upright(corners_px, 1.0)
         lens_m = self._calibration.mounting_height_m
         return {
@@ -120,7 +120,7 @@ class Perspective:
         }
 
     def locate_on_road(self, u_px: float, v_px: float) -> RoadPosition | None:
-        """The place on the road that the pixel shows; `None` at and above the horizon."""
+        """Position on the road at a pixel; `None` at and above the horizon."""
         right, down = self._slopes(np.array([[u_px, v_px]], np.float32))[0]
         if down < 1e-3:
             return None
@@ -128,14 +128,14 @@ class Perspective:
         return RoadPosition(ahead_m, ahead_m * float(right), 0.0)
 
     def shape(self, corners_px: Corners) -> float:
-        """Width by height of a plate that faces the camera."""
+        """Width divided by height of a plate that faces the camera."""
         top_left, top_right, bottom_right, bottom_left = self._slopes(corners_px)
         width = math.hypot(*(top_right - top_left)) + math.hypot(*(bottom_right - bottom_left))
         height = math.hypot(*(bottom_left - top_left)) + math.hypot(*(bottom_right - top_right))
         return width / max(height, 1e-9)
 
     def _slopes(self, points_px: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-        """(n, 2): how far right and down of the camera each point's ray is, a metre ahead."""
+        """Slopes (n, 2) of each point's ray: right and down per metre ahead."""
         points = np.asarray(points_px, np.float64).reshape(-1, 1, 2)
         undistorted = cv2.undistortPointsIter(
             points, self._matrix, self._distortion, np.eye(3), np.eye(3), _UNTIL_EXACT

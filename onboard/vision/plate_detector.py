@@ -1,11 +1,10 @@
-"""Finds plates in a picture: four corners and a score each.
+"""Detection of plates in an image: four corners and a score each.
 
-A small convolutional network looks at the picture at a few sizes. For each cell of 8 x 8 pixels it
-says how sure it is that the cell lies in the middle of a plate, and where that plate's corners are.
-Cells that mean the same plate are merged. A second look at each candidate, enlarged or shrunk so
-that the plate is 84 to 96 pixels wide, gives sharper corners and drops what only seemed a plate; it
-has a network of its own. Both were trained on rendered pictures only (`training/`), and OpenCV runs
-them on one core.
+A small convolutional network runs on the image at a few scales. For each cell of 8 x 8 pixels it
+gives a score that the cell is in the middle of a plate, and the offsets of that plate's corners.
+Cells of the same plate are merged. A second network refines each candidate, scaled so that the
+plate is 84 to 96 pixels wide: its corners are more accurate, and false candidates are dropped. Both
+were trained on rendered images only (`training/`), and OpenCV runs them on one core.
 """
 
 from collections.abc import Iterable, Iterator
@@ -25,36 +24,36 @@ Corners = npt.NDArray[np.float32]
 top left one."""
 
 CELL_PX = 8
-"""Pixels of the network's input a cell of its output."""
+"""Side of a cell of the network's output, in pixels of its input."""
 CORNER_UNIT_PX = 32.0
-"""The network gives corners in this unit, from the middle of the cell."""
+"""Unit of the network's corner offsets, which count from the middle of the cell."""
 WIDTHS_PX = (12.0, 130.0)
-"""Widths of plates that the network finds at one size of the picture."""
+"""Widths of plates that the network finds at one scale of the image."""
 DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_detector.onnx"
 CORNERS_MODEL = DEFAULT_MODEL.with_name("plate_corners.onnx")
-"""The network of the second look."""
+"""The network that refines candidates."""
 
 _SHRINKS = (1.0, 2.0, 8.0)
-"""The first look is at the picture divided by each of these: plates up to 1000 px wide."""
-_FINE_LOOK_PX, _FINE_PLATES_PX = 480_000, (20.0, 64.0)
-"""At its full size only a picture of up to so many pixels, half a one of 1280x720; and only for
-plates between these widths. Narrower ones cannot be read. Wider ones are high enough at half the
-size, where narrow European ones are lost."""
-_SECOND_LOOK_SIZE = (192, 96)
-_SECOND_LOOK_PLATE_PX = (84.0, 96.0)
-"""Smaller plates are enlarged to the first of these, larger ones shrunk to the second."""
-_MOST_CANDIDATES = 8
-_LEAST_UNSURE_PX = 32.0
-"""An unsure candidate narrower than this is not looked at again: it could hardly be read."""
+"""Factors by which the image is reduced for the first network: plates up to 1000 px wide."""
+_FINE_IMAGE_PX, _FINE_PLATES_PX = 480_000, (20.0, 64.0)
+"""Largest image that is searched at its full size, half of 1280x720, and the widths of plates for
+which it is. Narrower ones cannot be read. Wider ones are high enough at half the size, where narrow
+European ones are lost."""
+_REFINED_VIEW_SIZE = (192, 96)
+_REFINED_PLATE_PX = (84.0, 96.0)
+"""Smaller plates are enlarged to the first of these widths, larger ones reduced to the second."""
+_MAX_CANDIDATES = 8
+_MIN_UNSURE_PX = 32.0
+"""Least width of a candidate with a low score: a narrower one could hardly be read."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundPlate:
-    """A plate in the picture."""
+class PlateDetection:
+    """A plate in the image."""
 
     corners_px: Corners
     score: float
-    """0 to 1: that it is a plate."""
+    """Score that it is a plate, 0 to 1."""
 
     @property
     def box(self) -> ImageBox:
@@ -72,7 +71,7 @@ class FoundPlate:
 
 
 class PlateDetector:
-    """The networks of both looks, loaded once; not to be shared between threads."""
+    """Both networks, loaded once; not to be shared between threads."""
 
     def __init__(
         self,
@@ -84,58 +83,59 @@ class PlateDetector:
         """Load the networks.
 
         Args:
-            model: ONNX file of the first look.
-            corners_model: ONNX file of the second look.
+            model: ONNX file that finds candidates.
+            corners_model: ONNX file that refines them.
             least_score: of a plate that is reported.
 
         Raises:
-            FileNotFoundError: there is no such file.
+            FileNotFoundError: a file is missing.
         """
         for file in (model, corners_model):
             if not file.is_file():
                 raise FileNotFoundError(f"no plate detector model at {file}")
-        # One for each size of view: a network allocates anew whenever it is shown another.
-        self._first_looks = [cv2.dnn.readNetFromONNX(str(model)) for _ in _SHRINKS]
-        self._second_looks = cv2.dnn.readNetFromONNX(str(corners_model))
+        # One for each scale: a network allocates memory anew for another size of input.
+        self._candidate_networks = [cv2.dnn.readNetFromONNX(str(model)) for _ in _SHRINKS]
+        self._refining_network = cv2.dnn.readNetFromONNX(str(corners_model))
         self._least_score = least_score
 
-    def find(self, image: Image, region: ImageBox | None = None) -> list[FoundPlate]:
-        """Plates in the picture, or in `region` of it, the surest first."""
+    def find(self, image: Image, region: ImageBox | None = None) -> list[PlateDetection]:
+        """PlateRecognizer in the picture, or in `region` of it, the surest first."""
         part, origin = _cut(image, region)
         if min(part.shape[:2]) < CELL_PX:
             return []
         grey = part if part.ndim == 2 else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY).astype(np.uint8)
-        firsts = _one_each(self._candidates(grey))[:_MOST_CANDIDATES]
-        seconds = _one_each(self._second_look(grey, first) for first in firsts)
+        firsts = _without_overlaps(self._candidates(grey))[:_MAX_CANDIDATES]
+        seconds = _without_overlaps(self._refined(grey, first) for first in firsts)
         return [
-            FoundPlate(found.corners_px + origin, found.score)
+            PlateDetection(found.corners_px + origin, found.score)
             for found in seconds
             if found.score >= self._least_score
         ]
 
-    def _candidates(self, grey: Image) -> Iterator[FoundPlate]:
-        """What the first look takes for plates, at each size of the picture."""
-        # Enough where the second look is certain; and where it is as sure as the first.
+    def _candidates(self, grey: Image) -> Iterator[PlateDetection]:
+        """Candidates of the first network, at each scale of the image."""
+        # Least scores with which the final score can reach `least_score`: if the second network is
+        # certain, and if it is as sure as the first.
         least, sure = self._least_score**3, self._least_score**2
         least_px, most_px = _FINE_PLATES_PX
-        for shrink, network in zip(_SHRINKS, self._first_looks, strict=True):
+        for shrink, network in zip(_SHRINKS, self._candidate_networks, strict=True):
             size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
             is_fine = shrink == min(_SHRINKS)
-            if min(size) < CELL_PX or (is_fine and grey.size > _FINE_LOOK_PX):
+            if min(size) < CELL_PX or (is_fine and grey.size > _FINE_IMAGE_PX):
                 continue
             view = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
             scale = np.asarray([grey.shape[1] / size[0], grey.shape[0] / size[1]], np.float32)
-            for found in _look(network, np.asarray(view, np.uint8), least, sure):
+            for found in _run(network, np.asarray(view, np.uint8), least, sure):
                 if is_fine and not least_px <= found.width_px < most_px:
                     continue
-                plate = FoundPlate(found.corners_px * scale, found.score)
-                if plate.score >= sure or plate.width_px >= _LEAST_UNSURE_PX:
+                plate = PlateDetection(found.corners_px * scale, found.score)
+                if plate.score >= sure or plate.width_px >= _MIN_UNSURE_PX:
                     yield plate
 
-    def find_again(self, image: Image, last: Corners) -> FoundPlate | None:
-        """The plate that was at `last` in the picture before: one look, several times cheaper.
+    def find_again(self, image: Image, last: Corners) -> PlateDetection | None:
+        """The plate that was at `last` in the frame before, by one run: several times cheaper.
 
-        It is found within about half its width of where it was.
+        It is found within about half its width of `last`.
         """
         middle, reach = last.mean(axis=0), 1.5 * float(np.ptp(last[:, 0])) + CELL_PX
         left, top = (float(value) for value in middle - reach)
@@ -143,58 +143,58 @@ class PlateDetector:
         if min(part.shape[:2]) < CELL_PX:
             return None
         grey = part if part.ndim == 2 else np.asarray(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY))
-        found = self._second_look(np.asarray(grey, np.uint8), FoundPlate(last - origin, 1.0))
+        found = self._refined(np.asarray(grey, np.uint8), PlateDetection(last - origin, 1.0))
         if found.score < self._least_score:
             return None
-        return FoundPlate(found.corners_px + origin, found.score)
+        return PlateDetection(found.corners_px + origin, found.score)
 
-    def _second_look(self, grey: Image, first: FoundPlate) -> FoundPlate:
-        """The candidate again, in a view centred on it, the plate 84 to 96 px wide.
+    def _refined(self, grey: Image, first: PlateDetection) -> PlateDetection:
+        """Refine a candidate, in a view centred on it with the plate 84 to 96 px wide.
 
-        Its score is the geometric mean of both looks'. Where this look is the surer one, it counts
-        twice: it shows a small plate as large as the network knows plates best.
+        The score is the geometric mean of both networks'. Where the second one's is higher, it
+        counts twice: it gets a small plate at the size at which networks are best.
         """
         width_px = max(first.width_px, 4.0)
-        scale = float(np.clip(width_px, *_SECOND_LOOK_PLATE_PX)) / width_px
+        scale = float(np.clip(width_px, *_REFINED_PLATE_PX)) / width_px
         middle = first.corners_px.mean(axis=0)
-        width, height = _SECOND_LOOK_SIZE
+        width, height = _REFINED_VIEW_SIZE
         if scale < 0.7:
-            # Average first: sampling a large plate thinly would alias.
+            # Averages first: sparse sampling of a large plate would alias.
             size = (max(2, round(grey.shape[1] * scale)), max(2, round(grey.shape[0] * scale)))
             shrunk = np.asarray([size[0] / grey.shape[1], size[1] / grey.shape[0]], np.float32)
             small = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
-            found = self._second_look(small, FoundPlate(first.corners_px * shrunk, first.score))
-            return FoundPlate(found.corners_px / shrunk, found.score)
+            found = self._refined(small, PlateDetection(first.corners_px * shrunk, first.score))
+            return PlateDetection(found.corners_px / shrunk, found.score)
         shift = np.asarray([width / 2, height / 2]) - scale * middle
         # OpenCV warps between the middles of pixels.
         inner = shift + (scale - 1) / 2
         matrix = np.asarray([[scale, 0, inner[0]], [0, scale, inner[1]]])
         view = cv2.warpAffine(grey, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
-        seen = _look(self._second_looks, np.asarray(view, np.uint8), 0.05, 0.05)
+        seen = _run(self._refining_network, np.asarray(view, np.uint8), 0.05, 0.05)
         if not seen:
-            return FoundPlate(first.corners_px, 0.0)
+            return PlateDetection(first.corners_px, 0.0)
         centre = np.asarray([width / 2, height / 2])
-        # The plate that the first look meant is the one in the middle.
+        # The plate of the candidate is the one in the middle.
         best = max(
             seen,
             key=lambda found: (
                 found.score
-                - np.hypot(*(found.corners_px.mean(axis=0) - centre)) / _SECOND_LOOK_PLATE_PX[0]
+                - np.hypot(*(found.corners_px.mean(axis=0) - centre)) / _REFINED_PLATE_PX[0]
             ),
         )
         corners = (best.corners_px - shift.astype(np.float32)) / np.float32(scale)
         both = best.score * first.score
-        return FoundPlate(corners, max(both ** (1 / 2), (both * best.score) ** (1 / 3)))
+        return PlateDetection(corners, max(both ** (1 / 2), (both * best.score) ** (1 / 3)))
 
 
-def _look(network: cv2.dnn.Net, grey: Image, least: float, sure: float) -> list[FoundPlate]:
-    """One pass of the network over a grey picture.
+def _run(network: cv2.dnn.Net, grey: Image, least: float, sure: float) -> list[PlateDetection]:
+    """Run a network on a grey view.
 
     Args:
-        network: of this look.
-        grey: the view.
+        network: for candidates or for refining.
+        grey: (h, w) view.
         least: score of a plate.
-        sure: score of a cell that has a say in where the corners of a surer one's plate are.
+        sure: score of a cell that counts in the corners of a plate with a higher score.
     """
     rows, columns = (-(-side // CELL_PX) * CELL_PX for side in grey.shape)
     padded = cv2.copyMakeBorder(
@@ -207,7 +207,10 @@ def _look(network: cv2.dnn.Net, grey: Image, least: float, sure: float) -> list[
 
 
 def as_input(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-    """(n, h, w) grey pictures as (n, 1, h, w): logarithms, so that light only shifts the values."""
+    """Convert (n, h, w) grey images to the network's input (n, 1, h, w).
+
+    Levels become logarithms, so that light only shifts them.
+    """
     values = cv2.LUT(grey.reshape(-1, grey.shape[-1]), _LOGARITHM)
     return np.asarray(values, np.float32).reshape(len(grey), 1, *grey.shape[1:])
 
@@ -226,8 +229,8 @@ def _cut(image: Image, region: ImageBox | None) -> tuple[Image, npt.NDArray[np.f
 
 def _merged(
     scores: npt.NDArray[np.float32], offsets: npt.NDArray[np.float32], least: float, sure: float
-) -> list[FoundPlate]:
-    """Cells to plates: each best cell takes in the cells that mean the same place."""
+) -> list[PlateDetection]:
+    """Merge cells to plates: each best cell absorbs the cells of the same plate."""
     rows, columns = np.nonzero(scores >= least)
     if not len(rows):
         return []
@@ -238,7 +241,7 @@ def _merged(
     corners = offsets[:, rows, columns].T.reshape(-1, 4, 2) * CORNER_UNIT_PX + middles[:, None]
     centres, widths = corners.mean(axis=1), np.ptp(corners[..., 0], axis=1)
     heights = np.ptp(corners[..., 1], axis=1)
-    plates: list[FoundPlate] = []
+    plates: list[PlateDetection] = []
     free = np.ones(len(rows), bool)
     while free.any():
         best = int(free.argmax())
@@ -249,13 +252,13 @@ def _merged(
         same &= strength >= min(sure, strength[best])
         weights = (strength[same] ** 2).astype(np.float64)
         mean = (corners[same] * weights[:, None, None]).sum(axis=0) / weights.sum()
-        plates.append(FoundPlate(mean.astype(np.float32), float(strength[best])))
+        plates.append(PlateDetection(mean.astype(np.float32), float(strength[best])))
     return plates
 
 
-def _one_each(found: Iterable[FoundPlate]) -> list[FoundPlate]:
-    """The surest of each set that overlap, the surest first."""
-    kept: list[tuple[FoundPlate, ImageBox]] = []
+def _without_overlaps(found: Iterable[PlateDetection]) -> list[PlateDetection]:
+    """The best of each set of overlapping plates, highest score first."""
+    kept: list[tuple[PlateDetection, ImageBox]] = []
     for plate in sorted(found, key=lambda plate: -plate.score):
         box = plate.box
         if all(_overlap(box, other) < 0.3 for _, other in kept):

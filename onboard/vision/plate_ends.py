@@ -1,9 +1,9 @@
-"""Where the two ends of a plate are, finer than the detector places them.
+"""Sub-pixel positions of the two ends of a plate.
 
-The detector looks at plates 84 to 96 pixels wide, and a pixel there is more than a hundredth of the
-gap. The brightness is sampled along lines across each end. What all lines show at one place is an
-upright edge; of the edges that are plain the outermost is taken, since a plate has more of them
-inside (its border, the first stroke of an H) than close by outside.
+The detector's view has plates 84 to 96 pixels wide, and a pixel of that is more than a hundredth of
+the gap. The brightness is sampled along lines across each end. Steps that all lines have at one
+position are vertical edges. Of the distinct ones the outermost is taken: a plate has more edges
+inside (its border, the first stroke of an H) than there are close by outside.
 """
 
 import cv2
@@ -12,30 +12,35 @@ import numpy.typing as npt
 
 from onboard.vision.perspective import Corners
 
-REACH, LEAST_REACH_PX = 0.055, 3.0
-"""How far from the detector's corner an end is looked for: as a share of the width (Europe's blue
-band, which ends in an edge too, is wider) and in pixels, since small plates are placed worse."""
-PLAIN = 0.3
-"""Of the strongest edge in reach, so that an edge counts."""
-LEAST_CONTRAST = 12.0
-"""Grey levels across an edge."""
+REACH, MIN_REACH_PX = 0.055, 3.0
+"""Distance from the detector's corner in which an end is searched: as a share of the width (less
+than Europe's blue band, which ends in an edge too) and in pixels, since small plates have larger
+errors."""
+DISTINCT = 0.3
+"""Share of the strongest edge in reach from which an edge is distinct."""
+MIN_CONTRAST = 12.0
+"""Least contrast of an edge, in grey levels."""
 _LINES = np.linspace(0.06, 0.94, 15)[:, None, None]
 _STEP_PX = 0.25
 _ENDS = ((0, 3, -1.0), (1, 2, 1.0))
-"""Upper corner, lower corner, and which way is out."""
+"""Upper corner, lower corner, and the outward direction."""
 
 
 def refine_ends(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corners:
-    """The corners of a plate in the BGR picture, moved along it to where it ends.
+    """Move the corners of a plate along it to where it ends.
 
-    Corners count from the outer corner of the first pixel. An end that cannot be seen stays.
+    An end without a distinct edge stays.
+
+    Args:
+        image: (h, w, 3), BGR.
+        corners_px: counted from the outer corner of the first pixel.
     """
     along = (corners_px[1] - corners_px[0] + corners_px[2] - corners_px[3]) / 2
     width_px = float(np.hypot(*along))
     if width_px < 1.0:
         return corners_px
     along = along / width_px
-    reach_px = max(LEAST_REACH_PX, REACH * width_px)
+    reach_px = max(MIN_REACH_PX, REACH * width_px)
     offsets_px = np.arange(-reach_px, reach_px + _STEP_PX / 2, _STEP_PX)
     refined = corners_px.copy()
     for upper, lower, outward in _ENDS:
@@ -60,10 +65,12 @@ def _outermost_edge(
     likely = np.exp(-0.5 * (middles_px / (0.7 * offsets_px[-1])) ** 2)
     strength = np.abs(steps) * likely
     inner = strength[1:-1]
-    is_peak = (inner >= strength[:-2]) & (inner > strength[2:]) & (inner >= PLAIN * strength.max())
+    is_peak = (
+        (inner >= strength[:-2]) & (inner > strength[2:]) & (inner >= DISTINCT * strength.max())
+    )
     if not is_peak.any():
         return 0.0
     edge = int(np.flatnonzero(is_peak)[-1]) + 1
     near = np.abs(middles_px - middles_px[edge]) <= max(1.0, 0.025 * width_px)
     rise = np.clip(np.sign(steps[edge]) * steps, 0.0, None) * near
-    return float(rise @ middles_px / rise.sum()) if rise.sum() >= LEAST_CONTRAST else 0.0
+    return float(rise @ middles_px / rise.sum()) if rise.sum() >= MIN_CONTRAST else 0.0

@@ -1,9 +1,9 @@
-"""Reads the characters of a plate whose corners are known.
+"""Reading of the characters of a plate whose corners are known.
 
-The plate is cut out square to the eye (`rectify`), and a small convolutional network gives, for
-each of 40 columns, how likely it shows each character or none. The text is the most likely sequence
-with repeats and blanks taken out (connectionist temporal classification, Graves et al. 2006). The
-network was trained on rendered plates only (`training/`); OpenCV runs it on one core.
+The plate is rectified, and a small convolutional network gives the probability of each character,
+or of none, for each of 40 columns. The text is the most likely sequence without repeats and blanks
+(connectionist temporal classification, Graves et al. 2006). The network was trained on rendered
+plates only (`training/`); OpenCV runs it on one core.
 """
 
 import itertools
@@ -25,54 +25,54 @@ corner of the top left one."""
 ALPHABET = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 """Class 0 of the network is the blank, class n the n-th character of this."""
 READER_SIZE = (160, 64)
-"""(w, h) of what the network sees."""
+"""Width and height of the network's input."""
 MARGIN = (0.06, 0.10)
-"""Share of that size around the plate, on each side, since corners are never exact."""
+"""Margin around the plate on each side, as a share of that size, since corners are inexact."""
 CERTAIN = 0.9
-"""A text at least this confident may be used as what it says; below, it is unknown."""
+"""Confidence from which a text is certain."""
 DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_reader.onnx"
-_LOOKS = ((0.0, 0.0, 0.0), (0.06, 0.08, 0.04), (-0.02, 0.03, -0.04))
-"""A plate is looked at three times, its corners nudged (wider, higher, lean): what only one cut of
-it seems to show is no evidence."""
-_LIKELIER = 20.0
-"""By so much a plate that fits the syntax is likelier to be met than one that does not."""
-_LEAST_DOUBT, _MOST_DOUBTS = 0.02, 8
-"""Probability from which another character is considered in a place; how many are, in a text."""
-_REACH_PX, _COARSE = 24.0, 8
-"""How far around a place its light is measured, as a Gaussian's sigma in a view; and how many of
-its pixels are taken together for that."""
-_LEAST_DEVIATION = 0.3
-"""Of what lies around a place, as a share of the whole view's: with less it is not enlarged."""
-_LEAST_CONTRAST = 1.0
-"""Standard deviation in grey levels, below which there is nothing to read."""
+_VIEW_CHANGES = ((0.0, 0.0, 0.0), (0.06, 0.08, 0.04), (-0.02, 0.03, -0.04))
+"""Three views of a plate, with changed corners (wider, higher, lean): what only one of them shows
+is no evidence."""
+_PATTERN_ODDS = 20.0
+"""Prior odds of a plate that matches a pattern to one that does not."""
+_MIN_ALTERNATIVE, _MAX_ALTERNATIVES = 0.02, 8
+"""Probability from which another character is considered at a position, and their number in a
+text."""
+_LIGHT_SIGMA_PX, _LIGHT_CELL_PX = 24.0, 8
+"""Sigma of the Gaussian over which the light around a position is measured, in a view, and the side
+of the cells that are averaged before."""
+_MIN_DEVIATION = 0.3
+"""Least standard deviation around a position, as a share of the whole view's, to divide by."""
+_MIN_CONTRAST = 1.0
+"""Standard deviation in grey levels below which there is nothing to read."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlateText:
-    """What stands on a plate."""
+    """A reading of a plate."""
 
     text: str
-    """May be empty: nothing that looks like a character."""
+    """Empty if no character is recognised."""
     confidence: float
-    """0 to 1: that the whole text is right."""
+    """Probability that the whole text is right, 0 to 1."""
     character_confidences: tuple[float, ...]
     identity_confidence: float
-    """0 to 1: that the text is right but for 0 and O, 1 and I, which many plate fonts draw alike
-    and which no identity tells apart."""
+    """The same, with 0 and O, and 1 and I, counted as equal: many plate fonts draw them alike."""
 
 
 class PlateReader:
-    """One network, loaded once; not to be shared between threads."""
+    """The reader's network, loaded once; not to be shared between threads."""
 
     def __init__(self, model: Path = DEFAULT_MODEL, syntax: PlateSyntax | None = None) -> None:
         """Load the network.
 
         Args:
             model: ONNX file.
-            syntax: the plates that are likelier than others; `None`: all are as likely.
+            syntax: patterns of valid plates; `None`: all texts are as likely.
 
         Raises:
-            FileNotFoundError: there is no file `model`.
+            FileNotFoundError: `model` is missing.
         """
         if not model.is_file():
             raise FileNotFoundError(f"no plate reader model at {model}")
@@ -80,15 +80,15 @@ class PlateReader:
         self._syntax = syntax
 
     def read(self, image: Image, corners: Corners) -> PlateText:
-        """The characters on the plate at `corners`; empty where they lie outside the picture."""
+        """Read the plate at `corners`; the text is empty where they are outside the image."""
         return self.read_many(image, [corners])[0]
 
     def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
-        """As `read`, for several plates of one picture."""
+        """Read several plates of one image."""
         texts = []
         for corners in plates:
-            views = looks_at(image, corners)
-            if views[0].std() < _LEAST_CONTRAST:
+            views = reader_views(image, corners)
+            if views[0].std() < _MIN_CONTRAST:
                 texts.append(PlateText("", 0.0, (), 0.0))
                 continue
             self._network.setInput(normalised(views))
@@ -97,13 +97,13 @@ class PlateReader:
         return texts
 
 
-def looks_at(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
-    """A plate as the network is shown it: (looks, 64, 160), each cut out a little differently."""
-    return np.stack([rectify(image, _nudged(corners, *nudge)) for nudge in _LOOKS])
+def reader_views(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
+    """Views of a plate for the network (views, 64, 160), each with slightly other corners."""
+    return np.stack([rectify(image, _changed(corners, *nudge)) for nudge in _VIEW_CHANGES])
 
 
-def _nudged(corners: Corners, wider: float, higher: float, lean: float) -> Corners:
-    """The corners of a plate that much wider, higher, and leaning by a share of its height."""
+def _changed(corners: Corners, wider: float, higher: float, lean: float) -> Corners:
+    """The corners of a plate wider, higher, and leaning by a share of its height."""
     along, down = corners[1] - corners[0], corners[3] - corners[0]
     outward = np.asarray([(-1, -1), (1, -1), (1, 1), (-1, 1)], np.float32) / 2
     shift = outward[:, :1] * wider * along + outward[:, 1:] * higher * down
@@ -112,7 +112,7 @@ def _nudged(corners: Corners, wider: float, higher: float, lean: float) -> Corne
 
 
 def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
-    """The plate and a little around it, grey, `READER_SIZE` large: what the network is shown."""
+    """Rectify a plate and its margin to a grey view of `READER_SIZE`."""
     width, height = READER_SIZE
     margin_x, margin_y = MARGIN[0] * width, MARGIN[1] * height
     left, right = margin_x, width - margin_x
@@ -120,7 +120,7 @@ def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
     target = np.asarray([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
     if cv2.contourArea(corners.astype(np.float32)) < 1.0:
         return np.zeros((height, width), np.uint8)
-    # Only what is needed, shrunk first where the plate is much larger than the view.
+    # Cuts out the region first, and reduces it if the plate is much larger than the view.
     middle = corners.mean(axis=0)
     around = middle + (corners - middle) * 1.6
     x0, y0 = (int(v) for v in np.maximum(np.floor(around.min(axis=0)), 0))
@@ -146,13 +146,12 @@ def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
 
 
 def normalised(views: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-    """(n, h, w) views as the network's input (n, 1, h, w).
+    """Normalise (n, h, w) views to the network's input (n, 1, h, w).
 
-    Each view is brought to mean 0 and deviation 1, and then each place of it to the mean and the
-    deviation of what lies around: a plate in the shade of a bright car, or half in the sun, looks
-    like one in even light (local contrast normalisation; Jarrett et al. 2009, What is the best
-    multi-stage architecture for object recognition?). Where next to nothing is to be seen, noise is
-    not enlarged.
+    Each view gets mean 0 and deviation 1, and then each position of it the mean and deviation of
+    its surroundings: a plate in shade or half in the sun then views like one in even light (local
+    contrast normalisation; Jarrett et al. 2009, What is the best multi-stage architecture for
+    object recognition?). Where there is almost no contrast, noise is not enlarged.
     """
     values = views.astype(np.float32)
     values -= values.mean(axis=(1, 2), keepdims=True)
@@ -163,38 +162,42 @@ def normalised(views: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
 def _evenly_lit(view: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     mean, square = _around(view), _around(view * view)
     deviation = np.sqrt(np.maximum(square - mean * mean, 0.0))
-    return np.asarray((view - mean) / np.maximum(deviation, _LEAST_DEVIATION), np.float32)
+    return np.asarray((view - mean) / np.maximum(deviation, _MIN_DEVIATION), np.float32)
 
 
 def _around(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """The mean around each place of (h, w) values, a third of a plate's height or so away."""
+    """Mean around each position of (h, w) values, within about a third of a plate's height."""
     rows, columns = values.shape
-    coarse = cv2.resize(values, (columns // _COARSE, rows // _COARSE), interpolation=cv2.INTER_AREA)
-    soft = cv2.GaussianBlur(coarse, (0, 0), _REACH_PX / _COARSE, borderType=cv2.BORDER_REFLECT)
+    coarse = cv2.resize(
+        values, (columns // _LIGHT_CELL_PX, rows // _LIGHT_CELL_PX), interpolation=cv2.INTER_AREA
+    )
+    soft = cv2.GaussianBlur(
+        coarse, (0, 0), _LIGHT_SIGMA_PX / _LIGHT_CELL_PX, borderType=cv2.BORDER_REFLECT
+    )
     return np.asarray(cv2.resize(soft, (columns, rows), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax | None = None) -> PlateText:
-    """The text that (looks, 40 columns, 37 classes) of logits, all of one plate, agree on.
+    """Decode (views, 40 columns, 37 classes) of logits of one plate to its text.
 
-    Each look proposes the text of its best path; a text's confidence is its whole probability, over
-    all paths that spell it, in the mean of the looks. A character's confidence is the highest
-    probability in the run of columns that show it, in the look that proposed the text. Where there
-    is a `syntax`, texts that fit it and differ in up to two likely characters, or lack them, are
+    Each view proposes the text of its best path; a text's confidence is its whole probability, over
+    all paths that spell it, in the mean of the views. A character's confidence is the highest
+    probability in the run of columns that show it, in the view that proposed the text. With a
+    `syntax`, texts that match it and differ in up to two likely characters, or lack them, are
     proposed too.
     """
     likely = np.exp(scores - scores.max(axis=2, keepdims=True))
     likely /= likely.sum(axis=2, keepdims=True)
     merged = _alike_merged(likely)
     spellings: dict[tuple[int, ...], list[float]] = {}
-    for look in likely:
-        labels, columns = _best_path(look)
-        spellings.setdefault(tuple(labels), [float(look[c].max()) for c in columns])
+    for view in likely:
+        labels, columns = _best_path(view)
+        spellings.setdefault(tuple(labels), [float(view[c].max()) for c in columns])
         if syntax:
-            for other in _respelt(look, labels, columns):
+            for other in _respelt(view, labels, columns):
                 shown = {c: k for c, k in zip(columns, other, strict=True) if k}
                 if syntax.fits(_spelt(list(shown.values()))):
-                    confidences = [float(look[c, k]) for c, k in shown.items()]
+                    confidences = [float(view[c, k]) for c, k in shown.items()]
                     spellings.setdefault(tuple(shown.values()), confidences)
     texts = []
     for spelling, confidences in spellings.items():
@@ -208,15 +211,15 @@ def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax | None = None) -
 
 
 def _weighed(texts: list[PlateText], syntax: PlateSyntax) -> list[PlateText]:
-    """Their confidences once it is known that a text that fits is `_LIKELIER` to be met (Bayes).
+    """Confidences with the prior odds of a text that matches a pattern (Bayes).
 
-    What none of them says counts among the texts that fit.
+    The probability of texts that were not proposed counts as matching.
     """
     strange = sum(text.confidence for text in texts if not syntax.fits(text.text))
-    evidence = _LIKELIER * max(0.0, 1.0 - strange) + strange
+    evidence = _PATTERN_ODDS * max(0.0, 1.0 - strange) + strange
     weighed = []
     for text in texts:
-        share = (_LIKELIER if syntax.fits(text.text) else 1.0) / evidence
+        share = (_PATTERN_ODDS if syntax.fits(text.text) else 1.0) / evidence
         confidence = min(1.0, share * text.confidence)
         alike = min(1.0, share * text.identity_confidence)
         weighed.append(replace(text, confidence=confidence, identity_confidence=alike))
@@ -224,22 +227,24 @@ def _weighed(texts: list[PlateText], syntax: PlateSyntax) -> list[PlateText]:
 
 
 def _respelt(
-    look: npt.NDArray[np.float32], labels: list[int], columns: list[int]
+    view: npt.NDArray[np.float32], labels: list[int], columns: list[int]
 ) -> list[list[int]]:
-    """The texts that differ from that of the best path in one or two characters; 0 for none."""
+    """Texts that differ from the best path's in one or two characters; 0 for none."""
     others = [
-        (place, int(label))
-        for place, column in enumerate(columns)
-        for label in np.flatnonzero(look[column] >= _LEAST_DOUBT)
-        if label != labels[place]
+        (position, int(label))
+        for position, column in enumerate(columns)
+        for label in np.flatnonzero(view[column] >= _MIN_ALTERNATIVE)
+        if label != labels[position]
     ]
-    others = sorted(others, key=lambda other: -look[columns[other[0]], other[1]])[:_MOST_DOUBTS]
+    others = sorted(others, key=lambda other: -view[columns[other[0]], other[1]])[
+        :_MAX_ALTERNATIVES
+    ]
     changes = [(one,) for one in others] + list(itertools.combinations(others, 2))
     texts = []
     for change in changes:
         text = list(labels)
-        for place, label in change:
-            text[place] = label
+        for position, label in change:
+            text[position] = label
         texts.append(text)
     return texts
 
@@ -254,7 +259,7 @@ _DRAWN_ALIKE = frozenset(_MERGED.values())
 
 
 def _alike_merged(likely: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """The same probabilities, those of O and I added to those of 0 and 1."""
+    """The same probabilities, with those of O and I added to those of 0 and 1."""
     merged = likely.copy()
     for one, other in _MERGED.items():
         merged[..., other] += merged[..., one]
@@ -263,7 +268,7 @@ def _alike_merged(likely: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 
 
 def _best_path(likely: npt.NDArray[np.float32]) -> tuple[list[int], list[int]]:
-    """The likeliest classes, repeats and blanks taken out, and the column that shows each best."""
+    """The likeliest classes without repeats and blanks, and the column that shows each best."""
     path, best = likely.argmax(axis=1), likely.max(axis=1)
     labels: list[int] = []
     columns: list[int] = []
@@ -279,7 +284,7 @@ def _best_path(likely: npt.NDArray[np.float32]) -> tuple[list[int], list[int]]:
 
 
 def _probability(labels: list[int], likely: npt.NDArray[np.float32]) -> float:
-    """That the columns of a look spell `labels`, in the mean of the looks.
+    """Probability that the columns spell `labels`, in the mean of the views.
 
     The forward recursion of Graves et al. 2006, section 4.1.
     """

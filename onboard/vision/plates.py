@@ -1,4 +1,4 @@
-"""Number plates as sightings: found, read, and put into metres by their width."""
+"""Detection of number plates: found, read, and located by their width."""
 
 import math
 from collections.abc import Iterator
@@ -9,44 +9,46 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import ImageBox
-from onboard.vision.blue_band import with_band
-from onboard.vision.identity import LEAST_LENGTH
+from onboard.vision.blue_band import include_blue_band
+from onboard.vision.detection import Detection, DetectionKind, SearchPlan, TrackRegion
+from onboard.vision.identity import MIN_LENGTH
 from onboard.vision.perspective import Corners, Perspective
-from onboard.vision.plate_detector import FoundPlate
+from onboard.vision.plate_detector import PlateDetection
 from onboard.vision.plate_ends import refine_ends
-from onboard.vision.plate_formats import PlateKinds
-from onboard.vision.plate_observation import Cue, Followed, Search, Sighting
+from onboard.vision.plate_formats import PlateFormats
 from onboard.vision.plate_reader import PlateText
 from onboard.vision.syntax import PlateSyntax
 
 Image = npt.NDArray[np.uint8]
 """(h, w, 3), BGR."""
 
-WIDTH_SIGMA_PX, WIDTH_SIGMA, BLUR_PX = 0.6, 0.015, 12.0
-"""Of a found plate's width: in pixels; as a share of it; and, cubed by that share, what comes to
-that of small plates. In photographs made smaller the widths scatter by 3 to 8 % at 42 to 31 px, and
-by 4 to 6 % at 27 px, where 9 % are said."""
-LEAST_PX = 24.0
-"""Of narrower plates the detector finds pieces."""
+WIDTH_SIGMA_PX, WIDTH_SIGMA, SMALL_PX = 0.6, 0.015, 12.0
+"""Sigma of a detected plate's width: in pixels; as a share of it; and the width in pixels whose
+third power gives the share for small plates. In photographs scaled down, widths scatter by 3 to 8 %
+at 42 to 31 px, and by 4 to 6 % at 27 px, where 9 % are assumed."""
+MIN_PX = 24.0
+"""Least width of a plate; of narrower ones, the detector finds fragments."""
 SURE_SCORE = 0.7
-"""Of a plate that cannot be read: nine in ten real ones have more, patches of road less."""
-LEAST_TEXT_CONFIDENCE = 0.05
-"""Of a text that is told at all; what the reader makes of things that are no plates has less."""
-CUT_SIGMA, CUT_BELIEVED = 0.3, 0.5
-"""Of a plate at the picture's rim, which may go on beyond it: of its width, and by how much its
-text is believed. The rest of a number is read as surely as the whole: `B2414` at 0.96."""
-LEAST_EUROPEAN_SHAPE = 3.3
+"""Score of a plate that is reported without a text: nine in ten real ones have more, patches of
+road less."""
+MIN_TEXT_CONFIDENCE = 0.05
+"""Confidence of a text that is reported; readings of other objects have less."""
+CUT_SIGMA, CUT_CONFIDENCE = 0.3, 0.5
+"""Relative sigma of the width of a plate at the image's border, which may continue beyond it, and a
+factor for the confidence of its text: the rest of a text is read as certainly as the whole, such as
+`B2414` at 0.96."""
+MIN_EUROPEAN_SHAPE = 3.3
 """Width by height from which a plate may have a blue band."""
 
 
 class PlateFinder(Protocol):
-    """Finds plates in a picture."""
+    """Finds plates in an image."""
 
-    def find(self, image: Image, region: ImageBox | None = None) -> list[FoundPlate]:
-        """Plates in the picture, or in a region of it, the surest first."""
+    def find(self, image: Image, region: ImageBox | None = None) -> list[PlateDetection]:
+        """Plates in the image, or in a region of it, highest score first."""
         ...
 
-    def find_again(self, image: Image, last: Corners) -> FoundPlate | None:
+    def find_again(self, image: Image, last: Corners) -> PlateDetection | None:
         """The plate that was at `last` in the frame before."""
         ...
 
@@ -55,12 +57,12 @@ class TextReader(Protocol):
     """Reads plates whose corners are known."""
 
     def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
-        """The characters of each plate."""
+        """The reading of each plate."""
         ...
 
 
-class Plates:
-    """Looks for plates."""
+class PlateRecognizer:
+    """Finds, reads and locates plates."""
 
     def __init__(
         self,
@@ -68,124 +70,133 @@ class Plates:
         reader: TextReader,
         syntax: PlateSyntax,
         perspective: Perspective,
-        kinds: PlateKinds,
+        formats: PlateFormats,
     ) -> None:
+        """Combine a finder and a reader.
+
+        Args:
+            finder: finds plates.
+            reader: reads them.
+            syntax: patterns of valid texts.
+            perspective: of the camera.
+            formats: formats of plates in this drive.
+        """
         self._finder = finder
         self._reader = reader
         self._syntax = syntax
         self._perspective = perspective
-        self._kinds = kinds
+        self._formats = formats
 
-    def find(self, image: Image, search: Search) -> list[Sighting]:
-        """Plates in the picture, or where they are followed."""
-        found = list(self._found(image, search))
+    def find(self, image: Image, plan: SearchPlan) -> list[Detection]:
+        """Plates in an (h, w, 3) BGR image, in the regions of `plan`."""
+        found = list(self._found(image, plan))
         readable = [each.plate.corners_px for each in found if each.is_to_read]
         texts = iter(self._reader.read_many(image, readable))
-        sightings = [
-            (each, self._sighting(image, each, next(texts) if each.is_to_read else None))
+        detections = [
+            (each, self._detection(image, each, next(texts) if each.is_to_read else None))
             for each in found
         ]
-        # A search comes upon patches of road as well; what is followed was a plate before.
+        # A search of the whole frame finds patches of road too; a tracked plate was one before.
         return [
-            sighting
-            for each, sighting in sightings
-            if search.followed is not None
+            detection
+            for each, detection in detections
+            if plan.tracked is not None
             or not each.is_to_read
-            or sighting.text
+            or detection.text
             or each.plate.score >= SURE_SCORE
         ]
 
-    def _found(self, image: Image, search: Search) -> Iterator["_Found"]:
-        """Each plate once."""
-        looks = (
-            [(self._finder.find(image, search.area), True)]
-            if search.followed is None
-            else [(self._follow(image, each), each.read_again) for each in search.followed]
+    def _found(self, image: Image, plan: SearchPlan) -> Iterator["_Found"]:
+        """Each plate once, though regions overlap."""
+        searched = (
+            [(self._finder.find(image, plan.area), True)]
+            if plan.tracked is None
+            else [(self._search_region(image, each), each.read_text) for each in plan.tracked]
         )
         boxes: list[ImageBox] = []
-        for plates, to_read in looks:
+        for plates, to_read in searched:
             for plate in plates:
                 whole = whole_plate(image, plate, self._perspective)
-                if plate.width_px >= LEAST_PX and not any(_same(whole.box, box) for box in boxes):
+                if plate.width_px >= MIN_PX and not any(_same(whole.box, box) for box in boxes):
                     boxes.append(whole.box)
-                    known = any(_same(whole.box, box) for box in search.read_already)
+                    known = any(_same(whole.box, box) for box in plan.already_read)
                     yield _Found(whole, whole is not plate, to_read and not known)
 
-    def _follow(self, image: Image, followed: Followed) -> list[FoundPlate]:
-        if followed.cue is Cue.PLATE and followed.was_seen:
+    def _search_region(self, image: Image, followed: TrackRegion) -> list[PlateDetection]:
+        if followed.kind is DetectionKind.PLATE and followed.was_detected:
             plate = self._finder.find_again(image, followed.corners_px)
             return [] if plate is None else [plate]
         return self._finder.find(image, followed.region)
 
-    def _sighting(self, image: Image, found: "_Found", text: PlateText | None) -> Sighting:
+    def _detection(self, image: Image, found: "_Found", text: PlateText | None) -> Detection:
         plate = found.plate
         shape = max(self._perspective.shape(plate.corners_px), 1e-3)
         width_px = max(plate.width_px, 1.0)
-        width_m = self._kinds.likely_width_m(shape, width_px, has_band=found.has_band)
-        places = self._perspective.locate_kinds(
-            refine_ends(image, plate.corners_px), self._kinds.widths_m
+        width_m = self._formats.likely_width_m(shape, width_px, has_band=found.has_band)
+        positions = self._perspective.locate_widths(
+            refine_ends(image, plate.corners_px), self._formats.widths_m
         )
-        place = places[width_m]
-        share = math.hypot(WIDTH_SIGMA_PX / width_px, WIDTH_SIGMA, (BLUR_PX / width_px) ** 3)
-        believed = 1.0
-        if _may_go_on(image, plate.corners_px):
-            share, places, believed = CUT_SIGMA, {}, CUT_BELIEVED
-        ahead_sigma_m = place.ahead_m * share
-        sighting = Sighting(
-            cue=Cue.PLATE,
+        position = positions[width_m]
+        share = math.hypot(WIDTH_SIGMA_PX / width_px, WIDTH_SIGMA, (SMALL_PX / width_px) ** 3)
+        confidence = 1.0
+        if _is_cut_off(image, plate.corners_px):
+            share, positions, confidence = CUT_SIGMA, {}, CUT_CONFIDENCE
+        ahead_sigma_m = position.ahead_m * share
+        detection = Detection(
+            kind=DetectionKind.PLATE,
             corners_px=plate.corners_px,
-            place=place,
+            position=position,
             ahead_sigma_m=ahead_sigma_m,
-            right_sigma_m=math.hypot(width_m * share, share * place.right_m),
+            right_sigma_m=math.hypot(width_m * share, share * position.right_m),
             was_read=text is not None,
             shape=shape,
             has_band=found.has_band,
             width_m=width_m,
-            places=places,
+            positions=positions,
         )
-        if text is None or not self._may_be(text):
-            return sighting
+        if text is None or not self._is_plausible(text):
+            return detection
         return replace(
-            sighting,
+            detection,
             text=text.text,
-            confidence=believed * text.confidence,
+            confidence=confidence * text.confidence,
             character_confidences=text.character_confidences,
-            identity_confidence=believed * text.identity_confidence,
+            identity_confidence=confidence * text.identity_confidence,
         )
 
-    def _may_be(self, text: PlateText) -> bool:
-        """Whether this may stand on a plate, as far as is known."""
+    def _is_plausible(self, text: PlateText) -> bool:
+        """Whether a plate may have this text."""
         return (
-            text.identity_confidence >= LEAST_TEXT_CONFIDENCE
-            and len(text.text) >= LEAST_LENGTH
+            text.identity_confidence >= MIN_TEXT_CONFIDENCE
+            and len(text.text) >= MIN_LENGTH
             and self._syntax.fits(text.text)
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """A whole plate, and what is known and wanted of it."""
+    """A plate with its band, and whether it is to be read."""
 
-    plate: FoundPlate
+    plate: PlateDetection
     has_band: bool
     is_to_read: bool
 
 
-def whole_plate(image: Image, plate: FoundPlate, perspective: Perspective) -> FoundPlate:
-    """The plate with its blue band; `plate` itself where it has none."""
-    if perspective.shape(plate.corners_px) < LEAST_EUROPEAN_SHAPE:
+def whole_plate(image: Image, plate: PlateDetection, perspective: Perspective) -> PlateDetection:
+    """The plate with its blue band; `plate` itself if it has none."""
+    if perspective.shape(plate.corners_px) < MIN_EUROPEAN_SHAPE:
         return plate
-    corners_px = with_band(image, plate.corners_px)
-    return plate if corners_px is plate.corners_px else FoundPlate(corners_px, plate.score)
+    corners_px = include_blue_band(image, plate.corners_px)
+    return plate if corners_px is plate.corners_px else PlateDetection(corners_px, plate.score)
 
 
-def _may_go_on(image: Image, corners_px: Corners) -> bool:
-    """Whether the plate reaches the picture's left or right rim; `corners_px` as far as is seen."""
+def _is_cut_off(image: Image, corners_px: Corners) -> bool:
+    """Whether the plate reaches the image's left or right border."""
     columns_px = corners_px[:, 0]
     return bool(columns_px.min() <= 1.0 or columns_px.max() >= image.shape[1] - 1.0)
 
 
 def _same(one: ImageBox, other: ImageBox) -> bool:
-    """Whether the middle of one lies in the other: regions overlap."""
+    """Whether the middle of one is in the other, as for plates found in overlapping regions."""
     (x, y) = one.centre_px
     return other.x_px <= x <= other.x_px + other.w_px and other.y_px <= y <= other.y_px + other.h_px

@@ -1,6 +1,6 @@
-"""Frames of what was recorded: a video, or pictures in a folder.
+"""Frames of recordings: a video, or images in a folder.
 
-They are read as fast as they are asked for, and their stamps count from 0.
+They are read as fast as they are consumed, and their stamps count from 0.
 """
 
 import re
@@ -11,34 +11,34 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from onboard.vision.frames import NO_IMAGE, CameraError, Frame, decode_picture
+from onboard.vision.frames import NO_IMAGE, CameraError, Frame, decode_image
 
 DEFAULT_FPS = 25.0
 LONGEST_PAUSE_S = 60.0
-"""Between two frames of a video whose times are believed."""
-PICTURES = {".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"}
+"""Longest plausible pause between the stamps of two frames of a video."""
+IMAGE_SUFFIXES = {".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"}
 
 
-def open_recording(source: str, fps: float | None) -> "Pictures | Clip":
-    """The pictures in a folder or fitting a glob, or a video; `fps` overrules what it states.
+def open_recording(source: str, fps: float | None) -> "ImageSequence | VideoFile":
+    """Open the images in a folder or of a glob, or a video; `fps` overrides the stated rate.
 
     Raises:
-        CameraError: it is neither, or not there.
+        CameraError: it is neither, or does not exist.
     """
-    if pictures := _picture_files(source):
-        return Pictures(pictures, fps or DEFAULT_FPS)
+    if images := _image_files(source):
+        return ImageSequence(images, fps or DEFAULT_FPS)
     if not Path(source).is_file():
         raise CameraError(f"camera.source: {source}: {_why_nothing(source)}")
-    return Clip(source, fps)
+    return VideoFile(source, fps)
 
 
-class Pictures:
-    """Picture files as one drive."""
+class ImageSequence:
+    """Image files as one drive."""
 
     live = False
 
     def __init__(self, files: list[tuple[str, Path]], fps: float) -> None:
-        """`files`: name and path of each, in order."""
+        """Take the name and path of each image, in order."""
         self._files = files
         self.stated_frames = len(files)
         self.fps = fps
@@ -49,7 +49,7 @@ class Pictures:
             if self._closed:
                 return
             try:
-                image = decode_picture(path.read_bytes())
+                image = decode_image(path.read_bytes())
             except OSError:
                 image = NO_IMAGE
             yield Frame(index / self.fps, image, name)
@@ -59,15 +59,15 @@ class Pictures:
         self._closed = True
 
 
-class Clip:
-    """A video file; its frames stand when the file says, or evenly where it cannot be believed."""
+class VideoFile:
+    """A video file, with its own stamps, or evenly spaced ones where those are implausible."""
 
     live = False
     even_from: int | None = None
-    """The first frame whose time the file does not tell, or tells wrongly, once one was met."""
+    """The first frame with a missing or implausible stamp, once one was met."""
 
     def __init__(self, source: str, fps: float | None) -> None:
-        """Open `source`; `fps` overrules what it states, and lets frames stand evenly.
+        """Open `source`; `fps` overrides the stated rate, and frames are evenly spaced.
 
         Raises:
             CameraError: it is no video.
@@ -77,10 +77,10 @@ class Clip:
         if not self._capture.isOpened():
             raise CameraError(f"camera.source: {source}: not a video that can be read")
         self.stated_frames = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-        """About how many there are, as the file says; 0 where it does not."""
+        """Approximate number of frames, as stated in the file; 0 if it is not."""
         stated = self._capture.get(cv2.CAP_PROP_FPS)
         self.fps = fps or (stated if 1.0 <= stated <= 1000.0 else DEFAULT_FPS)
-        self._stands_evenly = fps is not None
+        self._is_even = fps is not None
         self._closed = False
 
     def __iter__(self) -> Iterator[Frame]:
@@ -89,22 +89,22 @@ class Clip:
             read, image = self._capture.read()
             if not read:
                 break
-            told_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0  # of the frame just read
+            stated_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0  # of the frame just read
             if index == 0:
-                first_s = told_s
+                first_s = stated_s
             else:
-                stamp_s = self._stamp_s(index, told_s - first_s, stamp_s)
+                stamp_s = self._stamp_s(index, stated_s - first_s, stamp_s)
             yield Frame(stamp_s, np.asarray(image, np.uint8), self._name)
             index += 1
         self._capture.release()
 
-    def _stamp_s(self, index: int, told_s: float, last_s: float) -> float:
-        """When a frame stands, by what the file tells and when the last one stood."""
-        if self._stands_evenly:
+    def _stamp_s(self, index: int, stated_s: float, last_s: float) -> float:
+        """Stamp of a frame, by the stated one and the stamp of the frame before."""
+        if self._is_even:
             return index / self.fps
         if self.even_from is None:
-            if last_s < told_s < last_s + LONGEST_PAUSE_S:
-                return told_s
+            if last_s < stated_s < last_s + LONGEST_PAUSE_S:
+                return stated_s
             self.even_from = index
         return last_s + 1.0 / self.fps
 
@@ -113,11 +113,11 @@ class Clip:
         self._closed = True
 
 
-def _picture_files(source: str) -> list[tuple[str, Path]]:
-    """(name, path) of the pictures in a folder or fitting a glob, 2 before 10; else none."""
+def _image_files(source: str) -> list[tuple[str, Path]]:
+    """Name and path of the images in a folder or of a glob, 2 before 10; else empty."""
     path = Path(source)
     if path.is_file():
-        return [(path.name, path)] if path.suffix.lower() in PICTURES else []
+        return [(path.name, path)] if path.suffix.lower() in IMAGE_SUFFIXES else []
     if path.is_dir():
         base, pattern = path, "**/*"
     else:
@@ -125,18 +125,18 @@ def _picture_files(source: str) -> list[tuple[str, Path]]:
         if len(fixed) == len(path.parts):
             return []
         base, pattern = Path(*fixed), str(Path(*path.parts[len(fixed) :]))
-    files = [file for file in base.glob(pattern) if file.suffix.lower() in PICTURES]
+    files = [file for file in base.glob(pattern) if file.suffix.lower() in IMAGE_SUFFIXES]
     named = [(file.relative_to(base).as_posix(), file) for file in files if file.is_file()]
     return sorted(named, key=lambda item: _natural(item[0]))
 
 
 def _why_nothing(source: str) -> str:
-    """Why neither a picture nor a video is there."""
-    allowed = f"a picture's name ends in {', '.join(sorted(PICTURES))}"
+    """Reason why there is neither an image nor a video."""
+    allowed = f"an image's name ends in {', '.join(sorted(IMAGE_SUFFIXES))}"
     if Path(source).is_dir():
-        return f"no picture in this folder; {allowed}"
+        return f"no image in this folder; {allowed}"
     if set(source) & set("*?["):
-        return f"no picture fits; {allowed}"
+        return f"no image matches; {allowed}"
     return "no such file or folder"
 
 

@@ -1,8 +1,9 @@
-"""Which sighting belongs to which car.
+"""Association of detections with the tracks of vehicles.
 
-Sightings and cars are matched in metres, where the next lane is a lane's width away and a bumper
-of the car in front several metres, so that a plate and a tag on one car, or two plates on it, meet
-in one track. The best matching over all pairs is an assignment problem (Kuhn 1955).
+It is done in metres, where the next lane is a lane's width away and the vehicle in front several
+metres: a plate and a tag, or two plates, of one vehicle then belong to one track. The best pairs of
+detections and tracks are a linear assignment (Kuhn 1955, "The Hungarian method for the assignment
+problem").
 """
 
 import math
@@ -11,174 +12,175 @@ import numpy as np
 
 from onboard.observations import ImageBox
 from onboard.tracking.assignment import cheapest_pairs
-from onboard.vision.car_track import CarTrack
+from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.perspective import bounding_box
-from onboard.vision.plate_formats import PlateKinds
-from onboard.vision.plate_observation import Cue, Sighting
+from onboard.vision.plate_formats import PlateFormats
+from onboard.vision.vehicle_track import VehicleTrack
 
 GATE_SIGMA = 4.0
+"""Half width of the gate around a predicted position."""
+KEEP_S = 1.5
+"""Time from the last observation of a confirmed vehicle until its track is dropped."""
+KEEP_UNREAD_S = 10.0
+"""The same from the last detection of a plate, tag or vehicle, while the rear is still tracked."""
 HEIGHTS = (0.0, 0.5)
-"""Of plates over the road, in lane widths: up to 1.75 m, on a van's door."""
-UNCONFIRMED_SHARE = 0.4
-"""Of the time that a car is kept: what was seen once or twice goes sooner."""
-MOMENT_S, PIECE = 0.25, 1.8
-"""How long a plate is still about where it was in the picture, and how much wider a whole one is
-than the piece of it that a detector finds now and then: no other car, however far away it seems."""
-AWAY_S, LENGTH = 0.4, 1.3
-"""What is a car's length (4.5 m, in lane widths) from where a car would be that was away for so
-long is another one: who turns off shows the car that drove before it."""
-ABREAST, BESIDE = 0.1, 0.3
-"""Two plates on one car differ by at most this share of their distance, and stand at most so many
-lane widths beside each other (1.05 m); two vehicles do not fit there."""
-_IMPOSSIBLE = 1e6
+"""Height of plates over the road, in lane widths: up to 1.75 m, on a van's door."""
+TENTATIVE_SHARE = 0.4
+"""Share of `KEEP_S` after which a tentative track is dropped."""
+SAME_PLACE_S, FRAGMENT_RATIO = 0.25, 1.8
+"""Time for which a plate stays at about the same pixels, and the ratio of a whole plate's width
+to a fragment of it, as a detector finds now and then. A fragment looks like a plate that is far
+away."""
+UNOBSERVED_S, VEHICLE_LENGTH = 0.4, 1.3
+"""After a track was unobserved for this long, a detection farther than a vehicle's length (4.5 m,
+in lane widths) from its prediction is another vehicle: one that turns off uncovers the one before
+it."""
+SAME_DISTANCE, SAME_VEHICLE_WIDTH = 0.1, 0.3
+"""Two plates of one vehicle differ by at most this share of their distance, and are at most so many
+lane widths apart sideways (1.05 m); two vehicles do not fit there."""
+_OUTSIDE_GATE = 1e6
 
 
 class Tracker:
-    """The cars in view."""
+    """Tracks of the vehicles in view."""
 
     def __init__(
         self,
         lane_width_m: float,
-        keep_s: float,
-        keep_unread_s: float,
-        identity_confidence: float,
         *,
         slope: float = 0.04,
-        kinds: PlateKinds | None = None,
+        formats: PlateFormats | None = None,
     ) -> None:
-        """Watch an empty road.
+        """Start without tracks.
 
         Args:
-            lane_width_m: of the lane.
-            keep_s: how long a car is kept that is not there any more.
-            keep_unread_s: how long one of which only the rear is.
-            identity_confidence: share of the votes that a text needs.
-            slope: how far the car pitches and the road climbs against what was calibrated.
-            kinds: of plates; `None`: all that are known.
+            lane_width_m: width of the host vehicle's lane.
+            slope: error of heights above the road, as a share of the distance.
+            formats: formats of plates; `None` allows all.
         """
-        self._kinds = kinds or PlateKinds()
+        self._formats = formats or PlateFormats()
         self._lane_width_m = lane_width_m
-        self._keep_s = keep_s
-        self._keep_unread_s = keep_unread_s
-        self._identity_confidence = identity_confidence
         self._slope = slope
         self._next_id = 1
-        self.tracks: list[CarTrack] = []
+        self.tracks: list[VehicleTrack] = []
 
-    def receive_sightings(
-        self, sightings: list[Sighting], stamp_s: float
-    ) -> list[tuple[Sighting, CarTrack | None]]:
-        """Move all tracks to `stamp_s` and give each sighting to one, old or new.
+    def receive_detections(
+        self, detections: list[Detection], stamp_s: float
+    ) -> list[tuple[Detection, VehicleTrack | None]]:
+        """Predict all tracks to `stamp_s` and associate each detection with one, old or new.
 
-        A second plate on one car belongs to none: two cars are never in one place, and the car goes
-        on being known by the plate that it was known by.
+        A second plate on one vehicle is associated with no track, and the first keeps its vote.
         """
         for track in self.tracks:
             track.predict(stamp_s)
-        on_cars = [sighting for sighting in sightings if self._is_on_a_car(sighting)]
-        pairs: list[tuple[Sighting, CarTrack | None]] = [
-            (sighting, None) for sighting in sightings if sighting not in on_cars
+        on_vehicles = [each for each in detections if self._is_on_a_vehicle(each)]
+        pairs: list[tuple[Detection, VehicleTrack | None]] = [
+            (detection, None) for detection in detections if detection not in on_vehicles
         ]
-        for cue in (Cue.TAG, Cue.PLATE, Cue.VEHICLE):
-            # Cue by cue, so that one car can take one of each.
-            pairs += self._match([s for s in on_cars if s.cue is cue], stamp_s)
+        for kind in (DetectionKind.TAG, DetectionKind.PLATE, DetectionKind.VEHICLE):
+            # Kind by kind, so that one vehicle can take one detection of each kind.
+            pairs += self._associate([s for s in on_vehicles if s.kind is kind], stamp_s)
         self.tracks = [track for track in self.tracks if self._is_kept(track, stamp_s)]
         return pairs
 
-    def _is_on_a_car(self, sighting: Sighting) -> bool:
-        """Whether it is as high over the road as plates on cars are, and not on a billboard."""
-        slack_m = self._slope * sighting.place.ahead_m
+    def _is_on_a_vehicle(self, detection: Detection) -> bool:
+        """Whether it is at the height of plates on vehicles, and not on a billboard."""
+        slack_m = self._slope * detection.position.ahead_m
         lowest_m, highest_m = (share * self._lane_width_m for share in HEIGHTS)
-        return lowest_m - slack_m <= sighting.place.height_m <= highest_m + slack_m
+        return lowest_m - slack_m <= detection.position.height_m <= highest_m + slack_m
 
-    def _match(
-        self, sightings: list[Sighting], stamp_s: float
-    ) -> list[tuple[Sighting, CarTrack | None]]:
-        pairs: list[tuple[Sighting, CarTrack | None]] = []
+    def _associate(
+        self, detections: list[Detection], stamp_s: float
+    ) -> list[tuple[Detection, VehicleTrack | None]]:
+        pairs: list[tuple[Detection, VehicleTrack | None]] = []
         taken: set[int] = set()
-        if sightings and self.tracks:
-            costs = np.array([[self._cost(s, t, stamp_s) for t in self.tracks] for s in sightings])
+        if detections and self.tracks:
+            costs = np.array([[self._cost(s, t, stamp_s) for t in self.tracks] for s in detections])
             for row, column in cheapest_pairs(costs):
-                if costs[row, column] < _IMPOSSIBLE:
+                if costs[row, column] < _OUTSIDE_GATE:
                     track = self.tracks[column]
-                    track.update(sightings[row], stamp_s)
-                    pairs.append((sightings[row], track))
+                    track.update(detections[row], stamp_s)
+                    pairs.append((detections[row], track))
                     taken.add(int(row))
-        for index, sighting in enumerate(sightings):
+        for index, detection in enumerate(detections):
             if index not in taken:
-                doubled = any(
-                    self._cost(sighting, track, stamp_s) < _IMPOSSIBLE
+                is_second = any(
+                    self._cost(detection, track, stamp_s) < _OUTSIDE_GATE
                     for _, track in pairs
                     if track is not None
-                ) or any(self._is_beside(sighting, track, stamp_s) for track in self.tracks)
-                pairs.append((sighting, None if doubled else self._begin(sighting, stamp_s)))
+                ) or any(self._is_second_plate(detection, track, stamp_s) for track in self.tracks)
+                pairs.append(
+                    (detection, None if is_second else self._start_track(detection, stamp_s))
+                )
         return pairs
 
-    def _cost(self, sighting: Sighting, track: CarTrack, stamp_s: float) -> float:
-        sighting = track.if_of_its_kind(sighting)
-        ahead_m = sighting.place.ahead_m - track.ahead.position_m
-        right_m = sighting.place.right_m - track.right.position_m
-        ahead_sigma_m = math.hypot(sighting.ahead_sigma_m, track.gap_sigma_m, 0.5)
+    def _cost(self, detection: Detection, track: VehicleTrack, stamp_s: float) -> float:
+        detection = track.with_track_format(detection)
+        ahead_m = detection.position.ahead_m - track.ahead.position_m
+        right_m = detection.position.right_m - track.right.position_m
+        ahead_sigma_m = math.hypot(detection.ahead_sigma_m, track.gap_sigma_m, 0.5)
         right_sigma_m = math.hypot(
-            sighting.right_sigma_m, track.right.position_sigma_m, 0.04 * self._lane_width_m
+            detection.right_sigma_m, track.right.position_sigma_m, 0.04 * self._lane_width_m
         )
         cost = (ahead_m / ahead_sigma_m) ** 2 + (right_m / right_sigma_m) ** 2
-        if self._is_in_its_place(sighting, track, stamp_s):
+        if self._is_at_same_pixels(detection, track, stamp_s):
             return cost
         if abs(right_m) > 0.5 * self._lane_width_m:
-            return _IMPOSSIBLE
-        is_back = track.confirmed and stamp_s - track.present_at > AWAY_S
-        if is_back and abs(ahead_m) > LENGTH * self._lane_width_m + sighting.ahead_sigma_m:
-            return _IMPOSSIBLE
+            return _OUTSIDE_GATE
+        was_unobserved = track.confirmed and stamp_s - track.observed_at > UNOBSERVED_S
+        if (
+            was_unobserved
+            and abs(ahead_m) > VEHICLE_LENGTH * self._lane_width_m + detection.ahead_sigma_m
+        ):
+            return _OUTSIDE_GATE
         if abs(ahead_m) > GATE_SIGMA * ahead_sigma_m or abs(right_m) > GATE_SIGMA * right_sigma_m:
-            return _IMPOSSIBLE
-        if sighting.cue is track.last.cue:
-            height_m = sighting.place.height_m - track.last.place.height_m
+            return _OUTSIDE_GATE
+        if detection.kind is track.last.kind:
+            height_m = detection.position.height_m - track.last.position.height_m
             cost += (height_m / (0.04 * self._lane_width_m)) ** 2
         return cost
 
-    def _is_in_its_place(self, sighting: Sighting, track: CarTrack, stamp_s: float) -> bool:
-        """Whether the picture shows it, or a piece of it, where this car's was a moment ago."""
-        if sighting.cue is not track.last.cue or stamp_s - track.present_at > MOMENT_S:
+    def _is_at_same_pixels(self, detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
+        """Whether it, or a fragment of it, is where the track's plate was a moment ago."""
+        if detection.kind is not track.last.kind or stamp_s - track.observed_at > SAME_PLACE_S:
             return False
-        box, last = sighting.box, bounding_box(track.corners_px)
+        box, last = detection.box, bounding_box(track.corners_px)
         return (
-            box.w_px < PIECE * last.w_px
-            and last.w_px < PIECE * box.w_px
-            and (_holds(box, last) or _holds(last, box))
+            box.w_px < FRAGMENT_RATIO * last.w_px
+            and last.w_px < FRAGMENT_RATIO * box.w_px
+            and (_contains_middle(box, last) or _contains_middle(last, box))
         )
 
-    def _is_beside(self, sighting: Sighting, track: CarTrack, stamp_s: float) -> bool:
-        """Whether it is a second plate on this car, which was there a moment ago."""
-        if {sighting.cue, track.last.cue} != {Cue.PLATE}:
+    def _is_second_plate(self, detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
+        """Whether it is a second plate on this vehicle, which was observed a moment ago."""
+        if {detection.kind, track.last.kind} != {DetectionKind.PLATE}:
             return False
-        if stamp_s - track.present_at > MOMENT_S:
+        if stamp_s - track.observed_at > SAME_PLACE_S:
             return False
-        place = track.if_of_its_kind(sighting).place
+        position = track.with_track_format(detection).position
         ahead_m, right_m = track.ahead.position_m, track.right.position_m
         return (
-            abs(place.ahead_m - ahead_m) <= ABREAST * ahead_m
-            and abs(place.right_m - right_m) <= BESIDE * self._lane_width_m
+            abs(position.ahead_m - ahead_m) <= SAME_DISTANCE * ahead_m
+            and abs(position.right_m - right_m) <= SAME_VEHICLE_WIDTH * self._lane_width_m
         )
 
-    def _begin(self, sighting: Sighting, stamp_s: float) -> CarTrack:
-        track = CarTrack(self._next_id, sighting, stamp_s, self._identity_confidence, self._kinds)
+    def _start_track(self, detection: Detection, stamp_s: float) -> VehicleTrack:
+        track = VehicleTrack(self._next_id, detection, stamp_s, self._formats)
         self._next_id += 1
         self.tracks.append(track)
         return track
 
-    def _is_kept(self, track: CarTrack, stamp_s: float) -> bool:
+    def _is_kept(self, track: VehicleTrack, stamp_s: float) -> bool:
         if track.ahead.position_m <= 0:
             return False
         if not track.confirmed:
-            return stamp_s - track.seen_at <= UNCONFIRMED_SHARE * self._keep_s
+            return stamp_s - track.detected_at <= TENTATIVE_SHARE * KEEP_S
         return (
-            stamp_s - track.present_at <= self._keep_s
-            and stamp_s - track.seen_at <= self._keep_unread_s
+            stamp_s - track.observed_at <= KEEP_S and stamp_s - track.detected_at <= KEEP_UNREAD_S
         )
 
 
-def _holds(one: ImageBox, other: ImageBox) -> bool:
+def _contains_middle(one: ImageBox, other: ImageBox) -> bool:
     """Whether the middle of `other` lies in `one`."""
     x, y = other.centre_px
     return one.x_px <= x <= one.x_px + one.w_px and one.y_px <= y <= one.y_px + one.h_px

@@ -1,8 +1,8 @@
-"""Vehicles as sightings, by a model that the user brings.
+"""Detections of vehicles, by a model of the user's.
 
-A vehicle's distance shows in two ways: by its width, which differs from car to car, and by the
-place where it meets the road, which the pitching of the own car moves. Both are taken, weighted by
-their variances.
+A vehicle's distance is measured twice: by its width, which differs between vehicles, and by the
+point where it meets the road, which moves with the host vehicle's pitch. Both are combined,
+weighted by their inverse variances.
 """
 
 import math
@@ -12,51 +12,56 @@ import numpy.typing as npt
 
 from onboard.observations import ImageBox
 from onboard.vision.box_model import BoxModel
+from onboard.vision.detection import Detection, DetectionKind, SearchPlan
 from onboard.vision.perspective import Perspective, RoadPosition
-from onboard.vision.plate_observation import Cue, Search, Sighting
-from onboard.vision.settings import VehicleModelSettings
 
+WIDTH_M = 1.8
+"""Width of a common car."""
 WIDTH_SIGMA = 0.1
-"""Of the width of cars, as a share of it."""
+"""Relative sigma of the width of cars."""
 PITCH_SIGMA_RAD = 0.01
-"""Of the own car's pitch while it drives, with the road's own slope."""
+"""Sigma of the host vehicle's pitch while it moves, with the slope of the road."""
 EDGE_SIGMA_PX = 2.0
-"""Of a box's sides."""
+"""Sigma of a box's sides."""
 
 
 class VehicleDetector:
-    """Vehicles as sightings, in each n-th picture."""
+    """Detects vehicles in each n-th frame."""
 
-    def __init__(
-        self, detector: BoxModel, settings: VehicleModelSettings, perspective: Perspective
-    ) -> None:
+    def __init__(self, detector: BoxModel, every_n_frames: int, perspective: Perspective) -> None:
+        """Start with the next frame.
+
+        Args:
+            detector: finds the boxes.
+            every_n_frames: frames for each one that the detector runs on.
+            perspective: of the camera.
+        """
         self._detector = detector
-        self._settings = settings
+        self._every_n_frames = every_n_frames
         self._perspective = perspective
         self._frames = 0
 
     def find(
         self,
         image: npt.NDArray[np.uint8],
-        search: Search,  # noqa: ARG002 (the model always looks at all of the picture)
-    ) -> list[Sighting]:
-        """Vehicles in the picture."""
+        plan: SearchPlan,  # noqa: ARG002 (the model always runs on the whole frame)
+    ) -> list[Detection]:
+        """Vehicles in an (h, w, 3) BGR image."""
         self._frames += 1
-        if (self._frames - 1) % self._settings.every_n_frames:
+        if (self._frames - 1) % self._every_n_frames:
             return []
-        return [self._sighting(box) for box, _ in self._detector.find(image)]
+        return [self._detection(box) for box, _ in self._detector.find(image)]
 
-    def _sighting(self, box: ImageBox) -> Sighting:
+    def _detection(self, box: ImageBox) -> Detection:
         left, right = box.x_px, box.x_px + box.w_px
         top, bottom = box.y_px, box.y_px + box.h_px
         corners = np.array([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
-        width_m = self._settings.vehicle_width_m
-        by_width = self._perspective.locate_upright(corners, width_m)
+        by_width = self._perspective.locate_upright(corners, WIDTH_M)
         share = math.hypot(WIDTH_SIGMA, 1.4 * EDGE_SIGMA_PX / max(box.w_px, 1.0))
         ahead_m, variance = by_width.ahead_m, (share * by_width.ahead_m) ** 2
         foot = self._perspective.locate_on_road((left + right) / 2, bottom)
         if foot is not None:
-            # The ray falls by height / distance: an error in that slope counts distance times.
+            # The ray descends by height / distance: an error of that slope counts distance times.
             slope_sigma = math.hypot(
                 PITCH_SIGMA_RAD, EDGE_SIGMA_PX / self._perspective.width_px(1.0, 1.0)
             )
@@ -66,10 +71,10 @@ class VehicleDetector:
             variance *= 1.0 - weight
         right_m = by_width.right_m * ahead_m / by_width.ahead_m
         sigma_m = math.sqrt(variance)
-        return Sighting(
-            cue=Cue.VEHICLE,
+        return Detection(
+            kind=DetectionKind.VEHICLE,
             corners_px=corners,
-            place=RoadPosition(ahead_m, right_m, by_width.height_m),
+            position=RoadPosition(ahead_m, right_m, by_width.height_m),
             ahead_sigma_m=sigma_m,
-            right_sigma_m=math.hypot(0.05 * width_m, sigma_m * right_m / ahead_m),
+            right_sigma_m=math.hypot(0.05 * WIDTH_M, sigma_m * right_m / ahead_m),
         )

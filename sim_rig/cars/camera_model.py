@@ -15,7 +15,9 @@ from onboard.observations import (
     SensorRecovered,
     VehicleDetection,
 )
+from onboard.vision.perception import DEFAULT_PARAMETERS
 from onboard.vision.settings import VisionSettings
+from onboard.vision.tracker import KEEP_S
 from sim_rig.cars.camera_track import (
     PLATE_HEIGHT_M,
     PLATE_OVER_ROAD_M,
@@ -77,7 +79,7 @@ class CameraModel:
         image_at, self._image_at = self._image_at, self._image_at + 1 / FPS
         stamp_s = image_at + STAMP_S
         if self._view.is_dark(image_at):
-            self._events.append(Discarded(stamp_s, "vision", "blank_picture", "mean 0, sigma 0.0"))
+            self._events.append(Discarded(stamp_s, "vision", "blank_frame", "mean 0, sigma 0.0"))
         elif self._view.is_frozen(image_at):
             self._repeat(stamp_s)
         else:
@@ -104,7 +106,7 @@ class CameraModel:
     def _repeat(self, stamp_s: float) -> None:
         """Handle a repeated image as perception does: no detections, and later a lost camera."""
         silent_s = stamp_s - self._changed_at
-        if silent_s <= self._settings.frozen_s:
+        if silent_s <= DEFAULT_PARAMETERS.frozen_after_s:
             self._report_lead(self._lead(stamp_s), stamp_s)
         elif not self._is_lost:
             self._is_lost = True
@@ -122,9 +124,7 @@ class CameraModel:
             ):
                 if name not in self._tracks_by_name:
                     self._track_count += 1
-                    self._tracks_by_name[name] = CameraTrack(
-                        self._track_count, self._settings, self._rng
-                    )
+                    self._tracks_by_name[name] = CameraTrack(self._track_count, self._rng)
                 if self._tracks_by_name[name].update(car, stamp_s):
                     found.append((name, car))
             nearer.append(car)
@@ -132,7 +132,7 @@ class CameraModel:
 
     def _lead(self, stamp_s: float) -> CameraTrack | None:
         """Return the track of the lead as perception selects it, after dropping expired tracks."""
-        horizon_s = stamp_s - self._settings.keep_s
+        horizon_s = stamp_s - KEEP_S
         for name in [
             name for name, track in self._tracks_by_name.items() if track.seen_at < horizon_s
         ]:

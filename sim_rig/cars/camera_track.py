@@ -10,9 +10,9 @@ import numpy as np
 
 from onboard.observations import VehicleDetection
 from onboard.vision.identity import PlateVote
+from onboard.vision.perception import DEFAULT_PARAMETERS
 from onboard.vision.plate_reader import ALPHABET
-from onboard.vision.plates import LEAST_PX
-from onboard.vision.settings import VisionSettings
+from onboard.vision.plates import MIN_PX
 from sim_rig.cars.camera_view import FPS, LENS
 from sim_rig.rendering.scene import SceneCar
 
@@ -46,7 +46,7 @@ CLOSING_LAG_S = 0.3
 GAP_SIGMA_STATED, BEARING_SIGMA_RAD = 0.05, 0.004
 """Typical sigmas that perception reports."""
 CONFIRMED_DETECTIONS = 3
-LEAST_TAG_PX = 12.0
+MIN_TAG_PX = 12.0
 """AR tags are detected and read without error from this width on."""
 
 _KEPT = math.exp(-1 / FPS / CORRELATION_S)
@@ -57,18 +57,17 @@ _LAG = math.exp(-1 / FPS / CLOSING_LAG_S)
 class CameraTrack:
     """The track of one car, from its first detection on."""
 
-    def __init__(self, track_id: int, settings: VisionSettings, rng: np.random.Generator) -> None:
+    def __init__(self, track_id: int, rng: np.random.Generator) -> None:
         """Start a track.
 
         Args:
             track_id: number of the track.
-            settings: settings of the car's vision.
             rng: source of the errors.
         """
         self.track_id = track_id
-        self._read_every_s = settings.read_known_every_s
+        self._read_every_s = DEFAULT_PARAMETERS.read_period_identified_s
         self._rng = rng
-        self._vote = PlateVote(settings.identity_confidence)
+        self._vote = PlateVote()
         self._read_at = -math.inf
         self._car: SceneCar | None = None
         self._true_closing_m_s = 0.0
@@ -175,10 +174,10 @@ def plate_width_px(car: SceneCar) -> float:
 
 
 def _detection_probability(car: SceneCar, width_px: float) -> float:
-    """Probability of detecting plate or tag in a frame; plates below `LEAST_PX` are dropped."""
+    """Probability of detecting plate or tag in a frame; plates below `MIN_PX` are dropped."""
     if car.tag_id is not None:
-        return float(width_px >= LEAST_TAG_PX)
-    return at(FOUND, width_px) if width_px >= LEAST_PX else 0.0
+        return float(width_px >= MIN_TAG_PX)
+    return at(FOUND, width_px) if width_px >= MIN_PX else 0.0
 
 
 def at(values: tuple[float, ...], width_px: float) -> float:

@@ -14,8 +14,9 @@ import pytest
 
 from onboard.observations import Lead, LeadIdentity, Plate
 from onboard.settings import parse_settings
-from onboard.vision.identity import LEAST_READ_CONFIDENCE
-from onboard.vision.perception import Event, Perception
+from onboard.vision.identity import MIN_READ_CONFIDENCE
+from onboard.vision.networks import load_perception
+from onboard.vision.perception import Event
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.cars.camera_model import STAMP_S, CameraModel
 from sim_rig.cars.camera_server import Camera
@@ -67,14 +68,16 @@ def vision_settings(scenario: Scenario) -> VisionSettings:
 
 def rendered(scenario: Scenario) -> Iterable[Event]:
     """What `Perception` says of pictures."""
-    sight = Perception(CameraSettings(source="rig", **LENS.model_dump()), vision_settings(scenario))
+    perception = load_perception(
+        CameraSettings(source="rig", **LENS.model_dump()), vision_settings(scenario)
+    )
     camera = Camera(scenario, "ben", np.random.SeedSequence(1))
     for number in range(int(DURATION_S * FPS)):
         jpeg = np.frombuffer(camera.jpeg(number / FPS), np.uint8)
         image = cv2.imdecode(jpeg, cv2.IMREAD_COLOR)
         assert image is not None
-        sight.receive_frame(np.asarray(image, np.uint8), number / FPS)
-        while (event := sight.next_event()) is not None:
+        perception.receive_frame(np.asarray(image, np.uint8), number / FPS)
+        while (event := perception.next_event()) is not None:
             yield event
 
 
@@ -123,7 +126,7 @@ def _stretch(runs: list[tuple[str, list[Event]]], near_m: float, far_m: float) -
             if not near_m <= gap_m < far_m:
                 continue
             if isinstance(event, Plate):
-                counts = event.text is not None and event.confidence >= LEAST_READ_CONFIDENCE
+                counts = event.text is not None and event.confidence >= MIN_READ_CONFIDENCE
                 in_frame.add(event.text == plate if counts else None)
             if isinstance(event, Lead):
                 frames += 1

@@ -18,7 +18,7 @@ from onboard.tools.calibrate.calibration import (
     Fit,
     calibrate_by_plates,
     calibrate_lens,
-    place_by_board,
+    mount_by_board,
 )
 from onboard.tools.calibrate.cli import calibrate
 from onboard.vision.settings import Calibration, CameraSettings
@@ -138,7 +138,7 @@ def test_the_lens_is_found_again(art: np.ndarray, board: Board) -> None:
 )
 def test_the_place_is_found_by_the_board_upright(art: np.ndarray, board: Board) -> None:
     # The lowest inner corners are a square above the lower edge.
-    fit = place_by_board(TRUE, upright(art, bottom_m=0.7), board, lowest_m=0.7 + SQUARE_M)
+    fit = mount_by_board(TRUE, upright(art, bottom_m=0.7), board, lowest_m=0.7 + SQUARE_M)
 
     assert fit.rms_px < 0.5
     assert fit.calibration.mounting_height_m == pytest.approx(1.25, abs=0.01)
@@ -151,7 +151,7 @@ def test_the_place_is_found_by_the_board_upright(art: np.ndarray, board: Board) 
 def test_a_board_counted_the_other_way_round_stands_upright_all_the_same() -> None:
     board = Chessboard(ROWS - 1, COLUMNS - 1, SQUARE_M)
 
-    fit = place_by_board(TRUE, upright(chessboard_art(), bottom_m=0.7), board, lowest_m=0.8)
+    fit = mount_by_board(TRUE, upright(chessboard_art(), bottom_m=0.7), board, lowest_m=0.8)
 
     assert fit.calibration.mounting_height_m == pytest.approx(1.25, abs=0.01)
     assert fit.calibration.pitch_rad == pytest.approx(0.06, abs=0.005)
@@ -231,16 +231,16 @@ def test_too_little_is_told() -> None:
     with pytest.raises(CalibrationError, match="one size"):
         calibrate_lens([empty, empty[:200]], CHESSBOARD)
     with pytest.raises(CalibrationError, match=r"upright is 960 x 200 px, and .* are 960 x 540"):
-        place_by_board(TRUE, empty[:200], CHARUCO, 0.5)
-    with pytest.raises(CalibrationError, match="not found in the picture of it upright"):
-        place_by_board(TRUE, empty, CHARUCO, 0.5)
+        mount_by_board(TRUE, empty[:200], CHARUCO, 0.5)
+    with pytest.raises(CalibrationError, match="not found in the image of it upright"):
+        mount_by_board(TRUE, empty, CHARUCO, 0.5)
     with pytest.raises(CalibrationError, match="3 distances"):
         calibrate_by_plates((960, 540), [(4.0, np.zeros((4, 2), np.float32))] * 5, 0.52, 0.6)
 
 
 def test_a_place_that_no_camera_has_is_told() -> None:
     with pytest.raises(SettingsError, match="mounting_height_m"):
-        place_by_board(TRUE, upright(chessboard_art(), 0.7), CHESSBOARD, lowest_m=50.0)
+        mount_by_board(TRUE, upright(chessboard_art(), 0.7), CHESSBOARD, lowest_m=50.0)
 
 
 def run(*arguments: str | Path) -> None:
@@ -270,8 +270,8 @@ def test_the_command_writes_what_a_car_can_read(tmp_path: Path) -> None:
 
     run(tmp_path / "board", "--board", "7x5", "--square-m", "0.1", "--out", tmp_path / "lens.yaml")
 
-    assert found.is_placed
-    assert not load_settings(tmp_path / "lens.yaml", Calibration).is_placed
+    assert found.has_mounting
+    assert not load_settings(tmp_path / "lens.yaml", Calibration).has_mounting
 
 
 def test_a_parked_cars_plate_gives_the_lens_within_a_fiftieth(tmp_path: Path) -> None:
@@ -308,12 +308,12 @@ def test_a_parked_cars_plate_gives_the_lens_within_a_fiftieth(tmp_path: Path) ->
         (["--board", "9"], "must be like 9x6"),
         (["--board", "1x6"], "must be like 9x6"),
         (["--plate-at-m", "4,x", "--plate-height-m", "0.6"], "must be like 4,6,8"),
-        (["--plate-at-m", "4,5,6", "--plate-height-m", "0.6"], "3 distances for 1 pictures"),
-        (["--plate-at-m", "4,nan", "--plate-height-m", "0.6"], "distances are above 0"),
-        (["--plate-at-m", "4", "--plate-height-m", "0.6", "--plate-width-m", "0"], "in metres"),
+        (["--plate-at-m", "4,5,6", "--plate-height-m", "0.6"], "3 distances for 1 images"),
+        (["--plate-at-m", "4,nan", "--plate-height-m", "0.6"], "distances must be above 0"),
+        (["--plate-at-m", "4", "--plate-height-m", "0.6", "--plate-width-m", "0"], "must be 0.001 to 1 m"),
         (["--board", "2x6"], "must be like 9x6"),
-        (["--board", "7x5", "--square-m", "30"], "--square-m: is in metres"),
-        (["--board", "7x5", "--square-m", "nan"], "--square-m: is in metres"),
+        (["--board", "7x5", "--square-m", "30"], "--square-m: must be 0.001 to 1 m"),
+        (["--board", "7x5", "--square-m", "nan"], "--square-m: must be 0.001 to 1 m"),
         (["--board", "7x5", "--charuco-tag-m", "0.03"], "less than the square's 0.03"),
         (
             ["--board", "7x5", "--charuco-tag-m", "0.02", "--charuco-dictionary", "9X9"],
@@ -333,7 +333,7 @@ def test_one_picture_shows_the_board_upright(tmp_path: Path) -> None:
     for index in range(2):
         cv2.imwrite(str(tmp_path / f"{index}.png"), np.full((540, 960, 3), 128, np.uint8))
 
-    with pytest.raises(UserError, match=r"--upright: must be one picture \(2 given\)"):
+    with pytest.raises(UserError, match=r"--upright: must be one image \(2 given\)"):
         run(tmp_path, "--board", "7x5", "--upright", tmp_path, "--lowest-corners-m", "0.8")
 
 
@@ -345,7 +345,7 @@ def test_of_a_video_some_frames_are_enough(tmp_path: Path) -> None:
         writer.write(np.full((64, 96, 3), 128, np.uint8))
     writer.release()
 
-    with pytest.raises(CalibrationError, match="found in 0 of 32 pictures"):
+    with pytest.raises(CalibrationError, match="found in 0 of 32 images"):
         run(video, "--board", "7x5")
 
 

@@ -17,14 +17,14 @@ from onboard.errors import UserError
 from onboard.observations import ImageBox, Lead, LeadIdentity, Plate
 from onboard.settings import load_settings
 from onboard.tools.calibrate.cli import calibrate
-from onboard.tools.see.annotated_frame import COLUMNS, SeenFrame
+from onboard.tools.see.annotated_frame import COLUMNS, AnnotatedFrame
 from onboard.tools.see.cli import see
-from onboard.tools.see.ground_truth import Truth
+from onboard.tools.see.ground_truth import GroundTruth
 from onboard.tools.see.score import Scores, edit_distance, overlap
 from onboard.vision.frames import Frame
 from onboard.vision.settings import Calibration
 from sim_rig.rendering.scene import Scene, SceneCar
-from tests.vision.drive import CAMERA, PICTURE, frames
+from tests.vision.drive import CAMERA, RENDERER, frames
 
 TAG = {"tag_id": 1, "tag_side_m": 0.4}
 
@@ -38,7 +38,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for stamp_s, image in frames(lambda t: Scene(cars=(SceneCar(12 - 2 * t, 0.5, **TAG),)), 1.0):
         name = f"f{round(10 * stamp_s)}.png"
         cv2.imwrite(str(folder / "pictures" / name), image)
-        quad = PICTURE.plate_quad(SceneCar(12 - 2 * stamp_s, 0.5, **TAG))
+        quad = RENDERER.plate_quad(SceneCar(12 - 2 * stamp_s, 0.5, **TAG))
         (x, y), (w, h) = quad[0], quad[2] - quad[0]
         lines.append(f"{name},{x},{y},{w},{h},TAG1,{12 - 2 * stamp_s}")
     (folder / "truth.csv").write_text("\n".join(lines))
@@ -89,7 +89,7 @@ def test_there_is_a_row_for_each_plate_and_frame(drive: Path, tmp_path: Path) ->
     )
     assert float(last["gap_m"]) == pytest.approx(12 - 1.8, rel=0.03)
     assert float(last["closing_speed_m_s"]) == pytest.approx(2.0, abs=1.0)
-    assert rows[0]["gap_m"] == ""  # one sighting is no lead
+    assert rows[0]["gap_m"] == ""  # one detection is no lead
 
 
 def test_pictures_without_a_rate_stand_alone(drive: Path, tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_the_annotated_video_has_every_frame(drive: Path, tmp_path: Path) -> Non
         pictures = [frame.to_ndarray(format="bgr24") for frame in container.decode(video=0)]
     assert len(pictures) == 10
     assert pictures[0].shape == (540, 960, 3)
-    quad = PICTURE.plate_quad(SceneCar(12 - 1.8, 0.5, **TAG))
+    quad = RENDERER.plate_quad(SceneCar(12 - 1.8, 0.5, **TAG))
     x, y = quad[0].astype(int)
     frame_bgr = pictures[-1][y - 2 : y + 3, x + 4 : x + 14].reshape(-1, 3).astype(int)
     assert (frame_bgr[:, 1] - frame_bgr[:, 2]).max() > 60  # green around the lead's tag
@@ -182,14 +182,14 @@ def test_a_lead_is_scored_by_what_is_known_of_it(
     ("rows", "why"),
     [
         (["picture,plate", "f1.png,TAG1"], "has the columns picture, plate; allowed are"),
-        (["file,text", "g1.png,TAG1"], "tells of g1.png, and of none of these frames, such as f9"),
+        (["file,text", "g1.png,TAG1"], "has rows for g1.png, and for none of these frames, such as f9"),
         (["frame,gap_m", "1,near"], ":2: could not convert"),
-        (["file,x_px,text", "f1.png,3,TAG1"], ":2: a box has four numbers"),
+        (["file,x_px,text", "f1.png,3,TAG1"], ":2: a box needs four numbers"),
         (["frame,gap_m", "1,0"], ":2: gap_m is 0"),
         (["frame,gap_m", "1,nan"], ":2: gap_m is nan"),
         (["frame,gap_m,text", "1,inf,TAG1"], ":2: gap_m is inf"),
-        (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,nan,4"], ":2: no box is 1, 2, nan, 4"),
-        (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,-3,4"], ":2: no box is 1, 2, -3, 4"),
+        (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,nan,4"], ":2: invalid box 1, 2, nan, 4"),
+        (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,-3,4"], ":2: invalid box 1, 2, -3, 4"),
     ],
 )
 def test_a_truth_that_says_nothing_is_told(
@@ -210,7 +210,7 @@ def test_pictures_of_another_shape_than_calibrated_are_told(drive: Path, tmp_pat
     camera = tmp_path / "camera.yaml"
     camera.write_text("width_px: 1242\nheight_px: 375\nprincipal_y_px: 180\n")
 
-    told = r"no frame could be looked at .*picture_size \(960 x 540 px, calibrated for 1242 x 375\)"
+    told = r"no frame could be processed .*frame_size \(960 x 540 px, calibrated for 1242 x 375\)"
     with pytest.raises(UserError, match=told):
         run(drive / "pictures", "--camera", camera)
 
@@ -220,7 +220,7 @@ def test_the_first_picture_that_is_none_is_named(drive: Path, tmp_path: Path) ->
     for index, data in enumerate([whole, whole[:20], b""]):
         (tmp_path / f"{index}.png").write_bytes(data)
 
-    assert "discarded: corrupt_picture: 2 (first 1.png, frame 1)" in run(tmp_path, *options(drive))
+    assert "discarded: corrupt_frame: 2 (first 1.png, frame 1)" in run(tmp_path, *options(drive))
 
 
 def test_a_camera_that_froze_is_told_with_its_first_lost_frame(drive: Path, tmp_path: Path) -> None:
@@ -238,7 +238,7 @@ def test_what_is_read_is_not_overwritten(drive: Path, tmp_path: Path, output: st
     truth = truth_of(tmp_path, "file,text", "f1.png,TAG1")
     before = truth.read_bytes()
 
-    with pytest.raises(UserError, match=r"rows-of-truth\.csv: is to be read"):
+    with pytest.raises(UserError, match=r"rows-of-truth\.csv: is an input"):
         run(drive / "pictures", "--truth", truth, output, truth)
 
     assert truth.read_bytes() == before
@@ -248,7 +248,7 @@ def test_a_calibration_is_not_written_over_the_recording(tmp_path: Path) -> None
     video = tmp_path / "board.mp4"
     video.write_bytes(b"a recording")
 
-    with pytest.raises(UserError, match=r"board\.mp4: is to be read"):
+    with pytest.raises(UserError, match=r"board\.mp4: is an input"):
         calibrate(str(video), board="9x6", out=video)
 
     assert video.read_bytes() == b"a recording"
@@ -303,12 +303,12 @@ def test_a_video_that_ends_too_early_is_told(drive: Path, tmp_path: Path) -> Non
     torn = tmp_path / "torn.avi"
     torn.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
 
-    assert "torn off" not in told_of(whole, *options(drive))
-    assert "torn.avi: says that it has 10 frames, and" in told_of(torn, *options(drive))
+    assert "truncated" not in told_of(whole, *options(drive))
+    assert "torn.avi: states 10 frames, and" in told_of(torn, *options(drive))
 
 
-def seen(name: str, *events: Plate | Lead) -> SeenFrame:
-    return SeenFrame(0, Frame(0.0, np.zeros((8, 8, 3), np.uint8), name), events)
+def seen(name: str, *events: Plate | Lead) -> AnnotatedFrame:
+    return AnnotatedFrame(0, Frame(0.0, np.zeros((8, 8, 3), np.uint8), name), events)
 
 
 def plate(text: str | None, confidence: float = 1.0, x_px: float = 10.0) -> Plate:
@@ -323,7 +323,7 @@ def test_scores_count_what_they_say(tmp_path: Path) -> None:
         "eu/3.jpg,10,10,100,30,BL635TN\n"
         "eu/4.jpg,10,10,100,30,YW903MS\n"
     )
-    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
 
     scores.add(seen("us/1.jpg", plate("GN417KB"), plate("CAFE", x_px=500.0)))
     scores.add(seen("us/2.jpg", plate("RD2B8HX", 0.5)))
@@ -348,7 +348,7 @@ def test_scores_count_what_they_say(tmp_path: Path) -> None:
 
 def test_a_lead_where_the_truth_has_nobody_ahead_is_a_ghost(tmp_path: Path) -> None:
     (tmp_path / "truth.csv").write_text("frame,gap_m\n0,inf\n1,inf\n2,12\n")
-    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
     lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=12.0)
 
     for index, told in enumerate([lead, Lead(0.0, LeadIdentity.NO_LEAD), lead]):
@@ -378,7 +378,7 @@ def test_a_lead_is_right_by_its_plate_or_else_by_its_distance(
     tmp_path: Path, known: str, text: str | None, gap_m: float, scored: tuple[str, str | None]
 ) -> None:
     (tmp_path / "truth.csv").write_text(f"frame,text,gap_m\n0,{known},10\n")
-    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
     lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=gap_m)
 
     scores.add(seen("drive.mp4", replace(plate(text), is_lead=True), lead))
@@ -389,7 +389,7 @@ def test_a_lead_is_right_by_its_plate_or_else_by_its_distance(
 
 def test_a_neighbours_plate_says_nothing_of_a_lead_whose_plate_is_not_seen(tmp_path: Path) -> None:
     (tmp_path / "truth.csv").write_text(f"frame,text,gap_m\n0,{OURS},10\n")
-    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
     lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=10.1)
 
     scores.add(seen("drive.mp4", plate(THEIRS), lead))
@@ -402,7 +402,7 @@ def test_never_more_plates_are_certain_than_the_truth_has(tmp_path: Path) -> Non
     (tmp_path / "truth.csv").write_text(
         "file,x_px,y_px,w_px,h_px,text\n1.jpg,10,10,100,30,GN417KB\n"
     )
-    scores = Scores(Truth.read(tmp_path / "truth.csv"), certain_from=0.9)
+    scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
 
     scores.add(seen("1.jpg", plate("GN417KB"), plate("RD288HX", x_px=300.0)))
 
@@ -412,10 +412,10 @@ def test_never_more_plates_are_certain_than_the_truth_has(tmp_path: Path) -> Non
 
 def test_a_name_that_two_files_of_the_truth_have_is_told(tmp_path: Path) -> None:
     rows = ("file,text", "us/1.jpg,GN417KB", "eu/1.jpg,RD288HX")
-    truth = Truth.read(truth_of(tmp_path, *rows))
+    truth = GroundTruth.read(truth_of(tmp_path, *rows))
 
     assert [plate.text for plate in truth.of(seen("us/1.jpg")) or []] == ["GN417KB"]
-    with pytest.raises(UserError, match=r"1\.jpg: the truth tells of us/1\.jpg and of eu/1\.jpg"):
+    with pytest.raises(UserError, match=r"1\.jpg: the ground truth has us/1\.jpg and eu/1\.jpg"):
         truth.of(seen("1.jpg"))
 
 

@@ -29,14 +29,14 @@ CAMERA = CameraSettings(
     mounting_height_m=1.3,
     pitch_rad=0.02,
 )
-PICTURE = CameraRenderer(CAMERA)
+RENDERER = CameraRenderer(CAMERA)
 TAGS = VisionSettings(plates=False)
 FPS = 10.0
 
 
 @dataclass
-class Seen:
-    """What a sight told of a drive."""
+class Observed:
+    """What a perception told of a drive."""
 
     events: list[Event] = field(default_factory=list)
 
@@ -70,17 +70,17 @@ def frames(
     seed: int = 1,
 ) -> Iterator[tuple[float, npt.NDArray[np.uint8]]]:
     """(stamp, picture) of a drive."""
-    picture = PICTURE if camera is CAMERA else CameraRenderer(camera)
+    picture = RENDERER if camera is CAMERA else CameraRenderer(camera)
     rng = np.random.default_rng(seed)
     for index in range(round(duration_s * fps)):
         yield index / fps, picture.draw(scene_at(index / fps), rng)
 
 
-def see(sight: Perception, drive: Iterator[tuple[float, npt.NDArray[np.uint8]]]) -> Seen:
-    """Everything that `sight` says of a drive."""
-    seen = Seen()
+def see(perception: Perception, drive: Iterator[tuple[float, npt.NDArray[np.uint8]]]) -> Observed:
+    """Everything that `perception` says of a drive."""
+    seen = Observed()
     for stamp_s, image in drive:
-        sight.receive_frame(image, stamp_s)
-        while (event := sight.next_event()) is not None:
+        perception.receive_frame(image, stamp_s)
+        while (event := perception.next_event()) is not None:
             seen.events.append(event)
     return seen

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from onboard.vision.blue_band import BAND, with_band
+from onboard.vision.blue_band import BAND, include_blue_band
 
 BODY, BLUE, WHITE = (60, 60, 70), (150, 70, 20), (225, 225, 225)
 LEFT, TOP, WIDTH, HEIGHT = 100, 100, 208, 44
@@ -34,26 +34,28 @@ WITHOUT_BAND = corners(LEFT + BAND * WIDTH)
     "body", [BODY, (20, 20, 20), (230, 230, 230), (40, 40, 180), (40, 160, 60)]
 )
 def test_a_band_that_was_left_out_is_taken_in(body: tuple[int, int, int]) -> None:
-    found = with_band(plate(body), WITHOUT_BAND)
+    found = include_blue_band(plate(body), WITHOUT_BAND)
 
     assert found == pytest.approx(corners(LEFT), abs=1.0)
 
 
 def test_a_band_that_is_in_already_stays_as_it_is() -> None:
-    assert with_band(plate(), corners(LEFT)) == pytest.approx(corners(LEFT))
+    assert include_blue_band(plate(), corners(LEFT)) == pytest.approx(corners(LEFT))
 
 
 def test_a_plate_without_a_band_stays_as_it_is() -> None:
-    assert with_band(plate(band=None), corners(LEFT)) == pytest.approx(corners(LEFT))
+    assert include_blue_band(plate(band=None), corners(LEFT)) == pytest.approx(corners(LEFT))
 
 
 def test_on_a_blue_car_nobody_can_tell() -> None:
-    assert with_band(plate(body=BLUE, band=None), corners(LEFT)) == pytest.approx(corners(LEFT))
+    assert include_blue_band(plate(body=BLUE, band=None), corners(LEFT)) == pytest.approx(
+        corners(LEFT)
+    )
 
 
 @pytest.mark.parametrize("shift", [(-150, -150), (250, 150), (-400, 0)])
 def test_at_and_beyond_the_rim_it_does_no_harm(shift: tuple[int, int]) -> None:
-    assert with_band(plate(), corners(LEFT) + np.array(shift, np.float32)).shape == (4, 2)
+    assert include_blue_band(plate(), corners(LEFT) + np.array(shift, np.float32)).shape == (4, 2)
 
 
 @pytest.mark.parametrize("share", [-0.03, 0.02, 0.045, 0.07])
@@ -66,7 +68,7 @@ def test_at_and_beyond_the_rim_it_does_no_harm(shift: tuple[int, int]) -> None:
 )
 def test_where_the_band_begins_the_plate_begins(share: float, body: tuple[int, int, int]) -> None:
     """The detector may cut it in two, or take in some bodywork, be that of another blue."""
-    found = with_band(plate(body), corners(LEFT + share * WIDTH))
+    found = include_blue_band(plate(body), corners(LEFT + share * WIDTH))
 
     assert found == pytest.approx(corners(LEFT), abs=1.5)
 
@@ -74,4 +76,4 @@ def test_where_the_band_begins_the_plate_begins(share: float, body: tuple[int, i
 def test_a_blue_car_under_a_white_rim_has_no_band() -> None:
     image = plate(body=BLUE, band=None)
 
-    assert with_band(image, corners(LEFT + 5.0)) == pytest.approx(corners(LEFT + 5.0))
+    assert include_blue_band(image, corners(LEFT + 5.0)) == pytest.approx(corners(LEFT + 5.0))

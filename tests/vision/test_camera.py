@@ -16,8 +16,10 @@ import pytest
 
 from onboard.observations import Discarded, Lead, SensorLost
 from onboard.vision.camera import CameraThread, open_frames
-from onboard.vision.frames import CameraError, Frame, decode_picture
-from onboard.vision.recordings import Clip
+from onboard.vision.frames import CameraError, Frame, decode_image
+from onboard.vision.networks import load_perception
+from onboard.vision.perception import PerceptionParameters
+from onboard.vision.recordings import VideoFile
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, frames
@@ -157,7 +159,7 @@ def test_frames_of_a_clip_stand_when_the_file_says(tmp_path: Path, ending: str) 
     source = open_frames(settings(path))
 
     assert [frame.stamp_s for frame in source] == pytest.approx([0.0, 0.04, 0.2, 0.24, 1.0])
-    assert isinstance(source, Clip)
+    assert isinstance(source, VideoFile)
     assert source.even_from is None
 
 
@@ -167,7 +169,7 @@ def test_a_pause_of_minutes_in_a_clip_is_not_believed(tmp_path: Path) -> None:
     source = open_frames(settings(tmp_path / "clip.mp4"))
     stamps = [frame.stamp_s for frame in source]
 
-    assert isinstance(source, Clip)
+    assert isinstance(source, VideoFile)
     assert source.even_from == 2
     assert stamps == pytest.approx([0.0, 0.5, 0.5 + 1 / source.fps, 0.5 + 2 / source.fps])
 
@@ -178,7 +180,7 @@ def test_frames_of_a_bare_stream_which_tells_no_times_stand_evenly(tmp_path: Pat
     source = open_frames(settings(tmp_path / "clip.h264"))
     stamps = [frame.stamp_s for frame in source]
 
-    assert isinstance(source, Clip)
+    assert isinstance(source, VideoFile)
     assert source.even_from == 1
     assert stamps == pytest.approx([0.0, 1 / source.fps, 2 / source.fps])
 
@@ -196,8 +198,8 @@ def test_broken_pictures_are_frames_without_an_image(tmp_path: Path) -> None:
 def test_a_truncated_png_is_no_picture_either() -> None:
     data = cv2.imencode(".png", np.random.default_rng(1).integers(0, 255, (48, 64, 3)))[1].tobytes()
 
-    assert decode_picture(data).size > 0
-    assert decode_picture(data[:20]).size == 0
+    assert decode_image(data).size > 0
+    assert decode_image(data[:20]).size == 0
 
 
 @pytest.mark.parametrize(
@@ -212,9 +214,9 @@ def test_a_camera_that_is_not_there_is_told_at_once(source: str, capfd: object) 
 def test_a_folder_without_pictures_is_told_what_a_picture_is_called(tmp_path: Path) -> None:
     (tmp_path / "IMG_0001.HEIC").write_bytes(b"")
 
-    with pytest.raises(CameraError, match=r"no picture in this folder; .*\.jpg"):
+    with pytest.raises(CameraError, match=r"no image in this folder; .*\.jpg"):
         open_frames(settings(tmp_path))
-    with pytest.raises(CameraError, match=r"no picture fits; .*\.jpg"):
+    with pytest.raises(CameraError, match=r"no image matches; .*\.jpg"):
         open_frames(settings(tmp_path / "*"))
 
 
@@ -285,9 +287,13 @@ def seen_by_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> li
         if enough(heard):
             done.set()
 
-    # Of a stream that repeats itself, a slow machine sees the same picture again and again.
-    vision = VisionSettings(plates=False, tag_side_m=0.4, frozen_s=10.0)
-    thread = CameraThread(camera, vision, hear)
+    # On a slow machine, a stream that repeats itself delivers the same image again and again.
+    perception = load_perception(
+        camera,
+        VisionSettings(plates=False, tag_side_m=0.4),
+        PerceptionParameters(frozen_after_s=10.0),
+    )
+    thread = CameraThread(camera, perception, hear)
     thread.start()
     assert done.wait(20.0)
     thread.close()
@@ -316,7 +322,7 @@ def test_the_camera_thread_plays_a_recording_and_says_when_it_ends(tmp_path: Pat
     )
 
     assert heard[-1].reason == "end_of_recording"
-    assert [event.reason for event in heard if isinstance(event, Discarded)] == ["corrupt_picture"]
+    assert [event.reason for event in heard if isinstance(event, Discarded)] == ["corrupt_frame"]
     stamps = [event.stamp_s for event in heard if isinstance(event, Lead)]
     assert len(stamps) == 4
     assert [later - sooner for sooner, later in itertools.pairwise(stamps)] == pytest.approx(

@@ -9,11 +9,11 @@ import pytest
 from onboard.errors import UserError
 from onboard.observations import ImageBox, LeadIdentity
 from onboard.vision.box_model import BoxModel
-from onboard.vision.external_plate_detector import BroughtPlates
-from onboard.vision.perception import Perception
+from onboard.vision.detection import SearchPlan
+from onboard.vision.external_plate_detector import ExternalPlateDetector
+from onboard.vision.networks import load_perception
 from onboard.vision.perspective import Perspective
 from onboard.vision.plate_detector import PlateDetector
-from onboard.vision.plate_observation import Search
 from onboard.vision.settings import BoxModelSettings, VehicleModelSettings, VisionSettings
 from onboard.vision.vehicle_detector import VehicleDetector
 from sim_rig.rendering.plate_art import EU, draw_plate
@@ -90,11 +90,13 @@ def test_width_and_foot_agree_on_where_a_car_is(tmp_path: Path) -> None:
     # The only cell that the model has there spans u 480 to 600 and ends at v = 360: 1.8 m at
     # 825 px of focal length and 120 px are 12.4 m, the road at v = 360 begins at
     # 1.3 m / (90 / 825 + 0.02) = 10.1 m.
-    (sighting,) = vehicles.find(red_square(480, 240, 120), Search())
+    (detection,) = vehicles.find(red_square(480, 240, 120), SearchPlan())
 
-    assert 10.1 < sighting.place.ahead_m < 12.4
-    assert sighting.ahead_sigma_m < 0.1 * sighting.place.ahead_m
-    assert sighting.place.right_m == pytest.approx(60 / 825 * sighting.place.ahead_m, rel=0.05)
+    assert 10.1 < detection.position.ahead_m < 12.4
+    assert detection.ahead_sigma_m < 0.1 * detection.position.ahead_m
+    assert detection.position.right_m == pytest.approx(
+        60 / 825 * detection.position.ahead_m, rel=0.05
+    )
 
 
 def test_it_looks_at_each_nth_frame(tmp_path: Path) -> None:
@@ -103,21 +105,21 @@ def test_it_looks_at_each_nth_frame(tmp_path: Path) -> None:
         BoxModel(settings, "vision.vehicle_model"), settings, Perspective(CAMERA)
     )
 
-    counts = [len(vehicles.find(red_square(480, 240, 120), Search())) for _ in range(7)]
+    counts = [len(vehicles.find(red_square(480, 240, 120), SearchPlan())) for _ in range(7)]
 
     assert counts == [1, 0, 0, 1, 0, 0, 1]
 
 
 def test_a_lead_without_any_plate_is_a_lead_of_unknown_identity(tmp_path: Path) -> None:
     settings = VisionSettings(plates=False, vehicle_model=model(tmp_path))
-    sight = Perception(CAMERA, settings)
+    perception = load_perception(CAMERA, settings)
     rng = np.random.default_rng(1)
     leads = []
     for index in range(10):
         image = red_square(420, 240, 120)
         noisy = np.clip(image + rng.normal(0, 3, image.shape), 0, 255).astype(np.uint8)
-        sight.receive_frame(noisy, 0.1 * index)
-        while (event := sight.next_event()) is not None:
+        perception.receive_frame(noisy, 0.1 * index)
+        while (event := perception.next_event()) is not None:
             if event.kind == "lead":
                 leads.append(event)
             assert event.kind != "plate"
@@ -136,7 +138,9 @@ def plate_model(tmp_path: Path) -> BoxModelSettings:
 
 
 def test_a_plate_model_finds_and_the_own_detector_places_the_corners(tmp_path: Path) -> None:
-    found = BroughtPlates(BoxModel(plate_model(tmp_path), "vision.plate_model"), PlateDetector())
+    found = ExternalPlateDetector(
+        BoxModel(plate_model(tmp_path), "vision.plate_model"), PlateDetector()
+    )
     image = red_square(480, 240, 120)
     art = draw_plate("GN417KB", EU)
     truth = np.array([(490, 290), (590, 290), (590, 311), (490, 311)], np.float32)
@@ -151,7 +155,9 @@ def test_a_plate_model_finds_and_the_own_detector_places_the_corners(tmp_path: P
 
 
 def test_a_box_that_is_no_plate_to_the_own_detector_keeps_its_corners(tmp_path: Path) -> None:
-    found = BroughtPlates(BoxModel(plate_model(tmp_path), "vision.plate_model"), PlateDetector())
+    found = ExternalPlateDetector(
+        BoxModel(plate_model(tmp_path), "vision.plate_model"), PlateDetector()
+    )
 
     (plate,) = found.find(red_square(480, 240, 120))
 
@@ -166,7 +172,7 @@ def test_a_box_that_is_no_plate_to_the_own_detector_keeps_its_corners(tmp_path: 
 
 
 def test_the_configuration_takes_a_plate_model(tmp_path: Path) -> None:
-    Perception(CAMERA, VisionSettings(plate_model=plate_model(tmp_path)))
+    load_perception(CAMERA, VisionSettings(plate_model=plate_model(tmp_path)))
     missing = plate_model(tmp_path).model_copy(update={"file": tmp_path / "none.onnx"})
     with pytest.raises(UserError, match=r"plate_model\.file.*no such file"):
-        Perception(CAMERA, VisionSettings(plate_model=missing))
+        load_perception(CAMERA, VisionSettings(plate_model=missing))

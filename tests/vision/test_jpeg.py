@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from onboard.vision.frames import decode_picture
+from onboard.vision.frames import decode_image
 from onboard.vision.jpeg import is_jpeg, is_whole
 
-PICTURE = np.random.default_rng(1).integers(0, 255, (24, 32, 3)).astype(np.uint8)
-PREVIEW = cv2.imencode(".jpg", PICTURE[:8, :8])[1].tobytes()
+RENDERER = np.random.default_rng(1).integers(0, 255, (24, 32, 3)).astype(np.uint8)
+PREVIEW = cv2.imencode(".jpg", RENDERER[:8, :8])[1].tobytes()
 BEHIND = {
     "nothing": b"",
     "zeros": b"\0\0\r\n",
@@ -19,7 +19,7 @@ BEHIND = {
 
 
 def encoded(*options: int) -> bytes:
-    return cv2.imencode(".jpg", PICTURE, options)[1].tobytes()
+    return cv2.imencode(".jpg", RENDERER, options)[1].tobytes()
 
 
 def with_preview(jpeg: bytes) -> bytes:
@@ -40,7 +40,7 @@ JPEGS = {
 @pytest.mark.parametrize("jpeg", JPEGS.values(), ids=JPEGS)
 def test_a_picture_may_have_something_behind_its_end(jpeg: bytes, behind: bytes) -> None:
     assert is_whole(jpeg + behind)
-    assert decode_picture(jpeg + behind).shape == PICTURE.shape
+    assert decode_image(jpeg + behind).shape == RENDERER.shape
 
 
 @pytest.mark.parametrize("jpeg", JPEGS.values(), ids=JPEGS)
@@ -50,4 +50,4 @@ def test_a_picture_without_its_end_is_torn_wherever_it_ends(jpeg: bytes) -> None
 
     assert all(is_jpeg(data) and not is_whole(data) for data in torn)
     assert not any(is_whole(data + b"\0\0") for data in torn if not data.endswith(b"\xff"))
-    assert decode_picture(torn[-1]).size == 0
+    assert decode_image(torn[-1]).size == 0

@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from onboard.vision.lane import LaneShape, MarkingFinder, OwnLane
+from onboard.vision.lane import HostLane, LaneMarkingDetector, LaneShape
 from onboard.vision.perspective import Perspective
 from sim_rig.rendering.scene import Light, Scene, SceneCar
-from tests.vision.drive import CAMERA, PICTURE
+from tests.vision.drive import CAMERA, RENDERER
 
 LANE_M = 3.5
-FINDER = MarkingFinder(Perspective(CAMERA), LANE_M)
+FINDER = LaneMarkingDetector(Perspective(CAMERA), LANE_M)
 
 
 def painted(shape: LaneShape, *, dashed: bool = False, lines: tuple[float, ...] = (-0.5, 0.5)):
@@ -23,7 +23,7 @@ def painted(shape: LaneShape, *, dashed: bool = False, lines: tuple[float, ...] 
             corners = []
             for ahead_m, side_m in ((0.0, -1), (0.0, 1), (1.0, 1), (1.0, -1)):
                 middle_m = shape.middle_m(start_m + ahead_m) + line * shape.width_m
-                u, v = PICTURE.project(start_m + ahead_m, middle_m + 0.075 * side_m, 0.0)
+                u, v = RENDERER.project(start_m + ahead_m, middle_m + 0.075 * side_m, 0.0)
                 corners.append((u * 16, v * 16))
             cv2.fillConvexPoly(image, np.array(corners, np.int32), (200, 200, 200), cv2.LINE_AA, 4)
     rng = np.random.default_rng(1)
@@ -32,7 +32,7 @@ def painted(shape: LaneShape, *, dashed: bool = False, lines: tuple[float, ...] 
 
 @pytest.mark.parametrize("light", Light)
 def test_the_rigs_lane_is_found_in_any_light(light: Light) -> None:
-    image = PICTURE.draw(Scene(light=light, travelled_m=5.0), np.random.default_rng(1))
+    image = RENDERER.draw(Scene(light=light, travelled_m=5.0), np.random.default_rng(1))
 
     shape = FINDER.find(image)
 
@@ -80,7 +80,7 @@ def test_pictures_of_nothing_have_no_lane() -> None:
 def test_cars_on_the_road_do_not_bend_it() -> None:
     cars = (SceneCar(20.0, 0.0, plate="GN417KB"), SceneCar(15.0, 3.5), SceneCar(30.0, -3.5))
     shapes = [
-        FINDER.find(PICTURE.draw(Scene(cars=cars, travelled_m=m), np.random.default_rng(1)))
+        FINDER.find(RENDERER.draw(Scene(cars=cars, travelled_m=m), np.random.default_rng(1)))
         for m in range(12)
     ]
 
@@ -90,7 +90,7 @@ def test_cars_on_the_road_do_not_bend_it() -> None:
 
 
 def test_a_lane_is_believed_fit_by_fit_and_forgotten_slowly() -> None:
-    lane = OwnLane(LANE_M)
+    lane = HostLane(LANE_M)
     for _ in range(10):
         lane.receive_fit(LaneShape(3.5, offset_m=0.5, curvature_1_m=1 / 300))
     assert lane.shape.middle_m(30.0) == pytest.approx(0.5 + 900 / 600, rel=0.05)

@@ -1,33 +1,32 @@
-"""The lead is the nearest car that is seen in the own lane; sightings are handed in as found."""
+"""The lead is the nearest car that is seen in the own lane; detections are handed in as found."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from onboard.vision.car_track import CarTrack
-from onboard.vision.lane import OwnLane
-from onboard.vision.lead import LeadChoice
+from onboard.vision.detection import Detection, DetectionKind
+from onboard.vision.lane import HostLane
+from onboard.vision.lead import LeadSelector
 from onboard.vision.perspective import RoadPosition
-from onboard.vision.plate_observation import Cue, Sighting
 from onboard.vision.tracker import Tracker
+from onboard.vision.vehicle_track import VehicleTrack
 
 LANE_M = 3.5
-KEEP_S = 1.5
 STEP_S = 0.1
 
 
-def sighting(
+def detection(
     ahead_m: float,
     right_m: float = 0.0,
     text: str | None = "GN417KB",
-    cue: Cue = Cue.PLATE,
+    kind: DetectionKind = DetectionKind.PLATE,
     height_m: float = 0.6,
-) -> Sighting:
-    return Sighting(
-        cue=cue,
+) -> Detection:
+    return Detection(
+        kind=kind,
         corners_px=np.zeros((4, 2), np.float32),
-        place=RoadPosition(ahead_m, right_m, height_m),
+        position=RoadPosition(ahead_m, right_m, height_m),
         ahead_sigma_m=0.02 * ahead_m,
         right_sigma_m=0.1,
         text=text,
@@ -38,22 +37,22 @@ def sighting(
 
 @dataclass
 class Watcher:
-    """Drives tracker and choice with one list of sightings a step."""
+    """Drives tracker and choice with one list of detections a step."""
 
     def __post_init__(self) -> None:
-        self.tracker = Tracker(LANE_M, KEEP_S, 10.0, 0.9)
-        self.choice = LeadChoice(OwnLane(LANE_M))
+        self.tracker = Tracker(LANE_M)
+        self.choice = LeadSelector(HostLane(LANE_M))
         self.stamp_s = 0.0
 
-    def step(self, *sightings: Sighting) -> CarTrack | None:
+    def step(self, *detections: Detection) -> VehicleTrack | None:
         self.stamp_s += STEP_S
-        self.tracker.receive_sightings(list(sightings), self.stamp_s)
-        return self.choice.choose(self.tracker.tracks, self.stamp_s)
+        self.tracker.receive_detections(list(detections), self.stamp_s)
+        return self.choice.select(self.tracker.tracks, self.stamp_s)
 
-    def steps(self, count: int, *sightings: Sighting) -> CarTrack | None:
+    def steps(self, count: int, *detections: Detection) -> VehicleTrack | None:
         lead = None
         for _ in range(count):
-            lead = self.step(*sightings)
+            lead = self.step(*detections)
         return lead
 
 
@@ -61,11 +60,11 @@ def test_an_empty_road_has_no_lead() -> None:
     assert Watcher().step() is None
 
 
-def test_a_car_is_the_lead_at_its_third_sighting() -> None:
+def test_a_car_is_the_lead_at_its_third_detection() -> None:
     watcher = Watcher()
 
-    assert watcher.steps(2, sighting(20.0)) is None
-    lead = watcher.step(sighting(20.0))
+    assert watcher.steps(2, detection(20.0)) is None
+    lead = watcher.step(detection(20.0))
 
     assert lead is not None
     assert lead.ahead.position_m == pytest.approx(20.0)
@@ -73,7 +72,7 @@ def test_a_car_is_the_lead_at_its_third_sighting() -> None:
 
 def test_a_trick_of_the_light_is_no_car() -> None:
     watcher = Watcher()
-    watcher.step(sighting(20.0))
+    watcher.step(detection(20.0))
     watcher.steps(8)
 
     assert watcher.tracker.tracks == []
@@ -83,7 +82,7 @@ def test_a_trick_of_the_light_is_no_car() -> None:
 def test_a_car_of_the_next_lane_is_no_lead_however_near_and_sharp(right_m: float) -> None:
     watcher = Watcher()
 
-    lead = watcher.steps(20, sighting(8.0, right_m, "YW903MS"), sighting(30.0, 0.3, None))
+    lead = watcher.steps(20, detection(8.0, right_m, "YW903MS"), detection(30.0, 0.3, None))
 
     assert lead is not None
     assert lead.ahead.position_m == pytest.approx(30.0, abs=0.1)
@@ -91,7 +90,7 @@ def test_a_car_of_the_next_lane_is_no_lead_however_near_and_sharp(right_m: float
 
 
 def test_the_nearer_of_two_in_the_lane_is_the_lead() -> None:
-    lead = Watcher().steps(5, sighting(40.0, 0.0, "FAR1"), sighting(15.0, 0.5, "NEAR1"))
+    lead = Watcher().steps(5, detection(40.0, 0.0, "FAR1"), detection(15.0, 0.5, "NEAR1"))
 
     assert lead is not None
     assert lead.text == "NEAR1"
@@ -99,9 +98,9 @@ def test_the_nearer_of_two_in_the_lane_is_the_lead() -> None:
 
 def test_a_lead_without_a_legible_plate_stays_the_same_known_car() -> None:
     watcher = Watcher()
-    watcher.steps(10, sighting(20.0))
+    watcher.steps(10, detection(20.0))
 
-    lead = watcher.steps(20, sighting(20.0, 0.0, None))
+    lead = watcher.steps(20, detection(20.0, 0.0, None))
 
     assert lead is not None
     assert lead.text == "GN417KB"
@@ -110,7 +109,7 @@ def test_a_lead_without_a_legible_plate_stays_the_same_known_car() -> None:
 def test_an_unseen_lead_is_kept_for_a_while_and_goes_on_moving() -> None:
     watcher = Watcher()
     for index in range(20):
-        watcher.step(sighting(30.0 - 0.2 * index))
+        watcher.step(detection(30.0 - 0.2 * index))
 
     lead = watcher.steps(10)
 
@@ -121,8 +120,8 @@ def test_an_unseen_lead_is_kept_for_a_while_and_goes_on_moving() -> None:
 
 def test_a_missed_frame_does_not_hand_the_lead_to_a_car_beyond_it() -> None:
     watcher = Watcher()
-    far = sighting(40.0, 0.0, "FAR1")
-    watcher.steps(10, sighting(15.0, 0.0, "NEAR1"), far)
+    far = detection(40.0, 0.0, "FAR1")
+    watcher.steps(10, detection(15.0, 0.0, "NEAR1"), far)
 
     assert (lead := watcher.steps(3, far)) is not None
     assert lead.text == "NEAR1"
@@ -130,8 +129,8 @@ def test_a_missed_frame_does_not_hand_the_lead_to_a_car_beyond_it() -> None:
 
 def test_an_unseen_lead_gives_way_to_a_car_seen_through_it() -> None:
     watcher = Watcher()
-    far = sighting(40.0, 0.0, "FAR1")
-    watcher.steps(10, sighting(15.0, 0.0, "NEAR1"), far)
+    far = detection(40.0, 0.0, "FAR1")
+    watcher.steps(10, detection(15.0, 0.0, "NEAR1"), far)
 
     assert (lead := watcher.steps(6, far)) is not None
     assert lead.text == "FAR1"
@@ -142,7 +141,7 @@ def test_a_car_that_cuts_in_becomes_the_lead_when_it_is_in_the_lane() -> None:
     leads = []
     for index in range(40):
         right_m = max(0.0, 3.5 - 0.12 * index)
-        lead = watcher.step(sighting(30.0, 0.0, "OLD1"), sighting(12.0, right_m, "CUTIN"))
+        lead = watcher.step(detection(30.0, 0.0, "OLD1"), detection(12.0, right_m, "CUTIN"))
         leads.append((right_m, lead.text if lead else None))
 
     assert all(text != "CUTIN" for right_m, text in leads if right_m > 0.5 * LANE_M)
@@ -151,11 +150,11 @@ def test_a_car_that_cuts_in_becomes_the_lead_when_it_is_in_the_lane() -> None:
 
 def test_a_lead_that_leaves_the_lane_is_no_lead_any_more() -> None:
     watcher = Watcher()
-    watcher.steps(10, sighting(20.0))
+    watcher.steps(10, detection(20.0))
     leads = []
     for index in range(40):
         right_m = min(3.5, 0.12 * index)
-        leads.append((right_m, watcher.step(sighting(20.0, right_m))))
+        leads.append((right_m, watcher.step(detection(20.0, right_m))))
 
     assert all(lead is not None for right_m, lead in leads if right_m < 0.4 * LANE_M)
     assert all(lead is None for right_m, lead in leads if right_m > 0.7 * LANE_M)
@@ -168,21 +167,21 @@ def test_parked_cars_that_sweep_past_while_the_own_car_turns_are_no_leads() -> N
     for index in range(40):
         on_the_road_m = [20.0 + 9.0 * car - 6.0 * STEP_S * index for car in range(4)]
         places = [(s, 3.0 - s**2 / 50.0) for s in on_the_road_m if 2.0 < s < 13.0]
-        leads.append(watcher.step(*(sighting(ahead_m, right_m) for ahead_m, right_m in places)))
+        leads.append(watcher.step(*(detection(ahead_m, right_m) for ahead_m, right_m in places)))
 
     assert leads == [None] * 40
 
 
 @pytest.mark.parametrize("right_m", [-1.0, 0.5, 1.0])
 def test_a_car_that_stays_beside_the_middle_is_a_lead_all_the_same(right_m: float) -> None:
-    assert Watcher().steps(5, sighting(13.0, right_m)) is not None
+    assert Watcher().steps(5, detection(13.0, right_m)) is not None
 
 
 def test_a_car_on_the_line_does_not_flap() -> None:
     watcher = Watcher()
-    watcher.steps(10, sighting(20.0, 1.0))
+    watcher.steps(10, detection(20.0, 1.0))
     rng = np.random.default_rng(5)
-    leads = [watcher.step(sighting(20.0, 1.55 + rng.normal(0.0, 0.1))) for _ in range(100)]
+    leads = [watcher.step(detection(20.0, 1.55 + rng.normal(0.0, 0.1))) for _ in range(100)]
 
     assert all(lead is not None for lead in leads)
 
@@ -191,10 +190,10 @@ def test_a_car_on_the_line_does_not_flap() -> None:
 def test_who_is_seen_a_cars_length_beyond_a_lead_that_is_gone_is_another(steps_away: int) -> None:
     """It turned off; the car before it is too far away to be read, and its distance is rough."""
     watcher = Watcher()
-    watcher.steps(10, sighting(6.0))
+    watcher.steps(10, detection(6.0))
     watcher.steps(steps_away)
 
-    lead = watcher.steps(8, sighting(12.5, text=None))
+    lead = watcher.steps(8, detection(12.5, text=None))
 
     assert lead is not None
     assert lead.text is None
@@ -204,10 +203,10 @@ def test_who_is_seen_a_cars_length_beyond_a_lead_that_is_gone_is_another(steps_a
 def test_a_lead_that_went_on_unseen_is_the_same() -> None:
     watcher, rate_m_s = Watcher(), 4.0
     for step in range(10):
-        watcher.step(sighting(10.0 + rate_m_s * STEP_S * step))
+        watcher.step(detection(10.0 + rate_m_s * STEP_S * step))
     watcher.steps(10)
 
-    lead = watcher.step(sighting(10.0 + rate_m_s * STEP_S * 20, text=None))
+    lead = watcher.step(detection(10.0 + rate_m_s * STEP_S * 20, text=None))
 
     assert lead is not None
     assert lead.text == "GN417KB"
@@ -215,8 +214,8 @@ def test_a_lead_that_went_on_unseen_is_the_same() -> None:
 
 def test_another_plate_at_another_place_is_another_car() -> None:
     watcher = Watcher()
-    watcher.steps(10, sighting(25.0, 0.0, "OLD1"))
-    lead = watcher.steps(3, sighting(25.0, 0.0, "OLD1"), sighting(10.0, 0.0, "NEW1"))
+    watcher.steps(10, detection(25.0, 0.0, "OLD1"))
+    lead = watcher.steps(3, detection(25.0, 0.0, "OLD1"), detection(10.0, 0.0, "NEW1"))
 
     assert lead is not None
     assert lead.text == "NEW1"
@@ -224,7 +223,7 @@ def test_another_plate_at_another_place_is_another_car() -> None:
 
 def test_two_plates_on_one_car_are_one_car_with_the_plate_it_had() -> None:
     watcher = Watcher()
-    upper, lower = sighting(20.0, 0.0, "RACK1", height_m=1.0), sighting(20.0, 0.2, "GN417KB")
+    upper, lower = detection(20.0, 0.0, "RACK1", height_m=1.0), detection(20.0, 0.2, "GN417KB")
     watcher.steps(3, lower)
     for index in range(30):
         watcher.step(*((upper, lower) if index % 2 else (lower, upper)))
@@ -235,7 +234,7 @@ def test_two_plates_on_one_car_are_one_car_with_the_plate_it_had() -> None:
 @pytest.mark.parametrize("beside_m", [0.6, 0.9])
 def test_two_plates_beside_each_other_are_one_car_with_the_plate_it_had(beside_m: float) -> None:
     watcher = Watcher()
-    left, right = sighting(7.0, 0.0, "GN417KB"), sighting(7.1, beside_m, "SHOW1")
+    left, right = detection(7.0, 0.0, "GN417KB"), detection(7.1, beside_m, "SHOW1")
     watcher.steps(3, left)
     for index in range(30):
         watcher.step(*((left, right), (right, left), (left,))[index % 3])
@@ -245,14 +244,14 @@ def test_two_plates_beside_each_other_are_one_car_with_the_plate_it_had(beside_m
 
 def test_motorcycles_beside_each_other_are_two() -> None:
     watcher = Watcher()
-    watcher.steps(10, sighting(10.0, 0.0, "LEFT1"), sighting(10.0, 1.3, "RIGHT1"))
+    watcher.steps(10, detection(10.0, 0.0, "LEFT1"), detection(10.0, 1.3, "RIGHT1"))
 
     assert [track.text for track in watcher.tracker.tracks] == ["LEFT1", "RIGHT1"]
 
 
 def test_a_tag_and_a_plate_on_one_car_are_one_car_known_by_its_tag() -> None:
     watcher = Watcher()
-    watcher.steps(10, sighting(10.0), sighting(10.1, 0.1, "TAG7", Cue.TAG, 0.8))
+    watcher.steps(10, detection(10.0), detection(10.1, 0.1, "TAG7", DetectionKind.TAG, 0.8))
 
     assert [track.text for track in watcher.tracker.tracks] == ["TAG7"]
 
@@ -263,9 +262,9 @@ def test_cars_abreast_are_never_mixed_up() -> None:
     for index in range(100):
         ahead_m = 20.0 + 5.0 * np.sin(0.1 * index) + rng.normal(0.0, 0.2)
         seen = [
-            sighting(ahead_m, 0.0, "MIDDLE"),
-            sighting(40.0 - ahead_m, 3.5, "RIGHT"),
-            sighting(22.0, -3.5, "LEFT"),
+            detection(ahead_m, 0.0, "MIDDLE"),
+            detection(40.0 - ahead_m, 3.5, "RIGHT"),
+            detection(22.0, -3.5, "LEFT"),
         ]
         rng.shuffle(seen)
         watcher.step(*[each for each in seen if rng.random() < 0.8])
@@ -279,12 +278,12 @@ def test_cars_abreast_are_never_mixed_up() -> None:
 
 
 def test_a_lane_of_a_table_top_is_a_lane_too() -> None:
-    tracker, choice = Tracker(0.3, KEEP_S, 10.0, 0.9), LeadChoice(OwnLane(0.3))
+    tracker, choice = Tracker(0.3), LeadSelector(HostLane(0.3))
     lead = None
     for index in range(10):
         cars = [
-            Sighting(
-                Cue.TAG,
+            Detection(
+                DetectionKind.TAG,
                 np.zeros((4, 2), np.float32),
                 RoadPosition(ahead_m, right_m, 0.04),
                 0.005,
@@ -296,8 +295,8 @@ def test_a_lane_of_a_table_top_is_a_lane_too() -> None:
             for ahead_m, right_m, text in ((0.5, 0.0, "TAG1"), (0.4, 0.3, "TAG2"))
         ]
         stamp_s = index * STEP_S
-        tracker.receive_sightings(cars, stamp_s)
-        lead = choice.choose(tracker.tracks, stamp_s)
+        tracker.receive_detections(cars, stamp_s)
+        lead = choice.select(tracker.tracks, stamp_s)
 
     assert len(tracker.tracks) == 2
     assert lead is not None

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from onboard.observations import LeadIdentity, Sensor, SensorLost, SensorRecovered
-from onboard.vision.frame_check import PictureCheck
-from onboard.vision.frames import decode_picture
-from onboard.vision.perception import Perception
+from onboard.vision.frame_check import FrameCheck
+from onboard.vision.frames import decode_image
+from onboard.vision.perception import Networks, Perception
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import Scene, SceneCar
-from tests.vision.drive import Seen, frames, see
+from tests.vision.drive import Observed, frames, see
 
 CAMERA = CameraSettings(
     source="rendered",
@@ -46,8 +46,8 @@ def drive() -> Drive:
     return rendered(SceneCar(GAP_M, 0.2, plate=LEAD))
 
 
-def looked_at(pictures: Drive) -> Seen:
-    return see(Perception(CAMERA, VisionSettings(), finder=FINDER, reader=READER), iter(pictures))
+def searched_at(pictures: Drive) -> Observed:
+    return see(Perception(CAMERA, VisionSettings(), Networks(FINDER, READER)), iter(pictures))
 
 
 def spoilt(drive: Drive, *ways: Change) -> Drive:
@@ -58,7 +58,7 @@ def spoilt(drive: Drive, *ways: Change) -> Drive:
     ]
 
 
-def assert_still_known(seen: Seen) -> None:
+def assert_still_known(seen: Observed) -> None:
     assert {lead.text for lead in seen.leads} <= {None, LEAD}
     assert seen.leads[-1].text == LEAD
     assert seen.leads[-1].gap_m == pytest.approx(GAP_M, rel=0.1)
@@ -81,10 +81,10 @@ def not_decoded(_: Image) -> Image:
 
 
 def test_what_is_no_picture_of_the_road_is_discarded_and_the_lead_stays_known(drive: Drive) -> None:
-    seen = looked_at(spoilt(drive, blank(0), blank(255), rotated, narrower, not_decoded))
+    seen = searched_at(spoilt(drive, blank(0), blank(255), rotated, narrower, not_decoded))
 
     reasons = [event.reason for event in seen.discarded]
-    assert reasons == ["blank_picture"] * 2 + ["picture_size"] * 2 + ["corrupt_picture"]
+    assert reasons == ["blank_frame"] * 2 + ["frame_size"] * 2 + ["corrupt_frame"]
     assert len(seen.leads) == len(drive) - len(reasons)
     assert_still_known(seen)
 
@@ -109,7 +109,7 @@ def half_as_large(image: Image) -> Image:
 
 @pytest.mark.parametrize("how", [torn, darker, overexposed, half_as_large])
 def test_pictures_that_are_odd_do_not_change_who_is_ahead(drive: Drive, how: Change) -> None:
-    seen = looked_at(spoilt(drive, how))
+    seen = searched_at(spoilt(drive, how))
 
     assert len(seen.leads) == len(drive)
     assert_still_known(seen)
@@ -118,7 +118,7 @@ def test_pictures_that_are_odd_do_not_change_who_is_ahead(drive: Drive, how: Cha
 def test_a_stream_that_changes_its_resolution_for_good_keeps_the_lead(drive: Drive) -> None:
     pictures = drive[:10] + [(stamp_s, half_as_large(image)) for stamp_s, image in drive[10:]]
 
-    assert_still_known(looked_at(pictures))
+    assert_still_known(searched_at(pictures))
 
 
 def test_a_stream_that_changes_its_resolution_to_and_fro_does_not_come_nearer(drive: Drive) -> None:
@@ -129,7 +129,7 @@ def test_a_stream_that_changes_its_resolution_to_and_fro_does_not_come_nearer(dr
         for index, (stamp_s, image) in enumerate(drive)
     ]
 
-    seen = looked_at(pictures)
+    seen = searched_at(pictures)
 
     assert_still_known(seen)
     for lead in seen.leads[2:]:
@@ -151,15 +151,15 @@ def no_signal(_: float) -> Image:
 def test_a_camera_that_sees_nothing_does_not_say_that_the_road_is_free(
     given: Callable[[float], Image],
 ) -> None:
-    seen = looked_at([(0.1 * index, given(0.1 * index)) for index in range(5)])
+    seen = searched_at([(0.1 * index, given(0.1 * index)) for index in range(5)])
 
-    assert [event.reason for event in seen.discarded] == ["blank_picture"] * 5
+    assert [event.reason for event in seen.discarded] == ["blank_frame"] * 5
     assert seen.leads == []
 
 
 @pytest.mark.parametrize("axis", [0, 1, -1], ids=["upside down", "mirrored", "both"])
 def test_a_camera_mounted_wrongly_names_nobody(drive: Drive, axis: int) -> None:
-    seen = looked_at([(stamp_s, np.asarray(cv2.flip(i, axis), np.uint8)) for stamp_s, i in drive])
+    seen = searched_at([(stamp_s, np.asarray(cv2.flip(i, axis), np.uint8)) for stamp_s, i in drive])
 
     assert {lead.text for lead in seen.leads} == {None}
 
@@ -168,7 +168,7 @@ def test_a_frozen_camera_is_lost_and_the_lead_is_known_again_when_it_is_back(dri
     frozen = [(1.5 + 0.1 * index, drive[-1][1]) for index in range(15)]
     after = [(3.0 + stamp_s, image) for stamp_s, image in drive]
 
-    seen = looked_at(drive + frozen + after)
+    seen = searched_at(drive + frozen + after)
 
     lost, back = seen.health
     assert isinstance(lost, SensorLost)
@@ -189,7 +189,7 @@ def test_a_camera_that_was_away_does_not_know_who_is_ahead_now(drive: Drive, how
     another = rendered(SceneCar(28.0, plate="YW903MS", colour_bgr=(40, 40, 160)))
     back = [(60.0 + stamp_s, image) for stamp_s, image in another]
 
-    seen = looked_at(drive + away + back)
+    seen = searched_at(drive + away + back)
 
     after = [lead for lead in seen.leads if lead.stamp_s >= 60.0]
     assert {lead.text for lead in after} == {None}
@@ -199,7 +199,7 @@ def test_a_camera_that_was_away_does_not_know_who_is_ahead_now(drive: Drive, how
 def test_a_camera_that_was_away_for_a_second_still_knows_who_is_ahead(drive: Drive) -> None:
     back = [(2.4 + stamp_s, image) for stamp_s, image in drive]
 
-    seen = looked_at(drive + back)
+    seen = searched_at(drive + back)
 
     assert {lead.text for lead in seen.leads if lead.stamp_s >= 2.4} == {LEAD}
 
@@ -224,7 +224,7 @@ def test_a_frozen_camera_is_lost_though_it_tells_the_time(
         changed(shown := image.copy(), stamp_s)
         pictures.append((stamp_s, shown))
 
-    seen = looked_at(pictures)
+    seen = searched_at(pictures)
 
     assert [type(event) for event in seen.health] == [SensorLost]
     assert {lead.stamp_s for lead in seen.leads if lead.stamp_s >= seen.health[0].stamp_s} == set()
@@ -232,15 +232,15 @@ def test_a_frozen_camera_is_lost_though_it_tells_the_time(
 
 def test_a_camera_that_stands_behind_a_standing_car_is_not_frozen() -> None:
     """However much its pictures are compressed: nine tenths of their pixels are equal."""
-    check, scene = PictureCheck(), Scene((SceneCar(GAP_M, 0.2, plate=LEAD),))
+    check, scene = FrameCheck(), Scene((SceneCar(GAP_M, 0.2, plate=LEAD),))
 
     for _, image in frames(lambda _: scene, 0.5, camera=CAMERA):
         data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 30])[1]
-        assert not check.look(decode_picture(data.tobytes())).is_repeat
+        assert not check.look(decode_image(data.tobytes())).is_repeat
 
 
 def test_a_plate_in_the_next_lane_is_no_lead_where_the_own_lane_is_empty() -> None:
-    seen = looked_at(rendered(SceneCar(22.0, 3.5, plate=LEAD)))
+    seen = searched_at(rendered(SceneCar(22.0, 3.5, plate=LEAD)))
 
     assert seen.cars
     assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}

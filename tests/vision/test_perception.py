@@ -16,7 +16,8 @@ from onboard.observations import (
     SensorRecovered,
     VehicleDetection,
 )
-from onboard.vision.perception import GUESSED_LENS_SIGMA, Perception
+from onboard.vision.networks import load_perception
+from onboard.vision.perception import DEFAULT_PARAMETERS, GUESSED_LENS_SIGMA
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, TAGS, frames, see
@@ -34,14 +35,14 @@ def road(*cars: SceneCar) -> Scene:
 
 
 def test_there_is_exactly_one_lead_for_each_picture() -> None:
-    seen = see(Perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 2.0))
+    seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 2.0))
 
     assert [lead.stamp_s for lead in seen.leads] == pytest.approx(np.arange(20) / 10)
 
 
 def test_no_lead_unknown_lead_and_known_lead_are_three_things() -> None:
-    nobody = see(Perception(CAMERA, SETTINGS), frames(lambda _: road(), 1.0))
-    somebody = see(Perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 1.0))
+    nobody = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(), 1.0))
+    somebody = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 1.0))
 
     assert {lead.identity for lead in nobody.leads} == {LeadIdentity.NO_LEAD}
     assert {(lead.text, lead.gap_m) for lead in nobody.leads} == {(None, None)}
@@ -50,7 +51,7 @@ def test_no_lead_unknown_lead_and_known_lead_are_three_things() -> None:
 
 
 def test_a_lamp_in_a_dark_window_is_no_tag_though_one_looks_like_it() -> None:
-    seen = see(Perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(10, 0, 17)), 1.0))
+    seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(10, 0, 17)), 1.0))
 
     assert seen.plates == []
     assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
@@ -58,7 +59,7 @@ def test_a_lamp_in_a_dark_window_is_no_tag_though_one_looks_like_it() -> None:
 
 @pytest.mark.parametrize("gap_m", [5.0, 10.0, 15.0, 20.0])
 def test_the_gap_is_told_by_the_size_of_the_tag(gap_m: float) -> None:
-    seen = see(Perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(gap_m, 0, 1)), 1.0))
+    seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(gap_m, 0, 1)), 1.0))
 
     lead = seen.leads[-1]
     assert lead.gap_m == pytest.approx(gap_m, rel=0.04)
@@ -67,7 +68,9 @@ def test_the_gap_is_told_by_the_size_of_the_tag(gap_m: float) -> None:
 
 
 def test_closing_speed_is_positive_while_the_gap_shrinks() -> None:
-    seen = see(Perception(CAMERA, SETTINGS), frames(lambda t: road(tagged(25 - 4 * t, 0, 1)), 3.0))
+    seen = see(
+        load_perception(CAMERA, SETTINGS), frames(lambda t: road(tagged(25 - 4 * t, 0, 1)), 3.0)
+    )
 
     lead = seen.leads[-1]
     assert lead.closing_speed_m_s == pytest.approx(4.0, abs=0.5)
@@ -76,7 +79,7 @@ def test_closing_speed_is_positive_while_the_gap_shrinks() -> None:
 
 def test_a_nearer_car_of_the_next_lane_is_seen_and_is_no_lead() -> None:
     scene = road(tagged(10, 3.5, 3), tagged(20, 0, 1))
-    seen = see(Perception(CAMERA, SETTINGS), frames(lambda _: scene, 1.0))
+    seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: scene, 1.0))
 
     assert {lead.text for lead in seen.leads[3:]} == {"TAG1"}
     assert {plate.text for plate in seen.plates if plate.is_lead} == {"TAG1"}
@@ -88,7 +91,7 @@ def test_a_nearer_car_of_the_next_lane_is_seen_and_is_no_lead() -> None:
 
 def test_a_tracked_car_keeps_its_number() -> None:
     seen = see(
-        Perception(CAMERA, SETTINGS),
+        load_perception(CAMERA, SETTINGS),
         frames(lambda t: road(tagged(10 + t, -3.5 + 0.7 * t, 2)), 5.0),
     )
 
@@ -100,7 +103,7 @@ def test_a_car_that_cuts_in_becomes_the_lead() -> None:
     def scene(stamp_s: float) -> Scene:
         return road(tagged(25, 0, 1), tagged(12, max(0.0, 3.5 - 1.2 * stamp_s), 2))
 
-    seen = see(Perception(CAMERA, SETTINGS), frames(scene, 5.0))
+    seen = see(load_perception(CAMERA, SETTINGS), frames(scene, 5.0))
 
     texts = [lead.text for lead in seen.leads]
     assert texts[12] == "TAG1"
@@ -117,11 +120,11 @@ def test_a_lead_that_changes_in_a_repeated_picture_does_not_move_as_the_old_one_
         return road(tagged(8, -aside_m, 1), tagged(18 - 2 * stamp_s, 0.6, 2))
 
     drive = list(frames(scene, 3.0))
-    leads = see(Perception(CAMERA, SETTINGS), iter(drive)).leads
+    leads = see(load_perception(CAMERA, SETTINGS), iter(drive)).leads
     changed = next(index for index, lead in enumerate(leads) if lead.text == "TAG2")
     drive[changed] = (drive[changed][0], drive[changed - 1][1])
 
-    leads = see(Perception(CAMERA, SETTINGS), iter(drive)).leads
+    leads = see(load_perception(CAMERA, SETTINGS), iter(drive)).leads
 
     assert [lead.text for lead in leads[changed - 1 : changed + 1]] == ["TAG1", "TAG2"]
     for lead in leads[changed:]:
@@ -131,7 +134,9 @@ def test_a_lead_that_changes_in_a_repeated_picture_does_not_move_as_the_old_one_
 def test_tags_on_a_picture_at_half_the_resolution_are_as_far_away() -> None:
     half = frames(lambda _: road(tagged(8, 0, 1)), 1.0, camera=CAMERA.model_copy(update=_half()))
 
-    assert see(Perception(CAMERA, SETTINGS), half).leads[-1].gap_m == pytest.approx(8.0, rel=0.03)
+    assert see(load_perception(CAMERA, SETTINGS), half).leads[-1].gap_m == pytest.approx(
+        8.0, rel=0.03
+    )
 
 
 def _half() -> dict[str, float]:
@@ -145,12 +150,12 @@ def test_the_same_picture_again_and_again_is_a_lost_camera() -> None:
     frozen = [(1.0 + 0.1 * index, drive[-1][1]) for index in range(20)]
     after = [(3.0 + stamp_s, image) for stamp_s, image in drive]
 
-    seen = see(Perception(CAMERA, SETTINGS), iter(drive + frozen + after))
+    seen = see(load_perception(CAMERA, SETTINGS), iter(drive + frozen + after))
 
     lost, back = seen.health
     assert isinstance(lost, SensorLost)
     assert (lost.sensor, lost.reason) == (Sensor.CAMERA, "frozen")
-    assert 0.9 + SETTINGS.frozen_s < lost.stamp_s <= 1.9 + 1e-9
+    assert 0.9 + DEFAULT_PARAMETERS.frozen_after_s < lost.stamp_s <= 1.9 + 1e-9
     assert back == SensorRecovered(3.0, Sensor.CAMERA)
     assert not any(lost.stamp_s <= lead.stamp_s < 3.0 for lead in seen.leads)
     assert seen.leads[-1].text == "TAG1"
@@ -160,7 +165,7 @@ def test_a_repeated_picture_or_two_is_a_slow_camera_and_nothing_new() -> None:
     drive = list(frames(lambda t: road(tagged(20 - 2 * t, 0, 1)), 2.0))
     twice = [(0.05 * index, drive[index // 2][1]) for index in range(40)]
 
-    seen = see(Perception(CAMERA, SETTINGS), iter(twice))
+    seen = see(load_perception(CAMERA, SETTINGS), iter(twice))
 
     assert seen.health == []
     assert len(seen.leads) == 40
@@ -170,36 +175,34 @@ def test_a_repeated_picture_or_two_is_a_slow_camera_and_nothing_new() -> None:
 @pytest.mark.parametrize("level", [0, 128, 255])
 def test_a_picture_of_nothing_is_discarded(level: int) -> None:
     blank = np.full((540, 960, 3), level, np.uint8)
-    seen = see(Perception(CAMERA, SETTINGS), iter([(0.0, blank)]))
+    seen = see(load_perception(CAMERA, SETTINGS), iter([(0.0, blank)]))
 
-    assert [(event.component, event.reason) for event in seen.events] == [
-        ("vision", "blank_picture")
-    ]
+    assert [(event.component, event.reason) for event in seen.events] == [("vision", "blank_frame")]
 
 
 @pytest.mark.parametrize("shape", [(0, 0, 3), (540, 960), (540, 960, 4), (540, 0, 3)])
 def test_what_did_not_decode_is_discarded(shape: tuple[int, ...]) -> None:
-    seen = see(Perception(CAMERA, SETTINGS), iter([(0.0, np.zeros(shape, np.uint8))]))
+    seen = see(load_perception(CAMERA, SETTINGS), iter([(0.0, np.zeros(shape, np.uint8))]))
 
-    assert [event.reason for event in seen.discarded] == ["corrupt_picture"]
+    assert [event.reason for event in seen.discarded] == ["corrupt_frame"]
 
 
 def test_a_rotated_picture_is_discarded_and_the_next_sound_one_is_not() -> None:
     drive = list(frames(lambda _: road(tagged(15, 0, 1)), 1.0))
     drive[5] = (0.5, np.rot90(drive[5][1]).copy())
 
-    seen = see(Perception(CAMERA, SETTINGS), iter(drive))
+    seen = see(load_perception(CAMERA, SETTINGS), iter(drive))
 
-    assert [event.reason for event in seen.discarded] == ["picture_size"]
+    assert [event.reason for event in seen.discarded] == ["frame_size"]
     assert seen.leads[-1].text == "TAG1"
 
 
 def test_an_old_picture_is_discarded() -> None:
     drive = list(frames(lambda _: road(), 0.3))
 
-    seen = see(Perception(CAMERA, SETTINGS), iter([drive[1], drive[0], drive[2]]))
+    seen = see(load_perception(CAMERA, SETTINGS), iter([drive[1], drive[0], drive[2]]))
 
-    assert [event.reason for event in seen.discarded] == ["old_picture"]
+    assert [event.reason for event in seen.discarded] == ["old_frame"]
     assert [lead.stamp_s for lead in seen.leads] == pytest.approx([0.1, 0.2])
 
 
@@ -212,7 +215,7 @@ def test_torn_pictures_lose_no_lead() -> None:
             image[row:] = np.roll(image[row:], int(rng.integers(50, 900)), axis=1)
         drive.append((stamp_s, image))
 
-    seen = see(Perception(CAMERA, SETTINGS), iter(drive))
+    seen = see(load_perception(CAMERA, SETTINGS), iter(drive))
 
     assert {lead.text for lead in seen.leads[10:]} == {"TAG1"}
 
@@ -223,7 +226,7 @@ def test_sudden_exposure_changes_lose_no_lead() -> None:
         for stamp_s, image in frames(lambda _: road(tagged(15, 0, 1)), 4.0)
     ]
 
-    seen = see(Perception(CAMERA, SETTINGS), iter(drive))
+    seen = see(load_perception(CAMERA, SETTINGS), iter(drive))
 
     assert {lead.text for lead in seen.leads[4:]} == {"TAG1"}
 
@@ -236,10 +239,10 @@ def test_sudden_exposure_changes_lose_no_lead() -> None:
     )
 )
 def test_no_picture_raises(image: np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]) -> None:
-    sight = Perception(None, TAGS)
+    perception = load_perception(None, TAGS)
     for index in range(3):
-        sight.receive_frame(image, 0.1 * index)
-    assert sight.next_event() is not None
+        perception.receive_frame(image, 0.1 * index)
+    assert perception.next_event() is not None
 
 
 def test_who_guesses_the_lens_says_that_distances_are_a_guess() -> None:
@@ -249,7 +252,7 @@ def test_who_guesses_the_lens_says_that_distances_are_a_guess() -> None:
 
     def lead_and_car(camera: CameraSettings) -> tuple[Lead, VehicleDetection]:
         seen = see(
-            Perception(camera, SETTINGS), frames(lambda t: road(tagged(15 - 2 * t, 0, 1)), 1.0)
+            load_perception(camera, SETTINGS), frames(lambda t: road(tagged(15 - 2 * t, 0, 1)), 1.0)
         )
         return seen.leads[-1], seen.cars[-1]
 
@@ -264,12 +267,12 @@ def test_who_guesses_the_lens_says_that_distances_are_a_guess() -> None:
 
 
 def test_without_a_calibration_any_size_is_looked_at() -> None:
-    sight = Perception(None, SETTINGS)
+    perception = load_perception(None, SETTINGS)
     drive = list(frames(lambda _: road(tagged(15, 0, 1)), 0.2))
-    sight.receive_frame(drive[0][1], 0.0)
-    sight.receive_frame(drive[1][1][:, 200:800].copy(), 0.1)
+    perception.receive_frame(drive[0][1], 0.0)
+    perception.receive_frame(drive[1][1][:, 200:800].copy(), 0.1)
 
-    kinds = []
-    while (event := sight.next_event()) is not None:
-        kinds.append(event.kind)
-    assert kinds == ["plate", "lead", "plate", "lead"]
+    formats = []
+    while (event := perception.next_event()) is not None:
+        formats.append(event.kind)
+    assert formats == ["plate", "lead", "plate", "lead"]

@@ -22,7 +22,7 @@ PLACES = st.builds(
 
 
 CAMERA = CameraSettings(source="rendered", pitch_rad=0.03, yaw_rad=-0.04)
-PICTURE = CameraRenderer(CAMERA)
+RENDERER = CameraRenderer(CAMERA)
 
 
 def calibration(pitch_rad: float = 0.0, yaw_rad: float = 0.0, k1: float = 0.0) -> Calibration:
@@ -52,7 +52,7 @@ def test_projection_is_that_of_opencv(
 
 @given(PLACES)
 def test_projection_is_that_of_the_rig(place: RoadPosition) -> None:
-    expected = PICTURE.project(place.ahead_m, place.right_m, place.height_m)
+    expected = RENDERER.project(place.ahead_m, place.right_m, place.height_m)
 
     assert Perspective(CAMERA).project(place) == pytest.approx(expected, abs=1e-6)
 
@@ -61,7 +61,7 @@ def test_projection_is_that_of_the_rig(place: RoadPosition) -> None:
 def test_an_upright_tag_is_located_by_its_width(ahead_m: float, lateral_m: float) -> None:
     car = SceneCar(ahead_m, lateral_m, tag_id=1, tag_side_m=0.3)
 
-    place = Perspective(CAMERA).locate_upright(PICTURE.plate_quad(car), 0.3)
+    place = Perspective(CAMERA).locate_upright(RENDERER.plate_quad(car), 0.3)
 
     assert place.ahead_m == pytest.approx(ahead_m, rel=1e-4)
     assert place.right_m == pytest.approx(lateral_m, abs=1e-3)

@@ -1,4 +1,4 @@
-"""Plates on rendered roads are found where they are; what is none is left alone."""
+"""PlateRecognizer on rendered roads are found where they are; what is none is left alone."""
 
 import csv
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from onboard.observations import ImageBox
-from onboard.vision.plate_detector import FoundPlate, PlateDetector, as_input
+from onboard.vision.plate_detector import PlateDetection, PlateDetector, as_input
 from onboard.vision.settings import Calibration
 from sim_rig.rendering.clutter import surroundings
 from sim_rig.rendering.plate_art import FORMATS, PlateFormat
@@ -28,7 +28,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(2)
 
 
-def error_share(found: list[FoundPlate], quad: np.ndarray) -> float:
+def error_share(found: list[PlateDetection], quad: np.ndarray) -> float:
     """How far the worst corner of the best find is off, as a share of the plate's width."""
     errors = [np.hypot(*(plate.corners_px - quad).T).max() for plate in found]
     return float(min(errors, default=np.inf) / np.ptp(quad[:, 0]))
@@ -148,7 +148,7 @@ def test_light_only_shifts_what_the_network_sees() -> None:
 
 def test_box_and_width_of_a_find() -> None:
     corners = np.asarray([(10, 12), (110, 10), (111, 40), (9, 42)], np.float32)
-    plate = FoundPlate(corners, 0.9)
+    plate = PlateDetection(corners, 0.9)
     assert plate.box == ImageBox(9.0, 10.0, 102.0, 32.0)
     assert plate.width_px == pytest.approx(101.01, abs=0.02)
 

@@ -1,4 +1,4 @@
-"""Plates as the car sees them: rendered drives through both networks, and real clips."""
+"""PlateRecognizer as the car sees them: rendered drives through both networks, and real clips."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -7,31 +7,31 @@ import numpy as np
 import pytest
 
 from onboard.observations import LeadIdentity
-from onboard.tools.see.annotated_frame import see_frames
+from onboard.tools.see.annotated_frame import annotate_frames
 from onboard.vision.camera import open_frames
-from onboard.vision.perception import Perception
+from onboard.vision.perception import Networks, Perception
 from onboard.vision.plate_detector import Corners, Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.plate_art import EU, FORMATS, draw_plate
 from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar, opaque, warp_onto
-from tests.vision.drive import Seen, frames, see
+from tests.vision.drive import Observed, frames, see
 
 CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0, pitch_rad=0.02)
-PICTURE = CameraRenderer(CAMERA)
+RENDERER = CameraRenderer(CAMERA)
 FINDER, READER = PlateDetector(), PlateReader()
 OURS, THEIRS = "GN417KB", "YW903MS"
 
 
-def sight(settings: VisionSettings | None = None) -> Perception:
-    return Perception(CAMERA, settings or VisionSettings(), finder=FINDER, reader=READER)
+def perception(settings: VisionSettings | None = None) -> Perception:
+    return Perception(CAMERA, settings or VisionSettings(), Networks(FINDER, READER))
 
 
-def drive(*cars: SceneCar, light: Light = Light.DAY, duration_s: float = 1.5) -> Seen:
+def drive(*cars: SceneCar, light: Light = Light.DAY, duration_s: float = 1.5) -> Observed:
     def scene(stamp_s: float) -> Scene:
         return Scene(cars, light=light, travelled_m=15 * stamp_s)
 
-    return see(sight(), frames(scene, duration_s, camera=CAMERA))
+    return see(perception(), frames(scene, duration_s, camera=CAMERA))
 
 
 @pytest.mark.parametrize("light", Light)
@@ -55,7 +55,7 @@ def test_the_gaps_sigma_says_whether_the_width_of_the_plate_is_known() -> None:
     scene, sigmas_m = Scene((SceneCar(28.0, plate=OURS, plate_format=FORMATS["br"]),)), []
     for width_m in (None, 0.4):
         told = VisionSettings(plate_width_m=width_m)
-        seen = see(sight(told), frames(lambda _: scene, 1.5, camera=CAMERA))
+        seen = see(perception(told), frames(lambda _: scene, 1.5, camera=CAMERA))
         sigmas_m.append(seen.leads[-1].gap_sigma_m or 0.0)
 
     assert sigmas_m[0] > 1.1 * sigmas_m[1] > 0.0
@@ -90,7 +90,7 @@ class CountingReader:
 def test_plates_that_are_known_are_read_once_a_second() -> None:
     cars = SceneCar(9.0, plate=OURS), SceneCar(12.0, 3.5, plate=THEIRS)
     counting = CountingReader()
-    watching = Perception(CAMERA, VisionSettings(), finder=FINDER, reader=counting)
+    watching = Perception(CAMERA, VisionSettings(), Networks(FINDER, counting))
     pictures = list(frames(lambda _: Scene(cars), 3.0, camera=CAMERA))
     first = see(watching, iter(pictures[:10]))
     counting.plates = 0
@@ -112,7 +112,7 @@ def with_a_plate(
     left, top, right, bottom = place
     art = opaque(draw_plate(text, EU, px_per_mm=1.0))
     corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
-    quad = np.array([PICTURE.project(ahead_m, x, y) for x, y in corners], np.float32)
+    quad = np.array([RENDERER.project(ahead_m, x, y) for x, y in corners], np.float32)
     for stamp_s, image in drive:
         if stamp_s >= since_s:
             warp_onto(image, art, quad)
@@ -123,7 +123,7 @@ def test_a_tag_and_a_plate_on_one_car_are_one_car() -> None:
     car = SceneCar(8.0, tag_id=3, tag_side_m=0.2)
     drive = frames(lambda _: Scene((car,)), 1.0, camera=CAMERA)
 
-    seen = see(sight(), with_a_plate(drive, OURS, (-0.26, 0.96, 0.26, 0.85), ahead_m=8.0))
+    seen = see(perception(), with_a_plate(drive, OURS, (-0.26, 0.96, 0.26, 0.85), ahead_m=8.0))
 
     assert seen.leads[-1].text == "TAG3"
     assert {"TAG3", OURS} <= {plate.text for plate in seen.plates}
@@ -134,7 +134,9 @@ def test_a_second_plate_on_a_car_does_not_change_who_it_is() -> None:
     """A transporter's load, or a show plate in the window, from the second second on."""
     drive = frames(lambda _: Scene((SceneCar(8.0, plate=OURS),)), 2.5, camera=CAMERA)
 
-    seen = see(sight(), with_a_plate(drive, THEIRS, (-0.26, 1.21, 0.26, 1.1), 8.0, since_s=1.0))
+    seen = see(
+        perception(), with_a_plate(drive, THEIRS, (-0.26, 1.21, 0.26, 1.1), 8.0, since_s=1.0)
+    )
 
     assert THEIRS in {plate.text for plate in seen.plates}
     assert {lead.text for lead in seen.leads} == {None, OURS}
@@ -145,7 +147,7 @@ def test_a_plate_on_a_billboard_is_read_and_is_no_lead() -> None:
     """Two metres wide and 30 m ahead: as large as a plate 7.8 m away."""
     drive = frames(lambda _: Scene(), 1.5, camera=CAMERA)
 
-    seen = see(sight(), with_a_plate(drive, OURS, (-1.0, 3.8, 1.0, 3.38), ahead_m=30.0))
+    seen = see(perception(), with_a_plate(drive, OURS, (-1.0, 3.8, 1.0, 3.38), ahead_m=30.0))
 
     assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
 
@@ -162,7 +164,7 @@ def test_a_country_syntax_refuses_what_is_no_plate_there() -> None:
         return Scene((SceneCar(8.0, plate=OURS),))
 
     settings = VisionSettings(plate_patterns=("[0-9]{4}[A-Z]{3}",))
-    seen = see(sight(settings), frames(scene, 1.0, camera=CAMERA))
+    seen = see(perception(settings), frames(scene, 1.0, camera=CAMERA))
 
     assert {plate.text for plate in seen.plates} == {None}
     assert seen.leads[-1].identity is LeadIdentity.UNKNOWN
@@ -177,7 +179,7 @@ def test_real_clips_without_a_legible_plate_have_none(
     chosen = [frame for index, frame in enumerate(source) if index % every == 0]
 
     seen = list(
-        see_frames(chosen, Perception(None, VisionSettings(), finder=FINDER, reader=READER))
+        annotate_frames(chosen, Perception(None, VisionSettings(), Networks(FINDER, READER)))
     )
 
     assert len(seen) == len(chosen) >= 12

@@ -6,63 +6,71 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.perspective import RoadPosition
-from onboard.vision.plate_formats import PLATE_KINDS, CarsKind, MeanLook, PlateKinds
-from onboard.vision.plate_observation import Cue, Sighting
+from onboard.vision.plate_formats import (
+    PLATE_FORMATS,
+    MeanAppearance,
+    PlateFormats,
+    TrackPlateFormat,
+)
 from onboard.vision.tracker import Tracker
 
 FOCAL_PX = 1400.0
 EUROPE_M, BRAZIL_M, AMERICA_M = 0.52, 0.4, 0.305
 
 
-def sighting(kinds: PlateKinds, ahead_m: float, true_width_m: float, shape: float) -> Sighting:
+def detection(
+    formats: PlateFormats, ahead_m: float, true_width_m: float, shape: float
+) -> Detection:
     """A plate as it is found: so wide in the picture, and of that shape in this frame."""
     width_px = FOCAL_PX * true_width_m / ahead_m
     x, y = width_px / 2, width_px / 2 / shape
     places = {
-        width_m: RoadPosition(FOCAL_PX * width_m / width_px, 0.0, 0.6) for width_m in kinds.widths_m
+        width_m: RoadPosition(FOCAL_PX * width_m / width_px, 0.0, 0.6)
+        for width_m in formats.widths_m
     }
-    width_m = kinds.likely_width_m(shape, width_px)
-    return Sighting(
-        cue=Cue.PLATE,
+    width_m = formats.likely_width_m(shape, width_px)
+    return Detection(
+        kind=DetectionKind.PLATE,
         corners_px=np.array([(-x, -y), (x, -y), (x, y), (-x, y)], np.float32),
-        place=places[width_m],
+        position=places[width_m],
         ahead_sigma_m=0.02 * places[width_m].ahead_m,
         right_sigma_m=0.1,
         shape=shape,
         width_m=width_m,
-        places=places,
+        positions=places,
     )
 
 
 def test_a_shape_that_is_off_in_single_frames_makes_no_second_car_and_no_leap() -> None:
-    kinds = PlateKinds()
-    tracker = Tracker(3.5, 1.5, 10.0, 0.9, kinds=kinds)
+    formats = PlateFormats()
+    tracker = Tracker(3.5, formats=formats)
     gaps_m = []
     for index in range(30):
         shape = 3.6 if index % 5 == 4 else 5.0
-        seen = sighting(kinds, 10.0, EUROPE_M, shape)
-        tracker.receive_sightings([seen], index / 10)
+        seen = detection(formats, 10.0, EUROPE_M, shape)
+        tracker.receive_detections([seen], index / 10)
         gaps_m += [track.ahead.position_m for track in tracker.tracks]
 
     assert gaps_m == pytest.approx([10.0] * 30)
 
 
 def test_a_plate_that_came_out_too_long_while_it_was_small_is_known_when_it_is_near() -> None:
-    kinds = PlateKinds()
-    tracker = Tracker(3.5, 1.5, 10.0, 0.9, kinds=kinds)
+    formats = PlateFormats()
+    tracker = Tracker(3.5, formats=formats)
     for index in range(60):
         ahead_m = 12.0 - 0.12 * index
         shape = 2.9 if ahead_m > 9.0 else 2.1
-        tracker.receive_sightings([sighting(kinds, ahead_m, AMERICA_M, shape)], index / 10)
+        tracker.receive_detections([detection(formats, ahead_m, AMERICA_M, shape)], index / 10)
 
     (track,) = tracker.tracks
     assert track.ahead.position_m == pytest.approx(12.0 - 0.12 * 59, rel=0.02)
     assert track.ahead.rate_m_s == pytest.approx(-1.2, abs=0.2)
 
 
-def test_near_sightings_outweigh_many_from_afar() -> None:
-    shape = MeanLook()
+def test_near_detections_outweigh_many_from_afar() -> None:
+    shape = MeanAppearance()
     for _ in range(100):
         shape.add(2.9, 35.0)
     for _ in range(5):
@@ -71,92 +79,94 @@ def test_near_sightings_outweigh_many_from_afar() -> None:
     assert math.exp(shape.log_shape) == pytest.approx(2.1, rel=0.1)
 
 
-def known(kinds: PlateKinds, shape: float, width_px: float, sightings: int = 20) -> CarsKind:
+def known(
+    formats: PlateFormats, shape: float, width_px: float, detections: int = 20
+) -> TrackPlateFormat:
     """A car whose plate was sighted so often, always so."""
-    car = CarsKind(kinds)
-    for _ in range(sightings):
+    car = TrackPlateFormat(formats)
+    for _ in range(detections):
         car.add(shape, width_px)
     return car
 
 
-BETWEEN = math.sqrt(PLATE_KINDS[0][1] * PLATE_KINDS[1][1])
+BETWEEN = math.sqrt(PLATE_FORMATS[0][1] * PLATE_FORMATS[1][1])
 
 
 def test_what_is_common_in_a_drive_is_likelier_and_what_was_taken_is_kept_in_doubt() -> None:
-    kinds = PlateKinds()
-    known(kinds, 3.25, 100.0)
-    assert kinds.likely_width_m(BETWEEN, 40.0) == BRAZIL_M
+    formats = PlateFormats()
+    known(formats, 3.25, 100.0)
+    assert formats.likely_width_m(BETWEEN, 40.0) == BRAZIL_M
 
     for shape, width_m in ((5.0, EUROPE_M), (2.9, BRAZIL_M)):
-        car = known(PlateKinds(), shape, 40.0, sightings=3)
+        car = known(PlateFormats(), shape, 40.0, detections=3)
         assert source(car, BETWEEN, 40.0) == width_m
 
 
-def source(car: CarsKind, shape: float, width_px: float) -> float:
-    """What a car's plate is taken to be after many more sightings of that shape."""
+def source(car: TrackPlateFormat, shape: float, width_px: float) -> float:
+    """What a car's plate is taken to be after many more detections of that shape."""
     return [car.add(shape, width_px) for _ in range(100)][-1]
 
 
 def test_however_long_a_car_is_seen_it_does_not_confirm_what_it_was_first_taken_for() -> None:
-    car = known(PlateKinds(), 3.3, 30.0, sightings=60)
+    car = known(PlateFormats(), 3.3, 30.0, detections=60)
     assert car.width_m == BRAZIL_M
 
     assert source(car, 4.3, 60.0) == EUROPE_M
 
 
 def test_small_plates_tell_others_little_of_what_is_common() -> None:
-    """On light cars they look Brazilian."""
-    kinds = PlateKinds()
+    """On light cars they appearance Brazilian."""
+    formats = PlateFormats()
     for _ in range(10):
-        known(kinds, 3.4, 27.0)
+        known(formats, 3.4, 27.0)
 
-    assert kinds.likely_width_m(4.3, 80.0) == EUROPE_M
-    known(kinds, 4.5, 100.0)
-    assert kinds.likely_width_m(3.7, 27.0) == EUROPE_M
+    assert formats.likely_width_m(4.3, 80.0) == EUROPE_M
+    known(formats, 4.5, 100.0)
+    assert formats.likely_width_m(3.7, 27.0) == EUROPE_M
 
 
 def test_how_wide_a_plate_is_stays_open_while_it_is_small() -> None:
-    far, near = known(PlateKinds(), 3.5, 27.0), known(PlateKinds(), 4.5, 90.0)
+    far, near = known(PlateFormats(), 3.5, 27.0), known(PlateFormats(), 4.5, 90.0)
 
     assert (far.width_m, near.width_m) == (BRAZIL_M, EUROPE_M)
     assert far.sigma * BRAZIL_M > 0.5 * (EUROPE_M - BRAZIL_M)
     assert near.sigma < 0.05
-    assert known(PlateKinds(EUROPE_M), 3.5, 27.0).sigma == 0.0
+    assert known(PlateFormats(EUROPE_M), 3.5, 27.0).sigma == 0.0
 
 
 def test_a_blue_band_tells_europe_where_the_shape_leaves_it_open() -> None:
     for has_band, width_m in ((False, BRAZIL_M), (True, EUROPE_M)):
-        car = CarsKind(PlateKinds())
+        car = TrackPlateFormat(PlateFormats())
         for _ in range(20):
             car.add(3.4, 27.0, has_band=has_band)
         assert car.width_m == width_m
-    assert PlateKinds().likely_width_m(2.1, 60.0, has_band=True) == AMERICA_M
+    assert PlateFormats().likely_width_m(2.1, 60.0, has_band=True) == AMERICA_M
 
 
 def test_a_width_that_the_user_gives_is_that_of_all_plates() -> None:
-    kinds = PlateKinds(0.44)
+    formats = PlateFormats(0.44)
 
-    assert kinds.widths_m == (0.44,)
-    assert kinds.likely_width_m(5.0, 100.0) == 0.44
+    assert formats.widths_m == (0.44,)
+    assert formats.likely_width_m(5.0, 100.0) == 0.44
 
 
 def test_a_piece_of_the_plate_is_no_other_car_beyond_it() -> None:
-    kinds = PlateKinds(EUROPE_M)
-    tracker = Tracker(3.5, 1.5, 10.0, 0.9, kinds=kinds)
+    formats = PlateFormats(EUROPE_M)
+    tracker = Tracker(3.5, formats=formats)
     for index in range(20):
-        seen = sighting(kinds, 10.0 if index % 6 != 5 else 15.5, EUROPE_M, 5.0)
-        tracker.receive_sightings([seen], index / 10)
+        seen = detection(formats, 10.0 if index % 6 != 5 else 15.5, EUROPE_M, 5.0)
+        tracker.receive_detections([seen], index / 10)
 
     (track,) = tracker.tracks
     assert track.ahead.position_m == pytest.approx(10.0, rel=0.08)
 
 
 def test_a_plate_that_was_cut_off_for_a_moment_is_followed_on() -> None:
-    kinds = PlateKinds()
-    tracker = Tracker(3.5, 1.5, 10.0, 0.9, kinds=kinds)
-    whole = sighting(kinds, 10.0, EUROPE_M, 5.0)
-    for index, seen in enumerate([whole, whole, replace(whole, places={}), whole, whole]):
-        tracker.receive_sightings([seen], index / 10)
+    formats = PlateFormats()
+    tracker = Tracker(3.5, formats=formats)
+    whole = detection(formats, 10.0, EUROPE_M, 5.0)
+    for index, seen in enumerate([whole, whole, replace(whole, positions={}), whole, whole]):
+        tracker.receive_detections([seen], index / 10)
 
     (track,) = tracker.tracks
     assert track.ahead.position_m == pytest.approx(10.0)

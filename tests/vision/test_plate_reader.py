@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from onboard.vision.detection import SearchPlan
 from onboard.vision.perspective import Perspective
 from onboard.vision.plate_detector import PlateDetector
-from onboard.vision.plate_formats import PlateKinds
-from onboard.vision.plate_observation import Search
+from onboard.vision.plate_formats import PlateFormats
 from onboard.vision.plate_reader import (
     ALPHABET,
     CERTAIN,
@@ -18,7 +18,7 @@ from onboard.vision.plate_reader import (
     normalised,
     rectify,
 )
-from onboard.vision.plates import Plates
+from onboard.vision.plates import PlateRecognizer
 from onboard.vision.settings import Calibration
 from onboard.vision.syntax import PlateSyntax
 from sim_rig.rendering.lens import photograph
@@ -283,9 +283,11 @@ def test_what_fits_no_named_series_is_seen_and_not_believed(text: str) -> None:
     """RNE4539 would be the only look-alike of the first, and is another car."""
     image, _ = shown(text, FORMATS["eu"], 160, 0.0)
     reader = PlateReader(syntax=SERIES)
-    plates = Plates(PlateDetector(), reader, SERIES, Perspective(Calibration()), PlateKinds())
+    plates = PlateRecognizer(
+        PlateDetector(), reader, SERIES, Perspective(Calibration()), PlateFormats()
+    )
 
-    (sighting,) = plates.find(image, Search())
+    (detection,) = plates.find(image, SearchPlan())
 
-    assert sighting.was_read
-    assert sighting.text == (text if SERIES.fits(text) else None)
+    assert detection.was_read
+    assert detection.text == (text if SERIES.fits(text) else None)

@@ -1,12 +1,12 @@
-"""Plates as sightings: by a finder and a reader that say what they are told to."""
+"""PlateRecognizer as detections: by a finder and a reader that say what they are told to."""
 
 import numpy as np
 import pytest
 
 from onboard.observations import ImageBox, Lead, Plate
-from onboard.vision.perception import Perception
+from onboard.vision.perception import Networks, Perception, PerceptionParameters
 from onboard.vision.perspective import Perspective, RoadPosition
-from onboard.vision.plate_detector import Corners, FoundPlate, Image
+from onboard.vision.plate_detector import Corners, Image, PlateDetection
 from onboard.vision.plate_reader import PlateText
 from onboard.vision.settings import Calibration, VisionSettings
 from tests.vision.drive import CAMERA
@@ -20,12 +20,12 @@ class Finder:
     def __init__(self, left_px: float) -> None:
         x0, x1 = left_px, min(left_px + 90.0, CAMERA.width_px + 2.0)
         corners = [(x0, 300), (x1, 300), (x1, 320), (x0, 320)]
-        self.found = FoundPlate(np.array(corners, np.float32), 0.95)
+        self.found = PlateDetection(np.array(corners, np.float32), 0.95)
 
-    def find(self, image: Image, region: ImageBox | None = None) -> list[FoundPlate]:
+    def find(self, image: Image, region: ImageBox | None = None) -> list[PlateDetection]:
         return [self.found]
 
-    def find_again(self, image: Image, last: Corners) -> FoundPlate | None:
+    def find_again(self, image: Image, last: Corners) -> PlateDetection | None:
         return self.found
 
 
@@ -42,12 +42,12 @@ class Reader:
 
 def plates(finder: Finder, *reads: tuple[str, float]) -> list[Plate]:
     rng = np.random.default_rng(1)
-    settings = SETTINGS.model_copy(update={"read_known_every_s": 0.0, "read_every_s": 0.0})
-    sight = Perception(CAMERA, settings, finder=finder, reader=Reader(*reads))
+    always = PerceptionParameters(read_period_s=0.0, read_period_identified_s=0.0)
+    perception = Perception(CAMERA, SETTINGS, Networks(finder, Reader(*reads)), always)
     told = []
     for index in range(len(reads)):
-        sight.receive_frame(rng.integers(0, 255, (540, 960, 3), np.uint8), index / 10)
-        while (event := sight.next_event()) is not None:
+        perception.receive_frame(rng.integers(0, 255, (540, 960, 3), np.uint8), index / 10)
+        while (event := perception.next_event()) is not None:
             told += [event] if isinstance(event, Plate) else []
     return told
 
@@ -104,15 +104,15 @@ def test_a_camera_of_which_only_the_lens_is_known_may_look_up_or_down(pitch_rad:
         ]
     )
     finder = Finder(0.0)
-    finder.found = FoundPlate(quad.astype(np.float32), 0.95)
-    sight = Perception(
-        Calibration(**lens), SETTINGS, finder=finder, reader=Reader(*[("GN417KB", 0.9)] * 5)
+    finder.found = PlateDetection(quad.astype(np.float32), 0.95)
+    perception = Perception(
+        Calibration(**lens), SETTINGS, Networks(finder, Reader(*[("GN417KB", 0.9)] * 5))
     )
     rng = np.random.default_rng(1)
     leads = []
     for index in range(5):
-        sight.receive_frame(rng.integers(0, 255, (540, 960, 3), np.uint8), index / 10)
-        while (event := sight.next_event()) is not None:
+        perception.receive_frame(rng.integers(0, 255, (540, 960, 3), np.uint8), index / 10)
+        while (event := perception.next_event()) is not None:
             leads += [event] if isinstance(event, Lead) else []
 
     assert leads[-1].gap_m == pytest.approx(9.5, rel=0.1)

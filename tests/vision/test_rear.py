@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from onboard.observations import ImageBox, Lead, LeadIdentity
-from onboard.vision.perception import Perception
-from onboard.vision.rear import Rear
+from onboard.vision.networks import load_perception
+from onboard.vision.rear import RearTracker
 from onboard.vision.settings import VisionSettings
+from onboard.vision.tracker import KEEP_S
 from sim_rig.rendering.scene import Scene, SceneCar
-from tests.vision.drive import CAMERA, PICTURE, frames, see
+from tests.vision.drive import CAMERA, RENDERER, frames, see
 
 PLATE = ImageBox(300, 190, 40, 10)
 TAGS = VisionSettings(plates=False, tag_side_m=0.4)
@@ -31,16 +32,16 @@ def moved(image: np.ndarray, factor: float, right_px: float, down_px: float) -> 
 
 @pytest.mark.parametrize("factor", [0.93, 0.99, 1.0, 1.004, 1.03, 1.1])
 def test_growth_and_shift_are_measured(factor: float) -> None:
-    image, rear = textured(), Rear()
-    rear.remember(image, ImageBox(260, 130, 120, 100), PLATE)
+    image, rear = textured(), RearTracker()
+    rear.set_reference(image, ImageBox(260, 130, 120, 100), PLATE)
 
-    growth = rear.follow(moved(image, factor, 6.0, -3.0))
+    scale_change = rear.track(moved(image, factor, 6.0, -3.0))
 
-    assert growth is not None
-    assert growth.factor == pytest.approx(factor, abs=0.003)
+    assert scale_change is not None
+    assert scale_change.factor == pytest.approx(factor, abs=0.003)
     corners = np.array([[300, 160], [340, 160], [340, 170], [300, 170]], np.float32)
     expected = (corners - (320, 180)) * factor + (326, 177)
-    assert growth.moved(corners) == pytest.approx(expected, abs=0.3)
+    assert scale_change.moved(corners) == pytest.approx(expected, abs=0.3)
 
 
 @pytest.mark.parametrize(
@@ -49,34 +50,34 @@ def test_growth_and_shift_are_measured(factor: float) -> None:
     ids=["another place", "black", "twice as large"],
 )
 def test_what_is_not_there_any_more_is_not_followed(after: np.ndarray) -> None:
-    rear = Rear()
-    rear.remember(textured(), ImageBox(260, 130, 120, 100), PLATE)
+    rear = RearTracker()
+    rear.set_reference(textured(), ImageBox(260, 130, 120, 100), PLATE)
 
-    assert rear.follow(after) is None
+    assert rear.track(after) is None
 
 
 def test_a_wall_without_corners_is_not_followed() -> None:
-    wall, rear = np.full((360, 640, 3), 90, np.uint8), Rear()
-    rear.remember(wall, ImageBox(260, 130, 120, 100), PLATE)
+    wall, rear = np.full((360, 640, 3), 90, np.uint8), RearTracker()
+    rear.set_reference(wall, ImageBox(260, 130, 120, 100), PLATE)
 
-    assert rear.follow(wall) is None
+    assert rear.track(wall) is None
 
 
 @pytest.mark.parametrize("place", [(-300, -300), (620, 340), (0, 0), (630, 0)])
 def test_regions_at_and_beyond_the_rim_do_no_harm(place: tuple[int, int]) -> None:
-    image, rear = textured(), Rear()
-    rear.remember(image, ImageBox(*place, 120, 100), ImageBox(*place, 40, 10))
+    image, rear = textured(), RearTracker()
+    rear.set_reference(image, ImageBox(*place, 120, 100), ImageBox(*place, 40, 10))
 
-    growth = rear.follow(moved(image, 1.02, 0.0, 0.0))
+    scale_change = rear.track(moved(image, 1.02, 0.0, 0.0))
 
-    assert growth is None or growth.factor == pytest.approx(1.02, abs=0.01)
+    assert scale_change is None or scale_change.factor == pytest.approx(1.02, abs=0.01)
 
 
 def test_a_picture_that_shrank_in_between_is_not_followed() -> None:
-    image, rear = textured(), Rear()
-    rear.remember(image, ImageBox(400, 230, 120, 100), PLATE)
+    image, rear = textured(), RearTracker()
+    rear.set_reference(image, ImageBox(400, 230, 120, 100), PLATE)
 
-    assert rear.follow(image[:200, :300].copy()) is None
+    assert rear.track(image[:200, :300].copy()) is None
 
 
 def test_a_lead_whose_tag_cannot_be_read_for_seconds_is_kept_and_measured() -> None:
@@ -87,14 +88,14 @@ def test_a_lead_whose_tag_cannot_be_read_for_seconds_is_kept_and_measured() -> N
     for stamp_s, image in frames(lambda t: Scene(cars=(car(t),)), 8.0):
         if 3.0 <= stamp_s < 7.0:  # mud
             middle, side_px = (
-                PICTURE.plate_quad(car(stamp_s)).mean(axis=0),
+                RENDERER.plate_quad(car(stamp_s)).mean(axis=0),
                 330 / (14 - 0.7 * stamp_s),
             )
             corner = tuple(np.rint(middle - 0.6 * side_px).astype(int))
             cv2.rectangle(image, corner, tuple(np.rint(middle).astype(int)), (60, 70, 80), -1)
         drive.append((stamp_s, image))
 
-    seen = see(Perception(CAMERA, TAGS), iter(drive))
+    seen = see(load_perception(CAMERA, TAGS), iter(drive))
 
     muddy = [lead for lead in seen.leads if 3.0 <= lead.stamp_s < 7.0]
     assert not [plate for plate in seen.plates if 3.0 <= plate.stamp_s < 7.0]
@@ -107,10 +108,10 @@ def test_a_lead_that_vanishes_is_given_up_in_time() -> None:
     def scene(stamp_s: float) -> Scene:
         return Scene((SceneCar(15.0, tag_id=1, tag_side_m=0.4),) if stamp_s < 2.0 else ())
 
-    seen = see(Perception(CAMERA, TAGS), frames(scene, 5.0))
+    seen = see(load_perception(CAMERA, TAGS), frames(scene, 5.0))
 
     gone_at = min(lead.stamp_s for lead in seen.leads[10:] if lead.gap_m is None)
-    assert gone_at <= 2.0 + TAGS.keep_s + 0.2
+    assert gone_at <= 2.0 + KEEP_S + 0.2
     assert all(lead.gap_m is None for lead in seen.leads if lead.stamp_s > gone_at)
 
 
@@ -128,6 +129,6 @@ def test_closing_speed_follows_a_lead_that_speeds_up_and_slows_down() -> None:
         car = SceneCar(15.0 + 4.0 * np.sin(stamp_s), 0.2, tag_id=1, tag_side_m=0.4)
         return Scene(cars=(car,))
 
-    seen = see(Perception(CAMERA, TAGS), frames(scene, 6.0))
+    seen = see(load_perception(CAMERA, TAGS), frames(scene, 6.0))
 
     assert _closing_error_m_s(seen.leads) < 0.6

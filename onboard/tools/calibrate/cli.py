@@ -1,4 +1,4 @@
-"""`onboard calibrate`: what the camera is."""
+"""`onboard calibrate`: lens and mounting of a camera."""
 
 import math
 from pathlib import Path
@@ -16,7 +16,7 @@ from onboard.tools.calibrate.calibration import (
     Fit,
     calibrate_by_plates,
     calibrate_lens,
-    place_by_board,
+    mount_by_board,
 )
 from onboard.vision.camera import open_frames
 from onboard.vision.frames import Frame, Image
@@ -26,15 +26,15 @@ from onboard.vision.perspective import Perspective
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_ends import refine_ends
 from onboard.vision.plates import whole_plate
-from onboard.vision.recordings import Clip
+from onboard.vision.recordings import VideoFile
 from onboard.vision.settings import Calibration, CameraSettings, guessed_calibration
 
-MOST_OF_VIDEO = 60
-"""Frames of a video that a calibration takes, evenly spaced: all of one minute are 5 GB."""
+MAX_OF_VIDEO = 60
+"""Most frames of a video that are used, evenly spaced: all frames of a minute take 5 GB."""
 
 
 def calibrate(
-    pictures: Annotated[str, typer.Argument(help="A folder or glob of pictures, or a video.")],
+    images: Annotated[str, typer.Argument(help="A folder or glob of images, or a video.")],
     *,
     board: Annotated[
         str | None,
@@ -51,15 +51,15 @@ def calibrate(
     ] = "5X5_100",
     upright: Annotated[
         str | None,
-        typer.Option(help="A picture of the board standing on the road, straight ahead."),
+        typer.Option(help="An image of the board standing on the road, straight ahead."),
     ] = None,
     lowest_corners_m: Annotated[
         float | None,
-        typer.Option(help="In that picture: height of the lowest inner corners over the road."),
+        typer.Option(help="In that image: height of the lowest inner corners over the road."),
     ] = None,
     plate_at_m: Annotated[
         str | None,
-        typer.Option(help="Without a board: distance of a plate in each picture, as 4,6,8,12."),
+        typer.Option(help="Without a board: distance of a plate in each image, as 4,6,8,12."),
     ] = None,
     plate_width_m: Annotated[float, typer.Option(help="Width of that plate.")] = 0.52,
     plate_height_m: Annotated[
@@ -67,61 +67,64 @@ def calibrate(
     ] = None,
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("CALIBRATION.yaml"),
 ) -> None:
-    """Find the camera's lens and mounting, from pictures of a chessboard or of a plate."""
+    """Find the camera's lens and mounting, from images of a chessboard or of a plate."""
     if (upright is None) != (lowest_corners_m is None):
         raise UserError("--upright and --lowest-corners-m go together")
     shown = _still_frames(upright) if upright is not None else []
     if len(shown) > 1:
-        raise UserError(f"--upright: must be one picture ({len(shown)} given)")
+        raise UserError(f"--upright: must be one image ({len(shown)} given)")
     for option, length_m in (("square", square_m), ("plate-width", plate_width_m)):
         if not 0.001 <= length_m <= 1.0:
-            raise UserError(f"--{option}-m: is in metres, 0.001 to 1 (given {length_m:g})")
-    keep_inputs((Path(pictures), Path(upright) if upright is not None else None), (out,))
-    images = [frame.image for frame in _still_frames(pictures)]
+            raise UserError(f"--{option}-m: must be 0.001 to 1 m (given {length_m:g})")
+    keep_inputs((Path(images), Path(upright) if upright is not None else None), (out,))
+    arrays = [frame.image for frame in _still_frames(images)]
     if plate_at_m is not None and plate_height_m is not None:
-        fit = _fit_by_plates(images, plate_at_m, plate_width_m, plate_height_m)
+        fit = _fit_by_plates(arrays, plate_at_m, plate_width_m, plate_height_m)
     elif board is not None:
         pattern = _board(board, square_m, charuco_tag_m, charuco_dictionary)
-        fit = calibrate_lens(images, pattern)
+        fit = calibrate_lens(arrays, pattern)
         if fit.is_doubtful:
-            why = "was the board bent or moving, or the camera zoomed?"
-            typer.echo(f"{fit.rms_px:.2f} px RMS are much: {why}", err=True)
+            typer.echo(
+                f"{fit.rms_px:.2f} px RMS is high: was the board bent or moving, "
+                "or the camera zoomed?",
+                err=True,
+            )
         if upright is not None and lowest_corners_m is not None:
-            typer.echo(_told(fit))
-            fit = place_by_board(fit.calibration, shown[0].image, pattern, lowest_corners_m)
+            typer.echo(_summary(fit))
+            fit = mount_by_board(fit.calibration, shown[0].image, pattern, lowest_corners_m)
     else:
-        raise UserError("say what the pictures show: --board, or --plate-at-m and --plate-height-m")
+        raise UserError("give what the images show: --board, or --plate-at-m and --plate-height-m")
     with writing(out):
         out.write_text(_yaml(fit.calibration), encoding="utf-8")
-    typer.echo(f"{_told(fit)}; written to {out}")
+    typer.echo(f"{_summary(fit)}; written to {out}")
 
 
-def _told(fit: Fit) -> str:
-    """A fit as people check it."""
+def _summary(fit: Fit) -> str:
+    """The values of a fit that people can check."""
     lens = fit.calibration
     wide = math.degrees(2 * math.atan(0.5 * lens.width_px / lens.focal_x_px))
-    told = f"{fit.used} pictures, {fit.rms_px:.2f} px RMS: a lens of {wide:.0f} degrees"
-    if not lens.is_placed:
-        return told
+    summary = f"{fit.used} images, {fit.rms_px:.2f} px RMS: a lens of {wide:.0f} degrees"
+    if not lens.has_mounting:
+        return summary
     down, right = math.degrees(lens.pitch_rad), math.degrees(lens.yaw_rad)
-    looks = f"looking {down:.1f} degrees down and {right:.1f} to the right"
-    return f"{told}, {lens.mounting_height_m:.2f} m high, {looks}"
+    direction = f"pointing {down:.1f} degrees down and {right:.1f} to the right"
+    return f"{summary}, {lens.mounting_height_m:.2f} m high, {direction}"
 
 
-def _still_frames(pictures: str) -> list[Frame]:
-    source = open_frames(CameraSettings(source=pictures))
+def _still_frames(images: str) -> list[Frame]:
+    source = open_frames(CameraSettings(source=images))
     if isinstance(source, LiveFrames):
-        raise UserError(f"{pictures}: take pictures first")
+        raise UserError(f"{images}: is a live camera; record images first")
     frames, step = [], 1
     for index, frame in enumerate(source):
         if not frame.image.size:
-            typer.echo(f"{frame.name}: not a picture that can be read; left out", err=True)
+            typer.echo(f"{frame.name}: not an image that can be read; left out", err=True)
         elif index % step == 0:
             frames.append(frame)
-        if isinstance(source, Clip) and len(frames) > MOST_OF_VIDEO:
+        if isinstance(source, VideoFile) and len(frames) > MAX_OF_VIDEO:
             frames, step = frames[::2], 2 * step
     if not frames:
-        raise UserError(f"{pictures}: no picture could be read")
+        raise UserError(f"{images}: no image could be read")
     return frames
 
 
@@ -152,19 +155,19 @@ def _fit_by_plates(
     except ValueError as error:
         raise UserError(f"--plate-at-m: must be like 4,6,8 (given {plate_at_m!r})") from error
     if not all(0.0 < distance_m < 1000.0 for distance_m in distances_m):
-        raise UserError(f"--plate-at-m: distances are above 0 (given {plate_at_m!r})")
+        raise UserError(f"--plate-at-m: distances must be above 0 (given {plate_at_m!r})")
     if len({image.shape for image in images}) != 1:
-        raise UserError("the pictures must be of one size")
+        raise UserError("the images must be of one size")
     if len(distances_m) != len(images):
-        raise UserError(f"--plate-at-m: {len(distances_m)} distances for {len(images)} pictures")
+        raise UserError(f"--plate-at-m: {len(distances_m)} distances for {len(images)} images")
     size_px = (images[0].shape[1], images[0].shape[0])
-    # No lens changes the shape of a plate straight ahead, so a guessed one tells it.
+    # The shape of a plate straight ahead does not depend on the lens, so an assumed one will do.
     finder, perspective = PlateDetector(), Perspective(guessed_calibration(*size_px))
     plates = []
     for index, (distance_m, image) in enumerate(zip(distances_m, images, strict=True)):
         found = finder.find(image)
         if not found:
-            raise UserError(f"picture {index + 1}, at {distance_m:g} m: no plate was found")
+            raise UserError(f"image {index + 1}, at {distance_m:g} m: no plate was found")
         whole = whole_plate(image, found[0], perspective)
         plates.append((distance_m, refine_ends(image, whole.corners_px)))
     return calibrate_by_plates(size_px, plates, plate_width_m, plate_height_m)
@@ -172,6 +175,6 @@ def _fit_by_plates(
 
 def _yaml(calibration: Calibration) -> str:
     head = "# Written by `onboard calibrate`; also fits under `camera:` in a car's configuration.\n"
-    # What the pictures did not say, such as the place by a lens alone, is left open.
+    # Values that the images do not determine, such as the mounting by a lens alone, are left out.
     values = calibration.model_dump(mode="json", exclude_unset=True)
     return head + yaml.safe_dump(values, sort_keys=False, default_flow_style=None)

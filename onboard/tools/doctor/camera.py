@@ -10,7 +10,7 @@ import numpy as np
 
 from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.vision.camera import open_frames
-from onboard.vision.frame_check import Fault, PictureCheck
+from onboard.vision.frame_check import FrameFault, FrameCheck
 from onboard.vision.frames import CameraError, Frame
 from onboard.vision.settings import CameraSettings
 
@@ -44,7 +44,7 @@ class _FrameStatistics:
     count: int
     """Number of frames that could be decoded."""
     rate_hz: float
-    faults: frozenset[Fault]
+    faults: frozenset[FrameFault]
     is_frozen: bool
     grey: float
     """Mean grey level of the last frame, 0 to 255."""
@@ -73,17 +73,17 @@ def _statistics(camera: CameraSettings, patience_s: float) -> _FrameStatistics:
     source = open_frames(camera)
     closing = threading.Timer(patience_s, source.close)
     closing.start()
-    check = PictureCheck()
+    check = FrameCheck()
     frames: list[Frame] = []
-    faults: set[Fault] = set()
+    faults: set[FrameFault] = set()
     repeats = 0
     with contextlib.closing(source):
         for frame in islice(source, MOST_FRAMES):
-            verdict = check.look(frame.image)
+            verdict = check.check(frame.image)
             if verdict.fault is not None:
                 faults.add(verdict.fault)
             repeats += verdict.is_repeat
-            if verdict.fault is not Fault.CORRUPT:
+            if verdict.fault is not FrameFault.CORRUPT:
                 frames.append(frame)
     closing.cancel()
     if not frames:
@@ -105,11 +105,11 @@ def _statistics(camera: CameraSettings, patience_s: float) -> _FrameStatistics:
 
 def _camera(statistics: _FrameStatistics, patience_s: float) -> Finding:
     if statistics.count == 0:
-        if Fault.CORRUPT in statistics.faults:
+        if FrameFault.CORRUPT in statistics.faults:
             return Finding("camera", FindingLevel.MISSING, "no image can be decoded", UNREADABLE)
         return Finding("camera", FindingLevel.MISSING, f"no image in {patience_s:g} s", NO_CAMERA)
     detail = f"{statistics.width_px} x {statistics.height_px}, {statistics.rate_hz:.1f} frames/s"
-    if statistics.is_frozen and Fault.BLANK not in statistics.faults:
+    if statistics.is_frozen and FrameFault.BLANK not in statistics.faults:
         return Finding("camera", FindingLevel.MISSING, f"{detail}, all equal", FROZEN)
     if statistics.rate_hz < LEAST_RATE_HZ:
         return Finding("camera", FindingLevel.DOUBTFUL, detail, TOO_SLOW)
@@ -120,7 +120,7 @@ def _light(statistics: _FrameStatistics) -> Finding:
     detail = f"mean grey {statistics.grey:.0f} of 255"
     if statistics.count == 0:
         return Finding("light", FindingLevel.MISSING, "not tested without an image")
-    if Fault.BLANK in statistics.faults:
+    if FrameFault.BLANK in statistics.faults:
         return Finding("light", FindingLevel.MISSING, f"{detail}, one colour only", COVERED)
     if statistics.grey < DARK:
         return Finding("light", FindingLevel.DOUBTFUL, detail, TOO_DARK)

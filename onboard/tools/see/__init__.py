@@ -1,1 +1,1 @@
-"""`onboard see`: what the camera's code finds in pictures and videos, and how right it is."""
+"""`onboard see`: perception of images and videos, and its scores."""

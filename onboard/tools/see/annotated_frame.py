@@ -1,4 +1,4 @@
-"""One frame and all that was seen in it: the rows of `onboard see`, and its pictures."""
+"""One frame and the events of perception: the rows and images of `onboard see`."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -25,14 +25,14 @@ COLUMNS = (
     "gap_m",
     "closing_speed_m_s",
 )
-"""Of the CSV: a row for each plate in each frame; gap and closing speed are the lead's."""
+"""Columns of the CSV: a row for each plate in each frame; gap and closing speed are the lead's."""
 
 _LEAD_BGR, _OTHER_BGR = (60, 220, 60), (60, 160, 255)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SeenFrame:
-    """What a sight said of one frame."""
+class AnnotatedFrame:
+    """A frame with the events that perception gave for it."""
 
     index: int
     frame: Frame
@@ -45,12 +45,12 @@ class SeenFrame:
 
     @property
     def lead(self) -> Lead | None:
-        """`None` where the frame was not looked at."""
+        """The lead's state; `None` if the frame was discarded."""
         return next((event for event in self.events if isinstance(event, Lead)), None)
 
     @property
     def is_frozen(self) -> bool:
-        """Whether it was not looked at since it is the picture of a camera that is stuck."""
+        """Whether it was skipped as a repeat of a frozen camera."""
         return self.lead is None and not self._faults
 
     @property
@@ -58,7 +58,7 @@ class SeenFrame:
         return [event.reason for event in self.events if isinstance(event, Discarded)]
 
     def rows(self) -> Iterator[tuple[str | int, ...]]:
-        """Its lines of the CSV, values as text in the order of `COLUMNS`."""
+        """Rows of the CSV, values as text in the order of `COLUMNS`."""
         lead = self.lead
         for plate in self.plates:
             box = plate.box
@@ -76,7 +76,7 @@ class SeenFrame:
             )
 
     def annotated(self) -> npt.NDArray[np.uint8]:
-        """The picture with frames around plates, and what is known of the lead under it."""
+        """The image with boxes around plates, and the lead's state below."""
         image = self.frame.image.copy()
         if image.size == 0:
             return image
@@ -94,25 +94,31 @@ class SeenFrame:
     def _caption(self) -> str:
         lead = self.lead
         if lead is None:
-            return f"{self.frame.stamp_s:.1f} s  not seen: {', '.join(self._faults) or 'frozen'}"
-        said = f"{self.frame.stamp_s:.1f} s  {lead.text or lead.identity.replace('_', ' ')}"
+            return f"{self.frame.stamp_s:.1f} s  skipped: {', '.join(self._faults) or 'frozen'}"
+        caption = f"{self.frame.stamp_s:.1f} s  {lead.text or lead.identity.replace('_', ' ')}"
         if lead.identity is LeadIdentity.NO_LEAD:
-            return said
-        return f"{said}  {lead.gap_m:.1f} m  closing {lead.closing_speed_m_s:+.1f} m/s"
+            return caption
+        return f"{caption}  {lead.gap_m:.1f} m  closing {lead.closing_speed_m_s:+.1f} m/s"
 
 
-def see_frames(
-    frames: Iterable[Frame], sight: Perception, *, alone: bool = False
-) -> Iterator[SeenFrame]:
-    """Have `sight` look at all of a recording; `alone`: at each picture as if it were the first."""
+def annotate_frames(
+    frames: Iterable[Frame], perception: Perception, *, alone: bool = False
+) -> Iterator[AnnotatedFrame]:
+    """Run `perception` on a recording.
+
+    Args:
+        frames: in order of time.
+        perception: gets each frame.
+        alone: resets `perception` before each frame, as for unrelated images.
+    """
     for index, frame in enumerate(frames):
         if alone:
-            sight.forget()
-        sight.receive_frame(frame.image, frame.stamp_s)
+            perception.reset()
+        perception.receive_frame(frame.image, frame.stamp_s)
         events: list[Event] = []
-        while (event := sight.next_event()) is not None:
+        while (event := perception.next_event()) is not None:
             events.append(event)
-        yield SeenFrame(index, frame, tuple(events))
+        yield AnnotatedFrame(index, frame, tuple(events))
 
 
 def _metres(value: float | None) -> str:
@@ -122,6 +128,6 @@ def _metres(value: float | None) -> str:
 def _write(
     image: npt.NDArray[np.uint8], text: str, at: tuple[int, int], bgr: tuple[int, int, int]
 ) -> None:
-    """Letters with a dark rim, legible on any ground."""
+    """Letters with a dark outline, legible on any ground."""
     for colour, thickness in (((0, 0, 0), 4), (bgr, 1)):
         cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, thickness, cv2.LINE_AA)

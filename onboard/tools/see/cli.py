@@ -1,4 +1,4 @@
-"""`onboard see`: what the camera makes of a recording."""
+"""`onboard see`: perception of a recording, as CSV, video and scores."""
 
 import contextlib
 import csv
@@ -16,30 +16,42 @@ import typer
 from onboard.errors import UserError
 from onboard.observations import Discarded
 from onboard.settings import load_settings, parse_settings
-from onboard.tools.see.annotated_frame import COLUMNS, SeenFrame, see_frames
-from onboard.tools.see.ground_truth import Truth
+from onboard.tools.see.annotated_frame import COLUMNS, AnnotatedFrame, annotate_frames
+from onboard.tools.see.ground_truth import GroundTruth
 from onboard.tools.see.score import Scores
 from onboard.vision.camera import open_recorded
+from onboard.vision.identity import IDENTITY_CONFIDENCE
+from onboard.vision.networks import load_perception
 from onboard.vision.outputs import keep_inputs, writing
-from onboard.vision.perception import Perception
-from onboard.vision.recordings import Clip, Pictures
+from onboard.vision.perception import PerceptionParameters
+from onboard.vision.recordings import ImageSequence, VideoFile
 from onboard.vision.settings import Calibration, CameraSettings, VisionSettings
 
-Use = Callable[[SeenFrame], None]
+Use = Callable[[AnnotatedFrame], None]
+EVERY_FRAME = PerceptionParameters(
+    search_period_s=1e-3,
+    search_period_without_lead_s=1e-3,
+    read_period_s=0.0,
+    read_period_identified_s=0.0,
+)
+"""Searches all of every frame, and reads every plate."""
 ENOUGH_FRAMES = 0.9
-"""Of those that a video says it has; containers that do not count them estimate."""
+"""Share of the stated frames from which a video is complete; containers without a count estimate
+it."""
 
 
 def see(
-    recording: Annotated[str, typer.Argument(help="A video, or a folder or glob of pictures.")],
+    recording: Annotated[str, typer.Argument(help="A video, or a folder or glob of images.")],
     *,
     fps: Annotated[
         float | None,
-        typer.Option(help="Frames a second, if pictures are of one drive; else each stands alone."),
+        typer.Option(
+            help="Frames a second, if the images are one drive; without it, each is independent."
+        ),
     ] = None,
     camera: Annotated[
         Path | None,
-        typer.Option(help="The file that `onboard calibrate` wrote; without it gaps are rough."),
+        typer.Option(help="The file of `onboard calibrate`; without it, gaps are rough."),
     ] = None,
     vision: Annotated[
         Path | None, typer.Option(help="Settings of the section `vision`, as YAML.")
@@ -48,31 +60,23 @@ def see(
         Path | None, typer.Option("--csv", help="Write a CSV with a row for each plate and frame.")
     ] = None,
     video: Annotated[
-        Path | None, typer.Option(help="Write a video with everything found drawn in.")
+        Path | None, typer.Option(help="Write a video with all detections drawn in.")
     ] = None,
     truth: Annotated[
         Path | None, typer.Option(help="A CSV of the true plates, to score against.")
     ] = None,
 ) -> None:
-    """Find, read and follow plates in a video or in pictures. Searches all of every frame."""
+    """Find, read and track plates in a video or in images. Searches all of every frame."""
     settings = load_settings(vision, VisionSettings) if vision is not None else VisionSettings()
-    settings = settings.model_copy(
-        update={
-            "search_every_s": 1e-3,
-            "search_without_lead_every_s": 1e-3,
-            "read_every_s": 0.0,
-            "read_known_every_s": 0.0,
-        }
-    )
     calibration = load_settings(camera, Calibration) if camera is not None else None
     given = {"source": recording, "fps": fps}
     source = open_recorded(parse_settings(given, CameraSettings, "onboard see"))
-    alone = isinstance(source, Pictures) and fps is None
+    alone = isinstance(source, ImageSequence) and fps is None
     if alone:
-        typer.echo("each picture by itself; --fps makes them a drive, with a lead", err=True)
+        typer.echo("each image is independent; --fps makes them one drive, with a lead", err=True)
     if calibration is None:
-        typer.echo("no --camera: a lens of 60 degrees is guessed, gaps are rough", err=True)
-    scores = Scores(Truth.read(truth), settings.identity_confidence) if truth is not None else None
+        typer.echo("no --camera: a lens of 60 degrees is assumed, gaps are rough", err=True)
+    scores = Scores(GroundTruth.read(truth), IDENTITY_CONFIDENCE) if truth is not None else None
     keep_inputs((Path(recording), camera, vision, truth), (csv_file, video))
     tally = PlateTally()
     with contextlib.ExitStack() as files:
@@ -83,44 +87,54 @@ def see(
             uses.append(_csv_writer(csv_file, files))
         if video is not None:
             uses.append(_video_writer(video, source.fps, files))
-        frames = see_frames(source, Perception(calibration, settings), alone=alone)
-        for seen in files.enter_context(_progress(frames, source.stated_frames)):
+        frames = annotate_frames(
+            source, load_perception(calibration, settings, EVERY_FRAME), alone=alone
+        )
+        for frame in files.enter_context(_progress(frames, source.stated_frames)):
             for use in uses:
-                use(seen)
-    _tell(recording, source, tally)
+                use(frame)
+    _print_summary(recording, source, tally)
     if scores is not None:
         if not scores.frames:
-            told = f"{truth}: tells of {scores.truth.example}, and of none of these frames"
-            raise UserError(f"{told}, such as {tally.example}")
+            raise UserError(
+                f"{truth}: has rows for {scores.truth.example}, and for none of these frames, "
+                f"such as {tally.example}"
+            )
         _print_table(list(scores.rows()))
 
 
 def _progress(
-    frames: Iterable[SeenFrame], count: int
-) -> contextlib.AbstractContextManager[Iterable[SeenFrame]]:
-    """The same, with a bar on the terminal; elsewhere it is silent."""
+    frames: Iterable[AnnotatedFrame], count: int
+) -> contextlib.AbstractContextManager[Iterable[AnnotatedFrame]]:
+    """The same frames, with a progress bar if stderr is a terminal."""
     hidden = not sys.stderr.isatty()
     return typer.progressbar(
         frames, length=count or None, label="frames", file=sys.stderr, hidden=hidden
     )
 
 
-def _tell(recording: str, source: Clip | Pictures, tally: "PlateTally") -> None:
+def _print_summary(recording: str, source: VideoFile | ImageSequence, tally: "PlateTally") -> None:
     if not tally.looked_at:
-        raise UserError(f"{recording}: no frame could be looked at ({tally.text()})")
+        raise UserError(f"{recording}: no frame could be processed ({tally.text()})")
     typer.echo(tally.text())
-    if not isinstance(source, Clip):
+    if not isinstance(source, VideoFile):
         return
     if tally.frames < ENOUGH_FRAMES * source.stated_frames:
-        told = f"says that it has {source.stated_frames} frames, and {tally.frames} could be read"
-        typer.echo(f"{recording}: {told}: it is damaged or torn off", err=True)
+        typer.echo(
+            f"{recording}: states {source.stated_frames} frames, and {tally.frames} could be read: "
+            "it is damaged or truncated",
+            err=True,
+        )
     if source.even_from is not None:
-        even = f"from frame {source.even_from} on they stand evenly, {source.fps:g} a second"
-        typer.echo(f"{recording}: does not tell when its frames were taken; {even}", err=True)
+        typer.echo(
+            f"{recording}: has no plausible times of its frames; from frame {source.even_from} on "
+            f"they are spaced evenly, {source.fps:g} a second",
+            err=True,
+        )
 
 
 class PlateTally:
-    """What a recording held, in one line."""
+    """Counts of a recording, in one line."""
 
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter(frames=0)
@@ -132,10 +146,10 @@ class PlateTally:
 
     @property
     def frames(self) -> int:
-        """Of the recording."""
+        """Number of frames."""
         return self._counts["frames"]
 
-    def add(self, seen: SeenFrame) -> None:
+    def add(self, seen: AnnotatedFrame) -> None:
         """Count one frame."""
         self.example = f"{seen.frame.name}, frame {seen.index}"
         self.looked_at += seen.lead is not None
@@ -150,12 +164,12 @@ class PlateTally:
             self._first.setdefault("frozen", f" (first {self.example})")
         for event in seen.events:
             if isinstance(event, Discarded):
-                why = f" ({event.detail})" if event.reason == "picture_size" else ""
-                self._counts[name := f"discarded: {event.reason}{why}"] += 1
+                detail = f" ({event.detail})" if event.reason == "frame_size" else ""
+                self._counts[name := f"discarded: {event.reason}{detail}"] += 1
                 self._first.setdefault(name, f" (first {self.example})")
 
     def text(self) -> str:
-        """For people."""
+        """The counts, for the terminal."""
         counts = self._counts.items()
         return ", ".join(f"{name}: {count}{self._first.get(name, '')}" for name, count in counts)
 
@@ -172,7 +186,7 @@ def _csv_writer(path: Path, files: contextlib.ExitStack) -> Use:
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(COLUMNS)
 
-    def write(seen: SeenFrame) -> None:
+    def write(seen: AnnotatedFrame) -> None:
         with writing(path):
             writer.writerows(seen.rows())
 
@@ -180,16 +194,16 @@ def _csv_writer(path: Path, files: contextlib.ExitStack) -> Use:
 
 
 def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
-    """H.264 in the size of the first picture; others are fitted into it."""
+    """Write H.264 in the size of the first frame; others are scaled to it."""
     try:
-        import av  # noqa: PLC0415 (in the rig extra: a car writes no video)
+        import av  # noqa: PLC0415 (in the extra `rig`: a vehicle writes no video)
     except ImportError as error:
         raise UserError("--video needs PyAV: pip install 'onboard[rig]'") from error
     with writing(path):
         container = av.open(str(path), "w")
         stream = container.add_stream("h264", rate=Fraction(fps).limit_denominator(1001))
         stream.pix_fmt = "yuv420p"
-        path.open("ab").close()  # PyAV opens it with the first picture only
+        path.open("ab").close()  # PyAV opens it with the first frame only
 
     def close() -> None:
         with writing(path), container:
@@ -197,7 +211,7 @@ def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
 
     files.callback(close)
 
-    def write(seen: SeenFrame) -> None:
+    def write(seen: AnnotatedFrame) -> None:
         image = seen.annotated()
         if min(image.shape[:2]) < 2:
             return

@@ -1,9 +1,9 @@
-"""The table of what is true of a recording.
+"""The table of ground truth of a recording.
 
-A CSV with one row for each plate and frame. `file` names a picture or video, `frame` is an index
-where one file has many; either is enough. What is not known of a plate is left empty, or its column
-left out: `x_px, y_px, w_px, h_px`, `text`, and `gap_m`, which makes it the lead's. A row with a
-`gap_m` of `inf` says that nobody is ahead.
+A CSV with one row for each plate and frame. `file` names an image or video, `frame` is an index if
+a file has several; either is enough. Unknown values are empty, or their columns are left out:
+`x_px, y_px, w_px, h_px`, `text`, and `gap_m`, which marks the lead's plate. A row with a `gap_m` of
+`inf` states that there is no lead.
 """
 
 import csv
@@ -14,41 +14,44 @@ from pathlib import Path, PurePosixPath
 
 from onboard.errors import UserError
 from onboard.observations import ImageBox
-from onboard.tools.see.annotated_frame import SeenFrame
-from onboard.vision.recordings import PICTURES
+from onboard.tools.see.annotated_frame import AnnotatedFrame
+from onboard.vision.recordings import IMAGE_SUFFIXES
 
 _BOX = ("x_px", "y_px", "w_px", "h_px")
 _ALLOWED = (
-    "allowed are file or frame or both, and what is known of x_px, y_px, w_px, h_px (all four), "
-    "text, gap_m (inf, and nothing else, where nobody is ahead)"
+    "allowed are file or frame or both, and any of x_px, y_px, w_px, h_px (all four), "
+    "text, gap_m (inf, and nothing else, if there is no lead)"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class TruePlate:
-    """A plate that is there, or that there is no lead."""
+    """A true plate, or the statement that there is no lead."""
 
     box: ImageBox | None
-    """`None` where nobody measured it."""
+    """`None` if unknown."""
     text: str
-    """As plates are told, upper case and without separators; empty where nobody could tell."""
+    """Upper case and without separators; empty if unknown."""
     gap_m: float | None
-    """Of the lead's, the distance; infinite where nobody is ahead."""
+    """Gap of the lead's plate; infinite if there is no lead."""
 
     @property
-    def is_told(self) -> bool:
-        """Whether more is known of it than how far away it is."""
+    def is_labelled(self) -> bool:
+        """Whether its box or text is known."""
         return self.box is not None or bool(self.text)
 
 
 _Frames = defaultdict[int | None, list[TruePlate]]
 
 
-class Truth:
-    """What is true of a recording."""
+class GroundTruth:
+    """Ground truth of a recording."""
 
     def __init__(self, files: dict[str, _Frames]) -> None:
-        """`files`: by name and frame; frame `None` where a file is one picture, name "" for any."""
+        """Take the plates of each file by frame.
+
+        The frame `None` is that of an image file, the name "" stands for any file.
+        """
         self._files = files
         self._by_short_name: defaultdict[str, list[str]] = defaultdict(list)
         for name in files:
@@ -57,11 +60,11 @@ class Truth:
                 self._by_short_name[short].append(name)
 
     @classmethod
-    def read(cls, path: Path) -> "Truth":
+    def read(cls, path: Path) -> "GroundTruth":
         """Read the table.
 
         Raises:
-            UserError: it is missing or has other columns; names the line.
+            UserError: it is missing or has other columns, or a line is invalid.
         """
         files: dict[str, _Frames] = {}
         line = 1
@@ -85,33 +88,33 @@ class Truth:
 
     @property
     def example(self) -> str:
-        """One of the files and frames that it speaks of."""
+        """One of its files and frames, for messages."""
         for name, frames in self._files.items():
             for frame in frames:
                 return f"{name or 'any file'}{'' if frame is None else f', frame {frame}'}"
         return "nothing"
 
-    def of(self, seen: SeenFrame) -> list[TruePlate] | None:
-        """The plates of a frame; `None` where the table does not speak of it.
+    def of(self, seen: AnnotatedFrame) -> list[TruePlate] | None:
+        """The plates of a frame; `None` if the table has no row for it.
 
         Raises:
-            UserError: it speaks of two files that may be meant.
+            UserError: two files of the table match.
         """
         path = PurePosixPath(seen.frame.name)
         frames = self._files.get(seen.frame.name) or self._by(path.name) or self._by(path.stem)
         if frames is None:
             anything = self._files.get("")
             return None if anything is None else anything.get(seen.index)
-        if path.suffix.lower() in PICTURES and len(frames) == 1:
-            return next(iter(frames.values()))  # its name says which one it is
+        if path.suffix.lower() in IMAGE_SUFFIXES and len(frames) == 1:
+            return next(iter(frames.values()))  # its name identifies it
         return frames.get(seen.index) or frames.get(None)
 
     def _by(self, short_name: str) -> _Frames | None:
         names = self._by_short_name.get(short_name, [])
         if len(names) > 1:
             raise UserError(
-                f"{short_name}: the truth tells of {' and of '.join(names[:2])}; "
-                f"say which by pointing at the folder above them"
+                f"{short_name}: the ground truth has {' and '.join(names[:2])}; "
+                f"give the folder above them to tell them apart"
             )
         return self._files[names[0]] if names else None
 
@@ -119,9 +122,9 @@ class Truth:
 def _true_plate(cells: dict[str, str]) -> TruePlate:
     sides = [float(cells[name]) for name in _BOX if cells.get(name)]
     if len(sides) not in {0, len(_BOX)}:
-        raise ValueError("a box has four numbers")
+        raise ValueError("a box needs four numbers")
     if sides and not (all(map(math.isfinite, sides)) and min(sides[2:]) > 0.0):
-        raise ValueError(f"no box is {', '.join(f'{side:g}' for side in sides)}")
+        raise ValueError(f"invalid box {', '.join(f'{side:g}' for side in sides)}")
     gap_m = float(cells["gap_m"]) if cells.get("gap_m") else None
     text = "".join(filter(str.isalnum, cells.get("text", "").upper()))
     if gap_m is not None and (not gap_m > 0.0 or (math.isinf(gap_m) and (sides or text))):

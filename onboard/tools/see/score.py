@@ -1,4 +1,4 @@
-"""How well plates were found and read, against a table of what is true."""
+"""Scores of detection, reading and the lead, against ground truth."""
 
 import math
 from collections import defaultdict
@@ -8,13 +8,13 @@ from pathlib import PurePosixPath
 from statistics import median
 
 from onboard.observations import ImageBox, Lead, Plate
-from onboard.tools.see.annotated_frame import SeenFrame
-from onboard.tools.see.ground_truth import TruePlate, Truth
+from onboard.tools.see.annotated_frame import AnnotatedFrame
+from onboard.tools.see.ground_truth import GroundTruth, TruePlate
 
 FOUND_IOU = 0.5
 """Intersection over union from which a plate counts as found."""
-ABOUT, ALIKE = 0.25, 0.5
-"""Of a distance; of a text's characters: what differs by more is another car's."""
+SAME_GAP, SAME_TEXT = 0.25, 0.5
+"""Relative error of a gap, and share of wrong characters, up to which both are of one vehicle."""
 
 
 @dataclass(slots=True)
@@ -25,33 +25,32 @@ class Score:
     plates: int = 0
     boxes: int = 0
     found: int = 0
-    """Of the boxes, at `FOUND_IOU`."""
+    """Boxes that were found at `FOUND_IOU`."""
     texts: int = 0
     exact: int = 0
-    """Of the texts, every character right."""
+    """Texts with every character right."""
     characters: int = 0
     characters_right: int = 0
     false_texts: int = 0
-    """Texts where the table has no plate."""
+    """Reported texts without a true plate."""
     certain: int = 0
-    """Of the texts, those of which something was said with the confidence asked for."""
+    """Texts with a reading of the required confidence."""
     certain_wrong: int = 0
-    """Of these, another text than is true."""
+    """Certain readings that are wrong."""
     certain_false: int = 0
-    """Of the false texts, those said so."""
+    """False texts with the required confidence."""
     leads: int = 0
     leads_right: int = 0
-    """Told to be the lead."""
-    free: int = 0
-    """Frames with nobody ahead."""
-    ghosts: int = 0
-    """Of these, where somebody is told to be."""
+    """Leads that were reported as lead."""
+    without_lead: int = 0
+    """Frames without a true lead."""
+    false_leads: int = 0
+    """Frames without a true lead in which one was reported."""
     gap_errors: list[float] = field(default_factory=list)
-    """Of the gap, as shares of the truth: of leads told rightly, and of all of which only that is
-    known."""
+    """Relative errors of the gap: of leads that were right, and of rows that state only a gap."""
 
     def as_row(self) -> dict[str, str]:
-        """For people."""
+        """Values as text, for the terminal."""
         row = {
             "frames": str(self.frames),
             "plates": str(self.plates),
@@ -66,23 +65,24 @@ class Score:
         }
         if self.leads:
             row["right lead"] = _share(self.leads_right, self.leads)
-        if self.free:
-            row["ghost lead"] = _share(self.ghosts, self.free)
+        if self.without_lead:
+            row["ghost lead"] = _share(self.false_leads, self.without_lead)
         if self.gap_errors:
             row["gap error"] = f"{100 * median(abs(error) for error in self.gap_errors):.1f} %"
         return row
 
 
 class Scores:
-    """Adds up over frames, by the folder that each came from, and over all."""
+    """Sums over frames, by the folder of each, and in all."""
 
-    def __init__(self, truth: Truth, certain_from: float) -> None:
+    def __init__(self, truth: GroundTruth, certain_from: float) -> None:
+        """Start at zero; readings of a confidence `certain_from` or more are certain."""
         self.truth = truth
         self._certain_from = certain_from
         self._by_folder: defaultdict[str, Score] = defaultdict(Score)
 
-    def add(self, seen: SeenFrame) -> None:
-        """Count one frame; one that the table does not speak of is left out."""
+    def add(self, seen: AnnotatedFrame) -> None:
+        """Count one frame, if the ground truth has it."""
         truth = self.truth.of(seen)
         if truth is None:
             return
@@ -91,39 +91,39 @@ class Scores:
             self._count(score, seen, truth)
 
     def rows(self) -> Iterator[dict[str, str]]:
-        """One for each folder, then all."""
+        """One row for each folder, then all."""
         names = [*sorted(set(self._by_folder) - {"all", "."}), "all"]
         for name in names:
             yield {"": name} | self._by_folder[name].as_row()
 
     @property
     def frames(self) -> int:
-        """That the table speaks of and that were seen."""
+        """Frames that the ground truth has."""
         return self._by_folder["all"].frames
 
-    def _count(self, score: Score, seen: SeenFrame, truth: list[TruePlate]) -> None:
-        free = list(seen.plates)
+    def _count(self, score: Score, seen: AnnotatedFrame, truth: list[TruePlate]) -> None:
+        without_lead = list(seen.plates)
         score.frames += 1
         for true in truth:
             if true.gap_m == math.inf:
-                score.free += 1
-                score.ghosts += seen.lead is not None and seen.lead.gap_m is not None
+                score.without_lead += 1
+                score.false_leads += seen.lead is not None and seen.lead.gap_m is not None
                 continue
-            best = _best(free, true)
+            best = _best(without_lead, true)
             if best is not None:
-                free.remove(best)
+                without_lead.remove(best)
             self._count_plate(score, best, true)
             if true.gap_m is not None:
                 _count_lead(score, best, true, seen.lead)
-        if not any(true.is_told for true in truth):
+        if not any(true.is_labelled for true in truth):
             return
-        for plate in free:
+        for plate in without_lead:
             if plate.text is not None:
                 score.false_texts += 1
                 score.certain_false += self._is_certain(plate)
 
     def _count_plate(self, score: Score, best: Plate | None, true: TruePlate) -> None:
-        score.plates += true.is_told
+        score.plates += true.is_labelled
         score.boxes += true.box is not None
         score.texts += bool(true.text)
         score.characters += len(true.text)
@@ -143,7 +143,7 @@ class Scores:
 
 
 def _best(plates: list[Plate], true: TruePlate) -> Plate | None:
-    """The plate that is meant: by its place, else by its text, else as the lead's."""
+    """The reported plate of a true one: by its position, else by its text, else the lead's."""
     if true.box is not None:
         place = true.box
         best = max(plates, key=lambda plate: overlap(plate.box, place), default=None)
@@ -155,23 +155,25 @@ def _best(plates: list[Plate], true: TruePlate) -> Plate | None:
 
 
 def _count_lead(score: Score, best: Plate | None, true: TruePlate, lead: Lead | None) -> None:
-    """Where nothing that was seen is surely its plate, its distance tells whether it is meant."""
+    """Count the lead; without a plate that is surely the true one, its gap decides."""
     score.leads += 1
     if lead is None or lead.gap_m is None or true.gap_m is None:
         return
     error = lead.gap_m / true.gap_m - 1.0
-    is_right = best.is_lead if best is not None and _is_surely(best, true) else abs(error) <= ABOUT
+    is_right = (
+        best.is_lead if best is not None and _is_surely(best, true) else abs(error) <= SAME_GAP
+    )
     score.leads_right += is_right
-    if is_right or not true.is_told:
+    if is_right or not true.is_labelled:
         score.gap_errors.append(error)
 
 
 def _is_surely(plate: Plate, true: TruePlate) -> bool:
-    """Whether the plate is the true one; `plate` is the one that is meant, if any is."""
+    """Whether `plate`, the best match, is certainly the true one."""
     if true.box is not None:
         return True
     wrong = edit_distance(plate.text or "", true.text)
-    return bool(true.text) and wrong <= ALIKE * len(true.text)
+    return bool(true.text) and wrong <= SAME_TEXT * len(true.text)
 
 
 def overlap(one: ImageBox, other: ImageBox) -> float:

@@ -26,7 +26,7 @@ LossOf = Callable[[Rows, np.random.Generator], torch.Tensor]
 _SAVED_EVERY = 200
 
 
-def school(
+def train_network(
     network: nn.Module,
     loss_of: LossOf,
     pictures: int,

@@ -17,7 +17,7 @@ _log = logging.getLogger(__name__)
 
 
 @torch.no_grad()
-def take_over(network: nn.Module, exported: Path, inputs: torch.Tensor) -> None:
+def load_weights(network: nn.Module, exported: Path, inputs: torch.Tensor) -> None:
     """Give `network` the weights in `exported`.
 
     A layer that is not there, or has another shape, stays as it is, and is told.

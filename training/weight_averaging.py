@@ -10,7 +10,7 @@ from torch import nn
 
 
 @torch.no_grad()
-def go_between(network: nn.Module, began: nn.Module, share: float) -> None:
+def average_weights(network: nn.Module, began: nn.Module, share: float) -> None:
     """Give `network` the mean of both networks' weights, `share` of them from `began`."""
     for each in (network, began):
         _fold(each)

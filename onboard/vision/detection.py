@@ -1,0 +1,89 @@
+"""Detections of plates, tags and vehicles in one frame, and the regions to search for them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from onboard.observations import ImageBox
+from onboard.vision.perspective import Corners, RoadPosition, bounding_box
+
+
+class DetectionKind(StrEnum):
+    """Kinds of features by which a vehicle is detected."""
+
+    PLATE = "plate"
+    TAG = "tag"
+    VEHICLE = "vehicle"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detection:
+    """A plate, tag or vehicle in one frame, with its position in metres."""
+
+    kind: DetectionKind
+    corners_px: Corners
+    position: RoadPosition
+    ahead_sigma_m: float
+    right_sigma_m: float
+    text: str | None = None
+    confidence: float = 0.0
+    """Probability that the text is right, 0 to 1."""
+    character_confidences: tuple[float, ...] = ()
+    identity_confidence: float = 0.0
+    """The same, with 0 and O, and 1 and I, counted as equal."""
+    was_read: bool = True
+    """Whether reading the text was tried."""
+    shape: float = 0.0
+    """Width divided by height, of a plate."""
+    has_band: bool = False
+    """Whether a blue band was found at its left end."""
+    width_m: float = 0.0
+    """Width that `position` assumes, of a plate."""
+    positions: Mapping[float, RoadPosition] = field(default_factory=dict)
+    """Position for each possible width in m; empty unless it is a plate that is seen whole."""
+
+    @property
+    def box(self) -> ImageBox:
+        """The upright rectangle around the corners."""
+        return bounding_box(self.corners_px)
+
+    def with_width(self, width_m: float) -> "Detection":
+        """The same plate with another width, at a distance in proportion to it."""
+        if not self.positions:
+            return self
+        factor = width_m / self.width_m
+        return replace(
+            self,
+            position=self.positions[width_m],
+            ahead_sigma_m=factor * self.ahead_sigma_m,
+            right_sigma_m=factor * self.right_sigma_m,
+            width_m=width_m,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackRegion:
+    """Region in which a track's detection is searched."""
+
+    kind: DetectionKind
+    """Kind of its last detection."""
+    corners_px: Corners
+    """Corners of its last detection, moved with the rear since."""
+    region: ImageBox
+    """Where it can be in this frame."""
+    was_detected: bool
+    """Whether the last search of it succeeded."""
+    read_text: bool
+    """Whether the plate is to be read in this frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchPlan:
+    """What is searched in one frame: all of it, or the regions of some tracks."""
+
+    area: ImageBox | None = None
+    """Part of the image that a search of the whole frame covers; `None` is all of it."""
+    tracked: tuple[TrackRegion, ...] | None = None
+    """Regions to search; `None` searches the whole frame."""
+    already_read: tuple[ImageBox, ...] = ()
+    """Plates that a search of the whole frame does not read again."""

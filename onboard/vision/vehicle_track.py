@@ -1,0 +1,193 @@
+"""The track of one vehicle: position, speed, format of its plate, and votes on its text."""
+
+import math
+
+from onboard.vision.detection import Detection, DetectionKind
+from onboard.vision.identity import IDENTITY_CONFIDENCE, MIN_READ_CONFIDENCE, PlateVote
+from onboard.vision.motion import FrameMotion
+from onboard.vision.plate_formats import PlateFormats, TrackPlateFormat
+from onboard.vision.rear import ScaleChange
+
+MAX_INNOVATION_SIGMAS = 3.0
+"""Innovation in sigmas above which a detection's sigma is enlarged until it is no more than
+this."""
+CONFIRM_DETECTIONS = 3
+"""Frames with a detection that confirm a track."""
+BEARING_SIGMA = 0.003
+"""Sigma of the direction to the middle of a rear, in rad."""
+SIZE_SIGMA = {DetectionKind.TAG: 0.02, DetectionKind.PLATE: 0.06, DetectionKind.VEHICLE: 0.1}
+"""Relative sigma of distances that averaging does not remove: the spread of true sizes, and a
+constant error of the detector's edges on one plate. Widths of photographed plates scatter by 6
+%."""
+
+
+class VehicleTrack:
+    """State of one tracked vehicle."""
+
+    def __init__(
+        self,
+        track_id: int,
+        first: Detection,
+        stamp_s: float,
+        formats: PlateFormats,
+    ) -> None:
+        """Start a tentative track.
+
+        Args:
+            track_id: unique in this tracker.
+            first: detection that starts the track.
+            stamp_s: of its frame.
+            formats: formats of plates in this drive.
+        """
+        self.track_id = track_id
+        self._format = TrackPlateFormat(formats)
+        self._has_only_plates = first.kind is DetectionKind.PLATE
+        first = self._update_format(first)
+        self.detected_at = stamp_s
+        """Time of the last detection."""
+        self.observed_at = stamp_s
+        """Time of the last detection, or of the last frame in which the rear was found again."""
+        self.searched_at = stamp_s
+        """Time of the last search for it."""
+        self.read_at = stamp_s
+        """Time of the last reading."""
+        self.is_contradicted = False
+        """Whether the last reading differs from the voted text."""
+        self.detections = 1
+        self.last = first
+        """The latest detection of a plate or tag, else of a vehicle."""
+        self.corners_px = first.corners_px
+        """Its corners in the current frame."""
+        self.ahead = FrameMotion(
+            first.position.ahead_m,
+            first.ahead_sigma_m,
+            stamp_s,
+            rate_sigma_m_s=8.0,
+            acceleration_sigma_m_s2=3.0,
+        )
+        self.right = FrameMotion(
+            first.position.right_m,
+            first.right_sigma_m,
+            stamp_s,
+            rate_sigma_m_s=1.5,
+            acceleration_sigma_m_s2=1.0,
+        )
+        self.rear_tracked_at = stamp_s
+        """Time up to which the rear was tracked."""
+        self._plate = PlateVote()
+        self._tag = PlateVote()
+        self._vote(first, stamp_s)
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether enough frames had a detection."""
+        return self.detections >= CONFIRM_DETECTIONS
+
+    @property
+    def text(self) -> str | None:
+        """The voted text: the tag's, which has a checksum, before the plate's."""
+        return self._tag.text or self._plate.text
+
+    def text_of(self, detection: Detection) -> tuple[str | None, float]:
+        """Text of one of this track's detections, and its confidence by the votes of all frames.
+
+        A reading that is not certain is replaced by the voted text; a certain one gets the lower of
+        its own confidence and its share of the votes.
+        """
+        if detection.kind is not DetectionKind.PLATE:
+            return detection.text, detection.confidence
+        known = self._plate.text
+        if known is not None and detection.identity_confidence < IDENTITY_CONFIDENCE:
+            return known, self._plate.share(known)
+        if detection.text is None:
+            return None, 0.0
+        return detection.text, min(detection.confidence, self._plate.share(detection.text))
+
+    @property
+    def gap_sigma_m(self) -> float:
+        """Sigma of the gap: the filter's, and that of true sizes."""
+        return math.hypot(
+            self.ahead.position_sigma_m, SIZE_SIGMA[self.last.kind] * self.ahead.position_m
+        )
+
+    @property
+    def size_sigma(self) -> float:
+        """Relative sigma of the gap by the plate formats that are still possible."""
+        return self._format.sigma if self._has_only_plates else 0.0
+
+    def predict(self, stamp_s: float) -> None:
+        """Predict the state to the time of the next frame."""
+        self.ahead.predict(stamp_s)
+        self.right.predict(stamp_s)
+
+    def with_track_format(self, detection: Detection) -> Detection:
+        """The detection with the plate width of this track's format."""
+        width_m = self._format.width_m
+        return detection if width_m is None else detection.with_width(width_m)
+
+    def update(self, detection: Detection, stamp_s: float) -> None:
+        """Update the state by a detection in the frame that it was predicted to."""
+        detection = self._update_format(detection)
+        # An outlier, such as a fragment of the plate, gets a lower weight.
+        off_m = abs(detection.position.ahead_m - self.ahead.position_m)
+        self.ahead.update(
+            detection.position.ahead_m, max(detection.ahead_sigma_m, off_m / MAX_INNOVATION_SIGMAS)
+        )
+        self.right.update(detection.position.right_m, detection.right_sigma_m)
+        if stamp_s > self.detected_at:
+            self.detections += 1
+        if detection.kind is not DetectionKind.VEHICLE or self.last.kind is DetectionKind.VEHICLE:
+            self.last = detection
+            self.corners_px = detection.corners_px
+        self.detected_at = self.observed_at = stamp_s
+        self._vote(detection, stamp_s)
+
+    def receive_scale_change(
+        self, scale_change: ScaleChange, right_slope: float, stamp_s: float
+    ) -> None:
+        """Update the closing speed by the rear's change of scale since the frame before.
+
+        Args:
+            scale_change: of the rear, from `rear_tracked_at` to `stamp_s`.
+            right_slope: right of the heading per metre ahead, in this frame.
+            stamp_s: of the frame that the state was predicted to.
+        """
+        seconds = stamp_s - self.rear_tracked_at
+        self.rear_tracked_at = stamp_s
+        if seconds <= 0:
+            return
+        ahead_m = self.ahead.position_m
+        self.ahead.update_rate(
+            -ahead_m * math.log(scale_change.factor) / seconds,
+            ahead_m * scale_change.sigma / seconds,
+        )
+        sigma_m = abs(right_slope) * self.gap_sigma_m
+        self.right.update(ahead_m * right_slope, math.hypot(sigma_m, BEARING_SIGMA * ahead_m))
+        self.observed_at = stamp_s
+
+    def _update_format(self, detection: Detection) -> Detection:
+        """Update the format of the plate; returns the detection with its width.
+
+        When the format changes, position and speed are scaled to the new width.
+        """
+        self._has_only_plates &= detection.kind is DetectionKind.PLATE
+        if not detection.positions:
+            return detection
+        old_width_m = self._format.width_m
+        width_m = self._format.add(detection.shape, detection.box.w_px, has_band=detection.has_band)
+        if old_width_m is not None and self._has_only_plates:
+            self.ahead.scale(width_m / old_width_m)
+            self.right.scale(width_m / old_width_m)
+            self.last = self.last.with_width(width_m)
+        return detection.with_width(width_m)
+
+    def _vote(self, detection: Detection, stamp_s: float) -> None:
+        if detection.was_read:
+            self.read_at = stamp_s
+        if detection.text is None or detection.identity_confidence < MIN_READ_CONFIDENCE:
+            return
+        self.is_contradicted = detection.text != self.text
+        vote = self._tag if detection.kind is DetectionKind.TAG else self._plate
+        vote.vote(
+            detection.text, detection.identity_confidence, detection.character_confidences, stamp_s
+        )
