@@ -17,28 +17,28 @@ MODELS = DEFAULT_READER.parent
 
 
 def main() -> None:
-    """One network, by its settings."""
+    """Train one network."""
     parser = argparse.ArgumentParser(prog="python -m training", description=__doc__)
     parser.add_argument("network", choices=["reader", "detector"])
     parser.add_argument(
         "--folder",
         type=Path,
         default=Path("build/training"),
-        help="rendered pictures are kept here, and used again if they are there",
+        help="folder of rendered images, which are reused if they exist",
     )
     parser.add_argument("--settings", type=Path, default=SETTINGS_FILE)
     parser.add_argument(
         "--models",
         type=Path,
         default=MODELS,
-        help="where the network is written (default: %(default)s)",
+        help="folder for the network (default: %(default)s)",
     )
     parser.add_argument(
-        "--processes", type=int, default=os.cpu_count(), help="to render with (default: all cores)"
+        "--processes", type=int, default=os.cpu_count(), help="for rendering (default: all cores)"
     )
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
-    torch.set_num_threads(1)  # so that sums are made in the same order everywhere
+    torch.set_num_threads(1)  # for the same order of sums everywhere
     settings = load_training_settings(arguments.settings)
     folder = arguments.folder / arguments.network
     if arguments.network == "reader":

@@ -1,4 +1,4 @@
-"""What the detector learns from: plates on rough cars in rough surroundings, and their corners."""
+"""Rendered scenes for the detector: plates on vehicles in clutter, and their corners."""
 
 import cv2
 import numpy as np
@@ -13,23 +13,28 @@ from sim_rig.rendering.wear import worn
 from training.reader_views import around, draw_recess, in_the_shade, paste, posed
 
 SCENE_SIZE = (256, 192)
-"""(w, h) of a scene, in the pixels that the network sees."""
+"""Width and height of a scene, in pixels of the network's input."""
 MAX_PLATES = 2
 SMALLEST_PX, LARGEST_PX = 11.0, 140.0
-"""Width of a plate: outside it another level of the picture's pyramid shows it in this range."""
+"""Range of plate widths: others are found at another scale of the image."""
 _CENTRED, _CENTRED_PX, _MIN_CENTRED_PX = 0.5, (70.0, 105.0), 24.0
-"""Share of the plates that are shown about as the second look shows them, how wide they are then,
-and how wide they must have been: blurred as there."""
+"""Share of the plates that are scaled and centred as for refining, their widths then, and the least
+width before: with the blur of a small plate."""
 _BARE = 0.15
-"""Share of the plates on bodywork with nothing else on it: no recess, no holder, no seam."""
+"""Share of the plates on plain bodywork: no recess, no holder, no seam."""
 _PX_PER_MM = 0.35
-_CAR_OVER_PLATE = {"us": 5.9, "eu": 3.5, "br": 4.5, "br motorcycle": 4.0}
+_VEHICLE_TO_PLATE = {"us": 5.9, "eu": 3.5, "br": 4.5, "br motorcycle": 4.0}
 
 
 def render_scenes(
     count: int, rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Grey scenes (count, 192, 256); corners (count, 2, 4, 2) of their plates, NaN where none."""
+    """Render grey scenes and the corners of their plates.
+
+    Returns:
+        scenes: (count, 192, 256).
+        corners: (count, 2, 4, 2), NaN for none.
+    """
     scenes = np.empty((count, SCENE_SIZE[1], SCENE_SIZE[0]), np.uint8)
     corners = np.full((count, MAX_PLATES, 4, 2), np.nan, np.float32)
     for index in range(count):
@@ -40,7 +45,13 @@ def render_scenes(
 def moved(
     scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Each scene larger or smaller, wider or narrower, and from another place."""
+    """Augment scenes: each is scaled, stretched and shifted.
+
+    Args:
+        scenes: (n, h, w) grey.
+        corners: (n, plates, 4, 2).
+        rng: for the changes.
+    """
     rows, columns = scenes.shape[1:]
     middle = np.asarray([columns / 2, rows / 2])
     views, places = np.empty_like(scenes), np.empty_like(corners)
@@ -48,10 +59,10 @@ def moved(
         scale = np.exp(rng.uniform(-0.25, 0.25) + rng.normal(0, 0.04, 2))
         shift = middle * (1 + rng.uniform(-0.3, 0.3, 2)) - scale * middle
         plate = corners[index, 0]
-        width_px = float(np.ptp(plate[:, 0]))  # NaN where there is none
+        width_px = float(np.ptp(plate[:, 0]))  # NaN if there is none
         if width_px >= _MIN_CENTRED_PX and rng.random() < _CENTRED:
             scale = rng.uniform(*_CENTRED_PX) / width_px * np.exp(rng.normal(0, 0.04, 2))
-            # As far from the scene's rim as from that of a second look.
+            # As far from the scene's border as from that of a view for refining.
             shift = rng.uniform((96, 48), (columns - 96, rows - 48)) - scale * plate.mean(axis=0)
         matrix = np.column_stack([np.diag(scale), shift + (scale - 1) / 2])
         cv2.warpAffine(
@@ -64,7 +75,13 @@ def moved(
 def mirrored(
     scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Half of the batches mirrored: a plate is one from behind a mirror too."""
+    """Mirror half of the batches: the detector must find mirrored plates too.
+
+    Args:
+        scenes: (n, h, w) grey.
+        corners: (n, plates, 4, 2).
+        rng: for the choice.
+    """
     if rng.random() < 0.5:
         return scenes, corners
     places = corners[:, :, [1, 0, 3, 2]].copy()
@@ -83,7 +100,7 @@ def _scene(corners: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.ND
         height_px = width_px * plate_format.height_mm / plate_format.width_mm
         centre = (rng.uniform(0.05, 0.95) * columns, rng.uniform(0.08, 0.92) * rows)
         if rng.random() < 0.9:
-            share = _CAR_OVER_PLATE[plate_format.name] * rng.uniform(0.8, 1.2)
+            share = _VEHICLE_TO_PLATE[plate_format.name] * rng.uniform(0.8, 1.2)
             add_car(image, centre, width_px * share, rng)
         if rng.random() < 0.5:
             add_lettering(image, rng, rng.uniform(0.08, 0.25) * width_px)
@@ -114,7 +131,7 @@ def _apart(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> bool
 def _plain_body(
     image: npt.NDArray[np.uint8], quad: npt.NDArray[np.float32], rng: np.random.Generator
 ) -> None:
-    """Bodywork of any colour, often so wide that a second look sees nothing else."""
+    """Draw bodywork of any colour, often wider than a view for refining."""
     body = around(quad, rng.uniform((0.2, 0.6, 0.2, 0.6), (2.0, 5.0, 2.0, 5.0)))
     cv2.fillConvexPoly(image, np.rint(body * 16).astype(np.int32), colour(rng), cv2.LINE_AA, 4)
 
@@ -125,7 +142,7 @@ def _housing(
     art: npt.NDArray[np.uint8],
     rng: np.random.Generator,
 ) -> None:
-    """What a plate sits in: a recess, of any shade or only its edges; a holder; names on either."""
+    """Draw the mounting of a plate: a recess or its edges, a holder, lettering on either."""
     if rng.random() < 0.15:  # a white plate on a white car
         body = around(quad, rng.uniform(0.1, 1.5, 4))
         shade = (np.median(art, axis=(0, 1)) + rng.normal(0, 15)).clip(0, 255).tolist()

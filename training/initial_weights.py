@@ -1,7 +1,7 @@
-"""Going on from a network that was exported: its weights, put back into one that can learn.
+"""Initial weights from an exported network.
 
-An exported network has no batch normalisation left, it is folded into the convolutions. It is given
-back such that it changes nothing: what some views give is measured, and undone again.
+An export folds batch normalisation into the convolutions. It is restored such that the network's
+output does not change: statistics are measured on some inputs, and undone by its weights.
 """
 
 import logging
@@ -18,17 +18,17 @@ _log = logging.getLogger(__name__)
 
 @torch.no_grad()
 def load_weights(network: nn.Module, exported: Path, inputs: torch.Tensor) -> None:
-    """Give `network` the weights in `exported`.
+    """Load the weights of an exported network.
 
-    A layer that is not there, or has another shape, stays as it is, and is told.
+    A layer that is missing in it, or has another shape, keeps its weights and is logged.
 
     Args:
-        network: of convolutions, each but the last followed by batch normalisation.
+        network: of convolutions, each but the last followed by batch normalisation; is changed.
         exported: ONNX, as `torch.onnx` writes it: its nodes are named after the layers.
-        inputs: some of what it will see; batch statistics are taken from these.
+        inputs: for batch statistics.
 
     Raises:
-        FileNotFoundError: there is no such file.
+        FileNotFoundError: `exported` is missing.
     """
     model = onnx.load(str(exported))
     weights = {tensor.name: tensor for tensor in model.graph.initializer}
@@ -44,7 +44,7 @@ def load_weights(network: nn.Module, exported: Path, inputs: torch.Tensor) -> No
         if not isinstance(layer, nn.Conv2d):
             continue
         if name not in folded or folded[name][0].shape != layer.weight.shape:
-            _log.info(f"{name} begins from nothing")
+            _log.info(f"{name} keeps its random weights")
             continue
         weight, bias = folded[name]
         layer.weight.copy_(weight)
@@ -60,7 +60,7 @@ def load_weights(network: nn.Module, exported: Path, inputs: torch.Tensor) -> No
 
 
 def _undone(bias: torch.Tensor) -> Any:
-    """A hook that lets a normalisation do nothing but add `bias`."""
+    """A hook that sets a normalisation so that it only adds `bias`."""
 
     def measure(norm: Any, arriving: tuple[torch.Tensor, ...]) -> None:
         mean, variance = arriving[0].mean((0, 2, 3)), arriving[0].var((0, 2, 3), correction=0)

@@ -1,4 +1,4 @@
-"""The two networks, of nothing but what OpenCV's `dnn` runs fast: convolutions and pooling."""
+"""The two networks, of layers that OpenCV's `dnn` runs fast: convolutions and pooling."""
 
 import torch
 from torch import nn
@@ -35,7 +35,7 @@ def _conv(
 
 
 def _far(channels: int, reach: int) -> nn.Sequential:
-    """What lies `reach` cells away, each channel by itself, and then all of them together."""
+    """A dilated convolution of each channel, `reach` cells wide, and a 1 x 1 convolution of all."""
     return nn.Sequential(
         _conv(channels, channels, padding=reach, dilation=reach, groups=channels),
         _conv(channels, channels, 1, padding=0),
@@ -43,7 +43,7 @@ def _far(channels: int, reach: int) -> nn.Sequential:
 
 
 class ReaderNetwork(nn.Module):
-    """(n, 1, 64, 160) normalised grey views to (n, 37, 1, 40) logits of each class by column."""
+    """Reader: (n, 1, 64, 160) normalised grey views to (n, 37, 1, 40) logits of class by column."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -74,7 +74,7 @@ class ReaderNetwork(nn.Module):
 
 
 class DetectorNetwork(nn.Module):
-    """(n, 1, h, w) logarithmic grey to (n, 9, h / 8, w / 8): logit of a plate, corner offsets."""
+    """Detector: (n, 1, h, w) logarithmic grey to (n, 9, h / 8, w / 8) logit and corner offsets."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -84,14 +84,14 @@ class DetectorNetwork(nn.Module):
             _conv(24, 32),
             _conv(32, 56, stride=2),
         )
-        # Dilated, OpenCV computes a convolution three times slower: those go channel by channel.
+        # OpenCV computes dilated convolutions three times slower: those are depthwise.
         self.context = nn.ModuleList(
             _conv(56, 56) if reach == 1 else _far(56, reach) for reach in (1, 2, 1, 4, 1)
         )
         self.answer = nn.Conv2d(56, 9, 1)
         nn.init.constant_(self.answer.bias, 0.0)
         with torch.no_grad():
-            self.answer.bias[0] = -4.0  # plates are rare: start from there
+            self.answer.bias[0] = -4.0  # plates are rare
 
     @override
     def forward(self, pictures: torch.Tensor) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""What the reader learns from: rendered plates as the detector would hand them over."""
+"""Rendered plates for the reader, cut out as by the detector."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.vision.plate_reader import looks_at, rectify
+from onboard.vision.plate_reader import rectified_views, rectify
 from sim_rig.rendering.lens import photograph
 from sim_rig.rendering.plate_art import PlateFormat, draw_plate
 from sim_rig.rendering.plate_styles import random_plate
@@ -17,10 +17,10 @@ View = npt.NDArray[np.uint8]
 Quad = npt.NDArray[np.float32]
 
 _PX_PER_MM = 0.9
-_VIEWS_A_PLATE = 4
-"""Drawing a plate costs more than photographing it once more."""
-_MISTAKEN = 0.22
-"""Share of the views whose corners are those of the recess or holder that the plate sits in."""
+_VIEWS_PER_PLATE = 4
+"""Drawing a plate takes longer than another image of it."""
+_WRONG_OUTLINE = 0.22
+"""Share of the views whose corners are those of the recess or holder around the plate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,15 +31,15 @@ class _Drawn:
 
 
 def render_views(count: int, rng: np.random.Generator) -> tuple[View, list[str]]:
-    """`count` views to learn from, (count, 64, 160), and their texts."""
+    """Render `count` views for training, (count, 64, 160), and their texts."""
     found, texts = _photographed(count, rng, held_back=False)
     return np.stack([rectify(picture, corners) for picture, corners in found]), texts
 
 
-def render_looks(count: int, rng: np.random.Generator) -> tuple[View, list[str]]:
-    """`count` plates in fonts held back, (count, looks, 64, 160), as the reader looks at them."""
+def render_validation_plates(count: int, rng: np.random.Generator) -> tuple[View, list[str]]:
+    """Render `count` plates in fonts held back, (count, views, 64, 160), and their texts."""
     found, texts = _photographed(count, rng, held_back=True)
-    return np.stack([looks_at(picture, corners) for picture, corners in found]), texts
+    return np.stack([rectified_views(picture, corners) for picture, corners in found]), texts
 
 
 def _photographed(
@@ -51,21 +51,21 @@ def _photographed(
     while len(found) < count:
         text, plate_format = random_plate(rng, held_back=held_back)
         drawn = _Drawn(text, plate_format, worn(draw_plate(text, plate_format, _PX_PER_MM), rng))
-        found += [_photograph(drawn, rng) for _ in range(_VIEWS_A_PLATE)]
-        texts += [text] * _VIEWS_A_PLATE
+        found += [_photograph(drawn, rng) for _ in range(_VIEWS_PER_PLATE)]
+        texts += [text] * _VIEWS_PER_PLATE
     return found[:count], texts[:count]
 
 
 def _photograph(drawn: _Drawn, rng: np.random.Generator) -> tuple[View, Quad]:
     shape = drawn.plate_format
     characters = max(5, len(drawn.text))
-    # From barely legible to larger than the view; small ones are the difficult ones, so more.
+    # From barely legible to larger than the view; small ones are harder, so there are more.
     width_px = float(np.exp(rng.uniform(np.log(7.0), np.log(30.0)))) * characters
     if shape.width_mm < 250:
         width_px *= 0.7
     height_px = width_px * shape.height_mm / shape.width_mm
     quad = posed(width_px, height_px, rng)
-    mistaken = rng.random() < _MISTAKEN
+    mistaken = rng.random() < _WRONG_OUTLINE
     recess = around(quad, rng.uniform(-0.1, 0.32, 4).clip(0)) if mistaken else quad
     least, most = recess.min(axis=0), recess.max(axis=0)
     size = np.ceil(most - least) + np.asarray([0.3 * width_px, 0.8 * height_px])
@@ -78,13 +78,13 @@ def _photograph(drawn: _Drawn, rng: np.random.Generator) -> tuple[View, Quad]:
     paste(scene, in_the_shade(drawn.art, rng), quad)
     fine_px = width_px / characters / 6
     picture = photograph(scene, rng, fine_px)
-    if shape.name == "eu" and rng.random() < 0.25:  # a detector may leave the blue band outside
+    if shape.name == "eu" and rng.random() < 0.25:  # a detector may leave out the blue band
         quad[[0, 3]] += np.float32(rng.uniform(0.04, 0.1)) * (quad[[1, 2]] - quad[[0, 3]])
     return np.asarray(picture, np.uint8), _as_found(recess if mistaken else quad, rng)
 
 
 def posed(width_px: float, height_px: float, rng: np.random.Generator) -> Quad:
-    """Corners around (0, 0), turned and seen from the side."""
+    """Corners around (0, 0), rotated and in perspective."""
     x, y = width_px / 2, height_px / 2
     corners = np.asarray([(-x, -y), (x, -y), (x, y), (-x, y)])
     squeeze = 1 - abs(rng.normal(0, 0.12))
@@ -97,7 +97,7 @@ def posed(width_px: float, height_px: float, rng: np.random.Generator) -> Quad:
 
 
 def _surroundings(rows: int, columns: int, quad: Quad, rng: np.random.Generator) -> View:
-    """Sheet metal of some colour, a recess or a holder around the plate, edges nearby."""
+    """Draw bodywork, a holder around the plate, and edges nearby."""
     scene = np.empty((rows, columns, 3), np.uint8)
     paint = rng.integers(5, 240) + rng.normal(0, 25, 3)
     share = np.linspace(-1, 1, rows)[:, None, None] * rng.normal(0, 30)
@@ -132,7 +132,7 @@ def _surroundings(rows: int, columns: int, quad: Quad, rng: np.random.Generator)
 def _holder(
     scene: View, quad: Quad, share: npt.NDArray[np.float64], rng: np.random.Generator
 ) -> None:
-    """A holder or a recess, `share` times as wide and high as the plate."""
+    """Draw a holder or a recess, `share` times as wide and high as the plate."""
     middle = quad.mean(axis=0)
     around = middle + (quad - middle) * share
     dark = rng.random() < 0.8
@@ -142,7 +142,7 @@ def _holder(
 
 
 def around(quad: Quad, shares: npt.NDArray[np.float64]) -> Quad:
-    """A plate's corners moved outward at the left, top, right and bottom, in shares of its size."""
+    """Corners moved outward at the left, top, right and bottom, in shares of the plate's size."""
     left, top, right, bottom = shares
     along, down = quad[1] - quad[0], quad[3] - quad[0]
     outward = np.asarray([(-left, -top), (right, -top), (right, bottom), (-left, bottom)])
@@ -150,7 +150,7 @@ def around(quad: Quad, shares: npt.NDArray[np.float64]) -> Quad:
 
 
 def draw_recess(scene: View, recess: Quad, rng: np.random.Generator) -> None:
-    """Sheet metal of another shade, or only the edges of it."""
+    """Draw a recess: bodywork of another shade, or only its edges."""
     corners = np.rint(recess * 16).astype(np.int32)
     shade, edge = rng.integers(0, 255, 2).repeat(3).reshape(2, 3) + rng.normal(0, 12, (2, 3))
     if rng.random() < 0.6:
@@ -162,7 +162,7 @@ def draw_recess(scene: View, recess: Quad, rng: np.random.Generator) -> None:
 
 
 def in_the_shade(art: View, rng: np.random.Generator) -> View:
-    """The plate as the light falls on it: one in six hangs darker than the bodywork around it."""
+    """Shade the plate: one in six is darker than the bodywork around it."""
     if rng.random() > 1 / 6:
         return art
     light = rng.uniform(0.2, 0.65)
@@ -172,7 +172,13 @@ def in_the_shade(art: View, rng: np.random.Generator) -> View:
 
 
 def paste(scene: View, art: View, quad: Quad) -> None:
-    """Warp the plate in, shrunk first so that nothing aliases."""
+    """Draw the plate into the scene, reduced first against aliasing.
+
+    Args:
+        scene: (h, w, 3) BGR; is changed.
+        art: the plate, BGR.
+        quad: its corners in the scene.
+    """
     width_px = float(np.hypot(*(quad[1] - quad[0])))
     height_px = float(np.hypot(*(quad[3] - quad[0])))
     if width_px < art.shape[1]:
@@ -189,7 +195,7 @@ def paste(scene: View, art: View, quad: Quad) -> None:
 
 
 def _as_found(quad: Quad, rng: np.random.Generator) -> Quad:
-    """The corners as a detector would place them: shifted, scaled, each a little off."""
+    """The corners with a detector's errors: shifted, scaled, each a little off."""
     middle = quad.mean(axis=0)
     along, down = (quad[1] - quad[0]), (quad[3] - quad[0])
     wild = 2.0 if rng.random() < 0.15 else 1.0

@@ -1,4 +1,4 @@
-"""Rendered pictures in files mapped into memory, made once, by as many processes as wished."""
+"""Rendered images in memory-mapped files, made once, by several processes."""
 
 import multiprocessing
 from collections.abc import Callable
@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.generic]
 Renderer = Callable[[int, np.random.Generator], tuple[Array, ...]]
-"""Given how many and a generator, arrays with that many rows each."""
+"""Makes arrays of the given number of rows each with a generator."""
 
 _SHARD = 1000
 
@@ -28,10 +28,17 @@ class _Shard:
 def rendered(
     folder: Path, renderer: Renderer, count: int, seed: int, processes: int
 ) -> list[Array]:
-    """The arrays of `count` rows that `renderer` gives, from `folder` if they lie there already.
+    """Render arrays of `count` rows, or load them from `folder` if they exist.
 
-    Every shard has a generator of its own, so that the pictures are the same however many processes
-    render them.
+    Every shard has a generator of its own, so that the images do not depend on the number of
+    processes.
+
+    Args:
+        folder: for the files.
+        renderer: makes the rows.
+        count: rows.
+        seed: of all generators.
+        processes: to render with.
     """
     folder.mkdir(parents=True, exist_ok=True)
     shards = [
@@ -46,7 +53,7 @@ def rendered(
             np.lib.format.open_memmap(part, "w+", like.dtype, (count, *like.shape[1:]))
             for part, like in zip(parts, first, strict=True)
         ]
-        # Fresh processes: a fork would inherit OpenCV's threads without the threads.
+        # Spawned processes: a fork would inherit OpenCV's locks without its threads.
         fresh = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(processes, fresh, initializer=_one_thread) as pool:
             for shard, rows in pool.map(partial(_render, renderer), shards):

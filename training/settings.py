@@ -1,4 +1,4 @@
-"""What `settings.yaml` may say."""
+"""Settings of the training runs (`settings.yaml`)."""
 
 from pathlib import Path
 
@@ -10,26 +10,26 @@ from onboard.settings import Settings, load_settings
 SETTINGS_FILE = Path(__file__).with_name("settings.yaml")
 
 
-class NetworkSettings(Settings):
-    """One network's schooling."""
+class NetworkTrainingSettings(Settings):
+    """Settings of one network's training run."""
 
     seed: int
-    """Of everything drawn at random."""
+    """Seed of all random numbers."""
     images: int = Field(gt=0)
-    """Rendered pictures to learn from."""
+    """Rendered images for training."""
     validation_images: int = Field(gt=0)
-    """Rendered pictures, of other plates, to measure and to calibrate on."""
+    """Rendered images, of other plates, for validation and calibration."""
     rates: tuple[tuple[int, float], ...] = Field(min_length=2)
-    """Learning rates at some steps, linear in between; the schooling ends at the last of them. The
-    pictures are gone through as often as that takes."""
+    """Learning rates at some steps, linear in between; the run ends at the last one. The images are
+    repeated as often as that takes."""
     batch: int = Field(gt=0)
     """ImageSequence a step."""
     initial_network: str | None = None
-    """Exported network in this folder that the schooling goes on from; none: from nothing."""
+    """Exported network in this folder from which the run starts; `None`: random weights."""
 
     @property
     def steps(self) -> int:
-        """Batches to learn from."""
+        """Number of steps."""
         return self.rates[-1][0]
 
     def rate_at(self, step: int) -> float:
@@ -38,26 +38,27 @@ class NetworkSettings(Settings):
         return float(np.interp(step, steps, rates))
 
 
-class ReaderSettings(NetworkSettings):
-    """The reader's."""
+class ReaderTrainingSettings(NetworkTrainingSettings):
+    """Settings of the reader's training run."""
 
     initial_share: float = Field(0.0, ge=0.0, lt=1.0)
-    """Share of what it began with in the weights that it ends with."""
+    """Weight of the initial network in the average with the trained one."""
     temperature: float | None = Field(None, gt=0.0)
-    """What the logits are divided by; none: what fits the validation pictures (0213)."""
+    """Divisor of the logits; `None`: the one that fits the validation images
+    (docs/design/plates.md)."""
 
 
 class TrainingSettings(Settings):
-    """The whole of it."""
+    """Settings of both training runs."""
 
-    reader: ReaderSettings
-    detector: NetworkSettings
+    reader: ReaderTrainingSettings
+    detector: NetworkTrainingSettings
 
 
 def load_training_settings(file: Path) -> TrainingSettings:
-    """Read `settings.yaml`, or another one.
+    """Read a settings file.
 
     Raises:
-        SettingsError: it does not fit.
+        SettingsError: it is invalid.
     """
     return load_settings(file, TrainingSettings)

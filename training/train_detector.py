@@ -1,4 +1,4 @@
-"""Teaches the detector where plates are and writes it as ONNX."""
+"""The training run of the plate detector, with its export to ONNX."""
 
 import logging
 from pathlib import Path
@@ -15,21 +15,30 @@ from training.detector_scenes import mirrored, moved, render_scenes
 from training.initial_weights import load_weights
 from training.networks import DetectorNetwork
 from training.rendered_images import rendered
-from training.settings import NetworkSettings
+from training.settings import NetworkTrainingSettings
 from training.training_loop import train_network
 
 _log = logging.getLogger(__name__)
 
 _INNER = 0.35
-"""A cell in this share of the plate's half extent (or the nearest one) is to say `plate`."""
+"""Share of the plate's half extent in which cells (and the nearest one) are labelled as plate."""
 _CORNER_WEIGHT = 2.0
 _MEASURED_ON = 128
-_FOUND, _BESIDE = 0.5, 0.1
-"""Intersection over union from which a plate is found, and up to which what is found is none."""
+_FOUND, _FALSE = 0.5, 0.1
+"""Intersection over union from which a plate is found, and below which a detection is false."""
 
 
-def train_detector(settings: NetworkSettings, folder: Path, model: Path, processes: int) -> None:
-    """Render, learn, export; prints what it sees on the way."""
+def train_detector(
+    settings: NetworkTrainingSettings, folder: Path, model: Path, processes: int
+) -> None:
+    """Render, train, export and validate.
+
+    Args:
+        settings: of the run.
+        folder: for images and the saved state.
+        model: ONNX file to write.
+        processes: to render with.
+    """
     seed = settings.seed
     scenes, corners = rendered(
         folder / "train", render_scenes, settings.images, seed + 10, processes
@@ -60,7 +69,7 @@ def train_detector(settings: NetworkSettings, folder: Path, model: Path, process
 def targets(
     corners: npt.NDArray[np.float32], size: tuple[int, ...]
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """What the network should answer for plates at `corners` (n, plates, 4, 2), NaN where none.
+    """Target output of the network for plates at `corners` (n, plates, 4, 2), NaN for none.
 
     Returns:
         heat: (n, h, w) of cells: 1 in the middle of a plate, 0 elsewhere, NaN between.
@@ -116,7 +125,7 @@ def _loss(
 
 
 def export(network: DetectorNetwork, path: Path) -> None:
-    """Write the network, for pictures of any size."""
+    """Write the network as ONNX, for images of any size."""
     network.eval()
     path.parent.mkdir(parents=True, exist_ok=True)
     torch.onnx.export(
@@ -134,14 +143,20 @@ def export(network: DetectorNetwork, path: Path) -> None:
 def report(
     detector: PlateDetector, scenes: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32]
 ) -> None:
-    """Tell how many plates are found as the car finds them, how well, and how much else is."""
+    """Log the share of plates found, their overlap, and false detections.
+
+    Args:
+        detector: with the trained network.
+        scenes: (n, h, w) grey images.
+        corners: (n, plates, 4, 2), NaN for none.
+    """
     overlaps: list[float] = []
     false = 0
     for scene, quads in zip(scenes, corners, strict=True):
         found = [plate.box for plate in detector.find(scene)]
         true = [bounding_box(quad) for quad in quads if not np.isnan(quad).any()]
         overlaps += [max((overlap(box, at) for box in found), default=0.0) for at in true]
-        false += sum(all(overlap(box, at) < _BESIDE for at in true) for box in found)
+        false += sum(all(overlap(box, at) < _FALSE for at in true) for box in found)
     well = [share for share in overlaps if share >= _FOUND]
     _log.info(
         f"validation: {len(well) / max(1, len(overlaps)):.3f} of the plates found, median overlap "

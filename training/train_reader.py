@@ -1,4 +1,4 @@
-"""Teaches the reader, calibrates how sure it is, and writes it as ONNX."""
+"""The training run of the plate reader, with calibration and export to ONNX."""
 
 import logging
 import math
@@ -13,9 +13,9 @@ from torch import nn
 from onboard.vision.plate_reader import ALPHABET, CERTAIN, decode, normalised
 from training.initial_weights import load_weights
 from training.networks import ReaderNetwork
-from training.reader_views import render_looks, render_views
+from training.reader_views import render_validation_plates, render_views
 from training.rendered_images import rendered
-from training.settings import ReaderSettings
+from training.settings import ReaderTrainingSettings
 from training.training_loop import train_network
 from training.weight_averaging import average_weights
 
@@ -25,21 +25,21 @@ _Views = npt.NDArray[np.uint8]
 
 LONGEST = 8
 MAX_WRONG = 0.01
-"""Share of wrong texts among the certain ones, on fonts that were held back."""
+"""Share of wrong texts among the certain ones, with fonts that are held back."""
 _CALIBRATED_ON = 2500
 _MEASURED_ON = 1024
 
 
 def labelled_views(count: int, rng: np.random.Generator) -> tuple[_Views, _Views]:
-    """Views, and their texts as class numbers, 0 behind the end."""
+    """Render views, and their texts as class numbers, 0 behind the end."""
     views, texts = render_views(count, rng)
     return views, _labels(texts)
 
 
-def labelled_looks(count: int, rng: np.random.Generator) -> tuple[_Views, _Views]:
-    """The same of looks at plates in fonts that are held back."""
-    looks, texts = render_looks(count, rng)
-    return looks, _labels(texts)
+def labelled_plates(count: int, rng: np.random.Generator) -> tuple[_Views, _Views]:
+    """The same of plates in fonts that are held back, with all views of each."""
+    views, texts = render_validation_plates(count, rng)
+    return views, _labels(texts)
 
 
 def _labels(texts: list[str]) -> _Views:
@@ -49,18 +49,27 @@ def _labels(texts: list[str]) -> _Views:
     return labels
 
 
-def train_reader(settings: ReaderSettings, folder: Path, model: Path, processes: int) -> None:
-    """Render, learn, calibrate, export; prints what it sees on the way."""
+def train_reader(
+    settings: ReaderTrainingSettings, folder: Path, model: Path, processes: int
+) -> None:
+    """Render, train, calibrate, export and validate.
+
+    Args:
+        settings: of the run.
+        folder: for images and the saved state.
+        model: ONNX file to write.
+        processes: to render with.
+    """
     seed = settings.seed
     views, labels = rendered(folder / "train", labelled_views, settings.images, seed, processes)
     count = settings.validation_images
-    held_back = rendered(folder / "validation", labelled_looks, count, seed + 1, processes)
+    held_back = rendered(folder / "validation", labelled_plates, count, seed + 1, processes)
     torch.manual_seed(seed)
     network = ReaderNetwork().to(memory_format=torch.channels_last)
     if settings.initial_network is not None:
         some = torch.from_numpy(normalised(np.asarray(views[:_MEASURED_ON])))
         load_weights(network, Path(__file__).parent / settings.initial_network, some)
-    began = deepcopy(network)
+    initial = deepcopy(network)
     loss_of_texts = nn.CTCLoss(zero_infinity=True)
 
     def loss_of(rows: npt.NDArray[np.int64], rng: np.random.Generator) -> torch.Tensor:
@@ -75,13 +84,13 @@ def train_reader(settings: ReaderSettings, folder: Path, model: Path, processes:
         return loss
 
     train_network(network, loss_of, len(views), settings, folder / "training.pt")
-    average_weights(network, began, settings.initial_share)
+    average_weights(network, initial, settings.initial_share)
     fitting = report(network, *held_back)
     export(network, settings.temperature or fitting, model)
 
 
 def jittered(batch: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
-    """The same views, each cut out a little differently and grained: no view is seen twice."""
+    """Augment views: each gets a random affine change, gain and noise."""
     count = len(batch)
     moves = torch.zeros(count, 2, 3)
     moves[:, 0, 0] = torch.from_numpy(rng.normal(1.0, 0.03, count))
@@ -99,13 +108,19 @@ def jittered(batch: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
 
 
 @torch.no_grad()
-def report(network: ReaderNetwork, looks: _Views, labels: _Views) -> float:
-    """Print how much of the rendered validation set is right; gives the temperature that fits."""
+def report(network: ReaderNetwork, views: _Views, labels: _Views) -> float:
+    """Log the share of right texts; returns the best temperature.
+
+    Args:
+        network: after training.
+        views: (n, views, h, w) of plates.
+        labels: (n, 8) class numbers.
+    """
     network.eval()
     scores = torch.stack(
         [
             network(torch.from_numpy(normalised(np.asarray(plate)))).squeeze(2).transpose(1, 2)
-            for plate in looks
+            for plate in views
         ]
     )
     texts = ["".join(ALPHABET[label - 1] for label in row if label) for row in labels]
@@ -123,32 +138,32 @@ def report(network: ReaderNetwork, looks: _Views, labels: _Views) -> float:
 
 
 def _temperature(scores: torch.Tensor, right: npt.NDArray[np.bool_]) -> float:
-    """What the logits are to be divided by, so that a confidence is what it says.
+    """Temperature (Guo et al. 2017): divisor of the logits that calibrates the confidence.
 
-    The least that fits best (of all, the surprise at what was right and wrong is least) and at
-    which few texts enough are wrong among the certain ones.
+    The lowest one with the least negative log-likelihood of right and wrong, and with few enough
+    wrong texts among the certain ones.
     """
     few, right = scores[:_CALIBRATED_ON], right[:_CALIBRATED_ON]
     best = math.inf, 4.0
     for temperature in np.arange(0.7, best[1], 0.1):
         sure = np.clip(_confidences(few, float(temperature)), 1e-6, 1 - 1e-6)
-        surprise = -float(np.mean(np.where(right, np.log(sure), np.log(1 - sure))))
+        log_loss = -float(np.mean(np.where(right, np.log(sure), np.log(1 - sure))))
         certain = sure >= CERTAIN
         wrong = 1 - right[certain].mean() if certain.any() else 0.0
-        _log.info(f"temperature {temperature:.1f}: surprise {surprise:.4f}, wrong {wrong:.4f}")
-        if wrong <= MAX_WRONG and surprise >= best[0]:
+        _log.info(f"temperature {temperature:.1f}: log loss {log_loss:.4f}, wrong {wrong:.4f}")
+        if wrong <= MAX_WRONG and log_loss >= best[0]:
             break
         if wrong <= MAX_WRONG:
-            best = surprise, float(temperature)
+            best = log_loss, float(temperature)
     return best[1]
 
 
 def _confidences(scores: torch.Tensor, temperature: float) -> npt.NDArray[np.float64]:
-    return np.asarray([decode(looks).confidence for looks in (scores / temperature).numpy()])
+    return np.asarray([decode(views).confidence for views in (scores / temperature).numpy()])
 
 
 def export(network: ReaderNetwork, temperature: float, path: Path) -> None:
-    """Write the network with the temperature in its last layer."""
+    """Write the network as ONNX, with the temperature in its last layer."""
     network.eval()
     with torch.no_grad():
         scaled = ReaderNetwork()

@@ -1,8 +1,8 @@
-"""What both networks' schooling shares: which pictures when, how fast to learn, how to go on later.
+"""The training loop of both networks: batches, learning rate, and saved states.
 
-Everything depends on the number of the step alone, so that a run that was broken off and went on is
-the same run. The learning rate rises, stays, and falls to nothing (warm-up, stable, decay; Hu et
-al. 2024, MiniCPM, section 4): how long the middle lasts, and the fall, may be decided late.
+Everything depends on the number of the step alone, so that an interrupted run continues as the same
+run. The learning rate rises, stays, and falls to zero (warm-up, stable, decay; Hu et al. 2024,
+MiniCPM, section 4): the lengths of the last two phases can be decided late.
 """
 
 import logging
@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 
 Rows = npt.NDArray[np.int64]
 LossOf = Callable[[Rows, np.random.Generator], torch.Tensor]
-"""Loss of the pictures in these rows; the generator is for changing them a little."""
+"""Loss of the images in these rows; the generator is for augmentation."""
 
 _SAVED_EVERY = 200
 
@@ -29,11 +29,19 @@ _SAVED_EVERY = 200
 def train_network(
     network: nn.Module,
     loss_of: LossOf,
-    pictures: int,
+    images: int,
     settings: NetworkSettings,
     saved: Path,
 ) -> None:
-    """All steps of one network's schooling, from where `saved` has it, if it is there."""
+    """Train a network, from the state in `saved` if it exists.
+
+    Args:
+        network: is changed.
+        loss_of: loss of a batch.
+        images: number of images.
+        settings: steps, rates and batch size.
+        saved: file of the state.
+    """
     optimiser = torch.optim.AdamW(network.parameters(), weight_decay=1e-3)
     step = 0
     if saved.is_file():
@@ -49,7 +57,7 @@ def train_network(
             group["lr"] = settings.rate_at(step)
         torch.manual_seed(seed + step)
         loss = loss_of(
-            rows_of(step, pictures, settings.batch, seed), np.random.default_rng([seed, step])
+            rows_of(step, images, settings.batch, seed), np.random.default_rng([seed, step])
         )
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
@@ -67,9 +75,16 @@ def train_network(
             part.rename(saved)
 
 
-def rows_of(step: int, pictures: int, batch: int, seed: int) -> Rows:
-    """Which pictures a step learns from: all of them once, in some order, then all again."""
-    a_round = pictures // batch
-    order = np.random.default_rng([seed, step // a_round]).permutation(pictures)
-    start = step % a_round * batch
+def rows_of(step: int, images: int, batch: int, seed: int) -> Rows:
+    """Rows of the images of one step: each epoch has all images once, in random order.
+
+    Args:
+        step: counted from 0.
+        images: number of images.
+        batch: images a step.
+        seed: of the order.
+    """
+    steps_per_epoch = images // batch
+    order = np.random.default_rng([seed, step // steps_per_epoch]).permutation(images)
+    start = step % steps_per_epoch * batch
     return np.sort(order[start : start + batch])

@@ -87,7 +87,7 @@ class PlateReader:
         """Read several plates of one image."""
         texts = []
         for corners in plates:
-            views = reader_views(image, corners)
+            views = rectified_views(image, corners)
             if views[0].std() < _MIN_CONTRAST:
                 texts.append(PlateText("", 0.0, (), 0.0))
                 continue
@@ -97,7 +97,7 @@ class PlateReader:
         return texts
 
 
-def reader_views(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
+def rectified_views(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
     """Views of a plate for the network (views, 64, 160), each with slightly other corners."""
     return np.stack([rectify(image, _changed(corners, *nudge)) for nudge in _VIEW_CHANGES])
 

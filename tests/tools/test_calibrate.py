@@ -310,7 +310,10 @@ def test_a_parked_cars_plate_gives_the_lens_within_a_fiftieth(tmp_path: Path) ->
         (["--plate-at-m", "4,x", "--plate-height-m", "0.6"], "must be like 4,6,8"),
         (["--plate-at-m", "4,5,6", "--plate-height-m", "0.6"], "3 distances for 1 images"),
         (["--plate-at-m", "4,nan", "--plate-height-m", "0.6"], "distances must be above 0"),
-        (["--plate-at-m", "4", "--plate-height-m", "0.6", "--plate-width-m", "0"], "must be 0.001 to 1 m"),
+        (
+            ["--plate-at-m", "4", "--plate-height-m", "0.6", "--plate-width-m", "0"],
+            "must be 0.001 to 1 m",
+        ),
         (["--board", "2x6"], "must be like 9x6"),
         (["--board", "7x5", "--square-m", "30"], "--square-m: must be 0.001 to 1 m"),
         (["--board", "7x5", "--square-m", "nan"], "--square-m: must be 0.001 to 1 m"),

@@ -182,7 +182,10 @@ def test_a_lead_is_scored_by_what_is_known_of_it(
     ("rows", "why"),
     [
         (["picture,plate", "f1.png,TAG1"], "has the columns picture, plate; allowed are"),
-        (["file,text", "g1.png,TAG1"], "has rows for g1.png, and for none of these frames, such as f9"),
+        (
+            ["file,text", "g1.png,TAG1"],
+            "has rows for g1.png, and for none of these frames, such as f9",
+        ),
         (["frame,gap_m", "1,near"], ":2: could not convert"),
         (["file,x_px,text", "f1.png,3,TAG1"], ":2: a box needs four numbers"),
         (["frame,gap_m", "1,0"], ":2: gap_m is 0"),

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from onboard.vision.plate_reader import ALPHABET, READER_SIZE, looks_at
-from training.reader_views import render_looks, render_views
+from onboard.vision.plate_reader import ALPHABET, READER_SIZE, rectified_views
+from training.reader_views import render_validation_plates, render_views
 
 
 def test_the_same_seed_gives_the_same_views_and_texts() -> None:
@@ -17,8 +17,8 @@ def test_the_same_seed_gives_the_same_views_and_texts() -> None:
 
 
 def test_a_plate_to_measure_on_is_looked_at_as_the_reader_looks() -> None:
-    looks, texts = render_looks(4, np.random.default_rng(4))
-    nothing = looks_at(np.zeros((20, 40), np.uint8), np.zeros((4, 2), np.float32))
+    views, texts = render_validation_plates(4, np.random.default_rng(4))
+    nothing = rectified_views(np.zeros((20, 40), np.uint8), np.zeros((4, 2), np.float32))
 
-    assert looks.shape == (4, *nothing.shape)
+    assert views.shape == (4, *nothing.shape)
     assert len(set(texts)) == 1, "one plate is photographed four times"

@@ -1,4 +1,4 @@
-"""What `make train` reads. The schooling itself needs PyTorch: `make train-trial`."""
+"""Settings of `make train`. A training run itself needs PyTorch: `make train-trial`."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ FILES = SETTINGS_FILE, SETTINGS_FILE.with_name("trial.yaml")
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_rates_rise_from_little_and_fall_to_nothing(file: Path) -> None:
+def test_learning_rates_rise_from_near_zero_and_fall_to_zero(file: Path) -> None:
     settings = load_training_settings(file)
 
     for network in (settings.reader, settings.detector):
@@ -22,14 +22,14 @@ def test_rates_rise_from_little_and_fall_to_nothing(file: Path) -> None:
 
 
 @pytest.mark.parametrize("network", ["reader", "detector"])
-def test_what_a_schooling_begins_with_is_there(network: str) -> None:
-    begins_with = getattr(load_training_settings(SETTINGS_FILE), network).begins_with
+def test_the_initial_network_of_a_training_run_exists(network: str) -> None:
+    initial_network = getattr(load_training_settings(SETTINGS_FILE), network).initial_network
 
-    assert begins_with is not None
-    assert SETTINGS_FILE.with_name(begins_with).is_file()
+    assert initial_network is not None
+    assert SETTINGS_FILE.with_name(initial_network).is_file()
 
 
-def test_a_setting_that_is_unknown_is_an_error(tmp_path: Path) -> None:
+def test_an_unknown_setting_is_an_error(tmp_path: Path) -> None:
     file = tmp_path / "settings.yaml"
     file.write_text(SETTINGS_FILE.read_text(encoding="utf-8") + "speed: 3\n", encoding="utf-8")
 
