@@ -1,7 +1,7 @@
-"""How far a fix is off, as one standard deviation on each horizontal axis.
+"""Horizontal accuracy of a fix, as one standard deviation on each axis.
 
-A receiver tells it (GST, gpsd's error estimates) or tells the dilution of precision. HDOP is the
-ratio of the horizontal error (both axes together) to the range error:
+A receiver reports it (GST, gpsd's error estimates), or the dilution of precision. HDOP is the ratio
+of the horizontal error (both axes together) to the range error:
 
     sigma = HDOP * range error / sqrt(2)
 """
@@ -9,20 +9,23 @@ ratio of the horizontal error (both axes together) to the range error:
 import math
 from collections.abc import Mapping
 
+RANGE_ERROR_M = 4.0
+"""Standard deviation of a pseudorange (UERE) without corrections."""
+
 UNKNOWN_HDOP = 2.0
-"""Where a receiver tells nothing: a street with a part of the sky."""
+"""Assumed HDOP if the receiver reports none: a street with a part of the sky."""
 
 RANGE_ERROR_BY_QUALITY: Mapping[int, float] = {2: 0.5, 4: 0.01, 5: 0.1, 6: 3.0}
-"""Relative to a fix without corrections, by GGA quality: 2 differential, 4 RTK fixed, 5 RTK float,
-6 dead reckoning."""
+"""Range error relative to a fix without corrections, by GGA quality: 2 differential, 4 RTK fixed, 5
+RTK float, 6 dead reckoning."""
 
 
-def sigma_from_hdop_m(hdop: float | None, quality: int | None, range_error_m: float) -> float:
-    """Sigma of a fix of this GGA `quality`; what is not known is `None`."""
-    error_m = range_error_m * RANGE_ERROR_BY_QUALITY.get(quality or 0, 1.0)
+def sigma_from_hdop_m(hdop: float | None, quality: int | None) -> float:
+    """Sigma of a fix of this GGA `quality`; unknown values are `None`."""
+    error_m = RANGE_ERROR_M * RANGE_ERROR_BY_QUALITY.get(quality or 0, 1.0)
     return (UNKNOWN_HDOP if hdop is None else hdop) * error_m / math.sqrt(2)
 
 
 def sigma_of_axes_m(north_m: float, east_m: float) -> float:
-    """One sigma for both axes, with the mean of their variances."""
+    """One sigma for both axes, from the mean of their variances."""
     return math.sqrt((north_m**2 + east_m**2) / 2)

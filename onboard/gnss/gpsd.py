@@ -1,4 +1,4 @@
-"""The wire to gpsd: a TCP connection that is made again when it is lost."""
+"""The wire to gpsd: a TCP connection, which is reopened after a loss."""
 
 import asyncio
 import os
@@ -13,7 +13,7 @@ RECONNECT_PERIOD_S = 1.0
 
 
 class Gpsd:
-    """Hands over what gpsd sends; a missing gpsd is a state, not an error: cars drive without."""
+    """Delivers gpsd's data; a missing gpsd is a state and no error, since GNSS is optional."""
 
     def __init__(
         self,
@@ -23,7 +23,10 @@ class Gpsd:
     ) -> None:
         """Take the callbacks; both are called from the loop.
 
-        `on_state` gets whether gpsd is there, and why it is not, on each change.
+        Args:
+            settings: address of gpsd.
+            on_data: gets received bytes.
+            on_state: gets whether gpsd is connected, and the reason if not, on each change.
         """
         self._settings = settings
         self._on_data = on_data
@@ -31,16 +34,16 @@ class Gpsd:
         self._task: asyncio.Task[None] | None = None
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Connect from now on, again and again; returns at once."""
+        """Start connecting, repeatedly; returns at once."""
         self._task = loop.create_task(self._run(loop))
 
     def close(self) -> None:
-        """Leave gpsd. No callback comes any more."""
+        """Close the connection. No callback is called afterwards."""
         if self._task is not None:
             self._task.cancel()
 
     async def _run(self, loop: asyncio.AbstractEventLoop) -> None:
-        told: str | None = None
+        reported: str | None = None
         while True:
             try:
                 transport, watcher = await loop.create_connection(
@@ -52,20 +55,20 @@ class Gpsd:
                 why = f"gpsd at {self._settings.host}:{self._settings.port}: {_cause(error)}"
             else:
                 self._on_state(True, "")
-                told = None
+                reported = None
                 try:
                     await watcher.lost
                 finally:
                     transport.abort()
                 why = "gpsd closed the connection"
-            if why != told:
+            if why != reported:
                 self._on_state(False, why)
-                told = why
+                reported = why
             await asyncio.sleep(RECONNECT_PERIOD_S)
 
 
 def _cause(error: OSError) -> str:
-    """The system's words; asyncio's own repeat the address."""
+    """The system's message; asyncio's own repeats the address."""
     return os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
 
 

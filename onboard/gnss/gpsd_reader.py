@@ -2,10 +2,10 @@
 
 TPV has time, position and velocity, GST the accuracy, SKY the dilution of precision.
 
-What the receiver itself says of its accuracy (GST) comes before what gpsd makes of the dilution:
-gpsd 3.22 does not put the former into its TPV, and its own estimate is for a poor receiver. gpsd
-may report one fix several times, as its parts come in; it is told once, since one measurement must
-not count twice.
+The receiver's own accuracy (GST) takes precedence over gpsd's estimate from the dilution: gpsd 3.22
+does not copy the former into its TPV, and its estimate is for a poor receiver. gpsd may report one
+fix several times, as its parts arrive; only the first is used, since a measurement must not count
+twice.
 """
 
 import datetime as dt
@@ -20,37 +20,38 @@ from onboard.observations import Discarded, Position
 from onboard.sensors.remote_clock import RemoteClock
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
-"""What a client sends to be told everything."""
+"""Command by which a client subscribes to all reports."""
 
 MAX_LINE_BYTES = 65_536
-"""A SKY report with a hundred satellites has some ten thousand."""
+"""Longest report; a SKY report with a hundred satellites has some ten thousand."""
 
 MODE_2D = 2
 
 PER_AXIS_95 = 1.960
 PER_CIRCLE_95 = 2.448
-"""gpsd's error estimates hold with 95 % (its error model says so): standard deviations in the
-normal distribution on one axis, and in the Rayleigh distribution of the distance."""
+"""gpsd's error estimates have 95 % confidence (its error model): in standard deviations of the
+normal distribution on one axis, and of the Rayleigh distribution of the distance."""
 
-GST_HOLDS_S = 2.0
-"""How long a receiver's word on its accuracy is good for."""
+GST_VALID_S = 2.0
+"""Time for which a reported accuracy is valid."""
 
 _QUALITY_BY_STATUS = {2: 2, 3: 4, 4: 5, 5: 6}
-"""TPV status (2 differential, 3 RTK fixed, 4 RTK float, 5 dead reckoning) as GGA quality."""
+"""GGA quality by TPV status (2 differential, 3 RTK fixed, 4 RTK float, 5 dead reckoning)."""
 
 
-_REPORT_HEAD = b'{"class":'
-"""Of every report, gpsd_json(5)."""
+_REPORT_START = b'{"class":'
+"""First bytes of every report, gpsd_json(5)."""
 
 
 class ReportError(Exception):
-    """A report that is not what gpsd_json(5) says."""
+    """A report that violates gpsd_json(5)."""
 
 
 class GpsdReader:
-    """Takes bytes as they come and tells `Position`s."""
+    """Receives bytes and returns `Position`s."""
 
     def __init__(self, settings: GnssSettings | None = None) -> None:
+        """Start without data, with `settings` or their defaults."""
         self._settings = settings or GnssSettings()
         self._clock = RemoteClock(self._settings.latency_s)
         self._unread = b""
@@ -61,14 +62,14 @@ class GpsdReader:
         self._events: deque[Position | Discarded] = deque()
 
     def receive_bytes(self, data: bytes, now: float) -> None:
-        """Take what gpsd sent, cut anywhere."""
+        """Receive bytes of gpsd, split anywhere."""
         *lines, self._unread = (self._unread + data).split(b"\n")
         if len(self._unread) > MAX_LINE_BYTES:
             self._unread = b""
             self._discard("gpsd_report", "a line without an end", now)
         for line in lines:
-            if not line.startswith(_REPORT_HEAD):  # cheaper than having JSON find out
-                self._discard("gpsd_report", f"no report: {line[:80]!r}", now)
+            if not line.startswith(_REPORT_START):  # faster than parsing it as JSON
+                self._discard("gpsd_report", f"not a report: {line[:80]!r}", now)
                 continue
             try:
                 self._receive_report(json.loads(line), now)
@@ -92,7 +93,7 @@ class GpsdReader:
             case {"class": str()}:
                 pass
             case _:
-                raise ReportError("no report")
+                raise ReportError("not a report")
 
     def _receive_tpv(self, tpv: dict[str, Any], now: float) -> None:
         latitude_deg = _number(tpv, "lat", -90.0, 90.0)
@@ -124,8 +125,8 @@ class GpsdReader:
 
     def _sigma_m(self, tpv: dict[str, Any], utc_s: float | None) -> float:
         if self._gst is not None and utc_s is not None:
-            said_s, sigma_m = self._gst
-            if abs(utc_s - said_s) <= GST_HOLDS_S:
+            gst_s, sigma_m = self._gst
+            if abs(utc_s - gst_s) <= GST_VALID_S:
                 return sigma_m
         north_m = _number(tpv, "epy", 0.0, 1e6)
         east_m = _number(tpv, "epx", 0.0, 1e6)
@@ -136,7 +137,7 @@ class GpsdReader:
             return radius_m / PER_CIRCLE_95
         status = _number(tpv, "status", 0.0, 99.0)
         quality = _QUALITY_BY_STATUS.get(int(status or 0))
-        return sigma_from_hdop_m(self._hdop, quality, self._settings.range_error_m)
+        return sigma_from_hdop_m(self._hdop, quality)
 
     def _discard(self, reason: str, detail: str, now: float) -> None:
         self._events.append(Discarded(now, "gnss", reason, detail))

@@ -1,9 +1,9 @@
-"""One position for each instant at which a receiver fixed it, from its NMEA sentences.
+"""One position for each fix of a receiver, from its NMEA sentences.
 
-A receiver tells one fix in several sentences, and each kind of receiver in its own order: RMC has
-speed and date, GGA height and quality, GST the accuracy. Those with the same time of day are one
-*epoch*. It ends, as a rule, with the kind of sentence that ended the one before, and is told at
-once then; where the rule does not hold, when the next one begins.
+A receiver reports one fix in several sentences, in an order of its own: RMC has speed and date, GGA
+height and quality, GST the accuracy. Those with the same time of day are one *epoch*. An epoch is
+complete with the kind of sentence that ended the one before, and is reported at once; if that kind
+does not come, it is reported when the next one begins.
 """
 
 import datetime as dt
@@ -20,30 +20,31 @@ from onboard.observations import Discarded, Position
 from onboard.sensors.remote_clock import RemoteClock
 
 MAX_LINE_BYTES = 1024
-"""A sentence has 82; binary messages between sentences have no line ends."""
+"""Longest line: a sentence has 82; binary messages between sentences have no line ends."""
 
 DAY_S = 86_400
 
 _BETWEEN = re.compile(rb"\n|(?=\$)")
-"""A sentence ends with its line, or torn where the next one begins."""
+"""A sentence ends with its line, or truncated where the next one begins."""
 
 _FIELDS = tuple(field.name for field in fields(Sentence))
 
 
 @dataclass(slots=True)
 class _Epoch:
-    """What has been said about one instant."""
+    """The sentences of one time of day."""
 
-    said: Sentence
+    merged: Sentence
     began_at: float | None
     """Arrival of its first sentence."""
-    told: bool = False
+    is_reported: bool = False
 
 
 class NmeaReader:
-    """Takes bytes as they come and tells `Position`s, at most one for each epoch."""
+    """Receives bytes and returns `Position`s, at most one for each epoch."""
 
     def __init__(self, settings: GnssSettings | None = None) -> None:
+        """Start without data, with `settings` or their defaults."""
         self._settings = settings or GnssSettings()
         self._clock = RemoteClock(self._settings.latency_s)
         self._unread = b""
@@ -54,10 +55,10 @@ class NmeaReader:
         self._events: deque[Position | Discarded] = deque()
 
     def receive_bytes(self, data: bytes, now: float | None = None) -> None:
-        """Take what the receiver sent, cut anywhere.
+        """Receive bytes of the receiver, split anywhere.
 
-        Without `now` (a recording that has no arrival times) stamps are the receiver's UTC, in
-        seconds since 1970.
+        Without `now` (a recording without arrival times), stamps are the receiver's UTC, in seconds
+        since 1970.
         """
         *lines, self._unread = _BETWEEN.split(self._unread + data)
         if len(self._unread) > MAX_LINE_BYTES:
@@ -81,22 +82,27 @@ class NmeaReader:
         if sentence.kind == "ZDA" or sentence.time_of_day_s is None:
             return
         epoch = self._epoch
-        if epoch is None or epoch.said.time_of_day_s != sentence.time_of_day_s:
+        if epoch is None or epoch.merged.time_of_day_s != sentence.time_of_day_s:
             if epoch is not None:
-                self._tell(epoch, now)
-                self._ends_with = epoch.said.kind
+                self._report(epoch, now)
+                self._ends_with = epoch.merged.kind
             epoch = self._epoch = _Epoch(sentence, began_at=now)
         else:
-            epoch.said = _merged(epoch.said, sentence)
+            epoch.merged = _merged(epoch.merged, sentence)
         if sentence.kind == self._ends_with:
-            self._tell(epoch, now)
+            self._report(epoch, now)
 
-    def _tell(self, epoch: _Epoch, now: float | None) -> None:
-        said = epoch.said
-        if epoch.told or not said.is_fix or said.latitude_deg is None or said.longitude_deg is None:
+    def _report(self, epoch: _Epoch, now: float | None) -> None:
+        merged = epoch.merged
+        if (
+            epoch.is_reported
+            or not merged.is_fix
+            or merged.latitude_deg is None
+            or merged.longitude_deg is None
+        ):
             return
-        epoch.told = True
-        utc_s = self._utc_of(said)
+        epoch.is_reported = True
+        utc_s = self._utc_of(merged)
         if epoch.began_at is not None:
             stamp_s = self._clock.receive_stamp(utc_s, epoch.began_at)
         elif utc_s is not None:
@@ -107,40 +113,40 @@ class NmeaReader:
         self._events.append(
             Position(
                 stamp_s=stamp_s,
-                latitude_deg=said.latitude_deg,
-                longitude_deg=said.longitude_deg,
-                altitude_m=said.altitude_m,
-                sigma_m=max(self._sigma_m(said), self._settings.least_sigma_m),
-                speed_m_s=said.speed_m_s,
-                course_rad=None if said.course_deg is None else math.radians(said.course_deg),
+                latitude_deg=merged.latitude_deg,
+                longitude_deg=merged.longitude_deg,
+                altitude_m=merged.altitude_m,
+                sigma_m=max(self._sigma_m(merged), self._settings.least_sigma_m),
+                speed_m_s=merged.speed_m_s,
+                course_rad=None if merged.course_deg is None else math.radians(merged.course_deg),
             )
         )
 
-    def _utc_of(self, said: Sentence) -> float | None:
-        """Seconds since 1970; without a date of its own, in the day that follows the last one."""
-        self._date = said.date or self._date
-        if self._date is None or said.time_of_day_s is None:
+    def _utc_of(self, merged: Sentence) -> float | None:
+        """Seconds since 1970; without a date of its own, in the day after the last time."""
+        self._date = merged.date or self._date
+        if self._date is None or merged.time_of_day_s is None:
             return None
         midnight = dt.datetime.combine(self._date, dt.time(), dt.UTC)
-        utc_s = midnight.timestamp() + said.time_of_day_s
-        if said.date is None and utc_s < self._utc_s - DAY_S / 2:
+        utc_s = midnight.timestamp() + merged.time_of_day_s
+        if merged.date is None and utc_s < self._utc_s - DAY_S / 2:
             utc_s += DAY_S * math.ceil((self._utc_s - DAY_S / 2 - utc_s) / DAY_S)
         self._utc_s = utc_s
         return utc_s
 
-    def _sigma_m(self, said: Sentence) -> float:
-        if said.sigma_north_m is not None and said.sigma_east_m is not None:
-            return sigma_of_axes_m(said.sigma_north_m, said.sigma_east_m)
-        return sigma_from_hdop_m(said.hdop, said.quality, self._settings.range_error_m)
+    def _sigma_m(self, merged: Sentence) -> float:
+        if merged.sigma_north_m is not None and merged.sigma_east_m is not None:
+            return sigma_of_axes_m(merged.sigma_north_m, merged.sigma_east_m)
+        return sigma_from_hdop_m(merged.hdop, merged.quality)
 
     def _discard(self, reason: str, detail: str, now: float | None) -> None:
         stamp_s = now if now is not None else max(self._utc_s, 0.0)
         self._events.append(Discarded(stamp_s, "gnss", reason, detail))
 
 
-def _merged(said: Sentence, more: Sentence) -> Sentence:
-    """The later sentence counts, but one that doubts the fix is enough."""
-    news = {name: value for name in _FIELDS if (value := getattr(more, name)) is not None}
-    if said.is_fix is False:
-        news["is_fix"] = False
-    return replace(said, **news)
+def _merged(earlier: Sentence, later: Sentence) -> Sentence:
+    """Merge two sentences: the later one's values, but one without a fix voids both."""
+    values = {name: value for name in _FIELDS if (value := getattr(later, name)) is not None}
+    if earlier.is_fix is False:
+        values["is_fix"] = False
+    return replace(earlier, **values)

@@ -1,11 +1,11 @@
-"""The NMEA 0183 sentences that tell a car's position, each read on its own.
+"""The NMEA 0183 sentences about position, each parsed by itself.
 
-RMC, GGA or GNS, and GST hold everything about a fix, ZDA the date where there is no RMC; the others
+RMC, GGA or GNS, and GST have everything about a fix, ZDA the date if there is no RMC; the others
 repeat parts of it.
 
 A sentence is `$`, two letters of the talker (GP GPS, GL GLONASS, GA Galileo, GB BeiDou, GN several
-...), three of the kind, fields between commas, `*` and the XOR of all bytes between as two hex
-digits (IEC 61162-1, 7.2). A field may be empty: not known.
+...), three of the type, fields between commas, `*` and the XOR of all bytes between as two hex
+digits (IEC 61162-1, 7.2). An empty field is an unknown value.
 """
 
 import datetime as dt
@@ -18,7 +18,7 @@ from operator import xor
 from onboard.units import KNOT
 
 _SENTENCE = re.compile(rb"\$(?!P)([A-Z]{2})([A-Z]{3})(,[ -#%-)+-~]*)(?:\*([0-9A-Fa-f]{2}))?")
-"""`$P` opens the makers' own sentences."""
+"""`$P` begins proprietary sentences."""
 
 _NO_FIX_MODES = frozenset("NMS")
 """FAA mode: no fix, typed in by hand, simulated."""
@@ -28,7 +28,7 @@ _NO_FIX_QUALITIES = frozenset({0, 7, 8})
 
 
 class SentenceError(Exception):
-    """A sentence that cannot be believed; `reason` is a stable word."""
+    """An invalid sentence; `reason` is an identifier."""
 
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(detail)
@@ -37,7 +37,7 @@ class SentenceError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sentence:
-    """What one sentence says; `None` is not said. Without a fix, no position is believed."""
+    """Values of one sentence; `None` is not stated. Without a fix, there is no position."""
 
     kind: str
     time_of_day_s: float | None = None
@@ -46,9 +46,9 @@ class Sentence:
     latitude_deg: float | None = None
     longitude_deg: float | None = None
     altitude_m: float | None = None
-    """Above the ellipsoid."""
+    """Height above the ellipsoid."""
     quality: int | None = None
-    """As in GGA."""
+    """Quality as in GGA."""
     hdop: float | None = None
     sigma_north_m: float | None = None
     sigma_east_m: float | None = None
@@ -57,10 +57,10 @@ class Sentence:
 
 
 def parse(line: bytes) -> Sentence | None:
-    """Read the sentence in `line`; `None` if there is none, or none about position.
+    """Parse the sentence in `line`; `None` if there is none, or none about position.
 
     Raises:
-        SentenceError: with reason `nmea_checksum`, or `nmea_field` if a field cannot be what it is.
+        SentenceError: with reason `nmea_checksum`, or `nmea_field` if a field is invalid.
     """
     match = _SENTENCE.search(line)
     if match is None:
@@ -70,10 +70,10 @@ def parse(line: bytes) -> Sentence | None:
         return None
     text = match[0].decode("ascii")
     if match[4] is None:
-        raise SentenceError("nmea_checksum", f"{text}: has none")
+        raise SentenceError("nmea_checksum", f"{text}: no checksum")
     seen = reduce(xor, line[match.start() + 1 : match.start(4) - 1])
     if seen != int(match[4], 16):
-        raise SentenceError("nmea_checksum", f"{text}: is {seen:02X}")
+        raise SentenceError("nmea_checksum", f"{text}: its checksum is {seen:02X}")
     fields = _Fields(match[3].decode("ascii").split(",")[1:])
     try:
         return read(fields)
@@ -82,7 +82,7 @@ def parse(line: bytes) -> Sentence | None:
 
 
 class _Fields:
-    """The fields of a sentence from 0 on; those that are missing at the end are empty."""
+    """The fields of a sentence, counted from 0; missing ones at the end are empty."""
 
     def __init__(self, fields: list[str]) -> None:
         self._fields = fields
@@ -106,7 +106,7 @@ class _Fields:
             return None
         hours, minutes, seconds = int(text[:2]), int(text[2:4]), float(text[4:])
         if not (0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
-            raise ValueError(f"{text} is no time of day")
+            raise ValueError(f"{text} is not a time of day")
         return hours * 3600 + minutes * 60 + seconds
 
     def degrees(self, n: int, positive: str, negative: str, most_deg: int) -> float | None:
@@ -117,9 +117,9 @@ class _Fields:
         whole, minutes = divmod(float(text), 100)
         degrees = whole + minutes / 60
         if not (0 <= minutes < 60 and 0 <= degrees <= most_deg):
-            raise ValueError(f"{text} is no angle")
+            raise ValueError(f"{text} is not an angle")
         if hemisphere not in (positive, negative):
-            raise ValueError(f"{hemisphere!r} is no hemisphere")
+            raise ValueError(f"{hemisphere!r} is not a hemisphere")
         return degrees if hemisphere == positive else -degrees
 
     def latitude_deg(self, n: int) -> float | None:
@@ -212,11 +212,11 @@ _READERS: Mapping[str, Callable[[_Fields], Sentence]] = {
 
 
 def _dop(fields: _Fields, n: int) -> float | None:
-    """Receivers fill in 0 or 99 while they do not know."""
+    """Receivers write 0 or 99 for an unknown value."""
     dop = fields.number(n, 0, 1e6)
     return dop if dop is not None and 0 < dop < 99 else None
 
 
 def _date(day: int, month: int, year: int) -> dt.date:
-    """A year of two digits: GPS began in 1980."""
+    """Date from a year of two digits: GPS began in 1980."""
     return dt.date(year + (1900 if year >= 80 else 2000), month, day)

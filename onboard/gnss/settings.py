@@ -1,4 +1,4 @@
-"""Where gpsd is, and how far its receiver is believed."""
+"""Settings of gpsd and of its receiver."""
 
 from pydantic import Field
 
@@ -6,17 +6,14 @@ from onboard.settings import Settings
 
 
 class GnssSettings(Settings):
-    """One GNSS receiver."""
+    """One GNSS receiver, by gpsd."""
 
     host: str = Field("127.0.0.1", min_length=1)
-    """Of gpsd."""
+    """Host of gpsd."""
     port: int = Field(2947, ge=1, le=65535)
-    """Of gpsd; 2947 is its own."""
+    """Port of gpsd."""
     latency_s: float = Field(0.1, ge=0.0, le=1.0)
-    """From the instant of a fix to its first byte here, at best. Typical receivers need 0.05 to
-    0.1 s to compute and some to send; it is theirs to state and yours to measure."""
-    range_error_m: float = Field(4.0, gt=0.0, le=100.0)
-    """One standard deviation of a pseudorange (UERE) without corrections, for receivers that tell
-    no accuracy but only the dilution of precision."""
+    """Least time from a fix to its first byte. Typical receivers compute for 0.05 to 0.1 s and then
+    send; see the receiver's data sheet, or measure it."""
     least_sigma_m: float = Field(0.5, gt=0.0, le=100.0)
-    """Nothing better is believed, whatever the receiver says; lower it for RTK."""
+    """Least standard deviation of a position, whatever the receiver reports; lower it for RTK."""

@@ -1,5 +1,6 @@
-"""Speed, brake pedal and hard braking from the car's own bus.
+"""Speed, brake pedal and hard braking from the vehicle's CAN bus.
 
-Two sources: OBD-II service 01 asked for over ISO 15765-2, and signals that the car broadcasts,
-named by a DBC file. `car_bus` is the core that holds it all; `can_bus` is the wire.
+Two sources: OBD-II service 01 over ISO 15765-2, and signals that the vehicle broadcasts, named by a
+DBC file. `vehicle_bus` is the core; `can_bus` is the wire; `request_scheduler` decides when to send
+requests, and what to do about unanswered ones.
 """

@@ -24,33 +24,33 @@ DEFAULT_CHANNEL = "can0"
 CONNECT_TIMEOUT_S = 3.0
 
 RECONNECT_PERIOD_S = 0.5
-"""A bus that comes back is read again within this and the time to connect."""
+"""Pause between attempts to reconnect."""
 
 DRAIN_FRAMES = 256
-"""At most so many frames in one go, then the loop looks after the rest of the car."""
+"""Frames that are read before other tasks of the loop run."""
 
 NO_SOCKETCAN = "the kernel has no SocketCAN (modprobe can_raw)"
 
 MAX_QUEUED_S = 1.0
-"""A kernel stamp older than this is a clock that was set, not a frame that waited."""
+"""Age above which a kernel stamp is a change of the system's clock, and not a queued frame."""
 
 
-# Its words are for those who set up logging, not for stderr beside ours.
+# python-can's log output would duplicate the daemon's own messages on stderr.
 logging.getLogger("can").addHandler(logging.NullHandler())
 
 
 class CanBusError(UserError):
-    """The bus cannot be opened; one line for the user."""
+    """The bus cannot be opened; the text is one line for the user."""
 
 
 def _ignore(_: Discarded) -> None:
-    """For callers that do not count."""
+    """The default for callers that do not count."""
 
 
 class CanBus:
-    """Hands over every data frame as soon as the wire has it, and reconnects by itself.
+    """Delivers every data frame as soon as the wire has it, and reconnects after a loss.
 
-    The loop waits for the wire's file descriptor: no thread, no polling.
+    It waits for the wire's file descriptor: no thread, no polling.
     """
 
     def __init__(
@@ -62,7 +62,11 @@ class CanBus:
     ) -> None:
         """Take the callbacks; all are called from the loop.
 
-        `on_state` gets whether the bus is there, and why it is not, on each change after `start`.
+        Args:
+            settings: of the wire.
+            on_frame: gets each data frame.
+            on_state: gets whether the bus is open, or why it is not, on changes after `start`.
+            on_discarded: gets malformed input.
         """
         self._settings = settings
         self._on_frame = on_frame
@@ -88,7 +92,7 @@ class CanBus:
             self._task = loop.create_task(self._play(first, frames))
 
     def send(self, frame: CanFrame) -> None:
-        """Put `frame` on the bus; without a bus, or where its queue is full, it is lost."""
+        """Send `frame`; it is lost without a bus, or if the bus's queue is full."""
         if self._bus is None:
             return
         message = can.Message(
@@ -96,18 +100,18 @@ class CanBus:
             is_extended_id=frame.is_extended_id,
             data=frame.data,
         )
-        # What is wrong with the wire shows when reading; a full queue empties again.
+        # A fault of the wire is detected when reading; a full queue empties again.
         with contextlib.suppress(can.CanOperationError):
             self._bus.send(message)
 
     def close(self) -> None:
-        """Leave the bus. No callback comes any more."""
+        """Close the bus. No callback is called afterwards."""
         if self._task is not None:
             self._task.cancel()
         self._detach()
 
     def _open(self) -> can.BusABC:
-        """Blocks for a few `CONNECT_TIMEOUT_S` at most."""
+        """Open the bus; blocks for a few `CONNECT_TIMEOUT_S` at most."""
         channel = self._settings.channel or DEFAULT_CHANNEL
         if self._settings.interface == "socketcan":
             return _open_socketcan(channel)
@@ -130,7 +134,7 @@ class CanBus:
 
     def _drain(self) -> None:
         for _ in range(DRAIN_FRAMES):
-            if self._bus is None:  # closed by who got the last frame
+            if self._bus is None:  # the last callback closed the bus
                 return
             try:
                 message = self._bus.recv(0)
@@ -141,7 +145,7 @@ class CanBus:
                 return
             if not (message.is_error_frame or message.is_remote_frame):
                 self._on_frame(_frame(message, self._stamp_s(message)))
-        # What the bus object has buffered does not show on its file descriptor.
+        # Frames that the bus object has buffered do not show on its file descriptor.
         if self._rest is None:
             self._rest = self._loop.call_soon(self._drain_rest)
 
@@ -150,7 +154,7 @@ class CanBus:
         self._drain()
 
     def _stamp_s(self, message: can.Message) -> float:
-        """On the loop's clock. Only the kernel's stamps are of this machine."""
+        """Time of reception on the loop's clock; only the kernel's stamps are of this computer."""
         now = self._loop.time()
         if self._settings.interface != "socketcan":
             return now
@@ -176,7 +180,7 @@ class CanBus:
         self._on_state(True, "")
 
     async def _play(self, first: CanFrame, others: Iterator[CanFrame]) -> None:
-        """Play a recording at its own pace, its first frame now."""
+        """Play a recording at its own pace, the first frame now."""
         offset_s = self._loop.time() - first.stamp_s
         why = "end of the recording"
         frame: CanFrame | None = first
@@ -199,10 +203,15 @@ def read_can_log(
     channel: str | None = None,
     on_discarded: Callable[[Discarded], None] = _ignore,
 ) -> Iterator[CanFrame]:
-    """The data frames of a recording, with its own stamps; of all channels, or of one.
+    """Yield the data frames of a recording, with its own stamps.
 
-    The suffix names the format (`.log` of candump -L, `.asc`, `.blf`, `.trc`, `.mf4`, ...). A line
-    of candump's that cannot be read is discarded with reason `log_line`, and reading goes on.
+    The suffix names the format (`.log` of candump -L, `.asc`, `.blf`, `.trc`, `.mf4`, ...). An
+    unreadable line of candump's is discarded with reason `log_line`, and reading continues.
+
+    Args:
+        path: of the recording.
+        channel: the only one to read; `None` reads all.
+        on_discarded: gets unreadable lines.
 
     Raises:
         CanBusError: there is no such file, or its format is unknown or broken.
@@ -218,8 +227,8 @@ def read_can_log(
         raise CanBusError(f"{path}: cannot be read: {error.strerror}") from error
     except CanBusError:
         raise
-    except Exception as error:  # each format's reader has its own kinds
-        raise CanBusError(f"{path}: no readable CAN log: {error}") from error
+    except Exception as error:  # each format's reader raises its own types
+        raise CanBusError(f"{path}: unreadable CAN log: {error}") from error
 
 
 def _messages(path: Path, on_discarded: Callable[[Discarded], None]) -> Iterator[can.Message]:
@@ -232,7 +241,7 @@ def _messages(path: Path, on_discarded: Callable[[Discarded], None]) -> Iterator
     with path.open(encoding="ascii", errors="replace") as file:
         while not file.closed:
             try:
-                # Reading ends at a bad line, and the next reader goes on behind it.
+                # The reader ends at a bad line, and the next one continues after it.
                 for message in can.CanutilsLogReader(file):
                     stamp_s = message.timestamp
                     yield message
@@ -240,7 +249,7 @@ def _messages(path: Path, on_discarded: Callable[[Discarded], None]) -> Iterator
                 bad_lines += 1
                 on_discarded(Discarded(stamp_s or 0.0, "obd", "log_line", str(error)))
     if bad_lines and stamp_s is None:
-        raise CanBusError(f"{path}: no line is as `candump -L` writes it")
+        raise CanBusError(f"{path}: no line has the format of `candump -L`")
 
 
 def _open_socketcand(
@@ -262,7 +271,7 @@ def _open_socketcan(channel: str) -> can.BusABC:
     except OSError as error:
         why = NO_SOCKETCAN if error.errno == errno.EAFNOSUPPORT else error.strerror
         raise CanBusError(f"CAN bus {channel} cannot be opened: {why}") from error
-    # An interface that is down binds without complaint, and says so on the socket.
+    # Binding to an interface that is down succeeds; the error is on the socket.
     if bus.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
         bus.shutdown()
         raise CanBusError(f"CAN bus {channel} cannot be opened: it is down (ip link set up)")

@@ -1,4 +1,4 @@
-"""One data frame of a CAN bus, free of any driver's types."""
+"""One data frame of a CAN bus, independent of drivers."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -6,11 +6,11 @@ from typing import ClassVar
 
 @dataclass(frozen=True, slots=True)
 class CanFrame:
-    """A classical or FD data frame; remote and error frames never get this far."""
+    """A classical or FD data frame; remote and error frames are not passed on."""
 
     kind: ClassVar[str] = "can"
     stamp_s: float
-    """When the bus carried it, or, for a frame to send, when it was decided."""
+    """Time of reception, or of the decision to send it."""
     arbitration_id: int
     """11 or 29 bits."""
     is_extended_id: bool

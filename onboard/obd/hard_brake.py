@@ -1,16 +1,16 @@
-"""Decides from the car's own speed samples that it brakes hard: once per braking, without guessing.
+"""Detection of hard braking from samples of the vehicle's speed: once for each braking.
 
 A straight line is fitted (least squares) to the newest samples, for every start in the window. Its
 slope is the deceleration a; its standard error follows from the samples:
 
     sigma_a^2 = sigma^2 / sum (t_i - mean t)^2
 
-where sigma^2 is the larger of what the source is known for (steps of its scale, stamps that jitter,
-rough road) and of what the samples show around the line. Braking is *certain* when a less
-`CONFIDENCE` standard errors exceeds the threshold for one of the starts. So coarse samples need
-longer than fine ones, a step or a stale value (which no line fits) convinces nobody, and stamps
-may be irregular. Re-armed when the deceleration since the alarm (over the window at most) has
-fallen below half the threshold, or after a silence longer than the window.
+where sigma^2 is the larger of the known variance of the source (steps of its scale, jitter of its
+stamps, rough road) and of the samples' variance around the line. Braking is *certain* when a minus
+`CONFIDENCE` standard errors exceeds the threshold for one of the starts. So coarse samples take
+longer than fine ones, no line fits a step or a stale value, and stamps may be irregular. The
+detector is re-armed when the deceleration since the alarm (over the window at most) is below half
+the threshold, or after a silence longer than the window.
 """
 
 import math
@@ -22,35 +22,35 @@ from onboard.observations import BrakePedal, HardBrake, Speed
 from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
 
 WINDOW_S = 1.2
-"""Braking shorter than this is not worth a warning, and three samples at 2 Hz fit in."""
+"""Longest span of samples: three at 2 Hz, and braking that is long enough for a warning."""
 
 MIN_SAMPLES = 3
-"""Two samples always lie on a line, so they say nothing about their own noise."""
+"""Least samples of a line: two have no residual."""
 
 MIN_SPAN_S = 0.09
-"""Shorter spans measure the suspension and the scheduler, not the car."""
+"""Least span of a line: shorter ones measure the suspension and the scheduler."""
 
 CONFIDENCE = 3.0
 CONFIDENCE_PEDAL_PRESSED = 2.5
-"""Standard errors; a pressed pedal makes braking likely before the samples show it."""
+"""Standard errors; fewer suffice with a pressed pedal, which makes braking likely."""
 
 MIN_SPEED_M_S = 5 * KM_H
-"""Many wheel sensors drop from 3 km/h to 0 at once; at walking pace there is no one to warn."""
+"""Least speed: many wheel sensors drop from 3 km/h to 0 at once."""
 
 ROAD_SIGMA_M_S = 0.1 * KM_H
-"""Of the wheels' speed around the car's."""
+"""Sigma of the wheels' speed around the vehicle's."""
 
 STAMP_SIGMA_S = 0.015
-"""Of the arrival around the measurement, once the constant delay is taken away."""
+"""Sigma of the time from measurement to arrival, without its constant part."""
 
 MAX_DECELERATION_M_S2 = 12.0
-"""No tyre on a dry road does more; a larger step is the sensor's, not the car's."""
+"""Highest deceleration of a tyre on a dry road; a larger step is the sensor's."""
 
 MAX_LATENESS_S = 0.1
-"""How old a value may be on arrival: an ECU that refreshes its answer at 10 Hz."""
+"""Largest age of a value on arrival: of an ECU that refreshes its response at 10 Hz."""
 
 REARM_SPAN_S = 0.5
-"""Braking is believed to be over only when the samples behind the alarm cover this much."""
+"""Least span of the samples after the alarm by which braking can be found to be over."""
 
 
 class _Line(NamedTuple):
@@ -62,28 +62,28 @@ class _Line(NamedTuple):
     s_tt: float
     """Sum of (t_i - mean t)^2."""
     variance: float
-    """Of the speeds around the line, m^2/s^2."""
+    """Variance of the speeds around the line, m^2/s^2."""
 
 
 class HardBrakeDetector:
-    """See the module's head."""
+    """Detects hard braking; the module's docstring has the method."""
 
     def __init__(self, threshold_g: float) -> None:
         self._threshold_m_s2 = threshold_g * STANDARD_GRAVITY_M_S2
         self._samples: deque[Speed] = deque()
         self._pedal_pressed = False
         self._raised_at: float | None = None
-        """Of the braking that is not over yet."""
+        """Time of the alarm of a braking that is not over."""
 
     def receive_pedal(self, pedal: BrakePedal) -> None:
-        """Take the state of the brake pedal, where the car tells it."""
+        """Receive the state of the brake pedal, if the vehicle broadcasts it."""
         self._pedal_pressed = pedal.pressed
 
     def receive_speed(self, speed: Speed) -> HardBrake | None:
-        """Take the next sample; what it made certain, if anything.
+        """Receive the next sample; returns hard braking when it becomes certain.
 
-        A stamp that goes back a little is not used. Another source, a step that no car can drive or
-        a longer way back begins a new window.
+        A stamp that goes back a little is ignored. Another source, an impossible step or a larger
+        way back starts a new window.
         """
         samples = self._samples
         if samples:
@@ -110,7 +110,7 @@ class HardBrakeDetector:
         return HardBrake(speed.stamp_s, deceleration_m_s2, speed.source)
 
     def _certain_m_s2(self, resolution_m_s: float) -> float | None:
-        """Deceleration that is certainly above the threshold, from as few samples as show it."""
+        """Deceleration that is certainly above the threshold, of the fewest samples."""
         confidence = CONFIDENCE_PEDAL_PRESSED if self._pedal_pressed else CONFIDENCE
         known_variance = (
             resolution_m_s**2 / 12 + ROAD_SIGMA_M_S**2 + (STAMP_SIGMA_S * self._threshold_m_s2) ** 2
@@ -122,7 +122,7 @@ class HardBrakeDetector:
         return None
 
     def _has_ended(self, raised_at: float) -> bool:
-        """Whether the braking that was told at `raised_at` is over."""
+        """Whether the braking with an alarm at `raised_at` is over."""
         longest = None
         for line in self._lines():
             if line.start_s < raised_at:
@@ -135,11 +135,11 @@ class HardBrakeDetector:
         )
 
     def _lines(self) -> Iterator[_Line]:
-        """Lines through the newest 3, 4, 5 ... samples."""
+        """Yield the lines through the newest 3, 4, 5 ... samples."""
         newest = self._samples[-1]
         sum_t = sum_v = sum_tt = sum_tv = sum_vv = 0.0
         for n, sample in enumerate(reversed(self._samples), 1):
-            # Relative to the newest sample, so that the sums lose no digits.
+            # Relative to the newest sample, for numerical accuracy.
             t = sample.stamp_s - newest.stamp_s
             v = sample.speed_m_s - newest.speed_m_s
             sum_t += t
@@ -162,7 +162,7 @@ class HardBrakeDetector:
 
 
 def _is_jump(last: Speed, new: Speed) -> bool:
-    """Whether no car can get from one to the other, stale values and steps of the scale allowed."""
+    """Whether the step is impossible, with stale values and steps of the scale allowed for."""
     reach_s = abs(new.stamp_s - last.stamp_s) + MAX_LATENESS_S
     step_m_s = abs(new.speed_m_s - last.speed_m_s)
     return step_m_s > MAX_DECELERATION_M_S2 * reach_s + new.resolution_m_s

@@ -1,7 +1,7 @@
-"""The receiving end of ISO 15765-2 without I/O: whole messages from frames.
+"""Reassembly of ISO 15765-2 messages from frames: the receiving end.
 
-A tester's requests fit into a SingleFrame each, so it never segments; ECUs' answers may be long.
-Names and timers are the standard's: N_Cr bounds the wait for the next ConsecutiveFrame.
+Requests of a tester fit into one SingleFrame each, so it never segments; responses of ECUs may be
+long. Names and timers are the standard's: N_Cr bounds the wait for the next ConsecutiveFrame.
 """
 
 import math
@@ -24,14 +24,14 @@ CONSECUTIVE_FRAME_DATA_BYTES = 7
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A whole message."""
+    """A complete message."""
 
     payload: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class Aborted:
-    """A message that did not come to its end; `reason` is a stable word."""
+    """A message that was not completed; `reason` is an identifier."""
 
     reason: str
     detail: str
@@ -40,8 +40,8 @@ class Aborted:
 class Reassembly:
     """The receiving end of one pair of addresses (ISO 15765-2:2016, 9.8.3: half duplex).
 
-    It only listens. Who asked for the message answers a FirstFrame with FlowControl; so messages
-    that another tester asked for are read as well.
+    It only listens. The sender of the request answers a FirstFrame with FlowControl; so messages
+    that another tester requested are read as well.
     """
 
     def __init__(self, n_cr_s: float = N_CR_S) -> None:
@@ -53,7 +53,7 @@ class Reassembly:
         self._events: deque[Message | Aborted] = deque()
 
     def receive_pdu(self, pdu: NPdu, now: float) -> None:
-        """Take the next unit; FlowControl belongs to the other direction and is ignored."""
+        """Receive the next unit; FlowControl belongs to the other direction and is ignored."""
         self.handle_timer(now)
         match pdu:
             case SingleFrame(data):
@@ -70,7 +70,7 @@ class Reassembly:
         return self._n_cr_at
 
     def handle_timer(self, now: float) -> None:
-        """Give up a message whose next frame is overdue (N_TIMEOUT_Cr)."""
+        """Abort a message whose next frame is overdue (N_TIMEOUT_Cr)."""
         if now >= self._n_cr_at:
             self._abort("n_timeout_cr")
 
@@ -108,7 +108,7 @@ class Reassembly:
             self._events.append(Message(bytes(self._received)))
 
     def _interrupt(self) -> None:
-        """A new message begins before the last one ended (N_UNEXP_PDU): the new one counts."""
+        """Abort the current message if a new one begins before its end (N_UNEXP_PDU)."""
         if self._n_cr_at < math.inf:
             self._abort("n_unexp_pdu")
 

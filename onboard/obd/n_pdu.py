@@ -1,14 +1,14 @@
 """The four protocol data units of ISO 15765-2 (N_PDU) on a classical CAN frame, both ways.
 
-Normal addressing: the identifier names both ends, all data bytes belong to the unit. The first
-nibble tells the kind (ISO 15765-2:2016, 9.6).
+Normal addressing: the identifier names both ends, and all data bytes belong to the unit. The first
+nibble is the unit's type (ISO 15765-2:2016, 9.6).
 """
 
 from dataclasses import dataclass
 from enum import IntEnum
 
 PADDING = 0xCC
-"""Fills a frame to 8 bytes, with least bit stuffing (ISO 15765-2:2016)."""
+"""Padding of a frame to 8 bytes, with least bit stuffing (ISO 15765-2:2016)."""
 
 MAX_FRAME_BYTES = 8
 MAX_SINGLE_FRAME_BYTES = 7
@@ -16,7 +16,7 @@ MAX_FIRST_FRAME_12_BIT = 0xFFF
 
 
 class NPduError(Exception):
-    """The bytes are no N_PDU; `reason` is a stable word, the text is for people."""
+    """The bytes are no N_PDU; `reason` is an identifier, the text is for the user."""
 
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(detail)
@@ -24,7 +24,7 @@ class NPduError(Exception):
 
 
 class FlowStatus(IntEnum):
-    """What a receiver tells the sender (9.6.5)."""
+    """Flow status of the receiver (9.6.5)."""
 
     CONTINUE_TO_SEND = 0
     WAIT = 1
@@ -33,14 +33,14 @@ class FlowStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class SingleFrame:
-    """A whole message of 1 to 7 bytes."""
+    """A complete message of 1 to 7 bytes."""
 
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class FirstFrame:
-    """Opens a message of `length` bytes and carries the first of them."""
+    """The beginning of a message of `length` bytes, with the first of them."""
 
     length: int
     data: bytes
@@ -48,7 +48,7 @@ class FirstFrame:
 
 @dataclass(frozen=True, slots=True)
 class ConsecutiveFrame:
-    """The next 7 bytes (the last one carries padding too)."""
+    """The next 7 bytes of a message; the last one may have padding."""
 
     sequence_number: int
     """1, 2 ... 15, 0, 1 ..."""
@@ -57,27 +57,27 @@ class ConsecutiveFrame:
 
 @dataclass(frozen=True, slots=True)
 class FlowControl:
-    """The receiver's leave to send the next `block_size` frames, `st_min_s` apart."""
+    """The receiver's permission for the next `block_size` frames, `st_min` apart."""
 
     flow_status: FlowStatus
     block_size: int
     """0: all that are left."""
     st_min: int
-    """Least time between them: 0x00 to 0x7F ms, 0xF1 to 0xF9 100 to 900 us."""
+    """Minimum separation time: 0x00 to 0x7F ms; 0xF1 to 0xF9 are 100 to 900 us."""
 
 
 NPdu = SingleFrame | FirstFrame | ConsecutiveFrame | FlowControl
 
 
 def encode(pdu: NPdu) -> bytes:
-    """The 8 data bytes of the frame that carries `pdu`."""
+    """The 8 data bytes of the frame with `pdu`."""
     return _unpadded(pdu).ljust(MAX_FRAME_BYTES, bytes([PADDING]))
 
 
 def decode(frame: bytes) -> NPdu:
-    """Read the data bytes of one frame.
+    """Decode the data bytes of one frame.
 
-    Frames that are not padded to 8 bytes are read too, as long as what they announce is there.
+    Frames that are not padded to 8 bytes are accepted if they have the announced length.
 
     Raises:
         NPduError: with reason `frame_length` (no bytes, or more than 8), `single_frame_length`,

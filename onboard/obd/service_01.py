@@ -11,13 +11,13 @@ POSITIVE_RESPONSE: Final = 0x41
 NEGATIVE_RESPONSE: Final = 0x7F
 
 RESPONSE_PENDING: Final = 0x78
-"""Negative response code: the answer follows, wait for it."""
+"""Negative response code: the response follows later."""
 
 SUPPORTED_PIDS: Final = 0x00
 VEHICLE_SPEED: Final = 0x0D
 
 SPEED_RESOLUTION_M_S: Final = KM_H
-"""PID 0x0D has whole km/h, 0 to 255."""
+"""Resolution of PID 0x0D: whole km/h, 0 to 255."""
 
 _PIDS_BY_LENGTH: Final[Mapping[int, str]] = {
     1: "04 05 06 07 08 09 0A 0B 0D 0E 0F 11 12 13 1C 1D 1E 2C 2D 2E 2F 30 33 45 46 47 48 49 4A 4B"
@@ -30,11 +30,11 @@ _PIDS_BY_LENGTH: Final[Mapping[int, str]] = {
 PID_LENGTHS: Final[Mapping[int, int]] = {
     int(pid, 16): length for length, pids in _PIDS_BY_LENGTH.items() for pid in pids.split()
 }
-"""Data bytes of each PID (SAE J1979, appendix B); needed to part an answer about several."""
+"""Data bytes of each PID (SAE J1979, appendix B), by which a response about several is split."""
 
 
-class AnswerError(Exception):
-    """An answer to service 01 that contradicts itself; `reason` is a stable word."""
+class ResponseError(Exception):
+    """A response to service 01 that contradicts itself; `reason` is an identifier."""
 
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(detail)
@@ -42,38 +42,38 @@ class AnswerError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class CurrentData:
-    """A positive answer: the raw data bytes by PID."""
+class PositiveResponse:
+    """A positive response: the raw data bytes by PID."""
 
     values: Mapping[int, bytes]
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
-    """A negative answer to service 01."""
+class NegativeResponse:
+    """A negative response to service 01."""
 
     response_code: int
     """ISO 14229-1, annex A: 0x11 service not supported, 0x12 sub-function not supported ..."""
 
 
 def request(pid: int) -> bytes:
-    """The message that asks for one PID."""
+    """The message that requests one PID."""
     return bytes([SERVICE, pid])
 
 
-def decode_answer(payload: bytes) -> CurrentData | Refused | None:
-    """Read one message from an ECU; `None` if it is about another service.
+def decode_response(payload: bytes) -> PositiveResponse | NegativeResponse | None:
+    """Decode one message from an ECU; `None` if it is about another service.
 
     Raises:
-        AnswerError: with reason `pid_length`, `pid_twice` or `negative_response_length`.
+        ResponseError: with reason `pid_length`, `pid_twice` or `negative_response_length`.
     """
     if payload[0] == NEGATIVE_RESPONSE:
         if len(payload) != 3:
-            raise AnswerError("negative_response_length", f"{len(payload)} bytes")
-        return Refused(payload[2]) if payload[1] == SERVICE else None
+            raise ResponseError("negative_response_length", f"{len(payload)} bytes")
+        return NegativeResponse(payload[2]) if payload[1] == SERVICE else None
     if payload[0] != POSITIVE_RESPONSE:
         return None
-    return CurrentData(_split(payload[1:]))
+    return PositiveResponse(_split(payload[1:]))
 
 
 def speed_m_s(data: bytes) -> float:
@@ -82,23 +82,23 @@ def speed_m_s(data: bytes) -> float:
 
 
 def supported_pids(base: int, data: bytes) -> frozenset[int]:
-    """PIDs in the bitmap that PID `base` (0x00, 0x20, 0x40 ...) answers with."""
+    """PIDs in the bitmap of PID `base` (0x00, 0x20, 0x40 ...)."""
     bits = int.from_bytes(data, "big")
     return frozenset(base + n for n in range(1, 33) if bits >> (32 - n) & 1)
 
 
 def _split(rest: bytes) -> dict[int, bytes]:
-    """PID and data, up to six times in one answer; what is not in the table takes the rest."""
+    """Data by PID, of up to six in one response; an unlisted PID takes all that follows."""
     values: dict[int, bytes] = {}
     while rest:
         pid, data = rest[0], rest[1:]
         length = PID_LENGTHS.get(pid, max(len(data), 1))
         if len(data) < length:
-            raise AnswerError("pid_length", f"PID 0x{pid:02X}: {len(data)} of {length} bytes")
+            raise ResponseError("pid_length", f"PID 0x{pid:02X}: {len(data)} of {length} bytes")
         if pid in values:
-            raise AnswerError("pid_twice", f"PID 0x{pid:02X}")
+            raise ResponseError("pid_twice", f"PID 0x{pid:02X}")
         values[pid] = data[:length]
         rest = data[length:]
     if not values:
-        raise AnswerError("pid_length", "no PID")
+        raise ResponseError("pid_length", "no PID")
     return values

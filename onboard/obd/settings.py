@@ -1,4 +1,4 @@
-"""Which bus the car has, and what is asked and read on it."""
+"""Settings of the vehicle's bus, and of requests and signals on it."""
 
 from pathlib import Path
 from typing import Literal, Self
@@ -12,13 +12,14 @@ class CanSettings(Settings):
     """The wire: a kernel interface, a socketcand server, or a recording played at its own pace."""
 
     interface: Literal["socketcan", "socketcand", "log"] = "socketcand"
-    """`socketcan` is the kernel's (can0, vcan0); `socketcand` reaches a bus over TCP."""
+    """`socketcan` is an interface of the kernel (can0, vcan0); `socketcand` is a server over
+    TCP."""
     channel: str | None = Field(None, max_length=32, pattern=r"^[\w.:-]+$")
-    """The bus: of the kernel or of the server (can0 if not set), or of the recording (all)."""
+    """The bus: of the kernel or of the server (default can0), or of the recording (default all)."""
     host: str = Field("127.0.0.1", min_length=1)
-    """Of the socketcand server."""
+    """Host of the socketcand server."""
     port: int = Field(29536, ge=1, le=65535)
-    """Of the socketcand server; 29536 is its own default."""
+    """Port of the socketcand server."""
     file: Path | None = None
     """The recording, in any format that python-can reads; only with `interface: log`."""
 
@@ -30,26 +31,26 @@ class CanSettings(Settings):
 
 
 class BroadcastSettings(Settings):
-    """Signals that the car sends by itself, named as `Message.Signal` of a DBC file."""
+    """Broadcast signals of the vehicle, named as `Message.Signal` of a DBC file."""
 
     dbc: Path
-    """The car's DBC file."""
+    """The vehicle's DBC file."""
     speed: tuple[str, ...] = ()
-    """Vehicle or wheel speed; of several (all in one message) the mean is taken."""
+    """Vehicle or wheel speed; of several signals (all in one message), the mean is used."""
     speed_unit: Literal["km/h", "m/s", "mph"] | None = None
-    """Where the DBC file names none, or one that is not known."""
+    """Unit of the speed, if the DBC file has none or an unknown one."""
     brake_pedal: str | None = None
-    """Anything but 0 is a pressed pedal."""
+    """Signal of the brake pedal; any value but 0 is pressed."""
 
 
 class ObdSettings(Settings):
-    """What is asked from the car's ECUs, and what braking is hard."""
+    """Requests to the vehicle's ECUs, and the threshold of hard braking."""
 
     addressing: Literal["auto", "11-bit", "29-bit"] = "auto"
-    """ISO 15765-4 identifiers; `auto` tries both."""
+    """Identifiers of ISO 15765-4; `auto` tries both."""
     polling_hz: float | None = Field(20.0, ge=1.0, le=20.0)
-    """How often the speed is asked for; `None` only listens."""
+    """Requests of the speed a second; `None` sends none."""
     broadcast: BroadcastSettings | None = None
-    """Preferred over polled speed while it is fresh, since it is finer and faster."""
+    """Broadcast signals; they are used instead of polled speed while they are recent."""
     hard_brake_threshold_g: float = Field(0.4, ge=0.1, le=1.0)
-    """Deceleration, in units of standard gravity, from which braking is hard."""
+    """Deceleration of hard braking, in units of standard gravity."""

@@ -1,8 +1,8 @@
-"""A client of socketcand (a CAN bus over TCP) that fits into an event loop.
+"""A client of socketcand (a CAN bus over TCP) for an event loop.
 
-python-can has one too; it cannot be used here (measured with 4.6.1): no `fileno`, so a loop has to
-poll it; a connection that the server closed looks like silence and spins a core; a refused
-connection is retried without a pause for 10 s. This one speaks the same protocol (rawmode,
+python-can's own client cannot be used (measured with 4.6.1): it has no `fileno`, so a loop must
+poll it; a connection closed by the server looks like silence and spins a core; a refused connection
+is retried without a pause for 10 s. This one has the same protocol (rawmode,
 https://github.com/linux-can/socketcand, doc/protocol.md) behind the same `can.BusABC`.
 """
 
@@ -16,25 +16,25 @@ import can
 from typing_extensions import override
 
 MAX_ELEMENT_CHARS = 256
-"""No element of the protocol is longer (an FD frame has 64 bytes); more is garbage."""
+"""Longest element of the protocol (an FD frame has 64 bytes); longer input is invalid."""
 
 _RECEIVE_BYTES = 65536
 
 _FRAME = re.compile(r"< frame ([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8}) (\d+\.\d+) ?((?:[0-9A-Fa-f]{2} ?)*)")
-"""Servers differ in whether they part the data bytes by blanks."""
+"""Some servers separate the data bytes by blanks."""
 
 
 class ProtocolError(can.CanError):
-    """What the server sent is no element of the protocol."""
+    """Received text that is no element of the protocol."""
 
 
 def parse_element(text: str) -> can.Message | None:
-    """Read `< ...`, one element without its closing `>`; `None` if it is no data frame.
+    """Parse `< ...`, one element without its closing `>`; `None` if it is no data frame.
 
     Identifiers of three digits are 11-bit ones, as the server writes them.
 
     Raises:
-        ProtocolError: it is no element, or begins as a frame and does not go on as one.
+        ProtocolError: it is no element, or an invalid frame.
     """
     text = text.strip()
     if not text.startswith("<"):
@@ -58,21 +58,24 @@ def parse_element(text: str) -> can.Message | None:
 
 
 def format_send(message: can.Message) -> str:
-    """The element that puts a classical data frame on the bus."""
+    """The element that sends a classical data frame."""
     identifier = f"{message.arbitration_id:0{8 if message.is_extended_id else 3}X}"
     data = " ".join(f"{byte:02X}" for byte in message.data)
     return f"< send {identifier} {len(message.data)} {data} >"
 
 
 class SocketcandBus(can.BusABC):
-    """A connection in raw mode: every frame of the bus, and nothing else, comes in."""
+    """A connection in raw mode: it receives every frame of the bus, and nothing else."""
 
     def __init__(
         self, connection: socket.socket, channel: str, on_malformed: Callable[[str], None]
     ) -> None:
-        """Take over a `connection` that `connect` made.
+        """Take over a connection.
 
-        `on_malformed` gets each element that is no frame; what follows it is read on.
+        Args:
+            connection: of `connect`.
+            channel: for messages.
+            on_malformed: gets each element that is no frame; reading continues after it.
         """
         self.channel_info = channel
         self._socket = connection
@@ -87,14 +90,15 @@ class SocketcandBus(can.BusABC):
 
     @override
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Put a frame on the bus, or raise `can.CanOperationError`; `timeout` is not used."""
+        """Send a frame, or raise `can.CanOperationError`; `timeout` is not used."""
         element = format_send(msg).encode("ascii")
         try:
             sent = self._socket.send(element)
         except OSError as error:
             raise can.CanOperationError(f"cannot send: {error.strerror}") from error
         if sent < len(element):
-            # Torn in the middle, the stream is of no use any more; the reader will see its end.
+            # The rest of a partly sent element cannot be sent later; reading will find the end of
+            # the connection.
             self._socket.shutdown(socket.SHUT_RDWR)
             raise can.CanOperationError("cannot send: the server does not read")
 
@@ -138,16 +142,22 @@ class SocketcandBus(can.BusABC):
 
 
 def connect(channel: str, host: str, port: int, timeout_s: float) -> socket.socket:
-    """Connect, open `channel` and enter raw mode; each step may take `timeout_s`.
+    """Connect, open `channel` and enter raw mode.
+
+    Args:
+        channel: of the server.
+        host: of the server.
+        port: of the server.
+        timeout_s: of each step.
 
     Raises:
         OSError: the server cannot be reached, or does not answer in time.
-        ProtocolError: it does not let us in, or is no socketcand.
+        ProtocolError: it refuses, or is no socketcand.
     """
     connection = socket.create_connection((host, port), timeout=timeout_s)
     try:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # A server that vanished without a word is an error for the reader too, and soon.
+        # A server that vanished is an error for the reader too, after the same timeout.
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(timeout_s * 1000))
         _expect(connection, "hi")
         for command in (f"open {channel}", "rawmode"):
@@ -166,8 +176,8 @@ def _expect(connection: socket.socket, answer: str) -> None:
     while not received.endswith(b">"):
         byte = connection.recv(1)
         if not byte or len(received) > MAX_ELEMENT_CHARS:
-            raise ProtocolError(f"no socketcand: expected < {answer} >, got {received[:80]!r}")
+            raise ProtocolError(f"not socketcand: expected < {answer} >, got {received[:80]!r}")
         received += byte
     text = received.decode("ascii", "replace").strip("<> ")
     if text != answer:
-        raise ProtocolError(f"the server says {text[:80]!r}")
+        raise ProtocolError(f"the server answered {text[:80]!r}")

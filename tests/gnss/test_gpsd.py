@@ -52,7 +52,7 @@ REPORT = (
 )
 
 
-def test_gpsd_is_asked_to_report_lost_and_found_again():
+def test_gpsd_is_subscribed_lost_and_reconnected():
     async def scenario():
         asked, clients = asyncio.Queue(), asyncio.Queue()
 
@@ -79,7 +79,7 @@ def test_gpsd_is_asked_to_report_lost_and_found_again():
     on_a_loop(scenario)
 
 
-def test_a_gpsd_that_is_not_there_is_a_state_told_once():
+def test_a_missing_gpsd_is_a_state_reported_once():
     async def scenario():
         port = free_port()
         ears = Ears(port)

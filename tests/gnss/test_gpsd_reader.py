@@ -59,7 +59,7 @@ def test_a_report_is_a_position():
 GST = {"class": "GST", "time": TPV["time"], "rms": 1.0, "lat": 0.9, "lon": 0.7, "alt": 2.0}
 
 
-def test_what_the_receiver_says_of_its_accuracy_comes_before_what_gpsd_makes_of_dilution():
+def test_the_receivers_accuracy_takes_precedence_over_gpsds_estimate():
     (position,) = read(GST, TPV)
 
     assert position.sigma_m == pytest.approx(math.sqrt((0.9**2 + 0.7**2) / 2))
@@ -74,25 +74,25 @@ def test_what_the_receiver_says_of_its_accuracy_comes_before_what_gpsd_makes_of_
     ],
     ids=["old", "no axis", "no time"],
 )
-def test_an_old_or_incomplete_word_on_accuracy_is_passed_over(gst):
+def test_an_old_or_incomplete_accuracy_is_ignored(gst):
     (position,) = read(gst, TPV)
 
     assert position.sigma_m == pytest.approx(2.0)
 
 
-def test_an_accuracy_that_is_none_is_discarded():
+def test_an_invalid_accuracy_is_discarded():
     discarded, position = read(GST | {"lat": -1.0}, TPV)
 
     assert discarded.reason == "gpsd_report"
     assert position.sigma_m == pytest.approx(2.0)
 
 
-def test_what_is_not_reported_is_none():
+def test_unreported_values_are_none():
     (position,) = read(without("altHAE", "track", "speed"))
     assert (position.altitude_m, position.course_rad, position.speed_m_s) == (None, None, None)
 
 
-def test_one_fix_reported_in_parts_is_told_once():
+def test_a_fix_reported_in_parts_is_one_position():
     assert len(read(without("altHAE"), TPV, TPV)) == 1
     assert len(read(TPV, TPV | {"time": "2021-07-26T04:50:01.340Z"})) == 2
 
@@ -121,16 +121,16 @@ def test_a_fix_without_time_is_stamped_by_arrival():
         ([TPV | {"epx": 0.0, "epy": 0.0}], 0.5),
     ],
 )
-def test_accuracy_from_the_best_that_is_reported(reports, sigma_m):
+def test_the_sigma_is_from_the_best_reported_value(reports, sigma_m):
     assert read(*reports)[0].sigma_m == pytest.approx(sigma_m)
 
 
-def test_reports_about_other_things_are_passed_by():
+def test_other_reports_are_ignored():
     others = [{"class": name} for name in ("VERSION", "DEVICES", "WATCH", "PPS", "GST", "ATT")]
     assert read(*others) == []
 
 
-def test_gpsds_own_complaint_is_counted():
+def test_an_error_report_of_gpsd_is_counted():
     (discarded,) = read({"class": "ERROR", "message": "Can't open device"})
     assert (discarded.reason, discarded.detail) == ("gpsd_error", "Can't open device")
 
@@ -156,19 +156,19 @@ def test_gpsds_own_complaint_is_counted():
         {"class": "SKY", "hdop": "good"},
     ],
 )
-def test_reports_that_cannot_be_are_discarded(report):
+def test_invalid_reports_are_discarded(report):
     (discarded,) = read(report)
     assert (discarded.component, discarded.reason) == ("gnss", "gpsd_report")
 
 
-def test_a_line_without_an_end_is_given_up():
+def test_a_line_without_an_end_is_dropped():
     discarded, position = read(b"x" * 100_000, b"\n", TPV)[-2:]
     assert isinstance(discarded, Discarded)
     assert isinstance(position, Position)
 
 
 @given(cut=st.integers(0, 300))
-def test_bytes_may_come_cut_anywhere(cut):
+def test_bytes_may_be_split_anywhere(cut):
     line = json.dumps(TPV).encode() + b"\n"
     reader = GpsdReader(GnssSettings(latency_s=0.0))
     reader.receive_bytes(line[:cut], 100.0)
@@ -177,6 +177,6 @@ def test_bytes_may_come_cut_anywhere(cut):
 
 
 @given(st.binary(max_size=200))
-def test_no_bytes_stop_the_reader(data):
+def test_no_bytes_raise(data):
     for event in read(data, b"\n", b'{"class":"TPV",' + data + b"\n", TPV):
         assert isinstance(event, Position | Discarded)

@@ -81,7 +81,7 @@ def test_hemispheres(latitude, longitude, expected):
     assert (position.latitude_deg, position.longitude_deg) == pytest.approx(expected)
 
 
-def test_from_the_second_instant_on_it_is_told_with_its_last_sentence():
+def test_from_the_second_epoch_on_a_position_comes_with_the_last_sentence():
     reader = NmeaReader()
     for text in (RMC, GGA, at(RMC, "045001.34")):
         reader.receive_bytes(sentence(text))
@@ -90,14 +90,14 @@ def test_from_the_second_instant_on_it_is_told_with_its_last_sentence():
     assert len(events_of(reader)) == 1
 
 
-def test_a_receiver_that_changes_its_habit_loses_no_position():
+def test_a_receiver_that_changes_its_order_loses_no_position():
     first = [RMC, GGA, GST]
     second = [at(RMC, "045001.34"), at(GGA, "045001.34")]
     third = [at(RMC, "045002.34")]
     assert len(read(*first, *second, *third, at(GGA, "045003.34"))) == 3
 
 
-def test_the_receivers_own_accuracy_counts_most():
+def test_the_receivers_own_accuracy_takes_precedence():
     (position,) = read(RMC, GGA, GST, NO_FIX)
     assert position.sigma_m == pytest.approx(math.sqrt((3.0**2 + 4.0**2) / 2))
 
@@ -120,14 +120,14 @@ def test_accuracy_from_dilution_and_quality_but_never_below_the_least(quality, h
     assert position.sigma_m == pytest.approx(sigma_m)
 
 
-def test_rtk_is_believed_where_the_settings_allow():
+def test_the_settings_allow_the_accuracy_of_rtk():
     gga = GGA.replace(",E,1,10,1.0,", ",E,4,10,1.0,")
     settings = GnssSettings(least_sigma_m=0.01)
     (position,) = read(RMC, gga, NO_FIX, settings=settings)
     assert position.sigma_m == pytest.approx(0.04 / math.sqrt(2))
 
 
-def test_what_is_not_said_is_none():
+def test_unstated_values_are_none():
     (position,) = read("GPRMC,045000.34,A,5606.25716,N,01008.71506,E,,,260721,,", NO_FIX)
     assert (position.speed_m_s, position.course_rad, position.altitude_m) == (None, None, None)
 
@@ -157,7 +157,7 @@ def test_no_fix_is_no_position_and_no_fault(no_fix):
     assert read(no_fix, NO_FIX) == []
 
 
-def test_one_doubt_in_an_instant_is_enough():
+def test_one_sentence_without_a_fix_voids_the_epoch():
     assert read(RMC, GGA.replace(",E,1,", ",E,0,"), NO_FIX) == []
 
 
@@ -170,19 +170,19 @@ def test_midnight(order):
     assert stamps == [utc(2023, 12, 31, 23, 59, 59), utc(2024, 1, 1), utc(2024, 1, 1, 0, 0, 1)]
 
 
-def test_midnight_of_a_receiver_that_tells_its_date_but_once():
+def test_midnight_of_a_receiver_that_sends_its_date_once():
     texts = ["GPZDA,235958.00,31,12,2023,00,00"]
     texts += [at(GGA, time) for time in ("235959.00", "000000.00", "000001.00", "000002.00")]
     stamps = [position.stamp_s for position in read(*texts)]
     assert stamps == [utc(2023, 12, 31, 23, 59, 59) + n for n in range(4)]
 
 
-def test_a_recording_without_a_date_has_no_stamps_and_says_so():
+def test_a_recording_without_a_date_has_no_stamps_and_is_discarded():
     discarded, *_ = read(GGA, at(GGA, "045001.34"), at(GGA, "045002.34"))
     assert discarded.reason == "nmea_no_date"
 
 
-def test_live_positions_are_stamped_by_the_cars_clock():
+def test_live_positions_are_stamped_by_the_daemons_clock():
     reader = NmeaReader(GnssSettings(latency_s=0.1))
     for n in range(3):
         for text in (RMC, GGA):
@@ -200,7 +200,7 @@ def test_a_live_receiver_without_a_date_is_stamped_by_arrival():
 
 
 @given(cuts=st.lists(st.integers(0, 400), max_size=8))
-def test_bytes_may_come_cut_anywhere(cuts):
+def test_bytes_may_be_split_anywhere(cuts):
     texts = [at(t, f"04500{n}.00") for n in range(3) for t in (RMC, GGA)]
     stream = b"".join(map(sentence, texts))
     edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
@@ -217,7 +217,7 @@ def test_bytes_may_come_cut_anywhere(cuts):
         sentence(RMC)[:30],
     ],
 )
-def test_a_damaged_sentence_is_discarded_and_the_next_one_read(damaged):
+def test_a_damaged_sentence_is_discarded_and_the_next_one_is_read(damaged):
     discarded, position = read(damaged, at(RMC, "045001.34"), NO_FIX)
     assert (discarded.component, discarded.reason) == ("gnss", "nmea_checksum")
     assert position.stamp_s == pytest.approx(utc(2021, 7, 26, 4, 50, 1, 340_000))
@@ -240,7 +240,7 @@ def test_a_damaged_sentence_is_discarded_and_the_next_one_read(damaged):
         GGA.replace("20.0,M", "1e9,M"),
     ],
 )
-def test_a_field_that_cannot_be_is_discarded(wrong):
+def test_an_invalid_field_is_discarded(wrong):
     with pytest.raises(SentenceError) as refused:
         parse(sentence(wrong))
     assert refused.value.reason == "nmea_field"
@@ -258,11 +258,11 @@ def test_a_field_that_cannot_be_is_discarded(wrong):
         b"!AIVDM,1,1,,A,15RTgt0PAso;90TKcjM8h6g208CQ,0*4A\r\n",
     ],
 )
-def test_what_does_not_tell_the_position_is_passed_by(other):
+def test_sentences_without_a_position_are_ignored(other):
     assert parse(other) is None
 
 
-def test_binary_messages_between_sentences_do_no_harm():
+def test_binary_messages_between_sentences_are_ignored():
     noise = bytes(range(256)).replace(b"$", b"") * 8
     texts = [at(t, f"04500{n}.00") for n in range(3) for t in (RMC, GGA)]
     mixed = [part for text in texts for part in (sentence(text), noise, b"\n")]
@@ -270,6 +270,6 @@ def test_binary_messages_between_sentences_do_no_harm():
 
 
 @given(st.binary(max_size=300), st.sampled_from([b"$GPRMC,", b"$GPGGA,", b"$GNGST,", b""]))
-def test_no_bytes_stop_the_reader(data, start):
+def test_no_bytes_raise(data, start):
     for event in read(start + data + b"\n", sentence(RMC), sentence(at(RMC, "045001.34"))):
         assert isinstance(event, Position | Discarded)

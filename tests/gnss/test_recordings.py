@@ -30,7 +30,7 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
-def test_drive_a_is_where_its_truth_says(rig_data):
+def test_drive_a_agrees_with_its_ground_truth(rig_data):
     positions = read(rig_data / "gnss" / "drive-a.nmea")
     places = rows(rig_data / "can" / "drive-a-gnss-position.csv")
     speeds = rows(rig_data / "can" / "drive-a-gnss-speed-mps.csv")
@@ -64,7 +64,7 @@ def gpsd_fixes(path):
     return fixes
 
 
-def test_receivers_of_many_makes_are_where_gpsd_says_they_are(rig_data):
+def test_receivers_of_many_makes_agree_with_gpsd(rig_data):
     """All logs that have NMEA in them; the others are binary, which is gpsd's business."""
     counts = Counter()
     makes = 0

@@ -81,7 +81,7 @@ def on_a_loop(scenario):
     asyncio.run(asyncio.wait_for(scenario(), timeout=30))
 
 
-def test_frames_come_as_they_are_and_requests_go_out():
+def test_frames_are_received_unchanged_and_requests_are_sent():
     async def scenario():
         ears = Ears()
         async with Server() as server:
@@ -103,7 +103,7 @@ def test_frames_come_as_they_are_and_requests_go_out():
     on_a_loop(scenario)
 
 
-def test_a_frame_torn_by_tcp_is_whole():
+def test_a_frame_split_by_tcp_is_reassembled():
     async def scenario():
         ears = Ears()
         async with Server() as server:
@@ -120,7 +120,7 @@ def test_a_frame_torn_by_tcp_is_whole():
     on_a_loop(scenario)
 
 
-def test_garbage_is_counted_and_what_follows_is_read():
+def test_garbage_is_counted_and_reading_continues():
     async def scenario():
         ears = Ears()
         async with Server() as server:
@@ -138,7 +138,7 @@ def test_garbage_is_counted_and_what_follows_is_read():
     on_a_loop(scenario)
 
 
-def test_a_flood_is_handed_over_whole_and_in_order():
+def test_many_frames_are_delivered_completely_and_in_order():
     async def scenario():
         ears = Ears()
         async with Server() as server:
@@ -153,7 +153,7 @@ def test_a_flood_is_handed_over_whole_and_in_order():
     on_a_loop(scenario)
 
 
-def test_a_lost_server_is_told_at_once_and_found_again():
+def test_a_lost_server_is_reported_at_once_and_reconnected():
     async def scenario():
         ears = Ears()
         async with Server() as server:
@@ -172,7 +172,7 @@ def test_a_lost_server_is_told_at_once_and_found_again():
     on_a_loop(scenario)
 
 
-def test_a_bus_that_is_closed_while_it_looks_for_its_server_stays_closed():
+def test_a_bus_that_is_closed_while_it_reconnects_stays_closed():
     async def scenario():
         ears = Ears()
         async with Server() as server:
@@ -186,7 +186,7 @@ def test_a_bus_that_is_closed_while_it_looks_for_its_server_stays_closed():
     on_a_loop(scenario)
 
 
-def test_a_bus_that_is_closed_while_it_is_opened_hangs_up(caplog):
+def test_a_connection_opened_after_close_is_closed(caplog):
     async def scenario():
         ears = Ears()
         async with Server() as server:
@@ -207,13 +207,13 @@ def test_a_bus_that_is_closed_while_it_is_opened_hangs_up(caplog):
 @pytest.mark.parametrize(
     ("greeting", "answers", "why"),
     [
-        (b"HTTP/1.1 400 Bad Request\r\n\r\n>", (), "the server says 'HTTP/1.1 400"),
-        (b"< hi >", (b"< error could not open bus >",), "says 'error could not open bus'"),
-        (b"x" * 1000, (), "no socketcand: expected < hi >"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n>", (), "the server answered 'HTTP/1.1 400"),
+        (b"< hi >", (b"< error could not open bus >",), "answered 'error could not open bus'"),
+        (b"x" * 1000, (), "not socketcand: expected < hi >"),
         (b"", (), "timed out"),
     ],
 )
-def test_a_server_that_is_none_is_told_in_one_line(greeting, answers, why, monkeypatch):
+def test_a_server_of_another_protocol_is_an_error_of_one_line(greeting, answers, why, monkeypatch):
     monkeypatch.setattr("onboard.obd.can_bus.CONNECT_TIMEOUT_S", 0.3)
 
     async def scenario():
@@ -227,7 +227,7 @@ def test_a_server_that_is_none_is_told_in_one_line(greeting, answers, why, monke
     on_a_loop(scenario)
 
 
-def test_a_server_that_is_not_there_is_told_in_one_line():
+def test_a_missing_server_is_an_error_of_one_line():
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
 
@@ -238,7 +238,7 @@ def test_a_server_that_is_not_there_is_told_in_one_line():
     on_a_loop(scenario)
 
 
-def test_an_interface_that_is_not_there_is_told_in_one_line():
+def test_a_missing_interface_is_an_error_of_one_line():
     async def scenario():
         bus = CanBus(CanSettings(interface="socketcan", channel="can77"), print, print)
         with pytest.raises(CanBusError, match=r"^CAN bus can77 cannot be opened: .+$"):
@@ -248,7 +248,7 @@ def test_an_interface_that_is_not_there_is_told_in_one_line():
 
 
 @pytest.mark.parametrize("addresses", [ENGINE_11_BIT, ENGINE_29_BIT])
-def test_a_car_gets_its_speed_from_the_ecu_at_the_other_end(addresses):
+def test_the_speed_comes_from_the_ecu_at_the_other_end(addresses):
     """The daemon's round in small: the bus, the core and a clock."""
 
     async def scenario():
@@ -320,7 +320,7 @@ def test_one_channel_of_a_recording(tmp_path):
     assert [f.arbitration_id for f in read_can_log(path, "can0")] == [0x100, 0x102]
 
 
-def test_bad_lines_are_counted_and_remote_and_error_frames_passed_by(tmp_path):
+def test_bad_lines_are_counted_and_remote_and_error_frames_ignored(tmp_path):
     path = tmp_path / "bad.log"
     path.write_text(
         "(1.0) can0 7E8#03410D32\nnonsense\n(1.1) can0 ZZZ#00\n(1.2) can0 100#R8\n"
@@ -343,12 +343,12 @@ def test_bad_lines_are_counted_and_remote_and_error_frames_passed_by(tmp_path):
     [
         ("nowhere.log", None, "no such file"),
         ("a.xyz", b"", "unknown log format"),
-        ("a.log", b"can0  7E8   [4]  03 41 0D 32\n", "no line is as `candump -L` writes it"),
-        ("a.csv", b"header\nno frame\n", "no readable CAN log"),
+        ("a.log", b"can0  7E8   [4]  03 41 0D 32\n", "no line has the format of `candump -L`"),
+        ("a.csv", b"header\nno frame\n", "unreadable CAN log"),
         ("a.log.gz", b"not gzip", "cannot be read"),
     ],
 )
-def test_what_is_no_recording_is_told_in_one_line(tmp_path, name, content, why):
+def test_a_file_that_is_no_recording_is_an_error_of_one_line(tmp_path, name, content, why):
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)

@@ -47,7 +47,7 @@ def test_hard_braking_is_found_once(hz, deceleration, within_s):
 
 
 @pytest.mark.parametrize("deceleration", [5.0, 8.0])
-def test_an_ecu_that_answers_twice_a_second_shows_it_with_its_third_sample(deceleration):
+def test_samples_at_2_hz_find_hard_braking_with_the_third(deceleration):
     for phase_s in (0.0, 0.1, 0.2, 0.3, 0.4):
         (alarm,) = alarms(samples(every(0.5, 8.0, phase_s), braking(deceleration)))
         assert 2.8 < alarm.stamp_s < 3.4
@@ -55,7 +55,7 @@ def test_an_ecu_that_answers_twice_a_second_shows_it_with_its_third_sample(decel
 
 @pytest.mark.parametrize("hz", [2, 10, 20, 100])
 @pytest.mark.parametrize("deceleration", [0.0, 1.0, 2.0, 3.0])
-def test_ordinary_braking_is_not(hz, deceleration):
+def test_ordinary_braking_is_not_hard_braking(hz, deceleration):
     assert alarms(samples(every(1 / hz, 20.0), braking(deceleration))) == []
 
 
@@ -71,14 +71,14 @@ def test_a_fine_signal_is_faster():
     assert fine[0].stamp_s < coarse[0].stamp_s
 
 
-def test_a_pressed_pedal_makes_it_no_slower_and_a_pedal_alone_is_no_braking():
+def test_a_pressed_pedal_delays_nothing_and_is_no_braking_by_itself():
     pressed = BrakePedal(0.0, pressed=True, source="dbc:Brake.Pressed")
     coarse = list(samples(every(0.05, 4.0), braking(5.0)))
     assert alarms(coarse, pedal=pressed)[0].stamp_s <= alarms(coarse)[0].stamp_s
     assert alarms(samples(every(0.05, 20.0), braking(3.0)), pedal=pressed) == []
 
 
-def test_one_braking_with_a_pumping_foot_is_one():
+def test_braking_with_a_pumped_pedal_is_found_once():
     def pumping(t):
         """8 m/s2 for 0.5 s, released for 0.25 s, three times."""
         braked_s = sum(min(max(t - at, 0.0), 0.5) for at in (2.0, 2.75, 3.5))
@@ -87,7 +87,7 @@ def test_one_braking_with_a_pumping_foot_is_one():
     assert len(alarms(samples(every(0.05, 6.0), pumping))) == 1
 
 
-def test_after_it_ended_the_next_one_is_another():
+def test_the_next_braking_is_found_after_the_first_ended():
     def twice(t):
         return 120 * KM_H - 7.0 * (min(max(t - 2, 0), 1.0) + min(max(t - 6, 0), 1.0))
 
@@ -96,7 +96,7 @@ def test_after_it_ended_the_next_one_is_another():
     assert second.stamp_s > 6.0
 
 
-def test_after_a_long_silence_it_is_armed_again():
+def test_the_detector_is_rearmed_after_a_long_silence():
     before = samples(every(0.05, 3.0), braking(7.0, from_m_s=120 * KM_H))
     after = samples(every(0.05, 13.0, 10.0), braking(7.0, at_s=11.0, from_m_s=120 * KM_H))
     assert len(alarms([*before, *after])) == 2
@@ -147,7 +147,7 @@ def test_samples_that_arrive_in_a_burst_after_a_stall_are_not_braking():
     assert alarms(speeds) == []
 
 
-def test_a_stamp_that_goes_back_is_left_out():
+def test_a_stamp_that_goes_back_is_ignored():
     speeds = list(samples(every(0.05, 8.0), braking(5.0)))
     mixed = []
     for speed in speeds:
@@ -155,7 +155,7 @@ def test_a_stamp_that_goes_back_is_left_out():
     assert alarms(mixed) == alarms(speeds)
 
 
-def test_a_clock_that_jumps_back_begins_a_new_window():
+def test_a_clock_that_jumps_back_starts_a_new_window():
     speeds = list(samples(every(0.05, 8.0), braking(5.0)))
     assert len(alarms([*speeds, *speeds])) == 2
 

@@ -57,7 +57,7 @@ def events_of(reassembly):
 
 
 @given(payload=st.binary(min_size=1, max_size=300) | st.binary(min_size=4090, max_size=4095))
-def test_what_another_implementation_sends_arrives(payload):
+def test_messages_of_another_implementation_are_reassembled(payload):
     assert receive(units_of(payload)) == [Message(payload)]
 
 
@@ -70,7 +70,7 @@ def test_flow_control_is_the_other_direction_and_changes_nothing():
     assert receive([GO_ON, first, GO_ON, *others]) == [Message(VIN)]
 
 
-def test_a_lost_frame_ends_the_message():
+def test_a_lost_frame_aborts_the_message():
     first, _, last = units_of(VIN)
     assert receive([first, last]) == [
         Aborted("n_wrong_sn", "got 2, expected 1, after 6 of 20 bytes")
@@ -82,28 +82,28 @@ def test_after_a_lost_frame_the_next_message_is_read():
     assert receive([first, third, first, second, third])[-1] == Message(VIN)
 
 
-def test_a_doubled_frame_ends_the_message():
+def test_a_duplicated_frame_aborts_the_message():
     first, second, third = units_of(VIN)
     aborted, stray = receive([first, second, second, third])
     assert aborted.reason == "n_wrong_sn"
     assert stray.reason == "unexpected_consecutive_frame"
 
 
-def test_a_frame_out_of_the_blue_is_no_message():
+def test_a_consecutive_frame_without_a_first_frame_is_discarded():
     assert receive([ConsecutiveFrame(1, b"1234567")]) == [
         Aborted("unexpected_consecutive_frame", "no message is being received")
     ]
 
 
 @pytest.mark.parametrize("interrupter", [SingleFrame(b"new"), FirstFrame(20, VIN[:6])])
-def test_a_new_message_ends_the_old_one(interrupter):
+def test_a_new_message_aborts_the_old_one(interrupter):
     first, second, third = units_of(VIN)
     aborted, message = receive([first, interrupter, second, third])[:2]
     assert aborted == Aborted("n_unexp_pdu", "after 6 of 20 bytes")
     assert isinstance(message, Message)
 
 
-def test_a_last_frame_may_be_short_and_any_other_may_not():
+def test_only_the_last_frame_may_be_short():
     first, second, third = units_of(VIN)
     short = ConsecutiveFrame(1, second.data[:6])
     assert receive([first, short])[0].reason == "consecutive_frame_length"
@@ -111,7 +111,7 @@ def test_a_last_frame_may_be_short_and_any_other_may_not():
     assert receive([first, second, unpadded]) == [Message(VIN)]
 
 
-def test_a_sender_that_stops_is_given_up_after_n_cr():
+def test_a_message_is_aborted_after_n_cr():
     reassembly = Reassembly(n_cr_s=1.0)
     first, second, third = units_of(VIN)
     assert reassembly.get_timer() == math.inf
@@ -128,14 +128,14 @@ def test_a_sender_that_stops_is_given_up_after_n_cr():
     assert [event.reason for event in events_of(reassembly)] == ["unexpected_consecutive_frame"]
 
 
-def test_n_cr_holds_even_if_no_timer_was_served():
+def test_n_cr_applies_without_a_served_timer():
     first, second, third = units_of(VIN)
     timeout, *strays = receive([first, second, third], step=1.5)
     assert timeout.reason == "n_timeout_cr"
     assert [stray.reason for stray in strays] == ["unexpected_consecutive_frame"] * 2
 
 
-def test_a_message_longer_than_any_answer_is_not_begun():
+def test_a_message_longer_than_any_response_is_not_started():
     assert receive([FirstFrame(5000, b"ab"), SingleFrame(b"x")]) == [
         Aborted("n_buffer_overflow", "FF_DL 5000"),
         Message(b"x"),

@@ -73,7 +73,7 @@ def test_a_frame_that_is_not_padded_is_read():
         ("FF FF FF FF FF FF FF FF", "n_pci_type"),
     ],
 )
-def test_what_is_no_unit_is_refused_with_its_reason(frame, reason):
+def test_invalid_units_are_refused_with_their_reason(frame, reason):
     with pytest.raises(NPduError) as refused:
         decode(bytes.fromhex(frame))
     assert refused.value.reason == reason

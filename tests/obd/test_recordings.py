@@ -67,7 +67,7 @@ def test_real_drives_have_no_false_hard_braking_and_no_error(rig_data, drive, sp
     assert kinds == {Speed: speeds}
 
 
-def test_the_alarm_comes_on_a_real_drive_when_the_threshold_is_below_its_braking(rig_data):
+def test_a_real_drive_has_hard_braking_above_a_low_threshold(rig_data):
     sensitive = ObdSettings(polling_hz=None, hard_brake_threshold_g=0.1)
     alarms = [
         event
@@ -128,7 +128,7 @@ def test_a_broadcast_speed_is_read_by_its_name(rig_data):
 
 
 @pytest.mark.parametrize("suffix", [".asc", ".blf", ".trc"])
-def test_a_real_drive_says_the_same_in_other_formats(rig_data, tmp_path, suffix):
+def test_a_real_drive_gives_the_same_in_other_formats(rig_data, tmp_path, suffix):
     source = rig_data / "can" / "drive-a.log"
     messages = [m for m in can.LogReader(source) if m.arbitration_id == 0x7E8][:2000]
     path = tmp_path / f"drive{suffix}"

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 
 from onboard.obd.service_01 import (
     PID_LENGTHS,
-    AnswerError,
-    CurrentData,
-    Refused,
-    decode_answer,
+    NegativeResponse,
+    PositiveResponse,
+    ResponseError,
+    decode_response,
     request,
     speed_m_s,
     supported_pids,
@@ -17,7 +17,7 @@ from onboard.obd.service_01 import (
 
 
 def answer(payload: str):
-    return decode_answer(bytes.fromhex(payload))
+    return decode_response(bytes.fromhex(payload))
 
 
 def test_the_request_names_service_and_pid():
@@ -25,20 +25,22 @@ def test_the_request_names_service_and_pid():
 
 
 def test_a_speed():
-    assert answer("41 0D 32") == CurrentData({0x0D: b"\x32"})
+    assert answer("41 0D 32") == PositiveResponse({0x0D: b"\x32"})
     assert speed_m_s(b"\x32") * 3.6 == pytest.approx(50)
     assert speed_m_s(b"\xff") * 3.6 == pytest.approx(255)
 
 
-def test_several_pids_in_one_answer():
+def test_several_pids_in_one_response():
     # engine speed, vehicle speed, throttle
-    assert answer("41 0C 1A F8 0D 32 11 80") == CurrentData(
+    assert answer("41 0C 1A F8 0D 32 11 80") == PositiveResponse(
         {0x0C: b"\x1a\xf8", 0x0D: b"\x32", 0x11: b"\x80"}
     )
 
 
 def test_a_pid_of_unknown_length_takes_the_rest():
-    assert answer("41 0D 32 66 01 02 03") == CurrentData({0x0D: b"\x32", 0x66: b"\x01\x02\x03"})
+    assert answer("41 0D 32 66 01 02 03") == PositiveResponse(
+        {0x0D: b"\x32", 0x66: b"\x01\x02\x03"}
+    )
 
 
 def test_supported_pids_of_a_real_car():
@@ -75,12 +77,12 @@ def test_each_bit_is_one_pid(base, pids):
 
 
 def test_negative_responses():
-    assert answer("7F 01 12") == Refused(0x12)
-    assert answer("7F 01 78") == Refused(0x78)
+    assert answer("7F 01 12") == NegativeResponse(0x12)
+    assert answer("7F 01 78") == NegativeResponse(0x78)
 
 
 @pytest.mark.parametrize("payload", ["7F 22 31", "49 02 01 31", "62 F1 90 00", "01 0D"])
-def test_other_services_are_not_ours(payload):
+def test_other_services_are_ignored(payload):
     assert answer(payload) is None
 
 
@@ -98,8 +100,8 @@ def test_other_services_are_not_ours(payload):
         ("7F 01 12 00", "negative_response_length"),
     ],
 )
-def test_an_answer_that_contradicts_itself_is_refused(payload, reason):
-    with pytest.raises(AnswerError) as refused:
+def test_a_contradictory_response_is_refused(payload, reason):
+    with pytest.raises(ResponseError) as refused:
         answer(payload)
     assert refused.value.reason == reason
 
@@ -111,16 +113,16 @@ def test_an_answer_that_contradicts_itself_is_refused(payload, reason):
         )
     )
 )
-def test_known_pids_are_parted_in_any_combination(values):
+def test_known_pids_are_split_in_any_combination(values):
     payload = b"\x41" + b"".join(bytes([pid]) + data for pid, data in values.items())
-    assert decode_answer(payload) == CurrentData(values)
+    assert decode_response(payload) == PositiveResponse(values)
 
 
 @given(st.binary(min_size=1, max_size=40))
-def test_any_payload_is_understood_or_refused(payload):
+def test_any_payload_is_decoded_or_refused(payload):
     try:
-        decoded = decode_answer(payload)
-    except AnswerError:
+        decoded = decode_response(payload)
+    except ResponseError:
         return
-    if isinstance(decoded, CurrentData):
+    if isinstance(decoded, PositiveResponse):
         assert len(payload) == 1 + sum(1 + len(data) for data in decoded.values.values())

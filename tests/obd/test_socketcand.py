@@ -29,7 +29,7 @@ def essence(message):
 
 
 @given(MESSAGES, st.sampled_from(["", " "]))
-def test_what_a_server_writes_is_read_as_python_can_reads_it(message, between):
+def test_elements_are_parsed_as_by_python_can(message, between):
     digits = 8 if message.is_extended_id else 3
     data = between.join(f"{byte:02X}" for byte in message.data)
     element = f"< frame {message.arbitration_id:0{digits}X} 1700000000.123456 {data} >"
@@ -41,7 +41,7 @@ def test_what_a_server_writes_is_read_as_python_can_reads_it(message, between):
 
 
 @given(MESSAGES)
-def test_what_we_send_has_the_same_numbers_as_python_cans(message):
+def test_sent_elements_have_the_values_of_python_can(message):
     def numbers(element):
         head, command, identifier, *octets, tail = element.split()
         return head, command, len(identifier), [int(o, 16) for o in (identifier, *octets)], tail
@@ -50,7 +50,7 @@ def test_what_we_send_has_the_same_numbers_as_python_cans(message):
     assert ours == numbers(theirs.convert_can_message_to_ascii_message(message))
 
 
-def test_a_frame_and_a_request_to_the_letter():
+def test_a_frame_and_a_request_have_their_exact_text():
     message = parse_element("< frame 7E8 23.424242 03410D32 ")
     assert essence(message) == (0x7E8, False, bytes.fromhex("03410D32"))
     request = can.Message(arbitration_id=0x18DB33F1, data=bytes.fromhex("02010D"))
@@ -58,7 +58,7 @@ def test_a_frame_and_a_request_to_the_letter():
 
 
 @pytest.mark.parametrize("element", ["< error 004 23.4242", "< ok", "< hi", "< stat 1 2"])
-def test_elements_that_carry_no_data_frame_are_passed_by(element):
+def test_elements_without_a_data_frame_are_ignored(element):
     assert parse_element(element) is None
 
 
@@ -78,7 +78,7 @@ def test_elements_that_carry_no_data_frame_are_passed_by(element):
         "\x00\xff< frame 7E8 1.0 00",
     ],
 )
-def test_garbage_is_told_from_frames(element):
+def test_garbage_is_a_protocol_error(element):
     with pytest.raises(ProtocolError):
         parse_element(element)
 

@@ -92,14 +92,14 @@ def test_requests_are_functional_single_frames_padded_to_eight_bytes():
 
 
 @pytest.mark.parametrize("polling_hz", [10.0, 20.0])
-def test_a_car_that_answers_is_polled_at_the_configured_rate(polling_hz):
+def test_an_ecu_that_responds_is_polled_at_the_configured_rate(polling_hz):
     car = Car(engine, ObdSettings(polling_hz=polling_hz))
     speeds = car.drive(100.0, 110.0)
     assert {speed.source for speed in speeds} == {"obd:7E8"}
     assert len(speeds) == pytest.approx(10 * polling_hz, abs=3)
 
 
-def test_a_car_that_listens_only_is_never_asked():
+def test_without_polling_no_request_is_sent():
     bus = VehicleBus(ObdSettings(polling_hz=None))
     assert bus.get_timer() == math.inf
     assert bus.frames_to_send(1.0) == []
@@ -107,7 +107,7 @@ def test_a_car_that_listens_only_is_never_asked():
     assert len(events_of(bus)) == 1
 
 
-def test_a_car_with_29_bit_identifiers_is_found():
+def test_ecus_with_29_bit_identifiers_are_found():
     def answers(request, at):
         if request.arbitration_id == 0x18DB33F1 and request.data[2] == 0x0D:
             yield speed_frame(at, ENGINE_29, 50)
@@ -119,7 +119,7 @@ def test_a_car_with_29_bit_identifiers_is_found():
     assert len(speeds) > 40
 
 
-def test_of_several_ecus_the_lowest_identifier_is_believed():
+def test_of_several_ecus_the_lowest_identifier_is_used():
     def answers(request, at):
         if request.data[2] == 0x0D and not request.is_extended_id:
             yield speed_frame(at, ENGINE, 50)
@@ -130,7 +130,7 @@ def test_of_several_ecus_the_lowest_identifier_is_believed():
     assert not any(isinstance(event, HardBrake) for event in speeds)
 
 
-def test_when_the_believed_ecu_falls_silent_the_next_one_is_believed_after_a_second():
+def test_when_the_used_ecu_is_silent_for_a_second_the_next_one_is_used():
     def answers(request, at):
         if request.data[2] == 0x0D and not request.is_extended_id:
             if at < 2.0:
@@ -143,13 +143,13 @@ def test_when_the_believed_ecu_falls_silent_the_next_one_is_believed_after_a_sec
     assert not any(isinstance(event, HardBrake) for event in events)
 
 
-def test_a_bus_without_ecus_is_asked_four_times_a_second():
+def test_a_bus_without_ecus_gets_four_requests_a_second():
     car = Car(lambda request, at: ())
     assert car.drive(0.0, 10.0) == []
     assert len(car.sent) == 40
 
 
-def test_a_long_answer_to_us_is_told_to_go_on_at_the_ecus_own_address():
+def test_a_long_response_gets_flow_control_at_the_ecus_address():
     bus = VehicleBus(ObdSettings(addressing="11-bit"))
     bus.frames_to_send(1.0)
     bus.frames_to_send(1.25)  # asks for the speed
@@ -160,7 +160,7 @@ def test_a_long_answer_to_us_is_told_to_go_on_at_the_ecus_own_address():
     assert events_of(bus) == [Speed(1.27, 50 * KM_H, KM_H, "obd:7EA")]
 
 
-def test_a_long_answer_with_29_bits_is_told_to_go_on_at_the_ecus_own_address():
+def test_a_long_response_with_29_bits_gets_flow_control_at_the_ecus_address():
     bus = VehicleBus(ObdSettings(addressing="29-bit"))
     bus.frames_to_send(1.0)
     bus.frames_to_send(1.25)
@@ -169,7 +169,7 @@ def test_a_long_answer_with_29_bits_is_told_to_go_on_at_the_ecus_own_address():
     assert (go_on.arbitration_id, go_on.is_extended_id) == (0x18DA18F1, True)
 
 
-def test_another_testers_long_answer_is_read_and_never_interfered_with():
+def test_another_testers_long_response_is_read_without_flow_control():
     bus = VehicleBus(ObdSettings())
     bus.frames_to_send(1.0)
     bus.receive_frame(frame(1.01, ENGINE, "10 0C 41 0C 1A F8 0D 32"), 1.01)
@@ -178,7 +178,7 @@ def test_another_testers_long_answer_is_read_and_never_interfered_with():
     assert [event.speed_m_s for event in events_of(bus)] == [50 * KM_H]
 
 
-def test_a_long_answer_that_stops_is_given_up_and_counted():
+def test_a_long_response_that_stops_is_aborted_and_counted():
     bus = VehicleBus(ObdSettings(polling_hz=None))
     bus.receive_frame(frame(1.0, ENGINE, "10 0C 41 0C 1A F8 0D 32"), 1.0)
     assert bus.get_timer() == 2.0
@@ -187,7 +187,7 @@ def test_a_long_answer_that_stops_is_given_up_and_counted():
     assert (discarded.reason, discarded.stamp_s) == ("n_timeout_cr", 2.0)
 
 
-def test_long_answers_of_two_ecus_do_not_mix():
+def test_long_responses_of_two_ecus_do_not_mix():
     events = hear(
         frame(1.00, ENGINE, "10 0C 41 0C 1A F8 0D 32"),
         frame(1.01, GEARBOX, "10 0C 41 0C 1A F8 0D 33"),
@@ -200,7 +200,7 @@ def test_long_answers_of_two_ecus_do_not_mix():
     ]
 
 
-def test_response_pending_is_waited_for_and_no_fault():
+def test_response_pending_is_no_fault():
     def answers(request, at):
         if request.data[2] == 0x0D and not request.is_extended_id:
             yield frame(at, ENGINE, "03 7F 01 78 00 00 00 00")
@@ -209,7 +209,7 @@ def test_response_pending_is_waited_for_and_no_fault():
     assert {event.kind for event in Car(answers).drive(0.0, 5.0)} == {"speed"}
 
 
-def test_a_refusal_is_counted_with_its_code():
+def test_a_negative_response_is_counted_with_its_code():
     (discarded,) = hear(frame(1.0, ENGINE, "03 7F 01 12 00 00 00 00"))
     assert discarded == Discarded(1.0, "obd", "negative_response", "7E8: response code 0x12")
 
@@ -229,11 +229,11 @@ def test_a_refusal_is_counted_with_its_code():
         (0x123, ""),
     ],
 )
-def test_what_is_not_about_our_services_is_passed_by(identifier, data):
+def test_frames_of_other_services_are_ignored(identifier, data):
     assert hear(frame(1.0, identifier, data)) == []
 
 
-def test_an_11_bit_answer_under_a_29_bit_identifier_is_not_an_answer():
+def test_an_11_bit_response_under_a_29_bit_identifier_is_ignored():
     assert hear(frame(1.0, ENGINE, "03 41 0D 32", is_extended_id=True)) == []
 
 
@@ -252,7 +252,7 @@ def test_an_11_bit_answer_under_a_29_bit_identifier_is_not_an_answer():
         ("02 7F 01 00 00 00 00 00", "negative_response_length"),
     ],
 )
-def test_frames_that_lie_are_discarded_with_their_reason(data, reason):
+def test_invalid_frames_are_discarded_with_their_reason(data, reason):
     (discarded,) = hear(frame(1.0, ENGINE, data))
     assert (discarded.component, discarded.reason, discarded.stamp_s) == ("obd", reason, 1.0)
     assert discarded.detail.startswith("7E8: ")
@@ -279,7 +279,7 @@ def test_hard_braking_follows_the_speed_that_made_it_certain():
         max_size=40,
     )
 )
-def test_no_traffic_stops_the_car(frames):
+def test_no_traffic_raises(frames):
     bus = VehicleBus(ObdSettings())
     for each in sorted(frames, key=lambda each: each.stamp_s):
         bus.receive_frame(each, each.stamp_s)

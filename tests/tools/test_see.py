@@ -65,7 +65,7 @@ def run(*arguments: str | Path) -> str:
     return invoked(*arguments).stdout
 
 
-def told_of(*arguments: str | Path) -> str:
+def stderr_of(*arguments: str | Path) -> str:
     return invoked(*arguments).stderr
 
 
@@ -92,7 +92,7 @@ def test_there_is_a_row_for_each_plate_and_frame(drive: Path, tmp_path: Path) ->
     assert rows[0]["gap_m"] == ""  # one detection is no lead
 
 
-def test_pictures_without_a_rate_stand_alone(drive: Path, tmp_path: Path) -> None:
+def test_images_without_a_rate_are_independent(drive: Path, tmp_path: Path) -> None:
     run(drive / "pictures", *options(drive), "--csv", tmp_path / "rows.csv")
 
     with (tmp_path / "rows.csv").open() as file:
@@ -101,7 +101,7 @@ def test_pictures_without_a_rate_stand_alone(drive: Path, tmp_path: Path) -> Non
     assert {row["is_lead"] for row in rows} == {"0"}
 
 
-def test_a_score_is_told_against_the_truth(drive: Path) -> None:
+def test_scores_are_printed_against_ground_truth(drive: Path) -> None:
     told = run(
         drive / "pictures", "--fps", "10", *options(drive), "--truth", drive / "truth.csv"
     ).splitlines()
@@ -135,12 +135,12 @@ def test_the_annotated_video_has_every_frame(drive: Path, tmp_path: Path) -> Non
         ["{}", "--truth", "{}/../camera.yaml"],
     ],
 )
-def test_a_users_mistake_is_told(drive: Path, arguments: list[str]) -> None:
+def test_a_users_mistake_is_an_error(drive: Path, arguments: list[str]) -> None:
     with pytest.raises(UserError, match=r"nowhere|camera\.yaml"):
         run(*(argument.format(drive / "pictures") for argument in arguments))
 
 
-def truth_of(folder: Path, *rows: str) -> Path:
+def write_ground_truth(folder: Path, *rows: str) -> Path:
     path = folder / "rows-of-truth.csv"
     path.write_text("\n".join(rows), encoding="utf-8-sig")  # as spreadsheets write it
     return path
@@ -156,7 +156,7 @@ def truth_of(folder: Path, *rows: str) -> Path:
         ("file,x_px,y_px,w_px,h_px,text,gap_m", "f{0},,,,,TAG1,{1}"),
     ],
 )
-def test_a_lead_is_scored_by_what_is_known_of_it(
+def test_a_lead_is_scored_by_the_given_columns(
     drive: Path, tmp_path: Path, head: str, row: str
 ) -> None:
     """A range finder knows distances, and nothing of boxes."""
@@ -168,7 +168,7 @@ def test_a_lead_is_scored_by_what_is_known_of_it(
         "10",
         *options(drive),
         "--truth",
-        truth_of(tmp_path, head, *rows),
+        write_ground_truth(tmp_path, head, *rows),
     ).splitlines()
 
     assert told[1].split()[-4:] == ["right", "lead", "gap", "error"]
@@ -195,21 +195,23 @@ def test_a_lead_is_scored_by_what_is_known_of_it(
         (["file,x_px,y_px,w_px,h_px", "f1.png,1,2,-3,4"], ":2: invalid box 1, 2, -3, 4"),
     ],
 )
-def test_a_truth_that_says_nothing_is_told(
+def test_invalid_ground_truth_is_an_error(
     drive: Path, tmp_path: Path, rows: list[str], why: str
 ) -> None:
     with pytest.raises(UserError) as told:
-        run(drive / "pictures", *options(drive), "--truth", truth_of(tmp_path, *rows))
+        run(drive / "pictures", *options(drive), "--truth", write_ground_truth(tmp_path, *rows))
 
     assert why in str(told.value)
 
 
-def test_a_rate_of_nothing_is_told(drive: Path) -> None:
+def test_a_rate_of_zero_is_an_error(drive: Path) -> None:
     with pytest.raises(UserError, match="fps: Input should be greater than 0"):
         run(drive / "pictures", "--fps", "0")
 
 
-def test_pictures_of_another_shape_than_calibrated_are_told(drive: Path, tmp_path: Path) -> None:
+def test_images_of_another_aspect_ratio_than_calibrated_are_an_error(
+    drive: Path, tmp_path: Path
+) -> None:
     camera = tmp_path / "camera.yaml"
     camera.write_text("width_px: 1242\nheight_px: 375\nprincipal_y_px: 180\n")
 
@@ -218,7 +220,7 @@ def test_pictures_of_another_shape_than_calibrated_are_told(drive: Path, tmp_pat
         run(drive / "pictures", "--camera", camera)
 
 
-def test_the_first_picture_that_is_none_is_named(drive: Path, tmp_path: Path) -> None:
+def test_the_first_invalid_image_is_named(drive: Path, tmp_path: Path) -> None:
     whole = (drive / "pictures" / "f0.png").read_bytes()
     for index, data in enumerate([whole, whole[:20], b""]):
         (tmp_path / f"{index}.png").write_bytes(data)
@@ -226,7 +228,7 @@ def test_the_first_picture_that_is_none_is_named(drive: Path, tmp_path: Path) ->
     assert "discarded: corrupt_frame: 2 (first 1.png, frame 1)" in run(tmp_path, *options(drive))
 
 
-def test_a_camera_that_froze_is_told_with_its_first_lost_frame(drive: Path, tmp_path: Path) -> None:
+def test_a_frozen_camera_is_reported_with_its_first_lost_frame(drive: Path, tmp_path: Path) -> None:
     picture = (drive / "pictures" / "f0.png").read_bytes()
     for index in range(10):
         (tmp_path / f"{index}.png").write_bytes(picture)
@@ -237,8 +239,8 @@ def test_a_camera_that_froze_is_told_with_its_first_lost_frame(drive: Path, tmp_
 
 
 @pytest.mark.parametrize("output", ["--csv", "--video"])
-def test_what_is_read_is_not_overwritten(drive: Path, tmp_path: Path, output: str) -> None:
-    truth = truth_of(tmp_path, "file,text", "f1.png,TAG1")
+def test_inputs_are_not_overwritten(drive: Path, tmp_path: Path, output: str) -> None:
+    truth = write_ground_truth(tmp_path, "file,text", "f1.png,TAG1")
     before = truth.read_bytes()
 
     with pytest.raises(UserError, match=r"rows-of-truth\.csv: is an input"):
@@ -258,17 +260,17 @@ def test_a_calibration_is_not_written_over_the_recording(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", ["seen.gif", "seen.webm", "seen.pictures", "seen"])
-def test_a_video_that_cannot_be_written_is_told(drive: Path, tmp_path: Path, name: str) -> None:
+def test_a_video_that_cannot_be_written_is_an_error(drive: Path, tmp_path: Path, name: str) -> None:
     with pytest.raises(UserError, match=f"{name}: cannot be written"):
         run(drive / "pictures", *options(drive), "--video", tmp_path / name)
 
 
-def test_a_full_disk_is_told(drive: Path) -> None:
+def test_a_full_disk_is_an_error(drive: Path) -> None:
     with pytest.raises(UserError, match="/dev/full: cannot be written: No space left"):
         run(drive / "pictures", *options(drive), "--csv", "/dev/full")
 
 
-def test_a_mistake_of_ours_is_no_full_disk(
+def test_an_internal_error_is_not_reported_as_a_full_disk(
     drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def mistake(*_: object) -> None:
@@ -281,7 +283,7 @@ def test_a_mistake_of_ours_is_no_full_disk(
         run(drive / "pictures", *options(drive), *outputs)
 
 
-def test_pictures_of_every_size_go_into_one_video(drive: Path, tmp_path: Path) -> None:
+def test_images_of_different_sizes_go_into_one_video(drive: Path, tmp_path: Path) -> None:
     (tmp_path / "odd").mkdir()
     for index, (w, h) in enumerate([(1, 1), (641, 361), (101, 1000), (2, 2), (64, 64)]):
         cv2.imwrite(str(tmp_path / "odd" / f"{index}.png"), np.full((h, w, 3), 90, np.uint8))
@@ -294,7 +296,7 @@ def test_pictures_of_every_size_go_into_one_video(drive: Path, tmp_path: Path) -
     assert sizes == [(640, 360)] * 5
 
 
-def test_a_video_that_ends_too_early_is_told(drive: Path, tmp_path: Path) -> None:
+def test_a_truncated_video_is_reported(drive: Path, tmp_path: Path) -> None:
     whole = tmp_path / "whole.avi"
     with av.open(str(whole), "w") as container:
         stream = container.add_stream("mpeg4", rate=10)
@@ -306,8 +308,8 @@ def test_a_video_that_ends_too_early_is_told(drive: Path, tmp_path: Path) -> Non
     torn = tmp_path / "torn.avi"
     torn.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
 
-    assert "truncated" not in told_of(whole, *options(drive))
-    assert "torn.avi: states 10 frames, and" in told_of(torn, *options(drive))
+    assert "truncated" not in stderr_of(whole, *options(drive))
+    assert "torn.avi: states 10 frames, and" in stderr_of(torn, *options(drive))
 
 
 def seen(name: str, *events: Plate | Lead) -> AnnotatedFrame:
@@ -318,7 +320,7 @@ def plate(text: str | None, confidence: float = 1.0, x_px: float = 10.0) -> Plat
     return Plate(0.0, ImageBox(x_px, 10.0, 100.0, 30.0), text, confidence, is_lead=False)
 
 
-def test_scores_count_what_they_say(tmp_path: Path) -> None:
+def test_scores_count_detections_and_readings(tmp_path: Path) -> None:
     (tmp_path / "truth.csv").write_text(
         "file,x_px,y_px,w_px,h_px,text\n"
         "us/1.jpg,10,10,100,30,GN417KB\n"
@@ -349,7 +351,7 @@ def test_scores_count_what_they_say(tmp_path: Path) -> None:
     assert rows["us"]["exact"] == "50.0 %"
 
 
-def test_a_lead_where_the_truth_has_nobody_ahead_is_a_ghost(tmp_path: Path) -> None:
+def test_a_lead_without_a_true_one_is_a_false_lead(tmp_path: Path) -> None:
     (tmp_path / "truth.csv").write_text("frame,gap_m\n0,inf\n1,inf\n2,12\n")
     scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
     lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=12.0)
@@ -390,7 +392,7 @@ def test_a_lead_is_right_by_its_plate_or_else_by_its_distance(
     assert (row["right lead"], row.get("gap error")) == scored
 
 
-def test_a_neighbours_plate_says_nothing_of_a_lead_whose_plate_is_not_seen(tmp_path: Path) -> None:
+def test_another_vehicles_plate_does_not_score_an_undetected_lead(tmp_path: Path) -> None:
     (tmp_path / "truth.csv").write_text(f"frame,text,gap_m\n0,{OURS},10\n")
     scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
     lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=10.1)
@@ -401,7 +403,7 @@ def test_a_neighbours_plate_says_nothing_of_a_lead_whose_plate_is_not_seen(tmp_p
     assert row["right lead"] == "100.0 %"
 
 
-def test_never_more_plates_are_certain_than_the_truth_has(tmp_path: Path) -> None:
+def test_there_are_never_more_certain_plates_than_true_ones(tmp_path: Path) -> None:
     (tmp_path / "truth.csv").write_text(
         "file,x_px,y_px,w_px,h_px,text\n1.jpg,10,10,100,30,GN417KB\n"
     )
@@ -413,9 +415,9 @@ def test_never_more_plates_are_certain_than_the_truth_has(tmp_path: Path) -> Non
     assert (row["certain"], row["wrong if certain"]) == ("100.0 %", "50.0 %")
 
 
-def test_a_name_that_two_files_of_the_truth_have_is_told(tmp_path: Path) -> None:
+def test_a_name_of_two_files_of_the_ground_truth_is_an_error(tmp_path: Path) -> None:
     rows = ("file,text", "us/1.jpg,GN417KB", "eu/1.jpg,RD288HX")
-    truth = GroundTruth.read(truth_of(tmp_path, *rows))
+    truth = GroundTruth.read(write_ground_truth(tmp_path, *rows))
 
     assert [plate.text for plate in truth.of(seen("us/1.jpg")) or []] == ["GN417KB"]
     with pytest.raises(UserError, match=r"1\.jpg: the ground truth has us/1\.jpg and eu/1\.jpg"):

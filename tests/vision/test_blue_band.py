@@ -33,28 +33,28 @@ WITHOUT_BAND = corners(LEFT + BAND * WIDTH)
 @pytest.mark.parametrize(
     "body", [BODY, (20, 20, 20), (230, 230, 230), (40, 40, 180), (40, 160, 60)]
 )
-def test_a_band_that_was_left_out_is_taken_in(body: tuple[int, int, int]) -> None:
+def test_corners_move_out_to_a_band_that_was_left_out(body: tuple[int, int, int]) -> None:
     found = include_blue_band(plate(body), WITHOUT_BAND)
 
     assert found == pytest.approx(corners(LEFT), abs=1.0)
 
 
-def test_a_band_that_is_in_already_stays_as_it_is() -> None:
+def test_corners_that_include_the_band_stay() -> None:
     assert include_blue_band(plate(), corners(LEFT)) == pytest.approx(corners(LEFT))
 
 
-def test_a_plate_without_a_band_stays_as_it_is() -> None:
+def test_corners_of_a_plate_without_a_band_stay() -> None:
     assert include_blue_band(plate(band=None), corners(LEFT)) == pytest.approx(corners(LEFT))
 
 
-def test_on_a_blue_car_nobody_can_tell() -> None:
+def test_no_band_is_found_on_a_blue_car() -> None:
     assert include_blue_band(plate(body=BLUE, band=None), corners(LEFT)) == pytest.approx(
         corners(LEFT)
     )
 
 
 @pytest.mark.parametrize("shift", [(-150, -150), (250, 150), (-400, 0)])
-def test_at_and_beyond_the_rim_it_does_no_harm(shift: tuple[int, int]) -> None:
+def test_corners_at_and_beyond_the_border_raise_nothing(shift: tuple[int, int]) -> None:
     assert include_blue_band(plate(), corners(LEFT) + np.array(shift, np.float32)).shape == (4, 2)
 
 
@@ -66,14 +66,16 @@ def test_at_and_beyond_the_rim_it_does_no_harm(shift: tuple[int, int]) -> None:
         *((120, 90, 60), (214, 209, 32), (216, 34, 53)),  # blue ones
     ],
 )
-def test_where_the_band_begins_the_plate_begins(share: float, body: tuple[int, int, int]) -> None:
+def test_the_plate_begins_at_the_outer_edge_of_the_band(
+    share: float, body: tuple[int, int, int]
+) -> None:
     """The detector may cut it in two, or take in some bodywork, be that of another blue."""
     found = include_blue_band(plate(body), corners(LEFT + share * WIDTH))
 
     assert found == pytest.approx(corners(LEFT), abs=1.5)
 
 
-def test_a_blue_car_under_a_white_rim_has_no_band() -> None:
+def test_a_blue_car_around_a_white_border_is_no_band() -> None:
     image = plate(body=BLUE, band=None)
 
     assert include_blue_band(image, corners(LEFT + 5.0)) == pytest.approx(corners(LEFT + 5.0))

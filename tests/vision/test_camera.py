@@ -102,7 +102,7 @@ def part(body: bytes) -> bytes:
     return head % (BOUNDARY, len(body)) + body + b"\r\n"
 
 
-def test_a_folder_of_pictures_is_a_drive_two_before_ten(tmp_path: Path) -> None:
+def test_images_of_a_folder_are_sorted_by_number(tmp_path: Path) -> None:
     write_pictures(tmp_path, ["f10.jpg", "f2.jpg", "f1.png"])
     (tmp_path / "truth.csv").write_text("file\n")
 
@@ -115,7 +115,7 @@ def test_a_folder_of_pictures_is_a_drive_two_before_ten(tmp_path: Path) -> None:
     assert all(frame.image.shape == (48, 64, 3) for frame in drive)
 
 
-def test_pictures_in_folders_are_named_from_where_one_pointed(tmp_path: Path) -> None:
+def test_images_in_subfolders_are_named_relative_to_the_given_folder(tmp_path: Path) -> None:
     write_pictures(tmp_path, ["us/1.jpg", "eu/2.jpg"])
 
     assert [frame.name for frame in open_frames(settings(tmp_path))] == ["eu/2.jpg", "us/1.jpg"]
@@ -125,7 +125,7 @@ def test_pictures_in_folders_are_named_from_where_one_pointed(tmp_path: Path) ->
     ("pattern", "names"),
     [("*/*.jpg", ["eu/2.jpg", "us/1.jpg"]), ("us/*", ["1.jpg"]), ("us/1.jpg", ["1.jpg"])],
 )
-def test_a_glob_names_pictures_too(
+def test_a_glob_selects_images(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, names: list[str]
 ) -> None:
     write_pictures(tmp_path, ["us/1.jpg", "eu/2.jpg"])
@@ -135,7 +135,7 @@ def test_a_glob_names_pictures_too(
     assert [frame.name for frame in open_frames(settings(pattern))] == names
 
 
-def test_a_clip_counts_from_zero_at_the_rate_it_states(tmp_path: Path) -> None:
+def test_stamps_of_a_video_count_from_zero_at_its_stated_rate(tmp_path: Path) -> None:
     write_clip(tmp_path / "clip.mp4", 5, fps=10)
 
     stamps = [frame.stamp_s for frame in open_frames(settings(tmp_path / "clip.mp4"))]
@@ -143,7 +143,7 @@ def test_a_clip_counts_from_zero_at_the_rate_it_states(tmp_path: Path) -> None:
     assert stamps == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
 
 
-def test_a_clip_that_states_a_wrong_rate_is_overruled(tmp_path: Path) -> None:
+def test_a_given_rate_overrides_the_stated_one(tmp_path: Path) -> None:
     write_clip(tmp_path / "clip.mp4", 3, fps=10)
 
     stamps = [frame.stamp_s for frame in open_frames(settings(tmp_path / "clip.mp4", fps=20.0))]
@@ -152,7 +152,7 @@ def test_a_clip_that_states_a_wrong_rate_is_overruled(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", ["mp4", "mkv"])
-def test_frames_of_a_clip_stand_when_the_file_says(tmp_path: Path, ending: str) -> None:
+def test_frames_of_a_video_have_the_stamps_of_the_file(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"clip.{ending}"
     write_clip_at(path, [5.0, 5.04, 5.2, 5.24, 6.0])
 
@@ -163,7 +163,7 @@ def test_frames_of_a_clip_stand_when_the_file_says(tmp_path: Path, ending: str) 
     assert source.even_from is None
 
 
-def test_a_pause_of_minutes_in_a_clip_is_not_believed(tmp_path: Path) -> None:
+def test_a_pause_of_minutes_in_a_video_is_implausible(tmp_path: Path) -> None:
     write_clip_at(tmp_path / "clip.mp4", [0.0, 0.5, 300.0, 300.1])
 
     source = open_frames(settings(tmp_path / "clip.mp4"))
@@ -174,7 +174,7 @@ def test_a_pause_of_minutes_in_a_clip_is_not_believed(tmp_path: Path) -> None:
     assert stamps == pytest.approx([0.0, 0.5, 0.5 + 1 / source.fps, 0.5 + 2 / source.fps])
 
 
-def test_frames_of_a_bare_stream_which_tells_no_times_stand_evenly(tmp_path: Path) -> None:
+def test_frames_of_a_raw_stream_without_stamps_are_spaced_evenly(tmp_path: Path) -> None:
     write_clip_at(tmp_path / "clip.h264", [0.0, 0.04, 0.08], codec="h264")
 
     source = open_frames(settings(tmp_path / "clip.h264"))
@@ -185,7 +185,7 @@ def test_frames_of_a_bare_stream_which_tells_no_times_stand_evenly(tmp_path: Pat
     assert stamps == pytest.approx([0.0, 1 / source.fps, 2 / source.fps])
 
 
-def test_broken_pictures_are_frames_without_an_image(tmp_path: Path) -> None:
+def test_broken_images_are_frames_without_an_image(tmp_path: Path) -> None:
     sound = jpeg(picture(90))
     for index, data in enumerate([sound, sound[: len(sound) // 2], b"", b"no picture", sound]):
         (tmp_path / f"{index}.jpg").write_bytes(data)
@@ -195,7 +195,7 @@ def test_broken_pictures_are_frames_without_an_image(tmp_path: Path) -> None:
     assert sizes == [48 * 64 * 3, 0, 0, 0, 48 * 64 * 3]
 
 
-def test_a_truncated_png_is_no_picture_either() -> None:
+def test_a_truncated_png_is_not_decoded() -> None:
     data = cv2.imencode(".png", np.random.default_rng(1).integers(0, 255, (48, 64, 3)))[1].tobytes()
 
     assert decode_image(data).size > 0
@@ -206,12 +206,12 @@ def test_a_truncated_png_is_no_picture_either() -> None:
     "source",
     ["missing.mp4", "missing/*.jpg", "/dev/video77", "http://127.0.0.1:1/video", "http://[bad"],
 )
-def test_a_camera_that_is_not_there_is_told_at_once(source: str, capfd: object) -> None:
+def test_a_missing_camera_is_an_error_when_it_is_opened(source: str, capfd: object) -> None:
     with pytest.raises(CameraError, match=r"camera\.source: "):
         open_frames(settings(source))
 
 
-def test_a_folder_without_pictures_is_told_what_a_picture_is_called(tmp_path: Path) -> None:
+def test_the_error_for_a_folder_without_images_names_their_suffixes(tmp_path: Path) -> None:
     (tmp_path / "IMG_0001.HEIC").write_bytes(b"")
 
     with pytest.raises(CameraError, match=r"no image in this folder; .*\.jpg"):
@@ -220,12 +220,12 @@ def test_a_folder_without_pictures_is_told_what_a_picture_is_called(tmp_path: Pa
         open_frames(settings(tmp_path / "*"))
 
 
-def test_a_stream_of_another_kind_is_told_what_is_read() -> None:
+def test_the_error_for_an_unknown_stream_names_what_is_possible() -> None:
     with pytest.raises(CameraError, match=r"rtsp://127\.0\.0\.1/cam: .*http://"):
         open_frames(settings("rtsp://127.0.0.1/cam"))
 
 
-def test_a_file_that_is_no_video_is_told(tmp_path: Path, capfd: object) -> None:
+def test_a_file_that_is_no_video_is_an_error(tmp_path: Path, capfd: object) -> None:
     (tmp_path / "clip.mp4").write_text("no video")
     with pytest.raises(CameraError, match="not a video"):
         open_frames(settings(tmp_path / "clip.mp4"))
@@ -241,7 +241,7 @@ def test_a_web_page_is_no_camera(tmp_path: Path) -> None:
     server.server_close()
 
 
-def test_a_live_stream_gives_the_newest_picture_on_the_monotonic_clock(serve) -> None:
+def test_a_live_stream_gives_the_newest_frame_on_the_monotonic_clock(serve) -> None:
     before_s = time.monotonic()
     source = open_frames(
         settings(serve([[part(jpeg(picture(level))) for level in range(0, 250, 5)]]))
@@ -258,7 +258,7 @@ def test_a_live_stream_gives_the_newest_picture_on_the_monotonic_clock(serve) ->
     assert stamps == sorted(stamps)
 
 
-def test_a_torn_picture_in_a_live_stream_is_an_empty_frame(serve) -> None:
+def test_a_truncated_image_in_a_live_stream_is_an_empty_frame(serve) -> None:
     torn = jpeg(picture(90))[:-40]
     source = open_frames(settings(serve([[part(torn), b"--picture"]])))
 
@@ -266,7 +266,7 @@ def test_a_torn_picture_in_a_live_stream_is_an_empty_frame(serve) -> None:
     source.close()
 
 
-def test_a_stream_that_ends_is_opened_again(serve) -> None:
+def test_a_stream_that_ends_is_reopened(serve) -> None:
     url = serve([[part(jpeg(picture(50)))], [part(jpeg(picture(100)))], [part(jpeg(picture(200)))]])
     source = open_frames(settings(url))
 
@@ -278,7 +278,7 @@ def test_a_stream_that_ends_is_opened_again(serve) -> None:
     assert levels[-1] == 200
 
 
-def seen_by_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> list:
+def events_of_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> list:
     heard: list = []
     done = threading.Event()
 
@@ -300,24 +300,24 @@ def seen_by_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> li
     return heard
 
 
-def test_the_camera_thread_sees_the_lead_in_a_live_stream(serve) -> None:
+def test_the_camera_thread_finds_the_lead_in_a_live_stream(serve) -> None:
     scene = Scene(cars=(SceneCar(12.0, tag_id=4, tag_side_m=0.4),))
     drive = [jpeg(image) for _, image in frames(lambda _: scene, 0.8)]
     # A slow car's thread may see only the newest of these; each connection brings them again.
     url = serve([[*map(part, drive)] for _ in range(30)])
 
-    heard = seen_by_thread(
+    heard = events_of_thread(
         settings(url), lambda heard: any(getattr(event, "text", None) == "TAG4" for event in heard)
     )
 
     assert all(not isinstance(event, SensorLost) for event in heard)
 
 
-def test_the_camera_thread_plays_a_recording_and_says_when_it_ends(tmp_path: Path) -> None:
+def test_the_camera_thread_plays_a_recording_and_reports_its_end(tmp_path: Path) -> None:
     for index, (_, image) in enumerate(frames(lambda _: Scene(), 0.5)):
         (tmp_path / f"{index}.jpg").write_bytes(jpeg(image) if index != 2 else b"broken")
 
-    heard = seen_by_thread(
+    heard = events_of_thread(
         settings(tmp_path, fps=100.0), lambda heard: isinstance(heard[-1], SensorLost)
     )
 

@@ -32,7 +32,7 @@ def middle_of_light(scene: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_corners_go_where_the_scene_goes(seed: int) -> None:
+def test_corners_move_with_the_augmented_scene(seed: int) -> None:
     rng = np.random.default_rng(seed)
 
     scenes, corners = mirrored(*moved(*board(), rng), rng)
@@ -45,7 +45,7 @@ def test_corners_go_where_the_scene_goes(seed: int) -> None:
     assert np.isnan(corners[0, 1]).all()
 
 
-def test_some_plates_are_shown_as_the_second_look_shows_them() -> None:
+def test_some_plates_are_scaled_as_for_refining() -> None:
     scenes, corners = board()
     many = moved(scenes.repeat(80, axis=0), corners.repeat(80, axis=0), np.random.default_rng(1))[1]
 

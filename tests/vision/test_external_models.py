@@ -31,7 +31,6 @@ def model(tmp_path: Path, **changes: object) -> VehicleModelSettings:
         "classes": (0,),
         "least_score": 0.4,
         "every_n_frames": 1,
-        "vehicle_width_m": 1.8,
     }
     return VehicleModelSettings(**(given | changes))
 
@@ -42,7 +41,7 @@ def red_square(x: int, y: int, side: int, size: tuple[int, int] = (540, 960)) ->
     return image
 
 
-def test_boxes_come_back_in_the_pictures_own_pixels(tmp_path: Path) -> None:
+def test_boxes_are_in_pixels_of_the_image(tmp_path: Path) -> None:
     # 960 px wide into 64: a cell of the model is 120 px of the picture.
     found = BoxModel(model(tmp_path), "vision.vehicle_model").find(red_square(480, 240, 120))
 
@@ -51,41 +50,41 @@ def test_boxes_come_back_in_the_pictures_own_pixels(tmp_path: Path) -> None:
     assert 0.4 < score <= 1.0
 
 
-def test_a_picture_without_vehicles_has_none(tmp_path: Path) -> None:
+def test_an_image_without_vehicles_has_no_boxes(tmp_path: Path) -> None:
     assert (
         BoxModel(model(tmp_path), "vision.vehicle_model").find(np.full((540, 960, 3), 90, np.uint8))
         == []
     )
 
 
-def test_a_missing_model_is_told(tmp_path: Path) -> None:
+def test_a_missing_model_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"vehicle_model\.file.*no such file"):
         BoxModel(model(tmp_path, file=tmp_path / "none.onnx"), "vision.vehicle_model")
 
 
-def test_a_file_that_is_no_model_is_told(tmp_path: Path, capfd: object) -> None:
+def test_a_file_that_is_no_model_is_an_error(tmp_path: Path, capfd: object) -> None:
     (tmp_path / "text.onnx").write_text("not a model")
     with pytest.raises(UserError, match=r"vehicle_model\.file.*not a model"):
         BoxModel(model(tmp_path, file=tmp_path / "text.onnx"), "vision.vehicle_model")
 
 
-def test_a_model_that_takes_an_input_of_another_size_is_told(tmp_path: Path) -> None:
+def test_a_model_with_another_input_size_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"cannot run on an input of 64 x 32 px \(input_width_px"):
         BoxModel(model(tmp_path, input_height_px=32), "vision.vehicle_model")
 
 
 @pytest.mark.parametrize("changes", [{"classes": (7,)}, {"has_objectness": True}])
-def test_an_output_that_does_not_fit_the_settings_is_told(
+def test_an_output_that_does_not_fit_the_settings_is_an_error(
     tmp_path: Path, changes: dict[str, object]
 ) -> None:
     with pytest.raises(UserError, match="output of shape"):
         BoxModel(model(tmp_path, **changes), "vision.vehicle_model")
 
 
-def test_width_and_foot_agree_on_where_a_car_is(tmp_path: Path) -> None:
+def test_width_and_foot_point_agree_on_the_distance(tmp_path: Path) -> None:
     settings = model(tmp_path)
     vehicles = VehicleDetector(
-        BoxModel(settings, "vision.vehicle_model"), settings, Perspective(CAMERA)
+        BoxModel(settings, "vision.vehicle_model"), settings.every_n_frames, Perspective(CAMERA)
     )
     # The only cell that the model has there spans u 480 to 600 and ends at v = 360: 1.8 m at
     # 825 px of focal length and 120 px are 12.4 m, the road at v = 360 begins at
@@ -99,10 +98,10 @@ def test_width_and_foot_agree_on_where_a_car_is(tmp_path: Path) -> None:
     )
 
 
-def test_it_looks_at_each_nth_frame(tmp_path: Path) -> None:
+def test_the_model_runs_on_each_nth_frame(tmp_path: Path) -> None:
     settings = model(tmp_path, every_n_frames=3)
     vehicles = VehicleDetector(
-        BoxModel(settings, "vision.vehicle_model"), settings, Perspective(CAMERA)
+        BoxModel(settings, "vision.vehicle_model"), settings.every_n_frames, Perspective(CAMERA)
     )
 
     counts = [len(vehicles.find(red_square(480, 240, 120), SearchPlan())) for _ in range(7)]
@@ -110,7 +109,7 @@ def test_it_looks_at_each_nth_frame(tmp_path: Path) -> None:
     assert counts == [1, 0, 0, 1, 0, 0, 1]
 
 
-def test_a_lead_without_any_plate_is_a_lead_of_unknown_identity(tmp_path: Path) -> None:
+def test_a_vehicle_without_a_plate_is_a_lead_of_unknown_identity(tmp_path: Path) -> None:
     settings = VisionSettings(plates=False, vehicle_model=model(tmp_path))
     perception = load_perception(CAMERA, settings)
     rng = np.random.default_rng(1)
@@ -137,7 +136,7 @@ def plate_model(tmp_path: Path) -> BoxModelSettings:
     )
 
 
-def test_a_plate_model_finds_and_the_own_detector_places_the_corners(tmp_path: Path) -> None:
+def test_corners_in_a_plate_models_box_are_those_of_the_shipped_detector(tmp_path: Path) -> None:
     found = ExternalPlateDetector(
         BoxModel(plate_model(tmp_path), "vision.plate_model"), PlateDetector()
     )
@@ -154,7 +153,7 @@ def test_a_plate_model_finds_and_the_own_detector_places_the_corners(tmp_path: P
     assert found.find_again(image, plate.corners_px) is not None
 
 
-def test_a_box_that_is_no_plate_to_the_own_detector_keeps_its_corners(tmp_path: Path) -> None:
+def test_a_box_without_a_plate_for_the_shipped_detector_keeps_its_corners(tmp_path: Path) -> None:
     found = ExternalPlateDetector(
         BoxModel(plate_model(tmp_path), "vision.plate_model"), PlateDetector()
     )
@@ -171,7 +170,7 @@ def test_a_box_that_is_no_plate_to_the_own_detector_keeps_its_corners(tmp_path: 
     assert found.find(red_square(480, 240, 120), ImageBox(-50, -50, 20, 20)) == []
 
 
-def test_the_configuration_takes_a_plate_model(tmp_path: Path) -> None:
+def test_a_plate_model_of_the_settings_is_loaded(tmp_path: Path) -> None:
     load_perception(CAMERA, VisionSettings(plate_model=plate_model(tmp_path)))
     missing = plate_model(tmp_path).model_copy(update={"file": tmp_path / "none.onnx"})
     with pytest.raises(UserError, match=r"plate_model\.file.*no such file"):

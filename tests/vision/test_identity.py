@@ -15,28 +15,28 @@ def ballot(*reads: tuple[str, float], step_s: float = 0.1, start_s: float = 0.0)
     return votes
 
 
-def test_nothing_read_is_nothing_known() -> None:
+def test_without_votes_no_text_is_identified() -> None:
     assert PlateVote(SHARE).text is None
 
 
-def test_one_read_is_a_guess_however_sure() -> None:
+def test_one_reading_identifies_nothing() -> None:
     assert ballot(("GN417KB", 1.0)).text is None
 
 
-def test_three_sure_reads_are_known() -> None:
+def test_three_certain_readings_identify_a_text() -> None:
     assert ballot(*[("GN417KB", 0.95)] * 3).text == "GN417KB"
 
 
-def test_doubtful_reads_are_never_certain_however_many() -> None:
+def test_uncertain_readings_never_identify_a_text() -> None:
     """A plate too small to be read is misread in the same way in every frame."""
     assert ballot(*[("H417KB", 0.7)] * 100).text is None
 
 
-def test_a_few_certain_reads_after_many_doubtful_ones_make_it_known() -> None:
+def test_a_few_certain_readings_after_many_uncertain_ones_identify_a_text() -> None:
     assert ballot(*[("GN417KB", 0.5)] * 20, *[("GN417KB", 0.95)] * 2).text == "GN417KB"
 
 
-def test_reads_that_are_mostly_noise_never_count() -> None:
+def test_readings_of_low_confidence_never_count() -> None:
     assert ballot(*[("GN417KB", 0.2)] * 100).text is None
 
 
@@ -44,7 +44,7 @@ def test_a_text_too_short_for_a_plate_never_counts() -> None:
     assert ballot(*[("TDI", 1.0)] * 100).text is None
 
 
-def test_misreads_at_different_places_are_outvoted() -> None:
+def test_misreadings_at_different_positions_are_outvoted() -> None:
     reads = ["GN417KB", "GN417K8", "6N417KB", "GN4I7KB", "GN417KB", "GN417HB"]
     votes = ballot(*[(text, 0.9) for text in reads * 2])
 
@@ -56,7 +56,7 @@ def test_misreads_at_different_places_are_outvoted() -> None:
     assert votes.text == "GN417KB"
 
 
-def test_a_character_that_the_reader_doubted_weighs_less() -> None:
+def test_an_uncertain_character_has_a_lower_weight() -> None:
     votes = PlateVote(SHARE)
     for index in range(10):
         votes.vote("GN417KB", 0.9, (0.9,) * 7, 0.2 * index)
@@ -65,17 +65,17 @@ def test_a_character_that_the_reader_doubted_weighs_less() -> None:
     assert votes.text == "GN417KB"
 
 
-def test_a_character_read_two_ways_stays_unknown() -> None:
+def test_a_character_read_two_ways_is_not_identified() -> None:
     assert ballot(*[("GN417KB", 0.95), ("GN417K8", 0.95)] * 20).text is None
 
 
-def test_characters_that_are_drawn_alike_are_one_spelt_as_read_most_often() -> None:
+def test_characters_drawn_alike_are_spelt_as_read_most_often() -> None:
     votes = ballot(*[("VAO34RM", 0.95), ("VA034RM", 0.95), ("VAO34RM", 0.95)] * 3)
 
     assert votes.text == "VAO34RM"
 
 
-def test_a_mixture_of_two_plates_is_never_said() -> None:
+def test_a_mixture_of_two_plates_is_never_identified() -> None:
     votes = PlateVote(0.6)
     for index in range(30):
         # Each place has a winner with two thirds of the votes; no frame read that text.
@@ -89,11 +89,11 @@ def test_a_mixture_of_two_plates_is_never_said() -> None:
     assert votes.text is None  # "AAAAA" has two thirds at each place
 
 
-def test_a_known_text_survives_a_misread() -> None:
+def test_an_identified_text_survives_a_misreading() -> None:
     assert ballot(*[("GN417KB", 0.95)] * 20, ("ABCDEFG", 0.9)).text == "GN417KB"
 
 
-def test_a_new_text_is_believed_on_evidence() -> None:
+def test_another_text_is_identified_after_several_readings() -> None:
     votes = ballot(*[("GN417KB", 0.95)] * 20)
     heard = []
     for index in range(200):
@@ -110,9 +110,9 @@ def test_a_new_text_is_believed_on_evidence() -> None:
     ("read", "fits"),
     [("GN417KB", True), ("GN4I7KB", False), ("GN417K", False), ("GN417KBB", False), ("", False)],
 )
-def test_a_syntax_takes_what_fits_as_a_whole(read: str, fits: bool) -> None:
+def test_patterns_must_match_the_whole_text(read: str, fits: bool) -> None:
     assert PlateSyntax((r"[A-Z]{2}[0-9]{3}[A-Z]{2}",)).fits(read) == fits
 
 
-def test_without_a_syntax_every_text_is_taken_as_it_is() -> None:
+def test_without_patterns_every_text_is_valid() -> None:
     assert PlateSyntax(()).fits("8B0OI1")

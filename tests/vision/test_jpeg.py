@@ -38,13 +38,13 @@ JPEGS = {
 
 @pytest.mark.parametrize("behind", BEHIND.values(), ids=BEHIND)
 @pytest.mark.parametrize("jpeg", JPEGS.values(), ids=JPEGS)
-def test_a_picture_may_have_something_behind_its_end(jpeg: bytes, behind: bytes) -> None:
+def test_data_may_follow_the_end_of_an_image(jpeg: bytes, behind: bytes) -> None:
     assert is_whole(jpeg + behind)
     assert decode_image(jpeg + behind).shape == RENDERER.shape
 
 
 @pytest.mark.parametrize("jpeg", JPEGS.values(), ids=JPEGS)
-def test_a_picture_without_its_end_is_torn_wherever_it_ends(jpeg: bytes) -> None:
+def test_an_image_without_its_end_is_incomplete_at_any_length(jpeg: bytes) -> None:
     last = jpeg.rindex(b"\xff\xd9") + 1
     torn = [jpeg[:length] for length in range(2, last) if not jpeg[:length].endswith(b"\xff\xd9")]
 

@@ -53,7 +53,7 @@ def test_the_rigs_lane_is_found_in_any_light(light: Light) -> None:
         LaneShape(3.5, curvature_1_m=-1 / 400, heading_rad=0.03),
     ],
 )
-def test_a_bent_lane_is_found_where_it_is(shape: LaneShape, dashed: bool) -> None:
+def test_a_lane_in_a_bend_is_found(shape: LaneShape, dashed: bool) -> None:
     found = FINDER.find(painted(shape, dashed=dashed))
 
     assert found is not None
@@ -70,14 +70,14 @@ def test_one_line_is_no_lane() -> None:
     assert FINDER.find(painted(LaneShape(3.5), lines=(-0.5,))) is None
 
 
-def test_pictures_of_nothing_have_no_lane() -> None:
+def test_uniform_images_have_no_lane() -> None:
     noise = np.random.default_rng(1).integers(0, 255, (540, 960, 3)).astype(np.uint8)
     for image in (np.zeros((540, 960, 3), np.uint8), noise):
         shape = FINDER.find(image)
         assert shape is None or 0.8 * LANE_M <= shape.width_m <= 1.2 * LANE_M
 
 
-def test_cars_on_the_road_do_not_bend_it() -> None:
+def test_vehicles_on_the_road_do_not_change_the_lane() -> None:
     cars = (SceneCar(20.0, 0.0, plate="GN417KB"), SceneCar(15.0, 3.5), SceneCar(30.0, -3.5))
     shapes = [
         FINDER.find(RENDERER.draw(Scene(cars=cars, travelled_m=m), np.random.default_rng(1)))
@@ -89,7 +89,7 @@ def test_cars_on_the_road_do_not_bend_it() -> None:
     assert all(abs(shape.middle_m(20.0)) < 0.6 for shape in found)
 
 
-def test_a_lane_is_believed_fit_by_fit_and_forgotten_slowly() -> None:
+def test_the_lane_follows_fits_and_decays_without_them() -> None:
     lane = HostLane(LANE_M)
     for _ in range(10):
         lane.receive_fit(LaneShape(3.5, offset_m=0.5, curvature_1_m=1 / 300))

@@ -60,7 +60,7 @@ def test_an_empty_road_has_no_lead() -> None:
     assert Watcher().step() is None
 
 
-def test_a_car_is_the_lead_at_its_third_detection() -> None:
+def test_a_vehicle_is_the_lead_from_its_third_detection() -> None:
     watcher = Watcher()
 
     assert watcher.steps(2, detection(20.0)) is None
@@ -70,7 +70,7 @@ def test_a_car_is_the_lead_at_its_third_detection() -> None:
     assert lead.ahead.position_m == pytest.approx(20.0)
 
 
-def test_a_trick_of_the_light_is_no_car() -> None:
+def test_a_single_detection_is_no_lead() -> None:
     watcher = Watcher()
     watcher.step(detection(20.0))
     watcher.steps(8)
@@ -79,7 +79,7 @@ def test_a_trick_of_the_light_is_no_car() -> None:
 
 
 @pytest.mark.parametrize("right_m", [-3.5, -2.0, 2.0, 3.5])
-def test_a_car_of_the_next_lane_is_no_lead_however_near_and_sharp(right_m: float) -> None:
+def test_a_near_vehicle_in_the_next_lane_is_no_lead(right_m: float) -> None:
     watcher = Watcher()
 
     lead = watcher.steps(20, detection(8.0, right_m, "YW903MS"), detection(30.0, 0.3, None))
@@ -89,14 +89,14 @@ def test_a_car_of_the_next_lane_is_no_lead_however_near_and_sharp(right_m: float
     assert lead.text is None
 
 
-def test_the_nearer_of_two_in_the_lane_is_the_lead() -> None:
+def test_the_nearer_of_two_vehicles_in_the_lane_is_the_lead() -> None:
     lead = Watcher().steps(5, detection(40.0, 0.0, "FAR1"), detection(15.0, 0.5, "NEAR1"))
 
     assert lead is not None
     assert lead.text == "NEAR1"
 
 
-def test_a_lead_without_a_legible_plate_stays_the_same_known_car() -> None:
+def test_a_lead_keeps_its_identity_while_its_plate_is_illegible() -> None:
     watcher = Watcher()
     watcher.steps(10, detection(20.0))
 
@@ -106,7 +106,7 @@ def test_a_lead_without_a_legible_plate_stays_the_same_known_car() -> None:
     assert lead.text == "GN417KB"
 
 
-def test_an_unseen_lead_is_kept_for_a_while_and_goes_on_moving() -> None:
+def test_an_unobserved_lead_is_predicted_for_a_while() -> None:
     watcher = Watcher()
     for index in range(20):
         watcher.step(detection(30.0 - 0.2 * index))
@@ -127,7 +127,7 @@ def test_a_missed_frame_does_not_hand_the_lead_to_a_car_beyond_it() -> None:
     assert lead.text == "NEAR1"
 
 
-def test_an_unseen_lead_gives_way_to_a_car_seen_through_it() -> None:
+def test_an_unobserved_lead_gives_way_to_a_vehicle_observed_behind_it() -> None:
     watcher = Watcher()
     far = detection(40.0, 0.0, "FAR1")
     watcher.steps(10, detection(15.0, 0.0, "NEAR1"), far)
@@ -136,7 +136,7 @@ def test_an_unseen_lead_gives_way_to_a_car_seen_through_it() -> None:
     assert lead.text == "FAR1"
 
 
-def test_a_car_that_cuts_in_becomes_the_lead_when_it_is_in_the_lane() -> None:
+def test_a_vehicle_that_cuts_in_becomes_the_lead_in_the_lane() -> None:
     watcher = Watcher()
     leads = []
     for index in range(40):
@@ -160,7 +160,7 @@ def test_a_lead_that_leaves_the_lane_is_no_lead_any_more() -> None:
     assert all(lead is None for right_m, lead in leads if right_m > 0.7 * LANE_M)
 
 
-def test_parked_cars_that_sweep_past_while_the_own_car_turns_are_no_leads() -> None:
+def test_parked_cars_in_bends_are_not_leads() -> None:
     """A bend to the left of 25 m, at 6 m/s; they stand 3 m beside the middle of the own lane."""
     watcher = Watcher()
     leads = []
@@ -173,11 +173,11 @@ def test_parked_cars_that_sweep_past_while_the_own_car_turns_are_no_leads() -> N
 
 
 @pytest.mark.parametrize("right_m", [-1.0, 0.5, 1.0])
-def test_a_car_that_stays_beside_the_middle_is_a_lead_all_the_same(right_m: float) -> None:
+def test_a_vehicle_off_the_middle_of_the_lane_is_a_lead(right_m: float) -> None:
     assert Watcher().steps(5, detection(13.0, right_m)) is not None
 
 
-def test_a_car_on_the_line_does_not_flap() -> None:
+def test_a_vehicle_on_the_line_does_not_toggle() -> None:
     watcher = Watcher()
     watcher.steps(10, detection(20.0, 1.0))
     rng = np.random.default_rng(5)
@@ -187,7 +187,9 @@ def test_a_car_on_the_line_does_not_flap() -> None:
 
 
 @pytest.mark.parametrize("steps_away", [6, 9, 12])
-def test_who_is_seen_a_cars_length_beyond_a_lead_that_is_gone_is_another(steps_away: int) -> None:
+def test_a_detection_a_vehicles_length_behind_an_unobserved_lead_is_another_vehicle(
+    steps_away: int,
+) -> None:
     """It turned off; the car before it is too far away to be read, and its distance is rough."""
     watcher = Watcher()
     watcher.steps(10, detection(6.0))
@@ -200,7 +202,7 @@ def test_who_is_seen_a_cars_length_beyond_a_lead_that_is_gone_is_another(steps_a
     assert lead.ahead.position_m == pytest.approx(12.5, rel=0.02)
 
 
-def test_a_lead_that_went_on_unseen_is_the_same() -> None:
+def test_a_lead_found_again_near_its_prediction_is_the_same() -> None:
     watcher, rate_m_s = Watcher(), 4.0
     for step in range(10):
         watcher.step(detection(10.0 + rate_m_s * STEP_S * step))
@@ -212,7 +214,7 @@ def test_a_lead_that_went_on_unseen_is_the_same() -> None:
     assert lead.text == "GN417KB"
 
 
-def test_another_plate_at_another_place_is_another_car() -> None:
+def test_another_plate_at_another_position_is_another_vehicle() -> None:
     watcher = Watcher()
     watcher.steps(10, detection(25.0, 0.0, "OLD1"))
     lead = watcher.steps(3, detection(25.0, 0.0, "OLD1"), detection(10.0, 0.0, "NEW1"))
@@ -221,7 +223,7 @@ def test_another_plate_at_another_place_is_another_car() -> None:
     assert lead.text == "NEW1"
 
 
-def test_two_plates_on_one_car_are_one_car_with_the_plate_it_had() -> None:
+def test_two_plates_on_one_vehicle_are_one_track_with_its_first_plate() -> None:
     watcher = Watcher()
     upper, lower = detection(20.0, 0.0, "RACK1", height_m=1.0), detection(20.0, 0.2, "GN417KB")
     watcher.steps(3, lower)
@@ -232,7 +234,7 @@ def test_two_plates_on_one_car_are_one_car_with_the_plate_it_had() -> None:
 
 
 @pytest.mark.parametrize("beside_m", [0.6, 0.9])
-def test_two_plates_beside_each_other_are_one_car_with_the_plate_it_had(beside_m: float) -> None:
+def test_two_plates_side_by_side_are_one_track_with_its_first_plate(beside_m: float) -> None:
     watcher = Watcher()
     left, right = detection(7.0, 0.0, "GN417KB"), detection(7.1, beside_m, "SHOW1")
     watcher.steps(3, left)
@@ -242,21 +244,21 @@ def test_two_plates_beside_each_other_are_one_car_with_the_plate_it_had(beside_m
     assert [track.text for track in watcher.tracker.tracks] == ["GN417KB"]
 
 
-def test_motorcycles_beside_each_other_are_two() -> None:
+def test_motorcycles_side_by_side_are_two_tracks() -> None:
     watcher = Watcher()
     watcher.steps(10, detection(10.0, 0.0, "LEFT1"), detection(10.0, 1.3, "RIGHT1"))
 
     assert [track.text for track in watcher.tracker.tracks] == ["LEFT1", "RIGHT1"]
 
 
-def test_a_tag_and_a_plate_on_one_car_are_one_car_known_by_its_tag() -> None:
+def test_a_tag_and_a_plate_on_one_vehicle_are_one_track_identified_by_its_tag() -> None:
     watcher = Watcher()
     watcher.steps(10, detection(10.0), detection(10.1, 0.1, "TAG7", DetectionKind.TAG, 0.8))
 
     assert [track.text for track in watcher.tracker.tracks] == ["TAG7"]
 
 
-def test_cars_abreast_are_never_mixed_up() -> None:
+def test_vehicles_abreast_keep_their_tracks() -> None:
     watcher = Watcher()
     rng = np.random.default_rng(6)
     for index in range(100):
@@ -277,7 +279,7 @@ def test_cars_abreast_are_never_mixed_up() -> None:
     }
 
 
-def test_a_lane_of_a_table_top_is_a_lane_too() -> None:
+def test_a_lane_for_model_cars_is_a_lane_too() -> None:
     tracker, choice = Tracker(0.3), LeadSelector(HostLane(0.3))
     lead = None
     for index in range(10):

@@ -40,18 +40,18 @@ def bodies_of(stream: bytes, cuts: list[int], boundary: bytes = b"frame") -> lis
 
 @pytest.mark.parametrize("part", [stated, unstated, wrongly_stated])
 @given(bodies=st.lists(BODIES, max_size=5), cuts=st.lists(st.integers(0, 1000), max_size=10))
-def test_however_the_bytes_arrive_each_picture_comes_out_once(part, bodies, cuts) -> None:
+def test_each_image_is_returned_once_however_the_bytes_are_split(part, bodies, cuts) -> None:
     stream = b"".join(part(body) for body in bodies) + b"--frame--\r\n"
 
     assert bodies_of(stream, cuts) == bodies
 
 
 @pytest.mark.parametrize("part", [stated, unstated])
-def test_a_picture_is_handed_on_before_the_next_begins(part) -> None:
+def test_an_image_is_returned_before_the_next_begins(part) -> None:
     assert bodies_of(part(b"\xff\xd8picture\xff\xd9"), []) == [b"\xff\xd8picture\xff\xd9"]
 
 
-def test_a_stated_length_lets_a_picture_hold_the_delimiter() -> None:
+def test_an_image_of_stated_length_may_contain_the_delimiter() -> None:
     body = b"\xff\xd8 --frame \xff\xd9"
 
     assert bodies_of(stated(body) + stated(body), []) == [body, body]
@@ -62,7 +62,7 @@ def test_a_boundary_may_be_given_with_its_dashes(boundary: bytes) -> None:
     assert bodies_of(stated(b"\xff\xd8\xff\xd9"), [], boundary) == [b"\xff\xd8\xff\xd9"]
 
 
-def test_what_is_no_picture_comes_out_too_and_the_next_is_found() -> None:
+def test_a_part_that_is_no_image_is_returned_and_the_next_is_found() -> None:
     sound = b"\xff\xd8picture\xff\xd9"
 
     assert bodies_of(unstated(b"garbage") + stated(sound), []) == [b"garbage", sound]
@@ -77,7 +77,7 @@ def test_noise_never_raises(chunks: list[bytes]) -> None:
             pass
 
 
-def test_a_part_without_end_is_given_up_and_the_next_is_found() -> None:
+def test_a_part_without_end_is_dropped_and_the_next_is_found() -> None:
     parts = MjpegParts(b"frame")
     parts.receive_bytes(b"--frame\r\n\r\n" + bytes(LONGEST_PART + 1))
     parts.receive_bytes(stated(b"\xff\xd8picture\xff\xd9"))

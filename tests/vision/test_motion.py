@@ -37,7 +37,7 @@ def test_without_acceleration_it_is_a_straight_line_fit(
     assert motion.position_m == pytest.approx(start + slope * stamps_s[-1], abs=1e-3)
 
 
-def test_its_sigmas_hold_over_drives_with_the_noise_that_it_was_told() -> None:
+def test_the_filters_sigmas_are_right_for_its_noise() -> None:
     rng = np.random.default_rng(3)
     step_s, sigma_m, acceleration = 0.1, 0.4, 2.0
     errors = []
@@ -64,7 +64,7 @@ def test_a_time_that_has_passed_changes_nothing() -> None:
     assert (motion.position_m, motion.rate_m_s, motion.position_sigma_m) == before
 
 
-def test_unseen_it_goes_on_and_grows_unsure() -> None:
+def test_without_measurements_the_sigma_grows() -> None:
     motion = filtered([30.0 - 0.2 * index for index in range(30)], 0.1, 0.1, 1.0)
     sigma_m = motion.position_sigma_m
 

@@ -58,7 +58,7 @@ def spoilt(drive: Drive, *ways: Change) -> Drive:
     ]
 
 
-def assert_still_known(seen: Observed) -> None:
+def assert_identity_kept(seen: Observed) -> None:
     assert {lead.text for lead in seen.leads} <= {None, LEAD}
     assert seen.leads[-1].text == LEAD
     assert seen.leads[-1].gap_m == pytest.approx(GAP_M, rel=0.1)
@@ -80,13 +80,13 @@ def not_decoded(_: Image) -> Image:
     return np.zeros((0, 0, 3), np.uint8)
 
 
-def test_what_is_no_picture_of_the_road_is_discarded_and_the_lead_stays_known(drive: Drive) -> None:
+def test_invalid_frames_are_discarded_and_the_lead_keeps_its_identity(drive: Drive) -> None:
     seen = searched_at(spoilt(drive, blank(0), blank(255), rotated, narrower, not_decoded))
 
     reasons = [event.reason for event in seen.discarded]
     assert reasons == ["blank_frame"] * 2 + ["frame_size"] * 2 + ["corrupt_frame"]
     assert len(seen.leads) == len(drive) - len(reasons)
-    assert_still_known(seen)
+    assert_identity_kept(seen)
 
 
 def torn(image: Image) -> Image:
@@ -108,20 +108,20 @@ def half_as_large(image: Image) -> Image:
 
 
 @pytest.mark.parametrize("how", [torn, darker, overexposed, half_as_large])
-def test_pictures_that_are_odd_do_not_change_who_is_ahead(drive: Drive, how: Change) -> None:
+def test_odd_frames_do_not_change_the_leads_identity(drive: Drive, how: Change) -> None:
     seen = searched_at(spoilt(drive, how))
 
     assert len(seen.leads) == len(drive)
-    assert_still_known(seen)
+    assert_identity_kept(seen)
 
 
 def test_a_stream_that_changes_its_resolution_for_good_keeps_the_lead(drive: Drive) -> None:
     pictures = drive[:10] + [(stamp_s, half_as_large(image)) for stamp_s, image in drive[10:]]
 
-    assert_still_known(searched_at(pictures))
+    assert_identity_kept(searched_at(pictures))
 
 
-def test_a_stream_that_changes_its_resolution_to_and_fro_does_not_come_nearer(drive: Drive) -> None:
+def test_a_stream_that_alternates_its_resolution_has_no_closing_speed(drive: Drive) -> None:
     """By a little: by so much a rear grows from one picture to the next."""
     sizes = [(640, 360), (576, 324)]
     pictures = [
@@ -131,7 +131,7 @@ def test_a_stream_that_changes_its_resolution_to_and_fro_does_not_come_nearer(dr
 
     seen = searched_at(pictures)
 
-    assert_still_known(seen)
+    assert_identity_kept(seen)
     for lead in seen.leads[2:]:
         assert lead.gap_m == pytest.approx(GAP_M, rel=0.1)
         assert lead.closing_speed_m_s == pytest.approx(0.0, abs=2.0)
@@ -148,7 +148,7 @@ def no_signal(_: float) -> Image:
 
 
 @pytest.mark.parametrize("given", [dark_noise, no_signal])
-def test_a_camera_that_sees_nothing_does_not_say_that_the_road_is_free(
+def test_blank_frames_do_not_report_a_free_road(
     given: Callable[[float], Image],
 ) -> None:
     seen = searched_at([(0.1 * index, given(0.1 * index)) for index in range(5)])
@@ -158,13 +158,13 @@ def test_a_camera_that_sees_nothing_does_not_say_that_the_road_is_free(
 
 
 @pytest.mark.parametrize("axis", [0, 1, -1], ids=["upside down", "mirrored", "both"])
-def test_a_camera_mounted_wrongly_names_nobody(drive: Drive, axis: int) -> None:
+def test_a_wrongly_mounted_camera_identifies_no_lead(drive: Drive, axis: int) -> None:
     seen = searched_at([(stamp_s, np.asarray(cv2.flip(i, axis), np.uint8)) for stamp_s, i in drive])
 
     assert {lead.text for lead in seen.leads} == {None}
 
 
-def test_a_frozen_camera_is_lost_and_the_lead_is_known_again_when_it_is_back(drive: Drive) -> None:
+def test_a_frozen_camera_is_lost_and_the_lead_is_identified_again_afterwards(drive: Drive) -> None:
     frozen = [(1.5 + 0.1 * index, drive[-1][1]) for index in range(15)]
     after = [(3.0 + stamp_s, image) for stamp_s, image in drive]
 
@@ -175,11 +175,11 @@ def test_a_frozen_camera_is_lost_and_the_lead_is_known_again_when_it_is_back(dri
     assert (lost.sensor, lost.reason) == (Sensor.CAMERA, "frozen")
     assert back == SensorRecovered(3.0, Sensor.CAMERA)
     assert not any(lost.stamp_s <= lead.stamp_s < back.stamp_s for lead in seen.leads)
-    assert_still_known(seen)
+    assert_identity_kept(seen)
 
 
 @pytest.mark.parametrize("how", ["silent", "frozen", "covered"])
-def test_a_camera_that_was_away_does_not_know_who_is_ahead_now(drive: Drive, how: str) -> None:
+def test_after_a_long_outage_the_lead_is_not_identified(drive: Drive, how: str) -> None:
     """Another car, whose plate cannot be read, is where the known one was a minute before."""
     away: Drive = []
     if how == "frozen":
@@ -196,7 +196,7 @@ def test_a_camera_that_was_away_does_not_know_who_is_ahead_now(drive: Drive, how
     assert after[-1].identity is LeadIdentity.UNKNOWN
 
 
-def test_a_camera_that_was_away_for_a_second_still_knows_who_is_ahead(drive: Drive) -> None:
+def test_after_an_outage_of_a_second_the_lead_keeps_its_identity(drive: Drive) -> None:
     back = [(2.4 + stamp_s, image) for stamp_s, image in drive]
 
     seen = searched_at(drive + back)
@@ -215,7 +215,7 @@ def noisy_pixel(image: Image, stamp_s: float) -> None:
 
 
 @pytest.mark.parametrize("changed", [clock, noisy_pixel])
-def test_a_frozen_camera_is_lost_though_it_tells_the_time(
+def test_a_frozen_camera_with_a_running_clock_in_its_image_is_lost(
     drive: Drive, changed: Callable[[Image, float], None]
 ) -> None:
     frozen = [(1.5 + 0.1 * index, drive[-1][1].copy()) for index in range(10)]
@@ -230,16 +230,16 @@ def test_a_frozen_camera_is_lost_though_it_tells_the_time(
     assert {lead.stamp_s for lead in seen.leads if lead.stamp_s >= seen.health[0].stamp_s} == set()
 
 
-def test_a_camera_that_stands_behind_a_standing_car_is_not_frozen() -> None:
+def test_a_standstill_behind_a_standing_vehicle_is_not_frozen() -> None:
     """However much its pictures are compressed: nine tenths of their pixels are equal."""
     check, scene = FrameCheck(), Scene((SceneCar(GAP_M, 0.2, plate=LEAD),))
 
     for _, image in frames(lambda _: scene, 0.5, camera=CAMERA):
         data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 30])[1]
-        assert not check.look(decode_image(data.tobytes())).is_repeat
+        assert not check.check(decode_image(data.tobytes())).is_repeat
 
 
-def test_a_plate_in_the_next_lane_is_no_lead_where_the_own_lane_is_empty() -> None:
+def test_a_plate_in_the_next_lane_is_no_lead_when_the_hosts_lane_is_empty() -> None:
     seen = searched_at(rendered(SceneCar(22.0, 3.5, plate=LEAD)))
 
     assert seen.cars

@@ -34,13 +34,13 @@ def road(*cars: SceneCar) -> Scene:
     return Scene(cars=cars)
 
 
-def test_there_is_exactly_one_lead_for_each_picture() -> None:
+def test_there_is_exactly_one_lead_event_for_each_frame() -> None:
     seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 2.0))
 
     assert [lead.stamp_s for lead in seen.leads] == pytest.approx(np.arange(20) / 10)
 
 
-def test_no_lead_unknown_lead_and_known_lead_are_three_things() -> None:
+def test_no_lead_unknown_lead_and_known_lead_are_distinct() -> None:
     nobody = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(), 1.0))
     somebody = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 1.0))
 
@@ -50,7 +50,7 @@ def test_no_lead_unknown_lead_and_known_lead_are_three_things() -> None:
     assert somebody.leads[-1].text == "TAG1"
 
 
-def test_a_lamp_in_a_dark_window_is_no_tag_though_one_looks_like_it() -> None:
+def test_a_lamp_in_a_dark_window_is_no_tag() -> None:
     seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(10, 0, 17)), 1.0))
 
     assert seen.plates == []
@@ -58,7 +58,7 @@ def test_a_lamp_in_a_dark_window_is_no_tag_though_one_looks_like_it() -> None:
 
 
 @pytest.mark.parametrize("gap_m", [5.0, 10.0, 15.0, 20.0])
-def test_the_gap_is_told_by_the_size_of_the_tag(gap_m: float) -> None:
+def test_the_gap_follows_from_the_size_of_the_tag(gap_m: float) -> None:
     seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(gap_m, 0, 1)), 1.0))
 
     lead = seen.leads[-1]
@@ -77,7 +77,7 @@ def test_closing_speed_is_positive_while_the_gap_shrinks() -> None:
     assert lead.gap_m == pytest.approx(25 - 4 * 2.9, rel=0.03)
 
 
-def test_a_nearer_car_of_the_next_lane_is_seen_and_is_no_lead() -> None:
+def test_a_nearer_vehicle_in_the_next_lane_is_detected_and_is_no_lead() -> None:
     scene = road(tagged(10, 3.5, 3), tagged(20, 0, 1))
     seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: scene, 1.0))
 
@@ -89,7 +89,7 @@ def test_a_nearer_car_of_the_next_lane_is_seen_and_is_no_lead() -> None:
     assert neighbour.bearing_rad == pytest.approx(np.arctan2(3.5, 10), abs=0.01)
 
 
-def test_a_tracked_car_keeps_its_number() -> None:
+def test_a_track_keeps_its_number() -> None:
     seen = see(
         load_perception(CAMERA, SETTINGS),
         frames(lambda t: road(tagged(10 + t, -3.5 + 0.7 * t, 2)), 5.0),
@@ -99,7 +99,7 @@ def test_a_tracked_car_keeps_its_number() -> None:
     assert len(seen.cars) > 40
 
 
-def test_a_car_that_cuts_in_becomes_the_lead() -> None:
+def test_a_vehicle_that_cuts_in_becomes_the_lead() -> None:
     def scene(stamp_s: float) -> Scene:
         return road(tagged(25, 0, 1), tagged(12, max(0.0, 3.5 - 1.2 * stamp_s), 2))
 
@@ -112,7 +112,7 @@ def test_a_car_that_cuts_in_becomes_the_lead() -> None:
     assert sum(a != b for a, b in itertools.pairwise(texts[5:])) == 1
 
 
-def test_a_lead_that_changes_in_a_repeated_picture_does_not_move_as_the_old_one_did() -> None:
+def test_a_lead_that_changes_in_a_repeated_frame_does_not_get_the_old_ones_speed() -> None:
     """The old one's rear was remembered, and how it grew is said of the new one."""
 
     def scene(stamp_s: float) -> Scene:
@@ -131,7 +131,7 @@ def test_a_lead_that_changes_in_a_repeated_picture_does_not_move_as_the_old_one_
         assert lead.closing_speed_m_s == pytest.approx(2.0, abs=0.7)
 
 
-def test_tags_on_a_picture_at_half_the_resolution_are_as_far_away() -> None:
+def test_tags_at_half_the_resolution_have_the_same_distance() -> None:
     half = frames(lambda _: road(tagged(8, 0, 1)), 1.0, camera=CAMERA.model_copy(update=_half()))
 
     assert see(load_perception(CAMERA, SETTINGS), half).leads[-1].gap_m == pytest.approx(
@@ -145,7 +145,7 @@ def _half() -> dict[str, float]:
     return halved | {"width_px": CAMERA.width_px // 2, "height_px": CAMERA.height_px // 2}
 
 
-def test_the_same_picture_again_and_again_is_a_lost_camera() -> None:
+def test_a_repeated_frame_is_a_lost_camera_after_a_while() -> None:
     drive = list(frames(lambda _: road(tagged(15, 0, 1)), 1.0))
     frozen = [(1.0 + 0.1 * index, drive[-1][1]) for index in range(20)]
     after = [(3.0 + stamp_s, image) for stamp_s, image in drive]
@@ -161,7 +161,7 @@ def test_the_same_picture_again_and_again_is_a_lost_camera() -> None:
     assert seen.leads[-1].text == "TAG1"
 
 
-def test_a_repeated_picture_or_two_is_a_slow_camera_and_nothing_new() -> None:
+def test_one_or_two_repeated_frames_are_a_slow_camera() -> None:
     drive = list(frames(lambda t: road(tagged(20 - 2 * t, 0, 1)), 2.0))
     twice = [(0.05 * index, drive[index // 2][1]) for index in range(40)]
 
@@ -173,7 +173,7 @@ def test_a_repeated_picture_or_two_is_a_slow_camera_and_nothing_new() -> None:
 
 
 @pytest.mark.parametrize("level", [0, 128, 255])
-def test_a_picture_of_nothing_is_discarded(level: int) -> None:
+def test_a_blank_frame_is_discarded(level: int) -> None:
     blank = np.full((540, 960, 3), level, np.uint8)
     seen = see(load_perception(CAMERA, SETTINGS), iter([(0.0, blank)]))
 
@@ -181,13 +181,13 @@ def test_a_picture_of_nothing_is_discarded(level: int) -> None:
 
 
 @pytest.mark.parametrize("shape", [(0, 0, 3), (540, 960), (540, 960, 4), (540, 0, 3)])
-def test_what_did_not_decode_is_discarded(shape: tuple[int, ...]) -> None:
+def test_a_frame_that_did_not_decode_is_discarded(shape: tuple[int, ...]) -> None:
     seen = see(load_perception(CAMERA, SETTINGS), iter([(0.0, np.zeros(shape, np.uint8))]))
 
     assert [event.reason for event in seen.discarded] == ["corrupt_frame"]
 
 
-def test_a_rotated_picture_is_discarded_and_the_next_sound_one_is_not() -> None:
+def test_a_rotated_frame_is_discarded_and_the_next_valid_one_is_not() -> None:
     drive = list(frames(lambda _: road(tagged(15, 0, 1)), 1.0))
     drive[5] = (0.5, np.rot90(drive[5][1]).copy())
 
@@ -197,7 +197,7 @@ def test_a_rotated_picture_is_discarded_and_the_next_sound_one_is_not() -> None:
     assert seen.leads[-1].text == "TAG1"
 
 
-def test_an_old_picture_is_discarded() -> None:
+def test_an_old_frame_is_discarded() -> None:
     drive = list(frames(lambda _: road(), 0.3))
 
     seen = see(load_perception(CAMERA, SETTINGS), iter([drive[1], drive[0], drive[2]]))
@@ -206,7 +206,7 @@ def test_an_old_picture_is_discarded() -> None:
     assert [lead.stamp_s for lead in seen.leads] == pytest.approx([0.1, 0.2])
 
 
-def test_torn_pictures_lose_no_lead() -> None:
+def test_truncated_frames_lose_no_lead() -> None:
     rng = np.random.default_rng(2)
     drive = []
     for stamp_s, image in frames(lambda _: road(tagged(15, 0, 1)), 3.0):
@@ -238,14 +238,14 @@ def test_sudden_exposure_changes_lose_no_lead() -> None:
         st.tuples(st.integers(0, 40), st.integers(0, 40), st.integers(1, 4)),
     )
 )
-def test_no_picture_raises(image: np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]) -> None:
+def test_no_image_raises(image: np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]) -> None:
     perception = load_perception(None, TAGS)
     for index in range(3):
         perception.receive_frame(image, 0.1 * index)
     assert perception.next_event() is not None
 
 
-def test_who_guesses_the_lens_says_that_distances_are_a_guess() -> None:
+def test_without_a_calibration_the_sigma_of_distances_is_large() -> None:
     rest = CAMERA.model_dump(exclude={"focal_x_px"})
     guessed, told = CameraSettings(**rest), CameraSettings(**rest, focal_x_px=1100.0)
     assert guessed == told
@@ -266,7 +266,7 @@ def test_who_guesses_the_lens_says_that_distances_are_a_guess() -> None:
     assert unsure_car.range_sigma_m > GUESSED_LENS_SIGMA * sure_car.range_m
 
 
-def test_without_a_calibration_any_size_is_looked_at() -> None:
+def test_without_a_calibration_any_size_is_processed() -> None:
     perception = load_perception(None, SETTINGS)
     drive = list(frames(lambda _: road(tagged(15, 0, 1)), 0.2))
     perception.receive_frame(drive[0][1], 0.0)

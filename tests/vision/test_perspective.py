@@ -69,7 +69,7 @@ def test_an_upright_tag_is_located_by_its_width(ahead_m: float, lateral_m: float
 
 
 @given(st.floats(3.0, 60.0), st.floats(-4.0, 4.0), ANGLES, ANGLES)
-def test_what_stands_on_the_road_is_located_by_its_foot(
+def test_an_object_on_the_road_is_located_by_its_foot_point(
     ahead_m: float, right_m: float, pitch_rad: float, yaw_rad: float
 ) -> None:
     perspective = Perspective(calibration(pitch_rad, yaw_rad, k1=-0.1))
@@ -81,11 +81,11 @@ def test_what_stands_on_the_road_is_located_by_its_foot(
     assert place.right_m == pytest.approx(right_m, abs=1e-3 * ahead_m)
 
 
-def test_the_sky_is_nowhere_on_the_road() -> None:
+def test_the_sky_has_no_position_on_the_road() -> None:
     assert Perspective(calibration()).locate_on_road(640.0, 300.0) is None
 
 
-def test_the_same_camera_at_half_the_resolution_sees_the_same_places() -> None:
+def test_the_same_camera_at_half_the_resolution_gives_the_same_positions() -> None:
     lens = calibration(pitch_rad=0.03, k1=-0.1)
     half = lens.for_size(640, 360)
 
@@ -97,11 +97,11 @@ def test_the_same_camera_at_half_the_resolution_sees_the_same_places() -> None:
 
 
 @pytest.mark.parametrize("size", [(720, 1280), (640, 480), (1280, 700)])
-def test_a_picture_of_another_shape_shows_nobody_knows_what(size: tuple[int, int]) -> None:
+def test_a_frame_of_another_aspect_ratio_has_no_calibration(size: tuple[int, int]) -> None:
     assert calibration().for_size(*size) is None
 
 
-def test_a_quad_seen_straight_on_has_its_own_shape() -> None:
+def test_a_quadrilateral_seen_straight_on_has_its_own_shape() -> None:
     corners = np.array([[0, 0], [520, 0], [520, 110], [0, 110]], np.float32)
 
     assert math.isclose(Perspective(calibration()).shape(corners), 520 / 110, rel_tol=1e-6)

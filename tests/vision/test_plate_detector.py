@@ -47,7 +47,7 @@ def test_a_plate_is_found_from_far_to_near(
 
 
 @pytest.mark.realdata
-def test_a_small_picture_is_looked_at_as_it_is(detector: PlateDetector, rig_data: Path) -> None:
+def test_a_small_image_is_searched_at_full_size(detector: PlateDetector, rig_data: Path) -> None:
     """Long plates 45 px wide are 10 px high: at half the size, three in ten are lost."""
     with (rig_data / "plates" / "truth.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["file"].startswith("eu/")]
@@ -65,7 +65,7 @@ def test_a_small_picture_is_looked_at_as_it_is(detector: PlateDetector, rig_data
 
 
 @pytest.mark.parametrize("light", Light)
-def test_in_any_light(detector: PlateDetector, light: Light) -> None:
+def test_plates_are_found_in_any_light(detector: PlateDetector, light: Light) -> None:
     car = SceneCar(9.0, plate="KLM4567")
     found = detector.find(CAMERA.draw(Scene((car,), light=light), rng()))
     assert error_share(found, CAMERA.plate_quad(car)) < GOOD
@@ -82,7 +82,7 @@ def test_every_car_of_several_lanes_is_found(detector: PlateDetector) -> None:
         assert error_share(found, CAMERA.plate_quad(car)) < GOOD
 
 
-def test_in_a_region_as_in_the_whole_picture(detector: PlateDetector) -> None:
+def test_a_region_gives_the_same_plates_as_the_whole_image(detector: PlateDetector) -> None:
     car = SceneCar(9.0, plate="KLM4567")
     image, quad = CAMERA.draw(Scene((car,)), rng()), CAMERA.plate_quad(car)
     middle = quad.mean(axis=0)
@@ -90,7 +90,7 @@ def test_in_a_region_as_in_the_whole_picture(detector: PlateDetector) -> None:
     assert error_share(detector.find(image, region), quad) < GOOD
 
 
-def test_a_region_outside_the_picture_is_empty(detector: PlateDetector) -> None:
+def test_a_region_outside_the_image_is_empty(detector: PlateDetector) -> None:
     image = CAMERA.draw(Scene((SceneCar(9.0, plate="KLM4567"),)), rng())
     assert detector.find(image, ImageBox(5000, 5000, 100, 100)) == []
     assert detector.find(image, ImageBox(-500, -500, 100, 100)) == []
@@ -115,13 +115,11 @@ def test_an_empty_road_and_clutter_have_hardly_any_plates(detector: PlateDetecto
     ],
     ids=["empty", "one pixel", "one row", "tiny", "black", "white and grey"],
 )
-def test_pictures_without_anything_have_no_plates(
-    detector: PlateDetector, image: np.ndarray
-) -> None:
+def test_uniform_images_have_no_plates(detector: PlateDetector, image: np.ndarray) -> None:
     assert detector.find(image) == []
 
 
-def test_grey_pictures_and_huge_ones_work_too(detector: PlateDetector) -> None:
+def test_grey_and_huge_images_are_searched(detector: PlateDetector) -> None:
     car = SceneCar(9.0, plate="KLM4567")
     image, quad = CAMERA.draw(Scene((car,)), rng()), CAMERA.plate_quad(car)
     grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
@@ -130,7 +128,7 @@ def test_grey_pictures_and_huge_ones_work_too(detector: PlateDetector) -> None:
     assert error_share(detector.find(huge), quad * 4) < GOOD
 
 
-def test_sizes_may_change_from_picture_to_picture(detector: PlateDetector) -> None:
+def test_sizes_may_change_from_image_to_image(detector: PlateDetector) -> None:
     image = CAMERA.draw(Scene((SceneCar(9.0, plate="KLM4567"),)), rng())
     first = detector.find(image)
     detector.find(image[:300, :500].copy())
@@ -139,14 +137,14 @@ def test_sizes_may_change_from_picture_to_picture(detector: PlateDetector) -> No
         np.testing.assert_array_equal(one.corners_px, other.corners_px)
 
 
-def test_light_only_shifts_what_the_network_sees() -> None:
+def test_light_only_shifts_the_networks_input() -> None:
     bright = np.asarray([[[80, 160]]], np.uint8)
     dim = np.asarray([[[35, 75]]], np.uint8)  # half of (value + 10)
     contrast = [float(np.diff(as_input(picture)).item()) for picture in (bright, dim)]
     assert contrast[0] == pytest.approx(contrast[1], abs=1e-6)
 
 
-def test_box_and_width_of_a_find() -> None:
+def test_box_and_width_of_a_detection() -> None:
     corners = np.asarray([(10, 12), (110, 10), (111, 40), (9, 42)], np.float32)
     plate = PlateDetection(corners, 0.9)
     assert plate.box == ImageBox(9.0, 10.0, 102.0, 32.0)

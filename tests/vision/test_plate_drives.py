@@ -35,7 +35,7 @@ def drive(*cars: SceneCar, light: Light = Light.DAY, duration_s: float = 1.5) ->
 
 
 @pytest.mark.parametrize("light", Light)
-def test_the_lead_is_known_within_a_second_in_any_light(light: Light) -> None:
+def test_the_lead_is_identified_within_a_second_in_any_light(light: Light) -> None:
     seen = drive(SceneCar(10.0, 0.2, plate=OURS), light=light)
 
     after_a_second = [lead for lead in seen.leads if lead.stamp_s >= 1.0]
@@ -45,13 +45,13 @@ def test_the_lead_is_known_within_a_second_in_any_light(light: Light) -> None:
 
 
 @pytest.mark.parametrize("plate_format", FORMATS.values(), ids=FORMATS)
-def test_a_plates_width_is_told_from_its_shape(plate_format) -> None:
+def test_the_width_of_a_plate_follows_from_its_shape(plate_format) -> None:
     seen = drive(SceneCar(8.0, plate=OURS, plate_format=plate_format))
 
     assert seen.leads[-1].gap_m == pytest.approx(8.0, rel=0.1)
 
 
-def test_the_gaps_sigma_says_whether_the_width_of_the_plate_is_known() -> None:
+def test_the_gaps_sigma_is_larger_while_the_plate_width_is_unknown() -> None:
     scene, sigmas_m = Scene((SceneCar(28.0, plate=OURS, plate_format=FORMATS["br"]),)), []
     for width_m in (None, 0.4):
         told = VisionSettings(plate_width_m=width_m)
@@ -61,7 +61,7 @@ def test_the_gaps_sigma_says_whether_the_width_of_the_plate_is_known() -> None:
     assert sigmas_m[0] > 1.1 * sigmas_m[1] > 0.0
 
 
-def test_a_sharper_plate_in_the_next_lane_does_not_win() -> None:
+def test_a_sharper_plate_in_the_next_lane_is_no_lead() -> None:
     seen = drive(SceneCar(14.0, plate=OURS), SceneCar(8.5, 2.4, plate=THEIRS), duration_s=2.0)
 
     assert {lead.text for lead in seen.leads} <= {None, OURS}
@@ -69,7 +69,7 @@ def test_a_sharper_plate_in_the_next_lane_does_not_win() -> None:
     assert THEIRS in {plate.text for plate in seen.plates if not plate.is_lead}
 
 
-def test_a_plate_too_small_to_be_read_is_a_lead_without_identity_and_never_a_guess() -> None:
+def test_a_plate_too_small_to_be_read_is_a_lead_without_identity() -> None:
     seen = drive(SceneCar(28.0, plate=OURS), duration_s=3.0)
 
     assert {lead.text for lead in seen.leads} <= {None, OURS}
@@ -87,7 +87,7 @@ class CountingReader:
         return READER.read_many(image, plates)
 
 
-def test_plates_that_are_known_are_read_once_a_second() -> None:
+def test_identified_plates_are_read_once_a_second() -> None:
     cars = SceneCar(9.0, plate=OURS), SceneCar(12.0, 3.5, plate=THEIRS)
     counting = CountingReader()
     watching = Perception(CAMERA, VisionSettings(), Networks(FINDER, counting))
@@ -119,7 +119,7 @@ def with_a_plate(
         yield stamp_s, image
 
 
-def test_a_tag_and_a_plate_on_one_car_are_one_car() -> None:
+def test_a_tag_and_a_plate_on_one_vehicle_are_one_track() -> None:
     car = SceneCar(8.0, tag_id=3, tag_side_m=0.2)
     drive = frames(lambda _: Scene((car,)), 1.0, camera=CAMERA)
 
@@ -130,7 +130,7 @@ def test_a_tag_and_a_plate_on_one_car_are_one_car() -> None:
     assert len({car.track_id for car in seen.cars}) == 1
 
 
-def test_a_second_plate_on_a_car_does_not_change_who_it_is() -> None:
+def test_a_second_plate_on_a_vehicle_does_not_change_its_identity() -> None:
     """A transporter's load, or a show plate in the window, from the second second on."""
     drive = frames(lambda _: Scene((SceneCar(8.0, plate=OURS),)), 2.5, camera=CAMERA)
 
@@ -159,7 +159,7 @@ def test_an_empty_road_has_neither_plates_nor_a_lead() -> None:
     assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
 
 
-def test_a_country_syntax_refuses_what_is_no_plate_there() -> None:
+def test_patterns_of_a_country_exclude_other_texts() -> None:
     def scene(_: float) -> Scene:
         return Scene((SceneCar(8.0, plate=OURS),))
 

@@ -34,11 +34,11 @@ def test_ends_are_found_to_a_fifth_of_a_pixel(
     assert refined == pytest.approx(TRUE, abs=0.2)
 
 
-def test_a_plate_on_a_body_of_its_own_colour_stays_as_it_was() -> None:
+def test_a_plate_on_bodywork_of_its_own_colour_stays() -> None:
     assert refine_ends(picture(150, 150), TRUE) == pytest.approx(TRUE)
 
 
-def test_a_leaning_plate_is_moved_along_itself() -> None:
+def test_a_leaning_plate_is_moved_along_its_own_direction() -> None:
     turn = cv2.getRotationMatrix2D((100.0, 51.0), 8.0, 1.0)
     image = cv2.warpAffine(picture(220, 60), turn, (200, 100), borderMode=cv2.BORDER_REPLICATE)
     truth = (TRUE - 0.5) @ turn[:, :2].T.astype(np.float32) + turn[:, 2].astype(np.float32) + 0.5
@@ -51,13 +51,13 @@ def test_a_leaning_plate_is_moved_along_itself() -> None:
 
 
 @pytest.mark.parametrize("shift_px", [(-100, 0), (150, 0), (0, -60), (500, 500)])
-def test_at_and_beyond_the_rim_it_does_no_harm(shift_px: tuple[int, int]) -> None:
+def test_corners_at_and_beyond_the_border_raise_nothing(shift_px: tuple[int, int]) -> None:
     off = TRUE + np.asarray(shift_px, np.float32)
 
     assert np.isfinite(refine_ends(picture(220, 60), off)).all()
 
 
-def test_corners_in_one_place_stay() -> None:
+def test_coincident_corners_stay() -> None:
     point = np.full((4, 2), 50.0, np.float32)
 
     assert np.array_equal(refine_ends(picture(220, 60), point), point)

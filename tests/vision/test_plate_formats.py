@@ -43,7 +43,7 @@ def detection(
     )
 
 
-def test_a_shape_that_is_off_in_single_frames_makes_no_second_car_and_no_leap() -> None:
+def test_a_wrong_shape_in_single_frames_makes_no_second_track_and_no_jump() -> None:
     formats = PlateFormats()
     tracker = Tracker(3.5, formats=formats)
     gaps_m = []
@@ -56,7 +56,7 @@ def test_a_shape_that_is_off_in_single_frames_makes_no_second_car_and_no_leap() 
     assert gaps_m == pytest.approx([10.0] * 30)
 
 
-def test_a_plate_that_came_out_too_long_while_it_was_small_is_known_when_it_is_near() -> None:
+def test_the_format_of_a_plate_that_was_too_long_while_small_is_right_when_near() -> None:
     formats = PlateFormats()
     tracker = Tracker(3.5, formats=formats)
     for index in range(60):
@@ -69,7 +69,7 @@ def test_a_plate_that_came_out_too_long_while_it_was_small_is_known_when_it_is_n
     assert track.ahead.rate_m_s == pytest.approx(-1.2, abs=0.2)
 
 
-def test_near_detections_outweigh_many_from_afar() -> None:
+def test_near_detections_outweigh_many_distant_ones() -> None:
     shape = MeanAppearance()
     for _ in range(100):
         shape.add(2.9, 35.0)
@@ -92,7 +92,7 @@ def known(
 BETWEEN = math.sqrt(PLATE_FORMATS[0][1] * PLATE_FORMATS[1][1])
 
 
-def test_what_is_common_in_a_drive_is_likelier_and_what_was_taken_is_kept_in_doubt() -> None:
+def test_the_prior_of_a_drive_counts_and_a_chosen_format_is_kept_in_doubt() -> None:
     formats = PlateFormats()
     known(formats, 3.25, 100.0)
     assert formats.likely_width_m(BETWEEN, 40.0) == BRAZIL_M
@@ -107,14 +107,14 @@ def source(car: TrackPlateFormat, shape: float, width_px: float) -> float:
     return [car.add(shape, width_px) for _ in range(100)][-1]
 
 
-def test_however_long_a_car_is_seen_it_does_not_confirm_what_it_was_first_taken_for() -> None:
+def test_a_tracks_own_detections_do_not_confirm_its_first_format() -> None:
     car = known(PlateFormats(), 3.3, 30.0, detections=60)
     assert car.width_m == BRAZIL_M
 
     assert source(car, 4.3, 60.0) == EUROPE_M
 
 
-def test_small_plates_tell_others_little_of_what_is_common() -> None:
+def test_small_plates_add_little_to_the_prior() -> None:
     """On light cars they appearance Brazilian."""
     formats = PlateFormats()
     for _ in range(10):
@@ -125,7 +125,7 @@ def test_small_plates_tell_others_little_of_what_is_common() -> None:
     assert formats.likely_width_m(3.7, 27.0) == EUROPE_M
 
 
-def test_how_wide_a_plate_is_stays_open_while_it_is_small() -> None:
+def test_the_plate_width_has_a_large_sigma_while_the_plate_is_small() -> None:
     far, near = known(PlateFormats(), 3.5, 27.0), known(PlateFormats(), 4.5, 90.0)
 
     assert (far.width_m, near.width_m) == (BRAZIL_M, EUROPE_M)
@@ -134,7 +134,7 @@ def test_how_wide_a_plate_is_stays_open_while_it_is_small() -> None:
     assert known(PlateFormats(EUROPE_M), 3.5, 27.0).sigma == 0.0
 
 
-def test_a_blue_band_tells_europe_where_the_shape_leaves_it_open() -> None:
+def test_a_blue_band_decides_for_europe_when_the_shape_is_ambiguous() -> None:
     for has_band, width_m in ((False, BRAZIL_M), (True, EUROPE_M)):
         car = TrackPlateFormat(PlateFormats())
         for _ in range(20):
@@ -143,14 +143,14 @@ def test_a_blue_band_tells_europe_where_the_shape_leaves_it_open() -> None:
     assert PlateFormats().likely_width_m(2.1, 60.0, has_band=True) == AMERICA_M
 
 
-def test_a_width_that_the_user_gives_is_that_of_all_plates() -> None:
+def test_a_plate_width_of_the_settings_is_that_of_all_plates() -> None:
     formats = PlateFormats(0.44)
 
     assert formats.widths_m == (0.44,)
     assert formats.likely_width_m(5.0, 100.0) == 0.44
 
 
-def test_a_piece_of_the_plate_is_no_other_car_beyond_it() -> None:
+def test_a_fragment_of_a_plate_is_no_second_track() -> None:
     formats = PlateFormats(EUROPE_M)
     tracker = Tracker(3.5, formats=formats)
     for index in range(20):
@@ -161,7 +161,7 @@ def test_a_piece_of_the_plate_is_no_other_car_beyond_it() -> None:
     assert track.ahead.position_m == pytest.approx(10.0, rel=0.08)
 
 
-def test_a_plate_that_was_cut_off_for_a_moment_is_followed_on() -> None:
+def test_a_plate_that_was_cut_off_for_a_moment_stays_tracked() -> None:
     formats = PlateFormats()
     tracker = Tracker(3.5, formats=formats)
     whole = detection(formats, 10.0, EUROPE_M, 5.0)

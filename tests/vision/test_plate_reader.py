@@ -59,7 +59,7 @@ def test_a_clean_plate_is_read_and_certain(
 
 
 @pytest.mark.parametrize("light", [np.linspace(0.2, 1.0, 160), np.linspace(1.0, 0.3, 64)[:, None]])
-def test_the_network_sees_a_plate_in_even_light(light: np.ndarray) -> None:
+def test_normalisation_removes_uneven_light(light: np.ndarray) -> None:
     view = rectify(*shown("ABC1234", FORMATS["us"], width_px=150))
     shaded = (view * light).astype(np.uint8)
 
@@ -68,7 +68,7 @@ def test_the_network_sees_a_plate_in_even_light(light: np.ndarray) -> None:
     assert np.corrcoef(seen.ravel(), seen_in_shade.ravel())[0, 1] > 0.93
 
 
-def test_what_shows_nothing_is_not_made_to_show_something() -> None:
+def test_normalisation_does_not_enlarge_noise() -> None:
     noise = np.random.default_rng(5).normal(0, 0.6, (1, 64, 160))
     empty = np.rint(128 + noise).astype(np.uint8)
     half = np.where(np.arange(160) < 80, 30.0, 220.0) + noise
@@ -85,7 +85,7 @@ def test_size_and_angle_do_not_matter(
     assert reader.read(*shown("HKV4826", FORMATS["eu"], width_px, angle_deg)).text == "HKV4826"
 
 
-def test_photographs_are_read_for_the_most_part(reader: PlateReader) -> None:
+def test_most_photographs_are_read(reader: PlateReader) -> None:
     rng = np.random.default_rng(8)
     right = 0
     for number in range(40):
@@ -95,7 +95,7 @@ def test_photographs_are_read_for_the_most_part(reader: PlateReader) -> None:
     assert right >= 32
 
 
-def test_grey_pictures_are_read_as_coloured_ones_are(reader: PlateReader) -> None:
+def test_grey_images_are_read_like_coloured_ones(reader: PlateReader) -> None:
     image, corners = shown("ABC1234", FORMATS["eu"], width_px=150)
     grey = image[..., 0].copy()
     assert reader.read(grey, corners).text == "ABC1234"
@@ -131,7 +131,7 @@ def test_an_illegible_plate_is_never_certain(reader: PlateReader) -> None:
     ],
     ids=["one pixel", "empty", "black", "white and grey"],
 )
-def test_where_nothing_is_nothing_is_read(reader: PlateReader, image: np.ndarray) -> None:
+def test_a_uniform_image_has_an_empty_text(reader: PlateReader, image: np.ndarray) -> None:
     corners = np.asarray([(10, 10), (110, 10), (110, 40), (10, 40)], np.float32)
     read = reader.read(image, corners)
     assert (read.text, read.confidence) == ("", 0.0)
@@ -146,14 +146,14 @@ def test_where_nothing_is_nothing_is_read(reader: PlateReader, image: np.ndarray
     ],
     ids=["a point", "below the picture", "above the picture"],
 )
-def test_corners_without_a_plate_read_nothing(
+def test_corners_without_a_plate_have_an_empty_text(
     reader: PlateReader, corners: list[tuple[int, int]]
 ) -> None:
     image, _ = shown("ABC1234", FORMATS["eu"], width_px=150)
     assert reader.read(image, np.asarray(corners, np.float32)).text == ""
 
 
-def test_a_plate_cut_by_the_edge_of_the_picture_is_no_trouble(reader: PlateReader) -> None:
+def test_a_plate_cut_by_the_border_raises_nothing(reader: PlateReader) -> None:
     image, corners = shown("ABC1234", FORMATS["eu"], width_px=150)
     reader.read(image[:, : image.shape[1] // 2].copy(), corners)
 
@@ -200,14 +200,14 @@ def test_confidence_counts_every_path_that_spells_the_text() -> None:
     assert decode(scores).confidence == pytest.approx(0.75, abs=1e-3)
 
 
-def test_looks_that_disagree_make_the_text_doubtful() -> None:
+def test_views_that_disagree_lower_the_confidence() -> None:
     looks = np.concatenate([scores_of([11, 0, 12]), scores_of([11, 0, 13]), scores_of([11, 0, 12])])
     read = decode(looks)
     assert read.text == "AB"
     assert read.confidence == pytest.approx(2 / 3, abs=0.01)
 
 
-def test_one_doubtful_column_makes_the_text_doubtful() -> None:
+def test_one_uncertain_column_lowers_the_confidence() -> None:
     scores = scores_of([11, 0, 12])
     scores[0, 2, 13] = 12.0
     read = decode(scores)
@@ -220,7 +220,7 @@ def test_a_missing_model_is_named(tmp_path: Path) -> None:
         PlateReader(tmp_path / "none.onnx")
 
 
-def look_of(columns: list[dict[str, float]]) -> np.ndarray:
+def view_of(columns: list[dict[str, float]]) -> np.ndarray:
     """One look: likely characters of some columns, a blank after each."""
     look = np.full((2 * len(columns), len(ALPHABET) + 1), -20.0, np.float32)
     look[1::2, 0] = 0.0
@@ -234,18 +234,18 @@ SERIES = PlateSyntax(("[A-Z]{3}[0-9]{4}",))
 DOUBTED = [{c: 1.0} for c in "MYX3"] + [{"I": 0.6, "1": 0.4}, {"5": 1.0}, {"2": 1.0}]
 
 
-def test_a_syntax_decides_between_spellings_by_how_likely_they_are() -> None:
-    assert decode(look_of(DOUBTED)).text == "MYX3I52"
-    assert decode(look_of(DOUBTED)).confidence == pytest.approx(0.6, abs=0.01)
+def test_patterns_decide_between_spellings_by_their_probability() -> None:
+    assert decode(view_of(DOUBTED)).text == "MYX3I52"
+    assert decode(view_of(DOUBTED)).confidence == pytest.approx(0.6, abs=0.01)
 
-    read = decode(look_of(DOUBTED), SERIES)
+    read = decode(view_of(DOUBTED), SERIES)
 
     assert read.text == "MYX3152"
     assert read.confidence == pytest.approx(20 * 0.4 / (20 * 0.4 + 0.6), abs=0.01)
 
 
-def test_a_syntax_drops_what_only_looks_like_a_character_beside_the_number() -> None:
-    chrome = look_of([{"I": 0.6}, *({c: 1.0} for c in "ABC1234")])
+def test_patterns_drop_a_false_character_beside_the_text() -> None:
+    chrome = view_of([{"I": 0.6}, *({c: 1.0} for c in "ABC1234")])
     chrome[0, 0, 0] = np.log(0.4)
     assert decode(chrome).text == "IABC1234"
 
@@ -256,30 +256,30 @@ def test_a_syntax_drops_what_only_looks_like_a_character_beside_the_number() -> 
     assert len(read.character_confidences) == 7
 
 
-def test_a_plate_from_elsewhere_is_not_bent_to_the_syntax() -> None:
+def test_a_plate_of_another_country_is_not_forced_to_match() -> None:
     strange = [{c: 1.0} for c in "MYX"] + [{"I": 0.995, "1": 0.005}] + [{c: 1.0} for c in "152"]
 
-    assert decode(look_of(strange), SERIES).text == "MYXI152"
-    assert decode(look_of(strange), SERIES).confidence == pytest.approx(0.909, abs=0.01)
+    assert decode(view_of(strange), SERIES).text == "MYXI152"
+    assert decode(view_of(strange), SERIES).confidence == pytest.approx(0.909, abs=0.01)
 
 
-def test_a_text_that_fits_and_is_sure_stays_as_it_is() -> None:
-    plain = look_of([{c: 1.0} for c in "ABC1234"])
+def test_a_certain_text_that_matches_stays() -> None:
+    plain = view_of([{c: 1.0} for c in "ABC1234"])
 
     assert decode(plain, SERIES) == decode(plain)
 
 
-def test_an_identity_is_as_sure_whichever_of_two_alike_spellings_is_read() -> None:
+def test_both_spellings_drawn_alike_have_the_same_identity_confidence() -> None:
     for zero in (0.7, 0.4):
         columns = [{c: 1.0} for c in "CL22"] + [{"0": zero, "O": 1.0 - zero}, {"S": 1.0}]
-        read = decode(look_of(columns))
+        read = decode(view_of(columns))
 
         assert read.confidence == pytest.approx(max(zero, 1.0 - zero), abs=0.01)
         assert read.identity_confidence == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.parametrize("text", ["RNE4S39", "ABC1234"])
-def test_what_fits_no_named_series_is_seen_and_not_believed(text: str) -> None:
+def test_a_text_that_matches_no_pattern_is_not_reported(text: str) -> None:
     """RNE4539 would be the only look-alike of the first, and is another car."""
     image, _ = shown(text, FORMATS["eu"], 160, 0.0)
     reader = PlateReader(syntax=SERIES)

@@ -53,14 +53,14 @@ def plates(finder: Finder, *reads: tuple[str, float]) -> list[Plate]:
 
 
 @pytest.mark.parametrize("left_px", [-60.0, 0.0, 890.0, 930.0])
-def test_a_plate_that_the_picture_cuts_off_is_never_certain(left_px: float) -> None:
+def test_a_plate_cut_off_at_the_border_is_never_certain(left_px: float) -> None:
     (plate,) = plates(Finder(left_px), ("B2414", 0.96))
 
     assert plate.text == "B2414"
     assert plate.confidence < 0.5
 
 
-def test_a_read_is_as_certain_as_the_other_frames_leave_it() -> None:
+def test_a_readings_confidence_is_limited_by_its_share_of_the_votes() -> None:
     told = plates(
         Finder(435.0), ("CMW2245", 0.5), ("CWW2245", 0.8), ("CWM2245", 0.7), ("CMW2245", 0.97)
     )
@@ -69,7 +69,7 @@ def test_a_read_is_as_certain_as_the_other_frames_leave_it() -> None:
     assert told[-1].confidence < 0.6
 
 
-def test_a_car_that_is_known_is_called_so_in_frames_that_show_its_plate_badly() -> None:
+def test_an_identified_track_keeps_its_text_in_frames_with_bad_readings() -> None:
     told = plates(
         Finder(435.0), ("GN417KB", 0.97), ("GN417KB", 0.97), ("GN417K8", 0.4), ("GN417KB", 0.97)
     )
@@ -78,21 +78,21 @@ def test_a_car_that_is_known_is_called_so_in_frames_that_show_its_plate_badly() 
     assert told[2].confidence >= 0.9
 
 
-def test_a_certain_read_of_something_else_is_told_and_is_not_certain() -> None:
+def test_a_certain_reading_of_another_text_is_reported_with_low_confidence() -> None:
     told = plates(Finder(435.0), *[("GN417KB", 0.97)] * 5, ("RD288HX", 0.95))
 
     assert told[-1].text == "RD288HX"
     assert told[-1].confidence < 0.5
 
 
-def test_what_the_other_frames_hardly_leave_is_not_told() -> None:
+def test_a_text_with_a_small_share_of_the_votes_is_not_reported() -> None:
     told = plates(Finder(400.0), *[("AB123CD", 0.8)] * 5, ("XY987ZW", 0.2))
 
     assert (told[-1].text, told[-1].confidence) == (None, 0.0)
 
 
 @pytest.mark.parametrize("pitch_rad", [-0.12, 0.12])
-def test_a_camera_of_which_only_the_lens_is_known_may_look_up_or_down(pitch_rad: float) -> None:
+def test_a_camera_with_only_its_lens_calibrated_may_be_pitched(pitch_rad: float) -> None:
     """A plate 0.6 m over the road, 9.5 m ahead of a camera that is thought to be level."""
     lens = CAMERA.model_dump(exclude={"source", "fps", "pitch_rad", "mounting_height_m", "yaw_rad"})
     mounted = Calibration(**lens, pitch_rad=pitch_rad)

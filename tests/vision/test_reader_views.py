@@ -16,7 +16,7 @@ def test_the_same_seed_gives_the_same_views_and_texts() -> None:
     assert all(set(text) <= set(ALPHABET) for text in texts)
 
 
-def test_a_plate_to_measure_on_is_looked_at_as_the_reader_looks() -> None:
+def test_validation_plates_have_the_readers_views() -> None:
     views, texts = render_validation_plates(4, np.random.default_rng(4))
     nothing = rectified_views(np.zeros((20, 40), np.uint8), np.zeros((4, 2), np.float32))
 

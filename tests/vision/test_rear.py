@@ -31,7 +31,7 @@ def moved(image: np.ndarray, factor: float, right_px: float, down_px: float) -> 
 
 
 @pytest.mark.parametrize("factor", [0.93, 0.99, 1.0, 1.004, 1.03, 1.1])
-def test_growth_and_shift_are_measured(factor: float) -> None:
+def test_scale_change_and_shift_are_measured(factor: float) -> None:
     image, rear = textured(), RearTracker()
     rear.set_reference(image, ImageBox(260, 130, 120, 100), PLATE)
 
@@ -49,14 +49,14 @@ def test_growth_and_shift_are_measured(factor: float) -> None:
     [textured(seed=2), np.zeros((360, 640, 3), np.uint8), moved(textured(), 2.0, 0.0, 0.0)],
     ids=["another place", "black", "twice as large"],
 )
-def test_what_is_not_there_any_more_is_not_followed(after: np.ndarray) -> None:
+def test_a_region_that_vanished_is_not_tracked(after: np.ndarray) -> None:
     rear = RearTracker()
     rear.set_reference(textured(), ImageBox(260, 130, 120, 100), PLATE)
 
     assert rear.track(after) is None
 
 
-def test_a_wall_without_corners_is_not_followed() -> None:
+def test_a_wall_without_corners_is_not_tracked() -> None:
     wall, rear = np.full((360, 640, 3), 90, np.uint8), RearTracker()
     rear.set_reference(wall, ImageBox(260, 130, 120, 100), PLATE)
 
@@ -64,7 +64,7 @@ def test_a_wall_without_corners_is_not_followed() -> None:
 
 
 @pytest.mark.parametrize("place", [(-300, -300), (620, 340), (0, 0), (630, 0)])
-def test_regions_at_and_beyond_the_rim_do_no_harm(place: tuple[int, int]) -> None:
+def test_regions_at_and_beyond_the_border_raise_nothing(place: tuple[int, int]) -> None:
     image, rear = textured(), RearTracker()
     rear.set_reference(image, ImageBox(*place, 120, 100), ImageBox(*place, 40, 10))
 
@@ -73,14 +73,14 @@ def test_regions_at_and_beyond_the_rim_do_no_harm(place: tuple[int, int]) -> Non
     assert scale_change is None or scale_change.factor == pytest.approx(1.02, abs=0.01)
 
 
-def test_a_picture_that_shrank_in_between_is_not_followed() -> None:
+def test_a_frame_of_another_size_is_not_tracked() -> None:
     image, rear = textured(), RearTracker()
     rear.set_reference(image, ImageBox(400, 230, 120, 100), PLATE)
 
     assert rear.track(image[:200, :300].copy()) is None
 
 
-def test_a_lead_whose_tag_cannot_be_read_for_seconds_is_kept_and_measured() -> None:
+def test_a_lead_whose_tag_is_unreadable_for_seconds_is_kept_by_its_rear() -> None:
     def car(stamp_s: float) -> SceneCar:
         return SceneCar(14.0 - 0.7 * stamp_s, 0.2, tag_id=1, tag_side_m=0.4)
 
@@ -104,7 +104,7 @@ def test_a_lead_whose_tag_cannot_be_read_for_seconds_is_kept_and_measured() -> N
         assert lead.gap_m == pytest.approx(14.0 - 0.7 * lead.stamp_s, rel=0.08)
 
 
-def test_a_lead_that_vanishes_is_given_up_in_time() -> None:
+def test_a_lead_that_vanishes_is_dropped_in_time() -> None:
     def scene(stamp_s: float) -> Scene:
         return Scene((SceneCar(15.0, tag_id=1, tag_side_m=0.4),) if stamp_s < 2.0 else ())
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.vision.camera import open_frames
-from onboard.vision.frame_check import FrameFault, FrameCheck
+from onboard.vision.frame_check import FrameCheck, FrameFault
 from onboard.vision.frames import CameraError, Frame
 from onboard.vision.settings import CameraSettings
 
