@@ -1,9 +1,9 @@
-"""How far away a plate can be read, by focal length: which lens to buy.
+"""The range at which a plate can be read, by focal length.
 
-`python -m bench plate_range` prints how wide a plate must be in the picture; `python -m
-bench.plate_range` writes distances into `docs/plates.md`, and beside it a picture of the smallest
-hits and the surest misses. Measured on rendered plates, photographed with every fault that
-`sim_rig.picture.lens` knows, corners as exact as the detector's.
+`python -m bench plate_range` prints the least width of a plate in the image; `python -m
+bench.plate_range` writes distances into `docs/plates.md`, and beside it an image of the smallest
+plates read rightly and the most confident errors. Measured on rendered plates, with every image
+fault of `sim_rig.rendering.lens`, and corners as exact as the detector's.
 """
 
 import math
@@ -26,34 +26,34 @@ from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import opaque, warp_onto
 
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
-PICTURE = PAGE.parent / "pictures" / "plates-read.png"
+IMAGE = PAGE.parent / "pictures" / "plates-read.png"
 WIDTHS_PX = (25, 32, 40, 50, 65, 85, 110)
 FOCAL_LENGTHS_PX = (600, 800, 1100, 1500, 2200, 3300)
-PICTURE_WIDTH_PX, PICTURE_HEIGHT_PX = 1280, 720
+IMAGE_WIDTH_PX, IMAGE_HEIGHT_PX = 1280, 720
 _PLATES = 100
 _SHOWN, _COLUMNS = 10, 5
 _ENOUGH = 0.8
-"""Share of single pictures read right; the vote over frames does the rest."""
+"""Share of single images that must be read rightly; the vote over frames does the rest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Read:
-    """One plate and what it was taken for."""
+    """One plate and its reading."""
 
     image: npt.NDArray[np.uint8]
-    """The plate and a little around it."""
+    """The plate and its margin."""
     width_px: float
     truth: str
     text: PlateText
 
     @property
     def is_right(self) -> bool:
-        """Whether the whole text is."""
+        """Whether the whole text is right."""
         return self.text.text == self.truth
 
 
 def measure() -> Iterator[Figure]:
-    """Least width for reading, beside the least width for finding, of each format."""
+    """Least width for reading, beside that for finding, of each format."""
     cv2.setNumThreads(1)
     for name, plate_format in FORMATS.items():
         read, found = least_widths(plate_format, [])
@@ -69,12 +69,12 @@ def least_widths(plate_format: PlateFormat, reads: list[Read]) -> tuple[float, f
     detector, reader, rng = PlateDetector(), PlateReader(), np.random.default_rng(7)
     read = found = math.inf
     for width_px in WIDTHS_PX:
-        right = seen = 0
+        right = found_count = 0
         for _ in range(_PLATES):
             text = text_of("LLL####", rng, rare=0.0)
             image = _picture(text, plate_format, width_px, rng)
             plates = detector.find(image)
-            seen += bool(plates)
+            found_count += bool(plates)
             texts = reader.read_many(image, [plate.corners_px for plate in plates[:1]])
             right += any(t.text == text and t.confidence >= CERTAIN / 2 for t in texts)
             reads += [
@@ -82,16 +82,16 @@ def least_widths(plate_format: PlateFormat, reads: list[Read]) -> tuple[float, f
                 for plate, got in zip(plates, texts, strict=False)
             ]
         read = min(read, width_px) if right >= _ENOUGH * _PLATES else math.inf
-        found = min(found, width_px) if seen >= _ENOUGH * _PLATES else math.inf
+        found = min(found, width_px) if found_count >= _ENOUGH * _PLATES else math.inf
     return read, found
 
 
 def _picture(
     text: str, plate_format: PlateFormat, width_px: float, rng: np.random.Generator
 ) -> npt.NDArray[np.uint8]:
-    """A plate of that width on plain sheet metal, photographed, in a picture of a car's size.
+    """Render a plate of that width on plain bodywork, in an image of a camera's size.
 
-    A smaller picture would be searched more finely than a car can.
+    A smaller image would be searched at a finer scale than a camera's.
     """
     height_px = width_px * plate_format.height_mm / plate_format.width_mm
     image = np.full((200, 320, 3), int(rng.integers(30, 200)), np.uint8)
@@ -101,10 +101,10 @@ def _picture(
     )
     art = draw_plate(text, plate_format, 1.3 * width_px / plate_format.width_mm)
     warp_onto(image, opaque(art), quad)
-    seen = photograph(image, rng, fine_px=width_px / 45)
-    rows, columns = seen.shape[:2]
-    above, beside = (PICTURE_HEIGHT_PX - rows) // 2, (PICTURE_WIDTH_PX - columns) // 2
-    whole = cv2.copyMakeBorder(seen, above, above, beside, beside, cv2.BORDER_REPLICATE)
+    photo = photograph(image, rng, fine_px=width_px / 45)
+    rows, columns = photo.shape[:2]
+    above, beside = (IMAGE_HEIGHT_PX - rows) // 2, (IMAGE_WIDTH_PX - columns) // 2
+    whole = cv2.copyMakeBorder(photo, above, above, beside, beside, cv2.BORDER_REPLICATE)
     return np.asarray(whole, np.uint8)
 
 
@@ -118,17 +118,17 @@ def _cut(image: npt.NDArray[np.uint8], box: ImageBox) -> npt.NDArray[np.uint8]:
 
 
 def sheet(reads: list[Read]) -> npt.NDArray[np.uint8]:
-    """Two rows of the smallest that were read rightly, two of the surest that were not."""
+    """Draw two rows of the smallest plates read rightly, and two of the most confident errors."""
     hits = sorted((r for r in reads if r.is_right), key=lambda r: r.width_px)[:_SHOWN]
     misses = sorted((r for r in reads if not r.is_right), key=lambda r: -r.text.confidence)[:_SHOWN]
     tiles = []
     for shown in [*hits, *misses]:
         tile = np.full((100, 168, 3), 255, np.uint8)
         tile[2:62, 4:164] = shown.image
-        told = f"{shown.text.text or '-'} {shown.text.confidence:.2f}"
-        stands = f"{shown.truth}, {shown.width_px:.0f} px"
+        reading = f"{shown.text.text or '-'} {shown.text.confidence:.2f}"
+        truth = f"{shown.truth}, {shown.width_px:.0f} px"
         colour = (20, 130, 20) if shown.is_right else (30, 30, 200)
-        for line, (words, ink) in enumerate(((stands, (0, 0, 0)), (told, colour))):
+        for line, (words, ink) in enumerate(((truth, (0, 0, 0)), (reading, colour))):
             at = (4, 77 + 16 * line)
             cv2.putText(tile, words, at, cv2.FONT_HERSHEY_SIMPLEX, 0.42, ink, 1, cv2.LINE_AA)
         tiles.append(tile)
@@ -146,7 +146,7 @@ def table(reads: list[Read]) -> str:
         "|---|---|" + "---|" * len(heads),
     ]
     for focal_px in FOCAL_LENGTHS_PX:
-        angle = 2 * math.degrees(math.atan(PICTURE_WIDTH_PX / 2 / focal_px))
+        angle = 2 * math.degrees(math.atan(IMAGE_WIDTH_PX / 2 / focal_px))
         reaches = [
             f"{focal_px * plate_format.width_m / widths[name]:.0f} m"
             for name, plate_format in FORMATS.items()
@@ -156,10 +156,10 @@ def table(reads: list[Read]) -> str:
 
 
 def main() -> None:
-    """Put the table into the page, between its marks, and the sheet beside it."""
+    """Write the table into the page, between its marks, and the sheet beside it."""
     reads: list[Read] = []
     rows = table(reads)
-    cv2.imwrite(str(PICTURE), sheet(reads))
+    cv2.imwrite(str(IMAGE), sheet(reads))
     write_tables(PAGE, {"range": rows})
 
 

@@ -1,8 +1,8 @@
-"""How many real plates are found and read, beside what OpenCV's cascades and Tesseract read.
+"""Shares of real plates that are found and read, beside OpenCV's cascades with Tesseract.
 
 `python -m bench plates` prints the figures; `python -m bench.plates` writes the tables in
-`docs/plates.md`, the second of them over the same photographs made smaller. The photographs are not
-part of the repository (`RIG_DATA` names their folder) and nothing was trained on them.
+`docs/plates.md`, the second of them over the same photographs scaled down. The photographs are not
+part of the repository (`RIG_DATA` names their folder), and no network was trained on them.
 """
 
 import csv
@@ -37,7 +37,7 @@ _TESSDATA = Path("/usr/share/tesseract-ocr/5/tessdata")
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One plate as a way of reading gives it."""
+    """One plate as found and read."""
 
     box: ImageBox
     text: str
@@ -49,7 +49,7 @@ Way = Callable[[Image], list[Reading]]
 
 @dataclass(frozen=True, slots=True)
 class Photograph:
-    """One picture and the plate in it."""
+    """One photograph and the plate in it."""
 
     file: Path
     region: str
@@ -59,23 +59,23 @@ class Photograph:
 
 @dataclass(slots=True)
 class Tally:
-    """What one way of reading made of one region's photographs."""
+    """Results of one method on one region's photographs."""
 
     photographs: int = 0
     found: int = 0
-    """Boxes that overlap the truth by at least half (intersection over union)."""
+    """Boxes that overlap the true one by at least half (intersection over union)."""
     exact: int = 0
     """The whole text right, end to end."""
     exact_and_certain: int = 0
     characters: int = 0
     characters_right: int = 0
     false_texts: int = 0
-    """Texts that stand on no plate in the truth, however unsure."""
+    """Texts of any confidence that are on no true plate."""
     certain_texts: int = 0
-    """Certain texts of the plate that the truth names."""
+    """Certain texts of the true plate."""
     certain_and_wrong: int = 0
     certain_elsewhere: int = 0
-    """Certain texts of other plates in view, which nothing says whether they are right."""
+    """Certain texts of other plates, for which there is no truth."""
     seconds: list[float] = field(default_factory=list)
 
     def add(self, photograph: Photograph, readings: list[Reading]) -> None:
@@ -97,9 +97,9 @@ class Tally:
 
 
 def measure() -> Iterator[Figure]:
-    """Shares by region, each beside the baseline's (NaN without Tesseract); time a picture."""
-    way = cascade_and_tesseract_way()
-    ours = score(dict.fromkeys(REGIONS, network_way()))
+    """Shares by region, each beside the baseline's (NaN without Tesseract); time a photograph."""
+    way = cascade_and_tesseract_method()
+    ours = score(dict.fromkeys(REGIONS, network_method()))
     baseline = score(dict.fromkeys(REGIONS, way)) if way is not None else None
     for region in REGIONS:
         mine, theirs = ours[region], baseline[region] if baseline is not None else None
@@ -124,8 +124,8 @@ def _share(tally: Tally, name: str) -> float:
     return float(getattr(tally, name) / of)
 
 
-def network_way(patterns: tuple[str, ...] = ()) -> Way:
-    """The way of the car: detector and reader as shipped, one thread; told these series, if any."""
+def network_method(patterns: tuple[str, ...] = ()) -> Way:
+    """The method of the car: the shipped detector and reader, one thread; with patterns, if any."""
     cv2.setNumThreads(1)
     detector, reader = PlateDetector(), PlateReader(syntax=PlateSyntax(patterns))
 
@@ -140,7 +140,7 @@ def network_way(patterns: tuple[str, ...] = ()) -> Way:
     return read
 
 
-def cascade_and_tesseract_way() -> Way | None:
+def cascade_and_tesseract_method() -> Way | None:
     """The baseline: both of OpenCV's plate cascades, each find read by Tesseract as one line.
 
     `None` where Tesseract is not installed, which only this needs: `apt-get install tesseract-ocr`
@@ -178,7 +178,7 @@ def cascade_and_tesseract_way() -> Way | None:
 
 
 def photographs() -> list[Photograph]:
-    """The truth, file by file.
+    """The ground truth of each file.
 
     Raises:
         SystemExit: there are no recordings.
@@ -199,7 +199,7 @@ def photographs() -> list[Photograph]:
 
 
 def series_of(region: str) -> tuple[str, ...]:
-    """Series of a region as `vision.plate_patterns` takes them: those that the renderer knows."""
+    """Patterns of a region for `vision.plate_patterns`: those of the renderer's series."""
     patterns = {"us": US_PATTERNS, "eu": EU_PATTERNS, "br": BR_PATTERNS}[region]
     return tuple(
         sorted({re.sub("L", "[A-Z]", p).replace("#", "[0-9]").replace(" ", "") for p in patterns})
@@ -207,15 +207,15 @@ def series_of(region: str) -> tuple[str, ...]:
 
 
 def shrunk(photograph: Photograph, image: Image, width_px: float) -> tuple[Photograph, Image]:
-    """The photograph as large as leaves its plate `width_px` wide."""
+    """The photograph scaled to a plate `width_px` wide."""
     scale, box = width_px / photograph.box.w_px, photograph.box
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     sides = (scale * side for side in (box.x_px, box.y_px, box.w_px, box.h_px))
     return replace(photograph, box=ImageBox(*sides)), np.asarray(small, np.uint8)
 
 
-def pictures(width_px: float | None = None) -> Iterator[tuple[Photograph, Image]]:
-    """All photographs; with `width_px` those whose plate is wider, shrunk until it is so wide."""
+def scaled_photographs(width_px: float | None = None) -> Iterator[tuple[Photograph, Image]]:
+    """All photographs; with `width_px`, those with a wider plate, scaled to that width."""
     for photograph in photographs():
         if width_px is not None and photograph.box.w_px < width_px:
             continue
@@ -224,9 +224,9 @@ def pictures(width_px: float | None = None) -> Iterator[tuple[Photograph, Image]
 
 
 def score(ways: Mapping[str, Way], width_px: float | None = None) -> dict[str, Tally]:
-    """The tally of every region's `pictures`, read in the way named for it."""
+    """Results of every region's photographs, read by the method named for it."""
     tallies = {region: Tally() for region in REGIONS}
-    for photograph, image in pictures(width_px):
+    for photograph, image in scaled_photographs(width_px):
         started = time.perf_counter()
         readings = ways[photograph.region](image)
         tallies[photograph.region].seconds.append(time.perf_counter() - started)
@@ -235,12 +235,12 @@ def score(ways: Mapping[str, Way], width_px: float | None = None) -> dict[str, T
 
 
 def table_by_width() -> str:
-    """PlateRecognizer of each width, of the photographs that show them wider, as Markdown."""
+    """Results by width of the plate, as Markdown."""
     lines = [
         f"| width of the plate | {' | '.join(f'{region}: found, exact' for region in REGIONS)} |",
         "|---" * (len(REGIONS) + 1) + "|",
     ]
-    ways = dict.fromkeys(REGIONS, network_way())
+    ways = dict.fromkeys(REGIONS, network_method())
     for width_px in WIDTHS_PX:
         shares = (
             f"{each.found / each.photographs:.0%}, {each.exact / each.photographs:.0%} "
@@ -252,16 +252,19 @@ def table_by_width() -> str:
 
 
 def table() -> str:
-    """Both ways, by region, as Markdown."""
+    """Results of both methods, by region, as Markdown."""
     heads = (
         *("region", "way", "found (IoU 0.5)", "exact", "exact and certain", "characters right"),
-        *("false texts a picture", "wrong among certain", "certain elsewhere", "s a picture"),
+        *("false texts a photograph", "wrong among certain", "certain elsewhere", "s a photograph"),
     )
-    ours, told = network_way(), {region: network_way(series_of(region)) for region in REGIONS}
+    ours, with_patterns = (
+        network_method(),
+        {region: network_method(series_of(region)) for region in REGIONS},
+    )
     ways = {
         "ours": dict.fromkeys(REGIONS, ours),
-        "ours, told the series": told,
-        "baseline": dict.fromkeys(REGIONS, cascade_and_tesseract_way()),
+        "ours, with the series": with_patterns,
+        "baseline": dict.fromkeys(REGIONS, cascade_and_tesseract_method()),
     }
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for name, by_region in ways.items():
@@ -285,7 +288,7 @@ def table() -> str:
 
 
 def main() -> None:
-    """Put the tables into the page, between their marks."""
+    """Write the tables into the page, between their marks."""
     write_tables(PAGE, {"scores": table(), "widths": table_by_width()})
 
 

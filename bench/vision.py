@@ -1,7 +1,7 @@
-"""Frames a second through the camera's half of the car, on one core at 1280x720, and its memory.
+"""Frames a second of the camera and perception, on one core at 1280x720, and their memory.
 
-The drive is rendered: a lead with a plate 60 px wide, and a car in each lane beside it. The
-reference is what no camera path can do without: decoding the same frames from H.264, by one thread.
+The drive is rendered: a lead with a plate 60 px wide, and a vehicle in each lane beside it. The
+reference is the least work of any camera input: decoding the same frames from H.264, by one thread.
 
 `python -m bench vision` prints the figures, `python -m bench.vision` writes them into
 `docs/vision.md`: the medians of several runs.
@@ -42,7 +42,7 @@ Image = npt.NDArray[np.uint8]
 
 
 def measure() -> Iterator[Figure]:
-    """Whole pictures, regions around what is tracked, the core's share at 15 fps, memory."""
+    """Frame rates with full and regional search, the core's share at 15 fps, and memory."""
     cv2.setNumThreads(1)
     clip = encoded(list(drive()))
     started = time.process_time()
@@ -60,26 +60,26 @@ def measure() -> Iterator[Figure]:
         _REFERENCE,
         FPS / decode_fps,
     )
-    with_sight, without = (_memory_mb(clip, what) for what in ("perception", "decode"))
-    yield Figure("vision.memory", with_sight, "MB", 1, "a process that only decodes", without)
+    with_perception, without = (_memory_mb(clip, what) for what in ("perception", "decode"))
+    yield Figure("vision.memory", with_perception, "MB", 1, "a process that only decodes", without)
 
 
 def _memory_mb(clip: bytes, what: str) -> float:
-    """Of a process that reads the clip and sees, or only decodes."""
+    """Memory of a process that decodes the clip, with or without perception."""
     command = [sys.executable, "-m", "bench.vision", what]
     return float(subprocess.run(command, input=clip, check=True, stdout=subprocess.PIPE).stdout)
 
 
 def drive() -> Iterator[Image]:
-    """Closing in on a lead, slowly, between two other cars."""
-    picture, rng = CameraRenderer(CAMERA), np.random.default_rng(1)
+    """Frames of a slow approach to a lead, between two other vehicles."""
+    renderer, rng = CameraRenderer(CAMERA), np.random.default_rng(1)
     for index in range(FRAMES):
         cars = (
             SceneCar(15.0 - 0.02 * index, plate="GN417KB"),
             SceneCar(11.0 + 0.05 * index, 3.5, plate="RD288HX"),
             SceneCar(24.0, -3.5, plate="BL635TN"),
         )
-        yield picture.draw(Scene(cars, travelled_m=1.2 * index), rng)
+        yield renderer.draw(Scene(cars, travelled_m=1.2 * index), rng)
 
 
 def encoded(frames: list[Image]) -> bytes:
@@ -106,7 +106,7 @@ def decoded(clip: bytes) -> Iterator[Image]:
 def perception_fps(
     frames: Iterable[Image], parameters: PerceptionParameters = DEFAULT_PARAMETERS
 ) -> float:
-    """Frames by seconds of CPU, once the lead is known."""
+    """Frames a second of CPU time, once the lead is identified."""
     perception = load_perception(CAMERA, VisionSettings(), parameters)
     spent_s = []
     for index, frame in enumerate(frames):
@@ -120,7 +120,7 @@ def perception_fps(
 
 
 def table(runs: Sequence[Sequence[Figure]]) -> str:
-    """Medians of several runs, as Markdown."""
+    """The medians of several runs, as Markdown."""
     lines = ["| on one core, 1280x720 | ours | reference |", "|---|---|---|"]
     for name, what in _ROWS.items():
         figures = [figure for run in runs for figure in run if figure.name == name]
@@ -133,20 +133,20 @@ def table(runs: Sequence[Sequence[Figure]]) -> str:
 
 
 _ROWS = {
-    "vision.whole": "every picture searched whole",
+    "vision.whole": "every frame searched in full",
     "vision.tracked": "as in the car: regions around what is tracked",
-    "vision.core_share_at_15_fps": "the same, at 15 pictures a second",
-    "vision.memory": "memory of a process that sees",
+    "vision.core_share_at_15_fps": "the same, at 15 frames a second",
+    "vision.memory": "memory of a process with perception",
 }
 
 
 def main() -> None:
-    """Put the table into the page, between its marks."""
+    """Write the table into the page, between its marks."""
     write_tables(PAGE, {"speed": table([list(measure()) for _ in range(_RUNS)])})
 
 
 def _print_memory(what: str) -> None:
-    """In a process of its own: what it takes to see, or only to decode."""
+    """Run in a process of its own: decode, with or without perception."""
     cv2.setNumThreads(1)
     frames = decoded(sys.stdin.buffer.read())
     if what == "perception":

@@ -1,8 +1,8 @@
-"""The lead's identity, its gap and whether it is the right car, on rendered drives in any light.
+"""Identity, gap and selection of the lead, on rendered drives in different light.
 
 `python -m bench vision_drives` prints the figures, `python -m bench.vision_drives` writes them into
-`docs/vision.md`. The reference is an AR tag of 0.3 m on the same car and drive: it cannot be
-misread, and its sides are measured to a twentieth of a pixel.
+`docs/vision.md`. The reference is an AR tag of 0.3 m on the same vehicle and drive: its text has a
+checksum, and its sides are measured to a twentieth of a pixel.
 """
 
 from collections.abc import Iterator
@@ -30,13 +30,13 @@ CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0,
 FPS, SECONDS, DRIVES = 10.0, 2.0, 6
 GAPS_M = (5.0, 8.0, 11.0, 14.0, 17.0, 20.0, 25.0, 30.0)
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
-RENDERER = PAGE.with_name("vision-seen.png")
+IMAGE = PAGE.with_name("vision-annotated_frames.png")
 _TAG_SIDE_M = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class RenderedDrive:
-    """A lead at a steady gap, with a nearer car in the next lane, in one light."""
+    """A lead at a constant gap, with a nearer vehicle in the next lane, in one light."""
 
     light: Light
     gap_m: float
@@ -51,7 +51,7 @@ class RenderedDrive:
         return lead.plate if lead.plate is not None else f"TAG{lead.tag_id}"
 
     def with_tags(self) -> "RenderedDrive":
-        """The same drive with AR tags in the place of plates."""
+        """The same drive with AR tags instead of plates."""
         tagged = (
             replace(car, plate=None, tag_id=number, tag_side_m=_TAG_SIDE_M)
             for number, car in enumerate(self.cars)
@@ -61,19 +61,19 @@ class RenderedDrive:
 
 @dataclass(slots=True)
 class DriveTally:
-    """What was made of some drives."""
+    """Results of some drives."""
 
     drives: int = 0
     known_in_time: int = 0
-    """Drives whose lead was known within a second."""
+    """Drives whose lead was identified within a second."""
     wrong_identities: int = 0
-    """Frames that named a text of another identity (O and 0 are one there, as are I and 1)."""
+    """Frames with another identity (O and 0 are one there, as are I and 1)."""
     frames: int = 0
-    """From one second on."""
+    """Frames from one second on."""
     right_lead: int = 0
-    """Of them: the lead is the car it is."""
+    """Of these, frames with the right lead."""
     gap_errors: list[float] = field(default_factory=list)
-    """Shares of the gap."""
+    """Relative errors of the gap."""
     in_sigmas: list[float] = field(default_factory=list)
 
     def add(self, drive: RenderedDrive, leads: list[Lead]) -> None:
@@ -90,7 +90,7 @@ class DriveTally:
             if lead.gap_m is None or lead.gap_sigma_m is None:
                 continue
             error_m = lead.gap_m - drive.gap_m
-            # The car in the next lane is a third nearer.
+            # The vehicle in the next lane is a third nearer.
             self.right_lead += abs(error_m) < 0.2 * drive.gap_m
             self.gap_errors.append(abs(error_m) / drive.gap_m)
             self.in_sigmas.append(abs(error_m) / lead.gap_sigma_m)
@@ -138,7 +138,7 @@ def by_light(*, tags: bool) -> dict[Light, DriveTally]:
 
 
 def by_gap(*, tags: bool) -> dict[float, DriveTally]:
-    """Drives at each gap, in lights that change."""
+    """Drives at each gap, in alternating light."""
     tallies = {gap_m: DriveTally() for gap_m in GAPS_M}
     rng = np.random.default_rng(12)
     for gap_m in GAPS_M:
@@ -148,14 +148,14 @@ def by_gap(*, tags: bool) -> dict[float, DriveTally]:
     return tallies
 
 
-def seen(drive: RenderedDrive) -> Iterator[AnnotatedFrame]:
-    """What a perception says of each frame of a drive."""
-    picture, rng = CameraRenderer(CAMERA), np.random.default_rng(drive.seed)
+def annotated_frames(drive: RenderedDrive) -> Iterator[AnnotatedFrame]:
+    """Frames of a drive with the events of perception."""
+    renderer, rng = CameraRenderer(CAMERA), np.random.default_rng(drive.seed)
 
     def frames() -> Iterator[Frame]:
         for index in range(round(SECONDS * FPS)):
             scene = Scene(drive.cars, light=drive.light, travelled_m=1.5 * index)
-            yield Frame(index / FPS, picture.draw(scene, rng))
+            yield Frame(index / FPS, renderer.draw(scene, rng))
 
     settings = VisionSettings(tag_side_m=_TAG_SIDE_M)
     yield from annotate_frames(frames(), Perception(CAMERA, settings, Networks(_FINDER, _READER)))
@@ -178,7 +178,7 @@ def _drive(light: Light, gap_m: float, seed: int, rng: np.random.Generator) -> R
         )
 
     lead = car(gap_m, float(rng.uniform(-0.4, 0.4)))
-    # Nearer, and as far to the side as the picture shows.
+    # Nearer, and as far to the side as the frame shows.
     side_m = float(rng.choice([-1.0, 1.0])) * min(3.5, 0.28 * 0.67 * gap_m)
     cars = (lead, car(0.67 * gap_m, side_m)) if abs(side_m) > 2.2 else (lead,)
     return RenderedDrive(light, gap_m, cars, seed)
@@ -186,7 +186,7 @@ def _drive(light: Light, gap_m: float, seed: int, rng: np.random.Generator) -> R
 
 def _tell(tally: DriveTally, drive: RenderedDrive, *, tags: bool) -> None:
     shown = drive.with_tags() if tags else drive
-    tally.add(shown, [frame.lead for frame in seen(shown) if frame.lead is not None])
+    tally.add(shown, [frame.lead for frame in annotated_frames(shown) if frame.lead is not None])
 
 
 def table() -> str:
@@ -217,11 +217,11 @@ def table() -> str:
 
 
 def main() -> None:
-    """Put the tables into the page, between its marks, and one annotated frame beside it."""
+    """Write the tables into the page, between its marks, and one annotated frame beside it."""
     write_tables(PAGE, {"drives": table()})
     drive = _drive(Light.DUSK, 13.0, 0, np.random.default_rng(3))
-    *_, last = seen(drive)
-    cv2.imwrite(str(RENDERER), cv2.resize(last.annotated(), None, fx=0.5, fy=0.5))
+    *_, last = annotated_frames(drive)
+    cv2.imwrite(str(IMAGE), cv2.resize(last.annotated(), None, fx=0.5, fy=0.5))
 
 
 if __name__ == "__main__":

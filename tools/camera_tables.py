@@ -1,7 +1,8 @@
-"""What vision makes of plates on the way from 36 m to 6 m, as tables for the rig's camera model.
+"""Detection and reading of plates from 36 m to 6 m, as tables for the rig's camera model.
 
-`python -m tools.camera_tables` prints what `sim_rig/cars/camera_track.py` says: the networks
-shipped, the lens, the rate and the JPEG of the rig's cameras, fifteen cars, some three minutes.
+`python -m tools.camera_tables` prints the tables of `sim_rig/cars/camera_track.py`: with the
+shipped networks, and the lens, rate and JPEG of the rig's cameras; fifteen vehicles, some three
+minutes.
 """
 
 import math
@@ -30,10 +31,10 @@ from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
 PLATES_A_COLOUR, FAR_M, NEAR_M, CLOSING_M_S = 3, 36.0, 6.0, 1.5
 _COLOURS_BGR = [bgr for name, bgr in COLOURS_BGR.items() if name != "blue"]
-"""Not blue: a band of that blue cannot be told from bodywork, and the gap is a tenth too long."""
+"""Without blue: a band on bodywork of that blue is not found, and the gap is a tenth too long."""
 _SETTINGS = VisionSettings(plate_width_m=PLATE_WIDTH_M)
 _READ_ALWAYS = PerceptionParameters(read_period_s=0.0, read_period_identified_s=0.0)
-"""As the rig's cars, which are told how wide plates are, but each frame is read."""
+"""The settings of the rig's cars, with every frame read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +45,9 @@ class Look:
     is_found: bool
     is_right: bool
     confidence: float
-    """Of the plate's identity; 0 where nothing was read."""
+    """Confidence of the identity; 0 without a reading."""
     gap_error: float
-    """As a share of the gap; NaN without a lead."""
+    """Relative error of the gap; NaN without a lead."""
     closing_error_m_s: float
 
 
@@ -66,7 +67,7 @@ class _RecordingReader:
 def approach(
     plate: str, colour_bgr: tuple[int, int, int], rng: np.random.Generator
 ) -> Iterator[Look]:
-    """A car of that colour, with that plate, comes nearer."""
+    """An approach to a vehicle of that colour, with that plate."""
     camera = CameraSettings(source="rig", **LENS.model_dump())
     reader = _RecordingReader()
     networks = Networks(PlateDetector(), reader)
@@ -112,12 +113,12 @@ def main() -> None:
 
 
 def _column(look: Look) -> int:
-    """The one that its width is nearest to."""
+    """The column of the nearest width."""
     return int(np.abs(np.log(look.width_px / np.array(WIDTHS_PX))).argmin())
 
 
 def _row(cars: list[list[Look]]) -> dict[str, float]:
-    """One column of the tables, of the looks at each car."""
+    """One column of the tables, from the frames of each vehicle."""
     looks = list(chain.from_iterable(cars))
     found = [look for look in looks if look.is_found]
     counted = [look for look in found if look.confidence >= MIN_READ_CONFIDENCE]

@@ -71,9 +71,9 @@ def parse(line: bytes) -> Sentence | None:
     text = match[0].decode("ascii")
     if match[4] is None:
         raise SentenceError("nmea_checksum", f"{text}: no checksum")
-    seen = reduce(xor, line[match.start() + 1 : match.start(4) - 1])
-    if seen != int(match[4], 16):
-        raise SentenceError("nmea_checksum", f"{text}: its checksum is {seen:02X}")
+    checksum = reduce(xor, line[match.start() + 1 : match.start(4) - 1])
+    if checksum != int(match[4], 16):
+        raise SentenceError("nmea_checksum", f"{text}: its checksum is {checksum:02X}")
     fields = _Fields(match[3].decode("ascii").split(",")[1:])
     try:
         return read(fields)

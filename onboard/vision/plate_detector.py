@@ -99,7 +99,7 @@ class PlateDetector:
         self._least_score = least_score
 
     def find(self, image: Image, region: ImageBox | None = None) -> list[PlateDetection]:
-        """PlateRecognizer in the picture, or in `region` of it, the surest first."""
+        """Plates in the image, or in `region` of it, highest score first."""
         part, origin = _cut(image, region)
         if min(part.shape[:2]) < CELL_PX:
             return []
@@ -170,13 +170,13 @@ class PlateDetector:
         inner = shift + (scale - 1) / 2
         matrix = np.asarray([[scale, 0, inner[0]], [0, scale, inner[1]]])
         view = cv2.warpAffine(grey, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
-        seen = _run(self._refining_network, np.asarray(view, np.uint8), 0.05, 0.05)
-        if not seen:
+        found_again = _run(self._refining_network, np.asarray(view, np.uint8), 0.05, 0.05)
+        if not found_again:
             return PlateDetection(first.corners_px, 0.0)
         centre = np.asarray([width / 2, height / 2])
         # The plate of the candidate is the one in the middle.
         best = max(
-            seen,
+            found_again,
             key=lambda found: (
                 found.score
                 - np.hypot(*(found.corners_px.mean(axis=0) - centre)) / _REFINED_PLATE_PX[0]

@@ -361,7 +361,7 @@ def test_a_lead_without_a_true_one_is_a_false_lead(tmp_path: Path) -> None:
 
     (row,) = scores.rows()
     assert (row["frames"], row["plates"], row["false texts a frame"]) == ("3", "0", "0.000")
-    assert (row["ghost lead"], row["right lead"]) == ("50.0 %", "100.0 %")
+    assert (row["false lead"], row["right lead"]) == ("50.0 %", "100.0 %")
 
 
 OURS, THEIRS = "GN417KB", "XY999ZZ"

@@ -253,7 +253,7 @@ def calibrate_by_plates(
         CalibrationError: there are too few distances, or the corners do not fit them.
     """
     if len({distance_m for distance_m, _ in plates}) < MIN_DISTANCES:
-        raise CalibrationError(f"the plate must be seen at {MIN_DISTANCES} distances or more")
+        raise CalibrationError(f"the plate must be projected at {MIN_DISTANCES} distances or more")
     width_px, height_px = size_px
     distances_m = np.array([distance_m for distance_m, _ in plates])
     corners = np.array([each for _, each in plates], np.float64)
@@ -268,8 +268,10 @@ def calibrate_by_plates(
         across = beside * np.cos(yaw) - distances_m * np.sin(yaw)
         depth = drop * np.sin(pitch) + away * np.cos(pitch)
         down = drop * np.cos(pitch) - away * np.sin(pitch)
-        seen = (focal * width_m / depth, focal * across / depth, focal * down / depth)
-        return np.concatenate([seen[0] - widths, seen[1] - middles[:, 0], seen[2] - middles[:, 1]])
+        projected = (focal * width_m / depth, focal * across / depth, focal * down / depth)
+        return np.concatenate(
+            [projected[0] - widths, projected[1] - middles[:, 0], projected[2] - middles[:, 1]]
+        )
 
     start = np.array([np.median(widths * distances_m) / width_m, 0.7, 0.0, 0.0, 0.0])
     fitted = _least_squares(errors_px, start, np.array([1000.0, 1.0, 0.1, 0.1, 1.0]))

@@ -114,7 +114,7 @@ def _progress(
 
 
 def _print_summary(recording: str, source: VideoFile | ImageSequence, tally: "PlateTally") -> None:
-    if not tally.looked_at:
+    if not tally.processed:
         raise UserError(f"{recording}: no frame could be processed ({tally.text()})")
     typer.echo(tally.text())
     if not isinstance(source, VideoFile):
@@ -139,7 +139,7 @@ class PlateTally:
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter(frames=0)
         self._first: dict[str, str] = {}
-        self.looked_at = 0
+        self.processed = 0
         """Frames that were not discarded."""
         self.example = "nothing"
         """Name and number of the last frame."""
@@ -149,20 +149,20 @@ class PlateTally:
         """Number of frames."""
         return self._counts["frames"]
 
-    def add(self, seen: AnnotatedFrame) -> None:
+    def add(self, frame: AnnotatedFrame) -> None:
         """Count one frame."""
-        self.example = f"{seen.frame.name}, frame {seen.index}"
-        self.looked_at += seen.lead is not None
+        self.example = f"{frame.frame.name}, frame {frame.index}"
+        self.processed += frame.lead is not None
         self._counts["frames"] += 1
-        self._counts["plates"] += len(seen.plates)
-        self._counts["plates read"] += sum(plate.text is not None for plate in seen.plates)
-        if seen.lead is not None and seen.lead.gap_m is not None:
+        self._counts["plates"] += len(frame.plates)
+        self._counts["plates read"] += sum(plate.text is not None for plate in frame.plates)
+        if frame.lead is not None and frame.lead.gap_m is not None:
             self._counts["frames with a lead"] += 1
-            self._counts["frames with a known lead"] += seen.lead.text is not None
-        if seen.is_frozen:
+            self._counts["frames with a known lead"] += frame.lead.text is not None
+        if frame.is_frozen:
             self._counts["frozen"] += 1
             self._first.setdefault("frozen", f" (first {self.example})")
-        for event in seen.events:
+        for event in frame.events:
             if isinstance(event, Discarded):
                 detail = f" ({event.detail})" if event.reason == "frame_size" else ""
                 self._counts[name := f"discarded: {event.reason}{detail}"] += 1
@@ -186,9 +186,9 @@ def _csv_writer(path: Path, files: contextlib.ExitStack) -> Use:
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(COLUMNS)
 
-    def write(seen: AnnotatedFrame) -> None:
+    def write(frame: AnnotatedFrame) -> None:
         with writing(path):
-            writer.writerows(seen.rows())
+            writer.writerows(frame.rows())
 
     return write
 
@@ -211,8 +211,8 @@ def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
 
     files.callback(close)
 
-    def write(seen: AnnotatedFrame) -> None:
-        image = seen.annotated()
+    def write(frame: AnnotatedFrame) -> None:
+        image = frame.annotated()
         if min(image.shape[:2]) < 2:
             return
         if not stream.codec_context.is_open:

@@ -94,20 +94,20 @@ class GroundTruth:
                 return f"{name or 'any file'}{'' if frame is None else f', frame {frame}'}"
         return "nothing"
 
-    def of(self, seen: AnnotatedFrame) -> list[TruePlate] | None:
+    def of(self, frame: AnnotatedFrame) -> list[TruePlate] | None:
         """The plates of a frame; `None` if the table has no row for it.
 
         Raises:
             UserError: two files of the table match.
         """
-        path = PurePosixPath(seen.frame.name)
-        frames = self._files.get(seen.frame.name) or self._by(path.name) or self._by(path.stem)
+        path = PurePosixPath(frame.frame.name)
+        frames = self._files.get(frame.frame.name) or self._by(path.name) or self._by(path.stem)
         if frames is None:
-            anything = self._files.get("")
-            return None if anything is None else anything.get(seen.index)
+            any_file = self._files.get("")
+            return None if any_file is None else any_file.get(frame.index)
         if path.suffix.lower() in IMAGE_SUFFIXES and len(frames) == 1:
             return next(iter(frames.values()))  # its name identifies it
-        return frames.get(seen.index) or frames.get(None)
+        return frames.get(frame.index) or frames.get(None)
 
     def _by(self, short_name: str) -> _Frames | None:
         names = self._by_short_name.get(short_name, [])

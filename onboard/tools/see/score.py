@@ -66,7 +66,7 @@ class Score:
         if self.leads:
             row["right lead"] = _share(self.leads_right, self.leads)
         if self.without_lead:
-            row["ghost lead"] = _share(self.false_leads, self.without_lead)
+            row["false lead"] = _share(self.false_leads, self.without_lead)
         if self.gap_errors:
             row["gap error"] = f"{100 * median(abs(error) for error in self.gap_errors):.1f} %"
         return row
@@ -81,14 +81,14 @@ class Scores:
         self._certain_from = certain_from
         self._by_folder: defaultdict[str, Score] = defaultdict(Score)
 
-    def add(self, seen: AnnotatedFrame) -> None:
+    def add(self, frame: AnnotatedFrame) -> None:
         """Count one frame, if the ground truth has it."""
-        truth = self.truth.of(seen)
+        truth = self.truth.of(frame)
         if truth is None:
             return
-        folder = str(PurePosixPath(seen.frame.name).parent)
+        folder = str(PurePosixPath(frame.frame.name).parent)
         for score in {"all": self._by_folder["all"], folder: self._by_folder[folder]}.values():
-            self._count(score, seen, truth)
+            self._count(score, frame, truth)
 
     def rows(self) -> Iterator[dict[str, str]]:
         """One row for each folder, then all."""
@@ -101,23 +101,23 @@ class Scores:
         """Frames that the ground truth has."""
         return self._by_folder["all"].frames
 
-    def _count(self, score: Score, seen: AnnotatedFrame, truth: list[TruePlate]) -> None:
-        without_lead = list(seen.plates)
+    def _count(self, score: Score, frame: AnnotatedFrame, truth: list[TruePlate]) -> None:
+        unmatched = list(frame.plates)
         score.frames += 1
         for true in truth:
             if true.gap_m == math.inf:
                 score.without_lead += 1
-                score.false_leads += seen.lead is not None and seen.lead.gap_m is not None
+                score.false_leads += frame.lead is not None and frame.lead.gap_m is not None
                 continue
-            best = _best(without_lead, true)
+            best = _best(unmatched, true)
             if best is not None:
-                without_lead.remove(best)
+                unmatched.remove(best)
             self._count_plate(score, best, true)
             if true.gap_m is not None:
-                _count_lead(score, best, true, seen.lead)
+                _count_lead(score, best, true, frame.lead)
         if not any(true.is_labelled for true in truth):
             return
-        for plate in without_lead:
+        for plate in unmatched:
             if plate.text is not None:
                 score.false_texts += 1
                 score.certain_false += self._is_certain(plate)
