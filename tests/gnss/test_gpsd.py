@@ -1,4 +1,4 @@
-"""The wire to gpsd: a stand-in that can misbehave, and the real one fed with NMEA over UDP."""
+"""The wire to gpsd: a faulty replacement, and the real one fed with NMEA over UDP."""
 
 import asyncio
 import contextlib
@@ -14,8 +14,8 @@ from onboard.observations import Position
 from tests.gnss.test_nmea import GGA, RMC, at, sentence
 
 
-class Ears:
-    """Collects what the wire and the reader behind it say."""
+class Callbacks:
+    """Collects the data and events of the wire and the reader."""
 
     def __init__(self, port):
         self.reader = GpsdReader(GnssSettings())
@@ -61,19 +61,19 @@ def test_gpsd_is_subscribed_lost_and_reconnected():
             clients.put_nowait(writer)
 
         server = await asyncio.start_server(serve, "127.0.0.1", 0)
-        ears = Ears(server.sockets[0].getsockname()[1])
-        assert await soon(ears.states.get()) == (True, "")
+        callbacks = Callbacks(server.sockets[0].getsockname()[1])
+        assert await soon(callbacks.states.get()) == (True, "")
         assert await soon(asked.get()) == WATCH
         client = await soon(clients.get())
         client.write(REPORT[:20])
         await client.drain()
         client.write(REPORT[20:])
-        assert (await soon(ears.positions.get())).latitude_deg == 56.1
+        assert (await soon(callbacks.positions.get())).latitude_deg == 56.1
         client.close()
-        assert await soon(ears.states.get()) == (False, "gpsd closed the connection")
-        assert await soon(ears.states.get()) == (True, "")
+        assert await soon(callbacks.states.get()) == (False, "gpsd closed the connection")
+        assert await soon(callbacks.states.get()) == (True, "")
         (await soon(clients.get())).close()
-        ears.gpsd.close()
+        callbacks.gpsd.close()
         server.close()
 
     on_a_loop(scenario)
@@ -82,11 +82,11 @@ def test_gpsd_is_subscribed_lost_and_reconnected():
 def test_a_missing_gpsd_is_a_state_reported_once():
     async def scenario():
         port = free_port()
-        ears = Ears(port)
-        there, why = await soon(ears.states.get())
+        callbacks = Callbacks(port)
+        there, why = await soon(callbacks.states.get())
         assert (there, why) == (False, f"gpsd at 127.0.0.1:{port}: Connection refused")
-        ears.gpsd.close()
-        assert ears.states.empty()
+        callbacks.gpsd.close()
+        assert callbacks.states.empty()
 
     on_a_loop(scenario)
 
@@ -104,8 +104,8 @@ def test_positions_from_the_real_gpsd_fed_by_udp():
         )
         receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            ears = Ears(port)
-            while await soon(ears.states.get()) != (True, ""):
+            callbacks = Callbacks(port)
+            while await soon(callbacks.states.get()) != (True, ""):
                 pass
             positions = []
             for second in range(50):
@@ -113,11 +113,11 @@ def test_positions_from_the_real_gpsd_fed_by_udp():
                     told = sentence(at(text, f"0450{second:02d}.00"))
                     receiver.sendto(told, ("127.0.0.1", nmea_port))
                 with contextlib.suppress(TimeoutError):
-                    positions.append(await asyncio.wait_for(ears.positions.get(), 0.2))
+                    positions.append(await asyncio.wait_for(callbacks.positions.get(), 0.2))
                 if len(positions) == 5:
                     break
             now = asyncio.get_running_loop().time()
-            ears.gpsd.close()
+            callbacks.gpsd.close()
         finally:
             receiver.close()
             gpsd.terminate()

@@ -1,4 +1,4 @@
-"""Positions from a receiver's sentences, whatever it omits, repeats, tears or makes up."""
+"""Positions from a receiver's sentences: incomplete, repeated, truncated or invalid."""
 
 import datetime as dt
 import math
@@ -17,7 +17,7 @@ from onboard.units import KNOT
 RMC = "GNRMC,045000.34,A,5606.25716,N,01008.71506,E,30.567,45.00,260721,,,A"
 GGA = "GNGGA,045000.34,5606.25716,N,01008.71506,E,1,10,1.0,20.0,M,43.5,M,,"
 NO_FIX = "GNRMC,045009.00,V,,,,,,,260721,,,N"
-"""Begins another instant, and tells nothing."""
+"""A sentence that begins another epoch, without a position."""
 
 GST = "GNGST,045000.34,1.2,2.0,1.0,30.0,3.0,4.0,5.0"
 

@@ -1,4 +1,4 @@
-"""Real receivers: two drives against their truth, and half a hundred makes against gpsd."""
+"""Real receivers: two drives against ground truth, and half a hundred makes against gpsd."""
 
 import csv
 import datetime as dt
@@ -13,7 +13,7 @@ from onboard.observations import Discarded, Position
 pytestmark = pytest.mark.realdata
 
 GPS_ERA_S = 1024 * 7 * 86_400
-"""Old receivers err by whole eras in their date; gpsd moves them into the current one."""
+"""Old receivers' dates are off by whole eras; gpsd moves them into the current one."""
 
 
 def read(path):
@@ -53,7 +53,7 @@ def test_drive_c_has_a_position_wherever_it_has_a_fix(rig_data):
 
 
 def gpsd_fixes(path):
-    """What gpsd reported for a log: (place, height) by time within the era."""
+    """gpsd's positions for a log: (position, height) by time within the era."""
     fixes = {}
     for line in path.read_text(encoding="latin-1").splitlines():
         if line.startswith('{"class":"TPV"'):
@@ -65,7 +65,7 @@ def gpsd_fixes(path):
 
 
 def test_receivers_of_many_makes_agree_with_gpsd(rig_data):
-    """All logs that have NMEA in them; the others are binary, which is gpsd's business."""
+    """All logs with NMEA; the others are binary."""
     counts = Counter()
     makes = 0
     for log in sorted((rig_data / "gnss" / "receivers").glob("*.log")):
@@ -89,7 +89,7 @@ def test_receivers_of_many_makes_agree_with_gpsd(rig_data):
         makes += compared > 0
     assert makes >= 45
     assert counts["compared"] >= 870
-    # First fixes, for which gpsd has no date yet, and logs in which it has none at all.
+    # First fixes, without a date in gpsd, and logs without any date.
     assert counts["not in gpsd's"] <= 30
     assert counts["heights differ"] <= 0.02 * counts["heights"]
     # firefly-II's GGA carries wrong checksums, hp58534a's sentences none, tcp-torture is edited.

@@ -19,7 +19,7 @@ ANSWER = CanFrame(0.0, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32
 
 
 class Server:
-    """As much of socketcand as a client sees; the test writes what the bus carries."""
+    """The server's side of socketcand; the test writes the frames of the bus."""
 
     def __init__(self, greeting=b"< hi >", answers=(b"< ok >", b"< ok >")):
         self.greeting, self.answers = greeting, answers
@@ -48,8 +48,8 @@ class Server:
         writer.close()
 
 
-class Ears:
-    """Collects what a bus says."""
+class Callbacks:
+    """Collects the callbacks of a bus."""
 
     def __init__(self):
         self.frames: asyncio.Queue[CanFrame] = asyncio.Queue()
@@ -67,7 +67,7 @@ class Ears:
 
 
 async def open_in_thread(bus):
-    """Opening blocks, and here the server lives on the same loop."""
+    """Open in a thread: opening blocks, and the server runs on the same loop."""
     opened = await asyncio.to_thread(bus._open)
     bus._loop = asyncio.get_running_loop()
     bus._attach(opened)
@@ -83,14 +83,14 @@ def on_a_loop(scenario):
 
 def test_frames_are_received_unchanged_and_requests_are_sent():
     async def scenario():
-        ears = Ears()
+        callbacks = Callbacks()
         async with Server() as server:
-            bus = ears.bus(server.port)
+            bus = callbacks.bus(server.port)
             await open_in_thread(bus)
             client = await soon(server.clients.get())
             before = asyncio.get_running_loop().time()
             client.write(b"< frame 7E8 1.5 03410D3200000000 >< frame 18DAF110 1.6 00 >")
-            first, second = await soon(ears.frames.get()), await soon(ears.frames.get())
+            first, second = await soon(callbacks.frames.get()), await soon(callbacks.frames.get())
             assert (first.arbitration_id, first.is_extended_id) == (0x7E8, False)
             assert first.data == ANSWER.data
             assert before <= first.stamp_s <= asyncio.get_running_loop().time()
@@ -105,16 +105,16 @@ def test_frames_are_received_unchanged_and_requests_are_sent():
 
 def test_a_frame_split_by_tcp_is_reassembled():
     async def scenario():
-        ears = Ears()
+        callbacks = Callbacks()
         async with Server() as server:
-            bus = ears.bus(server.port)
+            bus = callbacks.bus(server.port)
             await open_in_thread(bus)
             client = await soon(server.clients.get())
             for part in (b"< fra", b"me 7E8 1.5 0341", b"0D32 >< frame 7E8 1.5 03410D33 >"):
                 client.write(part)
                 await client.drain()
-            assert (await soon(ears.frames.get())).data[-1] == 0x32
-            assert (await soon(ears.frames.get())).data[-1] == 0x33
+            assert (await soon(callbacks.frames.get())).data[-1] == 0x32
+            assert (await soon(callbacks.frames.get())).data[-1] == 0x33
             bus.close()
 
     on_a_loop(scenario)
@@ -122,17 +122,17 @@ def test_a_frame_split_by_tcp_is_reassembled():
 
 def test_garbage_is_counted_and_reading_continues():
     async def scenario():
-        ears = Ears()
+        callbacks = Callbacks()
         async with Server() as server:
-            bus = ears.bus(server.port)
+            bus = callbacks.bus(server.port)
             await open_in_thread(bus)
             client = await soon(server.clients.get())
             client.write(b"\x00\xff>< frame 7E8 nonsense >" + b"x" * 1000)
             await client.drain()
             client.write(b"< error 004 1.5 >< frame 7E8 1.5 03410D32 >")
-            assert (await soon(ears.frames.get())).data[-1] == 0x32
-            assert len(ears.discarded) >= 3
-            assert {d.reason for d in ears.discarded} == {"socketcand_element"}
+            assert (await soon(callbacks.frames.get())).data[-1] == 0x32
+            assert len(callbacks.discarded) >= 3
+            assert {d.reason for d in callbacks.discarded} == {"socketcand_element"}
             bus.close()
 
     on_a_loop(scenario)
@@ -140,13 +140,15 @@ def test_garbage_is_counted_and_reading_continues():
 
 def test_many_frames_are_delivered_completely_and_in_order():
     async def scenario():
-        ears = Ears()
+        callbacks = Callbacks()
         async with Server() as server:
-            bus = ears.bus(server.port)
+            bus = callbacks.bus(server.port)
             await open_in_thread(bus)
             client = await soon(server.clients.get())
             client.write(b"".join(b"< frame 100 1.5 %04X >" % n for n in range(5000)))
-            numbers = [int.from_bytes((await soon(ears.frames.get())).data) for _ in range(5000)]
+            numbers = [
+                int.from_bytes((await soon(callbacks.frames.get())).data) for _ in range(5000)
+            ]
             assert numbers == list(range(5000))
             bus.close()
 
@@ -155,18 +157,18 @@ def test_many_frames_are_delivered_completely_and_in_order():
 
 def test_a_lost_server_is_reported_at_once_and_reconnected():
     async def scenario():
-        ears = Ears()
+        callbacks = Callbacks()
         async with Server() as server:
-            bus = ears.bus(server.port)
+            bus = callbacks.bus(server.port)
             await open_in_thread(bus)
             client = await soon(server.clients.get())
             client.close()
-            assert await soon(ears.states.get()) == (False, "the server closed the connection")
+            assert await soon(callbacks.states.get()) == (False, "the server closed the connection")
             bus.send(ANSWER)  # lost, and no error
-            assert await soon(ears.states.get()) == (True, "")
+            assert await soon(callbacks.states.get()) == (True, "")
             again = await soon(server.clients.get())
             again.write(b"< frame 7E8 1.5 03410D32 >")
-            assert (await soon(ears.frames.get())).data[-1] == 0x32
+            assert (await soon(callbacks.frames.get())).data[-1] == 0x32
             bus.close()
 
     on_a_loop(scenario)
@@ -174,23 +176,23 @@ def test_a_lost_server_is_reported_at_once_and_reconnected():
 
 def test_a_bus_that_is_closed_while_it_reconnects_stays_closed():
     async def scenario():
-        ears = Ears()
+        callbacks = Callbacks()
         async with Server() as server:
-            bus = ears.bus(server.port)
+            bus = callbacks.bus(server.port)
             await open_in_thread(bus)
             (await soon(server.clients.get())).close()
-            await soon(ears.states.get())
+            await soon(callbacks.states.get())
             bus.close()
-        assert ears.states.empty()
+        assert callbacks.states.empty()
 
     on_a_loop(scenario)
 
 
 def test_a_connection_opened_after_close_is_closed(caplog):
     async def scenario():
-        ears = Ears()
+        callbacks = Callbacks()
         async with Server() as server:
-            bus = ears.bus(server.port)
+            bus = callbacks.bus(server.port)
             await open_in_thread(bus)
             client = await soon(server.clients.get())
             server.greeting, server.answers = b"", ()
@@ -218,11 +220,11 @@ def test_a_server_of_another_protocol_is_an_error_of_one_line(greeting, answers,
 
     async def scenario():
         async with Server(greeting, answers) as server:
-            with pytest.raises(CanBusError) as told:
-                await open_in_thread(Ears().bus(server.port))
-            assert why in str(told.value)
+            with pytest.raises(CanBusError) as raised:
+                await open_in_thread(Callbacks().bus(server.port))
+            assert why in str(raised.value)
             where = f"CAN bus can0 of the socketcand server 127.0.0.1:{server.port} cannot be"
-            assert str(told.value).startswith(where)
+            assert str(raised.value).startswith(where)
 
     on_a_loop(scenario)
 
@@ -233,7 +235,7 @@ def test_a_missing_server_is_an_error_of_one_line():
 
     async def scenario():
         with pytest.raises(CanBusError, match=r"cannot be opened: Connection refused$"):
-            Ears().bus(port).start(asyncio.get_running_loop())
+            Callbacks().bus(port).start(asyncio.get_running_loop())
 
     on_a_loop(scenario)
 
@@ -249,15 +251,15 @@ def test_a_missing_interface_is_an_error_of_one_line():
 
 @pytest.mark.parametrize("addresses", [ENGINE_11_BIT, ENGINE_29_BIT])
 def test_the_speed_comes_from_the_ecu_at_the_other_end(addresses):
-    """The daemon's round in small: the bus, the core and a clock."""
+    """The daemon's loop in small: the bus, the core and a clock."""
 
     async def scenario():
         ecu = Ecu(lambda now: 50 / 3.6, addresses=addresses)
         server = SocketcandServer(ecu, "can0", lambda frame: None)
         port = await server.start()
         loop = asyncio.get_running_loop()
-        ears, core = Ears(), VehicleBus(ObdSettings())
-        bus = ears.bus(port)
+        callbacks, core = Callbacks(), VehicleBus(ObdSettings())
+        bus = callbacks.bus(port)
         await open_in_thread(bus)
         speeds = []
         while len(speeds) < 5:
@@ -265,7 +267,7 @@ def test_the_speed_comes_from_the_ecu_at_the_other_end(addresses):
                 bus.send(frame)
             until = max(0.0, core.get_timer() - loop.time())
             with contextlib.suppress(TimeoutError):
-                frame = await asyncio.wait_for(ears.frames.get(), until)
+                frame = await asyncio.wait_for(callbacks.frames.get(), until)
                 core.receive_frame(frame, loop.time())
             while (event := core.next_event()) is not None:
                 speeds.append(event)
@@ -352,25 +354,27 @@ def test_a_file_that_is_no_recording_is_an_error_of_one_line(tmp_path, name, con
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(CanBusError) as told:
+    with pytest.raises(CanBusError) as raised:
         list(read_can_log(path))
-    assert str(told.value).startswith(f"{path}: ")
-    assert why in str(told.value)
-    assert "\n" not in str(told.value)
+    assert str(raised.value).startswith(f"{path}: ")
+    assert why in str(raised.value)
+    assert "\n" not in str(raised.value)
 
 
 def test_a_recording_plays_at_its_own_pace_on_the_loops_clock(recording):
     async def scenario():
-        ears = Ears()
+        callbacks = Callbacks()
         settings = CanSettings(interface="log", file=recording("a.log"))
-        bus = CanBus(settings, ears.frames.put_nowait, lambda *state: ears.states.put_nowait(state))
+        bus = CanBus(
+            settings, callbacks.frames.put_nowait, lambda *state: callbacks.states.put_nowait(state)
+        )
         started = asyncio.get_running_loop().time()
         bus.start(asyncio.get_running_loop())
-        frames = [await soon(ears.frames.get()) for _ in FRAMES]
+        frames = [await soon(callbacks.frames.get()) for _ in FRAMES]
         assert [f.stamp_s - frames[0].stamp_s for f in frames] == pytest.approx([0, 0.05, 0.1])
         assert frames[0].stamp_s >= started
         assert asyncio.get_running_loop().time() >= frames[-1].stamp_s
-        assert await soon(ears.states.get()) == (False, "end of the recording")
+        assert await soon(callbacks.states.get()) == (False, "end of the recording")
         bus.close()
 
     on_a_loop(scenario)

@@ -1,4 +1,4 @@
-"""Certainty from whole km/h: hard braking is found, anything else is not."""
+"""Detection from whole km/h: hard braking is found, anything else is not."""
 
 import math
 
@@ -15,7 +15,7 @@ THRESHOLD_M_S2 = 0.4 * STANDARD_GRAVITY_M_S2
 
 
 def samples(stamps, speed_m_s, resolution_m_s=KM_H, source="obd:7E8"):
-    """What an ECU tells of `speed_m_s(t)`: cut to its resolution."""
+    """Samples of `speed_m_s(t)` by an ECU, cut to its resolution."""
     for t in stamps:
         cut = math.floor(speed_m_s(t) / resolution_m_s + 1e-9) * resolution_m_s
         yield Speed(t, max(cut, 0.0), resolution_m_s, source)
@@ -108,7 +108,7 @@ def test_a_sensor_that_drops_to_zero_and_back_is_not_braking():
 
 @pytest.mark.parametrize("hz", [2, 20])
 def test_one_wrong_sample_is_not_braking(hz):
-    """So two samples half a second apart, however far, prove nothing yet."""
+    """Two samples half a second apart, however different, are not enough."""
     speeds = list(samples(every(1 / hz, 5.0), lambda t: 20.0))
     for low_m_s in (0.0, 10.0, 15.0, 18.0, 19.0):
         wrong = Speed(2.5, low_m_s, KM_H, "obd:7E8")
@@ -167,7 +167,7 @@ def test_a_clock_that_jumps_back_starts_a_new_window():
     loss=st.sampled_from([0.0, 0.2, 0.6]),
 )
 def test_no_drive_below_three_m_s2_is_ever_hard_braking(seed, period_s, refresh_s, loss):
-    """Whatever the rate, the jitter, the losses and the age of the values."""
+    """At any rate, jitter, loss and age of the values."""
     rng = np.random.default_rng(seed)
     grid = np.arange(0.0, 30.0, 0.005)
     acceleration = np.repeat(rng.uniform(-3.0, 3.0, 30), len(grid) // 30)
@@ -175,7 +175,7 @@ def test_no_drive_below_three_m_s2_is_ever_hard_braking(seed, period_s, refresh_
     stamps = np.arange(0.2, 29.5, period_s)
     stamps = np.sort(stamps + rng.uniform(0.0, 0.02, len(stamps)))[rng.random(len(stamps)) >= loss]
 
-    def told(t):
+    def reported(t):
         return speed[int((t // refresh_s) * refresh_s / 0.005)]
 
-    assert alarms(samples(stamps.tolist(), told)) == []
+    assert alarms(samples(stamps.tolist(), reported)) == []

@@ -1,4 +1,4 @@
-"""Long messages, from frames that may be lost, doubled, late or cut; can-isotp as the other end."""
+"""Long messages of frames that are lost, duplicated, late or short; can-isotp is the other end."""
 
 import math
 from collections import deque
@@ -24,7 +24,7 @@ VIN = bytes.fromhex("49 02 01") + b"1G1JC5444R7252367"
 
 
 def units_of(payload: bytes) -> list:
-    """A long message as can-isotp, another's implementation, sends it."""
+    """A long message segmented by can-isotp."""
     sent: deque[bytes] = deque()
     to_sender: deque[isotp.CanMessage] = deque()
     sender = isotp.TransportLayerLogic(

@@ -1,4 +1,4 @@
-"""Real drives: every speed, at its stamp, and no hard braking where nobody braked hard."""
+"""Real drives: every speed, at its stamp, and no false hard braking."""
 
 import csv
 from collections import Counter
@@ -84,7 +84,7 @@ def test_a_bus_without_obd_has_no_speed(rig_data):
 
 @pytest.mark.parametrize("drive", ["drive-a", "drive-b-requests-and-answers", "drive-c"])
 def test_messages_are_those_that_can_isotp_reads(rig_data, drive):
-    """Both read what the ECU sent in the whole drive; the speeds among them are ours."""
+    """Both read all messages of the ECU in the whole drive."""
     frames = [
         frame
         for frame in frames_of(rig_data / "can" / f"{drive}.log")

@@ -1,4 +1,4 @@
-"""When the car is asked for its speed, and when it is left in peace."""
+"""Requests of the speed, their timeouts, and pauses."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Service 01 of SAE J1979: what is asked, what is answered."""
+"""Service 01 of SAE J1979: requests and responses."""
 
 import pytest
 from hypothesis import given

@@ -33,7 +33,7 @@ def events_of(bus):
     return events
 
 
-def hear(*frames, settings=None):
+def received(*frames, settings=None):
     bus = VehicleBus(settings or ObdSettings())
     for each in frames:
         bus.receive_frame(each, each.stamp_s)
@@ -41,7 +41,7 @@ def hear(*frames, settings=None):
 
 
 class Car:
-    """A bus with ECUs that answer 5 ms after each functional request."""
+    """A bus with ECUs that respond 5 ms after each functional request."""
 
     def __init__(self, answers, settings=None):
         self.bus = VehicleBus(settings or ObdSettings())
@@ -72,10 +72,10 @@ def engine(request, at, km_h=50):
 
 
 def test_a_speed_carries_value_unit_stamp_and_source():
-    assert hear(speed_frame(1.25, ENGINE, 50)) == [
+    assert received(speed_frame(1.25, ENGINE, 50)) == [
         Speed(stamp_s=1.25, speed_m_s=50 * KM_H, resolution_m_s=KM_H, source="obd:7E8")
     ]
-    assert hear(speed_frame(1.25, ENGINE_29, 255))[0].source == "obd:18DAF110"
+    assert received(speed_frame(1.25, ENGINE_29, 255))[0].source == "obd:18DAF110"
 
 
 def test_requests_are_functional_single_frames_padded_to_eight_bytes():
@@ -188,7 +188,7 @@ def test_a_long_response_that_stops_is_aborted_and_counted():
 
 
 def test_long_responses_of_two_ecus_do_not_mix():
-    events = hear(
+    events = received(
         frame(1.00, ENGINE, "10 0C 41 0C 1A F8 0D 32"),
         frame(1.01, GEARBOX, "10 0C 41 0C 1A F8 0D 33"),
         frame(1.02, GEARBOX, "21 11 80 05 7B 0F 40 55"),
@@ -210,7 +210,7 @@ def test_response_pending_is_no_fault():
 
 
 def test_a_negative_response_is_counted_with_its_code():
-    (discarded,) = hear(frame(1.0, ENGINE, "03 7F 01 12 00 00 00 00"))
+    (discarded,) = received(frame(1.0, ENGINE, "03 7F 01 12 00 00 00 00"))
     assert discarded == Discarded(1.0, "obd", "negative_response", "7E8: response code 0x12")
 
 
@@ -230,11 +230,11 @@ def test_a_negative_response_is_counted_with_its_code():
     ],
 )
 def test_frames_of_other_services_are_ignored(identifier, data):
-    assert hear(frame(1.0, identifier, data)) == []
+    assert received(frame(1.0, identifier, data)) == []
 
 
 def test_an_11_bit_response_under_a_29_bit_identifier_is_ignored():
-    assert hear(frame(1.0, ENGINE, "03 41 0D 32", is_extended_id=True)) == []
+    assert received(frame(1.0, ENGINE, "03 41 0D 32", is_extended_id=True)) == []
 
 
 @pytest.mark.parametrize(
@@ -253,13 +253,13 @@ def test_an_11_bit_response_under_a_29_bit_identifier_is_ignored():
     ],
 )
 def test_invalid_frames_are_discarded_with_their_reason(data, reason):
-    (discarded,) = hear(frame(1.0, ENGINE, data))
+    (discarded,) = received(frame(1.0, ENGINE, data))
     assert (discarded.component, discarded.reason, discarded.stamp_s) == ("obd", reason, 1.0)
     assert discarded.detail.startswith("7E8: ")
 
 
 def test_hard_braking_follows_the_speed_that_made_it_certain():
-    events = hear(
+    events = received(
         *(speed_frame(i / 20, ENGINE, max(0, 100 - 2 * max(0, i - 20))) for i in range(60))
     )
     (at,) = [n for n, event in enumerate(events) if isinstance(event, HardBrake)]

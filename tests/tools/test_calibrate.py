@@ -1,4 +1,4 @@
-"""A camera that we made up is found again from the pictures that it would have taken."""
+"""The calibration of a simulated camera is found from its images."""
 
 from pathlib import Path
 
@@ -64,7 +64,7 @@ def charuco_art() -> np.ndarray:
     return np.pad(art, _MARGIN, constant_values=255)
 
 
-# Where the lens puts each pixel of an ideal pinhole's picture.
+# Pixels of an ideal pinhole's image in the lens's image.
 _GRID = np.indices((540, 960))[::-1].reshape(2, -1).T.astype(np.float64)
 _IDEAL = cv2.undistortPointsIter(
     _GRID.reshape(-1, 1, 2),
@@ -77,7 +77,7 @@ _IDEAL = cv2.undistortPointsIter(
 
 
 def photograph(art: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """`art` on a board whose origin is its top left square, as the camera would show it."""
+    """`art` on a board whose origin is its top left square, in the camera's image."""
     # On the board's plane: ray = (x, y, 1) meets rotation @ (X, Y, 0) + translation.
     to_board = np.linalg.inv(np.column_stack([rotation[:, 0], rotation[:, 1], translation]))
     on_board = np.column_stack([_IDEAL, np.ones(len(_IDEAL))]) @ to_board.T
@@ -108,7 +108,8 @@ def at_different_tilts(art: np.ndarray, count: int = 8) -> list[np.ndarray]:
 
 
 def upright(art: np.ndarray, bottom_m: float, ahead_m: float = 2.0) -> np.ndarray:
-    """The board straight ahead of the car, across its heading, its lower edge `bottom_m` high."""
+    """The board straight ahead of the camera, across its heading, its lower edge `bottom_m`
+    high."""
     pitch, _ = cv2.Rodrigues(np.array([TRUE.pitch_rad, 0.0, 0.0]))
     yaw, _ = cv2.Rodrigues(np.array([0.0, -TRUE.yaw_rad, 0.0]))
     rotation = pitch @ yaw
@@ -158,7 +159,7 @@ def test_the_order_of_a_boards_corners_does_not_matter() -> None:
 
 
 def always_facing(art: np.ndarray) -> list[np.ndarray]:
-    """The board moved about and never tilted."""
+    """Images of the board at different positions, never tilted."""
     middle = np.array([COLUMNS, ROWS, 0]) * SQUARE_M / 2
     places = [(-0.2, 0, 1.0), (0, 0, 1.2), (0.2, 0, 1.4), (0, 0, 1.8), (0.1, 0, 2.2)]
     return [photograph(art, np.eye(3), np.array(place) - middle) for place in places]
@@ -168,13 +169,13 @@ def always_facing(art: np.ndarray) -> list[np.ndarray]:
     "pictures", [at_different_tilts(chessboard_art(), 1) * 6, always_facing(chessboard_art())]
 )
 def test_a_board_that_is_never_tilted_is_an_error(pictures: list[np.ndarray]) -> None:
-    """The fit is good all the same, and the focal length off by 6 to 15 %."""
+    """The residual is low, and the focal length off by 6 to 15 %."""
     with pytest.raises(CalibrationError, match="tilt it by 20 degrees"):
         calibrate_lens(pictures, CHESSBOARD)
 
 
 def test_a_fit_with_a_large_residual_is_doubtful() -> None:
-    """A board that is swung before a rolling shutter leaves 1.1 px, and the lens is off by 12 %."""
+    """A board in motion with a rolling shutter leaves 1.1 px, and the lens is off by 12 %."""
     assert Fit(TRUE, rms_px=1.1, used=8).is_doubtful
     assert not Fit(TRUE, rms_px=0.5, used=8).is_doubtful
 
@@ -285,7 +286,7 @@ def test_a_parked_cars_plate_gives_the_lens_within_two_percent(tmp_path: Path) -
     picture, rng = CameraRenderer(camera), np.random.default_rng(0)
     (tmp_path / "car").mkdir()
     for distance_m in (4, 6, 8, 12):
-        # The detector leaves the plate's blue band outside.
+        # The detector leaves out the plate's blue band.
         car = SceneCar(distance_m, 0.05, plate="KA123AB", colour_bgr=(40, 40, 110))
         path = tmp_path / "car" / f"{distance_m}.png"
         cv2.imwrite(str(path), picture.draw(Scene((car,)), rng))
@@ -341,7 +342,7 @@ def test_more_than_one_image_of_the_board_upright_is_an_error(tmp_path: Path) ->
 
 
 def test_only_some_frames_of_a_video_are_used(tmp_path: Path) -> None:
-    """All of a long one would fill the memory."""
+    """All frames of a long video would fill the memory."""
     video = tmp_path / "board.avi"
     writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (96, 64))
     for _ in range(250):

@@ -1,4 +1,4 @@
-"""`onboard see`: rows, pictures and scores of a recording."""
+"""`onboard see`: rows, images and scores of a recording."""
 
 import csv
 import textwrap
@@ -31,7 +31,8 @@ TAG = {"tag_id": 1, "tag_side_m": 0.4}
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A second of closing in on a tagged car, with its truth, a calibration and settings."""
+    """A second of approaching a vehicle with a tag, with ground truth, a calibration and
+    settings."""
     folder = tmp_path_factory.mktemp("see")
     lines = ["file,x_px,y_px,w_px,h_px,text,gap_m"]
     (folder / "pictures").mkdir()
@@ -102,13 +103,13 @@ def test_images_without_a_rate_are_independent(drive: Path, tmp_path: Path) -> N
 
 
 def test_scores_are_printed_against_ground_truth(drive: Path) -> None:
-    told = run(
+    output = run(
         drive / "pictures", "--fps", "10", *options(drive), "--truth", drive / "truth.csv"
     ).splitlines()
 
-    assert told[0].startswith("frames: 10, plates: 10, plates read: 10, frames with a lead: 8")
-    assert told[1].split()[:4] == ["frames", "plates", "found", "exact"]
-    assert told[2].split()[:7] == ["all", "10", "10", "100.0", "%", "100.0", "%"]
+    assert output[0].startswith("frames: 10, plates: 10, plates read: 10, frames with a lead: 8")
+    assert output[1].split()[:4] == ["frames", "plates", "found", "exact"]
+    assert output[2].split()[:7] == ["all", "10", "10", "100.0", "%", "100.0", "%"]
 
 
 def test_the_annotated_video_has_every_frame(drive: Path, tmp_path: Path) -> None:
@@ -159,10 +160,10 @@ def write_ground_truth(folder: Path, *rows: str) -> Path:
 def test_a_lead_is_scored_by_the_given_columns(
     drive: Path, tmp_path: Path, head: str, row: str
 ) -> None:
-    """A range finder knows distances, and nothing of boxes."""
+    """Ground truth of a range finder has distances and no boxes."""
     rows = [row.format(index, 12 - 0.2 * index, index + 40) for index in range(10)]
 
-    told = run(
+    output = run(
         drive / "pictures",
         "--fps",
         "10",
@@ -171,11 +172,11 @@ def test_a_lead_is_scored_by_the_given_columns(
         write_ground_truth(tmp_path, head, *rows),
     ).splitlines()
 
-    assert told[1].split()[-4:] == ["right", "lead", "gap", "error"]
-    assert told[2].split()[-4:-2] == ["80.0", "%"]
-    assert float(told[2].split()[-2]) < 3.0
+    assert output[1].split()[-4:] == ["right", "lead", "gap", "error"]
+    assert output[2].split()[-4:-2] == ["80.0", "%"]
+    assert float(output[2].split()[-2]) < 3.0
     if "text" in head:
-        assert "100.0 %" in told[2]
+        assert "100.0 %" in output[2]
 
 
 @pytest.mark.parametrize(
@@ -198,10 +199,10 @@ def test_a_lead_is_scored_by_the_given_columns(
 def test_invalid_ground_truth_is_an_error(
     drive: Path, tmp_path: Path, rows: list[str], why: str
 ) -> None:
-    with pytest.raises(UserError) as told:
+    with pytest.raises(UserError) as raised:
         run(drive / "pictures", *options(drive), "--truth", write_ground_truth(tmp_path, *rows))
 
-    assert why in str(told.value)
+    assert why in str(raised.value)
 
 
 def test_a_rate_of_zero_is_an_error(drive: Path) -> None:
@@ -215,8 +216,10 @@ def test_images_of_another_aspect_ratio_than_calibrated_are_an_error(
     camera = tmp_path / "camera.yaml"
     camera.write_text("width_px: 1242\nheight_px: 375\nprincipal_y_px: 180\n")
 
-    told = r"no frame could be processed .*frame_size \(960 x 540 px, calibrated for 1242 x 375\)"
-    with pytest.raises(UserError, match=told):
+    message = (
+        r"no frame could be processed .*frame_size \(960 x 540 px, calibrated for 1242 x 375\)"
+    )
+    with pytest.raises(UserError, match=message):
         run(drive / "pictures", "--camera", camera)
 
 
@@ -233,9 +236,9 @@ def test_a_frozen_camera_is_reported_with_its_first_lost_frame(drive: Path, tmp_
     for index in range(10):
         (tmp_path / f"{index}.png").write_bytes(picture)
 
-    told = run(tmp_path, "--fps", "10", *options(drive))
+    output = run(tmp_path, "--fps", "10", *options(drive))
 
-    assert "frozen: 3 (first 7.png, frame 7)" in told
+    assert "frozen: 3 (first 7.png, frame 7)" in output
 
 
 @pytest.mark.parametrize("output", ["--csv", "--video"])
@@ -312,7 +315,7 @@ def test_a_truncated_video_is_reported(drive: Path, tmp_path: Path) -> None:
     assert "torn.avi: states 10 frames, and" in stderr_of(torn, *options(drive))
 
 
-def seen(name: str, *events: Plate | Lead) -> AnnotatedFrame:
+def frame_with(name: str, *events: Plate | Lead) -> AnnotatedFrame:
     return AnnotatedFrame(0, Frame(0.0, np.zeros((8, 8, 3), np.uint8), name), events)
 
 
@@ -330,11 +333,13 @@ def test_scores_count_detections_and_readings(tmp_path: Path) -> None:
     )
     scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
 
-    scores.add(seen("us/1.jpg", plate("GN417KB"), plate("CAFE", x_px=500.0)))
-    scores.add(seen("us/2.jpg", plate("RD2B8HX", 0.5)))
-    scores.add(seen("eu/3.jpg"))
-    scores.add(seen("eu/4.jpg", plate("YW903MS", 0.95, x_px=50.0)))  # read, but the box is off
-    scores.add(seen("unheard/of.jpg", plate("ABCDEF")))
+    scores.add(frame_with("us/1.jpg", plate("GN417KB"), plate("CAFE", x_px=500.0)))
+    scores.add(frame_with("us/2.jpg", plate("RD2B8HX", 0.5)))
+    scores.add(frame_with("eu/3.jpg"))
+    scores.add(
+        frame_with("eu/4.jpg", plate("YW903MS", 0.95, x_px=50.0))
+    )  # read, but the box is off
+    scores.add(frame_with("unheard/of.jpg", plate("ABCDEF")))
 
     rows = {row.pop(""): row for row in scores.rows()}
     assert list(rows) == ["eu", "us", "all"]
@@ -356,8 +361,8 @@ def test_a_lead_without_a_true_one_is_a_false_lead(tmp_path: Path) -> None:
     scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
     lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=12.0)
 
-    for index, told in enumerate([lead, Lead(0.0, LeadIdentity.NO_LEAD), lead]):
-        scores.add(replace(seen("drive.mp4"), index=index, events=(told,)))
+    for index, event in enumerate([lead, Lead(0.0, LeadIdentity.NO_LEAD), lead]):
+        scores.add(replace(frame_with("drive.mp4"), index=index, events=(event,)))
 
     (row,) = scores.rows()
     assert (row["frames"], row["plates"], row["false texts a frame"]) == ("3", "0", "0.000")
@@ -370,10 +375,10 @@ OURS, THEIRS = "GN417KB", "XY999ZZ"
 @pytest.mark.parametrize(
     ("known", "text", "gap_m", "scored"),
     [
-        # A range finder's truth: what is told far from there is another car.
+        # With a range finder's truth, a report at another distance is another vehicle.
         ("", THEIRS, 5.0, ("0.0 %", "50.0 %")),
         ("", THEIRS, 10.1, ("100.0 %", "1.0 %")),
-        # The plate that is told to be the lead's says who it is, however far off the gap.
+        # A plate reported as the lead's decides its identity, whatever the gap's error.
         (OURS, "GN4I7KB", 5.0, ("100.0 %", "50.0 %")),
         (OURS, THEIRS, 5.0, ("0.0 %", None)),
         (OURS, None, 10.1, ("100.0 %", "1.0 %")),
@@ -386,7 +391,7 @@ def test_a_lead_is_right_by_its_plate_or_else_by_its_distance(
     scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
     lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=gap_m)
 
-    scores.add(seen("drive.mp4", replace(plate(text), is_lead=True), lead))
+    scores.add(frame_with("drive.mp4", replace(plate(text), is_lead=True), lead))
 
     (row,) = scores.rows()
     assert (row["right lead"], row.get("gap error")) == scored
@@ -397,7 +402,7 @@ def test_another_vehicles_plate_does_not_score_an_undetected_lead(tmp_path: Path
     scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
     lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=10.1)
 
-    scores.add(seen("drive.mp4", plate(THEIRS), lead))
+    scores.add(frame_with("drive.mp4", plate(THEIRS), lead))
 
     (row,) = scores.rows()
     assert row["right lead"] == "100.0 %"
@@ -409,7 +414,7 @@ def test_there_are_never_more_certain_plates_than_true_ones(tmp_path: Path) -> N
     )
     scores = Scores(GroundTruth.read(tmp_path / "truth.csv"), certain_from=0.9)
 
-    scores.add(seen("1.jpg", plate("GN417KB"), plate("RD288HX", x_px=300.0)))
+    scores.add(frame_with("1.jpg", plate("GN417KB"), plate("RD288HX", x_px=300.0)))
 
     (row,) = scores.rows()
     assert (row["certain"], row["wrong if certain"]) == ("100.0 %", "50.0 %")
@@ -419,9 +424,9 @@ def test_a_name_of_two_files_of_the_ground_truth_is_an_error(tmp_path: Path) -> 
     rows = ("file,text", "us/1.jpg,GN417KB", "eu/1.jpg,RD288HX")
     truth = GroundTruth.read(write_ground_truth(tmp_path, *rows))
 
-    assert [plate.text for plate in truth.of(seen("us/1.jpg")) or []] == ["GN417KB"]
+    assert [plate.text for plate in truth.of(frame_with("us/1.jpg")) or []] == ["GN417KB"]
     with pytest.raises(UserError, match=r"1\.jpg: the ground truth has us/1\.jpg and eu/1\.jpg"):
-        truth.of(seen("1.jpg"))
+        truth.of(frame_with("1.jpg"))
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Rendered drives: what the camera would deliver, and what is true."""
+"""Rendered drives, and the events of perception on them."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ FPS = 10.0
 
 @dataclass
 class Observed:
-    """What a perception told of a drive."""
+    """Events of one drive."""
 
     events: list[Event] = field(default_factory=list)
 
@@ -69,7 +69,7 @@ def frames(
     camera: CameraSettings = CAMERA,
     seed: int = 1,
 ) -> Iterator[tuple[float, npt.NDArray[np.uint8]]]:
-    """(stamp, picture) of a drive."""
+    """Yield stamp and image of each frame of a drive."""
     picture = RENDERER if camera is CAMERA else CameraRenderer(camera)
     rng = np.random.default_rng(seed)
     for index in range(round(duration_s * fps)):
@@ -77,7 +77,7 @@ def frames(
 
 
 def see(perception: Perception, drive: Iterator[tuple[float, npt.NDArray[np.uint8]]]) -> Observed:
-    """Everything that `perception` says of a drive."""
+    """Collect the events of `perception` on a drive."""
     seen = Observed()
     for stamp_s, image in drive:
         perception.receive_frame(image, stamp_s)

@@ -1,4 +1,4 @@
-"""The blue end of a European plate is part of it, and blue bodywork is not."""
+"""The blue band of a European plate is part of it, and blue bodywork is not."""
 
 import cv2
 import numpy as np
@@ -69,7 +69,7 @@ def test_corners_at_and_beyond_the_border_raise_nothing(shift: tuple[int, int]) 
 def test_the_plate_begins_at_the_outer_edge_of_the_band(
     share: float, body: tuple[int, int, int]
 ) -> None:
-    """The detector may cut it in two, or take in some bodywork, be that of another blue."""
+    """The detector may cut the band in two or include bodywork, and the bodywork may be blue."""
     found = include_blue_band(plate(body), corners(LEFT + share * WIDTH))
 
     assert found == pytest.approx(corners(LEFT), abs=1.5)

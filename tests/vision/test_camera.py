@@ -1,4 +1,4 @@
-"""Frames from files and from live streams on 127.0.0.1, sound and broken."""
+"""Frames from files and from live streams on 127.0.0.1, valid and broken."""
 
 import http.server
 import itertools
@@ -303,7 +303,7 @@ def events_of_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> 
 def test_the_camera_thread_finds_the_lead_in_a_live_stream(serve) -> None:
     scene = Scene(cars=(SceneCar(12.0, tag_id=4, tag_side_m=0.4),))
     drive = [jpeg(image) for _, image in frames(lambda _: scene, 0.8)]
-    # A slow car's thread may see only the newest of these; each connection brings them again.
+    # A slow thread may receive only the newest of these; each connection repeats them.
     url = serve([[*map(part, drive)] for _ in range(30)])
 
     heard = events_of_thread(

@@ -1,4 +1,4 @@
-"""What the detector learns from: scenes changed a little in every round, and corners with them."""
+"""Training scenes of the detector, and the augmentation of scenes and corners."""
 
 import cv2
 import numpy as np
@@ -26,7 +26,7 @@ def board() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
 
 
 def middle_of_light(scene: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
-    """Counted as the corners are."""
+    """The middle of the bright pixels, counted like corners."""
     moments = cv2.moments(scene)
     return np.asarray([moments["m10"], moments["m01"]]) / moments["m00"] + 0.5
 

@@ -1,4 +1,4 @@
-"""Models that the user brings: loaded by OpenCV, their boxes put into metres."""
+"""Models of the user's: loaded by OpenCV, with their boxes located in metres."""
 
 from pathlib import Path
 
@@ -42,7 +42,7 @@ def red_square(x: int, y: int, side: int, size: tuple[int, int] = (540, 960)) ->
 
 
 def test_boxes_are_in_pixels_of_the_image(tmp_path: Path) -> None:
-    # 960 px wide into 64: a cell of the model is 120 px of the picture.
+    # 960 px wide into 64: a cell of the model is 120 px of the image.
     found = BoxModel(model(tmp_path), "vision.vehicle_model").find(red_square(480, 240, 120))
 
     ((box, score),) = found
@@ -129,7 +129,7 @@ def test_a_vehicle_without_a_plate_is_a_lead_of_unknown_identity(tmp_path: Path)
 
 
 def plate_model(tmp_path: Path) -> BoxModelSettings:
-    """Takes red squares for plates: cells of 120 by 120 px in a picture of 960 by 540."""
+    """A model that detects red squares: cells of 120 by 120 px in an image of 960 by 540."""
     settings = model(tmp_path)
     return BoxModelSettings(
         file=settings.file, input_width_px=64, input_height_px=64, least_score=0.4

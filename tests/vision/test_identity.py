@@ -1,4 +1,4 @@
-"""A text is voted over frames: known only on evidence, kept until there is other evidence."""
+"""Votes on a text: it is identified by several readings, and kept until others outweigh them."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from onboard.vision.syntax import PlateSyntax
 SHARE = 0.9
 
 
-def ballot(*reads: tuple[str, float], step_s: float = 0.1, start_s: float = 0.0) -> PlateVote:
+def votes_for(*reads: tuple[str, float], step_s: float = 0.1, start_s: float = 0.0) -> PlateVote:
     votes = PlateVote(SHARE)
     for index, (text, confidence) in enumerate(reads):
         votes.vote(text, confidence, (confidence,) * len(text), start_s + index * step_s)
@@ -20,33 +20,33 @@ def test_without_votes_no_text_is_identified() -> None:
 
 
 def test_one_reading_identifies_nothing() -> None:
-    assert ballot(("GN417KB", 1.0)).text is None
+    assert votes_for(("GN417KB", 1.0)).text is None
 
 
 def test_three_certain_readings_identify_a_text() -> None:
-    assert ballot(*[("GN417KB", 0.95)] * 3).text == "GN417KB"
+    assert votes_for(*[("GN417KB", 0.95)] * 3).text == "GN417KB"
 
 
 def test_uncertain_readings_never_identify_a_text() -> None:
-    """A plate too small to be read is misread in the same way in every frame."""
-    assert ballot(*[("H417KB", 0.7)] * 100).text is None
+    """A plate too small to be read is misread alike in every frame."""
+    assert votes_for(*[("H417KB", 0.7)] * 100).text is None
 
 
 def test_a_few_certain_readings_after_many_uncertain_ones_identify_a_text() -> None:
-    assert ballot(*[("GN417KB", 0.5)] * 20, *[("GN417KB", 0.95)] * 2).text == "GN417KB"
+    assert votes_for(*[("GN417KB", 0.5)] * 20, *[("GN417KB", 0.95)] * 2).text == "GN417KB"
 
 
 def test_readings_of_low_confidence_never_count() -> None:
-    assert ballot(*[("GN417KB", 0.2)] * 100).text is None
+    assert votes_for(*[("GN417KB", 0.2)] * 100).text is None
 
 
 def test_a_text_too_short_for_a_plate_never_counts() -> None:
-    assert ballot(*[("TDI", 1.0)] * 100).text is None
+    assert votes_for(*[("TDI", 1.0)] * 100).text is None
 
 
 def test_misreadings_at_different_positions_are_outvoted() -> None:
     reads = ["GN417KB", "GN417K8", "6N417KB", "GN4I7KB", "GN417KB", "GN417HB"]
-    votes = ballot(*[(text, 0.9) for text in reads * 2])
+    votes = votes_for(*[(text, 0.9) for text in reads * 2])
 
     assert votes.text is None  # five in six votes at a place are fewer than nine in ten
 
@@ -66,11 +66,11 @@ def test_an_uncertain_character_has_a_lower_weight() -> None:
 
 
 def test_a_character_read_two_ways_is_not_identified() -> None:
-    assert ballot(*[("GN417KB", 0.95), ("GN417K8", 0.95)] * 20).text is None
+    assert votes_for(*[("GN417KB", 0.95), ("GN417K8", 0.95)] * 20).text is None
 
 
 def test_characters_drawn_alike_are_spelt_as_read_most_often() -> None:
-    votes = ballot(*[("VAO34RM", 0.95), ("VA034RM", 0.95), ("VAO34RM", 0.95)] * 3)
+    votes = votes_for(*[("VAO34RM", 0.95), ("VA034RM", 0.95), ("VAO34RM", 0.95)] * 3)
 
     assert votes.text == "VAO34RM"
 
@@ -78,7 +78,7 @@ def test_characters_drawn_alike_are_spelt_as_read_most_often() -> None:
 def test_a_mixture_of_two_plates_is_never_identified() -> None:
     votes = PlateVote(0.6)
     for index in range(30):
-        # Each place has a winner with two thirds of the votes; no frame read that text.
+        # Each position has a majority of two thirds; no frame read that text.
         text = ("AACC", "AADD", "BBAC")[index % 3]
         votes.vote(text, 0.9, (0.9, 0.9, 0.9, 0.9), index * 0.1)
 
@@ -90,20 +90,20 @@ def test_a_mixture_of_two_plates_is_never_identified() -> None:
 
 
 def test_an_identified_text_survives_a_misreading() -> None:
-    assert ballot(*[("GN417KB", 0.95)] * 20, ("ABCDEFG", 0.9)).text == "GN417KB"
+    assert votes_for(*[("GN417KB", 0.95)] * 20, ("ABCDEFG", 0.9)).text == "GN417KB"
 
 
 def test_another_text_is_identified_after_several_readings() -> None:
-    votes = ballot(*[("GN417KB", 0.95)] * 20)
-    heard = []
+    votes = votes_for(*[("GN417KB", 0.95)] * 20)
+    votes = []
     for index in range(200):
         votes.vote("RD288HX", 0.95, (0.95,) * 7, 2.0 + 0.1 * index)
-        heard.append(votes.text)
+        votes.append(votes.text)
 
-    assert heard[0] == "GN417KB"
-    assert heard[-1] == "RD288HX"
-    assert set(heard) == {"GN417KB", None, "RD288HX"}
-    assert heard.index("RD288HX") < 100
+    assert votes[0] == "GN417KB"
+    assert votes[-1] == "RD288HX"
+    assert set(votes) == {"GN417KB", None, "RD288HX"}
+    assert votes.index("RD288HX") < 100
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Torn JPEGs are told from those with something behind their end."""
+"""Truncated JPEGs, and complete ones with data behind their end."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""The own lane from its markings: on the rig's straight road, and on curves painted here."""
+"""The host vehicle's lane from its markings: on the rig's straight road, and on painted bends."""
 
 import cv2
 import numpy as np

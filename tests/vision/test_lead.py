@@ -1,4 +1,4 @@
-"""The lead is the nearest car that is seen in the own lane; detections are handed in as found."""
+"""The lead is the nearest vehicle in the host vehicle's lane; detections are given."""
 
 from dataclasses import dataclass
 
@@ -36,8 +36,8 @@ def detection(
 
 
 @dataclass
-class Watcher:
-    """Drives tracker and choice with one list of detections a step."""
+class TrackedRoad:
+    """Runs tracker and selection with one list of detections a step."""
 
     def __post_init__(self) -> None:
         self.tracker = Tracker(LANE_M)
@@ -57,11 +57,11 @@ class Watcher:
 
 
 def test_an_empty_road_has_no_lead() -> None:
-    assert Watcher().step() is None
+    assert TrackedRoad().step() is None
 
 
 def test_a_vehicle_is_the_lead_from_its_third_detection() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
 
     assert watcher.steps(2, detection(20.0)) is None
     lead = watcher.step(detection(20.0))
@@ -71,7 +71,7 @@ def test_a_vehicle_is_the_lead_from_its_third_detection() -> None:
 
 
 def test_a_single_detection_is_no_lead() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     watcher.step(detection(20.0))
     watcher.steps(8)
 
@@ -80,7 +80,7 @@ def test_a_single_detection_is_no_lead() -> None:
 
 @pytest.mark.parametrize("right_m", [-3.5, -2.0, 2.0, 3.5])
 def test_a_near_vehicle_in_the_next_lane_is_no_lead(right_m: float) -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
 
     lead = watcher.steps(20, detection(8.0, right_m, "YW903MS"), detection(30.0, 0.3, None))
 
@@ -90,14 +90,14 @@ def test_a_near_vehicle_in_the_next_lane_is_no_lead(right_m: float) -> None:
 
 
 def test_the_nearer_of_two_vehicles_in_the_lane_is_the_lead() -> None:
-    lead = Watcher().steps(5, detection(40.0, 0.0, "FAR1"), detection(15.0, 0.5, "NEAR1"))
+    lead = TrackedRoad().steps(5, detection(40.0, 0.0, "FAR1"), detection(15.0, 0.5, "NEAR1"))
 
     assert lead is not None
     assert lead.text == "NEAR1"
 
 
 def test_a_lead_keeps_its_identity_while_its_plate_is_illegible() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     watcher.steps(10, detection(20.0))
 
     lead = watcher.steps(20, detection(20.0, 0.0, None))
@@ -107,7 +107,7 @@ def test_a_lead_keeps_its_identity_while_its_plate_is_illegible() -> None:
 
 
 def test_an_unobserved_lead_is_predicted_for_a_while() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     for index in range(20):
         watcher.step(detection(30.0 - 0.2 * index))
 
@@ -119,7 +119,7 @@ def test_an_unobserved_lead_is_predicted_for_a_while() -> None:
 
 
 def test_a_missed_frame_does_not_hand_the_lead_to_a_car_beyond_it() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     far = detection(40.0, 0.0, "FAR1")
     watcher.steps(10, detection(15.0, 0.0, "NEAR1"), far)
 
@@ -128,7 +128,7 @@ def test_a_missed_frame_does_not_hand_the_lead_to_a_car_beyond_it() -> None:
 
 
 def test_an_unobserved_lead_gives_way_to_a_vehicle_observed_behind_it() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     far = detection(40.0, 0.0, "FAR1")
     watcher.steps(10, detection(15.0, 0.0, "NEAR1"), far)
 
@@ -137,7 +137,7 @@ def test_an_unobserved_lead_gives_way_to_a_vehicle_observed_behind_it() -> None:
 
 
 def test_a_vehicle_that_cuts_in_becomes_the_lead_in_the_lane() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     leads = []
     for index in range(40):
         right_m = max(0.0, 3.5 - 0.12 * index)
@@ -149,7 +149,7 @@ def test_a_vehicle_that_cuts_in_becomes_the_lead_in_the_lane() -> None:
 
 
 def test_a_lead_that_leaves_the_lane_is_no_lead_any_more() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     watcher.steps(10, detection(20.0))
     leads = []
     for index in range(40):
@@ -161,8 +161,8 @@ def test_a_lead_that_leaves_the_lane_is_no_lead_any_more() -> None:
 
 
 def test_parked_cars_in_bends_are_not_leads() -> None:
-    """A bend to the left of 25 m, at 6 m/s; they stand 3 m beside the middle of the own lane."""
-    watcher = Watcher()
+    """A bend to the left of 25 m, at 6 m/s; they stand 3 m beside the middle of the lane."""
+    watcher = TrackedRoad()
     leads = []
     for index in range(40):
         on_the_road_m = [20.0 + 9.0 * car - 6.0 * STEP_S * index for car in range(4)]
@@ -174,11 +174,11 @@ def test_parked_cars_in_bends_are_not_leads() -> None:
 
 @pytest.mark.parametrize("right_m", [-1.0, 0.5, 1.0])
 def test_a_vehicle_off_the_middle_of_the_lane_is_a_lead(right_m: float) -> None:
-    assert Watcher().steps(5, detection(13.0, right_m)) is not None
+    assert TrackedRoad().steps(5, detection(13.0, right_m)) is not None
 
 
 def test_a_vehicle_on_the_line_does_not_toggle() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     watcher.steps(10, detection(20.0, 1.0))
     rng = np.random.default_rng(5)
     leads = [watcher.step(detection(20.0, 1.55 + rng.normal(0.0, 0.1))) for _ in range(100)]
@@ -190,8 +190,9 @@ def test_a_vehicle_on_the_line_does_not_toggle() -> None:
 def test_a_detection_a_vehicles_length_behind_an_unobserved_lead_is_another_vehicle(
     steps_away: int,
 ) -> None:
-    """It turned off; the car before it is too far away to be read, and its distance is rough."""
-    watcher = Watcher()
+    """It turned off; the vehicle before it is too far away to be read, and its distance is
+    rough."""
+    watcher = TrackedRoad()
     watcher.steps(10, detection(6.0))
     watcher.steps(steps_away)
 
@@ -203,7 +204,7 @@ def test_a_detection_a_vehicles_length_behind_an_unobserved_lead_is_another_vehi
 
 
 def test_a_lead_found_again_near_its_prediction_is_the_same() -> None:
-    watcher, rate_m_s = Watcher(), 4.0
+    watcher, rate_m_s = TrackedRoad(), 4.0
     for step in range(10):
         watcher.step(detection(10.0 + rate_m_s * STEP_S * step))
     watcher.steps(10)
@@ -215,7 +216,7 @@ def test_a_lead_found_again_near_its_prediction_is_the_same() -> None:
 
 
 def test_another_plate_at_another_position_is_another_vehicle() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     watcher.steps(10, detection(25.0, 0.0, "OLD1"))
     lead = watcher.steps(3, detection(25.0, 0.0, "OLD1"), detection(10.0, 0.0, "NEW1"))
 
@@ -224,7 +225,7 @@ def test_another_plate_at_another_position_is_another_vehicle() -> None:
 
 
 def test_two_plates_on_one_vehicle_are_one_track_with_its_first_plate() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     upper, lower = detection(20.0, 0.0, "RACK1", height_m=1.0), detection(20.0, 0.2, "GN417KB")
     watcher.steps(3, lower)
     for index in range(30):
@@ -235,7 +236,7 @@ def test_two_plates_on_one_vehicle_are_one_track_with_its_first_plate() -> None:
 
 @pytest.mark.parametrize("beside_m", [0.6, 0.9])
 def test_two_plates_side_by_side_are_one_track_with_its_first_plate(beside_m: float) -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     left, right = detection(7.0, 0.0, "GN417KB"), detection(7.1, beside_m, "SHOW1")
     watcher.steps(3, left)
     for index in range(30):
@@ -245,21 +246,21 @@ def test_two_plates_side_by_side_are_one_track_with_its_first_plate(beside_m: fl
 
 
 def test_motorcycles_side_by_side_are_two_tracks() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     watcher.steps(10, detection(10.0, 0.0, "LEFT1"), detection(10.0, 1.3, "RIGHT1"))
 
     assert [track.text for track in watcher.tracker.tracks] == ["LEFT1", "RIGHT1"]
 
 
 def test_a_tag_and_a_plate_on_one_vehicle_are_one_track_identified_by_its_tag() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     watcher.steps(10, detection(10.0), detection(10.1, 0.1, "TAG7", DetectionKind.TAG, 0.8))
 
     assert [track.text for track in watcher.tracker.tracks] == ["TAG7"]
 
 
 def test_vehicles_abreast_keep_their_tracks() -> None:
-    watcher = Watcher()
+    watcher = TrackedRoad()
     rng = np.random.default_rng(6)
     for index in range(100):
         ahead_m = 20.0 + 5.0 * np.sin(0.1 * index) + rng.normal(0.0, 0.2)

@@ -1,4 +1,4 @@
-"""JPEGs out of multipart streams, whichever way the camera writes them."""
+"""JPEGs of multipart streams, in the formats of different cameras."""
 
 import itertools
 

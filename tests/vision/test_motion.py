@@ -1,4 +1,4 @@
-"""The filter of gap and closing speed, against least squares and against its own promise."""
+"""The filter of gap and closing speed, against least squares and its own sigmas."""
 
 import numpy as np
 import pytest

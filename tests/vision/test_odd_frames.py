@@ -1,4 +1,4 @@
-"""A drive behind a known car, through both networks, with pictures in it that are none, or odd."""
+"""A drive behind an identified lead, with both networks and with invalid or odd frames."""
 
 from collections.abc import Callable
 
@@ -42,7 +42,7 @@ def rendered(*cars: SceneCar) -> Drive:
 
 @pytest.fixture(scope="module")
 def drive() -> Drive:
-    """One and a half seconds behind one car."""
+    """One and a half seconds behind one vehicle."""
     return rendered(SceneCar(GAP_M, 0.2, plate=LEAD))
 
 
@@ -51,7 +51,7 @@ def searched_at(pictures: Drive) -> Observed:
 
 
 def spoilt(drive: Drive, *ways: Change) -> Drive:
-    """The sixth picture and every other one from there is another, in one way after the other."""
+    """Replace every other frame from the sixth on, by one change after the other."""
     return [
         (stamp_s, ways[(index - 5) // 2 % len(ways)](image.copy()) if index in ODD else image)
         for index, (stamp_s, image) in enumerate(drive)
@@ -90,7 +90,7 @@ def test_invalid_frames_are_discarded_and_the_lead_keeps_its_identity(drive: Dri
 
 
 def torn(image: Image) -> Image:
-    """From the middle on it belongs elsewhere."""
+    """An image whose lower half is of another frame."""
     image[180:] = np.roll(image[180:], 230, axis=1)
     return image
 
@@ -122,7 +122,7 @@ def test_a_stream_that_changes_its_resolution_for_good_keeps_the_lead(drive: Dri
 
 
 def test_a_stream_that_alternates_its_resolution_has_no_closing_speed(drive: Drive) -> None:
-    """By a little: by so much a rear grows from one picture to the next."""
+    """Slightly larger: the change of scale of a rear from one frame to the next."""
     sizes = [(640, 360), (576, 324)]
     pictures = [
         (stamp_s, np.asarray(cv2.resize(image, sizes[index % 2]), np.uint8))
@@ -138,7 +138,7 @@ def test_a_stream_that_alternates_its_resolution_has_no_closing_speed(drive: Dri
 
 
 def dark_noise(stamp_s: float) -> Image:
-    """Of a covered lens."""
+    """The image of a covered lens."""
     noise = np.random.default_rng(round(10 * stamp_s)).normal(8, 5, (360, 640, 3))
     return np.clip(noise, 0, 255).astype(np.uint8)
 
@@ -180,7 +180,7 @@ def test_a_frozen_camera_is_lost_and_the_lead_is_identified_again_afterwards(dri
 
 @pytest.mark.parametrize("how", ["silent", "frozen", "covered"])
 def test_after_a_long_outage_the_lead_is_not_identified(drive: Drive, how: str) -> None:
-    """Another car, whose plate cannot be read, is where the known one was a minute before."""
+    """Another vehicle with an illegible plate is where the identified one was a minute before."""
     away: Drive = []
     if how == "frozen":
         away = [(stamp_s, drive[-1][1]) for stamp_s in np.arange(1.5, 60.0, 0.5).tolist()]
@@ -231,7 +231,7 @@ def test_a_frozen_camera_with_a_running_clock_in_its_image_is_lost(
 
 
 def test_a_standstill_behind_a_standing_vehicle_is_not_frozen() -> None:
-    """However much its pictures are compressed: nine tenths of their pixels are equal."""
+    """With strong compression, nine tenths of the pixels are equal."""
     check, scene = FrameCheck(), Scene((SceneCar(GAP_M, 0.2, plate=LEAD),))
 
     for _, image in frames(lambda _: scene, 0.5, camera=CAMERA):

@@ -1,4 +1,4 @@
-"""From pictures to observations, on rendered drives with AR tags and on pictures that are none."""
+"""Frames to observations, on rendered drives with AR tags and on invalid frames."""
 
 import itertools
 
@@ -113,7 +113,7 @@ def test_a_vehicle_that_cuts_in_becomes_the_lead() -> None:
 
 
 def test_a_lead_that_changes_in_a_repeated_frame_does_not_get_the_old_ones_speed() -> None:
-    """The old one's rear was remembered, and how it grew is said of the new one."""
+    """The reference of the old lead's rear must not give a closing speed of the new one."""
 
     def scene(stamp_s: float) -> Scene:
         aside_m = 0.2 + 1.5 * max(0.0, stamp_s - 1.0)

@@ -34,12 +34,12 @@ def test_projection_is_that_of_opencv(
     place: RoadPosition, pitch_rad: float, yaw_rad: float
 ) -> None:
     lens = calibration(pitch_rad, yaw_rad, k1=-0.1)
-    # OpenCV wants the rotation from the car's axes (right, down, ahead) to the camera's: first
+    # OpenCV takes the rotation from the vehicle's axes (right, down, ahead) to the camera's: first
     # about the vertical, then about the camera's own horizontal axis.
     about_vertical, _ = cv2.Rodrigues(np.array([0.0, -yaw_rad, 0.0]))
     about_horizontal, _ = cv2.Rodrigues(np.array([pitch_rad, 0.0, 0.0]))
     rotation, _ = cv2.Rodrigues(about_horizontal @ about_vertical)
-    # (Which it loses below 1e-5 rad: hence the tolerance.)
+    # (OpenCV ignores rotations below 1e-5 rad: hence the tolerance.)
     matrix = np.array([[1100.0, 0, 640], [0, 1100, 360], [0, 0, 1]])
     point = np.array([[place.right_m, 1.3 - place.height_m, place.ahead_m]])
 

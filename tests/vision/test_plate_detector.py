@@ -1,4 +1,4 @@
-"""PlateRecognizer on rendered roads are found where they are; what is none is left alone."""
+"""Plates on rendered roads are found, and nothing else is."""
 
 import csv
 from pathlib import Path
@@ -29,7 +29,7 @@ def rng() -> np.random.Generator:
 
 
 def error_share(found: list[PlateDetection], quad: np.ndarray) -> float:
-    """How far the worst corner of the best find is off, as a share of the plate's width."""
+    """Error of the worst corner of the best detection, as a share of the plate's width."""
     errors = [np.hypot(*(plate.corners_px - quad).T).max() for plate in found]
     return float(min(errors, default=np.inf) / np.ptp(quad[:, 0]))
 

@@ -1,4 +1,4 @@
-"""PlateRecognizer as the car sees them: rendered drives through both networks, and real clips."""
+"""Plates on rendered drives and real clips, with both networks."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -77,7 +77,7 @@ def test_a_plate_too_small_to_be_read_is_a_lead_without_identity() -> None:
 
 
 class CountingReader:
-    """Counts the plates that it is given to read."""
+    """Counts the plates that it reads."""
 
     def __init__(self) -> None:
         self.plates = 0
@@ -108,7 +108,7 @@ def with_a_plate(
     ahead_m: float,
     since_s: float = 0.0,
 ) -> Iterator[tuple[float, Image]]:
-    """A plate more, between left, top, right and bottom, to the right and over the road."""
+    """A further plate, between left, top, right and bottom, to the right and over the road."""
     left, top, right, bottom = place
     art = opaque(draw_plate(text, EU, px_per_mm=1.0))
     corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
@@ -131,7 +131,7 @@ def test_a_tag_and_a_plate_on_one_vehicle_are_one_track() -> None:
 
 
 def test_a_second_plate_on_a_vehicle_does_not_change_its_identity() -> None:
-    """A transporter's load, or a show plate in the window, from the second second on."""
+    """A load of a transporter, or a plate in the window, from the second second on."""
     drive = frames(lambda _: Scene((SceneCar(8.0, plate=OURS),)), 2.5, camera=CAMERA)
 
     seen = see(

@@ -1,4 +1,4 @@
-"""The ends of a plate, on rectangles and plates whose width is known."""
+"""The ends of a plate, on rectangles and plates of known width."""
 
 import cv2
 import numpy as np

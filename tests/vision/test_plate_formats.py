@@ -1,4 +1,4 @@
-"""A car's plate is of one kind, whatever the shape of a single frame's seems to be."""
+"""The format of a track's plate, which does not follow the shape of single frames."""
 
 import math
 from dataclasses import replace
@@ -23,7 +23,7 @@ EUROPE_M, BRAZIL_M, AMERICA_M = 0.52, 0.4, 0.305
 def detection(
     formats: PlateFormats, ahead_m: float, true_width_m: float, shape: float
 ) -> Detection:
-    """A plate as it is found: so wide in the picture, and of that shape in this frame."""
+    """A detected plate, with its width in the image and its shape in this frame."""
     width_px = FOCAL_PX * true_width_m / ahead_m
     x, y = width_px / 2, width_px / 2 / shape
     places = {
@@ -82,7 +82,7 @@ def test_near_detections_outweigh_many_distant_ones() -> None:
 def known(
     formats: PlateFormats, shape: float, width_px: float, detections: int = 20
 ) -> TrackPlateFormat:
-    """A car whose plate was sighted so often, always so."""
+    """The format of a plate that was detected so often with the same shape."""
     car = TrackPlateFormat(formats)
     for _ in range(detections):
         car.add(shape, width_px)
@@ -103,7 +103,7 @@ def test_the_prior_of_a_drive_counts_and_a_chosen_format_is_kept_in_doubt() -> N
 
 
 def source(car: TrackPlateFormat, shape: float, width_px: float) -> float:
-    """What a car's plate is taken to be after many more detections of that shape."""
+    """The width of a plate after many more detections of that shape."""
     return [car.add(shape, width_px) for _ in range(100)][-1]
 
 
@@ -115,7 +115,7 @@ def test_a_tracks_own_detections_do_not_confirm_its_first_format() -> None:
 
 
 def test_small_plates_add_little_to_the_prior() -> None:
-    """On light cars they appearance Brazilian."""
+    """On light vehicles they have the shape of Brazilian plates."""
     formats = PlateFormats()
     for _ in range(10):
         known(formats, 3.4, 27.0)

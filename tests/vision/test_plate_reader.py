@@ -1,4 +1,4 @@
-"""What is rendered is read; what cannot be read is not guessed."""
+"""Rendered plates are read; illegible ones have a low confidence."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def reader() -> PlateReader:
 def shown(
     text: str, plate_format: PlateFormat, width_px: float, angle_deg: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A picture with the plate in the middle, and the plate's corners."""
+    """An image with the plate in the middle, and the plate's corners."""
     half = np.asarray([1.0, plate_format.height_mm / plate_format.width_mm]) * width_px / 2
     corners = np.asarray([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
     angle = np.deg2rad(angle_deg)
@@ -221,7 +221,7 @@ def test_a_missing_model_is_named(tmp_path: Path) -> None:
 
 
 def view_of(columns: list[dict[str, float]]) -> np.ndarray:
-    """One look: likely characters of some columns, a blank after each."""
+    """One view: likely characters of some columns, a blank after each."""
     look = np.full((2 * len(columns), len(ALPHABET) + 1), -20.0, np.float32)
     look[1::2, 0] = 0.0
     for place, chances in enumerate(columns):
@@ -280,7 +280,7 @@ def test_both_spellings_drawn_alike_have_the_same_identity_confidence() -> None:
 
 @pytest.mark.parametrize("text", ["RNE4S39", "ABC1234"])
 def test_a_text_that_matches_no_pattern_is_not_reported(text: str) -> None:
-    """RNE4539 would be the only look-alike of the first, and is another car."""
+    """RNE4539 would be the only similar text that matches, and is another vehicle."""
     image, _ = shown(text, FORMATS["eu"], 160, 0.0)
     reader = PlateReader(syntax=SERIES)
     plates = PlateRecognizer(

@@ -1,4 +1,4 @@
-"""PlateRecognizer as detections: by a finder and a reader that say what they are told to."""
+"""Detections of plates, with a scripted finder and reader."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ class Finder:
 
 
 class Reader:
-    """Reads what it is told to, picture by picture."""
+    """Returns scripted readings, one a frame."""
 
     def __init__(self, *reads: tuple[str, float]) -> None:
         self._reads = list(reads)
@@ -44,12 +44,12 @@ def plates(finder: Finder, *reads: tuple[str, float]) -> list[Plate]:
     rng = np.random.default_rng(1)
     always = PerceptionParameters(read_period_s=0.0, read_period_identified_s=0.0)
     perception = Perception(CAMERA, SETTINGS, Networks(finder, Reader(*reads)), always)
-    told = []
+    reported = []
     for index in range(len(reads)):
         perception.receive_frame(rng.integers(0, 255, (540, 960, 3), np.uint8), index / 10)
         while (event := perception.next_event()) is not None:
-            told += [event] if isinstance(event, Plate) else []
-    return told
+            reported += [event] if isinstance(event, Plate) else []
+    return reported
 
 
 @pytest.mark.parametrize("left_px", [-60.0, 0.0, 890.0, 930.0])
@@ -61,39 +61,39 @@ def test_a_plate_cut_off_at_the_border_is_never_certain(left_px: float) -> None:
 
 
 def test_a_readings_confidence_is_limited_by_its_share_of_the_votes() -> None:
-    told = plates(
+    reported = plates(
         Finder(435.0), ("CMW2245", 0.5), ("CWW2245", 0.8), ("CWM2245", 0.7), ("CMW2245", 0.97)
     )
 
-    assert [plate.text for plate in told] == ["CMW2245", "CWW2245", "CWM2245", "CMW2245"]
-    assert told[-1].confidence < 0.6
+    assert [plate.text for plate in reported] == ["CMW2245", "CWW2245", "CWM2245", "CMW2245"]
+    assert reported[-1].confidence < 0.6
 
 
 def test_an_identified_track_keeps_its_text_in_frames_with_bad_readings() -> None:
-    told = plates(
+    reported = plates(
         Finder(435.0), ("GN417KB", 0.97), ("GN417KB", 0.97), ("GN417K8", 0.4), ("GN417KB", 0.97)
     )
 
-    assert {plate.text for plate in told} == {"GN417KB"}
-    assert told[2].confidence >= 0.9
+    assert {plate.text for plate in reported} == {"GN417KB"}
+    assert reported[2].confidence >= 0.9
 
 
 def test_a_certain_reading_of_another_text_is_reported_with_low_confidence() -> None:
-    told = plates(Finder(435.0), *[("GN417KB", 0.97)] * 5, ("RD288HX", 0.95))
+    reported = plates(Finder(435.0), *[("GN417KB", 0.97)] * 5, ("RD288HX", 0.95))
 
-    assert told[-1].text == "RD288HX"
-    assert told[-1].confidence < 0.5
+    assert reported[-1].text == "RD288HX"
+    assert reported[-1].confidence < 0.5
 
 
 def test_a_text_with_a_small_share_of_the_votes_is_not_reported() -> None:
-    told = plates(Finder(400.0), *[("AB123CD", 0.8)] * 5, ("XY987ZW", 0.2))
+    reported = plates(Finder(400.0), *[("AB123CD", 0.8)] * 5, ("XY987ZW", 0.2))
 
-    assert (told[-1].text, told[-1].confidence) == (None, 0.0)
+    assert (reported[-1].text, reported[-1].confidence) == (None, 0.0)
 
 
 @pytest.mark.parametrize("pitch_rad", [-0.12, 0.12])
 def test_a_camera_with_only_its_lens_calibrated_may_be_pitched(pitch_rad: float) -> None:
-    """A plate 0.6 m over the road, 9.5 m ahead of a camera that is thought to be level."""
+    """A plate 0.6 m over the road, 9.5 m ahead of a camera that is assumed to be level."""
     lens = CAMERA.model_dump(exclude={"source", "fps", "pitch_rad", "mounting_height_m", "yaw_rad"})
     mounted = Calibration(**lens, pitch_rad=pitch_rad)
     art = Perspective(mounted)

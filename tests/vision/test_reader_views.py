@@ -1,4 +1,4 @@
-"""What the reader learns from: rendered plates, cut out as the detector would have them cut out."""
+"""Training views of the reader: rendered plates, cut out as by the detector."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How a rear grows from frame to frame tells closing speed, and that the car is still there."""
+"""The rear's change of scale gives the closing speed, and keeps the lead."""
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ def textured(seed: int = 1) -> np.ndarray:
 
 
 def moved(image: np.ndarray, factor: float, right_px: float, down_px: float) -> np.ndarray:
-    """`image` grown about its middle and shifted."""
+    """`image` scaled about its middle and shifted."""
     matrix = np.array(
         [[factor, 0, 320 * (1 - factor) + right_px], [0, factor, 180 * (1 - factor) + down_px]]
     )
