@@ -207,7 +207,13 @@ def series_of(region: str) -> tuple[str, ...]:
 
 
 def shrunk(photograph: Photograph, image: Image, width_px: float) -> tuple[Photograph, Image]:
-    """The photograph scaled to a plate `width_px` wide."""
+    """The photograph scaled to a plate `width_px` wide.
+
+    Args:
+        photograph: with the box of its plate.
+        image: (h, w, 3) BGR.
+        width_px: of the plate in the result.
+    """
     scale, box = width_px / photograph.box.w_px, photograph.box
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     sides = (scale * side for side in (box.x_px, box.y_px, box.w_px, box.h_px))

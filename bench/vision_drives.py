@@ -1,8 +1,8 @@
 """Identity, gap and selection of the lead, on rendered drives in different light.
 
 `python -m bench vision_drives` prints the figures, `python -m bench.vision_drives` writes them into
-`docs/vision.md`. The reference is an AR tag of 0.3 m on the same vehicle and drive: its text has a
-checksum, and its sides are measured to a twentieth of a pixel.
+`docs/vision.md`. The reference is an AR tag of 0.3 m on the same vehicle and drive: its code
+detects errors, and its sides are measured to a twentieth of a pixel.
 """
 
 from collections.abc import Iterator

@@ -67,7 +67,13 @@ class _RecordingReader:
 def approach(
     plate: str, colour_bgr: tuple[int, int, int], rng: np.random.Generator
 ) -> Iterator[Look]:
-    """An approach to a vehicle of that colour, with that plate."""
+    """Yield the frames of an approach to a vehicle.
+
+    Args:
+        plate: its text.
+        colour_bgr: of its bodywork.
+        rng: for rendering.
+    """
     camera = CameraSettings(source="rig", **LENS.model_dump())
     reader = _RecordingReader()
     networks = Networks(PlateDetector(), reader)

@@ -84,7 +84,13 @@ def _photograph(drawn: _Drawn, rng: np.random.Generator) -> tuple[View, Quad]:
 
 
 def posed(width_px: float, height_px: float, rng: np.random.Generator) -> Quad:
-    """Corners around (0, 0), rotated and in perspective."""
+    """Corners around (0, 0), rotated and in perspective.
+
+    Args:
+        width_px: of the plate.
+        height_px: of the plate.
+        rng: for the pose.
+    """
     x, y = width_px / 2, height_px / 2
     corners = np.asarray([(-x, -y), (x, -y), (x, y), (-x, y)])
     squeeze = 1 - abs(rng.normal(0, 0.12))
@@ -150,7 +156,13 @@ def around(quad: Quad, shares: npt.NDArray[np.float64]) -> Quad:
 
 
 def draw_recess(scene: View, recess: Quad, rng: np.random.Generator) -> None:
-    """Draw a recess: bodywork of another shade, or only its edges."""
+    """Draw a recess: bodywork of another shade, or only its edges.
+
+    Args:
+        scene: (h, w, 3) BGR; is changed.
+        recess: its corners.
+        rng: for the shades.
+    """
     corners = np.rint(recess * 16).astype(np.int32)
     shade, edge = rng.integers(0, 255, 2).repeat(3).reshape(2, 3) + rng.normal(0, 12, (2, 3))
     if rng.random() < 0.6:

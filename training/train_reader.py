@@ -163,7 +163,13 @@ def _confidences(scores: torch.Tensor, temperature: float) -> npt.NDArray[np.flo
 
 
 def export(network: ReaderNetwork, temperature: float, path: Path) -> None:
-    """Write the network as ONNX, with the temperature in its last layer."""
+    """Write the network as ONNX, with the temperature in its last layer.
+
+    Args:
+        network: after training.
+        temperature: divisor of the logits.
+        path: of the file.
+    """
     network.eval()
     with torch.no_grad():
         scaled = ReaderNetwork()

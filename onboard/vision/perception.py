@@ -37,7 +37,7 @@ from onboard.vision.settings import Calibration, VisionSettings, guessed_calibra
 from onboard.vision.syntax import PlateSyntax
 from onboard.vision.tags import TagDetector
 from onboard.vision.tracker import KEEP_S, Tracker
-from onboard.vision.vehicle_detector import VehicleDetector
+from onboard.vision.vehicle_detector import VehicleBoxDetector
 from onboard.vision.vehicle_track import VehicleTrack
 
 Event = Plate | Lead | VehicleDetection | Discarded | SensorLost | SensorRecovered
@@ -335,7 +335,9 @@ class Perception:
             detectors.append(plates)
         if networks.vehicle_model is not None and settings.vehicle_model is not None:
             every_n_frames = settings.vehicle_model.every_n_frames
-            detectors.append(VehicleDetector(networks.vehicle_model, every_n_frames, perspective))
+            detectors.append(
+                VehicleBoxDetector(networks.vehicle_model, every_n_frames, perspective)
+            )
         return detectors
 
     def _scale_tracks(self, width_px: int, height_px: int) -> None:

@@ -23,9 +23,9 @@ Image = npt.NDArray[np.uint8]
 """(h, w, 3), BGR."""
 
 WIDTH_SIGMA_PX, WIDTH_SIGMA, SMALL_PX = 0.6, 0.015, 12.0
-"""Sigma of a detected plate's width: in pixels; as a share of it; and the width in pixels whose
-third power gives the share for small plates. In photographs scaled down, widths scatter by 3 to 8 %
-at 42 to 31 px, and by 4 to 6 % at 27 px, where 9 % are assumed."""
+"""Sigma of a detected plate's width: in pixels; as a share of the width; and for small plates as a
+share, the cube of this width by the plate's, both in pixels. In photographs scaled down, widths
+scatter by 3 to 8 % at 42 to 31 px, and by 4 to 6 % at 27 px, where 9 % are assumed."""
 MIN_PX = 24.0
 """Least width of a plate; of narrower ones, the detector finds fragments."""
 SURE_SCORE = 0.7
@@ -183,7 +183,13 @@ class _Found:
 
 
 def whole_plate(image: Image, plate: PlateDetection, perspective: Perspective) -> PlateDetection:
-    """The plate with its blue band; `plate` itself if it has none."""
+    """Include the blue band in a plate; `plate` itself if it has none.
+
+    Args:
+        image: (h, w, 3) BGR.
+        plate: as detected in it.
+        perspective: of the camera.
+    """
     if perspective.shape(plate.corners_px) < MIN_EUROPEAN_SHAPE:
         return plate
     corners_px = include_blue_band(image, plate.corners_px)

@@ -17,7 +17,7 @@ def _with_k3(distortion: object) -> object:
 
 
 class Calibration(Settings):
-    """Lens and position of the camera, as `onboard calibrate` writes them.
+    """Lens and mounting of the camera, as `onboard calibrate` writes them.
 
     A pinhole camera at height `mounting_height_m` over a flat road, pitched down by `pitch_rad` and
     turned to the right by `yaw_rad`. Pixels count from the outer corner of the top left one.
@@ -112,8 +112,8 @@ class CameraSettings(Calibration):
     """`/dev/video0` or its number; `http://` of an MJPEG stream; a video file; a folder or glob of
     images."""
     fps: float | None = Field(None, gt=0.0, le=1000.0)
-    """Frames a second of images (default 25), or of a video that states a wrong rate. A device is
-    asked for it."""
+    """Frames a second of images (default 25), or of a video that states a wrong rate; requested of
+    a device."""
 
 
 TagDictionary = Literal["4X4_50", "4X4_100", "4X4_250", "5X5_100", "5X5_250", "6X6_250", "7X7_250"]

@@ -25,7 +25,7 @@ EDGE_SIGMA_PX = 2.0
 """Sigma of a box's sides."""
 
 
-class VehicleDetector:
+class VehicleBoxDetector:
     """Detects vehicles in each n-th frame."""
 
     def __init__(self, detector: BoxModel, every_n_frames: int, perspective: Perspective) -> None:

@@ -85,7 +85,7 @@ class VehicleTrack:
 
     @property
     def text(self) -> str | None:
-        """The voted text: the tag's, which has a checksum, before the plate's."""
+        """The voted text: the tag's, which detects errors, before the plate's."""
         return self._tag.text or self._plate.text
 
     def text_of(self, detection: Detection) -> tuple[str | None, float]:

@@ -70,17 +70,19 @@ def frames(
     seed: int = 1,
 ) -> Iterator[tuple[float, npt.NDArray[np.uint8]]]:
     """Yield stamp and image of each frame of a drive."""
-    picture = RENDERER if camera is CAMERA else CameraRenderer(camera)
+    renderer = RENDERER if camera is CAMERA else CameraRenderer(camera)
     rng = np.random.default_rng(seed)
     for index in range(round(duration_s * fps)):
-        yield index / fps, picture.draw(scene_at(index / fps), rng)
+        yield index / fps, renderer.draw(scene_at(index / fps), rng)
 
 
-def see(perception: Perception, drive: Iterator[tuple[float, npt.NDArray[np.uint8]]]) -> Observed:
+def observe(
+    perception: Perception, drive: Iterator[tuple[float, npt.NDArray[np.uint8]]]
+) -> Observed:
     """Collect the events of `perception` on a drive."""
-    seen = Observed()
+    observed = Observed()
     for stamp_s, image in drive:
         perception.receive_frame(image, stamp_s)
         while (event := perception.next_event()) is not None:
-            seen.events.append(event)
-    return seen
+            observed.events.append(event)
+    return observed

@@ -27,7 +27,7 @@ from tests.vision.drive import CAMERA, frames
 BOUNDARY = b"picture"
 
 
-def picture(level: int, size: tuple[int, int] = (48, 64)) -> np.ndarray:
+def uniform_image(level: int, size: tuple[int, int] = (48, 64)) -> np.ndarray:
     return np.full((*size, 3), level, np.uint8)
 
 
@@ -39,23 +39,25 @@ def settings(source: str | Path, fps: float | None = None) -> CameraSettings:
     return CAMERA.model_copy(update={"source": str(source), "fps": fps})
 
 
-def write_pictures(folder: Path, names: list[str]) -> None:
+def write_images(folder: Path, names: list[str]) -> None:
     for index, name in enumerate(names):
         (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_bytes(jpeg(picture(10 * index)))
+        (folder / name).write_bytes(jpeg(uniform_image(10 * index)))
 
 
-def write_clip(path: Path, count: int, fps: int) -> None:
-    write_clip_at(path, [index / fps for index in range(count)], fps)
+def write_video(path: Path, count: int, fps: int) -> None:
+    write_video_at(path, [index / fps for index in range(count)], fps)
 
 
-def write_clip_at(path: Path, times_s: list[float], fps: int = 25, *, codec: str = "mpeg4") -> None:
+def write_video_at(
+    path: Path, times_s: list[float], fps: int = 25, *, codec: str = "mpeg4"
+) -> None:
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=fps)
         stream.width, stream.height = 64, 48
         stream.codec_context.time_base = Fraction(1, 1000)
         for index, time_s in enumerate(times_s):
-            frame = av.VideoFrame.from_ndarray(picture(20 * index), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(uniform_image(20 * index), format="bgr24")
             frame.pts, frame.time_base = round(1000 * time_s), Fraction(1, 1000)
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
@@ -103,7 +105,7 @@ def part(body: bytes) -> bytes:
 
 
 def test_images_of_a_folder_are_sorted_by_number(tmp_path: Path) -> None:
-    write_pictures(tmp_path, ["f10.jpg", "f2.jpg", "f1.png"])
+    write_images(tmp_path, ["f10.jpg", "f2.jpg", "f1.png"])
     (tmp_path / "truth.csv").write_text("file\n")
 
     source = open_frames(settings(tmp_path, fps=5.0))
@@ -116,7 +118,7 @@ def test_images_of_a_folder_are_sorted_by_number(tmp_path: Path) -> None:
 
 
 def test_images_in_subfolders_are_named_relative_to_the_given_folder(tmp_path: Path) -> None:
-    write_pictures(tmp_path, ["us/1.jpg", "eu/2.jpg"])
+    write_images(tmp_path, ["us/1.jpg", "eu/2.jpg"])
 
     assert [frame.name for frame in open_frames(settings(tmp_path))] == ["eu/2.jpg", "us/1.jpg"]
 
@@ -128,7 +130,7 @@ def test_images_in_subfolders_are_named_relative_to_the_given_folder(tmp_path: P
 def test_a_glob_selects_images(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, names: list[str]
 ) -> None:
-    write_pictures(tmp_path, ["us/1.jpg", "eu/2.jpg"])
+    write_images(tmp_path, ["us/1.jpg", "eu/2.jpg"])
     monkeypatch.chdir(tmp_path)
 
     assert [frame.name for frame in open_frames(settings(tmp_path / pattern))] == names
@@ -136,25 +138,25 @@ def test_a_glob_selects_images(
 
 
 def test_stamps_of_a_video_count_from_zero_at_its_stated_rate(tmp_path: Path) -> None:
-    write_clip(tmp_path / "clip.mp4", 5, fps=10)
+    write_video(tmp_path / "video.mp4", 5, fps=10)
 
-    stamps = [frame.stamp_s for frame in open_frames(settings(tmp_path / "clip.mp4"))]
+    stamps = [frame.stamp_s for frame in open_frames(settings(tmp_path / "video.mp4"))]
 
     assert stamps == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
 
 
 def test_a_given_rate_overrides_the_stated_one(tmp_path: Path) -> None:
-    write_clip(tmp_path / "clip.mp4", 3, fps=10)
+    write_video(tmp_path / "video.mp4", 3, fps=10)
 
-    stamps = [frame.stamp_s for frame in open_frames(settings(tmp_path / "clip.mp4", fps=20.0))]
+    stamps = [frame.stamp_s for frame in open_frames(settings(tmp_path / "video.mp4", fps=20.0))]
 
     assert stamps == pytest.approx([0.0, 0.05, 0.1])
 
 
 @pytest.mark.parametrize("ending", ["mp4", "mkv"])
 def test_frames_of_a_video_have_the_stamps_of_the_file(tmp_path: Path, ending: str) -> None:
-    path = tmp_path / f"clip.{ending}"
-    write_clip_at(path, [5.0, 5.04, 5.2, 5.24, 6.0])
+    path = tmp_path / f"video.{ending}"
+    write_video_at(path, [5.0, 5.04, 5.2, 5.24, 6.0])
 
     source = open_frames(settings(path))
 
@@ -164,9 +166,9 @@ def test_frames_of_a_video_have_the_stamps_of_the_file(tmp_path: Path, ending: s
 
 
 def test_a_pause_of_minutes_in_a_video_is_implausible(tmp_path: Path) -> None:
-    write_clip_at(tmp_path / "clip.mp4", [0.0, 0.5, 300.0, 300.1])
+    write_video_at(tmp_path / "video.mp4", [0.0, 0.5, 300.0, 300.1])
 
-    source = open_frames(settings(tmp_path / "clip.mp4"))
+    source = open_frames(settings(tmp_path / "video.mp4"))
     stamps = [frame.stamp_s for frame in source]
 
     assert isinstance(source, VideoFile)
@@ -175,9 +177,9 @@ def test_a_pause_of_minutes_in_a_video_is_implausible(tmp_path: Path) -> None:
 
 
 def test_frames_of_a_raw_stream_without_stamps_are_spaced_evenly(tmp_path: Path) -> None:
-    write_clip_at(tmp_path / "clip.h264", [0.0, 0.04, 0.08], codec="h264")
+    write_video_at(tmp_path / "video.h264", [0.0, 0.04, 0.08], codec="h264")
 
-    source = open_frames(settings(tmp_path / "clip.h264"))
+    source = open_frames(settings(tmp_path / "video.h264"))
     stamps = [frame.stamp_s for frame in source]
 
     assert isinstance(source, VideoFile)
@@ -186,7 +188,7 @@ def test_frames_of_a_raw_stream_without_stamps_are_spaced_evenly(tmp_path: Path)
 
 
 def test_broken_images_are_frames_without_an_image(tmp_path: Path) -> None:
-    sound = jpeg(picture(90))
+    sound = jpeg(uniform_image(90))
     for index, data in enumerate([sound, sound[: len(sound) // 2], b"", b"no picture", sound]):
         (tmp_path / f"{index}.jpg").write_bytes(data)
 
@@ -226,9 +228,9 @@ def test_the_error_for_an_unknown_stream_names_what_is_possible() -> None:
 
 
 def test_a_file_that_is_no_video_is_an_error(tmp_path: Path, capfd: object) -> None:
-    (tmp_path / "clip.mp4").write_text("no video")
+    (tmp_path / "video.mp4").write_text("no video")
     with pytest.raises(CameraError, match="not a video"):
-        open_frames(settings(tmp_path / "clip.mp4"))
+        open_frames(settings(tmp_path / "video.mp4"))
 
 
 def test_a_web_page_is_no_camera(tmp_path: Path) -> None:
@@ -244,22 +246,22 @@ def test_a_web_page_is_no_camera(tmp_path: Path) -> None:
 def test_a_live_stream_gives_the_newest_frame_on_the_monotonic_clock(serve) -> None:
     before_s = time.monotonic()
     source = open_frames(
-        settings(serve([[part(jpeg(picture(level))) for level in range(0, 250, 5)]]))
+        settings(serve([[part(jpeg(uniform_image(level))) for level in range(0, 250, 5)]]))
     )
 
     assert source.live
-    seen: list[Frame] = []
+    observed: list[Frame] = []
     for frame in source:
-        seen.append(frame)
+        observed.append(frame)
         if frame.image[0, 0, 0] > 240:
             source.close()
-    assert len(seen) <= 50
-    stamps = [before_s, *(frame.stamp_s for frame in seen), time.monotonic()]
+    assert len(observed) <= 50
+    stamps = [before_s, *(frame.stamp_s for frame in observed), time.monotonic()]
     assert stamps == sorted(stamps)
 
 
 def test_a_truncated_image_in_a_live_stream_is_an_empty_frame(serve) -> None:
-    torn = jpeg(picture(90))[:-40]
+    torn = jpeg(uniform_image(90))[:-40]
     source = open_frames(settings(serve([[part(torn), b"--picture"]])))
 
     assert next(iter(source)).image.size == 0
@@ -267,7 +269,13 @@ def test_a_truncated_image_in_a_live_stream_is_an_empty_frame(serve) -> None:
 
 
 def test_a_stream_that_ends_is_reopened(serve) -> None:
-    url = serve([[part(jpeg(picture(50)))], [part(jpeg(picture(100)))], [part(jpeg(picture(200)))]])
+    url = serve(
+        [
+            [part(jpeg(uniform_image(50)))],
+            [part(jpeg(uniform_image(100)))],
+            [part(jpeg(uniform_image(200)))],
+        ]
+    )
     source = open_frames(settings(url))
 
     levels = []
@@ -279,12 +287,12 @@ def test_a_stream_that_ends_is_reopened(serve) -> None:
 
 
 def events_of_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> list:
-    heard: list = []
+    events: list = []
     done = threading.Event()
 
-    def hear(observations: list) -> None:
-        heard.extend(observations)
-        if enough(heard):
+    def collect(observations: list) -> None:
+        events.extend(observations)
+        if enough(events):
             done.set()
 
     # On a slow machine, a stream that repeats itself delivers the same image again and again.
@@ -293,11 +301,11 @@ def events_of_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> 
         VisionSettings(plates=False, tag_side_m=0.4),
         PerceptionParameters(frozen_after_s=10.0),
     )
-    thread = CameraThread(camera, perception, hear)
+    thread = CameraThread(camera, perception, collect)
     thread.start()
     assert done.wait(20.0)
     thread.close()
-    return heard
+    return events
 
 
 def test_the_camera_thread_finds_the_lead_in_a_live_stream(serve) -> None:
@@ -306,24 +314,25 @@ def test_the_camera_thread_finds_the_lead_in_a_live_stream(serve) -> None:
     # A slow thread may receive only the newest of these; each connection repeats them.
     url = serve([[*map(part, drive)] for _ in range(30)])
 
-    heard = events_of_thread(
-        settings(url), lambda heard: any(getattr(event, "text", None) == "TAG4" for event in heard)
+    events = events_of_thread(
+        settings(url),
+        lambda events: any(getattr(event, "text", None) == "TAG4" for event in events),
     )
 
-    assert all(not isinstance(event, SensorLost) for event in heard)
+    assert all(not isinstance(event, SensorLost) for event in events)
 
 
 def test_the_camera_thread_plays_a_recording_and_reports_its_end(tmp_path: Path) -> None:
     for index, (_, image) in enumerate(frames(lambda _: Scene(), 0.5)):
         (tmp_path / f"{index}.jpg").write_bytes(jpeg(image) if index != 2 else b"broken")
 
-    heard = events_of_thread(
-        settings(tmp_path, fps=100.0), lambda heard: isinstance(heard[-1], SensorLost)
+    events = events_of_thread(
+        settings(tmp_path, fps=100.0), lambda events: isinstance(events[-1], SensorLost)
     )
 
-    assert heard[-1].reason == "end_of_recording"
-    assert [event.reason for event in heard if isinstance(event, Discarded)] == ["corrupt_frame"]
-    stamps = [event.stamp_s for event in heard if isinstance(event, Lead)]
+    assert events[-1].reason == "end_of_recording"
+    assert [event.reason for event in events if isinstance(event, Discarded)] == ["corrupt_frame"]
+    stamps = [event.stamp_s for event in events if isinstance(event, Lead)]
     assert len(stamps) == 4
     assert [later - sooner for sooner, later in itertools.pairwise(stamps)] == pytest.approx(
         [0.01, 0.02, 0.01]

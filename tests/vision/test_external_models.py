@@ -15,7 +15,7 @@ from onboard.vision.networks import load_perception
 from onboard.vision.perspective import Perspective
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.settings import BoxModelSettings, VehicleModelSettings, VisionSettings
-from onboard.vision.vehicle_detector import VehicleDetector
+from onboard.vision.vehicle_detector import VehicleBoxDetector
 from sim_rig.rendering.plate_art import EU, draw_plate
 from sim_rig.rendering.scene import opaque, warp_onto
 from tests.vision.drive import CAMERA
@@ -83,7 +83,7 @@ def test_an_output_that_does_not_fit_the_settings_is_an_error(
 
 def test_width_and_foot_point_agree_on_the_distance(tmp_path: Path) -> None:
     settings = model(tmp_path)
-    vehicles = VehicleDetector(
+    vehicles = VehicleBoxDetector(
         BoxModel(settings, "vision.vehicle_model"), settings.every_n_frames, Perspective(CAMERA)
     )
     # The only cell that the model has there spans u 480 to 600 and ends at v = 360: 1.8 m at
@@ -100,7 +100,7 @@ def test_width_and_foot_point_agree_on_the_distance(tmp_path: Path) -> None:
 
 def test_the_model_runs_on_each_nth_frame(tmp_path: Path) -> None:
     settings = model(tmp_path, every_n_frames=3)
-    vehicles = VehicleDetector(
+    vehicles = VehicleBoxDetector(
         BoxModel(settings, "vision.vehicle_model"), settings.every_n_frames, Perspective(CAMERA)
     )
 

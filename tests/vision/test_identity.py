@@ -95,15 +95,15 @@ def test_an_identified_text_survives_a_misreading() -> None:
 
 def test_another_text_is_identified_after_several_readings() -> None:
     votes = votes_for(*[("GN417KB", 0.95)] * 20)
-    votes = []
+    texts = []
     for index in range(200):
         votes.vote("RD288HX", 0.95, (0.95,) * 7, 2.0 + 0.1 * index)
-        votes.append(votes.text)
+        texts.append(votes.text)
 
-    assert votes[0] == "GN417KB"
-    assert votes[-1] == "RD288HX"
-    assert set(votes) == {"GN417KB", None, "RD288HX"}
-    assert votes.index("RD288HX") < 100
+    assert texts[0] == "GN417KB"
+    assert texts[-1] == "RD288HX"
+    assert set(texts) == {"GN417KB", None, "RD288HX"}
+    assert texts.index("RD288HX") < 100
 
 
 @pytest.mark.parametrize(

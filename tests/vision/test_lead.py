@@ -61,28 +61,28 @@ def test_an_empty_road_has_no_lead() -> None:
 
 
 def test_a_vehicle_is_the_lead_from_its_third_detection() -> None:
-    watcher = TrackedRoad()
+    road = TrackedRoad()
 
-    assert watcher.steps(2, detection(20.0)) is None
-    lead = watcher.step(detection(20.0))
+    assert road.steps(2, detection(20.0)) is None
+    lead = road.step(detection(20.0))
 
     assert lead is not None
     assert lead.ahead.position_m == pytest.approx(20.0)
 
 
 def test_a_single_detection_is_no_lead() -> None:
-    watcher = TrackedRoad()
-    watcher.step(detection(20.0))
-    watcher.steps(8)
+    road = TrackedRoad()
+    road.step(detection(20.0))
+    road.steps(8)
 
-    assert watcher.tracker.tracks == []
+    assert road.tracker.tracks == []
 
 
 @pytest.mark.parametrize("right_m", [-3.5, -2.0, 2.0, 3.5])
 def test_a_near_vehicle_in_the_next_lane_is_no_lead(right_m: float) -> None:
-    watcher = TrackedRoad()
+    road = TrackedRoad()
 
-    lead = watcher.steps(20, detection(8.0, right_m, "YW903MS"), detection(30.0, 0.3, None))
+    lead = road.steps(20, detection(8.0, right_m, "YW903MS"), detection(30.0, 0.3, None))
 
     assert lead is not None
     assert lead.ahead.position_m == pytest.approx(30.0, abs=0.1)
@@ -97,51 +97,51 @@ def test_the_nearer_of_two_vehicles_in_the_lane_is_the_lead() -> None:
 
 
 def test_a_lead_keeps_its_identity_while_its_plate_is_illegible() -> None:
-    watcher = TrackedRoad()
-    watcher.steps(10, detection(20.0))
+    road = TrackedRoad()
+    road.steps(10, detection(20.0))
 
-    lead = watcher.steps(20, detection(20.0, 0.0, None))
+    lead = road.steps(20, detection(20.0, 0.0, None))
 
     assert lead is not None
     assert lead.text == "GN417KB"
 
 
 def test_an_unobserved_lead_is_predicted_for_a_while() -> None:
-    watcher = TrackedRoad()
+    road = TrackedRoad()
     for index in range(20):
-        watcher.step(detection(30.0 - 0.2 * index))
+        road.step(detection(30.0 - 0.2 * index))
 
-    lead = watcher.steps(10)
+    lead = road.steps(10)
 
     assert lead is not None
     assert lead.ahead.position_m == pytest.approx(30.0 - 0.2 * 29, abs=0.5)
-    assert watcher.steps(6) is None
+    assert road.steps(6) is None
 
 
 def test_a_missed_frame_does_not_hand_the_lead_to_a_car_beyond_it() -> None:
-    watcher = TrackedRoad()
+    road = TrackedRoad()
     far = detection(40.0, 0.0, "FAR1")
-    watcher.steps(10, detection(15.0, 0.0, "NEAR1"), far)
+    road.steps(10, detection(15.0, 0.0, "NEAR1"), far)
 
-    assert (lead := watcher.steps(3, far)) is not None
+    assert (lead := road.steps(3, far)) is not None
     assert lead.text == "NEAR1"
 
 
 def test_an_unobserved_lead_gives_way_to_a_vehicle_observed_behind_it() -> None:
-    watcher = TrackedRoad()
+    road = TrackedRoad()
     far = detection(40.0, 0.0, "FAR1")
-    watcher.steps(10, detection(15.0, 0.0, "NEAR1"), far)
+    road.steps(10, detection(15.0, 0.0, "NEAR1"), far)
 
-    assert (lead := watcher.steps(6, far)) is not None
+    assert (lead := road.steps(6, far)) is not None
     assert lead.text == "FAR1"
 
 
 def test_a_vehicle_that_cuts_in_becomes_the_lead_in_the_lane() -> None:
-    watcher = TrackedRoad()
+    road = TrackedRoad()
     leads = []
     for index in range(40):
         right_m = max(0.0, 3.5 - 0.12 * index)
-        lead = watcher.step(detection(30.0, 0.0, "OLD1"), detection(12.0, right_m, "CUTIN"))
+        lead = road.step(detection(30.0, 0.0, "OLD1"), detection(12.0, right_m, "CUTIN"))
         leads.append((right_m, lead.text if lead else None))
 
     assert all(text != "CUTIN" for right_m, text in leads if right_m > 0.5 * LANE_M)
@@ -149,12 +149,12 @@ def test_a_vehicle_that_cuts_in_becomes_the_lead_in_the_lane() -> None:
 
 
 def test_a_lead_that_leaves_the_lane_is_no_lead_any_more() -> None:
-    watcher = TrackedRoad()
-    watcher.steps(10, detection(20.0))
+    road = TrackedRoad()
+    road.steps(10, detection(20.0))
     leads = []
     for index in range(40):
         right_m = min(3.5, 0.12 * index)
-        leads.append((right_m, watcher.step(detection(20.0, right_m))))
+        leads.append((right_m, road.step(detection(20.0, right_m))))
 
     assert all(lead is not None for right_m, lead in leads if right_m < 0.4 * LANE_M)
     assert all(lead is None for right_m, lead in leads if right_m > 0.7 * LANE_M)
@@ -162,12 +162,12 @@ def test_a_lead_that_leaves_the_lane_is_no_lead_any_more() -> None:
 
 def test_parked_cars_in_bends_are_not_leads() -> None:
     """A bend to the left of 25 m, at 6 m/s; they stand 3 m beside the middle of the lane."""
-    watcher = TrackedRoad()
+    road = TrackedRoad()
     leads = []
     for index in range(40):
         on_the_road_m = [20.0 + 9.0 * car - 6.0 * STEP_S * index for car in range(4)]
         places = [(s, 3.0 - s**2 / 50.0) for s in on_the_road_m if 2.0 < s < 13.0]
-        leads.append(watcher.step(*(detection(ahead_m, right_m) for ahead_m, right_m in places)))
+        leads.append(road.step(*(detection(ahead_m, right_m) for ahead_m, right_m in places)))
 
     assert leads == [None] * 40
 
@@ -178,10 +178,10 @@ def test_a_vehicle_off_the_middle_of_the_lane_is_a_lead(right_m: float) -> None:
 
 
 def test_a_vehicle_on_the_line_does_not_toggle() -> None:
-    watcher = TrackedRoad()
-    watcher.steps(10, detection(20.0, 1.0))
+    road = TrackedRoad()
+    road.steps(10, detection(20.0, 1.0))
     rng = np.random.default_rng(5)
-    leads = [watcher.step(detection(20.0, 1.55 + rng.normal(0.0, 0.1))) for _ in range(100)]
+    leads = [road.step(detection(20.0, 1.55 + rng.normal(0.0, 0.1))) for _ in range(100)]
 
     assert all(lead is not None for lead in leads)
 
@@ -192,11 +192,11 @@ def test_a_detection_a_vehicles_length_behind_an_unobserved_lead_is_another_vehi
 ) -> None:
     """It turned off; the vehicle before it is too far away to be read, and its distance is
     rough."""
-    watcher = TrackedRoad()
-    watcher.steps(10, detection(6.0))
-    watcher.steps(steps_away)
+    road = TrackedRoad()
+    road.steps(10, detection(6.0))
+    road.steps(steps_away)
 
-    lead = watcher.steps(8, detection(12.5, text=None))
+    lead = road.steps(8, detection(12.5, text=None))
 
     assert lead is not None
     assert lead.text is None
@@ -204,75 +204,75 @@ def test_a_detection_a_vehicles_length_behind_an_unobserved_lead_is_another_vehi
 
 
 def test_a_lead_found_again_near_its_prediction_is_the_same() -> None:
-    watcher, rate_m_s = TrackedRoad(), 4.0
+    road, rate_m_s = TrackedRoad(), 4.0
     for step in range(10):
-        watcher.step(detection(10.0 + rate_m_s * STEP_S * step))
-    watcher.steps(10)
+        road.step(detection(10.0 + rate_m_s * STEP_S * step))
+    road.steps(10)
 
-    lead = watcher.step(detection(10.0 + rate_m_s * STEP_S * 20, text=None))
+    lead = road.step(detection(10.0 + rate_m_s * STEP_S * 20, text=None))
 
     assert lead is not None
     assert lead.text == "GN417KB"
 
 
 def test_another_plate_at_another_position_is_another_vehicle() -> None:
-    watcher = TrackedRoad()
-    watcher.steps(10, detection(25.0, 0.0, "OLD1"))
-    lead = watcher.steps(3, detection(25.0, 0.0, "OLD1"), detection(10.0, 0.0, "NEW1"))
+    road = TrackedRoad()
+    road.steps(10, detection(25.0, 0.0, "OLD1"))
+    lead = road.steps(3, detection(25.0, 0.0, "OLD1"), detection(10.0, 0.0, "NEW1"))
 
     assert lead is not None
     assert lead.text == "NEW1"
 
 
 def test_two_plates_on_one_vehicle_are_one_track_with_its_first_plate() -> None:
-    watcher = TrackedRoad()
+    road = TrackedRoad()
     upper, lower = detection(20.0, 0.0, "RACK1", height_m=1.0), detection(20.0, 0.2, "GN417KB")
-    watcher.steps(3, lower)
+    road.steps(3, lower)
     for index in range(30):
-        watcher.step(*((upper, lower) if index % 2 else (lower, upper)))
+        road.step(*((upper, lower) if index % 2 else (lower, upper)))
 
-    assert [track.text for track in watcher.tracker.tracks] == ["GN417KB"]
+    assert [track.text for track in road.tracker.tracks] == ["GN417KB"]
 
 
 @pytest.mark.parametrize("beside_m", [0.6, 0.9])
 def test_two_plates_side_by_side_are_one_track_with_its_first_plate(beside_m: float) -> None:
-    watcher = TrackedRoad()
+    road = TrackedRoad()
     left, right = detection(7.0, 0.0, "GN417KB"), detection(7.1, beside_m, "SHOW1")
-    watcher.steps(3, left)
+    road.steps(3, left)
     for index in range(30):
-        watcher.step(*((left, right), (right, left), (left,))[index % 3])
+        road.step(*((left, right), (right, left), (left,))[index % 3])
 
-    assert [track.text for track in watcher.tracker.tracks] == ["GN417KB"]
+    assert [track.text for track in road.tracker.tracks] == ["GN417KB"]
 
 
 def test_motorcycles_side_by_side_are_two_tracks() -> None:
-    watcher = TrackedRoad()
-    watcher.steps(10, detection(10.0, 0.0, "LEFT1"), detection(10.0, 1.3, "RIGHT1"))
+    road = TrackedRoad()
+    road.steps(10, detection(10.0, 0.0, "LEFT1"), detection(10.0, 1.3, "RIGHT1"))
 
-    assert [track.text for track in watcher.tracker.tracks] == ["LEFT1", "RIGHT1"]
+    assert [track.text for track in road.tracker.tracks] == ["LEFT1", "RIGHT1"]
 
 
 def test_a_tag_and_a_plate_on_one_vehicle_are_one_track_identified_by_its_tag() -> None:
-    watcher = TrackedRoad()
-    watcher.steps(10, detection(10.0), detection(10.1, 0.1, "TAG7", DetectionKind.TAG, 0.8))
+    road = TrackedRoad()
+    road.steps(10, detection(10.0), detection(10.1, 0.1, "TAG7", DetectionKind.TAG, 0.8))
 
-    assert [track.text for track in watcher.tracker.tracks] == ["TAG7"]
+    assert [track.text for track in road.tracker.tracks] == ["TAG7"]
 
 
 def test_vehicles_abreast_keep_their_tracks() -> None:
-    watcher = TrackedRoad()
+    road = TrackedRoad()
     rng = np.random.default_rng(6)
     for index in range(100):
         ahead_m = 20.0 + 5.0 * np.sin(0.1 * index) + rng.normal(0.0, 0.2)
-        seen = [
+        observed = [
             detection(ahead_m, 0.0, "MIDDLE"),
             detection(40.0 - ahead_m, 3.5, "RIGHT"),
             detection(22.0, -3.5, "LEFT"),
         ]
-        rng.shuffle(seen)
-        watcher.step(*[each for each in seen if rng.random() < 0.8])
+        rng.shuffle(observed)
+        road.step(*[each for each in observed if rng.random() < 0.8])
 
-    texts = {track.text: track.right.position_m for track in watcher.tracker.tracks}
+    texts = {track.text: track.right.position_m for track in road.tracker.tracks}
     assert texts == {
         "MIDDLE": pytest.approx(0.0, abs=0.3),
         "RIGHT": pytest.approx(3.5, abs=0.3),

@@ -14,7 +14,7 @@ from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import Scene, SceneCar
-from tests.vision.drive import Observed, frames, see
+from tests.vision.drive import Observed, frames, observe
 
 CAMERA = CameraSettings(
     source="rendered",
@@ -46,8 +46,8 @@ def drive() -> Drive:
     return rendered(SceneCar(GAP_M, 0.2, plate=LEAD))
 
 
-def searched_at(pictures: Drive) -> Observed:
-    return see(Perception(CAMERA, VisionSettings(), Networks(FINDER, READER)), iter(pictures))
+def observe_images(images: Drive) -> Observed:
+    return observe(Perception(CAMERA, VisionSettings(), Networks(FINDER, READER)), iter(images))
 
 
 def spoilt(drive: Drive, *ways: Change) -> Drive:
@@ -58,10 +58,10 @@ def spoilt(drive: Drive, *ways: Change) -> Drive:
     ]
 
 
-def assert_identity_kept(seen: Observed) -> None:
-    assert {lead.text for lead in seen.leads} <= {None, LEAD}
-    assert seen.leads[-1].text == LEAD
-    assert seen.leads[-1].gap_m == pytest.approx(GAP_M, rel=0.1)
+def assert_identity_kept(observed: Observed) -> None:
+    assert {lead.text for lead in observed.leads} <= {None, LEAD}
+    assert observed.leads[-1].text == LEAD
+    assert observed.leads[-1].gap_m == pytest.approx(GAP_M, rel=0.1)
 
 
 def blank(level: int) -> Change:
@@ -81,12 +81,12 @@ def not_decoded(_: Image) -> Image:
 
 
 def test_invalid_frames_are_discarded_and_the_lead_keeps_its_identity(drive: Drive) -> None:
-    seen = searched_at(spoilt(drive, blank(0), blank(255), rotated, narrower, not_decoded))
+    observed = observe_images(spoilt(drive, blank(0), blank(255), rotated, narrower, not_decoded))
 
-    reasons = [event.reason for event in seen.discarded]
+    reasons = [event.reason for event in observed.discarded]
     assert reasons == ["blank_frame"] * 2 + ["frame_size"] * 2 + ["corrupt_frame"]
-    assert len(seen.leads) == len(drive) - len(reasons)
-    assert_identity_kept(seen)
+    assert len(observed.leads) == len(drive) - len(reasons)
+    assert_identity_kept(observed)
 
 
 def torn(image: Image) -> Image:
@@ -109,30 +109,30 @@ def half_as_large(image: Image) -> Image:
 
 @pytest.mark.parametrize("how", [torn, darker, overexposed, half_as_large])
 def test_odd_frames_do_not_change_the_leads_identity(drive: Drive, how: Change) -> None:
-    seen = searched_at(spoilt(drive, how))
+    observed = observe_images(spoilt(drive, how))
 
-    assert len(seen.leads) == len(drive)
-    assert_identity_kept(seen)
+    assert len(observed.leads) == len(drive)
+    assert_identity_kept(observed)
 
 
 def test_a_stream_that_changes_its_resolution_for_good_keeps_the_lead(drive: Drive) -> None:
-    pictures = drive[:10] + [(stamp_s, half_as_large(image)) for stamp_s, image in drive[10:]]
+    images = drive[:10] + [(stamp_s, half_as_large(image)) for stamp_s, image in drive[10:]]
 
-    assert_identity_kept(searched_at(pictures))
+    assert_identity_kept(observe_images(images))
 
 
 def test_a_stream_that_alternates_its_resolution_has_no_closing_speed(drive: Drive) -> None:
     """Slightly larger: the change of scale of a rear from one frame to the next."""
     sizes = [(640, 360), (576, 324)]
-    pictures = [
+    images = [
         (stamp_s, np.asarray(cv2.resize(image, sizes[index % 2]), np.uint8))
         for index, (stamp_s, image) in enumerate(drive)
     ]
 
-    seen = searched_at(pictures)
+    observed = observe_images(images)
 
-    assert_identity_kept(seen)
-    for lead in seen.leads[2:]:
+    assert_identity_kept(observed)
+    for lead in observed.leads[2:]:
         assert lead.gap_m == pytest.approx(GAP_M, rel=0.1)
         assert lead.closing_speed_m_s == pytest.approx(0.0, abs=2.0)
 
@@ -151,31 +151,33 @@ def no_signal(_: float) -> Image:
 def test_blank_frames_do_not_report_a_free_road(
     given: Callable[[float], Image],
 ) -> None:
-    seen = searched_at([(0.1 * index, given(0.1 * index)) for index in range(5)])
+    observed = observe_images([(0.1 * index, given(0.1 * index)) for index in range(5)])
 
-    assert [event.reason for event in seen.discarded] == ["blank_frame"] * 5
-    assert seen.leads == []
+    assert [event.reason for event in observed.discarded] == ["blank_frame"] * 5
+    assert observed.leads == []
 
 
 @pytest.mark.parametrize("axis", [0, 1, -1], ids=["upside down", "mirrored", "both"])
 def test_a_wrongly_mounted_camera_identifies_no_lead(drive: Drive, axis: int) -> None:
-    seen = searched_at([(stamp_s, np.asarray(cv2.flip(i, axis), np.uint8)) for stamp_s, i in drive])
+    observed = observe_images(
+        [(stamp_s, np.asarray(cv2.flip(i, axis), np.uint8)) for stamp_s, i in drive]
+    )
 
-    assert {lead.text for lead in seen.leads} == {None}
+    assert {lead.text for lead in observed.leads} == {None}
 
 
 def test_a_frozen_camera_is_lost_and_the_lead_is_identified_again_afterwards(drive: Drive) -> None:
     frozen = [(1.5 + 0.1 * index, drive[-1][1]) for index in range(15)]
     after = [(3.0 + stamp_s, image) for stamp_s, image in drive]
 
-    seen = searched_at(drive + frozen + after)
+    observed = observe_images(drive + frozen + after)
 
-    lost, back = seen.health
+    lost, back = observed.health
     assert isinstance(lost, SensorLost)
     assert (lost.sensor, lost.reason) == (Sensor.CAMERA, "frozen")
     assert back == SensorRecovered(3.0, Sensor.CAMERA)
-    assert not any(lost.stamp_s <= lead.stamp_s < back.stamp_s for lead in seen.leads)
-    assert_identity_kept(seen)
+    assert not any(lost.stamp_s <= lead.stamp_s < back.stamp_s for lead in observed.leads)
+    assert_identity_kept(observed)
 
 
 @pytest.mark.parametrize("how", ["silent", "frozen", "covered"])
@@ -189,9 +191,9 @@ def test_after_a_long_outage_the_lead_is_not_identified(drive: Drive, how: str) 
     another = rendered(SceneCar(28.0, plate="YW903MS", colour_bgr=(40, 40, 160)))
     back = [(60.0 + stamp_s, image) for stamp_s, image in another]
 
-    seen = searched_at(drive + away + back)
+    observed = observe_images(drive + away + back)
 
-    after = [lead for lead in seen.leads if lead.stamp_s >= 60.0]
+    after = [lead for lead in observed.leads if lead.stamp_s >= 60.0]
     assert {lead.text for lead in after} == {None}
     assert after[-1].identity is LeadIdentity.UNKNOWN
 
@@ -199,15 +201,15 @@ def test_after_a_long_outage_the_lead_is_not_identified(drive: Drive, how: str) 
 def test_after_an_outage_of_a_second_the_lead_keeps_its_identity(drive: Drive) -> None:
     back = [(2.4 + stamp_s, image) for stamp_s, image in drive]
 
-    seen = searched_at(drive + back)
+    observed = observe_images(drive + back)
 
-    assert {lead.text for lead in seen.leads if lead.stamp_s >= 2.4} == {LEAD}
+    assert {lead.text for lead in observed.leads if lead.stamp_s >= 2.4} == {LEAD}
 
 
 def clock(image: Image, stamp_s: float) -> None:
     at = (8, image.shape[0] - 8)
-    told = f"2026-11-22 10:30:{stamp_s:05.2f}"
-    cv2.putText(image, told, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255))
+    clock_text = f"2026-11-22 10:30:{stamp_s:05.2f}"
+    cv2.putText(image, clock_text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255))
 
 
 def noisy_pixel(image: Image, stamp_s: float) -> None:
@@ -219,15 +221,17 @@ def test_a_frozen_camera_with_a_running_clock_in_its_image_is_lost(
     drive: Drive, changed: Callable[[Image, float], None]
 ) -> None:
     frozen = [(1.5 + 0.1 * index, drive[-1][1].copy()) for index in range(10)]
-    pictures = []
+    images = []
     for stamp_s, image in drive + frozen:
         changed(shown := image.copy(), stamp_s)
-        pictures.append((stamp_s, shown))
+        images.append((stamp_s, shown))
 
-    seen = searched_at(pictures)
+    observed = observe_images(images)
 
-    assert [type(event) for event in seen.health] == [SensorLost]
-    assert {lead.stamp_s for lead in seen.leads if lead.stamp_s >= seen.health[0].stamp_s} == set()
+    assert [type(event) for event in observed.health] == [SensorLost]
+    assert {
+        lead.stamp_s for lead in observed.leads if lead.stamp_s >= observed.health[0].stamp_s
+    } == set()
 
 
 def test_a_standstill_behind_a_standing_vehicle_is_not_frozen() -> None:
@@ -240,7 +244,7 @@ def test_a_standstill_behind_a_standing_vehicle_is_not_frozen() -> None:
 
 
 def test_a_plate_in_the_next_lane_is_no_lead_when_the_hosts_lane_is_empty() -> None:
-    seen = searched_at(rendered(SceneCar(22.0, 3.5, plate=LEAD)))
+    observed = observe_images(rendered(SceneCar(22.0, 3.5, plate=LEAD)))
 
-    assert seen.cars
-    assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
+    assert observed.cars
+    assert {lead.identity for lead in observed.leads} == {LeadIdentity.NO_LEAD}

@@ -20,7 +20,7 @@ from onboard.vision.networks import load_perception
 from onboard.vision.perception import DEFAULT_PARAMETERS, GUESSED_LENS_SIGMA
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import Scene, SceneCar
-from tests.vision.drive import CAMERA, TAGS, frames, see
+from tests.vision.drive import CAMERA, TAGS, frames, observe
 
 TAG_SIDE_M = 0.4
 SETTINGS = VisionSettings(plates=False, tag_side_m=TAG_SIDE_M)
@@ -35,77 +35,85 @@ def road(*cars: SceneCar) -> Scene:
 
 
 def test_there_is_exactly_one_lead_event_for_each_frame() -> None:
-    seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 2.0))
+    observed = observe(
+        load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 2.0)
+    )
 
-    assert [lead.stamp_s for lead in seen.leads] == pytest.approx(np.arange(20) / 10)
+    assert [lead.stamp_s for lead in observed.leads] == pytest.approx(np.arange(20) / 10)
 
 
 def test_no_lead_unknown_lead_and_known_lead_are_distinct() -> None:
-    nobody = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(), 1.0))
-    somebody = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 1.0))
+    without_lead = observe(load_perception(CAMERA, SETTINGS), frames(lambda _: road(), 1.0))
+    with_lead = observe(
+        load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(15, 0, 1)), 1.0)
+    )
 
-    assert {lead.identity for lead in nobody.leads} == {LeadIdentity.NO_LEAD}
-    assert {(lead.text, lead.gap_m) for lead in nobody.leads} == {(None, None)}
-    assert somebody.leads[-1].identity is LeadIdentity.KNOWN
-    assert somebody.leads[-1].text == "TAG1"
+    assert {lead.identity for lead in without_lead.leads} == {LeadIdentity.NO_LEAD}
+    assert {(lead.text, lead.gap_m) for lead in without_lead.leads} == {(None, None)}
+    assert with_lead.leads[-1].identity is LeadIdentity.KNOWN
+    assert with_lead.leads[-1].text == "TAG1"
 
 
 def test_a_lamp_in_a_dark_window_is_no_tag() -> None:
-    seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(10, 0, 17)), 1.0))
+    observed = observe(
+        load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(10, 0, 17)), 1.0)
+    )
 
-    assert seen.plates == []
-    assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
+    assert observed.plates == []
+    assert {lead.identity for lead in observed.leads} == {LeadIdentity.NO_LEAD}
 
 
 @pytest.mark.parametrize("gap_m", [5.0, 10.0, 15.0, 20.0])
 def test_the_gap_follows_from_the_size_of_the_tag(gap_m: float) -> None:
-    seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(gap_m, 0, 1)), 1.0))
+    observed = observe(
+        load_perception(CAMERA, SETTINGS), frames(lambda _: road(tagged(gap_m, 0, 1)), 1.0)
+    )
 
-    lead = seen.leads[-1]
+    lead = observed.leads[-1]
     assert lead.gap_m == pytest.approx(gap_m, rel=0.04)
     assert lead.gap_sigma_m is not None
     assert abs(lead.gap_m - gap_m) < 3 * lead.gap_sigma_m
 
 
 def test_closing_speed_is_positive_while_the_gap_shrinks() -> None:
-    seen = see(
+    observed = observe(
         load_perception(CAMERA, SETTINGS), frames(lambda t: road(tagged(25 - 4 * t, 0, 1)), 3.0)
     )
 
-    lead = seen.leads[-1]
+    lead = observed.leads[-1]
     assert lead.closing_speed_m_s == pytest.approx(4.0, abs=0.5)
     assert lead.gap_m == pytest.approx(25 - 4 * 2.9, rel=0.03)
 
 
 def test_a_nearer_vehicle_in_the_next_lane_is_detected_and_is_no_lead() -> None:
     scene = road(tagged(10, 3.5, 3), tagged(20, 0, 1))
-    seen = see(load_perception(CAMERA, SETTINGS), frames(lambda _: scene, 1.0))
+    observed = observe(load_perception(CAMERA, SETTINGS), frames(lambda _: scene, 1.0))
 
-    assert {lead.text for lead in seen.leads[3:]} == {"TAG1"}
-    assert {plate.text for plate in seen.plates if plate.is_lead} == {"TAG1"}
-    assert {plate.text for plate in seen.plates if not plate.is_lead} >= {"TAG3"}
-    neighbour = next(car for car in reversed(seen.cars) if car.text == "TAG3")
+    assert {lead.text for lead in observed.leads[3:]} == {"TAG1"}
+    assert {plate.text for plate in observed.plates if plate.is_lead} == {"TAG1"}
+    assert {plate.text for plate in observed.plates if not plate.is_lead} >= {"TAG3"}
+    neighbour = next(car for car in reversed(observed.cars) if car.text == "TAG3")
     assert neighbour.range_m == pytest.approx(np.hypot(10, 3.5), rel=0.03)
     assert neighbour.bearing_rad == pytest.approx(np.arctan2(3.5, 10), abs=0.01)
 
 
 def test_a_track_keeps_its_number() -> None:
-    seen = see(
+    observed = observe(
         load_perception(CAMERA, SETTINGS),
         frames(lambda t: road(tagged(10 + t, -3.5 + 0.7 * t, 2)), 5.0),
     )
 
-    assert len({car.track_id for car in seen.cars}) == 1
-    assert len(seen.cars) > 40
+    assert len({car.track_id for car in observed.cars}) == 1
+    assert len(observed.cars) > 40
 
 
 def test_a_vehicle_that_cuts_in_becomes_the_lead() -> None:
     def scene(stamp_s: float) -> Scene:
         return road(tagged(25, 0, 1), tagged(12, max(0.0, 3.5 - 1.2 * stamp_s), 2))
 
-    seen = see(load_perception(CAMERA, SETTINGS), frames(scene, 5.0))
+    observed = observe(load_perception(CAMERA, SETTINGS), frames(scene, 5.0))
 
-    texts = [lead.text for lead in seen.leads]
+    texts = [lead.text for lead in observed.leads]
     assert texts[12] == "TAG1"
     assert texts[-1] == "TAG2"
     # Once, and not back and forth.
@@ -120,11 +128,11 @@ def test_a_lead_that_changes_in_a_repeated_frame_does_not_get_the_old_ones_speed
         return road(tagged(8, -aside_m, 1), tagged(18 - 2 * stamp_s, 0.6, 2))
 
     drive = list(frames(scene, 3.0))
-    leads = see(load_perception(CAMERA, SETTINGS), iter(drive)).leads
+    leads = observe(load_perception(CAMERA, SETTINGS), iter(drive)).leads
     changed = next(index for index, lead in enumerate(leads) if lead.text == "TAG2")
     drive[changed] = (drive[changed][0], drive[changed - 1][1])
 
-    leads = see(load_perception(CAMERA, SETTINGS), iter(drive)).leads
+    leads = observe(load_perception(CAMERA, SETTINGS), iter(drive)).leads
 
     assert [lead.text for lead in leads[changed - 1 : changed + 1]] == ["TAG1", "TAG2"]
     for lead in leads[changed:]:
@@ -134,7 +142,7 @@ def test_a_lead_that_changes_in_a_repeated_frame_does_not_get_the_old_ones_speed
 def test_tags_at_half_the_resolution_have_the_same_distance() -> None:
     half = frames(lambda _: road(tagged(8, 0, 1)), 1.0, camera=CAMERA.model_copy(update=_half()))
 
-    assert see(load_perception(CAMERA, SETTINGS), half).leads[-1].gap_m == pytest.approx(
+    assert observe(load_perception(CAMERA, SETTINGS), half).leads[-1].gap_m == pytest.approx(
         8.0, rel=0.03
     )
 
@@ -150,60 +158,62 @@ def test_a_repeated_frame_is_a_lost_camera_after_a_while() -> None:
     frozen = [(1.0 + 0.1 * index, drive[-1][1]) for index in range(20)]
     after = [(3.0 + stamp_s, image) for stamp_s, image in drive]
 
-    seen = see(load_perception(CAMERA, SETTINGS), iter(drive + frozen + after))
+    observed = observe(load_perception(CAMERA, SETTINGS), iter(drive + frozen + after))
 
-    lost, back = seen.health
+    lost, back = observed.health
     assert isinstance(lost, SensorLost)
     assert (lost.sensor, lost.reason) == (Sensor.CAMERA, "frozen")
     assert 0.9 + DEFAULT_PARAMETERS.frozen_after_s < lost.stamp_s <= 1.9 + 1e-9
     assert back == SensorRecovered(3.0, Sensor.CAMERA)
-    assert not any(lost.stamp_s <= lead.stamp_s < 3.0 for lead in seen.leads)
-    assert seen.leads[-1].text == "TAG1"
+    assert not any(lost.stamp_s <= lead.stamp_s < 3.0 for lead in observed.leads)
+    assert observed.leads[-1].text == "TAG1"
 
 
 def test_one_or_two_repeated_frames_are_a_slow_camera() -> None:
     drive = list(frames(lambda t: road(tagged(20 - 2 * t, 0, 1)), 2.0))
     twice = [(0.05 * index, drive[index // 2][1]) for index in range(40)]
 
-    seen = see(load_perception(CAMERA, SETTINGS), iter(twice))
+    observed = observe(load_perception(CAMERA, SETTINGS), iter(twice))
 
-    assert seen.health == []
-    assert len(seen.leads) == 40
-    assert len(seen.plates) == 20
+    assert observed.health == []
+    assert len(observed.leads) == 40
+    assert len(observed.plates) == 20
 
 
 @pytest.mark.parametrize("level", [0, 128, 255])
 def test_a_blank_frame_is_discarded(level: int) -> None:
     blank = np.full((540, 960, 3), level, np.uint8)
-    seen = see(load_perception(CAMERA, SETTINGS), iter([(0.0, blank)]))
+    observed = observe(load_perception(CAMERA, SETTINGS), iter([(0.0, blank)]))
 
-    assert [(event.component, event.reason) for event in seen.events] == [("vision", "blank_frame")]
+    assert [(event.component, event.reason) for event in observed.events] == [
+        ("vision", "blank_frame")
+    ]
 
 
 @pytest.mark.parametrize("shape", [(0, 0, 3), (540, 960), (540, 960, 4), (540, 0, 3)])
 def test_a_frame_that_did_not_decode_is_discarded(shape: tuple[int, ...]) -> None:
-    seen = see(load_perception(CAMERA, SETTINGS), iter([(0.0, np.zeros(shape, np.uint8))]))
+    observed = observe(load_perception(CAMERA, SETTINGS), iter([(0.0, np.zeros(shape, np.uint8))]))
 
-    assert [event.reason for event in seen.discarded] == ["corrupt_frame"]
+    assert [event.reason for event in observed.discarded] == ["corrupt_frame"]
 
 
 def test_a_rotated_frame_is_discarded_and_the_next_valid_one_is_not() -> None:
     drive = list(frames(lambda _: road(tagged(15, 0, 1)), 1.0))
     drive[5] = (0.5, np.rot90(drive[5][1]).copy())
 
-    seen = see(load_perception(CAMERA, SETTINGS), iter(drive))
+    observed = observe(load_perception(CAMERA, SETTINGS), iter(drive))
 
-    assert [event.reason for event in seen.discarded] == ["frame_size"]
-    assert seen.leads[-1].text == "TAG1"
+    assert [event.reason for event in observed.discarded] == ["frame_size"]
+    assert observed.leads[-1].text == "TAG1"
 
 
 def test_an_old_frame_is_discarded() -> None:
     drive = list(frames(lambda _: road(), 0.3))
 
-    seen = see(load_perception(CAMERA, SETTINGS), iter([drive[1], drive[0], drive[2]]))
+    observed = observe(load_perception(CAMERA, SETTINGS), iter([drive[1], drive[0], drive[2]]))
 
-    assert [event.reason for event in seen.discarded] == ["old_frame"]
-    assert [lead.stamp_s for lead in seen.leads] == pytest.approx([0.1, 0.2])
+    assert [event.reason for event in observed.discarded] == ["old_frame"]
+    assert [lead.stamp_s for lead in observed.leads] == pytest.approx([0.1, 0.2])
 
 
 def test_truncated_frames_lose_no_lead() -> None:
@@ -215,9 +225,9 @@ def test_truncated_frames_lose_no_lead() -> None:
             image[row:] = np.roll(image[row:], int(rng.integers(50, 900)), axis=1)
         drive.append((stamp_s, image))
 
-    seen = see(load_perception(CAMERA, SETTINGS), iter(drive))
+    observed = observe(load_perception(CAMERA, SETTINGS), iter(drive))
 
-    assert {lead.text for lead in seen.leads[10:]} == {"TAG1"}
+    assert {lead.text for lead in observed.leads[10:]} == {"TAG1"}
 
 
 def test_sudden_exposure_changes_lose_no_lead() -> None:
@@ -226,9 +236,9 @@ def test_sudden_exposure_changes_lose_no_lead() -> None:
         for stamp_s, image in frames(lambda _: road(tagged(15, 0, 1)), 4.0)
     ]
 
-    seen = see(load_perception(CAMERA, SETTINGS), iter(drive))
+    observed = observe(load_perception(CAMERA, SETTINGS), iter(drive))
 
-    assert {lead.text for lead in seen.leads[4:]} == {"TAG1"}
+    assert {lead.text for lead in observed.leads[4:]} == {"TAG1"}
 
 
 @settings(max_examples=30)
@@ -247,16 +257,16 @@ def test_no_image_raises(image: np.ndarray[tuple[int, int, int], np.dtype[np.uin
 
 def test_without_a_calibration_the_sigma_of_distances_is_large() -> None:
     rest = CAMERA.model_dump(exclude={"focal_x_px"})
-    guessed, told = CameraSettings(**rest), CameraSettings(**rest, focal_x_px=1100.0)
-    assert guessed == told
+    guessed, calibrated = CameraSettings(**rest), CameraSettings(**rest, focal_x_px=1100.0)
+    assert guessed == calibrated
 
     def lead_and_car(camera: CameraSettings) -> tuple[Lead, VehicleDetection]:
-        seen = see(
+        observed = observe(
             load_perception(camera, SETTINGS), frames(lambda t: road(tagged(15 - 2 * t, 0, 1)), 1.0)
         )
-        return seen.leads[-1], seen.cars[-1]
+        return observed.leads[-1], observed.cars[-1]
 
-    (unsure, unsure_car), (sure, sure_car) = lead_and_car(guessed), lead_and_car(told)
+    (unsure, unsure_car), (sure, sure_car) = lead_and_car(guessed), lead_and_car(calibrated)
     assert sure.gap_m is not None
     assert sure.closing_speed_m_s is not None
     assert unsure.gap_m == sure.gap_m

@@ -15,7 +15,7 @@ from onboard.vision.plate_reader import PlateReader, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.plate_art import EU, FORMATS, draw_plate
 from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar, opaque, warp_onto
-from tests.vision.drive import Observed, frames, see
+from tests.vision.drive import Observed, frames, observe
 
 CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0, pitch_rad=0.02)
 RENDERER = CameraRenderer(CAMERA)
@@ -31,49 +31,49 @@ def drive(*cars: SceneCar, light: Light = Light.DAY, duration_s: float = 1.5) ->
     def scene(stamp_s: float) -> Scene:
         return Scene(cars, light=light, travelled_m=15 * stamp_s)
 
-    return see(perception(), frames(scene, duration_s, camera=CAMERA))
+    return observe(perception(), frames(scene, duration_s, camera=CAMERA))
 
 
 @pytest.mark.parametrize("light", Light)
 def test_the_lead_is_identified_within_a_second_in_any_light(light: Light) -> None:
-    seen = drive(SceneCar(10.0, 0.2, plate=OURS), light=light)
+    observed = drive(SceneCar(10.0, 0.2, plate=OURS), light=light)
 
-    after_a_second = [lead for lead in seen.leads if lead.stamp_s >= 1.0]
+    after_a_second = [lead for lead in observed.leads if lead.stamp_s >= 1.0]
     assert {lead.text for lead in after_a_second} == {OURS}
-    assert {lead.text for lead in seen.leads} <= {None, OURS}
+    assert {lead.text for lead in observed.leads} <= {None, OURS}
     assert all(lead.gap_m == pytest.approx(10.0, rel=0.1) for lead in after_a_second)
 
 
 @pytest.mark.parametrize("plate_format", FORMATS.values(), ids=FORMATS)
 def test_the_width_of_a_plate_follows_from_its_shape(plate_format) -> None:
-    seen = drive(SceneCar(8.0, plate=OURS, plate_format=plate_format))
+    observed = drive(SceneCar(8.0, plate=OURS, plate_format=plate_format))
 
-    assert seen.leads[-1].gap_m == pytest.approx(8.0, rel=0.1)
+    assert observed.leads[-1].gap_m == pytest.approx(8.0, rel=0.1)
 
 
 def test_the_gaps_sigma_is_larger_while_the_plate_width_is_unknown() -> None:
     scene, sigmas_m = Scene((SceneCar(28.0, plate=OURS, plate_format=FORMATS["br"]),)), []
     for width_m in (None, 0.4):
-        told = VisionSettings(plate_width_m=width_m)
-        seen = see(perception(told), frames(lambda _: scene, 1.5, camera=CAMERA))
-        sigmas_m.append(seen.leads[-1].gap_sigma_m or 0.0)
+        given = VisionSettings(plate_width_m=width_m)
+        observed = observe(perception(given), frames(lambda _: scene, 1.5, camera=CAMERA))
+        sigmas_m.append(observed.leads[-1].gap_sigma_m or 0.0)
 
     assert sigmas_m[0] > 1.1 * sigmas_m[1] > 0.0
 
 
 def test_a_sharper_plate_in_the_next_lane_is_no_lead() -> None:
-    seen = drive(SceneCar(14.0, plate=OURS), SceneCar(8.5, 2.4, plate=THEIRS), duration_s=2.0)
+    observed = drive(SceneCar(14.0, plate=OURS), SceneCar(8.5, 2.4, plate=THEIRS), duration_s=2.0)
 
-    assert {lead.text for lead in seen.leads} <= {None, OURS}
-    assert seen.leads[-1].text == OURS
-    assert THEIRS in {plate.text for plate in seen.plates if not plate.is_lead}
+    assert {lead.text for lead in observed.leads} <= {None, OURS}
+    assert observed.leads[-1].text == OURS
+    assert THEIRS in {plate.text for plate in observed.plates if not plate.is_lead}
 
 
 def test_a_plate_too_small_to_be_read_is_a_lead_without_identity() -> None:
-    seen = drive(SceneCar(28.0, plate=OURS), duration_s=3.0)
+    observed = drive(SceneCar(28.0, plate=OURS), duration_s=3.0)
 
-    assert {lead.text for lead in seen.leads} <= {None, OURS}
-    assert LeadIdentity.UNKNOWN in {lead.identity for lead in seen.leads}
+    assert {lead.text for lead in observed.leads} <= {None, OURS}
+    assert LeadIdentity.UNKNOWN in {lead.identity for lead in observed.leads}
 
 
 class CountingReader:
@@ -91,11 +91,11 @@ def test_identified_plates_are_read_once_a_second() -> None:
     cars = SceneCar(9.0, plate=OURS), SceneCar(12.0, 3.5, plate=THEIRS)
     counting = CountingReader()
     watching = Perception(CAMERA, VisionSettings(), Networks(FINDER, counting))
-    pictures = list(frames(lambda _: Scene(cars), 3.0, camera=CAMERA))
-    first = see(watching, iter(pictures[:10]))
+    images = list(frames(lambda _: Scene(cars), 3.0, camera=CAMERA))
+    first = observe(watching, iter(images[:10]))
     counting.plates = 0
 
-    see(watching, iter(pictures[10:]))
+    observe(watching, iter(images[10:]))
 
     assert first.leads[-1].text == OURS
     assert counting.plates <= 2 * 1 * 2.0 + 2  # cars, times a second, seconds
@@ -123,40 +123,44 @@ def test_a_tag_and_a_plate_on_one_vehicle_are_one_track() -> None:
     car = SceneCar(8.0, tag_id=3, tag_side_m=0.2)
     drive = frames(lambda _: Scene((car,)), 1.0, camera=CAMERA)
 
-    seen = see(perception(), with_a_plate(drive, OURS, (-0.26, 0.96, 0.26, 0.85), ahead_m=8.0))
+    observed = observe(
+        perception(), with_a_plate(drive, OURS, (-0.26, 0.96, 0.26, 0.85), ahead_m=8.0)
+    )
 
-    assert seen.leads[-1].text == "TAG3"
-    assert {"TAG3", OURS} <= {plate.text for plate in seen.plates}
-    assert len({car.track_id for car in seen.cars}) == 1
+    assert observed.leads[-1].text == "TAG3"
+    assert {"TAG3", OURS} <= {plate.text for plate in observed.plates}
+    assert len({car.track_id for car in observed.cars}) == 1
 
 
 def test_a_second_plate_on_a_vehicle_does_not_change_its_identity() -> None:
     """A load of a transporter, or a plate in the window, from the second second on."""
     drive = frames(lambda _: Scene((SceneCar(8.0, plate=OURS),)), 2.5, camera=CAMERA)
 
-    seen = see(
+    observed = observe(
         perception(), with_a_plate(drive, THEIRS, (-0.26, 1.21, 0.26, 1.1), 8.0, since_s=1.0)
     )
 
-    assert THEIRS in {plate.text for plate in seen.plates}
-    assert {lead.text for lead in seen.leads} == {None, OURS}
-    assert seen.leads[-1].text == OURS
+    assert THEIRS in {plate.text for plate in observed.plates}
+    assert {lead.text for lead in observed.leads} == {None, OURS}
+    assert observed.leads[-1].text == OURS
 
 
 def test_a_plate_on_a_billboard_is_read_and_is_no_lead() -> None:
     """Two metres wide and 30 m ahead: as large as a plate 7.8 m away."""
     drive = frames(lambda _: Scene(), 1.5, camera=CAMERA)
 
-    seen = see(perception(), with_a_plate(drive, OURS, (-1.0, 3.8, 1.0, 3.38), ahead_m=30.0))
+    observed = observe(
+        perception(), with_a_plate(drive, OURS, (-1.0, 3.8, 1.0, 3.38), ahead_m=30.0)
+    )
 
-    assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
+    assert {lead.identity for lead in observed.leads} == {LeadIdentity.NO_LEAD}
 
 
 def test_an_empty_road_has_neither_plates_nor_a_lead() -> None:
-    seen = drive(duration_s=1.0)
+    observed = drive(duration_s=1.0)
 
-    assert seen.plates == []
-    assert {lead.identity for lead in seen.leads} == {LeadIdentity.NO_LEAD}
+    assert observed.plates == []
+    assert {lead.identity for lead in observed.leads} == {LeadIdentity.NO_LEAD}
 
 
 def test_patterns_of_a_country_exclude_other_texts() -> None:
@@ -164,10 +168,10 @@ def test_patterns_of_a_country_exclude_other_texts() -> None:
         return Scene((SceneCar(8.0, plate=OURS),))
 
     settings = VisionSettings(plate_patterns=("[0-9]{4}[A-Z]{3}",))
-    seen = see(perception(settings), frames(scene, 1.0, camera=CAMERA))
+    observed = observe(perception(settings), frames(scene, 1.0, camera=CAMERA))
 
-    assert {plate.text for plate in seen.plates} == {None}
-    assert seen.leads[-1].identity is LeadIdentity.UNKNOWN
+    assert {plate.text for plate in observed.plates} == {None}
+    assert observed.leads[-1].identity is LeadIdentity.UNKNOWN
 
 
 @pytest.mark.realdata
@@ -178,10 +182,10 @@ def test_real_clips_without_a_legible_plate_have_none(
     source = open_frames(CameraSettings(source=str(rig_data / "clips" / f"{clip}.mp4")))
     chosen = [frame for index, frame in enumerate(source) if index % every == 0]
 
-    seen = list(
+    observed = list(
         annotate_frames(chosen, Perception(None, VisionSettings(), Networks(FINDER, READER)))
     )
 
-    assert len(seen) == len(chosen) >= 12
-    assert [plate for frame in seen for plate in frame.plates] == []
-    assert {frame.lead.identity for frame in seen} == {LeadIdentity.NO_LEAD}
+    assert len(observed) == len(chosen) >= 12
+    assert [plate for frame in observed for plate in frame.plates] == []
+    assert {frame.lead.identity for frame in observed} == {LeadIdentity.NO_LEAD}

@@ -10,7 +10,7 @@ from onboard.vision.plate_ends import refine_ends
 TRUE = np.asarray([(60.25, 40.0), (140.75, 40.0), (140.75, 62.0), (60.25, 62.0)], np.float32)
 
 
-def picture(ground: int, body: int, ink: int | None = None) -> npt.NDArray[np.uint8]:
+def plate_image(ground: int, body: int, ink: int | None = None) -> npt.NDArray[np.uint8]:
     """A plate at `TRUE`, drawn eight times as large and averaged, with three upright strokes."""
     large = np.full((100 * 8, 200 * 8, 3), body, np.uint8)
     corners = np.rint(TRUE * 8).astype(int)
@@ -29,18 +29,18 @@ def test_ends_are_found_to_a_fifth_of_a_pixel(
     left_px, right_px = shift_px
     off = TRUE + np.asarray([(left_px, 0), (right_px, 0), (right_px, 0), (left_px, 0)], np.float32)
 
-    refined = refine_ends(picture(ground, body, ink=20), off)
+    refined = refine_ends(plate_image(ground, body, ink=20), off)
 
     assert refined == pytest.approx(TRUE, abs=0.2)
 
 
 def test_a_plate_on_bodywork_of_its_own_colour_stays() -> None:
-    assert refine_ends(picture(150, 150), TRUE) == pytest.approx(TRUE)
+    assert refine_ends(plate_image(150, 150), TRUE) == pytest.approx(TRUE)
 
 
 def test_a_leaning_plate_is_moved_along_its_own_direction() -> None:
     turn = cv2.getRotationMatrix2D((100.0, 51.0), 8.0, 1.0)
-    image = cv2.warpAffine(picture(220, 60), turn, (200, 100), borderMode=cv2.BORDER_REPLICATE)
+    image = cv2.warpAffine(plate_image(220, 60), turn, (200, 100), borderMode=cv2.BORDER_REPLICATE)
     truth = (TRUE - 0.5) @ turn[:, :2].T.astype(np.float32) + turn[:, 2].astype(np.float32) + 0.5
     along = (truth[1] - truth[0]) / np.hypot(*(truth[1] - truth[0]))
     off = truth + np.float32(2.0) * along * np.asarray([[1], [-1], [-1], [1]], np.float32)
@@ -54,10 +54,10 @@ def test_a_leaning_plate_is_moved_along_its_own_direction() -> None:
 def test_corners_at_and_beyond_the_border_raise_nothing(shift_px: tuple[int, int]) -> None:
     off = TRUE + np.asarray(shift_px, np.float32)
 
-    assert np.isfinite(refine_ends(picture(220, 60), off)).all()
+    assert np.isfinite(refine_ends(plate_image(220, 60), off)).all()
 
 
 def test_coincident_corners_stay() -> None:
     point = np.full((4, 2), 50.0, np.float32)
 
-    assert np.array_equal(refine_ends(picture(220, 60), point), point)
+    assert np.array_equal(refine_ends(plate_image(220, 60), point), point)

@@ -49,8 +49,8 @@ def test_a_wrong_shape_in_single_frames_makes_no_second_track_and_no_jump() -> N
     gaps_m = []
     for index in range(30):
         shape = 3.6 if index % 5 == 4 else 5.0
-        seen = detection(formats, 10.0, EUROPE_M, shape)
-        tracker.receive_detections([seen], index / 10)
+        observed = detection(formats, 10.0, EUROPE_M, shape)
+        tracker.receive_detections([observed], index / 10)
         gaps_m += [track.ahead.position_m for track in tracker.tracks]
 
     assert gaps_m == pytest.approx([10.0] * 30)
@@ -154,8 +154,8 @@ def test_a_fragment_of_a_plate_is_no_second_track() -> None:
     formats = PlateFormats(EUROPE_M)
     tracker = Tracker(3.5, formats=formats)
     for index in range(20):
-        seen = detection(formats, 10.0 if index % 6 != 5 else 15.5, EUROPE_M, 5.0)
-        tracker.receive_detections([seen], index / 10)
+        observed = detection(formats, 10.0 if index % 6 != 5 else 15.5, EUROPE_M, 5.0)
+        tracker.receive_detections([observed], index / 10)
 
     (track,) = tracker.tracks
     assert track.ahead.position_m == pytest.approx(10.0, rel=0.08)
@@ -165,8 +165,8 @@ def test_a_plate_that_was_cut_off_for_a_moment_stays_tracked() -> None:
     formats = PlateFormats()
     tracker = Tracker(3.5, formats=formats)
     whole = detection(formats, 10.0, EUROPE_M, 5.0)
-    for index, seen in enumerate([whole, whole, replace(whole, positions={}), whole, whole]):
-        tracker.receive_detections([seen], index / 10)
+    for index, observed in enumerate([whole, whole, replace(whole, positions={}), whole, whole]):
+        tracker.receive_detections([observed], index / 10)
 
     (track,) = tracker.tracks
     assert track.ahead.position_m == pytest.approx(10.0)

@@ -63,9 +63,9 @@ def test_normalisation_removes_uneven_light(light: np.ndarray) -> None:
     view = rectify(*shown("ABC1234", FORMATS["us"], width_px=150))
     shaded = (view * light).astype(np.uint8)
 
-    seen, seen_in_shade = normalised(np.stack([view, shaded]))[:, 0]
+    observed, observed_in_shade = normalised(np.stack([view, shaded]))[:, 0]
 
-    assert np.corrcoef(seen.ravel(), seen_in_shade.ravel())[0, 1] > 0.93
+    assert np.corrcoef(observed.ravel(), observed_in_shade.ravel())[0, 1] > 0.93
 
 
 def test_normalisation_does_not_enlarge_noise() -> None:

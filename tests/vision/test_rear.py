@@ -10,7 +10,7 @@ from onboard.vision.rear import RearTracker
 from onboard.vision.settings import VisionSettings
 from onboard.vision.tracker import KEEP_S
 from sim_rig.rendering.scene import Scene, SceneCar
-from tests.vision.drive import CAMERA, RENDERER, frames, see
+from tests.vision.drive import CAMERA, RENDERER, frames, observe
 
 PLATE = ImageBox(300, 190, 40, 10)
 TAGS = VisionSettings(plates=False, tag_side_m=0.4)
@@ -95,10 +95,10 @@ def test_a_lead_whose_tag_is_unreadable_for_seconds_is_kept_by_its_rear() -> Non
             cv2.rectangle(image, corner, tuple(np.rint(middle).astype(int)), (60, 70, 80), -1)
         drive.append((stamp_s, image))
 
-    seen = see(load_perception(CAMERA, TAGS), iter(drive))
+    observed = observe(load_perception(CAMERA, TAGS), iter(drive))
 
-    muddy = [lead for lead in seen.leads if 3.0 <= lead.stamp_s < 7.0]
-    assert not [plate for plate in seen.plates if 3.0 <= plate.stamp_s < 7.0]
+    muddy = [lead for lead in observed.leads if 3.0 <= lead.stamp_s < 7.0]
+    assert not [plate for plate in observed.plates if 3.0 <= plate.stamp_s < 7.0]
     assert {(lead.identity, lead.text) for lead in muddy} == {(LeadIdentity.KNOWN, "TAG1")}
     for lead in muddy:
         assert lead.gap_m == pytest.approx(14.0 - 0.7 * lead.stamp_s, rel=0.08)
@@ -108,11 +108,11 @@ def test_a_lead_that_vanishes_is_dropped_in_time() -> None:
     def scene(stamp_s: float) -> Scene:
         return Scene((SceneCar(15.0, tag_id=1, tag_side_m=0.4),) if stamp_s < 2.0 else ())
 
-    seen = see(load_perception(CAMERA, TAGS), frames(scene, 5.0))
+    observed = observe(load_perception(CAMERA, TAGS), frames(scene, 5.0))
 
-    gone_at = min(lead.stamp_s for lead in seen.leads[10:] if lead.gap_m is None)
+    gone_at = min(lead.stamp_s for lead in observed.leads[10:] if lead.gap_m is None)
     assert gone_at <= 2.0 + KEEP_S + 0.2
-    assert all(lead.gap_m is None for lead in seen.leads if lead.stamp_s > gone_at)
+    assert all(lead.gap_m is None for lead in observed.leads if lead.stamp_s > gone_at)
 
 
 def _closing_error_m_s(leads: list[Lead]) -> float:
@@ -129,6 +129,6 @@ def test_closing_speed_follows_a_lead_that_speeds_up_and_slows_down() -> None:
         car = SceneCar(15.0 + 4.0 * np.sin(stamp_s), 0.2, tag_id=1, tag_side_m=0.4)
         return Scene(cars=(car,))
 
-    seen = see(load_perception(CAMERA, TAGS), frames(scene, 6.0))
+    observed = observe(load_perception(CAMERA, TAGS), frames(scene, 6.0))
 
-    assert _closing_error_m_s(seen.leads) < 0.6
+    assert _closing_error_m_s(observed.leads) < 0.6
