@@ -21,14 +21,15 @@ _UNITS: Mapping[str, float] = {
     "km/hour": KM_H,
     "mph": MPH,
 }
-"""What DBC authors write, in lower case."""
+"""Units as written in DBC files, in lower case."""
 
 HIGHEST_SPEED_M_S = 100.0
-"""Many DBC files state no range, or all that the bits can say: a faster car is "not available"."""
+"""Highest plausible speed: many DBC files state no range, or that of all bits, and higher values
+are codes such as "not available"."""
 
 
 class BroadcastSignals:
-    """Turns the frames of the named signals into observations."""
+    """Decodes frames with the named signals to observations."""
 
     def __init__(self, settings: BroadcastSettings, dbc_text: str) -> None:
         """Find the named signals.
@@ -60,7 +61,7 @@ class BroadcastSignals:
         }
 
     def receive_frame(self, frame: CanFrame) -> list[Speed | BrakePedal | Discarded]:
-        """What the frame says about the named signals; nothing if it carries none of them."""
+        """Observations of the named signals in the frame; empty if it carries none of them."""
         message = self._messages.get((frame.arbitration_id, frame.is_extended_id))
         if message is None:
             return []
@@ -70,7 +71,7 @@ class BroadcastSignals:
             return [_discarded(frame, "signal_decoding", f"{message.name}: {error}")]
         observations: list[Speed | BrakePedal | Discarded] = []
         speeds = [signal for owner, signal in self._speed if owner is message]
-        # A multiplexed signal is in some of its message's frames only.
+        # A multiplexed signal is in some frames of its message only.
         if speeds and all(signal.name in values for signal in speeds):
             observations.append(self._read_speed(frame, message, speeds, values))
         for owner, signal in self._pedal:
@@ -92,7 +93,7 @@ class BroadcastSignals:
         mean = sum(values[signal.name] for signal in signals) / len(signals)
         return Speed(
             stamp_s=frame.stamp_s,
-            speed_m_s=abs(mean) * self._factor,  # signed where a wheel knows reverse
+            speed_m_s=abs(mean) * self._factor,  # signed if the wheel's sensor detects reverse
             resolution_m_s=abs(signals[0].scale) * self._factor,
             source=_source(message, signals[0]),
         )
@@ -128,7 +129,7 @@ class BroadcastSignals:
 
 
 def _in_range(signal: Any, value: float) -> bool:
-    """Beyond the DBC's range stand codes such as "not available"."""
+    """Whether the value is in the DBC's range; outside are codes such as "not available"."""
     above = signal.minimum is None or value >= signal.minimum
     below = signal.maximum is None or value <= signal.maximum
     return above and below

@@ -1,4 +1,4 @@
-"""Speed and brake pedal from what the car sends by itself, by name."""
+"""Speed and brake pedal from broadcast signals, by name."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def bus_of(settings):
 
 
 def frame(stamp_s, message, **values):
-    """A frame as cantools, not our code, lays it out."""
+    """A frame encoded by cantools."""
     database = cantools.database.load_string(DBC, "dbc")
     found = database.get_message_by_name(message)
     defaults = {signal.name: 0 for signal in found.signals}
@@ -57,7 +57,7 @@ def frame(stamp_s, message, **values):
     return CanFrame(stamp_s, found.frame_id, found.is_extended_frame, data)
 
 
-def hear(bus, *frames):
+def received(bus, *frames):
     for each in frames:
         bus.receive_frame(each, each.stamp_s)
     events = []
@@ -68,80 +68,80 @@ def hear(bus, *frames):
 
 def test_a_speed_in_si_with_its_resolution_and_name(dbc):
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
-    assert hear(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0)) == [
+    assert received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0)) == [
         Speed(2.0, pytest.approx(10.0), pytest.approx(0.01 * KM_H), "dbc:WHEELS.FRONT_LEFT")
     ]
 
 
-def test_of_several_wheels_the_mean(dbc):
+def test_the_speed_of_several_wheels_is_their_mean(dbc):
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT", "WHEELS.FRONT_RIGHT")))
-    (speed,) = hear(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0, FRONT_RIGHT=37.0))
+    (speed,) = received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0, FRONT_RIGHT=37.0))
     assert speed.speed_m_s == pytest.approx(36.5 * KM_H)
 
 
-def test_the_unit_is_the_dbc_files_whatever_its_case(dbc):
+def test_the_unit_is_the_dbc_files_in_any_case(dbc):
     bus = bus_of(settings(dbc, speed=("CLUSTER.SPEED",)))
-    (speed,) = hear(bus, frame(2.0, "CLUSTER", SPEED=60))
+    (speed,) = received(bus, frame(2.0, "CLUSTER", SPEED=60))
     assert speed.speed_m_s == pytest.approx(60 * MPH)
 
 
 def test_the_settings_may_name_another_unit(dbc):
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",), speed_unit="m/s"))
-    assert hear(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0))[0].speed_m_s == pytest.approx(36.0)
+    assert received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0))[0].speed_m_s == pytest.approx(36.0)
 
 
 def test_the_brake_pedal(dbc):
     bus = bus_of(settings(dbc, brake_pedal="PEDALS.BRAKE"))
-    assert hear(bus, frame(2.0, "PEDALS", BRAKE=1), frame(2.1, "PEDALS", BRAKE=0)) == [
+    assert received(bus, frame(2.0, "PEDALS", BRAKE=1), frame(2.1, "PEDALS", BRAKE=0)) == [
         BrakePedal(2.0, pressed=True, source="dbc:PEDALS.BRAKE"),
         BrakePedal(2.1, pressed=False, source="dbc:PEDALS.BRAKE"),
     ]
 
 
-def test_an_identifier_is_its_kind_too(dbc):
+def test_11_and_29_bit_identifiers_are_distinct(dbc):
     """0x100 with 29 bits is another message than 0x100 with 11."""
     bus = bus_of(settings(dbc, brake_pedal="PEDALS.BRAKE"))
-    assert hear(bus, CanFrame(2.0, 256, is_extended_id=True, data=b"\x01")) == []
+    assert received(bus, CanFrame(2.0, 256, is_extended_id=True, data=b"\x01")) == []
 
 
-def test_beyond_the_range_stands_not_available(dbc):
+def test_values_beyond_the_range_are_not_available(dbc):
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
-    (discarded,) = hear(bus, CanFrame(2.0, 176, is_extended_id=False, data=b"\xff" * 8))
+    (discarded,) = received(bus, CanFrame(2.0, 176, is_extended_id=False, data=b"\xff" * 8))
     assert (discarded.component, discarded.reason) == ("obd", "signal_range")
 
 
 @pytest.mark.parametrize("signal", ["WHEEL", "FLOAT"])
 @pytest.mark.parametrize("number", ["ffffffff", "7f800000", "7fc00000", "47000000", "c7000000"])
-def test_without_a_range_stands_there_what_no_car_can_drive(dbc, signal, number):
+def test_without_a_range_impossible_speeds_are_discarded(dbc, signal, number):
     """All ones, and as floating point: infinite, no number, too fast either way."""
     bus = bus_of(settings(dbc, speed=(f"NO_RANGES.{signal}",)))
     wheel = b"\xff\xff"
-    (discarded,) = hear(bus, CanFrame(2.0, 177, False, wheel + bytes.fromhex(number)))
+    (discarded,) = received(bus, CanFrame(2.0, 177, False, wheel + bytes.fromhex(number)))
     assert (discarded.component, discarded.reason) == ("obd", "signal_range")
 
 
 @pytest.mark.parametrize("length", [0, 1, 7])
 def test_a_frame_that_is_too_short_is_discarded(dbc, length):
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
-    (discarded,) = hear(bus, CanFrame(2.0, 176, is_extended_id=False, data=bytes(length)))
+    (discarded,) = received(bus, CanFrame(2.0, 176, is_extended_id=False, data=bytes(length)))
     assert (discarded.component, discarded.reason) == ("obd", "signal_decoding")
 
 
-def test_while_the_car_broadcasts_its_speed_obd_is_neither_asked_nor_believed(dbc):
+def test_while_the_speed_is_broadcast_obd_is_neither_requested_nor_used(dbc):
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     answer = CanFrame(10.1, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32"))
-    events = hear(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0), answer)
+    events = received(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0), answer)
     assert [event.source for event in events] == ["dbc:WHEELS.FRONT_LEFT"]
     assert bus.frames_to_send(10.4) == []
     assert bus.get_timer() == 10.5
 
 
-def test_when_it_stops_broadcasting_obd_takes_over(dbc):
+def test_obd_takes_over_when_the_broadcast_stops(dbc):
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
-    hear(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0))
+    received(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0))
     assert len(bus.frames_to_send(10.5)) == 1
     answer = CanFrame(10.51, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32"))
-    assert [event.source for event in hear(bus, answer)] == ["obd:7E8"]
+    assert [event.source for event in received(bus, answer)] == ["obd:7E8"]
 
 
 def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc):
@@ -149,7 +149,7 @@ def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc):
     frames = [
         frame(n / 50, "WHEELS", FRONT_LEFT=100 - 28.8 * max(0.0, n / 50 - 1.0)) for n in range(100)
     ]
-    (alarm,) = [event for event in hear(bus, *frames) if isinstance(event, HardBrake)]
+    (alarm,) = [event for event in received(bus, *frames) if isinstance(event, HardBrake)]
     assert 1.0 < alarm.stamp_s < 1.2
     assert alarm.deceleration_m_s2 == pytest.approx(8.0, rel=0.2)
 
@@ -164,18 +164,18 @@ def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc):
         ({"speed": ("WHEELS.SLIP",)}, "has the unit '%'; set obd.broadcast.speed_unit"),
     ],
 )
-def test_a_wrong_name_is_told_with_what_there_is(dbc, more, named):
-    with pytest.raises(UserError) as told:
+def test_the_error_for_a_wrong_name_lists_the_existing_ones(dbc, more, named):
+    with pytest.raises(UserError) as raised:
         bus_of(settings(dbc, **more))
-    assert named in str(told.value)
-    assert "\n" not in str(told.value)
+    assert named in str(raised.value)
+    assert "\n" not in str(raised.value)
 
 
-def test_a_missing_or_broken_file_is_told_in_one_line(tmp_path):
+def test_a_missing_or_broken_file_is_an_error_of_one_line(tmp_path):
     with pytest.raises(UserError, match=r"nowhere\.dbc: cannot be read: No such file"):
         bus_of(settings(tmp_path / "nowhere.dbc"))
     broken = tmp_path / "broken.dbc"
     broken.write_text("BO_ this is no message", encoding="ascii")
-    with pytest.raises(UserError, match=r"broken\.dbc: no DBC file: ") as told:
+    with pytest.raises(UserError, match=r"broken\.dbc: no DBC file: ") as raised:
         bus_of(settings(broken))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(raised.value)
