@@ -11,6 +11,7 @@ from onboard.errors import UserError
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.events import TrafficEventKind
+from sim_rig.studies import mvs_encounter, mvs_scenes
 from sim_rig.studies.campaign import CampaignError, Workers
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.mvs_collisions import (
@@ -118,7 +119,7 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
     path = tmp_path / "small.yaml"
     path.write_text(
         "runs: 1\nshares: [0.1]\nmethods: [dsrc, mvs]\ncompared_at: null\n"
-        "encounter: {scene: own-crossing, warm_s: 0.5, watched_s: 1.0, near_m: 40.0}\n"
+        "encounter: {scene: own-crossing, warm_s: 0.5, watched_s: 0.5, after_s: 3.0, near_m: 20.0}\n"
     )
 
     summary = run_study("mvs-figure9", tmp_path / "out", path, Workers())
@@ -143,7 +144,9 @@ def test_without_a_crash_no_reduction_is_stated(tmp_path: Path) -> None:
             "kinds": (TrafficEventKind.SUDDEN_BRAKE,),
             "shares": (0.4,),
             "methods": (Method.MVS,),
-            "encounter": ENCOUNTER.model_copy(update={"watched_s": 0.5, "after_s": 1.0}),
+            "encounter": ENCOUNTER.model_copy(
+                update={"watched_s": 0.5, "after_s": 1.0, "near_m": 10.0}
+            ),
         }
     )
 
@@ -232,11 +235,15 @@ def test_a_study_whose_recording_is_missing_uses_sumo_throughout(
     """Its settings state that, and it does not resume with the recording when that appears."""
     data, out = tmp_path / "data", tmp_path / "out"
     monkeypatch.setenv("RIG_DATA", str(data))
+    monkeypatch.setattr(mvs_scenes, "_DRIVEN_S", 40.0)
+    monkeypatch.setattr(mvs_encounter, "open_scene", mvs_scenes.open_scene.__wrapped__)
     settings = SMALL.model_copy(
         update={
             "kinds": (TrafficEventKind.SUDDEN_BRAKE,),
             "methods": (Method.DSRC,),
-            "encounter": ENCOUNTER.model_copy(update={"scene": SceneName.CROSSING}),
+            "encounter": ENCOUNTER.model_copy(
+                update={"scene": SceneName.CROSSING, "watched_s": 0.5, "after_s": 1.0}
+            ),
         }
     )
 
