@@ -119,7 +119,7 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
     path = tmp_path / "small.yaml"
     path.write_text(
         "runs: 1\nshares: [0.1]\nmethods: [dsrc, mvs]\ncompared_at: null\n"
-        "encounter: {scene: own-crossing, warm_s: 0.5, watched_s: 0.5, after_s: 3.0, near_m: 20.0}\n"
+        "encounter: {scene: own-crossing, warm_s: 0.5, watched_s: 0.5, after_s: 3.0, near_m: 20}\n"
     )
 
     summary = run_study("mvs-figure9", tmp_path / "out", path, Workers())
