@@ -16,7 +16,7 @@ from onboard.access.adaptation import AccessAdaptation
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.access.rear_end import tolerable_lag_s
 from onboard.observations import Lead, LeadIdentity, Speed
-from sim_rig.studies.rakhshan_highway import Drops, RakhshanHighwaySettings, collided, draw
+from sim_rig.studies.rakhshan_highway import Drops, RakhshanHighwaySettings, collision_share, draw
 from sim_rig.studies.rakhshan_slotted import from_db, slot_s
 
 ROUNDS = 5
@@ -33,13 +33,15 @@ def measure() -> Iterator[Figure]:
     drops = draw(settings, DROPS, np.random.default_rng(1))
     few = draw(settings, PLAIN_DROPS, np.random.default_rng(2))
     access = np.array([ACCESS])
-    if list(collided(settings, few, access, access)[0, 0]) != _plain(settings, few):
+    if list(collision_share(settings, few, access, access)[0, 0]) != _plain(settings, few):
         raise AssertionError("results differ from the reference's")
     plain_rates, rates, surface_rates = [], [], []
     for _ in range(ROUNDS):
         plain_s = timeit.timeit(lambda: _plain(settings, few), number=1)
-        one_s = timeit.timeit(lambda: collided(settings, drops, access, access), number=4) / 4
-        surface_s = timeit.timeit(lambda: collided(settings, drops, PAIRS, PAIRS), number=1)
+        one_s = (
+            timeit.timeit(lambda: collision_share(settings, drops, access, access), number=4) / 4
+        )
+        surface_s = timeit.timeit(lambda: collision_share(settings, drops, PAIRS, PAIRS), number=1)
         plain_rates.append(PLAIN_DROPS * settings.lanes / plain_s)
         rates.append(DROPS * settings.lanes / one_s)
         surface_rates.append(DROPS * settings.lanes * len(PAIRS) ** 2 / surface_s)

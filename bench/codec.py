@@ -38,8 +38,8 @@ def measure() -> Iterator[Figure]:
             lambda: [_encode(grammar, tree) for tree in trees],
         ),
     ]
-    for name, ours, theirs in pairs:
-        rates = [(_rate_hz(ours), _rate_hz(theirs)) for _ in range(REPEATS)]
+    for name, work, reference_work in pairs:
+        rates = [(_rate_hz(work), _rate_hz(reference_work)) for _ in range(REPEATS)]
         value, reference = (statistics.median(column) for column in zip(*rates, strict=True))
         yield Figure(name, value, "messages/s", REPEATS, "asn1tools", reference)
 

@@ -144,18 +144,20 @@ def _highest_rate_hz(
     best = 0.0
     for rate in RATES_HZ:
         with _open() as wire:
-            go, kept = context.Event(), context.Value("d", 0.0)
-            sender = context.Process(target=_send, args=(wire.getsockname(), rate, go, kept))
+            go, achieved = context.Event(), context.Value("d", 0.0)
+            sender = context.Process(target=_send, args=(wire.getsockname(), rate, go, achieved))
             sender.start()
             received = receive(wire, rate, go)
             sender.join()
         if received < rate:
             break
-        best = max(best, kept.value)
+        best = max(best, achieved.value)
     return best
 
 
-def _send(address: tuple[str, int], rate_hz: int, go: Event, kept: "Synchronized[float]") -> None:
+def _send(
+    address: tuple[str, int], rate_hz: int, go: Event, achieved: "Synchronized[float]"
+) -> None:
     """Send the datagrams of one second in steps of a millisecond; reports the rate achieved."""
     wsm = bytes(WSM_BYTES)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
@@ -166,4 +168,4 @@ def _send(address: tuple[str, int], rate_hz: int, go: Event, kept: "Synchronized
                 while (ahead_s := start + sent / rate_hz - time.perf_counter()) > 0:
                     time.sleep(ahead_s)
             unit.sendto(wsm, address)
-        kept.value = rate_hz / (time.perf_counter() - start)
+        achieved.value = rate_hz / (time.perf_counter() - start)

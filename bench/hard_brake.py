@@ -91,24 +91,24 @@ def measure() -> Iterator[Figure]:
 
 def _delays(source: Source, deceleration_m_s2: float, threshold_g: float) -> Iterator[Figure]:
     rng = np.random.default_rng(2)
-    ours, ideal = [], []
+    delays_s, ideal_s = [], []
     for _ in range(BRAKINGS):
         track, passed_at = _braking(deceleration_m_s2, threshold_g, rng)
         times = source.times(track, rng)
         detector = _detector(source, threshold_g)
         alarms = (detector.receive_speed(each) for each in source.samples(track, times, rng))
         raised_at = next((alarm.stamp_s for alarm in alarms if alarm is not None), np.inf)
-        ours.append(raised_at - passed_at)
-        ideal.append(_ideal_alarm_at(track, times, threshold_g) - passed_at)
+        delays_s.append(raised_at - passed_at)
+        ideal_s.append(_ideal_alarm_at(track, times, threshold_g) - passed_at)
     name = f"hard_brake_delay_{deceleration_m_s2:.0f}_m_s2_{source.name}_above_{threshold_g}_g"
     for suffix, percent in (("", 50), ("_p95", 95)):
         yield Figure(
             name=name + suffix,
-            value=float(np.percentile(ours, percent, method="nearest")),
+            value=float(np.percentile(delays_s, percent, method="nearest")),
             unit="s",
             n=BRAKINGS,
             reference="two successive true speeds",
-            reference_value=float(np.percentile(ideal, percent, method="nearest")),
+            reference_value=float(np.percentile(ideal_s, percent, method="nearest")),
         )
 
 

@@ -32,8 +32,8 @@ def measure() -> Iterator[Figure]:
             name = f"virtual.{cars}_cars.{'mvs' if with_mvs else 'plain'}"
             real = ("real time of as many cars", float(cars))
             yield Figure(name, rate, "car-s/s", TICKS, *real)
-    beside = "the same process before the first car"
-    yield Figure("virtual.memory", largest / 2**20, "MiB", 1, beside, before / 2**20)
+    reference = "the same process before the first car"
+    yield Figure("virtual.memory", largest / 2**20, "MiB", 1, reference, before / 2**20)
 
 
 def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
@@ -56,7 +56,7 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
         world.tick()
         for name, core in world.cores.items():
             core.update(world.now)
-            known = core.kinematic_info(world.now)
-            models[name].assess(core.host_vehicle(world.now), known, 12.0, world.now)
+            objects = core.kinematic_info(world.now)
+            models[name].assess(core.host_vehicle(world.now), objects, 12.0, world.now)
     took_s = time.process_time() - began
     return len(names) * TICKS * TICK_S / took_s, resident_bytes()

@@ -31,7 +31,7 @@ STOP_S = 2.0
 class StatusRow:
     """Result of one fault: a line of the table."""
 
-    what: str
+    fault: str
     detected_s: float | None
     """Time from the fault to its report in the trace."""
     recovered_s: float | None

@@ -81,7 +81,16 @@ class Namespaces:
         return state in {"running", "degraded"}
 
     def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Answer:
-        """Run a command, as `Machine.run` does."""
+        """Run a command in bash as root.
+
+        Args:
+            command: of bash.
+            timeout_s: limit; a default if None.
+            check: raise an error if the exit code is not 0.
+
+        Raises:
+            MachineError: the command failed and `check` is set.
+        """
         began_s = time.monotonic()
         done = subprocess.run(
             [

@@ -25,7 +25,7 @@ def table(
         "| fault | detected after | recovered after | limit | |",
         "|---|---|---|---|---|",
         *(
-            f"| {row.what} | {_seconds(row.detected_s)} | {_seconds(row.recovered_s)}"
+            f"| {row.fault} | {_seconds(row.detected_s)} | {_seconds(row.recovered_s)}"
             f" | {_seconds(row.limit_s)} | {row.remark if row.is_kept else 'MISSED'} |"
             for row in rows
         ),

@@ -22,7 +22,12 @@ from sim_rig.run_log.ground_truth import touch_s
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
-from sim_rig.studies.joerer_traffic import Approaches, ApproachOutcome, TrafficSettings, drive
+from sim_rig.studies.joerer_traffic import (
+    Approaches,
+    ApproachOutcome,
+    TrafficSettings,
+    simulate_approaches,
+)
 from sim_rig.studies.results import write_results
 
 EVERY_S = 0.1
@@ -31,7 +36,7 @@ LATE_S = 0.15
 PAIRS = (("shared-detection", "v1", "v3"), ("red-light", "ann", "ben"), ("bsm-loss", "ann", "ben"))
 """Scenario, the car whose alarms count, and the car that it collides with."""
 _REPORTED_SPEED_SIGMA_M_S = 0.5
-_COLUMNS = ("what", "n", "missed", "lead_median_s", "lead_5_percent_s", "false_alarms", "hours")
+_COLUMNS = ("traffic", "n", "missed", "lead_median_s", "lead_5_percent_s", "false_alarms", "hours")
 
 
 class AlarmSettings(Settings):
@@ -49,47 +54,49 @@ class AlarmSettings(Settings):
 def run(out_dir: Path, settings: AlarmSettings | None = None) -> str:
     """Write the table and the settings to `out_dir`; returns a summary."""
     settings = settings or AlarmSettings()
-    rows = [*_on_approaches(settings), *_in_the_rig(settings)]
+    rows = [*_of_approaches(settings), *_of_scenarios(settings)]
     write_results(out_dir, _COLUMNS, rows, settings)
     return "; ".join(
-        f"{what}: {n - missed} of {n} warned, {median:.2f} s ahead, {false} false in {hours:.1f} h"
-        for what, n, missed, median, _, false, hours in rows
+        f"{name}: {n - missed} of {n} warned, {median:.2f} s ahead, {false} false in {hours:.1f} h"
+        for name, n, missed, median, _, false, hours in rows
     )
 
 
-Row = tuple[str, int, int, float, float, int, float]
+_Row = tuple[str, int, int, float, float, int, float]
 
 
-def _on_approaches(settings: AlarmSettings) -> Iterator[Row]:
+def _of_approaches(settings: AlarmSettings) -> Iterator[_Row]:
     traffic = settings.traffic.model_copy(update={"approaches": settings.approaches})
     rng = np.random.default_rng(settings.seed)
-    driven = drive(traffic, rng)
-    warned_s = np.array([_warned_s(driven, n, settings, rng) for n in range(settings.approaches)])
-    crash = driven.outcome == ApproachOutcome.CRASH
-    lead_s = (driven.over_s - warned_s)[crash & np.isfinite(warned_s)]
-    harmless = driven.outcome == ApproachOutcome.NO_CRASH
+    approaches = simulate_approaches(traffic, rng)
+    warned_s = np.array(
+        [_warned_s(approaches, n, settings, rng) for n in range(settings.approaches)]
+    )
+    crash = approaches.outcome == ApproachOutcome.CRASH
+    lead_s = (approaches.end_s - warned_s)[crash & np.isfinite(warned_s)]
+    harmless = approaches.outcome == ApproachOutcome.NO_CRASH
     yield (
         "approaches",
         int(crash.sum()),
         int(np.sum(crash & ~np.isfinite(warned_s))),
         *_median_and_5_percent(lead_s.tolist()),
         int(np.sum(harmless & np.isfinite(warned_s))),
-        float(driven.over_s[harmless].sum()) / 3600.0,
+        float(approaches.end_s[harmless].sum()) / 3600.0,
     )
 
 
 def _warned_s(
-    driven: Approaches, n: int, settings: AlarmSettings, rng: np.random.Generator
+    approaches: Approaches, n: int, settings: AlarmSettings, rng: np.random.Generator
 ) -> float:
     """When IMA first warns the first car of the second; infinite without a warning."""
     monitor = RiskMonitor(settings.risk, settings.traffic.length_m, settings.traffic.width_m)
     own_share = math.sqrt(1.0 - settings.receivers.bias_shared)
     bias_m = own_share * settings.receivers.bias_sigma_m * rng.standard_normal((2, 2))
-    step = round(EVERY_S / driven.tick_s)
-    for tick in range(0, int(driven.over_s[n] / driven.tick_s), step):
-        now = tick * driven.tick_s
+    step = round(EVERY_S / approaches.tick_s)
+    for tick in range(0, int(approaches.end_s[n] / approaches.tick_s), step):
+        now = tick * approaches.tick_s
         own, other = (
-            _perceived_object(driven, (n, tick, car), bias_m[car], settings.receivers, rng)
+            _perceived_object(approaches, (n, tick, car), bias_m[car], settings.receivers, rng)
             for car in (0, 1)
         )
         monitor.assess(own, [other], now)
@@ -104,7 +111,7 @@ def _warned_s(
 
 
 def _perceived_object(
-    driven: Approaches,
+    approaches: Approaches,
     at: tuple[int, int, int],
     bias_m: np.ndarray,
     receivers: ReceiverSettings,
@@ -113,9 +120,9 @@ def _perceived_object(
     """A car as its receiver or its BSM reports it: the first drives east, the second north."""
     n, tick, car = at
     age_s = LATE_S if car else LATE_S / 2
-    before = max(tick - round(age_s / driven.tick_s), 0)
-    speed_m_s = float(driven.speed_m_s[n, before, car])
-    along_m = -float(driven.distance_m[n, before, car]) + speed_m_s * age_s
+    before = max(tick - round(age_s / approaches.tick_s), 0)
+    speed_m_s = float(approaches.speed_m_s[n, before, car])
+    along_m = -float(approaches.distance_m[n, before, car]) + speed_m_s * age_s
     position_m = (0.0, along_m) if car else (along_m, 0.0)
     velocity = (0.0, speed_m_s) if car else (speed_m_s, 0.0)
     noise = rng.standard_normal(4) * np.repeat(
@@ -125,18 +132,18 @@ def _perceived_object(
     sigma_m = math.hypot(receivers.bias_sigma_m, receivers.noise_sigma_m)
     variances = np.repeat([sigma_m**2, _REPORTED_SPEED_SIGMA_M_S**2], 2)
     return PerceivedObject(
-        stamp_s=tick * driven.tick_s,
+        stamp_s=tick * approaches.tick_s,
         name="other" if car else "own",
         source=ObjectSource.BSM if car else ObjectSource.HOST,
         state=tuple(state.tolist()),
         covariance=tuple(map(tuple, np.diag(variances).tolist())),
         age_s=age_s,
         provenance=frozenset(),
-        acceleration_m_s2=float(driven.acceleration_m_s2[n, before, car]) if car else None,
+        acceleration_m_s2=float(approaches.acceleration_m_s2[n, before, car]) if car else None,
     )
 
 
-def _in_the_rig(settings: AlarmSettings) -> Iterator[Row]:
+def _of_scenarios(settings: AlarmSettings) -> Iterator[_Row]:
     for name, car, other in PAIRS:
         scenario = load_scenario(name)
         lead_s: list[float] = []

@@ -227,5 +227,5 @@ def _table(cases: Sequence[FaultCase], rows: Sequence[Row], seeds: int) -> Itera
 
 def _slowest(runs: Sequence[Row], name: str) -> float | str:
     """The largest value of all runs; runs without one count in `not_recovered`."""
-    known = [run[name] for run in runs if run[name] is not None]
-    return max(known) if known else ""
+    values = [run[name] for run in runs if run[name] is not None]
+    return max(values) if values else ""

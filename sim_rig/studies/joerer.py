@@ -31,7 +31,7 @@ from sim_rig.studies.joerer_traffic import (
     ApproachOutcome,
     Array,
     TrafficSettings,
-    drive,
+    simulate_approaches,
 )
 
 PAPER_OUTCOMES_PERCENT = {
@@ -65,7 +65,7 @@ class JoererSettings(Settings):
 class Results:
     """Data of all figures."""
 
-    driven: Approaches
+    approaches: Approaches
     p_c: dict[str, Array]
     """(n, ticks) by behaviour, from exact data."""
     beacons: dict[float, Beacons]
@@ -74,7 +74,7 @@ class Results:
     @property
     def outcome_of_car(self) -> NDArray[np.int64]:
         """Outcomes (2 n,) of both cars of each approach."""
-        return np.repeat(self.driven.outcome, 2)
+        return np.repeat(self.approaches.outcome, 2)
 
     def lbu(self, behaviour: str, interval_s: float) -> Array:
         """P_C at the last beacon before unavoidable (LBU) of each crashed car; NaN without one."""
@@ -86,13 +86,13 @@ class Results:
 def simulate(settings: JoererSettings) -> Results:
     """Simulate approaches and beacons, and evaluate P_C in every recorded tick."""
     rng = np.random.default_rng(settings.seed)
-    driven = drive(settings.traffic, rng)
+    approaches = simulate_approaches(settings.traffic, rng)
     beacons = {
-        interval_s: received(driven, interval_s, settings.radio, rng)
+        interval_s: received(approaches, interval_s, settings.radio, rng)
         for interval_s in settings.radio.intervals_s
     }
-    p_c = {name: criticality(driven, name, settings.traffic) for name in BEHAVIOURS}
-    return Results(driven, p_c, beacons)
+    p_c = {name: criticality(approaches, name, settings.traffic) for name in BEHAVIOURS}
+    return Results(approaches, p_c, beacons)
 
 
 def run(out_dir: Path, settings: JoererSettings | None = None) -> str:
@@ -107,12 +107,14 @@ def run(out_dir: Path, settings: JoererSettings | None = None) -> str:
     _figures_7_9(results, out_dir)
     _figure_10(results, out_dir)
     _table_3(results, out_dir)
-    counts = np.bincount(results.driven.outcome, minlength=len(ApproachOutcome))
+    counts = np.bincount(results.approaches.outcome, minlength=len(ApproachOutcome))
     return ", ".join(f"{group.name} {counts[group]}" for group in ApproachOutcome)
 
 
 def _outcomes(results: Results, out_dir: Path) -> None:
-    percent = {group: 100.0 * np.mean(results.driven.outcome == group) for group in ApproachOutcome}
+    percent = {
+        group: 100.0 * np.mean(results.approaches.outcome == group) for group in ApproachOutcome
+    }
     rows = [
         (group.name, round(percent[group], 2), PAPER_OUTCOMES_PERCENT[group])
         for group in ApproachOutcome
@@ -183,10 +185,12 @@ def _bin(results: Results, behaviour: str, group: ApproachOutcome, statistic: st
     beacons = results.beacons[BINNED_INTERVAL_S]
     approach, receiver = beacons.car // 2, beacons.car % 2
     bins = [
-        np.floor(results.driven.distance_m[approach, beacons.tick, car] / BIN_M).astype(np.int64)
+        np.floor(results.approaches.distance_m[approach, beacons.tick, car] / BIN_M).astype(
+            np.int64
+        )
         for car in (receiver, 1 - receiver)
     ]
-    wanted = results.driven.outcome[approach] == group
+    wanted = results.approaches.outcome[approach] == group
     for bin_of in bins:
         wanted &= (bin_of >= 0) & (bin_of < BINS)
     at = tuple(bin_of[wanted] for bin_of in bins)
@@ -205,15 +209,15 @@ def _bin(results: Results, behaviour: str, group: ApproachOutcome, statistic: st
 
 def _figure_10(results: Results, out_dir: Path) -> None:
     """Draw a typical crash: the one with the median of the highest P_C received at 1 s."""
-    driven, p_c = results.driven, results.p_c["uniform"]
-    crashed = np.flatnonzero(driven.outcome == ApproachOutcome.CRASH)
+    approaches, p_c = results.approaches, results.p_c["uniform"]
+    crashed = np.flatnonzero(approaches.outcome == ApproachOutcome.CRASH)
     if not len(crashed):
         return
-    known = highest(p_c, results.beacons[SLOWEST_INTERVAL_S])[2 * crashed]
-    typical = crashed[np.argsort(known)[len(known) // 2]]
+    highest_p_c = highest(p_c, results.beacons[SLOWEST_INTERVAL_S])[2 * crashed]
+    typical = crashed[np.argsort(highest_p_c)[len(highest_p_c) // 2]]
 
     def until_crash(ticks: NDArray[np.int64]) -> tuple[Array, Array]:
-        return ticks * driven.tick_s - driven.over_s[typical], p_c[typical, ticks]
+        return ticks * approaches.tick_s - approaches.end_s[typical], p_c[typical, ticks]
 
     steps = {
         interval_s: until_crash(beacons.tick[beacons.car == 2 * typical])
@@ -238,11 +242,13 @@ def _table_3(results: Results, out_dir: Path) -> None:
     rows = []
     for name, of_interval in lbu.items():
         for interval_s, values in of_interval.items():
-            known = values[np.isfinite(values)]
-            if len(known):
-                ours = (round(100 * float(np.percentile(known, q)), 1) for q in (1, 5, 50))
+            finite = values[np.isfinite(values)]
+            if len(finite):
+                percentiles = (round(100 * float(np.percentile(finite, q)), 1) for q in (1, 5, 50))
                 paper = PAPER_TABLE_3_PERCENT[name].get(interval_s, ("", ""))
-                rows.append((name, interval_s, *ours, *paper, len(known), len(values) - len(known)))
+                rows.append(
+                    (name, interval_s, *percentiles, *paper, len(finite), len(values) - len(finite))
+                )
     header = (
         "behaviour", "beacon_interval_s", "ours_99", "ours_95", "ours_median",
         "paper_99", "paper_95", "cars", "cars_without_lbu",

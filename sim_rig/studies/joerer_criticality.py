@@ -33,28 +33,28 @@ class Beacons:
     """(m,) tick of reception."""
 
 
-def criticality(driven: Approaches, behaviour: str, traffic: TrafficSettings) -> Array:
+def criticality(approaches: Approaches, behaviour: str, traffic: TrafficSettings) -> Array:
     """P_C (n, ticks) from exact data of both cars; NaN after the end of an approach.
 
     The last value is at the first tick at or after the crash or the end.
 
     Args:
-        driven: n approaches.
+        approaches: n approaches.
         behaviour: one of `BEHAVIOURS`.
         traffic: sizes of the cars, and limits of acceleration.
     """
-    result = np.full(driven.distance_m.shape[:2], np.nan)
-    at = np.nonzero(~_ended(driven))
+    result = np.full(approaches.distance_m.shape[:2], np.nan)
+    at = np.nonzero(~_ended(approaches))
     size = CarSize(np.array(traffic.length_m), np.array(traffic.width_m))
     zone = XCrossing(size, size, np.array(np.pi / 2))
     for begin in range(0, len(at[0]), _PAIRS_AT_ONCE):
         some = tuple(index[begin : begin + _PAIRS_AT_ONCE] for index in at)
         one, other = (
             Approach(
-                driven.distance_m[some][:, car, None].astype(np.float64),
-                driven.speed_m_s[some][:, car, None].astype(np.float64),
+                approaches.distance_m[some][:, car, None].astype(np.float64),
+                approaches.speed_m_s[some][:, car, None].astype(np.float64),
                 np.array(NO_TOP_M_S),
-                _behaviour(behaviour, driven.acceleration_m_s2[some][:, car, None], traffic),
+                _behaviour(behaviour, approaches.acceleration_m_s2[some][:, car, None], traffic),
             )
             for car in (0, 1)
         )
@@ -63,22 +63,22 @@ def criticality(driven: Approaches, behaviour: str, traffic: TrafficSettings) ->
 
 
 def received(
-    driven: Approaches, interval_s: float, radio: BeaconSettings, rng: np.random.Generator
+    approaches: Approaches, interval_s: float, radio: BeaconSettings, rng: np.random.Generator
 ) -> Beacons:
     """Simulate the beacons of all cars until the crash.
 
     Args:
-        driven: n approaches.
+        approaches: n approaches.
         interval_s: beacon interval; every car has its own phase.
         radio: of the path loss.
         rng: source of the phases.
     """
-    n, ticks, _ = driven.distance_m.shape
-    every = round(interval_s / driven.tick_s)
+    n, ticks, _ = approaches.distance_m.shape
+    every = round(interval_s / approaches.tick_s)
     phase = rng.integers(every, size=(n, 2))  # of the sender
     sent = np.arange(ticks)[None, :, None] % every == phase[:, None, :]
-    before_end = np.arange(ticks) * driven.tick_s < driven.over_s[:, None]
-    arrived = is_received(driven.distance_m, radio) & before_end
+    before_end = np.arange(ticks) * approaches.tick_s < approaches.end_s[:, None]
+    arrived = is_received(approaches.distance_m, radio) & before_end
     approach, receiver, tick = np.nonzero((sent[:, :, ::-1] & arrived[:, :, None]).swapaxes(1, 2))
     return Beacons(approach * 2 + receiver, tick)
 
@@ -102,9 +102,11 @@ def last_before_unavoidable(p_c: Array, beacons: Beacons) -> Array:
     return result
 
 
-def _ended(driven: Approaches) -> NDArray[np.bool_]:
-    tick = np.arange(driven.distance_m.shape[1])
-    ended: NDArray[np.bool_] = tick * driven.tick_s >= driven.over_s[:, None] + driven.tick_s
+def _ended(approaches: Approaches) -> NDArray[np.bool_]:
+    tick = np.arange(approaches.distance_m.shape[1])
+    ended: NDArray[np.bool_] = (
+        tick * approaches.tick_s >= approaches.end_s[:, None] + approaches.tick_s
+    )
     return ended
 
 

@@ -82,9 +82,9 @@ def draw_eccdf(lbu: Mapping[str, Mapping[float, Array]], path: Path) -> None:
     figure, panels = _panels(len(lbu), "eCCDF")
     for axes, (title, of_interval) in zip(panels, lbu.items(), strict=True):
         for interval_s, values in of_interval.items():
-            known = np.sort(values[np.isfinite(values)])
-            share = 1.0 - np.arange(len(known)) / max(len(known), 1)
-            axes.step(known, share, where="pre", label=f"{interval_s:g} s")
+            finite = np.sort(values[np.isfinite(values)])
+            share = 1.0 - np.arange(len(finite)) / max(len(finite), 1)
+            axes.step(finite, share, where="pre", label=f"{interval_s:g} s")
         axes.set_title(title, fontsize=9)
         axes.set_xlabel("collision probability of LBU beacons", fontsize=8)
         axes.set_xlim(0, 1)

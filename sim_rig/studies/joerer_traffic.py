@@ -65,7 +65,7 @@ class Approaches:
 
     outcome: NDArray[np.int64]
     """(n,) of `ApproachOutcome`."""
-    over_s: Array
+    end_s: Array
     """(n,) time of the contact, or else of the first car's leaving the conflict zone."""
     ignores_rules: NDArray[np.bool_]
     """(n,) whether the second car ignores the right of way."""
@@ -100,7 +100,7 @@ class _Crossings:
         return met
 
 
-def drive(settings: TrafficSettings, rng: np.random.Generator) -> Approaches:
+def simulate_approaches(settings: TrafficSettings, rng: np.random.Generator) -> Approaches:
     """Simulate all approaches until each is over."""
     n = settings.approaches
     top = _draw(settings.top_speed_m_s, settings.most_sigmas, (n, 2), rng)
@@ -133,13 +133,13 @@ def drive(settings: TrafficSettings, rng: np.random.Generator) -> Approaches:
         ApproachOutcome.NO_CRASH,
     )
     met_s = np.where(outcome == ApproachOutcome.CRASH, touching.entered_s.max(axis=1), np.inf)
-    driven = np.stack(record, axis=2)
+    record_by_quantity = np.stack(record, axis=2)
     return Approaches(
         outcome,
         np.minimum(met_s, close.left_s.min(axis=1)),
         ignores,
         step_s * settings.ticks_every,
-        *driven,
+        *record_by_quantity,
     )
 
 

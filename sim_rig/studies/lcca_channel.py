@@ -56,7 +56,13 @@ class LossyChannel:
         self._order = count()
 
     def send(self, car: int, message: LccaMessage, now: float) -> None:
-        """Broadcast a message."""
+        """Broadcast a message.
+
+        Args:
+            car: number of the sender.
+            message: of LCCA.
+            now: time of sending.
+        """
         for other in self._reached(car):
             heapq.heappush(
                 self._in_transmission, (now + _TRANSMISSION_S, next(self._order), other, message)
@@ -136,7 +142,13 @@ class PlatoonChannel:
         self._phase_s = {name: float(rng.uniform(0.0, CHANNEL_STEP_S)) for name in names_with_radio}
 
     def send(self, car: int, message: LccaMessage, now: float) -> None:
-        """Queue an LCCA message in a car's radio."""
+        """Queue a message in a radio.
+
+        Args:
+            car: number of the sender.
+            message: of LCCA.
+            now: time of queueing.
+        """
         self._wait(now - self._begin_s + self._phase_s[str(car)], str(car), message)
 
     def received(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:

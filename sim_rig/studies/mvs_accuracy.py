@@ -19,7 +19,7 @@ from sim_rig.studies.mvs_methods import covariance_intersection, use_all
 from sim_rig.studies.mvs_roads import SixLaneRoad, states_of
 from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, MvsWorld, WorldSettings
 
-CENTRALISED, MVS, BLIND, INTERSECTION, OWN = "centralised", "mvs", "blind", "intersection", "own"
+CENTRALISED, MVS, NAIVE, INTERSECTION, OWN = "centralised", "mvs", "naive", "intersection", "own"
 Q = 1.0
 """Density of the acceleration noise, m^2/s^3."""
 MEMORY_MS = 4000
@@ -79,7 +79,7 @@ class Accuracy:
     errors: dict[str, Errors] = field(default_factory=lambda: defaultdict(Errors))
     centralised_of_own: Errors = field(default_factory=Errors)
     """The centralised filter for the cars that own sensors detect: the limit of `own`."""
-    known: int = 0
+    matched: int = 0
     present: int = 0
     """Cars without a radio that any car measured in the last second, once for each car in reach."""
     wrong: int = 0
@@ -180,7 +180,7 @@ def _compare_tracks(
         by_method = {
             CENTRALISED: limits[car],
             MVS: mvs,
-            BLIND: use_all(evidence, now_ms, Q),
+            NAIVE: use_all(evidence, now_ms, Q),
             INTERSECTION: covariance_intersection(evidence, now_ms, Q),
         }
         seen = [
@@ -193,7 +193,7 @@ def _compare_tracks(
             result.centralised_of_own.add(limits[car][0] - true, limits[car][1])
         for method, (state, covariance) in by_method.items():
             result.errors[method].add(state - true, covariance)
-    result.known += len(matched)
+    result.matched += len(matched)
 
 
 def _now_ms(world: MvsWorld) -> int:

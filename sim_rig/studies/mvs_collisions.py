@@ -20,11 +20,11 @@ from sim_rig.scenario.setting_types import Several, Share
 from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs_outcomes import CrashOutcome
-from sim_rig.studies.mvs_scenes import SceneName, Where, available_scene
+from sim_rig.studies.mvs_scenes import SceneName, SceneSource, available_scene
 from sim_rig.studies.mvs_world import FooterSize
 from sim_rig.studies.results import write_results
 
-PAPER_REDUCTION: dict[Where, float] = {
+PAPER_REDUCTION: dict[SceneSource, float] = {
     SceneName.CROSSING: 0.615,
     SceneName.SUMO_CROSSING: 0.615,
     SceneName.CITY: 0.601,
@@ -298,8 +298,8 @@ def _count_pair_crashes_avoided(rows: Iterable[Row]) -> int:
 
 
 def _median(rows: Sequence[Row], column: str) -> float:
-    known = [row[column] for row in rows if row[column] is not None]
-    return float(np.median(known)) if known else math.nan
+    values = [row[column] for row in rows if row[column] is not None]
+    return float(np.median(values)) if values else math.nan
 
 
 def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[int, int]:

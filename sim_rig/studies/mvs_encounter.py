@@ -22,7 +22,7 @@ from sim_rig.roads.recording import RecordedTraffic
 from sim_rig.studies.mvs_driver_warning import DriverWarning, WarningModel
 from sim_rig.studies.mvs_outcomes import SAME_POSITION_M, CrashOutcome, CrashPair
 from sim_rig.studies.mvs_paper_alarm import paper_alarm
-from sim_rig.studies.mvs_scenes import OpenScene, SceneName, Where, open_scene
+from sim_rig.studies.mvs_scenes import OpenScene, SceneName, SceneSource, open_scene
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
 
 _PATH_M = np.arange(0.0, 61.0, 10.0)
@@ -51,7 +51,7 @@ class Method(StrEnum):
 class EncounterSettings(Settings):
     """What all runs have in common."""
 
-    scene: Where = SceneName.CROSSING
+    scene: SceneSource = SceneName.CROSSING
     warm_s: float = Field(1.2, ge=0.3, le=30.0)
     """Time before the event in which radios are on, so that tracks are established."""
     after_s: float = Field(7.0, ge=1.0, le=30.0)
@@ -310,12 +310,14 @@ class _EquippedCars:
             if at is None:
                 continue
             core.update(world.now)
-            own, known = core.host_vehicle(world.now), core.kinematic_info(world.now)
-            self._evaluate_paper_alarm(own, known, cars, at)
+            own, objects = core.host_vehicle(world.now), core.kinematic_info(world.now)
+            self._evaluate_paper_alarm(own, objects, cars, at)
             if self._pair is not None and self._pair.can_act(name):
-                positions_m = np.array([world.world_position_m(name, car.state) for car in known])
+                positions_m = np.array([world.world_position_m(name, car.state) for car in objects])
                 self._pair.receive_perceived(name, positions_m, cars)
-            warning = self._model(cars, at).assess(own, known, float(cars.speed_m_s[at]), world.now)
+            warning = self._model(cars, at).assess(
+                own, objects, float(cars.speed_m_s[at]), world.now
+            )
             if warning is not None:
                 right = self._is_right(cars, name, warning.target)
                 warnings.append((name, warning, right))
@@ -343,13 +345,13 @@ class _EquippedCars:
             outcome.first_warning_s = round(now - outcome.event.at_s, 3)
 
     def _evaluate_paper_alarm(
-        self, own: PerceivedObject | None, known: list[PerceivedObject], cars: Cars, at: int
+        self, own: PerceivedObject | None, objects: list[PerceivedObject], cars: Cars, at: int
     ) -> None:
         """Count the paper's alarm for one driver, and whether it is true."""
         risk, within_s = self._settings.risk, self._settings.paper_alarm_horizon_s
         if own is None or cars.speed_m_s[at] < risk.least_speed_m_s:
             return
-        target = paper_alarm(own, known, _size_m(cars, at), risk, within_s)
+        target = paper_alarm(own, objects, _size_m(cars, at), risk, within_s)
         if target is None:
             return
         name, now = cars.names[at], self._world.now

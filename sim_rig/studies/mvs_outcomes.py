@@ -48,7 +48,7 @@ class CrashPair:
         return set(crash.names) == set(self._crash.names)
 
     def receive_perceived(self, name: str, positions_m: Array, cars: Cars) -> None:
-        """Note whether one car of the pair perceives the other.
+        """Process the perceived objects of one car of the pair.
 
         Args:
             name: the car that perceives.
@@ -65,12 +65,12 @@ class CrashPair:
                 self._known_at = cars.at_s
 
     def receive_warning(self, name: str, at_s: float) -> None:
-        """Note a warning of a car that the event has affected."""
+        """Process a warning of a car that the event has affected."""
         if name in self._able and self._warned_at is None:
             self._warned_at = at_s
 
     def receive_paper_alarm(self, name: str, at_s: float) -> None:
-        """Note that the paper's alarm would warn of a car that the event has affected."""
+        """Process an alarm of the paper that would warn of a car that the event has affected."""
         if name in self._able:
             self.paper_alarm_at.setdefault(name, at_s)
 

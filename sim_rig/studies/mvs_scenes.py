@@ -46,7 +46,7 @@ class SceneName(StrEnum):
     """Sparse: the paper's city trace."""
 
 
-Where = Annotated[SceneName | Path, Field(union_mode="left_to_right")]
+SceneSource = Annotated[SceneName | Path, Field(union_mode="left_to_right")]
 """A scene by name, or the file of a trace or of a SUMO simulation."""
 
 
@@ -73,7 +73,7 @@ _RECORDED = {
 }
 
 
-def available_scene(scene: Where) -> Where:
+def available_scene(scene: SceneSource) -> SceneSource:
     """The scene that a study uses, given the recordings that are present now.
 
     A study calls this once at its start and stores the result in its settings, so that resuming it
@@ -85,7 +85,7 @@ def available_scene(scene: Where) -> Where:
 
 
 @cache
-def open_scene(scene: Where) -> OpenScene:
+def open_scene(scene: SceneSource) -> OpenScene:
     """Load or simulate a scene, once in a process; a path is a user's own traffic.
 
     Raises:

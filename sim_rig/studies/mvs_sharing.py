@@ -24,7 +24,7 @@ from onboard.tracking.independent_set import independent
 from sim_rig.roads.cars import Cars
 from sim_rig.scenario.setting_types import NotNegative, Several, Share, Span
 from sim_rig.studies.campaign import Row, Workers, run_campaign
-from sim_rig.studies.mvs_scenes import SceneName, Where, available_scene, open_scene
+from sim_rig.studies.mvs_scenes import SceneName, SceneSource, available_scene, open_scene
 from sim_rig.studies.mvs_world import ORIGIN, START_UTC_S, FooterSize, MvsWorld, WorldSettings
 from sim_rig.studies.results import write_results
 
@@ -43,7 +43,7 @@ class SharingSettings(Settings):
 
     seed: int = Field(1, ge=0)
     seeds: int = Field(3, ge=1)
-    scene: Where = SceneName.CROSSING
+    scene: SceneSource = SceneName.CROSSING
     shares: Several[Share] = (0.1, 0.2, 0.3, 0.4)
     entries: Several[FooterSize] = (5, 10, 20)
     """M."""
@@ -274,10 +274,12 @@ def table1(
                 PAPER_TABLE_1[method][what][at] if settings.shares == (0.1, 0.2, 0.3, 0.4) else ""
                 for what in ("reused", "selected")
             ]
-            ours = [
+            measured = [
                 np.mean([r[f"{what}_{method}"] for r in mine]) for what in ("reused", "selected")
             ]
-            table.append((method, share, float(ours[0]), paper[0], float(ours[1]), paper[1]))
+            table.append(
+                (method, share, float(measured[0]), paper[0], float(measured[1]), paper[1])
+            )
     columns = ("method", "share_with_radio", "reused", "paper_reused", "selected", "paper_selected")
     write_results(out_dir, columns, table, settings)
     in_states = sum(row["reused_in_states"] for row in rows)

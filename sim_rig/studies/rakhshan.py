@@ -17,9 +17,9 @@ from sim_rig.studies.rakhshan_highway import (
     Drops,
     RakhshanHighwaySettings,
     Spacing,
-    collided,
-    collided_with_perfect_radio,
-    collided_without_radio,
+    collision_share,
+    collision_share_with_perfect_radio,
+    collision_share_without_radio,
     draw,
     mean_and_error,
     reduction_and_error,
@@ -103,9 +103,9 @@ def simulate(settings: RakhshanSettings, *, shuffled: bool = False) -> Collision
         drops = draw(highway, min(BATCH, settings.drops - begin), rng)
         if shuffled:
             drops = _shuffle_labels(drops, label_rng)
-        pairs.append(collided(highway, drops, access, access))
-        without_radio.append(collided_without_radio(drops))
-        perfect_radio.append(collided_with_perfect_radio(drops))
+        pairs.append(collision_share(highway, drops, access, access))
+        without_radio.append(collision_share_without_radio(drops))
+        perfect_radio.append(collision_share_with_perfect_radio(drops))
         unsafe.append(drops.crash_probability > highway.unsafe_threshold)
     return CollisionShares(
         np.concatenate(pairs, axis=-1),

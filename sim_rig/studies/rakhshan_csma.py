@@ -30,10 +30,10 @@ from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.rakhshan_highway import (
     Drops,
     RakhshanHighwaySettings,
-    collided_with_perfect_radio,
-    collided_without_radio,
+    collision_share_of_delays,
+    collision_share_with_perfect_radio,
+    collision_share_without_radio,
     draw,
-    late,
     mean_and_error,
     reduction_and_error,
 )
@@ -97,7 +97,9 @@ def run_one(settings: RakhshanCsmaSettings, number: int) -> Row:
         interval_s = np.where(unsafe, unsafe_s, safe_s)
         rng = np.random.default_rng(channel_seed)  # the same for all
         return float(
-            late(drops, delay_s(settings, drops, rng, interval_s, (background_cars, kind)))[0]
+            collision_share_of_delays(
+                drops, delay_s(settings, drops, rng, interval_s, (background_cars, kind))
+            )[0]
         )
 
     each_s = settings.intervals_s
@@ -111,8 +113,8 @@ def run_one(settings: RakhshanCsmaSettings, number: int) -> Row:
     return {
         "collided": collided,
         "unsafe": float(unsafe.mean()),
-        "without_radio": float(collided_without_radio(drops)[0]),
-        "perfect_radio": float(collided_with_perfect_radio(drops)[0]),
+        "without_radio": float(collision_share_without_radio(drops)[0]),
+        "perfect_radio": float(collision_share_with_perfect_radio(drops)[0]),
     }
 
 

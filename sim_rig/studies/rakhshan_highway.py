@@ -123,7 +123,7 @@ def draw(settings: RakhshanHighwaySettings, drops: int, rng: np.random.Generator
     )
 
 
-def collided(
+def collision_share(
     settings: RakhshanHighwaySettings, drops: Drops, safe_access: Array, unsafe_access: Array
 ) -> Array:
     """Share of each drop's following cars that hit the car ahead after the first cars brake.
@@ -159,14 +159,14 @@ def collided(
     return result
 
 
-def collided_without_radio(drops: Drops) -> Array:
+def collision_share_without_radio(drops: Drops) -> Array:
     """Share (drops,) of the cars that collide with brake lights only."""
-    return late(drops, without_radio_s(drops.reaction_s))
+    return collision_share_of_delays(drops, without_radio_s(drops.reaction_s))
 
 
-def collided_with_perfect_radio(drops: Drops) -> Array:
+def collision_share_with_perfect_radio(drops: Drops) -> Array:
     """Share (drops,) of the cars that collide with a radio without delay."""
-    return late(drops, np.zeros_like(drops.reaction_s))
+    return collision_share_of_delays(drops, np.zeros_like(drops.reaction_s))
 
 
 def mean_and_error(samples: Array) -> tuple[Array, Array]:
@@ -188,10 +188,10 @@ def _collided(settings: RakhshanHighwaySettings, drops: Drops, slots: Array) -> 
     if settings.random_waits:
         slots = slots * -np.log(drops.wait_draws)
     length_s = settings.slots_per_packet * slot_s(settings.data_rate_mbit_s, settings.packet_bytes)
-    return late(drops, reception_delay_s(slots, length_s, drops.reaction_s))
+    return collision_share_of_delays(drops, reception_delay_s(slots, length_s, drops.reaction_s))
 
 
-def late(drops: Drops, delay_s: Array) -> Array:
+def collision_share_of_delays(drops: Drops, delay_s: Array) -> Array:
     """Share (drops,) of the following cars that brake too late, with `delay_s` D(i)."""
     begins_s = delay_s + drops.reaction_s
     begins_s[..., 0] = 0.0

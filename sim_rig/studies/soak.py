@@ -15,7 +15,7 @@ from sim_rig.studies.soak_load import load
 from sim_rig.studies.soak_testbench import run_daemons
 
 TESTBENCH_S = 30.0
-COLUMNS = ("what", "value", "unit")
+COLUMNS = ("quantity", "value", "unit")
 Rows = list[tuple[str, float, str]]
 
 

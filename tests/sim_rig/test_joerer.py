@@ -14,7 +14,7 @@ from sim_rig.studies.joerer_criticality import (
     last_before_unavoidable,
 )
 from sim_rig.studies.joerer_radio import BeaconSettings, is_received
-from sim_rig.studies.joerer_traffic import ApproachOutcome, TrafficSettings, drive
+from sim_rig.studies.joerer_traffic import ApproachOutcome, TrafficSettings, simulate_approaches
 
 SMALL = JoererSettings(traffic=TrafficSettings(approaches=250, start_m=(60.0, 110.0)))
 
@@ -25,7 +25,7 @@ def results() -> Results:
 
 
 def test_the_sample_contains_crashes_and_harmless_approaches(results: Results) -> None:
-    counts = np.bincount(results.driven.outcome, minlength=3)
+    counts = np.bincount(results.approaches.outcome, minlength=3)
 
     assert counts[ApproachOutcome.CRASH] >= 8
     assert counts[ApproachOutcome.NO_CRASH] >= 200
@@ -35,14 +35,14 @@ def test_the_sample_contains_crashes_and_harmless_approaches(results: Results) -
 def test_every_crash_reaches_100_percent(results: Results, behaviour: str) -> None:
     highest = np.nanmax(results.p_c[behaviour], axis=1)
 
-    assert (highest[results.driven.outcome == ApproachOutcome.CRASH] >= UNAVOIDABLE).all()
+    assert (highest[results.approaches.outcome == ApproachOutcome.CRASH] >= UNAVOIDABLE).all()
 
 
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
 def test_p_c_stays_low_in_approaches_without_crash(results: Results, behaviour: str) -> None:
     """The paper's limit of 40 % holds, except for cars that pass at little more than 0.4 m."""
     highest = np.nanmax(results.p_c[behaviour], axis=1)[
-        results.driven.outcome == ApproachOutcome.NO_CRASH
+        results.approaches.outcome == ApproachOutcome.NO_CRASH
     ]
 
     assert (highest > 0.40).mean() < 0.005
@@ -50,7 +50,9 @@ def test_p_c_stays_low_in_approaches_without_crash(results: Results, behaviour: 
 
 
 def test_cars_that_obey_the_right_of_way_do_not_crash(results: Results) -> None:
-    assert (results.driven.outcome[~results.driven.ignores_rules] == ApproachOutcome.NO_CRASH).all()
+    assert (
+        results.approaches.outcome[~results.approaches.ignores_rules] == ApproachOutcome.NO_CRASH
+    ).all()
 
 
 def test_more_frequent_beacons_give_a_higher_p_c_at_the_last_one(results: Results) -> None:
@@ -64,12 +66,12 @@ def test_more_frequent_beacons_give_a_higher_p_c_at_the_last_one(results: Result
 def test_a_crash_is_an_overlap_of_the_cars() -> None:
     """Compared with the rectangles at each step of a run that records all steps."""
     traffic = TrafficSettings(approaches=120, ticks_every=1, start_m=(60.0, 70.0))
-    driven = drive(traffic, np.random.default_rng(3))
+    approaches = simulate_approaches(traffic, np.random.default_rng(3))
     half_m = (traffic.length_m + traffic.width_m) / 2
 
-    overlap = (np.abs(driven.distance_m) < half_m).all(axis=2).any(axis=1)
+    overlap = (np.abs(approaches.distance_m) < half_m).all(axis=2).any(axis=1)
 
-    crashed = driven.outcome == ApproachOutcome.CRASH
+    crashed = approaches.outcome == ApproachOutcome.CRASH
     assert crashed[overlap].all()
     assert crashed.sum() - overlap.sum() <= 1  # Contact for less than a step.
 

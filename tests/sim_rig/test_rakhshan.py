@@ -20,9 +20,9 @@ from sim_rig.studies.rakhshan_highway import (
     Drops,
     RakhshanHighwaySettings,
     Spacing,
-    collided,
-    collided_with_perfect_radio,
-    collided_without_radio,
+    collision_share,
+    collision_share_with_perfect_radio,
+    collision_share_without_radio,
     draw,
     mean_and_error,
     reduction_and_error,
@@ -68,7 +68,7 @@ def test_the_vectorised_sum_equals_the_formulas_lane_by_lane() -> None:
         late = np.diff(begins_s) > one.lag_s[0, lane, 1:]
         collisions += int(late.sum())
 
-    part = collided(settings, one, np.array([0.03]), np.array([0.2]))[0, 0, 0]
+    part = collision_share(settings, one, np.array([0.03]), np.array([0.2]))[0, 0, 0]
 
     assert part == collisions / 10
 
@@ -103,17 +103,21 @@ def test_collisions_lie_between_those_of_a_perfect_radio_and_of_brake_lights() -
     access = np.array([1e-9, 0.03])
 
     without_access, with_access = np.diagonal(
-        collided(RakhshanHighwaySettings(), some, access, access)
+        collision_share(RakhshanHighwaySettings(), some, access, access)
     ).T
 
-    assert np.array_equal(without_access, collided_without_radio(some))
-    assert collided_with_perfect_radio(some).mean() <= with_access.mean() < without_access.mean()
+    assert np.array_equal(without_access, collision_share_without_radio(some))
+    assert (
+        collision_share_with_perfect_radio(some).mean()
+        <= with_access.mean()
+        < without_access.mean()
+    )
 
 
 def test_asynchronous_slots_cause_more_collisions() -> None:
     access = np.array([0.1])
     synchronous, asynchronous = (
-        collided(settings, drops(settings, 100), access, access).mean()
+        collision_share(settings, drops(settings, 100), access, access).mean()
         for settings in (RakhshanHighwaySettings(), RakhshanHighwaySettings(synchronous=False))
     )
 

@@ -133,8 +133,8 @@ def copied(study: Path, to: Path) -> Path:
 
 def test_a_run_whose_result_differs_from_the_study_is_reported(study: Path, tmp_path: Path) -> None:
     folder = copied(study, tmp_path)
-    kept = folder / "runs" / "runs.jsonl"
-    kept.write_text(kept.read_text().replace('"crash": true', '"crash": false'))
+    stored = folder / "runs" / "runs.jsonl"
+    stored.write_text(stored.read_text().replace('"crash": true', '"crash": false'))
 
     assert "THE STUDY'S RESULT DIFFERS" in show_run(folder, WITHOUT, tmp_path / "run.html")
 
