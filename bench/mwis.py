@@ -1,4 +1,4 @@
-"""Independent sets of evidence a second, of 8 to 24 vertices, beside networkx and scipy.
+"""Independent sets of evidence a second, of 8 to 24 vertices, compared with networkx.
 
 All three solve every problem and must agree on the weight. Times are processor times, since the
 machine is shared.

@@ -260,10 +260,10 @@ class Encounters:
         drives = self.recording.drives
         draws = np.random.default_rng([seed, 1]).random(len(drives))
         path = DrivePath(drives[event.car])
-        ahead_m, _ = path.places(path.way_m(event.at_s + event.sooner_s) + _PATH_M)
+        path_m, _ = path.places(path.way_m(event.at_s + event.sooner_s) + _PATH_M)
         near: set[str] = set()
         for then in (cars, *(self.recording.cars_at(cars.at_s + later) for later in _LATER_S)):
-            away_m = np.hypot(*(then.middle_m[:, None] - ahead_m).transpose(2, 0, 1)).min(axis=1)
+            away_m = np.hypot(*(then.middle_m[:, None] - path_m).transpose(2, 0, 1)).min(axis=1)
             near |= {then.names[i] for i in np.flatnonzero(away_m <= self._settings.near_m)}
         return {d.name for d, drawn in zip(drives, draws, strict=True) if drawn < case.share} & near
 
