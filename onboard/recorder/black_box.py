@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from onboard.errors import UserError
 from onboard.recorder.header import RecordingHeader
-from onboard.recorder.records import CameraImage, Record, RecorderState, RecordingGap
+from onboard.recorder.records import CameraImage, RecordedMessage, RecorderState, RecordingGap
 from onboard.recorder.repair import repair
 from onboard.recorder.segment import IMAGES
 from onboard.recorder.segments import Segments
@@ -57,7 +57,7 @@ class BlackBox:
         """
         self.settings = settings
         self._on_state = on_state
-        self._queue: queue.Queue[Record] = queue.Queue(QUEUE_NOTES)
+        self._queue: queue.Queue[RecordedMessage] = queue.Queue(QUEUE_NOTES)
         self._ending = threading.Event()
         self._counting = threading.Lock()
         self._lost = 0
@@ -91,7 +91,7 @@ class BlackBox:
             raise UserError(f"recorder.folder: {folder}: {os.strerror(errno.EACCES)}")
         self._thread.start()
 
-    def note(self, note: Record) -> None:
+    def note(self, note: RecordedMessage) -> None:
         """Have it written. From any thread; returns at once."""
         try:
             if self._lost:
@@ -102,12 +102,12 @@ class BlackBox:
             if self._told[0] == "":
                 self._tell(TOO_SLOW)
 
-    def _mark_gap(self, note: Record) -> None:
+    def _mark_gap(self, note: RecordedMessage) -> None:
         """Have it written that notes are missing before this one."""
         with self._counting:
             if self._lost:
                 gap = RecordingGap(note.value.stamp_s, self._lost)
-                self._queue.put_nowait(Record("/recorder/recording_gap", note.utc_s, gap))
+                self._queue.put_nowait(RecordedMessage("/recorder/recording_gap", note.utc_s, gap))
                 self._lost = 0
 
     def note_picture(self, image: NDArray[np.uint8], stamp_s: float) -> None:
@@ -121,7 +121,7 @@ class BlackBox:
         quality = [cv2.IMWRITE_JPEG_QUALITY, self.settings.picture_quality]
         _, jpeg = cv2.imencode(".jpg", image, quality)
         utc_s = time.time() - (time.monotonic() - stamp_s)
-        self.note(Record(IMAGES, utc_s, CameraImage(stamp_s, jpeg.tobytes())))
+        self.note(RecordedMessage(IMAGES, utc_s, CameraImage(stamp_s, jpeg.tobytes())))
 
     def close(self) -> None:
         """Write what is left, finish the file, and stop; a disk that hangs is not waited for."""
@@ -165,7 +165,9 @@ class BlackBox:
         now, utc_s = time.monotonic(), time.time()
         segments.open(now, utc_s)
         if self._missing:
-            gap = Record("/recorder/recording_gap", utc_s, RecordingGap(now, self._missing))
+            gap = RecordedMessage(
+                "/recorder/recording_gap", utc_s, RecordingGap(now, self._missing)
+            )
             self._missing = 0
             segments.write(gap)
             segments.flush()
@@ -182,7 +184,7 @@ class BlackBox:
         segments.close(time.monotonic())
         self._tell("")
 
-    def _waiting(self) -> Iterator[Record]:
+    def _waiting(self) -> Iterator[RecordedMessage]:
         """The notes that have come so far."""
         for _ in range(self._queue.qsize()):
             yield self._queue.get_nowait()
@@ -192,7 +194,7 @@ class BlackBox:
             self._lost += 1
             self._dropped += 1
 
-    def _miss(self, notes: Iterable[Record]) -> None:
+    def _miss(self, notes: Iterable[RecordedMessage]) -> None:
         """Count what does not come onto the disk, for the gap that the next segment begins with."""
         for note in notes:
             if isinstance(note.value, RecordingGap):

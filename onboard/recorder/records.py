@@ -64,7 +64,7 @@ class RecorderState:
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class RecordedMessage:
     """One message of the recording."""
 
     topic: str

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from pydantic.errors import PydanticInvalidForJsonSchema, PydanticSchemaGenerationError
 
 from onboard.recorder.header import FORMAT, RecordingHeader
-from onboard.recorder.records import CameraImage, Record
+from onboard.recorder.records import CameraImage, RecordedMessage
 from onboard.trace.trace_line import as_json, as_record
 
 METADATA: Final = "onboard"
@@ -66,7 +66,7 @@ class Segment:
         """As it is on disk."""
         return self._file.tell()
 
-    def add(self, note: Record) -> None:
+    def add(self, note: RecordedMessage) -> None:
         """Append a note; it is safe after the next `flush`."""
         stamp_ns = round(note.utc_s * 1e9)
         channel = self._channels.get(note.topic)
@@ -94,7 +94,7 @@ class Segment:
         with contextlib.suppress(OSError):  # what was buffered does not fit; closed it is
             self._file.close()
 
-    def _new_channel(self, note: Record) -> int:
+    def _new_channel(self, note: RecordedMessage) -> int:
         schema = schema_of(type(note.value))
         schema_id = self._writer.register_schema(
             schema["title"], "jsonschema", json.dumps(schema).encode()
@@ -102,7 +102,7 @@ class Segment:
         return self._writer.register_channel(note.topic, "json", schema_id)
 
 
-def _record(note: Record) -> dict[str, Any]:
+def _record(note: RecordedMessage) -> dict[str, Any]:
     if not isinstance(note.value, CameraImage):
         return as_record(note.value)
     seconds, fraction = divmod(note.utc_s, 1.0)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from onboard.recorder.header import RecordingHeader
-from onboard.recorder.records import Identity, Record
+from onboard.recorder.records import Identity, RecordedMessage
 from onboard.recorder.retention import Stored, kept_path, segments_in, to_delete
 from onboard.recorder.segment import Segment, is_being_written
 from onboard.recorder.settings import RecorderSettings
@@ -35,7 +35,7 @@ class Segments:
         self._keep_until = float("-inf")
         self._identities: dict[tuple[str, int], Identity] = {}
         self._make_room_at = 0.0
-        self._unsafe: list[Record] = []
+        self._unsafe: list[RecordedMessage] = []
 
     @property
     def path(self) -> Path:
@@ -59,9 +59,11 @@ class Segments:
         self._next_number += 1
         self._began_at = now
         for identity in self._identities.values():
-            self._segment.add(Record("/in/identity", utc_s, replace(identity, stamp_s=now)))
+            self._segment.add(
+                RecordedMessage("/in/identity", utc_s, replace(identity, stamp_s=now))
+            )
 
-    def write(self, note: Record) -> None:
+    def write(self, note: RecordedMessage) -> None:
         """Append to the segment, or to the next one when its time is over."""
         now = note.value.stamp_s
         self._unsafe.append(note)
@@ -90,7 +92,7 @@ class Segments:
         self._ended.append((now, segment.path))
         self._segment = None
 
-    def abandon(self, now: float) -> list[Record]:
+    def abandon(self, now: float) -> list[RecordedMessage]:
         """Leave the segment as it is, on a disk that takes no more.
 
         Returns:
@@ -139,7 +141,7 @@ class Segments:
         self._ended = [(at, _kept(path) if at > since else path) for at, path in self._ended]
 
 
-def is_event(note: Record) -> bool:
+def is_event(note: RecordedMessage) -> bool:
     """Whether something happened that the minutes around it are kept for."""
     value = note.value
     return note.topic in KEEPING or (isinstance(value, Alarm) and value.level is Level.WARNING)

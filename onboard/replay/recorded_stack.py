@@ -6,7 +6,7 @@ from typing import Protocol
 
 from onboard.recorder.header import RecordingHeader
 from onboard.recorder.identities import Aliases, RecordingDigest, ReplayedDigest
-from onboard.recorder.records import Identity, Record
+from onboard.recorder.records import Identity, RecordedMessage
 from onboard.recorder.settings import RecorderSettings
 from onboard.replay.drive_header import initial_state_of, make_header
 from onboard.replay.initial_state import InitialState
@@ -24,7 +24,7 @@ class RecordWriter(Protocol):
     def begin(self, head: RecordingHeader) -> None:
         """Take what the drive begins with."""
 
-    def note(self, note: Record) -> None:
+    def note(self, note: RecordedMessage) -> None:
         """Take one message."""
 
 
@@ -45,7 +45,7 @@ def recorded_stack(writer: RecordWriter | None, beginning: InitialState) -> Stac
         # The cores derive their own ID while they are made, before they can be tapped.
         at_s, at_utc_s = begins if tap is None else tap.last_step
         identity = Identity(at_s, aliases.word(plate), epoch, car_id)
-        writer.note(Record("/in/identity", at_utc_s, identity))
+        writer.note(RecordedMessage("/in/identity", at_utc_s, identity))
 
     stack = beginning.stack(RecordingDigest(beginning.config.security.plate_digest, note_identity))
     tap = Tap(stack, writer.note, aliases, begins, positions=settings.positions)
@@ -55,7 +55,7 @@ def recorded_stack(writer: RecordWriter | None, beginning: InitialState) -> Stac
 def replayed_stack(
     head: RecordingHeader,
     car_ids: Mapping[tuple[str, int], bytes],
-    note: Callable[[Record], None],
+    note: Callable[[RecordedMessage], None],
     begins: tuple[float, float] | None = None,
 ) -> Tap:
     """The cores of a recorded drive, new.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from onboard import step
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import RecordedDrive, RecordingError
-from onboard.recorder.records import Identity, Record, RecordingGap, StepEnd
+from onboard.recorder.records import Identity, RecordedMessage, RecordingGap, StepEnd
 from onboard.replay.recorded_stack import replayed_stack
 from onboard.replay.tap import Tap
 from onboard.trace.trace_line import Event, as_json, as_record
@@ -60,7 +60,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class ReplayComparison:
     """How far a replay goes along with the recording."""
 
     answers: int
@@ -88,7 +88,7 @@ def play(box: RecordedDrive) -> Iterator[RecordedStep]:
         UserError: an input cannot be read.
     """
     car_ids: dict[tuple[str, int], bytes] = {}
-    notes: list[Record] = []
+    notes: list[RecordedMessage] = []
     tap: Tap | None = None
     inputs: list[step.Input] = []
     moment: RecordedStep | None = None
@@ -123,7 +123,7 @@ def play(box: RecordedDrive) -> Iterator[RecordedStep]:
         yield moment
 
 
-def compare(box: RecordedDrive, within: float = 0.0) -> Comparison:
+def compare(box: RecordedDrive, within: float = 0.0) -> ReplayComparison:
     """Replay until something differs, or to the end.
 
     Args:
@@ -142,19 +142,19 @@ def compare(box: RecordedDrive, within: float = 0.0) -> Comparison:
             if before is not None:
                 difference = _first_difference(before, within)
                 if difference is not None:
-                    return Comparison(answers, until_s, difference, None)
+                    return ReplayComparison(answers, until_s, difference, None)
                 answers, until_s = answers + len(before.recorded), before.at_s
             before = moment
     except GapError as error:
-        return Comparison(answers, until_s, None, error.gap)
+        return ReplayComparison(answers, until_s, None, error.gap)
     if before is None:
         raise RecordingError("nothing to compare: the recording was cut off before the first round")
     # The last round may have been cut off; what is there of it counts.
     before.came_out = before.came_out[: len(before.recorded)]
     difference = _first_difference(before, within)
     if difference is not None:
-        return Comparison(answers, until_s, difference, None)
-    return Comparison(answers + len(before.recorded), before.at_s, None, None)
+        return ReplayComparison(answers, until_s, difference, None)
+    return ReplayComparison(answers + len(before.recorded), before.at_s, None, None)
 
 
 def _require_whole(box: RecordedDrive) -> None:
@@ -170,7 +170,7 @@ def _require_whole(box: RecordedDrive) -> None:
         raise RecordingError(f"segments are missing: {', '.join(map(str, box.missing))}")
 
 
-def _said(note: Record) -> Output:
+def _said(note: RecordedMessage) -> Output:
     return Output(note.topic, as_json(as_record(note.value)).encode())
 
 

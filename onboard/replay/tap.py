@@ -11,7 +11,7 @@ from onboard.errors import DecodeError
 from onboard.lcca.group import WarningGroup
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.recorder.identities import Aliases
-from onboard.recorder.records import Record, StepEnd
+from onboard.recorder.records import RecordedMessage, StepEnd
 from onboard.security.plate_digest import PlateDigest
 from onboard.stack import Stack
 from onboard.step import Input, ReceivedWsm, SentWsm, StepOutputs
@@ -28,7 +28,7 @@ class Tap:
     def __init__(
         self,
         stack: Stack,
-        note: Callable[[Record], None],
+        note: Callable[[RecordedMessage], None],
         aliases: Aliases,
         begins: tuple[float, float],
         *,
@@ -101,7 +101,7 @@ class Tap:
         if self._positions or not _holds_position(value):
             topic = f"/{direction}/{value.kind}"
             utc_s = self._now + self._utc_offset_s
-            self._note(Record(topic, utc_s, self._aliases.hide(value)))
+            self._note(RecordedMessage(topic, utc_s, self._aliases.hide(value)))
 
 
 def _holds_position(value: Event) -> bool:

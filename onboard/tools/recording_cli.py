@@ -8,7 +8,7 @@ import typer
 
 from onboard.errors import UserError
 from onboard.recorder.reader import RecordedDrive
-from onboard.replay.replay import Comparison, Output, compare
+from onboard.replay.replay import Output, ReplayComparison, compare
 from onboard.tools.export import write_candump, write_pcap
 
 Boxes = Annotated[
@@ -50,7 +50,7 @@ def expect(paths: Sequence[Path], within: float = 0.0) -> bool:
     return comparison.difference is None
 
 
-def _verdict(comparison: Comparison) -> Iterator[str]:
+def _verdict(comparison: ReplayComparison) -> Iterator[str]:
     yield f"{comparison.answers} answers in {comparison.until_s:.3f} s are the recorded ones"
     if comparison.difference is not None:
         yield f"the first that differs, {comparison.difference.at_s:.6f} s after the start:"

@@ -8,7 +8,7 @@ LATENCY_S = 0.04
 """From the time of an image to the datagram with its detections."""
 
 
-class VehicleDetector:
+class ExternalDetector:
     """The vehicle detector of one car, without I/O."""
 
     def __init__(self, camera: VehicleCamera, phase_s: float) -> None:

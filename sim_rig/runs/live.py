@@ -27,7 +27,7 @@ from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.cars.udp_line import UdpLine
 from sim_rig.cars.vehicle_camera import VehicleCamera
-from sim_rig.cars.vehicle_detector import VehicleDetector
+from sim_rig.cars.vehicle_detector import ExternalDetector
 from sim_rig.cars.vehicle_faults import VehicleFaults
 from sim_rig.engineer.page_process import ENGINEER, EngineerPage
 from sim_rig.processes.gpsd import start_gpsd
@@ -274,7 +274,7 @@ class LiveTestbench:
             lambda now: self._road.cars_at(self._at_s(now)),
             np.random.default_rng([self._seed, number, _DETECTOR]),
         )
-        self._open.callback(UdpLine(VehicleDetector(camera, phase_s=0.0), port).close)
+        self._open.callback(UdpLine(ExternalDetector(camera, phase_s=0.0), port).close)
         return {"port": port}
 
     def _has_mute_radio(self, car: str, now: float) -> bool:

@@ -23,7 +23,7 @@ from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.udp_line import Device
 from sim_rig.cars.vehicle_camera import VehicleCamera
-from sim_rig.cars.vehicle_detector import VehicleDetector
+from sim_rig.cars.vehicle_detector import ExternalDetector
 from sim_rig.cars.vehicle_faults import VehicleFaults
 from sim_rig.roads.road import CarState, Road
 from sim_rig.run_log.run_log import Record
@@ -91,7 +91,7 @@ class VirtualCar:
             self._devices.append(self._receiver(road, scenario.gnss, gnss_rng, sky_rng))
         if scenario.detector is not None:
             vehicles = VehicleCamera(scenario.detector, name, road.cars_at, vehicles_rng)
-            self._devices.append((VehicleDetector(vehicles, phase_s), ObjectListReader()))
+            self._devices.append((ExternalDetector(vehicles, phase_s), ObjectListReader()))
 
     def get_timer(self) -> float:
         """When something of this car is next due."""

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from onboard.recorder.header import RecordingHeader
-from onboard.recorder.records import Record
+from onboard.recorder.records import RecordedMessage
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
 
@@ -22,7 +22,7 @@ class VirtualRecorder:
         self._segments = Segments(self.settings, head)
         self._segments.open(head.now_s, head.utc_s)
 
-    def note(self, note: Record) -> None:
+    def note(self, note: RecordedMessage) -> None:
         """See `onboard.recorder.black_box.BlackBox`."""
         assert self._segments is not None  # noqa: S101 (`begin` comes first)
         self._segments.write(note)

@@ -10,7 +10,7 @@ from onboard.config import CarConfig
 from onboard.observations import ImageBox as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, Position, Sensor, Speed
 from onboard.recorder.header import RecordingHeader
-from onboard.recorder.records import Record
+from onboard.recorder.records import RecordedMessage
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
 from onboard.replay.initial_state import InitialState
@@ -43,7 +43,7 @@ class Written:
         self.segments = Segments(self.settings, head)
         self.segments.open(head.now_s, head.utc_s)
 
-    def note(self, note: Record) -> None:
+    def note(self, note: RecordedMessage) -> None:
         self.segments.write(note)
         self._notes += 1
         if self._notes % self._flush_every == 0:

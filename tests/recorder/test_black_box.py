@@ -22,7 +22,7 @@ from onboard.obd.can_frame import CanFrame
 from onboard.recorder import black_box
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.reader import RecordedDrive, is_finished
-from onboard.recorder.records import Record, RecorderState
+from onboard.recorder.records import RecordedMessage, RecorderState
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
 from onboard.replay.replay import compare
@@ -42,9 +42,9 @@ def until(holds: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-def frame(number: int, size: int = 8) -> Record:
+def frame(number: int, size: int = 8) -> RecordedMessage:
     data = number.to_bytes(4) + secrets.token_bytes(size - 4)
-    return Record(
+    return RecordedMessage(
         "/in/can",
         HEAD.utc_s + number,
         CanFrame(HEAD.now_s + number * 1e-3, 0x123, is_extended_id=False, data=data),
@@ -317,7 +317,9 @@ def test_a_segment_that_was_taken_away_is_not_missed(tmp_path: Path) -> None:
     first, *_ = sorted(tmp_path.iterdir())
     first.rename(tmp_path.parent / "elsewhere.mcap")
 
-    segments.write(Record("/in/brake_button", HEAD.utc_s + 1.5, BrakeButton(HEAD.now_s + 1.5)))
+    segments.write(
+        RecordedMessage("/in/brake_button", HEAD.utc_s + 1.5, BrakeButton(HEAD.now_s + 1.5))
+    )
     segments.close(HEAD.now_s + 1.6)
 
     (left,) = tmp_path.iterdir()

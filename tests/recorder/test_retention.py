@@ -7,7 +7,7 @@ import numpy as np
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import HardBrake
 from onboard.recorder.reader import RecordedDrive
-from onboard.recorder.records import Identity, Record
+from onboard.recorder.records import Identity, RecordedMessage
 from onboard.recorder.retention import Stored, kept_path, to_delete
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
@@ -60,10 +60,10 @@ def drive(written: Written, until_s: float, brakes_at: float) -> None:
     for second in range(round(until_s)):
         now = HEAD.now_s + second
         frame = CanFrame(now, 0x7E8, is_extended_id=False, data=b"\x03\x41\x0d\x32")
-        written.note(Record("/in/can", HEAD.utc_s + second, frame))
+        written.note(RecordedMessage("/in/can", HEAD.utc_s + second, frame))
         if second == brakes_at:
             brake = HardBrake(now, 5.0, "button")
-            written.note(Record("/out/hard_brake", HEAD.utc_s + second, brake))
+            written.note(RecordedMessage("/out/hard_brake", HEAD.utc_s + second, brake))
     written.segments.close(HEAD.now_s + until_s)
 
 
@@ -101,7 +101,7 @@ def test_the_ring_holds_while_one_long_segment_is_written(tmp_path: Path) -> Non
     for second in range(60):
         noise = np.random.default_rng(second).bytes(40_000)
         now = HEAD.now_s + second
-        new.write(Record("/in/wsm", HEAD.utc_s + second, ReceivedWsm(now, noise)))
+        new.write(RecordedMessage("/in/wsm", HEAD.utc_s + second, ReceivedWsm(now, noise)))
         new.flush()
     new.close(HEAD.now_s + 60.0)
 
@@ -112,9 +112,9 @@ def test_each_segment_says_again_at_its_beginning_which_ids_hold(tmp_path: Path)
     written = Written(tmp_path, segment_s=10.0)
     written.begin(HEAD)
     identity = Identity(HEAD.now_s, "plate-1", 7, b"12345678")
-    written.note(Record("/in/identity", HEAD.utc_s, identity))
+    written.note(RecordedMessage("/in/identity", HEAD.utc_s, identity))
     drive_on = [
-        Record("/in/brake_button", HEAD.utc_s + at, BrakeButton(HEAD.now_s + at))
+        RecordedMessage("/in/brake_button", HEAD.utc_s + at, BrakeButton(HEAD.now_s + at))
         for at in (5, 15, 25)
     ]
     for note in drive_on:

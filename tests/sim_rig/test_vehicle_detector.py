@@ -6,18 +6,18 @@ import pytest
 from onboard.detector.object_list import ObjectListReader
 from onboard.observations import DetectionList
 from sim_rig.cars.vehicle_camera import FPS, VehicleCamera
-from sim_rig.cars.vehicle_detector import LATENCY_S, VehicleDetector
+from sim_rig.cars.vehicle_detector import LATENCY_S, ExternalDetector
 from sim_rig.roads.road import CarState
 from sim_rig.scenario.sensor_settings import VehicleCameraSettings
 
 
-def detector(seed: int = 1) -> VehicleDetector:
+def detector(seed: int = 1) -> ExternalDetector:
     own = CarState(0.0, 0.0, 0.0, 0.0, 0.0, 10.0, 0.0, 4.5, 1.8, 1.5)
     other = CarState(3.0, 30.0, 1.0, 0.0, 0.0, 10.0, 0.0, 4.5, 1.8, 1.5)
     cars = {"own": own, "other": other}
     settings = VehicleCameraSettings(misses=0.5)
     camera = VehicleCamera(settings, "own", lambda _at: cars, np.random.default_rng(seed))
-    return VehicleDetector(camera, phase_s=0.03)
+    return ExternalDetector(camera, phase_s=0.03)
 
 
 def test_every_picture_is_told_when_it_has_been_looked_through_with_cars_or_without() -> None:
