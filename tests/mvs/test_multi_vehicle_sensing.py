@@ -60,7 +60,7 @@ def test_a_car_with_a_radio_is_known_by_it() -> None:
     assert np.abs(world.place_of("v1", v4) - world.truth("v4"))[:2].max() < 1.5
 
 
-def test_the_own_car_stands_in_the_same_frame() -> None:
+def test_the_host_vehicle_is_in_the_same_frame() -> None:
     world = figure_1()
     world.run(0.3)
 
@@ -100,7 +100,7 @@ def test_a_seen_car_with_a_radio_is_not_reported_as_one_without() -> None:
     assert all(len(m.footer) == mvs_footer.HEADER.size_bytes for m in world.sent)
 
 
-def test_the_own_car_reported_back_is_recognised() -> None:
+def test_the_host_vehicle_reported_back_is_recognised() -> None:
     """b does not hear a, so to b it is a car without a radio, and b tells everybody."""
 
     def radio(message: Message, receiver: Car, t: float) -> list[float]:
