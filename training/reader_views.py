@@ -45,7 +45,7 @@ def render_validation_plates(count: int, rng: np.random.Generator) -> tuple[View
 def _photographed(
     count: int, rng: np.random.Generator, *, held_back: bool
 ) -> tuple[list[tuple[View, Quad]], list[str]]:
-    """ImageSequence of plates with the corners that a detector gives, and the texts."""
+    """Render images of plates with the corners that a detector gives, and the texts."""
     found: list[tuple[View, Quad]] = []
     texts: list[str] = []
     while len(found) < count:

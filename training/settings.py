@@ -23,7 +23,7 @@ class NetworkTrainingSettings(Settings):
     """Learning rates at some steps, linear in between; the run ends at the last one. The images are
     repeated as often as that takes."""
     batch: int = Field(gt=0)
-    """ImageSequence a step."""
+    """Images a step."""
     initial_network: str | None = None
     """Exported network in this folder from which the run starts; `None`: random weights."""
 

@@ -135,13 +135,16 @@ class BoxModelSettings(Settings):
     """
 
     file: Path
+    """The ONNX file."""
     input_width_px: int = Field(640, ge=32, le=4096)
+    """Size of the model's input; frames are scaled to it."""
     input_height_px: int = Field(640, ge=32, le=4096)
     has_objectness: bool = False
     """Whether a score for "any object" comes before those of the classes, as in YOLOv5."""
     classes: tuple[int, ...] = (0,)
     """Classes that count."""
     least_score: float = Field(0.4, gt=0.0, lt=1.0)
+    """Score below which a box is dropped."""
 
 
 class VehicleModelSettings(BoxModelSettings):
@@ -173,3 +176,4 @@ class VisionSettings(Settings):
     plate_model: BoxModelSettings | None = None
     """Finds plates instead of the shipped detector, which then only refines their corners."""
     vehicle_model: VehicleModelSettings | None = None
+    """Detects whole vehicles; `None` detects only plates and tags."""

@@ -201,8 +201,8 @@ def test_confidence_counts_every_path_that_spells_the_text() -> None:
 
 
 def test_views_that_disagree_lower_the_confidence() -> None:
-    looks = np.concatenate([scores_of([11, 0, 12]), scores_of([11, 0, 13]), scores_of([11, 0, 12])])
-    read = decode(looks)
+    views = np.concatenate([scores_of([11, 0, 12]), scores_of([11, 0, 13]), scores_of([11, 0, 12])])
+    read = decode(views)
     assert read.text == "AB"
     assert read.confidence == pytest.approx(2 / 3, abs=0.01)
 
@@ -222,12 +222,12 @@ def test_a_missing_model_is_named(tmp_path: Path) -> None:
 
 def view_of(columns: list[dict[str, float]]) -> np.ndarray:
     """One view: likely characters of some columns, a blank after each."""
-    look = np.full((2 * len(columns), len(ALPHABET) + 1), -20.0, np.float32)
-    look[1::2, 0] = 0.0
-    for place, chances in enumerate(columns):
+    view = np.full((2 * len(columns), len(ALPHABET) + 1), -20.0, np.float32)
+    view[1::2, 0] = 0.0
+    for position, chances in enumerate(columns):
         for character, chance in chances.items():
-            look[2 * place, ALPHABET.index(character) + 1] = np.log(chance)
-    return look[None]
+            view[2 * position, ALPHABET.index(character) + 1] = np.log(chance)
+    return view[None]
 
 
 SERIES = PlateSyntax(("[A-Z]{3}[0-9]{4}",))

@@ -118,7 +118,7 @@ class Fit:
     calibration: Calibration
     rms_px: float
     used: int
-    """ImageSequence."""
+    """Number of images used."""
 
     @property
     def is_doubtful(self) -> bool:
