@@ -1,6 +1,5 @@
 """Coverage-guided fuzzing of everything that reads bytes from outside: `make fuzz`.
 
-`targets` says what is fed and which exceptions are declared; `corpus/<target>/` keeps inputs worth
-having, and the tests replay them. `__main__` runs atheris on each target for a bounded time, then
-times what was found.
+`targets` declares each decoder and its exceptions; `corpus/<target>/` keeps useful inputs, which
+the tests replay. `__main__` runs atheris on each target for a bounded time, then times the inputs.
 """

@@ -1,4 +1,4 @@
-"""Run atheris on each target for a bounded time, then time what it found: `python -m fuzz`."""
+"""Run atheris on each target for a bounded time, then time the inputs: `python -m fuzz`."""
 
 import argparse
 import subprocess
@@ -11,9 +11,9 @@ import atheris  # type: ignore[import-untyped]
 
 CORPUS = Path(__file__).parent / "corpus"
 FOUND = Path("out/fuzz")
-"""Where new inputs and crashes go; what is worth keeping is moved to the corpus by hand."""
+"""Folder of new inputs and crashes; useful ones are moved to the corpus by hand."""
 
-LARGEST_INPUT = 4096
+MAX_INPUT_BYTES = 4096
 KILOBYTE = 1000
 REPEATS = 5
 
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def fuzz(name: str, seconds: int) -> None:
-    """Does not return: libFuzzer leaves the process."""
+    """Fuzz one target. Does not return: libFuzzer exits the process."""
     with atheris.instrument_imports(include=["onboard"]):
         from fuzz.targets import TARGETS  # noqa: PLC0415 (after this, it cannot be instrumented)
     found = FOUND / name
@@ -52,7 +52,7 @@ def fuzz(name: str, seconds: int) -> None:
             str(found),
             str(CORPUS / name),
             f"-max_total_time={seconds}",
-            f"-max_len={LARGEST_INPUT}",
+            f"-max_len={MAX_INPUT_BYTES}",
             f"-artifact_prefix={FOUND}/{name}-",
             "-timeout=10",
             "-print_final_stats=1",
@@ -64,7 +64,11 @@ def fuzz(name: str, seconds: int) -> None:
 
 
 def time_inputs(name: str) -> int:
-    """Time each input, alone and over and over up to a kilobyte, without the cost of coverage."""
+    """Time each input, alone and repeated up to a kilobyte, without coverage.
+
+    Returns:
+        1 if an input takes too long, else 0.
+    """
     from fuzz.targets import TARGETS  # noqa: PLC0415 (not for the fuzzing)
 
     target = TARGETS[name]
@@ -73,9 +77,9 @@ def time_inputs(name: str) -> int:
         whole = path.read_bytes()
         for data in (whole, whole * (KILOBYTE // (len(whole) or KILOBYTE))):
             best_s = min(_time_s(target.feed, data) for _ in range(REPEATS))
-            if best_s > target.most_s_per_kilobyte * max(1.0, len(data) / KILOBYTE):
+            if best_s > target.max_s_per_kilobyte * max(1.0, len(data) / KILOBYTE):
                 slow.append(f"{path}: {best_s * 1e3:.2f} ms for {len(data)} bytes of it")
-    sys.stdout.write("\n".join(slow or [f"{name}: none takes too long"]) + "\n")
+    sys.stdout.write("\n".join(slow or [f"{name}: no input takes too long"]) + "\n")
     return bool(slow)
 
 

@@ -1,4 +1,4 @@
-"""The decoders under fuzzing: a target takes any bytes, and raises nothing but what it declares."""
+"""The decoders under fuzzing: a target takes any bytes and raises only declared exceptions."""
 
 import struct
 from collections.abc import Callable
@@ -32,28 +32,28 @@ class Target:
 
     read: Callable[[bytes], object]
     declared: tuple[type[Exception], ...] = ()
-    most_s_per_kilobyte: float = 1e-3
-    """What reading a kilobyte may take; shorter input may take as much as a kilobyte."""
+    max_s_per_kilobyte: float = 1e-3
+    """Time allowed for a kilobyte, and for any shorter input."""
 
     def feed(self, data: bytes) -> None:
-        """Let the decoder read `data`; what it does not declare comes through."""
+        """Decode `data`; raise exceptions that the target does not declare."""
         with suppress(*self.declared):
             self.read(data)
 
 
 def _codec(decode: Callable[[bytes], Any], encode: Callable[[Any], bytes]) -> Target:
-    """Reading, and then reading again what was written of it."""
+    """Return a target that decodes, encodes and decodes again."""
 
     def read(data: bytes) -> None:
         message = decode(data)
         if decode(encode(message)) != message:
-            raise AssertionError(f"{message} is not what its encoding says")
+            raise AssertionError(f"{message} is not what its encoding decodes to")
 
     return Target(read, (DecodeError,))
 
 
 def _decode_version_3(data: bytes) -> WaveShortMessage:
-    """Version 2 is never written: what was read of it is taken on as version 3."""
+    """Decode a WSM as version 3, since version 2 is never encoded."""
     return replace(wsmp.decode(data), version=wsmp.VERSION)
 
 
@@ -62,7 +62,7 @@ _TRIAL = make_trial(
     ["receiver", "sender"], [psid.BSM], _UTC_S, p256.key_from(np.random.default_rng(1609))
 )
 _SECURITY = SecurityServices(_UTC_S, _TRIAL["receiver"])
-"""Trusts the sender, whose messages are in the corpus."""
+"""A receiver that trusts the sender of the corpus."""
 
 
 def _security(data: bytes) -> object:
@@ -104,7 +104,7 @@ def _gpsd(data: bytes) -> None:
 
 
 def _read_stream(reader: NmeaReader | GpsdReader, data: bytes) -> None:
-    """In two pieces, as a stream comes."""
+    """Read `data` in two pieces, as from a stream."""
     half = len(data) // 2
     for now, piece in enumerate((data[:half], data[half:])):
         reader.receive_bytes(piece, float(now))
@@ -121,7 +121,7 @@ TARGETS = {
     "bsm": _codec(bsm.decode, bsm.encode),
     "mvs_footer": _codec(mvs_footer.decode, mvs_footer.encode),
     "lcca": _codec(lcca.decode, lcca.encode),
-    "can": Target(_can, most_s_per_kilobyte=5e-3),  # 62 frames through the brake detector too
+    "can": Target(_can, max_s_per_kilobyte=5e-3),  # 62 frames through the brake detector too
     "nmea": Target(_nmea),
     "gpsd": Target(_gpsd),
     "socketcand": Target(_socketcand, (ProtocolError,)),

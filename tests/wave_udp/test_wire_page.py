@@ -9,7 +9,7 @@ import yaml
 from onboard.settings import Settings, parse_settings
 from onboard.tools.decode.describe import describe
 from onboard.wave_udp.settings import RadioSettings
-from tools.lcca_tables import with_tables
+from tools.wire_tables import with_tables
 
 PAGE = (Path(__file__).parents[2] / "docs" / "wire.md").read_text(encoding="utf-8")
 
@@ -18,8 +18,8 @@ class Car(Settings):
     radio: RadioSettings
 
 
-def test_the_lcca_tables_of_the_page_are_those_of_the_declarations():
-    assert with_tables(PAGE) == PAGE, "run python tools/lcca_tables.py"
+def test_the_tables_of_the_page_are_those_of_the_declarations():
+    assert with_tables(PAGE) == PAGE, "run python tools.wire_tables.py"
 
 
 def test_the_example_decodes_to_what_the_page_shows():

@@ -1,0 +1,37 @@
+"""Writes the tables of LCCA messages and MVS footer into docs/wire.md, from their declarations."""
+
+from pathlib import Path
+
+from onboard.messages.lcca import MESSAGES
+from onboard.messages.mvs_footer import HEADER, MEASUREMENT, RUN, STATE
+
+PAGE = Path(__file__).parents[1] / "docs" / "wire.md"
+END = "<!-- end -->\n"
+
+
+def lcca_tables() -> str:
+    """Return one table a message."""
+    return "\n".join(
+        f"**{record.record.__name__}** (type {code}, user priority"
+        f" {record.record.user_priority})\n\n{record.table()}\n"
+        for code, record in MESSAGES.items()
+    )
+
+
+def footer_tables() -> str:
+    """Return one table a part of the footer."""
+    parts = {"Header": HEADER, "Measurement": MEASUREMENT, "State": STATE, "Observer run": RUN}
+    return "\n".join(f"**{name}**\n\n{record.table()}\n" for name, record in parts.items())
+
+
+def with_tables(page: str) -> str:
+    """Return `page` with the tables of the present declarations."""
+    for name, tables in (("lcca", lcca_tables), ("footer", footer_tables)):
+        begin = f"<!-- {name} tables: python -m tools.wire_tables -->\n"
+        before, _, rest = page.partition(begin)
+        page = before + begin + tables() + END + rest.partition(END)[2]
+    return page
+
+
+if __name__ == "__main__":
+    PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
