@@ -49,7 +49,7 @@ def _photographed(
     found: list[tuple[View, Quad]] = []
     texts: list[str] = []
     while len(found) < count:
-        text, plate_format = random_plate(rng, held_back=held_back)
+        text, plate_format = random_plate(rng, validation_font=held_back)
         drawn = _Drawn(text, plate_format, worn(draw_plate(text, plate_format, _PX_PER_MM), rng))
         found += [_photograph(drawn, rng) for _ in range(_VIEWS_PER_PLATE)]
         texts += [text] * _VIEWS_PER_PLATE

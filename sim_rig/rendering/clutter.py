@@ -28,7 +28,7 @@ def surroundings(rows: int, columns: int, rng: np.random.Generator) -> Image:
 
 
 def colour(rng: np.random.Generator) -> Bgr:
-    """Any colour; greys, as on cars, more often than not."""
+    """Draw a colour, mostly a grey."""
     grey = rng.integers(5, 245)
     spread = 12 if rng.random() < 0.6 else 90
     blue, green, red = (int(v) for v in np.clip(grey + rng.normal(0, spread, 3), 0, 255))
@@ -36,7 +36,7 @@ def colour(rng: np.random.Generator) -> Bgr:
 
 
 def add_lettering(image: Image, rng: np.random.Generator, height_px: float) -> None:
-    """Words on a panel somewhere: what looks most like a plate and is none."""
+    """Text on a panel: a negative example that resembles a plate."""
     letters(image, rng, height_px)
 
 

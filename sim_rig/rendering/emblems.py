@@ -1,4 +1,4 @@
-"""What stands beside a number and between its groups and is no part of it: crests, seals, pictures.
+"""Graphics beside a plate's number and between its groups: crests, seals, pictures.
 
 Shapes of nobody, as `Outline`s around a place. A reader that has not seen them takes a coat of arms
 for an M and a cactus for a 4.
@@ -67,7 +67,7 @@ def landscape(rng: np.random.Generator, ground: Bgr) -> tuple[Outline, ...]:
 
 
 def colour(rng: np.random.Generator) -> Bgr:
-    """Any."""
+    """Draw a colour."""
     blue, green, red = (int(channel) for channel in rng.integers(10, 245, 3))
     return blue, green, red
 

@@ -1,4 +1,4 @@
-"""Characters as masks, from the shipped fonts and dies: one text, one row, tight around its ink."""
+"""Masks of characters and texts, from the shipped fonts and from drawn glyphs."""
 
 from functools import cache, lru_cache
 from pathlib import Path
@@ -12,7 +12,7 @@ from sim_rig.rendering.stamped_glyphs import DIES, die
 
 FONT_FOLDER = Path(__file__).parent / "fonts"
 CAP_HEIGHT_PX = 96
-"""Height of a capital letter in every mask; whoever draws scales it from there."""
+"""Height of a capital letter in every mask; callers scale the mask."""
 SCRIPT = "script"
 """Drawn by OpenCV, for names and slogans only."""
 
@@ -21,7 +21,7 @@ Mask = npt.NDArray[np.uint8]
 
 
 def font_names() -> list[str]:
-    """The shipped fonts, by file stem, and the dies."""
+    """Names of the shipped fonts, by file stem, and of the drawn glyph sets."""
     return sorted([*DIES, *(path.stem for path in FONT_FOLDER.glob("*.ttf"))])
 
 

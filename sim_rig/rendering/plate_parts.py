@@ -1,4 +1,4 @@
-"""What plates of all families are put together from, drawn at random."""
+"""Random parts that all families of plates share."""
 
 from dataclasses import dataclass
 
@@ -10,19 +10,19 @@ from sim_rig.rendering.plate_art import Bgr, Disc, Outline, Patch, SmallText
 from sim_rig.rendering.plate_texts import any_text, text_of, word
 
 _PRINT_FONTS = ("overpass-600", "barlow-semi-condensed-700", "roboto-condensed-700", SCRIPT)
-HELD_BACK = (
+VALIDATION_FONTS = (
     *("archivo-narrow-600", "rajdhani-600", "roboto-condensed-700"),
     *("dies-36", "dies-37", "dies-38", "dies-39"),
 )
-"""Fonts that number no plate unless asked for: to measure on what nobody has learnt."""
+"""Fonts reserved for validation: training plates do not use them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Beside:
-    """What stands beside the number and is not part of it."""
+    """Parts of a plate beside its number."""
 
     left_mm: float = 0.0
-    """The room that it takes at the left end of the plate."""
+    """Width at the left end of the plate."""
     right_mm: float = 0.0
     texts: tuple[SmallText, ...] = ()
     patches: tuple[Patch, ...] = ()
@@ -45,9 +45,9 @@ def groups_of(written: str) -> tuple[int, ...]:
 
 
 def draw_font(rng: np.random.Generator, preferred: tuple[str, ...]) -> str:
-    """Mostly a preferred one; none that is held back."""
+    """Draw a font, mostly a preferred one, and never a validation font."""
     fonts = preferred if rng.random() < 0.75 else font_names()
-    known = [font for font in fonts if font not in HELD_BACK]
+    known = [font for font in fonts if font not in VALIDATION_FONTS]
     return known[rng.integers(len(known))]
 
 

@@ -13,20 +13,22 @@ from sim_rig.rendering.br_plates import br_plate
 from sim_rig.rendering.emblems import colour
 from sim_rig.rendering.eu_plates import eu_plate
 from sim_rig.rendering.plate_art import Bgr, Patch, PlateFormat
-from sim_rig.rendering.plate_parts import HELD_BACK, small_print
+from sim_rig.rendering.plate_parts import VALIDATION_FONTS, small_print
 from sim_rig.rendering.us_plates import us_plate
 
 
-def random_plate(rng: np.random.Generator, *, held_back: bool = False) -> tuple[str, PlateFormat]:
-    """A text without separators and the plate that carries it, in a font held back or another."""
+def random_plate(
+    rng: np.random.Generator, *, validation_font: bool = False
+) -> tuple[str, PlateFormat]:
+    """Return a text without separators and its plate, in a training or a validation font."""
     draw = (us_plate, eu_plate, br_plate)[rng.choice(3, p=[0.56, 0.26, 0.18])]
     text, plate = draw(rng)
     if rng.random() < 0.35:
         plate = _in_holder(plate, rng)
     if rng.random() < 0.35:
         plate = replace(plate, emboss=rng.uniform(20, 160))
-    if held_back:
-        plate = replace(plate, font=HELD_BACK[rng.integers(len(HELD_BACK))])
+    if validation_font:
+        plate = replace(plate, font=VALIDATION_FONTS[rng.integers(len(VALIDATION_FONTS))])
     return text, plate
 
 

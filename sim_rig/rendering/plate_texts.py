@@ -1,4 +1,4 @@
-"""Numbers as registries give them out, for plates that nobody owns.
+"""Random plate numbers in the formats of registries.
 
 A pattern is written with `L` for a letter, `#` for a digit; a space only says where groups part.
 The patterns are facts about public series; the numbers drawn from them are random.

@@ -34,13 +34,13 @@ _TAG_PX = 128
 _TAG_CARD = 1.25
 """Side of the white card over the side of the tag's black square."""
 TURNED_RAD = 0.1
-"""A car that points another way by more than this shows no rear that could be read."""
+"""Largest heading difference, from the camera's car, at which a rear plate is readable."""
 _NEAREST_M = 1.0
-"""What is nearer to the camera is not painted."""
+"""Nearer parts are not drawn."""
 
 
 class Light(StrEnum):
-    """When and in what weather the picture is taken."""
+    """Time of day and weather."""
 
     DAY = "day"
     OVERCAST = "overcast"
@@ -51,17 +51,17 @@ class Light(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """What a light does to a picture."""
+    """Effect of a `Light` on an image."""
 
     sky_bgr: tuple[int, int, int]
     road_bgr: tuple[int, int, int]
     verge_bgr: tuple[int, int, int]
     brightness: float
-    """Of everything that does not shine by itself."""
+    """Brightness of everything that does not emit light."""
     plate_brightness: float
-    """Plates throw the own headlights back."""
+    """Brightness of plates, which reflect the headlights."""
     noise_sigma: float
-    """In grey levels."""
+    """Standard deviation of the sensor noise, grey levels."""
     sight_m: float
     """Distance at which contrast has fallen to 1/e."""
 
@@ -80,11 +80,11 @@ class SceneCar:
     """One car ahead, seen from behind unless it is turned."""
 
     ahead_m: float
-    """Camera to its rear, along the lane; cars at or behind the camera are not seen."""
+    """Camera to its rear, along the lane; cars at or behind the camera are not drawn."""
     lateral_m: float = 0.0
     """The middle of its rear from the camera, positive to the right."""
     heading_rad: float = 0.0
-    """Clockwise from where the camera's car points."""
+    """Heading relative to the camera's car, clockwise."""
     width_m: float = 1.8
     height_m: float = 1.5
     length_m: float = 4.4
@@ -92,15 +92,15 @@ class SceneCar:
     """Text without separators."""
     plate_format: PlateFormat = EU
     tag_id: int | None = None
-    """An ArUco tag in the place of the plate."""
+    """Number of an ArUco tag instead of the plate."""
     tag_side_m: float = 0.2
-    """Of the tag's black square."""
+    """Side of the tag's black square."""
     colour_bgr: tuple[int, int, int] = (120, 90, 60)
     braking: bool = False
 
     @property
     def is_turned(self) -> bool:
-        """Whether it shows something else than its rear."""
+        """Whether its rear is not visible."""
         return abs(self.heading_rad) > TURNED_RAD
 
     def corners(self) -> tuple[tuple[float, float], ...]:
@@ -123,21 +123,21 @@ class SceneCar:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """One moment of the road ahead."""
+    """The road ahead at one time."""
 
     cars: tuple[SceneCar, ...] = ()
     lane_width_m: float = 3.5
     lanes_left: int = 1
-    """Beside the own lane."""
+    """Number of lanes left of the host's."""
     lanes_right: int = 1
     travelled_m: float = 0.0
-    """How far the own car has come: the dashes move with it."""
+    """Distance travelled by the host, which moves the lane markings."""
     light: Light = Light.DAY
 
 
 @dataclass(frozen=True, slots=True)
 class CameraRenderer:
-    """The camera's place and lens; draws scenes."""
+    """Renders scenes for one camera calibration."""
 
     camera: Calibration
     tag_dictionary: TagDictionary = "4X4_50"
@@ -151,7 +151,7 @@ class CameraRenderer:
         object.__setattr__(self, "_noise", np.clip(grain, 0, 255).astype(np.uint8))
 
     def draw(self, scene: Scene, rng: np.random.Generator) -> Image:
-        """The picture, (h, w, 3) uint8 BGR; `rng` only chooses the sensor's noise."""
+        """Return the image, (h, w, 3) uint8 BGR; `rng` is the source of the sensor noise."""
         look = _LOOKS[scene.light]
         image = self._road(scene, look)
         for car in sorted(scene.cars, key=lambda car: -car.ahead_m):

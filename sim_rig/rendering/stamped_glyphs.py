@@ -1,4 +1,4 @@
-"""Characters as the dies of North American plates stamp them, drawn as strokes of even width.
+"""Characters in the style of stamped North American plates, drawn as strokes of even width.
 
 No font with a free licence has these shapes: narrow, round-ended, the one and often the I standing
 on a foot. Each character is a few lines in a box of 1 by 1, y pointing down.
@@ -18,7 +18,7 @@ Line = list[Point]
 
 @dataclass(frozen=True, slots=True)
 class StampStyle:
-    """One set of dies."""
+    """Style of one set of stamped glyphs."""
 
     width: float
     """Of a character, as a share of the cap height."""
@@ -81,7 +81,7 @@ _POINTED = 80
 
 
 def _drawn_at_random(count: int) -> dict[str, StampStyle]:
-    """Dies of nobody, around those that exist: the same ones on every machine."""
+    """Draw random styles similar to real ones; the same on every machine."""
     rng = np.random.default_rng(1906)  # the year in which a plate was first stamped for a car
     flags = np.random.default_rng(1901).choice([0.0, 0.1, 0.22, 0.3], count, p=[0.3, 0.1, 0.4, 0.2])
     shapes, ends = np.random.default_rng(1903), np.random.default_rng(1907)
@@ -158,7 +158,7 @@ def _box(least: Point, most: Point, radii: Point) -> Line:
 
 @dataclass(frozen=True, slots=True)
 class _Corners:
-    """The round corners of a set of dies, each drawn clockwise."""
+    """The round corners of a style, each drawn clockwise."""
 
     over_left: Line
     over_right: Line
@@ -193,7 +193,7 @@ class _Corners:
 
 
 def _lines(character: str, dies: StampStyle) -> list[Line]:
-    """The strokes of a character; none, if the dies have no such one."""
+    """Strokes of a character; empty if the style does not have it."""
     if character == "9":  # a 6 upside down
         return [[(1 - x, 1 - y) for x, y in line] for line in _lines("6", dies)]
     corners = _Corners.of(dies)

@@ -1,4 +1,4 @@
-"""Cars, drawn roughly and at random, with what is on them and may be taken for a plate."""
+"""Random, roughly drawn cars with parts that resemble plates, as negative examples."""
 
 import cv2
 import numpy as np
@@ -40,7 +40,7 @@ def add_car(
 
 
 def _few(bgr: Bgr) -> Bgr:
-    """Rounded, so that the drawn cars can be kept."""
+    """Round sizes, so that drawn cars can be cached."""
     blue, green, red = (channel // 64 * 64 + 20 for channel in bgr)
     return blue, green, red
 

@@ -1,4 +1,4 @@
-"""What years on the road do to a plate: dirt, fading, scratches."""
+"""Wear of plates: dirt, fading, scratches."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,7 @@ from sim_rig.rendering.plate_art import Art
 
 
 def worn(art: Art, rng: np.random.Generator) -> Art:
-    """The plate as it looks after some years, same shape; many are as good as new."""
+    """Add random wear to the image of a plate; many plates stay new."""
     kind = rng.choice(4, p=[0.55, 0.2, 0.15, 0.1])
     if kind == 1:
         return _dirty(art, rng)
@@ -37,7 +37,7 @@ def _dirty(art: Art, rng: np.random.Generator) -> Art:
 
 
 def _faded(art: Art, rng: np.random.Generator) -> Art:
-    """Ink and ground have grown alike, more so in patches."""
+    """Reduce the contrast of text and ground, more in patches."""
     ground = np.median(art.reshape(-1, 3), axis=0)
     share = rng.uniform(0.1, 0.5) + rng.uniform(0.0, 0.4) * _patches(art.shape, rng)
     return np.asarray(np.clip(art * (1 - share) + ground * share, 0, 255), np.uint8)

@@ -28,14 +28,14 @@ async def look_at_demo(path: str, folder: Path) -> None:
     whole = load_scenario("ar-tags")
     pair = {name: whole.cars[name] for name in ("green", "red")}
     scenario = whole.model_copy(update={"cars": pair, "duration_s": 300.0, "expect": ()})
-    async with LiveTestbench(scenario, 1, folder) as desk, async_playwright() as playwright:
+    async with LiveTestbench(scenario, 1, folder) as testbench, async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
-        running = asyncio.create_task(desk.run())
-        while math.isinf(desk.start_s):
+        running = asyncio.create_task(testbench.run())
+        while math.isinf(testbench.start_s):
             await asyncio.sleep(0.1)
-        green = await open_page(browser, desk.pages["green"])
-        red = await open_page(browser, desk.pages["red"])
-        engineer = await open_page(browser, desk.pages["engineer"])
+        green = await open_page(browser, testbench.pages["green"])
+        red = await open_page(browser, testbench.pages["red"])
+        engineer = await open_page(browser, testbench.pages["engineer"])
 
         await expect(red.locator("#state")).to_have_text("Member 2")
         await expect(green.locator("#state")).to_have_text("Leader")
@@ -47,9 +47,9 @@ async def look_at_demo(path: str, folder: Path) -> None:
         await expect(engineer.locator('[data-car="red"].card .notes')).to_contain_text("lcca")
 
         running.cancel()
-        await desk.processes.stop("red")
+        await testbench.processes.stop("red")
         await expect(red.locator("#stale-headline")).to_have_text("No data")
-        await desk.processes.start("red", "-m", "onboard", "run", str(folder / "red.yaml"))
+        await testbench.processes.start("red", "-m", "onboard", "run", str(folder / "red.yaml"))
         await expect(red.locator("#stale")).to_be_hidden()
         await expect(red.locator("#state")).to_have_text("Member 2")
         await browser.close()

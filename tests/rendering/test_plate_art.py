@@ -16,7 +16,7 @@ from sim_rig.rendering.plate_art import (
     draw_plate,
     split_groups,
 )
-from sim_rig.rendering.plate_parts import HELD_BACK
+from sim_rig.rendering.plate_parts import VALIDATION_FONTS
 from sim_rig.rendering.plate_styles import random_plate
 from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, any_text, text_of
 from sim_rig.rendering.stamped_glyphs import DIES
@@ -159,12 +159,12 @@ def test_random_plates_can_be_read_by_the_readers_alphabet_and_drawn() -> None:
     assert 3 <= len(any_text(rng).replace(" ", "")) <= 8
 
 
-def test_fonts_held_back_are_only_on_plates_that_ask_for_them() -> None:
+def test_validation_fonts_are_only_used_on_request() -> None:
     rng = np.random.default_rng(5)
-    assert set(HELD_BACK) <= set(font_names())
+    assert set(VALIDATION_FONTS) <= set(font_names())
     for _ in range(100):
-        assert random_plate(rng)[1].font not in HELD_BACK
-        assert random_plate(rng, held_back=True)[1].font in HELD_BACK
+        assert random_plate(rng)[1].font not in VALIDATION_FONTS
+        assert random_plate(rng, validation_font=True)[1].font in VALIDATION_FONTS
 
 
 def test_years_on_the_road_change_a_plate_and_leave_its_shape() -> None:

@@ -1,4 +1,4 @@
-"""A crowd of cars that only send BSMs, on top of the air."""
+"""Background traffic: cars that only send BSMs."""
 
 import math
 from collections import Counter
@@ -13,8 +13,8 @@ from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario.schema import Scenario, load_scenario
 
 
-def crowded(crowd: int) -> tuple[BackgroundTraffic, Scenario]:
-    scenario = load_scenario("unsafe-driver").model_copy(update={"background_traffic": crowd})
+def background(count: int) -> tuple[BackgroundTraffic, Scenario]:
+    scenario = load_scenario("unsafe-driver").model_copy(update={"background_traffic": count})
     road = BreakpointRoad(scenario)
     air = open_air(scenario.radio, road.cars_at, scenario.equipped, np.random.default_rng(1))
     return BackgroundTraffic(
@@ -23,7 +23,7 @@ def crowded(crowd: int) -> tuple[BackgroundTraffic, Scenario]:
 
 
 def test_every_car_of_the_crowd_is_heard_by_everybody_twice_a_second() -> None:
-    air, scenario = crowded(5)
+    air, scenario = background(5)
     heard: Counter[tuple[str, str]] = Counter()
     while (at := air.get_timer()) < 4.0:
         for delivery in air.wsms_to_deliver(at):
@@ -37,7 +37,7 @@ def test_every_car_of_the_crowd_is_heard_by_everybody_twice_a_second() -> None:
 
 
 def test_without_a_crowd_the_air_is_as_it_is() -> None:
-    air, _ = crowded(0)
+    air, _ = background(0)
     assert air.get_timer() == math.inf
     air.receive_wsm("close", b"\x00" * 50, 5, 1.0)
 

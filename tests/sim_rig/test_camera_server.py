@@ -19,8 +19,8 @@ from sim_rig.scenario.schema import Scenario, load_scenario
 
 
 @pytest.fixture(scope="module")
-def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("cameras") / "story.yaml"
+def scenario_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("cameras") / "scenario.yaml"
     path.write_text(
         """
 title: A car follows another, and its camera fails in two ways.
@@ -40,8 +40,8 @@ expect: []
 
 
 @pytest.fixture(scope="module")
-def scenario(story: Path) -> Scenario:
-    return load_scenario(str(story))
+def scenario(scenario_file: Path) -> Scenario:
+    return load_scenario(str(scenario_file))
 
 
 def test_a_frozen_camera_repeats_its_last_picture_and_a_dark_one_is_black(
@@ -100,9 +100,9 @@ def test_a_car_that_is_not_there_is_not_found(scenario: Scenario) -> None:
     assert asyncio.run(ask()) == 404
 
 
-def test_the_process_tells_its_port_and_ends_with_its_input(story: Path) -> None:
+def test_the_process_prints_its_port_and_ends_with_its_input(scenario_file: Path) -> None:
     run = subprocess.run(
-        [sys.executable, "-m", "sim_rig.cars.camera_server", str(story), "1"],
+        [sys.executable, "-m", "sim_rig.cars.camera_server", str(scenario_file), "1"],
         input="12.5\n",
         capture_output=True,
         text=True,

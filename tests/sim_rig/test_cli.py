@@ -65,7 +65,7 @@ def impossible(tmp_path: Path) -> Path:
     path = tmp_path / "impossible.yaml"
     path.write_text(
         """
-title: A car is to be warned though nobody brakes.
+title: A car is expected to be warned although no car brakes.
 seed: 1
 duration_s: 2
 radio: {reach_m: 100}

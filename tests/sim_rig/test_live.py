@@ -31,9 +31,9 @@ def live_scenario(name: str) -> Scenario:
 
 def run_live(scenario: Scenario, folder: Path) -> RunLog:
     async def run() -> RunLog:
-        async with LiveTestbench(scenario, scenario.seed, folder) as desk:
-            await desk.run()
-        return desk.log()
+        async with LiveTestbench(scenario, scenario.seed, folder) as testbench:
+            await testbench.run()
+        return testbench.log()
 
     return asyncio.run(run())
 

@@ -11,8 +11,8 @@ from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
 
 
-def with_server(story: Callable[[int], Awaitable[None]]) -> list[bytes]:
-    """Run `story` against a served ECU at 50 km/h; return what the ECU said."""
+def with_server(dialogue: Callable[[int], Awaitable[None]]) -> list[bytes]:
+    """Run `dialogue` against a served ECU at 50 km/h; return the frames of the ECU."""
     answers: list[bytes] = []
 
     async def run() -> None:
@@ -20,7 +20,7 @@ def with_server(story: Callable[[int], Awaitable[None]]) -> list[bytes]:
         server = SocketcandServer(ecu, "can0", lambda frame: answers.append(frame.data))
         port = await server.start()
         try:
-            await story(port)
+            await dialogue(port)
         finally:
             await server.close()
 
@@ -40,7 +40,7 @@ def test_a_request_on_one_client_is_answered_to_all_of_them() -> None:
             asking.send(can.Message(arbitration_id=0x7DF, is_extended_id=False, data=[2, 1, 13]))
             return [asking.recv(2.0), listening.recv(2.0), listening.recv(2.0)]
 
-    async def story(port: int) -> None:
+    async def dialogue(port: int) -> None:
         answer, overheard_request, overheard_answer = await asyncio.to_thread(talk, port)
         assert answer is not None
         assert (answer.arbitration_id, bytes(answer.data[:4])) == (0x7E8, bytes([3, 0x41, 13, 50]))
@@ -49,7 +49,7 @@ def test_a_request_on_one_client_is_answered_to_all_of_them() -> None:
         assert overheard_answer is not None
         assert overheard_answer.data == answer.data
 
-    assert len(with_server(story)) == 1
+    assert len(with_server(dialogue)) == 1
 
 
 @pytest.mark.parametrize("identifier", [0x18DB33F1, 0x7FF])
@@ -63,12 +63,12 @@ def test_identifiers_of_29_bits_keep_their_length(identifier: int) -> None:
             )
             return listening.recv(2.0)
 
-    async def story(port: int) -> None:
+    async def dialogue(port: int) -> None:
         heard = await asyncio.to_thread(talk, port)
         assert heard is not None
         assert (heard.arbitration_id, heard.is_extended_id) == (identifier, identifier > 0x7FF)
 
-    with_server(story)
+    with_server(dialogue)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_identifiers_of_29_bits_keep_their_length(identifier: int) -> None:
 def test_nonsense_is_answered_with_an_error_and_the_bus_goes_on(
     said: bytes, answered: bytes
 ) -> None:
-    async def story(port: int) -> None:
+    async def dialogue(port: int) -> None:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         assert await reader.readexactly(6) == b"< hi >"
         writer.write(said)
@@ -94,14 +94,14 @@ def test_nonsense_is_answered_with_an_error_and_the_bus_goes_on(
         writer.close()
         await writer.wait_closed()
 
-    with_server(story)
+    with_server(dialogue)
 
 
 def test_a_client_that_never_ends_a_message_is_hung_up_on() -> None:
-    async def story(port: int) -> None:
+    async def dialogue(port: int) -> None:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(b"<" * 5000)
         assert await reader.read() == b"< hi >"
         writer.close()
 
-    with_server(story)
+    with_server(dialogue)
