@@ -155,9 +155,7 @@ def _warnings(log: RunLog) -> Table:
     for braking in log.traces:
         for brake in log.of(braking, "hard_brake"):
             at_s = log.at_s(brake)
-            table.add_row(
-                f"{at_s:.3f}", braking, ", ".join(_warned(log, braking, at_s)) or "none"
-            )
+            table.add_row(f"{at_s:.3f}", braking, ", ".join(_warned(log, braking, at_s)) or "none")
     return table
 
 

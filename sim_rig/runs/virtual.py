@@ -1,9 +1,8 @@
-"""The same cores in virtual time: faster than real time, and the same to the bit for one seed.
+"""Runs a scenario in virtual time: faster than real time, and equal to the bit for equal seeds.
 
-Each car is a `Stack`, the very one that its daemon drives, with the rig's own ECU on its bus, the
-rig's air behind its radio, and what its receiver and its detector send read by the car's own
-readers. Only the camera is a model (`cars/camera_model.py`): pictures are not drawn, what vision
-would have said of them is. Between events no time passes.
+Each car has the `Stack` of the daemon, the ECU and the radio channel of the rig, and the daemon's
+readers for the output of its GNSS receiver and its vehicle detector. Only camera and perception are
+a model (`cars/camera_model.py`), without rendering. Processing takes no virtual time.
 """
 
 import heapq
@@ -33,15 +32,18 @@ from sim_rig.scenario.car_config import names_by_id
 from sim_rig.scenario.schema import Scenario
 
 _MOST_STEPS = 10_000
-"""At one moment. Between events no time passes, so a timer that is always due would stop it."""
+"""Limit of events at one time: a timer that is always due would stop virtual time."""
 
 
 def run_virtual(
     scenario: Scenario, seed: int | None = None, box_folder: Path | None = None
 ) -> RunLog:
-    """Run the scenario; `seed` in the place of its own.
+    """Run a scenario.
 
-    Each car's black box writes into a folder of its own below `box_folder`, if there is one.
+    Args:
+        scenario: the scenario.
+        seed: seed instead of the scenario's own.
+        box_folder: folder for the recordings, in one folder per car; `None` for no recordings.
     """
     chosen = scenario.seed if seed is None else seed
     boxes = (
@@ -65,7 +67,7 @@ def run_virtual(
 
 
 class _VirtualRun:
-    """The clock, and what is due when."""
+    """Virtual time and the agenda of events of one run."""
 
     def __init__(self, scenario: Scenario, seed: int, boxes: Mapping[str, VirtualRecorder]) -> None:
         self._scenario = scenario
@@ -109,7 +111,7 @@ class _VirtualRun:
         self._order = count()
 
     def run(self) -> None:
-        """Do everything that is due until the scenario ends."""
+        """Handle all events until the end of the scenario."""
         for car in self.cars.values():
             self._carry_away(car, car.step(0.0), 0.0)
         last_s, steps = -1.0, 0
@@ -136,7 +138,7 @@ class _VirtualRun:
         self._plan_air()
 
     def _carry_away(self, car: VirtualCar, wsms: Sequence[SentWsm], now: float) -> None:
-        """Put the frames that a car sends on the air, and plan its next step."""
+        """Transmit the frames that a car sends, and plan its next step."""
         for wsm in wsms:
             self.recorder.note_on_air(car.name, wsm.data, wsm.user_priority, now)
             self._air.receive_wsm(car.name, wsm.data, wsm.user_priority, now)

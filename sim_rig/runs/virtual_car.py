@@ -1,4 +1,4 @@
-"""One car in virtual time: its stack, with the rig's ends of its wires held against it."""
+"""One car in virtual time: its stack, connected to the simulated devices."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -33,13 +33,13 @@ from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 START_UTC_S = 1_750_000_000.0
-"""UTC when a virtual run begins: some time in June 2025, the same for every run."""
+"""UTC at the start of every virtual run: in June 2025."""
 
 _Reader = NmeaReader | ObjectListReader
 
 
 class VirtualCar:
-    """Feeds the stack what its wires bring, and hands over what its radio is to send."""
+    """Passes the output of the simulated devices to the stack, and returns its frames."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class VirtualCar:
             self._devices.append((ExternalDetector(vehicles, phase_s), ObjectListReader()))
 
     def get_timer(self) -> float:
-        """When something of this car is next due."""
+        """Return when a device or the stack of this car is next due."""
         at = min(
             self._stack_at,
             self._camera.get_timer(),
@@ -104,7 +104,7 @@ class VirtualCar:
         return self._faults.wakes_at(at)
 
     def is_asleep(self, now: float) -> bool:
-        """Whether something else has the processor."""
+        """Whether the daemon does not have the processor."""
         return self._faults.wakes_at(now) > now
 
     def receive_wsm(self, wsm: bytes, now: float) -> list[SentWsm]:
@@ -154,7 +154,7 @@ class VirtualCar:
 
 
 def _sensors(scenario: Scenario) -> frozenset[Sensor]:
-    """Those that every equipped car has."""
+    """Sensors of every equipped car."""
     given = {Sensor.POSITION: scenario.gnss, Sensor.DETECTOR: scenario.detector}
     extra = (sensor for sensor, settings in given.items() if settings is not None)
     return frozenset({Sensor.SPEED, Sensor.CAMERA, *extra})

@@ -1,4 +1,4 @@
-"""The black box of a car in virtual time: it writes at once, for no time passes while it does."""
+"""The black box of a car in virtual time, which writes synchronously."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ class VirtualRecorder:
     """Records one drive as one segment."""
 
     def __init__(self, folder: Path) -> None:
-        """Write into `folder`, which is made."""
+        """Write into `folder`, which is created."""
         folder.mkdir(parents=True, exist_ok=True)
         self.settings = RecorderSettings(folder=folder, segment_s=3600.0)
         self._segments: Segments | None = None

@@ -79,7 +79,7 @@ def test_a_lorry_takes_more_and_a_low_car_nothing() -> None:
     assert vehicles((50.0, 0.0), roof_m=0.4).loss_db(*ENDS, 1.5, 0.05)[0] == 0.0
 
 
-def test_cars_beside_the_line_and_at_its_ends_take_nothing() -> None:
+def test_cars_beside_the_line_and_at_its_ends_cause_no_loss() -> None:
     beside = vehicles((50.0, 3.0), (0.0, 0.0), (100.0, 0.0), (-20.0, 0.0), (120.0, 0.0))
 
     assert beside.loss_db(*ENDS, 1.5, 0.05)[0] == 0.0
@@ -104,7 +104,7 @@ def test_links_are_weakened_both_ways_and_others_left_alone() -> None:
     assert shadowed[0, 2] == free[0, 2]
 
 
-def test_vehicles_shadow_only_where_the_settings_say_so() -> None:
+def test_vehicles_shadow_only_if_enabled() -> None:
     position_m = np.array([[0.0, 0.0], [100.0, 0.0]])
     between = vehicles((50.0, 0.0))
 

@@ -33,7 +33,7 @@ def receptions(it: Channel) -> list[Reception]:
     return found
 
 
-def test_a_frame_arrives_after_its_airtime_and_the_way() -> None:
+def test_a_frame_arrives_after_airtime_and_propagation_delay() -> None:
     it = channel(0.0, 300.0)
     number = it.receive_frame(0, 250, BEACON, 1.0)
 
@@ -56,7 +56,7 @@ def test_the_edge_of_reach_is_where_the_preamble_sinks_into_the_noise() -> None:
     assert not any(2 in receivers for receivers in heard)
 
 
-def test_who_hears_another_waits_and_both_get_through() -> None:
+def test_a_station_in_range_defers_and_both_frames_are_received() -> None:
     it = channel(0.0, 50.0, 100.0)
     it.receive_frame(0, 250, BEACON, 1.0)
     it.receive_frame(2, 250, BEACON, 1.0 + 100e-6)
@@ -102,7 +102,7 @@ def test_hidden_stations_do_not_wait_and_spoil_each_other_between_them() -> None
     assert second.receivers.tolist() == []
 
 
-def test_hidden_from_each_other_the_near_one_is_heard_all_the_same() -> None:
+def test_of_hidden_stations_the_near_one_is_received() -> None:
     it = channel(0.0, 100.0, 600.0)
     it.receive_frame(0, 250, BEACON, 1.0)
     it.receive_frame(2, 250, BEACON, 1.0 + 100e-6)
@@ -118,7 +118,7 @@ def simultaneous(*along_m: float) -> list[Reception]:
     return receptions(it)
 
 
-def test_who_begins_in_the_same_slot_does_not_hear_the_other() -> None:
+def test_stations_that_transmit_in_the_same_slot_miss_each_other() -> None:
     both = simultaneous(0.0, 60.0)
 
     assert both[0].sent_s == both[1].sent_s
@@ -149,7 +149,7 @@ def test_a_later_frame_is_not_captured_however_strong() -> None:
     assert [reception.receivers.tolist() for reception in receptions(it)] == [[], [1]]
 
 
-def test_a_station_that_is_not_there_neither_hears_nor_disturbs() -> None:
+def test_an_absent_station_neither_receives_nor_interferes() -> None:
     it = channel(0.0, 50.0, math.nan)
     it.receive_frame(2, 250, BEACON, 1.0)
     it.receive_frame(0, 250, BEACON, 1.0)
@@ -193,7 +193,7 @@ def test_warnings_overtake_beacons_on_a_full_channel() -> None:
     assert set(went[:20]) == {"warning"}
 
 
-def test_every_frame_ends_once_and_nobody_listens_to_two_at_once() -> None:
+def test_every_frame_ends_once_and_no_station_receives_two_at_once() -> None:
     it = busy_road(4, nakagami_m=1.0)
     found = receptions(it)
 
@@ -239,7 +239,7 @@ def test_handled_in_large_steps_everything_happens_as_in_small_ones() -> None:
 
 @settings(max_examples=20)
 @given(st.lists(st.floats(0.0, 0.01), min_size=2, max_size=12), st.integers(0, 7))
-def test_within_reach_and_far_apart_in_time_everybody_hears(
+def test_within_reach_frames_without_overlap_are_received_by_all(
     offsets_s: list[float], user_priority: int
 ) -> None:
     it = channel(*(30.0 * index for index in range(len(offsets_s))))

@@ -104,7 +104,7 @@ def test_the_first_category_wins_inside_a_station_and_the_other_draws_again() ->
     assert its.access_s >= now + 0.001 + AIFSN["VI"] * SLOT_S
 
 
-def test_frames_of_one_category_go_in_order_each_with_a_backoff_of_its_own() -> None:
+def test_frames_of_one_category_are_sent_in_order_each_with_its_backoff() -> None:
     its = station(3)
     for number in range(3):
         its.enqueue(frame(number), AccessCategory.BE, 5.0, FREE_S, busy=False)

@@ -56,7 +56,7 @@ def test_a_frame_of_the_tabled_length_survives_as_tabled(data_rate_mbit_s: int) 
         )
 
 
-def test_what_is_cut_in_two_survives_as_the_whole() -> None:
+def test_survival_of_two_halves_equals_that_of_the_whole() -> None:
     sinr = np.array([from_db(3.3)])
 
     whole = survives(6, sinr, 320e-6)

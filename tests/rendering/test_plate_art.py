@@ -167,7 +167,7 @@ def test_validation_fonts_are_only_used_on_request() -> None:
         assert random_plate(rng, validation_font=True)[1].font in VALIDATION_FONTS
 
 
-def test_years_on_the_road_change_a_plate_and_leave_its_shape() -> None:
+def test_wear_changes_a_plate_and_keeps_its_shape() -> None:
     new = draw_plate("ABC1234", EU)
     worn_ones = [worn(new, np.random.default_rng(seed)) for seed in range(40)]
     assert {plate.shape for plate in worn_ones} == {new.shape}

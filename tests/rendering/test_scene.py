@@ -58,7 +58,7 @@ def test_projection_agrees_with_opencv(calibration: Calibration) -> None:
     np.testing.assert_allclose(seen, expected[:, 0], atol=1e-6)
 
 
-def test_a_plate_is_as_wide_as_its_distance_says() -> None:
+def test_the_width_of_a_plate_follows_from_its_distance() -> None:
     quad = still().plate_quad(SceneCar(ahead_m=15.0, plate="ABC1234"))
     assert quad[1, 0] - quad[0, 0] == pytest.approx(900.0 * 0.520 / 15.0)
     assert quad[2, 1] - quad[1, 1] == pytest.approx(900.0 * 0.110 / 15.0)

@@ -75,7 +75,7 @@ def test_a_car_that_brakes_stands_after_v_squared_by_2a() -> None:
     assert cars.middle_m[0, 0] == pytest.approx(2.0 * SPEED_M_S + SPEED_M_S**2 / 12.0, abs=0.2)
 
 
-def test_a_driver_who_looks_stops_and_one_who_does_not_crashes() -> None:
+def test_an_attentive_driver_stops_and_a_distracted_one_crashes() -> None:
     assert drive(ALERT).crash is None
 
     crash = drive(LOST).crash
@@ -86,7 +86,7 @@ def test_a_driver_who_looks_stops_and_one_who_does_not_crashes() -> None:
     assert crash.at_s == pytest.approx(2.0 + (GAP_M + SPEED_M_S**2 / 12.0) / SPEED_M_S, abs=0.05)
 
 
-def test_a_warning_in_time_helps_the_driver_who_does_not_look() -> None:
+def test_a_warning_in_time_helps_a_distracted_driver() -> None:
     late = drive(LOST, warned_at_s=3.5).crash
     in_time = drive(LOST.model_copy(update={"braking_m_s2": (8.0, 8.0)}), warned_at_s=2.3)
 
@@ -112,7 +112,7 @@ def busy() -> RecordedTraffic:
     return record(crossing(IntersectionSettings(), np.random.default_rng(3)), 100.0, begin_s=60.0)
 
 
-def test_events_are_drawn_by_seed_where_somebody_may_be_hit(busy: RecordedTraffic) -> None:
+def test_events_are_drawn_by_seed_where_a_collision_is_possible(busy: RecordedTraffic) -> None:
     events = TrafficEvents(busy, has_lights=True)
     for kind in TrafficEventKind:
         first, again = (events.draw(kind, np.random.default_rng(5)) for _ in range(2))
@@ -130,7 +130,7 @@ def test_events_are_drawn_by_seed_where_somebody_may_be_hit(busy: RecordedTraffi
     assert crashes >= 3
 
 
-def test_where_nobody_crosses_nobody_can_run_a_light() -> None:
+def test_without_crossing_paths_there_is_no_red_light_runner() -> None:
     for has_lights in (True, False):
         events = TrafficEvents(platoon(3), has_lights=has_lights)
         with pytest.raises(NoEventError, match="no paths in this recording cross"):
@@ -141,7 +141,7 @@ def test_where_nobody_crosses_nobody_can_run_a_light() -> None:
         )
 
 
-def test_where_others_are_near_nobody_can_come_out_of_his_turn() -> None:
+def test_a_shifted_car_needs_distance_to_others() -> None:
     """Two cross each other's way, past cars that stand at the side of the road."""
     samples = 300
     still = np.zeros(samples)
@@ -172,7 +172,7 @@ def test_in_a_recording_of_a_few_seconds_nothing_happens() -> None:
         )
 
 
-def test_who_comes_out_of_his_turn_is_not_put_into_the_car_ahead_of_him() -> None:
+def test_a_shifted_car_does_not_overlap_the_car_ahead() -> None:
     """Two go east, the second 24.5 m behind; one goes north 0.5 s before the first of them."""
 
     def straight(name: str, first: int, behind_m: float, heading: float) -> Trajectory:
@@ -214,7 +214,7 @@ def queue_that_drives_off(seconds: float = 12.0) -> RecordedTraffic:
     return in_line(2, 3.0, np.minimum(2.0 * np.maximum(steps * STEP_S - 2.0, 0.0), 12.0))
 
 
-def test_nobody_speeds_up_towards_a_car_that_brakes() -> None:
+def test_no_driver_accelerates_towards_a_braking_car() -> None:
     """What he would have accelerated was his answer to a car that drives off."""
     brake = TrafficEvent(TrafficEventKind.SUDDEN_BRAKE, 0, 4.0, deceleration_m_s2=6.0)
     traffic = DisturbedTraffic(queue_that_drives_off(), brake, LOST, seed=1)
@@ -247,7 +247,7 @@ def test_a_reaction_time_is_counted_from_the_brake_lights_though_he_brakes_alrea
     assert traffic.crash is None
 
 
-def test_who_was_warned_brakes_as_hard_as_it_takes() -> None:
+def test_a_warned_driver_brakes_as_hard_as_needed() -> None:
     """He would not look for 5 s; warned drivers begin with 3 m/s^2, which is too little."""
     gentle = LOST.model_copy(update={"braking_m_s2": (3.0, 3.0)})
 
@@ -265,7 +265,7 @@ def stops_at_a_light() -> Trajectory:
     return Trajectory("east", 0, middle, np.zeros(len(way)), speed, LENGTH_M, 1.8)
 
 
-def test_who_was_warned_for_nothing_still_stops_at_the_light() -> None:
+def test_after_a_false_warning_a_driver_still_stops_at_the_light() -> None:
     traffic = DisturbedTraffic(RecordedTraffic([stops_at_a_light()]), None, ALERT, seed=1)
     traffic.cars_at(0.0)
     traffic.warn("east", 0.0)
@@ -277,7 +277,7 @@ def test_who_was_warned_for_nothing_still_stops_at_the_light() -> None:
     assert later.middle_m[0, 0] > 5.0
 
 
-def test_a_runner_who_was_warned_lets_those_pass_who_cross_his_way() -> None:
+def test_a_warned_red_light_runner_yields_to_crossing_cars() -> None:
     """He sets off at red, is warned and stands; a car comes from the left 4 s later."""
     steps = np.arange(250)
     north = Trajectory(

@@ -27,7 +27,7 @@ def test_the_model_keeps_its_own_equilibrium() -> None:
 
 
 @pytest.mark.parametrize("source", ["crossing", "highway"])
-def test_nobody_overlaps_in_a_minute_of_traffic(source: str) -> None:
+def test_no_cars_overlap_in_a_minute_of_traffic(source: str) -> None:
     traffic = open_traffic(source, np.random.default_rng(2))
     counts = []
     for step in range(1200):
@@ -61,7 +61,7 @@ def test_fast_cars_on_a_highway_change_over_to_pass() -> None:
     assert all(np.ptp(np.diff(drive.middle_m[:, 1])) < 0.5 for drive in drives)
 
 
-def test_the_same_seed_drives_the_same() -> None:
+def test_the_same_seed_gives_the_same_traffic() -> None:
     places = [
         open_traffic("crossing", np.random.default_rng(9)).cars_at(40.05).middle_m.tolist()
         for _ in range(2)
@@ -70,7 +70,7 @@ def test_the_same_seed_drives_the_same() -> None:
     assert places[0] == places[1]
 
 
-def test_an_unknown_source_is_the_users_mistake() -> None:
+def test_an_unknown_source_is_an_error_of_the_user() -> None:
     with pytest.raises(UserError, match="no source of traffic 'motorway': it is one of crossing"):
         open_traffic("motorway", np.random.default_rng(0))
 

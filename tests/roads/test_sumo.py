@@ -33,14 +33,14 @@ def test_the_crossing_has_about_a_hundred_cars_that_come_and_go(crossing: Record
     assert all(before - after and after - before for before, after in pairwise(there))
 
 
-def test_cars_drive_as_their_speed_and_heading_say(crossing: RecordedTraffic) -> None:
+def test_positions_agree_with_speed_and_heading(crossing: RecordedTraffic) -> None:
     for drive in crossing.drives:
         moved = np.hypot(*np.diff(drive.middle_m, axis=0).T) / 0.1
         assert np.abs(moved - drive.speed_m_s[1:]).max() < 3.0
         assert np.median(np.abs(moved - drive.speed_m_s[1:])) < 0.1
 
 
-def test_hardly_anybody_overlaps(crossing: RecordedTraffic) -> None:
+def test_few_cars_overlap(crossing: RecordedTraffic) -> None:
     """A car that has to stop while it changes over stands in two lanes, which SUMO lets others."""
     for at_s in range(0, 100, 10):
         assert len(boxes_overlap(crossing.cars_at(float(at_s)))) <= 3
@@ -78,7 +78,7 @@ def _crash(
     return traffic.crash
 
 
-def test_the_seed_decides_who_comes_and_when() -> None:
+def test_the_seed_determines_cars_and_departures() -> None:
     def first_cars(seed: int) -> list[list[float]]:
         traffic = open_traffic("sumo-highway", np.random.default_rng(seed))
         assert isinstance(traffic, SumoTraffic)
@@ -150,7 +150,7 @@ def test_a_network_that_cannot_be_loaded_is_named(
         SumoTraffic(tmp_path / "crossing.sumocfg", seed=1)
 
 
-def test_a_network_of_other_roads_is_told_from_its_routes(tmp_path: Path) -> None:
+def test_a_network_that_does_not_match_its_routes_is_an_error(tmp_path: Path) -> None:
     for name in ("crossing.sumocfg", "crossing.rou.xml"):
         shutil.copy(NETWORKS / name, tmp_path)
     shutil.copy(NETWORKS / "highway.net.xml", tmp_path / "crossing.net.xml")

@@ -74,7 +74,7 @@ def test_floating_car_data_gives_front_bumpers_and_compass_angles(tmp_path: Path
     assert cars.heading_rad[0] == pytest.approx(0.0)
 
 
-def test_csv_may_be_zipped_and_says_how_long_cars_are(tmp_path: Path) -> None:
+def test_csv_may_be_gzipped_and_has_lengths_of_cars(tmp_path: Path) -> None:
     rows = HEAD + "0.0,7,0,0,0,5,6.0,2.0\n0.5,7,2.5,0,0,5,6.0,2.0\n"
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(rows.encode()))
@@ -163,7 +163,7 @@ def test_a_spreadsheets_mark_of_utf8_is_no_part_of_the_first_column(tmp_path: Pa
     assert len(read_trace(written(tmp_path, "a.csv", text)).drives) == 1
 
 
-def test_what_setdest_tells_of_hops_moves_nobody(tmp_path: Path) -> None:
+def test_hop_distances_of_setdest_are_ignored(tmp_path: Path) -> None:
     hops = '$god_ set-dist 0 1 2\n$ns_ at 1.5 "$god_ set-dist 0 1 3"\n'
     moves = '$ns_ at 0 "$node_(0) setdest 20 5 5"\n'
 
@@ -173,7 +173,7 @@ def test_what_setdest_tells_of_hops_moves_nobody(tmp_path: Path) -> None:
 
 
 @pytest.mark.realdata
-def test_the_city_trace_has_its_99_cars_and_they_go(rig_data: Path) -> None:
+def test_the_city_trace_has_99_moving_cars(rig_data: Path) -> None:
     recording = read_trace(rig_data / "traces/city-99-cars.ns2")
 
     assert len(recording.drives) == 99

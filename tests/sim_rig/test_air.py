@@ -39,7 +39,7 @@ def all_deliveries(air: ReachAir) -> list[Delivery]:
     return delivered
 
 
-def test_everybody_in_reach_but_the_sender_hears_after_the_delay() -> None:
+def test_all_in_reach_but_the_sender_receive_after_the_delay() -> None:
     air = make_air(delay_s=0.002)
     air.receive_wsm("b", b"hello", 7, 10.0)
 
@@ -64,7 +64,7 @@ def test_the_reach_graph_of_a_row_joins_cars_up_to_two_apart() -> None:
     assert nx.shortest_path_length(graph, "a", "d") == 2
 
 
-def test_neighbours_by_name_hear_each_other_both_ways_wherever_they_are() -> None:
+def test_neighbours_by_name_receive_each_other_at_any_distance() -> None:
     air = make_air(neighbours={"a": ("d",)})
     air.receive_wsm("d", b"", 0, 0.0)
     air.receive_wsm("b", b"", 0, 0.0)
@@ -98,7 +98,7 @@ def test_duplicated_copies_arrive_twice() -> None:
     assert sorted(copy.receiver for copy in all_deliveries(air)) == ["b", "b", "c", "c"]
 
 
-def test_held_back_copies_are_overtaken() -> None:
+def test_delayed_copies_are_overtaken() -> None:
     air = make_air(reordering=0.5, hold_back_s=0.1)
     for number in range(20):
         air.receive_wsm("a", bytes([number]), 0, 0.001 * number)
@@ -118,7 +118,7 @@ def test_jitter_stays_within_its_bound() -> None:
     assert 5.028 < max(stamps) <= 5.03
 
 
-def test_the_same_seed_gives_the_same_fate() -> None:
+def test_the_same_seed_gives_the_same_deliveries() -> None:
     def fates(seed: int) -> list[Delivery]:
         air = make_air(seed, loss=0.3, jitter_s=0.01, duplication=0.1, reordering=0.1)
         for number in range(50):

@@ -22,7 +22,7 @@ def background(count: int) -> tuple[BackgroundTraffic, Scenario]:
     ), scenario
 
 
-def test_every_car_of_the_crowd_is_heard_by_everybody_twice_a_second() -> None:
+def test_every_background_car_is_received_by_all_twice_a_second() -> None:
     air, scenario = background(5)
     heard: Counter[tuple[str, str]] = Counter()
     while (at := air.get_timer()) < 4.0:
@@ -36,7 +36,7 @@ def test_every_car_of_the_crowd_is_heard_by_everybody_twice_a_second() -> None:
     assert set(heard.values()) <= {6, 7}
 
 
-def test_without_a_crowd_the_air_is_as_it_is() -> None:
+def test_without_background_traffic_the_channel_is_unchanged() -> None:
     air, _ = background(0)
     assert air.get_timer() == math.inf
     air.receive_wsm("close", b"\x00" * 50, 5, 1.0)

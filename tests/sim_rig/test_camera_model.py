@@ -171,7 +171,7 @@ def test_far_ahead_neither_finds_a_plate_and_nearer_both_do(
         assert said.found == pytest.approx(seen.found, abs=0.15), stretch_m
 
 
-def test_both_come_to_know_the_car_ahead_at_about_the_same_distance(
+def test_model_and_perception_identify_a_car_at_about_the_same_distance(
     both: list[tuple[Stretch, Stretch]],
 ) -> None:
     for stretch_m, (seen, said) in zip(STRETCHES_M, both, strict=True):

@@ -44,7 +44,7 @@ def scenario(scenario_file: Path) -> Scenario:
     return load_scenario(str(scenario_file))
 
 
-def test_a_frozen_camera_repeats_its_last_picture_and_a_dark_one_is_black(
+def test_a_frozen_camera_repeats_its_last_image_and_a_dark_one_is_black(
     scenario: Scenario,
 ) -> None:
     camera = Camera(scenario, "ben", np.random.SeedSequence(1))
@@ -54,7 +54,7 @@ def test_a_frozen_camera_repeats_its_last_picture_and_a_dark_one_is_black(
     assert len(camera.jpeg(3.5)) < len(after) / 4
 
 
-def test_the_same_seed_takes_the_same_pictures(scenario: Scenario) -> None:
+def test_the_same_seed_gives_the_same_images(scenario: Scenario) -> None:
     def pictures(seed: int) -> list[bytes]:
         camera = Camera(scenario, "ben", np.random.SeedSequence(seed))
         return [camera.jpeg(at_s) for at_s in (0.0, 0.1)]

@@ -45,7 +45,7 @@ def test_the_module_runs_as_a_program() -> None:
     assert [line.split()[0] for line in run.stdout.splitlines()] == scenario_names()
 
 
-def test_a_virtual_run_prints_its_story_and_leaves_its_traces(
+def test_a_virtual_run_prints_a_report_and_writes_traces(
     terminal: Terminal, tmp_path: Path
 ) -> None:
     code, shown, _ = terminal.run(

@@ -45,7 +45,7 @@ def test_with_29_bit_identifiers_it_answers_under_its_own() -> None:
     assert answer.data[:4] == bytes([3, 0x41, 0x0D, 36])
 
 
-def test_the_answer_takes_its_time() -> None:
+def test_the_answer_has_its_delay() -> None:
     ecu = Ecu(lambda now: now, answer_after_s=0.01)
     ecu.receive_frame(CanFrame(5.0, 0x7DF, is_extended_id=False, data=bytes([2, 1, 13])), 5.0)
 
@@ -128,9 +128,7 @@ def test_reserved_separation_codes_are_the_longest_time() -> None:
 
 
 @pytest.mark.parametrize(("block_size", "st_min"), [(0, 0), (1, 0), (2, 5)])
-def test_can_isotp_reads_the_vehicle_number_whatever_its_flow_control(
-    block_size: int, st_min: int
-) -> None:
+def test_can_isotp_reads_the_vin_with_any_flow_control(block_size: int, st_min: int) -> None:
     isotp = pytest.importorskip("isotp")
     ecu = ecu_at(50)
     now = 0.0

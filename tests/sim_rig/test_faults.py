@@ -153,7 +153,7 @@ def test_the_clock_of_a_live_daemon_is_wrong_from_the_start_of_the_scenario(
     assert clock() == pytest.approx(time.time(), abs=1.0)
 
     begins.write_text(repr(time.monotonic()))
-    clock._look_at = 0.0
+    clock._check_at = 0.0
     assert clock() == pytest.approx(time.time() + 100.0, abs=1.0)
 
 

@@ -52,7 +52,7 @@ def errors_m(found: list[Position]) -> np.ndarray:
     )
 
 
-def test_an_exact_receiver_tells_where_the_car_is_when_the_fix_was_made() -> None:
+def test_an_exact_receiver_reports_the_position_at_the_time_of_the_fix() -> None:
     found = fixes(receiver(bias_sigma_m=0.0, noise_sigma_m=0.0, speed_sigma_m_s=0.0), 5.0)
 
     assert len(found) >= 48
@@ -70,7 +70,7 @@ def test_fixes_are_made_at_round_moments_of_utc() -> None:
     assert (of.get_timer() - 0.08 + UTC_OFFSET_S) * 10 % 1.0 == pytest.approx(0.0, abs=1e-5)
 
 
-def test_errors_are_as_large_as_set_and_as_told() -> None:
+def test_errors_agree_with_the_settings_and_the_reported_sigma() -> None:
     found = [fixes(receiver(seed, sky_seed=seed + 1000), 0.5)[-1] for seed in range(300)]
 
     errors = errors_m(found)
@@ -99,7 +99,7 @@ def test_receivers_under_one_sky_share_most_of_their_bias() -> None:
     assert np.std(apart) == pytest.approx(0.7 * np.sqrt(2 * 0.4), rel=0.15)
 
 
-def test_a_silent_receiver_says_nothing_and_goes_on_with_its_time() -> None:
+def test_a_silent_receiver_sends_nothing_and_keeps_its_fix_times() -> None:
     of = receiver(runs=False)
     first = of.get_timer()
 

@@ -21,7 +21,7 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def test_a_wsm_goes_to_all_in_reach_with_its_priority_and_to_nobody_else() -> None:
+def test_a_wsm_goes_to_all_in_reach_only_with_its_priority() -> None:
     heard: dict[str, list[bytes]] = {car: [] for car in CARS}
     recorder = RigRecorder()
 
@@ -54,7 +54,7 @@ def test_a_wsm_goes_to_all_in_reach_with_its_priority_and_to_nobody_else() -> No
     assert (arrived["car"], arrived["sender"], arrived["user_priority"]) == ("ben", "ann", 7)
 
 
-def test_a_daemon_that_is_not_there_disturbs_nobody() -> None:
+def test_a_missing_daemon_does_not_disturb_others() -> None:
     async def talk() -> int:
         recorder = RigRecorder()
         air = ReachAir(

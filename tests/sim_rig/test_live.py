@@ -40,7 +40,7 @@ def run_live(scenario: Scenario, folder: Path) -> RunLog:
 
 @pytest.mark.live
 @pytest.mark.parametrize("name", IN_THE_GATE)
-def test_with_real_daemons_everything_comes_as_expected(name: str, tmp_path: Path) -> None:
+def test_real_daemons_meet_all_expectations(name: str, tmp_path: Path) -> None:
     scenario = load_scenario(name)
 
     assert failures(scenario, run_live(scenario, tmp_path)) == []
@@ -48,13 +48,15 @@ def test_with_real_daemons_everything_comes_as_expected(name: str, tmp_path: Pat
 
 @pytest.mark.live
 @pytest.mark.parametrize("name", [name for name in scenario_names() if name not in IN_THE_GATE])
-def test_every_other_scenario_comes_as_expected(name: str, tmp_path: Path) -> None:
+def test_real_daemons_meet_the_expectations_of_all_other_scenarios(
+    name: str, tmp_path: Path
+) -> None:
     scenario = live_scenario(name)
 
     assert failures(scenario, run_live(scenario, tmp_path)) == []
 
 
-def test_the_configuration_of_a_daemon_tells_nothing_of_the_others(tmp_path: Path) -> None:
+def test_the_configuration_of_a_daemon_has_nothing_of_other_cars(tmp_path: Path) -> None:
     """Not their plates, not where they are, nor what is expected."""
     scenario = load_scenario("fig4")
 
@@ -71,7 +73,7 @@ def test_the_configuration_of_a_daemon_tells_nothing_of_the_others(tmp_path: Pat
     assert "start_m" not in config
 
 
-def test_a_process_that_ends_by_itself_is_told_with_its_last_words(tmp_path: Path) -> None:
+def test_an_unexpected_end_is_reported_with_the_last_log_line(tmp_path: Path) -> None:
     async def run() -> None:
         async with Processes(tmp_path) as processes:
             await processes.start("steady", "-c", "import time; time.sleep(60)")
@@ -82,7 +84,7 @@ def test_a_process_that_ends_by_itself_is_told_with_its_last_words(tmp_path: Pat
         asyncio.run(run())
 
 
-def test_no_process_outlives_its_desk(tmp_path: Path) -> None:
+def test_no_process_outlives_its_testbench(tmp_path: Path) -> None:
     deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(60)"
 
     async def run() -> list[int | None]:
@@ -98,7 +100,7 @@ def test_no_process_outlives_its_desk(tmp_path: Path) -> None:
     assert codes[1] in {-9, -15}  # It may be ended before it has closed its ears.
 
 
-def test_a_rig_that_is_told_to_stop_takes_its_daemons_with_it(tmp_path: Path) -> None:
+def test_a_rig_that_gets_sigterm_stops_its_daemons(tmp_path: Path) -> None:
     rig = subprocess.Popen(
         [sys.executable, "-m", "sim_rig", "run", "fig4", "--out", str(tmp_path)],
         stdout=subprocess.DEVNULL,

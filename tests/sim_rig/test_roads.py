@@ -49,13 +49,13 @@ def on_the_corner(start_m: float, lane: float = 1.0) -> CarState:
         (230.0, 0.0, (100.0, 130.0)),
     ],
 )
-def test_a_path_goes_from_point_to_point_and_straight_on_beyond_its_ends(
+def test_a_path_is_a_polyline_and_straight_beyond_its_ends(
     along_m: float, left_m: float, place: tuple[float, float]
 ) -> None:
     assert Path(CORNER).place(along_m, left_m) == pytest.approx(place)
 
 
-def test_a_car_points_the_way_its_road_leads() -> None:
+def test_the_heading_of_a_car_is_that_of_its_road() -> None:
     assert math.degrees(on_the_corner(50.0).heading_rad) == pytest.approx(90.0)
     assert math.degrees(on_the_corner(150.0).heading_rad) == pytest.approx(0.0)
 

@@ -94,7 +94,7 @@ def test_errors_grow_with_the_distance_as_stated() -> None:
             assert abs(ranges.mean() - true_m) < 3 * math.sqrt(0.2)
 
 
-def test_some_pictures_miss_a_car_and_some_invent_one() -> None:
+def test_some_images_miss_a_car_and_some_have_a_false_detection() -> None:
     of = camera({"a": car(0.0, 20.0)}, misses=0.25, false_detections_per_s=2.0)
     seen = [of.detect(0.0) for k in range(2000)]
 

@@ -20,7 +20,7 @@ def detector(seed: int = 1) -> ExternalDetector:
     return ExternalDetector(camera, phase_s=0.03)
 
 
-def test_every_picture_is_told_when_it_has_been_looked_through_with_cars_or_without() -> None:
+def test_every_image_has_a_datagram_with_or_without_cars() -> None:
     device, reader = detector(), ObjectListReader()
     told: list[DetectionList] = []
     while (now := device.get_timer()) < 2.0:
@@ -37,7 +37,7 @@ def test_every_picture_is_told_when_it_has_been_looked_through_with_cars_or_with
     assert all(car.range_m == pytest.approx(28.0, abs=8.0) for each in told for car in each.cars)
 
 
-def test_who_is_late_in_sending_says_how_old_the_picture_is() -> None:
+def test_a_late_datagram_has_the_age_of_its_image() -> None:
     device, reader = detector(), ObjectListReader()
     for late_s in (0.0, 0.3):
         now = device.get_timer() + late_s
@@ -48,7 +48,7 @@ def test_who_is_late_in_sending_says_how_old_the_picture_is() -> None:
     assert first.stamp_s == pytest.approx(0.03)
 
 
-def test_nothing_is_told_of_what_was_before_it_began() -> None:
+def test_images_before_the_start_are_skipped() -> None:
     device = detector()
     device.skip_to(77.0)
 
