@@ -1,4 +1,4 @@
-"""The loop of the car: wait for input or the least timer, then receive, decide, send, show."""
+"""The main loop: wait for an input or the next timer, then step the cores, send and show."""
 
 import asyncio
 import contextlib
@@ -46,17 +46,22 @@ from onboard.wave_udp.receive_queue import ReceiveQueue
 log = structlog.get_logger()
 
 GIL_INTERVAL_S = 0.000_5
-"""How long the camera's thread may keep the interpreter while a warning waits; 5 ms by default."""
+"""Switch interval of the interpreter: the longest time that the camera thread delays a warning.
+
+Python's default is 5 ms.
+"""
 
 EPOCH_AHEAD_S = 10.0
-"""How long before an epoch begins the IDs that will hold in it are derived."""
+"""Time before the start of an epoch at which its IDs are derived."""
 
 RADIO_TURN_S = 0.000_7
-"""How long a round may hear a crowd, before the wires are looked at again: three or four BSMs."""
+"""Time in which one step receives BSMs before the wires are polled again: three or four BSMs."""
 
 RADIO_BACK_S = 4.0
-"""A radio without errors for this long is back: a host that is gone makes one every third second
-(ARP), a closed port every second."""
+"""Time without errors after which the radio counts as recovered.
+
+An unreachable host causes an error every 3 s (ARP), a closed port every second.
+"""
 
 _Item = Input | Callable[[float], Iterable[Input]]
 """An input, or a function that makes inputs with the `now` of the step."""
@@ -73,23 +78,23 @@ class Ready:
 
 
 class Daemon:
-    """One car: its cores, its wires and the clock."""
+    """One vehicle: its cores, its wires and the clock."""
 
     def __init__(self, config: CarConfig, manager: Systemd) -> None:
-        """Put the car together; no wire is opened yet. `manager` is told how it goes.
+        """Make the cores; no wire is opened yet. `manager` gets the state of the service.
 
         Raises:
-            UserError: its keys cannot be read.
+            UserError: its keys, its driver file or its DBC file cannot be read.
         """
         self.config = config
         self._manager = manager
         folder = config.security.keys_folder
         psids = (config.lcca_psid, psid.BSM)
         credentials = read_credentials(folder, psids) if folder is not None else None
-        remembered = config.access.driver_file
+        driver_file = config.access.driver_file
         self._driver = (
-            load_driver(remembered, DEFAULT_POPULATION)
-            if remembered
+            load_driver(driver_file, DEFAULT_POPULATION)
+            if driver_file
             else DriverModel(DEFAULT_POPULATION)
         )
         self._box = BlackBox(config.recorder, self._on_box_state) if config.recorder else None
@@ -117,7 +122,10 @@ class Daemon:
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
     async def run(self, until: Callable[[], Awaitable[ReturnT]]) -> ReturnT:
-        """Open the wires, drive the cores `until` something comes, close the wires, return it.
+        """Open the wires, step the cores until `until()` returns, and close the wires.
+
+        Returns:
+            the result of `until()`.
 
         Raises:
             UserError: a wire cannot be opened.
@@ -132,26 +140,27 @@ class Daemon:
             self._step()
             self._manager.ready(f"driving as {self.config.car.plate}")
             log.info("ready", plate=self.config.car.plate)
-            came = await until()
+            result = await until()
         self.save_driver()
         log.info("stopped")
-        return came
+        return result
 
     def save_driver(self) -> None:
-        """Remember what was learnt of the driver, where the configuration says where.
+        """Write the driver model, if the configuration names a file.
 
-        A disk that is full by now costs what was learnt, and not the drive.
+        A full disk loses the model, and does not end the drive.
         """
         if self.config.access.driver_file is not None:
             try:
                 save_driver(self.config.access.driver_file, self._driver)
             except UserError as error:
-                log.error("driver not remembered", reason=str(error))  # noqa: TRY400 (no fault of the program)
+                log.error("driver model not saved", reason=str(error))  # noqa: TRY400 (no fault of the program)
 
     async def _open(self, wires: contextlib.AsyncExitStack) -> None:
         config = self.config
         if config.access.driver_file is not None:
-            save_driver(config.access.driver_file, self._driver)  # whether it can be, is said now
+            # Before driving, so that a file that cannot be written is reported at once.
+            save_driver(config.access.driver_file, self._driver)
         self._sinks.open_files(config.trace, wires)
         if self._box is not None:
             self._box.start()
@@ -271,7 +280,7 @@ class Daemon:
         self._plan_step()
 
     def _on_bus_state(self, up: bool, why: str) -> None:
-        if not up:  # it is back when a speed comes, not when the bus does
+        if not up:  # recovered by the next speed, not by the bus
             self._lose(Sensor.SPEED, why)
 
     def _on_gpsd_state(self, up: bool, why: str) -> None:
@@ -279,7 +288,7 @@ class Daemon:
             self._lose(Sensor.POSITION, why)
 
     def _on_radio_trouble(self, why: str) -> None:
-        """It comes as often as something is sent, so when it no longer does, the radio is back."""
+        """Report the radio lost; it is recovered when no more errors come, one per frame sent."""
         if self._radio_back is None:
             self._lose(Sensor.RADIO, why)
         else:
@@ -294,7 +303,7 @@ class Daemon:
         self._take(SensorLost(self._loop.time(), sensor, silent_s=None, reason=why))
 
     def _on_seen(self, observations: Sequence[Observation]) -> None:
-        """Called from the camera's thread, where there is time for the slow derivation of IDs."""
+        """Take observations in the camera thread, which has the time to derive IDs."""
         leads = {each.text for each in observations if isinstance(each, Lead) and each.text}
         for plate_text in leads | {self.config.car.plate}:
             for utc_s in (time.time(), time.time() + EPOCH_AHEAD_S):
@@ -307,12 +316,12 @@ class Daemon:
 
     async def _close_box(self, box: BlackBox) -> None:
         box.close()
-        await asyncio.sleep(0)  # what it told is shown before the trace is closed
+        await asyncio.sleep(0)  # its last state is traced before the trace is closed
 
     def _on_box_state(self, state: RecorderState) -> None:
-        """Called from the black box's thread."""
+        """Show the recorder's state; called in the black box's thread."""
         self._loop.call_soon_threadsafe(self._sinks.show, state)
 
 
 def _nowhere(*_: object) -> None:
-    """Where a car without that wire sends."""
+    """Discard a frame of a wire that the vehicle does not have."""

@@ -1,6 +1,6 @@
-"""What the black box writes beside the values that the rooms exchange anyway.
+"""Records of the black box, besides the inputs and outputs of the cores.
 
-A topic is `/in/<kind>` for a call of the cores' verbs, and `/out/<kind>` for what they said to it.
+The topic is `/in/<kind>` for inputs, `/out/<kind>` for outputs.
 """
 
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ class StepEnd:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The ID that a plate has in an epoch; a replay has neither the plate nor the key."""
+    """The ID of a plate in an epoch, for replays, which have neither plate nor key."""
 
     kind: ClassVar[str] = "identity"
     stamp_s: float
     plate: str
-    """As the recording names it."""
+    """Its alias, or the plate if plates are recorded in clear."""
     epoch: int
     car_id: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingGap:
-    """Notes are missing here: the disk was full, or slower than the car."""
+    """Records are missing here: the disk was full or too slow."""
 
     kind: ClassVar[str] = "recording_gap"
     stamp_s: float
@@ -43,7 +43,7 @@ class RecordingGap:
 
 @dataclass(frozen=True, slots=True)
 class CameraImage:
-    """What the camera saw."""
+    """One image of the camera."""
 
     kind: ClassVar[str] = "camera_image"
     stamp_s: float
@@ -52,20 +52,20 @@ class CameraImage:
 
 @dataclass(frozen=True, slots=True)
 class RecorderState:
-    """Whether the black box records. For the trace and the driver's page, not for the box."""
+    """Whether the black box records; for the trace and the driver's page, not recorded itself."""
 
     kind: ClassVar[str] = "recorder"
     stamp_s: float
     is_recording: bool
     reason: str
-    """Why not; empty while it does."""
+    """Why it does not record; empty while it does."""
     dropped: int
-    """Notes lost since the start."""
+    """Number of records lost since the start."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedMessage:
-    """One message of the recording."""
+    """One record: a value with its topic and UTC time."""
 
     topic: str
     utc_s: float

@@ -1,4 +1,4 @@
-"""How a car begins: all that its cores are given before the first input."""
+"""Everything that a vehicle's cores are given before the first input."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InitialState:
-    """What `Stack` begins with, as far as it can be recorded: see there."""
+    """Arguments of `Stack` that a recording holds: see there."""
 
     config: CarConfig
     sensors: frozenset[Sensor]
     seed: np.random.SeedSequence
-    """Of everything random."""
+    """Seed of all random draws."""
     now: float
     utc_s: float
     credentials: Credentials | None = None
@@ -31,7 +31,7 @@ class InitialState:
     signals: "BroadcastSignals | None" = None
 
     def stack(self, digest: PlateDigest | None = None) -> Stack:
-        """The cores of a car that begins like this."""
+        """Return new cores with this initial state."""
         return Stack(
             self.config,
             self.sensors,

@@ -1,4 +1,4 @@
-"""Puts a car's cores together with everything about them on record, and again from the record."""
+"""Makes the cores of a vehicle: recorded, or with the initial state of a recording."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -15,39 +15,36 @@ from onboard.stack import Stack
 
 
 class RecordWriter(Protocol):
-    """Where a recording goes."""
+    """Destination of a recording."""
 
     @property
     def settings(self) -> RecorderSettings:
-        """What may be recorded."""
+        """What may be recorded, and how plates are."""
 
     def begin(self, head: RecordingHeader) -> None:
-        """Take what the drive begins with."""
+        """Take the header, before the first record."""
 
     def note(self, note: RecordedMessage) -> None:
-        """Take one message."""
+        """Take one record."""
 
 
-def recorded_stack(writer: RecordWriter | None, beginning: InitialState) -> Stack | Tap:
-    """The cores of a car, and a tap that tells `writer` everything.
-
-    Without a `writer` there is no tap.
-    """
+def recorded_stack(writer: RecordWriter | None, initial: InitialState) -> Stack | Tap:
+    """Return the cores of a vehicle, recorded by `writer` if there is one."""
     if writer is None:
-        return beginning.stack()
+        return initial.stack()
     settings = writer.settings
     aliases = Aliases(in_clear=settings.plates == "clear")
-    writer.begin(make_header(beginning, aliases, is_complete=settings.positions))
-    begins = beginning.now, beginning.utc_s
+    writer.begin(make_header(initial, aliases, is_complete=settings.positions))
+    begins = initial.now, initial.utc_s
     tap: Tap | None = None
 
     def note_identity(plate: str, epoch: int, car_id: bytes) -> None:
-        # The cores derive their own ID while they are made, before they can be tapped.
+        # The cores derive their own ID in their constructor, before the tap exists.
         at_s, at_utc_s = begins if tap is None else tap.last_step
         identity = Identity(at_s, aliases.word(plate), epoch, car_id)
         writer.note(RecordedMessage("/in/identity", at_utc_s, identity))
 
-    stack = beginning.stack(RecordingDigest(beginning.config.security.plate_digest, note_identity))
+    stack = initial.stack(RecordingDigest(initial.config.security.plate_digest, note_identity))
     tap = Tap(stack, writer.note, aliases, begins, positions=settings.positions)
     return tap
 
@@ -58,16 +55,16 @@ def replayed_stack(
     note: Callable[[RecordedMessage], None],
     begins: tuple[float, float] | None = None,
 ) -> Tap:
-    """The cores of a recorded drive, new.
+    """Return new cores with the initial state of a recorded drive.
 
     Args:
-        head: of the recording.
-        car_ids: as in `ReplayedDigest`; it may grow while the drive is replayed.
-        note: gets what the cores answer.
-        begins: the time on the cores' clock and in UTC, where it is not the drive's beginning.
+        head: header of the recording.
+        car_ids: as in `ReplayedDigest`; may grow during the replay.
+        note: takes the records of the replay.
+        begins: start in s, on the clock of the cores and since 1970, if not that of the drive.
     """
-    beginning = initial_state_of(head)
-    now, utc_s = begins or (beginning.now, beginning.utc_s)
-    digest = ReplayedDigest(beginning.config.security.plate_digest, car_ids)
-    stack = replace(beginning, now=now, utc_s=utc_s).stack(digest)
+    initial = initial_state_of(head)
+    now, utc_s = begins or (initial.now, initial.utc_s)
+    digest = ReplayedDigest(initial.config.security.plate_digest, car_ids)
+    stack = replace(initial, now=now, utc_s=utc_s).stack(digest)
     return Tap(stack, note, Aliases(in_clear=True), (now, utc_s), positions=True)

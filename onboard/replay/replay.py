@@ -1,8 +1,8 @@
-"""Makes the calls of a recording again, and compares what the cores answer with what they answered.
+"""Repeats the steps of a recording, and compares their outputs with the recorded ones.
 
-The comparison is exact, to the last bit of every number, with one exception: of a signed message
-everything but the signature, since a recording holds no private key. Another kind of processor may
-round the last digit otherwise; for its recordings a tolerance can be given.
+The comparison is exact, except for signatures, since a recording holds no private key. A processor
+of another architecture may round the last digit differently; for its recordings a tolerance can be
+given.
 """
 
 import json
@@ -10,12 +10,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from onboard import step
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import RecordedDrive, RecordingError
 from onboard.recorder.records import Identity, RecordedMessage, RecordingGap, StepEnd
 from onboard.replay.recorded_stack import replayed_stack
 from onboard.replay.tap import Tap
+from onboard.step import Input
 from onboard.trace.trace_line import Event, as_json, as_record
 from onboard.wave_udp import wsmp
 
@@ -27,7 +27,7 @@ _SIGNATURE_BYTES = 64
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """One answer of the cores."""
+    """One output of the cores."""
 
     topic: str
     data: bytes
@@ -36,72 +36,72 @@ class Output:
 
 @dataclass(slots=True)
 class RecordedStep:
-    """One round of the drive."""
+    """One step of the drive, with its recorded and its replayed outputs."""
 
     at_s: float
-    """Since the drive began."""
+    """Time since the start of the drive in s."""
     events: list[Event]
-    """What the cores see and decide now."""
-    came_out: list[Output]
-    """What they answer now, without the events that only repeat an input."""
+    """Events of the replayed step."""
+    replayed: list[Output]
+    """Outputs of the replay, without events that only repeat an input."""
     recorded: list[Output] = field(default_factory=list)
-    """What they answered then."""
+    """Outputs of the drive."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first answer that is not the recorded one."""
+    """The first output that differs from the recorded one."""
 
     at_s: float
-    """Since the drive began."""
+    """Time since the start of the drive in s."""
     recorded: Output | None
-    came_out: Output | None
-    """`None`: there is none, where there is one on the other side."""
+    replayed: Output | None
+    """`None` if the replay has one output fewer; likewise `recorded`."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayComparison:
-    """How far a replay goes along with the recording."""
+    """How far a replay equals its recording."""
 
-    answers: int
-    """That are the same."""
+    outputs: int
+    """Number of equal outputs."""
     until_s: float
-    """Since the drive began."""
+    """Time since the start of the drive in s."""
     difference: Difference | None
     gap: RecordingGap | None
-    """Where notes are missing, after which nothing can be compared."""
+    """First gap in the recording, which ends the comparison."""
 
 
 class GapError(RecordingError):
-    """Notes are missing in the recording."""
+    """The recording has a gap."""
 
     def __init__(self, gap: RecordingGap) -> None:
-        super().__init__(f"{gap.dropped} notes are missing: the disk was full or too slow")
+        super().__init__(f"{gap.dropped} records are missing: the disk was full or too slow")
         self.gap = gap
 
 
-def play(box: RecordedDrive) -> Iterator[RecordedStep]:
-    """Drive the cores with the recording, from the beginning of what there is of it.
+def play(drive: RecordedDrive) -> Iterator[RecordedStep]:
+    """Step new cores with the inputs of a recording, from its first segment on.
 
     Raises:
-        GapError: at the first place where notes are missing.
+        GapError: at the first gap of the recording.
         UserError: an input cannot be read.
     """
     car_ids: dict[tuple[str, int], bytes] = {}
-    notes: list[RecordedMessage] = []
+    records: list[RecordedMessage] = []
     tap: Tap | None = None
-    inputs: list[step.Input] = []
-    moment: RecordedStep | None = None
-    for entry in box.entries():
+    inputs: list[Input] = []
+    current: RecordedStep | None = None
+    for entry in drive.entries():
         if entry.topic.startswith("/out/"):
-            if moment is not None:
-                moment.recorded.append(Output(entry.topic, entry.data))
+            if current is not None:
+                current.recorded.append(Output(entry.topic, entry.data))
             continue
         if not entry.topic.startswith(("/in/", "/recorder/")):
             continue
-        if moment is not None:
-            yield moment
-            moment = None
+        if current is not None:
+            yield current
+            current = None
         value = as_input(entry)
         if isinstance(value, RecordingGap):
             raise GapError(value)
@@ -109,109 +109,105 @@ def play(box: RecordedDrive) -> Iterator[RecordedStep]:
             car_ids[value.plate, value.epoch] = value.car_id
             continue
         if tap is None:
-            begins = (value.stamp_s, entry.utc_s) if box.begins_late else None
-            tap = replayed_stack(box.head, car_ids, notes.append, begins)
+            begins = (value.stamp_s, entry.utc_s) if drive.begins_late else None
+            tap = replayed_stack(drive.head, car_ids, records.append, begins)
         if isinstance(value, StepEnd):
             outputs = tap.step(inputs, value.stamp_s, value.utc_s)
             inputs = []
-            said = [_said(note) for note in notes if note.topic.startswith("/out/")]
-            notes.clear()
-            moment = RecordedStep(value.stamp_s - box.head.now_s, outputs.events, said)
+            replayed = [_output(record) for record in records if record.topic.startswith("/out/")]
+            records.clear()
+            current = RecordedStep(value.stamp_s - drive.head.now_s, outputs.events, replayed)
         else:
             inputs.append(value)
-    if moment is not None:
-        yield moment
+    if current is not None:
+        yield current
 
 
-def compare(box: RecordedDrive, within: float = 0.0) -> ReplayComparison:
-    """Replay until something differs, or to the end.
+def compare(drive: RecordedDrive, tolerance: float = 0.0) -> ReplayComparison:
+    """Replay until an output differs, or to the end.
 
     Args:
-        box: the recording.
-        within: by how much a number may differ, as a share of it.
+        drive: the recording.
+        tolerance: relative difference allowed between numbers.
 
     Raises:
-        BoxError: the recording cannot tell, since it does not begin with its drive, has segments
-            missing, or was made without positions.
+        RecordingError: the recording starts within its drive, has segments missing, or was made
+            without positions.
     """
-    _require_whole(box)
-    answers, until_s = 0, 0.0
+    _require_whole(drive)
+    outputs, until_s = 0, 0.0
     before: RecordedStep | None = None
     try:
-        for moment in play(box):
+        for current in play(drive):
             if before is not None:
-                difference = _first_difference(before, within)
+                difference = _first_difference(before, tolerance)
                 if difference is not None:
-                    return ReplayComparison(answers, until_s, difference, None)
-                answers, until_s = answers + len(before.recorded), before.at_s
-            before = moment
+                    return ReplayComparison(outputs, until_s, difference, None)
+                outputs, until_s = outputs + len(before.recorded), before.at_s
+            before = current
     except GapError as error:
-        return ReplayComparison(answers, until_s, None, error.gap)
+        return ReplayComparison(outputs, until_s, None, error.gap)
     if before is None:
-        raise RecordingError("nothing to compare: the recording was cut off before the first round")
-    # The last round may have been cut off; what is there of it counts.
-    before.came_out = before.came_out[: len(before.recorded)]
-    difference = _first_difference(before, within)
+        raise RecordingError("nothing to compare: the recording was cut off before the first step")
+    # The last step may have been cut off; only its recorded outputs count.
+    before.replayed = before.replayed[: len(before.recorded)]
+    difference = _first_difference(before, tolerance)
     if difference is not None:
-        return ReplayComparison(answers, until_s, difference, None)
-    return ReplayComparison(answers + len(before.recorded), before.at_s, None, None)
+        return ReplayComparison(outputs, until_s, difference, None)
+    return ReplayComparison(outputs + len(before.recorded), before.at_s, None, None)
 
 
-def _require_whole(box: RecordedDrive) -> None:
-    if not box.head.is_complete:
-        raise RecordingError(
-            "recorded without positions, and so without much of what was decided from"
-        )
-    if box.begins_late:
-        raise RecordingError(
-            "begins in the middle of its drive: what was decided rests on what is gone"
-        )
-    if box.missing:
-        raise RecordingError(f"segments are missing: {', '.join(map(str, box.missing))}")
+def _require_whole(drive: RecordedDrive) -> None:
+    if not drive.head.is_complete:
+        raise RecordingError("recorded without positions, on which decisions depend")
+    if drive.begins_late:
+        raise RecordingError("starts within its drive: earlier inputs are missing")
+    if drive.missing:
+        raise RecordingError(f"segments are missing: {', '.join(map(str, drive.missing))}")
 
 
-def _said(note: RecordedMessage) -> Output:
-    return Output(note.topic, as_json(as_record(note.value)).encode())
+def _output(record: RecordedMessage) -> Output:
+    return Output(record.topic, as_json(as_record(record.value)).encode())
 
 
-def _first_difference(moment: RecordedStep, within: float) -> Difference | None:
-    for at in range(max(len(moment.recorded), len(moment.came_out))):
-        recorded = moment.recorded[at] if at < len(moment.recorded) else None
-        came_out = moment.came_out[at] if at < len(moment.came_out) else None
-        if recorded is None or came_out is None or not _is_same(recorded, came_out, within):
-            return Difference(moment.at_s, recorded, came_out)
+def _first_difference(current: RecordedStep, tolerance: float) -> Difference | None:
+    for at in range(max(len(current.recorded), len(current.replayed))):
+        recorded = current.recorded[at] if at < len(current.recorded) else None
+        replayed = current.replayed[at] if at < len(current.replayed) else None
+        if recorded is None or replayed is None or not _is_same(recorded, replayed, tolerance):
+            return Difference(current.at_s, recorded, replayed)
     return None
 
 
-def _is_same(recorded: Output, came_out: Output, within: float) -> bool:
-    if recorded == came_out:
+def _is_same(recorded: Output, replayed: Output, tolerance: float) -> bool:
+    if recorded == replayed:
         return True
-    if recorded.topic != came_out.topic:
+    if recorded.topic != replayed.topic:
         return False
     if recorded.topic == "/out/wsm":
-        return _without_signature(recorded) == _without_signature(came_out)
-    if within == 0.0:
+        return _without_signature(recorded) == _without_signature(replayed)
+    if tolerance == 0.0:
         return False
-    return _is_close(json.loads(recorded.data), json.loads(came_out.data), within)
+    return _is_close(json.loads(recorded.data), json.loads(replayed.data), tolerance)
 
 
-def _is_close(one: object, other: object, within: float) -> bool:
+def _is_close(one: object, other: object, tolerance: float) -> bool:
     match one, other:
         case dict(), dict():
             return one.keys() == other.keys() and all(
-                _is_close(value, other[key], within) for key, value in one.items()
+                _is_close(value, other[key], tolerance) for key, value in one.items()
             )
         case list(), list():
             return len(one) == len(other) and all(
-                _is_close(*pair, within) for pair in zip(one, other, strict=True)
+                _is_close(*pair, tolerance) for pair in zip(one, other, strict=True)
             )
         case float(), float():
-            return math.isclose(one, other, rel_tol=within, abs_tol=within)
+            return math.isclose(one, other, rel_tol=tolerance, abs_tol=tolerance)
     return one == other
 
 
-def _without_signature(said: Output) -> dict[str, object]:
-    record: dict[str, object] = json.loads(said.data)
+def _without_signature(replayed: Output) -> dict[str, object]:
+    record: dict[str, object] = json.loads(replayed.data)
     frame = bytes.fromhex(str(record["data"]))
     if wsmp.decode(frame).payload[1] == _SIGNED_DATA:
         record["data"] = frame[:-_SIGNATURE_BYTES].hex()

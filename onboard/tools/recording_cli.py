@@ -37,29 +37,29 @@ def export(
             typer.echo(f"{candump}: {write_candump(recording, file)} frames")
 
 
-def expect(paths: Sequence[Path], within: float = 0.0) -> bool:
-    """Say whether the cores decide as they did when the drive was recorded."""
-    comparison = compare(RecordedDrive(paths), within)
+def expect(paths: Sequence[Path], tolerance: float = 0.0) -> bool:
+    """Print how far a replay equals its recording; return whether it equals all of it."""
+    comparison = compare(RecordedDrive(paths), tolerance)
     for line in _verdict(comparison):
         typer.echo(line)
     if comparison.gap is not None:
         raise UserError(
-            f"{comparison.gap.dropped} notes are missing from here on: the disk was full or too"
+            f"{comparison.gap.dropped} records are missing from here on: the disk was full or too"
             " slow, and what follows cannot be compared"
         )
     return comparison.difference is None
 
 
 def _verdict(comparison: ReplayComparison) -> Iterator[str]:
-    yield f"{comparison.answers} answers in {comparison.until_s:.3f} s are the recorded ones"
+    yield f"{comparison.outputs} outputs in {comparison.until_s:.3f} s equal the recorded ones"
     if comparison.difference is not None:
         yield f"the first that differs, {comparison.difference.at_s:.6f} s after the start:"
-        yield f"  recorded: {_words(comparison.difference.recorded)}"
-        yield f"  came out: {_words(comparison.difference.came_out)}"
+        yield f"  recorded: {_text(comparison.difference.recorded)}"
+        yield f"  replayed: {_text(comparison.difference.replayed)}"
 
 
-def _words(said: Output | None) -> str:
-    return "nothing" if said is None else f"{said.topic} {said.data.decode()}"
+def _text(output: Output | None) -> str:
+    return "nothing" if output is None else f"{output.topic} {output.data.decode()}"
 
 
 def _created(path: Path) -> BinaryIO:

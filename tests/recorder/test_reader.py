@@ -55,7 +55,7 @@ def test_what_is_left_of_it_is_still_decided_again(whole: Path, tmp_path: Path) 
     comparison = compare(RecordedDrive([cut(whole, tmp_path, whole.stat().st_size // 2)]))
 
     assert comparison.difference is None
-    assert comparison.answers > 10
+    assert comparison.outputs > 10
 
 
 def test_a_damaged_recording_is_read_up_to_the_damage(

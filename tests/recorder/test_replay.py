@@ -33,7 +33,7 @@ def test_a_drive_with_a_warning_in_it_is_decided_again(drive: Path) -> None:
     kinds = {entry.topic for entry in RecordedDrive([drive]).entries()}
     assert {"/out/transition", "/out/warning", "/out/perceived_object", "/out/wsm"} <= kinds
     assert comparison.difference is None
-    assert comparison.answers > 50
+    assert comparison.outputs > 50
     assert comparison.until_s > 3.9
 
 
@@ -114,10 +114,10 @@ def test_one_bit_of_one_number_is_a_difference(drive: Path, tmp_path: Path) -> N
 
     assert difference is not None
     assert difference.recorded is not None
-    assert difference.came_out is not None
+    assert difference.replayed is not None
     assert repr(other).encode() in difference.recorded.data
-    assert repr(recorded).encode() in difference.came_out.data
-    assert compare(box, within=1e-9).difference is None, "unless it was another processor's"
+    assert repr(recorded).encode() in difference.replayed.data
+    assert compare(box, tolerance=1e-9).difference is None, "unless it was another processor's"
 
 
 def test_a_forged_signed_message_differs_in_more_than_its_signature(tmp_path: Path) -> None:
@@ -169,7 +169,7 @@ def test_segments_of_one_drive_are_one_drive(tmp_path: Path) -> None:
 def test_a_drive_whose_beginning_is_gone_proves_nothing(tmp_path: Path) -> None:
     segments = sorted(record_drive(tmp_path, segment_s=1.0).glob("*.mcap"))
 
-    with pytest.raises(RecordingError, match="begins in the middle"):
+    with pytest.raises(RecordingError, match="starts within its drive"):
         compare(RecordedDrive(segments[1:]))
     with pytest.raises(RecordingError, match="segments are missing: 2"):
         compare(RecordedDrive([segments[0], segments[1], segments[3]]))
@@ -270,10 +270,10 @@ def test_expect_says_so_and_exits_with_0_or_1(drive: Path, tmp_path: Path) -> No
     bad = onboard("replay", changed, "--expect")
 
     assert (good.returncode, bad.returncode) == (0, 1)
-    assert "are the recorded ones" in good.stdout
+    assert "equal the recorded ones" in good.stdout
     assert "the first that differs, 3." in bad.stdout
     assert "recorded: /out/warning" in bad.stdout
-    assert "came out: /out/warning" in bad.stdout
+    assert "replayed: /out/warning" in bad.stdout
 
 
 def test_replay_prints_the_events_of_a_recording(drive: Path) -> None:
