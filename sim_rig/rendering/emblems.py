@@ -1,6 +1,6 @@
 """Graphics beside a plate's number and between its groups: crests, seals, pictures.
 
-Shapes of nobody, as `Outline`s around a place. A reader that has not seen them takes a coat of arms
+Random shapes, as `Outline`s around a position. A reader that has not seen them takes a coat of arms
 for an M and a cactus for a 4.
 """
 

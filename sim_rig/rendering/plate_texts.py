@@ -1,6 +1,6 @@
 """Random plate numbers in the formats of registries.
 
-A pattern is written with `L` for a letter, `#` for a digit; a space only says where groups part.
+A pattern is written with `L` for a letter, `#` for a digit; a space marks where groups part.
 The patterns are facts about public series; the numbers drawn from them are random.
 """
 

@@ -1,4 +1,4 @@
-// Elements made from words: nothing that a car says is ever read as markup.
+// Creates HTML and SVG elements from text; text of traces is never parsed as markup.
 const SVG = "http://www.w3.org/2000/svg";
 
 export function html(name, attributes = {}, ...children) {
