@@ -380,6 +380,13 @@ class SequenceOf(Field):
     """SEQUENCE (SIZE (lowest..highest)) OF `item`, as a tuple."""
 
     def __init__(self, item: Field, lowest: int, highest: int) -> None:
+        """Declare the field.
+
+        Args:
+            item: field of each item.
+            lowest: least number of items.
+            highest: greatest number of items.
+        """
         self.item = item
         self.count = Integer(lowest, highest)
 
@@ -405,7 +412,7 @@ class SequenceOf(Field):
 
 
 class Optional(Field):
-    """OPTIONAL: a field that may be left out (`None`); its record has a bit that tells."""
+    """OPTIONAL: a field that may be left out (`None`); its record has a presence bit."""
 
     def __init__(self, field: Field) -> None:
         self.field = field

@@ -82,7 +82,13 @@ def encode_to_be_signed(subject: Subject) -> bytes:
 
 
 def encode_certificate(issuer_id: bytes | None, to_be_signed: bytes, signature: bytes) -> bytes:
-    """Encode an explicit certificate."""
+    """Encode an explicit certificate.
+
+    Args:
+        issuer_id: HashedId8 of the issuer's certificate; `None` if self-signed.
+        to_be_signed: encoded ToBeSignedCertificate.
+        signature: encoded Signature.
+    """
     issuer = b"\x81\x00" if issuer_id is None else b"\x80" + issuer_id
     return bytes((0x80, _VERSION, _EXPLICIT)) + issuer + to_be_signed + signature
 

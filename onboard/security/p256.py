@@ -45,7 +45,13 @@ def sign(key: PrivateKey, digest: bytes) -> Signature:
 
 
 def is_signed(key: PublicKey, digest: bytes, signature: Signature) -> bool:
-    """Return whether the holder of `key` signed `digest`."""
+    """Return whether the signature is valid.
+
+    Args:
+        key: public key of the signer.
+        digest: SHA-256 digest, 32 bytes.
+        signature: r and s.
+    """
     try:
         key.verify(encode_dss_signature(*signature), digest, _VERIFY)
     except InvalidSignature:

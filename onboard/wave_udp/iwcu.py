@@ -26,7 +26,16 @@ class IwcuEndpoint:
         on_wsm: Callable[[bytes], None],
         on_error: Callable[[str], None],
     ) -> None:
-        """Bind the port. Raises `RadioError`."""
+        """Bind the port.
+
+        Args:
+            settings: of the connection.
+            on_wsm: called with each received WSM.
+            on_error: called with the reason when the radio cannot be reached.
+
+        Raises:
+            RadioError: it cannot be bound.
+        """
         self._unit = str(settings.unit_host), settings.unit_port
         wire = udp_socket(str(settings.listen_host), settings.listen_port)
         self._socket = DrainedSocket(wire, on_wsm, on_error)

@@ -25,7 +25,16 @@ class RawEndpoint:
         on_wsm: Callable[[bytes], None],
         on_error: Callable[[str], None],
     ) -> None:
-        """Bind the interface. Raises `RadioError`."""
+        """Bind the interface.
+
+        Args:
+            settings: of the connection.
+            on_wsm: called with each received WSM.
+            on_error: called with the reason when the radio cannot be reached.
+
+        Raises:
+            RadioError: it cannot be bound.
+        """
         self._address = settings.interface, ETHERTYPE, 0, 0, BROADCAST
         self._user_priority: int | None = None
         self._socket = DrainedSocket(_open(settings.interface), on_wsm, on_error)

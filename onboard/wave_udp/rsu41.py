@@ -25,7 +25,16 @@ class Rsu41Endpoint:
         on_wsm: Callable[[bytes], None],
         on_error: Callable[[str], None],
     ) -> None:
-        """Bind the port. Raises `RadioError`."""
+        """Bind the port.
+
+        Args:
+            settings: of the connection.
+            on_wsm: called with each received WSM.
+            on_error: called with the reason when the radio cannot be reached.
+
+        Raises:
+            RadioError: it cannot be bound.
+        """
         self._settings = settings
         self._unit = str(settings.unit_host), settings.unit_port
         self._on_wsm = on_wsm
