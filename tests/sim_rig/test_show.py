@@ -24,7 +24,7 @@ SETTINGS = CollisionSettings(
     methods=(Method.OWN,),
     compared_at=None,
     encounter=EncounterSettings(
-        scene=SceneName.OWN_CROSSING, warm_s=0.5, watched_s=1.6, after_s=4.0, near_m=40.0
+        scene=SceneName.OWN_CROSSING, warm_s=0.5, watched_s=1.6, after_s=4.0, near_m=20.0
     ),
 )
 WITHOUT, WITH = 0, 1
