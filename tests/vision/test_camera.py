@@ -6,6 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 
@@ -78,8 +79,9 @@ def serve() -> Iterator[Callable[[list[bytes]], str]]:
                 kind = f"multipart/x-mixed-replace; boundary={BOUNDARY.decode()}"
                 self.send_header("Content-Type", kind)
                 self.end_headers()
-                for data in waiting.popleft() if waiting else []:
-                    self.wfile.write(data)
+                with suppress(ConnectionError):  # the reader may hang up first
+                    for data in waiting.popleft() if waiting else []:
+                        self.wfile.write(data)
                 if not waiting:
                     done.wait(10.0)
 
