@@ -133,7 +133,7 @@ def by_light(*, tags: bool) -> dict[Light, DriveTally]:
     for light in Light:
         for seed in range(DRIVES):
             drive = _drive(light, float(rng.uniform(7.0, 15.0)), seed, rng)
-            _tell(tallies[light], drive, tags=tags)
+            _add_drive(tallies[light], drive, tags=tags)
     return tallies
 
 
@@ -144,7 +144,7 @@ def by_gap(*, tags: bool) -> dict[float, DriveTally]:
     for gap_m in GAPS_M:
         for seed in range(DRIVES):
             drive = _drive(list(Light)[seed % len(Light)], gap_m, seed, rng)
-            _tell(tallies[gap_m], drive, tags=tags)
+            _add_drive(tallies[gap_m], drive, tags=tags)
     return tallies
 
 
@@ -184,7 +184,7 @@ def _drive(light: Light, gap_m: float, seed: int, rng: np.random.Generator) -> R
     return RenderedDrive(light, gap_m, cars, seed)
 
 
-def _tell(tally: DriveTally, drive: RenderedDrive, *, tags: bool) -> None:
+def _add_drive(tally: DriveTally, drive: RenderedDrive, *, tags: bool) -> None:
     shown = drive.with_tags() if tags else drive
     tally.add(shown, [frame.lead for frame in annotated_frames(shown) if frame.lead is not None])
 

@@ -13,7 +13,13 @@ _HARDEST_BRAKING_M_S2 = 12.0
 
 
 def is_jump(step_m_s: float, elapsed_s: float, error_m_s: float) -> bool:
-    """Whether a speed changed by more than a car's can, and its error explains."""
+    """Whether a speed changed by more than braking and the error of the speed explain.
+
+    Args:
+        step_m_s: change of the speed.
+        elapsed_s: time in which it changed.
+        error_m_s: largest error of the change.
+    """
     return abs(step_m_s) > _HARDEST_BRAKING_M_S2 * elapsed_s + error_m_s
 
 
@@ -25,19 +31,24 @@ def slope(samples: Sequence[tuple[float, float]]) -> float:
 
 
 def is_late(stamp_s: float, newest_s: float, window_s: float) -> bool:
-    """Whether a sample is no newer than the newest one so far, and so of no use.
+    """Whether a sample is no newer than the newest one so far, and must be ignored.
 
-    If it lies back by more than the window, it was the newest stamp that was wrong: take the sample
-    and begin anew. Otherwise one stamp far ahead would have all later samples ignored.
+    A sample older than the whole window is not late: then the newest stamp was wrong, and callers
+    start again from the sample. Otherwise one stamp far ahead would suppress all later samples.
+
+    Args:
+        stamp_s: time of the sample.
+        newest_s: latest time of the samples so far.
+        window_s: length of the window.
     """
     return newest_s - window_s <= stamp_s <= newest_s
 
 
 class AccelerationEstimator:
-    """Takes samples of one car's speed, tells its acceleration."""
+    """Estimates the acceleration of one car from samples of its speed."""
 
     def __init__(self, window_s: float) -> None:
-        """Look back `window_s`; half of it must be covered before anything is told."""
+        """Use the last `window_s`; samples must cover half of it for an estimate."""
         self._window_s = window_s
         self._samples: deque[tuple[float, float]] = deque()
 
@@ -54,18 +65,18 @@ class AccelerationEstimator:
             self._samples.popleft()
 
     def clear(self) -> None:
-        """What comes next is of another car."""
+        """Drop all samples: the next ones are of another car."""
         self._samples.clear()
 
     @property
     def acceleration_m_s2(self) -> float | None:
-        """By least squares, true of the middle of the window; `None` while it is not covered."""
+        """Least-squares slope, valid at the middle of the window; `None` without coverage."""
         return slope(self._samples) if self._is_covered else None
 
     def largest_error_m_s2(self, step_m_s: float) -> float:
-        """By how much at most the acceleration is off since speeds come in steps of `step_m_s`.
+        """Largest error of the acceleration due to the resolution of the speeds, `step_m_s`.
 
-        Infinite while none is told. Holds for rounding and for cutting off alike.
+        Infinite while there is no estimate. Holds for rounding and for truncation.
         """
         if not self._is_covered:
             return math.inf

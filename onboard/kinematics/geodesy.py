@@ -8,7 +8,14 @@ EARTH_RADIUS_M = 6_371_000.0
 def distance_m(
     latitude_deg: float, longitude_deg: float, other_latitude_deg: float, other_longitude_deg: float
 ) -> float:
-    """How far two points are apart, on a sphere as if it were flat: right to 1 % over 10 km."""
+    """Distance of two points, on a sphere taken as locally flat: right to 1 % over 10 km.
+
+    Args:
+        latitude_deg: latitude of the one point.
+        longitude_deg: its longitude.
+        other_latitude_deg: latitude of the other point.
+        other_longitude_deg: its longitude.
+    """
     north = math.radians(other_latitude_deg - latitude_deg)
     turn_deg = (other_longitude_deg - longitude_deg + 180.0) % 360.0 - 180.0
     east = math.radians(turn_deg) * math.cos(math.radians(latitude_deg))

@@ -48,7 +48,7 @@ class Reach:
 
     def __init__(self, parameters: GroupParameters) -> None:
         self._lifetime_s = _REACH_REFRESHES * parameters.refresh_s
-        self._heard: OrderedDict[CarId, tuple[int, float]] = OrderedDict()
+        self._received: OrderedDict[CarId, tuple[int, float]] = OrderedDict()
         """Distance and time of the last message, the oldest first."""
 
     def receive(self, car_id: CarId, distance: int, now: float) -> None:
@@ -60,8 +60,8 @@ class Reach:
             now: seconds on the cores' clock.
         """
         self._forget(now)
-        self._heard[car_id] = (distance, now)
-        self._heard.move_to_end(car_id)
+        self._received[car_id] = (distance, now)
+        self._received.move_to_end(car_id)
 
     def distance(self, now: float) -> int:
         """Return how many vehicles behind the farthest one received lately is; 0 without any.
@@ -69,12 +69,12 @@ class Reach:
         Never more than the number of vehicles received: a forged group number raises it by one.
         """
         horizon = now - self._lifetime_s
-        recent = [distance for distance, at in self._heard.values() if at >= horizon]
+        recent = [distance for distance, at in self._received.values() if at >= horizon]
         return min(max(recent, default=0), len(recent))
 
     def _forget(self, now: float) -> None:
-        while self._heard and next(iter(self._heard.values()))[1] < now - self._lifetime_s:
-            self._heard.popitem(last=False)
+        while self._received and next(iter(self._received.values()))[1] < now - self._lifetime_s:
+            self._received.popitem(last=False)
 
 
 @dataclass(slots=True)
@@ -83,7 +83,7 @@ class _Message:
 
     message: Update | Warn
     """The copy that was received, or the original."""
-    heard_at: float
+    received_at: float
     distance: int
     """To the nearest sender ahead of whom a copy was received; 0: this vehicle started it."""
     repeat_at: float
@@ -101,6 +101,13 @@ class Forwarding:
     def __init__(
         self, parameters: GroupParameters, position: GroupPosition, warning_list: WarningList
     ) -> None:
+        """Start without messages.
+
+        Args:
+            parameters: times and limits of the warning group.
+            position: position of this vehicle in its group.
+            warning_list: followers of this vehicle, which must acknowledge.
+        """
         self._parameters = parameters
         self._position = position
         self._warning_list = warning_list
@@ -137,7 +144,7 @@ class Forwarding:
             entry.repeat_at = math.inf
         elif distance < entry.distance:
             entry.message, entry.distance = message, distance
-            entry.heard_at = now
+            entry.received_at = now
             entry.repeat_at = now + self._wait_s(message.reach, distance)
 
     def add_recipient(self, car_id: CarId, now: float) -> None:
@@ -148,7 +155,7 @@ class Forwarding:
         horizon = now - self._parameters.event_lifetime_s
         for entry in self._messages.values():
             is_own_braking = isinstance(entry.message, Warn) and entry.distance == 0
-            if is_own_braking and entry.heard_at >= horizon:
+            if is_own_braking and entry.received_at >= horizon:
                 entry.unacknowledged.add(car_id)
                 entry.repeats_left = self._parameters.warn_repeats
                 if entry.check_at == math.inf:
@@ -206,7 +213,7 @@ class Forwarding:
             if message.leader_id != leader_id:
                 return None
             return replace(message, sender_id=sender_id, number=number, reach=reach)
-        age_s = message.age_s + (now - entry.heard_at)
+        age_s = message.age_s + (now - entry.received_at)
         # Since it was received, this vehicle and the braking one may have been renumbered.
         origin_number = message.origin_number + number - (message.number + entry.distance)
         if age_s > self._parameters.event_lifetime_s or origin_number < 1:
@@ -261,7 +268,7 @@ class Forwarding:
         )
         horizon = now - 2 * self._parameters.event_lifetime_s
         self._messages = {
-            key: old for key, old in self._messages.items() if old.heard_at >= horizon
+            key: old for key, old in self._messages.items() if old.received_at >= horizon
         }
         others = [key for key, entry in self._messages.items() if entry.distance != 0]
         for key in others[:-_MAX_MESSAGES]:

@@ -25,6 +25,13 @@ class Membership:
     def __init__(
         self, parameters: GroupParameters, lead_monitor: LeadMonitor, rng: np.random.Generator
     ) -> None:
+        """Start without a predecessor.
+
+        Args:
+            parameters: times and limits of the warning group.
+            lead_monitor: identifies the vehicle ahead.
+            rng: draws the first sequence number and the spread of joins.
+        """
         self._parameters = parameters
         self._lead_monitor = lead_monitor
         self._rng = rng

@@ -24,7 +24,7 @@ class Candidate:
 
     @property
     def significance(self) -> float:
-        """1 over the number of received MEs: the fewer know a vehicle, the more significant."""
+        """1 over the number of received MEs: the fewer vehicles report it, the higher."""
         return 1.0 / self.received
 
 

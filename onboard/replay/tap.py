@@ -75,7 +75,15 @@ class Tap:
         return self._stack.get_timer()
 
     def step(self, inputs: Iterable[Input], now: float, utc_s: float | None = None) -> StepOutputs:
-        """See `Stack`. An event that only repeats an input is not recorded again."""
+        """Step the stack, and record its inputs and outputs; see `Stack.step`.
+
+        An event that only repeats an input is not recorded again.
+
+        Args:
+            inputs: what arrived since the last step.
+            now: seconds on the cores' clock.
+            utc_s: seconds since 1970, if the UTC time is known.
+        """
         self._now = now
         if utc_s is not None:
             self._utc_offset_s = utc_s - now

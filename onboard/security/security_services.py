@@ -141,7 +141,7 @@ class SecurityServices:
             now: the present time.
 
         Raises:
-            NotTrusted: the message is refused; `reason` tells why.
+            NotTrusted: the message is refused; `reason` is the cause.
         """
         try:
             message = ieee1609dot2.decode(data)

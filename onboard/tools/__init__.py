@@ -1,1 +1,1 @@
-"""Commands for the desk, apart from what drives: replay, export, decoding, calibration, keys."""
+"""Commands for use outside the car: replay, export, decoding, calibration, keys."""

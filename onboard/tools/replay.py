@@ -62,7 +62,7 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
     first = next(inputs, None)
     if first is None:
         raise UserError("nothing to replay: no frame, picture or sentence in it can be read")
-    # Only listening: what was asked in the drive has been answered in the drive.
+    # Without polling: the responses to the requests of the drive are in the recording.
     listening = config.obd.model_copy(update={"polling_hz": None})
     stack = Stack(
         config.model_copy(update={"obd": listening}),
@@ -140,7 +140,7 @@ def _from_clip(
 
 
 def _from_nmea(path: Path) -> Iterator[_Stamped]:
-    """What is said before the first fix knows no date; it is told with that fix."""
+    """Sentences before the first fix have no date: they get the time of that fix."""
     undated: list[Discarded] = []
     began = False
     for observation in _read_nmea(path):

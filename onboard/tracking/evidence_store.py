@@ -62,7 +62,7 @@ class EvidenceBatch:
 
 
 class EvidenceStore:
-    """The numbers of all stored evidence in common arrays; each piece knows its row.
+    """The numbers of all stored evidence in common arrays; each piece holds its row.
 
     The arrays are its own and grow at the end; what it returns are copies.
     """
@@ -130,7 +130,7 @@ class StoredEvidence:
     row: int
     """In the store."""
     mask: int = 0
-    """The provenance as a bit set, with one bit for each measurement that its track knows."""
+    """The provenance as a bit set, with one bit for each measurement of its track."""
 
     @property
     def piece(self) -> Evidence:

@@ -108,7 +108,13 @@ def distances_m(some: Array, others: Array) -> Array:
 
 
 def position_variances(states: StateArrays, now_ms: int, q: float) -> Array:
-    """Return the variances (N) of predicted positions, summed over both axes, m^2."""
+    """Return the variances (N) of predicted positions, summed over both axes, m^2.
+
+    Args:
+        states: N of them.
+        now_ms: time of the prediction, UTC.
+        q: density of the process noise, m^2/s^3.
+    """
     dt, p = (now_ms - states.stamps_ms) / 1000, states.covariances
     grown: Array = (
         p[0, 0]

@@ -43,7 +43,7 @@ from onboard.tracking.track_merging import (
 MAX_TRACKS = 256
 """Vehicles without radio at once; bounds computing time."""
 MAX_TRACKS_PER_SENDER = 64
-"""Tracks that one sender may start; also the room that is left for own sensors."""
+"""Tracks that one sender may start; also the number reserved for own sensors."""
 CONFIRMATIONS = 3
 """Different times of evidence after which a track is confirmed."""
 SETTLED_MS = 600
@@ -77,7 +77,7 @@ class TrackingParameters:
     memory_s: float = 2.0
     """Evidence with an older measurement is not used."""
     unseen_s: float = 1.5
-    """A vehicle that nobody has measured for this long is dropped: measurements that arrive through
+    """A vehicle without a measurement for this long is dropped: measurements that arrive through
     a third vehicle are up to 0.4 s old."""
 
 
@@ -145,9 +145,9 @@ class Tracks:
     def match_remote_vehicles(self, ids: Sequence[bytes], states: StateArrays, now_ms: int) -> None:
         """Find the tracks that are vehicles with a radio, or the host vehicle.
 
-        A track that only others report is matched only where the two overlap: its observer has told
-        it apart from the vehicles with a radio beside it. A track that own sensors measure is also
-        matched within a gate, and the host vehicle in either case.
+        A track that only others report is matched only where the two overlap: its observer
+        distinguished it from the vehicles with a radio beside it. A track that own sensors measure
+        is also matched within a gate, and the host vehicle in either case.
 
         Args:
             ids: temporary IDs of N vehicles, the host vehicle first.

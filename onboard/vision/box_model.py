@@ -21,8 +21,8 @@ class BoxModel:
         """Load the model; `name` is its settings' place in the configuration.
 
         Raises:
-            UserError: it is missing, not a model that OpenCV can run, or its output is not as
-                `settings` say.
+            UserError: it is missing, not a model that OpenCV can run, or its output does not
+                have the format of `settings`.
         """
         self._name = name
         self._settings = settings

@@ -34,6 +34,13 @@ class Camera:
     """The camera of one car, with its faults."""
 
     def __init__(self, scenario: Scenario, car: str, seed: np.random.SeedSequence) -> None:
+        """Start without a picture.
+
+        Args:
+            scenario: the scenario.
+            car: name of the car.
+            seed: source of all random numbers.
+        """
         self._rng = np.random.default_rng(seed)
         self._view = CameraView(scenario, BreakpointRoad(scenario), car, self._rng)
         self._picture = CameraRenderer(CameraSettings(source="rig", **LENS.model_dump()))

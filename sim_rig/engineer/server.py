@@ -187,7 +187,13 @@ class EngineerServer:
 
 
 async def serve(scenario: Scenario, folder: Path, camera_port: int) -> None:
-    """Serve until standard input ends."""
+    """Serve until standard input ends.
+
+    Args:
+        scenario: the scenario that runs.
+        folder: folder of the run.
+        camera_port: TCP port of the rig's camera server.
+    """
     server = EngineerServer(scenario, folder, camera_port)
     print(await server.start(), flush=True)  # noqa: T201 (read by `EngineerPage`)
     try:

@@ -37,7 +37,14 @@ class CsmaAir:
         self._in_flight: list[Delivery] = []
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
-        """Queue a frame at its sender; see `Air.receive_wsm`."""
+        """Queue a frame at its sender.
+
+        Args:
+            sender: name of the sending car.
+            wsm: the frame.
+            user_priority: its user priority, 0 to 7.
+            now: monotonic time, s.
+        """
         self._update_positions(now)
         number = self._channel.receive_frame(self._index[sender], len(wsm), user_priority, now)
         self._carried[number] = user_priority, wsm

@@ -40,7 +40,14 @@ class FaultyAir:
         ]
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
-        """Transmit a frame unless the sender's radio has failed; see `Air.receive_wsm`."""
+        """Transmit a frame unless the sender's radio has failed; attackers receive it.
+
+        Args:
+            sender: name of the sending car.
+            wsm: the frame.
+            user_priority: its user priority, 0 to 7.
+            now: monotonic time, s.
+        """
         if self._has("radio_mute", sender, now) or self._has("radio_gone", sender, now):
             return
         for attacker in self._attackers:

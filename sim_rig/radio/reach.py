@@ -50,7 +50,14 @@ class ReachAir:
         return self._graph
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
-        """Transmit a frame; see `Air.receive_wsm`."""
+        """Transmit a frame to the cars in reach.
+
+        Args:
+            sender: name of the sending car.
+            wsm: the frame.
+            user_priority: its user priority, 0 to 7.
+            now: monotonic time, s.
+        """
         for receiver in self.reach_graph(now)[sender]:
             for at_s in self._arrivals(now):
                 delivery = Delivery(at_s, next(self._order), sender, receiver, user_priority, wsm)

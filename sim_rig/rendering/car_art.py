@@ -20,7 +20,14 @@ _RUBBER = (24, 24, 24)
 def rear_of_car(
     width_m: float, height_m: float, bgr: tuple[int, int, int], braking: bool
 ) -> Texture:
-    """The rear of a car; `WIDTH_PX` wide, height by its shape. Callers must not write to it."""
+    """Draw the rear of a car, `WIDTH_PX` wide. Callers must not write to it.
+
+    Args:
+        width_m: width of the car.
+        height_m: height of the car; sets the height of the texture.
+        bgr: colour of the body.
+        braking: whether the brake lamps are on.
+    """
     width, height = WIDTH_PX, round(WIDTH_PX * height_m / width_m)
     rear = np.zeros((height, width, 4), np.uint8)
 

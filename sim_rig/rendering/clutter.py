@@ -16,7 +16,13 @@ Bgr = tuple[int, int, int]
 
 
 def surroundings(rows: int, columns: int, rng: np.random.Generator) -> Image:
-    """A background without cars."""
+    """Draw a background without cars.
+
+    Args:
+        rows: height in pixels.
+        columns: width in pixels.
+        rng: source of all random numbers.
+    """
     image = _texture(rows, columns, rng)
     if rng.random() < 0.6:  # ground below, something else above
         horizon = int(rng.uniform(0.1, 0.9) * rows)
@@ -36,12 +42,26 @@ def colour(rng: np.random.Generator) -> Bgr:
 
 
 def add_lettering(image: Image, rng: np.random.Generator, height_px: float) -> None:
-    """Text on a panel: a negative example that resembles a plate."""
+    """Draw text on a panel: a negative example that resembles a plate.
+
+    Args:
+        image: drawn onto.
+        rng: source of all random numbers.
+        height_px: height of the letters.
+    """
     letters(image, rng, height_px)
 
 
 def blend(image: Image, patch: Image, alpha: Image, left: int, top: int) -> None:
-    """Copy `patch` into `image` where `alpha` is not 0; what lies outside is left out."""
+    """Copy `patch` into `image` where `alpha` is not 0; parts outside are cut off.
+
+    Args:
+        image: drawn onto.
+        patch: (h, w, 3), BGR.
+        alpha: (h, w).
+        left: column of `image` at which the patch begins; may be negative.
+        top: row at which it begins; may be negative.
+    """
     rows, columns = image.shape[:2]
     x0, y0 = max(0, left), max(0, top)
     x1, y1 = min(columns, left + patch.shape[1]), min(rows, top + patch.shape[0])
@@ -73,7 +93,13 @@ def _texture(rows: int, columns: int, rng: np.random.Generator) -> Image:
 def place(
     image: Image, rng: np.random.Generator, largest: float = 0.7
 ) -> tuple[int, int, int, int]:
-    """A rectangle (x0, y0, x1, y1) somewhere, at least 3 pixels each way."""
+    """Draw a random rectangle (x0, y0, x1, y1), at least 3 pixels each way.
+
+    Args:
+        image: the image whose size bounds it.
+        rng: source of all random numbers.
+        largest: largest share of the image's width and height.
+    """
     rows, columns = image.shape[:2]
     width = max(3, int(columns * rng.uniform(0.03, largest)))
     height = max(3, int(rows * rng.uniform(0.03, largest)))
@@ -149,7 +175,15 @@ def _sign(image: Image, rng: np.random.Generator) -> None:
 
 
 def write(image: Image, row: Image, paint: Bgr, left: int, top: int) -> None:
-    """A row of letters, given as a mask (h, w), without soft edges."""
+    """Draw a row of letters without soft edges.
+
+    Args:
+        image: drawn onto.
+        row: mask of the letters, (h, w), 0 to 255.
+        paint: colour of the letters.
+        left: column of `image` at which the row begins.
+        top: row of `image` at which it begins.
+    """
     patch = np.full((*row.shape, 3), paint, np.uint8)
     blend(image, patch, np.asarray(row > 110, np.uint8), left, top)
 
@@ -157,7 +191,14 @@ def write(image: Image, row: Image, paint: Bgr, left: int, top: int) -> None:
 def letters(
     image: Image, rng: np.random.Generator, height_px: float, *, panel: bool = True
 ) -> None:
-    """A word without the borders and the shape of a plate, sometimes on a panel of two rows."""
+    """Draw a word without the borders and the shape of a plate.
+
+    Args:
+        image: drawn onto.
+        rng: source of all random numbers.
+        height_px: height of the letters.
+        panel: whether it stands on a panel, then mostly of several rows.
+    """
     fonts = font_names()
     height = max(4, round(height_px))
     paint = colour(rng)

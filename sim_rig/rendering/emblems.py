@@ -26,7 +26,14 @@ _SHIELD = (
 def emblem(
     rng: np.random.Generator, at: tuple[float, float], size: tuple[float, float], ink: Bgr
 ) -> tuple[Outline, ...]:
-    """A crest, a blob or a pictogram around `at`, about `size` (w, h) large."""
+    """Draw a crest, a blob or a pictogram.
+
+    Args:
+        rng: source of all random numbers.
+        at: centre (x, y), mm.
+        size: about (width, height), mm.
+        ink: colour of its lines.
+    """
     draw = (_crest, _blob, _pictogram)[rng.choice(3, p=[0.4, 0.25, 0.35])]
     return draw(rng, np.asarray(at), np.asarray(size), ink)
 
@@ -34,7 +41,14 @@ def emblem(
 def crest(
     rng: np.random.Generator, at: tuple[float, float], size: tuple[float, float], ink: Bgr
 ) -> tuple[Outline, ...]:
-    """A coat of arms: a shield, its border, and some charges on it."""
+    """Draw a coat of arms: a shield, its border, and some charges on it.
+
+    Args:
+        rng: source of all random numbers.
+        at: centre (x, y), mm.
+        size: about (width, height), mm.
+        ink: colour of its lines.
+    """
     return _crest(rng, np.asarray(at), np.asarray(size), ink)
 
 
@@ -73,7 +87,13 @@ def colour(rng: np.random.Generator) -> Bgr:
 
 
 def near(bgr: Bgr, rng: np.random.Generator, spread: int) -> Bgr:
-    """A colour like `bgr`, each channel up to `spread` away."""
+    """Draw a colour similar to `bgr`.
+
+    Args:
+        bgr: the colour.
+        rng: source of all random numbers.
+        spread: largest difference of a channel.
+    """
     moved = np.clip(np.asarray(bgr) + rng.integers(-spread, spread + 1, 3), 0, 255)
     blue, green, red = (int(channel) for channel in moved)
     return blue, green, red

@@ -166,7 +166,12 @@ FORMATS = {plate_format.name: plate_format for plate_format in (EU, US, BR)}
 
 
 def draw_plate(text: str, plate_format: PlateFormat, px_per_mm: float = 1.0) -> Art:
-    """The plate with `text` (no separators, A-Z and 0-9), BGR.
+    """Draw a plate.
+
+    Args:
+        text: A-Z and 0-9, without separators.
+        plate_format: size, font, colours and parts of the plate.
+        px_per_mm: resolution.
 
     Raises:
         ValueError: the format's font is not shipped.

@@ -33,7 +33,14 @@ class Beside:
 def draw_text(
     rng: np.random.Generator, patterns: tuple[str, ...], *, free: float, rare: float
 ) -> str:
-    """A number by one of the `patterns`, and with the chance `free` by none; spaces part it."""
+    """Draw a number; spaces separate its groups.
+
+    Args:
+        rng: source of all random numbers.
+        patterns: the patterns to choose from; see `text_of`.
+        free: probability of a number without a pattern.
+        rare: share of the others that may have I, O and Q.
+    """
     if rng.random() < free:
         return any_text(rng)
     return text_of(patterns[rng.integers(len(patterns))], rng, rare=rare)
@@ -60,13 +67,28 @@ def small_print(
     bgr: Bgr | None = None,
     w_mm: float = 190,
 ) -> SmallText:
-    """A word in a print font, centred there; `w_mm` is the room for it."""
+    """Draw a word in a print font.
+
+    Args:
+        rng: source of all random numbers.
+        x_mm: its centre, from the left of the plate.
+        y_mm: its centre, from the top.
+        h_mm: height of the letters.
+        bgr: colour; random if not given.
+        w_mm: width available.
+    """
     font = _PRINT_FONTS[rng.integers(len(_PRINT_FONTS))]
     return SmallText(word(rng), x_mm, y_mm, h_mm, 0.85 * w_mm, font, bgr or colour(rng))
 
 
 def bolts(rng: np.random.Generator, width_mm: float, height_mm: float) -> tuple[Disc, ...]:
-    """Up to four, near the corners of a plate of this size."""
+    """Draw up to four bolts, near the corners of a plate.
+
+    Args:
+        rng: source of all random numbers.
+        width_mm: width of the plate.
+        height_mm: height of the plate.
+    """
     grey = int(rng.integers(30, 200))
     inset_x, inset_y = rng.uniform(0.18, 0.3) * width_mm, rng.uniform(0.07, 0.12) * height_mm
     places = [(x, y) for y in (inset_y, height_mm - inset_y) for x in (inset_x, width_mm - inset_x)]

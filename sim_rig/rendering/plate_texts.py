@@ -65,7 +65,13 @@ _DIGITS = "0123456789"
 
 
 def text_of(pattern: str, rng: np.random.Generator, *, rare: float = 0.5) -> str:
-    """A number after `pattern`, spaces kept; `rare` is the share of texts with I, O and Q."""
+    """Draw a number after a pattern.
+
+    Args:
+        pattern: L is a letter, # a digit; other characters are kept.
+        rng: source of all random numbers.
+        rare: share of texts that may have I, O and Q.
+    """
     letters = _LETTERS if rng.random() < rare else "".join(c for c in _LETTERS if c not in _RARE)
     alphabet = {"L": letters, "#": _DIGITS}
     return "".join(

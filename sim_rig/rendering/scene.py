@@ -164,7 +164,13 @@ class CameraRenderer:
         return self._with_noise(image, look.noise_sigma / 32, rng)
 
     def project(self, ahead_m: float, lateral_m: float, height_m: float) -> tuple[float, float]:
-        """Pixel (u, v) of a point, by the equation at the head of this file."""
+        """Return the pixel (u, v) of a point, by the equation at the head of this file.
+
+        Args:
+            ahead_m: distance ahead of the camera's car.
+            lateral_m: distance to its right.
+            height_m: height over the road.
+        """
         camera = self.camera
         drop = camera.mounting_height_m - height_m
         across = lateral_m * math.cos(camera.yaw_rad) - ahead_m * math.sin(camera.yaw_rad)
@@ -316,6 +322,11 @@ def warp_onto(image: Image, texture: Image, quad: Quad) -> None:
     """Blend a BGRA `texture` onto `image` so that its corners come to lie on `quad`.
 
     Colours are premultiplied: where alpha is 0 they must be 0.
+
+    Args:
+        image: drawn onto.
+        texture: (h, w, 4), BGRA.
+        quad: corners in the image.
     """
     left, top = np.maximum(np.floor(quad.min(axis=0)).astype(int) - 1, 0)
     right, bottom = np.minimum(

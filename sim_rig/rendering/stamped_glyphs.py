@@ -119,7 +119,13 @@ DIES = {**_NAMED, **_drawn_at_random(120)}
 
 
 def die(name: str, character: str, cap_height_px: int) -> Mask:
-    """Mask of a character, `cap_height_px` high, 255 where there is ink; blank if there is none."""
+    """Return the mask of a character, 255 where there is ink; blank if the font lacks it.
+
+    Args:
+        name: key of `DIES`.
+        character: the character.
+        cap_height_px: height of the mask.
+    """
     dies = DIES[name]
     share = {"M": 1.2, "W": 1.25 if dies.upright else 1.3, "-": 0.6}.get(character, 1.0)
     if character in "1I":

@@ -23,7 +23,14 @@ from sim_rig.rendering.plate_texts import word
 def add_car(
     image: Image, centre: tuple[float, float], width_px: float, rng: np.random.Generator
 ) -> None:
-    """A car around `centre`, from behind or from the front, with lamps, grille, badges, seams."""
+    """Draw a car from behind or from the front, with lamps, grille, badges and seams.
+
+    Args:
+        image: drawn onto.
+        centre: about (x, y), px.
+        width_px: width of the car.
+        rng: source of all random numbers.
+    """
     width, height = max(8, round(width_px)), max(8, round(width_px * rng.uniform(0.7, 1.1)))
     bgr = colour(rng)
     braking = bool(rng.random() < 0.3)

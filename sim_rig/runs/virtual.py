@@ -119,7 +119,7 @@ class _VirtualRun:
             now, _, due = heapq.heappop(self._agenda)
             steps = steps + 1 if now == last_s else 0
             if steps > _MOST_STEPS:
-                raise RuntimeError(f"a core wants to be called for ever at {now} s")
+                raise RuntimeError(f"a timer stays due at {now} s")
             last_s = now
             if due is None:
                 self._deliver(now)

@@ -53,6 +53,18 @@ class VirtualCar:
         credentials: Credentials | None,
         on_ecu_frame: Callable[[CanFrame], None],
     ) -> None:
+        """Start the devices and the stack of the car at time 0.
+
+        Args:
+            scenario: the scenario.
+            road: the road with all cars.
+            name: name of this car.
+            seed: source of the random numbers of this car.
+            sky_seed: source of those that the GNSS receivers of all cars share.
+            box: recorder of the drive, if the car has one.
+            credentials: certificates and keys, if messages are signed.
+            on_ecu_frame: takes each CAN frame of the ECU.
+        """
         self.name = name
         self.trace: list[Record] = []
         self.planned_at = math.inf

@@ -17,9 +17,10 @@ RETIRED_WORDS = frozenset({
 """Words of no identifier and file name at all."""
 
 RETIRED_IN_PROGRAMS = RETIRED_WORDS | {
-    "believe", "believes", "crowd", "crowded", "desk", "disbelieved", "fate", "fates", "gossip",
-    "hear", "hears", "lapse", "liar", "liars", "lie", "lies", "neighbour", "says", "story",
-    "stranger", "who", "whoever",
+    "ballot", "ballots", "believe", "believed", "believes", "crowd", "crowded", "desk",
+    "disbelieved", "doubt", "doubted", "doubts", "fate", "fates", "gossip", "hear", "heard",
+    "hears", "lapse", "liar", "liars", "lie", "lies", "neighbour", "says", "schooling", "story",
+    "stranger", "tells", "who", "whoever",
 }  # fmt: skip
 """Words of no identifier and file name of a program."""
 
