@@ -84,7 +84,7 @@ class DriverModel:
         """
         self._population = population
         self._forgetting = forgetting
-        self.forget()
+        self.reset()
         if memory is not None:
             self._mean = np.array(memory.offset)
             self._covariance = np.array(memory.covariance)
@@ -98,7 +98,7 @@ class DriverModel:
             offset=(first, second), covariance=((a, b), (b, d)), observed=self.observed
         )
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Return to the distribution of the population."""
         self._mean = np.zeros(2)
         self._covariance = self._population.spread.copy()

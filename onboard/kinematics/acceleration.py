@@ -9,7 +9,7 @@ import numpy as np
 LEAST_SAMPLES = 4
 
 _HARDEST_BRAKING_M_S2 = 12.0
-"""No tyre on a dry road does more."""
+"""Hardest braking of tyres on a dry road."""
 
 
 def is_jump(step_m_s: float, elapsed_s: float, error_m_s: float) -> bool:
@@ -24,7 +24,7 @@ def is_jump(step_m_s: float, elapsed_s: float, error_m_s: float) -> bool:
 
 
 def slope(samples: Sequence[tuple[float, float]]) -> float:
-    """Of values by their stamps, (stamp in s, value), by least squares."""
+    """Return the least-squares slope of (stamp in s, value), in units of the value per s."""
     times_s, values = np.array(samples).T
     times_s -= times_s.mean()
     return float(times_s @ values / (times_s @ times_s))

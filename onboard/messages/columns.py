@@ -35,7 +35,7 @@ class Columns:
         self._narrow = [at for at, field in enumerate(fields) if field.bits <= _TABLE_BITS]
         tables = [_table(fields[at]) for at in self._narrow]
         self._values = np.concatenate(tables)
-        """Of each code of each narrow field."""
+        """Value of each code of each narrow field."""
         self._starts = np.cumsum([0] + [len(table) for table in tables[:-1]])
         self._wide = [at for at, field in enumerate(fields) if field.bits > _TABLE_BITS]
         wide = [fields[at] for at in self._wide]

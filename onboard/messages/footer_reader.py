@@ -8,7 +8,7 @@ from onboard.errors import DecodeError
 
 AGE_BITS = 12
 COUNT_BITS = 4
-"""Of the number of measurements in a run, less one."""
+"""Width of the number of measurements in a run, less one."""
 OBSERVER_BITS = AGE_BITS - COUNT_BITS
 
 _AGE_MASK = (1 << AGE_BITS) - 1

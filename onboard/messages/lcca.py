@@ -1,6 +1,6 @@
 """The messages of a warning group (LCCA, section 3), each declared once.
 
-Every message has its sender, leader and group number: each car learns from all received messages
+Every message has its sender, leader and group number: each car computes from all received messages
 how far behind in the group its radio reaches. Join, Reply and Leave go one hop, to the car they
 name. Update and Warn go to all cars behind in the group, over several hops; `sender_id` is then the
 car that forwards, and `event_*` identifies the event of which it is a copy.
@@ -137,7 +137,7 @@ class Warn:
     """Group number of the braking car, as the sender of this copy counts it now."""
     deceleration_m_s2: Annotated[float, FixedPoint(8, 0.1, "m/s^2", highest=255)]
     age_s: Annotated[float, FixedPoint(16, 0.001, "s", highest=65535)]
-    """From the sample that showed the braking to the sending of this copy."""
+    """Time from the sample that showed the braking to the sending of this copy."""
     hops: Annotated[int, Unsigned(8)]
     """1 in the copy that the braking car sends."""
 
@@ -147,7 +147,7 @@ LccaMessage = Join | Reply | Leave | Update | Warn
 MESSAGES: dict[int, Record[Any]] = {
     message.code: Record(message) for message in (Join, Reply, Leave, Update, Warn)
 }
-"""By type byte."""
+"""Records by type byte."""
 
 
 def encode(message: LccaMessage) -> bytes:

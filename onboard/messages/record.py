@@ -162,7 +162,7 @@ class _Run:
         self.bits = left = sum(field.bits for field in fixed.values())
         self._writers = [(name, field.to_raw, field.bits) for name, field in fixed.items()]
         self.readers: list[tuple[Callable[[int], Any], int, int]] = []
-        """What reads each field, its shift and its mask."""
+        """Decoder, shift and mask of each field."""
         for field in fixed.values():
             left -= field.bits
             self.readers.append((field.from_raw, left, (1 << field.bits) - 1))

@@ -1,4 +1,4 @@
-"""From the initial state of a vehicle's cores to the header of its recording, and back."""
+"""Converts the initial state of a vehicle's cores to the header of its recording, and back."""
 
 import datetime as dt
 import json
@@ -54,7 +54,7 @@ def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -
 
 
 def _name(utc_s: float) -> str:
-    """Of a drive: 20250615T150640.000Z."""
+    """Return the name of a drive, as 20250615T150640.000Z."""
     return f"{dt.datetime.fromtimestamp(utc_s, dt.UTC):%Y%m%dT%H%M%S.%f}"[:-3] + "Z"
 
 

@@ -19,7 +19,7 @@ class RecordWriter(Protocol):
 
     @property
     def settings(self) -> RecorderSettings:
-        """What may be recorded, and how plates are."""
+        """Settings: what may be recorded, and in which form plates are."""
 
     def begin(self, head: RecordingHeader) -> None:
         """Take the header, before the first record."""

@@ -19,7 +19,7 @@ class Credentials:
     """Everything that `onboard keys` writes for one car."""
 
     pseudonyms: tuple[Credential, ...]
-    """At least one."""
+    """One or more."""
     roots: tuple[Certificate, ...]
     authorities: tuple[Certificate, ...]
     """Between roots and pseudonyms."""

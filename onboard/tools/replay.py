@@ -32,19 +32,19 @@ _Stamped = tuple[float, int, Input]
 
 @dataclass(frozen=True, slots=True)
 class RawRecording:
-    """What was recorded of a drive; any of it may be missing."""
+    """Files that were recorded in a drive; each is optional."""
 
     can: Path | None = None
-    """In any format that python-can reads."""
+    """CAN log, in any format that python-can reads."""
     clip: str | None = None
     """A video, or a folder or glob of pictures."""
     fps: float | None = None
-    """Of pictures, and of a clip that states a wrong one."""
+    """Frame rate of pictures, or of a clip whose own frame rate is wrong."""
     nmea: Path | None = None
     """A GNSS receiver's sentences."""
 
     def sensors(self) -> frozenset[Sensor]:
-        """What the car had."""
+        """Return the sensors of which there is a file."""
         kept = {Sensor.SPEED: self.can, Sensor.CAMERA: self.clip, Sensor.POSITION: self.nmea}
         return frozenset(sensor for sensor, recorded in kept.items() if recorded is not None)
 

@@ -34,7 +34,7 @@ class EvidenceBatch:
     received_ms: Sequence[int]
     """UTC."""
     spans: ProvenanceSpans
-    """Of `provenances`."""
+    """Spans of `provenances`."""
     firsthand: Sequence[bool]
     """Whether the entry is a measurement that its sender made itself."""
     entries: StateArrays
@@ -128,7 +128,7 @@ class StoredEvidence:
     received_ms: int
     store: EvidenceStore
     row: int
-    """In the store."""
+    """Row in the store."""
     mask: int = 0
     """The provenance as a bit set, with one bit for each measurement of its track."""
 

@@ -1,4 +1,4 @@
-"""From independent evidence of a vehicle to one estimate of it (section IV-B).
+"""Fuses independent evidence of a vehicle to one estimate (section IV-B).
 
 Each estimate is computed anew from its evidence, in order of time and without prior knowledge. So
 a late measurement is used in its order, and an estimate depends on the measurements in its

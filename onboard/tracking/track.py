@@ -25,7 +25,7 @@ _SAME_POSITION_M = 0.1
 
 
 class Track:
-    """What is stored of one vehicle without radio. All times are ms of UTC."""
+    """Evidence and state of one vehicle without radio. All times are ms of UTC."""
 
     def __init__(self, number: int, first: StoredEvidence) -> None:
         self.number = number
@@ -45,7 +45,7 @@ class Track:
         self._has_changed = False
         """Whether evidence was added or dropped since it was last chosen."""
         self._oldest_ms = first.oldest_ms
-        """No stored evidence is older than this."""
+        """Lower limit of the times of stored evidence."""
         self.chosen = [first]
         """The independent evidence in `estimate`."""
         self.first_ms = self.last_ms = first.stamp_ms

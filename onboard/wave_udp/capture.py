@@ -160,7 +160,7 @@ _ETHERTYPE_AT = {
     LINKTYPE_LINUX_SLL: (14, 16),
     LINKTYPE_LINUX_SLL2: (0, 20),
 }
-"""By link type: offsets of the EtherType and of the frame content."""
+"""Offsets of the EtherType and of the frame content, by link type."""
 
 
 def _message_in(frame: bytes, link_type: int) -> bytes | None:

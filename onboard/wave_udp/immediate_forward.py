@@ -54,7 +54,7 @@ class ImmediateForward:
     tx_channel: str = "172"
     """A channel number, or `CCH` or `SCH`."""
     tx_interval: str = "0"
-    """In seconds, for Store and Repeat; 0 sends once."""
+    """Period in seconds, for Store and Repeat; 0 sends once."""
     delivery_start: str = ""
     """Start time for Store and Repeat; empty here."""
     delivery_stop: str = ""

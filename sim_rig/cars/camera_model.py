@@ -31,9 +31,9 @@ from sim_rig.rendering.scene import SceneCar
 Observation = Plate | Lead | VehicleDetection | SensorLost | SensorRecovered | Discarded
 
 LATENCY_S = 0.025
-"""From the exposure of an image to its observations."""
+"""Delay from the exposure of an image to its observations."""
 STAMP_S = 0.010
-"""From the exposure of an image to its stamp."""
+"""Delay from the exposure of an image to its stamp."""
 ENTER, LEAVE = 0.35, 0.55
 """Lateral offset, in lane widths, below which a car enters the host's lane, and above which it
 leaves it."""

@@ -5,7 +5,7 @@ import json
 from sim_rig.cars.vehicle_camera import FPS, VehicleCamera
 
 LATENCY_S = 0.04
-"""From the time of an image to the datagram with its detections."""
+"""Delay from the time of an image to the datagram with its detections."""
 
 
 class ExternalDetector:

@@ -119,7 +119,7 @@ class Station:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._contentions: dict[AccessCategory, _Contention] = {}
-        """By category, in order of priority; only categories that had a frame."""
+        """Contentions in order of priority; only categories that had a frame."""
         self._rng = rng
         self.access_s = math.inf
         """Time of the next transmission if the channel stays free; infinite without a frame."""

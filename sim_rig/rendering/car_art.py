@@ -10,7 +10,7 @@ Texture = npt.NDArray[np.uint8]
 """(h, w, 4), BGRA."""
 WIDTH_PX = 512
 PLATE_CENTRE = (0.5, 0.58)
-"""Where a plate is fixed, as shares of the car's width and of its height from the top."""
+"""Centre of a plate, as shares of the car's width and of its height from the top."""
 
 _GLASS = (62, 54, 46)
 _RUBBER = (24, 24, 24)

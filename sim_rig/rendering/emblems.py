@@ -53,7 +53,7 @@ def crest(
 
 
 def mark(rng: np.random.Generator, ink: Bgr) -> tuple[Outline, ...]:
-    """What separates groups, in row heights around (0, 0): a shape, or seals about a hyphen."""
+    """Draw a separator of groups, in row heights around (0, 0): a shape, or seals at a hyphen."""
     if rng.random() < 0.5:
         height = rng.uniform(0.3, 1.0)
         return emblem(rng, (0.0, 0.0), (min(height * rng.uniform(0.6, 0.9), 0.6), height), ink)

@@ -1,4 +1,4 @@
-"""From what is there to what a camera delivers: light, blur, grain, sharpening, compression.
+"""Effects of a camera on an image: light, blur, grain, sharpening, compression.
 
 Every effect is drawn at random in the range that gate cameras, dashcams and telephones show.
 """

@@ -39,7 +39,7 @@ class SmallText:
     """Centre."""
     h_mm: float
     w_mm: float
-    """At most."""
+    """Largest width."""
     font: str
     bgr: Bgr
 
@@ -64,16 +64,16 @@ class Outline:
 
 @dataclass(frozen=True, slots=True)
 class NumberRow:
-    """Where one row of the number stands and how it is written."""
+    """Position and format of one row of the number."""
 
     x_mm: float
     """Centre."""
     y_mm: float
     """Centre."""
     h_mm: float
-    """Of a character."""
+    """Height of a character."""
     w_mm: float
-    """Of the row at most; a longer text is squeezed."""
+    """Largest width of the row; a longer text is squeezed."""
     groups: tuple[int, ...]
     """Characters a group; what is left over belongs to the last."""
     separator: str = " "
@@ -81,7 +81,7 @@ class NumberRow:
     a dot in the ink's colour at half height."""
     mark_bgr: Bgr = (60, 60, 200)
     mark: tuple["Outline", ...] = ()
-    """Where given, the coloured mark is these shapes, in row heights from its middle."""
+    """Shapes of the coloured mark, if given, in row heights from its middle."""
     stretch: float = 1.0
     """Width of a character over the font's own."""
 
@@ -97,25 +97,25 @@ class PlateFormat:
     rows: tuple[NumberRow, ...]
     ground_bgr: Bgr = (235, 238, 240)
     ground_bottom_bgr: Bgr | None = None
-    """Where the ground fades from top to bottom."""
+    """Colour at the bottom of a ground that fades from top to bottom."""
     ink_bgr: Bgr = (25, 22, 20)
     spacing: float = 0.12
     cell: float | None = None
     weight_px: int = 0
     emboss: float = 0.0
-    """How many grey levels brighter and darker the edges of stamped characters are."""
+    """Difference of the edges of stamped characters, in grey levels brighter and darker."""
     border_mm: float = 0.0
     corner_mm: float = 8.0
     patches: tuple[Patch, ...] = ()
     small_texts: tuple[SmallText, ...] = ()
     discs_below: tuple[Disc, ...] = ()
-    """Under the number, as printed pictures are."""
+    """Drawn under the number, as printed pictures."""
     outlines: tuple[Outline, ...] = ()
-    """Under the number too."""
+    """Drawn under the number."""
     discs: tuple[Disc, ...] = ()
-    """Over the number, as bolts are."""
+    """Drawn over the number, as bolts."""
     frame: tuple[Patch, ...] = ()
-    """What a holder covers, over everything but its own text."""
+    """Parts of a plate holder, drawn over everything except its own text."""
     frame_texts: tuple[SmallText, ...] = ()
 
     @property

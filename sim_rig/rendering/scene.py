@@ -1,4 +1,4 @@
-"""What the camera behind the windscreen sees: a road, lanes, and the cars on it from behind.
+"""Images of the camera behind the windscreen: a road, lanes, and the cars on it from behind.
 
 A pinhole camera at height h over a flat road, turned right by psi and pitched down by theta, sees
 a point that lies (ahead Z, lateral X to the right, height Y over the road) at

@@ -21,7 +21,7 @@ class StampStyle:
     """Style of one set of stamped glyphs."""
 
     width: float
-    """Of a character, as a share of the cap height."""
+    """Width of a character, as a share of the cap height."""
     corner: tuple[float, float]
     """Radii of round corners in x and y, as shares of the box: (0.5, ...) is a half ellipse."""
     feet: bool
@@ -47,9 +47,9 @@ class StampStyle:
     flag: float = 0.22
     """How far down the flag of 1 reaches; 0: it is a bare upright."""
     four: tuple[float, float] = (0.72, 0.7)
-    """Where the stem of 4 stands, and how far down its bar is."""
+    """Position of the stem of 4 from the left, and of its bar from the top."""
     top_of_four: tuple[float, float] = (0.45, 0.3)
-    """Of an open 4: where the slope begins, and how far down the stem does."""
+    """Start of the slope of an open 4 from the left, and of its stem from the top."""
     blunt: float = 0.0
     """Width of the foot of V and of the head of A, as a share of the character's."""
     boxed_eight: bool = False
@@ -189,12 +189,12 @@ class _Corners:
 
     @property
     def over(self) -> Line:
-        """From the right over the top to the left."""
+        """Line from the right over the top to the left."""
         return self.over_right[::-1] + self.over_left[::-1]
 
     @property
     def under(self) -> Line:
-        """From the left below the bottom to the right."""
+        """Line from the left below the bottom to the right."""
         return self.under_left[::-1] + self.under_right[::-1]
 
 

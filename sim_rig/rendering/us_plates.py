@@ -80,7 +80,7 @@ def _prints(rng: np.random.Generator) -> tuple[SmallText, ...]:
 
 
 def _stickers(rng: np.random.Generator) -> tuple[Patch, ...]:
-    """In the corners: the month and the year."""
+    """Draw the stickers in the corners: the month and the year."""
     stickers = []
     for _ in range(rng.integers(0, 4)):
         corner = ((4, 8), (262, 8), (4, 118), (262, 118))[rng.integers(4)]

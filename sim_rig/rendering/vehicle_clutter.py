@@ -145,4 +145,4 @@ _TRIM = (
     *(_grille, strokes, _badge, box, disc, _lamp),
     *(_head_lamp, _lit_lamp, _emblem) * 3,
 )
-"""What is on cars; lamps and emblems, which are as bright and as long as plates, most of all."""
+"""Parts of cars; lamps and emblems, as bright and as long as plates, are the most frequent."""

@@ -81,7 +81,7 @@ def test_forget_returns_to_the_population() -> None:
     driver = DriverModel(DEFAULT_POPULATION)
     driver.receive_reaction(2.0, 1.0)
 
-    driver.forget()
+    driver.reset()
 
     assert driver.log_reaction(1.3) == DriverModel(DEFAULT_POPULATION).log_reaction(1.3)
     assert driver.observed == 0
