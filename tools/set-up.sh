@@ -14,7 +14,7 @@ if ! python3 -c 'import ensurepip' 2>/dev/null; then
     as_root apt-get -qq update && as_root apt-get -qq install -y python3-venv ||
         { echo "please install python3-venv (apt-get install python3-venv)" >&2; exit 2; }
 fi
-echo "setting up .venv, which takes a minute or two"
+echo "setting up .venv, which takes two to three minutes"
 [ -x .venv/bin/python ] || python3 -m venv .venv
 .venv/bin/python -m pip install --quiet --require-hashes -r requirements.lock
 .venv/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
