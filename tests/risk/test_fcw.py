@@ -74,8 +74,8 @@ def touches(
         next_speed = max(speed - braking * STEP_S, 0.0)
         next_lead = max(lead_speed - lead_braking * STEP_S, 0.0)
         gap_m += (lead_speed + next_lead - speed - next_speed) / 2.0 * STEP_S
-        if next_speed == speed and next_lead == lead_speed and speed <= lead_speed:
-            return False
+        if next_lead == lead_speed and speed <= lead_speed:
+            return False  # a lead at constant speed gets away, however weakly the host brakes
         speed, lead_speed = next_speed, next_lead
     return gap_m <= 0.0
 
