@@ -1,5 +1,5 @@
-"""When to warn: how likely a crash at a crossing is, how short the gap ahead is, who brakes.
+"""When to warn: FCW, EEBL, IMA and the warnings of the LCCA group; `monitor.py` runs them all.
 
 Sources: Joerer et al., "A Vehicular Networking Perspective on Estimating Vehicle Collision
-Probability at Intersections", for crossing paths; NHTSA and FMVSS 127 for the car ahead.
+Probability at Intersections", for IMA; NHTSA's tests and FMVSS 127 for FCW; SAE J2945/1 for EEBL.
 """

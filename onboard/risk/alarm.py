@@ -1,23 +1,30 @@
-"""What the driver is to be told, why, and from which observations."""
+"""Alarms: cause, level, the observations behind them, and hysteresis."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
 
+from onboard.mvs.perceived_object import PerceivedObject
+
+RELEASE_S = 1.0
+"""Time for which a lower level must last before an alarm goes down to it: alarms do not flicker."""
+
 
 class Cause(StrEnum):
-    """Why; at most one alarm of each at a time."""
+    """Cause of an alarm; each has at most one alarm at a time."""
 
     LCCA = "lcca"
-    """A car ahead in the warning group brakes hard (LCCA)."""
+    """A member ahead in the warning group brakes hard (LCCA)."""
     FCW = "fcw"
+    """Forward collision warning: the gap to the lead vehicle closes too fast."""
     EEBL = "eebl"
-    """A car ahead on the own path says so by BSM (EEBL)."""
+    """Emergency electronic brake lights: a remote vehicle ahead reports hard braking."""
     IMA = "ima"
+    """Intersection movement assist: paths cross, and P_C is high."""
 
 
 class Level(StrEnum):
-    """How urgent."""
+    """Urgency of an alarm."""
 
     NONE = "none"
     CAUTION = "caution"
@@ -36,55 +43,70 @@ class AlarmReason:
     what: str
     """The `kind` of the observation."""
     name: str
-    """Of the car that it is about, or of the source."""
+    """Of the vehicle that it is about, or of the source."""
     age_s: float
     """When the alarm was raised."""
 
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What is seen of one cause at one moment, before any hysteresis."""
+    """Result of one evaluation of one cause, before hysteresis."""
 
     level: Level
     value: float
-    """Braking needed in m/s^2, or P_C."""
+    """Required deceleration in m/s^2, or P_C."""
     reasons: tuple[AlarmReason, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """The level of one cause has changed; `NONE` ends the alarm."""
+    """Change of one cause's level; `NONE` ends the alarm."""
 
     kind: ClassVar[str] = "alarm"
     stamp_s: float
     cause: Cause
     level: Level
     value: float
-    """Braking needed in m/s^2 (P_C from 0 to 1 for crossing paths) when the level changed."""
+    """Required deceleration in m/s^2 (for IMA, P_C from 0 to 1) when the level changed."""
     reasons: tuple[AlarmReason, ...]
-    """What raised it; empty when it ends."""
+    """Observations that raised it; empty when it ends."""
 
 
 NOTHING = Assessment(Level.NONE, 0.0, ())
+
+
+def object_reason(other: PerceivedObject, own: PerceivedObject) -> AlarmReason:
+    """Return the reason of an alarm about a perceived object; the older of both states counts."""
+    return AlarmReason(
+        f"{other.kind}:{other.source.value}", other.name, max(other.age_s, own.age_s)
+    )
 
 
 class Hysteresis:
     """One cause: up after `confirm_s` of a higher level, down after `release_s` of lower ones."""
 
     def __init__(self, cause: Cause, confirm_s: float, release_s: float) -> None:
+        """Start without an alarm.
+
+        Args:
+            cause: of its alarms.
+            confirm_s: time for which a higher level must last.
+            release_s: time for which a lower level must last.
+        """
         self._cause = cause
         self._confirm_s = confirm_s
         self._release_s = release_s
         self._level = Level.NONE
         self._higher_since: dict[Level, float] = {}
-        self._held_at: dict[Level, float] = {}
+        self._last_at: dict[Level, float] = {}
+        """When each level or a higher one was last assessed."""
 
-    def receive(self, seen: Assessment, now: float) -> Alarm | None:
-        """Take what is seen now; returns the alarm if its level changes."""
+    def receive(self, assessment: Assessment, now: float) -> Alarm | None:
+        """Take an assessment; returns an alarm if the level changes."""
         for level in (Level.CAUTION, Level.WARNING):
-            if seen.level.rank >= level.rank:
+            if assessment.level.rank >= level.rank:
                 self._higher_since.setdefault(level, now)
-                self._held_at[level] = now
+                self._last_at[level] = now
             else:
                 self._higher_since.pop(level, None)
         confirmed = max(
@@ -94,14 +116,14 @@ class Hysteresis:
         )
         if confirmed.rank > self._level.rank:
             self._level = confirmed
-            return Alarm(now, self._cause, confirmed, seen.value, seen.reasons)
-        if self._level is Level.NONE or now - self._held_at[self._level] < self._release_s:
+            return Alarm(now, self._cause, confirmed, assessment.value, assessment.reasons)
+        if self._level is Level.NONE or now - self._last_at[self._level] < self._release_s:
             return None
         lasting = max(
-            (at for at, when in self._held_at.items() if now - when < self._release_s),
+            (at for at, when in self._last_at.items() if now - when < self._release_s),
             key=lambda at: at.rank,
             default=Level.NONE,
         )
         self._level = lasting
-        reasons = seen.reasons if lasting is not Level.NONE else ()
-        return Alarm(now, self._cause, lasting, seen.value, reasons)
+        reasons = assessment.reasons if lasting is not Level.NONE else ()
+        return Alarm(now, self._cause, lasting, assessment.value, reasons)

@@ -17,9 +17,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from onboard.kinematics.arrays import Array
 from onboard.risk.conflict_zone import XCrossing
 from onboard.risk.driver_behaviour import Behaviour
-from onboard.risk.trajectory import Array, acceleration_to_cover, reached_after_s, travelled_m
+from onboard.risk.trajectory import acceleration_to_cover, reached_after_s, travelled_m
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(7)
 """Per panel; five panels."""

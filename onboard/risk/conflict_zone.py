@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.risk.trajectory import Array
+from onboard.kinematics.arrays import Array
 
 SHALLOW_RAD = np.deg2rad(20.0)
 """Paths that differ by less are looked at in more places."""

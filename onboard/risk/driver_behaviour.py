@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.risk.trajectory import Array
+from onboard.kinematics.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

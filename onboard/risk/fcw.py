@@ -1,28 +1,108 @@
-"""The car ahead: time to collision, how hard the driver will have to brake, and whether he does."""
+"""FCW: forward collision warning, by time to collision and required deceleration."""
 
 import math
 
 from onboard.kinematics.acceleration import AccelerationEstimator, is_jump
-from onboard.observations import NEW_LEAD_M
-from onboard.risk.alarm import Level
+from onboard.observations import NEW_LEAD_M, BrakePedal, Lead, Speed
+from onboard.risk.alarm import NOTHING, AlarmReason, Assessment, Level
+from onboard.risk.host_braking import HostBraking
 from onboard.risk.settings import FcwSettings
 
+LEAD_WINDOW_S = 0.6
+"""Window over which decelerations are estimated: ten images a second give six speeds."""
+LEAD_DEADBAND_M_S2 = 1.5
+"""Estimated decelerations of the lead below this may be noise, and count as none."""
+SETTLED_SIGMA_M_S = 1.5
+"""Largest sigma of the closing speed of a lead that has been in view for a while."""
+CONFIRM_S = 0.04
+"""Time for which a level must last: one outlying image raises no alarm."""
+LEAD_TIMEOUT_S = 0.5
+"""Time for which an observation of the lead is valid."""
+MAX_REPORTED_DECELERATION_M_S2 = 20.0
+"""Alarms report no larger required deceleration: no braking is as hard."""
 
-class LeadMotion:
-    """How the car ahead moves: its braking is the slope of its speed over a short window."""
+
+class ForwardCollisionWarning:
+    """Assesses the lead vehicle that the camera observes."""
 
     def __init__(self, settings: FcwSettings) -> None:
         self._settings = settings
-        self._trend = AccelerationEstimator(settings.lead_window_s)
+        self._braking = HostBraking(LEAD_WINDOW_S)
+        self._lead: Lead | None = None
+        self._motion = LeadMotion()
+
+    def receive_speed(self, speed: Speed) -> None:
+        """Take the host vehicle's speed."""
+        self._braking.receive_speed(speed)
+
+    def receive_pedal(self, pedal: BrakePedal) -> None:
+        """Take the state of the host vehicle's brake pedal."""
+        self._braking.receive_pedal(pedal)
+
+    def receive_lead(self, lead: Lead, speed: Speed | None) -> None:
+        """Take an observation of the lead vehicle, or that there is none.
+
+        Args:
+            lead: the observation.
+            speed: the host vehicle's, if it is known.
+        """
+        self._lead = lead
+        if speed is not None and lead.gap_m is not None and lead.closing_speed_m_s is not None:
+            if (lead.closing_speed_sigma_m_s or 0.0) > SETTLED_SIGMA_M_S:
+                self._motion.clear()  # a speed that settles looks like braking
+            lead_speed_m_s = speed.speed_m_s - lead.closing_speed_m_s
+            self._motion.receive(lead.stamp_s, lead.gap_m, lead_speed_m_s)
+
+    def assess(self, speed: Speed | None, now: float) -> Assessment:
+        """Assess the lead vehicle at the host vehicle's speed, `None` if it is not known."""
+        lead = self._lead
+        if (
+            lead is None
+            or speed is None
+            or lead.gap_m is None
+            or lead.closing_speed_m_s is None
+            or abs(now - lead.stamp_s) > LEAD_TIMEOUT_S
+        ):
+            return NOTHING
+        closing_m_s = settled_closing_speed_m_s(
+            lead.closing_speed_m_s, lead.closing_speed_sigma_m_s
+        )
+        level, needed_m_s2 = fcw_level(
+            lead.gap_m,
+            speed.speed_m_s,
+            closing_m_s,
+            self._motion.deceleration_m_s2,
+            self._braking.at_least_m_s2(now),
+            settings=self._settings,
+        )
+        return Assessment(
+            level,
+            min(needed_m_s2, MAX_REPORTED_DECELERATION_M_S2),
+            (
+                AlarmReason(lead.kind, lead.identity.value, now - lead.stamp_s),
+                AlarmReason(speed.kind, speed.source, now - speed.stamp_s),
+            ),
+        )
+
+
+class LeadMotion:
+    """Deceleration of the lead vehicle: the slope of its speed over a short window."""
+
+    def __init__(self) -> None:
+        self._trend = AccelerationEstimator(LEAD_WINDOW_S)
         self._last: tuple[float, float, float] | None = None
 
     def receive(self, stamp_s: float, gap_m: float, lead_speed_m_s: float) -> None:
-        """Take one sight of it. After a jump to another gap or speed, what came before is void."""
+        """Take an observation; a jump of gap or speed is another lead, and starts anew.
+
+        Args:
+            stamp_s: time of the observation.
+            gap_m: to the lead vehicle.
+            lead_speed_m_s: of the lead vehicle.
+        """
         before_s, gap_before_m, speed_before_m_s = self._last or (stamp_s, gap_m, lead_speed_m_s)
         is_other_speed = is_jump(
-            lead_speed_m_s - speed_before_m_s,
-            abs(stamp_s - before_s),
-            self._settings.settled_sigma_m_s,
+            lead_speed_m_s - speed_before_m_s, abs(stamp_s - before_s), SETTLED_SIGMA_M_S
         )
         if is_other_speed or abs(gap_m - gap_before_m) > NEW_LEAD_M:
             self._trend.clear()
@@ -30,30 +110,29 @@ class LeadMotion:
         self._trend.receive(stamp_s, lead_speed_m_s)
 
     def clear(self) -> None:
-        """Its speed is not known any more."""
+        """Start anew: the speed is unknown."""
         self._trend.clear()
 
     @property
     def deceleration_m_s2(self) -> float:
-        """0 while it is not clear that it brakes."""
+        """Deceleration; 0 while it is not clear that the lead brakes."""
         slope = self._trend.acceleration_m_s2
-        return 0.0 if slope is None or -slope < self._settings.lead_deadband_m_s2 else -slope
+        return 0.0 if slope is None or -slope < LEAD_DEADBAND_M_S2 else -slope
 
 
-def settled_closing_speed_m_s(
-    closing_speed_m_s: float, sigma_m_s: float | None, settings: FcwSettings
-) -> float:
-    """The closing speed that may be acted upon while it settles.
+def settled_closing_speed_m_s(closing_speed_m_s: float, sigma_m_s: float | None) -> float:
+    """Return the closing speed that alarms use.
 
-    The speed of a car that has just come into view may be off by metres a second. It is taken lower
-    by twice what its sigma exceeds that of a settled one by. Without a sigma it is exact.
+    The speed of a vehicle that has just come into view can be wrong by metres a second. Above
+    `SETTLED_SIGMA_M_S`, alarms use the closing speed minus twice the excess. Without a sigma the
+    speed is exact.
     """
-    excess_m_s = max((sigma_m_s or 0.0) - settings.settled_sigma_m_s, 0.0)
+    excess_m_s = max((sigma_m_s or 0.0) - SETTLED_SIGMA_M_S, 0.0)
     return closing_speed_m_s - 2.0 * excess_m_s
 
 
 def time_to_collision_s(gap_m: float, closing_speed_m_s: float) -> float:
-    """At present speeds; infinite if the gap does not shrink."""
+    """Return the TTC at present speeds; infinite if the gap does not shrink."""
     return max(gap_m, 0.0) / closing_speed_m_s if closing_speed_m_s > 0.0 else math.inf
 
 
@@ -64,9 +143,19 @@ def required_deceleration_m_s2(
     lead_deceleration_m_s2: float,
     reaction_s: float,
 ) -> float:
-    """Constant braking, from `reaction_s` on, that just avoids the car ahead.
+    """Return the constant deceleration, from `reaction_s` on, that just avoids the lead vehicle.
 
-    The car ahead keeps braking until it stands. 0 if no braking is needed, infinite if none helps.
+    The lead vehicle keeps its deceleration until it stands.
+
+    Args:
+        gap_m: to the lead vehicle.
+        speed_m_s: of the host vehicle.
+        lead_speed_m_s: of the lead vehicle.
+        lead_deceleration_m_s2: of the lead vehicle, 0 or more.
+        reaction_s: time until the host vehicle brakes.
+
+    Returns:
+        the deceleration; 0 if none is needed, infinite if none is enough.
     """
     lead_speed_m_s = max(lead_speed_m_s, 0.0)
     if lead_deceleration_m_s2 > 0.0:
@@ -89,35 +178,28 @@ def required_deceleration_m_s2(
     return speed_m_s**2 / (2.0 * (gap_m + lead_stops_m - speed_m_s * reaction_s))
 
 
-def level(
-    gap_m: float, closing_speed_m_s: float, required_m_s2: float, settings: FcwSettings
-) -> Level:
-    """How urgent it is, by either measure."""
-    ttc_s = time_to_collision_s(gap_m, closing_speed_m_s)
-    if required_m_s2 >= settings.warning_m_s2 or ttc_s <= settings.warning_ttc_s:
-        return Level.WARNING
-    if required_m_s2 >= settings.caution_m_s2 or ttc_s <= settings.caution_ttc_s:
-        return Level.CAUTION
-    return Level.NONE
-
-
-def is_answered(
+def brakes_enough(
     gap_m: float,
     speed_m_s: float,
     lead_speed_m_s: float,
     lead_deceleration_m_s2: float,
     braking_m_s2: float | None,
 ) -> bool:
-    """Whether the present braking is enough to stay clear of the car ahead.
+    """Whether the host vehicle's present deceleration, held, avoids the lead vehicle.
 
-    `None` or NaN: it is not known, and counts as not enough.
+    Args:
+        gap_m: to the lead vehicle.
+        speed_m_s: of the host vehicle.
+        lead_speed_m_s: of the lead vehicle.
+        lead_deceleration_m_s2: of the lead vehicle.
+        braking_m_s2: of the host vehicle; `None` and NaN are unknown, and not enough.
     """
     return braking_m_s2 is not None and braking_m_s2 >= required_deceleration_m_s2(
         gap_m, speed_m_s, lead_speed_m_s, lead_deceleration_m_s2, reaction_s=0.0
     )
 
 
-def judged(
+def fcw_level(
     gap_m: float,
     speed_m_s: float,
     closing_speed_m_s: float,
@@ -126,13 +208,27 @@ def judged(
     *,
     settings: FcwSettings,
 ) -> tuple[Level, float]:
-    """How urgent it is, and the braking needed after a reaction in m/s^2.
+    """Return the level, and the required deceleration after a reaction in m/s^2.
 
-    A driver who already brakes enough gets no warning, only a caution (docs/decisions/0305).
+    TTC and required deceleration decide, the more urgent counts. A driver who already brakes enough
+    gets a caution at most (docs/design/risk.md).
+
+    Args:
+        gap_m: to the lead vehicle.
+        speed_m_s: of the host vehicle.
+        closing_speed_m_s: at which the gap shrinks.
+        lead_deceleration_m_s2: of the lead vehicle.
+        braking_m_s2: of the host vehicle; `None` if unknown.
+        settings: the thresholds.
     """
     lead = speed_m_s - closing_speed_m_s, lead_deceleration_m_s2
     needed_m_s2 = required_deceleration_m_s2(gap_m, speed_m_s, *lead, settings.reaction_s)
-    seen = level(gap_m, closing_speed_m_s, needed_m_s2, settings)
-    if seen is Level.WARNING and is_answered(gap_m, speed_m_s, *lead, braking_m_s2):
-        seen = Level.CAUTION
-    return seen, needed_m_s2
+    ttc_s = time_to_collision_s(gap_m, closing_speed_m_s)
+    level = Level.NONE
+    if needed_m_s2 >= settings.warning_m_s2 or ttc_s <= settings.warning_ttc_s:
+        level = Level.WARNING
+    elif needed_m_s2 >= settings.caution_m_s2 or ttc_s <= settings.caution_ttc_s:
+        level = Level.CAUTION
+    if level is Level.WARNING and brakes_enough(gap_m, speed_m_s, *lead, braking_m_s2):
+        level = Level.CAUTION
+    return level, needed_m_s2

@@ -1,21 +1,21 @@
-"""How hard the own driver brakes already, where it is known."""
+"""Deceleration of the host vehicle by its driver, where it is known."""
 
 from onboard.kinematics.acceleration import AccelerationEstimator, is_jump, is_late
 from onboard.observations import BrakePedal, Speed
 
 
 class HostBraking:
-    """Takes the speed and, where the car tells it, the brake pedal."""
+    """Estimates it from the speed and, where the vehicle reports it, the brake pedal."""
 
     def __init__(self, window_s: float) -> None:
-        """Look back `window_s`, over which braking is measured; what is older says nothing."""
+        """Estimate over `window_s`; older samples are not used."""
         self._window_s = window_s
         self._trend = AccelerationEstimator(window_s)
         self._speed: Speed | None = None
         self._pedal: BrakePedal | None = None
 
     def receive_speed(self, speed: Speed) -> None:
-        """Take a sample. After a step that no car drives, or from another source, all is new."""
+        """Take a sample; one after an impossible step, or of another source, starts anew."""
         last = self._speed
         if last is not None and is_late(speed.stamp_s, last.stamp_s, self._window_s):
             return
@@ -29,10 +29,10 @@ class HostBraking:
         self._pedal = pedal
 
     def at_least_m_s2(self, now: float) -> float | None:
-        """The braking less what the steps of the speed may have added, 0 or more.
+        """Return the deceleration less what the steps of the speed may have added, 0 or more.
 
-        0 with the foot off the pedal: the slope is that of half a window ago, and what an engine or
-        a cruise control does is no answer of the driver's. `None` while it is not known.
+        0 with the pedal released: the slope is half a window old, and braking by the engine or a
+        cruise control is no reaction of the driver. `None` while it is unknown.
         """
         if self._speed is None or now - self._speed.stamp_s > self._window_s:
             return None

@@ -1,51 +1,62 @@
-"""Where the own course and another car's cross, how far off both cars are, and how sure that is."""
+"""Where the paths of two vehicles cross, how far both are from there, and how certain that is."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from onboard.kinematics.arrays import Array
 from onboard.mvs.perceived_object import PerceivedObject
-from onboard.risk.settings import ImaSettings
-from onboard.risk.trajectory import Array
+
+RANGE_M = 120.0
+"""Largest distance of either vehicle from the crossing: 4 s at 30 m/s."""
+MIN_ANGLE_RAD = 0.35
+"""Smallest angle between the courses; below it paths count as parallel."""
+MIN_SPEED_M_S = 1.0
+"""A slower vehicle has no course."""
+MAX_COURSE_SIGMA_RAD = 0.35
+"""A vehicle with a less certain course is not assessed: it was just detected, its speed settles."""
+SETTLED_SIGMA_M_S = 1.5
+"""Largest sigma of a settled velocity on any axis. Above it, two vehicles may have been taken for a
+fast one."""
+SETTLED_AFTER_S = 1.0
+"""After this time of tracking a velocity counts as settled in any case: what is left of its sigma
+is mostly the error of the host's position, which all images share."""
 
 _STEP = 1e-4
 """Of the numerical derivative, in m and m/s."""
-
 _ROUNDING = 1e-9
 """Relative; an eigenvalue this little below zero is zero."""
 
 
 class CovarianceError(ValueError):
-    """The uncertainty of a state is not finite, or negative in some direction."""
+    """The covariance of a state is not finite, or not positive."""
 
 
 @dataclass(frozen=True, slots=True)
 class PathCrossing:
-    """Two courses that cross ahead of both cars, or around them."""
+    """Two paths that cross ahead of both vehicles, or around them."""
 
     mean: Array
-    """(4): own distance in m and speed in m/s, the other's distance and speed."""
+    """(4): distance in m and speed in m/s of the host vehicle, distance and speed of the other."""
     covariance: Array
     """(4, 4) of these."""
     angle_rad: float
     """Between the courses."""
 
 
-def path_crossing(
-    own: PerceivedObject, other: PerceivedObject, settings: ImaSettings
-) -> PathCrossing | None:
-    """Where the courses cross; `None` for parallel ones, far ones, and cars without a course.
+def path_crossing(own: PerceivedObject, other: PerceivedObject) -> PathCrossing | None:
+    """Return where the paths cross; `None` for parallel or far ones, and for unknown courses.
 
     Raises:
-        CovarianceError: what is said of either car's uncertainty cannot be.
+        CovarianceError: the covariance of either state is invalid.
     """
-    angle_rad = _angle_rad(own, other, settings)
+    angle_rad = _angle_rad(own, other)
     if angle_rad is None:
         return None
     states = np.array([*own.state, *other.state])
     mean = _approaches(states[:, None])[:, 0]
-    if not np.all(np.abs(mean[[0, 2]]) <= settings.range_m):  # nor what overflowed
+    if not np.all(np.abs(mean[[0, 2]]) <= RANGE_M):  # also false for overflows
         return None
     offsets = _STEP * np.eye(8)
     derivative = (
@@ -54,25 +65,25 @@ def path_crossing(
     return PathCrossing(mean, derivative @ _covariance(own, other) @ derivative.T, angle_rad)
 
 
-def has_course(car: PerceivedObject, settings: ImaSettings) -> bool:
+def has_course(vehicle: PerceivedObject) -> bool:
     """Whether its velocity has settled, by its largest sigma or by time, and its direction has."""
-    return _course_variance(car, settings) is not None
+    return _course_variance(vehicle) is not None
 
 
-def _angle_rad(own: PerceivedObject, other: PerceivedObject, settings: ImaSettings) -> float | None:
-    """From the own course to the other; `None` if they may be parallel, or either is not known."""
+def _angle_rad(own: PerceivedObject, other: PerceivedObject) -> float | None:
+    """From the host's course to the other; `None` if they may be parallel, or one is unknown."""
     if not all(map(math.isfinite, (*own.state, *other.state))):
         return None
-    # Most of many cars around end here, so it is done without arrays.
+    # Most of many objects end here, so it is done without arrays.
     *_, east, north = own.state
     *_, east_other, north_other = other.state
     speed, speed_other = math.hypot(east, north), math.hypot(east_other, north_other)
-    if min(speed, speed_other) < settings.least_speed_m_s:
+    if min(speed, speed_other) < MIN_SPEED_M_S:
         return None
     turned = east * north_other - north * east_other
-    if abs(turned) < speed * speed_other * math.sin(settings.least_angle_rad):
+    if abs(turned) < speed * speed_other * math.sin(MIN_ANGLE_RAD):
         return None
-    variance, variance_other = _course_variance(own, settings), _course_variance(other, settings)
+    variance, variance_other = _course_variance(own), _course_variance(other)
     if variance is None or variance_other is None:
         return None
     sine = min(abs(turned) / (speed * speed_other), 1.0)
@@ -81,26 +92,26 @@ def _angle_rad(own: PerceivedObject, other: PerceivedObject, settings: ImaSettin
     return math.atan2(turned, east * east_other + north * north_other)
 
 
-def _course_variance(car: PerceivedObject, settings: ImaSettings) -> float | None:
-    """Of the direction in which a car drives, in rad^2; `None` if that is as good as unknown.
+def _course_variance(vehicle: PerceivedObject) -> float | None:
+    """Variance of a vehicle's course in rad^2; `None` if the course is unknown.
 
-    It is not finite where the car's covariance is not.
+    It is not finite where the vehicle's covariance is not.
     """
-    if _is_settling(car, settings):
+    if _is_settling(vehicle):
         return None
-    east, north = car.state[2:]
-    (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
+    east, north = vehicle.state[2:]
+    (a, b), (_, c) = (row[2:] for row in vehicle.covariance[2:])
     across = north * north * a - 2.0 * north * east * b + east * east * c
     variance = across / (east * east + north * north) ** 2
-    return None if variance > settings.course_sigma_rad**2 else variance
+    return None if variance > MAX_COURSE_SIGMA_RAD**2 else variance
 
 
-def _is_settling(car: PerceivedObject, settings: ImaSettings) -> bool:
-    if car.tracked_for_s >= settings.settled_after_s:
+def _is_settling(vehicle: PerceivedObject) -> bool:
+    if vehicle.tracked_for_s >= SETTLED_AFTER_S:
         return False
-    (a, b), (_, c) = (row[2:] for row in car.covariance[2:])
+    (a, b), (_, c) = (row[2:] for row in vehicle.covariance[2:])
     largest_variance = (a + c) / 2.0 + math.hypot((a - c) / 2.0, b)
-    return largest_variance > settings.settled_sigma_m_s**2
+    return largest_variance > SETTLED_SIGMA_M_S**2
 
 
 def _covariance(own: PerceivedObject, other: PerceivedObject) -> Array:
@@ -117,7 +128,7 @@ def _covariance(own: PerceivedObject, other: PerceivedObject) -> Array:
 
 
 def _approaches(states: Array) -> Array:
-    """Distances to where the courses cross, and speeds, (4, k), from states of both, (8, k)."""
+    """Distances to the crossing, and speeds, (4, k), from states of both vehicles, (8, k)."""
     p, v, q, w = states.reshape(4, 2, -1)
     speed, speed_other = np.hypot(*v), np.hypot(*w)
     apart, both = q - p, _cross(v, w)

@@ -5,9 +5,8 @@ functions broadcast over arrays. `speed_m_s` is at least 0 and at most `top_spee
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from onboard.kinematics.arrays import Array
 
 STANDSTILL_M_S2 = 1e-12
 """Accelerations nearer to zero than this count as none."""

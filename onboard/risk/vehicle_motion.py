@@ -1,4 +1,4 @@
-"""How the speed and the course of a car change, where it does not say so itself."""
+"""Acceleration of a vehicle along and across its course, from its velocities."""
 
 import math
 
@@ -6,16 +6,22 @@ from onboard.kinematics.acceleration import AccelerationEstimator
 
 
 class VehicleMotion:
-    """Takes the velocities of one car, one for each judgement."""
+    """Estimates both for one vehicle."""
 
     def __init__(self, window_s: float) -> None:
-        """Look back `window_s`; half of it must be covered before anything is told."""
+        """Estimate over `window_s`, of which half must be covered."""
         self._along = AccelerationEstimator(window_s)
         self._east, self._north = AccelerationEstimator(window_s), AccelerationEstimator(window_s)
         self._velocity_m_s = 0.0, 0.0
 
     def receive(self, stamp_s: float, east_m_s: float, north_m_s: float) -> None:
-        """Take a velocity; one that comes late is ignored."""
+        """Take a velocity; a late one is ignored.
+
+        Args:
+            stamp_s: time of the velocity.
+            east_m_s: eastward.
+            north_m_s: northward.
+        """
         self._velocity_m_s = east_m_s, north_m_s
         self._along.receive(stamp_s, math.hypot(east_m_s, north_m_s))
         self._east.receive(stamp_s, east_m_s)
@@ -27,7 +33,7 @@ class VehicleMotion:
         return self._along.acceleration_m_s2
 
     @property
-    def sideways_m_s2(self) -> float | None:
+    def lateral_m_s2(self) -> float | None:
         """Across the course, to the left; `None` while the window is not covered, or at rest."""
         east, north = self._velocity_m_s
         to_east, to_north = self._east.acceleration_m_s2, self._north.acceleration_m_s2

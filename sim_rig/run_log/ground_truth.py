@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.risk.trajectory import Array
+from onboard.kinematics.arrays import Array
 from sim_rig.run_log.run_log import Record, RunLog
 
 MATCH_WITHIN_M = 6.0

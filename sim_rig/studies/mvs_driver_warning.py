@@ -14,7 +14,15 @@ from onboard.kinematics.acceleration import AccelerationEstimator
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import Speed
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.risk.fcw import LeadMotion, judged, settled_closing_speed_m_s
+from onboard.risk.bsm_data import DEFAULT_LENGTH_M
+from onboard.risk.fcw import (
+    CONFIRM_S,
+    LEAD_WINDOW_S,
+    SETTLED_SIGMA_M_S,
+    LeadMotion,
+    fcw_level,
+    settled_closing_speed_m_s,
+)
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 
@@ -57,7 +65,7 @@ class WarningModel:
         """
         self._settings = settings
         self._length_m = length_m
-        self._acceleration = AccelerationEstimator(settings.fcw.lead_window_s)
+        self._acceleration = AccelerationEstimator(LEAD_WINDOW_S)
         self._monitor = RiskMonitor(settings, length_m, width_m)
         self._leads: dict[str, _LeadTrack] = {}
         self._active: dict[Cause, DriverWarning] = {}
@@ -107,17 +115,17 @@ class WarningModel:
             gap_m, along_m_s = self._gap_and_speed(own, car)
             if gap_m is None:
                 continue
-            lead = leads[car.name] = self._leads.get(car.name) or _LeadTrack(LeadMotion(settings))
+            lead = leads[car.name] = self._leads.get(car.name) or _LeadTrack(LeadMotion())
             sigma_m_s = _sigma_m_s(own, car)
-            if sigma_m_s > settings.settled_sigma_m_s:
+            if sigma_m_s > SETTLED_SIGMA_M_S:
                 lead.motion.clear()  # a settling speed looks like braking
             lead.motion.receive(now, gap_m, along_m_s)
             lead.updates += 1
             if lead.updates < _LEAST_UPDATES or gap_m <= 0.0:
                 continue
-            closing_m_s = settled_closing_speed_m_s(speed_m_s - along_m_s, sigma_m_s, settings)
+            closing_m_s = settled_closing_speed_m_s(speed_m_s - along_m_s, sigma_m_s)
             lead_m_s2 = max(lead.motion.deceleration_m_s2, -(car.acceleration_m_s2 or 0.0))
-            level, _ = judged(
+            level, _ = fcw_level(
                 gap_m, speed_m_s, closing_m_s, lead_m_s2, braking_m_s2, settings=settings
             )
             if level is not Level.WARNING:
@@ -125,7 +133,7 @@ class WarningModel:
                 continue
             if lead.critical_since is None:
                 lead.critical_since = now
-            if now - lead.critical_since >= settings.confirm_s:
+            if now - lead.critical_since >= CONFIRM_S:
                 warned = DriverWarning(Cause.FCW, car)
         self._leads = leads
         return warned
@@ -146,7 +154,7 @@ class WarningModel:
             heading_difference_rad = math.atan2(car.state[3], car.state[2]) - heading
             if math.cos(heading_difference_rad) < math.cos(_HEADING_LIMIT_RAD):
                 return None, 0.0
-        length_m = (self._length_m + self._settings.other_length_m) / 2.0
+        length_m = (self._length_m + DEFAULT_LENGTH_M) / 2.0
         return ahead_m - length_m, max(along_m_s, 0.0)
 
 

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
+from onboard.risk.alarm import RELEASE_S
 from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
 from sim_rig.roads.cars import Cars
@@ -294,8 +295,8 @@ class _EquippedCars:
         self._outcome = outcome
         self._pair = pair
         self._models: dict[str, WarningModel] = {}
-        self._warnings = _OngoingWarnings(settings.risk.release_s)
-        self._paper_alarm = _OngoingWarnings(settings.risk.release_s)
+        self._warnings = _OngoingWarnings(RELEASE_S)
+        self._paper_alarm = _OngoingWarnings(RELEASE_S)
 
     def tick(self) -> list[IssuedWarning]:
         """Simulate one tick; returns the warnings that are active in it."""
@@ -348,10 +349,13 @@ class _EquippedCars:
         self, own: PerceivedObject | None, objects: list[PerceivedObject], cars: Cars, at: int
     ) -> None:
         """Count the paper's alarm for one driver, and whether it is true."""
-        risk, within_s = self._settings.risk, self._settings.paper_alarm_horizon_s
-        if own is None or cars.speed_m_s[at] < risk.least_speed_m_s:
+        least_m_s, within_s = (
+            self._settings.risk.least_speed_m_s,
+            self._settings.paper_alarm_horizon_s,
+        )
+        if own is None or cars.speed_m_s[at] < least_m_s:
             return
-        target = paper_alarm(own, objects, _size_m(cars, at), risk, within_s)
+        target = paper_alarm(own, objects, _size_m(cars, at), within_s)
         if target is None:
             return
         name, now = cars.names[at], self._world.now

@@ -10,8 +10,9 @@ import math
 import numpy as np
 
 from onboard.mvs.perceived_object import PerceivedObject
+from onboard.risk.bsm_data import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M
+from onboard.risk.ima import MAX_AGE_S
 from onboard.risk.path_crossing import has_course
-from onboard.risk.settings import RiskSettings
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import first_crash
 
@@ -23,7 +24,6 @@ def paper_alarm(
     own: PerceivedObject,
     cars: list[PerceivedObject],
     own_size_m: tuple[float, float],
-    settings: RiskSettings,
     within_s: float,
 ) -> PerceivedObject | None:
     """Find the first car that is hit if all cars keep speed and course.
@@ -32,7 +32,6 @@ def paper_alarm(
         own: the host vehicle.
         cars: its perceived objects.
         own_size_m: length and width of the host vehicle.
-        settings: size of other vehicles, and limits on age and course.
         within_s: prediction horizon.
 
     Returns:
@@ -41,9 +40,9 @@ def paper_alarm(
     others = [
         car
         for car in cars
-        if car.age_s <= settings.ima.oldest_s
-        and (math.hypot(*car.state[2:]) < _STANDING_M_S or has_course(car, settings.ima))
-        and _comes_near(own, car, own_size_m, settings, within_s)
+        if car.age_s <= MAX_AGE_S
+        and (math.hypot(*car.state[2:]) < _STANDING_M_S or has_course(car))
+        and _comes_near(own, car, own_size_m, within_s)
     ]
     if not others:
         return None
@@ -58,8 +57,8 @@ def paper_alarm(
             np.arctan2(states[:, 3], states[:, 2]),
             np.hypot(states[:, 2], states[:, 3]),
             np.zeros(n + 1),
-            np.array([own_size_m[0], *np.full(n, settings.other_length_m)]),
-            np.array([own_size_m[1], *np.full(n, settings.other_width_m)]),
+            np.array([own_size_m[0], *np.full(n, DEFAULT_LENGTH_M)]),
+            np.array([own_size_m[1], *np.full(n, DEFAULT_WIDTH_M)]),
         )
 
     crash = first_crash(
@@ -77,12 +76,11 @@ def _comes_near(
     own: PerceivedObject,
     car: PerceivedObject,
     own_size_m: tuple[float, float],
-    settings: RiskSettings,
     within_s: float,
 ) -> bool:
     """Whether the circumscribed circles of both cars touch within that time."""
     apart, closing = np.subtract(car.state, own.state).reshape(2, 2)
     speed2 = float(closing @ closing)
     nearest_s = min(max(-float(apart @ closing) / speed2, 0.0), within_s) if speed2 else 0.0
-    reach_m = np.hypot(*own_size_m) + np.hypot(settings.other_length_m, settings.other_width_m)
+    reach_m = np.hypot(*own_size_m) + np.hypot(DEFAULT_LENGTH_M, DEFAULT_WIDTH_M)
     return bool(np.hypot(*(apart + nearest_s * closing)) <= reach_m / 2.0)

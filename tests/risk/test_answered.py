@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from onboard.observations import BrakePedal, Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.risk.fcw import required_deceleration_m_s2
+from onboard.risk.fcw import LEAD_WINDOW_S, required_deceleration_m_s2
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.units import KM_H
@@ -204,4 +204,4 @@ def test_without_a_speed_for_a_while_nobody_has_answered() -> None:
         seen += tell(of, moment, pedal=None, obd=moment.at_s < 0.8)
 
     (told,) = [at_s for at_s in warned_at_s(seen) if at_s > 0.4]
-    assert 0.75 + RiskSettings().fcw.lead_window_s < told < 1.75 + 1e-9
+    assert 0.75 + LEAD_WINDOW_S < told < 1.75 + 1e-9

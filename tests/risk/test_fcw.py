@@ -12,8 +12,8 @@ from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.fcw import (
     LeadMotion,
-    is_answered,
-    judged,
+    brakes_enough,
+    fcw_level,
     required_deceleration_m_s2,
     settled_closing_speed_m_s,
     time_to_collision_s,
@@ -74,8 +74,8 @@ def touches(
         next_speed = max(speed - braking * STEP_S, 0.0)
         next_lead = max(lead_speed - lead_braking * STEP_S, 0.0)
         gap_m += (lead_speed + next_lead - speed - next_speed) / 2.0 * STEP_S
-        if next_speed == speed and next_lead == lead_speed and speed <= lead_speed:
-            return False
+        if next_lead == lead_speed and speed <= lead_speed:
+            return False  # a lead at constant speed gets away, however weakly the host brakes
         speed, lead_speed = next_speed, next_lead
     return gap_m <= 0.0
 
@@ -91,7 +91,7 @@ def test_who_has_answered_does_not_touch_and_who_touches_has_not_answered(
     gap_m: float, speed: float, lead_speed: float, braking: float, lead_braking: float
 ) -> None:
     def answered(braking_m_s2: float) -> bool:
-        return is_answered(gap_m, speed, lead_speed, lead_braking, braking_m_s2)
+        return brakes_enough(gap_m, speed, lead_speed, lead_braking, braking_m_s2)
 
     lead = max(lead_speed, 0.0)  # one that reverses is taken for standing
     assume(
@@ -103,7 +103,7 @@ def test_who_has_answered_does_not_touch_and_who_touches_has_not_answered(
 
 @pytest.mark.parametrize("braking", [None, math.nan])
 def test_whose_braking_is_not_known_has_not_answered(braking: float | None) -> None:
-    assert not is_answered(100.0, 5.0, 20.0, 0.0, braking)
+    assert not brakes_enough(100.0, 5.0, 20.0, 0.0, braking)
 
 
 BEHIND_A_STANDING_CAR = {
@@ -121,7 +121,7 @@ def test_who_brakes_enough_is_told_to_keep_his_distance_at_most(
 ) -> None:
     gap_m, before = BEHIND_A_STANDING_CAR[place]
 
-    seen, needed = judged(gap_m, 10.0, 10.0, 0.0, braking, settings=FcwSettings())
+    seen, needed = fcw_level(gap_m, 10.0, 10.0, 0.0, braking, settings=FcwSettings())
 
     assert seen is (Level.CAUTION if is_enough and before is Level.WARNING else before)
     assert needed == required_deceleration_m_s2(gap_m, 10.0, 0.0, 0.0, 1.0)
@@ -139,7 +139,7 @@ def test_time_to_collision() -> None:
 
 
 def test_the_lead_cars_braking_is_the_slope_of_its_speed_and_a_cut_in_starts_anew() -> None:
-    motion = LeadMotion(FcwSettings())
+    motion = LeadMotion()
     for k in range(12):
         motion.receive(k * 0.05, 30.0 - k * 0.1, 20.0 - 4.0 * k * 0.05)
     assert motion.deceleration_m_s2 == pytest.approx(4.0)
@@ -300,6 +300,5 @@ def test_a_standing_car_that_comes_into_view_warns_once_its_speed_has_settled() 
 def test_what_an_unsettled_closing_speed_counts(
     closing_m_s: float, sigma_m_s: float | None, counts_m_s: float
 ) -> None:
-    settings = RiskSettings().fcw
 
-    assert settled_closing_speed_m_s(closing_m_s, sigma_m_s, settings) == pytest.approx(counts_m_s)
+    assert settled_closing_speed_m_s(closing_m_s, sigma_m_s) == pytest.approx(counts_m_s)

@@ -9,16 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.risk import ima
+from onboard.risk import mean_collision_probability
 from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
 from onboard.risk.driver_behaviour import Uniform
-from onboard.risk.ima import Driven, averaged_collision_probabilities
+from onboard.risk.mean_collision_probability import (
+    GAINING_M_S2,
+    DrivenVehicle,
+    mean_collision_probabilities,
+)
 from onboard.risk.path_crossing import CovarianceError, path_crossing
 from onboard.risk.settings import ImaSettings
 
 SETTINGS = ImaSettings()
-CAR = Driven(5.0, 1.75)
+CAR = DrivenVehicle(5.0, 1.75)
 
 
 def car(
@@ -30,13 +34,13 @@ def car(
 
 
 def averaged(own: PerceivedObject, other: PerceivedObject) -> float:
-    met = path_crossing(own, other, SETTINGS)
+    met = path_crossing(own, other)
     assert met is not None
-    return float(averaged_collision_probabilities([met], [CAR], CAR, SETTINGS)[0])
+    return float(mean_collision_probabilities([met], [CAR], CAR)[0])
 
 
 def test_distances_are_along_the_courses_to_where_they_cross() -> None:
-    met = path_crossing(car((-30.0, 0.0, 10.0, 0.0)), car((3.0, -44.0, 3.0, 4.0)), SETTINGS)
+    met = path_crossing(car((-30.0, 0.0, 10.0, 0.0)), car((3.0, -44.0, 3.0, 4.0)))
 
     assert met is not None
     assert met.mean == pytest.approx([66.0, 10.0, 55.0, 5.0])
@@ -56,9 +60,7 @@ def test_any_heading_is_as_good_as_any_other(
         along = np.array([math.cos(course), math.sin(course)])
         return car((*(-distance_m * along).tolist(), *(speed_m_s * along).tolist()))
 
-    met = path_crossing(
-        approaching(heading, d[0], v[0]), approaching(heading + angle, d[1], v[1]), SETTINGS
-    )
+    met = path_crossing(approaching(heading, d[0], v[0]), approaching(heading + angle, d[1], v[1]))
 
     assert met is not None
     assert met.mean == pytest.approx([d[0], v[0], d[1], v[1]], abs=1e-6)
@@ -83,9 +85,7 @@ def test_courses_that_may_be_parallel_do_not_cross(
     angle = math.radians(angle_deg)
     other = (20.0, -20.0, speed_m_s * math.cos(angle), speed_m_s * math.sin(angle))
 
-    met = path_crossing(
-        car((0.0, 0.0, speed_m_s, 0.0), 0.5, sigma_m_s), car(other, 0.5, sigma_m_s), SETTINGS
-    )
+    met = path_crossing(car((0.0, 0.0, speed_m_s, 0.0), 0.5, sigma_m_s), car(other, 0.5, sigma_m_s))
 
     assert (met is not None) == crosses
 
@@ -103,7 +103,7 @@ def test_courses_that_may_be_parallel_do_not_cross(
     ids=["beside", "oncoming", "standing", "far", "not a number", "not finite"],
 )
 def test_courses_that_do_not_cross(other: tuple[float, ...]) -> None:
-    assert path_crossing(car((-30.0, 0.0, 12.0, 0.0)), car(other), SETTINGS) is None
+    assert path_crossing(car((-30.0, 0.0, 12.0, 0.0)), car(other)) is None
 
 
 def test_exact_states_give_the_exact_p_c() -> None:
@@ -133,13 +133,12 @@ def test_the_average_is_that_of_drawn_states(
     sigmas = np.array([sigma_m, sigma_m, sigma_m_s, sigma_m_s])
     drawn = [
         path_crossing(
-            *(car(tuple(each.state + sigmas * rng.normal(size=4))) for each in (own, other)),
-            SETTINGS,
+            *(car(tuple(each.state + sigmas * rng.normal(size=4))) for each in (own, other))
         )
         for _ in range(400)
     ]
     met = [each for each in drawn if each is not None]
-    values = averaged_collision_probabilities(met, [CAR] * len(met), CAR, SETTINGS)
+    values = mean_collision_probabilities(met, [CAR] * len(met), CAR)
     standard_error = values.std() / math.sqrt(len(met))
 
     assert averaged(own, other) == pytest.approx(values.mean(), abs=4 * standard_error + 0.02)
@@ -162,22 +161,22 @@ def test_what_is_no_covariance_is_refused(diagonal: tuple[float, ...]) -> None:
     )
 
     with pytest.raises(CovarianceError):
-        path_crossing(car((-20.0, 0.0, 12.0, 0.0)), odd, SETTINGS)
+        path_crossing(car((-20.0, 0.0, 12.0, 0.0)), odd)
 
 
 def test_nobody_to_meet() -> None:
-    assert len(averaged_collision_probabilities([], [], CAR, SETTINGS)) == 0
+    assert len(mean_collision_probabilities([], [], CAR)) == 0
 
 
 def test_a_car_that_is_known_to_keep_its_speed_is_likelier_to_be_met_than_one_that_may_brake() -> (
     None
 ):
-    met = path_crossing(car((-28.0, 0.0, 14.0, 0.0)), car((0.0, -28.0, 0.0, 14.0)), SETTINGS)
+    met = path_crossing(car((-28.0, 0.0, 14.0, 0.0)), car((0.0, -28.0, 0.0, 14.0)))
     assert met is not None
 
     def p_c(own: float | None, other: float | None) -> float:
-        cars = Driven(5.0, 1.75, other), Driven(5.0, 1.75, own)
-        return float(averaged_collision_probabilities([met], [cars[0]], cars[1], SETTINGS)[0])
+        cars = DrivenVehicle(5.0, 1.75, other), DrivenVehicle(5.0, 1.75, own)
+        return float(mean_collision_probabilities([met], [cars[0]], cars[1])[0])
 
     assert p_c(0.0, 0.0) > p_c(0.0, None) > p_c(None, None)
     assert p_c(0.0, 0.0) > p_c(0.0, -4.0) > 0.0
@@ -188,15 +187,15 @@ def test_cars_of_known_and_unknown_acceleration_keep_their_order() -> None:
     others, met = [], []
     for k in range(60):
         state = (0.0, -float(rng.uniform(10, 40)), 0.0, float(rng.uniform(6, 15)))
-        each = path_crossing(car((-25.0, 0.0, 14.0, 0.0), 0.5, 0.3), car(state, 0.5, 0.3), SETTINGS)
+        each = path_crossing(car((-25.0, 0.0, 14.0, 0.0), 0.5, 0.3), car(state, 0.5, 0.3))
         assert each is not None
         met.append(each)
-        others.append(Driven(5.0, 1.75, None if k % 3 else float(rng.uniform(-5, 1))))
+        others.append(DrivenVehicle(5.0, 1.75, None if k % 3 else float(rng.uniform(-5, 1))))
 
-    together = averaged_collision_probabilities(met, others, CAR, SETTINGS)
+    together = mean_collision_probabilities(met, others, CAR)
 
     for k in range(60):
-        (alone,) = averaged_collision_probabilities([met[k]], [others[k]], CAR, SETTINGS)
+        (alone,) = mean_collision_probabilities([met[k]], [others[k]], CAR)
         assert together[k] == pytest.approx(alone, abs=1e-12)
 
 
@@ -207,20 +206,18 @@ def test_who_is_behind_the_crossing_for_certain_meets_nobody() -> None:
     for _ in range(200):
         east, north = rng.uniform(-30, 30, 2)
         state = (0.0, float(north), 0.0, float(rng.uniform(3, 15)))
-        each = path_crossing(
-            car((float(east), 0.0, 12.0, 0.0), 0.7, 0.5), car(state, 0.7, 0.5), SETTINGS
-        )
+        each = path_crossing(car((float(east), 0.0, 12.0, 0.0), 0.7, 0.5), car(state, 0.7, 0.5))
         assert each is not None
         met.append(each)
 
-    asked = ima._averaged(met, [CAR] * 200, CAR, SETTINGS, ima._behaviour)
+    asked = mean_collision_probability._mean(
+        met, [CAR] * 200, CAR, mean_collision_probability._behaviour
+    )
 
-    may_meet = ima._may_meet(met, [CAR] * 200, CAR)
+    may_meet = mean_collision_probability._may_meet(met, [CAR] * 200, CAR)
     assert 20 < may_meet.sum() < 120
     assert (asked[~may_meet] == 0.0).all()
-    assert averaged_collision_probabilities(met, [CAR] * 200, CAR, SETTINGS) == pytest.approx(
-        asked, abs=1e-12
-    )
+    assert mean_collision_probabilities(met, [CAR] * 200, CAR) == pytest.approx(asked, abs=1e-12)
 
 
 def meet(
@@ -232,10 +229,13 @@ def meet(
     sideways: tuple[float | None, float | None] = (0.0, 0.0),
 ) -> float:
     """P_C at right angles, both at 14 m/s so far before the crossing, with how that changes."""
-    met = path_crossing(car((-own_m, 0.0, 14.0, 0.0)), car((0.0, -other_m, 0.0, 14.0)), SETTINGS)
+    met = path_crossing(car((-own_m, 0.0, 14.0, 0.0)), car((0.0, -other_m, 0.0, 14.0)))
     assert met is not None
-    mine, others = Driven(5.0, 1.75, own, sideways[0]), [Driven(5.0, 1.75, other, sideways[1])]
-    return float(averaged_collision_probabilities([met], others, mine, SETTINGS)[0])
+    mine, others = (
+        DrivenVehicle(5.0, 1.75, own, sideways[0]),
+        [DrivenVehicle(5.0, 1.75, other, sideways[1])],
+    )
+    return float(mean_collision_probabilities([met], others, mine)[0])
 
 
 def test_two_that_can_hardly_stop_any_more_are_taken_to_drive_on() -> None:
@@ -251,16 +251,16 @@ def test_two_that_can_hardly_stop_any_more_are_taken_to_drive_on() -> None:
 def test_who_sets_off_does_not_mean_to_stop() -> None:
     """At 4 m/s, 8 m before the zone: 3 m/s^2 stop in 2.7 m, but after a second of 2.5 m/s^2 not."""
     own = car((-35.0, 0.0, 14.0, 0.0))
-    met = path_crossing(own, car((0.0, -11.4, 0.0, 4.0)), SETTINGS)
+    met = path_crossing(own, car((0.0, -11.4, 0.0, 4.0)))
     assert met is not None
 
     def p_c(acceleration_m_s2: float) -> float:
-        others = [Driven(5.0, 1.75, acceleration_m_s2, 0.0)]
-        me = Driven(5.0, 1.75, 0.0, 0.0)
-        return float(averaged_collision_probabilities([met], others, me, SETTINGS)[0])
+        others = [DrivenVehicle(5.0, 1.75, acceleration_m_s2, 0.0)]
+        me = DrivenVehicle(5.0, 1.75, 0.0, 0.0)
+        return float(mean_collision_probabilities([met], others, me)[0])
 
     assert p_c(2.5) > SETTINGS.warning_p_c
-    assert p_c(SETTINGS.gaining_m_s2) < SETTINGS.caution_p_c
+    assert p_c(GAINING_M_S2) < SETTINGS.caution_p_c
 
 
 def test_who_brakes_or_is_out_of_turn_is_not_taken_to_drive_into_anybody() -> None:
@@ -284,15 +284,12 @@ def test_that_two_drive_on_never_makes_a_crash_less_likely(
     met = path_crossing(
         car((-distance[0], 0.0, 14.0, 0.0), sigma_m, 0.5),
         car((0.0, -distance[1], 0.0, 11.0), sigma_m, 0.5),
-        SETTINGS,
     )
-    own, other = (Driven(5.0, 1.75, each, 0.0) for each in acceleration)
+    own, other = (DrivenVehicle(5.0, 1.75, each, 0.0) for each in acceleration)
     assert met is not None
 
-    (p_c,) = averaged_collision_probabilities([met], [other], own, SETTINGS)
-    (before,) = averaged_collision_probabilities(
-        [met], [other], own, SETTINGS.model_copy(update={"reaction_s": 0.0, "stopping_m_s2": 1e9})
-    )
+    (p_c,) = mean_collision_probabilities([met], [other], own)
+    (before,) = mean_collision_probabilities([met], [other], own, reaction_s=0.0, stopping_m_s2=1e9)
 
     assert before <= p_c <= 1.0
 
@@ -301,8 +298,8 @@ def test_two_cars_taken_for_a_fast_one_have_no_course() -> None:
     """28 m/s, known to 1.7 m/s on either axis: made of pictures of two cars that stand."""
     own = car((0.0, 0.0, 12.0, 0.0), 0.7, 0.5)
 
-    assert path_crossing(own, car((20.0, -40.0, 0.0, 28.0), 1.0, 1.7), SETTINGS) is None
-    assert path_crossing(own, car((20.0, -40.0, 0.0, 28.0), 1.0, 1.3), SETTINGS) is not None
+    assert path_crossing(own, car((20.0, -40.0, 0.0, 28.0), 1.0, 1.7)) is None
+    assert path_crossing(own, car((20.0, -40.0, 0.0, 28.0), 1.0, 1.3)) is not None
 
 
 def test_a_car_known_for_a_second_has_a_course_though_the_own_place_is_vague() -> None:
@@ -310,8 +307,8 @@ def test_a_car_known_for_a_second_has_a_course_though_the_own_place_is_vague() -
     own = car((0.0, 0.0, 12.0, 0.0), 0.7, 0.5)
     seen = replace(car((20.0, -20.0, 0.0, 10.0), 3.0, 1.8), source=ObjectSource.SENSOR)
 
-    assert path_crossing(own, replace(seen, tracked_for_s=0.5), SETTINGS) is None
-    assert path_crossing(own, replace(seen, tracked_for_s=1.0), SETTINGS) is not None
+    assert path_crossing(own, replace(seen, tracked_for_s=0.5)) is None
+    assert path_crossing(own, replace(seen, tracked_for_s=1.0)) is not None
 
 
 @pytest.mark.parametrize(("sigma_m_s", "has_course"), [(0.5, True), (1.0, False), (3.0, False)])
@@ -319,6 +316,6 @@ def test_a_car_that_was_just_seen_has_no_course_yet(sigma_m_s: float, has_course
     """The car ahead, of which three pictures say that it may drive sideways with 2.5 m/s."""
     ahead = car((13.0, 2.0, -0.1, 2.5), 1.0, sigma_m_s)
 
-    met = path_crossing(car((0.0, 0.0, 12.0, 0.0), 0.7, 0.5), ahead, SETTINGS)
+    met = path_crossing(car((0.0, 0.0, 12.0, 0.0), 0.7, 0.5), ahead)
 
     assert (met is not None) == has_course

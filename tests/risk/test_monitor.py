@@ -13,7 +13,7 @@ from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Discarded, Lead, LeadIdentity, Position, Speed
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import RELEASE_S, Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.trace.trace_line import as_line
@@ -187,7 +187,7 @@ def test_a_warning_of_who_crosses_ends_once_the_driver_brakes_enough(braking_m_s
 
     warned, *_, ended = seen
     assert (warned.level, ended.level) == (Level.WARNING, Level.NONE)
-    assert ended.stamp_s <= 2.0 + 0.4 + RiskSettings().release_s
+    assert ended.stamp_s <= 2.0 + 0.4 + RELEASE_S
 
 
 @pytest.mark.parametrize("beside_m", [-3.5, 3.5, 12.0])

@@ -27,7 +27,7 @@ def test_a_turn_and_a_braking_are_told_apart(
     motion = after(turning_rad_s, acceleration_m_s2, course_rad)
 
     assert motion.acceleration_m_s2 == pytest.approx(acceleration_m_s2)
-    assert motion.sideways_m_s2 == pytest.approx(10.0 * turning_rad_s, rel=0.25, abs=0.1)
+    assert motion.lateral_m_s2 == pytest.approx(10.0 * turning_rad_s, rel=0.25, abs=0.1)
 
 
 def test_nothing_is_told_before_half_the_window_is_covered_and_of_a_car_that_stands() -> None:
@@ -35,7 +35,7 @@ def test_nothing_is_told_before_half_the_window_is_covered_and_of_a_car_that_sta
     for k in range(4):
         motion.receive(k / 10, 10.0, 0.0)
         assert motion.acceleration_m_s2 is None
-        assert motion.sideways_m_s2 is None
+        assert motion.lateral_m_s2 is None
     for k in range(4, 20):
         motion.receive(k / 10, 0.0, 0.0)
-    assert motion.sideways_m_s2 is None
+    assert motion.lateral_m_s2 is None

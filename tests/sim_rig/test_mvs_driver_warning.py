@@ -84,7 +84,7 @@ def test_the_braking_that_a_remote_vehicle_reports_counts() -> None:
 
 def alarm_target(*others: PerceivedObject, within_s: float = 10.0) -> str | None:
     own = car("own", 0.0, SPEED_M_S)
-    target = paper_alarm(own, list(others), (4.5, 1.8), RiskSettings(), within_s)
+    target = paper_alarm(own, list(others), (4.5, 1.8), within_s)
     return None if target is None else target.name
 
 

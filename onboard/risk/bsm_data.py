@@ -1,0 +1,95 @@
+"""Data of remote vehicles' BSMs beside their motion: elevation, size, hard braking."""
+
+import math
+from dataclasses import dataclass
+
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_safety import VehicleEventFlags
+
+DEFAULT_LENGTH_M, DEFAULT_WIDTH_M = 5.0, 1.75
+"""Size of a vehicle that does not report it: a large car."""
+LEVEL_M = 3.5
+"""A vehicle whose elevation differs by more is on a bridge over the host's road, or under it:
+bridges have a clearance above 4 m, receivers a sigma of about 0.7 m."""
+SLOPE = 0.02
+"""Added to `LEVEL_M` for each metre that both have to go: roads slope."""
+
+_TIMEOUT_S = 5.0
+"""Time for which elevation and size of a vehicle are kept after its last BSM."""
+_NEW_ELEVATION_WEIGHT = 0.1
+"""Weight of a new elevation in the running mean: at 10 Hz, a mean of about a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class BsmData:
+    """Data of one vehicle's BSMs."""
+
+    received_s: float
+    elevation_m: float | None
+    """Running mean."""
+    length_m: float | None
+    width_m: float | None
+    braked_hard_s: float
+    """Time of the last BSM with the hard braking flag; `-math.inf` if there was none."""
+
+
+class BsmDataStore:
+    """The data of all remote vehicles, and the host vehicle's elevation to compare with."""
+
+    def __init__(self) -> None:
+        self._of: dict[str, BsmData] = {}
+        self._own_elevation_m: float | None = None
+
+    def receive_own_elevation(self, elevation_m: float | None) -> None:
+        """Take the elevation of a fix."""
+        self._own_elevation_m = _running_mean_m(self._own_elevation_m, elevation_m)
+
+    def receive_bsm(self, bsm: BasicSafetyMessage, now: float) -> None:
+        """Take the BSM of a remote vehicle."""
+        core, name = bsm.core, bsm.core.temporary_id.hex()
+        events = bsm.safety.events if bsm.safety is not None else None
+        before = self._of.get(name)
+        braked_hard_s = before.braked_hard_s if before is not None else -math.inf
+        if events is not None and VehicleEventFlags.HARD_BRAKING in events:
+            braked_hard_s = now
+        elevation_m = _running_mean_m(before.elevation_m if before else None, core.elevation_m)
+        self._of[name] = BsmData(
+            now, elevation_m, core.size.length_m, core.size.width_m, braked_hard_s
+        )
+
+    def drop_old(self, now: float) -> None:
+        """Drop the vehicles that have been silent."""
+        self._of = {
+            name: data for name, data in self._of.items() if now - data.received_s <= _TIMEOUT_S
+        }
+
+    def get(self, name: str) -> BsmData | None:
+        """Return the data of the vehicle with this name, if there is any."""
+        return self._of.get(name)
+
+    def size_m(self, name: str) -> tuple[float, float]:
+        """Return length and width, by default where they are not reported."""
+        data = self._of.get(name)
+        return (
+            (data.length_m if data else None) or DEFAULT_LENGTH_M,
+            (data.width_m if data else None) or DEFAULT_WIDTH_M,
+        )
+
+    def is_on_another_level(self, name: str, distance_m: float) -> bool:
+        """Whether a vehicle is on a bridge over or under the host's road.
+
+        Args:
+            name: of the vehicle.
+            distance_m: what both have to go until they would meet.
+        """
+        data = self._of.get(name)
+        if data is None or data.elevation_m is None or self._own_elevation_m is None:
+            return False
+        return abs(data.elevation_m - self._own_elevation_m) > LEVEL_M + SLOPE * distance_m
+
+
+def _running_mean_m(mean_m: float | None, elevation_m: float | None) -> float | None:
+    """Update a mean: elevations scatter, and a single one could put a vehicle on a bridge."""
+    if mean_m is None or elevation_m is None:
+        return elevation_m
+    return mean_m + _NEW_ELEVATION_WEIGHT * (elevation_m - mean_m)
