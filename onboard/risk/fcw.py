@@ -128,7 +128,7 @@ def judged(
 ) -> tuple[Level, float]:
     """How urgent it is, and the braking needed after a reaction in m/s^2.
 
-    A driver who already brakes enough gets no warning, only a caution (docs/decisions/0305).
+    A driver who already brakes enough gets no warning, only a caution (docs/design/risk.md).
     """
     lead = speed_m_s - closing_speed_m_s, lead_deceleration_m_s2
     needed_m_s2 = required_deceleration_m_s2(gap_m, speed_m_s, *lead, settings.reaction_s)
