@@ -125,7 +125,7 @@ def replay(
     if expected and not box:
         raise UserError("--expect needs a recording of the black box")
     if not (box or can or clip or nmea):
-        raise UserError("nothing to replay: give a black box, or any of --can, --clip and --nmea")
+        raise UserError("nothing to replay: give a recording, or any of --can, --clip and --nmea")
     if expected:
         raise typer.Exit(0 if expect(box or [], within) else 1)
     if box:

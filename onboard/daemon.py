@@ -182,7 +182,7 @@ class Daemon:
             self._send_wsm = radio.send
         if config.camera is not None:
             takes_pictures = config.recorder is not None and config.recorder.pictures_hz > 0.0
-            on_image = self._box.note_picture if self._box and takes_pictures else None
+            on_image = self._box.record_image if self._box and takes_pictures else None
             camera = CameraThread(
                 config.camera,
                 load_perception(config.camera, config.vision),

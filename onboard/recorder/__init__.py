@@ -1,5 +1,5 @@
-"""The black box: what came in and what was decided, on disk as MCAP, and its replay to the bit.
+"""The black box: inputs and outputs of the cores, recorded as MCAP for an exact replay.
 
-`Tap` stands around a car's cores and notes each call of their verbs; `BlackBox` writes the notes
-from a thread of its own into a ring of segment files; `replay` makes the same calls again.
+`Tap` records each step of the cores; `BlackBox` writes the records from its own thread into segment
+files of limited age and total size; `onboard.replay` repeats the steps.
 """

@@ -1,7 +1,6 @@
-"""Takes notes for the disk and never waits for it: a bounded queue, and a thread that writes.
+"""Records a drive without waiting for the disk: a bounded queue, and a thread that writes.
 
-A disk that is full or slower than the car loses notes, which are counted and told; it does not
-hold up a warning.
+If the disk is full or too slow, records are lost, counted and reported; warnings are not delayed.
 """
 
 import errno
@@ -24,22 +23,22 @@ from onboard.recorder.segment import IMAGES
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
 
-QUEUE_NOTES: Final = 20_000
-"""Ten seconds and more of a busy road."""
+QUEUE_RECORDS: Final = 20_000
+"""Size of the queue: more than ten seconds in dense traffic."""
 FLUSH_S: Final = 0.4
-"""What a power cut may take, beside what the disk needs to write: less than a second in all.
+"""Time between flushes in s; with the time to write, a power cut loses less than a second.
 
-The thread sleeps in between: woken by every note it would want the interpreter at the very moment
-that the car has something to decide.
+The thread sleeps in between. If each record woke it, it would compete for the interpreter with the
+step of the cores that made the record.
 """
 RETRY_S: Final = 5.0
-"""After the disk took no more, until it is tried again."""
+"""Time after a write error until the next attempt in s."""
 STOP_S: Final = 0.8
-"""How long the last notes may take when the car stops."""
+"""Longest wait for the last records at the end of a drive in s."""
 NICENESS: Final = 5
-"""Of the writing thread: its notes can wait for a moment."""
+"""Niceness of the writing thread: the loop of the cores has priority."""
 FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""A disk that takes no more is no mistake of the user's: the car drives without a black box."""
+"""Errors of a full disk, with which the daemon runs on, without a recording."""
 
 TOO_SLOW: Final = "the disk does not keep up"
 
@@ -50,36 +49,39 @@ class BlackBox:
     def __init__(
         self, settings: RecorderSettings, on_state: Callable[[RecorderState], None]
     ) -> None:
-        """Open nothing yet; notes may come already.
+        """Open no file yet; records are queued until `start`.
 
-        `on_state` is called when recording begins or ends, and when notes were lost: from the
-        writing thread, or from whoever brings a note that a hanging disk has left no room for.
+        Args:
+            settings: what is recorded, and where.
+            on_state: called when recording begins or ends, and when records were lost; from the
+                writing thread, or from a caller of `record` when the queue is full.
         """
         self.settings = settings
         self._on_state = on_state
-        self._queue: queue.Queue[RecordedMessage] = queue.Queue(QUEUE_NOTES)
-        self._ending = threading.Event()
-        self._counting = threading.Lock()
+        self._queue: queue.Queue[RecordedMessage] = queue.Queue(QUEUE_RECORDS)
+        self._closing = threading.Event()
+        self._count_lock = threading.Lock()
         self._lost = 0
-        """Of those that found no room, since the last gap among the notes."""
+        """Number of records that did not fit into the queue since the last `RecordingGap`."""
         self._dropped = 0
-        self._missing = 0
-        """Before the first note of the next segment."""
-        self._picture_at = 0.0
-        self._told: tuple[str | None, int] = (None, 0)
-        self._telling = threading.Lock()
+        """Number of records lost since the start."""
+        self._unwritten = 0
+        """Number of records lost on disk, for the gap at the start of the next segment."""
+        self._next_image_at = 0.0
+        self._reported: tuple[str | None, int] = (None, 0)
+        self._report_lock = threading.Lock()
         self._segments: Segments | None = None
         self._thread = threading.Thread(target=self._run, name="black-box", daemon=True)
 
-    def begin(self, head: RecordingHeader) -> None:
-        """Say what the drive begins with, before the first note."""
-        self._segments = Segments(self.settings, head)
+    def begin(self, header: RecordingHeader) -> None:
+        """Set the header of the recording, before the first record."""
+        self._segments = Segments(self.settings, header)
 
     def start(self) -> None:
-        """Record from now on.
+        """Start the writing thread.
 
         Raises:
-            UserError: the folder cannot be made or written to.
+            UserError: the folder cannot be created or written to.
         """
         folder = self.settings.folder
         try:
@@ -91,52 +93,56 @@ class BlackBox:
             raise UserError(f"recorder.folder: {folder}: {os.strerror(errno.EACCES)}")
         self._thread.start()
 
-    def note(self, note: RecordedMessage) -> None:
-        """Have it written. From any thread; returns at once."""
+    def record(self, record: RecordedMessage) -> None:
+        """Queue a record; returns at once, and may be called from any thread."""
         try:
             if self._lost:
-                self._mark_gap(note)
-            self._queue.put_nowait(note)
+                self._mark_gap(record)
+            self._queue.put_nowait(record)
         except queue.Full:
-            self._lose()
-            if self._told[0] == "":
-                self._tell(TOO_SLOW)
+            self._count_lost()
+            if self._reported[0] == "":
+                self._report(TOO_SLOW)
 
-    def _mark_gap(self, note: RecordedMessage) -> None:
-        """Have it written that notes are missing before this one."""
-        with self._counting:
+    def _mark_gap(self, record: RecordedMessage) -> None:
+        """Queue a gap for the records that were lost before this one."""
+        with self._count_lock:
             if self._lost:
-                gap = RecordingGap(note.value.stamp_s, self._lost)
-                self._queue.put_nowait(RecordedMessage("/recorder/recording_gap", note.utc_s, gap))
+                gap = RecordingGap(record.value.stamp_s, self._lost)
+                self._queue.put_nowait(
+                    RecordedMessage("/recorder/recording_gap", record.utc_s, gap)
+                )
                 self._lost = 0
 
-    def note_picture(self, image: NDArray[np.uint8], stamp_s: float) -> None:
-        """Have a picture written, (height, width, 3) in BGR, if it is time for one.
+    def record_image(self, image: NDArray[np.uint8], stamp_s: float) -> None:
+        """Record a camera image if the interval of `pictures_hz` is over.
 
-        From the camera's thread, which makes a JPEG of it.
+        Args:
+            image: (height, width, 3) in BGR; encoded as JPEG in the calling thread.
+            stamp_s: time of the image in s, on the monotonic clock.
         """
-        if stamp_s < self._picture_at:
+        if stamp_s < self._next_image_at:
             return
-        self._picture_at = stamp_s + 1.0 / self.settings.pictures_hz
+        self._next_image_at = stamp_s + 1.0 / self.settings.pictures_hz
         quality = [cv2.IMWRITE_JPEG_QUALITY, self.settings.picture_quality]
         _, jpeg = cv2.imencode(".jpg", image, quality)
         utc_s = time.time() - (time.monotonic() - stamp_s)
-        self.note(RecordedMessage(IMAGES, utc_s, CameraImage(stamp_s, jpeg.tobytes())))
+        self.record(RecordedMessage(IMAGES, utc_s, CameraImage(stamp_s, jpeg.tobytes())))
 
     def close(self) -> None:
-        """Write what is left, finish the file, and stop; a disk that hangs is not waited for."""
+        """Write the queued records and finish the file; wait at most `STOP_S`."""
         if self._thread.is_alive():
-            self._ending.set()
+            self._closing.set()
             self._thread.join(STOP_S)
             if self._thread.is_alive():
-                self._give_up()
+                self._count_abandoned()
 
-    def _give_up(self) -> None:
-        """What the disk has still to take ends with the process."""
-        unsafe = self._segments.unsafe_notes if self._segments is not None else 0
-        with self._counting:
-            self._dropped += unsafe + self._queue.qsize()
-        self._tell(TOO_SLOW)
+    def _count_abandoned(self) -> None:
+        """Count the records that are lost when the process ends now."""
+        unflushed = self._segments.unflushed_records if self._segments is not None else 0
+        with self._count_lock:
+            self._dropped += unflushed + self._queue.qsize()
+        self._report(TOO_SLOW)
 
     # ---- in the thread --------------------------------------------------------------------
 
@@ -146,67 +152,66 @@ class BlackBox:
         assert segments is not None  # noqa: S101 (`begin` comes first)
         while True:
             try:
-                self._record(segments)
-            except Exception as error:  # noqa: BLE001 (whatever it is, it is told, and the car drives)
-                self._miss(segments.abandon(time.monotonic()))
+                self._write_until_closed(segments)
+            except Exception as error:  # noqa: BLE001 (reported; the daemon must run on)
+                self._count_unwritten(segments.abandon(time.monotonic()))
                 strerror = error.strerror if isinstance(error, OSError) else None
-                why_not = strerror or repr(error)
-                self._tell(why_not)
-                has_ended = self._ending.wait(RETRY_S)
-                self._miss(self._waiting())
-                if has_ended:
-                    self._tell(why_not)
+                reason = strerror or repr(error)
+                self._report(reason)
+                is_closing = self._closing.wait(RETRY_S)
+                self._count_unwritten(self._queued())
+                if is_closing:
+                    self._report(reason)
                     return
             else:
                 return
 
-    def _record(self, segments: Segments) -> None:
-        """Write until `close`."""
+    def _write_until_closed(self, segments: Segments) -> None:
         now, utc_s = time.monotonic(), time.time()
         segments.open(now, utc_s)
-        if self._missing:
+        if self._unwritten:
             gap = RecordedMessage(
-                "/recorder/recording_gap", utc_s, RecordingGap(now, self._missing)
+                "/recorder/recording_gap", utc_s, RecordingGap(now, self._unwritten)
             )
-            self._missing = 0
+            self._unwritten = 0
             segments.write(gap)
             segments.flush()
-        self._tell("")
+        self._report("")
         repair(self.settings.folder, segments.path)
-        ending = False
-        while not ending:
-            ending = self._ending.wait(FLUSH_S)
-            for note in self._waiting():
-                segments.write(note)
-            if not ending:
+        is_closing = False
+        while not is_closing:
+            is_closing = self._closing.wait(FLUSH_S)
+            for record in self._queued():
+                segments.write(record)
+            if not is_closing:
                 segments.flush()
-                self._tell("")
+                self._report("")
         segments.close(time.monotonic())
-        self._tell("")
+        self._report("")
 
-    def _waiting(self) -> Iterator[RecordedMessage]:
-        """The notes that have come so far."""
+    def _queued(self) -> Iterator[RecordedMessage]:
+        """Take the records that are in the queue now."""
         for _ in range(self._queue.qsize()):
             yield self._queue.get_nowait()
 
-    def _lose(self) -> None:
-        with self._counting:
+    def _count_lost(self) -> None:
+        with self._count_lock:
             self._lost += 1
             self._dropped += 1
 
-    def _miss(self, notes: Iterable[RecordedMessage]) -> None:
-        """Count what does not come onto the disk, for the gap that the next segment begins with."""
-        for note in notes:
-            if isinstance(note.value, RecordingGap):
-                self._missing += note.value.dropped  # lost, and told, before
+    def _count_unwritten(self, records: Iterable[RecordedMessage]) -> None:
+        """Count records lost on disk, for the gap at the start of the next segment."""
+        for record in records:
+            if isinstance(record.value, RecordingGap):
+                self._unwritten += record.value.dropped  # already counted as dropped
             else:
-                self._missing += 1
-                with self._counting:
+                self._unwritten += 1
+                with self._count_lock:
                     self._dropped += 1
 
-    def _tell(self, why_not: str) -> None:
-        with self._telling:
-            if self._told == (why_not, self._dropped):
+    def _report(self, reason: str) -> None:
+        with self._report_lock:
+            if self._reported == (reason, self._dropped):
                 return
-            self._told = (why_not, self._dropped)
-        self._on_state(RecorderState(time.monotonic(), not why_not, why_not, self._dropped))
+            self._reported = (reason, self._dropped)
+        self._on_state(RecorderState(time.monotonic(), not reason, reason, self._dropped))

@@ -16,11 +16,11 @@ from onboard.security.oer import Malformed, Unsupported
 from onboard.settings import Settings, SettingsError
 
 FORMAT = 1
-"""Counts up when a replay of this software could no longer read what an older one wrote."""
+"""Version of the format; raised when older recordings can no longer be replayed."""
 
 
 class Certificates(Settings):
-    """What was signed with and whom the car trusted, as hexadecimal 1609.2 certificates."""
+    """Own pseudonym certificates and trusted certificates, IEEE 1609.2 in hexadecimal."""
 
     pseudonyms: tuple[str, ...]
     roots: tuple[str, ...]
@@ -28,32 +28,32 @@ class Certificates(Settings):
 
 
 class RecordingHeader(Settings):
-    """What a drive began with."""
+    """Initial state of the cores in a recorded drive."""
 
     drive: str
-    """Its name: when it began, in UTC."""
+    """Name of the drive: its start in UTC."""
     software: str
     """Version of `onboard`."""
     seed: tuple[int, ...]
-    """Of everything random: entropy and spawn key of a `numpy.random.SeedSequence`."""
+    """Seed of all random draws: entropy and spawn key of a `numpy.random.SeedSequence`."""
     now_s: float
     utc_s: float
     sensors: tuple[Sensor, ...]
     config: dict[str, Any]
-    """The tree of a `CarConfig`, without wires and keys, and without what is as by default: a
-    replay takes the defaults of its own software, which may have other settings."""
+    """The `CarConfig` as a tree, without connections, keys and default values: a replay uses the
+    defaults of its own version."""
     dbc: str | None
-    """The file that `config` names, if it does."""
+    """Text of the DBC file that `config` names."""
     certificates: Certificates | None
     driver: DriverMemory | None
     is_complete: bool
-    """Whether everything was recorded that the cores decided from."""
+    """Whether every input of the cores was recorded."""
 
     def credentials(self) -> Credentials | None:
-        """The car's certificates, each with a key that is not its own.
+        """Return the certificates of the host vehicle, each with a newly generated key.
 
         Raises:
-            SettingsError: one of them is none.
+            SettingsError: one of them cannot be decoded.
         """
         if self.certificates is None:
             return None

@@ -1,7 +1,7 @@
-"""How a recording speaks of cars without their plates, and how a replay knows them all the same.
+"""Aliases of plates in recordings, and the communication IDs that a replay looks up by alias.
 
-The cores make one use of a plate: they derive the ID that its car goes by. So the recording gives
-each plate a word, and notes which ID the word had in which epoch; the replay looks it up.
+The cores use a plate only to derive the communication ID of its vehicle. So a recording holds an
+alias for each plate, and the ID of each alias and epoch.
 """
 
 import hashlib
@@ -18,56 +18,56 @@ from onboard.observations import Lead, Plate, VehicleDetection
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 
-WORD_LENGTH = 10
-"""Hexadecimal: a plate's pattern allows it, and no letter of it is mistaken for a digit."""
+ALIAS_LENGTH = 10
+"""Number of hexadecimal digits: valid in every plate format, and not changed by `normalised`."""
 
 
 class Aliases:
-    """Words for plates, for one drive: the key is never written, and gone with the process."""
+    """Aliases of plates in one drive, by HMAC with a random key that is never stored."""
 
     def __init__(self, *, in_clear: bool) -> None:
-        """Leave plates as they are if `in_clear`."""
+        """Return plates unchanged if `in_clear`."""
         self._in_clear = in_clear
         self._key = secrets.token_bytes(16)
 
-    def word(self, plate: str) -> str:
-        """What the recording calls the car with this plate."""
+    def alias(self, plate: str) -> str:
+        """Return the name of a plate in the recording."""
         text = normalised(plate)
         if self._in_clear:
             return text
-        return hmac.digest(self._key, text.encode(), hashlib.sha256).hex()[:WORD_LENGTH].upper()
+        return hmac.digest(self._key, text.encode(), hashlib.sha256).hex()[:ALIAS_LENGTH].upper()
 
-    def hide(self, value: Any) -> Any:
-        """The value as it may be written."""
+    def replace_plates(self, value: Any) -> Any:
+        """Return the value with the alias in place of its plate, if it has one."""
         if isinstance(value, Lead | Plate | VehicleDetection) and value.text is not None:
-            return replace(value, text=self.word(value.text))
+            return replace(value, text=self.alias(value.text))
         return value
 
 
 class RecordingDigest(PlateDigest):
-    """Tells every ID that it derives."""
+    """Reports every communication ID that it derives."""
 
     def __init__(
-        self, settings: PlateDigestSettings, note: Callable[[str, int, bytes], None]
+        self, settings: PlateDigestSettings, on_derived: Callable[[str, int, bytes], None]
     ) -> None:
-        """`note` gets plate, epoch and ID, from whichever thread asked first."""
+        """Call `on_derived` with plate, epoch and ID, from the thread that derives the ID."""
         super().__init__(settings)
-        self._note = note
+        self._on_derived = on_derived
 
     @override
     def _derive_uncached(self, plate: str, epoch: int) -> bytes:
         car_id = super()._derive_uncached(plate, epoch)
-        self._note(plate, epoch, car_id)
+        self._on_derived(plate, epoch, car_id)
         return car_id
 
 
 class ReplayedDigest(PlateDigest):
-    """Knows the IDs of a recording, and no other."""
+    """Looks up the communication IDs of a recording."""
 
     def __init__(
         self, settings: PlateDigestSettings, car_ids: Mapping[tuple[str, int], bytes]
     ) -> None:
-        """`car_ids` by plate, as the recording names it, and epoch."""
+        """Look up `car_ids` by plate, as named in the recording, and epoch."""
         super().__init__(settings)
         self._car_ids = car_ids
 
@@ -76,7 +76,7 @@ class ReplayedDigest(PlateDigest):
         car_id = self._car_ids.get((plate, epoch))
         if car_id is None:
             raise UserError(
-                f"the recording does not say what ID {plate} has in epoch {epoch}:"
-                " these cores ask for other cars than the recorded ones did"
+                f"the recording has no ID of {plate} in epoch {epoch}:"
+                " the replayed cores need the ID of a vehicle that the recorded cores did not need"
             )
         return car_id

@@ -1,4 +1,4 @@
-"""Turns what a recording holds back into the values that the cores were given."""
+"""Decodes the recorded inputs of the cores."""
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
@@ -36,18 +36,18 @@ _BY_KIND = {kind.kind: kind for kind in get_args(Input)}
 
 
 def as_input(entry: Entry) -> Input:
-    """The value that was written.
+    """Return the recorded value.
 
     Raises:
-        UserError: there is no such input, or a field of it is missing or of another type.
+        UserError: the kind of input is unknown, or a field is missing or of another type.
     """
     value_type = _BY_KIND.get(entry.topic.rpartition("/")[2])
     if value_type is None:
-        raise UserError(f"the recording has an input that this software does not know: {entry}")
+        raise UserError(f"unknown input in the recording: {entry}")
     try:
         value: Input = _reader(value_type)(entry.record)
     except (KeyError, TypeError, ValueError) as error:
-        raise UserError(f"the recording has an input that cannot be: {entry}: {error}") from error
+        raise UserError(f"invalid input in the recording: {entry}: {error}") from error
     return value
 
 
@@ -81,7 +81,7 @@ def _reader_of_one(kind: type) -> Reader:
     if kind is bytes:
         return bytes.fromhex
     if kind is float:
-        return float  # also of the strings that stand for what is not finite
+        return float  # also reads the strings of infinite values and NaN
     if is_dataclass(kind):
         return _reader(kind)
     if issubclass(kind, Enum):
@@ -91,5 +91,5 @@ def _reader_of_one(kind: type) -> Reader:
 
 def _checked(value: Any, kind: type) -> Any:
     if type(value) is not kind:
-        raise TypeError(f"{value!r} is no {kind.__name__}")
+        raise TypeError(f"{value!r} is not a {kind.__name__}")
     return value

@@ -1,4 +1,4 @@
-"""Reads segments back: whole ones, and those that were cut off, up to their end."""
+"""Reads segments: finished ones, and unfinished or damaged ones up to the last valid record."""
 
 import json
 import struct
@@ -19,9 +19,9 @@ from onboard.recorder.segment import METADATA
 from onboard.settings import parse_settings
 
 LARGEST_RECORD = 64 * 2**20
-"""A length beyond this is a broken one; chunks are some 100 KiB, or 1 MiB with pictures."""
+"""Longest valid record in bytes; chunks have about 100 KiB, or 1 MiB with images."""
 _CUT = (McapError, CRCValidationError, struct.error, zstandard.ZstdError, zlib.error, ValueError)
-"""What the library says of bytes that are not there, or not what was written."""
+"""Errors of the library on missing or damaged bytes."""
 
 
 class RecordingError(UserError):
@@ -30,7 +30,7 @@ class RecordingError(UserError):
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One message."""
+    """One record of a recording."""
 
     topic: str
     utc_s: float
@@ -45,10 +45,10 @@ class Entry:
 
 
 def raw_records(path: Path) -> Iterator[McapRecord]:
-    """Every record of the file, up to where it was cut off or damaged.
+    """Yield the MCAP records of a file, up to where it was cut off or damaged.
 
     Raises:
-        BoxError: it cannot be opened, or is no MCAP.
+        RecordingError: it cannot be opened, or is no MCAP file.
     """
     try:
         with path.open("rb") as file:
@@ -68,7 +68,7 @@ _MAGIC = b"\x89MCAP0\r\n"
 
 
 def is_finished(path: Path) -> bool:
-    """Whether the file ends as its writer meant it to.
+    """Whether the file was finished by its writer.
 
     Raises:
         OSError: it cannot be read.
@@ -79,33 +79,34 @@ def is_finished(path: Path) -> bool:
 
 
 class RecordedDrive:
-    """A recording: one segment, or several of one drive."""
+    """A recording: one or more segments of one drive."""
 
     def __init__(self, paths: Iterable[Path]) -> None:
-        """Read the heads of `paths`: segments in any order, or a folder of them.
+        """Read the headers of `paths`: segments in any order, or a folder of them.
 
         Raises:
-            BoxError: there are none, they are not of one drive, or not of a format that is read.
+            RecordingError: there is no segment, they are of several drives, or of an unsupported
+                format.
         """
         files = [file for path in paths for file in _segments_in(path)]
-        headed = sorted(((*_head_of(file), file) for file in files), key=lambda each: each[0])
-        if not headed:
-            raise RecordingError("no recording there: a segment is called <drive>-<number>.mcap")
-        self.head: RecordingHeader = headed[0][1]
-        self.files = [file for _, _, file in headed]
-        drives = sorted({head.drive for _, head, _ in headed})
+        headers = sorted(((*_header_of(file), file) for file in files), key=lambda each: each[0])
+        if not headers:
+            raise RecordingError("no recording found: segments are named <drive>-<number>.mcap")
+        self.header: RecordingHeader = headers[0][1]
+        self.files = [file for _, _, file in headers]
+        drives = sorted({header.drive for _, header, _ in headers})
         if len(drives) > 1:
             raise RecordingError(
-                f"segments of several drives; name those of one: {', '.join(drives)}"
+                f"segments of several drives; give those of one: {', '.join(drives)}"
             )
-        numbers = [number for number, _, _ in headed]
+        numbers = [number for number, _, _ in headers]
         self.begins_late = numbers[0] > 0
         """Whether segments before the first one are missing."""
         self.missing = [n for n in range(numbers[0], numbers[-1]) if n not in numbers]
-        """Segments that are missing in between."""
+        """Numbers of the segments missing in between."""
 
     def entries(self) -> Iterator[Entry]:
-        """Every message, in the order in which it was written."""
+        """Yield every record, in the order of writing."""
         for file in self.files:
             channels: dict[int, str] = {}
             for record in raw_records(file):
@@ -119,19 +120,19 @@ def _segments_in(path: Path) -> list[Path]:
     return sorted(path.glob("*.mcap")) if path.is_dir() else [path]
 
 
-def _head_of(file: Path) -> tuple[int, RecordingHeader]:
+def _header_of(file: Path) -> tuple[int, RecordingHeader]:
     for record in raw_records(file):
         if isinstance(record, Metadata) and record.name == METADATA:
             written = record.metadata.get("format")
             if written != str(FORMAT):
                 raise RecordingError(
-                    f"{file}: was written in format {written}, and this software reads {FORMAT}"
+                    f"{file}: written in format {written}; this software reads format {FORMAT}"
                 )
             try:
                 number, tree = int(record.metadata["segment"]), json.loads(record.metadata["head"])
             except (KeyError, ValueError) as error:
-                raise RecordingError(f"{file}: its head is damaged: {error}") from error
+                raise RecordingError(f"{file}: damaged header: {error}") from error
             return number, parse_settings(tree, RecordingHeader, str(file))
         if isinstance(record, Message):
             break
-    raise RecordingError(f"{file}: no recording of onboard's, or cut off before it began")
+    raise RecordingError(f"{file}: not a recording of onboard, or cut off before its header")

@@ -1,4 +1,4 @@
-"""Finishes segments that a power cut left without their end, so that any MCAP reader opens them."""
+"""Finishes segments that a power cut left without an index, so that any MCAP reader opens them."""
 
 import contextlib
 import os
@@ -15,9 +15,9 @@ from onboard.recorder.segment import is_being_written
 
 
 def repair(folder: Path, except_for: Path) -> None:
-    """Write anew every segment in `folder` that was not finished, up to where it was cut off.
+    """Rewrite every unfinished segment in `folder`, up to the point where it was cut off.
 
-    One that cannot be read or written anew is left as it is, and tried again after the next start.
+    A segment that cannot be read or rewritten is left as it is, until the next start.
     """
     for path in sorted(segments_in(folder)):
         with contextlib.suppress(OSError):
@@ -26,35 +26,35 @@ def repair(folder: Path, except_for: Path) -> None:
 
 
 def repair_segment(path: Path) -> None:
-    """Finish one segment, or delete it if it was cut off before it began.
+    """Finish one segment, or delete it if it was cut off before its header.
 
     Raises:
-        OSError: it cannot be read, or the disk takes no more; nothing is lost by it.
+        OSError: it cannot be read, or the disk is full; the segment stays as it is.
     """
     try:
         records = list(raw_records(path))
     except RecordingError:
-        return  # no segment, whoever put it there
+        return  # not a segment
     if not any(isinstance(record, Metadata) for record in records):
         path.unlink()
         return
-    mended = path.with_suffix(".mending")
+    repaired = path.with_suffix(".repairing")
     written = path.stat()
     try:
-        descriptor = os.open(mended, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        descriptor = os.open(repaired, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with os.fdopen(descriptor, "wb") as file:
             write_records(records, file)
             file.flush()
             os.fsync(descriptor)
     except OSError:
-        mended.unlink(missing_ok=True)
+        repaired.unlink(missing_ok=True)
         raise
-    os.utime(mended, ns=(written.st_atime_ns, written.st_mtime_ns))
-    mended.replace(path)
+    os.utime(repaired, ns=(written.st_atime_ns, written.st_mtime_ns))
+    repaired.replace(path)
 
 
 def write_records(records: Iterable[McapRecord], file: BinaryIO) -> None:
-    """Write what a reader gave as a whole file."""
+    """Write records as a finished file."""
     writer = Writer(file, compression=CompressionType.ZSTD)
     writer.start(profile="", library="onboard")
     schemas: dict[int, int] = {}

@@ -1,4 +1,4 @@
-"""Which segments are kept: the new ones, and those around an event longer; still without I/O."""
+"""Retention of segments: by age and total size; segments near an event are kept longer."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -8,48 +8,57 @@ from pathlib import Path
 from onboard.recorder.settings import RecorderSettings
 
 KEPT = "-kept"
-"""Ends the name of a segment that something happened in."""
+"""Suffix of the name of a segment near an event."""
 _NAME = re.compile(rf"\d{{8}}T\d{{6}}\.\d{{3}}Z-\d{{4,}}({KEPT})?\.mcap")
-"""Of a drive and a segment; whatever else lies in the folder is somebody else's."""
+"""Drive and segment number; other files in the folder are ignored."""
 
 
 def segments_in(folder: Path) -> Iterator[Path]:
-    """Yield the files of the folder that a black box has written."""
+    """Return the files of the folder that a black box has written."""
     return (path for path in folder.glob("*.mcap") if _NAME.fullmatch(path.name) and path.is_file())
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class StoredSegment:
     """A finished segment."""
 
     path: Path
     until_utc_s: float
+    """End in s since 1970."""
     size_bytes: int
 
     @property
     def is_kept(self) -> bool:
-        """Whether something happened in it, or near it."""
+        """Whether it is near an event."""
         return self.path.stem.endswith(KEPT)
 
 
 def kept_path(path: Path) -> Path:
-    """The name that says so."""
+    """Return the path with the suffix of segments near an event."""
     return path if path.stem.endswith(KEPT) else path.with_stem(path.stem + KEPT)
 
 
-def to_delete(
-    stored: Iterable[Stored], writing_bytes: int, settings: RecorderSettings, utc_s: float
+def segments_to_delete(
+    stored: Iterable[StoredSegment], writing_bytes: int, settings: RecorderSettings, utc_s: float
 ) -> list[Path]:
-    """What has to go: what is too old, then the oldest until the rest fits, kept ones last.
+    """Return the segments to delete: those too old, then the oldest until the rest fits.
 
-    `writing_bytes` is the size of the segment that is being written.
+    Segments near an event are deleted last.
+
+    Args:
+        stored: the finished segments.
+        writing_bytes: size of the segment that is being written.
+        settings: limits of age and total size.
+        utc_s: present time in s since 1970.
     """
     oldest_first = sorted(stored, key=lambda each: (each.is_kept, each.until_utc_s))
-    room = settings.ring_mib * 2**20 - writing_bytes - sum(each.size_bytes for each in oldest_first)
-    gone: list[Path] = []
+    free_bytes = (
+        settings.ring_mib * 2**20 - writing_bytes - sum(each.size_bytes for each in oldest_first)
+    )
+    deleted: list[Path] = []
     for each in oldest_first:
         lifetime_s = settings.kept_ring_s if each.is_kept else settings.ring_s
-        if room < 0 or each.until_utc_s < utc_s - lifetime_s:
-            gone.append(each.path)
-            room += each.size_bytes
-    return gone
+        if free_bytes < 0 or each.until_utc_s < utc_s - lifetime_s:
+            deleted.append(each.path)
+            free_bytes += each.size_bytes
+    return deleted

@@ -18,9 +18,9 @@ from onboard.recorder.records import CameraImage, RecordedMessage
 from onboard.trace.trace_line import as_json, as_record
 
 METADATA: Final = "onboard"
-"""Name of the metadata record that every segment begins with."""
+"""Name of the metadata record at the start of each segment."""
 IMAGES: Final = "/camera"
-_PICTURE_SCHEMA = {
+_IMAGE_SCHEMA = {
     "title": "foxglove.CompressedImage",
     "type": "object",
     "properties": {
@@ -34,14 +34,20 @@ _PICTURE_SCHEMA = {
         "format": {"type": "string"},
     },
 }
-"""Foxglove's own schema, by whose name it knows a picture."""
+"""Schema of Foxglove, which shows messages of this schema name as images."""
 
 
 class Segment:
-    """A file that is being written. Everything may raise `OSError`."""
+    """A segment that is being written. Every method may raise `OSError`."""
 
-    def __init__(self, path: Path, head: RecordingHeader, number: int) -> None:
-        """Make the file, readable by its owner only, with all that a reader must know first."""
+    def __init__(self, path: Path, header: RecordingHeader, number: int) -> None:
+        """Create the file, readable by its owner only, and write the header.
+
+        Args:
+            path: the new file.
+            header: header of the recording.
+            number: number of the segment within the drive, from 0.
+        """
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         self.path = path
         self._file = os.fdopen(descriptor, "wb")
@@ -52,7 +58,7 @@ class Segment:
             self._writer.start(profile="", library="onboard")
             self._writer.add_metadata(
                 METADATA,
-                {"format": str(FORMAT), "segment": str(number), "head": head.model_dump_json()},
+                {"format": str(FORMAT), "segment": str(number), "head": header.model_dump_json()},
             )
             self.flush()
             _sync_folder(path.parent)
@@ -63,25 +69,25 @@ class Segment:
 
     @property
     def size_bytes(self) -> int:
-        """As it is on disk."""
+        """Size on disk in bytes."""
         return self._file.tell()
 
-    def add(self, note: RecordedMessage) -> None:
-        """Append a note; it is safe after the next `flush`."""
-        stamp_ns = round(note.utc_s * 1e9)
-        channel = self._channels.get(note.topic)
+    def add(self, record: RecordedMessage) -> None:
+        """Append a record; after the next `flush` it is on the disk."""
+        stamp_ns = round(record.utc_s * 1e9)
+        channel = self._channels.get(record.topic)
         if channel is None:
-            channel = self._channels[note.topic] = self._new_channel(note)
-        data = as_json(_record(note)).encode()
+            channel = self._channels[record.topic] = self._new_channel(record)
+        data = as_json(_record(record)).encode()
         self._writer.add_message(channel, stamp_ns, data, publish_time=stamp_ns)
 
     def flush(self) -> None:
-        """Bring everything onto the disk, so that a power cut does not take it."""
+        """Write everything to the disk, safe from a power cut."""
         self._writer.flush()  # type: ignore[no-untyped-call]  # mcap's omission
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
-        """Finish the file: what readers need to find their way in it comes at its end."""
+        """Finish the file with the index that readers need at its end."""
         try:
             self._writer.finish()  # type: ignore[no-untyped-call]  # mcap's omission
             self._file.flush()
@@ -90,35 +96,35 @@ class Segment:
             self._file.close()
 
     def abandon(self) -> None:
-        """Close the file as it is, on a disk that takes no more."""
-        with contextlib.suppress(OSError):  # what was buffered does not fit; closed it is
+        """Close the file unfinished, after a write error."""
+        with contextlib.suppress(OSError):  # buffered data does not fit; the file is closed anyway
             self._file.close()
 
-    def _new_channel(self, note: RecordedMessage) -> int:
-        schema = schema_of(type(note.value))
+    def _new_channel(self, record: RecordedMessage) -> int:
+        schema = schema_of(type(record.value))
         schema_id = self._writer.register_schema(
             schema["title"], "jsonschema", json.dumps(schema).encode()
         )
-        return self._writer.register_channel(note.topic, "json", schema_id)
+        return self._writer.register_channel(record.topic, "json", schema_id)
 
 
-def _record(note: RecordedMessage) -> dict[str, Any]:
-    if not isinstance(note.value, CameraImage):
-        return as_record(note.value)
-    seconds, fraction = divmod(note.utc_s, 1.0)
+def _record(record: RecordedMessage) -> dict[str, Any]:
+    if not isinstance(record.value, CameraImage):
+        return as_record(record.value)
+    seconds, fraction = divmod(record.utc_s, 1.0)
     return {
         "timestamp": {"sec": int(seconds), "nsec": int(fraction * 1e9)},
         "frame_id": "camera",
-        "data": base64.b64encode(note.value.jpeg).decode(),
+        "data": base64.b64encode(record.value.jpeg).decode(),
         "format": "jpeg",
     }
 
 
 @cache
 def schema_of(value_type: type) -> dict[str, Any]:
-    """The JSON schema of what a value of this type is written as."""
+    """Return the JSON schema of the records of a type."""
     if value_type is CameraImage:
-        return _PICTURE_SCHEMA
+        return _IMAGE_SCHEMA
     try:
         schema = TypeAdapter(value_type).json_schema(mode="serialization")
     except (PydanticInvalidForJsonSchema, PydanticSchemaGenerationError):
@@ -128,7 +134,7 @@ def schema_of(value_type: type) -> dict[str, Any]:
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether a black box, in this process or another, has the file open.
+    """Whether a black box of this or another process is writing the file.
 
     Raises:
         OSError: it cannot be opened.
@@ -142,7 +148,7 @@ def is_being_written(path: Path) -> bool:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make a new name in the folder safe."""
+    """Write the entries of the folder to the disk, safe from a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

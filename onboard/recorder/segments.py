@@ -1,4 +1,4 @@
-"""The folder of the black box: one segment being written, and those before it, as the ring says."""
+"""Segments of a drive in the folder of the black box: writing, rotation and retention."""
 
 import contextlib
 import time
@@ -7,53 +7,54 @@ from pathlib import Path
 
 from onboard.recorder.header import RecordingHeader
 from onboard.recorder.records import Identity, RecordedMessage
-from onboard.recorder.retention import Stored, kept_path, segments_in, to_delete
+from onboard.recorder.retention import StoredSegment, kept_path, segments_in, segments_to_delete
 from onboard.recorder.segment import Segment, is_being_written
 from onboard.recorder.settings import RecorderSettings
 from onboard.risk.alarm import Alarm, Level
 
-KEEPING = frozenset({"/out/warning", "/out/hard_brake", "/in/hard_brake", "/in/brake_button"})
-"""What the minutes around it are kept for, beside the alarms that are warnings."""
+EVENT_TOPICS = frozenset({"/out/warning", "/out/hard_brake", "/in/hard_brake", "/in/brake_button"})
+"""Topics of events: segments near one are kept longer. Alarms of level warning are events too."""
 
-MAKE_ROOM_S = 10.0
-"""How often it is looked whether all segments still fit."""
+RETENTION_INTERVAL_S = 10.0
+"""Time between two checks of age and total size of the segments in s."""
 
 
 class Segments:
-    """Writes a drive. Everything may raise `OSError`, after which only `abandon` is left to do.
+    """Writes a drive as segments.
 
-    Files that somebody else takes away are not missed.
+    Every method may raise `OSError`, after which only `abandon` may be called. Files that other
+    programs delete or move are ignored.
     """
 
-    def __init__(self, settings: RecorderSettings, head: RecordingHeader) -> None:
+    def __init__(self, settings: RecorderSettings, header: RecordingHeader) -> None:
         self._settings = settings
-        self._head = head
+        self._header = header
         self._next_number = 0
         self._segment: Segment | None = None
         self._began_at = 0.0
         self._ended: list[tuple[float, Path]] = []
         self._keep_until = float("-inf")
         self._identities: dict[tuple[str, int], Identity] = {}
-        self._make_room_at = 0.0
-        self._unsafe: list[RecordedMessage] = []
+        self._retention_at = 0.0
+        self._unflushed: list[RecordedMessage] = []
 
     @property
     def path(self) -> Path:
-        """Of the segment that is being written."""
+        """Path of the segment that is being written."""
         return self._open_segment().path
 
     @property
-    def unsafe_notes(self) -> int:
-        """How many the disk has not confirmed; from any thread."""
-        return len(self._unsafe)
+    def unflushed_records(self) -> int:
+        """Number of records since the last flush; may be read from any thread."""
+        return len(self._unflushed)
 
     def open(self, now: float, utc_s: float) -> None:
-        """Begin a segment at `now`, on the cores' clock."""
-        self.make_room(now)
-        name = self._settings.folder / f"{self._head.drive}-{self._next_number:04}.mcap"
+        """Begin a segment at `now`, in s on the clock of the cores."""
+        self.apply_retention(now)
+        name = self._settings.folder / f"{self._header.drive}-{self._next_number:04}.mcap"
         self._segment = Segment(
             kept_path(name) if now < self._keep_until else name,
-            self._head,
+            self._header,
             self._next_number,
         )
         self._next_number += 1
@@ -63,52 +64,52 @@ class Segments:
                 RecordedMessage("/in/identity", utc_s, replace(identity, stamp_s=now))
             )
 
-    def write(self, note: RecordedMessage) -> None:
-        """Append to the segment, or to the next one when its time is over."""
-        now = note.value.stamp_s
-        self._unsafe.append(note)
+    def write(self, record: RecordedMessage) -> None:
+        """Append to the segment, or to a new one after `segment_s`."""
+        now = record.value.stamp_s
+        self._unflushed.append(record)
         if now - self._began_at >= self._settings.segment_s:
             self.close(now)
-            self._unsafe = [note]  # the next segment's
-            self.open(now, note.utc_s)
-        elif now >= self._make_room_at:
-            self.make_room(now)
-        self._open_segment().add(note)
-        if isinstance(note.value, Identity):
-            self._remember(note.value)
-        elif is_event(note):
-            self._keep_around(now)
+            self._unflushed = [record]  # goes to the next segment
+            self.open(now, record.utc_s)
+        elif now >= self._retention_at:
+            self.apply_retention(now)
+        self._open_segment().add(record)
+        if isinstance(record.value, Identity):
+            self._repeat_in_segments(record.value)
+        elif is_event(record):
+            self._keep_near(now)
 
     def flush(self) -> None:
-        """Bring everything onto the disk."""
+        """Write everything to the disk, safe from a power cut."""
         self._open_segment().flush()
-        self._unsafe = []
+        self._unflushed = []
 
     def close(self, now: float) -> None:
         """Finish the segment."""
         segment = self._open_segment()
         segment.close()
-        self._unsafe = []
+        self._unflushed = []
         self._ended.append((now, segment.path))
         self._segment = None
 
     def abandon(self, now: float) -> list[RecordedMessage]:
-        """Leave the segment as it is, on a disk that takes no more.
+        """Close the segment unfinished, after a write error.
 
         Returns:
-            the notes that may not have come onto the disk.
+            the records that may be lost.
         """
         if self._segment is not None:
             self._segment.abandon()
             self._ended.append((now, self._segment.path))
             self._segment = None
-        lost, self._unsafe = self._unsafe, []
+        lost, self._unflushed = self._unflushed, []
         return lost
 
-    def make_room(self, now: float) -> None:
-        """Delete what the ring gives up."""
+    def apply_retention(self, now: float) -> None:
+        """Delete the segments that are too old or exceed the size limit."""
         utc_s = time.time()
-        # The clock may have been set since a segment ended: those of this drive go by the cores'.
+        # UTC may have been set since a segment ended; for this drive the clock of the cores counts.
         ended = {path: utc_s - (now - at) for at, path in self._ended}
         stored = []
         for path in segments_in(self._settings.folder):
@@ -116,24 +117,24 @@ class Segments:
                 if not is_being_written(path):
                     status = path.stat()
                     until_utc_s = ended.get(path, status.st_mtime)
-                    stored.append(Stored(path, until_utc_s, status.st_size))
+                    stored.append(StoredSegment(path, until_utc_s, status.st_size))
         writing_bytes = self._segment.size_bytes if self._segment is not None else 0
-        for path in to_delete(stored, writing_bytes, self._settings, utc_s):
+        for path in segments_to_delete(stored, writing_bytes, self._settings, utc_s):
             path.unlink(missing_ok=True)
-        self._make_room_at = now + MAKE_ROOM_S
+        self._retention_at = now + RETENTION_INTERVAL_S
         self._ended = [each for each in self._ended if each[1].exists()]
 
     def _open_segment(self) -> Segment:
         assert self._segment is not None  # noqa: S101 (`open` comes first)
         return self._segment
 
-    def _remember(self, identity: Identity) -> None:
-        """Every segment says again which IDs hold, so that the cars in it are known apart."""
+    def _repeat_in_segments(self, identity: Identity) -> None:
+        """Store the identity: every later segment begins with it and is thus complete."""
         self._identities[identity.plate, identity.epoch] = identity
-        for known in [known for known in self._identities if known[1] < identity.epoch - 1]:
-            del self._identities[known]
+        for expired in [key for key in self._identities if key[1] < identity.epoch - 1]:
+            del self._identities[expired]
 
-    def _keep_around(self, now: float) -> None:
+    def _keep_near(self, now: float) -> None:
         self._keep_until = now + self._settings.keep_s
         segment = self._open_segment()
         segment.path = _kept(segment.path)
@@ -141,10 +142,12 @@ class Segments:
         self._ended = [(at, _kept(path) if at > since else path) for at, path in self._ended]
 
 
-def is_event(note: RecordedMessage) -> bool:
-    """Whether something happened that the minutes around it are kept for."""
-    value = note.value
-    return note.topic in KEEPING or (isinstance(value, Alarm) and value.level is Level.WARNING)
+def is_event(record: RecordedMessage) -> bool:
+    """Whether segments near this record are kept longer."""
+    value = record.value
+    return record.topic in EVENT_TOPICS or (
+        isinstance(value, Alarm) and value.level is Level.WARNING
+    )
 
 
 def _kept(path: Path) -> Path:

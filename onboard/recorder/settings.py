@@ -1,4 +1,4 @@
-"""What is recorded, how much of it is kept, and for how long."""
+"""Settings of the black box: content, size and retention of recordings."""
 
 from pathlib import Path
 from typing import Literal
@@ -9,28 +9,27 @@ from onboard.settings import Settings
 
 
 class RecorderSettings(Settings):
-    """The black box. Its defaults record no plate in clear and no picture."""
+    """The black box. By default it records no plate in clear and no image."""
 
     folder: Path
-    """Where the segments go; made if it is not there, readable by its owner only."""
+    """Folder of the segments; created if missing, readable by its owner only."""
     plates: Literal["digests", "clear"] = "digests"
-    """`digests` stands for a plate by a word that is the same within one drive, and means nothing
-    outside of it. Both replay."""
+    """`digests`: an alias in place of each plate, constant within a drive and different in each.
+    Recordings of both kinds can be replayed."""
     positions: bool = True
-    """Own fixes and everybody's BSMs. Without them a recording is no proof: it cannot be replayed
-    with `--expect`."""
+    """Whether own positions and all BSMs are recorded; `replay --expect` needs them."""
     pictures_hz: float = Field(0.0, ge=0.0, le=30.0)
-    """How many of the camera's pictures a second, as JPEG; they show plates and people."""
+    """Rate of recorded camera images in Hz; they show plates and people."""
     picture_quality: int = Field(60, ge=1, le=100)
-    """Of the JPEG."""
+    """JPEG quality of the images."""
     segment_s: float = Field(60.0, ge=1.0, le=3600.0)
-    """How much one file holds. Whole files are kept or given up."""
+    """Duration of one segment in s. Segments are kept or deleted as a whole."""
     ring_s: float = Field(86_400.0, ge=60.0, le=3.2e7)
-    """How old a segment becomes that nothing happened in: a day."""
+    """Age in s at which a segment without an event is deleted: a day."""
     ring_mib: float = Field(4096.0, ge=1.0)
-    """How much disk all segments take; beyond it the oldest go, those around an event last."""
+    """Total size of all segments in MiB; the oldest are deleted first, those near an event last."""
     kept_ring_s: float = Field(2_592_000.0, ge=60.0, le=3.2e8)
-    """The same for those around an event: a month."""
+    """Age in s at which a segment near an event is deleted: a month."""
     keep_s: float = Field(120.0, ge=0.0, le=3600.0)
-    """How much before and after a warning, a hard brake or the button is kept when its time is
-    over."""
+    """Time before and after an event in s whose segments are kept longer. Events are warnings, hard
+    braking and the brake button."""

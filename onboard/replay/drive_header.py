@@ -19,8 +19,8 @@ OF_THE_CORES = frozenset({
     "car", "obd", "vision", "security", "lcca", "lcca_psid", "mvs", "risk", "access", "beacons",
     "sensor_timeouts",
 })  # fmt: skip
-"""The sections of a `CarConfig` that cores read. The others are wires and files, which may hold
-addresses and passwords."""
+"""The sections of a `CarConfig` that cores read. The others are connections and files, which may
+hold addresses and passwords."""
 
 
 def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -> RecordingHeader:
@@ -33,7 +33,7 @@ def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -
     """
     config, seed, credentials = initial.config, initial.seed, initial.credentials
     tree = json.loads(config.model_dump_json(include=set(OF_THE_CORES), exclude_defaults=True))
-    tree["car"]["plate"] = aliases.word(config.car.plate)
+    tree["car"]["plate"] = aliases.alias(config.car.plate)
     tree.get("access", {}).pop("driver_file", None)
     tree.get("security", {}).pop("keys_folder", None)
     tree.get("security", {}).get("plate_digest", {}).pop("community_key", None)

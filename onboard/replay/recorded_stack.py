@@ -21,10 +21,10 @@ class RecordWriter(Protocol):
     def settings(self) -> RecorderSettings:
         """Settings: what may be recorded, and in which form plates are."""
 
-    def begin(self, head: RecordingHeader) -> None:
+    def begin(self, header: RecordingHeader) -> None:
         """Take the header, before the first record."""
 
-    def note(self, note: RecordedMessage) -> None:
+    def record(self, record: RecordedMessage) -> None:
         """Take one record."""
 
 
@@ -38,33 +38,33 @@ def recorded_stack(writer: RecordWriter | None, initial: InitialState) -> Stack 
     begins = initial.now, initial.utc_s
     tap: Tap | None = None
 
-    def note_identity(plate: str, epoch: int, car_id: bytes) -> None:
+    def record_identity(plate: str, epoch: int, car_id: bytes) -> None:
         # The cores derive their own ID in their constructor, before the tap exists.
         at_s, at_utc_s = begins if tap is None else tap.last_step
-        identity = Identity(at_s, aliases.word(plate), epoch, car_id)
-        writer.note(RecordedMessage("/in/identity", at_utc_s, identity))
+        identity = Identity(at_s, aliases.alias(plate), epoch, car_id)
+        writer.record(RecordedMessage("/in/identity", at_utc_s, identity))
 
-    stack = initial.stack(RecordingDigest(initial.config.security.plate_digest, note_identity))
-    tap = Tap(stack, writer.note, aliases, begins, positions=settings.positions)
+    stack = initial.stack(RecordingDigest(initial.config.security.plate_digest, record_identity))
+    tap = Tap(stack, writer.record, aliases, begins, positions=settings.positions)
     return tap
 
 
 def replayed_stack(
-    head: RecordingHeader,
+    header: RecordingHeader,
     car_ids: Mapping[tuple[str, int], bytes],
-    note: Callable[[RecordedMessage], None],
+    on_record: Callable[[RecordedMessage], None],
     begins: tuple[float, float] | None = None,
 ) -> Tap:
     """Return new cores with the initial state of a recorded drive.
 
     Args:
-        head: header of the recording.
+        header: header of the recording.
         car_ids: as in `ReplayedDigest`; may grow during the replay.
-        note: takes the records of the replay.
+        on_record: takes the records of the replay.
         begins: start in s, on the clock of the cores and since 1970, if not that of the drive.
     """
-    initial = initial_state_of(head)
+    initial = initial_state_of(header)
     now, utc_s = begins or (initial.now, initial.utc_s)
     digest = ReplayedDigest(initial.config.security.plate_digest, car_ids)
     stack = replace(initial, now=now, utc_s=utc_s).stack(digest)
-    return Tap(stack, note, Aliases(in_clear=True), (now, utc_s), positions=True)
+    return Tap(stack, on_record, Aliases(in_clear=True), (now, utc_s), positions=True)

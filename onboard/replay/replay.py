@@ -110,13 +110,13 @@ def play(drive: RecordedDrive) -> Iterator[RecordedStep]:
             continue
         if tap is None:
             begins = (value.stamp_s, entry.utc_s) if drive.begins_late else None
-            tap = replayed_stack(drive.head, car_ids, records.append, begins)
+            tap = replayed_stack(drive.header, car_ids, records.append, begins)
         if isinstance(value, StepEnd):
             outputs = tap.step(inputs, value.stamp_s, value.utc_s)
             inputs = []
             replayed = [_output(record) for record in records if record.topic.startswith("/out/")]
             records.clear()
-            current = RecordedStep(value.stamp_s - drive.head.now_s, outputs.events, replayed)
+            current = RecordedStep(value.stamp_s - drive.header.now_s, outputs.events, replayed)
         else:
             inputs.append(value)
     if current is not None:
@@ -158,7 +158,7 @@ def compare(drive: RecordedDrive, tolerance: float = 0.0) -> ReplayComparison:
 
 
 def _require_whole(drive: RecordedDrive) -> None:
-    if not drive.head.is_complete:
+    if not drive.header.is_complete:
         raise RecordingError("recorded without positions, on which decisions depend")
     if drive.begins_late:
         raise RecordingError("starts within its drive: earlier inputs are missing")

@@ -28,23 +28,23 @@ class Tap:
     def __init__(
         self,
         stack: Stack,
-        note: Callable[[RecordedMessage], None],
+        on_record: Callable[[RecordedMessage], None],
         aliases: Aliases,
         begins: tuple[float, float],
         *,
         positions: bool,
     ) -> None:
-        """Pass each record to `note`.
+        """Pass each record to `on_record`.
 
         Args:
             stack: the cores.
-            note: takes a record; must return at once.
+            on_record: takes a record; must return at once.
             aliases: names to record in place of plates.
             begins: start of the drive in s, on the clock of the cores and since 1970.
             positions: whether records that hold positions are kept.
         """
         self._stack = stack
-        self._note = note
+        self._on_record = on_record
         self._aliases = aliases
         self._now, utc_s = begins
         self._utc_offset_s = utc_s - self._now
@@ -109,7 +109,7 @@ class Tap:
         if self._positions or not _holds_position(value):
             topic = f"/{direction}/{value.kind}"
             utc_s = self._now + self._utc_offset_s
-            self._note(RecordedMessage(topic, utc_s, self._aliases.hide(value)))
+            self._on_record(RecordedMessage(topic, utc_s, self._aliases.replace_plates(value)))
 
 
 def _holds_position(value: Event) -> bool:

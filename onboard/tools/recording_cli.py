@@ -1,4 +1,4 @@
-"""`onboard export`, and how `onboard replay` plays a recording of the black box."""
+"""`onboard export`, and `onboard replay --expect` for recordings of the black box."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,13 +11,13 @@ from onboard.recorder.reader import RecordedDrive
 from onboard.replay.replay import Output, ReplayComparison, compare
 from onboard.tools.export import write_candump, write_pcap
 
-Boxes = Annotated[
-    list[Path], typer.Argument(help="The files of one drive, or a folder that holds only these.")
+RecordingPaths = Annotated[
+    list[Path], typer.Argument(help="Segments of one drive, or a folder with only these.")
 ]
 
 
 def export(
-    box: Boxes,
+    recording: RecordingPaths,
     pcap: Annotated[
         Path | None, typer.Option(help="Write the radio's frames here, for Wireshark.")
     ] = None,
@@ -28,24 +28,24 @@ def export(
     """Export the radio and CAN frames of a black box recording, for other tools."""
     if pcap is None and candump is None:
         raise UserError("nothing to export: give --pcap or --candump, or both")
-    recording = RecordedDrive(box)
+    drive = RecordedDrive(recording)
     if pcap is not None:
         with _created(pcap) as file:
-            typer.echo(f"{pcap}: {write_pcap(recording, file)} WSMs")
+            typer.echo(f"{pcap}: {write_pcap(drive, file)} WSMs")
     if candump is not None:
         with _created(candump) as file:
-            typer.echo(f"{candump}: {write_candump(recording, file)} frames")
+            typer.echo(f"{candump}: {write_candump(drive, file)} frames")
 
 
 def expect(paths: Sequence[Path], tolerance: float = 0.0) -> bool:
-    """Print how far a replay equals its recording; return whether it equals all of it."""
+    """Print how far a replay equals its recording; return whether all outputs are equal."""
     comparison = compare(RecordedDrive(paths), tolerance)
     for line in _verdict(comparison):
         typer.echo(line)
     if comparison.gap is not None:
         raise UserError(
-            f"{comparison.gap.dropped} records are missing from here on: the disk was full or too"
-            " slow, and what follows cannot be compared"
+            f"{comparison.gap.dropped} records are missing here: the disk was full or too"
+            " slow. The rest of the recording cannot be compared"
         )
     return comparison.difference is None
 
@@ -53,7 +53,7 @@ def expect(paths: Sequence[Path], tolerance: float = 0.0) -> bool:
 def _verdict(comparison: ReplayComparison) -> Iterator[str]:
     yield f"{comparison.outputs} outputs in {comparison.until_s:.3f} s equal the recorded ones"
     if comparison.difference is not None:
-        yield f"the first that differs, {comparison.difference.at_s:.6f} s after the start:"
+        yield f"first difference, {comparison.difference.at_s:.6f} s after the start:"
         yield f"  recorded: {_text(comparison.difference.recorded)}"
         yield f"  replayed: {_text(comparison.difference.replayed)}"
 

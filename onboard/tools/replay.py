@@ -1,4 +1,4 @@
-"""Drives the cores with a recording: one JSON line per observation and decision."""
+"""Replays CAN logs, video clips and NMEA files through the cores."""
 
 import heapq
 import time
@@ -24,7 +24,7 @@ from onboard.vision.networks import load_perception
 from onboard.vision.settings import CameraSettings
 
 LONGEST_PAUSE_S = 86_400.0
-"""A car may stand for a night in its recording."""
+"""Longest gap between two inputs in s; a vehicle may be parked overnight in a recording."""
 
 _Stamped = tuple[float, int, Input]
 """Time in s, number of the source (which orders inputs of one time), and the input."""
@@ -32,37 +32,38 @@ _Stamped = tuple[float, int, Input]
 
 @dataclass(frozen=True, slots=True)
 class RawRecording:
-    """Files that were recorded in a drive; each is optional."""
+    """Raw sensor recordings of a drive, each optional."""
 
     can: Path | None = None
-    """CAN log, in any format that python-can reads."""
+    """CAN log in any format that python-can reads."""
     clip: str | None = None
-    """A video, or a folder or glob of pictures."""
+    """A video, or a folder or glob of images."""
     fps: float | None = None
-    """Frame rate of pictures, or of a clip whose own frame rate is wrong."""
+    """Frame rate in Hz; needed for images, and for videos that state a wrong rate."""
     nmea: Path | None = None
-    """A GNSS receiver's sentences."""
+    """NMEA sentences of a GNSS receiver."""
 
     def sensors(self) -> frozenset[Sensor]:
-        """Return the sensors of which there is a file."""
-        kept = {Sensor.SPEED: self.can, Sensor.CAMERA: self.clip, Sensor.POSITION: self.nmea}
-        return frozenset(sensor for sensor, recorded in kept.items() if recorded is not None)
+        """Return the recorded sensors."""
+        recordings = {Sensor.SPEED: self.can, Sensor.CAMERA: self.clip, Sensor.POSITION: self.nmea}
+        return frozenset(sensor for sensor, recorded in recordings.items() if recorded is not None)
 
 
 def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
-    """Yield what the car would have seen and decided, in order.
+    """Yield the observations and decisions of the cores, in order of time.
 
-    CAN frames and NMEA sentences keep their own stamps. A clip has none: it begins with the first
-    CAN frame, without any with the first fix, or at 0 alone.
+    CAN frames and NMEA sentences have time stamps. A clip has none: it starts with the first CAN
+    frame, else with the first fix, else at 0.
 
     Raises:
-        UserError: there is nothing to replay, it cannot be read, or a day is missing in it.
+        UserError: there is nothing to replay, a file cannot be read, or inputs are more than
+            `LONGEST_PAUSE_S` apart.
     """
     inputs = _inputs(recording, config)
     first = next(inputs, None)
     if first is None:
-        raise UserError("nothing to replay: no frame, picture or sentence in it can be read")
-    # Without polling: the responses to the requests of the drive are in the recording.
+        raise UserError("nothing to replay: no readable CAN frame, image or NMEA sentence")
+    # No OBD requests: the recording holds the requests of the drive and their responses.
     listening = config.obd.model_copy(update={"polling_hz": None})
     stack = Stack(
         config.model_copy(update={"obd": listening}),
@@ -76,8 +77,8 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
     for stamp_s, _, received in chain((first,), inputs):
         if stamp_s - now > LONGEST_PAUSE_S:
             raise UserError(
-                f"the recording jumps from {now:.0f} to {stamp_s:.0f} s: is it of one drive, and"
-                " are all its parts by one clock?"
+                f"the recording jumps from {now:.0f} to {stamp_s:.0f} s: its files must be of one"
+                " drive and use one clock"
             )
         while (at := stack.get_timer()) <= stamp_s:
             now = max(now, at)
@@ -87,7 +88,7 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
 
 
 def in_real_time(events: Iterator[Event]) -> Iterator[Event]:
-    """The same events, each when it is due: at the speed of the drive, not of the machine."""
+    """Yield the events at the speed of the drive."""
     offset_s = None
     for event in events:
         if offset_s is None:
@@ -97,7 +98,7 @@ def in_real_time(events: Iterator[Event]) -> Iterator[Event]:
 
 
 def _inputs(recording: RawRecording, config: CarConfig) -> Iterator[_Stamped]:
-    """All recordings, merged by stamp."""
+    """Yield the inputs of all recordings in order of time."""
     stamped = [
         *([_from_can(recording.can)] if recording.can is not None else []),
         *([_from_nmea(recording.nmea)] if recording.nmea is not None else []),
@@ -121,7 +122,7 @@ def _from_can(path: Path) -> Iterator[_Stamped]:
         while unreadable:
             yield frame.stamp_s, 0, unreadable.pop(0)
         yield frame.stamp_s, 0, frame
-    for discarded in unreadable:  # behind the last frame
+    for discarded in unreadable:  # after the last frame
         yield discarded.stamp_s, 0, discarded
 
 
@@ -140,7 +141,7 @@ def _from_clip(
 
 
 def _from_nmea(path: Path) -> Iterator[_Stamped]:
-    """Sentences before the first fix have no date: they get the time of that fix."""
+    """Yield the events of an NMEA file; those before the first fix get its time stamp."""
     undated: list[Discarded] = []
     began = False
     for observation in _read_nmea(path):

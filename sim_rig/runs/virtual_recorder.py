@@ -17,15 +17,15 @@ class VirtualRecorder:
         self.settings = RecorderSettings(folder=folder, segment_s=3600.0)
         self._segments: Segments | None = None
 
-    def begin(self, head: RecordingHeader) -> None:
+    def begin(self, header: RecordingHeader) -> None:
         """See `onboard.recorder.black_box.BlackBox`."""
-        self._segments = Segments(self.settings, head)
-        self._segments.open(head.now_s, head.utc_s)
+        self._segments = Segments(self.settings, header)
+        self._segments.open(header.now_s, header.utc_s)
 
-    def note(self, note: RecordedMessage) -> None:
+    def record(self, record: RecordedMessage) -> None:
         """See `onboard.recorder.black_box.BlackBox`."""
         assert self._segments is not None  # noqa: S101 (`begin` comes first)
-        self._segments.write(note)
+        self._segments.write(record)
 
     def close(self, now: float) -> None:
         """Finish the file."""

@@ -1,4 +1,4 @@
-"""Footers with lies: counted by reason, bounded, dropped or weighted down (decision 0074)."""
+"""Invalid footers: counted by reason, bounded, dropped or weighted down (docs/design/mvs.md)."""
 
 import cProfile
 import dataclasses

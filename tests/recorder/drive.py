@@ -1,4 +1,4 @@
-"""Two cars on a wire that loses nothing, signed or not; the second one's black box is on."""
+"""Records a drive of the second of two vehicles with an ideal radio, signed or unsigned."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,32 +21,31 @@ from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
 
 START_UTC_S = 1_750_000_480.0
-"""20 s before everybody's ID changes."""
+"""20 s before the communication IDs change."""
 START_S = 1000.0
 AHEAD, BEHIND = "GN417KB", "RD288HX"
 KEY = "a secret of this trial only"
 STEP_S = 0.05
-"""Of a drive: every car has a speed and a picture each."""
+"""Time of one step in s; each vehicle has one speed and one camera result per step."""
 
 
-class Written:
-    """A recording that is written as it comes."""
+class SegmentWriter:
+    """A `RecordWriter` that writes each record at once."""
 
     def __init__(self, folder: Path, flush_every: int = 1000, **settings: object) -> None:
         self._flush_every = flush_every
-        self._notes = 0
+        self._records = 0
         tree = {"folder": str(folder), **settings}
         self.settings = parse_settings(tree, RecorderSettings, "recorder")
 
-    def begin(self, head: RecordingHeader) -> None:
-        self.head = head
-        self.segments = Segments(self.settings, head)
-        self.segments.open(head.now_s, head.utc_s)
+    def begin(self, header: RecordingHeader) -> None:
+        self.segments = Segments(self.settings, header)
+        self.segments.open(header.now_s, header.utc_s)
 
-    def note(self, note: RecordedMessage) -> None:
-        self.segments.write(note)
-        self._notes += 1
-        if self._notes % self._flush_every == 0:
+    def record(self, record: RecordedMessage) -> None:
+        self.segments.write(record)
+        self._records += 1
+        if self._records % self._flush_every == 0:
             self.segments.flush()
 
 
@@ -64,9 +63,9 @@ def credentials() -> Iterator[Credentials]:
 def record_drive(
     folder: Path, duration_s: float = 4.0, *, signed: bool = False, **settings: object
 ) -> Path:
-    """The car behind joins the one ahead, which brakes; returns the folder of the recording."""
+    """Record how a vehicle joins the group of the one ahead, which brakes; return `folder`."""
     folder.mkdir(exist_ok=True)
-    written = Written(folder, **settings)
+    recorder = SegmentWriter(folder, **settings)
     keys = list(credentials()) if signed else [None, None]
     cars = [
         recorded_stack(
@@ -81,23 +80,23 @@ def record_drive(
             ),
         )
         for writer, plate, seed, key in zip(
-            (None, written), (AHEAD, BEHIND), (1, 2), keys, strict=True
+            (None, recorder), (AHEAD, BEHIND), (1, 2), keys, strict=True
         )
     ]
     for step in range(round(duration_s / STEP_S)):
         now, utc_s = START_S + step * STEP_S, START_UTC_S + step * STEP_S + 1e-7 * (step % 3)
         inputs = [list(_inputs(number, step, now)) for number in range(len(cars))]
-        for _ in range(3):  # so that answers are answered
+        for _ in range(3):  # so that replies get replies in the same step
             all_inputs, inputs = inputs, [[] for _ in cars]
             for number, car in enumerate(cars):
                 for wsm in car.step(all_inputs[number], now, utc_s).wsms:
                     inputs[1 - number].append(ReceivedWsm(now, wsm.data))
-    written.segments.close(START_S + duration_s)
+    recorder.segments.close(START_S + duration_s)
     return folder
 
 
 def _inputs(number: int, step: int, now: float) -> Iterator[Input]:
-    """Yield what the sensors of the car in front (0) or behind (1) put out."""
+    """Yield the sensor inputs of the vehicle ahead (0) or behind (1)."""
     yield Speed(now, 15.0, 0.28, "obd:7E8")
     if step % 4 == 0:
         yield Position(now, 48.1, 11.5 - 2e-4 * number, 500.0, 2.0, 15.0, 1.57)

@@ -1,8 +1,8 @@
-"""A head for recordings that no cores made."""
+"""A header for recordings without cores."""
 
 from onboard.recorder.header import RecordingHeader
 
-HEAD = RecordingHeader(
+HEADER = RecordingHeader(
     drive="20250615T150640.000Z",
     software="0",
     seed=(1,),

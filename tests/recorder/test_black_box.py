@@ -1,4 +1,4 @@
-"""The thread and its disk: killed, full, slow, in the daemon and by itself."""
+"""Recording with a full, slow or hanging disk and a killed process, alone and in the daemon."""
 
 import json
 import resource
@@ -29,16 +29,16 @@ from onboard.replay.replay import compare
 from onboard.step import BrakeButton
 from tests.recorder import headers
 
-HEAD = headers.HEAD.model_copy(update={"now_s": time.monotonic()})
-"""Of a drive that begins now: the writing thread goes by the real clock."""
+HEADER = headers.HEADER.model_copy(update={"now_s": time.monotonic()})
+"""Header of a drive that starts now, since the writing thread uses the monotonic clock."""
 WITHIN_S = 20.0
-"""Until something must have come; far more than it takes."""
+"""Longest wait for a condition in s; it usually takes milliseconds."""
 
 
-def until(holds: Callable[[], bool]) -> None:
+def wait_until(holds: Callable[[], bool]) -> None:
     give_up_at = time.monotonic() + WITHIN_S
     while not holds():
-        assert time.monotonic() < give_up_at, "it did not come"
+        assert time.monotonic() < give_up_at, "condition not met in time"
         time.sleep(0.01)
 
 
@@ -46,49 +46,49 @@ def frame(number: int, size: int = 8) -> RecordedMessage:
     data = number.to_bytes(4) + secrets.token_bytes(size - 4)
     return RecordedMessage(
         "/in/can",
-        HEAD.utc_s + number,
-        CanFrame(HEAD.now_s + number * 1e-3, 0x123, is_extended_id=False, data=data),
+        HEADER.utc_s + number,
+        CanFrame(HEADER.now_s + number * 1e-3, 0x123, is_extended_id=False, data=data),
     )
 
 
-def numbers(of: Path) -> list[int]:
+def numbers(path: Path) -> list[int]:
     return [
         int.from_bytes(bytes.fromhex(entry.record["data"])[:4])
-        for entry in RecordedDrive([of]).entries()
+        for entry in RecordedDrive([path]).entries()
         if entry.topic == "/in/can"
     ]
 
 
-def gaps(of: Path) -> list[int]:
+def gaps(path: Path) -> list[int]:
     return [
         entry.record["dropped"]
-        for entry in RecordedDrive([of]).entries()
+        for entry in RecordedDrive([path]).entries()
         if entry.topic == "/recorder/recording_gap"
     ]
 
 
 class Running:
-    """A black box that records, and what it tells."""
+    """A recording black box and the states it reported."""
 
     def __init__(self, folder: Path, **settings: object) -> None:
         self.states: list[RecorderState] = []
         tree = {"folder": folder, **settings}
         self.box = BlackBox(RecorderSettings.model_validate(tree), self.states.append)
-        self.box.begin(HEAD)
+        self.box.begin(HEADER)
         self.box.start()
 
     def fill(self, full_disk: Callable[[int], None]) -> None:
-        """Bring 500 notes to a disk that does not take them all."""
-        until(lambda: bool(self.states))
+        """Record 500 frames on a disk that becomes full."""
+        wait_until(lambda: bool(self.states))
         full_disk(20_000)
         for number in range(500):
-            self.box.note(frame(number, size=64))
-        until(lambda: any(not state.is_recording for state in self.states))
+            self.box.record(frame(number, size=64))
+        wait_until(lambda: any(not state.is_recording for state in self.states))
 
 
 @pytest.fixture
 def record() -> Iterator[Callable[..., Running]]:
-    """Start black boxes; close those that the test leaves open."""
+    """Start black boxes; close them after the test."""
     with ExitStack() as stack:
 
         def start(folder: Path, **settings: object) -> Running:
@@ -100,14 +100,14 @@ def record() -> Iterator[Callable[..., Running]]:
 
 
 class HangingDisk:
-    """Flushes wait for `release`."""
+    """A disk whose flushes can be held up."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self._released, self._reached = threading.Event(), threading.Event()
         self._monkeypatch = monkeypatch
 
     def hang(self) -> None:
-        """From the next flush on, which it waits for."""
+        """Make every flush from now on wait for `release`."""
         flush = Segments.flush
 
         def wait(segments: Segments) -> None:
@@ -118,7 +118,7 @@ class HangingDisk:
         self._monkeypatch.setattr(Segments, "flush", wait)
 
     def wait_until_reached(self) -> None:
-        assert self._reached.wait(WITHIN_S), "no flush came"
+        assert self._reached.wait(WITHIN_S), "no flush in time"
 
     def release(self) -> None:
         self._released.set()
@@ -131,12 +131,12 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[HangingDisk]:
     disk.release()
 
 
-def test_all_notes_are_written_in_order_and_the_file_is_finished(
+def test_all_records_are_written_in_order_and_the_file_is_finished(
     tmp_path: Path, record: Callable[..., Running]
 ) -> None:
     running = record(tmp_path / "new" / "box")
     for number in range(2000):
-        running.box.note(frame(number))
+        running.box.record(frame(number))
     running.box.close()
 
     assert numbers(tmp_path / "new" / "box") == list(range(2000))
@@ -144,34 +144,34 @@ def test_all_notes_are_written_in_order_and_the_file_is_finished(
     assert (tmp_path / "new" / "box").stat().st_mode & 0o777 == 0o700
 
 
-def test_pictures_come_at_their_own_rate_and_are_jpeg(
+def test_images_are_recorded_at_the_configured_rate_as_jpeg(
     tmp_path: Path, record: Callable[..., Running]
 ) -> None:
     running = record(tmp_path, pictures_hz=2.0)
     image = np.full((36, 64, 3), 90, np.uint8)
     for number in range(30):
-        running.box.note_picture(image, HEAD.now_s + number / 10)
+        running.box.record_image(image, HEADER.now_s + number / 10)
     running.box.close()
 
-    pictures = [entry for entry in RecordedDrive([tmp_path]).entries() if entry.topic == "/camera"]
-    assert len(pictures) == 6
-    assert pictures[0].record["format"] == "jpeg"
-    assert pictures[0].record["data"].startswith("/9j/")
+    images = [entry for entry in RecordedDrive([tmp_path]).entries() if entry.topic == "/camera"]
+    assert len(images) == 6
+    assert images[0].record["format"] == "jpeg"
+    assert images[0].record["data"].startswith("/9j/")
 
 
-def test_a_disk_slower_than_the_car_loses_notes_and_says_how_many(
+def test_a_full_queue_drops_records_and_reports_their_number(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The queue is full at once; `note` returns all the same."""
-    monkeypatch.setattr(black_box, "QUEUE_NOTES", 10)
+    """`record` returns at once even if the queue is full."""
+    monkeypatch.setattr(black_box, "QUEUE_RECORDS", 10)
     states: list[RecorderState] = []
     box = BlackBox(RecorderSettings(folder=tmp_path), states.append)
-    box.begin(HEAD)
+    box.begin(HEADER)
     for number in range(100):
-        box.note(frame(number))
+        box.record(frame(number))
     box.start()
-    until(box._queue.empty)
-    box.note(frame(100))
+    wait_until(box._queue.empty)
+    box.record(frame(100))
     box.close()
 
     assert numbers(tmp_path) == [*range(10), 100]
@@ -179,177 +179,179 @@ def test_a_disk_slower_than_the_car_loses_notes_and_says_how_many(
     assert states[-1].dropped == 90
 
 
-def test_a_disk_that_hangs_is_told_by_whoever_brings_the_notes(
+def test_a_hanging_disk_is_reported_by_the_recording_thread(
     tmp_path: Path,
     record: Callable[..., Running],
     disk: HangingDisk,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(black_box, "QUEUE_NOTES", 10)
+    monkeypatch.setattr(black_box, "QUEUE_RECORDS", 10)
     running = record(tmp_path)
-    until(lambda: bool(running.states))
+    wait_until(lambda: bool(running.states))
     disk.hang()
     disk.wait_until_reached()
     for number in range(100):
-        running.box.note(frame(number))
+        running.box.record(frame(number))
 
-    told = running.states[-1]
+    state = running.states[-1]
     disk.release()
     running.box.close()
-    assert not told.is_recording
-    assert told.reason == "the disk does not keep up"
-    assert running.states[-1].is_recording, "it has come back"
+    assert not state.is_recording
+    assert state.reason == "the disk does not keep up"
+    assert running.states[-1].is_recording, "recording continues after the disk recovers"
     assert running.states[-1].dropped == 90
 
 
-def test_a_disk_that_still_hangs_when_the_drive_ends_takes_all_that_waits(
+def test_records_waiting_for_a_hanging_disk_at_the_end_are_counted_as_lost(
     tmp_path: Path,
     record: Callable[..., Running],
     disk: HangingDisk,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Nobody waits for it for long; what it may have lost is told."""
+    """`close` waits `STOP_S` and reports the records that may be lost."""
     monkeypatch.setattr(black_box, "STOP_S", 0.01)
     running = record(tmp_path)
-    until(lambda: bool(running.states))
+    wait_until(lambda: bool(running.states))
     disk.hang()
-    running.box.note(frame(0))
-    until(running.box._queue.empty)
+    running.box.record(frame(0))
+    wait_until(running.box._queue.empty)
     disk.wait_until_reached()
     for number in range(1, 100):
-        running.box.note(frame(number))
+        running.box.record(frame(number))
     running.box.close()
 
-    told = running.states[-1]
+    state = running.states[-1]
     disk.release()
     running.box._thread.join(WITHIN_S)
-    assert (told.is_recording, told.reason) == (False, "the disk does not keep up")
-    assert told.dropped == 100
+    assert (state.is_recording, state.reason) == (False, "the disk does not keep up")
+    assert state.dropped == 100
 
 
-def test_what_a_full_disk_took_is_counted_to_the_last_note(
+def test_every_record_lost_on_a_full_disk_is_counted(
     tmp_path: Path,
     record: Callable[..., Running],
     full_disk: Callable[[int], None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Every note is on the disk, or counted in a gap."""
+    """Every record is on the disk, or counted in a gap."""
     monkeypatch.setattr(black_box, "RETRY_S", 0.05)
     running = record(tmp_path)
     running.fill(full_disk)
     full_disk(resource.RLIM_INFINITY)
-    until(lambda: running.states[-1].is_recording)
+    wait_until(lambda: running.states[-1].is_recording)
     running.box.close()
 
     missing = sum(gaps(tmp_path))
-    # Some of the write that failed may be on the disk all the same.
+    # Part of the failed write may be on the disk.
     assert len(numbers(tmp_path)) + missing >= 500
     assert missing == running.states[-1].dropped <= 500
 
 
-def test_the_note_that_begins_a_segment_is_not_safe_before_the_next_flush(tmp_path: Path) -> None:
-    segments = Segments(RecorderSettings(folder=tmp_path, segment_s=1.0), HEAD)
-    segments.open(HEAD.now_s, HEAD.utc_s)
+def test_the_first_record_of_a_segment_may_be_lost_before_the_next_flush(tmp_path: Path) -> None:
+    segments = Segments(RecorderSettings(folder=tmp_path, segment_s=1.0), HEADER)
+    segments.open(HEADER.now_s, HEADER.utc_s)
     segments.write(frame(0))
-    begins, next_one = frame(1000), frame(1001)
-    segments.write(begins)
+    first, next_one = frame(1000), frame(1001)
+    segments.write(first)
     segments.write(next_one)
 
     assert len(list(tmp_path.iterdir())) == 2
-    assert segments.abandon(HEAD.now_s + 2.0) == [begins, next_one]
+    assert segments.abandon(HEADER.now_s + 2.0) == [first, next_one]
 
 
-def test_a_note_whose_segment_cannot_be_begun_is_counted(tmp_path: Path) -> None:
+def test_a_record_whose_segment_cannot_be_created_is_returned_as_lost(tmp_path: Path) -> None:
     folder = tmp_path / "box"
     folder.mkdir()
-    segments = Segments(RecorderSettings(folder=folder, segment_s=1.0), HEAD)
-    segments.open(HEAD.now_s, HEAD.utc_s)
+    segments = Segments(RecorderSettings(folder=folder, segment_s=1.0), HEADER)
+    segments.open(HEADER.now_s, HEADER.utc_s)
     segments.write(frame(0))
     folder.rename(tmp_path / "elsewhere")
-    begins = frame(1000)
+    first = frame(1000)
     with pytest.raises(FileNotFoundError):
-        segments.write(begins)
+        segments.write(first)
 
-    assert segments.abandon(HEAD.now_s + 2.0) == [begins]
+    assert segments.abandon(HEADER.now_s + 2.0) == [first]
 
 
-def test_what_a_full_disk_took_is_counted_when_the_drive_ends(
+def test_records_lost_on_a_full_disk_are_counted_at_the_end_of_the_drive(
     tmp_path: Path, record: Callable[..., Running], full_disk: Callable[[int], None]
 ) -> None:
-    """Also what still waited for the disk."""
+    """The count includes records still in the queue."""
     running = record(tmp_path)
     running.fill(full_disk)
-    lost_by_then = running.states[-1].dropped
+    lost_before = running.states[-1].dropped
     for number in range(500, 700):
-        running.box.note(frame(number))
+        running.box.record(frame(number))
     running.box.close()
 
     assert not running.states[-1].is_recording
-    assert running.states[-1].dropped >= lost_by_then + 200
+    assert running.states[-1].dropped >= lost_before + 200
 
 
-def test_a_lost_gap_does_not_take_its_count_with_it(
+def test_the_count_of_a_lost_gap_record_is_kept(
     tmp_path: Path,
     record: Callable[..., Running],
     full_disk: Callable[[int], None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """It is no note of the car's either: nothing is counted twice."""
+    """The gap record itself is not counted as lost."""
     monkeypatch.setattr(black_box, "RETRY_S", 0.05)
     running = record(tmp_path)
-    until(lambda: bool(running.states))
-    with running.box._counting:
+    wait_until(lambda: bool(running.states))
+    with running.box._count_lock:
         running.box._lost = running.box._dropped = 90
     running.fill(full_disk)
     full_disk(resource.RLIM_INFINITY)
-    until(lambda: running.states[-1].is_recording)
+    wait_until(lambda: running.states[-1].is_recording)
     running.box.close()
 
     assert running.states[-1].dropped == sum(gaps(tmp_path))
     assert 90 < running.states[-1].dropped <= 590
 
 
-def test_a_segment_that_was_taken_away_is_not_missed(tmp_path: Path) -> None:
-    segments = Segments(RecorderSettings(folder=tmp_path, segment_s=1.0), HEAD)
-    segments.open(HEAD.now_s, HEAD.utc_s)
+def test_a_segment_moved_by_another_program_is_ignored(tmp_path: Path) -> None:
+    segments = Segments(RecorderSettings(folder=tmp_path, segment_s=1.0), HEADER)
+    segments.open(HEADER.now_s, HEADER.utc_s)
     for number in range(1500):
         segments.write(frame(number))
     first, *_ = sorted(tmp_path.iterdir())
     first.rename(tmp_path.parent / "elsewhere.mcap")
 
     segments.write(
-        RecordedMessage("/in/brake_button", HEAD.utc_s + 1.5, BrakeButton(HEAD.now_s + 1.5))
+        RecordedMessage("/in/brake_button", HEADER.utc_s + 1.5, BrakeButton(HEADER.now_s + 1.5))
     )
-    segments.close(HEAD.now_s + 1.6)
+    segments.close(HEADER.now_s + 1.6)
 
     (left,) = tmp_path.iterdir()
     assert left.stem.endswith("-kept")
 
 
-def test_what_is_not_ours_stays_as_it_is(tmp_path: Path, record: Callable[..., Running]) -> None:
-    """Somebody's recordings, and the one that another daemon is writing."""
-    theirs = tmp_path / "rosbag.mcap"
-    theirs.write_bytes(b"\x89MCAP0\r\n unfinished")
+def test_files_of_other_programs_and_daemons_are_left_alone(
+    tmp_path: Path, record: Callable[..., Running]
+) -> None:
+    """Recordings by other software, and the segment that another daemon is writing."""
+    foreign = tmp_path / "rosbag.mcap"
+    foreign.write_bytes(b"\x89MCAP0\r\n unfinished")
     folder = tmp_path / "20200101T000000.000Z-0000.mcap"
     folder.mkdir()
-    head = HEAD.model_copy(update={"drive": "20250615T160640.000Z"})
-    other = Segments(RecorderSettings(folder=tmp_path), head)
-    other.open(HEAD.now_s, HEAD.utc_s)
+    header = HEADER.model_copy(update={"drive": "20250615T160640.000Z"})
+    other = Segments(RecorderSettings(folder=tmp_path), header)
+    other.open(HEADER.now_s, HEADER.utc_s)
     other.write(frame(1))
     running = record(tmp_path, ring_mib=1.0, ring_s=60.0)
-    until(lambda: bool(running.states))
+    wait_until(lambda: bool(running.states))
     running.box.close()
-    other.close(HEAD.now_s + 1.0)
+    other.close(HEADER.now_s + 1.0)
 
     folder.rmdir()
-    assert theirs.read_bytes().endswith(b"unfinished")
-    theirs.unlink()
-    (neighbour,) = tmp_path.glob(f"{head.drive}-*")
+    assert foreign.read_bytes().endswith(b"unfinished")
+    foreign.unlink()
+    (neighbour,) = tmp_path.glob(f"{header.drive}-*")
     assert 1 in numbers(neighbour)
     assert running.states[-1].is_recording
 
 
-def test_a_folder_that_cannot_be_made_is_the_users_mistake(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_a_user_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     box = BlackBox(RecorderSettings(folder=tmp_path / "file" / "box"), lambda _: None)
 
@@ -359,13 +361,13 @@ def test_a_folder_that_cannot_be_made_is_the_users_mistake(tmp_path: Path) -> No
 
 @pytest.fixture
 def full_disk() -> Iterator[Callable[[int], None]]:
-    """Files of this process may be so large and no larger: the kernel's own refusal."""
+    """Limit the size of files of this process, which the kernel enforces as a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_a_full_disk_ends_the_recording_until_there_is_room_again(
+def test_a_full_disk_stops_the_recording_until_there_is_space_again(
     tmp_path: Path,
     record: Callable[..., Running],
     full_disk: Callable[[int], None],
@@ -378,19 +380,21 @@ def test_a_full_disk_ends_the_recording_until_there_is_room_again(
     assert stopped.reason == "File too large"
 
     full_disk(resource.RLIM_INFINITY)
-    until(lambda: running.states[-1].is_recording)
-    running.box.note(frame(1000))
+    wait_until(lambda: running.states[-1].is_recording)
+    running.box.record(frame(1000))
     running.box.close()
 
     assert numbers(tmp_path)[-1] == 1000
-    assert all(is_finished(path) for path in tmp_path.glob("*.mcap")), "the broken one is mended"
+    assert all(is_finished(path) for path in tmp_path.glob("*.mcap")), (
+        "the unfinished segment is repaired"
+    )
     assert gaps(tmp_path)
 
 
-def test_a_power_cut_takes_only_what_was_not_flushed(tmp_path: Path) -> None:
-    """Whatever was flushed is in the file, without any help of the one who wrote it."""
-    segments = Segments(RecorderSettings(folder=tmp_path), HEAD)
-    segments.open(HEAD.now_s, HEAD.utc_s)
+def test_a_power_cut_loses_only_records_that_were_not_flushed(tmp_path: Path) -> None:
+    """Flushed records are in the file before its writer closes it."""
+    segments = Segments(RecorderSettings(folder=tmp_path), HEADER)
+    segments.open(HEADER.now_s, HEADER.utc_s)
     for number in range(100):
         segments.write(frame(number))
     segments.flush()
@@ -399,7 +403,7 @@ def test_a_power_cut_takes_only_what_was_not_flushed(tmp_path: Path) -> None:
     left = tmp_path / "left"
     left.mkdir()
     (left / "as-it-was.mcap").write_bytes(segments.path.read_bytes())
-    segments.close(HEAD.now_s)
+    segments.close(HEADER.now_s)
 
     assert numbers(left) == list(range(100))
 
@@ -407,7 +411,7 @@ def test_a_power_cut_takes_only_what_was_not_flushed(tmp_path: Path) -> None:
 # ---- in the daemon ------------------------------------------------------------------------
 
 
-class Car:
+class Daemon:
     """A real daemon with a radio and a black box."""
 
     def __init__(self, folder: Path, **limits: int) -> None:
@@ -432,13 +436,13 @@ class Car:
         }
         (folder / "car.yaml").write_text(yaml.safe_dump(tree))
         limit = f"ulimit -f {limits['blocks']}; " if limits else ""
-        daemon = [sys.executable, "-m", "onboard", "run", folder / "car.yaml"]
+        command = [sys.executable, "-m", "onboard", "run", folder / "car.yaml"]
         self.process = subprocess.Popen(
-            ["sh", "-c", f'{limit}exec "$@"', "sh", *daemon], stderr=subprocess.DEVNULL
+            ["sh", "-c", f'{limit}exec "$@"', "sh", *command], stderr=subprocess.DEVNULL
         )
 
-    def hear(self) -> bytes:
-        """The next BSM of the car."""
+    def receive(self) -> bytes:
+        """Return the next BSM of the daemon."""
         return self.wire.recv(2048)
 
     def send(self, wsm: bytes) -> None:
@@ -454,78 +458,80 @@ class Car:
         return self.process.wait(WITHIN_S)
 
     def release(self) -> None:
-        """End what the test left running, and close the socket."""
+        """End the process and close the socket."""
         self.process.kill()
         self.process.wait()
         self.wire.close()
 
 
 @pytest.fixture
-def start_car(tmp_path: Path) -> Iterator[Callable[..., Car]]:
-    """Start daemons that send; none outlives the test, however it ends."""
+def start_daemon(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
+    """Start daemons and wait for their first BSM; end them after the test."""
     with ExitStack() as stack:
 
-        def start(**limits: int) -> Car:
-            car = Car(tmp_path, **limits)
-            stack.callback(car.release)
-            car.hear()
-            return car
+        def start(**limits: int) -> Daemon:
+            daemon = Daemon(tmp_path, **limits)
+            stack.callback(daemon.release)
+            daemon.receive()
+            return daemon
 
         yield start
 
 
-def test_a_killed_daemon_leaves_all_but_the_last_second(start_car: Callable[..., Car]) -> None:
-    car = start_car()
-    heard_at = [time.time() for _ in range(25) if car.hear()]
-    car.end(signal.SIGKILL)
+def test_a_killed_daemon_loses_at_most_the_last_second(start_daemon: Callable[..., Daemon]) -> None:
+    daemon = start_daemon()
+    received_at = [time.time() for _ in range(25) if daemon.receive()]
+    daemon.end(signal.SIGKILL)
 
-    box = RecordedDrive([car.box])
-    sent = [entry.utc_s for entry in box.entries() if entry.topic == "/out/wsm"]
-    assert sent[-1] > heard_at[-1] - 1.0
-    assert compare(box).difference is None
+    drive = RecordedDrive([daemon.box])
+    sent = [entry.utc_s for entry in drive.entries() if entry.topic == "/out/wsm"]
+    assert sent[-1] > received_at[-1] - 1.0
+    assert compare(drive).difference is None
 
 
-def test_a_daemon_that_is_stopped_finishes_its_recording(start_car: Callable[..., Car]) -> None:
-    car = start_car()
-    until(lambda: bool(car.traced("recorder")))
+def test_a_stopped_daemon_finishes_its_recording(start_daemon: Callable[..., Daemon]) -> None:
+    daemon = start_daemon()
+    wait_until(lambda: bool(daemon.traced("recorder")))
     began_at = time.monotonic()
-    assert car.end(signal.SIGTERM) == 0
+    assert daemon.end(signal.SIGTERM) == 0
 
     assert time.monotonic() - began_at < 2.0
-    assert is_finished(next(car.box.iterdir()))
-    assert [state["is_recording"] for state in car.traced("recorder")] == [True]
+    assert is_finished(next(daemon.box.iterdir()))
+    assert [state["is_recording"] for state in daemon.traced("recorder")] == [True]
 
 
-def test_a_daemon_whose_disk_is_full_says_so_and_drives_on(start_car: Callable[..., Car]) -> None:
-    car = start_car(blocks=128)  # of 512 bytes
+def test_a_daemon_with_a_full_disk_reports_it_and_keeps_sending(
+    start_daemon: Callable[..., Daemon],
+) -> None:
+    daemon = start_daemon(blocks=128)  # of 512 bytes
     for _ in range(150):
-        car.send(secrets.token_bytes(1000))
+        daemon.send(secrets.token_bytes(1000))
         time.sleep(0.002)
-    until(lambda: len(car.traced("recorder")) > 1)
-    stopped = car.traced("recorder")[1]
+    wait_until(lambda: len(daemon.traced("recorder")) > 1)
+    stopped = daemon.traced("recorder")[1]
     for _ in range(5):
-        assert car.hear()
+        assert daemon.receive()
 
-    assert car.end(signal.SIGTERM) == 0
+    assert daemon.end(signal.SIGTERM) == 0
     assert (stopped["is_recording"], stopped["reason"]) == (False, "File too large")
 
 
-def test_a_daemon_that_is_stopped_tells_what_the_full_disk_took_to_the_end(
-    start_car: Callable[..., Car],
+def test_a_stopped_daemon_with_a_full_disk_reports_the_final_number_of_lost_records(
+    start_daemon: Callable[..., Daemon],
 ) -> None:
-    """Its trace outlives the black box: the last state counts what still waited for the disk."""
-    car = start_car(blocks=128)  # of 512 bytes
+    """The last traced state includes the records that were still in the queue."""
+    daemon = start_daemon(blocks=128)  # of 512 bytes
 
     def has_filled_the_disk() -> bool:
-        car.send(secrets.token_bytes(1000))
-        return len(car.traced("recorder")) > 1
+        daemon.send(secrets.token_bytes(1000))
+        return len(daemon.traced("recorder")) > 1
 
-    until(has_filled_the_disk)
+    wait_until(has_filled_the_disk)
     for _ in range(5):
-        assert car.hear()
-    assert car.end(signal.SIGTERM) == 0
+        assert daemon.receive()
+    assert daemon.end(signal.SIGTERM) == 0
 
-    _, stopped, at_the_end = (state["dropped"] for state in car.traced("recorder"))
+    _, stopped, at_the_end = (state["dropped"] for state in daemon.traced("recorder"))
     assert isinstance(stopped, int)
     assert isinstance(at_the_end, int)
     assert at_the_end > stopped

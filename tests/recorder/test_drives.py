@@ -1,6 +1,6 @@
-"""Drives that were recorded, decided again by the cores of today.
+"""Recorded drives, replayed by the present cores.
 
-Where one differs and the change is meant, `make drives` records them anew.
+After an intended change of decisions, `make drives` records them again.
 """
 
 from pathlib import Path
@@ -13,18 +13,18 @@ from onboard.replay.replay import compare
 DRIVES = sorted((Path(__file__).parents[1] / "drives").glob("*.mcap"))
 LARGEST_BYTES = 300_000
 OTHER_PROCESSOR = 1e-9
-"""The last digit of a number is not the same on every kind of processor."""
+"""Relative tolerance: processors differ in the last digit."""
 
 
 def test_there_are_drives_with_a_warning_a_lost_sensor_and_signatures() -> None:
     entries = [entry for path in DRIVES for entry in RecordedDrive([path]).entries()]
 
     assert {"/out/warning", "/out/sensor_lost", "/out/discarded"} <= {e.topic for e in entries}
-    assert any(RecordedDrive([path]).head.certificates for path in DRIVES)
+    assert any(RecordedDrive([path]).header.certificates for path in DRIVES)
 
 
 @pytest.mark.parametrize("path", DRIVES, ids=lambda path: str(path.stem))
-def test_the_drive_is_decided_again(path: Path) -> None:
+def test_the_replay_of_a_drive_equals_the_recording(path: Path) -> None:
     comparison = compare(RecordedDrive([path]), OTHER_PROCESSOR)
 
     assert comparison.difference is None

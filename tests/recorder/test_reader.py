@@ -1,4 +1,4 @@
-"""Recordings that were cut off, damaged, or are none; what any MCAP reader makes of them."""
+"""Reading and repair of recordings that are cut off, damaged or invalid."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from onboard.recorder.repair import repair, write_records
 from onboard.replay.replay import compare
 from onboard.trace.trace_line import as_json, as_record
 from tests.recorder.drive import record_drive
-from tests.recorder.headers import HEAD
+from tests.recorder.headers import HEADER
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +36,14 @@ def cut(whole: Path, folder: Path, size: int) -> Path:
     return path
 
 
-def test_a_recording_that_was_cut_off_anywhere_is_read_up_to_its_end(
+def test_a_recording_cut_off_anywhere_is_read_up_to_the_cut(
     whole: Path, entries: list[Entry], tmp_path: Path
 ) -> None:
     rng = np.random.default_rng(1)
     size = whole.stat().st_size
-    head_ends = whole.read_bytes().index(b"zstd")
+    header_end = whole.read_bytes().index(b"zstd")
     longest = 0
-    for cut_at in sorted(rng.integers(head_ends, size, 25).tolist()):
+    for cut_at in sorted(rng.integers(header_end, size, 25).tolist()):
         left = list(RecordedDrive([cut(whole, tmp_path, cut_at)]).entries())
         assert left == entries[: len(left)]
         assert len(left) >= longest
@@ -51,7 +51,7 @@ def test_a_recording_that_was_cut_off_anywhere_is_read_up_to_its_end(
     assert longest > len(entries) // 2
 
 
-def test_what_is_left_of_it_is_still_decided_again(whole: Path, tmp_path: Path) -> None:
+def test_the_replay_of_a_cut_off_recording_equals_it(whole: Path, tmp_path: Path) -> None:
     comparison = compare(RecordedDrive([cut(whole, tmp_path, whole.stat().st_size // 2)]))
 
     assert comparison.difference is None
@@ -73,7 +73,7 @@ def test_a_damaged_recording_is_read_up_to_the_damage(
         assert left == entries[: len(left)]
 
 
-def test_a_mended_recording_opens_in_any_reader_with_all_that_was_left(
+def test_a_repaired_recording_opens_in_any_mcap_reader_with_all_valid_records(
     whole: Path, tmp_path: Path
 ) -> None:
     path = cut(whole, tmp_path, whole.stat().st_size * 2 // 3)
@@ -84,7 +84,7 @@ def test_a_mended_recording_opens_in_any_reader_with_all_that_was_left(
 
     assert is_finished(path)
     assert list(RecordedDrive([path]).entries()) == left
-    assert list(tmp_path.iterdir()) == [path], "what was cut off before it began is gone"
+    assert list(tmp_path.iterdir()) == [path], "a file cut off before its header is deleted"
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()
@@ -105,38 +105,40 @@ def test_every_topic_has_a_schema_that_foxglove_reads(whole: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
-        (b"", "cut off before it began"),
+        (b"", "cut off before its header"),
         (b"no mcap at all, but long enough to be one", "no MCAP file"),
-        (b"\x89MCAP0\r\n", "cut off before it began"),
+        (b"\x89MCAP0\r\n", "cut off before its header"),
     ],
 )
-def test_what_is_no_recording_is_one_line(content: bytes, told: str, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_recording_is_an_error(
+    content: bytes, message: str, tmp_path: Path
+) -> None:
     path = tmp_path / "x.mcap"
     path.write_bytes(content)
 
-    with pytest.raises(RecordingError, match=told):
+    with pytest.raises(RecordingError, match=message):
         RecordedDrive([path])
 
 
-def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="No such file"):
         RecordedDrive([tmp_path / "x.mcap"])
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "told"),
+    ("field", "value", "message"),
     [
-        ("format", "0", "written in format 0, and this software reads 1"),
+        ("format", "0", "written in format 0; this software reads format 1"),
         ("format", "2", "written in format 2"),
-        ("segment", "one", "its head is damaged"),
-        ("head", "{", "its head is damaged"),
+        ("segment", "one", "damaged header"),
+        ("head", "{", "damaged header"),
         ("head", "{}", "is required and missing"),
     ],
 )
-def test_another_version_is_refused_clearly(
-    whole: Path, field: str, value: str, told: str, tmp_path: Path
+def test_another_format_or_a_damaged_header_is_refused(
+    whole: Path, field: str, value: str, message: str, tmp_path: Path
 ) -> None:
     records = list(raw_records(whole))
     metadata = next(record for record in records if isinstance(record, Metadata))
@@ -145,21 +147,21 @@ def test_another_version_is_refused_clearly(
     with path.open("wb") as file:
         write_records(records, file)
 
-    with pytest.raises(Exception, match=told):
+    with pytest.raises(Exception, match=message):
         RecordedDrive([path])
 
 
-def test_a_head_with_a_damaged_certificate_is_refused_by_name() -> None:
+def test_a_damaged_certificate_in_the_header_is_an_error_that_names_the_drive() -> None:
     damaged = Certificates(pseudonyms=("80 no certificate",), roots=("8003",), authorities=())
-    head = HEAD.model_copy(update={"certificates": damaged})
-    with pytest.raises(UserError, match=f"the recording of {HEAD.drive}: a certificate"):
-        head.credentials()
+    header = HEADER.model_copy(update={"certificates": damaged})
+    with pytest.raises(UserError, match=f"the recording of {HEADER.drive}: a certificate"):
+        header.credentials()
 
 
-def test_what_a_detector_found_is_read_as_it_was_written() -> None:
-    found = DetectionList(
+def test_a_detection_list_is_read_as_it_was_written() -> None:
+    detections = DetectionList(
         7.0, tuple(VehicleDetection(7.0, k, 20.0 + k, 1.0, 0.1, 0.01) for k in range(3))
     )
-    line = as_json(as_record(found)).encode()
+    line = as_json(as_record(detections)).encode()
 
-    assert as_input(Entry("/in/detection_list", 1.75e9, line)) == found
+    assert as_input(Entry("/in/detection_list", 1.75e9, line)) == detections

@@ -1,4 +1,4 @@
-"""Exports, read by other programs: python-can, tshark."""
+"""Exported files, read by python-can and tshark."""
 
 import shutil
 import subprocess
@@ -15,20 +15,20 @@ from sim_rig.scenario.schema import load_scenario
 
 
 @pytest.fixture(scope="module")
-def box(tmp_path_factory: pytest.TempPathFactory) -> RecordedDrive:
+def drive(tmp_path_factory: pytest.TempPathFactory) -> RecordedDrive:
     folder = tmp_path_factory.mktemp("drive")
     scenario = load_scenario("fig4").model_copy(update={"duration_s": 4.0})
     run_virtual(scenario, box_folder=folder)
     return RecordedDrive([folder / "red"])
 
 
-def test_the_bus_is_read_by_python_can_frame_by_frame(box: RecordedDrive, tmp_path: Path) -> None:
+def test_python_can_reads_every_exported_can_frame(drive: RecordedDrive, tmp_path: Path) -> None:
     log = tmp_path / "bus.log"
     with log.open("wb") as file:
-        count = write_candump(box, file)
+        count = write_candump(drive, file)
 
     frames = list(can.LogReader(log))
-    recorded = [entry for entry in box.entries() if entry.topic in ("/in/can", "/out/can")]
+    recorded = [entry for entry in drive.entries() if entry.topic in ("/in/can", "/out/can")]
     assert len(frames) == count == len(recorded) > 100
     for frame, entry in zip(frames, recorded, strict=True):
         assert frame.arbitration_id == entry.record["arbitration_id"]
@@ -38,25 +38,25 @@ def test_the_bus_is_read_by_python_can_frame_by_frame(box: RecordedDrive, tmp_pa
 
 
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
-def test_the_radio_is_read_by_wireshark_without_a_malformed_frame(
-    box: RecordedDrive, tmp_path: Path
+def test_wireshark_reads_every_exported_wsm_without_error(
+    drive: RecordedDrive, tmp_path: Path
 ) -> None:
     pcap = tmp_path / "radio.pcap"
     with pcap.open("wb") as file:
-        count = write_pcap(box, file)
+        count = write_pcap(drive, file)
 
     fields = ["-T", "fields", "-e", "frame.protocols", "-e", "_ws.malformed"]
-    told = subprocess.run(
+    dissected = subprocess.run(
         ["tshark", "-r", pcap, *fields], capture_output=True, text=True, check=True
     )
-    lines = told.stdout.splitlines()
+    lines = dissected.stdout.splitlines()
     assert len(lines) == count > 50
     assert all("wsmp" in line and "alformed" not in line for line in lines)
 
 
-def test_the_command_writes_both(box: RecordedDrive, tmp_path: Path) -> None:
+def test_the_export_command_writes_both_files(drive: RecordedDrive, tmp_path: Path) -> None:
     pcap, log = tmp_path / "radio.pcap", tmp_path / "bus.log"
-    command = [sys.executable, "-m", "onboard", "export", *map(str, box.files)]
+    command = [sys.executable, "-m", "onboard", "export", *map(str, drive.files)]
 
     nothing = subprocess.run(command, capture_output=True, text=True, check=False)
     both = subprocess.run(

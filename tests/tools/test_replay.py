@@ -1,4 +1,4 @@
-"""A recording drives the cores: the same observations, at their stamps."""
+"""Replay of raw recordings: observations with the time stamps of the drive."""
 
 import csv
 from collections import Counter
@@ -16,7 +16,7 @@ from onboard.units import KM_H
 
 
 @pytest.mark.realdata
-def test_every_obd_speed_of_a_real_drive_comes_out_at_its_stamp(rig_data: Path) -> None:
+def test_every_obd_speed_of_a_real_drive_has_its_time_stamp(rig_data: Path) -> None:
     with (rig_data / "can" / "drive-a-obd-speed-kmh.csv").open() as file:
         truth = [(float(row["t"]), int(row["obd_kmh"])) for row in csv.DictReader(file)]
 
@@ -28,13 +28,13 @@ def test_every_obd_speed_of_a_real_drive_comes_out_at_its_stamp(rig_data: Path) 
 
 
 @pytest.mark.realdata
-def test_a_bus_without_obd_gives_no_speed_and_says_so(rig_data: Path) -> None:
+def test_a_bus_without_obd_is_reported_as_a_lost_speed_sensor(rig_data: Path) -> None:
     events = list(replay(RawRecording(can=rig_data / "can" / "no-obd.log"), UNCONFIGURED))
 
     assert [event.kind for event in events] == ["sensor_lost"]
     assert isinstance(events[0], SensorLost)
     assert events[0].sensor is Sensor.SPEED
-    assert events[0].silent_s is None, "there never was one"
+    assert events[0].silent_s is None, "no speed was ever received"
 
 
 @pytest.mark.realdata
@@ -43,13 +43,13 @@ def test_dashcam_clips_without_legible_plates_give_no_plate(rig_data: Path, clip
     events = list(replay(RawRecording(clip=str(rig_data / "clips" / clip)), UNCONFIGURED))
 
     leads = [event for event in events if event.kind == "lead"]
-    assert leads, "there is one for each frame"
+    assert leads, "one per frame"
     assert not [lead for lead in leads if lead.identity is LeadIdentity.KNOWN]  # type: ignore[attr-defined]
     assert [event for event in events if event.kind == "plate"] == []
 
 
 @pytest.mark.realdata
-def test_bus_and_receiver_are_merged_in_order_of_time(rig_data: Path) -> None:
+def test_can_frames_and_positions_are_merged_in_order_of_time(rig_data: Path) -> None:
     recording = RawRecording(
         can=rig_data / "can" / "drive-a.log", nmea=rig_data / "gnss" / "drive-a.nmea"
     )
@@ -57,7 +57,7 @@ def test_bus_and_receiver_are_merged_in_order_of_time(rig_data: Path) -> None:
     last_s = 0.0
     for event in replay(recording, UNCONFIGURED):
         kinds[event.kind] += 1
-        assert event.stamp_s > last_s - 2.0, "a sensor's own latency, no more"
+        assert event.stamp_s > last_s - 2.0, "at most the latency of a sensor"
         last_s = event.stamp_s
 
     assert kinds["speed"] == 1203
@@ -65,7 +65,7 @@ def test_bus_and_receiver_are_merged_in_order_of_time(rig_data: Path) -> None:
 
 
 @pytest.mark.realdata
-def test_a_receivers_log_that_begins_within_a_sentence_begins_with_its_first_fix(
+def test_an_nmea_log_cut_within_a_sentence_starts_at_its_first_fix(
     rig_data: Path, tmp_path: Path
 ) -> None:
     whole = (rig_data / "gnss" / "drive-a.nmea").read_bytes().splitlines(keepends=True)[:60]
@@ -80,7 +80,7 @@ def test_a_receivers_log_that_begins_within_a_sentence_begins_with_its_first_fix
 
 
 @pytest.mark.realdata
-def test_a_clip_without_a_bus_begins_with_the_first_fix(rig_data: Path, tmp_path: Path) -> None:
+def test_a_clip_without_a_can_log_starts_at_the_first_fix(rig_data: Path, tmp_path: Path) -> None:
     whole = (rig_data / "gnss" / "drive-a.nmea").read_bytes().splitlines(keepends=True)[:60]
     log = tmp_path / "drive.nmea"
     log.write_bytes(b"".join(whole))
@@ -94,16 +94,18 @@ def test_a_clip_without_a_bus_begins_with_the_first_fix(rig_data: Path, tmp_path
 
 
 @pytest.mark.realdata
-def test_parts_by_different_clocks_are_the_users_mistake(rig_data: Path, tmp_path: Path) -> None:
+def test_recordings_with_different_clocks_are_a_user_error(rig_data: Path, tmp_path: Path) -> None:
     bus = tmp_path / "drive.log"
     bus.write_text("(0.000000) can0 7E8#03410D3C00000000\n")
     recording = RawRecording(can=bus, nmea=rig_data / "gnss" / "drive-a.nmea")
 
-    with pytest.raises(UserError, match=r"jumps from 0 to \d{10} s: is it of one drive"):
+    with pytest.raises(
+        UserError, match=r"jumps from 0 to \d{10} s: its files must be of one drive"
+    ):
         list(replay(recording, UNCONFIGURED))
 
 
-def test_lines_that_cannot_be_read_are_told_wherever_they_stand(tmp_path: Path) -> None:
+def test_unreadable_log_lines_are_reported_anywhere_in_the_file(tmp_path: Path) -> None:
     bus = tmp_path / "drive.log"
     frame = "can0 7E8#03410D3C00000000"
     bus.write_text(f"nonsense\n(1.0) {frame}\nnonsense\n(1.1) {frame}\nnonsense\n")
@@ -113,17 +115,17 @@ def test_lines_that_cannot_be_read_are_told_wherever_they_stand(tmp_path: Path) 
     assert sum(getattr(event, "reason", "") == "log_line" for event in events) == 3
 
 
-def test_nothing_to_replay_is_the_users_mistake() -> None:
+def test_an_empty_recording_is_a_user_error() -> None:
     with pytest.raises(UserError, match="nothing to replay"):
         list(replay(RawRecording(), UNCONFIGURED))
 
 
-def test_pictures_that_are_none_a_second_are_the_users_mistake(tmp_path: Path) -> None:
+def test_a_negative_frame_rate_is_a_user_error(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"onboard replay: fps: Input should be greater than 0"):
         list(replay(RawRecording(clip=str(tmp_path), fps=-3.0), UNCONFIGURED))
 
 
-def test_a_recording_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_missing_recording_is_an_error_that_names_it(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"drive\.log"):
         list(replay(RawRecording(can=tmp_path / "drive.log"), UNCONFIGURED))
     with pytest.raises(UserError, match=r"drive\.nmea: cannot be read: No such file"):
