@@ -76,5 +76,5 @@ def test_a_core_that_is_always_due_is_an_error_and_not_an_endless_run(
 ) -> None:
     monkeypatch.setattr(Stack, "get_timer", lambda _stack: 1.0)
 
-    with pytest.raises(RuntimeError, match=r"called for ever at 1.0 s"):
+    with pytest.raises(RuntimeError, match=r"a timer stays due at 1.0 s"):
         run_virtual(load_scenario("fig4"))
