@@ -8,34 +8,17 @@ from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from onboard.errors import UserError
-from onboard.obd.can_frame import CanFrame
-from onboard.observations import (
-    BrakePedal,
-    DetectionList,
-    Discarded,
-    HardBrake,
-    Lead,
-    Plate,
-    Position,
-    SensorLost,
-    SensorRecovered,
-    Speed,
-    VehicleDetection,
-)
 from onboard.recorder.reader import Entry
 from onboard.recorder.records import Identity, RecordingGap, StepEnd
-from onboard.step import BrakeButton, ReceivedWsm
+from onboard.step import Input
 
-Input = (
-    CanFrame | ReceivedWsm | BrakeButton | StepEnd | Identity | RecordingGap
-    | Speed | BrakePedal | HardBrake | Plate | Lead | VehicleDetection | DetectionList | Position
-    | SensorLost | SensorRecovered | Discarded
-)  # fmt: skip
+RecordedInput = Input | StepEnd | Identity | RecordingGap
+"""What a step receives, and what the recorder adds to it."""
 
-_BY_KIND = {kind.kind: kind for kind in get_args(Input)}
+_BY_KIND = {kind.kind: kind for kind in get_args(RecordedInput)}
 
 
-def as_input(entry: Entry) -> Input:
+def as_input(entry: Entry) -> RecordedInput:
     """Return the recorded value.
 
     Raises:
@@ -45,7 +28,7 @@ def as_input(entry: Entry) -> Input:
     if value_type is None:
         raise UserError(f"unknown input in the recording: {entry}")
     try:
-        value: Input = _reader(value_type)(entry.record)
+        value: RecordedInput = _reader(value_type)(entry.record)
     except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"invalid input in the recording: {entry}: {error}") from error
     return value
