@@ -92,6 +92,16 @@ class LeadIdentity(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class PlateCandidate:
+    """A text that a plate may bear."""
+
+    text: str
+    """Upper case without separators."""
+    probability: float
+    """That the plate bears it, 0 to 1, by all readings of the track."""
+
+
+@dataclass(frozen=True, slots=True)
 class Lead:
     """The lead vehicle, tracked from frame to frame."""
 
@@ -106,6 +116,12 @@ class Lead:
     closing_speed_m_s: float | None = None
     """Positive while the gap shrinks."""
     closing_speed_sigma_m_s: float | None = None
+    track_id: int | None = None
+    """Number of the camera's track: constant while the same vehicle is tracked, and never used
+    again for another one."""
+    candidates: tuple[PlateCandidate, ...] = ()
+    """Texts that its plate may bear, the likeliest first, at most 16; what their probabilities lack
+    to 1 is for all other texts."""
 
 
 NEW_LEAD_M = 5.0

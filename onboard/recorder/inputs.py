@@ -1,7 +1,7 @@
 """Decodes the recorded inputs of the cores."""
 
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
 from enum import Enum
 from functools import cache
 from types import UnionType
@@ -40,12 +40,19 @@ Reader = Callable[[Any], Any]
 @cache
 def _reader(value_type: type) -> Reader:
     hints = get_type_hints(value_type)
-    readers = [(field.name, _reader_of(hints[field.name])) for field in fields(value_type)]
+    readers = {field.name: _reader_of(hints[field.name]) for field in fields(value_type)}
+    # An older recording lacks the fields that were added since, which have defaults.
+    optional = {field.name for field in fields(value_type) if _has_default(field)}
 
     def read(record: dict[str, Any]) -> Any:
-        return value_type(**{name: reader(record[name]) for name, reader in readers})
+        names = (name for name in readers if name in record or name not in optional)
+        return value_type(**{name: readers[name](record[name]) for name in names})
 
     return read
+
+
+def _has_default(field: Field[Any]) -> bool:
+    return field.default is not MISSING or field.default_factory is not MISSING
 
 
 def _reader_of(hint: Any) -> Reader:

@@ -10,11 +10,13 @@ from onboard.observations import (
     Lead,
     LeadIdentity,
     Plate,
+    PlateCandidate,
     Sensor,
     SensorLost,
     SensorRecovered,
     VehicleDetection,
 )
+from onboard.vision.identity import IDENTITY_CONFIDENCE
 from onboard.vision.perception import DEFAULT_PARAMETERS
 from onboard.vision.settings import VisionSettings
 from onboard.vision.tracker import KEEP_S
@@ -164,6 +166,10 @@ class CameraModel:
                 gap_sigma_m=GAP_SIGMA * gap_m,
                 closing_speed_m_s=lead.closing_speed_m_s,
                 closing_speed_sigma_m_s=CLOSING_SIGMA_M_S,
+                track_id=lead.track_id,
+                candidates=()
+                if lead.text is None
+                else (PlateCandidate(lead.text, IDENTITY_CONFIDENCE),),
             )
         )
 
