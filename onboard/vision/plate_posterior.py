@@ -1,0 +1,116 @@
+"""The probability of each text that a plate may bear, by all readings of one track.
+
+Each reading gives texts x a probability p_t(x); what they lack to 1 is for all other texts. If
+readings were independent, Bayes' rule with equally likely texts would be the product of the p_t.
+But they show the same plate, and a plate that is too small is misread alike in every frame. With
+the correlation rho between any two of n readings, they are worth
+
+    m = n / (1 + (n - 1) rho)
+
+independent ones (design effect; Kish 1965, Survey Sampling, section 5.4). So
+
+    log P(x) = m / n  sum_t w_t log max(p_t(x), f_t) + constant,    n = sum_t w_t
+
+where the weight w_t of a reading falls to 1/e in `FADE_S`, and the floor f_t, for a text that the
+reading does not name, bounds what one wrong reading can do. "None of these texts" takes part as if
+it were one text with the remaining probability.
+"""
+
+import math
+from collections.abc import Sequence
+
+from onboard.observations import PlateCandidate
+
+CORRELATION = 0.5
+"""Correlation of two readings of one plate."""
+FADE_S = 10.0
+"""Time in which the weight of a reading falls to 1/e."""
+FLOOR = 1e-4
+"""Least probability of a text that a reading does not name, as a share of what it leaves."""
+MIN_REMAINDER = 1e-3
+"""Least probability that a reading leaves to other texts."""
+MIN_LENGTH = 4
+"""Characters of a plate; shorter texts are fragments of one, or lettering on the bodywork."""
+POOL = 96
+"""Texts that are kept; the least likely ones give way."""
+MAX_CANDIDATES = 16
+"""Texts that a lead carries (`Lead.candidates`)."""
+_ALIKE = str.maketrans("OI", "01")
+
+
+class PlatePosterior:
+    """The posterior of one track's plate.
+
+    Texts that differ only in O and 0, or I and 1, are one: many fonts draw them alike. It is spelt
+    as the likeliest reading spelt it.
+    """
+
+    def __init__(self) -> None:
+        """Start without readings."""
+        self._evidence: dict[str, float] = {}
+        """Weighted sum of log(p_t / f_t) of each text, O and I folded."""
+        self._remainder = 0.0
+        """The same of all other texts."""
+        self._readings = 0.0
+        """Number of readings, faded."""
+        self._spellings: dict[str, tuple[float, str]] = {}
+        """Highest probability in one reading, and the spelling there."""
+        self._stamp_s = -math.inf
+
+    def update(self, candidates: Sequence[PlateCandidate], stamp_s: float) -> None:
+        """Add one reading of the plate.
+
+        A reading whose likeliest text is shorter than a plate, or which has none, is of a fragment,
+        and changes nothing.
+
+        Args:
+            candidates: texts with their probabilities by this reading alone, in any order.
+            stamp_s: of the frame.
+        """
+        likeliest = max(candidates, key=lambda candidate: candidate.probability, default=None)
+        if likeliest is None or len(likeliest.text) < MIN_LENGTH or likeliest.probability <= 0.0:
+            return
+        self._fade(stamp_s)
+        probabilities: dict[str, float] = {}
+        for candidate in candidates:
+            if len(candidate.text) >= MIN_LENGTH and candidate.probability > 0.0:
+                folded = candidate.text.translate(_ALIKE)
+                probabilities[folded] = probabilities.get(folded, 0.0) + candidate.probability
+                spelling = (candidate.probability, candidate.text)
+                self._spellings[folded] = max(spelling, self._spellings.get(folded, spelling))
+        remainder = max(MIN_REMAINDER, 1.0 - sum(probabilities.values()))
+        floor = FLOOR * remainder
+        self._readings += 1.0
+        self._remainder += math.log(remainder / floor)
+        for folded, probability in probabilities.items():
+            likelihood_ratio = max(probability / floor, 1.0)
+            self._evidence[folded] = self._evidence.get(folded, 0.0) + math.log(likelihood_ratio)
+        if len(self._evidence) > POOL:
+            self._keep(sorted(self._evidence, key=lambda text: -self._evidence[text])[:POOL])
+
+    def candidates(self, limit: int = MAX_CANDIDATES) -> tuple[PlateCandidate, ...]:
+        """The likeliest texts with their posterior, the likeliest first, at most `limit`."""
+        if not self._readings:
+            return ()
+        share = 1.0 / (1.0 + max(self._readings - 1.0, 0.0) * CORRELATION)
+        most = max(self._remainder, *self._evidence.values())
+        weights = {
+            text: math.exp(share * (evidence - most)) for text, evidence in self._evidence.items()
+        }
+        total = sum(weights.values()) + math.exp(share * (self._remainder - most))
+        order = sorted(weights, key=lambda text: -weights[text])[:limit]
+        return tuple(
+            PlateCandidate(self._spellings[text][1], weights[text] / total) for text in order
+        )
+
+    def _fade(self, stamp_s: float) -> None:
+        keep = math.exp(min(0.0, self._stamp_s - stamp_s) / FADE_S)
+        self._stamp_s = max(stamp_s, self._stamp_s)
+        self._readings *= keep
+        self._remainder *= keep
+        for text in self._evidence:
+            self._evidence[text] *= keep
+
+    def _keep(self, texts: list[str]) -> None:
+        self._evidence = {text: self._evidence[text] for text in texts}
+        self._spellings = {text: self._spellings[text] for text in texts}

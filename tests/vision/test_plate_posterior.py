@@ -1,0 +1,103 @@
+"""The posterior of a track's plate: what each reading adds to it, and what changes nothing."""
+
+import pytest
+
+from onboard.observations import PlateCandidate
+from onboard.vision.plate_posterior import MAX_CANDIDATES, POOL, PlatePosterior
+
+
+def reading(**probabilities: float) -> list[PlateCandidate]:
+    return [PlateCandidate(text, share) for text, share in probabilities.items()]
+
+
+def after(*readings: list[PlateCandidate], step_s: float = 0.1) -> PlatePosterior:
+    posterior = PlatePosterior()
+    for index, each in enumerate(readings):
+        posterior.update(each, index * step_s)
+    return posterior
+
+
+def shares(posterior: PlatePosterior) -> dict[str, float]:
+    return {each.text: each.probability for each in posterior.candidates()}
+
+
+def test_without_readings_there_are_no_candidates() -> None:
+    assert PlatePosterior().candidates() == ()
+
+
+def test_one_reading_is_its_own_posterior() -> None:
+    once = reading(GN417KB=0.5, GN417K8=0.25, GM417KB=0.05)
+
+    assert shares(after(once)) == pytest.approx({"GN417KB": 0.5, "GN417K8": 0.25, "GM417KB": 0.05})
+
+
+def test_the_likeliest_text_is_first_and_probabilities_sum_to_less_than_one() -> None:
+    candidates = after(*[reading(GN417K8=0.3, GN417KB=0.4)] * 5).candidates()
+
+    assert [each.text for each in candidates] == ["GN417KB", "GN417K8"]
+    assert sum(each.probability for each in candidates) < 1.0
+
+
+def test_readings_that_agree_add_up_to_less_than_independent_ones() -> None:
+    once, often = (
+        shares(after(*[reading(GN417KB=0.6, GN417K8=0.3)] * count))["GN417KB"] for count in (1, 50)
+    )
+
+    assert once < often < 0.9
+
+
+def test_the_text_that_all_readings_name_wins_over_the_likeliest_of_each() -> None:
+    readings = [reading(GN417KB=0.3, **{f"GN{n}17KB": 0.4}) for n in range(4)]
+
+    assert after(*readings).candidates()[0].text == "GN417KB"
+
+
+def test_one_certain_misreading_does_not_change_the_likeliest_text() -> None:
+    posterior = after(*[reading(GN417KB=0.95)] * 10, reading(RD288HX=0.99))
+
+    assert posterior.candidates()[0].text == "GN417KB"
+
+
+def test_another_plate_takes_over_in_time() -> None:
+    posterior = after(*[reading(GN417KB=0.95)] * 20)
+    for index in range(300):
+        posterior.update(reading(RD288HX=0.95), 2.0 + 0.1 * index)
+
+    assert posterior.candidates()[0].text == "RD288HX"
+
+
+@pytest.mark.parametrize("nothing", [[], reading(KB=0.9), reading(N4=0.6, GN417KB=0.3)])
+def test_a_reading_that_is_absent_or_of_a_fragment_changes_nothing(
+    nothing: list[PlateCandidate],
+) -> None:
+    posterior = after(reading(GN417KB=0.5, GN417K8=0.3))
+    before = posterior.candidates()
+
+    posterior.update(nothing, 5.0)
+
+    assert posterior.candidates() == before
+
+
+def test_characters_drawn_alike_are_one_text_in_the_likeliest_spelling() -> None:
+    posterior = after(reading(VAO34RM=0.5, VA034RM=0.3), reading(VA034RM=0.4, VAO34RM=0.2))
+
+    assert [each.text for each in posterior.candidates()] == ["VAO34RM"]
+
+
+def test_no_more_texts_are_kept_and_given_than_stated() -> None:
+    posterior = PlatePosterior()
+    for index in range(40):
+        texts = {f"AB{index:02}{n:02}": 0.03 for n in range(30)}
+        posterior.update(reading(GN417KB=0.05, **texts), 0.1 * index)
+
+    assert len(posterior.candidates()) == MAX_CANDIDATES
+    assert len(posterior.candidates(1000)) == POOL
+    assert posterior.candidates()[0].text == "GN417KB"
+
+
+def test_readings_out_of_order_and_impossible_probabilities_raise_nothing() -> None:
+    posterior = after(reading(GN417KB=0.5))
+    posterior.update(reading(GN417KB=0.0), -5.0)
+    posterior.update(reading(GN417KB=1.0, GN417K8=1.0), -5.0)
+
+    assert posterior.candidates()[0].probability < 1.0
