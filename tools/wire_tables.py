@@ -1,5 +1,6 @@
 """Writes the tables of LCCA messages and MVS footer into docs/wire.md, from their declarations."""
 
+from itertools import takewhile
 from pathlib import Path
 
 from onboard.messages.lcca import MESSAGES
@@ -10,10 +11,13 @@ END = "<!-- end -->\n"
 
 
 def lcca_tables() -> str:
-    """Return one table a message."""
-    return "\n".join(
+    """Return one table of the fields that begin every message, and one table a message."""
+    names = zip(*(record.fields for record in MESSAGES.values()), strict=False)
+    common = sum(1 for _ in takewhile(lambda each: len(set(each)) == 1, names))
+    any_record = next(iter(MESSAGES.values()))
+    return f"Every message begins with\n\n{any_record.table(end=common)}\n\n" + "\n".join(
         f"**{record.record.__name__}** (type {code}, user priority"
-        f" {record.record.user_priority})\n\n{record.table()}\n"
+        f" {record.record.user_priority})\n\n{record.table(common)}\n"
         for code, record in MESSAGES.items()
     )
 

@@ -121,13 +121,24 @@ class Record(Field, Generic[RecordT]):
     def printed(self, value: RecordT) -> dict[str, Any]:
         return self.as_dict(value)
 
-    def table(self) -> str:
-        """Return the declaration as a Markdown table for the documentation."""
-        rows = [("field", "bits", "unit or type", "range", "unavailable"), ("---",) * 5]
-        for name, field in self.fields.items():
+    def table(self, first: int = 0, end: int | None = None) -> str:
+        """Return the declaration as a Markdown table for the documentation.
+
+        Consecutive fields of the same declaration share a row.
+
+        Args:
+            first: index of the first field in the table.
+            end: index of the first field after it.
+        """
+        rows: list[tuple[str, str, str]] = []
+        for name, field in list(self.fields.items())[first:end]:
             bits = "varies" if field.fixed is None else str(field.fixed.bits)
-            rows.append((name, bits, *field.row()))
-        return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+            if rows and rows[-1][1:] == (bits, _content(field)):
+                rows[-1] = (f"{rows[-1][0]}, {name}", *rows[-1][1:])
+            else:
+                rows.append((name, bits, _content(field)))
+        lines = [("field", "bits each", "content"), ("---",) * 3, *rows]
+        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
     @override
     def row(self) -> tuple[str, str, str]:
@@ -153,6 +164,13 @@ class Record(Field, Generic[RecordT]):
             else:
                 steps.append((name, field, 0))
         return [*steps, _Run(run)] if run else steps
+
+
+def _content(field: Field) -> str:
+    """Return unit, range and "unavailable" code of a field, for a documentation table."""
+    unit, meaning, unavailable = field.row()
+    content = meaning if unit in {"", "bytes", "code", "count", "flags"} else f"{unit}: {meaning}"
+    return f"{content}; unavailable: {unavailable}" if unavailable else content
 
 
 class _Run:
