@@ -192,13 +192,13 @@ def _add_drive(tally: DriveTally, drive: RenderedDrive, *, tags: bool) -> None:
 def table() -> str:
     """Both tables, as Markdown."""
     lines = [
-        "| light | known within 1 s | right lead | frames with a wrong identity |",
+        "| light | drives known within 1 s | frames with right lead | with wrong identity |",
         "|---|---|---|---|",
     ]
     for light, tally in by_light(tags=False).items():
         lines.append(
-            f"| {light} | {tally.known_in_time} of {tally.drives} drives "
-            f"| {tally.right_lead / tally.frames:.0%} of frames | {tally.wrong_identities} |"
+            f"| {light} | {tally.known_in_time} of {tally.drives} "
+            f"| {tally.right_lead / tally.frames:.0%} | {tally.wrong_identities} |"
         )
     heads = (
         *("gap", "known within 1 s", "frames with a wrong identity", "gap error, median"),

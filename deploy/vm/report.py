@@ -22,13 +22,9 @@ def table(
         slowness: run time of Python in the guest relative to this machine.
     """
     lines = [
-        "| fault | detected after | recovered after | limit | |",
-        "|---|---|---|---|---|",
-        *(
-            f"| {row.fault} | {_seconds(row.detected_s)} | {_seconds(row.recovered_s)}"
-            f" | {_seconds(row.limit_s)} | {row.remark if row.is_kept else 'MISSED'} |"
-            for row in rows
-        ),
+        "| fault | detected after, s | recovered after, s (limit) |",
+        "|---|---|---|",
+        *map(_line, rows),
         "",
         *(f"FAILED: {failure}" for failure in failures),
         f"Python ran {slowness:.0f} times slower in the guest than on the host, where the test took"
@@ -53,5 +49,15 @@ def record(docs: Path, name: str, text: str) -> None:
     docs.write_text(re.sub(f"{begin}.*{end}", lambda _: marked, page, flags=re.DOTALL))
 
 
+def _line(row: StatusRow) -> str:
+    remark = row.remark if row.is_kept else "MISSED"
+    cells = [
+        f"{row.fault} ({remark})" if remark else row.fault,
+        _seconds(row.detected_s),
+        _seconds(row.recovered_s) + ("" if row.limit_s is None else f" ({_seconds(row.limit_s)})"),
+    ]
+    return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
+
+
 def _seconds(value: float | None) -> str:
-    return "" if value is None else f"{value:.{2 if value > 0.1 else 3}f} s"
+    return "" if value is None else f"{value:.{2 if value > 0.1 else 3}f}"
