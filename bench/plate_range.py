@@ -140,18 +140,18 @@ def sheet(reads: list[Read]) -> npt.NDArray[np.uint8]:
 def table(reads: list[Read]) -> str:
     """Distance in metres up to which each format can be read, by focal length."""
     widths = {name: least_widths(shape, reads)[0] for name, shape in FORMATS.items()}
-    heads = [f"{name} plate ({widths[name]:.0f} px)" for name in FORMATS]
+    heads = [f"{name} plate ({widths[name]:.0f} px), m" for name in FORMATS]
     lines = [
-        f"| focal length | angle of view | {' | '.join(heads)} |",
+        f"| focal length, px | angle of view | {' | '.join(heads)} |",
         "|---|---|" + "---|" * len(heads),
     ]
     for focal_px in FOCAL_LENGTHS_PX:
         angle = 2 * math.degrees(math.atan(IMAGE_WIDTH_PX / 2 / focal_px))
         reaches = [
-            f"{focal_px * plate_format.width_m / widths[name]:.0f} m"
+            f"{focal_px * plate_format.width_m / widths[name]:.0f}"
             for name, plate_format in FORMATS.items()
         ]
-        lines.append(f"| {focal_px} px | {angle:.0f}° | {' | '.join(reaches)} |")
+        lines.append(f"| {focal_px} | {angle:.0f}° | {' | '.join(reaches)} |")
     return "\n".join(lines) + "\n"
 
 

@@ -137,8 +137,8 @@ class Record(Field, Generic[RecordT]):
                 rows[-1] = (f"{rows[-1][0]}, {name}", *rows[-1][1:])
             else:
                 rows.append((name, bits, _content(field)))
-        lines = [("field", "bits each", "content"), ("---",) * 3, *rows]
-        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        lines = ["| field | bits each | content |", "|---|---|---|"]
+        return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
 
     @override
     def row(self) -> tuple[str, str, str]:
