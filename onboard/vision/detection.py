@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from onboard.observations import ImageBox
+from onboard.observations import ImageBox, PlateCandidate
 from onboard.vision.perspective import Corners, RoadPosition, bounding_box
 
 
@@ -28,9 +28,10 @@ class Detection:
     text: str | None = None
     confidence: float = 0.0
     """Probability that the text is right, 0 to 1."""
-    character_confidences: tuple[float, ...] = ()
     identity_confidence: float = 0.0
     """The same, with 0 and O, and 1 and I, counted as equal."""
+    candidates: tuple[PlateCandidate, ...] = ()
+    """Texts by this reading alone, the likeliest first."""
     was_read: bool = True
     """Whether reading the text was tried."""
     shape: float = 0.0

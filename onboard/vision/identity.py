@@ -17,6 +17,8 @@ import math
 from collections import defaultdict
 from typing import TypeVar
 
+from onboard.vision.look_alikes import folded
+
 FADE_S = 4.0
 """Time in which a vote's weight falls to 1/e."""
 MIN_WEIGHT = 2.0
@@ -30,7 +32,6 @@ MIN_LENGTH = 4
 IDENTITY_CONFIDENCE = 0.9
 """Share of the votes that identifies a text."""
 _Choice = TypeVar("_Choice")
-_FOLD = str.maketrans("OI", "01")
 
 
 class PlateVote:
@@ -63,12 +64,12 @@ class PlateVote:
         if confidence < MIN_READ_CONFIDENCE or len(text) < MIN_LENGTH:
             return
         self._fade(stamp_s)
-        self._spellings[folded := text.translate(_FOLD)][text] += confidence
+        self._spellings[alike := folded(text)][text] += confidence
         self._lengths[len(text)] += confidence
         if confidence >= self._confidence:
-            self._certain[folded] += 1.0
+            self._certain[alike] += 1.0
         weights = character_confidences or (1.0,) * len(text)
-        for index, (character, weight) in enumerate(zip(folded, weights, strict=True)):
+        for index, (character, weight) in enumerate(zip(alike, weights, strict=True)):
             self._positions[len(text), index][character] += confidence * weight
 
     @property
@@ -96,7 +97,7 @@ class PlateVote:
         if not total:
             return 1.0
         shares = [self._lengths.get(len(text), 0.0) / total]
-        for index, character in enumerate(text.translate(_FOLD)):
+        for index, character in enumerate(folded(text)):
             votes: dict[str, float] = self._positions.get((len(text), index), defaultdict(float))
             shares.append(votes.get(character, 0.0) / max(sum(votes.values()), 1e-9))
         return min(shares)

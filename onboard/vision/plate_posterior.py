@@ -20,6 +20,7 @@ import math
 from collections.abc import Sequence
 
 from onboard.observations import PlateCandidate
+from onboard.vision.look_alikes import folded
 
 CORRELATION = 0.5
 """Correlation of two readings of one plate."""
@@ -35,7 +36,6 @@ POOL = 96
 """Texts that are kept; the least likely ones give way."""
 MAX_CANDIDATES = 16
 """Texts that a lead carries (`Lead.candidates`)."""
-_ALIKE = str.maketrans("OI", "01")
 
 
 class PlatePosterior:
@@ -74,17 +74,17 @@ class PlatePosterior:
         probabilities: dict[str, float] = {}
         for candidate in candidates:
             if len(candidate.text) >= MIN_LENGTH and candidate.probability > 0.0:
-                folded = candidate.text.translate(_ALIKE)
-                probabilities[folded] = probabilities.get(folded, 0.0) + candidate.probability
+                text = folded(candidate.text)
+                probabilities[text] = probabilities.get(text, 0.0) + candidate.probability
                 spelling = (candidate.probability, candidate.text)
-                self._spellings[folded] = max(spelling, self._spellings.get(folded, spelling))
+                self._spellings[text] = max(spelling, self._spellings.get(text, spelling))
         remainder = max(MIN_REMAINDER, 1.0 - sum(probabilities.values()))
         floor = FLOOR * remainder
         self._readings += 1.0
         self._remainder += math.log(remainder / floor)
-        for folded, probability in probabilities.items():
+        for text, probability in probabilities.items():
             likelihood_ratio = max(probability / floor, 1.0)
-            self._evidence[folded] = self._evidence.get(folded, 0.0) + math.log(likelihood_ratio)
+            self._evidence[text] = self._evidence.get(text, 0.0) + math.log(likelihood_ratio)
         if len(self._evidence) > POOL:
             self._keep(sorted(self._evidence, key=lambda text: -self._evidence[text])[:POOL])
 

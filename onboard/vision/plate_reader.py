@@ -7,14 +7,17 @@ plates only (`training/`); OpenCV runs it on one core.
 """
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.vision.syntax import PlateSyntax
+from onboard.observations import PlateCandidate
+from onboard.vision.beam_search import likeliest_sequences, sequence_probabilities
+from onboard.vision.look_alikes import folded, spellings
+from onboard.vision.syntax import ALL_VALID, PlateSyntax
 
 Image = npt.NDArray[np.uint8]
 """(h, w, 3) BGR or (h, w) grey."""
@@ -36,9 +39,9 @@ _VIEW_CHANGES = ((0.0, 0.0, 0.0), (0.06, 0.08, 0.04), (-0.02, 0.03, -0.04))
 is no evidence."""
 _PATTERN_ODDS = 20.0
 """Prior odds of a plate that matches a pattern to one that does not."""
-_MIN_ALTERNATIVE, _MAX_ALTERNATIVES = 0.02, 8
-"""Probability from which another character is considered at a position, and their number in a
-text."""
+CANDIDATES = 30
+"""Texts of one reading. Of photographs, more than 16 add some to the track's posterior."""
+_TINY = np.finfo(np.float64).tiny
 _LIGHT_SIGMA_PX, _LIGHT_CELL_PX = 24.0, 8
 """Sigma of the Gaussian over which the light around a position is measured, in a view, and the side
 of the cells that are averaged before."""
@@ -56,20 +59,21 @@ class PlateText:
     """Empty if no character is recognised."""
     confidence: float
     """Probability that the whole text is right, 0 to 1."""
-    character_confidences: tuple[float, ...]
     identity_confidence: float
     """The same, with 0 and O, and 1 and I, counted as equal: many plate fonts draw them alike."""
+    candidates: tuple[PlateCandidate, ...] = ()
+    """The likeliest texts by this reading, `text` first; 0 and O, 1 and I are equal in these."""
 
 
 class PlateReader:
     """The reader's network, loaded once; not to be shared between threads."""
 
-    def __init__(self, model: Path = DEFAULT_MODEL, syntax: PlateSyntax | None = None) -> None:
+    def __init__(self, model: Path = DEFAULT_MODEL, syntax: PlateSyntax = ALL_VALID) -> None:
         """Load the network.
 
         Args:
             model: ONNX file.
-            syntax: patterns of valid plates; `None`: all texts are as likely.
+            syntax: patterns of valid plates; without any, all texts are as likely.
 
         Raises:
             FileNotFoundError: `model` is missing.
@@ -89,7 +93,7 @@ class PlateReader:
         for corners in plates:
             views = rectified_views(image, corners)
             if views[0].std() < _MIN_CONTRAST:
-                texts.append(PlateText("", 0.0, (), 0.0))
+                texts.append(PlateText("", 0.0, 0.0))
                 continue
             self._network.setInput(normalised(views))
             scores = np.asarray(self._network.forward(), np.float32)
@@ -177,128 +181,51 @@ def _around(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return np.asarray(cv2.resize(soft, (columns, rows), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax | None = None) -> PlateText:
-    """Decode (views, 40 columns, 37 classes) of logits of one plate to its text.
+def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax = ALL_VALID) -> PlateText:
+    """Decode (views, 40 columns, 37 classes) of logits of one plate to its likeliest texts.
 
-    Each view proposes the text of its best path; a text's confidence is its whole probability, over
-    all paths that spell it, in the mean of the views. A character's confidence is the highest
-    probability in the run of columns that show it, in the view that proposed the text. With a
-    `syntax`, texts that match it and differ in up to two likely characters, or lack them, are
-    proposed too.
+    A text's probability is that of all paths that spell it, in the mean of the views, with the
+    prior odds `_PATTERN_ODDS` if it matches the `syntax` (Bayes). The texts that are not found
+    count as matching.
     """
-    likely = np.exp(scores - scores.max(axis=2, keepdims=True))
+    likely = np.exp(scores - scores.max(axis=2, keepdims=True), dtype=np.float64)
     likely /= likely.sum(axis=2, keepdims=True)
-    merged = _alike_merged(likely)
-    spellings: dict[tuple[int, ...], list[float]] = {}
-    for view in likely:
-        labels, columns = _best_path(view)
-        spellings.setdefault(tuple(labels), [float(view[c].max()) for c in columns])
-        if syntax:
-            for other in _respelt(view, labels, columns):
-                shown = {c: k for c, k in zip(columns, other, strict=True) if k}
-                if syntax.fits(_spelt(list(shown.values()))):
-                    confidences = [float(view[c, k]) for c, k in shown.items()]
-                    spellings.setdefault(tuple(shown.values()), confidences)
-    texts = []
-    for spelling, confidences in spellings.items():
-        whole = _probability(labels := list(spelling), likely)
-        alike = [_MERGED.get(label, label) for label in labels]
-        but_for_alike = _probability(alike, merged) if set(alike) & _DRAWN_ALIKE else whole
-        texts.append(PlateText(_spelt(labels), whole, tuple(confidences), but_for_alike))
-    if syntax:
-        texts = _weighed(texts, syntax)
-    return max(texts, key=lambda text: text.confidence)
-
-
-def _weighed(texts: list[PlateText], syntax: PlateSyntax) -> list[PlateText]:
-    """Confidences with the prior odds of a text that matches a pattern (Bayes).
-
-    The probability of texts that were not proposed counts as matching.
-    """
-    strange = sum(text.confidence for text in texts if not syntax.fits(text.text))
-    evidence = _PATTERN_ODDS * max(0.0, 1.0 - strange) + strange
-    weighed = []
-    for text in texts:
-        share = (_PATTERN_ODDS if syntax.fits(text.text) else 1.0) / evidence
-        confidence = min(1.0, share * text.confidence)
-        alike = min(1.0, share * text.identity_confidence)
-        weighed.append(replace(text, confidence=confidence, identity_confidence=alike))
-    return weighed
-
-
-def _respelt(
-    view: npt.NDArray[np.float32], labels: list[int], columns: list[int]
-) -> list[list[int]]:
-    """Texts that differ from the best path's in one or two characters; 0 for none."""
-    others = [
-        (position, int(label))
-        for position, column in enumerate(columns)
-        for label in np.flatnonzero(view[column] >= _MIN_ALTERNATIVE)
-        if label != labels[position]
+    found = likeliest_sequences(_alike_merged(likely), CANDIDATES)
+    texts = [spellings(_word(labels)) for labels, _ in found]
+    exact = iter(sequence_probabilities([_labels(w) for w in itertools.chain(*texts)], likely))
+    weights = []
+    for words, (_, probability) in zip(texts, found, strict=True):
+        shares = np.array([next(exact) for _ in words])
+        odds = [_PATTERN_ODDS if syntax.fits(word) else 1.0 for word in words]
+        weights.append(probability * shares / max(shares.sum(), _TINY) * odds)
+    remainder = max(0.0, 1.0 - sum(probability for _, probability in found))
+    evidence = float(np.concatenate(weights).sum()) + _PATTERN_ODDS * remainder
+    candidates = [
+        PlateCandidate(words[int(weight.argmax())], float(weight.sum()) / evidence)
+        for words, weight in zip(texts, weights, strict=True)
     ]
-    others = sorted(others, key=lambda other: -view[columns[other[0]], other[1]])[
-        :_MAX_ALTERNATIVES
-    ]
-    changes = [(one,) for one in others] + list(itertools.combinations(others, 2))
-    texts = []
-    for change in changes:
-        text = list(labels)
-        for position, label in change:
-            text[position] = label
-        texts.append(text)
-    return texts
+    best = max(range(len(candidates)), key=lambda at: candidates[at].probability)
+    return PlateText(
+        candidates[best].text,
+        float(weights[best].max()) / evidence,
+        candidates[best].probability,
+        tuple(sorted(candidates, key=lambda candidate: -candidate.probability)),
+    )
 
 
-def _spelt(labels: list[int]) -> str:
+def _word(labels: tuple[int, ...]) -> str:
     return "".join(ALPHABET[label - 1] for label in labels)
 
 
-_MERGED = {ALPHABET.index(one) + 1: ALPHABET.index(other) + 1 for one, other in ("O0", "I1")}
-"""Classes of characters that are drawn alike."""
-_DRAWN_ALIKE = frozenset(_MERGED.values())
+def _labels(word: str) -> tuple[int, ...]:
+    return tuple(ALPHABET.index(character) + 1 for character in word)
 
 
-def _alike_merged(likely: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _alike_merged(likely: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """The same probabilities, with those of O and I added to those of 0 and 1."""
     merged = likely.copy()
-    for one, other in _MERGED.items():
-        merged[..., other] += merged[..., one]
-        merged[..., one] = 0.0
+    for label, character in enumerate(ALPHABET, start=1):
+        if (digit := folded(character)) != character:
+            merged[..., ALPHABET.index(digit) + 1] += merged[..., label]
+            merged[..., label] = 0.0
     return merged
-
-
-def _best_path(likely: npt.NDArray[np.float32]) -> tuple[list[int], list[int]]:
-    """The likeliest classes without repeats and blanks, and the column that shows each best."""
-    path, best = likely.argmax(axis=1), likely.max(axis=1)
-    labels: list[int] = []
-    columns: list[int] = []
-    for column, label in enumerate(path):
-        if label == 0:
-            continue
-        if not column or path[column - 1] != label:
-            labels.append(int(label))
-            columns.append(column)
-        elif best[column] > best[columns[-1]]:
-            columns[-1] = column
-    return labels, columns
-
-
-def _probability(labels: list[int], likely: npt.NDArray[np.float32]) -> float:
-    """Probability that the columns spell `labels`, in the mean of the views.
-
-    The forward recursion of Graves et al. 2006, section 4.1.
-    """
-    states = np.zeros(2 * len(labels) + 1, np.int64)  # a blank before, between and after
-    states[1::2] = labels
-    # From two states back: only to a character, and only from another one.
-    may_skip = np.zeros(len(states), bool)
-    may_skip[3::2] = states[3::2] != states[1:-2:2]
-    emitted = likely[:, :, states].astype(np.float64)
-    reached = np.zeros((len(likely), len(states)))
-    reached[:, :2] = emitted[:, 0, :2]
-    for column in range(1, likely.shape[1]):
-        arriving = reached.copy()
-        arriving[:, 1:] += reached[:, :-1]
-        arriving[:, 2:] += reached[:, :-2] * may_skip[2:]
-        reached = arriving * emitted[:, column]
-    return float(np.minimum(1.0, reached[:, -2:].sum(axis=1)).mean())

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import ImageBox
+from onboard.observations import ImageBox, PlateCandidate
 from onboard.vision.blue_band import include_blue_band
 from onboard.vision.detection import Detection, DetectionKind, SearchPlan, TrackRegion
 from onboard.vision.identity import MIN_LENGTH
@@ -154,13 +154,20 @@ class PlateRecognizer:
             width_m=width_m,
             positions=positions,
         )
-        if text is None or not self._is_plausible(text):
+        if text is None:
+            return detection
+        candidates = tuple(
+            PlateCandidate(each.text, confidence * each.probability)
+            for each in text.candidates
+            if self._syntax.fits(each.text)
+        )
+        detection = replace(detection, candidates=candidates)
+        if not self._is_plausible(text):
             return detection
         return replace(
             detection,
             text=text.text,
             confidence=confidence * text.confidence,
-            character_confidences=text.character_confidences,
             identity_confidence=confidence * text.identity_confidence,
         )
 

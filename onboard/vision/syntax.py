@@ -16,3 +16,7 @@ class PlateSyntax:
     def fits(self, text: str) -> bool:
         """Whether `text` is valid."""
         return not self._patterns or any(pattern.fullmatch(text) for pattern in self._patterns)
+
+
+ALL_VALID = PlateSyntax(())
+"""Without patterns."""

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import ImageBox
+from onboard.observations import ImageBox, PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind, SearchPlan
 from onboard.vision.edges import refine_sides
 from onboard.vision.perspective import Corners, Perspective
@@ -110,9 +110,10 @@ class TagDetector:
             position=position,
             ahead_sigma_m=ahead_sigma_m,
             right_sigma_m=right_sigma_m,
-            text=f"TAG{number}",
+            text=(text := f"TAG{number}"),
             confidence=1.0,
             identity_confidence=1.0,
+            candidates=(PlateCandidate(text, 1.0),),
         )
 
 

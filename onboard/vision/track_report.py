@@ -2,9 +2,8 @@
 
 import math
 
-from onboard.observations import Lead, LeadIdentity, Plate, PlateCandidate, VehicleDetection
+from onboard.observations import Lead, LeadIdentity, Plate, VehicleDetection
 from onboard.vision.detection import Detection
-from onboard.vision.identity import IDENTITY_CONFIDENCE
 from onboard.vision.plates import MIN_TEXT_CONFIDENCE
 from onboard.vision.vehicle_track import VehicleTrack
 
@@ -71,7 +70,7 @@ def lead(track: VehicleTrack | None, stamp_s: float, lens_sigma: float) -> Lead:
         closing_speed_m_s=-ahead.rate_m_s,
         closing_speed_sigma_m_s=math.hypot(ahead.rate_sigma_m_s, lens_sigma * ahead.rate_m_s),
         track_id=track.track_id,
-        candidates=() if text is None else (PlateCandidate(text, IDENTITY_CONFIDENCE),),
+        candidates=track.candidates,
     )
 
 

@@ -2,10 +2,12 @@
 
 import math
 
+from onboard.observations import PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.identity import IDENTITY_CONFIDENCE, MIN_READ_CONFIDENCE, PlateVote
 from onboard.vision.motion import FrameMotion
 from onboard.vision.plate_formats import PlateFormats, TrackPlateFormat
+from onboard.vision.plate_posterior import PlatePosterior
 from onboard.vision.rear import ScaleChange
 
 MAX_INNOVATION_SIGMAS = 3.0
@@ -76,6 +78,7 @@ class VehicleTrack:
         """Time up to which the rear was tracked."""
         self._plate = PlateVote()
         self._tag = PlateVote()
+        self._posteriors = {kind: PlatePosterior() for kind in DetectionKind}
         self._vote(first, stamp_s)
 
     @property
@@ -87,6 +90,12 @@ class VehicleTrack:
     def text(self) -> str | None:
         """The voted text: the tag's, which detects errors, before the plate's."""
         return self._tag.text or self._plate.text
+
+    @property
+    def candidates(self) -> tuple[PlateCandidate, ...]:
+        """Texts that it may bear, the likeliest first: of the tag, or else of the plate."""
+        tag, plate = (self._posteriors[kind] for kind in (DetectionKind.TAG, DetectionKind.PLATE))
+        return tag.candidates() or plate.candidates()
 
     def text_of(self, detection: Detection) -> tuple[str | None, float]:
         """Text of one of this track's detections, and its confidence by the votes of all frames.
@@ -184,10 +193,10 @@ class VehicleTrack:
     def _vote(self, detection: Detection, stamp_s: float) -> None:
         if detection.was_read:
             self.read_at = stamp_s
+        self._posteriors[detection.kind].update(detection.candidates, stamp_s)
         if detection.text is None or detection.identity_confidence < MIN_READ_CONFIDENCE:
             return
         self.is_contradicted = detection.text != self.text
         vote = self._tag if detection.kind is DetectionKind.TAG else self._plate
-        vote.vote(
-            detection.text, detection.identity_confidence, detection.character_confidences, stamp_s
-        )
+        weights = (detection.identity_confidence,) * len(detection.text)
+        vote.vote(detection.text, detection.identity_confidence, weights, stamp_s)

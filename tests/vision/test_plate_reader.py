@@ -55,7 +55,7 @@ def test_a_clean_plate_is_read_and_certain(
     read = reader.read(*shown(text, plate_format, width_px=150))
     assert read.text == text
     assert read.confidence >= CERTAIN
-    assert len(read.character_confidences) == len(text)
+    assert read.candidates[0].text == text
 
 
 @pytest.mark.parametrize("light", [np.linspace(0.2, 1.0, 160), np.linspace(1.0, 0.3, 64)[:, None]])
@@ -212,7 +212,7 @@ def test_one_uncertain_column_lowers_the_confidence() -> None:
     scores[0, 2, 13] = 12.0
     read = decode(scores)
     assert read.confidence < 0.51
-    assert read.character_confidences[0] > 0.99 > read.character_confidences[1]
+    assert {each.text for each in read.candidates[:2]} == {"AB", "AC"}
 
 
 def test_a_missing_model_is_named(tmp_path: Path) -> None:
@@ -253,7 +253,9 @@ def test_patterns_drop_a_false_character_beside_the_text() -> None:
 
     assert read.text == "ABC1234"
     assert read.confidence == pytest.approx(20 * 0.4 / (20 * 0.4 + 0.6), abs=0.01)
-    assert len(read.character_confidences) == 7
+    assert {each.text: each.probability for each in read.candidates}["IABC1234"] == pytest.approx(
+        1.0 - read.confidence, abs=0.01
+    )
 
 
 def test_a_plate_of_another_country_is_not_forced_to_match() -> None:
@@ -266,7 +268,8 @@ def test_a_plate_of_another_country_is_not_forced_to_match() -> None:
 def test_a_certain_text_that_matches_stays() -> None:
     plain = view_of([{c: 1.0} for c in "ABC1234"])
 
-    assert decode(plain, SERIES) == decode(plain)
+    assert decode(plain, SERIES).text == decode(plain).text == "ABC1234"
+    assert decode(plain, SERIES).confidence >= decode(plain).confidence > 0.99
 
 
 def test_both_spellings_drawn_alike_have_the_same_identity_confidence() -> None:

@@ -37,7 +37,7 @@ class Reader:
 
     def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
         text, confidence = self._reads.pop(0)
-        return [PlateText(text, confidence, (confidence,) * len(text), confidence)]
+        return [PlateText(text, confidence, confidence)]
 
 
 def plates(finder: Finder, *reads: tuple[str, float]) -> list[Plate]:
