@@ -12,7 +12,7 @@ PROGRAMS = ("onboard", "sim_rig", "bench", "deploy", "training", "tools", "fuzz"
 
 RETIRED_WORDS = frozenset({
     "doorkeeper", "lookout", "mending", "onlooker", "onlookers", "plausibility", "shelf", "shelves",
-    "strangers",
+    "strangers", "told",
 })  # fmt: skip
 """Words of no identifier and file name at all."""
 
@@ -30,7 +30,7 @@ RETIRED_NAMES = frozenset({
 """Words that no identifier and file name has in a row."""
 
 RETIRED_IN_PAGES = re.compile(
-    r"\b(doorkeeper|lookout|mending|onlookers?|own car|own_car|schooling|shelf)\b",
+    r"\b(doorkeeper|lookout|mending|onlookers?|own car|own_car|schooling|shelf|told)\b",
     re.IGNORECASE,
 )
 

@@ -141,9 +141,9 @@ def test_every_point_is_where_the_car_was_at_its_age(latitude_deg: float, silent
     for position in driven:
         keeper.receive_position(position)
 
-    told = received(keeper.history(driven[-1].stamp_s))
+    decoded = received(keeper.history(driven[-1].stamp_s))
 
-    for crumb in () if told is None else told.crumb_data:
+    for crumb in () if decoded is None else decoded.crumb_data:
         assert crumb.longitude_offset_deg is not None
         assert crumb.age_s is not None
         behind_m = -crumb.longitude_offset_deg / metre_deg

@@ -139,14 +139,14 @@ def test_on_a_real_drive_the_prediction_is_better_than_a_straight_line(rig_data:
     missed_deg: dict[str, list[float]] = {"circle": [], "straight": []}
     for now, later in pairwise(fixes):
         predictor.receive_position(now)
-        told = predictor.prediction
-        if told is None or told.radius_of_curve_m is None or told.confidence < 0.5:
+        sent = predictor.prediction
+        if sent is None or sent.radius_of_curve_m is None or sent.confidence < 0.5:
             continue
         assert now.speed_m_s is not None
         assert now.course_rad is not None
         assert later.course_rad is not None
         turned = math.remainder(later.course_rad - now.course_rad, math.tau)
-        foretold = now.speed_m_s / told.radius_of_curve_m * (later.stamp_s - now.stamp_s)
+        foretold = now.speed_m_s / sent.radius_of_curve_m * (later.stamp_s - now.stamp_s)
         missed_deg["circle"].append(abs(math.degrees(turned - foretold)))
         missed_deg["straight"].append(abs(math.degrees(turned)))
     assert len(missed_deg["circle"]) > 100

@@ -110,8 +110,8 @@ def test_positions_from_the_real_gpsd_fed_by_udp():
             positions = []
             for second in range(50):
                 for text in (RMC, GGA):
-                    told = sentence(at(text, f"0450{second:02d}.00"))
-                    receiver.sendto(told, ("127.0.0.1", nmea_port))
+                    nmea = sentence(at(text, f"0450{second:02d}.00"))
+                    receiver.sendto(nmea, ("127.0.0.1", nmea_port))
                 with contextlib.suppress(TimeoutError):
                     positions.append(await asyncio.wait_for(callbacks.positions.get(), 0.2))
                 if len(positions) == 5:

@@ -43,7 +43,7 @@ def test_whole_km_h_at_20_hz_give_half_a_metre_per_second_squared() -> None:
     ],
     ids=["none", "one", "too few", "too short"],
 )
-def test_nothing_is_told_of_too_little(samples: list[tuple[float, float]]) -> None:
+def test_nothing_is_estimated_from_too_few_samples(samples: list[tuple[float, float]]) -> None:
     assert trend_of(samples).acceleration_m_s2 is None
 
 

@@ -1,4 +1,4 @@
-"""A single core, told by hand what its camera and its radio get."""
+"""A single core, whose camera and radio inputs the test gives."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ A, B = (car_id(name) for name in "AB")
 
 
 class OneCar:
-    """B, unless told otherwise, alone at 20 m/s."""
+    """B, unless given otherwise, alone at 20 m/s."""
 
     def __init__(self, own_id: CarId = B, **settings: float) -> None:
         prompt = GroupParameters(**{"identity_dwell_s": 0.0, "spread_s": 0.0, **settings})  # type: ignore[arg-type]

@@ -115,7 +115,7 @@ def update(**changes: object) -> Update:
         ({"sender_id": OUTSIDER, "leader_id": A, "leader_sequence": 11}, ["transition"], 5),
         ({"leader_id": A, "number": 1, "shift": 0}, ["up_to_date"], 2),
         ({"leader_id": B}, ["loop"], 2),
-        ({"previous_leader_id": OUTSIDER}, ["transition"], 5),  # told by the car it follows
+        ({"previous_leader_id": OUTSIDER}, ["transition"], 5),  # from the car it follows
     ],
 )
 def test_a_member_accepts_or_refuses_an_update(

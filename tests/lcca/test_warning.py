@@ -220,9 +220,9 @@ def test_a_candidate_behind_the_designated_forwarder_waits_half_a_slot_less() ->
 
 def test_a_forged_group_number_delays_a_warning_by_a_slot_or_two_a_hop() -> None:
     road = row("ABCDEFGH", Air(reach_m=45.0))
-    lie = Join(b"a liar--", A, 60_000, b"somebody", 0, bytes(8), 0)
+    forged = Join(b"attacker", A, 60_000, b"somebody", 0, bytes(8), 0)
     for car in road.cars.values():
-        car.group.receive_message(lie, road.now)
+        car.group.receive_message(forged, road.now)
     began = road.now
 
     road.brake("A")

@@ -13,7 +13,7 @@ from tests.mvs.world import EXACT
 
 HERE = LocalFrame(48.1, 11.5)
 NOW = 1000.0
-LIAR, WITNESS, OWN = b"liar", b"wit.", b"-own"
+ATTACKER, WITNESS, OWN = b"fake", b"wit.", b"-own"
 
 
 def victim() -> MultiVehicleSensing:
@@ -23,10 +23,10 @@ def victim() -> MultiVehicleSensing:
 
 
 def say(mvs: MultiVehicleSensing, footer: MvsFooter | bytes, at: float = NOW) -> list[str]:
-    """The liar drives 100 m ahead and sends `footer`; returns why it was not believed."""
+    """The attacker drives 100 m ahead and sends `footer`; returns why it was refused."""
     data = footer if isinstance(footer, bytes) else mvs_footer.encode(footer)
     place = Position(at, 48.1009, 11.5, None, 0.5, 10.0, 0.0)
-    mvs.receive_bsm(LIAR, place, data, at)
+    mvs.receive_bsm(ATTACKER, place, data, at)
     mvs.update(at)
     reasons = []
     while (event := mvs.next_event()) is not None:
@@ -35,7 +35,7 @@ def say(mvs: MultiVehicleSensing, footer: MvsFooter | bytes, at: float = NOW) ->
 
 
 def estimate_at(
-    x_m: float, y_m: float, stamps_ms: list[int], observer: bytes = LIAR, sigma_m: float = 0.5
+    x_m: float, y_m: float, stamps_ms: list[int], observer: bytes = ATTACKER, sigma_m: float = 0.5
 ) -> Estimate:
     provenance = frozenset(MeasurementId(observer, stamp_ms) for stamp_ms in stamps_ms)
     covariance = np.diag([sigma_m**2, sigma_m**2, 1.0, 1.0])

@@ -146,10 +146,10 @@ def test_a_car_keeps_the_number_that_its_sender_gave_it() -> None:
     entries = [(300, measured[1]), (2, estimated[1])]
 
     data, _ = encode_within(entries, 100_000, SENDER, ANCHOR, 1000)
-    told = read_bytes(data)
+    decoded = read_bytes(data)
 
-    assert told.numbers == (300 % 256, 2)
-    assert told.observers == {b"aaaa", b"bbbb"}
+    assert decoded.numbers == (300 % 256, 2)
+    assert decoded.observers == {b"aaaa", b"bbbb"}
 
 
 def test_a_number_on_the_wire_is_free_as_long_as_one_is() -> None:

@@ -47,7 +47,7 @@ def test_what_was_heard_is_passed_on_once_however_punctual_the_footers_are(
     world = World(cars)
     world.run(4.0)
     mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
-    told: list[int] = []
+    sent: list[int] = []
     for k in range(round(4.0 / interval_s)):
         now = world.start + 0.14 + k * interval_s
         fix = Position(now, *to_degrees(0.0, -50.0), None, 0.5, 0.0, 0.0)
@@ -56,13 +56,13 @@ def test_what_was_heard_is_passed_on_once_however_punctual_the_footers_are(
             message = world.sent.pop(0)
             mvs.receive_bsm(message.sender.id, message.state, message.footer, heard_at)
         for provenance in read(mvs.footer_to_send(now)).provenances:
-            told += [stamp_ms for _, stamp_ms in provenance]
+            sent += [stamp_ms for _, stamp_ms in provenance]
 
-    assert len(told) == len(set(told))
-    assert set(range(1_001_000, 1_003_600, 100)) <= set(told)
+    assert len(sent) == len(set(sent))
+    assert set(range(1_001_000, 1_003_600, 100)) <= set(sent)
 
 
-def test_what_comes_back_from_others_is_not_told_again() -> None:
+def test_what_comes_back_from_others_is_not_sent_again() -> None:
     """Else old news would ride on every new measurement, and make it too old to be passed on."""
 
     def radio(message: Message, receiver: Car, t: float) -> list[float]:
@@ -79,42 +79,42 @@ def test_what_comes_back_from_others_is_not_told_again() -> None:
 
     of_a = [read(m.footer) for m in world.sent if m.sender.name == "a"]
     of_b = [read(m.footer) for m in world.sent if m.sender.name == "b"]
-    assert [len(provenance) for told in of_a[5:] for provenance in told.provenances] == [1] * 25
-    assert {len(provenance) for told in of_b for provenance in told.provenances} == {2}
+    assert [len(provenance) for footer in of_a[5:] for provenance in footer.provenances] == [1] * 25
+    assert {len(provenance) for footer in of_b for provenance in footer.provenances} == {2}
 
 
 def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
-    """A number has 8 bits there: of cars 1 and 257 neither was ever known to who was told."""
+    """A number has 8 bits there: of cars 1 and 257 the receiver never knew either."""
     mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
-    told: list[tuple[int, ...]] = []
+    sent: list[tuple[int, ...]] = []
     for k in range(12):
         at = 1000.0 + k / 10
         mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 10.0, 0.0))
         for number in range(1 if k < 4 else 2):
             mvs.receive_detection(VehicleDetection(at, number, 30.0, 0.3, 0.6 * number, 0.01))
-        told.append(read(mvs.footer_to_send(at)).numbers)
+        sent.append(read(mvs.footer_to_send(at)).numbers)
         mvs._tracks._last_number = 256
 
     assert {track.number for track in mvs._tracks} == {1, 257}
-    assert (1,) in told
-    assert set(told[-1]) == {1, 2}
+    assert (1,) in sent
+    assert set(sent[-1]) == {1, 2}
 
 
-def test_what_did_not_fit_into_a_footer_is_told_first_in_the_next() -> None:
-    """Else the last of three cars in view would never be told of, where two fit at most."""
+def test_what_did_not_fit_into_a_footer_is_sent_first_in_the_next() -> None:
+    """Else the last of three cars in view would never be sent, where two fit at most."""
     tight = EXACT.model_copy(update={"max_bytes": 50})
     mvs = MultiVehicleSensing(tight, b"-own", np.random.default_rng(0))
-    told: list[int] = []
+    sent: list[int] = []
     for k in range(12):
         now = 1000.0 + k / 10
         mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0))
         for number in range(3):
             mvs.receive_detection(VehicleDetection(now, number, 30.0, 0.3, 0.5 * number, 0.01))
-        told += read(mvs.footer_to_send(now)).numbers
+        sent += read(mvs.footer_to_send(now)).numbers
 
-    times_told = [told.count(car) for car in sorted(set(told))]
-    assert len(times_told) == 3
-    assert max(times_told) - min(times_told) <= 1
+    times_sent = [sent.count(car) for car in sorted(set(sent))]
+    assert len(times_sent) == 3
+    assert max(times_sent) - min(times_sent) <= 1
 
 
 def test_nobody_tells_more_measurements_at_once_than_are_believed() -> None:

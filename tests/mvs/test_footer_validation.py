@@ -13,7 +13,7 @@ from onboard.tracking.evidence import (
     as_arrays,
 )
 from onboard.tracking.fusion import fuse
-from tests.mvs.attacker import LIAR, RECENT, estimate_at
+from tests.mvs.attacker import ATTACKER, RECENT, estimate_at
 
 
 @pytest.mark.parametrize(
@@ -38,9 +38,9 @@ from tests.mvs.attacker import LIAR, RECENT, estimate_at
 def test_impossible_estimates_are_named(
     state: list[float], covariance: np.ndarray, reason: str
 ) -> None:
-    piece = Estimate(frozenset({MeasurementId(LIAR, 5)}), np.array(state, float), covariance)
+    piece = Estimate(frozenset({MeasurementId(ATTACKER, 5)}), np.array(state, float), covariance)
 
-    moments = frozenset({MeasurementId(LIAR, 5), MeasurementId(LIAR, 905)})
+    moments = frozenset({MeasurementId(ATTACKER, 5), MeasurementId(ATTACKER, 905)})
     honest = Estimate(moments, np.zeros(4), np.eye(4))
 
     pieces: list[Evidence] = [honest, piece]

@@ -27,8 +27,8 @@ from onboard.tracking.evidence import Estimate, Measurement, MeasurementId
 from onboard.tracking.fusion import propagate
 from onboard.tracking.tracks import DEFAULTS, MAX_TRACKS_PER_SENDER
 from tests.mvs.attacker import (
+    ATTACKER,
     HERE,
-    LIAR,
     NOW,
     OWN,
     RECENT,
@@ -63,20 +63,20 @@ def test_positions_on_the_moon_are_far() -> None:
     assert tracks(mvs) == []
 
 
-def test_a_car_cannot_measure_beyond_its_camera_but_may_pass_on_what_others_told() -> None:
+def test_a_car_cannot_measure_beyond_its_camera_but_may_relay_what_others_measured() -> None:
     mvs = victim()
     far = np.array([0.0, 800.0])
-    measured = Measurement(MeasurementId(LIAR, 999_900), far, np.eye(2))
-    told = Measurement(MeasurementId(WITNESS, 999_900), far, np.eye(2))
+    measured = Measurement(MeasurementId(ATTACKER, 999_900), far, np.eye(2))
+    relayed = Measurement(MeasurementId(WITNESS, 999_900), far, np.eye(2))
 
     assert say(mvs, footer_with(measured)) == ["far"]
-    assert say(mvs, footer_with(told), NOW + 0.1) == []
+    assert say(mvs, footer_with(relayed), NOW + 0.1) == []
 
 
 def test_a_sender_far_away_is_not_heard() -> None:
     mvs = victim()
 
-    mvs.receive_bsm(LIAR, Position(NOW, 49.0, 11.5, None, 1.0, 0.0, 0.0), b"", NOW)
+    mvs.receive_bsm(ATTACKER, Position(NOW, 49.0, 11.5, None, 1.0, 0.0, 0.0), b"", NOW)
 
     event = mvs.next_event()
     assert event is not None
@@ -132,9 +132,9 @@ def test_the_same_estimate_a_hundred_times_is_one() -> None:
     for k in range(1, 100):
         say(mvs, footer_with(estimate), NOW + k * 0.001)
 
-    (repeated,), (told_once,) = tracks(mvs), tracks(once)
-    assert (repeated.state == told_once.state).all()
-    assert (repeated.covariance == told_once.covariance).all()
+    (repeated,), (sent_once,) = tracks(mvs), tracks(once)
+    assert (repeated.state == sent_once.state).all()
+    assert (repeated.covariance == sent_once.covariance).all()
 
 
 def test_a_sender_that_never_pauses_is_heard_at_the_rate_of_a_fast_one() -> None:
@@ -174,7 +174,7 @@ def variances_of_a_seen_car(
 ) -> np.ndarray:
     """Of its place and speed at each of 50 pictures, 0.05 s apart.
 
-    Every so many pictures the liar repeats, in one estimate, the own measurements of the last
+    Every so many pictures the attacker repeats, in one estimate, the own measurements of the last
     `span_ms`, adds one of his own, and says that he hardly knows where the car is.
     """
     mvs, rng, found = victim(), np.random.default_rng(1), []
@@ -192,7 +192,7 @@ def variances_of_a_seen_car(
         if lie_every and k >= 20 and k % lie_every == 0:
             own = {MeasurementId(OWN, stamp) for stamp in stamps if stamp > now_ms - span_ms}
             lie = Estimate(
-                frozenset(own | {MeasurementId(LIAR, now_ms - 1)}),
+                frozenset(own | {MeasurementId(ATTACKER, now_ms - 1)}),
                 np.array([0.0, 30.0 + ahead_m, 0.0, 10.0]),
                 np.diag([sigma_m**2, sigma_m**2, sigma_m_s**2, sigma_m_s**2]),
             )
@@ -224,7 +224,7 @@ def test_a_ghost_is_believed_no_more_than_its_provenance_allows() -> None:
     """Two positions of 0.1 m, 0.1 s apart, cannot tell a speed to better than 1.4 m/s."""
     mvs = victim()
     sure = Estimate(
-        frozenset(MeasurementId(LIAR, stamp) for stamp in (999_800, 999_900)),
+        frozenset(MeasurementId(ATTACKER, stamp) for stamp in (999_800, 999_900)),
         np.array([20.0, 60.0, 0.0, 10.0]),
         np.diag([1e-4, 1e-4, 1e-4, 1e-4]),
     )
@@ -253,8 +253,8 @@ def test_a_lone_liar_does_not_move_a_car_that_others_see() -> None:
         lie = estimate_at(0.0, 56.0 + k, stamps, sigma_m=0.3)
         say(mvs, footer_with(lie, reference_ms=round(now * 1000)), now)
 
-    told_by = {frozenset(observer for observer, _ in car.provenance) for car in tracks(mvs, now)}
-    assert told_by == {frozenset({WITNESS}), frozenset({LIAR})}
+    observers = {frozenset(observer for observer, _ in car.provenance) for car in tracks(mvs, now)}
+    assert observers == {frozenset({WITNESS}), frozenset({ATTACKER})}
 
 
 @given(st.binary(max_size=400), st.booleans())
@@ -312,7 +312,7 @@ HANGING = [
 
 
 def drive_with(footers: Sequence[bytes], end_s: float = 0.48) -> MultiVehicleSensing:
-    """The liar's footers one after the other, about the place of a car that the camera sees."""
+    """The attacker's footers one after the other, about the place of a car that the camera sees."""
     mvs = victim()
     for k in range(round(end_s / 0.06)):
         at = NOW + k * 0.06
@@ -365,7 +365,7 @@ def test_footers_about_a_seen_car_leave_all_states_finite_and_positive(footers: 
             for number, x_m, sigmas, of_speed, correlations, ages_ms in said
         )
         at_ms = round((NOW + k * 0.06) * 1000)
-        encoded.append(mvs_footer.encode(MvsFooter(at_ms, 48.1, 11.5, (LIAR,), (), estimates)))
+        encoded.append(mvs_footer.encode(MvsFooter(at_ms, 48.1, 11.5, (ATTACKER,), (), estimates)))
 
     assert_sound(drive_with(encoded))
 

@@ -177,7 +177,7 @@ def test_a_radio_that_falls_silent_hides_nobody_on_its_way() -> None:
 
 
 @pytest.mark.parametrize("lane_m", [3.0, 3.5])
-def test_a_car_that_is_only_told_of_is_known_beside_one_with_a_radio(lane_m: float) -> None:
+def test_a_car_that_only_others_report_is_known_beside_one_with_a_radio(lane_m: float) -> None:
     """From 80 m away it is placed to 0.9 m across: that may be the next lane, and is not."""
     cars = [
         Car("v", 0, 0, 0, 12),

@@ -66,7 +66,7 @@ def test_seen_cars_come_first_then_the_most_significant_lines_10_to_20() -> None
     assert algorithm_1(candidates, 0, estimate, RNG) == []
 
 
-def test_among_equally_significant_cars_the_one_told_of_last_comes_last() -> None:
+def test_among_equally_significant_cars_the_one_sent_last_comes_last() -> None:
     evidence = [[measurement(car, b"a")] for car in range(3)]
     candidates = [
         Candidate(evidence[0], 1, is_sensed=True, sent_ms=900),

@@ -213,16 +213,16 @@ def test_every_frame_ends_once_and_no_station_receives_two_at_once() -> None:
 
 
 def test_the_same_seed_gives_the_same_to_the_bit_and_another_does_not() -> None:
-    def told(seed: int) -> list[tuple[int, float, bytes]]:
+    def delivered(seed: int) -> list[tuple[int, float, bytes]]:
         found = receptions(busy_road(seed, nakagami_m=2.0))
         return [(it.number, it.sent_s, it.at_s.tobytes()) for it in found]
 
-    assert told(3) == told(3)
-    assert told(3) != told(4)
+    assert delivered(3) == delivered(3)
+    assert delivered(3) != delivered(4)
 
 
 def test_handled_in_large_steps_everything_happens_as_in_small_ones() -> None:
-    def told(step_s: float) -> list[tuple[int, float]]:
+    def delivered(step_s: float) -> list[tuple[int, float]]:
         it = channel(*(20.0 * car for car in range(30)), seed=7)
         found, now = [], 0.0
         for number in range(200):
@@ -234,7 +234,7 @@ def test_handled_in_large_steps_everything_happens_as_in_small_ones() -> None:
             found.append((event.number, event.sent_s))
         return found
 
-    assert told(1.0) == told(1e-4)
+    assert delivered(1.0) == delivered(1e-4)
 
 
 @settings(max_examples=20)

@@ -90,7 +90,7 @@ def constant(braking_m_s2: float) -> Braking:
     share=st.floats(0.0, 1.0),
     lead_braking=st.sampled_from([0.0, 2.0, 4.0, 6.0, 8.0]),
 )
-def test_nobody_who_would_touch_if_he_went_on_so_is_told_less_or_later(
+def test_held_braking_that_ends_in_contact_is_warned_of_no_less_and_no_later(
     gap_m: float, speed: float, slower: float, share: float, lead_braking: float
 ) -> None:
     """Beside a driver with his foot off the pedal, who has never answered: the same alarms."""
@@ -111,7 +111,7 @@ def test_nobody_who_would_touch_if_he_went_on_so_is_told_less_or_later(
     [(35.0, 15.0, 0.0, 0.0), (20.0, 25.0, 15.0, 0.0), (8.0, 20.0, 20.0, 6.0)],
     ids=["standing", "slower", "braking"],
 )
-def test_who_brakes_enough_from_the_beginning_is_not_told_to(
+def test_a_driver_who_brakes_enough_from_the_beginning_is_not_warned(
     gap_m: float, speed: float, lead_speed: float, lead_braking: float, enough: float
 ) -> None:
     """With his foot off he is; whole km/h hide up to 1.4 m/s^2 of what he does."""
@@ -141,15 +141,15 @@ def test_who_brakes_gently_for_something_else_is_warned_when_the_car_ahead_brake
             lambda t: own_braking if t < 1.0 else lead_braking,
         )
     )  # fmt: skip
-    told, told_without = (warned_at_s(alarms(moments, pedal=pedal)) for pedal in (None, False))
+    warned, warned_without = (warned_at_s(alarms(moments, pedal=pedal)) for pedal in (None, False))
 
     if moments[-1].gap_m <= 0.0:
-        assert told != []
-        after_onset = min(at_s for at_s in told_without if at_s > 1.0 - 1e-9)
-        assert min(told) <= after_onset + LATER_S
+        assert warned != []
+        after_onset = min(at_s for at_s in warned_without if at_s > 1.0 - 1e-9)
+        assert min(warned) <= after_onset + LATER_S
 
 
-def test_who_lets_go_of_the_brake_too_early_is_told_again() -> None:
+def test_a_driver_who_releases_the_brake_too_early_is_warned_again() -> None:
     """3 m/s^2 would do behind a standing car; he lets go after 1.2 s. The pedal tells at once."""
     moments = list(drive(44.0, 16.0, 0.0, lambda t: 3.9 if t < 1.2 else 0.0, constant(0.0)))
 
@@ -174,9 +174,9 @@ def test_braking_that_wavers_does_not_make_the_alarm_flicker(period_s: float) ->
 
     seen = alarms(moments)
 
-    told = warned_at_s(seen)
-    assert told != []
-    assert all(later - sooner > 1.0 for sooner, later in pairwise(told))
+    warned = warned_at_s(seen)
+    assert warned != []
+    assert all(later - sooner > 1.0 for sooner, later in pairwise(warned))
 
 
 def test_an_alarm_that_is_answered_goes_down_a_second_later_and_comes_back_at_once() -> None:
@@ -203,5 +203,5 @@ def test_without_a_speed_for_a_while_nobody_has_answered() -> None:
     for moment in moments:
         seen += tell(of, moment, pedal=None, obd=moment.at_s < 0.8)
 
-    (told,) = [at_s for at_s in warned_at_s(seen) if at_s > 0.4]
-    assert 0.75 + LEAD_WINDOW_S < told < 1.75 + 1e-9
+    (warned,) = [at_s for at_s in warned_at_s(seen) if at_s > 0.4]
+    assert 0.75 + LEAD_WINDOW_S < warned < 1.75 + 1e-9

@@ -1,4 +1,4 @@
-"""Whatever the monitor is told, in whatever order: what must hold of its alarms all the same."""
+"""Properties that alarms have for any input in any order."""
 
 import math
 from collections.abc import Callable
@@ -92,7 +92,7 @@ acts: st.SearchStrategy[Act] = st.one_of(
 
 @settings(max_examples=150)
 @given(st.lists(acts, min_size=20, max_size=60))
-def test_alarms_change_are_of_finite_value_say_why_and_end(told: list[Act]) -> None:
+def test_alarms_change_are_of_finite_value_say_why_and_end(acts: list[Act]) -> None:
     monitor, now = RiskMonitor(RiskSettings(), 4.8, 1.8), 100.0
     levels = dict.fromkeys(Cause, Level.NONE)
 
@@ -104,7 +104,7 @@ def test_alarms_change_are_of_finite_value_say_why_and_end(told: list[Act]) -> N
             assert bool(event.reasons) or event.level.rank < levels[event.cause].rank
             levels[event.cause] = event.level
 
-    for act in told:
+    for act in acts:
         act(monitor, now)
         look()
         now += STEP_S

@@ -167,13 +167,13 @@ def test_limits_may_differ_from_car_to_car() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bad", "told"),
+    ("bad", "message"),
     [
         (approach(np.nan, 5.0), "finite"),
         (approach(5.0, -1.0), "speed_m_s must not be negative"),
         (approach(5.0, 5.0, Uniform(np.array(2.0), np.array(-2.0))), "below"),
     ],
 )
-def test_nonsense_is_refused(bad: Approach, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_nonsense_is_refused(bad: Approach, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         p_c(bad, approach(5.0, 5.0))

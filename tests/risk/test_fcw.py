@@ -111,12 +111,12 @@ BEHIND_A_STANDING_CAR = {
     "nearer": (31.0, Level.CAUTION),
     "near": (25.0, Level.WARNING),
 }
-"""At 10 m/s: the gap, and what a driver who does nothing is told. 5 m/s^2 need 10 m to stop."""
+"""At 10 m/s: the gap, and the alarm for a driver who does not brake. 5 m/s^2 need 10 m to stop."""
 
 
 @pytest.mark.parametrize(("braking", "is_enough"), [(None, False), (0.0, False), (5.0, True)])
 @pytest.mark.parametrize("place", BEHIND_A_STANDING_CAR)
-def test_who_brakes_enough_is_told_to_keep_his_distance_at_most(
+def test_a_driver_who_brakes_enough_gets_a_caution_at_most(
     place: str, braking: float | None, is_enough: bool
 ) -> None:
     gap_m, before = BEHIND_A_STANDING_CAR[place]

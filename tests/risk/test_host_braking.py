@@ -121,8 +121,8 @@ def test_it_is_never_more_than_the_car_brakes(
         own.receive_speed(
             speed(k / hz, math.floor(exact_m_s / step_m_s) * step_m_s, step_m_s=step_m_s)
         )
-        told = own.at_least_m_s2(k / hz)
-        assert told is None or told <= braking + 1e-9
-    assert told is not None
+        estimate = own.at_least_m_s2(k / hz)
+        assert estimate is None or estimate <= braking + 1e-9
+    assert estimate is not None
     if hz >= 20:
-        assert told >= braking - 1.4
+        assert estimate >= braking - 1.4

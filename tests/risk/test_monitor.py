@@ -108,7 +108,7 @@ def test_a_car_that_runs_the_light_is_warned_of_in_time_to_brake() -> None:
 
 
 def test_a_car_that_only_a_third_car_sees_is_warned_of_and_named_so() -> None:
-    """The MVS case: no radio in it, no sight of it, told with the covariance of several looks."""
+    """The MVS case: without radio, only shared by others, with the covariance of several looks."""
     seen = drive(
         monitor(), east(14.0, 60.0), north(14.0, 60.0), 4.2,
         source=ObjectSource.SHARED, sigma_m=1.0, age_s=0.3,
@@ -174,7 +174,9 @@ def stopping(from_s: float, braking_m_s2: float) -> Drive:
 
 
 @pytest.mark.parametrize("braking_m_s2", [3.0, 5.0, 8.0])
-def test_who_brakes_in_time_for_who_crosses_is_not_told_to(braking_m_s2: float) -> None:
+def test_a_driver_who_brakes_for_crossing_traffic_is_not_warned(
+    braking_m_s2: float,
+) -> None:
     """His own braking is in P_C. The other drives on."""
     seen = drive(monitor(), stopping(1.0, braking_m_s2), north(14.0, 60.0), 5.5)
 
@@ -236,7 +238,7 @@ def test_data_older_than_a_second_raises_nothing() -> None:
     assert drive(monitor(), east(14.0, 60.0), north(14.0, 60.0), 4.2, age_s=1.1) == []
 
 
-def test_a_covariance_that_is_none_is_told_and_raises_nothing() -> None:
+def test_an_invalid_covariance_is_reported_and_raises_nothing() -> None:
     of = monitor()
     rows = ((1.0, 5.0, 0.0, 0.0), (5.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     odd = PerceivedObject(
@@ -273,7 +275,7 @@ def test_a_hundred_cars_are_one_alarm_of_the_worst() -> None:
     ],
     ids=["ahead", "near", "next lane", "behind", "oncoming", "far"],
 )
-def test_hard_braking_told_by_radio(
+def test_hard_braking_reported_by_radio(
     place: tuple[float, float], speed_m_s: float, level: Level
 ) -> None:
     of = monitor()

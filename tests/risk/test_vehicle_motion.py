@@ -1,4 +1,4 @@
-"""How speed and course change, told by velocities."""
+"""Change of speed and course, from velocities."""
 
 import math
 
@@ -21,7 +21,7 @@ def after(turning_rad_s: float, acceleration_m_s2: float, course_rad: float) -> 
 @pytest.mark.parametrize("course_rad", [0.0, 2.0, 3.2, -1.5])
 @pytest.mark.parametrize("turning_rad_s", [-0.3, 0.0, 0.1])
 @pytest.mark.parametrize("acceleration_m_s2", [-3.0, 0.0, 1.0])
-def test_a_turn_and_a_braking_are_told_apart(
+def test_a_turn_and_a_braking_are_distinguished(
     turning_rad_s: float, acceleration_m_s2: float, course_rad: float
 ) -> None:
     motion = after(turning_rad_s, acceleration_m_s2, course_rad)
@@ -30,7 +30,7 @@ def test_a_turn_and_a_braking_are_told_apart(
     assert motion.lateral_m_s2 == pytest.approx(10.0 * turning_rad_s, rel=0.25, abs=0.1)
 
 
-def test_nothing_is_told_before_half_the_window_is_covered_and_of_a_car_that_stands() -> None:
+def test_nothing_is_estimated_before_half_the_window_is_covered_or_at_standstill() -> None:
     motion = VehicleMotion(0.8)
     for k in range(4):
         motion.receive(k / 10, 10.0, 0.0)

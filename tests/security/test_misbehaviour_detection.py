@@ -147,7 +147,7 @@ def test_an_out_of_order_bsm_is_checked_and_not_kept():
 
 
 @pytest.mark.parametrize(
-    ("way_m", "told_after_s", "doubt"),
+    ("way_m", "reported_after_s", "doubt"),
     [
         (60.0, 1.0, None),
         (60.0, 0.1, "implausible_position"),
@@ -156,16 +156,18 @@ def test_an_out_of_order_bsm_is_checked_and_not_kept():
     ],
     ids=["a second on", "at once", "made up", "back"],
 )
-def test_a_receiver_at_1_hz_may_advance_by_a_second_between_two_bsms(way_m, told_after_s, doubt):
+def test_a_receiver_at_1_hz_may_advance_by_a_second_between_two_bsms(
+    way_m, reported_after_s, doubt
+):
     """Ten BSMs have one `sec_mark`, the next ten another, across the end of a minute."""
     detector = MisbehaviourDetector()
     for tenth, (north_m, sec_mark_s) in enumerate(
-        [(0.0, 59.4)] * 9 + [(way_m, 59.4 + told_after_s)]
+        [(0.0, 59.4)] * 9 + [(way_m, 59.4 + reported_after_s)]
     ):
         said = _bsm(40.0, north_m)
         core = replace(said.core, sec_mark_s=sec_mark_s % 60.0)
-        told = detector.receive_bsm(b"car", replace(said, core=core), tenth / 10)
-    assert told == doubt
+        reason = detector.receive_bsm(b"car", replace(said, core=core), tenth / 10)
+    assert reason == doubt
 
 
 @pytest.mark.parametrize(
@@ -186,12 +188,12 @@ def test_backdated_bsms_are_checked_too(message, doubt):
 
 
 def test_a_warning_is_checked_against_the_bsms_of_the_braking_car():
-    liar, honest = MisbehaviourDetector(), MisbehaviourDetector()
-    _drive(np.full(30, 20.0), liar)
+    attacked, honest = MisbehaviourDetector(), MisbehaviourDetector()
+    _drive(np.full(30, 20.0), attacked)
     _drive(np.concatenate([np.full(15, 20.0), np.linspace(20, 11, 15)]), honest)
-    for detector in (liar, honest):
+    for detector in (attacked, honest):
         detector.receive_car_id(b"car", b"plate id")
-    assert liar.check_warning(b"plate id", braked_at_s=2.0) == "implausible_brake"
+    assert attacked.check_warning(b"plate id", braked_at_s=2.0) == "implausible_brake"
     assert honest.check_warning(b"plate id", braked_at_s=2.0) is None
 
 

@@ -43,7 +43,7 @@ def fixes(of: GnssReceiver, until_s: float) -> list[Position]:
 
 
 def errors_m(found: list[Position]) -> np.ndarray:
-    """(n, 2) east, north: what is told less what is true at its stamp."""
+    """(n, 2) east, north: reported position less the true one at its stamp."""
     return np.array(
         [
             ORIGIN.position_m(fix.latitude_deg, fix.longitude_deg) - (12.0 * fix.stamp_s, 50.0)

@@ -22,19 +22,21 @@ def detector(seed: int = 1) -> ExternalDetector:
 
 def test_every_image_has_a_datagram_with_or_without_cars() -> None:
     device, reader = detector(), ObjectListReader()
-    told: list[DetectionList] = []
+    reported: list[DetectionList] = []
     while (now := device.get_timer()) < 2.0:
         assert device.bytes_to_send(now - 0.001) == b""
         reader.receive_bytes(device.bytes_to_send(now), now)
         event = reader.next_event()
         assert isinstance(event, DetectionList)
-        told.append(event)
+        reported.append(event)
 
-    assert [each.stamp_s for each in told] == pytest.approx(
-        [0.03 + k / FPS for k in range(len(told))]
+    assert [each.stamp_s for each in reported] == pytest.approx(
+        [0.03 + k / FPS for k in range(len(reported))]
     )
-    assert {len(each.cars) for each in told} >= {0, 1}
-    assert all(car.range_m == pytest.approx(28.0, abs=8.0) for each in told for car in each.cars)
+    assert {len(each.cars) for each in reported} >= {0, 1}
+    assert all(
+        car.range_m == pytest.approx(28.0, abs=8.0) for each in reported for car in each.cars
+    )
 
 
 def test_a_late_datagram_has_the_age_of_its_image() -> None:

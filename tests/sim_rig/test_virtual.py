@@ -21,7 +21,7 @@ def test_everything_comes_as_the_scenario_expects(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["fig4", "lane-change", "red-light", "shared-detection"])
 def test_signed_and_with_one_late_fix_a_second_it_comes_all_the_same(name: str) -> None:
-    """As with a receiver out of the box: 1 Hz, each fix told 0.4 s after it was."""
+    """As with a receiver out of the box: 1 Hz, each fix reported 0.4 s late."""
     scenario = load_scenario(name)
     receiver = (scenario.gnss or ReceiverSettings()).model_copy(
         update={"rate_hz": 1.0, "latency_s": 0.4}

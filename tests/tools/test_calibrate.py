@@ -303,7 +303,7 @@ def test_a_parked_cars_plate_gives_the_lens_within_two_percent(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ([], "--board, or"),
         (["--board", "9"], "must be like 9x6"),
@@ -327,9 +327,9 @@ def test_a_parked_cars_plate_gives_the_lens_within_two_percent(tmp_path: Path) -
         (["--board", "7x5", "--upright", "1.png"], "--lowest-corners-m go together"),
     ],
 )
-def test_a_users_mistake_is_an_error(tmp_path: Path, options: list[str], told: str) -> None:
+def test_a_users_mistake_is_an_error(tmp_path: Path, options: list[str], message: str) -> None:
     cv2.imwrite(str(tmp_path / "1.png"), np.full((540, 960, 3), 128, np.uint8))
-    with pytest.raises(UserError, match=told):
+    with pytest.raises(UserError, match=message):
         run(tmp_path, *options)
 
 

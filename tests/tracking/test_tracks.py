@@ -57,7 +57,7 @@ def test_a_car_goes_on_by_its_number_however_vague_it_is() -> None:
 
 
 def test_the_first_vague_measurement_of_a_car_does_not_go_to_its_neighbour() -> None:
-    """A car on the next lane, 3.5 m away, of which nobody has told before."""
+    """A car on the next lane, 3.5 m away, that nobody has reported before."""
     tracks = Tracks()
     for k in range(5):
         tell(tracks, A, {7: estimated(0, 0, 1000 + 100 * k, sigma_m=0.3)}, 1050 + 100 * k)
@@ -149,8 +149,8 @@ def test_who_is_hidden_hides_nobody() -> None:
         now_ms = 1000 + 100 * k
         for at in range(3):
             teller = bytes([at + 1]) * 4
-            told = estimated(2.1 * at, 0, now_ms, by=teller, sigma_m=0.7 + 0.1 * at)
-            tell(tracks, teller, {1: told}, now_ms)
+            evidence = estimated(2.1 * at, 0, now_ms, by=teller, sigma_m=0.7 + 0.1 * at)
+            tell(tracks, teller, {1: evidence}, now_ms)
 
     assert [track.is_reported for track in tracks] == [True, False, True]
 
@@ -194,8 +194,8 @@ def test_the_numbers_of_evidence_go_with_it() -> None:
     tracks = Tracks()
     for k in range(60):
         now_ms = 1000 + 100 * k
-        told: dict[int, Evidence] = {n: measured(50 * n, k, now_ms - n, 1.0) for n in range(30)}
-        tell(tracks, OWN, told, now_ms)
+        evidence: dict[int, Evidence] = {n: measured(50 * n, k, now_ms - n, 1.0) for n in range(30)}
+        tell(tracks, OWN, evidence, now_ms)
 
     assert len(tracks) == 30
     held = [each for track in tracks for each in track.stored]

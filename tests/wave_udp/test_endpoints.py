@@ -122,17 +122,17 @@ def test_an_unreachable_unit_is_reported_once_a_datagram(kind, endpoint, free_po
     settings = kind(endpoint=endpoint, unit_port=9, listen_port=free_port)
 
     async def talk():
-        told = asyncio.Queue()
+        reports = asyncio.Queue()
         loop = asyncio.get_running_loop()
-        with contextlib.closing(open_endpoint(settings, print, told.put_nowait)) as wire:
+        with contextlib.closing(open_endpoint(settings, print, reports.put_nowait)) as wire:
             wire.start(loop)
             whys = []
             for _ in range(2):
                 wire.send(WSM, 7)
-                whys.append(await asyncio.wait_for(told.get(), 10.0))
+                whys.append(await asyncio.wait_for(reports.get(), 10.0))
             for _ in range(20):
                 await asyncio.sleep(0)
-            return whys, told.qsize()
+            return whys, reports.qsize()
 
     whys, more = asyncio.run(talk())
     assert whys == ["Connection refused"] * 2
