@@ -37,17 +37,17 @@ def measure() -> Iterator[Figure]:
     """Yield size and replay speed of a drive, then a loop with and without a recorder."""
     scenario = load_scenario("fig4")
     with tempfile.TemporaryDirectory() as folder:
-        run_virtual(scenario, box_folder=Path(folder))
+        run_virtual(scenario, recordings_folder=Path(folder))
         yield from _size_and_replay(RecordedDrive([Path(folder) / CAR]))
     yield from _loop()
 
 
-def _size_and_replay(box: RecordedDrive) -> Iterator[Figure]:
+def _size_and_replay(drive: RecordedDrive) -> Iterator[Figure]:
     began_s = time.process_time()
-    minutes = compare(box).until_s / 60.0
+    minutes = compare(drive).until_s / 60.0
     took_s = time.process_time() - began_s
-    size = sum(path.stat().st_size for path in box.files)
-    bare = sum(len(entry.topic) + len(entry.data) for entry in box.entries())
+    size = sum(path.stat().st_size for path in drive.files)
+    bare = sum(len(entry.topic) + len(entry.data) for entry in drive.entries())
     yield Figure(
         "recorder.size",
         size / minutes / 2**20,
@@ -69,9 +69,9 @@ def _size_and_replay(box: RecordedDrive) -> Iterator[Figure]:
 def _loop() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         states: list[object] = []
-        box = BlackBox(RecorderSettings(folder=Path(folder)), states.append)
+        black_box = BlackBox(RecorderSettings(folder=Path(folder)), states.append)
         without = asyncio.run(_drive(None))
-        recording = asyncio.run(_drive(box))
+        recording = asyncio.run(_drive(black_box))
     for index, name in enumerate(("late", "step")):
         for percentile in (50, 99):
             yield Figure(
@@ -84,7 +84,7 @@ def _loop() -> Iterator[Figure]:
             )
 
 
-async def _drive(box: BlackBox | None) -> tuple[list[float], list[float]]:
+async def _drive(black_box: BlackBox | None) -> tuple[list[float], list[float]]:
     """Delay of the start of each step, and its duration, in s."""
     tree = {"car": {"plate": "AB123"}, "security": {"plate_digest": {"scrypt_log2_n": 6}}}
     config = parse_settings(tree, CarConfig, "bench")
@@ -96,9 +96,9 @@ async def _drive(box: BlackBox | None) -> tuple[list[float], list[float]]:
         now=now,
         utc_s=time.time(),
     )
-    stack = recorded_stack(box, initial_state)
-    if box is not None:
-        box.start()
+    stack = recorded_stack(black_box, initial_state)
+    if black_box is not None:
+        black_box.start()
     late_s, took_s = [], []
     begin_at = time.monotonic()
     for number in range(round(LOOP_S * STEPS_HZ)):
@@ -113,6 +113,6 @@ async def _drive(box: BlackBox | None) -> tuple[list[float], list[float]]:
         lead = Lead(now, LeadIdentity.KNOWN, "CD456", 15.0, 0.4, 0.1, 0.5)
         stack.step([Speed(now, 15.0, 0.28, "obd:7E8"), *plates, lead], now, time.time())
         took_s.append(time.monotonic() - now)
-    if box is not None:
-        box.close()
+    if black_box is not None:
+        black_box.close()
     return late_s, took_s

@@ -97,9 +97,11 @@ class Daemon:
             if driver_file
             else DriverModel(DEFAULT_POPULATION)
         )
-        self._box = BlackBox(config.recorder, self._on_box_state) if config.recorder else None
+        self._black_box = (
+            BlackBox(config.recorder, self._on_recorder_state) if config.recorder else None
+        )
         self._stack = recorded_stack(
-            self._box,
+            self._black_box,
             InitialState(
                 config=config,
                 sensors=config.sensors(),
@@ -162,9 +164,9 @@ class Daemon:
             # Before driving, so that a file that cannot be written is reported at once.
             save_driver(config.access.driver_file, self._driver)
         self._sinks.open_files(config.trace, wires)
-        if self._box is not None:
-            self._box.start()
-            wires.push_async_callback(self._close_box, self._box)
+        if self._black_box is not None:
+            self._black_box.start()
+            wires.push_async_callback(self._close_black_box, self._black_box)
         if config.can is not None:
             bus = CanBus(config.can, self._take, self._on_bus_state, self._take)
             bus.start(self._loop)
@@ -182,7 +184,7 @@ class Daemon:
             self._send_wsm = radio.send
         if config.camera is not None:
             takes_pictures = config.recorder is not None and config.recorder.pictures_hz > 0.0
-            on_image = self._box.record_image if self._box and takes_pictures else None
+            on_image = self._black_box.record_image if self._black_box and takes_pictures else None
             camera = CameraThread(
                 config.camera,
                 load_perception(config.camera, config.vision),
@@ -314,11 +316,11 @@ class Daemon:
     def _on_brake_button(self, _: None) -> None:
         self._take(lambda now: [BrakeButton(now)])
 
-    async def _close_box(self, box: BlackBox) -> None:
-        box.close()
+    async def _close_black_box(self, black_box: BlackBox) -> None:
+        black_box.close()
         await asyncio.sleep(0)  # its last state is traced before the trace is closed
 
-    def _on_box_state(self, state: RecorderState) -> None:
+    def _on_recorder_state(self, state: RecorderState) -> None:
         """Show the recorder's state; called in the black box's thread."""
         self._loop.call_soon_threadsafe(self._sinks.show, state)
 

@@ -1,4 +1,4 @@
-"""Path history of the BSM: past positions in few points (SAE J2945/1, 6.3.2).
+"""Path history of the BSM: past positions in few points (SAE J2945/1).
 
 The path between two points is straight to within `MAX_ERROR_M`. The test needs no stored positions
 (cone algorithm of Sklansky and Gonzalez, 1980): each position narrows the cone of directions from
@@ -14,13 +14,13 @@ from onboard.messages.bsm_safety import MAX_OFFSET_DEG, PathHistory, PathHistory
 from onboard.observations import Position
 
 MAX_ERROR_M = 1.0
-"""Allowable error of the path between two points (SAE J2945/1, 6.3.2)."""
+"""Allowable error of the path between two points (SAE J2945/1)."""
 MAX_CHORD_M = 210.0
-"""Greatest distance of two points (SAE J2945/1, 6.3.2)."""
+"""Greatest distance of two points (SAE J2945/1)."""
 LENGTH_M = 200.0
-"""Distance that the points cover at least, once it has been driven (SAE J2945/1, 6.3.2)."""
+"""Distance that the points cover at least, once it has been driven (SAE J2945/1)."""
 MAX_POINTS = 15
-"""Points in a BSM (SAE J2945/1, 6.3.2)."""
+"""Points in a BSM (SAE J2945/1)."""
 MAX_AGE_S = 600.0
 """Greatest age of a point; the field holds up to 655 s."""
 

@@ -1,4 +1,4 @@
-"""How fast a speed changes: the slope of its samples over a short window."""
+"""Acceleration: the slope of speed samples over a short window."""
 
 import math
 from collections import deque
@@ -53,7 +53,7 @@ class AccelerationEstimator:
         self._samples: deque[tuple[float, float]] = deque()
 
     def receive(self, stamp_s: float, speed_m_s: float) -> None:
-        """Take a sample; one that comes late is ignored."""
+        """Take a sample; a late one is ignored."""
         if self._samples:
             newest_s = self._samples[-1][0]
             if is_late(stamp_s, newest_s, self._window_s):

@@ -1,4 +1,4 @@
-"""Short ways on the earth."""
+"""Distances on the earth."""
 
 import math
 
@@ -8,7 +8,7 @@ EARTH_RADIUS_M = 6_371_000.0
 def distance_m(
     latitude_deg: float, longitude_deg: float, other_latitude_deg: float, other_longitude_deg: float
 ) -> float:
-    """Distance of two points, on a sphere taken as locally flat: right to 1 % over 10 km.
+    """Distance of two points on a locally flat sphere, with an error below 1 % up to 10 km.
 
     Args:
         latitude_deg: latitude of the one point.

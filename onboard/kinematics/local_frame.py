@@ -1,7 +1,7 @@
 """Metres east and north of a point near the car, from WGS 84 latitude and longitude.
 
-Every car has a frame of its own. What crosses between cars is an anchor in degrees and metres east
-and north of it, so a receiver maps the sender's frame to its own by a turn and a shift.
+Every car has its own frame. Messages carry its origin in degrees, and metres east and north of it;
+a receiver maps the sender's frame to its own by a rotation and a translation.
 """
 
 import math
@@ -43,16 +43,16 @@ class LocalFrame:
         )
 
     def mapping_from(self, other: "LocalFrame") -> tuple[Array, Array]:
-        """Turn (2, 2) and shift (2) that bring positions in `other` into this frame.
+        """Rotation (2, 2) and translation (2) of positions in `other` into this frame.
 
-        Covariances and velocities are only turned: meridians converge.
+        Covariances and velocities are only rotated: meridians converge.
         """
         shift = self.position_m(other.latitude_deg, other.longitude_deg)
         apart_deg = (other.longitude_deg - self.longitude_deg + 180) % 360 - 180
         mean_latitude = math.radians((self.latitude_deg + other.latitude_deg) / 2)
         angle = math.radians(apart_deg) * math.sin(mean_latitude)
         cos, sin = math.cos(angle), math.sin(angle)
-        # Going east in the northern half, the other's north leans to our west.
+        # In the northern hemisphere, north of a frame farther east is turned to the west.
         return np.array([[cos, -sin], [sin, cos]]), shift
 
 

@@ -2,9 +2,9 @@
 
     P_C = integral over a_A and a_B of  p(a_A) p(a_B) coll(a_A, a_B)
 
-Nothing is sampled. For one acceleration of A its trajectory is known, and the accelerations of B
-that lead to a collision are exactly one interval: both ends rise with nothing but time and
-position, so the inner integral is a difference of B's distribution function. The outer integral
+There is no random sampling. An acceleration of A gives its trajectory, and the accelerations of B
+that lead to a collision are exactly one interval, whose ends depend only on time and position. So
+the inner integral is a difference of B's distribution function. The outer integral
 is a Gauss-Legendre quadrature in A's probability, split where the integrand has a kink or a jump:
 where A just stops short of the zone, just stops inside it, keeps its speed, or is likeliest.
 
@@ -25,7 +25,7 @@ from onboard.risk.trajectory import acceleration_to_cover, reached_after_s, trav
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(7)
 """Per panel; five panels."""
 
-_FOR_EVER = np.array(np.inf)
+_INFINITE_S = np.array(np.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Approach:
     """From the car's centre to where the paths meet, along its path; negative once past it."""
     speed_m_s: Array
     top_speed_m_s: Array
-    """The driver will not go faster; taken as the present speed where that is higher."""
+    """Largest speed that the driver chooses; the present speed where that is higher."""
     behaviour: Behaviour
 
 
@@ -59,10 +59,10 @@ def collision_probability(a: Approach, b: Approach, zone: XCrossing) -> Array:
 
 
 def _colliding_share(acceleration: Array, a: Approach, b: Approach, zone: XCrossing) -> Array:
-    """Return how likely B meets A, which keeps `acceleration`; shape (n, nodes)."""
+    """Return the probability that B hits A, which keeps `acceleration`; shape (n, nodes)."""
     top_a, top_b = (np.maximum(car.top_speed_m_s, car.speed_m_s) for car in (a, b))
     start = -a.distance_m
-    stop = start + travelled_m(_FOR_EVER, acceleration, a.speed_m_s, top_a)
+    stop = start + travelled_m(_INFINITE_S, acceleration, a.speed_m_s, top_a)
     first, last = zone.extent_m()
     passes = (start < last) & (stop > first)
     begin = np.where(passes, np.maximum(start, first), first)
@@ -84,9 +84,9 @@ def _colliding_share(acceleration: Array, a: Approach, b: Approach, zone: XCross
     low = lowest(zone.interval_m(end)[0], at_end_s)
     if zone.positions > 2:
         evenly = np.linspace(0.0, 1.0, zone.positions)
-        looked_at = [begin + part * (end - begin) for part in evenly]
-        looked_at += [np.clip(corner, begin, end) for corner in zone.corners_m()]
-        for s_a in looked_at:
+        sampled = [begin + part * (end - begin) for part in evenly]
+        sampled += [np.clip(corner, begin, end) for corner in zone.corners_m()]
+        for s_a in sampled:
             at_s, (first_b, last_b) = reached_at_s(s_a), zone.interval_m(s_a)
             low = np.minimum(low, lowest(first_b, at_s))
             high = np.maximum(high, highest(last_b, at_s))

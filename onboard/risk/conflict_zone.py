@@ -1,4 +1,4 @@
-"""Where two cars on crossing paths touch, in terms of how far each has come.
+"""Conflict zone of two cars on crossing paths, in positions along these paths.
 
 `s_a_m` and `s_b_m` are the positions of the cars' centres along their own paths, 0 where the paths
 meet (figure 1). For every position of car A there is one interval of positions of car B in which
@@ -12,7 +12,7 @@ import numpy as np
 from onboard.kinematics.arrays import Array
 
 SHALLOW_RAD = np.deg2rad(20.0)
-"""Paths that differ by less are looked at in more places."""
+"""Crossing angle below which the zone is evaluated at more positions."""
 
 NEARLY_ORTHOGONAL = 1e-9
 """Cosine below which the zone is a rectangle."""
@@ -43,7 +43,7 @@ class XCrossing:
     def positions(self) -> int:
         """Two suffice where the interval does not depend on A's position, four with the corners.
 
-        At a shallow angle the zone is long, and a car that starts from rest bends through it.
+        At a shallow angle the zone is long, and the trajectory of a car from rest is curved in it.
         """
         cosines = np.abs(np.cos(self.angle_rad))
         if bool(np.all(cosines < NEARLY_ORTHOGONAL)):

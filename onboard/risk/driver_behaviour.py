@@ -1,4 +1,4 @@
-"""How likely a driver chooses an acceleration: uniform (eq. 5) or triangular (figure 3).
+"""Distribution of a driver's acceleration: uniform (eq. 5) or triangular (figure 3).
 
 Both are given by their limits, which may differ from car to car; all fields broadcast.
 """
@@ -18,12 +18,12 @@ class Uniform:
     highest_m_s2: Array
 
     def cdf(self, acceleration_m_s2: Array) -> Array:
-        """The probability of choosing less; the argument may be infinite."""
+        """The probability of a lower acceleration; the argument may be infinite."""
         clipped = np.clip(acceleration_m_s2, self.lowest_m_s2, self.highest_m_s2)
         return (clipped - self.lowest_m_s2) / (self.highest_m_s2 - self.lowest_m_s2)
 
     def quantile(self, probability: Array) -> Array:
-        """The acceleration below which the driver stays with `probability`."""
+        """The acceleration that is not exceeded with `probability`."""
         return self.lowest_m_s2 + probability * (self.highest_m_s2 - self.lowest_m_s2)
 
 
@@ -36,7 +36,7 @@ class Triangular:
     highest_m_s2: Array
 
     def cdf(self, acceleration_m_s2: Array) -> Array:
-        """The probability of choosing less; the argument may be infinite."""
+        """The probability of a lower acceleration; the argument may be infinite."""
         low, high = self.lowest_m_s2, self.highest_m_s2
         mode, span = np.clip(self.present_m_s2, low, high), high - low
         a = np.clip(acceleration_m_s2, low, high)
@@ -46,7 +46,7 @@ class Triangular:
         return np.where(a < mode, rising, np.where(a < high, falling, 1.0))
 
     def quantile(self, probability: Array) -> Array:
-        """The acceleration below which the driver stays with `probability`."""
+        """The acceleration that is not exceeded with `probability`."""
         low, high = self.lowest_m_s2, self.highest_m_s2
         mode, span = np.clip(self.present_m_s2, low, high), high - low
         return np.where(

@@ -9,7 +9,7 @@ import numpy as np
 from onboard.kinematics.arrays import Array
 
 STANDSTILL_M_S2 = 1e-12
-"""Accelerations nearer to zero than this count as none."""
+"""Accelerations of smaller magnitude count as zero."""
 
 
 def travelled_m(time_s: Array, acceleration_m_s2: Array, speed_m_s: Array, top_m_s: Array) -> Array:
@@ -18,7 +18,7 @@ def travelled_m(time_s: Array, acceleration_m_s2: Array, speed_m_s: Array, top_m
     changing_s = np.minimum(time_s, np.where(a < 0.0, -speed_m_s, top_m_s - speed_m_s) / a)
     steady_m_s = np.where(a < 0.0, 0.0, top_m_s)
     steady_s = time_s - changing_s
-    with np.errstate(invalid="ignore"):  # 0 m/s for ever is 0 m
+    with np.errstate(invalid="ignore"):  # 0 m/s for an infinite time is 0 m
         steady_m = np.where(steady_m_s > 0.0, steady_m_s * steady_s, 0.0)
     result: Array = speed_m_s * changing_s + 0.5 * a * changing_s**2 + steady_m
     return result
@@ -27,7 +27,7 @@ def travelled_m(time_s: Array, acceleration_m_s2: Array, speed_m_s: Array, top_m
 def reached_after_s(
     distance_m: Array, acceleration_m_s2: Array, speed_m_s: Array, top_m_s: Array
 ) -> Array:
-    """When `distance_m` is covered: 0 if it is not positive, infinite if the car stops before."""
+    """Time to cover `distance_m`: 0 if it is not positive, infinite if the car stops before."""
     a = np.where(np.abs(acceleration_m_s2) < STANDSTILL_M_S2, STANDSTILL_M_S2, acceleration_m_s2)
     d = np.maximum(distance_m, 0.0)
     squared = speed_m_s**2 + 2.0 * a * d
@@ -49,7 +49,7 @@ def acceleration_to_cover(
     """The acceleration in m/s^2 with which exactly `distance_m` is covered after `time_s`.
 
     `-inf` where any covers more, `+inf` where none covers as much. With `time_s` infinite it is
-    the braking that stops just there.
+    the braking that stops at `distance_m`.
     """
     d = np.maximum(distance_m, 0.0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -13,13 +13,13 @@ _Light = npt.NDArray[np.float32]
 
 
 def photograph(image: Image, rng: np.random.Generator, fine_px: float) -> Image:
-    """`image` as one camera or another would deliver it, same shape.
+    """Return `image` as a camera chosen at random delivers it, same shape.
 
     Args:
-        image: what is there.
+        image: scene without effects.
         rng: chooses the camera and the light.
-        fine_px: width of the finest thing to be kept, a stroke of a character: blur is drawn in
-            proportion, so that what is small is not wiped out.
+        fine_px: width of the finest detail to be kept, a stroke of a character: blur is drawn in
+            proportion.
     """
     light = image.astype(np.float32)
     if rng.random() < 0.8:
@@ -52,7 +52,7 @@ def _sharpened(light: _Light, rng: np.random.Generator) -> _Light:
 def _enlarged(picture: Image, rng: np.random.Generator, fine_px: float) -> Image:
     """Compressed small, then shown larger and sharpened, as video stills and crops are."""
     rows, columns = picture.shape[:2]
-    least = max(0.35, 0.75 / max(fine_px, 0.75))  # so that what is fine is not wiped out
+    least = max(0.35, 0.75 / max(fine_px, 0.75))  # keeps the finest detail
     share = float(rng.uniform(min(least, 0.95), 0.95))
     size = (max(2, round(columns * share)), max(2, round(rows * share)))
     small = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)

@@ -1,7 +1,7 @@
-"""The texture of a plate: what it looks like from straight ahead in even light.
+"""The texture of a plate, viewed perpendicularly in even light.
 
 A `PlateFormat` is one country's (or one imagined) design in millimetres; `draw_plate` paints a text
-on it. Perspective, light and lens come later and are others' work.
+on it. Perspective, light and lens are added by other modules.
 """
 
 from dataclasses import dataclass

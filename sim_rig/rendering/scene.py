@@ -8,8 +8,7 @@ a point that lies (ahead Z, lateral X to the right, height Y over the road) at
     y' = (h - Y) cos(theta) - r sin(theta),   z' = (h - Y) sin(theta) + r cos(theta).
 
 Pixels count from the outer corner of the top left one; the lens does not distort. Cars are flat
-rears with a side behind them, those that drive another way bare boxes; the nearest are painted
-last.
+rears with one side, those with another heading plain boxes; the nearest are painted last.
 """
 
 import math
@@ -146,7 +145,7 @@ class CameraRenderer:
 
     def __post_init__(self) -> None:
         rows, columns = self.camera.height_px + 64, self.camera.width_px + 64
-        # One fixed field of grain: each picture takes another cut of it, chosen by its own rng.
+        # One fixed noise field: each image takes a section of it, chosen by its own rng.
         grain = np.random.default_rng(0).normal(128, 32, (rows, columns, 3))
         object.__setattr__(self, "_noise", np.clip(grain, 0, 255).astype(np.uint8))
 
@@ -204,7 +203,7 @@ class CameraRenderer:
         veil = np.asarray(look.sky_bgr, np.float32) * np.float32(1 - contrast)
 
         def lit(texture: Image, brightness: float) -> Image:
-            """Dimmed, and behind as much haze as the distance brings."""
+            """Dimmed, and behind haze according to the distance."""
             mix = np.diag([brightness * contrast] * 3 + [1.0])
             mix[:3, 3] = veil / 255
             return np.asarray(cv2.transform(texture, mix), np.uint8)
@@ -227,7 +226,7 @@ class CameraRenderer:
     def _paint_side(
         self, image: Image, car: SceneCar, brightness: float, veil: npt.NDArray[np.float32]
     ) -> None:
-        """The flank on the camera's side, up to where the front of the car is."""
+        """The side towards the camera, from rear to front."""
         if abs(car.lateral_m) <= car.width_m / 2:
             return
         edge_m = car.lateral_m - math.copysign(car.width_m / 2, car.lateral_m)
@@ -243,7 +242,7 @@ class CameraRenderer:
         cv2.fillConvexPoly(image, np.asarray(points, np.int32), shade, cv2.LINE_AA)
 
     def _paint_turned(self, image: Image, car: SceneCar, look: _Look) -> None:
-        """The faces of a box that the camera sees, each in a shade of its own."""
+        """The visible faces of a box, each in its own shade."""
         corners = car.corners()
         if min(ahead for ahead, _ in corners) <= _NEAREST_M:
             return
@@ -286,7 +285,7 @@ class CameraRenderer:
             self._fill_strip(image, (near_m, far_m), (edge_m - 0.08, edge_m + 0.08), paint)
         for number in range(1, scene.lanes_left + scene.lanes_right + 1):
             line_m = left_m + number * scene.lane_width_m
-            # 3 m of line, 9 m of gap: a common rhythm on motorways.
+            # 3 m of line, 9 m of gap, as is common on motorways.
             for start_m in np.arange(-(scene.travelled_m % 12.0), 150.0, 12.0):
                 span_m = (max(near_m, start_m), start_m + 3.0)
                 if span_m[0] < span_m[1]:
@@ -319,7 +318,7 @@ class CameraRenderer:
 
 
 def warp_onto(image: Image, texture: Image, quad: Quad) -> None:
-    """Blend a BGRA `texture` onto `image` so that its corners come to lie on `quad`.
+    """Blend a BGRA `texture` onto `image` so that its corners are those of `quad`.
 
     Colours are premultiplied: where alpha is 0 they must be 0.
 

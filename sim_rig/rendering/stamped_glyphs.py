@@ -85,7 +85,7 @@ def _drawn_at_random(count: int) -> dict[str, StampStyle]:
     rng = np.random.default_rng(1906)  # the year in which a plate was first stamped for a car
     flags = np.random.default_rng(1901).choice([0.0, 0.1, 0.22, 0.3], count, p=[0.3, 0.1, 0.4, 0.2])
     shapes, ends = np.random.default_rng(1903), np.random.default_rng(1907)
-    dies = {}
+    styles = {}
     for number in range(count):
         width = float(rng.uniform(0.36, 0.6))
         varied: dict[str, Any] = {}
@@ -96,7 +96,7 @@ def _drawn_at_random(count: int) -> dict[str, StampStyle]:
         if number >= _POINTED:
             varied["top_of_four"] = float(ends.uniform(0.2, 0.6)), float(ends.uniform(0.25, 0.6))
             varied["blunt"] = float(ends.choice([0.0, ends.uniform(0.1, 0.4)]))
-        dies[f"dies-{number:02}"] = StampStyle(
+        styles[f"dies-{number:02}"] = StampStyle(
             width=width,
             corner=(float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.16, 0.36))),
             feet=bool(rng.random() < 0.5),
@@ -112,7 +112,7 @@ def _drawn_at_random(count: int) -> dict[str, StampStyle]:
             flag=float(flags[number]),
             **varied,
         )
-    return dies
+    return styles
 
 
 DIES = {**_NAMED, **_drawn_at_random(120)}
@@ -126,16 +126,16 @@ def die(name: str, character: str, cap_height_px: int) -> Mask:
         character: the character.
         cap_height_px: height of the mask.
     """
-    dies = DIES[name]
-    share = {"M": 1.2, "W": 1.25 if dies.upright else 1.3, "-": 0.6}.get(character, 1.0)
+    style = DIES[name]
+    share = {"M": 1.2, "W": 1.25 if style.upright else 1.3, "-": 0.6}.get(character, 1.0)
     if character in "1I":
-        is_bare = not dies.feet and (character == "I" or dies.flag == 0)
-        share = 0.75 if dies.feet else 0.05 if is_bare else 0.35
-    stroke_px = max(1, round(dies.stroke * cap_height_px))
-    width_px = max(stroke_px, round(dies.width * share * cap_height_px))
+        is_bare = not style.feet and (character == "I" or style.flag == 0)
+        share = 0.75 if style.feet else 0.05 if is_bare else 0.35
+    stroke_px = max(1, round(style.stroke * cap_height_px))
+    width_px = max(stroke_px, round(style.width * share * cap_height_px))
     mask = np.zeros((cap_height_px, width_px + stroke_px), np.uint8)
     inner = np.asarray([width_px - 1, cap_height_px - stroke_px - 1])
-    for line in _lines(character, dies):
+    for line in _lines(character, style):
         points = np.asarray(line) * inner + stroke_px / 2
         shape = [np.rint(points * 16).astype(np.int32)]
         cv2.polylines(mask, shape, False, 255, stroke_px, cv2.LINE_AA, 4)
@@ -172,8 +172,8 @@ class _Corners:
     under_left: Line
 
     @classmethod
-    def of(cls, dies: StampStyle) -> "_Corners":
-        rx, ry = dies.corner
+    def of(cls, style: StampStyle) -> "_Corners":
+        rx, ry = style.corner
         return cls(
             _arc((rx, ry), (rx, ry), 180, 270),
             _arc((1 - rx, ry), (rx, ry), 270, 360),
@@ -198,78 +198,78 @@ class _Corners:
         return self.under_left[::-1] + self.under_right[::-1]
 
 
-def _lines(character: str, dies: StampStyle) -> list[Line]:
+def _lines(character: str, style: StampStyle) -> list[Line]:
     """Strokes of a character; empty if the style does not have it."""
     if character == "9":  # a 6 upside down
-        return [[(1 - x, 1 - y) for x, y in line] for line in _lines("6", dies)]
-    corners = _Corners.of(dies)
-    return (_digits(dies, corners) | _letters(dies, corners)).get(character, [])
+        return [[(1 - x, 1 - y) for x, y in line] for line in _lines("6", style)]
+    corners = _Corners.of(style)
+    return (_digits(style, corners) | _letters(style, corners)).get(character, [])
 
 
-def _digits(dies: StampStyle, corners: _Corners) -> dict[str, list[Line]]:
+def _digits(style: StampStyle, corners: _Corners) -> dict[str, list[Line]]:
     """All but 9."""
     over_left, over_right = corners.over_left, corners.over_right
-    stem = [(0.75, 0), (0.3, 0.3), (0, 0.68)] if dies.slanted else [*corners.over, (0, 0.7)]
+    stem = [(0.75, 0), (0.3, 0.3), (0, 0.68)] if style.slanted else [*corners.over, (0, 0.7)]
     low_ring = _arc((0.5, 0.7), (0.5, 0.3), 0, 360)
     return {
         "0": [corners.ring],
-        "1": [[*([(0.05, dies.flag)] if dies.flag else []), (0.5, 0), (0.5, 1)], *_foot(dies)],
+        "1": [[*([(0.05, style.flag)] if style.flag else []), (0.5, 0), (0.5, 1)], *_foot(style)],
         "2": [[*over_left, *over_right, (0.93, 0.42), (0.75, 0.55), (0, 1), (1, 1)]],
-        "3": _three(dies, corners),
-        "4": _four(dies),
+        "3": _three(style, corners),
+        "4": _four(style),
         "5": [[(0.93, 0), (0.1, 0), (0.05, 0.5), *_arc((0.5, 0.69), (0.5, 0.31), 225, 515)]],
         "6": [stem, low_ring],
-        "7": [[(0, 0), (1, 0), *([(0.55, 0.45)] if dies.curved_seven else []), (0.38, 1)]],
-        "8": _eight(dies),
+        "7": [[(0, 0), (1, 0), *([(0.55, 0.45)] if style.curved_seven else []), (0.38, 1)]],
+        "8": _eight(style),
     }
 
 
-def _three(dies: StampStyle, corners: _Corners) -> list[Line]:
-    rx, _ = dies.corner
+def _three(style: StampStyle, corners: _Corners) -> list[Line]:
+    rx, _ = style.corner
     top: Line = (
         [(0, 0), (0.95, 0), (0.5, 0.45)]
-        if dies.flat_three
+        if style.flat_three
         else [*corners.over_left, *_arc((1 - rx, 0.25), (rx, 0.25), 270, 430), (0.5, 0.48)]
     )
     bow = _arc((0.55, 0.74), (0.45, 0.26), 280, 360)
     return [top, [top[-1], *bow, *corners.under_right, *corners.under_left]]
 
 
-def _four(dies: StampStyle) -> list[Line]:
-    stem_x, bar_y = dies.four
-    if dies.closed_four:
+def _four(style: StampStyle) -> list[Line]:
+    stem_x, bar_y = style.four
+    if style.closed_four:
         return [[(stem_x, 1), (stem_x, 0), (0, bar_y), (1, bar_y)]]
-    slope_x, stem_y = dies.top_of_four
+    slope_x, stem_y = style.top_of_four
     return [
         [(stem_x, 1), (stem_x, stem_y)],
         [(slope_x, 0), (0, bar_y + 0.02), (1, bar_y + 0.02)],
     ]
 
 
-def _eight(dies: StampStyle) -> list[Line]:
-    if dies.boxed_eight:
-        radii = dies.corner[0], 0.7 * dies.corner[1]
+def _eight(style: StampStyle) -> list[Line]:
+    if style.boxed_eight:
+        radii = style.corner[0], 0.7 * style.corner[1]
         return [_box((0.05, 0), (0.95, 0.5), radii), _box((0, 0.5), (1, 1), radii)]
     return [_arc((0.5, 0.25), (0.45, 0.25), 0, 360), _arc((0.5, 0.75), (0.5, 0.25), 0, 360)]
 
 
-def _foot(dies: StampStyle) -> list[Line]:
-    return [[(0, 1), (1, 1)]] if dies.feet else []
+def _foot(style: StampStyle) -> list[Line]:
+    return [[(0, 1), (1, 1)]] if style.feet else []
 
 
-def _letters(dies: StampStyle, corners: _Corners) -> dict[str, list[Line]]:
+def _letters(style: StampStyle, corners: _Corners) -> dict[str, list[Line]]:
     """And the hyphen."""
     over, under = corners.over, corners.under
     left: Line = [(0, 0), (0, 1)]
-    head: list[Line] = [[(0, 0), (1, 0)]] if dies.feet else []
-    serif: list[Line] = [[(0.4, 0), (1, 0)]] if dies.serifs else []
-    bar = dies.bar
+    head: list[Line] = [[(0, 0), (1, 0)]] if style.feet else []
+    serif: list[Line] = [[(0.4, 0), (1, 0)]] if style.serifs else []
+    bar = style.bar
     bar_of_a = 0.35 + 0.7 * bar
     upper, lower = bar / 2, 1 - (1 - bar) / 2
     upper_bow = [(0, 0), (0.6, 0), *_arc((0.6, upper), (0.4, upper), 270, 450), (0, bar)]
     lower_bow = [(0.6, bar), *_arc((0.6, lower), (0.4, 1 - lower), 270, 450), (0, 1)]
-    one_end, other_end = (1 - dies.blunt) / 2, (1 + dies.blunt) / 2
-    lean = 0.0 if dies.upright else 0.2
+    one_end, other_end = (1 - style.blunt) / 2, (1 + style.blunt) / 2
+    lean = 0.0 if style.upright else 0.2
     return {
         "A": [
             [(0, 1), (one_end, 0), (other_end, 0), (1, 1)],
@@ -280,23 +280,25 @@ def _letters(dies: StampStyle, corners: _Corners) -> dict[str, list[Line]]:
         "D": [[(0, 0), (0, 1), *corners.under_right[::-1], *corners.over_right[::-1], (0, 0)]],
         "E": [[(1, 0), (0, 0), (0, 1), (1, 1)], [(0, bar), (0.85, bar)]],
         "F": [[(1, 0), (0, 0), (0, 1)], [(0, bar), (0.85, bar)]],
-        "G": [[(1, 0.3), *over, *under], [(1, 1 - dies.corner[1]), (1, 0.55), (0.55, 0.55)]],
+        "G": [[(1, 0.3), *over, *under], [(1, 1 - style.corner[1]), (1, 0.55), (0.55, 0.55)]],
         "H": [left, [(1, 0), (1, 1)], [(0, bar), (1, bar)]],
-        "I": [[(0.5, 0), (0.5, 1)], *_foot(dies), *head],
+        "I": [[(0.5, 0), (0.5, 1)], *_foot(style), *head],
         "J": [[(1, 0), *corners.under_right, *corners.under_left], *serif],
         "K": [left, [(1, 0), (0, 0.6)], [(0.3, 0.42), (1, 1)]],
         "L": [[(0, 0), (0, 1), (1, 1)]],
-        "M": [[(0, 1), (0, 0), (0.5, dies.valley), (1, 0), (1, 1)]],
+        "M": [[(0, 1), (0, 0), (0.5, style.valley), (1, 0), (1, 1)]],
         "N": [[(0, 1), (0, 0), (1, 1), (1, 0)]],
         "O": [corners.ring],
         "P": [left, upper_bow],
         "Q": [corners.ring, [(0.55, 0.72), (1, 1)]],
         "R": [left, upper_bow, [(0.5, bar), (1, 1)]],
-        "S": [[*over, (0.12, 0.5 - dies.slope_of_s), (0.88, 0.5 + dies.slope_of_s), *under[::-1]]],
+        "S": [
+            [*over, (0.12, 0.5 - style.slope_of_s), (0.88, 0.5 + style.slope_of_s), *under[::-1]]
+        ],
         "T": [[(0, 0), (1, 0)], [(0.5, 0), (0.5, 1)]],
         "U": [[(0, 0), *under, (1, 0)]],
         "V": [[(0, 0), (one_end, 1), (other_end, 1), (1, 0)]],
-        "W": [[(0, 0), (lean, 1), (0.5, 1 - dies.valley), (1 - lean, 1), (1, 0)]],
+        "W": [[(0, 0), (lean, 1), (0.5, 1 - style.valley), (1 - lean, 1), (1, 0)]],
         "X": [[(0, 0), (1, 1)], [(1, 0), (0, 1)]],
         "Y": [[(0, 0), (0.5, 0.5), (1, 0)], [(0.5, 0.5), (0.5, 1)]],
         "Z": [[(0, 0), (1, 0), (0, 1), (1, 1)]],

@@ -154,7 +154,7 @@ class LiveTestbench:
         config_file = self._folder / f"{car}.yaml"
         config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
         self._trace(car).unlink(missing_ok=True)
-        shutil.rmtree(self._box(car), ignore_errors=True)
+        shutil.rmtree(self._recordings_folder(car), ignore_errors=True)
         await self.processes.start(car, *self._program(car), "run", str(config_file))
 
     async def _interfaces(
@@ -173,7 +173,7 @@ class LiveTestbench:
             },
             "hmi": {"port": page_port, "brake_button": True},
             "trace": {"file": str(self._trace(car)), "capture": str(self._folder / f"{car}.pcap")},
-            "recorder": {"folder": str(self._box(car)), "segment_s": 3600.0},
+            "recorder": {"folder": str(self._recordings_folder(car)), "segment_s": 3600.0},
         }
         if self._scenario.gnss is not None:
             interfaces["gnss"] = await self._start_gnss(car, number, self._scenario.gnss)
@@ -318,7 +318,7 @@ class LiveTestbench:
         """Time since the start of the scenario, s; 0 before it."""
         return max(0.0, now - self.start_s)
 
-    def _box(self, car: str) -> Path:
+    def _recordings_folder(self, car: str) -> Path:
         return self._folder / "box" / car
 
     def _trace(self, car: str) -> Path:

@@ -36,25 +36,25 @@ _MOST_STEPS = 10_000
 
 
 def run_virtual(
-    scenario: Scenario, seed: int | None = None, box_folder: Path | None = None
+    scenario: Scenario, seed: int | None = None, recordings_folder: Path | None = None
 ) -> RunLog:
     """Run a scenario.
 
     Args:
         scenario: the scenario.
         seed: seed instead of the scenario's own.
-        box_folder: folder for the recordings, in one folder per car; `None` for no recordings.
+        recordings_folder: folder for the recordings, one folder per car; `None` for none.
     """
     chosen = scenario.seed if seed is None else seed
-    boxes = (
-        {name: VirtualRecorder(box_folder / name) for name in scenario.equipped}
-        if box_folder
+    recorders = (
+        {name: VirtualRecorder(recordings_folder / name) for name in scenario.equipped}
+        if recordings_folder
         else {}
     )
-    run = _VirtualRun(scenario, chosen, boxes)
+    run = _VirtualRun(scenario, chosen, recorders)
     run.run()
-    for box in boxes.values():
-        box.close(scenario.duration_s)
+    for recorder in recorders.values():
+        recorder.close(scenario.duration_s)
     return RunLog(
         start_s=0.0,
         traces={car.name: car.trace for car in run.cars.values()},
@@ -69,7 +69,9 @@ def run_virtual(
 class _VirtualRun:
     """Virtual time and the agenda of events of one run."""
 
-    def __init__(self, scenario: Scenario, seed: int, boxes: Mapping[str, VirtualRecorder]) -> None:
+    def __init__(
+        self, scenario: Scenario, seed: int, recorders: Mapping[str, VirtualRecorder]
+    ) -> None:
         self._scenario = scenario
         self.recorder = RigRecorder()
         road = BreakpointRoad(scenario)
@@ -101,7 +103,7 @@ class _VirtualRun:
                 name,
                 car_seed,
                 sky_seed,
-                box=boxes.get(name),
+                recorder=recorders.get(name),
                 credentials=credentials.get(name),
                 on_ecu_frame=partial(self.recorder.note_answer, name),
             )

@@ -49,7 +49,7 @@ class VirtualCar:
         seed: np.random.SeedSequence,
         sky_seed: np.random.SeedSequence,
         *,
-        box: VirtualRecorder | None,
+        recorder: VirtualRecorder | None,
         credentials: Credentials | None,
         on_ecu_frame: Callable[[CanFrame], None],
     ) -> None:
@@ -61,7 +61,7 @@ class VirtualCar:
             name: name of this car.
             seed: source of the random numbers of this car.
             sky_seed: source of those that the GNSS receivers of all cars share.
-            box: recorder of the drive, if the car has one.
+            recorder: recorder of the drive, if the car has one.
             credentials: certificates and keys, if messages are signed.
             on_ecu_frame: takes each CAN frame of the ECU.
         """
@@ -73,7 +73,7 @@ class VirtualCar:
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
         self._faults = VehicleFaults(scenario, name)
         self._stack = recorded_stack(
-            box,
+            recorder,
             InitialState(
                 config=config,
                 sensors=_sensors(scenario),

@@ -29,7 +29,7 @@ def record_all() -> None:
     for name, (scenario, car, until_s) in VIRTUAL.items():
         story = load_scenario(scenario).model_copy(update={"duration_s": until_s})
         with tempfile.TemporaryDirectory() as folder:
-            run_virtual(story, box_folder=Path(folder))
+            run_virtual(story, recordings_folder=Path(folder))
             _take(Path(folder) / car, name)
     scenario, car, until_s = LIVE
     story = load_scenario(scenario).model_copy(update={"duration_s": until_s})

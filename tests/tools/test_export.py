@@ -18,7 +18,7 @@ from sim_rig.scenario.schema import load_scenario
 def drive(tmp_path_factory: pytest.TempPathFactory) -> RecordedDrive:
     folder = tmp_path_factory.mktemp("drive")
     scenario = load_scenario("fig4").model_copy(update={"duration_s": 4.0})
-    run_virtual(scenario, box_folder=folder)
+    run_virtual(scenario, recordings_folder=folder)
     return RecordedDrive([folder / "red"])
 
 
