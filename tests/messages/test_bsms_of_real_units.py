@@ -1,0 +1,64 @@
+"""Recorded BSMs of real units (`RIG_DATA`): values as documented, and the same bits again."""
+
+import json
+import math
+
+import pytest
+
+from onboard.messages import bsm
+from onboard.messages.bsm_core import BrakeSystemStatus
+
+
+def _vectors(rig_data):
+    rows = (rig_data / "wsm/bsm-vectors.jsonl").read_text().splitlines()
+    return [json.loads(row) for row in rows]
+
+
+@pytest.mark.realdata
+def test_eighty_bsms_of_real_units_are_decoded_as_documented_and_encoded_again(rig_data):
+    rows = _vectors(rig_data)
+    assert len(rows) == 80
+    for row in rows:
+        frame = bytes.fromhex(row["mf"])
+        message = bsm.decode(frame)
+        core = message.core
+        assert bsm.encode(message) == frame, row["src"]
+        read = {
+            "msgCnt": core.msg_cnt,
+            "id": core.temporary_id.hex(),
+            "secMark": _steps(core.sec_mark_s, 0.001, 65535),
+            "lat": _steps(core.latitude_deg, 1e-7, 900_000_001),
+            "long": _steps(core.longitude_deg, 1e-7, 1_800_000_001),
+            "elev": _steps(core.elevation_m, 0.1, -4096),
+            "speed": _steps(core.speed_m_s, 0.02, 8191),
+            "heading": _steps(core.heading_rad, math.radians(0.0125), 28800),
+            "width": _steps(core.size.width_m, 0.01, 0),
+            "length": _steps(core.size.length_m, 0.01, 0),
+        }
+        expected = {name: value for name, value in row["expect"].items() if name in read}
+        assert {name: read[name] for name in expected} == expected, row["src"]
+
+
+def _steps(value, scale, unavailable):
+    return unavailable if value is None else round(value / scale)
+
+
+@pytest.mark.realdata
+def test_sixteen_of_them_have_the_si_values_of_another_decoder(rig_data):
+    rows = [row for row in _vectors(rig_data) if "ode_json" in row["expect"]]
+    assert len(rows) == 16
+    for row in rows:
+        core = bsm.decode(bytes.fromhex(row["mf"])).core
+        printed = row["expect"]["ode_json"]
+        assert core.latitude_deg == printed["position"]["latitude"]
+        assert core.longitude_deg == printed["position"]["longitude"]
+        assert core.elevation_m == printed["position"]["elevation"]
+        assert core.speed_m_s == printed["speed"]
+        assert math.degrees(core.heading_rad) == pytest.approx(printed["heading"])
+        assert core.acceleration.longitudinal_m_s2 == printed["accelSet"]["accelLong"]
+        assert core.acceleration.lateral_m_s2 == printed["accelSet"]["accelLat"]
+        yaw_deg_s = math.degrees(core.acceleration.yaw_rate_rad_s)
+        assert yaw_deg_s == pytest.approx(printed["accelSet"]["accelYaw"])
+        assert core.accuracy.semi_major_m == printed["accuracy"]["semiMajor"]
+        assert core.accuracy.semi_minor_m == printed["accuracy"]["semiMinor"]
+        assert core.brakes == BrakeSystemStatus()
