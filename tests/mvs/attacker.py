@@ -1,4 +1,4 @@
-"""A car that sends footers with lies, and the one that hears them."""
+"""A car that sends false footers, and the one that receives them."""
 
 import numpy as np
 

@@ -40,7 +40,7 @@ def test_a_footer_keeps_to_m_entries_and_to_its_bytes(selection: str) -> None:
 
 
 @pytest.mark.parametrize("interval_s", [0.07, 0.1, 0.105, 0.25])
-def test_what_was_heard_is_passed_on_once_however_punctual_the_footers_are(
+def test_received_evidence_is_relayed_once_at_any_footer_timing(
     interval_s: float,
 ) -> None:
     cars = [Car("a", 0, 0, 0, 10, sees=frozenset({"x"})), Car("x", 0, 40, 0, 10, radio=False)]
@@ -117,7 +117,7 @@ def test_what_did_not_fit_into_a_footer_is_sent_first_in_the_next() -> None:
     assert max(times_sent) - min(times_sent) <= 1
 
 
-def test_nobody_tells_more_measurements_at_once_than_are_believed() -> None:
+def test_no_footer_has_more_measurements_than_are_accepted() -> None:
     """Estimates that come back grow with each round, up to all that anybody measured lately."""
     names = [f"r{k}" for k in range(4)]
     cars = [Car(name, 9.0 * k, 0, 0, 10, sees=frozenset({"x"})) for k, name in enumerate(names)]

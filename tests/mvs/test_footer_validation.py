@@ -1,4 +1,4 @@
-"""What is doubted of evidence, and how much it weighs: also what no footer can carry."""
+"""Validation and weight of evidence, also of values that no footer can carry."""
 
 import numpy as np
 import pytest

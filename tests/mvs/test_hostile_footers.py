@@ -46,7 +46,7 @@ def tracks(mvs: MultiVehicleSensing, now: float = NOW) -> list[Estimate]:
     return [track.estimate for track in mvs._tracks]
 
 
-def test_an_honest_footer_is_believed() -> None:
+def test_a_valid_footer_is_accepted() -> None:
     mvs = victim()
 
     assert say(mvs, footer_with(estimate_at(20, 60, RECENT))) == []
@@ -73,7 +73,7 @@ def test_a_car_cannot_measure_beyond_its_camera_but_may_relay_what_others_measur
     assert say(mvs, footer_with(relayed), NOW + 0.1) == []
 
 
-def test_a_sender_far_away_is_not_heard() -> None:
+def test_a_footer_of_a_sender_far_away_is_discarded() -> None:
     mvs = victim()
 
     mvs.receive_bsm(ATTACKER, Position(NOW, 49.0, 11.5, None, 1.0, 0.0, 0.0), b"", NOW)
@@ -137,7 +137,7 @@ def test_the_same_estimate_a_hundred_times_is_one() -> None:
     assert (repeated.covariance == sent_once.covariance).all()
 
 
-def test_a_sender_that_never_pauses_is_heard_at_the_rate_of_a_fast_one() -> None:
+def test_a_sender_without_pauses_is_limited_to_the_rate_of_a_fast_one() -> None:
     """Five at once, and one for every 50 ms."""
     mvs = victim()
     reasons = [
@@ -147,7 +147,7 @@ def test_a_sender_that_never_pauses_is_heard_at_the_rate_of_a_fast_one() -> None
     assert sum(reason == ["too_often"] for reason in reasons) == 99 - (5 + 1)
 
 
-def test_footers_that_were_held_up_on_their_way_are_heard_together() -> None:
+def test_delayed_footers_are_accepted_together() -> None:
     mvs = victim()
     for k in range(50):
         together = NOW + 0.4 * (k // 4) + 0.001 * (k % 4)
@@ -170,7 +170,7 @@ def test_ghosts_without_end_are_bounded_and_leave_room_for_the_own_camera() -> N
 
 
 def variances_of_a_seen_car(
-    lie_every: int = 0, span_ms: int = 0, sigma_m: float = 1.0, sigma_m_s: float = 1.0
+    attack_every: int = 0, span_ms: int = 0, sigma_m: float = 1.0, sigma_m_s: float = 1.0
 ) -> np.ndarray:
     """Of its place and speed at each of 50 pictures, 0.05 s apart.
 
@@ -189,7 +189,7 @@ def variances_of_a_seen_car(
         )
         stamps = [round(1000 * (NOW + 0.05 * earlier)) for earlier in range(k + 1)]
         now_ms = stamps[-1] + 10
-        if lie_every and k >= 20 and k % lie_every == 0:
+        if attack_every and k >= 20 and k % attack_every == 0:
             own = {MeasurementId(OWN, stamp) for stamp in stamps if stamp > now_ms - span_ms}
             lie = Estimate(
                 frozenset(own | {MeasurementId(ATTACKER, now_ms - 1)}),
@@ -206,21 +206,21 @@ def variances_of_a_seen_car(
 
 
 @pytest.mark.parametrize(
-    ("lie_every", "span_ms", "sigma_m", "sigma_m_s"),
+    ("attack_every", "span_ms", "sigma_m", "sigma_m_s"),
     [(2, 100, 20.0, 1000.0), (4, 200, 20.0, 1000.0), (4, 200, 20.0, 0.8), (4, 200, 0.5, 1000.0)],
 )
-def test_who_repeats_our_measurements_does_not_make_a_seen_car_vague(
-    lie_every: int, span_ms: int, sigma_m: float, sigma_m_s: float
+def test_repeated_own_measurements_do_not_make_a_measured_car_vague(
+    attack_every: int, span_ms: int, sigma_m: float, sigma_m_s: float
 ) -> None:
-    """Believed for naming one measurement more, he made its variances 1,200 times as large."""
+    """Chosen for one measurement more, it made the variances 1,200 times as large."""
     alone = variances_of_a_seen_car()
 
-    with_lies = variances_of_a_seen_car(lie_every, span_ms, sigma_m, sigma_m_s)
+    with_lies = variances_of_a_seen_car(attack_every, span_ms, sigma_m, sigma_m_s)
 
     assert (with_lies[20:] <= 1.2 * alone[20:]).all()
 
 
-def test_a_ghost_is_believed_no_more_than_its_provenance_allows() -> None:
+def test_a_ghost_gets_no_smaller_covariance_than_its_provenance_allows() -> None:
     """Two positions of 0.1 m, 0.1 s apart, cannot tell a speed to better than 1.4 m/s."""
     mvs = victim()
     sure = Estimate(
@@ -237,8 +237,8 @@ def test_a_ghost_is_believed_no_more_than_its_provenance_allows() -> None:
     assert sigmas[2:].min() > 1.4
 
 
-def test_a_lone_liar_does_not_move_a_car_that_others_see() -> None:
-    """His false place lies outside the gate: it is another car, by his word alone."""
+def test_a_single_attacker_does_not_move_a_car_that_others_measure() -> None:
+    """The false position is outside the gate: another car, known by one sender only."""
     mvs = victim()
     for k in range(10):
         now = NOW + k / 10
@@ -386,7 +386,7 @@ def test_pairs_that_leave_all_open_cost_no_more_than_their_number() -> None:
     assert calls < 20_000
 
 
-def test_an_observer_corrects_what_others_said_of_his_measurement() -> None:
+def test_an_observer_corrects_what_others_repeat_of_its_measurement() -> None:
     mvs = victim()
     hearsay = Measurement(MeasurementId(WITNESS, 999_900), np.array([0.0, 50.0]), np.eye(2))
     own_word = Measurement(MeasurementId(WITNESS, 999_900), np.array([0.6, 50.0]), np.eye(2))

@@ -101,7 +101,7 @@ def test_a_seen_car_with_a_radio_is_not_reported_as_one_without() -> None:
 
 
 def test_the_host_vehicle_reported_back_is_recognised() -> None:
-    """b does not hear a, so to b it is a car without a radio, and b tells everybody."""
+    """b receives nothing from a, so to b it is a car without a radio, and b shares it."""
 
     def radio(message: Message, receiver: Car, t: float) -> list[float]:
         return [] if (message.sender.name, receiver.name) == ("a", "b") else [0.002]
@@ -156,7 +156,7 @@ def test_a_car_without_a_radio_beside_one_with_is_still_known() -> None:
         assert math.dist(world.place_of("b", x)[:2], world.truth("x")[:2]) < 1.0
 
 
-def test_a_radio_that_falls_silent_hides_nobody_on_its_way() -> None:
+def test_a_remote_vehicle_that_falls_silent_hides_no_track_on_its_path() -> None:
     """It may have braked behind the queue through which its last word would have led it."""
 
     def radio(message: Message, receiver: Car, t: float) -> list[float]:
@@ -286,7 +286,7 @@ def test_a_standing_car_keeps_its_last_heading() -> None:
     assert ahead.state[:2] == pytest.approx((20.0, 0.0), abs=0.1)
 
 
-def test_on_a_long_way_the_frame_moves_along_and_nobody_is_lost(
+def test_on_a_long_drive_the_frame_moves_and_no_track_is_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(host_vehicle, "MAX_ORIGIN_DISTANCE_M", 100.0)

@@ -77,7 +77,7 @@ def test_among_equally_significant_cars_the_one_sent_last_comes_last() -> None:
     assert cars_of(algorithm_1(candidates, 2, estimate, RNG)) == [1, 2]
 
 
-def test_every_selection_says_which_candidate_it_tells_of() -> None:
+def test_every_selection_names_its_candidate() -> None:
     candidates = [candidate(car, "ab", is_sensed=car == 1) for car in range(6)]
 
     for select in SELECTIONS.values():

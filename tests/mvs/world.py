@@ -136,7 +136,7 @@ class World:
         self.broadcast(Message(car, fix, mvs.footer_to_send(now)))
 
     def arrival(self, car: Car) -> Position:
-        """Who stands when the world begins came there driving, and knows his heading by that."""
+        """A car that stands when the world begins has a heading from its drive before."""
         heading = car.heading_rad
         if heading is None:
             heading = math.atan2(car.vx_m_s, car.vy_m_s)
@@ -238,7 +238,7 @@ def only(known: list[PerceivedObject]) -> PerceivedObject:
 
 
 def ring(n: int, **changes: object) -> World:
-    """n cars with radios around one without; each sees it, all hear each other."""
+    """n cars with radios around one without; each measures it, all receive each other."""
     cars = [
         Car(
             f"c{k}",

@@ -93,7 +93,7 @@ def constant(braking_m_s2: float) -> Braking:
 def test_held_braking_that_ends_in_contact_is_warned_of_no_less_and_no_later(
     gap_m: float, speed: float, slower: float, share: float, lead_braking: float
 ) -> None:
-    """Beside a driver with his foot off the pedal, who has never answered: the same alarms."""
+    """The same alarms as with a released pedal, which never counts as braking."""
     lead_speed = max(speed - slower, 0.0)
     braking = share * required_deceleration_m_s2(gap_m, speed, lead_speed, lead_braking, 0.0)
     assume(braking < 9.0)
@@ -114,7 +114,7 @@ def test_held_braking_that_ends_in_contact_is_warned_of_no_less_and_no_later(
 def test_a_driver_who_brakes_enough_from_the_beginning_is_not_warned(
     gap_m: float, speed: float, lead_speed: float, lead_braking: float, enough: float
 ) -> None:
-    """With his foot off he is; whole km/h hide up to 1.4 m/s^2 of what he does."""
+    """With a released pedal there is a warning; whole km/h hide up to 1.4 m/s^2."""
     needed = required_deceleration_m_s2(gap_m, speed, lead_speed, lead_braking, 0.0)
     braking = enough * needed + 1.4
     moments = list(drive(gap_m, speed, lead_speed, constant(braking), constant(lead_braking)))
@@ -150,7 +150,7 @@ def test_who_brakes_gently_for_something_else_is_warned_when_the_car_ahead_brake
 
 
 def test_a_driver_who_releases_the_brake_too_early_is_warned_again() -> None:
-    """3 m/s^2 would do behind a standing car; he lets go after 1.2 s. The pedal tells at once."""
+    """3 m/s^2 is enough behind a standing car, but ends after 1.2 s. The pedal shows it at once."""
     moments = list(drive(44.0, 16.0, 0.0, lambda t: 3.9 if t < 1.2 else 0.0, constant(0.0)))
 
     by_speed, by_pedal = warned_at_s(alarms(moments)), []
@@ -196,8 +196,8 @@ def test_an_alarm_that_is_answered_goes_down_a_second_later_and_comes_back_at_on
     assert again_s == pytest.approx(3.05, abs=0.051)
 
 
-def test_without_a_speed_for_a_while_nobody_has_answered() -> None:
-    """The samples stop while he brakes enough: until they are too old for any alarm, it sounds."""
+def test_without_a_recent_speed_braking_is_not_known_to_be_enough() -> None:
+    """Samples stop while the driver brakes enough: the alarm lasts until they are too old."""
     moments = list(drive(35.0, 16.0, 0.0, constant(6.0), constant(0.0)))
     of, seen = monitor(), []
     for moment in moments:

@@ -43,7 +43,7 @@ def overlap(s_a: np.ndarray, x_b: np.ndarray, y_b: np.ndarray, heading: np.ndarr
 def brute_force(
     a: Approach, b: Approach, angle_rad: float, drawn_a: np.ndarray, drawn_b: np.ndarray
 ) -> np.ndarray:
-    """Step every pair of accelerations through 30 s; returns who collided, one per pair."""
+    """Step every pair of accelerations through 30 s; returns whether it collides."""
     time_s = np.arange(0.0, 30.0, 0.02)
     s_a, s_b = (
         -car.distance_m + travelled_m(time_s, drawn[:, None], car.speed_m_s, car.top_speed_m_s)
@@ -132,7 +132,7 @@ def test_what_cannot_happen_is_exactly_zero(a: Approach, b: Approach) -> None:
     angle_deg=st.floats(20.0, 160.0),  # nothing shallower is asked for (CrossingSettings)
     triangular=st.booleans(),
 )
-def test_is_a_probability_and_does_not_care_who_is_called_a(
+def test_is_a_probability_and_symmetric_in_both_cars(
     d: tuple[float, float], v: tuple[float, float], angle_deg: float, triangular: bool
 ) -> None:
     behaviour = TRIANGULAR if triangular else UNIFORM
@@ -174,6 +174,6 @@ def test_limits_may_differ_from_car_to_car() -> None:
         (approach(5.0, 5.0, Uniform(np.array(2.0), np.array(-2.0))), "below"),
     ],
 )
-def test_nonsense_is_refused(bad: Approach, message: str) -> None:
+def test_invalid_approaches_are_refused(bad: Approach, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         p_c(bad, approach(5.0, 5.0))

@@ -87,22 +87,20 @@ def touches(
     braking=st.floats(0.0, 9.0),
     lead_braking=st.sampled_from([0.0, 1.5, 3.0, 6.0, 9.0]),
 )
-def test_who_has_answered_does_not_touch_and_who_touches_has_not_answered(
+def test_braking_is_enough_exactly_if_there_is_no_contact(
     gap_m: float, speed: float, lead_speed: float, braking: float, lead_braking: float
 ) -> None:
     def answered(braking_m_s2: float) -> bool:
         return brakes_enough(gap_m, speed, lead_speed, lead_braking, braking_m_s2)
 
-    lead = max(lead_speed, 0.0)  # one that reverses is taken for standing
-    assume(
-        answered(braking * 0.98) == answered(braking * 1.02)
-    )  # what decides is no hair's breadth
+    lead = max(lead_speed, 0.0)  # one that reverses counts as standing
+    assume(answered(braking * 0.98) == answered(braking * 1.02))  # not at the boundary
 
     assert answered(braking) != touches(gap_m, (speed, lead), (braking, lead_braking))
 
 
 @pytest.mark.parametrize("braking", [None, math.nan])
-def test_whose_braking_is_not_known_has_not_answered(braking: float | None) -> None:
+def test_unknown_braking_is_not_enough(braking: float | None) -> None:
     assert not brakes_enough(100.0, 5.0, 20.0, 0.0, braking)
 
 
@@ -200,7 +198,7 @@ FMVSS_127 = [
 
 @pytest.mark.parametrize(("speed_km_h", "headway_m", "braking_g"), FMVSS_127)
 def test_fmvss_127_decelerating_lead(speed_km_h: float, headway_m: float, braking_g: float) -> None:
-    """Both drive alike, the lead brakes; who brakes 1 s after the warning does not touch it."""
+    """Both have the same speed, the lead brakes; braking 1 s after the warning avoids contact."""
     speed_m_s = speed_km_h * KM_H
     lead = braking(speed_m_s, braking_g * STANDARD_GRAVITY_M_S2)
     warned_s = first_warning_s(headway_m, braking(speed_m_s, 0.0), lead)
@@ -211,14 +209,14 @@ def test_fmvss_127_decelerating_lead(speed_km_h: float, headway_m: float, brakin
 
 
 @pytest.mark.parametrize("headway_s", [1.0, 1.5, 2.0])
-def test_following_steadily_warns_nobody(headway_s: float) -> None:
+def test_following_steadily_raises_no_alarm(headway_s: float) -> None:
     v = 25.0
     steady = braking(v, 0.0)
 
     assert first_warning_s(headway_s * v, steady, steady, until_s=20.0) is None
 
 
-def test_a_noisy_camera_behind_a_steady_car_warns_nobody() -> None:
+def test_a_noisy_camera_behind_a_steady_car_raises_no_alarm() -> None:
     rng = np.random.default_rng(1)
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
     for k in range(20 * 60):
@@ -239,7 +237,7 @@ def test_a_noisy_camera_behind_a_steady_car_warns_nobody() -> None:
 
 @pytest.mark.parametrize("frames_a_second", [8, 10, 15, 20, 30])
 @pytest.mark.parametrize("odd_m_s", [-15.0, 5.0, 15.0])
-def test_one_odd_frame_warns_nobody(odd_m_s: float, frames_a_second: int) -> None:
+def test_one_odd_frame_raises_no_alarm(odd_m_s: float, frames_a_second: int) -> None:
     """Not by itself, though it is looked at again until the next one, nor as braking."""
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
     for k in range(4 * frames_a_second):
@@ -259,8 +257,8 @@ SETTLING_SIGMA_M_S = (7.9, 1.5, 1.2, 1.1)
 
 
 @pytest.mark.parametrize("error_m_s", [4.0, 8.0, 12.0])
-def test_a_car_that_comes_into_view_warns_nobody_while_its_speed_settles(error_m_s: float) -> None:
-    """The first closing speed is off by anything; its sigma says so."""
+def test_a_new_lead_raises_no_alarm_while_its_speed_settles(error_m_s: float) -> None:
+    """The first closing speed has any error, within its sigma."""
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
     for k in range(30):
         now = k / 10

@@ -81,7 +81,7 @@ def test_two_samples_a_second_tell_nothing() -> None:
     assert braking_until(4.0, hz=2).at_least_m_s2(4.0) is None
 
 
-def test_a_pedal_that_has_not_been_heard_of_for_long_says_nothing() -> None:
+def test_a_pedal_state_that_is_too_old_is_not_used() -> None:
     own = braking_until(1.0)
     own.receive_pedal(BrakePedal(0.3, pressed=False, source="dbc"))
 

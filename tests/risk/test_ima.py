@@ -164,7 +164,7 @@ def test_what_is_no_covariance_is_refused(diagonal: tuple[float, ...]) -> None:
         path_crossing(car((-20.0, 0.0, 12.0, 0.0)), odd)
 
 
-def test_nobody_to_meet() -> None:
+def test_no_other_vehicle() -> None:
     assert len(mean_collision_probabilities([], [], CAR)) == 0
 
 
@@ -199,7 +199,7 @@ def test_cars_of_known_and_unknown_acceleration_keep_their_order() -> None:
         assert together[k] == pytest.approx(alone, abs=1e-12)
 
 
-def test_who_is_behind_the_crossing_for_certain_meets_nobody() -> None:
+def test_a_vehicle_certainly_beyond_the_crossing_raises_nothing() -> None:
     """No point of the rule is farther than sqrt(6) sigma, so nothing is lost by not asking."""
     rng = np.random.default_rng(7)
     met = []

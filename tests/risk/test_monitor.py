@@ -1,4 +1,4 @@
-"""The scenes of a crossing and of a lane: who is warned, of what, why, and when nobody is."""
+"""Scenes of a crossing and of a lane: alarms, their causes, and cases without any."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -163,7 +163,7 @@ def test_a_car_that_stops_in_time_raises_no_warning() -> None:
 
 
 def stopping(from_s: float, braking_m_s2: float) -> Drive:
-    """Like `east(14.0, 60.0)` until he brakes."""
+    """Like `east(14.0, 60.0)` until the driver brakes."""
 
     def at(t: float) -> State:
         braked_s = min(max(t - from_s, 0.0), 14.0 / braking_m_s2)
@@ -177,14 +177,14 @@ def stopping(from_s: float, braking_m_s2: float) -> Drive:
 def test_a_driver_who_brakes_for_crossing_traffic_is_not_warned(
     braking_m_s2: float,
 ) -> None:
-    """His own braking is in P_C. The other drives on."""
+    """The host driver's braking is in P_C. The other drives on."""
     seen = drive(monitor(), stopping(1.0, braking_m_s2), north(14.0, 60.0), 5.5)
 
     assert worst(seen) is not Level.WARNING
 
 
 @pytest.mark.parametrize("braking_m_s2", [5.0, 8.0])
-def test_a_warning_of_who_crosses_ends_once_the_driver_brakes_enough(braking_m_s2: float) -> None:
+def test_an_ima_warning_ends_once_the_driver_brakes_enough(braking_m_s2: float) -> None:
     seen = drive(monitor(), stopping(2.0, braking_m_s2), north(14.0, 60.0), 5.5)
 
     warned, *_, ended = seen
@@ -294,7 +294,7 @@ def test_hard_braking_reported_by_radio(
     ("said_m_s2", "level"),
     [(None, Level.CAUTION), (-2.0, Level.CAUTION), (-8.0, Level.WARNING)],
 )
-def test_who_says_that_he_brakes_harder_than_the_flag_is_believed(
+def test_a_reported_deceleration_above_that_of_the_flag_is_used(
     said_m_s2: float | None, level: Level
 ) -> None:
     of = monitor()
