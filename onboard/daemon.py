@@ -31,6 +31,7 @@ from onboard.recorder.black_box import BlackBox
 from onboard.recorder.records import RecorderState
 from onboard.replay.initial_state import InitialState
 from onboard.replay.recorded_stack import recorded_stack
+from onboard.runtime.candidate_ids import CandidateIds
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.systemd import Systemd
@@ -50,9 +51,6 @@ GIL_INTERVAL_S = 0.000_5
 
 Python's default is 5 ms.
 """
-
-EPOCH_AHEAD_S = 10.0
-"""Time before the start of an epoch at which its IDs are derived."""
 
 RADIO_TURN_S = 0.000_7
 """Time in which one step receives BSMs before the wires are polled again: three or four BSMs."""
@@ -113,6 +111,7 @@ class Daemon:
                 signals=read_signals(config.obd.broadcast),
             ),
         )
+        self._candidate_ids = CandidateIds(self._stack.digest, config.car.plate)
         self._wsms = ReceiveQueue(config.lcca_psid, bsm_sender)
         self._inbox: deque[_Item] = deque()
         self._next_step: asyncio.Handle | None = None
@@ -182,6 +181,8 @@ class Daemon:
             wires.callback(radio.close)
             radio.start(self._loop)
             self._send_wsm = radio.send
+        self._candidate_ids.start()
+        wires.callback(self._candidate_ids.close)
         if config.camera is not None:
             takes_pictures = config.recorder is not None and config.recorder.pictures_hz > 0.0
             on_image = self._black_box.record_image if self._black_box and takes_pictures else None
@@ -305,13 +306,12 @@ class Daemon:
         self._take(SensorLost(self._loop.time(), sensor, silent_s=None, reason=why))
 
     def _on_seen(self, observations: Sequence[Observation]) -> None:
-        """Take observations in the camera thread, which has the time to derive IDs."""
-        leads = {each.text for each in observations if isinstance(each, Lead) and each.text}
-        for plate_text in leads | {self.config.car.plate}:
-            for utc_s in (time.time(), time.time() + EPOCH_AHEAD_S):
-                self._stack.digest.car_id(plate_text, utc_s)
+        """Take observations in the camera thread: of a lead, the candidates with derived IDs."""
         for observation in observations:
-            self._loop.call_soon_threadsafe(self._take, observation)
+            seen = observation
+            if isinstance(observation, Lead):
+                seen = self._candidate_ids.derived(observation, time.time())
+            self._loop.call_soon_threadsafe(self._take, seen)
 
     def _on_brake_button(self, _: None) -> None:
         self._take(lambda now: [BrakeButton(now)])

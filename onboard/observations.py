@@ -4,7 +4,7 @@
 of the class in traces and recordings.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import ClassVar
 
@@ -119,7 +119,7 @@ class Lead:
     track_id: int | None = None
     """Number of the camera's track: constant while the same vehicle is tracked, and never used
     again for another one."""
-    candidates: tuple[PlateCandidate, ...] = ()
+    candidates: tuple[PlateCandidate, ...] = field(default=(), metadata={"traced": False})
     """Texts that its plate may bear, the likeliest first, at most 16; what their probabilities lack
     to 1 is for all other texts."""
 

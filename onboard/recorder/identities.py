@@ -14,7 +14,7 @@ from typing import Any
 from typing_extensions import override
 
 from onboard.errors import UserError
-from onboard.observations import Lead, Plate, VehicleDetection
+from onboard.observations import DetectionList, Lead, Plate, VehicleDetection
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 
@@ -38,10 +38,22 @@ class Aliases:
         return hmac.digest(self._key, text.encode(), hashlib.sha256).hex()[:ALIAS_LENGTH].upper()
 
     def replace_plates(self, value: Any) -> Any:
-        """Return the value with the alias in place of its plate, if it has one."""
-        if isinstance(value, Lead | Plate | VehicleDetection) and value.text is not None:
-            return replace(value, text=self.alias(value.text))
+        """Return the value with aliases in place of the plates that it has, if any."""
+        match value:
+            case Lead():
+                candidates = tuple(
+                    replace(each, text=self.alias(each.text)) for each in value.candidates
+                )
+                return replace(value, text=self._alias_of(value), candidates=candidates)
+            case Plate() | VehicleDetection():
+                return replace(value, text=self._alias_of(value))
+            case DetectionList():
+                cars = tuple(replace(each, text=self._alias_of(each)) for each in value.cars)
+                return replace(value, cars=cars)
         return value
+
+    def _alias_of(self, value: Lead | Plate | VehicleDetection) -> str | None:
+        return None if value.text is None else self.alias(value.text)
 
 
 class RecordingDigest(PlateDigest):
@@ -55,8 +67,8 @@ class RecordingDigest(PlateDigest):
         self._on_derived = on_derived
 
     @override
-    def _derive_uncached(self, plate: str, epoch: int) -> bytes:
-        car_id = super()._derive_uncached(plate, epoch)
+    def _derive(self, plate: str, epoch: int) -> bytes:
+        car_id = super()._derive(plate, epoch)
         self._on_derived(plate, epoch, car_id)
         return car_id
 
@@ -72,7 +84,7 @@ class ReplayedDigest(PlateDigest):
         self._car_ids = car_ids
 
     @override
-    def _derive_uncached(self, plate: str, epoch: int) -> bytes:
+    def _derive(self, plate: str, epoch: int) -> bytes:
         car_id = self._car_ids.get((plate, epoch))
         if car_id is None:
             raise UserError(

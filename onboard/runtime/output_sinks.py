@@ -11,7 +11,7 @@ from onboard.config import CarConfig, TraceSettings
 from onboard.replay.tap import Tap
 from onboard.stack import Stack
 from onboard.trace.trace_file import TraceFile
-from onboard.trace.trace_line import Event, as_line, as_record
+from onboard.trace.trace_line import Event, as_json, as_record, as_trace_record
 from onboard.wave_udp.capture import PcapWriter
 
 if TYPE_CHECKING:
@@ -86,7 +86,8 @@ class OutputSinks:
         if self._page is not None:
             self._page.receive_event(event)
         if self._trace is not None:
-            self._trace.write(as_line(event, traced_s=time.monotonic()).encode() + b"\n")
+            record = as_trace_record(event) | {"traced_s": time.monotonic()}
+            self._trace.write(as_json(record).encode() + b"\n")
         if event.kind in LOGGED_KINDS:
             log.info(event.kind, details=as_record(event))
 

@@ -16,15 +16,20 @@ _LOOK_ALIKES = str.maketrans("OI", "01")
 """Pairs that many plate fonts draw alike: a misread one still gives the right ID."""
 
 _CACHE_SIZE = 256
-"""Derivations kept: every plate in view, in this epoch and the next."""
+"""Derivations kept, the least recently used dropped first. A lead's 16 candidates in this epoch and
+the next and the own plate's take 34: seven leads in turn."""
 
 
 class PlateDigest:
-    """Derives communication IDs, each (plate, epoch) once."""
+    """Derives communication IDs, each (plate, epoch) once.
+
+    Threads may share it: two that need one ID at the same moment may both derive it.
+    """
 
     def __init__(self, settings: PlateDigestSettings) -> None:
         self._settings = settings
-        self._derive = lru_cache(maxsize=_CACHE_SIZE)(self._derive_uncached)
+        # The cache is atomic and holds, for each (plate, epoch), a list of the ID once derived.
+        self._derived = lru_cache(maxsize=_CACHE_SIZE)(_not_derived)
 
     def car_id(self, plate_text: str, utc_s: float) -> bytes:
         """Return the communication ID (8 bytes) of the car with this plate at `utc_s`.
@@ -35,7 +40,19 @@ class PlateDigest:
         Raises:
             ValueError: the plate has no letter and no digit.
         """
-        return self._derive(normalised(plate_text), self.epoch(utc_s))
+        plate, epoch = normalised(plate_text), self.epoch(utc_s)
+        derived = self._derived(plate, epoch)
+        if not derived:
+            derived.append(self._derive(plate, epoch))
+        return derived[0]
+
+    def is_derived(self, plate_text: str, utc_s: float) -> bool:
+        """Whether `car_id` returns at once.
+
+        Raises:
+            ValueError: the plate has no letter and no digit.
+        """
+        return bool(self._derived(normalised(plate_text), self.epoch(utc_s)))
 
     def epoch_ends_at(self, utc_s: float) -> float:
         """Return the UTC second from which the IDs of the next epoch are valid."""
@@ -45,7 +62,7 @@ class PlateDigest:
         """Return the number of the epoch at `utc_s`; the same for all cars."""
         return math.floor(utc_s / self._settings.epoch_s)
 
-    def _derive_uncached(self, plate: str, epoch: int) -> bytes:
+    def _derive(self, plate: str, epoch: int) -> bytes:
         n = 1 << self._settings.scrypt_log2_n
         key = self._settings.community_key.get_secret_value().encode()
         return hashlib.scrypt(
@@ -57,6 +74,10 @@ class PlateDigest:
             maxmem=2 * 128 * 8 * n + 1_000_000,
             dklen=8,
         )
+
+
+def _not_derived(_plate: str, _epoch: int) -> list[bytes]:
+    return []
 
 
 def normalised(plate_text: str) -> str:

@@ -1,6 +1,7 @@
 """One JSON line per observation, transition, message and warning.
 
-A line has `stamp_s`, `kind`, and then the fields of the event under their own names.
+A line has `stamp_s`, `kind`, and then the fields of the event under their own names. A trace leaves
+out fields declared with the metadata `{"traced": False}`; a recording has them.
 """
 
 import json
@@ -8,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import singledispatch
+from functools import cache, singledispatch
 from typing import Any, ClassVar, Protocol
 
 
@@ -22,13 +23,30 @@ class Event(Protocol):
         """When it happened, on the clock of the cores, in s."""
 
 
-def as_line(event: Event, **more: float) -> str:
-    """Return the event as one line of JSON, with `more` fields of the edge that writes it.
+def as_trace_record(event: Event) -> dict[str, Any]:
+    """Return the event as in a trace: `as_record` without the fields that are not traced.
 
     Raises:
         TypeError: as in `as_record`.
     """
-    return as_json(as_record(event) | more)
+    record = as_record(event)
+    for name in _untraced(type(event)):
+        del record[name]
+    return record
+
+
+@cache
+def _untraced(event_type: type) -> tuple[str, ...]:
+    return tuple(each.name for each in fields(event_type) if not each.metadata.get("traced", True))
+
+
+def as_line(event: Event) -> str:
+    """Return the event as one line of JSON.
+
+    Raises:
+        TypeError: as in `as_record`.
+    """
+    return as_json(as_record(event))
 
 
 def as_json(record: Any) -> str:

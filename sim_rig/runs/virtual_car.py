@@ -16,7 +16,7 @@ from onboard.replay.recorded_stack import recorded_stack
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.step import Input, Observation, ReceivedWsm, SentWsm
-from onboard.trace.trace_line import as_record
+from onboard.trace.trace_line import as_trace_record
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView
 from sim_rig.cars.faulty_ecu import FaultyEcu
@@ -148,7 +148,7 @@ class VirtualCar:
         self._stack_at = outputs.timer_at
         for frame in outputs.can_frames:
             self._ecu.receive_frame(frame, now)
-        self.trace += map(as_record, outputs.events)
+        self.trace += map(as_trace_record, outputs.events)
         return outputs.wsms
 
     def _receiver(

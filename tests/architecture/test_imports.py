@@ -24,7 +24,7 @@ EDGES = frozenset({
     "obd/can_bus.py", "obd/socketcand.py",
     "recorder/black_box.py", "recorder/reader.py", "recorder/repair.py", "recorder/retention.py",
     "recorder/segment.py", "recorder/segments.py",
-    "runtime/output_sinks.py", "runtime/systemd.py",
+    "runtime/candidate_ids.py", "runtime/output_sinks.py", "runtime/systemd.py",
     "security/key_files.py",
     "settings.py",
     "trace/trace_file.py",

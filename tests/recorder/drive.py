@@ -8,7 +8,7 @@ import numpy as np
 from onboard import psid
 from onboard.config import CarConfig
 from onboard.observations import ImageBox as Pixels
-from onboard.observations import Lead, LeadIdentity, Plate, Position, Sensor, Speed
+from onboard.observations import Lead, LeadIdentity, Plate, PlateCandidate, Position, Sensor, Speed
 from onboard.recorder.header import RecordingHeader
 from onboard.recorder.records import RecordedMessage
 from onboard.recorder.segments import Segments
@@ -24,6 +24,8 @@ START_UTC_S = 1_750_000_480.0
 """20 s before the communication IDs change."""
 START_S = 1000.0
 AHEAD, BEHIND = "GN417KB", "RD288HX"
+SIMILAR = ("GN417K8", "GN4T7KB", "6N417KB")
+"""Other texts that the plate of the vehicle ahead may bear, by the camera."""
 KEY = "a secret of this trial only"
 STEP_S = 0.05
 """Time of one step in s; each vehicle has one speed and one camera result per step."""
@@ -47,6 +49,13 @@ class SegmentWriter:
         self._records += 1
         if self._records % self._flush_every == 0:
             self.segments.flush()
+
+
+def _candidates(step: int) -> tuple[PlateCandidate, ...]:
+    """Return texts of which more and more are derived, and whose probabilities change."""
+    true = 0.5 + 0.4 * step / (step + 10)
+    texts = (AHEAD, *SIMILAR)[: 1 + step]
+    return tuple(PlateCandidate(text, true / 3.0**rank) for rank, text in enumerate(texts))
 
 
 def config(plate: str, **more: object) -> CarConfig:
@@ -102,7 +111,8 @@ def _inputs(number: int, step: int, now: float) -> Iterator[Input]:
         yield Position(now, 48.1, 11.5 - 2e-4 * number, 500.0, 2.0, 15.0, 1.57)
     if number == 1:
         yield Plate(now, Pixels(10.0, 20.0, 52.0, 11.0), AHEAD, 0.9, is_lead=True)
-        yield Lead(now, LeadIdentity.KNOWN, AHEAD, 15.0, 0.3, 0.0, 0.3)
+        candidates = _candidates(step)
+        yield Lead(now, LeadIdentity.KNOWN, AHEAD, 15.0, 0.3, 0.0, 0.3, 3, candidates)
         return
     yield Lead(now, LeadIdentity.NO_LEAD)
     if step == round(3.0 / STEP_S):

@@ -12,13 +12,15 @@ from mcap.records import McapRecord, Message, Metadata
 from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.lcca.group import WarningGroup
+from onboard.recorder.identities import ALIAS_LENGTH
 from onboard.recorder.reader import RecordedDrive, RecordingError, raw_records
 from onboard.recorder.repair import write_records
 from onboard.replay.drive_header import OF_THE_CORES, initial_state_of
 from onboard.replay.replay import compare, play
+from onboard.security.plate_digest import normalised
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
-from tests.recorder.drive import AHEAD, BEHIND, KEY, record_drive
+from tests.recorder.drive import AHEAD, BEHIND, KEY, SIMILAR, record_drive
 from tests.recorder.headers import HEADER
 
 
@@ -204,9 +206,22 @@ def contents_of(folder: Path) -> bytes:
 def test_by_default_a_recording_holds_no_plate_and_no_key(drive: Path) -> None:
     content = contents_of(drive)
 
-    for secret in (AHEAD, BEHIND, KEY):
+    for secret in (AHEAD, BEHIND, *SIMILAR, *map(normalised, SIMILAR), KEY):
         assert secret.encode() not in content
         assert secret.encode().hex().encode() not in content
+
+
+def test_every_candidate_of_a_lead_has_an_alias(drive: Path) -> None:
+    leads = [e.record for e in RecordedDrive([drive]).entries() if e.topic == "/in/lead"]
+
+    last = leads[-1]["candidates"]
+    aliases = [each["text"] for each in last]
+    assert len(set(aliases)) == 1 + len(SIMILAR)
+    assert aliases[0] == leads[-1]["text"]
+    assert all(len(alias) == ALIAS_LENGTH for alias in aliases)
+    assert [each["probability"] for each in last] == sorted(
+        (each["probability"] for each in last), reverse=True
+    )
 
 
 def test_every_section_of_a_configuration_is_either_recorded_or_excluded() -> None:

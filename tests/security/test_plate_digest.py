@@ -1,7 +1,9 @@
 """The communication ID follows from the plate and changes every epoch."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -66,3 +68,42 @@ def test_a_derivation_is_done_once_an_epoch(monkeypatch):
     first = digest.car_id("ABC123", EPOCH_BEGIN_S)
     monkeypatch.setattr("hashlib.scrypt", lambda *_, **__: pytest.fail("derived again"))
     assert digest.car_id("abc 123", EPOCH_BEGIN_S + 299) == first
+
+
+def test_it_is_known_which_ids_are_derived():
+    digest = PlateDigest(CHEAP)
+    assert not digest.is_derived("ABC123", EPOCH_BEGIN_S)
+
+    digest.car_id("abc-i23", EPOCH_BEGIN_S)
+
+    assert digest.is_derived("ABC123", EPOCH_BEGIN_S + 299.0)
+    assert not digest.is_derived("ABC123", EPOCH_BEGIN_S + 300.0)
+    assert not digest.is_derived("ABC124", EPOCH_BEGIN_S)
+
+
+def test_the_ids_of_a_lead_outlast_those_of_vehicles_that_come_and_go():
+    digest = PlateDigest(CHEAP)
+    lead = [f"LEAD{number}" for number in range(16)]
+    for other in range(40):
+        for number in range(16):
+            digest.car_id(f"OTHER{other}N{number}", EPOCH_BEGIN_S)
+        for text in lead:
+            digest.car_id(text, EPOCH_BEGIN_S)
+
+    assert all(digest.is_derived(text, EPOCH_BEGIN_S) for text in lead)
+    assert not digest.is_derived("OTHER0N0", EPOCH_BEGIN_S)
+
+
+def test_threads_that_share_a_digest_get_the_same_ids():
+    digest, reference = PlateDigest(CHEAP), PlateDigest(CHEAP)
+    plates = [f"AB{number}" for number in range(300)]  # more than the cache holds
+
+    def ids(seed: int) -> dict[str, bytes]:
+        order = np.random.default_rng(seed).permutation(plates)
+        return {plate: digest.car_id(plate, EPOCH_BEGIN_S) for plate in order}
+
+    with ThreadPoolExecutor(8) as threads:
+        results = list(threads.map(ids, range(8)))
+
+    expected = {plate: reference.car_id(plate, EPOCH_BEGIN_S) for plate in plates}
+    assert all(result == expected for result in results)

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from onboard.observations import ImageBox, Lead, LeadIdentity, Plate, Position
-from onboard.trace.trace_line import as_json, as_line, as_record
+from onboard.observations import ImageBox, Lead, LeadIdentity, Plate, PlateCandidate, Position
+from onboard.trace.trace_line import as_json, as_line, as_record, as_trace_record
 
 
 def test_stamp_and_kind_come_first_then_the_fields_of_the_event() -> None:
@@ -23,10 +23,17 @@ def test_nested_values_and_none_are_converted() -> None:
     assert record["text"] is None
 
 
-def test_an_edge_can_add_fields() -> None:
-    assert as_record(Lead(1.0, LeadIdentity.NO_LEAD)) | {"traced_s": 3.0} == json.loads(
-        as_line(Lead(1.0, LeadIdentity.NO_LEAD), traced_s=3.0)
-    )
+def test_a_trace_leaves_out_the_candidates_of_a_lead_and_a_recording_has_them() -> None:
+    candidates = (PlateCandidate("ABC123", 0.7), PlateCandidate("ABC128", 0.2))
+    lead = Lead(1.5, LeadIdentity.UNKNOWN, gap_m=20.25, track_id=7, candidates=candidates)
+
+    recorded, traced = as_record(lead), as_trace_record(lead)
+
+    assert recorded.pop("candidates") == [
+        {"text": "ABC123", "probability": 0.7},
+        {"text": "ABC128", "probability": 0.2},
+    ]
+    assert traced == recorded
 
 
 def test_floats_are_converted_without_loss() -> None:

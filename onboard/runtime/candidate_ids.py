@@ -1,0 +1,117 @@
+"""Derives communication IDs beside the loop: of the lead's candidate texts, and the own next one.
+
+A derivation is slow by design (`onboard/security/plate_digest.py`), and the cores derive none: they
+get a candidate once its ID is derived.
+"""
+
+import os
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+from onboard.observations import Lead
+from onboard.security.plate_digest import PlateDigest
+
+EPOCH_AHEAD_S = 10.0
+"""Time before the start of an epoch at which its IDs are derived."""
+
+STEP_WITHIN_S = 1.0
+"""Longest time from an observation to the step that receives it."""
+
+MOST_CANDIDATES = 16
+"""Texts of one lead that are derived: as many as a `Lead` has."""
+
+NICENESS = 10
+"""Niceness of the thread: the same as the camera's."""
+
+JOIN_S = 0.5
+"""Longest wait for the thread at the end; a derivation at the highest cost takes longer."""
+
+
+class CandidateIds:
+    """A thread that derives the IDs of the newest lead's candidates, the likeliest first."""
+
+    def __init__(self, digest: PlateDigest, own_plate: str) -> None:
+        """Derive into `digest`; `own_plate` is derived ahead of each epoch, with or without leads.
+
+        Nothing is derived until `start`.
+        """
+        self._digest = digest
+        self._own_plate = own_plate
+        self._texts: tuple[str, ...] = ()
+        """Of the newest lead: those of the lead before are no longer derived."""
+        self._has_news = threading.Event()
+        self._is_closed = False
+        self._thread = threading.Thread(target=self._run, name="candidate-ids", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread after its present derivation."""
+        self._is_closed = True
+        self._has_news.set()
+        self._thread.join(JOIN_S)
+
+    def derived(self, lead: Lead, utc_s: float) -> Lead:
+        """Return `lead` with only those candidates whose IDs are derived; plan the others.
+
+        The ID of its voted text is derived here, if it is not known yet: the one derivation that
+        the caller waits for.
+
+        Args:
+            lead: as the camera reports it.
+            utc_s: present time in seconds since 1970.
+
+        Raises:
+            ValueError: a text has no letter and no digit.
+        """
+        candidates = lead.candidates[:MOST_CANDIDATES]
+        self._texts = tuple(each.text for each in candidates)
+        self._has_news.set()
+        if lead.text is not None:
+            for at_utc_s in (utc_s, utc_s + STEP_WITHIN_S):
+                self._digest.car_id(lead.text, at_utc_s)
+        ready = tuple(each for each in candidates if self._is_ready(each.text, utc_s))
+        return replace(lead, candidates=ready)
+
+    def _is_ready(self, text: str, utc_s: float) -> bool:
+        """Whether a step that follows finds the ID, also if the epoch changes before it."""
+        return all(
+            self._digest.is_derived(text, at_utc_s) for at_utc_s in (utc_s, utc_s + STEP_WITHIN_S)
+        )
+
+    def _run(self) -> None:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        while not self._is_closed:
+            texts = (self._own_plate, *self._texts)
+            due = next_derivation(self._digest, texts, time.time())
+            if due is None:
+                self._has_news.wait(EPOCH_AHEAD_S / 2)
+                self._has_news.clear()
+            else:
+                self._digest.car_id(*due)
+
+
+def next_derivation(
+    digest: PlateDigest, texts: Sequence[str], utc_s: float
+) -> tuple[str, float] | None:
+    """Return the text to derive next, with a UTC time in its epoch; `None` if all are derived.
+
+    All IDs of the present epoch come before those of the next one.
+
+    Args:
+        digest: knows what is derived.
+        texts: the most urgent first.
+        utc_s: present time in seconds since 1970.
+
+    Raises:
+        ValueError: a text has no letter and no digit.
+    """
+    for at_utc_s in (utc_s, utc_s + EPOCH_AHEAD_S):
+        for text in texts:
+            if not digest.is_derived(text, at_utc_s):
+                return text, at_utc_s
+    return None
