@@ -23,8 +23,9 @@ from onboard.vision.perception import Networks, Perception, PerceptionParameters
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import CERTAIN, Corners, Image, PlateReader, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
+from sim_rig.cars.camera_projection import PLATE_WIDTH_M, CameraProjection
 from sim_rig.cars.camera_server import as_jpeg
-from sim_rig.cars.camera_track import PLATE_WIDTH_M, WIDTHS_PX, plate_width_px
+from sim_rig.cars.camera_track import WIDTHS_PX
 from sim_rig.cars.camera_view import COLOURS_BGR, FPS, LENS
 from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
@@ -92,7 +93,7 @@ def approach(
         closing_m_s = lead.closing_speed_m_s if lead is not None else None
         read = reader.last
         yield Look(
-            plate_width_px(car),
+            CameraProjection(LENS).plate_width_px(car),
             is_found,
             read is not None and normalised(read.text) == normalised(plate),
             read.identity_confidence if read is not None and is_found else 0.0,

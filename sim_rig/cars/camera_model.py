@@ -1,33 +1,27 @@
 """Model of camera and perception for virtual runs, without rendering."""
 
 from collections import deque
+from typing import Protocol
 
 import numpy as np
 
 from onboard.observations import (
     Discarded,
-    ImageBox,
     Lead,
     LeadIdentity,
     Plate,
-    PlateCandidate,
     Sensor,
     SensorLost,
     SensorRecovered,
     VehicleDetection,
 )
-from onboard.vision.identity import IDENTITY_CONFIDENCE
 from onboard.vision.perception import DEFAULT_PARAMETERS
-from onboard.vision.settings import VisionSettings
+from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.tracker import KEEP_S
-from sim_rig.cars.camera_track import (
-    PLATE_HEIGHT_M,
-    PLATE_OVER_ROAD_M,
-    PLATE_WIDTH_M,
-    CameraTrack,
-    plate_width_px,
-)
-from sim_rig.cars.camera_view import FPS, LENS, CameraView
+from sim_rig.cars.camera_projection import CameraProjection
+from sim_rig.cars.camera_track import CameraTrack
+from sim_rig.cars.camera_view import FPS, LENS
+from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.scene import SceneCar
 
 Observation = Plate | Lead | VehicleDetection | SensorLost | SensorRecovered | Discarded
@@ -45,11 +39,32 @@ GAP_SIGMA, CLOSING_SIGMA_M_S = 0.03, 1.0
 """Typical sigmas that perception reports."""
 
 
+class View(Protocol):
+    """The scene in front of a camera; times are s since the start of the run."""
+
+    def cars(self, at_s: float) -> list[tuple[str, SceneCar]]:
+        """Cars ahead with their names, the nearest first; called once per frame."""
+        ...
+
+    def is_dark(self, at_s: float) -> bool:
+        """Whether the images are black."""
+        ...
+
+    def is_frozen(self, at_s: float) -> bool:
+        """Whether the camera repeats its last image."""
+        ...
+
+
 class CameraModel:
     """Camera and perception of one car."""
 
     def __init__(
-        self, view: CameraView, settings: VisionSettings, phase_s: float, rng: np.random.Generator
+        self,
+        view: View,
+        settings: VisionSettings,
+        phase_s: float,
+        rng: np.random.Generator,
+        lens: Calibration = LENS,
     ) -> None:
         """Take the first image at `phase_s`.
 
@@ -58,6 +73,7 @@ class CameraModel:
             settings: settings of the car's vision.
             phase_s: time of the first image, s.
             rng: source of the errors.
+            lens: of the camera.
         """
         self._view = view
         self._settings = settings
@@ -65,7 +81,9 @@ class CameraModel:
         self._image_at = phase_s
         self._changed_at = phase_s
         self._is_lost = False
+        self._projection = CameraProjection(lens)
         self._tracks_by_name: dict[str, CameraTrack] = {}
+        self._plates_by_name: dict[str, PlateReadings] = {}
         self._track_count = 0
         self._in_lane: set[str] = set()
         self._events: deque[Observation] = deque()
@@ -100,7 +118,9 @@ class CameraModel:
         lead = self._lead(stamp_s)
         for name, car in found:
             track = self._tracks_by_name[name]
-            self._events.append(Plate(stamp_s, _box(car), *track.last_read, is_lead=track is lead))
+            self._events.append(
+                Plate(stamp_s, self._projection.box(car), *track.last_read, is_lead=track is lead)
+            )
             if track.is_confirmed:
                 self._events.append(track.detection(stamp_s))
         self._report_lead(lead, stamp_s)
@@ -121,16 +141,23 @@ class CameraModel:
         for name, car in self._view.cars(image_at):
             if (
                 not car.is_turned
-                and _is_in_image(car)
-                and not any(_occludes(other, car) for other in nearer)
+                and self._projection.is_in_image(car)
+                and not any(self._projection.occludes(other, car) for other in nearer)
+                and self._track(name).update(car, stamp_s)
             ):
-                if name not in self._tracks_by_name:
-                    self._track_count += 1
-                    self._tracks_by_name[name] = CameraTrack(self._track_count, self._rng)
-                if self._tracks_by_name[name].update(car, stamp_s):
-                    found.append((name, car))
+                found.append((name, car))
             nearer.append(car)
         return found
+
+    def _track(self, name: str) -> CameraTrack:
+        if name not in self._tracks_by_name:
+            if name not in self._plates_by_name:
+                self._plates_by_name[name] = PlateReadings(self._rng)
+            self._track_count += 1
+            self._tracks_by_name[name] = CameraTrack(
+                self._track_count, self._plates_by_name[name], self._projection, self._rng
+            )
+        return self._tracks_by_name[name]
 
     def _lead(self, stamp_s: float) -> CameraTrack | None:
         """Return the track of the lead as perception selects it, after dropping expired tracks."""
@@ -167,45 +194,6 @@ class CameraModel:
                 closing_speed_m_s=lead.closing_speed_m_s,
                 closing_speed_sigma_m_s=CLOSING_SIGMA_M_S,
                 track_id=lead.track_id,
-                candidates=()
-                if lead.text is None
-                else (PlateCandidate(lead.text, IDENTITY_CONFIDENCE),),
+                candidates=lead.candidates,
             )
         )
-
-
-def _u_px(car: SceneCar) -> float:
-    """Horizontal position of the plate, right of the image centre, px."""
-    return LENS.focal_x_px * car.lateral_m / car.ahead_m
-
-
-def _v_px(car: SceneCar) -> float:
-    """Vertical position of the plate, below the image centre, px, for a small pitch."""
-    drop_m = LENS.mounting_height_m - PLATE_OVER_ROAD_M
-    return LENS.focal_y_px * (drop_m / car.ahead_m - LENS.pitch_rad)
-
-
-def _is_in_image(car: SceneCar) -> bool:
-    inside_u = abs(_u_px(car)) + plate_width_px(car) / 2 < LENS.width_px / 2
-    return inside_u and abs(_v_px(car)) < LENS.height_px / 2
-
-
-def _occludes(nearer: SceneCar, car: SceneCar) -> bool:
-    """Whether a nearer car occludes the plate of another."""
-    if not nearer.is_turned:
-        half_px = (LENS.focal_x_px * nearer.width_m / nearer.ahead_m + plate_width_px(car)) / 2
-        return abs(_u_px(nearer) - _u_px(car)) < half_px
-    corners = nearer.corners()
-    if min(ahead for ahead, _ in corners) <= 0.0:
-        return False
-    u_px = [LENS.focal_x_px * right / ahead for ahead, right in corners]
-    half_px = plate_width_px(car) / 2
-    return min(u_px) - half_px < _u_px(car) < max(u_px) + half_px
-
-
-def _box(car: SceneCar) -> ImageBox:
-    width_px = plate_width_px(car)
-    height_px = width_px if car.tag_id is not None else width_px * PLATE_HEIGHT_M / PLATE_WIDTH_M
-    left_px = LENS.principal_x_px + _u_px(car) - width_px / 2
-    top_px = LENS.principal_y_px + _v_px(car) - height_px / 2
-    return ImageBox(left_px, top_px, width_px, height_px)

@@ -2,38 +2,30 @@
 
 The tables were measured on rendered JPEG images with `onboard.vision.perception`, with the lens and
 frame rate of the rig's cameras; `tests/sim_rig/test_camera_model.py` compares model and perception.
+What the plate is read as follows photographs instead (`plate_readings.py`): rendered plates are
+easier to read.
 """
 
 import math
+from statistics import NormalDist
 
 import numpy as np
 
-from onboard.observations import VehicleDetection
-from onboard.vision.identity import PlateVote
+from onboard.observations import PlateCandidate, VehicleDetection
+from onboard.vision.identity import IDENTITY_CONFIDENCE
 from onboard.vision.perception import DEFAULT_PARAMETERS
-from onboard.vision.plate_reader import ALPHABET
+from onboard.vision.plate_posterior import PlatePosterior
 from onboard.vision.plates import MIN_PX
+from sim_rig.cars.camera_projection import CameraProjection
 from sim_rig.cars.camera_view import FPS, LENS
+from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.scene import SceneCar
-
-PLATE_WIDTH_M, PLATE_HEIGHT_M = 0.52, 0.11
-PLATE_OVER_ROAD_M = 0.6
 
 WIDTHS_PX = (26.0, 29.0, 33.0, 36.0, 40.0, 44.0, 49.0, 64.0, 92.0)
 """Plate width in the image, for the tables below; linear in between, constant outside.
 Measured on 15 cars in five colours from 36 m to 6 m ahead (`python -m tools.camera_tables`)."""
 FOUND = (0.18, 0.88, 0.97, 1.0, 0.98, 1.0, 1.0, 1.0, 1.0)
 """Share of the frames in which the plate is detected."""
-CERTAIN = (0.0, 0.0, 0.0, 0.0, 0.08, 0.38, 0.79, 0.98, 1.0)
-"""Share of the readings that are correct with high confidence."""
-DOUBTFUL = (0.0, 0.0, 0.03, 0.20, 0.48, 0.47, 0.18, 0.02, 0.0)
-"""Share of the readings that are correct with low confidence."""
-WRONG = (0.0, 0.0, 0.01, 0.18, 0.24, 0.10, 0.03, 0.0, 0.0)
-"""Share of the readings with a wrong character, always of low confidence. The rest is unread."""
-CERTAIN_CONFIDENCE, WRONG_CONFIDENCE = 0.98, 0.50
-DOUBTFUL_CONFIDENCE = (0.38, 0.38, 0.38, 0.52, 0.58, 0.68, 0.79, 0.78, 0.78)
-LEGIBILITY_SIGMA = 0.1
-"""Standard deviation of the legibility of plates, as a factor of the width."""
 GAP_BIAS = (0.020, 0.026, 0.037, 0.044, 0.008, 0.001, -0.003, 0.002, 0.004)
 """Mean relative error of the gap. Its standard deviation between cars, by colour, is 0.05 at 33 px
 and 0.01 at 49 px, which is not modelled."""
@@ -57,35 +49,48 @@ _LAG = math.exp(-1 / FPS / CLOSING_LAG_S)
 class CameraTrack:
     """The track of one car, from its first detection on."""
 
-    def __init__(self, track_id: int, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        track_id: int,
+        plate: PlateReadings,
+        projection: CameraProjection,
+        rng: np.random.Generator,
+    ) -> None:
         """Start a track.
 
         Args:
             track_id: number of the track.
-            rng: source of the errors.
+            plate: readings of the car's plate by this camera.
+            projection: of the camera.
+            rng: source of the other errors.
         """
         self.track_id = track_id
         self._read_every_s = DEFAULT_PARAMETERS.read_period_identified_s
+        self._plate = plate
+        self._projection = projection
         self._rng = rng
-        self._vote = PlateVote()
+        self._posterior = PlatePosterior()
         self._read_at = -math.inf
         self._car: SceneCar | None = None
         self._true_closing_m_s = 0.0
-        self._errors = rng.standard_normal(2)
-        self._misread_as = rng.random(2)
-        self._legibility = 1.0 + LEGIBILITY_SIGMA * float(rng.standard_normal())
+        self._errors = rng.standard_normal(4)
+        """Of gap, closing speed, lateral position and detection, in standard deviations."""
         self._gap_m = 0.0
         self.seen_at = -math.inf
         self.detections = 0
         self.closing_speed_m_s = 0.0
         self.right_m = 0.0
+        self.candidates: tuple[PlateCandidate, ...] = ()
+        """Texts that the plate may bear, by all readings."""
         self.last_read: tuple[str | None, float] = (None, 0.0)
         """Text and confidence of the last reading of the plate."""
 
     @property
     def text(self) -> str | None:
-        """Voted text of the plate."""
-        return self._vote.text
+        """What the camera by itself is certain that the plate bears."""
+        likeliest = next(iter(self.candidates), None)
+        is_certain = likeliest is not None and likeliest.probability >= IDENTITY_CONFIDENCE
+        return likeliest.text if likeliest is not None and is_certain else None
 
     @property
     def is_confirmed(self) -> bool:
@@ -117,18 +122,19 @@ class CameraTrack:
             Whether its plate or tag is detected.
         """
         # The number of draws is constant, so that settings do not change other cars' errors.
-        found, read = self._rng.random(2)
-        self._errors = _KEPT * self._errors + _FRESH * self._rng.standard_normal(2)
-        width_px = plate_width_px(car)
-        if found >= _detection_probability(car, width_px):
+        self._errors = _KEPT * self._errors + _FRESH * self._rng.standard_normal(len(self._errors))
+        self._plate.advance()
+        width_px = self._projection.plate_width_px(car)
+        if NormalDist().cdf(self._errors[3]) >= _detection_probability(car, width_px):
             return False
         self._measure(car, width_px, stamp_s)
         self.last_read = (None, 0.0)
         if self.text is None or stamp_s - self._read_at >= self._read_every_s:
             self._read_at = stamp_s
-            text, confidence = self.last_read = self._read(car, width_px, read)
-            if text is not None:
-                self._vote.vote(text, confidence, (), stamp_s)
+            if candidates := self._read(car, width_px):
+                self.last_read = candidates[0].text, candidates[0].probability
+                self._posterior.update(candidates, stamp_s)
+                self.candidates = self._posterior.candidates()
         return True
 
     def _measure(self, car: SceneCar, width_px: float, stamp_s: float) -> None:
@@ -138,39 +144,20 @@ class CameraTrack:
         share, closing_error_m_s = 0.0, 0.0
         if car.tag_id is None:
             share = at(GAP_BIAS, width_px) + at(GAP_SIGMA, width_px) * self._errors[0]
-            closing_error_m_s = at(CLOSING_SIGMA_M_S, width_px) * self._errors[1]
+            # At the same width, the gap is as many times longer as the focal length.
+            longer = self._projection.lens.focal_x_px / LENS.focal_x_px
+            closing_error_m_s = longer * at(CLOSING_SIGMA_M_S, width_px) * self._errors[1]
         self._gap_m = float(car.ahead_m * (1 + share))
         self.closing_speed_m_s = float(self._true_closing_m_s + closing_error_m_s)
         self.right_m = car.lateral_m
         self._car, self.seen_at = car, stamp_s
         self.detections += 1
 
-    def _read(self, car: SceneCar, width_px: float, chance: float) -> tuple[str | None, float]:
-        """Text and confidence of one reading of the plate."""
+    def _read(self, car: SceneCar, width_px: float) -> tuple[PlateCandidate, ...]:
+        """One reading of plate or tag."""
         if car.tag_id is not None:
-            return f"TAG{car.tag_id}", 1.0
-        width_px *= self._legibility
-        certain, doubtful = at(CERTAIN, width_px), at(DOUBTFUL, width_px)
-        if car.plate is None or chance >= certain + doubtful + at(WRONG, width_px):
-            return None, 0.0
-        if chance < certain:
-            return car.plate, CERTAIN_CONFIDENCE
-        if chance < certain + doubtful:
-            return car.plate, at(DOUBTFUL_CONFIDENCE, width_px)
-        return self._misread(car.plate), WRONG_CONFIDENCE
-
-    def _misread(self, plate: str) -> str:
-        """Replace one character, always the same one of a plate, as a plate reader does."""
-        place, letter = self._misread_as
-        index = int(place * len(plate))
-        others = ALPHABET.replace(plate[index], "")
-        return f"{plate[:index]}{others[int(letter * len(others))]}{plate[index + 1 :]}"
-
-
-def plate_width_px(car: SceneCar) -> float:
-    """Width of the plate or tag in the image, px."""
-    width_m = PLATE_WIDTH_M if car.tag_id is None else car.tag_side_m
-    return LENS.focal_x_px * width_m / car.ahead_m
+            return (PlateCandidate(f"TAG{car.tag_id}", 1.0),)
+        return () if car.plate is None else self._plate.read(car.plate, width_px)
 
 
 def _detection_probability(car: SceneCar, width_px: float) -> float:
