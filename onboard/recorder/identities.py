@@ -14,7 +14,7 @@ from typing import Any
 from typing_extensions import override
 
 from onboard.errors import UserError
-from onboard.observations import DetectionList, Lead, Plate, VehicleDetection
+from onboard.observations import DetectionList, Lead
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 
@@ -38,22 +38,14 @@ class Aliases:
         return hmac.digest(self._key, text.encode(), hashlib.sha256).hex()[:ALIAS_LENGTH].upper()
 
     def replace_plates(self, value: Any) -> Any:
-        """Return the value with aliases in place of the plates that it has, if any."""
+        """Return the value with aliases in place of the plates in it, which are named `text`."""
         match value:
             case Lead():
-                candidates = tuple(
-                    replace(each, text=self.alias(each.text)) for each in value.candidates
-                )
-                return replace(value, text=self._alias_of(value), candidates=candidates)
-            case Plate() | VehicleDetection():
-                return replace(value, text=self._alias_of(value))
+                value = replace(value, candidates=tuple(map(self.replace_plates, value.candidates)))
             case DetectionList():
-                cars = tuple(replace(each, text=self._alias_of(each)) for each in value.cars)
-                return replace(value, cars=cars)
-        return value
-
-    def _alias_of(self, value: Lead | Plate | VehicleDetection) -> str | None:
-        return None if value.text is None else self.alias(value.text)
+                value = replace(value, cars=tuple(map(self.replace_plates, value.cars)))
+        text = getattr(value, "text", None)
+        return value if text is None else replace(value, text=self.alias(text))
 
 
 class RecordingDigest(PlateDigest):

@@ -1,5 +1,6 @@
 """Plates in recorded values: replaced by aliases, in every field that has one."""
 
+import sys
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, get_args, get_type_hints
 
@@ -19,8 +20,9 @@ from onboard.observations import (
 from onboard.recorder.identities import ALIAS_LENGTH, Aliases
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import Entry
+from onboard.recorder.records import StepEnd
+from onboard.replay.recorded_stack import recorded_stack  # noqa: F401 (imports all events)
 from onboard.security.plate_digest import normalised
-from onboard.step import Input
 from onboard.trace.trace_line import Event, as_json, as_record
 
 PLATE = "GN417KB"
@@ -58,20 +60,32 @@ def test_no_plate_is_left(value: Event) -> None:
     assert PLATE.encode() not in recorded(Aliases(in_clear=False).replace_plates(value))
 
 
+def _is_event(kind: Any) -> bool:
+    return is_dataclass(kind) and isinstance(getattr(kind, "kind", None), str)
+
+
 def _has_text(kind: Any) -> bool:
     """Whether a type of values, or one that it is made of, has a field `text`."""
     if get_args(kind):
         return any(map(_has_text, get_args(kind)))
-    return is_dataclass(kind) and (
-        "text" in {field.name for field in fields(kind)}
-        or any(map(_has_text, get_type_hints(kind).values()))
-    )
+    return is_dataclass(kind) and ("text" in _fields(kind) or _has_inner_text(kind))
 
 
-def test_every_input_with_a_text_is_among_those_tested() -> None:
-    kinds = {kind for kind in get_args(Input) if _has_text(kind)}
+def _has_inner_text(kind: Any) -> bool:
+    return any(_has_text(hint) for hint in _fields(kind).values())
 
-    assert kinds == {type(value) for value in WITH_PLATES}
+
+def _fields(kind: Any) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    return {field.name: hints[field.name] for field in fields(kind)}
+
+
+def test_every_event_of_the_cores_with_a_text_in_an_inner_value_is_among_those_tested() -> None:
+    modules = [module for name, module in sys.modules.items() if name.startswith("onboard.")]
+    events = {each for module in modules for each in vars(module).values() if _is_event(each)}
+
+    assert {Lead, Plate, StepEnd} <= events, "the modules of the stack are imported"
+    assert {each for each in events if _has_inner_text(each)} == {Lead, DetectionList}
 
 
 @given(lead=leads)
