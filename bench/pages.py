@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
 from statistics import quantiles
 
 import numpy as np
@@ -18,7 +19,7 @@ from playwright.async_api import Browser, Page, async_playwright
 
 from bench import Figure
 from onboard.config import CarConfig
-from onboard.observations import Lead, LeadIdentity, Sensor, Speed
+from onboard.observations import Lead, LeadIdentity, PlateCandidate, Sensor, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.runtime.driver_page import DriverPage
 from onboard.settings import parse_settings
@@ -28,6 +29,17 @@ from onboard.trace.trace_line import Event
 from tools import chromium
 
 PORT = 8461
+AHEAD = Lead(
+    0.0,
+    LeadIdentity.KNOWN,
+    "AHEAD1",
+    15.0,
+    0.3,
+    0.2,
+    0.3,
+    track_id=1,
+    candidates=(PlateCandidate("AHEAD1", 0.98),),
+)
 AIM_S = 0.1
 ALARMS = 40
 BROWSERS = 20
@@ -127,7 +139,7 @@ class _Car:
             inputs: list[Input] = [Speed(now, 15.0, 0.28, "obd:7E8")]
             if step % 2:
                 gap_m = 14.0 + (step % 16) / 10
-                inputs.append(Lead(now, LeadIdentity.KNOWN, "AHEAD1", gap_m, 0.3, 0.2, 0.3))
+                inputs.append(replace(AHEAD, stamp_s=now, gap_m=gap_m))
             for event in self._stack.step(inputs, now).events:
                 self.page.receive_event(event)
             self.page.show(now)

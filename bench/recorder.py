@@ -16,7 +16,7 @@ import numpy as np
 from bench import Figure
 from onboard.config import CarConfig
 from onboard.observations import ImageBox as Pixels
-from onboard.observations import Lead, LeadIdentity, Plate, Sensor, Speed
+from onboard.observations import Lead, LeadIdentity, Plate, PlateCandidate, Sensor, Speed
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.reader import RecordedDrive
 from onboard.recorder.settings import RecorderSettings
@@ -110,7 +110,17 @@ async def _drive(black_box: BlackBox | None) -> tuple[list[float], list[float]]:
             Plate(now, Pixels(300.0, 170.0, 52.0, 11.0), text, 0.9, is_lead=text == "CD456")
             for text in ("CD456", "EF789")
         ]
-        lead = Lead(now, LeadIdentity.KNOWN, "CD456", 15.0, 0.4, 0.1, 0.5)
+        lead = Lead(
+            now,
+            LeadIdentity.KNOWN,
+            "CD456",
+            15.0,
+            0.4,
+            0.1,
+            0.5,
+            track_id=1,
+            candidates=(PlateCandidate("CD456", 0.98),),
+        )
         stack.step([Speed(now, 15.0, 0.28, "obd:7E8"), *plates, lead], now, time.time())
         took_s.append(time.monotonic() - now)
     if black_box is not None:

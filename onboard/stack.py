@@ -17,8 +17,9 @@ from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.config import CarConfig
 from onboard.core import Core
 from onboard.errors import DecodeError
-from onboard.lcca.events import WarningRaised
-from onboard.lcca.group import PrecedingVehicle, WarningGroup
+from onboard.lcca.events import CandidateCar, PrecedingVehicle, TrackedVehicle, WarningRaised
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.identification import Identification
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm_core import VehicleSize
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
@@ -31,7 +32,6 @@ from onboard.observations import (
     Discarded,
     HardBrake,
     Lead,
-    LeadIdentity,
     Plate,
     Position,
     Sensor,
@@ -118,6 +118,10 @@ class Stack:
         self._bus = VehicleBus(config.obd, signals)
         self._link = WaveLink(self._security, (psid.BSM, config.lcca_psid))
         self._group = WarningGroup(config.lcca.parameters(), self._pseudonym.car_id, rng)
+        self._identification = Identification(
+            self._pseudonym.car_id, self._pseudonym.temporary_id, rng
+        )
+        self._lead: Lead | None = None
         size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
         self._transmitter = BsmTransmitter(size, self._pseudonym, rng, now)
         self._mvs = MultiVehicleSensing(
@@ -154,6 +158,7 @@ class Stack:
         yield _Stage(self._link, _pass_nothing_on)
         yield _Stage(self._sensor_timeouts, _pass_nothing_on)
         yield _Stage(self._pending_warnings, self._take_warnings)
+        yield _Stage(self._identification, _pass_nothing_on)
         yield _Stage(self._group, self._take_group)
 
     @property
@@ -237,6 +242,7 @@ class Stack:
         match observation:
             case Speed():
                 self._sensor_timeouts.receive_sample(Sensor.SPEED, observation.stamp_s, now)
+                self._identification.receive_speed(observation.speed_m_s, now)
                 self._group.receive_speed(observation.speed_m_s, now)
                 self._transmitter.receive_speed(observation)
                 self._risk.receive_speed(observation)
@@ -248,9 +254,7 @@ class Stack:
                 self._transmitter.receive_hard_brake(observation, now)
             case Lead():
                 self._sensor_timeouts.receive_sample(Sensor.CAMERA, observation.stamp_s, now)
-                self._group.receive_preceding_vehicle(
-                    self._preceding_vehicle(observation, now), now
-                )
+                self._receive_lead(observation, now)
                 self._risk.receive_lead(observation, now)
             case Position():
                 self._sensor_timeouts.receive_sample(Sensor.POSITION, observation.stamp_s, now)
@@ -293,6 +297,9 @@ class Stack:
             opened.signer_id, message.sender_id
         )
         match message:
+            case lcca.Inquiry() | lcca.Answer():
+                self._receive_identification(message, opened.signer_id, now)
+                return
             case lcca.Warn():
                 self._pending_warnings.receive_warning(message, self._made_at_s(opened, now), now)
                 self._take_warnings(now)
@@ -304,6 +311,14 @@ class Stack:
                 message = message.without_acknowledgement()
         self._group.receive_message(message, now)
         self._take_group(now)
+
+    def _receive_identification(
+        self, message: lcca.Inquiry | lcca.Answer, signer: bytes | None, now: float
+    ) -> None:
+        before = self._identification.identity
+        self._identification.receive_message(message, signer, now)
+        if self._identification.identity is not before:
+            self._show_preceding_vehicle(now)
 
     def _made_at_s(self, opened: Opened, now: float) -> float:
         if opened.generation_utc_s is None:
@@ -332,11 +347,15 @@ class Stack:
         )
         self._transmitter.receive_remote_vehicle(sender, position, now)
         self._risk.receive_bsm(message, now)
+        if core.speed_m_s is not None:
+            self._identification.receive_speed_on_air(
+                sender, core.temporary_id, core.speed_m_s, now
+            )
 
     # ---- out ------------------------------------------------------------------------------
 
     def _wsms_to_send(self, now: float) -> list[SentWsm]:
-        self._submit_group_messages(now)
+        self._submit_lcca_messages(now)
         if self._config.beacons and self._transmitter.take_due(now):
             self._submit_bsm(now)
         return [
@@ -344,8 +363,10 @@ class Stack:
             for user_priority, data in self._link.wsms_to_send(now)
         ]
 
-    def _submit_group_messages(self, now: float) -> None:
-        for message in self._group.messages_to_send(now):
+    def _submit_lcca_messages(self, now: float) -> None:
+        messages: list[lcca.LccaMessage] = [*self._group.messages_to_send(now)]
+        messages += self._identification.messages_to_send()
+        for message in messages:
             size_bytes = self._link.submit(
                 lcca.encode(message),
                 self._config.lcca_psid,
@@ -412,6 +433,7 @@ class Stack:
         """Change all identifiers at once, so that nothing links the old ones to the new ones."""
         self._pseudonym = pseudonym
         self._group.set_own_id(pseudonym.car_id, now)
+        self._identification.set_own_id(pseudonym.car_id, pseudonym.temporary_id, now)
         self._transmitter.change_identity(pseudonym)
         self._mvs.set_own_id(pseudonym.temporary_id)
         self._use_credential(now)
@@ -440,12 +462,40 @@ class Stack:
             if isinstance(event, WarningRaised):
                 self._risk.receive_warning(event, now)
 
-    def _preceding_vehicle(self, lead: Lead, now: float) -> PrecedingVehicle | None:
-        """Return the lead vehicle by its ID instead of its plate; `None` without one."""
-        if lead.identity is LeadIdentity.NO_LEAD or lead.gap_m is None:
+    def _receive_lead(self, lead: Lead, now: float) -> None:
+        """Find out which car is ahead, and hand it to the warning group."""
+        self._lead = lead
+        self._identification.receive_lead(self._tracked_vehicle(lead, now), now)
+        self._show_preceding_vehicle(now)
+
+    def _tracked_vehicle(self, lead: Lead, now: float) -> TrackedVehicle | None:
+        """Return the lead with the IDs of the texts of its plate; `None` without one."""
+        if lead.track_id is None or lead.gap_m is None:
             return None
-        car_id = None if lead.text is None else self._car_id(lead.text, now)
-        return PrecedingVehicle(car_id, lead.gap_m, lead.closing_speed_m_s)
+        return TrackedVehicle(
+            lead.track_id,
+            lead.gap_m,
+            lead.closing_speed_m_s,
+            lead.closing_speed_sigma_m_s,
+            tuple(
+                CandidateCar(each.text, self._car_id(each.text, now), each.probability)
+                for each in lead.candidates
+            ),
+        )
+
+    def _show_preceding_vehicle(self, now: float) -> None:
+        """Hand the lead to the warning group, under its ID if it is identified."""
+        lead = self._lead
+        if lead is None:
+            return
+        preceding = None
+        if lead.gap_m is not None:
+            identity = self._identification.identity
+            car_id = None if identity is None else identity.car_id
+            if identity is not None and identity.text is not None:
+                car_id = self._car_id(identity.text, now)
+            preceding = PrecedingVehicle(car_id, lead.gap_m, lead.closing_speed_m_s)
+        self._group.receive_preceding_vehicle(preceding, now)
 
     def _car_id(self, plate_text: str, now: float) -> lcca.CarId:
         return self._digest.car_id(plate_text, now + self._security.utc_offset_s)

@@ -1,4 +1,4 @@
-"""Input and output values of the warning group."""
+"""Input and output values of the identification of the car ahead, and of the warning group."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -8,11 +8,74 @@ from onboard.messages.lcca import CarId
 
 
 @dataclass(frozen=True, slots=True)
+class CandidateCar:
+    """A car that may be the one ahead."""
+
+    text: str
+    """That its plate would bear."""
+    car_id: CarId
+    """The communication ID of that text in this epoch."""
+    probability: float
+    """That the plate ahead bears the text."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedVehicle:
+    """The vehicle ahead in the own lane, as one camera frame shows it, before it is identified."""
+
+    track_id: int
+    gap_m: float
+    closing_speed_m_s: float | None
+    """Positive while the gap shrinks; `None` while not known."""
+    closing_speed_sigma_m_s: float | None
+    candidates: tuple[CandidateCar, ...]
+    """The likeliest first; what their probabilities lack to 1 is for all other texts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inquired:
+    """The cars in range were asked which of them is ahead."""
+
+    kind: ClassVar[str] = "inquired"
+    stamp_s: float
+    track_id: int
+    names: int
+    """How many texts were asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identified:
+    """The car ahead is known."""
+
+    kind: ClassVar[str] = "identified"
+    stamp_s: float
+    track_id: int
+    car_id: CarId
+    text: str | None
+    """Its plate; `None` if only its motion identified it."""
+    probability: float
+    cause: str
+    """`answer` or `motion`."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdentityLost:
+    """The car ahead is no longer known, though it is still tracked."""
+
+    kind: ClassVar[str] = "identity_lost"
+    stamp_s: float
+    track_id: int
+    car_id: CarId
+    cause: str
+    """`refuted` by its motion, or `epoch`: its IDs have changed, and its plate is not known."""
+
+
+@dataclass(frozen=True, slots=True)
 class PrecedingVehicle:
     """The vehicle ahead in the own lane, as one camera frame shows it."""
 
     car_id: CarId | None
-    """Communication ID of its plate; `None` while the plate is not known."""
+    """Communication ID; `None` while the vehicle is not identified."""
     gap_m: float
     closing_speed_m_s: float | None
     """Positive while the gap shrinks; `None` while not known."""

@@ -22,7 +22,7 @@ from onboard.lcca.membership import Membership
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupEvent, GroupState, next_state
 from onboard.lcca.warning_list import WarningList
-from onboard.messages.lcca import CarId, Join, LccaMessage, Leave, LeaveReason, Reply, Update, Warn
+from onboard.messages.lcca import CarId, GroupMessage, Join, Leave, LeaveReason, Reply, Update, Warn
 from onboard.observations import Discarded, HardBrake
 
 __all__ = ["PrecedingVehicle", "WarningGroup"]
@@ -59,7 +59,7 @@ class WarningGroup(Core):
         self._forwarding = Forwarding(parameters, self._position, self._warning_list)
         self._event_sequence = int(rng.integers(_SEQUENCES))
         self._to_acknowledge: deque[EventId] = deque(maxlen=_MAX_ACKNOWLEDGEMENTS)
-        self._outbox: list[LccaMessage] = []
+        self._outbox: list[GroupMessage] = []
         self._events: deque[Transition | WarningRaised | Discarded] = deque()
 
     @property
@@ -122,7 +122,7 @@ class WarningGroup(Core):
         self._position.change_id(car_id)
         self._membership.change_id(now)
 
-    def receive_message(self, message: LccaMessage, now: float) -> None:
+    def receive_message(self, message: GroupMessage, now: float) -> None:
         """Take a message from the radio, to whichever vehicle it is addressed."""
         if message.sender_id in self._position.own_ids:
             self._discard("own_echo", message, now)
@@ -142,7 +142,7 @@ class WarningGroup(Core):
             case Warn():
                 self._receive_warn(message, now)
 
-    def messages_to_send(self, now: float) -> list[LccaMessage]:  # noqa: ARG002 (the verb of all cores)
+    def messages_to_send(self, now: float) -> list[GroupMessage]:  # noqa: ARG002 (the verb of all cores)
         """Return the messages to send, the most urgent first, and clear the outbox."""
         out = sorted(self._outbox, key=lambda message: -message.user_priority)
         self._outbox.clear()
@@ -390,7 +390,7 @@ class WarningGroup(Core):
         reach = self._reach.distance(now)
         self._outbox += self._forwarding.copies_to_send(reach, is_member=is_member, now=now)
 
-    def _is_from_predecessor(self, message: LccaMessage) -> bool:
+    def _is_from_predecessor(self, message: GroupMessage) -> bool:
         return message.sender_id == self._membership.predecessor
 
     def _next_event_sequence(self) -> int:
@@ -411,6 +411,6 @@ class WarningGroup(Core):
             )
         )
 
-    def _discard(self, reason: str, message: LccaMessage, now: float) -> None:
+    def _discard(self, reason: str, message: GroupMessage, now: float) -> None:
         detail = f"{message.kind} from {message.sender_id.hex()}"
         self._events.append(Discarded(now, "lcca", reason, detail))

@@ -15,14 +15,13 @@ class LeadMonitor:
         self._preceding: PrecedingVehicle | None = None
         self._is_close = False
         self._identified: CarId | None = None
-        self._identified_since = 0.0
         self._close_at: dict[CarId, float] = {}
         self.last_close_at = float("-inf")
-        """When any vehicle with a known plate was last close."""
+        """When any identified vehicle was last close."""
 
     @property
     def identified(self) -> CarId | None:
-        """The last plate read; `None` after a frame without a preceding vehicle."""
+        """The last vehicle identified; `None` after a frame without a preceding vehicle."""
         return self._identified
 
     def speed_at(self, now: float) -> float | None:
@@ -41,8 +40,7 @@ class LeadMonitor:
         if preceding is None:
             self._identified = None
         elif preceding.car_id is not None:
-            if preceding.car_id != self._identified:
-                self._identified, self._identified_since = preceding.car_id, now
+            self._identified = preceding.car_id
             if self._is_close:
                 self._close_at[preceding.car_id] = self.last_close_at = now
         horizon = now - self._parameters.lead_hold_s - self._parameters.id_change_s
@@ -54,11 +52,9 @@ class LeadMonitor:
         return self._close_at.get(car_id, float("-inf"))
 
     def vehicle_to_join(self, now: float) -> CarId | None:
-        """Return the preceding vehicle if it is identified for long enough and too close."""
+        """Return the preceding vehicle if it is identified and too close."""
         preceding = self._preceding
         if preceding is None or preceding.car_id is None:
-            return None
-        if now - self._identified_since < self._parameters.identity_dwell_s:
             return None
         is_too_close = self._is_within(self._parameters.join_headway_s, now)
         return preceding.car_id if is_too_close else None

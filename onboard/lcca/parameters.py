@@ -11,8 +11,6 @@ class GroupParameters:
     """Below it a vehicle joins the preceding one: 0.55 m for each km/h (LCCA, section 3)."""
     leave_headway_s: float = 2.2
     """From it on the vehicle leaves. The margin to `join_headway_s` absorbs noise of the gap."""
-    identity_dwell_s: float = 0.2
-    """How long the same plate must be read before the vehicle is sent a join."""
     lead_hold_s: float = 1.0
     """How long a membership outlasts the last frame that showed the preceding vehicle close."""
     speed_hold_s: float = 1.0

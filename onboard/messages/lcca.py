@@ -1,9 +1,10 @@
 """The messages of a warning group (LCCA, section 3), each declared once.
 
-Every message has its sender, leader and group number: each car computes from all received messages
-how far behind in the group its radio reaches. Join, Reply and Leave go one hop, to the car they
-name. Update and Warn go to all cars behind in the group, over several hops; `sender_id` is then the
-car that forwards, and `event_*` identifies the event of which it is a copy.
+Inquiry and Answer precede the group: they find out which car is ahead. Every other message has its
+sender, leader and group number: each car computes from all received messages how far behind in the
+group its radio reaches. Join, Reply and Leave go one hop, to the car they name. Update and Warn go
+to all cars behind in the group, over several hops; `sender_id` is then the car that forwards, and
+`event_*` identifies the event of which it is a copy.
 
 On the wire: one byte version, one byte type, then the fields.
 """
@@ -13,13 +14,19 @@ from enum import Enum
 from typing import Annotated, Any, ClassVar, Self
 
 from onboard.errors import DecodeError
-from onboard.messages.fields import FixedPoint, OctetString, OpenEnumerated, Unsigned
+from onboard.messages.fields import FixedPoint, OctetString, OpenEnumerated, SequenceOf, Unsigned
 from onboard.messages.record import Record
 
 VERSION = 1
 
 CarId = bytes
 """Communication ID, eight bytes: see `onboard/security/plate_digest.py`."""
+
+NAME_BYTES = 4
+"""Size of a name in an inquiry. Of 200 cars in range, none bears one of 16 random names in more
+than one of a million inquiries."""
+MAX_NAMES = 16
+"""Names in an inquiry."""
 
 _CarId = Annotated[CarId, OctetString(8)]
 _GroupNumber = Annotated[int, FixedPoint(16, 1, "", lowest=1, highest=65535)]
@@ -142,10 +149,42 @@ class Warn:
     """1 in the copy that the braking car sends."""
 
 
-LccaMessage = Join | Reply | Leave | Update | Warn
+@dataclass(frozen=True, slots=True)
+class Inquiry:
+    """Question which car bears one of several names; that car sends an `Answer`."""
+
+    kind: ClassVar[str] = "inquiry"
+    code: ClassVar[int] = 6
+    user_priority: ClassVar[int] = 4
+    sender_id: _CarId
+    sequence: _Sequence
+    """Repeated in the answer."""
+    names: Annotated[tuple[bytes, ...], SequenceOf(OctetString(NAME_BYTES), 1, MAX_NAMES)]
+    """First bytes of communication IDs of the texts that the plate ahead may bear, or temporary IDs
+    of BSMs, the likeliest first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Answer of the car that bears a name in an inquiry."""
+
+    kind: ClassVar[str] = "answer"
+    code: ClassVar[int] = 7
+    user_priority: ClassVar[int] = 4
+    sender_id: _CarId
+    to_id: _CarId
+    sequence: _Sequence
+    """`sequence` of the inquiry that this answers."""
+    temporary_id: Annotated[bytes, OctetString(4)]
+    """Temporary ID of the sender's BSMs, which tell its speed from now on."""
+    speed_m_s: _Speed
+
+
+LccaMessage = Join | Reply | Leave | Update | Warn | Inquiry | Answer
+GroupMessage = Join | Reply | Leave | Update | Warn
 
 MESSAGES: dict[int, Record[Any]] = {
-    message.code: Record(message) for message in (Join, Reply, Leave, Update, Warn)
+    message.code: Record(message) for message in (Join, Reply, Leave, Update, Warn, Inquiry, Answer)
 }
 """Records by type byte."""
 

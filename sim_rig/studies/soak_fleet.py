@@ -15,7 +15,15 @@ from onboard.config import CarConfig
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
-from onboard.observations import Lead, LeadIdentity, Position, Sensor, Speed, VehicleDetection
+from onboard.observations import (
+    Lead,
+    LeadIdentity,
+    PlateCandidate,
+    Position,
+    Sensor,
+    Speed,
+    VehicleDetection,
+)
 from onboard.security import ieee1609dot2
 from onboard.settings import parse_settings
 from onboard.stack import Stack
@@ -83,7 +91,17 @@ class Fleet:
                 lead = Lead(now, LeadIdentity.NO_LEAD)
             else:
                 text = ahead or f"X{int(now / LEAD_CHANGES_EVERY_S)}"
-                lead = Lead(now, LeadIdentity.KNOWN, text, 12.0, 0.4, 0.0, 0.5)
+                lead = Lead(
+                    now,
+                    LeadIdentity.KNOWN,
+                    text,
+                    12.0,
+                    0.4,
+                    0.0,
+                    0.5,
+                    track_id=int(now / LEAD_CHANGES_EVERY_S),
+                    candidates=(PlateCandidate(text, 0.98),),
+                )
             track = int(now / REMOTE_VEHICLE_STAYS_S)
             detection = VehicleDetection(now, track, 30.0, 1.0, 0.2, 0.01)
             self._inputs[plate] += [Speed(now, SPEED_M_S, 0.28, "obd:7E8"), fix, lead, detection]

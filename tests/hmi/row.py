@@ -22,6 +22,7 @@ from onboard.stack import Stack
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.trace.trace_line import Event
 from onboard.vision.settings import CameraSettings
+from tests.leads import known_lead
 
 TICK_S = 0.1
 SPEED_M_S = 15.0
@@ -158,7 +159,7 @@ class Row:
                 lead = (
                     Lead(self.now, LeadIdentity.NO_LEAD)
                     if text is None
-                    else Lead(self.now, LeadIdentity.KNOWN, text, self.gap_m, 0.3, 0.2, 0.3)
+                    else known_lead(self.now, text, self.gap_m, 0.2)
                 )
                 self._receive(number, lead)
                 if is_last:

@@ -16,7 +16,7 @@ class OneCar:
     """B, unless given otherwise, alone at 20 m/s."""
 
     def __init__(self, own_id: CarId = B, **settings: float) -> None:
-        prompt = GroupParameters(**{"identity_dwell_s": 0.0, "spread_s": 0.0, **settings})  # type: ignore[arg-type]
+        prompt = GroupParameters(**{"spread_s": 0.0, **settings})  # type: ignore[arg-type]
         self.group = WarningGroup(prompt, own_id, np.random.default_rng(1))
         self.group.receive_speed(20.0, 0.0)
 

@@ -149,18 +149,6 @@ def test_a_reply_is_refused_once_the_camera_reads_another_plate() -> None:
     assert car.group.state is GroupState.REGULAR
 
 
-def test_a_plate_misread_in_single_frames_is_never_sent_a_join() -> None:
-    road = Road()
-    b = road.add_row("AB")[1]
-    for _ in range(20):
-        road.run(0.5)
-        b.misread_as = X
-        road.run(0.1)
-        b.misread_as = None
-    assert not any(isinstance(m, Join) and m.to_id == X for m in (e.message for e in road.sent))
-    assert events_of(b) == [(GroupEvent.JOINED, "answered")]
-
-
 def test_a_plate_misread_for_a_while_gets_joins_and_costs_no_membership() -> None:
     road = Road()
     b = road.add_row("AB")[1]

@@ -14,7 +14,7 @@ A, B = b"car-aaaa", b"car-bbbb"
 
 
 def lead_monitor(speed_m_s: float = 20.0, **changes: float) -> LeadMonitor:
-    monitor = LeadMonitor(GroupParameters(**{"identity_dwell_s": 0.0, **changes}))  # type: ignore[arg-type]
+    monitor = LeadMonitor(GroupParameters(**changes))  # type: ignore[arg-type]
     monitor.receive_speed(speed_m_s, 0.0)
     return monitor
 
@@ -49,24 +49,6 @@ def test_without_a_recent_speed_no_gap_is_too_small() -> None:
     assert monitor.vehicle_to_join(1.0) is None
     assert monitor.speed_at(1.0) is None
     assert monitor.close_at(A) < 0.0
-
-
-def test_the_same_plate_must_be_read_for_the_dwell_time() -> None:
-    monitor = lead_monitor(identity_dwell_s=0.2)
-    for now, car_id in ((0.0, A), (0.1, A), (0.15, B), (0.2, A), (0.3, A)):
-        monitor.receive_preceding_vehicle(PrecedingVehicle(car_id, 20.0, 0.0), now)
-        assert monitor.vehicle_to_join(now) is None
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, 0.0), 0.4)
-    assert monitor.vehicle_to_join(0.4) == A
-
-
-def test_frames_without_a_reading_do_not_restart_the_dwell_time() -> None:
-    monitor = lead_monitor(identity_dwell_s=0.2)
-    for now, car_id in ((0.0, A), (0.1, None)):
-        monitor.receive_preceding_vehicle(PrecedingVehicle(car_id, 20.0, 0.0), now)
-    assert monitor.vehicle_to_join(0.1) is None
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, 0.0), 0.25)
-    assert monitor.vehicle_to_join(0.25) == A
 
 
 def test_a_vehicle_without_known_plate_is_not_joined() -> None:

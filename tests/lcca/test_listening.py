@@ -19,7 +19,7 @@ class Listener:
     """B, a member of A's group with number 2, followed by C."""
 
     def __init__(self, **changes: float) -> None:
-        prompt = {"identity_dwell_s": 0.0, "spread_s": 0.0}
+        prompt = {"spread_s": 0.0}
         instantly = GroupParameters(**(prompt | changes))  # type: ignore[arg-type]
         self.group = WarningGroup(instantly, B, np.random.default_rng(1))
         self.group.receive_speed(20.0, 0.0)

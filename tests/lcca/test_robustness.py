@@ -84,7 +84,7 @@ steps = st.one_of(
 def test_any_sequence_of_inputs_leaves_a_consistent_state(
     script: list[Step],
 ) -> None:
-    group = WarningGroup(GroupParameters(identity_dwell_s=0.0), OWN, np.random.default_rng(0))
+    group = WarningGroup(GroupParameters(), OWN, np.random.default_rng(0))
     now, last_join, renamed = 0.0, None, 0
     for step in script:
         group.receive_speed(20.0, now)

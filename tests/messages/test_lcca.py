@@ -1,4 +1,4 @@
-"""Encoding and decoding of the five LCCA messages."""
+"""Encoding and decoding of the LCCA messages."""
 
 from typing import Any
 
@@ -10,6 +10,8 @@ from onboard.errors import DecodeError
 from onboard.messages.lcca import (
     MESSAGES,
     VERSION,
+    Answer,
+    Inquiry,
     Join,
     LccaMessage,
     Leave,
@@ -47,6 +49,12 @@ EXAMPLES: list[tuple[LccaMessage, str]] = [
         Warn(C, A, 3, A, 6, 2, 1, 7.5, 0.042, 2),
         "01 05" + C.hex() + A.hex() + "0003" + A.hex() + "0006 0002 0001 4b 002a 02",
     ),
+    (
+        Inquiry(B, 7, (A[:4], C[:4])),
+        # 4 bits count the names after the first; 4 bits of padding end the message
+        "01 06" + B.hex() + "0007" + f"1{A[:4].hex()}{C[:4].hex()}0",
+    ),
+    (Answer(A, B, 7, b"temp", 20.0), "01 07" + A.hex() + B.hex() + "0007" + b"temp".hex() + "07d0"),
 ]
 
 

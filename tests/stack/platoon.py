@@ -11,6 +11,7 @@ from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import Event
+from tests.leads import known_lead
 
 NOON_UTC_S = 1_700_000_100.0
 SPEED_M_S = 15.0
@@ -56,7 +57,7 @@ class Platoon:
                 lead = (
                     Lead(self.now, LeadIdentity.NO_LEAD)
                     if ahead is None
-                    else Lead(self.now, LeadIdentity.KNOWN, ahead, gap_m, 0.3, 0.0, 0.3)
+                    else known_lead(self.now, ahead, gap_m)
                 )
                 self.receive(plate, Speed(self.now, self.speed_m_s[plate], 0.28, "obd:7E8"), lead)
                 ahead = plate

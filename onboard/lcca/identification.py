@@ -1,0 +1,341 @@
+"""Which car is ahead: asked over the radio, and confirmed by its motion.
+
+The camera gives texts that the plate ahead may bear. An inquiry names them, and the car that bears
+one answers. Which of the cars that answered is ahead, if any, follows from the texts'
+probabilities, from the number of answers, and from the speeds of the cars on the air
+(`identity_posterior`, `motion_match`). From `BELIEF` on the car is identified. If no plate can be
+read, a car whose motion alone is as convincing is asked by the temporary ID of its BSMs.
+
+An identity belongs to the vehicle that the camera tracks: readings after it change nothing, and it
+ends with the track, or when the car on the air ceases to move as the one ahead does.
+"""
+
+import math
+from collections import OrderedDict, deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from typing_extensions import override
+
+from onboard.core import Core
+from onboard.lcca.events import Identified, IdentityLost, Inquired, TrackedVehicle
+from onboard.lcca.identity_posterior import vehicle_probabilities
+from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch
+from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, CarId, Inquiry
+from onboard.observations import Discarded
+
+BELIEF = 0.999
+"""Probability from which a car is identified."""
+MIN_ASKED = 0.004
+"""Probability below which a text is not asked for."""
+MIN_ASKED_BY_MOTION = 0.5
+"""Probability by motion alone from which a car is asked for its communication ID."""
+REFUTED = -7.0
+"""Evidence of its motion against a car (logarithm of a likelihood ratio), since it was last at its
+highest, from which it is no longer the one ahead."""
+ASK_HEADWAY_S = 3.0
+"""Gap, divided by the own speed, from which on a car need not be known: more than the headway at
+which it is joined, so that it is known by then."""
+RETRY_S, RETRY_MAX_S = 0.1, 1.0
+"""Until an inquiry is repeated: at first, and at most, doubling in between."""
+NEW_TEXT, MAX_EARLY = 0.05, 8
+"""Probability of a text not asked for yet from which an inquiry is repeated early, and how often
+that happens on one track."""
+RENEW_S = 2.0
+"""Time between inquiries for the BSMs of an identified car that are not heard."""
+SPEED_TIMEOUT_S = 1.0
+"""Time for which a sample of the own speed is valid."""
+ANSWER_INTERVAL_S = 0.08
+"""Least time between two answers to one car."""
+MAX_TRACKS, MAX_ASKERS = 16, 64
+"""Tracks whose identity, and askers whose last answer, are remembered."""
+_SEQUENCES = 1 << 16
+_MAX_DOUBLINGS = 8
+_VALID_SEQUENCES = 16
+"""Inquiries whose answers are accepted."""
+_UNLIKELY = 1e-6
+"""Probability of a text that has left the camera's list since it was asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """The car ahead."""
+
+    car_id: CarId
+    """When it was identified; another one in the next epoch."""
+    text: str | None
+    """Its plate; `None` if it was identified by its motion."""
+
+
+@dataclass(slots=True)
+class _Track:
+    """What is known of the vehicle of one track."""
+
+    track_id: int
+    answers: dict[bytes, CarId] = field(default_factory=dict)
+    """Communication IDs of the cars that answered, by sender."""
+    asked: set[CarId] = field(default_factory=set)
+    inquiries: int = 0
+    identity: Identity | None = None
+    sender: bytes | None = None
+    """The identified car, as its BSMs name it."""
+
+
+class Identification(Core):
+    """Asks who is ahead, answers who asks, and decides."""
+
+    def __init__(self, own_id: CarId, temporary_id: bytes, rng: np.random.Generator) -> None:
+        """Start without a lead.
+
+        Args:
+            own_id: the own communication ID.
+            temporary_id: of the own BSMs.
+            rng: draws the first sequence number and the delays.
+        """
+        self._rng = rng
+        self._own_id, self._temporary_id = own_id, temporary_id
+        self._speed_m_s = 0.0
+        self._speed_until = -math.inf
+        self._motion = MotionMatch()
+        self._lead: TrackedVehicle | None = None
+        self._tracks: OrderedDict[int, _Track] = OrderedDict()
+        self._temporary_ids: OrderedDict[bytes, bytes] = OrderedDict()
+        self._ask_at = self._asked_at = -math.inf
+        self._sequence = int(rng.integers(_SEQUENCES))
+        self._sequences: deque[int] = deque(maxlen=_VALID_SEQUENCES)
+        self._answered_at: OrderedDict[CarId, float] = OrderedDict()
+        self._outbox: list[Inquiry | Answer] = []
+        self._events: deque[Inquired | Identified | IdentityLost | Discarded] = deque()
+
+    @property
+    def identity(self) -> Identity | None:
+        """The car ahead, as far as it is known."""
+        track = self._track
+        return None if track is None else track.identity
+
+    @property
+    def _track(self) -> _Track | None:
+        """What is known of the lead."""
+        return None if self._lead is None else self._tracks.get(self._lead.track_id)
+
+    # In
+
+    def set_own_id(self, own_id: CarId, temporary_id: bytes, now: float) -> None:
+        """Take the own IDs of a new epoch; the others change theirs at about this time."""
+        self._own_id, self._temporary_id = own_id, temporary_id
+        for track in self._tracks.values():
+            track.answers.clear()
+            track.asked.clear()
+            track.sender = None
+            if track.identity is not None and track.identity.text is None:
+                self._lose(track, "epoch", now)
+        self._plan_inquiry(now)
+
+    def receive_speed(self, speed_m_s: float, now: float) -> None:
+        """Take a sample of the own speed."""
+        self._speed_m_s, self._speed_until = speed_m_s, now + SPEED_TIMEOUT_S
+
+    def receive_speed_on_air(
+        self, sender: bytes, temporary_id: bytes, speed_m_s: float, now: float
+    ) -> None:
+        """Take the speed in a BSM.
+
+        Args:
+            sender: its signer, or else its temporary ID.
+            temporary_id: of the BSM.
+            speed_m_s: of its sender.
+            now: seconds on the cores' clock.
+        """
+        self._motion.receive_speed_on_air(sender, speed_m_s, now)
+        self._temporary_ids[sender] = temporary_id
+        self._temporary_ids.move_to_end(sender)
+        if len(self._temporary_ids) > MAX_VEHICLES:
+            self._temporary_ids.popitem(last=False)
+
+    def receive_lead(self, lead: TrackedVehicle | None, now: float) -> None:
+        """Take what one image shows of the lead; `None`: there is none."""
+        before, self._lead = self._lead, lead
+        if lead is None:
+            return
+        if lead.track_id not in self._tracks:
+            self._tracks[lead.track_id] = _Track(lead.track_id)
+        self._tracks.move_to_end(lead.track_id)
+        if len(self._tracks) > MAX_TRACKS:
+            self._tracks.popitem(last=False)
+        if before is None or before.track_id != lead.track_id:
+            self._motion.restart()
+            self._plan_inquiry(now)
+        if lead.closing_speed_m_s is not None and now < self._speed_until:
+            self._motion.receive_speed_ahead(
+                self._speed_m_s - lead.closing_speed_m_s,
+                lead.closing_speed_sigma_m_s or 0.0,
+                self._speed_m_s,
+                now,
+            )
+        track = self._tracks[lead.track_id]
+        self._decide(track, lead, now)
+        self._ask_if_due(track, lead, now)
+
+    def receive_message(self, message: Inquiry | Answer, signer: bytes | None, now: float) -> None:
+        """Take an inquiry or an answer, to whichever vehicle it is addressed.
+
+        Args:
+            message: the message.
+            signer: `None` if it is not signed.
+            now: seconds on the cores' clock.
+        """
+        if message.sender_id == self._own_id:
+            self._discard("own_echo", message, now)
+        elif isinstance(message, Inquiry):
+            self._receive_inquiry(message, now)
+        elif message.to_id == self._own_id:
+            self._receive_answer(message, signer or message.temporary_id, now)
+
+    # Out
+
+    def messages_to_send(self) -> list[Inquiry | Answer]:
+        """Return the messages to send, and clear the outbox."""
+        out, self._outbox = self._outbox, []
+        return out
+
+    @override
+    def next_event(self) -> Inquired | Identified | IdentityLost | Discarded | None:
+        return self._events.popleft() if self._events else None
+
+    # Asking
+
+    def _plan_inquiry(self, now: float) -> None:
+        """Ask with the next image, and from then on ever more rarely."""
+        if self._track is not None:
+            self._track.inquiries = 0
+            self._ask_at = now
+
+    def _ask_if_due(self, track: _Track, lead: TrackedVehicle, now: float) -> None:
+        likely = {each.car_id for each in lead.candidates if each.probability >= NEW_TEXT}
+        if not likely <= track.asked and track.inquiries < MAX_EARLY:
+            self._ask_at = min(self._ask_at, self._asked_at + RETRY_S)
+        if now < self._ask_at:
+            return
+        names = self._names(track, lead, now)
+        if not names:
+            return
+        retry_s = min(RETRY_S * 2 ** min(track.inquiries, _MAX_DOUBLINGS), RETRY_MAX_S)
+        self._ask_at = now + (retry_s if track.identity is None else RENEW_S)
+        self._asked_at = now
+        track.inquiries += 1
+        track.asked |= {each.car_id for each in lead.candidates}
+        self._sequence = (self._sequence + 1) % _SEQUENCES
+        self._sequences.append(self._sequence)
+        self._outbox.append(Inquiry(self._own_id, self._sequence, tuple(names)))
+        self._events.append(Inquired(now, track.track_id, len(names)))
+
+    def _names(self, track: _Track, lead: TrackedVehicle, now: float) -> list[bytes]:
+        """What to ask for, the likeliest first; nothing if nothing is to be found out."""
+        if now >= self._speed_until or lead.gap_m >= ASK_HEADWAY_S * self._speed_m_s:
+            return []
+        if track.identity is not None:
+            is_heard = track.sender is not None and self._motion.is_heard(track.sender)
+            if is_heard or track.identity.text is None:
+                return []
+            return [
+                each.car_id[:NAME_BYTES]
+                for each in lead.candidates
+                if each.text == track.identity.text
+            ][:1]
+        names = [
+            self._temporary_ids[sender]
+            for sender, probability in self._probabilities(track, lead).items()
+            if probability >= MIN_ASKED_BY_MOTION
+            and sender not in track.answers
+            and sender in self._temporary_ids
+        ]
+        names += [
+            each.car_id[:NAME_BYTES]
+            for each in lead.candidates
+            if each.probability >= MIN_ASKED and each.car_id != self._own_id
+        ]
+        return list(dict.fromkeys(names))[:MAX_NAMES]
+
+    # Being asked
+
+    def _receive_inquiry(self, inquiry: Inquiry, now: float) -> None:
+        if not {self._own_id[:NAME_BYTES], self._temporary_id} & set(inquiry.names):
+            return
+        if now - self._answered_at.get(inquiry.sender_id, -math.inf) < ANSWER_INTERVAL_S:
+            self._discard("too_often", inquiry, now)
+            return
+        self._answered_at[inquiry.sender_id] = now
+        self._answered_at.move_to_end(inquiry.sender_id)
+        if len(self._answered_at) > MAX_ASKERS:
+            self._answered_at.popitem(last=False)
+        self._outbox.append(
+            Answer(
+                self._own_id,
+                inquiry.sender_id,
+                inquiry.sequence,
+                self._temporary_id,
+                self._speed_m_s if now < self._speed_until else None,
+            )
+        )
+
+    # Deciding
+
+    def _receive_answer(self, answer: Answer, sender: bytes, now: float) -> None:
+        track, lead = self._track, self._lead
+        if track is None or lead is None or answer.sequence not in self._sequences:
+            self._discard("not_asked", answer, now)
+            return
+        is_asked_by_motion = self._temporary_ids.get(sender) == answer.temporary_id
+        if answer.sender_id not in track.asked and not is_asked_by_motion:
+            self._discard("not_asked", answer, now)
+            return
+        if answer.speed_m_s is not None:
+            self.receive_speed_on_air(sender, answer.temporary_id, answer.speed_m_s, now)
+        if track.identity is None:
+            track.answers[sender] = answer.sender_id
+            self._decide(track, lead, now)
+        elif _text_of(answer.sender_id, lead) == track.identity.text:
+            track.sender = sender
+
+    def _probabilities(self, track: _Track, lead: TrackedVehicle) -> dict[bytes, float]:
+        texts = {each.car_id: each.probability for each in lead.candidates}
+        answered = {
+            sender: texts.get(car_id, _UNLIKELY)
+            for sender, car_id in track.answers.items()
+            if car_id in track.asked
+        }
+        return vehicle_probabilities(answered, self._motion.log_ratios())
+
+    def _decide(self, track: _Track, lead: TrackedVehicle, now: float) -> None:
+        if track.identity is not None:
+            if track.sender is not None and self._motion.decline(track.sender) <= REFUTED:
+                self._lose(track, "refuted", now)
+                self._motion.restart()
+                self._plan_inquiry(now)
+            return
+        if not track.answers:
+            return
+        probabilities = self._probabilities(track, lead)
+        sender = max(track.answers, key=lambda each: probabilities.get(each, 0.0))
+        probability = probabilities.get(sender, 0.0)
+        if probability < BELIEF:
+            return
+        car_id = track.answers[sender]
+        text = _text_of(car_id, lead)
+        track.identity, track.sender = Identity(car_id, text), sender
+        cause = "motion" if text is None else "answer"
+        self._events.append(Identified(now, track.track_id, car_id, text, probability, cause))
+
+    def _lose(self, track: _Track, cause: str, now: float) -> None:
+        if track.identity is not None:
+            self._events.append(IdentityLost(now, track.track_id, track.identity.car_id, cause))
+        track.identity = track.sender = None
+        track.answers.clear()
+
+    def _discard(self, reason: str, message: Inquiry | Answer, now: float) -> None:
+        detail = f"{message.kind} from {message.sender_id.hex()}"
+        self._events.append(Discarded(now, "lcca", reason, detail))
+
+
+def _text_of(car_id: CarId, lead: TrackedVehicle) -> str | None:
+    return next((each.text for each in lead.candidates if each.car_id == car_id), None)

@@ -1,0 +1,205 @@
+"""Whether a vehicle on the air moves as the vehicle ahead does.
+
+BSMs and answers give the speed of a vehicle on the air, and the own speed less the closing speed
+that of the vehicle ahead. Each sample of the latter is explained in two ways:
+
+- The vehicle on the air is ahead: the sample is that vehicle's speed a moment ago, plus a constant
+  difference of the speedometers, plus noise.
+- Another vehicle is ahead: the sample is near the one before, since speeds change slowly.
+
+Both are Kalman filters with one state. The logarithm of the ratio of their likelihoods is the
+evidence, and a sequential probability ratio test (Wald 1945) if it is summed from the start. Its
+cumulative sum from its last maximum (CUSUM; Page 1954, Continuous inspection schemes) shows that a
+vehicle has ceased to be the one ahead.
+"""
+
+import math
+from collections import OrderedDict, deque
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+SAMPLE_S = 0.4
+"""Least time between two samples: errors of the closing speed are correlated for about as long."""
+DELAYS_S = (0.0, 0.3, 0.6)
+"""Delays of the camera's speed against the speed on the air, which are tried beside each other."""
+NOISE_M_S = 0.4
+"""Sigma of a sample without the camera's: steps of 1 km/h on both speedometers, and delays."""
+OFFSET_M_S, OFFSET_SHARE = 0.4, 0.02
+"""Sigma of the difference of the speedometers: constant, and as a share of the speed. OBD speeds
+are 0.4 to 1.2 % high in recorded drives."""
+TRAFFIC_M_S = 3.0
+"""Sigma of the speed of other vehicles in range against the own one."""
+WANDER_M_S = 0.4
+"""Sigma by which a speed in traffic changes in a second."""
+MAX_STEP = 3.0
+"""Bound of the evidence of one sample: one wrong speed decides nothing."""
+MIN_EVIDENCE, MAX_EVIDENCE = -30.0, 12.0
+"""Bounds of the sum: its error does not grow with the time driven in a row."""
+SILENT_S = 2.0
+"""Time without a speed after which a vehicle is forgotten."""
+MAX_VEHICLES = 512
+"""Vehicles kept; the one that was heard first is forgotten."""
+_HISTORY = 16
+"""Speeds kept of a vehicle: those of more than a second at 10 Hz."""
+
+
+class _Filter:
+    """Kalman filter of one slowly changing value."""
+
+    def __init__(self, mean: float, variance: float) -> None:
+        self._mean, self._variance = mean, variance
+
+    def update(self, value: float, noise: float, drift: float) -> float:
+        """Take a measurement and return the logarithm of its likelihood.
+
+        Args:
+            value: as measured.
+            noise: its variance.
+            drift: by which the variance of the state has grown since the measurement before.
+        """
+        variance = self._variance + drift
+        total, innovation = variance + noise, value - self._mean
+        gain = variance / total
+        self._mean += gain * innovation
+        self._variance = (1.0 - gain) * variance
+        return _log_density(innovation, total)
+
+
+@dataclass(slots=True)
+class _Vehicle:
+    """A vehicle on the air."""
+
+    speeds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
+    """Time in s and speed in m/s."""
+    offsets: list[_Filter] = field(default_factory=list)
+    """Difference of the speedometers for each delay; empty before the first sample."""
+    evidence: list[float] = field(default_factory=lambda: [0.0] * len(DELAYS_S))
+    decline: float = 0.0
+    """Evidence against the vehicle since it was last at its highest; not above 0."""
+
+    @property
+    def log_ratio(self) -> float:
+        """Evidence with all delays as likely."""
+        highest = max(self.evidence)
+        return highest + math.log(
+            sum(math.exp(each - highest) for each in self.evidence) / len(DELAYS_S)
+        )
+
+
+class MotionMatch:
+    """Evidence for each vehicle on the air that it is the one ahead."""
+
+    def __init__(self) -> None:
+        self._vehicles: OrderedDict[bytes, _Vehicle] = OrderedDict()
+        self._ahead: _Filter | None = None
+        self._sampled_at = -math.inf
+
+    def restart(self) -> None:
+        """Drop all evidence, not the speeds: another vehicle is ahead."""
+        self._ahead = None
+        self._sampled_at = -math.inf
+        for vehicle in self._vehicles.values():
+            vehicle.offsets.clear()
+            vehicle.evidence = [0.0] * len(DELAYS_S)
+            vehicle.decline = 0.0
+
+    def receive_speed_on_air(self, name: bytes, speed_m_s: float, now: float) -> None:
+        """Take the speed that the vehicle with this temporary ID has sent."""
+        vehicle = self._vehicles.setdefault(name, _Vehicle())
+        vehicle.speeds.append((now, speed_m_s))
+        self._vehicles.move_to_end(name)
+        while self._vehicles:
+            oldest = next(iter(self._vehicles.values()))
+            if len(self._vehicles) <= MAX_VEHICLES and now - oldest.speeds[-1][0] < SILENT_S:
+                break
+            self._vehicles.popitem(last=False)
+
+    def receive_speed_ahead(
+        self, speed_m_s: float, sigma_m_s: float, own_speed_m_s: float, now: float
+    ) -> None:
+        """Take a speed of the vehicle ahead.
+
+        Args:
+            speed_m_s: own speed less closing speed.
+            sigma_m_s: of the closing speed.
+            own_speed_m_s: the own speed.
+            now: time of the image in s.
+        """
+        seconds = now - self._sampled_at
+        if seconds < SAMPLE_S:
+            return
+        self._sampled_at = now
+        noise = NOISE_M_S**2 + sigma_m_s**2
+        if self._ahead is None:
+            self._ahead = _Filter(own_speed_m_s, TRAFFIC_M_S**2)
+            seconds = 0.0
+        by_itself = self._ahead.update(speed_m_s, noise, WANDER_M_S**2 * seconds)
+        for vehicle in self._vehicles.values():
+            if vehicle.offsets:
+                self._compare(vehicle, speed_m_s, noise, by_itself, now)
+            elif now - vehicle.speeds[-1][0] < SAMPLE_S:
+                self._begin(vehicle, speed_m_s, noise, own_speed_m_s)
+
+    def log_ratio(self, name: bytes) -> float:
+        """Logarithm of the likelihood ratio that this vehicle is ahead; 0 if nothing is known."""
+        vehicle = self._vehicles.get(name)
+        return 0.0 if vehicle is None else vehicle.log_ratio
+
+    def decline(self, name: bytes) -> float:
+        """Evidence against this vehicle since it was last at its highest; not above 0."""
+        vehicle = self._vehicles.get(name)
+        return 0.0 if vehicle is None else vehicle.decline
+
+    def is_heard(self, name: bytes) -> bool:
+        """Whether the vehicle has sent its speed lately."""
+        return name in self._vehicles
+
+    def log_ratios(self) -> dict[bytes, float]:
+        """Logarithms of the likelihood ratios of all vehicles on the air."""
+        return {name: vehicle.log_ratio for name, vehicle in self._vehicles.items()}
+
+    def __len__(self) -> int:
+        return len(self._vehicles)
+
+    def _begin(
+        self, vehicle: _Vehicle, speed_m_s: float, noise: float, own_speed_m_s: float
+    ) -> None:
+        """Compare the first speed of a vehicle: with the one ahead, and with all traffic."""
+        on_air_m_s = vehicle.speeds[-1][1]
+        variance = OFFSET_M_S**2 + (OFFSET_SHARE * speed_m_s) ** 2
+        vehicle.offsets = [_Filter(0.0, variance) for _ in DELAYS_S]
+        by_traffic = _log_density(on_air_m_s - own_speed_m_s, TRAFFIC_M_S**2)
+        for index, offset in enumerate(vehicle.offsets):
+            likelihood = offset.update(speed_m_s - on_air_m_s, noise, 0.0)
+            vehicle.evidence[index] = max(MIN_EVIDENCE, likelihood - by_traffic)
+
+    def _compare(
+        self, vehicle: _Vehicle, speed_m_s: float, noise: float, by_itself: float, now: float
+    ) -> None:
+        before = vehicle.log_ratio
+        for index, delay_s in enumerate(DELAYS_S):
+            on_air_m_s = _speed_at(vehicle.speeds, now - delay_s)
+            if on_air_m_s is None:
+                continue
+            likelihood = vehicle.offsets[index].update(speed_m_s - on_air_m_s, noise, 0.0)
+            step = min(max(likelihood - by_itself, -MAX_STEP), MAX_STEP)
+            vehicle.evidence[index] = min(
+                max(vehicle.evidence[index] + step, MIN_EVIDENCE), MAX_EVIDENCE
+            )
+        vehicle.decline = min(0.0, vehicle.decline + vehicle.log_ratio - before)
+
+
+def _speed_at(speeds: deque[tuple[float, float]], at_s: float) -> float | None:
+    """Speed at a time, linear between samples; `None` if none is near."""
+    last_s, last_m_s = speeds[-1]
+    if at_s >= last_s:
+        return last_m_s if at_s - last_s < SAMPLE_S else None
+    for (before_s, before_m_s), (after_s, after_m_s) in pairwise(speeds):
+        if before_s <= at_s < after_s:
+            share = (at_s - before_s) / (after_s - before_s)
+            return before_m_s + share * (after_m_s - before_m_s)
+    return None
+
+
+def _log_density(difference: float, variance: float) -> float:
+    return -0.5 * (math.log(2.0 * math.pi * variance) + difference * difference / variance)
