@@ -38,6 +38,9 @@ ASK_HEADWAY_S = 3.0
 which it is joined, so that it is known by then."""
 RETRY_S, RETRY_MAX_S = 0.1, 1.0
 """Until an inquiry is repeated: at first, and at most, doubling in between."""
+ENOUGH_INQUIRIES, ANSWER_TIME_S = 2, 0.04
+"""Inquiries, and time since the last one, after which a car is identified: the others that were
+asked, the one ahead among them, have then had the chance to answer too."""
 NEW_TEXT, MAX_EARLY = 0.05, 8
 """Probability of a text not asked for yet from which an inquiry is repeated early, and how often
 that happens on one track."""
@@ -318,13 +321,20 @@ class Identification(Core):
         probabilities = self._probabilities(track, lead)
         sender = max(track.answers, key=lambda each: probabilities.get(each, 0.0))
         probability = probabilities.get(sender, 0.0)
-        if probability < BELIEF:
-            return
         car_id = track.answers[sender]
+        is_by_text = car_id in track.asked
+        if probability < BELIEF or (is_by_text and not self._have_all_answered(track, lead, now)):
+            return
         text = _text_of(car_id, lead)
         track.identity, track.sender = Identity(car_id, text), sender
-        cause = "motion" if text is None else "answer"
+        cause = "answer" if is_by_text else "motion"
         self._events.append(Identified(now, track.track_id, car_id, text, probability, cause))
+
+    def _have_all_answered(self, track: _Track, lead: TrackedVehicle, now: float) -> bool:
+        """Whether no other answer is to be expected, since all came or only one text is likely."""
+        is_sharp = any(each.probability >= BELIEF for each in lead.candidates)
+        is_asked = track.inquiries >= ENOUGH_INQUIRIES and now >= self._asked_at + ANSWER_TIME_S
+        return is_sharp or is_asked
 
     def _lose(self, track: _Track, cause: str, now: float) -> None:
         if track.identity is not None:

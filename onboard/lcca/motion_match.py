@@ -5,7 +5,8 @@ that of the vehicle ahead. Each sample of the latter is explained in two ways:
 
 - The vehicle on the air is ahead: the sample is that vehicle's speed a moment ago, plus a constant
   difference of the speedometers, plus noise.
-- Another vehicle is ahead: the sample is near the one before, since speeds change slowly.
+- Another vehicle is ahead: the sample is near the one before, since speeds change slowly. How
+  slowly is learnt from the samples: at constant speeds, equal speeds are no evidence.
 
 Both are Kalman filters with one state. The logarithm of the ratio of their likelihoods is the
 evidence, and a sequential probability ratio test (Wald 1945) if it is summed from the start. Its
@@ -15,6 +16,7 @@ vehicle has ceased to be the one ahead.
 
 import math
 from collections import OrderedDict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -29,8 +31,10 @@ OFFSET_M_S, OFFSET_SHARE = 0.4, 0.02
 are 0.4 to 1.2 % high in recorded drives."""
 TRAFFIC_M_S = 3.0
 """Sigma of the speed of other vehicles in range against the own one."""
-WANDER_M_S = 0.4
-"""Sigma by which a speed in traffic changes in a second."""
+WANDERS_M_S = (0.05, 0.2, 0.8)
+"""Sigmas by which a speed may change in a second, from cruise control to dense traffic."""
+WANDER_MEMORY = 0.9
+"""Share of what was learnt of these that is kept at each sample."""
 MAX_STEP = 3.0
 """Bound of the evidence of one sample: one wrong speed decides nothing."""
 MIN_EVIDENCE, MAX_EVIDENCE = -30.0, 12.0
@@ -65,6 +69,31 @@ class _Filter:
         return _log_density(innovation, total)
 
 
+class _SpeedAhead:
+    """The speed of the vehicle ahead as its own past predicts it."""
+
+    def __init__(self, own_speed_m_s: float) -> None:
+        self._filters = [_Filter(own_speed_m_s, TRAFFIC_M_S**2) for _ in WANDERS_M_S]
+        self._logs = [0.0] * len(WANDERS_M_S)
+
+    def update(self, speed_m_s: float, noise: float, seconds: float) -> float:
+        """Take a sample and return the logarithm of its likelihood.
+
+        Args:
+            speed_m_s: of the vehicle ahead.
+            noise: variance of the sample.
+            seconds: since the sample before.
+        """
+        before = _log_mean(self._logs)
+        logs = [
+            log + each.update(speed_m_s, noise, wander_m_s**2 * seconds)
+            for log, each, wander_m_s in zip(self._logs, self._filters, WANDERS_M_S, strict=True)
+        ]
+        after = _log_mean(logs)
+        self._logs = [WANDER_MEMORY * (each - after) for each in logs]
+        return after - before
+
+
 @dataclass(slots=True)
 class _Vehicle:
     """A vehicle on the air."""
@@ -80,10 +109,7 @@ class _Vehicle:
     @property
     def log_ratio(self) -> float:
         """Evidence with all delays as likely."""
-        highest = max(self.evidence)
-        return highest + math.log(
-            sum(math.exp(each - highest) for each in self.evidence) / len(DELAYS_S)
-        )
+        return _log_mean(self.evidence)
 
 
 class MotionMatch:
@@ -91,7 +117,7 @@ class MotionMatch:
 
     def __init__(self) -> None:
         self._vehicles: OrderedDict[bytes, _Vehicle] = OrderedDict()
-        self._ahead: _Filter | None = None
+        self._ahead: _SpeedAhead | None = None
         self._sampled_at = -math.inf
 
     def restart(self) -> None:
@@ -131,9 +157,9 @@ class MotionMatch:
         self._sampled_at = now
         noise = NOISE_M_S**2 + sigma_m_s**2
         if self._ahead is None:
-            self._ahead = _Filter(own_speed_m_s, TRAFFIC_M_S**2)
+            self._ahead = _SpeedAhead(own_speed_m_s)
             seconds = 0.0
-        by_itself = self._ahead.update(speed_m_s, noise, WANDER_M_S**2 * seconds)
+        by_itself = self._ahead.update(speed_m_s, noise, seconds)
         for vehicle in self._vehicles.values():
             if vehicle.offsets:
                 self._compare(vehicle, speed_m_s, noise, by_itself, now)
@@ -181,7 +207,9 @@ class MotionMatch:
             on_air_m_s = _speed_at(vehicle.speeds, now - delay_s)
             if on_air_m_s is None:
                 continue
-            likelihood = vehicle.offsets[index].update(speed_m_s - on_air_m_s, noise, 0.0)
+            likelihood = vehicle.offsets[index].update(
+                speed_m_s - on_air_m_s, noise, WANDERS_M_S[0] ** 2 * SAMPLE_S
+            )
             step = min(max(likelihood - by_itself, -MAX_STEP), MAX_STEP)
             vehicle.evidence[index] = min(
                 max(vehicle.evidence[index] + step, MIN_EVIDENCE), MAX_EVIDENCE
@@ -199,6 +227,12 @@ def _speed_at(speeds: deque[tuple[float, float]], at_s: float) -> float | None:
             share = (at_s - before_s) / (after_s - before_s)
             return before_m_s + share * (after_m_s - before_m_s)
     return None
+
+
+def _log_mean(logs: Sequence[float]) -> float:
+    """Logarithm of the mean of the values whose logarithms are given."""
+    highest = max(logs)
+    return highest + math.log(sum(math.exp(each - highest) for each in logs) / len(logs))
 
 
 def _log_density(difference: float, variance: float) -> float:

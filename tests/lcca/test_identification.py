@@ -1,0 +1,266 @@
+"""Who is ahead: inquiries, answers, and the decision."""
+
+import numpy as np
+import pytest
+
+from onboard.lcca.events import CandidateCar, Identified, IdentityLost, Inquired, TrackedVehicle
+from onboard.lcca.identification import ASK_HEADWAY_S, RETRY_MAX_S, RETRY_S, Identification
+from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, Inquiry, decode, encode
+from onboard.observations import Discarded
+
+OWN, AHEAD, TWIN, FAR = b"own-0000", b"ahead-00", b"twin-000", b"far-0000"
+TEMPORARY = {OWN: b"t-ow", AHEAD: b"t-ah", TWIN: b"t-tw", FAR: b"t-fa"}
+SPEED_M_S = 20.0
+FRAME_S = 0.1
+
+
+def candidate(car_id: bytes, probability: float) -> CandidateCar:
+    return CandidateCar(f"TEXT{car_id[:1].decode().upper()}", car_id, probability)
+
+
+class Drive:
+    """One vehicle's identification, fed by hand at 10 images a second."""
+
+    def __init__(self) -> None:
+        self.core = Identification(OWN, TEMPORARY[OWN], np.random.default_rng(1))
+        self.now = 0.0
+        self.events: list[object] = []
+        self.inquiries: list[Inquiry] = []
+
+    def look(
+        self,
+        *candidates: CandidateCar,
+        seconds: float = FRAME_S,
+        track_id: int = 1,
+        gap_m: float = 25.0,
+        ahead_m_s: float = SPEED_M_S,
+        answering: dict[bytes, float] | None = None,
+    ) -> None:
+        """Look at a lead for some time while others answer inquiries at their speeds."""
+        for _ in range(round(seconds / FRAME_S)):
+            self.core.receive_speed(SPEED_M_S, self.now)
+            for car_id, speed_m_s in (answering or {}).items():
+                temporary_id = TEMPORARY[car_id]
+                self.core.receive_speed_on_air(temporary_id, temporary_id, speed_m_s, self.now)
+            lead = TrackedVehicle(track_id, gap_m, SPEED_M_S - ahead_m_s, 0.3, candidates)
+            self.core.receive_lead(lead, self.now)
+            self.settle(answering or {})
+            self.now += FRAME_S
+
+    def settle(self, answering: dict[bytes, float]) -> None:
+        for message in self.core.messages_to_send():
+            assert isinstance(message, Inquiry)
+            self.inquiries.append(message)
+            for car_id, speed_m_s in answering.items():
+                if {car_id[:NAME_BYTES], TEMPORARY[car_id]} & set(message.names):
+                    self.answer(message, car_id, speed_m_s)
+        while (event := self.core.next_event()) is not None:
+            self.events.append(event)
+
+    def answer(self, inquiry: Inquiry, car_id: bytes, speed_m_s: float = SPEED_M_S) -> None:
+        answer = Answer(car_id, OWN, inquiry.sequence, TEMPORARY[car_id], speed_m_s)
+        self.core.receive_message(answer, None, self.now)
+
+    @property
+    def identified(self) -> bytes | None:
+        identity = self.core.identity
+        return None if identity is None else identity.car_id
+
+    def discarded(self) -> list[str]:
+        self.settle({})
+        return [event.reason for event in self.events if isinstance(event, Discarded)]
+
+
+@pytest.mark.parametrize("probability", [0.98, 0.5, 0.1])
+def test_the_car_that_answers_is_identified_though_its_text_is_doubtful(probability: float) -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, probability), seconds=0.5, answering={AHEAD: SPEED_M_S})
+    assert drive.identified == AHEAD
+    (event,) = [each for each in drive.events if isinstance(each, Identified)]
+    assert (event.text, event.cause) == ("TEXTA", "answer")
+
+
+def test_a_sharp_text_is_asked_for_and_believed_with_the_first_image() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.9995), answering={AHEAD: SPEED_M_S})
+    assert drive.identified == AHEAD
+
+
+def test_a_doubtful_text_is_asked_for_twice_before_it_is_believed() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.98), answering={AHEAD: SPEED_M_S})
+    assert drive.identified is None
+    drive.look(candidate(AHEAD, 0.98), seconds=0.3, answering={AHEAD: SPEED_M_S})
+    assert drive.identified == AHEAD
+
+
+def test_what_nobody_answers_to_stays_unknown_and_is_asked_ever_more_rarely() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.98), seconds=10.0)
+    assert drive.identified is None
+    times = [event.stamp_s for event in drive.events if isinstance(event, Inquired)]
+    waits = np.diff(times)
+    assert RETRY_S <= waits[0] <= 2 * RETRY_S + FRAME_S
+    assert RETRY_MAX_S <= waits[-1] <= RETRY_MAX_S + 2 * FRAME_S
+    assert len(times) < 16
+
+
+def test_a_car_that_answers_but_drives_otherwise_is_not_believed() -> None:
+    drive = Drive()
+    drive.look(candidate(TWIN, 0.95), seconds=5.0, answering={TWIN: SPEED_M_S + 6.0})
+    assert drive.identified is None
+
+
+def test_two_answers_stay_undecided_until_the_texts_or_the_speeds_tell() -> None:
+    drive = Drive()
+    both = {AHEAD: SPEED_M_S, TWIN: SPEED_M_S}
+    drive.look(candidate(AHEAD, 0.6), candidate(TWIN, 0.3), seconds=3.0, answering=both)
+    assert drive.identified is None
+    drive.look(candidate(AHEAD, 0.9995), candidate(TWIN, 1e-5), seconds=0.2, answering=both)
+    assert drive.identified == AHEAD
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.3), candidate(TWIN, 0.6), seconds=1.0, answering=both)
+    apart = {AHEAD: 16.0, TWIN: SPEED_M_S}
+    drive.look(
+        candidate(AHEAD, 0.3), candidate(TWIN, 0.6), seconds=3.0, ahead_m_s=16.0, answering=apart
+    )
+    assert drive.identified == AHEAD
+
+
+def test_readings_of_a_tracked_car_change_nothing_once_it_is_identified() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.9995), answering={AHEAD: SPEED_M_S, TWIN: SPEED_M_S})
+    drive.look(candidate(TWIN, 0.98), seconds=10.0, answering={AHEAD: SPEED_M_S, TWIN: SPEED_M_S})
+    assert drive.identified == AHEAD
+    drive.look(seconds=10.0, answering={AHEAD: SPEED_M_S})
+    assert drive.identified == AHEAD
+
+
+def test_another_track_has_no_identity_and_a_former_one_has_its_own_again() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.9995), answering={AHEAD: SPEED_M_S})
+    drive.look(track_id=2, seconds=1.0)
+    assert drive.identified is None
+    drive.look(track_id=1)
+    assert drive.identified == AHEAD
+    drive.core.receive_lead(None, drive.now)
+    assert drive.identified is None
+
+
+def test_a_car_that_ceases_to_move_as_the_one_ahead_is_dropped_within_seconds() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.98), seconds=5.0, answering={AHEAD: SPEED_M_S})
+    drive.look(
+        candidate(TWIN, 0.98), seconds=3.0, ahead_m_s=13.0, answering={AHEAD: SPEED_M_S, TWIN: 13.0}
+    )
+    assert any(isinstance(each, IdentityLost) and each.cause == "refuted" for each in drive.events)
+    assert drive.identified == TWIN
+
+
+def test_hard_braking_does_not_refute_a_car_whose_bsms_are_late() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.98), seconds=3.0, answering={AHEAD: SPEED_M_S})
+    speeds = [max(2.0, SPEED_M_S - 0.7 * step) for step in range(60)]
+    for step, speed_m_s in enumerate(speeds):
+        drive.look(
+            candidate(AHEAD, 0.98),
+            ahead_m_s=speed_m_s,
+            answering={AHEAD: speeds[max(0, step - 3)]},
+        )
+        assert drive.identified == AHEAD
+
+
+def test_a_car_whose_plate_is_never_read_is_identified_by_its_motion() -> None:
+    drive = Drive()
+    for step in range(400):
+        speed_m_s = SPEED_M_S + 2.0 * np.sin(step / 30.0)
+        drive.look(ahead_m_s=speed_m_s, answering={AHEAD: speed_m_s, FAR: SPEED_M_S})
+    assert drive.identified == AHEAD
+    assert drive.inquiries[-1].names == (TEMPORARY[AHEAD],)
+    assert any(isinstance(each, Identified) and each.cause == "motion" for each in drive.events)
+
+
+def test_nothing_is_asked_far_ahead_at_a_standstill_and_for_the_own_plate() -> None:
+    far = Drive()
+    far.look(candidate(AHEAD, 0.9), seconds=2.0, gap_m=ASK_HEADWAY_S * SPEED_M_S)
+    own = Drive()
+    own.look(candidate(OWN, 0.9), seconds=2.0)
+    still = Drive()
+    still.core.receive_speed(0.0, 0.0)
+    still.core.receive_lead(TrackedVehicle(1, 5.0, 0.0, 0.3, (candidate(AHEAD, 0.9),)), 0.0)
+    assert far.inquiries == own.inquiries == still.core.messages_to_send() == []
+
+
+def test_an_inquiry_names_at_most_16_texts_and_none_twice() -> None:
+    drive = Drive()
+    cars = [f"{number % 20:04d}{number:04d}".encode() for number in range(40)]
+    drive.look(*(candidate(car_id, 0.02) for car_id in cars))
+    (inquiry,) = drive.inquiries
+    assert len(inquiry.names) == len(set(inquiry.names)) == MAX_NAMES
+    assert decode(encode(inquiry)) == inquiry
+
+
+def test_a_car_answers_for_its_plate_and_for_its_bsms_with_its_speed() -> None:
+    drive = Drive()
+    drive.core.receive_speed(12.0, 0.0)
+    for now, name in ((0.0, OWN[:NAME_BYTES]), (1.0, TEMPORARY[OWN])):
+        drive.core.receive_message(Inquiry(AHEAD, 7, (b"none", name)), None, now)
+        speed_m_s = 12.0 if now < 1.0 else None
+        assert drive.core.messages_to_send() == [Answer(OWN, AHEAD, 7, TEMPORARY[OWN], speed_m_s)]
+    drive.core.receive_message(Inquiry(AHEAD, 8, (b"none",)), None, 2.0)
+    assert drive.core.messages_to_send() == []
+
+
+def test_inquiries_that_come_too_often_are_not_answered() -> None:
+    drive = Drive()
+    for step in range(100):
+        drive.core.receive_message(Inquiry(AHEAD, step, (OWN[:NAME_BYTES],)), None, step * 0.01)
+    assert len(drive.core.messages_to_send()) <= 13
+    assert set(drive.discarded()) == {"too_often"}
+
+
+def test_what_was_not_asked_is_discarded() -> None:
+    drive = Drive()
+    drive.answer(Inquiry(OWN, 9, (AHEAD[:4],)), AHEAD)
+    assert drive.discarded() == ["not_asked"]
+    drive.look(candidate(AHEAD, 0.9))
+    drive.answer(drive.inquiries[-1], TWIN)  # has a name that was not in the inquiry
+    drive.core.receive_message(Answer(OWN, OWN, 1, TEMPORARY[OWN], 20.0), None, drive.now)
+    assert drive.discarded() == ["not_asked", "not_asked", "own_echo"]
+    assert drive.identified is None
+
+
+def test_an_answer_after_the_lead_has_changed_identifies_nobody() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.98))
+    drive.look(candidate(TWIN, 0.98), track_id=2)
+    drive.answer(drive.inquiries[0], AHEAD)
+    assert drive.identified is None
+
+
+def test_two_signers_that_answer_with_one_id_are_told_by_their_speeds() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.98))
+    inquiry = drive.inquiries[-1]
+    for signer, speed_m_s in ((b"honest", SPEED_M_S), (b"forger", SPEED_M_S - 8.0)):
+        answer = Answer(AHEAD, OWN, inquiry.sequence, signer[:4], speed_m_s)
+        drive.core.receive_message(answer, signer, drive.now)
+    drive.look(candidate(AHEAD, 0.98))
+    for _ in range(30):
+        drive.core.receive_speed_on_air(b"honest", b"hone", SPEED_M_S, drive.now)
+        drive.core.receive_speed_on_air(b"forger", b"forg", SPEED_M_S - 8.0, drive.now)
+        drive.look(candidate(AHEAD, 0.98))
+    assert drive.identified == AHEAD
+
+
+def test_after_a_change_of_ids_an_identified_car_is_asked_again_for_its_bsms() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.98), seconds=3.0, answering={AHEAD: SPEED_M_S})
+    asked = len(drive.inquiries)
+    drive.core.set_own_id(b"own-1111", b"t-o1", drive.now)
+    renamed = CandidateCar("TEXTA", b"ahead-11", 0.98)
+    drive.look(renamed, seconds=6.0)
+    assert drive.core.identity is not None
+    assert drive.core.identity.text == "TEXTA"
+    assert len(drive.inquiries) > asked
+    assert drive.inquiries[-1].names == (b"ahea",)
