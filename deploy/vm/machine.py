@@ -26,7 +26,7 @@ class MachineError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Finished:
     """Result of a command, with times of the guest's monotonic clock."""
 
     code: int
@@ -92,7 +92,7 @@ class Machine:
             self._process.kill()
             raise
 
-    def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Answer:
+    def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Finished:
         """Run a command in the guest's bash as root.
 
         Args:
@@ -105,7 +105,7 @@ class Machine:
         """
         request = {"command": command, "timeout_s": timeout_s or self._timeout_s}
         self._wire.sendall(json.dumps(request).encode() + b"\n")
-        answer = Answer(**json.loads(self._read_line()))
+        answer = Finished(**json.loads(self._read_line()))
         if check and answer.code != 0:
             raise MachineError(f"{command}: exit code {answer.code}: {answer.output[-2000:]}")
         return answer

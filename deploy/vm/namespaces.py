@@ -9,7 +9,7 @@ import subprocess
 import time
 from pathlib import Path
 
-from deploy.vm.machine import COUNTED_S, Answer, MachineError
+from deploy.vm.machine import COUNTED_S, Finished, MachineError
 
 BOOT = """
 set -e
@@ -80,7 +80,7 @@ class Namespaces:
         state = self.run("systemctl is-system-running", check=False).output.strip()
         return state in {"running", "degraded"}
 
-    def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Answer:
+    def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Finished:
         """Run a command in bash as root.
 
         Args:
@@ -104,7 +104,7 @@ class Namespaces:
             timeout=timeout_s or COUNTED_S,
             check=False,
         )
-        answer = Answer(done.returncode, done.stdout, began_s, time.monotonic())
+        answer = Finished(done.returncode, done.stdout, began_s, time.monotonic())
         if check and answer.code != 0:
             raise MachineError(f"{command}: exit code {answer.code}: {answer.output[-2000:]}")
         return answer

@@ -61,7 +61,7 @@ _UNLIKELY = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Identity:
+class CarIdentity:
     """The car ahead."""
 
     car_id: CarId
@@ -79,7 +79,7 @@ class _Track:
     """Communication IDs of the cars that answered, by sender."""
     asked: set[CarId] = field(default_factory=set)
     inquiries: int = 0
-    identity: Identity | None = None
+    identity: CarIdentity | None = None
     sender: bytes | None = None
     """The identified car, as its BSMs name it."""
 
@@ -111,7 +111,7 @@ class Identification(Core):
         self._events: deque[Inquired | Identified | IdentityLost | Discarded] = deque()
 
     @property
-    def identity(self) -> Identity | None:
+    def identity(self) -> CarIdentity | None:
         """The car ahead, as far as it is known."""
         track = self._track
         return None if track is None else track.identity
@@ -237,8 +237,8 @@ class Identification(Core):
         if now >= self._speed_until or lead.gap_m >= ASK_HEADWAY_S * self._speed_m_s:
             return []
         if track.identity is not None:
-            is_heard = track.sender is not None and self._motion.is_heard(track.sender)
-            if is_heard or track.identity.text is None:
+            is_on_air = track.sender is not None and self._motion.is_on_air(track.sender)
+            if is_on_air or track.identity.text is None:
                 return []
             return [
                 each.car_id[:NAME_BYTES]
@@ -326,7 +326,7 @@ class Identification(Core):
         if probability < BELIEF or (is_by_text and not self._have_all_answered(track, lead, now)):
             return
         text = _text_of(car_id, lead)
-        track.identity, track.sender = Identity(car_id, text), sender
+        track.identity, track.sender = CarIdentity(car_id, text), sender
         cause = "answer" if is_by_text else "motion"
         self._events.append(Identified(now, track.track_id, car_id, text, probability, cause))
 

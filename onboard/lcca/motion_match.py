@@ -176,7 +176,7 @@ class MotionMatch:
         vehicle = self._vehicles.get(name)
         return 0.0 if vehicle is None else vehicle.decline
 
-    def is_heard(self, name: bytes) -> bool:
+    def is_on_air(self, name: bytes) -> bool:
         """Whether the vehicle has sent its speed lately."""
         return name in self._vehicles
 

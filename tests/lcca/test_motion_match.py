@@ -96,7 +96,7 @@ def test_a_restart_keeps_the_speeds_and_drops_the_evidence() -> None:
     drive(match, 15.0)
     match.restart()
     assert match.log_ratio(AHEAD) == match.decline(AHEAD) == 0.0
-    assert match.is_heard(AHEAD)
+    assert match.is_on_air(AHEAD)
 
 
 def test_the_evidence_is_bounded() -> None:
