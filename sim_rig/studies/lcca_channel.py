@@ -6,7 +6,7 @@ from itertools import count
 
 import numpy as np
 
-from onboard.messages.lcca import LccaMessage, encode
+from onboard.messages.lcca import GroupMessage, encode
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
@@ -52,10 +52,10 @@ class LossyChannel:
             ]
             for car in radios
         }
-        self._in_transmission: list[tuple[float, int, int, LccaMessage]] = []
+        self._in_transmission: list[tuple[float, int, int, GroupMessage]] = []
         self._order = count()
 
-    def send(self, car: int, message: LccaMessage, now: float) -> None:
+    def send(self, car: int, message: GroupMessage, now: float) -> None:
         """Broadcast a message.
 
         Args:
@@ -68,7 +68,7 @@ class LossyChannel:
                 self._in_transmission, (now + _TRANSMISSION_S, next(self._order), other, message)
             )
 
-    def received(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:
+    def received(self, now: float) -> Iterator[tuple[GroupMessage, list[int]]]:
         """The messages received until `now`, each with its receivers."""
         while self._in_transmission and self._in_transmission[0][0] <= now:
             _, _, car, message = heapq.heappop(self._in_transmission)
@@ -130,18 +130,18 @@ class PlatoonChannel:
         names = tuple(map(str, range(len(positions_m)))) + tuple(others)
         # All cars have the same speed, so their relative positions are constant.
         cars = Cars(0.0, names, np.stack([x, y], axis=1), *np.zeros((3, n)), *np.full((2, n), 2.0))
-        self._channel: StudyChannel[LccaMessage | None] = StudyChannel(
+        self._channel: StudyChannel[GroupMessage | None] = StudyChannel(
             settings, names_with_radio, rng
         )
         self._channel.place(cars)
-        self._waiting: list[tuple[float, int, str, LccaMessage | None]] = []
+        self._waiting: list[tuple[float, int, str, GroupMessage | None]] = []
         self._order = count()
         for name in names_with_radio:
             self._wait(float(rng.uniform(0.0, _BSM_INTERVAL_S)), name, None)
         # Real cars are not synchronised; delay each car's messages by its own part of a step.
         self._phase_s = {name: float(rng.uniform(0.0, CHANNEL_STEP_S)) for name in names_with_radio}
 
-    def send(self, car: int, message: LccaMessage, now: float) -> None:
+    def send(self, car: int, message: GroupMessage, now: float) -> None:
         """Queue a message in a radio.
 
         Args:
@@ -151,7 +151,7 @@ class PlatoonChannel:
         """
         self._wait(now - self._begin_s + self._phase_s[str(car)], str(car), message)
 
-    def received(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:
+    def received(self, now: float) -> Iterator[tuple[GroupMessage, list[int]]]:
         """The LCCA messages received until `now`, each with its receivers in the platoon."""
         since_s = now - self._begin_s
         while self._waiting and self._waiting[0][0] <= since_s:
@@ -166,5 +166,5 @@ class PlatoonChannel:
             if message is not None:
                 yield message, [self._numbers[name] for name in receivers if name in self._numbers]
 
-    def _wait(self, at_s: float, name: str, message: LccaMessage | None) -> None:
+    def _wait(self, at_s: float, name: str, message: GroupMessage | None) -> None:
         heapq.heappush(self._waiting, (at_s, next(self._order), name, message))
