@@ -238,7 +238,7 @@ def test_an_answer_after_the_lead_has_changed_identifies_nobody() -> None:
     assert drive.identified is None
 
 
-def test_two_signers_that_answer_with_one_id_are_told_by_their_speeds() -> None:
+def test_two_signers_that_answer_with_one_id_are_separated_by_their_speeds() -> None:
     drive = Drive()
     drive.look(candidate(AHEAD, 0.98))
     inquiry = drive.inquiries[-1]
