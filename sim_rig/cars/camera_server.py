@@ -21,7 +21,7 @@ from aiohttp import web
 
 from onboard.hmi.feed import Feed
 from onboard.vision.settings import CameraSettings
-from sim_rig.cars.camera_view import FPS, LENS, CameraView
+from sim_rig.cars.camera_view import FPS, CameraView, calibration
 from sim_rig.rendering.scene import CameraRenderer
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario.schema import Scenario, load_scenario
@@ -43,7 +43,8 @@ class Camera:
         """
         self._rng = np.random.default_rng(seed)
         self._view = CameraView(scenario, BreakpointRoad(scenario), car, self._rng)
-        self._picture = CameraRenderer(CameraSettings(source="rig", **LENS.model_dump()))
+        lens = calibration(scenario.lens)
+        self._picture = CameraRenderer(CameraSettings(source="rig", **lens.model_dump()))
         self._last: bytes = b""
 
     def jpeg(self, at_s: float) -> bytes:

@@ -13,34 +13,32 @@ from sim_rig.rendering.scene import Scene, SceneCar
 from sim_rig.roads.road import Road
 from sim_rig.scenario.faults import PlateMisread
 from sim_rig.scenario.schema import Scenario
+from sim_rig.scenario.sensor_settings import LensSettings
 
 FPS = 10.0
 """Frame rate of the rig's cameras."""
 
-LENS = Calibration(
-    width_px=640,
-    height_px=360,
-    focal_x_px=1600.0,
-    focal_y_px=1600.0,
-    principal_x_px=320.0,
-    principal_y_px=180.0,
-    mounting_height_m=1.3,
-    pitch_rad=0.04,
-    yaw_rad=0.0,
-)
-"""Calibration of all cameras of the rig, with a field of view of 23 degrees for reading plates. A
-European plate is 55 px wide at 15 m, and two cores are enough for four daemons."""
 
-SMALL_LENS = LENS.model_copy(
-    update={
-        "width_px": 320,
-        "height_px": 180,
-        "focal_x_px": 800.0,
-        "focal_y_px": 800.0,
-        "principal_x_px": 160.0,
-        "principal_y_px": 90.0,
-    }
-)
+def calibration(lens: LensSettings) -> Calibration:
+    """Calibration of a camera of the rig with this lens."""
+    height_px = lens.width_px * 9 // 16
+    return Calibration(
+        width_px=lens.width_px,
+        height_px=height_px,
+        focal_x_px=lens.focal_px,
+        focal_y_px=lens.focal_px,
+        principal_x_px=lens.width_px / 2,
+        principal_y_px=height_px / 2,
+        mounting_height_m=1.3,
+        pitch_rad=0.04,
+        yaw_rad=0.0,
+    )
+
+
+LENS = calibration(LensSettings())
+"""Calibration of the rig's cameras where a scenario names no lens."""
+
+SMALL_LENS = calibration(LensSettings(width_px=320, focal_px=800.0))
 """The same at half the resolution, for machines with other load."""
 
 SIGHT_M = 120.0

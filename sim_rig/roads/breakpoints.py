@@ -1,4 +1,4 @@
-"""Motion of a scenario's cars: speed and lane at breakpoints."""
+"""Motion of a scenario's cars: speed and lane at breakpoints, or a recorded trajectory."""
 
 from collections.abc import Mapping
 
@@ -7,6 +7,8 @@ from typing_extensions import override
 from sim_rig.roads.path import Path, heading_rad
 from sim_rig.roads.piecewise_linear import PiecewiseLinear
 from sim_rig.roads.road import CarState, Road
+from sim_rig.roads.trace_files import read_trace
+from sim_rig.roads.trajectory_drive import TrajectoryDrive
 from sim_rig.scenario.schema import RoadSettings, Scenario, ScenarioCar
 
 
@@ -14,8 +16,12 @@ class BreakpointRoad(Road):
     """Evaluates the breakpoints exactly, at any times in any order."""
 
     def __init__(self, scenario: Scenario) -> None:
+        files = {car.trajectory for car in scenario.cars.values() if car.trajectory is not None}
+        traces = {file: read_trace(file) for file in files}
         self._cars = {
             name: _Drive(car, scenario.roads[car.road], scenario.lane_width_m)
+            if car.trajectory is None
+            else TrajectoryDrive(traces[car.trajectory].drive(name), car.height_m)
             for name, car in scenario.cars.items()
         }
         self._at_s = -1.0
@@ -34,7 +40,7 @@ class BreakpointRoad(Road):
 
 
 class _Drive:
-    """Motion of one car."""
+    """Motion of one car by its breakpoints."""
 
     def __init__(self, car: ScenarioCar, road: RoadSettings, lane_width_m: float) -> None:
         self._car = car

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from typing_extensions import override
 
+from onboard.errors import UserError
 from sim_rig.roads.cars import Array, Cars, Traffic
 
 STEP_S = 0.1
@@ -59,6 +60,18 @@ class RecordedTraffic(Traffic):
     def end_s(self) -> float:
         """Time of the last sample, s."""
         return float(self._last.max(initial=0)) * STEP_S
+
+    def drive(self, name: str) -> Trajectory:
+        """Return one trajectory.
+
+        Raises:
+            UserError: none has this name.
+        """
+        found = next((drive for drive in self.drives if drive.name == name), None)
+        if found is None:
+            names = ", ".join(drive.name for drive in self.drives)
+            raise UserError(f"no car {name!r} in the recording; cars: {names}")
+        return found
 
     def there(self, at_s: float) -> list[int]:
         """Indices of the trajectories that cover `at_s`."""

@@ -1,4 +1,4 @@
-"""Reads trace files: ns-2 setdest, SUMO's floating car data, and plain CSV; also as `.gz`.
+"""Reads trace files: ns-2 setdest, SUMO's floating car data, plain CSV, OpenACC; also as `.gz`.
 
 Samples are resampled to the recording's interval. A file with gaps, jumps, one name for two cars or
 decreasing times is refused with the place of the error.
@@ -11,6 +11,7 @@ import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import IO
 from xml.etree import ElementTree as ET
@@ -19,6 +20,7 @@ import numpy as np
 
 from onboard.errors import UserError
 from sim_rig.roads.cars import Array
+from sim_rig.roads.openacc import FIRST_WORD, read_platoon
 from sim_rig.roads.recording import STEP_S, RecordedTraffic, Trajectory
 
 LENGTH_M, WIDTH_M = 4.5, 1.8
@@ -243,13 +245,21 @@ _COLUMNS = {"t": "t", "id": "id", "vin": "id", "x": "x", "y": "y", "heading": "h
     "length": "length",
     "width": "width",
 }
-_NEEDED = ("t", "id", "x", "y", "heading", "v")
+_NEEDED = ("t", "id", "x", "v")
+_OPTIONAL = ("y", "heading")
 _ONCE_AROUND = 2.0 * math.pi + 1e-3
 
 
 def _read_csv(file: IO[str], origin: str) -> RecordedTraffic:
-    """Read CSV: t, id (or vin), x, y of the front bumper, heading, v (or speed); length, width."""
-    rows = csv.DictReader(file)
+    """Read CSV: t, id (or vin), x, y of the front bumper, heading, v (or speed); length, width.
+
+    Without y and heading, all cars drive along one lane. A file of OpenACC is a CSV, too.
+    """
+    lines = iter(file)
+    first = next(lines, "")
+    if first.startswith(f"{FIRST_WORD},"):
+        return _recording(read_platoon(chain([first], lines), origin), origin)
+    rows = csv.DictReader(chain([first], lines))
     given = [name for name in rows.fieldnames or () if name in _COLUMNS]
     names = {_COLUMNS[name]: name for name in given}
     if len(given) > len(names):
@@ -263,7 +273,8 @@ def _read_csv(file: IO[str], origin: str) -> RecordedTraffic:
         if None in row.values() or None in row:
             raise TraceError(f"{origin}, line {number}: fields do not match columns")
         try:
-            at_s, x, y, heading, v = (float(row[names[key]]) for key in _NEEDED if key != "id")
+            at_s, x, v = (float(row[names[key]]) for key in _NEEDED if key != "id")
+            y, heading = (float(row[names[key]]) if key in names else 0.0 for key in _OPTIONAL)
             sizes = {key: float(row[names[key]]) for key in ("length", "width") if key in names}
         except ValueError as error:
             raise TraceError(f"{origin}, line {number}: {error}") from error

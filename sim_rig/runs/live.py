@@ -21,7 +21,7 @@ from onboard.obd.can_frame import CanFrame
 from onboard.security.key_files import write_credentials
 from onboard.tools.test_ca.authority import make_trial
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
-from sim_rig.cars.camera_view import LENS
+from sim_rig.cars.camera_view import calibration
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.socketcand_server import SocketcandServer
@@ -165,7 +165,8 @@ class LiveTestbench:
         self.pages[car] = f"http://127.0.0.1:{page_port}/"
         interfaces: dict[str, object] = {
             "can": {"channel": "can0", "port": await self._start_bus(car)},
-            "camera": {"source": f"http://127.0.0.1:{camera_port}/{car}"} | LENS.model_dump(),
+            "camera": {"source": f"http://127.0.0.1:{camera_port}/{car}"}
+            | calibration(self._scenario.lens).model_dump(),
             "radio": {
                 "endpoint": "iwcu",
                 "listen_port": listen_port,

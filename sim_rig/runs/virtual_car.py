@@ -18,7 +18,7 @@ from onboard.settings import parse_settings
 from onboard.step import Input, Observation, ReceivedWsm, SentWsm
 from onboard.trace.trace_line import as_trace_record
 from sim_rig.cars.camera_model import CameraModel
-from sim_rig.cars.camera_view import FPS, CameraView
+from sim_rig.cars.camera_view import FPS, CameraView, calibration
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.udp_line import Device
@@ -88,7 +88,11 @@ class VirtualCar:
         self._waiting: list[bytes] = []
         phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)
         self._camera = CameraModel(
-            CameraView(scenario, road, name, camera_rng), config.vision, phase_s, camera_rng
+            CameraView(scenario, road, name, camera_rng),
+            config.vision,
+            phase_s,
+            camera_rng,
+            calibration(scenario.lens),
         )
         self._ecu = FaultyEcu(
             scenario,

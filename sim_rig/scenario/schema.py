@@ -18,7 +18,7 @@ from sim_rig.scenario.expectations import Expectation
 from sim_rig.scenario.faults import Fault, PlateMisread
 from sim_rig.scenario.field_types import CarName, PlateText, RoadName, Seconds
 from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
-from sim_rig.scenario.sensor_settings import ReceiverSettings, VehicleCameraSettings
+from sim_rig.scenario.sensor_settings import LensSettings, ReceiverSettings, VehicleCameraSettings
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 """The scenarios that come with the rig."""
@@ -90,10 +90,13 @@ class ScenarioCar(Settings):
     equipped: bool = True
     """Whether it runs `onboard`; other cars have no radio."""
     road: RoadName = "road"
-    start_m: float
+    start_m: float = 0.0
     """Position of its front bumper along its road at the start of the scenario."""
     lane: LaneCourse = ((0.0, 1.0),)
-    speed_m_s: SpeedCourse
+    speed_m_s: SpeedCourse = ((0.0, 0.0),)
+    trajectory: Path | None = None
+    """Trace file with a car of this name, instead of `start_m`, `lane` and `speed_m_s`: it drives
+    as recorded. A relative path is relative to the folder in which the rig is started."""
     length_m: float = Field(default=4.5, gt=1.0, le=20.0)
     width_m: float = Field(default=1.8, gt=0.5, le=3.0)
     height_m: float = Field(default=1.5, gt=0.5, le=4.0)
@@ -101,6 +104,15 @@ class ScenarioCar(Settings):
 
     access: AccessSettings = AccessSettings()
     """Driver-based channel access."""
+
+    @model_validator(mode="after")
+    def _has_one_motion(self) -> Self:
+        given = self.model_fields_set & {"start_m", "lane", "speed_m_s"}
+        if self.trajectory is not None and given:
+            raise ValueError(f"trajectory excludes {', '.join(sorted(given))}")
+        if self.trajectory is None and not {"start_m", "speed_m_s"} <= given:
+            raise ValueError("either start_m and speed_m_s, or a trajectory")
+        return self
 
     @property
     def identity(self) -> str:
@@ -119,6 +131,7 @@ class Scenario(Settings):
     """Default: one road that leads east."""
     lane_width_m: float = Field(default=3.5, gt=2.0, le=6.0)
     radio: AirSettings
+    lens: LensSettings = LensSettings()
     gnss: ReceiverSettings | None = None
     """GNSS receiver of every equipped car; without it, no car has a position."""
     detector: VehicleCameraSettings | None = None

@@ -1,8 +1,18 @@
-"""Settings of the GNSS receivers and vehicle detectors of a scenario's cars."""
+"""Settings of the cameras, GNSS receivers and vehicle detectors of a scenario's cars."""
 
 from pydantic import Field
 
 from onboard.settings import Settings
+
+
+class LensSettings(Settings):
+    """Lens of every car's plate camera; the image is 16:9."""
+
+    width_px: int = Field(640, ge=160, le=3840, multiple_of=16)
+    """Width of the image."""
+    focal_px: float = Field(1600.0, ge=200.0, le=20_000.0)
+    """Focal length. The default has a field of view of 23 degrees for reading plates: a European
+    plate is 55 px wide at 15 m, and two cores are enough for four daemons."""
 
 
 class ReceiverSettings(Settings):

@@ -28,6 +28,7 @@ _CAMPAIGNS = {
     "lcca-chain": "lcca_chain:chain:ChainSettings",
     "mvs-figure3": "mvs_collisions:figure3:Figure3Settings",
     "mvs-figure9": "mvs_collisions:figure9:CollisionSettings",
+    "platoons": "platoons:run:PlatoonSettings",
     "soak": "soak:run:SoakSettings",
     "mvs-figure8": "mvs_sharing:figure8:SharingSettings",
     "mvs-table1": "mvs_sharing:table1:Table1Settings",

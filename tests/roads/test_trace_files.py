@@ -106,7 +106,7 @@ FCD = '<fcd-export><timestep time="1"/><timestep time="{}"/></fcd-export>'
         ),
         ("nowhere.csv", HEAD + "0,a,nan,0,0,5,4,2\n", "car a has no finite state at 0 s"),
         ("number.csv", HEAD + "0,a,here,0,0,5,4,2\n", "line 2: could not convert"),
-        ("columns.csv", "t,x,y\n0,0,0\n", "no column id, heading, v"),
+        ("columns.csv", "t,x,y\n0,0,0\n", "no column id, v"),
         ("empty.csv", HEAD, "no car drives"),
         ("short.csv", HEAD + "0,a,0\n", "line 2: fields do not match columns"),
         ("long.csv", HEAD + "0,a,0,0,0,5,4,2,7\n", "line 2: fields do not match columns"),
