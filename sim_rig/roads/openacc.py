@@ -39,7 +39,7 @@ def read_platoon(lines: Iterator[str], origin: str) -> Iterator[Trajectory]:
     if "Time" not in columns:
         raise UserError(f"{origin}: no column Time")
     times_s = columns["Time"] - columns["Time"][0]
-    at_s = np.arange(int(times_s[-1] / STEP_S + 1e-6) + 1) * STEP_S
+    at_s: Array = np.arange(int(times_s[-1] / STEP_S + 1e-6) + 1, dtype=np.float64) * STEP_S
     front_m: Array = np.zeros(len(at_s))
     for number in count(1):
         if f"Speed{number}" not in columns:
