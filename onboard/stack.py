@@ -163,13 +163,18 @@ class Stack:
 
     @property
     def digest(self) -> PlateDigest:
-        """Plate digest, whose slow results the camera thread computes ahead."""
+        """Plate digest, whose slow results are derived ahead in a thread."""
         return self._digest
 
     @property
     def group(self) -> WarningGroup:
         """Warning group, for display."""
         return self._group
+
+    @property
+    def identification(self) -> Identification:
+        """Identification of the car ahead, for display."""
+        return self._identification
 
     @property
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:

@@ -1,7 +1,7 @@
 """Turns the events of the stack into views of the driver's page: the core, without I/O.
 
-Changes of alarms, of the group state and of lost sensors are shown at once, all else five times a
-second, which is as fast as a number can be read.
+Changes of alarms, of the group, of the lead's identity and of lost sensors are shown at once, all
+else five times a second, which is as fast as a number can be read.
 """
 
 import math
@@ -17,8 +17,9 @@ from onboard.hmi.driver_view import (
     VehicleOnMap,
 )
 from onboard.hmi.vehicle_map import VehicleMap
-from onboard.lcca.events import WarningRaised
+from onboard.lcca.events import Inquired, WarningRaised
 from onboard.lcca.group import WarningGroup
+from onboard.lcca.identification import CarIdentity
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import (
     DetectionList,
@@ -36,7 +37,10 @@ from onboard.trace.trace_line import Event
 
 SHOW_S = 0.2
 """Between two views without an urgent event."""
-_URGENT = frozenset({"alarm", "transition", "sensor_lost", "sensor_recovered", "recorder"})
+_URGENT = frozenset({
+    "alarm", "identified", "identity_lost", "recorder", "sensor_lost", "sensor_recovered",
+    "transition",
+})  # fmt: skip
 """Kinds of events that are shown at once."""
 _LEADER_ID_DIGITS = 4
 _SAME_VEHICLE_M = 5.0
@@ -79,6 +83,7 @@ class Display:
         self._lead: Lead | None = None
         self._detections: list[VehicleDetection] = []
         self._objects: Sequence[PerceivedObject] = ()
+        self._inquired: Inquired | None = None
         self._warning: WarningRaised | None = None
         self._alarms: dict[Cause, AlarmView] = {}
         self._in_alarm: dict[Cause, frozenset[str]] = {}
@@ -99,10 +104,10 @@ class Display:
                 self._detections.append(event)
             case DetectionList():
                 self._detections = list(event.cars)
-            case SensorLost():
-                self._lost[event.sensor] = event.reason
-            case SensorRecovered():
-                self._lost[event.sensor] = None
+            case SensorLost() | SensorRecovered():
+                self._lost[event.sensor] = event.reason if isinstance(event, SensorLost) else None
+            case Inquired():
+                self._inquired = event
             case WarningRaised():
                 self._warning = event
             case Alarm():
@@ -119,8 +124,16 @@ class Display:
         self._map.receive_host_vehicle(host)
         self._objects = objects
 
-    def view_to_show(self, group: WarningGroup, now: float) -> DriverView | None:
-        """Return a view if one is due."""
+    def view_to_show(
+        self, group: WarningGroup, identity: CarIdentity | None, now: float
+    ) -> DriverView | None:
+        """Return a view if one is due.
+
+        Args:
+            group: of the host vehicle.
+            identity: of the lead, if it is identified.
+            now: time of the view in s.
+        """
         if now < self._show_at:
             return None
         self._show_at = now + SHOW_S
@@ -133,7 +146,7 @@ class Display:
                 len(group.followers),
             ),
             speed_m_s=self._speed_m_s(now),
-            lead=self._lead_view(now),
+            lead=self._lead_view(identity, now),
             vehicles=tuple(self._vehicles(now)),
             alarms=tuple(sorted(self._alarms.values(), key=_urgency)),
             sensors=tuple(
@@ -180,12 +193,23 @@ class Display:
             return None
         return lead if now - lead.stamp_s <= self._lead_timeout_s else None
 
-    def _lead_view(self, now: float) -> LeadView | None:
+    def _lead_view(self, identity: CarIdentity | None, now: float) -> LeadView | None:
         lead, speed_m_s = self._present_lead(now), self._speed_m_s(now)
         if lead is None:
             return None
         safe_gap_m = None if speed_m_s is None else speed_m_s * self._safe_headway_s
-        return LeadView(lead.identity, lead.text, lead.gap_m, safe_gap_m, lead.closing_speed_m_s)
+        asked = self._inquired
+        if asked is not None and asked.track_id != lead.track_id:
+            asked = None
+        return LeadView(
+            identity=lead.identity if identity is None else LeadIdentity.KNOWN,
+            plate=lead.text if identity is None else identity.text,
+            names_asked=None if asked is None else asked.names,
+            is_answered=identity is not None,
+            gap_m=lead.gap_m,
+            safe_gap_m=safe_gap_m,
+            closing_speed_m_s=lead.closing_speed_m_s,
+        )
 
     def _vehicles(self, now: float) -> list[VehicleOnMap]:
         """Return the vehicles on the map without the lead vehicle, which is drawn by its gap."""

@@ -41,6 +41,12 @@ class LeadView:
 
     identity: LeadIdentity
     plate: str | None
+    """As its car answered, or as the camera is certain of it; `None` also where only its motion
+    identifies it."""
+    names_asked: int | None
+    """Texts in the last inquiry about it; `None` without one."""
+    is_answered: bool
+    """Whether its car is identified by radio."""
     gap_m: float | None
     safe_gap_m: float | None
     """Safety distance at the host vehicle's speed; `None` without a speed."""

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from onboard import psid
 from onboard.errors import DecodeError
 from onboard.lcca.group import WarningGroup
+from onboard.lcca.identification import Identification
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.recorder.identities import Aliases
 from onboard.recorder.records import RecordedMessage, StepEnd
@@ -64,6 +65,11 @@ class Tap:
     def group(self) -> WarningGroup:
         """See `Stack`."""
         return self._stack.group
+
+    @property
+    def identification(self) -> Identification:
+        """See `Stack`."""
+        return self._stack.identification
 
     @property
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:

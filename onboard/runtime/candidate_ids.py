@@ -41,6 +41,7 @@ class CandidateIds:
         self._own_plate = own_plate
         self._texts: tuple[str, ...] = ()
         """Of the newest lead: those of the lead before are no longer derived."""
+        self._identified: tuple[str, ...] = ()
         self._has_news = threading.Event()
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name="candidate-ids", daemon=True)
@@ -54,6 +55,10 @@ class CandidateIds:
         self._is_closed = True
         self._has_news.set()
         self._thread.join(JOIN_S)
+
+    def keep(self, text: str | None) -> None:
+        """Derive also the next ID of the identified car, whose text may cease to be a candidate."""
+        self._identified = () if text is None else (text,)
 
     def derived(self, lead: Lead, utc_s: float) -> Lead:
         """Return `lead` with only those candidates whose IDs are derived; plan the others.
@@ -86,7 +91,7 @@ class CandidateIds:
     def _run(self) -> None:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         while not self._is_closed:
-            texts = (self._own_plate, *self._texts)
+            texts = (self._own_plate, *self._identified, *self._texts)
             due = next_derivation(self._digest, texts, time.time())
             if due is None:
                 self._has_news.wait(EPOCH_AHEAD_S / 2)

@@ -65,6 +65,8 @@ class DriverPage:
         if not self._server.has_pages:
             return
         self._display.receive_surroundings(*self._stack.surroundings)
-        view = self._display.view_to_show(self._stack.group, now)
+        view = self._display.view_to_show(
+            self._stack.group, self._stack.identification.identity, now
+        )
         if view is not None:
             self._server.publish(as_line(view))

@@ -56,7 +56,7 @@ def shared_row() -> Iterator[Row]:
 def row(shared_row: Row) -> Row:
     """The shared row, reset to its initial state."""
     shared_row.camera_works, shared_row.plate_ahead = True, "RD288HX"
-    shared_row.detections = ()
+    shared_row.detections, shared_row.candidates = (), ()
     return shared_row
 
 
@@ -102,6 +102,18 @@ def test_the_page_shows_the_group_number_and_the_gap(page: Page) -> None:
     expect(page.locator("#road .plate-text")).to_have_text("RD288HX")
     expect(page.locator("#stale")).to_be_hidden()
     expect(page.locator("#alarm")).to_be_hidden()
+
+
+def test_a_plate_that_is_asked_for_is_shown_once_its_car_answers(page: Page, row: Row) -> None:
+    label = page.locator("#road").get_by_text("plates asked: 2", exact=True)
+
+    row.candidates = ("RD288NX", "R0288NX")
+    expect(label).to_be_visible()
+    expect(page.locator("#road .plate-text")).to_have_count(0)
+    row.candidates = ("RD288NX", "RD288HX")
+
+    expect(page.locator("#road .plate-text")).to_have_text("RD288HX")
+    expect(label).to_have_count(0)
 
 
 @pytest.mark.parametrize("size", [PHONE, PHONE_ON_ITS_SIDE, SMALL_SCREEN, DESKTOP])

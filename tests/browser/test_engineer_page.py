@@ -1,6 +1,7 @@
 """The engineer's page in a real browser, over a run in virtual time."""
 
 import asyncio
+import re
 import threading
 import time
 from collections.abc import Iterator
@@ -98,6 +99,7 @@ def test_a_jump_to_a_warning_shows_all_cars_at_that_time(page: Page) -> None:
     assert card(page, "red", ".state") == "MEMBER 2 behind green"
     assert card(page, "blue", ".state") == "MEMBER 3 behind green"
     assert card(page, "yellow", ".state") == "REGULAR"
+    assert re.search(r"asked: \d+ texts?, answered by RD288HX", card(page, "blue", ".numbers"))
     expect(page.locator("#events li.warning").first).to_contain_text("origin_id green")
     expect(page.locator("#events li.discarded").first).to_contain_text("warn from green")
     expect(page.locator("#sequence g.warn").first).to_be_visible()

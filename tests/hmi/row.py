@@ -15,7 +15,15 @@ import numpy as np
 
 from onboard.config import CarConfig
 from onboard.obd.settings import CanSettings
-from onboard.observations import Lead, LeadIdentity, Sensor, SensorLost, Speed, VehicleDetection
+from onboard.observations import (
+    Lead,
+    LeadIdentity,
+    PlateCandidate,
+    Sensor,
+    SensorLost,
+    Speed,
+    VehicleDetection,
+)
 from onboard.runtime.driver_page import DriverPage
 from onboard.settings import parse_settings
 from onboard.stack import Stack
@@ -46,6 +54,8 @@ class Row:
         self.plate_ahead: str | None = plates[-2] if len(plates) > 1 else None
         self.detections: tuple[tuple[float, float], ...] = ()
         """Further vehicles in the last camera's image: ahead and right, in m."""
+        self.candidates: tuple[str, ...] = ()
+        """Texts of the plate ahead of the last vehicle, if it is not read for certain."""
         self.camera_works = True
         self.now = 0.0
         self._loop = asyncio.new_event_loop()
@@ -161,6 +171,8 @@ class Row:
                     if text is None
                     else known_lead(self.now, text, self.gap_m, 0.2)
                 )
+                if is_last and self.candidates:
+                    lead = self._uncertain_lead()
                 self._receive(number, lead)
                 if is_last:
                     for track_id, (ahead_m, right_m) in enumerate(self.detections):
@@ -173,6 +185,13 @@ class Row:
                         )
                         self._receive(number, detection)
             ahead = plate
+
+    def _uncertain_lead(self) -> Lead:
+        candidates = tuple(PlateCandidate(text, 0.3) for text in self.candidates)
+        track_id = len(self.plates)
+        return Lead(
+            self.now, LeadIdentity.UNKNOWN, None, self.gap_m, 0.3, 0.2, 0.3, track_id, candidates
+        )
 
     def _receive(self, car: int, received: Input) -> None:
         self._inputs[car].append(received)

@@ -7,8 +7,9 @@ import pytest
 
 from onboard.hmi.display import SHOW_S, Display
 from onboard.hmi.driver_view import Direction, DriverView
-from onboard.lcca.events import WarningRaised
+from onboard.lcca.events import Identified, IdentityLost, Inquired, WarningRaised
 from onboard.lcca.group import WarningGroup
+from onboard.lcca.identification import CarIdentity
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupState
 from onboard.messages.lcca import Join
@@ -46,8 +47,10 @@ def no_group() -> WarningGroup:
     return WarningGroup(GroupParameters(), HOST, np.random.default_rng(1))
 
 
-def shown(on: Display, now: float, group: WarningGroup | None = None) -> DriverView:
-    view = on.view_to_show(group or no_group(), now)
+def shown(
+    on: Display, now: float, group: WarningGroup | None = None, identity: CarIdentity | None = None
+) -> DriverView:
+    view = on.view_to_show(group or no_group(), identity, now)
     assert view is not None
     return view
 
@@ -90,7 +93,7 @@ def test_a_view_is_due_five_times_a_second() -> None:
     page = display()
     shown(page, 10.0)
 
-    assert page.view_to_show(no_group(), 10.0 + 0.9 * SHOW_S) is None
+    assert page.view_to_show(no_group(), None, 10.0 + 0.9 * SHOW_S) is None
     shown(page, 10.0 + SHOW_S)
 
 
@@ -100,6 +103,8 @@ def test_a_view_is_due_five_times_a_second() -> None:
         alarm(10.01, Cause.LCCA, Level.WARNING),
         SensorLost(10.01, Sensor.CAMERA, 0.8, "silent"),
         SensorRecovered(10.01, Sensor.CAMERA),
+        Identified(10.01, 3, OTHER, "RD288HX", 0.9995, "answer"),
+        IdentityLost(10.01, 3, OTHER, "refuted"),
     ],
 )
 def test_an_urgent_event_is_shown_at_once(event: Any) -> None:
@@ -121,6 +126,36 @@ def test_the_safety_distance_is_that_of_the_host_vehicle_s_speed() -> None:
     assert view is not None
     assert (view.plate, view.gap_m, view.closing_speed_m_s) == ("RD288HX", 14.0, 1.0)
     assert view.safe_gap_m == pytest.approx(0.55 * 54.0)  # 0.55 m for each km/h
+
+
+def test_the_plate_of_a_lead_that_was_asked_for_is_shown_once_answered() -> None:
+    page = display()
+    page.receive_event(Lead(10.0, LeadIdentity.UNKNOWN, None, 20.0, track_id=3))
+    page.receive_event(Inquired(10.0, 3, names=5))
+
+    asked = shown(page, 10.0).lead
+    answered = shown(page, 10.3, identity=CarIdentity(OTHER, "RD288HX")).lead
+    by_motion = shown(page, 10.6, identity=CarIdentity(OTHER, None)).lead
+
+    assert asked is not None
+    assert (asked.identity, asked.plate) == (LeadIdentity.UNKNOWN, None)
+    assert (asked.names_asked, asked.is_answered) == (5, False)
+    assert answered is not None
+    assert (answered.identity, answered.plate) == (LeadIdentity.KNOWN, "RD288HX")
+    assert (answered.names_asked, answered.is_answered) == (5, True)
+    assert by_motion is not None
+    assert (by_motion.identity, by_motion.plate) == (LeadIdentity.KNOWN, None)
+
+
+def test_an_inquiry_about_another_vehicle_is_not_shown() -> None:
+    page = display()
+    page.receive_event(Inquired(9.9, 3, names=5))
+    page.receive_event(Lead(10.0, LeadIdentity.UNKNOWN, None, 20.0, track_id=4))
+
+    view = shown(page, 10.0).lead
+
+    assert view is not None
+    assert view.names_asked is None
 
 
 def test_old_values_are_not_shown() -> None:

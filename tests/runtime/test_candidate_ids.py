@@ -159,6 +159,16 @@ def test_candidates_are_derived_in_a_thread_the_likeliest_first(running: Running
     assert running.threads == {"candidate-ids"}
 
 
+def test_the_identified_text_is_derived_though_it_is_no_candidate_any_more(
+    running: Running,
+) -> None:
+    running.ids.keep("KEPT5")
+
+    running.until_all_derived(lead(*TEXTS))
+
+    assert "KEPT5" in running.derived
+
+
 def test_a_new_lead_comes_before_the_rest_of_the_one_before(running: Running) -> None:
     before = [f"XY{number}" for number in range(2, 2 + MOST_CANDIDATES)]
     running.ids.derived(lead(*before), time.time())

@@ -108,7 +108,7 @@ export class Road {
 
   #plate(place, size, lead) {
     const known = lead.identity === "known" && lead.plate;
-    const words = known ? lead.plate : TEXTS.plateUnknown;
+    const words = known ? lead.plate : withoutPlate(lead);
     const width = Math.max(words.length * (known ? 11.5 : 7.4) + 16, 60);
     const x = place.x - width / 2, y = place.y - size.length / 2 - 32;
     const label = text(place.x, y + 19, words, known ? "plate-text" : "");
@@ -134,6 +134,11 @@ export class Road {
     }
     return group;
   }
+}
+
+function withoutPlate({ is_answered, names_asked }) {
+  if (is_answered) return TEXTS.knownByMotion;
+  return names_asked === null ? TEXTS.plateUnknown : fill(TEXTS.asked, { count: names_asked });
 }
 
 function body(w, l) {

@@ -22,6 +22,8 @@ export const TEXTS = {
   safeLine: "safe {safe} m",
   speed: "Speed",
   plateUnknown: "plate not read",
+  asked: "plates asked: {count}",
+  knownByMotion: "known by its motion",
   objectByBsm: "by radio (BSM)",
   objectBySensor: "by own sensors",
   objectByShared: "shared by others",

@@ -57,12 +57,25 @@ export class Card {
     this.place.textContent = state === "member" ? `behind ${place.leader_id}` : "";
     const speed = store.last(car, "speed", at_s), lead = store.last(car, "lead", at_s);
     const gap = lead?.gap_m == null ? "no lead" : `${lead.text ?? "unread"} in ${lead.gap_m.toFixed(1)} m`;
-    this.numbers.textContent = `${speed ? (speed.speed_m_s * 3.6).toFixed(0) : "–"} km/h · ${gap}`;
+    const parts = [`${speed ? (speed.speed_m_s * 3.6).toFixed(0) : "–"} km/h`, gap, ...this.#identity(lead, at_s)];
+    this.numbers.textContent = parts.join(" · ");
     const plates = store.between(car, "plate", at_s - PLATE_SHOWN_S, at_s);
     const newest = plates.at(-1)?.stamp_s;
     this.boxes.replaceChildren(...plates.filter((plate) => plate.stamp_s === newest).flatMap(plateBox));
     this.notes.replaceChildren(...this.#alarms(at_s), ...this.#lost(at_s));
     this.element.dataset.alarm = this.notes.querySelector(".warning") ? "warning" : "";
+  }
+
+  // What was asked about the lead's track, and who it is.
+  #identity(lead, at_s) {
+    const newest = (kinds) => kinds.flatMap((kind) => this.store.between(this.car, kind, -Infinity, at_s))
+      .filter(({ track_id }) => track_id === lead?.track_id)
+      .sort((one, other) => one.order - other.order).at(-1);
+    const asked = newest(["inquired"]), known = newest(["identified", "identity_lost"]);
+    if (lead?.gap_m == null || !asked) return [];
+    const texts = `asked: ${asked.names} ${asked.names === 1 ? "text" : "texts"}`;
+    if (known?.kind !== "identified") return [texts];
+    return [`${texts}, answered by ${known.text ?? known.car_id}`];
   }
 
   #alarms(at_s) {

@@ -4,10 +4,12 @@ import { svg } from "./make.js";
 const TOP_PX = 26, SIDE_PX = 58;
 const AHEAD = 0.4;       // part of the window after the shown time, when that is in the past
 const NAME_ALL_S = 0.5;  // longer windows label rare messages only
-const OFTEN = new Set(["join", "reply"]);
+const OFTEN = new Set(["join", "reply", "inquiry", "answer"]);
 const EVENT_LABELS = {
   hard_brake: (entry) => `brakes ${entry.deceleration_m_s2.toFixed(1)} m/s²`,
   warning: (entry) => `warned: ${entry.origin_id}`,
+  identified: (entry) => `ahead: ${entry.car_id}`,
+  identity_lost: (entry) => `${entry.cause}: ${entry.car_id}`,
   transition: (entry) => entry.event.replace("_", " "),
 };
 
