@@ -71,7 +71,7 @@ class PlateDigest:
             n=n,
             r=8,
             p=1,
-            maxmem=2 * 128 * 8 * n + 1_000_000,
+            maxmem=128 * 8 * n + 1_000_000,  # OpenSSL takes less than 2 GiB
             dklen=8,
         )
 

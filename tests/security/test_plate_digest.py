@@ -70,6 +70,11 @@ def test_a_derivation_is_done_once_an_epoch(monkeypatch):
     assert digest.car_id("abc 123", EPOCH_BEGIN_S + 299) == first
 
 
+def test_ids_are_derived_at_the_highest_cost():
+    digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=20))
+    assert len(digest.car_id("ABC123", EPOCH_BEGIN_S)) == 8
+
+
 def test_it_is_known_which_ids_are_derived():
     digest = PlateDigest(CHEAP)
     assert not digest.is_derived("ABC123", EPOCH_BEGIN_S)
