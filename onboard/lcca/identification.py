@@ -117,6 +117,12 @@ class Identification(Core):
         return None if track is None else track.identity
 
     @property
+    def sender(self) -> bytes | None:
+        """The identified car, as its BSMs name it; `None` while that is not known."""
+        track = self._track
+        return None if track is None else track.sender
+
+    @property
     def _track(self) -> _Track | None:
         """What is known of the lead."""
         return None if self._lead is None else self._tracks.get(self._lead.track_id)

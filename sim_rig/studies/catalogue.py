@@ -24,6 +24,7 @@ _SINGLE = {
 """Studies without settings."""
 
 _CAMPAIGNS = {
+    "false-identity": "false_identity:run:FalseIdentitySettings",
     "faults": "faults:run:FaultsSettings",
     "lcca-chain": "lcca_chain:chain:ChainSettings",
     "mvs-figure3": "mvs_collisions:figure3:Figure3Settings",
