@@ -23,7 +23,7 @@ from onboard.lcca.identification import Identification
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm_core import VehicleSize
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.perceived_object import PerceivedObject
+from onboard.mvs.perceived_object import PerceivedObject, remote_offsets_m
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import (
@@ -402,6 +402,12 @@ class Stack:
         host_vehicle, perceived_objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
         self._surroundings = (host_vehicle, perceived_objects)
         self._risk.assess(host_vehicle, perceived_objects, now)
+        heading = self._mvs.heading(now)
+        self._identification.receive_offsets(
+            {}
+            if host_vehicle is None or heading is None
+            else remote_offsets_m(host_vehicle, perceived_objects, heading.heading_rad)
+        )
         if now >= self._report_surroundings_at:
             self._report_surroundings_at = now + SURROUNDINGS_INTERVAL_S
             if host_vehicle is not None:

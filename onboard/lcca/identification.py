@@ -2,9 +2,10 @@
 
 The camera gives texts that the plate ahead may bear. An inquiry names them, and the car that bears
 one answers. Which of the cars that answered is ahead, if any, follows from the texts'
-probabilities, from the number of answers, and from the speeds of the cars on the air
-(`identity_posterior`, `motion_match`). From `BELIEF` on the car is identified. If no plate can be
-read, a car whose motion alone is as convincing is asked by the temporary ID of its BSMs.
+probabilities, from the number of answers, and from the speeds and positions of the cars on the air
+(`identity_posterior`, `motion_match`, `position_match`). From `BELIEF` on the car is identified. If
+no plate can be read, a car whose motion alone is as convincing is asked by the temporary ID of its
+BSMs.
 
 An identity belongs to the vehicle that the camera tracks: readings after it change nothing, and it
 ends with the track, or when the car on the air ceases to move as the one ahead does.
@@ -12,6 +13,7 @@ ends with the track, or when the car on the air ceases to move as the one ahead 
 
 import math
 from collections import OrderedDict, deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +23,7 @@ from onboard.core import Core
 from onboard.lcca.events import Identified, IdentityLost, Inquired, TrackedVehicle
 from onboard.lcca.identity_posterior import vehicle_probabilities
 from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch
+from onboard.lcca.position_match import position_log_ratio
 from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, CarId, Inquiry
 from onboard.observations import Discarded
 
@@ -103,6 +106,7 @@ class Identification(Core):
         self._lead: TrackedVehicle | None = None
         self._tracks: OrderedDict[int, _Track] = OrderedDict()
         self._temporary_ids: OrderedDict[bytes, bytes] = OrderedDict()
+        self._offsets_m: Mapping[bytes, tuple[float, float, float]] = {}
         self._ask_at = self._asked_at = -math.inf
         self._sequence = int(rng.integers(_SEQUENCES))
         self._sequences: deque[int] = deque(maxlen=_VALID_SEQUENCES)
@@ -160,6 +164,15 @@ class Identification(Core):
         self._temporary_ids.move_to_end(sender)
         if len(self._temporary_ids) > MAX_VEHICLES:
             self._temporary_ids.popitem(last=False)
+
+    def receive_offsets(self, offsets_m: Mapping[bytes, tuple[float, float, float]]) -> None:
+        """Take where other vehicles are by their and the own position.
+
+        Args:
+            offsets_m: by temporary ID: ahead, right, and the sigma of either, in m. Replaces all
+                that was received before.
+        """
+        self._offsets_m = offsets_m
 
     def receive_lead(self, lead: TrackedVehicle | None, now: float) -> None:
         """Take what one image shows of the lead; `None`: there is none."""
@@ -313,7 +326,12 @@ class Identification(Core):
             for sender, car_id in track.answers.items()
             if car_id in track.asked
         }
-        return vehicle_probabilities(answered, self._motion.log_ratios())
+        motion = self._motion.log_ratios()
+        for sender in motion:
+            offset_m = self._offsets_m.get(self._temporary_ids.get(sender, b""))
+            if offset_m is not None:
+                motion[sender] += position_log_ratio(*offset_m, lead.gap_m)
+        return vehicle_probabilities(answered, motion)
 
     def _decide(self, track: _Track, lead: TrackedVehicle, now: float) -> None:
         if track.identity is not None:

@@ -1,5 +1,7 @@
 """Output of MVS to the applications: every perceived object (the paper's kinematic-info)."""
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
@@ -41,3 +43,32 @@ class PerceivedObject:
     """Along its course, by its BSM."""
     tracked_for_s: float = 0.0
     """Since the first measurement of a vehicle without radio."""
+
+
+def remote_offsets_m(
+    host: PerceivedObject, perceived: Iterable[PerceivedObject], heading_rad: float
+) -> dict[bytes, tuple[float, float, float]]:
+    """Return where remote vehicles are relative to the host vehicle.
+
+    Args:
+        host: the host vehicle.
+        perceived: objects at the same time and in the same frame; only those with BSMs count.
+        heading_rad: of the host vehicle, clockwise from north.
+
+    Returns:
+        By temporary ID: metres ahead and to the right, and the mean sigma of either.
+    """
+    sin, cos = math.sin(heading_rad), math.cos(heading_rad)
+    offsets_m = {}
+    for each in perceived:
+        if each.source is not ObjectSource.BSM:
+            continue
+        east_m, north_m = each.state[0] - host.state[0], each.state[1] - host.state[1]
+        of_both = (each.covariance, host.covariance)
+        variance = sum(covariance[axis][axis] for covariance in of_both for axis in (0, 1))
+        offsets_m[bytes.fromhex(each.name)] = (
+            east_m * sin + north_m * cos,
+            east_m * cos - north_m * sin,
+            math.sqrt(variance / 2.0),
+        )
+    return offsets_m

@@ -195,7 +195,7 @@ class _Drive:
             identity = self._core.identity
             is_right = identity is not None and identity.car_id == self._ids[ahead]
             if is_right and self._insider is not Insider.NONE:
-                is_right = not self._is_insider_believed()
+                is_right = not self._is_insider_identified()
             if identity is None or is_right:
                 wrong_from_s = None
             elif wrong_from_s is None:
@@ -243,7 +243,7 @@ class _Drive:
             return self._earlier_m_s
         return float(self._traffic.shown_m_s[0])
 
-    def _is_insider_believed(self) -> bool:
+    def _is_insider_identified(self) -> bool:
         return self._core.sender == _INSIDER
 
 

@@ -180,6 +180,15 @@ def test_a_car_whose_plate_is_never_read_is_identified_by_its_motion() -> None:
     assert any(isinstance(each, Identified) and each.cause == "motion" for each in drive.events)
 
 
+def test_of_two_that_answer_the_one_whose_position_fits_is_ahead() -> None:
+    drive = Drive()
+    both = {AHEAD: SPEED_M_S, TWIN: SPEED_M_S}
+    offsets_m = {TEMPORARY[AHEAD]: (29.0, 1.0, 2.0), TEMPORARY[TWIN]: (-150.0, 4.0, 2.0)}
+    drive.core.receive_offsets(offsets_m)
+    drive.look(candidate(AHEAD, 0.5), candidate(TWIN, 0.4), seconds=0.5, answering=both)
+    assert drive.identified == AHEAD
+
+
 def test_nothing_is_asked_far_ahead_at_a_standstill_and_for_the_own_plate() -> None:
     far = Drive()
     far.look(candidate(AHEAD, 0.9), seconds=2.0, gap_m=ASK_HEADWAY_S * SPEED_M_S)
@@ -251,6 +260,15 @@ def test_two_signers_that_answer_with_one_id_are_separated_by_their_speeds() -> 
         drive.core.receive_speed_on_air(b"forger", b"forg", SPEED_M_S - 8.0, drive.now)
         drive.look(candidate(AHEAD, 0.98))
     assert drive.identified == AHEAD
+
+
+def test_an_answer_under_the_id_of_the_last_epoch_is_discarded() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.98))
+    drive.core.set_own_id(b"own-1111", b"t-o1", drive.now)
+    answer = Answer(AHEAD, b"own-1111", drive.inquiries[-1].sequence, TEMPORARY[AHEAD], SPEED_M_S)
+    drive.core.receive_message(answer, None, drive.now)
+    assert drive.discarded() == ["not_asked"]
 
 
 def test_after_a_change_of_ids_an_identified_car_is_asked_again_for_its_bsms() -> None:
