@@ -26,7 +26,6 @@ from onboard.vision.plate_posterior import PlatePosterior
 from sim_rig.cars.camera_view import FPS
 from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, text_of
-from sim_rig.roads.cars import Array
 from sim_rig.scenario.setting_types import Several, Share, Span
 from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.results import write_results
@@ -134,9 +133,9 @@ class _Traffic:
         self.speeds_m_s = np.maximum(0.0, self._means_m_s + stream_m_s + self._own_m_s)
         self.shown_m_s = np.round(self._scales * self.speeds_m_s / SPEED_STEP_M_S) * SPEED_STEP_M_S
 
-    def stream(self) -> Array:
+    def stream(self) -> list[int]:
         """Numbers of the vehicles in the host's stream."""
-        return np.flatnonzero(self._in_stream)
+        return [int(car) for car in np.flatnonzero(self._in_stream)]
 
 
 class _Drive:
