@@ -1,6 +1,7 @@
 """Records a drive of the second of two vehicles with an ideal radio, signed or unsigned."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -70,9 +71,24 @@ def credentials() -> Iterator[Credentials]:
 
 
 def record_drive(
-    folder: Path, duration_s: float = 4.0, *, signed: bool = False, **settings: object
+    folder: Path,
+    duration_s: float = 4.0,
+    *,
+    signed: bool = False,
+    start_utc_s: float = START_UTC_S,
+    leads: Sequence[Lead] | None = None,
+    **settings: object,
 ) -> Path:
-    """Record how a vehicle joins the group of the one ahead, which brakes; return `folder`."""
+    """Record how a vehicle joins the group of the one ahead, which brakes; return `folder`.
+
+    Args:
+        folder: of the recording.
+        duration_s: of the drive.
+        signed: whether messages are.
+        start_utc_s: UTC at the start of the drive.
+        leads: one a step as the vehicle behind sees it; the vehicle ahead if not given.
+        settings: of the recorder.
+    """
     folder.mkdir(exist_ok=True)
     recorder = SegmentWriter(folder, **settings)
     keys = list(credentials()) if signed else [None, None]
@@ -84,7 +100,7 @@ def record_drive(
                 sensors=frozenset({Sensor.SPEED, Sensor.CAMERA, Sensor.POSITION}),
                 seed=np.random.SeedSequence(seed),
                 now=START_S,
-                utc_s=START_UTC_S,
+                utc_s=start_utc_s,
                 credentials=key,
             ),
         )
@@ -93,8 +109,10 @@ def record_drive(
         )
     ]
     for step in range(round(duration_s / STEP_S)):
-        now, utc_s = START_S + step * STEP_S, START_UTC_S + step * STEP_S + 1e-7 * (step % 3)
+        now, utc_s = START_S + step * STEP_S, start_utc_s + step * STEP_S + 1e-7 * (step % 3)
         inputs = [list(_inputs(number, step, now)) for number in range(len(cars))]
+        if leads is not None:
+            inputs[1][-1] = replace(leads[step], stamp_s=now)
         for _ in range(3):  # so that replies get replies in the same step
             all_inputs, inputs = inputs, [[] for _ in cars]
             for number, car in enumerate(cars):
