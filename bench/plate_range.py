@@ -75,7 +75,7 @@ def least_widths(plate_format: PlateFormat, reads: list[Read]) -> tuple[float, f
             image = _picture(text, plate_format, width_px, rng)
             plates = detector.find(image)
             found_count += bool(plates)
-            texts = reader.read_many(image, [plate.corners_px for plate in plates[:1]])
+            texts = reader.read_many(image, [(plate.corners_px, None) for plate in plates[:1]])
             right += any(t.text == text and t.confidence >= CERTAIN / 2 for t in texts)
             reads += [
                 Read(_cut(image, plate.box), width_px, text, got)

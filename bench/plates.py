@@ -131,7 +131,7 @@ def network_method(patterns: tuple[str, ...] = ()) -> Way:
 
     def read(image: Image) -> list[Reading]:
         plates = detector.find(image)
-        texts = reader.read_many(image, [plate.corners_px for plate in plates])
+        texts = reader.read_many(image, [(plate.corners_px, None) for plate in plates])
         return [
             Reading(plate.box, text.text, text.confidence)
             for plate, text in zip(plates, texts, strict=True)

@@ -21,7 +21,7 @@ from onboard.vision.frames import decode_image
 from onboard.vision.identity import MIN_READ_CONFIDENCE
 from onboard.vision.perception import Networks, Perception, PerceptionParameters
 from onboard.vision.plate_detector import PlateDetector
-from onboard.vision.plate_reader import CERTAIN, Corners, Image, PlateReader, PlateText
+from onboard.vision.plate_reader import CERTAIN, Image, PlateReader, Plates, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.cars.camera_projection import PLATE_WIDTH_M, CameraProjection
 from sim_rig.cars.camera_server import as_jpeg
@@ -59,7 +59,7 @@ class _RecordingReader:
         self._reader = PlateReader()
         self.last: PlateText | None = None
 
-    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+    def read_many(self, image: Image, plates: Plates) -> list[PlateText]:
         texts = self._reader.read_many(image, plates)
         self.last = texts[0] if texts else None
         return texts

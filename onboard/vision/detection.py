@@ -6,6 +6,7 @@ from enum import StrEnum
 
 from onboard.observations import ImageBox, PlateCandidate
 from onboard.vision.perspective import Corners, RoadPosition, bounding_box
+from onboard.vision.plate_views import PlateViews
 
 
 class DetectionKind(StrEnum):
@@ -31,7 +32,11 @@ class Detection:
     identity_confidence: float = 0.0
     """The same, with 0 and O, and 1 and I, counted as equal."""
     candidates: tuple[PlateCandidate, ...] = ()
-    """Texts by this reading alone, the likeliest first."""
+    """Texts by this reading, the likeliest first."""
+    seen: PlateViews | None = None
+    """Views of earlier frames that the reading took part of."""
+    views: PlateViews | None = None
+    """The same with this frame's."""
     was_read: bool = True
     """Whether reading the text was tried."""
     shape: float = 0.0
@@ -47,6 +52,19 @@ class Detection:
     def box(self) -> ImageBox:
         """The upright rectangle around the corners."""
         return bounding_box(self.corners_px)
+
+    def unread(self) -> "Detection":
+        """The same plate without its reading."""
+        return replace(
+            self,
+            text=None,
+            confidence=0.0,
+            identity_confidence=0.0,
+            candidates=(),
+            seen=None,
+            views=None,
+            was_read=False,
+        )
 
     def with_width(self, width_m: float) -> "Detection":
         """The same plate with another width, at a distance in proportion to it."""
@@ -76,6 +94,8 @@ class TrackRegion:
     """Whether the last search of it succeeded."""
     read_text: bool
     """Whether the plate is to be read in this frame."""
+    views: PlateViews | None = None
+    """Its views of earlier frames."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,5 +106,5 @@ class SearchPlan:
     """Part of the image that a search of the whole frame covers; `None` is all of it."""
     tracked: tuple[TrackRegion, ...] | None = None
     """Regions to search; `None` searches the whole frame."""
-    already_read: tuple[ImageBox, ...] = ()
-    """Plates that a search of the whole frame does not read again."""
+    known: tuple[TrackRegion, ...] = ()
+    """Tracks whose plates a search of the whole frame finds again."""

@@ -253,10 +253,8 @@ class Perception:
             self._searched_at = stamp_s
             if everywhere:  # after a cut the tracks' regions show something else
                 return SearchPlan(self._road)
-            read = (t for t in self._tracker.tracks if not self._is_to_read(t, stamp_s))
-            return SearchPlan(
-                self._road, already_read=tuple(bounding_box(track.corners_px) for track in read)
-            )
+            known = tuple(self._region(track, stamp_s) for track in self._tracker.tracks)
+            return SearchPlan(self._road, known=known)
         # The lead in every frame, the others in turn.
         due = (
             track
@@ -273,11 +271,18 @@ class Perception:
         )
 
     def _next_region(self, track: VehicleTrack, stamp_s: float) -> TrackRegion:
-        was_detected = track.detected_at >= track.searched_at
-        read_text = self._is_to_read(track, stamp_s)
+        region = self._region(track, stamp_s)
         track.searched_at = stamp_s
+        return region
+
+    def _region(self, track: VehicleTrack, stamp_s: float) -> TrackRegion:
         return TrackRegion(
-            track.last.kind, track.corners_px, _around(track, stamp_s), was_detected, read_text
+            kind=track.last.kind,
+            corners_px=track.corners_px,
+            region=_around(track, stamp_s),
+            was_detected=track.detected_at >= track.searched_at,
+            read_text=self._is_to_read(track, stamp_s),
+            views=track.views,
         )
 
     def _is_to_read(self, track: VehicleTrack, stamp_s: float) -> bool:

@@ -24,11 +24,11 @@ from onboard.vision.look_alikes import folded
 
 CORRELATION = 0.5
 """Correlation of two readings of one plate."""
-FADE_S = 10.0
+FADE_S = 4.0
 """Time in which the weight of a reading falls to 1/e."""
-FLOOR = 1e-4
+FLOOR = 1e-3
 """Least probability of a text that a reading does not name, as a share of what it leaves."""
-MIN_REMAINDER = 1e-3
+MIN_REMAINDER = 0.01
 """Least probability that a reading leaves to other texts."""
 MIN_LENGTH = 4
 """Characters of a plate; shorter texts are fragments of one, or lettering on the bodywork."""
@@ -49,8 +49,8 @@ class PlatePosterior:
         """Start without readings."""
         self._evidence: dict[str, float] = {}
         """Weighted sum of log(p_t / f_t) of each text, O and I folded."""
-        self._remainder = 0.0
-        """The same of all other texts."""
+        self._others = 0.0
+        """Weighted sum of the logarithm of the number of all other texts."""
         self._readings = 0.0
         """Number of readings, faded."""
         self._spellings: dict[str, tuple[float, str]] = {}
@@ -81,7 +81,7 @@ class PlatePosterior:
         remainder = max(MIN_REMAINDER, 1.0 - sum(probabilities.values()))
         floor = FLOOR * remainder
         self._readings += 1.0
-        self._remainder += math.log(remainder / floor)
+        self._others += math.log(remainder / floor)
         for text, probability in probabilities.items():
             likelihood_ratio = max(probability / floor, 1.0)
             self._evidence[text] = self._evidence.get(text, 0.0) + math.log(likelihood_ratio)
@@ -93,11 +93,12 @@ class PlatePosterior:
         if not self._readings:
             return ()
         share = 1.0 / (1.0 + max(self._readings - 1.0, 0.0) * CORRELATION)
-        most = max(self._remainder, *self._evidence.values())
+        others = self._others / self._readings
+        most = max(others, share * max(self._evidence.values()))
         weights = {
-            text: math.exp(share * (evidence - most)) for text, evidence in self._evidence.items()
+            text: math.exp(share * evidence - most) for text, evidence in self._evidence.items()
         }
-        total = sum(weights.values()) + math.exp(share * (self._remainder - most))
+        total = sum(weights.values()) + math.exp(others - most)
         order = sorted(weights, key=lambda text: -weights[text])[:limit]
         return tuple(
             PlateCandidate(self._spellings[text][1], weights[text] / total) for text in order
@@ -107,7 +108,7 @@ class PlatePosterior:
         keep = math.exp(min(0.0, self._stamp_s - stamp_s) / FADE_S)
         self._stamp_s = max(stamp_s, self._stamp_s)
         self._readings *= keep
-        self._remainder *= keep
+        self._others *= keep
         for text in self._evidence:
             self._evidence[text] *= keep
 

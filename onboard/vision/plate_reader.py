@@ -7,7 +7,8 @@ plates only (`training/`); OpenCV runs it on one core.
 """
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from onboard.observations import PlateCandidate
 from onboard.vision.beam_search import likeliest_sequences, sequence_probabilities
 from onboard.vision.look_alikes import folded, spellings
+from onboard.vision.plate_views import PlateViews
 from onboard.vision.syntax import ALL_VALID, PlateSyntax
 
 Image = npt.NDArray[np.uint8]
@@ -24,6 +26,8 @@ Image = npt.NDArray[np.uint8]
 Corners = npt.NDArray[np.float32]
 """(4, 2): top left, top right, bottom right, bottom left of the plate, in pixels from the outer
 corner of the top left one."""
+Plates = Sequence[tuple[Corners, PlateViews | None]]
+"""Plates of one image, each with its views of earlier frames, if any."""
 
 ALPHABET = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 """Class 0 of the network is the blank, class n the n-th character of this."""
@@ -63,6 +67,8 @@ class PlateText:
     """The same, with 0 and O, and 1 and I, counted as equal: many plate fonts draw them alike."""
     candidates: tuple[PlateCandidate, ...] = ()
     """The likeliest texts by this reading, `text` first; 0 and O, 1 and I are equal in these."""
+    views: PlateViews | None = None
+    """What was read: the mean of the views so far; `None` without contrast."""
 
 
 class PlateReader:
@@ -85,20 +91,20 @@ class PlateReader:
 
     def read(self, image: Image, corners: Corners) -> PlateText:
         """Read the plate at `corners`; the text is empty where they are outside the image."""
-        return self.read_many(image, [corners])[0]
+        return self.read_many(image, [(corners, None)])[0]
 
-    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+    def read_many(self, image: Image, plates: Plates) -> list[PlateText]:
         """Read several plates of one image."""
-        texts = []
-        for corners in plates:
-            views = rectified_views(image, corners)
-            if views[0].std() < _MIN_CONTRAST:
-                texts.append(PlateText("", 0.0, 0.0))
-                continue
-            self._network.setInput(normalised(views))
-            scores = np.asarray(self._network.forward(), np.float32)
-            texts.append(decode(scores[:, :, 0].transpose(0, 2, 1), self._syntax))
-        return texts
+        return [self._read(rectified_views(image, corners), seen) for corners, seen in plates]
+
+    def _read(self, views: npt.NDArray[np.uint8], seen: PlateViews | None) -> PlateText:
+        if views[0].std() < _MIN_CONTRAST:
+            return PlateText("", 0.0, 0.0)
+        shown = normalised(views)
+        mean = PlateViews(shown) if seen is None else seen.with_views(shown)
+        self._network.setInput(mean.mean)
+        scores = np.asarray(self._network.forward(), np.float32)
+        return replace(decode(scores[:, :, 0].transpose(0, 2, 1), self._syntax), views=mean)
 
 
 def rectified_views(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:

@@ -12,11 +12,12 @@ from onboard.observations import ImageBox, PlateCandidate
 from onboard.vision.blue_band import include_blue_band
 from onboard.vision.detection import Detection, DetectionKind, SearchPlan, TrackRegion
 from onboard.vision.identity import MIN_LENGTH
-from onboard.vision.perspective import Corners, Perspective
+from onboard.vision.perspective import Corners, Perspective, bounding_box
 from onboard.vision.plate_detector import PlateDetection
 from onboard.vision.plate_ends import refine_ends
 from onboard.vision.plate_formats import PlateFormats
-from onboard.vision.plate_reader import PlateText
+from onboard.vision.plate_reader import Plates, PlateText
+from onboard.vision.plate_views import PlateViews
 from onboard.vision.syntax import PlateSyntax
 
 Image = npt.NDArray[np.uint8]
@@ -26,7 +27,7 @@ WIDTH_SIGMA_PX, WIDTH_SIGMA, SMALL_PX = 0.6, 0.015, 12.0
 """Sigma of a detected plate's width: in pixels; as a share of the width; and for small plates as a
 share, the cube of this width by the plate's, both in pixels. In photographs scaled down, widths
 scatter by 3 to 8 % at 42 to 31 px, and by 4 to 6 % at 27 px, where 9 % are assumed."""
-MIN_PX = 24.0
+MIN_PX = 18.0
 """Least width of a plate; of narrower ones, the detector finds fragments."""
 SURE_SCORE = 0.7
 """Score of a plate that is reported without a text: nine in ten real ones have more, patches of
@@ -56,7 +57,7 @@ class PlateFinder(Protocol):
 class TextReader(Protocol):
     """Reads plates whose corners are known."""
 
-    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+    def read_many(self, image: Image, plates: Plates) -> list[PlateText]:
         """The reading of each plate."""
         ...
 
@@ -90,7 +91,7 @@ class PlateRecognizer:
     def find(self, image: Image, plan: SearchPlan) -> list[Detection]:
         """Plates in an (h, w, 3) BGR image, in the regions of `plan`."""
         found = list(self._found(image, plan))
-        readable = [each.plate.corners_px for each in found if each.is_to_read]
+        readable = [(each.plate.corners_px, each.seen) for each in found if each.is_to_read]
         texts = iter(self._reader.read_many(image, readable))
         detections = [
             (each, self._detection(image, each, next(texts) if each.is_to_read else None))
@@ -108,19 +109,24 @@ class PlateRecognizer:
 
     def _found(self, image: Image, plan: SearchPlan) -> Iterator["_Found"]:
         """Each plate once, though regions overlap."""
-        searched = (
-            [(self._finder.find(image, plan.area), True)]
+        searched: list[tuple[list[PlateDetection], TrackRegion | None]] = (
+            [(self._finder.find(image, plan.area), None)]
             if plan.tracked is None
-            else [(self._search_region(image, each), each.read_text) for each in plan.tracked]
+            else [(self._search_region(image, each), each) for each in plan.tracked]
         )
         boxes: list[ImageBox] = []
-        for plates, to_read in searched:
+        for plates, region in searched:
             for plate in plates:
                 whole = whole_plate(image, plate, self._perspective)
                 if plate.width_px >= MIN_PX and not any(_same(whole.box, box) for box in boxes):
                     boxes.append(whole.box)
-                    known = any(_same(whole.box, box) for box in plan.already_read)
-                    yield _Found(whole, whole is not plate, to_read and not known)
+                    track = region or _track_at(whole.box, plan.known)
+                    yield _Found(
+                        whole,
+                        has_band=whole is not plate,
+                        is_to_read=track is None or track.read_text,
+                        seen=None if track is None else track.views,
+                    )
 
     def _search_region(self, image: Image, followed: TrackRegion) -> list[PlateDetection]:
         if followed.kind is DetectionKind.PLATE and followed.was_detected:
@@ -161,7 +167,7 @@ class PlateRecognizer:
             for each in text.candidates
             if self._syntax.fits(each.text)
         )
-        detection = replace(detection, candidates=candidates)
+        detection = replace(detection, candidates=candidates, seen=found.seen, views=text.views)
         if not self._is_plausible(text):
             return detection
         return replace(
@@ -182,11 +188,12 @@ class PlateRecognizer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """A plate with its band, and whether it is to be read."""
+    """A plate with its band, whether it is to be read, and its views of earlier frames."""
 
     plate: PlateDetection
     has_band: bool
     is_to_read: bool
+    seen: PlateViews | None
 
 
 def whole_plate(image: Image, plate: PlateDetection, perspective: Perspective) -> PlateDetection:
@@ -207,6 +214,11 @@ def _is_cut_off(image: Image, corners_px: Corners) -> bool:
     """Whether the plate reaches the image's left or right border."""
     columns_px = corners_px[:, 0]
     return bool(columns_px.min() <= 1.0 or columns_px.max() >= image.shape[1] - 1.0)
+
+
+def _track_at(box: ImageBox, known: tuple[TrackRegion, ...]) -> TrackRegion | None:
+    """The track whose plate was there."""
+    return next((each for each in known if _same(box, bounding_box(each.corners_px))), None)
 
 
 def _same(one: ImageBox, other: ImageBox) -> bool:

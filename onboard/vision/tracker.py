@@ -38,6 +38,9 @@ it."""
 SAME_DISTANCE, SAME_VEHICLE_WIDTH = 0.1, 0.3
 """Two plates of one vehicle differ by at most this share of their distance, and are at most so many
 lane widths apart sideways (1.05 m); two vehicles do not fit there."""
+CONTRADICTED_SIGMA = 2.0
+"""Half width of the gate for a plate that is certainly read as another text than the track's: a
+misreading is where the vehicle is, another vehicle is not."""
 _OUTSIDE_GATE = 1e6
 
 
@@ -133,7 +136,11 @@ class Tracker:
             and abs(ahead_m) > VEHICLE_LENGTH * self._lane_width_m + detection.ahead_sigma_m
         ):
             return _OUTSIDE_GATE
-        if abs(ahead_m) > GATE_SIGMA * ahead_sigma_m or abs(right_m) > GATE_SIGMA * right_sigma_m:
+        is_contradicted = track.is_contradicted_by(detection)
+        gate_sigma = CONTRADICTED_SIGMA if is_contradicted else GATE_SIGMA
+        if was_unobserved and is_contradicted:
+            return _OUTSIDE_GATE
+        if abs(ahead_m) > gate_sigma * ahead_sigma_m or abs(right_m) > gate_sigma * right_sigma_m:
             return _OUTSIDE_GATE
         if detection.kind is track.last.kind:
             height_m = detection.position.height_m - track.last.position.height_m

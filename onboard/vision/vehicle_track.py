@@ -5,9 +5,11 @@ import math
 from onboard.observations import PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.identity import IDENTITY_CONFIDENCE, MIN_READ_CONFIDENCE, PlateVote
+from onboard.vision.look_alikes import folded
 from onboard.vision.motion import FrameMotion
 from onboard.vision.plate_formats import PlateFormats, TrackPlateFormat
 from onboard.vision.plate_posterior import PlatePosterior
+from onboard.vision.plate_views import PlateViews
 from onboard.vision.rear import ScaleChange
 
 MAX_INNOVATION_SIGMAS = 3.0
@@ -15,6 +17,8 @@ MAX_INNOVATION_SIGMAS = 3.0
 this."""
 CONFIRM_DETECTIONS = 3
 """Frames with a detection that confirm a track."""
+RULED_OUT = 1e-3
+"""Probability below which a reading rules a text out."""
 BEARING_SIGMA = 0.003
 """Sigma of the direction to the middle of a rear, in rad."""
 SIZE_SIGMA = {DetectionKind.TAG: 0.02, DetectionKind.PLATE: 0.06, DetectionKind.VEHICLE: 0.1}
@@ -76,6 +80,8 @@ class VehicleTrack:
         )
         self.rear_tracked_at = stamp_s
         """Time up to which the rear was tracked."""
+        self.views: PlateViews | None = None
+        """The mean of the plate's views."""
         self._plate = PlateVote()
         self._tag = PlateVote()
         self._posteriors = {kind: PlatePosterior() for kind in DetectionKind}
@@ -96,6 +102,17 @@ class VehicleTrack:
         """Texts that it may bear, the likeliest first: of the tag, or else of the plate."""
         tag, plate = (self._posteriors[kind] for kind in (DetectionKind.TAG, DetectionKind.PLATE))
         return tag.candidates() or plate.candidates()
+
+    def is_contradicted_by(self, detection: Detection) -> bool:
+        """Whether both texts are certain, and the detection's reading rules the track's out."""
+        texts, read = self._posteriors[detection.kind].candidates(1), detection.candidates
+        if not texts or not read:
+            return False
+        are_certain = min(texts[0].probability, read[0].probability) >= IDENTITY_CONFIDENCE
+        text = folded(texts[0].text)
+        return are_certain and all(
+            folded(each.text) != text for each in read if each.probability >= RULED_OUT
+        )
 
     def text_of(self, detection: Detection) -> tuple[str | None, float]:
         """Text of one of this track's detections, and its confidence by the votes of all frames.
@@ -191,8 +208,12 @@ class VehicleTrack:
         return detection.with_width(width_m)
 
     def _vote(self, detection: Detection, stamp_s: float) -> None:
+        if detection.seen is not None and detection.seen is not self.views:
+            detection = detection.unread()  # views of another vehicle took part
         if detection.was_read:
             self.read_at = stamp_s
+        if detection.views is not None:
+            self.views = detection.views
         self._posteriors[detection.kind].update(detection.candidates, stamp_s)
         if detection.text is None or detection.identity_confidence < MIN_READ_CONFIDENCE:
             return

@@ -10,8 +10,8 @@ from onboard.observations import LeadIdentity
 from onboard.tools.see.annotated_frame import annotate_frames
 from onboard.vision.camera import open_frames
 from onboard.vision.perception import Networks, Perception
-from onboard.vision.plate_detector import Corners, Image, PlateDetector
-from onboard.vision.plate_reader import PlateReader, PlateText
+from onboard.vision.plate_detector import Image, PlateDetector
+from onboard.vision.plate_reader import PlateReader, Plates, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.plate_art import EU, FORMATS, draw_plate
 from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar, opaque, warp_onto
@@ -82,7 +82,7 @@ class CountingReader:
     def __init__(self) -> None:
         self.plates = 0
 
-    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+    def read_many(self, image: Image, plates: Plates) -> list[PlateText]:
         self.plates += len(plates)
         return READER.read_many(image, plates)
 

@@ -104,7 +104,7 @@ def test_grey_images_are_read_like_coloured_ones(reader: PlateReader) -> None:
 def test_several_plates_at_once_read_as_one_by_one(reader: PlateReader) -> None:
     image, corners = shown("ABC1234", FORMATS["eu"], width_px=150)
     shifted = corners + np.float32(2.0)
-    together = reader.read_many(image, [corners, shifted])
+    together = reader.read_many(image, [(corners, None), (shifted, None)])
     assert [read.text for read in together] == [
         reader.read(image, corners).text,
         reader.read(image, shifted).text,

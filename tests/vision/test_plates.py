@@ -7,7 +7,7 @@ from onboard.observations import ImageBox, Lead, Plate
 from onboard.vision.perception import Networks, Perception, PerceptionParameters
 from onboard.vision.perspective import Perspective, RoadPosition
 from onboard.vision.plate_detector import Corners, Image, PlateDetection
-from onboard.vision.plate_reader import PlateText
+from onboard.vision.plate_reader import Plates, PlateText
 from onboard.vision.settings import Calibration, VisionSettings
 from tests.vision.drive import CAMERA
 
@@ -35,7 +35,7 @@ class Reader:
     def __init__(self, *reads: tuple[str, float]) -> None:
         self._reads = list(reads)
 
-    def read_many(self, image: Image, plates: list[Corners]) -> list[PlateText]:
+    def read_many(self, image: Image, plates: Plates) -> list[PlateText]:
         text, confidence = self._reads.pop(0)
         return [PlateText(text, confidence, confidence)]
 

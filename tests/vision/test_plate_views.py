@@ -1,0 +1,48 @@
+"""The mean of a plate's views: less noise, and only of views that show one plate."""
+
+import numpy as np
+import pytest
+
+from onboard.vision.plate_views import MAX_FRAMES, PlateViews
+
+
+def plate(seed: int) -> np.ndarray:
+    """Views of one plate without noise."""
+    coarse = np.random.default_rng(seed).standard_normal((8, 20))
+    return np.tile(np.kron(coarse, np.ones((8, 8))), (3, 1, 1, 1)).astype(np.float32)
+
+
+def noise(rng: np.random.Generator) -> np.ndarray:
+    return (0.5 * rng.standard_normal((3, 1, 64, 160))).astype(np.float32)
+
+
+def test_the_mean_has_less_noise_than_a_view() -> None:
+    rng = np.random.default_rng(1)
+    views = PlateViews(plate(1) + noise(rng))
+    for _ in range(3):
+        views = views.with_views(plate(1) + noise(rng))
+
+    assert views.frames == 4
+    assert (views.mean - plate(1)).std() == pytest.approx(0.25, abs=0.02)
+
+
+def test_old_views_fade() -> None:
+    views = PlateViews(plate(1))
+    for _ in range(100):
+        views = views.with_views(1.1 * plate(1))
+
+    assert views.frames == MAX_FRAMES
+    assert np.allclose(views.mean, 1.1 * plate(1), atol=1e-3)
+
+
+def test_another_plate_begins_a_mean_of_its_own() -> None:
+    views = PlateViews(plate(1)).with_views(plate(1)).with_views(plate(2))
+
+    assert views.frames == 1
+    assert np.array_equal(views.mean, plate(2))
+
+
+def test_uniform_views_raise_nothing() -> None:
+    blank = np.zeros((3, 1, 64, 160), np.float32)
+
+    assert PlateViews(blank).with_views(blank).frames == 1
