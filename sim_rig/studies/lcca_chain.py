@@ -2,8 +2,9 @@
 
 The first car brakes hard. Every driver brakes one reaction time after the car ahead, or after a
 warning. Whether a car then hits the car ahead follows from the closed form that channel access uses
-(`onboard/access/rear_end.py`). The warnings come from the cores of `onboard`; a car without a radio
-is detected by the camera behind it, but neither sends nor receives warnings.
+(`onboard/access/rear_end.py`). The warnings come from the cores of `onboard`. Which car is ahead is
+found out by the camera model and these cores (`platoon_sight.py`), or assumed to be known; a car
+without a radio is seen by the camera behind it, but neither answers nor warns.
 """
 
 import math
@@ -17,21 +18,31 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from onboard.access.rear_end import tolerable_lag_s
-from onboard.lcca.events import PrecedingVehicle, WarningRaised
+from onboard.lcca.events import WarningRaised
 from onboard.lcca.group import WarningGroup
+from onboard.lcca.identification import Identification
 from onboard.lcca.settings import LccaSettings
-from onboard.messages.lcca import Warn
+from onboard.messages.lcca import Answer, Inquiry, LccaMessage, Warn
 from onboard.observations import HardBrake
 from onboard.settings import Settings
+from onboard.units import KM_H
+from sim_rig.cars.camera_view import FPS
+from sim_rig.rendering.plate_texts import text_of
+from sim_rig.rendering.scene import SceneCar
 from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.scenario.setting_types import Positive, Several, Share, Span
 from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.lcca_channel import CHANNEL_STEP_S, LossyChannel, PlatoonChannel
+from sim_rig.studies.platoon_sight import LENSES, AssumedSight, MeasuredSight, Sight, car_id_of
 from sim_rig.studies.results import write_results
 
 _STEP_S = 0.01
-_FRAME_S = 0.1
+_SPEED_INTERVAL_S = 0.1
 _LENGTH_M = 4.5
+_RESAMPLES = 2000
+"""Of the bootstrap."""
+_SPEEDOMETER = (1.004, 1.012)
+"""What OBD says of the true speed: 0.4 to 1.2 % more in recorded drives, in whole km/h."""
 
 
 class ChainSettings(Settings):
@@ -43,6 +54,9 @@ class ChainSettings(Settings):
     cars: Several[Annotated[int, Field(ge=2, le=999)]] = (5, 10, 20)
     shares: Several[Share] = (0.0, 0.25, 0.5, 0.75, 1.0)
     """Shares of the cars with a radio."""
+    sights: Several[Sight] = ("unlimited", "recommended", "rig")
+    """How cars know the one ahead: `unlimited`; by the camera model with the `recommended` lens or
+    the one of the `rig`; or up to so many metres."""
     reaction_medians_s: Several[Positive] = (1.0, 1.5)
     """Medians of the log-normal reaction time without a warning."""
     reaction_sigma: float = Field(0.35, ge=0.0, le=1.5)
@@ -65,16 +79,17 @@ class ChainSettings(Settings):
     lcca: LccaSettings = LccaSettings()
 
 
-Case = tuple[float, int, float]
-"""Median of the reaction time, number of cars, share with a radio."""
+Case = tuple[float, int, Sight, float]
+"""Median of the reaction time, number of cars, how they know the one ahead, share with a radio."""
 
 
 def cases(settings: ChainSettings) -> list[Case]:
     """All cases of one seed, in the order of runs."""
     return [
-        (median_s, cars, share)
+        (median_s, cars, sight, share)
         for median_s in settings.reaction_medians_s
         for cars in settings.cars
+        for sight in settings.sights
         for share in settings.shares
     ]
 
@@ -82,16 +97,21 @@ def cases(settings: ChainSettings) -> list[Case]:
 def run_one(settings: ChainSettings, number: int) -> Row:
     """Simulate one platoon; cars and drivers depend on the seed alone, not on the share."""
     of_a_seed = cases(settings)
-    median_s, cars, share = of_a_seed[number % len(of_a_seed)]
+    case = of_a_seed[number % len(of_a_seed)]
+    median_s, cars, sight, share = case
     seed = settings.seed + number // len(of_a_seed)
-    platoon = _Platoon(settings, cars, median_s, share, seed)
+    platoon = _Platoon(settings, case, seed)
     platoon.drive()
     return {
         "cars": cars,
+        "sight": str(sight),
         "share": share,
         "reaction_median_s": median_s,
         "seed": seed,
         "crashes": platoon.crashes(),
+        "followers": platoon.followers,
+        "known": platoon.known,
+        "wrongly_known": platoon.wrongly_known,
         "warned": sum(math.isfinite(at) for at in platoon.warned_s),
         "warn_messages": platoon.warn_messages,
         "events": platoon.events,
@@ -102,9 +122,8 @@ def run_one(settings: ChainSettings, number: int) -> Row:
 class _Platoon:
     """Cars in one lane, number 0 first. The first car brakes at time 0."""
 
-    def __init__(
-        self, settings: ChainSettings, cars: int, median_s: float, share: float, seed: int
-    ) -> None:
+    def __init__(self, settings: ChainSettings, case: Case, seed: int) -> None:
+        median_s, cars, sight, share = case
         self._settings = settings
         rng = np.random.default_rng([seed, cars])
         self._speed_m_s = rng.uniform(*settings.speed_m_s)
@@ -117,12 +136,22 @@ class _Platoon:
         )
         positions_m = -np.cumsum(self._gaps_m + _LENGTH_M)
         self._radios = np.flatnonzero(rng.random(cars) < share).tolist()
+        self._plates = [text_of("LL###LL", rng) for _ in range(cars)]
+        self._ids = [car_id_of(plate) for plate in self._plates]
         self._groups = {
             car: WarningGroup(
-                settings.lcca.parameters(), _id(car), np.random.default_rng([seed, car])
+                settings.lcca.parameters(), self._ids[car], np.random.default_rng([seed, car])
             )
             for car in self._radios
         }
+        speedometers = rng.uniform(*_SPEEDOMETER, cars)
+        self._measured_m_s = np.round(self._speed_m_s * speedometers / KM_H) * KM_H
+        self._sights = {car: self._sight(car, sight, seed) for car in self._radios if car}
+        self._first = (
+            Identification(self._ids[0], _temporary_id(0), np.random.default_rng([seed, 3]))
+            if sight in LENSES
+            else None
+        )
         self._lossy_channel = LossyChannel(
             positions_m,
             self._radios,
@@ -145,6 +174,11 @@ class _Platoon:
         self.brakes_s = [0.0] + [math.inf] * (cars - 1)
         self.warned_s = [math.inf] * cars
         self._braking_detected: set[int] = set()
+        self.followers = sum(car - 1 in self._groups for car in self._sights)
+        """Cars with a radio behind a car with a radio."""
+        self.known = self.wrongly_known = 0
+        """Those of them that know the car ahead when the first car brakes; that take it for another
+        one."""
         self.warn_messages = 0
         self.events = 0
         self.flooding_messages = 0
@@ -157,8 +191,11 @@ class _Platoon:
             now = step * self._step_s - self._settings.forming_s
             self._react(now)
             self._detect(now)
-            if step % round(_FRAME_S / self._step_s) == 0:
-                self._measure_gaps(now)
+            if step % round(_SPEED_INTERVAL_S / self._step_s) == 0:
+                self._measure_speeds(now)
+            if now < 0.0:
+                self._count_known()
+            self._look(now)
             self._deliver(now)
             for car, group in self._groups.items():
                 if group.get_timer() <= now:
@@ -198,30 +235,75 @@ class _Platoon:
             brake = HardBrake(now, float(self._decelerations_m_s2[car]), "study")
             self._groups[car].receive_hard_brake(brake, now)
 
-    def _measure_gaps(self, now: float) -> None:
-        """Report the initial gaps; gaps after the braking do not influence the result."""
+    def _sight(self, car: int, sight: Sight, seed: int) -> AssumedSight | MeasuredSight:
+        rng = np.random.default_rng([seed, car, 3])
+        gap_m, plate = float(self._gaps_m[car]), self._plates[car - 1]
+        phase_s = float(rng.uniform(0.0, 1.0 / FPS)) - self._settings.forming_s
+        if sight not in LENSES:
+            reach_m = math.inf if sight == "unlimited" else float(sight)
+            return AssumedSight(gap_m, plate, phase_s, reach_m)
+        identification = Identification(self._ids[car], _temporary_id(car), rng)
+        return MeasuredSight(
+            identification, SceneCar(gap_m, plate=plate), LENSES[str(sight)], phase_s, rng
+        )
+
+    def _measure_speeds(self, now: float) -> None:
+        """Report the initial speeds; later ones, as later gaps, do not influence the result."""
         for car, group in self._groups.items():
-            group.receive_speed(float(self._speed_m_s), now)
-            ahead = PrecedingVehicle(_id(car - 1), float(self._gaps_m[car]), 0.0) if car else None
-            group.receive_preceding_vehicle(ahead, now)
+            group.receive_speed(float(self._measured_m_s[car]), now)
+            if (core := self._identification(car)) is not None:
+                core.receive_speed(float(self._measured_m_s[car]), now)
+
+    def _look(self, now: float) -> None:
+        for car, sight in self._sights.items():
+            if sight.get_timer() <= now:
+                self._groups[car].receive_preceding_vehicle(sight.look(now), now)
+
+    def _count_known(self) -> None:
+        ahead = {car: self._sights[car].car_ahead for car in self._sights}
+        self.known = sum(
+            each == self._ids[car - 1] for car, each in ahead.items() if car - 1 in self._groups
+        )
+        self.wrongly_known = sum(
+            each not in (None, self._ids[car - 1]) for car, each in ahead.items()
+        )
+
+    def _identification(self, car: int) -> Identification | None:
+        """Who asks which car is ahead, and answers; `None` where that is known anyway."""
+        sight = self._sights.get(car)
+        return self._first if car == 0 else None if sight is None else sight.identification
 
     def _send(self, car: int, group: WarningGroup, now: float) -> None:
-        for message in group.messages_to_send(now):
+        core = self._identification(car)
+        inquiries: list[LccaMessage] = [] if core is None else [*core.messages_to_send()]
+        for message in (*group.messages_to_send(now), *inquiries):
             self.warn_messages += isinstance(message, Warn)
             self._channel.send(car, message, now)
         while (event := group.next_event()) is not None:
             if isinstance(event, WarningRaised):
                 self.warned_s[car] = min(self.warned_s[car], now)
+        while core is not None and core.next_event() is not None:
+            pass
 
     def _deliver(self, now: float) -> None:
         for message, receivers in list(self._channel.received(now)):
             for car in receivers:
-                self._groups[car].receive_message(message, now)
+                core = self._identification(car)
+                if not isinstance(message, Inquiry | Answer):
+                    self._groups[car].receive_message(message, now)
+                elif core is not None:
+                    core.receive_message(message, None, now)
                 self._send(car, self._groups[car], now)
+        for sender, receivers in self._channel.bsms_received(now):
+            temporary_id = _temporary_id(sender)
+            for car in receivers:
+                if (core := self._identification(car)) is not None:
+                    speed_m_s = float(self._measured_m_s[sender])
+                    core.receive_speed_on_air(temporary_id, temporary_id, speed_m_s, now)
 
 
-def _id(car: int) -> bytes:
-    return f"chain{car:03d}".encode()
+def _temporary_id(car: int) -> bytes:
+    return car.to_bytes(4)
 
 
 class _Line(NamedTuple):
@@ -229,12 +311,20 @@ class _Line(NamedTuple):
 
     reaction_median_s: float
     cars: int
+    sight: str
     share_with_radio: float
     platoons: int
     crashes_per_platoon: float
     half_95: float
     """Of the 95 % interval of the crashes."""
     reduction: float
+    """Share of the crashes without a radio that do not happen."""
+    reduction_low_95: float
+    reduction_high_95: float
+    known: float
+    """Share of the followers that know the car ahead, if both have a radio, when the first car
+    brakes."""
+    wrongly_known: int
     warn_messages_per_event: float
     flooding_messages_per_event: float
 
@@ -256,24 +346,26 @@ def chain(
     numbers = range(len(cases(settings)) * settings.runs)
     rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
     table = [_line(case, rows) for case in cases(settings)]
-    write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
+    write_results(out_dir, _Line._fields, table, settings, _draw(table))
     first, last = table[-len(settings.shares)], table[-1]
     return (
-        f"{last.cars} cars: {first.crashes_per_platoon:.1f} crashes a platoon at a share of"
-        f" {first.share_with_radio:g}, {last.crashes_per_platoon:.1f} at"
+        f"{last.cars} cars, {last.sight}: {first.crashes_per_platoon:.1f} crashes a platoon at a"
+        f" share of {first.share_with_radio:g}, {last.crashes_per_platoon:.1f} at"
         f" {last.share_with_radio:g}; {last.warn_messages_per_event:.1f} messages a warning,"
         f" {last.flooding_messages_per_event:.1f} by flooding"
     )
 
 
 def _line(case: Case, rows: Sequence[Row]) -> _Line:
-    median_s, cars, share = case
+    median_s, cars, sight, share = case
+    of_sight = (median_s, cars, str(sight))
 
     def at(wanted: float) -> list[Row]:
         return [
             row
             for row in rows
-            if (row["reaction_median_s"], row["cars"], row["share"]) == (median_s, cars, wanted)
+            if (row["reaction_median_s"], row["cars"], row["sight"]) == of_sight
+            and row["share"] == wanted
         ]
 
     mine = at(share)
@@ -281,41 +373,59 @@ def _line(case: Case, rows: Sequence[Row]) -> _Line:
     events = sum(row["events"] for row in mine)
     error = 1.96 * np.std(crashes, ddof=1) / math.sqrt(len(crashes)) if len(crashes) > 1 else 0.0
 
+    low, high = _reduction_interval(crashes, none)
+    followers = sum(row["followers"] for row in mine)
+
     def per_event(column: str) -> float:
         return sum(row[column] for row in mine) / events if events else 0.0
 
     return _Line(
         reaction_median_s=median_s,
         cars=cars,
+        sight=str(sight),
         share_with_radio=share,
         platoons=len(mine),
         crashes_per_platoon=float(np.mean(crashes)),
         half_95=float(error),
         reduction=1.0 - sum(crashes) / sum(none) if sum(none) else math.nan,
+        reduction_low_95=low,
+        reduction_high_95=high,
+        known=sum(row["known"] for row in mine) / followers if followers else math.nan,
+        wrongly_known=sum(row["wrongly_known"] for row in mine),
         warn_messages_per_event=per_event("warn_messages"),
         flooding_messages_per_event=per_event("flooding_messages"),
     )
 
 
-def _draw(settings: ChainSettings, table: Sequence[_Line]) -> Figure:
+def _reduction_interval(crashes: Sequence[float], none: Sequence[float]) -> tuple[float, float]:
+    """95 % interval of the reduction, by resampling the platoons, which are the same in both."""
+    if not sum(none):
+        return math.nan, math.nan
+    picks = np.random.default_rng(0).integers(len(none), size=(_RESAMPLES, len(none)))
+    totals = np.maximum(np.array(none)[picks].sum(axis=1), 1)
+    reductions = 1.0 - np.array(crashes)[picks].sum(axis=1) / totals
+    low, high = np.quantile(reductions, (0.025, 0.975)).tolist()
+    return low, high
+
+
+def _draw(table: Sequence[_Line]) -> Figure:
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for median_s in settings.reaction_medians_s:
-        for cars in settings.cars:
-            mine = [line for line in table if line[:2] == (median_s, cars)]
-            shares = [line.share_with_radio for line in mine]
-            label = f"{cars} cars, {median_s:g} s"
-            left.errorbar(
-                shares,
-                [line.crashes_per_platoon for line in mine],
-                [line.half_95 for line in mine],
-                marker="o",
-                capsize=3,
-                label=label,
-            )
-            messages = [line.warn_messages_per_event for line in mine]
-            right.plot(shares, messages, marker="o", label=f"{label}: LCCA")
-    last = [line for line in table if line[:2] == table[-1][:2]]
+    for median_s, cars, sight in dict.fromkeys(line[:3] for line in table):
+        mine = [line for line in table if line[:3] == (median_s, cars, sight)]
+        shares = [line.share_with_radio for line in mine]
+        label = f"{cars} cars, {median_s:g} s, {sight}"
+        left.errorbar(
+            shares,
+            [line.crashes_per_platoon for line in mine],
+            [line.half_95 for line in mine],
+            marker="o",
+            capsize=3,
+            label=label,
+        )
+        messages = [line.warn_messages_per_event for line in mine]
+        right.plot(shares, messages, marker="o", label=f"{label}: LCCA")
+    last = [line for line in table if line[:3] == table[-1][:3]]
     right.plot(
         [line.share_with_radio for line in last],
         [line.flooding_messages_per_event for line in last],

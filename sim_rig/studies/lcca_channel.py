@@ -1,12 +1,13 @@
 """The channel between the radios of a platoon: random losses, or the 802.11p channel."""
 
 import heapq
+import math
 from collections.abc import Collection, Iterator, Sequence
 from itertools import count
 
 import numpy as np
 
-from onboard.messages.lcca import GroupMessage, encode
+from onboard.messages.lcca import LccaMessage, encode
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
@@ -52,10 +53,11 @@ class LossyChannel:
             ]
             for car in radios
         }
-        self._in_transmission: list[tuple[float, int, int, GroupMessage]] = []
+        self._bsms_at = -math.inf
+        self._in_transmission: list[tuple[float, int, int, LccaMessage]] = []
         self._order = count()
 
-    def send(self, car: int, message: GroupMessage, now: float) -> None:
+    def send(self, car: int, message: LccaMessage, now: float) -> None:
         """Broadcast a message.
 
         Args:
@@ -68,11 +70,17 @@ class LossyChannel:
                 self._in_transmission, (now + _TRANSMISSION_S, next(self._order), other, message)
             )
 
-    def received(self, now: float) -> Iterator[tuple[GroupMessage, list[int]]]:
+    def received(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:
         """The messages received until `now`, each with its receivers."""
         while self._in_transmission and self._in_transmission[0][0] <= now:
             _, _, car, message = heapq.heappop(self._in_transmission)
             yield message, [car]
+
+    def bsms_received(self, now: float) -> Iterator[tuple[int, list[int]]]:
+        """The senders of the BSMs received until `now`, each with its receivers."""
+        if now >= self._bsms_at:
+            self._bsms_at = now + _BSM_INTERVAL_S
+            yield from ((car, self._reached(car)) for car in self._near)
 
     def reached_by_flooding(self, car: int) -> int:
         """Number of messages if every receiver repeats a message once."""
@@ -94,7 +102,7 @@ class LossyChannel:
 class PlatoonChannel:
     """The 802.11p channel, with background traffic around the platoon.
 
-    Every radio sends BSMs ten times a second at its own phase; they only load the channel.
+    Every radio sends BSMs ten times a second at its own phase.
     """
 
     def __init__(
@@ -130,18 +138,20 @@ class PlatoonChannel:
         names = tuple(map(str, range(len(positions_m)))) + tuple(others)
         # All cars have the same speed, so their relative positions are constant.
         cars = Cars(0.0, names, np.stack([x, y], axis=1), *np.zeros((3, n)), *np.full((2, n), 2.0))
-        self._channel: StudyChannel[GroupMessage | None] = StudyChannel(
+        self._bsms: list[tuple[int, list[int]]] = []
+        self._channel: StudyChannel[LccaMessage | str] = StudyChannel(
             settings, names_with_radio, rng
         )
         self._channel.place(cars)
-        self._waiting: list[tuple[float, int, str, GroupMessage | None]] = []
+        self._waiting: list[tuple[float, int, str, LccaMessage | str]] = []
+        """Time, order, sender, and an LCCA message or, for a BSM, the sender."""
         self._order = count()
         for name in names_with_radio:
-            self._wait(float(rng.uniform(0.0, _BSM_INTERVAL_S)), name, None)
+            self._wait(float(rng.uniform(0.0, _BSM_INTERVAL_S)), name, name)
         # Real cars are not synchronised; delay each car's messages by its own part of a step.
         self._phase_s = {name: float(rng.uniform(0.0, CHANNEL_STEP_S)) for name in names_with_radio}
 
-    def send(self, car: int, message: GroupMessage, now: float) -> None:
+    def send(self, car: int, message: LccaMessage, now: float) -> None:
         """Queue a message in a radio.
 
         Args:
@@ -151,20 +161,28 @@ class PlatoonChannel:
         """
         self._wait(now - self._begin_s + self._phase_s[str(car)], str(car), message)
 
-    def received(self, now: float) -> Iterator[tuple[GroupMessage, list[int]]]:
+    def received(self, now: float) -> Iterator[tuple[LccaMessage, list[int]]]:
         """The LCCA messages received until `now`, each with its receivers in the platoon."""
         since_s = now - self._begin_s
         while self._waiting and self._waiting[0][0] <= since_s:
             at_s, _, name, message = heapq.heappop(self._waiting)
-            if message is None:
-                self._channel.send(name, None, BSM_BYTES, _BSM_PRIORITY, at_s)
-                self._wait(at_s + _BSM_INTERVAL_S, name, None)
+            if isinstance(message, str):
+                self._channel.send(name, message, BSM_BYTES, _BSM_PRIORITY, at_s)
+                self._wait(at_s + _BSM_INTERVAL_S, name, message)
             else:
                 octets = len(encode(message))
                 self._channel.send(name, message, octets, message.user_priority, at_s)
         for message, receivers in self._channel.received(since_s):
-            if message is not None:
-                yield message, [self._numbers[name] for name in receivers if name in self._numbers]
+            cars = [self._numbers[name] for name in receivers if name in self._numbers]
+            if not isinstance(message, str):
+                yield message, cars
+            elif message in self._numbers:
+                self._bsms.append((self._numbers[message], cars))
 
-    def _wait(self, at_s: float, name: str, message: GroupMessage | None) -> None:
+    def bsms_received(self, _now: float) -> Iterator[tuple[int, list[int]]]:
+        """The senders in the platoon of the BSMs received since the last call, with receivers."""
+        bsms, self._bsms = self._bsms, []
+        yield from bsms
+
+    def _wait(self, at_s: float, name: str, message: LccaMessage | str) -> None:
         heapq.heappush(self._waiting, (at_s, next(self._order), name, message))

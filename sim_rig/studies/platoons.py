@@ -27,10 +27,9 @@ from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import LensSettings
 from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.campaign import Row, Workers, run_campaign
+from sim_rig.studies.platoon_sight import RECOMMENDED_LENS
 from sim_rig.studies.results import write_results
 
-RECOMMENDED_LENS = LensSettings(width_px=1280, focal_px=3300.0)
-"""The longest lens of `docs/plates.md`."""
 COLUMNS = ("recording", "followers", "due_s", "member_share", "joins_per_min", "worst_share")
 
 

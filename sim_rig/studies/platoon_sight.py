@@ -1,0 +1,143 @@
+"""What the cars of a study's platoon know of the car ahead: by camera and radio, or assumed."""
+
+import hashlib
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+from pydantic import PositiveFloat
+
+from onboard.lcca.events import CandidateCar, PrecedingVehicle, TrackedVehicle
+from onboard.lcca.identification import Identification
+from onboard.messages.lcca import CarId
+from onboard.observations import Lead, PlateCandidate
+from onboard.vision.look_alikes import folded
+from onboard.vision.settings import VisionSettings
+from sim_rig.cars.camera_model import CameraModel
+from sim_rig.cars.camera_view import FPS, calibration
+from sim_rig.rendering.scene import SceneCar
+from sim_rig.scenario.sensor_settings import LensSettings
+
+Sight = Literal["unlimited", "recommended", "rig"] | PositiveFloat
+"""How a car knows the one ahead: always; by the camera model with the longest lens of
+`docs/plates.md`, or with the rig's own; always up to this distance in m, and never beyond."""
+RECOMMENDED_LENS = LensSettings(width_px=1280, focal_px=3300.0)
+LENSES: Mapping[str, LensSettings] = {"recommended": RECOMMENDED_LENS, "rig": LensSettings()}
+DERIVED_PER_FRAME = 3
+"""Communication IDs that a car derives between two frames: one takes 34 ms."""
+
+
+class AssumedSight:
+    """The car ahead is known up to a distance."""
+
+    identification: Identification | None = None
+
+    def __init__(self, gap_m: float, plate: str, phase_s: float, reach_m: float) -> None:
+        """Follow a car at a constant distance.
+
+        Args:
+            gap_m: to the car ahead.
+            plate: of the car ahead.
+            phase_s: time of the first image.
+            reach_m: gap beyond which it is not known.
+        """
+        car_id = car_id_of(plate) if gap_m <= reach_m else None
+        self._preceding = PrecedingVehicle(car_id, gap_m, 0.0)
+        self._image_at = phase_s
+
+    @property
+    def car_ahead(self) -> CarId | None:
+        """The car ahead, as far as it is known."""
+        return self._preceding.car_id
+
+    def get_timer(self) -> float:
+        """Return when the next image is due."""
+        return self._image_at
+
+    def look(self, now: float) -> PrecedingVehicle | None:
+        """Take the image that is due, and return the vehicle ahead."""
+        self._image_at = now + 1 / FPS
+        return self._preceding
+
+
+class MeasuredSight:
+    """The car ahead is known by the camera model, the radio, and the core of the car."""
+
+    def __init__(
+        self,
+        identification: Identification,
+        car: SceneCar,
+        lens: LensSettings,
+        phase_s: float,
+        rng: np.random.Generator,
+    ) -> None:
+        """Follow a car at a constant distance.
+
+        Args:
+            identification: of this car.
+            car: the car ahead.
+            lens: of the camera.
+            phase_s: time of the first image.
+            rng: source of the camera's errors.
+        """
+        self.identification: Identification | None = identification
+        self._core = identification
+        self._camera = CameraModel(_View(car), VisionSettings(), phase_s, rng, calibration(lens))
+        self._derived: set[str] = set()
+
+    @property
+    def car_ahead(self) -> CarId | None:
+        """The car ahead, as far as it is known."""
+        identity = self._core.identity
+        return None if identity is None else identity.car_id
+
+    def get_timer(self) -> float:
+        """Return when the next image is due."""
+        return self._camera.get_timer()
+
+    def look(self, now: float) -> PrecedingVehicle | None:
+        """Take the image that is due, and return the vehicle ahead."""
+        self._camera.handle_timer(now)
+        leads = [each for each in iter(self._camera.next_event, None) if isinstance(each, Lead)]
+        return self._preceding(leads[-1], now) if leads else None
+
+    def _preceding(self, lead: Lead, now: float) -> PrecedingVehicle | None:
+        if lead.track_id is None or lead.gap_m is None:
+            self._core.receive_lead(None, now)
+            return None
+        missing = [each.text for each in lead.candidates if each.text not in self._derived]
+        vehicle = TrackedVehicle(
+            lead.track_id,
+            lead.gap_m,
+            lead.closing_speed_m_s,
+            lead.closing_speed_sigma_m_s,
+            tuple(_car(each) for each in lead.candidates if each.text in self._derived),
+        )
+        self._derived.update(missing[:DERIVED_PER_FRAME])
+        self._core.receive_lead(vehicle, now)
+        return PrecedingVehicle(self.car_ahead, lead.gap_m, lead.closing_speed_m_s)
+
+
+def car_id_of(plate: str) -> CarId:
+    """The communication ID of a plate in a study, where nobody guesses plates from IDs."""
+    return hashlib.blake2b(folded(plate).encode(), digest_size=8).digest()
+
+
+def _car(candidate: PlateCandidate) -> CandidateCar:
+    return CandidateCar(candidate.text, car_id_of(candidate.text), candidate.probability)
+
+
+class _View:
+    """A camera's view of one car at a constant distance."""
+
+    def __init__(self, car: SceneCar) -> None:
+        self._car = car
+
+    def cars(self, _at_s: float) -> list[tuple[str, SceneCar]]:
+        return [("ahead", self._car)]
+
+    def is_dark(self, _at_s: float) -> bool:
+        return False
+
+    def is_frozen(self, _at_s: float) -> bool:
+        return False
