@@ -25,7 +25,7 @@ ON_AIR = 0.5
 COINCIDENCE = 1e-6
 """c: probability that a given vehicle bears one given text. There are 10^7 plates and more in a
 series, which are not used evenly."""
-FLEET, FLEET_ANSWERS = 1e-4, 0.5
+FLEET, FLEET_ANSWERS = 1e-3, 0.5
 """f: probability that the vehicle ahead is of a fleet with consecutive plates that is in range;
 F: share of the texts near its own that are then borne by others."""
 

@@ -54,7 +54,7 @@ class FalseIdentitySettings(Settings):
     """One campaign; a run is one drive with `CHANGES_A_RUN` vehicles ahead."""
 
     seed: int = Field(1, ge=0)
-    runs: int = Field(1000, ge=1)
+    runs: int = Field(500, ge=1)
     vehicles: int = Field(200, ge=2, le=500)
     fleet: int = Field(50, ge=0, le=500)
     """Vehicles with consecutive plates."""
