@@ -55,6 +55,8 @@ ANSWER_INTERVAL_S = 0.08
 """Least time between two answers to one car."""
 MAX_TRACKS, MAX_ASKERS = 16, 64
 """Tracks whose identity, and askers whose last answer, are remembered."""
+MAX_ANSWERS, MAX_ASKED = 32, 256
+"""Vehicles whose answers, and texts, are remembered of one track."""
 _SEQUENCES = 1 << 16
 _MAX_DOUBLINGS = 8
 _VALID_SEQUENCES = 16
@@ -104,6 +106,7 @@ class Identification(Core):
         self._speed_until = -math.inf
         self._motion = MotionMatch()
         self._lead: TrackedVehicle | None = None
+        self._last_track_id: int | None = None
         self._tracks: OrderedDict[int, _Track] = OrderedDict()
         self._temporary_ids: OrderedDict[bytes, bytes] = OrderedDict()
         self._offsets_m: Mapping[bytes, tuple[float, float, float]] = {}
@@ -176,7 +179,7 @@ class Identification(Core):
 
     def receive_lead(self, lead: TrackedVehicle | None, now: float) -> None:
         """Take what one image shows of the lead; `None`: there is none."""
-        before, self._lead = self._lead, lead
+        self._lead = lead
         if lead is None:
             return
         if lead.track_id not in self._tracks:
@@ -184,7 +187,8 @@ class Identification(Core):
         self._tracks.move_to_end(lead.track_id)
         if len(self._tracks) > MAX_TRACKS:
             self._tracks.popitem(last=False)
-        if before is None or before.track_id != lead.track_id:
+        if lead.track_id != self._last_track_id:
+            self._last_track_id = lead.track_id
             self._motion.restart()
             self._plan_inquiry(now)
         if lead.closing_speed_m_s is not None and now < self._speed_until:
@@ -230,7 +234,7 @@ class Identification(Core):
         """Ask with the next image, and from then on ever more rarely."""
         if self._track is not None:
             self._track.inquiries = 0
-            self._ask_at = now
+            self._ask_at = max(now, self._asked_at + RETRY_S)
 
     def _ask_if_due(self, track: _Track, lead: TrackedVehicle, now: float) -> None:
         likely = {each.car_id for each in lead.candidates if each.probability >= NEW_TEXT}
@@ -245,6 +249,8 @@ class Identification(Core):
         self._ask_at = now + (retry_s if track.identity is None else RENEW_S)
         self._asked_at = now
         track.inquiries += 1
+        if len(track.asked) > MAX_ASKED:
+            track.asked.clear()
         track.asked |= {each.car_id for each in lead.candidates}
         self._sequence = (self._sequence + 1) % _SEQUENCES
         self._sequences.append(self._sequence)
@@ -314,6 +320,9 @@ class Identification(Core):
         if answer.speed_m_s is not None:
             self.receive_speed_on_air(sender, answer.temporary_id, answer.speed_m_s, now)
         if track.identity is None:
+            if sender not in track.answers and len(track.answers) >= MAX_ANSWERS:
+                self._discard("too_many", answer, now)
+                return
             track.answers[sender] = answer.sender_id
             self._decide(track, lead, now)
         elif _text_of(answer.sender_id, lead) == track.identity.text:
@@ -336,8 +345,8 @@ class Identification(Core):
     def _decide(self, track: _Track, lead: TrackedVehicle, now: float) -> None:
         if track.identity is not None:
             if track.sender is not None and self._motion.decline(track.sender) <= REFUTED:
+                self._motion.refute(track.sender)
                 self._lose(track, "refuted", now)
-                self._motion.restart()
                 self._plan_inquiry(now)
             return
         if not track.answers:

@@ -176,6 +176,13 @@ class MotionMatch:
         vehicle = self._vehicles.get(name)
         return 0.0 if vehicle is None else vehicle.decline
 
+    def refute(self, name: bytes) -> None:
+        """Keep only the evidence since this vehicle was last at its highest."""
+        vehicle = self._vehicles.get(name)
+        if vehicle is not None:
+            vehicle.evidence = [vehicle.decline] * len(DELAYS_S)
+            vehicle.decline = 0.0
+
     def is_on_air(self, name: bytes) -> bool:
         """Whether the vehicle has sent its speed lately."""
         return name in self._vehicles

@@ -157,6 +157,48 @@ def test_a_car_that_ceases_to_move_as_the_one_ahead_is_dropped_within_seconds() 
     assert drive.identified == TWIN
 
 
+def test_a_refuted_car_is_not_believed_again_at_once() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.98), seconds=5.0, answering={AHEAD: SPEED_M_S})
+    drive.look(candidate(AHEAD, 0.98), seconds=3.0, ahead_m_s=13.0, answering={AHEAD: SPEED_M_S})
+    drive.look(candidate(AHEAD, 0.98), seconds=1.0, answering={AHEAD: SPEED_M_S})
+    assert drive.identified is None
+    assert [type(each) for each in drive.events].count(Identified) == 1
+
+
+def test_a_lead_missed_for_a_moment_keeps_the_evidence_of_its_motion() -> None:
+    drive = Drive()
+    for step in range(400):
+        speed_m_s = SPEED_M_S + 2.0 * np.sin(step / 30.0)
+        drive.look(ahead_m_s=speed_m_s, answering={AHEAD: speed_m_s, FAR: SPEED_M_S})
+        if step % 9 == 0:
+            drive.core.receive_lead(None, drive.now)
+    drive.look(answering={})
+    assert drive.identified == AHEAD
+
+
+def test_leads_in_alternation_are_not_asked_for_at_every_image() -> None:
+    drive = Drive()
+    for step in range(100):
+        drive.look(candidate((AHEAD, TWIN)[step % 2], 0.9), track_id=1 + step % 2)
+    assert len(drive.inquiries) <= 100
+    drive.now = 100.0
+    for step in range(100):
+        drive.look(candidate((AHEAD, TWIN)[step % 2], 0.9), track_id=1 + step % 2)
+        drive.now -= 0.9 * FRAME_S  # 100 images a second
+    assert len(drive.inquiries) <= 100 + 11
+
+
+def test_answers_of_one_car_under_many_ids_are_bounded() -> None:
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.9))
+    for number in range(100):
+        sequence = drive.inquiries[-1].sequence
+        answer = Answer(AHEAD, OWN, sequence, number.to_bytes(4), SPEED_M_S)
+        drive.core.receive_message(answer, None, drive.now)
+    assert drive.discarded() == ["too_many"] * 68
+
+
 def test_hard_braking_does_not_refute_a_car_whose_bsms_are_late() -> None:
     drive = Drive()
     drive.look(candidate(AHEAD, 0.98), seconds=3.0, answering={AHEAD: SPEED_M_S})
