@@ -148,7 +148,7 @@ def by_light(*, tags: bool) -> dict[Light, DriveTally]:
     rng = np.random.default_rng(11)
     for light in Light:
         for seed in range(DRIVES):
-            drive = _drive(CAMERA, light, float(rng.uniform(7.0, 15.0)), seed, rng)
+            drive = rendered_drive(CAMERA, light, float(rng.uniform(7.0, 15.0)), seed, rng)
             _add_drive(tallies[light], drive, tags=tags)
     return tallies
 
@@ -163,7 +163,7 @@ def at_gap(camera: CameraSettings, gap_m: float, *, tags: bool = False) -> Drive
     tally, rng = DriveTally(), np.random.default_rng([12, round(camera.focal_x_px), round(gap_m)])
     for seed in range(DRIVES_A_GAP):
         light = list(Light)[seed // len(FORMATS) % len(Light)]
-        _add_drive(tally, _drive(camera, light, gap_m, seed, rng), tags=tags)
+        _add_drive(tally, rendered_drive(camera, light, gap_m, seed, rng), tags=tags)
     return tally
 
 
@@ -195,9 +195,18 @@ def _renderer(focal_px: float, pitch_rad: float) -> CameraRenderer:
 _FINDER, _READER = PlateDetector(), PlateReader()
 
 
-def _drive(
+def rendered_drive(
     camera: CameraSettings, light: Light, gap_m: float, seed: int, rng: np.random.Generator
 ) -> RenderedDrive:
+    """Return a drive behind a vehicle with a random plate, and another in the next lane.
+
+    Args:
+        camera: that sees it.
+        light: of all its frames.
+        gap_m: to the lead.
+        seed: of the noise of its frames; chooses the format of the plates.
+        rng: draws vehicles and plates.
+    """
     formats = list(FORMATS.values())
 
     def car(ahead_m: float, lateral_m: float) -> SceneCar:
@@ -259,7 +268,7 @@ def _row(tally: DriveTally) -> str:
 def main() -> None:
     """Write the tables into the page, between its marks, and one annotated frame beside it."""
     write_tables(PAGE, {"drives": table()})
-    drive = _drive(CAMERA, Light.DUSK, 13.0, 0, np.random.default_rng(3))
+    drive = rendered_drive(CAMERA, Light.DUSK, 13.0, 0, np.random.default_rng(3))
     *_, last = annotated_frames(drive)
     cv2.imwrite(str(IMAGE), cv2.resize(last.annotated(), None, fx=0.5, fy=0.5))
 
