@@ -22,6 +22,7 @@ from onboard.recorder.repair import repair
 from onboard.recorder.segment import IMAGES
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
+from onboard.thread_priority import lower_thread_priority
 
 QUEUE_RECORDS: Final = 20_000
 """Size of the queue: more than ten seconds in dense traffic."""
@@ -147,7 +148,7 @@ class BlackBox:
     # ---- in the thread --------------------------------------------------------------------
 
     def _run(self) -> None:
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        lower_thread_priority(NICENESS)
         segments = self._segments
         assert segments is not None  # noqa: S101 (`begin` comes first)
         while True:

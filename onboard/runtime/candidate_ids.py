@@ -4,7 +4,6 @@ A derivation is slow by design (`onboard/security/plate_digest.py`), and the cor
 get a candidate once its ID is derived.
 """
 
-import os
 import threading
 import time
 from collections.abc import Sequence
@@ -12,6 +11,7 @@ from dataclasses import replace
 
 from onboard.observations import Lead
 from onboard.security.plate_digest import PlateDigest
+from onboard.thread_priority import lower_thread_priority
 
 EPOCH_AHEAD_S = 10.0
 """Time before the start of an epoch at which its IDs are derived."""
@@ -89,7 +89,7 @@ class CandidateIds:
         )
 
     def _run(self) -> None:
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        lower_thread_priority(NICENESS)
         while not self._is_closed:
             texts = (self._own_plate, *self._identified, *self._texts)
             due = next_derivation(self._digest, texts, time.time())

@@ -1,6 +1,5 @@
 """The camera's edge: opens the source of frames, and runs perception in a thread."""
 
-import os
 import threading
 import time
 from collections.abc import Callable
@@ -8,6 +7,7 @@ from collections.abc import Callable
 import cv2
 
 from onboard.observations import Sensor, SensorLost
+from onboard.thread_priority import lower_thread_priority
 from onboard.vision.frames import CameraError, Image
 from onboard.vision.live_frames import TIMEOUT_S, LiveFrames, device_frames, mjpeg_frames
 from onboard.vision.perception import Event, Perception
@@ -94,7 +94,7 @@ class CameraThread:
 
     def _run(self) -> None:
         # A Linux thread has a priority of its own: warnings take precedence over frames.
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        lower_thread_priority(NICENESS)
         cv2.setNumThreads(1)  # leaves the other cores to the rest
         started_at = 0.0 if self._source.live else time.monotonic()
         for frame in self._source:
