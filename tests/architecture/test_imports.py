@@ -26,7 +26,7 @@ EDGES = frozenset({
     "recorder/segment.py", "recorder/segments.py",
     "runtime/candidate_ids.py", "runtime/output_sinks.py", "runtime/systemd.py",
     "security/key_files.py",
-    "settings.py",
+    "settings.py", "thread_priority.py",
     "trace/trace_file.py",
     "vision/camera.py", "vision/live_frames.py", "vision/outputs.py", "vision/plate_detector.py",
     "vision/plate_reader.py", "vision/recordings.py",
