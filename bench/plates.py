@@ -23,6 +23,7 @@ from bench import Figure
 from bench._tables import write_tables
 from onboard.observations import ImageBox
 from onboard.tools.see.score import edit_distance, overlap
+from onboard.vision.look_alikes import folded
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader
 from onboard.vision.syntax import PlateSyntax
@@ -32,6 +33,8 @@ FOLDER = Path(__file__).parents[2] / "shared" / "data"
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
 REGIONS = ("us", "eu", "br")
 WIDTHS_PX = (80, 65, 55, 45, 36)
+NARROW_PX, RANKS = (None, 45, 36, 30, 25), (1, 8, 16, 30)
+"""Widths, and numbers of texts among which the true one is looked for; `None`: as photographed."""
 _TESSDATA = Path("/usr/share/tesseract-ocr/5/tessdata")
 
 
@@ -240,6 +243,45 @@ def score(ways: Mapping[str, Way], width_px: float | None = None) -> dict[str, T
     return tallies
 
 
+def table_of_candidates() -> str:
+    """How often the true text is among the likeliest of a single picture, as Markdown."""
+    ranks = ", ".join(str(rank) for rank in RANKS)
+    lines = [
+        f"| width of the plate | {' | '.join(f'{r}: of {ranks} texts' for r in REGIONS)} |",
+        "|---" * (len(REGIONS) + 1) + "|",
+    ]
+    for width_px in NARROW_PX:
+        found = candidate_counts(width_px)
+        shares = (
+            f"{', '.join(f'{count / photographs:.0%}' for count in counts)} of {photographs}"
+            for photographs, counts in found.values()
+        )
+        name = "as photographed" if width_px is None else f"{width_px} px"
+        lines.append(f"| {name} | {' | '.join(shares)} |")
+    return "\n".join(lines) + "\n"
+
+
+def candidate_counts(width_px: float | None) -> dict[str, tuple[int, list[int]]]:
+    """Of each region, the photographs, and those with the truth among the texts of each rank."""
+    cv2.setNumThreads(1)
+    detector, reader = PlateDetector(), PlateReader()
+    found = {region: (0, [0] * len(RANKS)) for region in REGIONS}
+    for photograph, image in scaled_photographs(width_px):
+        plates = [
+            plate for plate in detector.find(image) if overlap(plate.box, photograph.box) > 0.0
+        ]
+        texts = [
+            [folded(candidate.text) for candidate in text.candidates]
+            for text in reader.read_many(image, [(plate.corners_px, None) for plate in plates])
+        ]
+        photographs, counts = found[photograph.region]
+        truth = folded(photograph.text)
+        now = [any(truth in each[:rank] for each in texts) for rank in RANKS]
+        counts = [count + is_there for count, is_there in zip(counts, now, strict=True)]
+        found[photograph.region] = (photographs + 1, counts)
+    return found
+
+
 def table_by_width() -> str:
     """Results by width of the plate, as Markdown."""
     lines = [
@@ -295,7 +337,8 @@ def table() -> str:
 
 def main() -> None:
     """Write the tables into the page, between their marks."""
-    write_tables(PAGE, {"scores": table(), "widths": table_by_width()})
+    tables = {"scores": table(), "widths": table_by_width(), "candidates": table_of_candidates()}
+    write_tables(PAGE, tables)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import PlateCandidate
-from onboard.vision.beam_search import likeliest_sequences, sequence_probabilities
+from onboard.vision.beam_search import BEAM, likeliest_sequences, sequence_probabilities
 from onboard.vision.look_alikes import folded, spellings
 from onboard.vision.plate_views import PlateViews
 from onboard.vision.syntax import ALL_VALID, PlateSyntax
@@ -45,6 +45,8 @@ _PATTERN_ODDS = 20.0
 """Prior odds of a plate that matches a pattern to one that does not."""
 CANDIDATES = 30
 """Texts of one reading. Of photographs, more than 16 add some to the track's posterior."""
+_MIN_SPELT = 0.05
+"""Probability, as a share of the likeliest text's, from which a text's spellings are told apart."""
 _TINY = np.finfo(np.float64).tiny
 _LIGHT_SIGMA_PX, _LIGHT_CELL_PX = 24.0, 8
 """Sigma of the Gaussian over which the light around a position is measured, in a view, and the side
@@ -192,20 +194,24 @@ def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax = ALL_VALID) -> 
 
     A text's probability is that of all paths that spell it, in the mean of the views, with the
     prior odds `_PATTERN_ODDS` if it matches the `syntax` (Bayes). The texts that are not found
-    count as matching.
+    match as often as those that are.
     """
     likely = np.exp(scores - scores.max(axis=2, keepdims=True), dtype=np.float64)
     likely /= likely.sum(axis=2, keepdims=True)
-    found = likeliest_sequences(_alike_merged(likely), CANDIDATES)
-    texts = [spellings(_word(labels)) for labels, _ in found]
+    found = likeliest_sequences(_alike_merged(likely), BEAM if syntax else CANDIDATES)
+    spelt_from = 0.0 if syntax else _MIN_SPELT * found[0][1]
+    texts = [
+        spellings(word) if probability >= spelt_from else [word]
+        for word, probability in ((_word(labels), probability) for labels, probability in found)
+    ]
     exact = iter(sequence_probabilities([_labels(w) for w in itertools.chain(*texts)], likely))
     weights = []
     for words, (_, probability) in zip(texts, found, strict=True):
         shares = np.array([next(exact) for _ in words])
         odds = [_PATTERN_ODDS if syntax.fits(word) else 1.0 for word in words]
         weights.append(probability * shares / max(shares.sum(), _TINY) * odds)
-    remainder = max(0.0, 1.0 - sum(probability for _, probability in found))
-    evidence = float(np.concatenate(weights).sum()) + _PATTERN_ODDS * remainder
+    total = sum(probability for _, probability in found)
+    evidence = float(np.concatenate(weights).sum()) / max(total, _TINY)
     candidates = [
         PlateCandidate(words[int(weight.argmax())], float(weight.sum()) / evidence)
         for words, weight in zip(texts, weights, strict=True)
@@ -215,7 +221,7 @@ def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax = ALL_VALID) -> 
         candidates[best].text,
         float(weights[best].max()) / evidence,
         candidates[best].probability,
-        tuple(sorted(candidates, key=lambda candidate: -candidate.probability)),
+        tuple(sorted(candidates, key=lambda candidate: -candidate.probability)[:CANDIDATES]),
     )
 
 

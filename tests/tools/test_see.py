@@ -90,7 +90,8 @@ def test_there_is_a_row_for_each_plate_and_frame(drive: Path, tmp_path: Path) ->
     )
     assert float(last["gap_m"]) == pytest.approx(12 - 1.8, rel=0.03)
     assert float(last["closing_speed_m_s"]) == pytest.approx(2.0, abs=1.0)
-    assert rows[0]["gap_m"] == ""  # one detection is no lead
+    assert last["candidates"].split(":")[0] == "TAG1"
+    assert (rows[0]["gap_m"], rows[0]["candidates"]) == ("", "")  # one detection is no lead
 
 
 def test_images_without_a_rate_are_independent(drive: Path, tmp_path: Path) -> None:

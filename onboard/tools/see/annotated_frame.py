@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Discarded, Lead, LeadIdentity, Plate
+from onboard.observations import Discarded, Lead, LeadIdentity, Plate, PlateCandidate
 from onboard.vision.frames import Frame
 from onboard.vision.perception import Event, Perception
 
@@ -24,8 +24,11 @@ COLUMNS = (
     "is_lead",
     "gap_m",
     "closing_speed_m_s",
+    "candidates",
 )
-"""Columns of the CSV: a row for each plate in each frame; gap and closing speed are the lead's."""
+"""Columns of the CSV: a row for each plate in each frame; the last three are the lead's."""
+DRAWN_CANDIDATES, MIN_DRAWN = 3, 0.01
+"""Candidates in the caption of a frame, and the probability from which they are drawn."""
 
 _LEAD_BGR, _OTHER_BGR = (60, 220, 60), (60, 160, 255)
 
@@ -73,6 +76,7 @@ class AnnotatedFrame:
                 int(plate.is_lead),
                 _metres(of_lead.gap_m if of_lead else None),
                 _metres(of_lead.closing_speed_m_s if of_lead else None),
+                _candidates(of_lead.candidates if of_lead else ()),
             )
 
     def annotated(self) -> npt.NDArray[np.uint8]:
@@ -98,7 +102,9 @@ class AnnotatedFrame:
         caption = f"{self.frame.stamp_s:.1f} s  {lead.text or lead.identity.replace('_', ' ')}"
         if lead.identity is LeadIdentity.NO_LEAD:
             return caption
-        return f"{caption}  {lead.gap_m:.1f} m  closing {lead.closing_speed_m_s:+.1f} m/s"
+        caption += f"  {lead.gap_m:.1f} m  closing {lead.closing_speed_m_s:+.1f} m/s"
+        likely = [each for each in lead.candidates if each.probability >= MIN_DRAWN]
+        return f"{caption}  {_candidates(likely[:DRAWN_CANDIDATES])}".rstrip()
 
 
 def annotate_frames(
@@ -119,6 +125,10 @@ def annotate_frames(
         while (event := perception.next_event()) is not None:
             events.append(event)
         yield AnnotatedFrame(index, frame, tuple(events))
+
+
+def _candidates(candidates: Iterable[PlateCandidate]) -> str:
+    return " ".join(f"{each.text}:{each.probability:.3f}" for each in candidates)
 
 
 def _metres(value: float | None) -> str:
