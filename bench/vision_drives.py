@@ -255,8 +255,7 @@ def _leads(drive: RenderedDrive, patterns: tuple[str, ...] = ()) -> list[Lead]:
 def table() -> str:
     """Both tables, as Markdown."""
     lines = [
-        "| light | named within 1 s | with the series | by the camera alone | right lead "
-        "| frames with wrong text |",
+        "| light | named within 1 s | with series | by camera alone | right lead | wrong text |",
         "|---|---|---|---|---|---|",
     ]
     for light, tally in by_light(tags=False).items():
@@ -282,7 +281,8 @@ def _row(tally: DriveTally) -> str:
     sigmas = tally.in_sigmas or [float("nan")]
     return (
         f"| {tally.named_in_time} of {tally.drives} | {tally.named_with_series} "
-        f"| {tally.known_in_time} | {tally.wrong_identities} | {np.median(errors):.1%} | {np.quantile(errors, 0.9):.1%} "
+        f"| {tally.known_in_time} | {tally.wrong_identities} "
+        f"| {np.median(errors):.1%} | {np.quantile(errors, 0.9):.1%} "
         f"| {np.sqrt(np.mean(np.square(sigmas))):.1f} |"
     )
 
