@@ -24,7 +24,7 @@ from bench._tables import write_tables
 from onboard.observations import ImageBox
 from onboard.tools.see.score import edit_distance, overlap
 from onboard.vision.look_alikes import folded
-from onboard.vision.plate_detector import Image, PlateDetector
+from onboard.vision.plate_detector import LEAST_SCORE_AGAIN, Image, PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader
 from onboard.vision.syntax import PlateSyntax
 from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS
@@ -264,7 +264,7 @@ def table_of_candidates() -> str:
 def candidate_counts(width_px: float | None) -> dict[str, tuple[int, list[int]]]:
     """Of each region, the photographs, and those with the truth among the texts of each rank."""
     cv2.setNumThreads(1)
-    detector, reader = PlateDetector(), PlateReader()
+    detector, reader = PlateDetector(least_score=LEAST_SCORE_AGAIN), PlateReader()
     found = {region: (0, [0] * len(RANKS)) for region in REGIONS}
     for photograph, image in scaled_photographs(width_px):
         plates = [

@@ -18,11 +18,11 @@ import numpy as np
 from onboard.observations import Lead, Plate
 from onboard.security.plate_digest import normalised
 from onboard.vision.frames import decode_image
-from onboard.vision.identity import MIN_READ_CONFIDENCE
 from onboard.vision.perception import Networks, Perception, PerceptionParameters
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import CERTAIN, Image, PlateReader, Plates, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.vehicle_track import MIN_READ_CONFIDENCE
 from sim_rig.cars.camera_projection import PLATE_WIDTH_M, CameraProjection
 from sim_rig.cars.camera_server import as_jpeg
 from sim_rig.cars.camera_track import WIDTHS_PX

@@ -34,6 +34,11 @@ MIN_LENGTH = 4
 """Characters of a plate; shorter texts are fragments of one, or lettering on the bodywork."""
 POOL = 96
 """Texts that are kept; the least likely ones give way."""
+CERTAIN_TEXT, CERTAIN_READINGS = 0.9, 1.5
+"""Posterior from which a text is certain, and how many readings, faded, must alone be as certain of
+it: two, one not long ago. A plate too small to be read is misread alike in every frame. Of 240
+rendered drives with plates of 20 to 52 px, 30 have such a text, and none a wrong one; without the
+second condition 50, and 2 a wrong one."""
 MAX_CANDIDATES = 16
 """Texts that a lead carries (`Lead.candidates`)."""
 
@@ -55,6 +60,8 @@ class PlatePosterior:
         """Number of readings, faded."""
         self._spellings: dict[str, tuple[float, str]] = {}
         """Highest probability in one reading, and the spelling there."""
+        self._certain_readings: dict[str, float] = {}
+        """Number of readings that alone were certain of a text, faded."""
         self._stamp_s = -math.inf
 
     def update(self, candidates: Sequence[PlateCandidate], stamp_s: float) -> None:
@@ -85,6 +92,8 @@ class PlatePosterior:
         for text, probability in probabilities.items():
             likelihood_ratio = max(probability / floor, 1.0)
             self._evidence[text] = self._evidence.get(text, 0.0) + math.log(likelihood_ratio)
+            if probability >= CERTAIN_TEXT:
+                self._certain_readings[text] = self._certain_readings.get(text, 0.0) + 1.0
         if len(self._evidence) > POOL:
             self._keep(sorted(self._evidence, key=lambda text: -self._evidence[text])[:POOL])
 
@@ -104,14 +113,31 @@ class PlatePosterior:
             PlateCandidate(self._spellings[text][1], weights[text] / total) for text in order
         )
 
+    @property
+    def certain_text(self) -> str | None:
+        """The text that the plate certainly bears; `None` while there is none."""
+        likeliest = next(iter(self.candidates(1)), None)
+        if likeliest is None or likeliest.probability < CERTAIN_TEXT:
+            return None
+        certain = self._certain_readings.get(folded(likeliest.text), 0.0)
+        return likeliest.text if certain >= CERTAIN_READINGS else None
+
+    def probability(self, text: str) -> float:
+        """Posterior of one text; 1 without readings."""
+        texts = self.candidates(POOL)
+        same = (each.probability for each in texts if folded(each.text) == folded(text))
+        return next(same, 0.0) if texts else 1.0
+
     def _fade(self, stamp_s: float) -> None:
         keep = math.exp(min(0.0, self._stamp_s - stamp_s) / FADE_S)
         self._stamp_s = max(stamp_s, self._stamp_s)
         self._readings *= keep
         self._others *= keep
-        for text in self._evidence:
-            self._evidence[text] *= keep
+        for faded in (self._evidence, self._certain_readings):
+            for text in faded:
+                faded[text] *= keep
 
     def _keep(self, texts: list[str]) -> None:
         self._evidence = {text: self._evidence[text] for text in texts}
+        self._certain_readings = {t: n for t, n in self._certain_readings.items() if t in texts}
         self._spellings = {text: self._spellings[text] for text in texts}

@@ -11,11 +11,11 @@ import numpy.typing as npt
 from onboard.observations import ImageBox, PlateCandidate
 from onboard.vision.blue_band import include_blue_band
 from onboard.vision.detection import Detection, DetectionKind, SearchPlan, TrackRegion
-from onboard.vision.identity import MIN_LENGTH
 from onboard.vision.perspective import Corners, Perspective, bounding_box
 from onboard.vision.plate_detector import PlateDetection
 from onboard.vision.plate_ends import refine_ends
 from onboard.vision.plate_formats import PlateFormats
+from onboard.vision.plate_posterior import MIN_LENGTH
 from onboard.vision.plate_reader import Plates, PlateText
 from onboard.vision.plate_views import PlateViews
 from onboard.vision.syntax import PlateSyntax

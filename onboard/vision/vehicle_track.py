@@ -1,14 +1,14 @@
-"""The track of one vehicle: position, speed, format of its plate, and votes on its text."""
+"""The track of one vehicle: position, speed, format of its plate, and texts it may bear."""
 
 import math
 
 from onboard.observations import PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
-from onboard.vision.identity import IDENTITY_CONFIDENCE, MIN_READ_CONFIDENCE, PlateVote
 from onboard.vision.look_alikes import folded
 from onboard.vision.motion import FrameMotion
 from onboard.vision.plate_formats import PlateFormats, TrackPlateFormat
 from onboard.vision.plate_posterior import PlatePosterior
+from onboard.vision.plate_reader import CERTAIN
 from onboard.vision.plate_views import PlateViews
 from onboard.vision.rear import ScaleChange
 
@@ -17,6 +17,8 @@ MAX_INNOVATION_SIGMAS = 3.0
 this."""
 CONFIRM_DETECTIONS = 3
 """Frames with a detection that confirm a track."""
+MIN_READ_CONFIDENCE = 0.3
+"""Confidence below which a reading contradicts no text."""
 RULED_OUT = 1e-3
 """Probability below which a reading rules a text out."""
 BEARING_SIGMA = 0.003
@@ -58,7 +60,7 @@ class VehicleTrack:
         self.read_at = stamp_s
         """Time of the last reading."""
         self.is_contradicted = False
-        """Whether the last reading differs from the voted text."""
+        """Whether the last reading differs from the certain text."""
         self.detections = 1
         self.last = first
         """The latest detection of a plate or tag, else of a vehicle."""
@@ -82,10 +84,8 @@ class VehicleTrack:
         """Time up to which the rear was tracked."""
         self.views: PlateViews | None = None
         """The mean of the plate's views."""
-        self._plate = PlateVote()
-        self._tag = PlateVote()
         self._posteriors = {kind: PlatePosterior() for kind in DetectionKind}
-        self._vote(first, stamp_s)
+        self._receive_reading(first, stamp_s)
 
     @property
     def confirmed(self) -> bool:
@@ -94,40 +94,46 @@ class VehicleTrack:
 
     @property
     def text(self) -> str | None:
-        """The voted text: the tag's, which detects errors, before the plate's."""
-        return self._tag.text or self._plate.text
+        """The certain text: the tag's, which detects errors, before the plate's."""
+        tag, plate = self._tag_and_plate
+        return tag.certain_text or plate.certain_text
 
     @property
     def candidates(self) -> tuple[PlateCandidate, ...]:
         """Texts that it may bear, the likeliest first: of the tag, or else of the plate."""
-        tag, plate = (self._posteriors[kind] for kind in (DetectionKind.TAG, DetectionKind.PLATE))
+        tag, plate = self._tag_and_plate
         return tag.candidates() or plate.candidates()
+
+    @property
+    def _tag_and_plate(self) -> tuple[PlatePosterior, PlatePosterior]:
+        return self._posteriors[DetectionKind.TAG], self._posteriors[DetectionKind.PLATE]
 
     def is_contradicted_by(self, detection: Detection) -> bool:
         """Whether both texts are certain, and the detection's reading rules the track's out."""
         texts, read = self._posteriors[detection.kind].candidates(1), detection.candidates
         if not texts or not read:
             return False
-        are_certain = min(texts[0].probability, read[0].probability) >= IDENTITY_CONFIDENCE
+        are_certain = min(texts[0].probability, read[0].probability) >= CERTAIN
         text = folded(texts[0].text)
         return are_certain and all(
             folded(each.text) != text for each in read if each.probability >= RULED_OUT
         )
 
     def text_of(self, detection: Detection) -> tuple[str | None, float]:
-        """Text of one of this track's detections, and its confidence by the votes of all frames.
+        """Text of one of this track's detections, and its confidence by the readings of all frames.
 
-        A reading that is not certain is replaced by the voted text; a certain one gets the lower of
-        its own confidence and its share of the votes.
+        A reading that is not certain is replaced by the certain text, if there is one; otherwise
+        the confidence is the lower of the reading's and of the text's posterior.
         """
         if detection.kind is not DetectionKind.PLATE:
             return detection.text, detection.confidence
-        known = self._plate.text
-        if known is not None and detection.identity_confidence < IDENTITY_CONFIDENCE:
-            return known, self._plate.share(known)
+        _, plate = self._tag_and_plate
+        known = plate.certain_text
+        if known is not None and detection.identity_confidence < CERTAIN:
+            return known, plate.probability(known)
         if detection.text is None:
             return None, 0.0
-        return detection.text, min(detection.confidence, self._plate.share(detection.text))
+        return detection.text, min(detection.confidence, plate.probability(detection.text))
 
     @property
     def gap_sigma_m(self) -> float:
@@ -166,7 +172,7 @@ class VehicleTrack:
             self.last = detection
             self.corners_px = detection.corners_px
         self.detected_at = self.observed_at = stamp_s
-        self._vote(detection, stamp_s)
+        self._receive_reading(detection, stamp_s)
 
     def receive_scale_change(
         self, scale_change: ScaleChange, right_slope: float, stamp_s: float
@@ -207,7 +213,7 @@ class VehicleTrack:
             self.last = self.last.with_width(width_m)
         return detection.with_width(width_m)
 
-    def _vote(self, detection: Detection, stamp_s: float) -> None:
+    def _receive_reading(self, detection: Detection, stamp_s: float) -> None:
         if detection.seen is not None and detection.seen is not self.views:
             detection = detection.unread()  # views of another vehicle took part
         if detection.was_read:
@@ -218,6 +224,3 @@ class VehicleTrack:
         if detection.text is None or detection.identity_confidence < MIN_READ_CONFIDENCE:
             return
         self.is_contradicted = detection.text != self.text
-        vote = self._tag if detection.kind is DetectionKind.TAG else self._plate
-        weights = (detection.identity_confidence,) * len(detection.text)
-        vote.vote(detection.text, detection.identity_confidence, weights, stamp_s)

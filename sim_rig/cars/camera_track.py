@@ -12,9 +12,9 @@ from statistics import NormalDist
 import numpy as np
 
 from onboard.observations import PlateCandidate, VehicleDetection
-from onboard.vision.identity import IDENTITY_CONFIDENCE
 from onboard.vision.perception import DEFAULT_PARAMETERS
 from onboard.vision.plate_posterior import PlatePosterior
+from onboard.vision.plate_reader import CERTAIN
 from onboard.vision.plates import MIN_PX
 from sim_rig.cars.camera_projection import CameraProjection
 from sim_rig.cars.camera_view import FPS, LENS
@@ -89,7 +89,7 @@ class CameraTrack:
     def text(self) -> str | None:
         """What the camera by itself is certain that the plate bears."""
         likeliest = next(iter(self.candidates), None)
-        is_certain = likeliest is not None and likeliest.probability >= IDENTITY_CONFIDENCE
+        is_certain = likeliest is not None and likeliest.probability >= CERTAIN
         return likeliest.text if likeliest is not None and is_certain else None
 
     @property

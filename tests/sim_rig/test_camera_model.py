@@ -14,7 +14,7 @@ import pytest
 
 from onboard.observations import Lead, LeadIdentity, Plate
 from onboard.settings import parse_settings
-from onboard.vision.identity import MIN_READ_CONFIDENCE
+from onboard.vision.vehicle_track import MIN_READ_CONFIDENCE
 from onboard.vision.networks import load_perception
 from onboard.vision.perception import Event
 from onboard.vision.settings import CameraSettings, VisionSettings

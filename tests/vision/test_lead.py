@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from onboard.observations import PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.lane import HostLane
 from onboard.vision.lead import LeadSelector
@@ -32,6 +33,7 @@ def detection(
         text=text,
         confidence=0.0 if text is None else 0.95,
         identity_confidence=0.0 if text is None else 0.95,
+        candidates=() if text is None else (PlateCandidate(text, 0.99),),
     )
 
 
@@ -294,6 +296,7 @@ def test_a_lane_for_model_cars_is_a_lane_too() -> None:
                 text,
                 1.0,
                 identity_confidence=1.0,
+                candidates=(PlateCandidate(text, 1.0),),
             )
             for ahead_m, right_m, text in ((0.5, 0.0, "TAG1"), (0.4, 0.3, "TAG2"))
         ]

@@ -101,3 +101,40 @@ def test_readings_out_of_order_and_impossible_probabilities_raise_nothing() -> N
     posterior.update(reading(GN417KB=1.0, GN417K8=1.0), -5.0)
 
     assert posterior.candidates()[0].probability < 1.0
+
+
+def test_one_reading_makes_no_text_certain() -> None:
+    assert after(reading(GN417KB=1.0)).certain_text is None
+
+
+@pytest.mark.parametrize(("share", "text"), [(0.99, "GN417KB"), (0.7, None)])
+def test_several_readings_make_a_text_certain_that_is_read_clearly(
+    share: float, text: str | None
+) -> None:
+    readings = [reading(GN417KB=share, GN417K8=0.99 - share)] * 5
+
+    assert after(*readings).certain_text == text
+
+
+def test_a_plate_that_is_misread_alike_in_every_frame_is_never_certain() -> None:
+    assert after(*[reading(H417KB=0.7)] * 100).certain_text is None
+
+
+def test_a_text_read_two_ways_is_not_certain() -> None:
+    both = [reading(GN417KB=0.95, GN417K8=0.04), reading(GN417K8=0.95, GN417KB=0.04)]
+
+    assert after(*both * 20).certain_text is None
+
+
+def test_a_mixture_of_two_plates_is_never_certain() -> None:
+    parts = [reading(XAAAA=0.9), reading(AXAAA=0.9), reading(AAXAA=0.9)]
+
+    assert after(*parts * 10).certain_text is None
+
+
+def test_the_probability_of_a_text_counts_characters_drawn_alike_as_equal() -> None:
+    posterior = after(reading(VAO34RM=0.6))
+
+    assert posterior.probability("VA034RM") == pytest.approx(0.6)
+    assert posterior.probability("GN417KB") == 0.0
+    assert PlatePosterior().probability("GN417KB") == 1.0

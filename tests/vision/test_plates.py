@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from onboard.observations import ImageBox, Lead, Plate
+from onboard.observations import ImageBox, Lead, Plate, PlateCandidate
 from onboard.vision.perception import Networks, Perception, PerceptionParameters
 from onboard.vision.perspective import Perspective, RoadPosition
 from onboard.vision.plate_detector import Corners, Image, PlateDetection
@@ -37,7 +37,8 @@ class Reader:
 
     def read_many(self, image: Image, plates: Plates) -> list[PlateText]:
         text, confidence = self._reads.pop(0)
-        return [PlateText(text, confidence, confidence)]
+        candidates = (PlateCandidate(text, confidence),)
+        return [PlateText(text, confidence, confidence, candidates)]
 
 
 def plates(finder: Finder, *reads: tuple[str, float]) -> list[Plate]:
@@ -60,13 +61,13 @@ def test_a_plate_cut_off_at_the_border_is_never_certain(left_px: float) -> None:
     assert plate.confidence < 0.5
 
 
-def test_a_readings_confidence_is_limited_by_its_share_of_the_votes() -> None:
+def test_a_readings_confidence_is_limited_by_the_other_readings() -> None:
     reported = plates(
         Finder(435.0), ("CMW2245", 0.5), ("CWW2245", 0.8), ("CWM2245", 0.7), ("CMW2245", 0.97)
     )
 
-    assert [plate.text for plate in reported] == ["CMW2245", "CWW2245", "CWM2245", "CMW2245"]
-    assert reported[-1].confidence < 0.6
+    assert [plate.text for plate in reported] == ["CMW2245", "CWW2245", None, "CMW2245"]
+    assert reported[1].confidence < 0.75
 
 
 def test_an_identified_track_keeps_its_text_in_frames_with_bad_readings() -> None:
@@ -78,14 +79,13 @@ def test_an_identified_track_keeps_its_text_in_frames_with_bad_readings() -> Non
     assert reported[2].confidence >= 0.9
 
 
-def test_a_certain_reading_of_another_text_is_reported_with_low_confidence() -> None:
+def test_a_certain_reading_that_all_others_rule_out_is_reported_without_text() -> None:
     reported = plates(Finder(435.0), *[("GN417KB", 0.97)] * 5, ("RD288HX", 0.95))
 
-    assert reported[-1].text == "RD288HX"
-    assert reported[-1].confidence < 0.5
+    assert (reported[-1].text, reported[-1].confidence) == (None, 0.0)
 
 
-def test_a_text_with_a_small_share_of_the_votes_is_not_reported() -> None:
+def test_a_text_that_other_readings_rule_out_is_not_reported() -> None:
     reported = plates(Finder(400.0), *[("AB123CD", 0.8)] * 5, ("XY987ZW", 0.2))
 
     assert (reported[-1].text, reported[-1].confidence) == (None, 0.0)

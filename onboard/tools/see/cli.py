@@ -20,10 +20,10 @@ from onboard.tools.see.annotated_frame import COLUMNS, AnnotatedFrame, annotate_
 from onboard.tools.see.ground_truth import GroundTruth
 from onboard.tools.see.score import Scores
 from onboard.vision.camera import open_recorded
-from onboard.vision.identity import IDENTITY_CONFIDENCE
 from onboard.vision.networks import load_perception
 from onboard.vision.outputs import keep_inputs, writing
 from onboard.vision.perception import PerceptionParameters
+from onboard.vision.plate_reader import CERTAIN
 from onboard.vision.recordings import ImageSequence, VideoFile
 from onboard.vision.settings import Calibration, CameraSettings, VisionSettings
 
@@ -76,7 +76,7 @@ def see(
         typer.echo("each image is independent; --fps makes them one drive, with a lead", err=True)
     if calibration is None:
         typer.echo("no --camera: a lens of 60 degrees is assumed, gaps are rough", err=True)
-    scores = Scores(GroundTruth.read(truth), IDENTITY_CONFIDENCE) if truth is not None else None
+    scores = Scores(GroundTruth.read(truth), CERTAIN) if truth is not None else None
     keep_inputs((Path(recording), camera, vision, truth), (csv_file, video))
     tally = PlateTally()
     with contextlib.ExitStack() as files:
