@@ -9,7 +9,6 @@ import csv
 import importlib
 import math
 import os
-import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -26,13 +25,10 @@ from onboard.tools.see.score import edit_distance, overlap
 from onboard.vision.look_alikes import folded
 from onboard.vision.plate_detector import LEAST_SCORE_AGAIN, Image, PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader
-from onboard.vision.syntax import PlateSyntax
-from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data"
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
 REGIONS = ("us", "eu", "br")
-WIDTHS_PX = (80, 65, 55, 45, 36)
 NARROW_PX, RANKS = (None, 45, 36, 30, 25), (1, 8, 16, 30)
 """Widths, and numbers of texts among which the true one is looked for; `None`: as photographed."""
 _TESSDATA = Path("/usr/share/tesseract-ocr/5/tessdata")
@@ -127,10 +123,10 @@ def _share(tally: Tally, name: str) -> float:
     return float(getattr(tally, name) / of)
 
 
-def network_method(patterns: tuple[str, ...] = ()) -> Way:
-    """The method of the car: the shipped detector and reader, one thread; with patterns, if any."""
+def network_method() -> Way:
+    """The method of the car: the shipped detector and reader, one thread."""
     cv2.setNumThreads(1)
-    detector, reader = PlateDetector(), PlateReader(syntax=PlateSyntax(patterns))
+    detector, reader = PlateDetector(), PlateReader()
 
     def read(image: Image) -> list[Reading]:
         plates = detector.find(image)
@@ -201,14 +197,6 @@ def photographs() -> list[Photograph]:
         ]
 
 
-def series_of(region: str) -> tuple[str, ...]:
-    """Patterns of a region for `vision.plate_patterns`: those of the renderer's series."""
-    patterns = {"us": US_PATTERNS, "eu": EU_PATTERNS, "br": BR_PATTERNS}[region]
-    return tuple(
-        sorted({re.sub("L", "[A-Z]", p).replace("#", "[0-9]").replace(" ", "") for p in patterns})
-    )
-
-
 def shrunk(photograph: Photograph, image: Image, width_px: float) -> tuple[Photograph, Image]:
     """The photograph scaled to a plate `width_px` wide.
 
@@ -245,15 +233,11 @@ def score(ways: Mapping[str, Way], width_px: float | None = None) -> dict[str, T
 
 def table_of_candidates() -> str:
     """How often the true text is among the likeliest of a single picture, as Markdown."""
-    ranks = ", ".join(str(rank) for rank in RANKS)
-    lines = [
-        f"| width of the plate | {' | '.join(f'{r}: of {ranks} texts' for r in REGIONS)} |",
-        "|---" * (len(REGIONS) + 1) + "|",
-    ]
+    lines = [f"| width | {' | '.join(REGIONS)} |", "|---" * (len(REGIONS) + 1) + "|"]
     for width_px in NARROW_PX:
         found = candidate_counts(width_px)
         shares = (
-            f"{', '.join(f'{count / photographs:.0%}' for count in counts)} of {photographs}"
+            f"{'/'.join(f'{100 * count / photographs:.0f}' for count in counts)} of {photographs}"
             for photographs, counts in found.values()
         )
         name = "as photographed" if width_px is None else f"{width_px} px"
@@ -282,46 +266,20 @@ def candidate_counts(width_px: float | None) -> dict[str, tuple[int, list[int]]]
     return found
 
 
-def table_by_width() -> str:
-    """Results by width of the plate, as Markdown."""
-    lines = [
-        f"| width of the plate | {' | '.join(f'{region}: found, exact' for region in REGIONS)} |",
-        "|---" * (len(REGIONS) + 1) + "|",
-    ]
-    ways = dict.fromkeys(REGIONS, network_method())
-    for width_px in WIDTHS_PX:
-        shares = (
-            f"{each.found / each.photographs:.0%}, {each.exact / each.photographs:.0%} "
-            f"of {each.photographs}"
-            for each in score(ways, width_px).values()
-        )
-        lines.append(f"| {width_px} px | {' | '.join(shares)} |")
-    return "\n".join(lines) + "\n"
-
-
 def table() -> str:
     """Results of both methods, by region, as Markdown."""
     heads = (
         *("region", "way", "found (IoU 0.5)", "exact", "exact and certain", "characters right"),
         *("false texts a photograph", "wrong among certain", "certain elsewhere", "s a photograph"),
     )
-    ours, with_patterns = (
-        network_method(),
-        {region: network_method(series_of(region)) for region in REGIONS},
-    )
-    ways = {
-        "ours": dict.fromkeys(REGIONS, ours),
-        "ours, with the series": with_patterns,
-        "baseline": dict.fromkeys(REGIONS, cascade_and_tesseract_method()),
-    }
+    ways = {"ours": network_method(), "baseline": cascade_and_tesseract_method()}
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for name, by_region in ways.items():
-        known = {region: way for region, way in by_region.items() if way is not None}
-        if not known:
+    for name, way in ways.items():
+        if way is None:
             blanks = " not measured |" * (len(heads) - 2)
             lines.append(f"| all | {name} |{blanks}")
             continue
-        for region, tally in score(known).items():
+        for region, tally in score(dict.fromkeys(REGIONS, way)).items():
             lines.append(
                 f"| {region} ({tally.photographs}) | {name} "
                 f"| {tally.found / tally.photographs:.1%} | {tally.exact / tally.photographs:.1%} "
@@ -337,8 +295,7 @@ def table() -> str:
 
 def main() -> None:
     """Write the tables into the page, between their marks."""
-    tables = {"scores": table(), "widths": table_by_width(), "candidates": table_of_candidates()}
-    write_tables(PAGE, tables)
+    write_tables(PAGE, {"scores": table(), "candidates": table_of_candidates()})
 
 
 if __name__ == "__main__":
