@@ -14,10 +14,10 @@ import pytest
 
 from onboard.observations import Lead, LeadIdentity, Plate
 from onboard.settings import parse_settings
-from onboard.vision.vehicle_track import MIN_READ_CONFIDENCE
 from onboard.vision.networks import load_perception
 from onboard.vision.perception import Event
 from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.vehicle_track import MIN_READ_CONFIDENCE
 from sim_rig.cars.camera_model import STAMP_S, CameraModel
 from sim_rig.cars.camera_server import Camera
 from sim_rig.cars.camera_view import FPS, LENS, CameraView
