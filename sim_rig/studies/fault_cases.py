@@ -20,6 +20,8 @@ class FaultCase:
     """Settings of the radio channel."""
     signed: bool = False
     """Whether messages are signed, which takes computing time."""
+    until_s: float = UNTIL_S
+    """End of the fault."""
 
 
 def _radio(fault: str, setting: str, values: tuple[float, ...], unit: str = "") -> list[FaultCase]:
@@ -73,6 +75,12 @@ CASES = (
         "",
         of="green",
         reads="GN417XB",
+    ),
+    FaultCase(
+        "plate misread",
+        "1 for 10 s",
+        faults=({"what": "plate_misread", "rate": 1.0, "of": "green", "reads": "GN417XB"},),
+        until_s=22.0,
     ),
     *_lasting("GNSS silent", "gnss_silent", "red"),
     *_graded("GNSS jump", "gnss_jump", "north_m", (10.0, 50.0, 500.0), " m"),

@@ -19,7 +19,7 @@ from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.campaign import Row, Workers, run_campaign
-from sim_rig.studies.fault_cases import CASES, FROM_S, UNTIL_S, FaultCase
+from sim_rig.studies.fault_cases import CASES, FROM_S, FaultCase
 from sim_rig.studies.results import write_results
 
 BRAKES_S = (7.0, 14.0, 19.0, 24.0, 34.0, 39.0)
@@ -105,7 +105,7 @@ def run_case(settings: FaultsSettings, number: int) -> Row:
     """Run one case with one seed."""
     case_number, seed_number = divmod(number, len(settings.seeds))
     case = cases_of(settings)[case_number]
-    outcome = outcome_of(run_virtual(scenario_of(case), settings.seeds[seed_number]), case.car)
+    outcome = outcome_of(run_virtual(scenario_of(case), settings.seeds[seed_number]), case)
     return {
         "missed": outcome.missed,
         "missed_after": outcome.missed_after,
@@ -138,25 +138,26 @@ def scenario_of(case: FaultCase) -> Scenario:
             "blue": {"plate": "BL635TN", "lane": 1, "start_m": 67.0, "speed_m_s": follower},
         },
         "faults": [
-            {"car": case.car, "from_s": FROM_S, "until_s": UNTIL_S} | fault for fault in case.faults
+            {"car": case.car, "from_s": FROM_S, "until_s": case.until_s} | fault
+            for fault in case.faults
         ],
         "expect": [],
     }
     return parse_settings(tree, Scenario, case.fault)
 
 
-def outcome_of(log: RunLog, car: str) -> FaultOutcome:
-    """Evaluate one run; `car` has the fault."""
-    during = [at for at in BRAKES_S if FROM_S <= at < UNTIL_S]
-    after = [at for at in BRAKES_S if at >= UNTIL_S]
-    lost = [log.at_s(record) for record in log.of(car, "sensor_lost", from_s=FROM_S)]
+def outcome_of(log: RunLog, case: FaultCase) -> FaultOutcome:
+    """Evaluate one run of a case."""
+    during = [at for at in BRAKES_S if FROM_S <= at < case.until_s]
+    after = [at for at in BRAKES_S if at >= case.until_s]
+    lost = [log.at_s(record) for record in log.of(case.car, "sensor_lost", from_s=FROM_S)]
     restored_s = max(_restored_s(log, name) for name in POSITIONS)
     return FaultOutcome(
         missed=_missed(log, during),
         missed_after=_missed(log, after),
         false=sum(1 for _ in _false(log)),
         shown_s=lost[0] - FROM_S if lost else None,
-        recovered_s=None if restored_s >= END_S else max(0.0, restored_s - UNTIL_S),
+        recovered_s=None if restored_s >= END_S else max(0.0, restored_s - case.until_s),
     )
 
 

@@ -303,8 +303,19 @@ def case(fault: str, car: str) -> FaultCase:
     return next(each for each in CASES if (each.fault, each.car) == (fault, car))
 
 
+@pytest.mark.parametrize("severity", ["0.3", "1 for 10 s"])
+def test_readings_of_another_plate_miss_no_warning_while_the_car_is_tracked(severity: str) -> None:
+    misread = next(
+        each for each in CASES if (each.fault, each.severity) == ("plate misread", severity)
+    )
+    outcome = outcome_of(run_virtual(scenario_of(misread), 1), misread)
+
+    assert (outcome.missed, outcome.missed_after, outcome.false) == (0.0, 0.0, 0)
+
+
 def test_a_silent_ecu_of_the_braking_car_is_detected_and_recovered_from() -> None:
-    outcome = outcome_of(run_virtual(scenario_of(case("ECU silent", "green"))), "green")
+    silent = case("ECU silent", "green")
+    outcome = outcome_of(run_virtual(scenario_of(silent)), silent)
 
     assert (outcome.missed, outcome.missed_after, outcome.false) == (1.0, 0.0, 0)
     assert outcome.shown_s is not None
