@@ -26,6 +26,7 @@ _SINGLE = {
 _CAMPAIGNS = {
     "false-identity": "false_identity:run:FalseIdentitySettings",
     "faults": "faults:run:FaultsSettings",
+    "inquiry-load": "inquiry_load:run:InquiryLoadSettings",
     "lcca-chain": "lcca_chain:chain:ChainSettings",
     "mvs-figure3": "mvs_collisions:figure3:Figure3Settings",
     "mvs-figure9": "mvs_collisions:figure9:CollisionSettings",
