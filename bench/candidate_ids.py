@@ -58,6 +58,7 @@ def _of_drives() -> Iterator[Figure]:
 def _simulated(leads: list[Lead], truth: str) -> tuple[float | None, int]:
     """Return how long the ID of the true text takes (`None`: no candidate), and IDs derived."""
     digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1))
+    ids = CandidateIds(digest, "OWN1")
     texts: tuple[str, ...] = ()
     seen_s: float | None = None
     ready_s: float | None = None
@@ -70,7 +71,7 @@ def _simulated(leads: list[Lead], truth: str) -> tuple[float | None, int]:
             free_s += DERIVATION_S
             count += 1
         free_s = max(free_s, lead.stamp_s - DERIVATION_S)
-        texts = tuple(each.text for each in lead.candidates[:MOST_CANDIDATES])
+        texts = ids.texts_to_derive(lead)
         if truth in map(normalised, texts):
             seen_s = lead.stamp_s if seen_s is None else seen_s
             if ready_s is None and digest.is_derived(truth, MID_EPOCH_UTC_S):

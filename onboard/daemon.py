@@ -23,7 +23,7 @@ from onboard.detector.object_list import ObjectListReader
 from onboard.errors import UserError
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
-from onboard.lcca.events import Identified
+from onboard.lcca.events import Identified, IdentityLost
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
@@ -213,8 +213,8 @@ class Daemon:
         for frame in outputs.can_frames:
             self._send_can(frame)
         for event in outputs.events:
-            if isinstance(event, Identified):
-                self._candidate_ids.keep(event.text)
+            if isinstance(event, Identified | IdentityLost):
+                self._candidate_ids.receive_identity(event)
             self._sinks.show(event)
         self._sinks.show_view(now)
         if self._timer is not None:

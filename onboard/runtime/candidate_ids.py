@@ -8,7 +8,10 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 
+from onboard.lcca.events import Identified, IdentityLost
+from onboard.lcca.identification import MIN_ASKED
 from onboard.observations import Lead
 from onboard.security.plate_digest import PlateDigest
 from onboard.thread_priority import lower_thread_priority
@@ -21,6 +24,10 @@ STEP_WITHIN_S = 1.0
 
 MOST_CANDIDATES = 16
 """Texts of one lead that are derived: as many as a `Lead` has."""
+
+LEAST_PROBABILITY = MIN_ASKED / 4
+"""Probability from which a text is derived: the next readings may make it likely enough to be asked
+for. Once a plate is legible, most of the 16 are below 0.0001."""
 
 NICENESS = 10
 """Niceness of the thread: the same as the camera's."""
@@ -41,7 +48,7 @@ class CandidateIds:
         self._own_plate = own_plate
         self._texts: tuple[str, ...] = ()
         """Of the newest lead: those of the lead before are no longer derived."""
-        self._identified: tuple[str, ...] = ()
+        self._identified: Identified | None = None
         self._has_news = threading.Event()
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name="candidate-ids", daemon=True)
@@ -56,9 +63,9 @@ class CandidateIds:
         self._has_news.set()
         self._thread.join(JOIN_S)
 
-    def keep(self, text: str | None) -> None:
-        """Derive also the next ID of the identified car, whose text may cease to be a candidate."""
-        self._identified = () if text is None else (text,)
+    def receive_identity(self, event: Identified | IdentityLost) -> None:
+        """Derive of an identified track only the text of its car, until the identity is lost."""
+        self._identified = event if isinstance(event, Identified) and event.text else None
 
     def derived(self, lead: Lead, utc_s: float) -> Lead:
         """Return `lead` with only those candidates whose IDs are derived; plan the others.
@@ -74,13 +81,21 @@ class CandidateIds:
             ValueError: a text has no letter and no digit.
         """
         candidates = lead.candidates[:MOST_CANDIDATES]
-        self._texts = tuple(each.text for each in candidates)
+        self._texts = self.texts_to_derive(lead)
         self._has_news.set()
         if lead.text is not None:
             for at_utc_s in (utc_s, utc_s + STEP_WITHIN_S):
                 self._digest.car_id(lead.text, at_utc_s)
         ready = tuple(each for each in candidates if self._is_ready(each.text, utc_s))
         return replace(lead, candidates=ready)
+
+    def texts_to_derive(self, lead: Lead) -> tuple[str, ...]:
+        """Return the texts whose IDs are needed while `lead` is the newest, the likeliest first."""
+        identified = self._identified
+        if identified is not None and identified.text and identified.track_id == lead.track_id:
+            return (identified.text,)
+        likely = (each for each in lead.candidates if each.probability >= LEAST_PROBABILITY)
+        return tuple(each.text for each in islice(likely, MOST_CANDIDATES))
 
     def _is_ready(self, text: str, utc_s: float) -> bool:
         """Whether a step that follows finds the ID, also if the epoch changes before it."""
@@ -91,7 +106,7 @@ class CandidateIds:
     def _run(self) -> None:
         lower_thread_priority(NICENESS)
         while not self._is_closed:
-            texts = (self._own_plate, *self._identified, *self._texts)
+            texts = (self._own_plate, *self._texts)
             due = next_derivation(self._digest, texts, time.time())
             if due is None:
                 self._has_news.wait(EPOCH_AHEAD_S / 2)

@@ -6,10 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 
+from onboard.lcca.events import Identified, IdentityLost
 from onboard.observations import Lead, LeadIdentity, PlateCandidate
 from onboard.recorder.identities import RecordingDigest
 from onboard.runtime.candidate_ids import (
     EPOCH_AHEAD_S,
+    LEAST_PROBABILITY,
     MOST_CANDIDATES,
     STEP_WITHIN_S,
     CandidateIds,
@@ -117,6 +119,16 @@ def test_more_candidates_than_a_lead_has_are_left_out() -> None:
     )
 
 
+def test_a_text_that_will_not_be_asked_for_is_not_derived() -> None:
+    probabilities = {"AB123": 0.99, "AB128": LEAST_PROBABILITY, "A8123": 0.9 * LEAST_PROBABILITY}
+    candidates = tuple(PlateCandidate(*each) for each in probabilities.items())
+    seen = Lead(1.0, LeadIdentity.UNKNOWN, None, 20.0, track_id=1, candidates=candidates)
+
+    ids = CandidateIds(PlateDigest(CHEAP), OWN)
+
+    assert ids.texts_to_derive(seen) == ("AB123", "AB128")
+
+
 # ---- the thread, with the derivation of the default cost ----------------------------------
 
 
@@ -159,14 +171,26 @@ def test_candidates_are_derived_in_a_thread_the_likeliest_first(running: Running
     assert running.threads == {"candidate-ids"}
 
 
-def test_the_identified_text_is_derived_though_it_is_no_candidate_any_more(
-    running: Running,
-) -> None:
-    running.ids.keep("KEPT5")
+def test_of_an_identified_track_only_the_text_of_its_car_is_derived(running: Running) -> None:
+    car_id = bytes(8)
+    running.ids.receive_identity(Identified(1.0, 1, car_id, "KEPT5", 0.9995, "answer"))
+    running.ids.derived(lead(*TEXTS, track_id=1), time.time())
+    running.until_all_derived(lead("AFTER2", track_id=2))
+    of_identified = set(running.derived)
 
-    running.until_all_derived(lead(*TEXTS))
+    running.ids.receive_identity(IdentityLost(2.0, 1, car_id, "refuted"))
+    running.until_all_derived(lead(*TEXTS, track_id=1))
 
-    assert "KEPT5" in running.derived
+    assert not of_identified & set(TEXTS)
+
+
+@pytest.mark.parametrize("text", ["KEPT5", None])
+def test_the_next_id_of_the_identified_car_is_derived_ahead(text: str | None) -> None:
+    """Its text may cease to be a candidate; without one, candidates are derived as before."""
+    ids = CandidateIds(PlateDigest(CHEAP), OWN)
+    ids.receive_identity(Identified(1.0, 1, bytes(8), text, 0.9995, "answer"))
+
+    assert ids.texts_to_derive(lead(*TEXTS)) == ((text,) if text else TEXTS)
 
 
 def test_a_new_lead_comes_before_the_rest_of_the_one_before(running: Running) -> None:
