@@ -12,10 +12,12 @@ from statistics import NormalDist
 import numpy as np
 
 from onboard.observations import PlateCandidate, VehicleDetection
+from onboard.vision.detection import DetectionKind
 from onboard.vision.perception import DEFAULT_PARAMETERS
 from onboard.vision.plate_posterior import PlatePosterior
 from onboard.vision.plate_reader import CERTAIN
 from onboard.vision.plates import MIN_PX
+from onboard.vision.vehicle_track import BEARING_SIGMA, SIZE_SIGMA
 from sim_rig.cars.camera_projection import CameraProjection
 from sim_rig.cars.camera_view import FPS, LENS
 from sim_rig.cars.plate_readings import PlateReadings
@@ -39,7 +41,8 @@ GAP_SIGMA_STATED, BEARING_SIGMA_RAD = 0.05, 0.004
 """Typical sigmas that perception reports."""
 CONFIRMED_DETECTIONS = 3
 MIN_TAG_PX = 12.0
-"""AR tags are detected and read without error from this width on."""
+"""AR tags are detected and read without error from this width on. Their gaps, and the directions of
+all rears, have the errors that perception assumes (`onboard/vision/vehicle_track.py`)."""
 
 _KEPT = math.exp(-1 / FPS / CORRELATION_S)
 _FRESH = math.sqrt(1 - _KEPT**2)
@@ -141,7 +144,7 @@ class CameraTrack:
         if self._car is not None:
             true_m_s = (self._car.ahead_m - car.ahead_m) / (stamp_s - self.seen_at)
             self._true_closing_m_s += (true_m_s - self._true_closing_m_s) * (1 - _LAG)
-        share, closing_error_m_s = 0.0, 0.0
+        share, closing_error_m_s = SIZE_SIGMA[DetectionKind.TAG] * self._errors[0], 0.0
         if car.tag_id is None:
             share = at(GAP_BIAS, width_px) + at(GAP_SIGMA, width_px) * self._errors[0]
             # At the same width, the gap is as many times longer as the focal length.
@@ -149,7 +152,7 @@ class CameraTrack:
             closing_error_m_s = longer * at(CLOSING_SIGMA_M_S, width_px) * self._errors[1]
         self._gap_m = float(car.ahead_m * (1 + share))
         self.closing_speed_m_s = float(self._true_closing_m_s + closing_error_m_s)
-        self.right_m = car.lateral_m
+        self.right_m = float(car.lateral_m + BEARING_SIGMA * car.ahead_m * self._errors[2])
         self._car, self.seen_at = car, stamp_s
         self.detections += 1
 

@@ -46,13 +46,20 @@ def changed_s(log: RunLog, car: str, **fields: object) -> float:
     return log.at_s(next(iter(log.of(car, "transition", from_s=CHANGE_S, **fields))))
 
 
+def noticed_s(log: RunLog, car: str) -> float:
+    """Time of the first image after the exchange has begun in which another car is the lead."""
+    leads = list(log.of(car, "lead", from_s=CHANGE_S))
+    return next(log.at_s(lead) for lead in leads if lead["track_id"] != leads[0]["track_id"])
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_behind_a_car_that_cuts_in_the_group_is_left(seed: int) -> None:
     log = run_virtual(cut_in(), seed)
 
     before = list(log.of("red", "transition", until_s=CHANGE_S))[-1]
     assert before["state"] == "member"
-    assert changed_s(log, "red", state="regular") < IN_LANE_S + 1.0
+    assert noticed_s(log, "red") < IN_LANE_S + 0.5
+    assert changed_s(log, "red", state="regular") < noticed_s(log, "red") + 1.0
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -62,4 +69,5 @@ def test_when_the_car_ahead_leaves_the_lane_the_one_beyond_is_followed(seed: int
 
     before = list(log.of("blue", "transition", until_s=CHANGE_S))[-1]
     assert (before["state"], before["group_number"]) == ("member", 3)
-    assert changed_s(log, "blue", state="member", group_number=2) < OUT_OF_LANE_S + 1.0
+    assert noticed_s(log, "blue") < OUT_OF_LANE_S + 0.5
+    assert changed_s(log, "blue", state="member", group_number=2) < noticed_s(log, "blue") + 1.0
