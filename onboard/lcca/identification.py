@@ -44,6 +44,10 @@ RETRY_S, RETRY_MAX_S = 0.1, 1.0
 ENOUGH_INQUIRIES, ANSWER_TIME_S = 2, 0.04
 """Inquiries, and time since the last one, after which a car is identified: the others that were
 asked, the one ahead among them, have then had the chance to answer too."""
+LIKELY, DERIVING_S = 0.9, 0.4
+"""Probability of a text below which a car is not identified before so much time has passed since
+the first inquiry: the IDs of the less likely texts are then derived and asked for. Of a fleet's
+cars, the one ahead may be among them."""
 NEW_TEXT, MAX_EARLY = 0.05, 8
 """Probability of a text not asked for yet from which an inquiry is repeated early, and how often
 that happens on one track."""
@@ -84,6 +88,7 @@ class _Track:
     """Communication IDs of the cars that answered, by sender."""
     asked: set[CarId] = field(default_factory=set)
     inquiries: int = 0
+    first_asked_at: float = math.inf
     identity: CarIdentity | None = None
     sender: bytes | None = None
     """The identified car, as its BSMs name it."""
@@ -249,6 +254,7 @@ class Identification(Core):
         self._ask_at = now + (retry_s if track.identity is None else RENEW_S)
         self._asked_at = now
         track.inquiries += 1
+        track.first_asked_at = min(track.first_asked_at, now)
         if len(track.asked) > MAX_ASKED:
             track.asked.clear()
         track.asked |= {each.car_id for each in lead.candidates}
@@ -365,9 +371,10 @@ class Identification(Core):
 
     def _have_all_answered(self, track: _Track, lead: TrackedVehicle, now: float) -> bool:
         """Whether no other answer is to be expected, since all came or only one text is likely."""
-        is_sharp = any(each.probability >= BELIEF for each in lead.candidates)
+        likeliest = max((each.probability for each in lead.candidates), default=0.0)
         is_asked = track.inquiries >= ENOUGH_INQUIRIES and now >= self._asked_at + ANSWER_TIME_S
-        return is_sharp or is_asked
+        is_likely = likeliest >= LIKELY or now >= track.first_asked_at + DERIVING_S
+        return likeliest >= BELIEF or (is_asked and is_likely)
 
     def _lose(self, track: _Track, cause: str, now: float) -> None:
         if track.identity is not None:

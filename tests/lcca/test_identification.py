@@ -94,6 +94,19 @@ def test_a_doubtful_text_is_asked_for_twice_before_it_is_believed() -> None:
     assert drive.identified == AHEAD
 
 
+def test_an_unlikely_text_waits_until_the_ids_of_the_others_are_derived() -> None:
+    drive = Drive()
+    both = {AHEAD: SPEED_M_S, TWIN: SPEED_M_S}
+    drive.look(candidate(TWIN, 0.5), seconds=0.3, answering=both)
+    drive.look(candidate(TWIN, 0.5), candidate(AHEAD, 0.3), seconds=0.3, answering=both)
+    assert drive.identified is None
+    alone = Drive()
+    alone.look(candidate(AHEAD, 0.5), seconds=0.4, answering={AHEAD: SPEED_M_S})
+    assert alone.identified is None
+    alone.look(candidate(AHEAD, 0.5), seconds=0.2, answering={AHEAD: SPEED_M_S})
+    assert alone.identified == AHEAD
+
+
 def test_what_nobody_answers_to_stays_unknown_and_is_asked_ever_more_rarely() -> None:
     drive = Drive()
     drive.look(candidate(AHEAD, 0.98), seconds=10.0)
