@@ -264,7 +264,7 @@ class Identification(Core):
         self._events.append(Inquired(now, track.track_id, len(names)))
 
     def _names(self, track: _Track, lead: TrackedVehicle, now: float) -> list[bytes]:
-        """What to ask for, the likeliest first; nothing if nothing is to be found out."""
+        """What to ask for; nothing if nothing is to be found out."""
         if now >= self._speed_until or lead.gap_m >= ASK_HEADWAY_S * self._speed_m_s:
             return []
         if track.identity is not None:
@@ -288,7 +288,7 @@ class Identification(Core):
             for each in lead.candidates
             if each.probability >= MIN_ASKED and each.car_id != self._own_id
         ]
-        return list(dict.fromkeys(names))[:MAX_NAMES]
+        return sorted(list(dict.fromkeys(names))[:MAX_NAMES])  # their order reveals nothing
 
     # Being asked
 

@@ -161,7 +161,7 @@ class Inquiry:
     """Repeated in the answer."""
     names: Annotated[tuple[bytes, ...], SequenceOf(OctetString(NAME_BYTES), 1, MAX_NAMES)]
     """First bytes of communication IDs of the texts that the plate ahead may bear, or temporary IDs
-    of BSMs, the likeliest first."""
+    of BSMs, sorted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -261,6 +261,7 @@ def test_an_inquiry_names_at_most_16_texts_and_none_twice() -> None:
     drive.look(*(candidate(car_id, 0.02) for car_id in cars))
     (inquiry,) = drive.inquiries
     assert len(inquiry.names) == len(set(inquiry.names)) == MAX_NAMES
+    assert list(inquiry.names) == sorted(inquiry.names)  # a listener learns no order
     assert decode(encode(inquiry)) == inquiry
 
 
