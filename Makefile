@@ -5,6 +5,7 @@ PYTHON := .venv/bin/python
 demo: .venv/ready
 	$(PYTHON) -m sim_rig run fig4
 	$(PYTHON) -m onboard replay out/fig4-live/box/red --expect
+	$(PYTHON) -m sim_rig run platoon --virtual
 	$(PYTHON) -m sim_rig run shared-detection
 
 test: .venv/ready system-packages lint
