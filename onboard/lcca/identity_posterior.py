@@ -25,7 +25,7 @@ ON_AIR = 0.5
 COINCIDENCE = 1e-6
 """c: probability that a given vehicle bears one given text. There are 10^7 plates and more in a
 series, which are not used evenly."""
-FLEET, FLEET_ANSWERS = 3e-3, 0.5
+FLEET, FLEET_ANSWERS = 1e-3, 0.5
 """f: probability that the vehicle ahead is of a fleet with consecutive plates that is in range,
 taken high, so that few are mistaken where it is (`sim-rig study false-identity`); F: share of the
 texts near its own that are then borne by others."""
