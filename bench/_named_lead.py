@@ -4,16 +4,15 @@ The real identification takes what perception reports; the only other vehicle on
 lead, which answers inquiries for its own plate and moves as fast as the host vehicle.
 """
 
-import hashlib
 from collections.abc import Iterable
 
 import numpy as np
 
-from onboard.lcca.events import CandidateCar, TrackedVehicle
+from onboard.lcca.events import TrackedVehicle
 from onboard.lcca.identification import Identification
-from onboard.messages.lcca import NAME_BYTES, Answer, CarId, Inquiry
+from onboard.messages.lcca import NAME_BYTES, Answer, Inquiry
 from onboard.observations import Lead
-from onboard.security.plate_digest import normalised
+from sim_rig.studies.platoon_sight import car_id_of
 
 SPEED_M_S = 15.0
 _OWN, _OWN_TEMPORARY, _TEMPORARY = b"host-car", b"host", b"lead"
@@ -27,12 +26,12 @@ def named_after_s(plate: str, leads: Iterable[Lead]) -> float | None:
         leads: what perception reports, in order of time, with the first image at 0 s.
     """
     core = Identification(_OWN, _OWN_TEMPORARY, np.random.default_rng(1))
-    answering = _car_id(plate)
+    answering = car_id_of(plate)
     for lead in leads:
         now = lead.stamp_s
         core.receive_speed(SPEED_M_S, now)
         core.receive_speed_on_air(_TEMPORARY, _TEMPORARY, SPEED_M_S, now)
-        core.receive_lead(_tracked(lead), now)
+        core.receive_lead(TrackedVehicle.of(lead, car_id_of), now)
         for message in core.messages_to_send():
             if isinstance(message, Inquiry) and answering[:NAME_BYTES] in message.names:
                 answer = Answer(answering, _OWN, message.sequence, _TEMPORARY, SPEED_M_S)
@@ -40,23 +39,3 @@ def named_after_s(plate: str, leads: Iterable[Lead]) -> float | None:
         if core.identity is not None and core.identity.car_id == answering:
             return now
     return None
-
-
-def _tracked(lead: Lead) -> TrackedVehicle | None:
-    if lead.gap_m is None or lead.track_id is None:
-        return None
-    candidates = tuple(
-        CandidateCar(each.text, _car_id(each.text), each.probability) for each in lead.candidates
-    )
-    return TrackedVehicle(
-        lead.track_id,
-        lead.gap_m,
-        lead.closing_speed_m_s,
-        lead.closing_speed_sigma_m_s,
-        candidates,
-    )
-
-
-def _car_id(plate: str) -> CarId:
-    """A communication ID without the time that deriving a real one takes."""
-    return hashlib.blake2b(normalised(plate).encode(), digest_size=8).digest()

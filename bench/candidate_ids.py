@@ -15,8 +15,9 @@ import numpy as np
 from bench import Figure
 from bench.vision_drives import CAMERA, FPS, annotated_frames, rendered_drive
 from onboard.daemon import GIL_INTERVAL_S
+from onboard.messages.lcca import MAX_NAMES
 from onboard.observations import Lead, LeadIdentity, PlateCandidate
-from onboard.runtime.candidate_ids import MOST_CANDIDATES, CandidateIds, next_derivation
+from onboard.runtime.candidate_ids import CandidateIds, next_derivation
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 from sim_rig.rendering.scene import Light
@@ -93,7 +94,7 @@ def _of_thread() -> Iterator[Figure]:
     for number in range(LEADS):
         began_s = time.monotonic()
         after_s = [0.0]
-        while (count := len(ids.derived(_lead(number), time.time()).candidates)) < MOST_CANDIDATES:
+        while (count := len(ids.derived(_lead(number), time.time()).candidates)) < MAX_NAMES:
             after_s += [time.monotonic() - began_s] * (count > 0)
             delays_s += _delays_s(time.monotonic() + FRAME_S)
         first_s.append(min(after_s[1:], default=0.0))
@@ -116,7 +117,7 @@ def _of_thread() -> Iterator[Figure]:
 
 
 def _lead(number: int) -> Lead:
-    candidates = tuple(PlateCandidate(f"L{number}T{k}", 0.05) for k in range(MOST_CANDIDATES))
+    candidates = tuple(PlateCandidate(f"L{number}T{k}", 0.05) for k in range(MAX_NAMES))
     return Lead(0.0, LeadIdentity.UNKNOWN, None, 20.0, track_id=number, candidates=candidates)
 
 

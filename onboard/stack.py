@@ -17,7 +17,7 @@ from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.config import CarConfig
 from onboard.core import Core
 from onboard.errors import DecodeError
-from onboard.lcca.events import CandidateCar, PrecedingVehicle, TrackedVehicle, WarningRaised
+from onboard.lcca.events import PrecedingVehicle, TrackedVehicle, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
 from onboard.messages import bsm, lcca
@@ -476,23 +476,9 @@ class Stack:
     def _receive_lead(self, lead: Lead, now: float) -> None:
         """Find out which car is ahead, and hand it to the warning group."""
         self._lead = lead
-        self._identification.receive_lead(self._tracked_vehicle(lead, now), now)
+        vehicle = TrackedVehicle.of(lead, lambda text: self._car_id(text, now))
+        self._identification.receive_lead(vehicle, now)
         self._show_preceding_vehicle(now)
-
-    def _tracked_vehicle(self, lead: Lead, now: float) -> TrackedVehicle | None:
-        """Return the lead with the IDs of the texts of its plate; `None` without one."""
-        if lead.track_id is None or lead.gap_m is None:
-            return None
-        return TrackedVehicle(
-            lead.track_id,
-            lead.gap_m,
-            lead.closing_speed_m_s,
-            lead.closing_speed_sigma_m_s,
-            tuple(
-                CandidateCar(each.text, self._car_id(each.text, now), each.probability)
-                for each in lead.candidates
-            ),
-        )
 
     def _show_preceding_vehicle(self, now: float) -> None:
         """Hand the lead to the warning group, under its ID if it is identified."""

@@ -1,10 +1,12 @@
 """Input and output values of the identification of the car ahead, and of the warning group."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from onboard.lcca.transitions import GroupEvent, GroupState
 from onboard.messages.lcca import CarId
+from onboard.observations import Lead
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,27 @@ class TrackedVehicle:
     closing_speed_sigma_m_s: float | None
     candidates: tuple[CandidateCar, ...]
     """The likeliest first; what their probabilities lack to 1 is for all other texts."""
+
+    @classmethod
+    def of(cls, lead: Lead, car_id_of: Callable[[str], CarId]) -> Self | None:
+        """Return a lead with the communication IDs of its texts; `None` if there is none.
+
+        Args:
+            lead: as the camera reports it.
+            car_id_of: derives the communication ID of a text in this epoch.
+        """
+        if lead.track_id is None or lead.gap_m is None:
+            return None
+        return cls(
+            lead.track_id,
+            lead.gap_m,
+            lead.closing_speed_m_s,
+            lead.closing_speed_sigma_m_s,
+            tuple(
+                CandidateCar(each.text, car_id_of(each.text), each.probability)
+                for each in lead.candidates
+            ),
+        )
 
 
 @dataclass(frozen=True, slots=True)

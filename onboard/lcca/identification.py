@@ -103,9 +103,8 @@ class Identification(Core):
         Args:
             own_id: the own communication ID.
             temporary_id: of the own BSMs.
-            rng: draws the first sequence number and the delays.
+            rng: draws the first sequence number.
         """
-        self._rng = rng
         self._own_id, self._temporary_id = own_id, temporary_id
         self._speed_m_s = 0.0
         self._speed_until = -math.inf
@@ -187,8 +186,7 @@ class Identification(Core):
         self._lead = lead
         if lead is None:
             return
-        if lead.track_id not in self._tracks:
-            self._tracks[lead.track_id] = _Track(lead.track_id)
+        track = self._tracks.setdefault(lead.track_id, _Track(lead.track_id))
         self._tracks.move_to_end(lead.track_id)
         if len(self._tracks) > MAX_TRACKS:
             self._tracks.popitem(last=False)
@@ -203,7 +201,6 @@ class Identification(Core):
                 self._speed_m_s,
                 now,
             )
-        track = self._tracks[lead.track_id]
         self._decide(track, lead, now)
         self._ask_if_due(track, lead, now)
 

@@ -12,6 +12,7 @@ from itertools import islice
 
 from onboard.lcca.events import Identified, IdentityLost
 from onboard.lcca.identification import MIN_ASKED
+from onboard.messages.lcca import MAX_NAMES
 from onboard.observations import Lead
 from onboard.security.plate_digest import PlateDigest
 from onboard.thread_priority import lower_thread_priority
@@ -21,9 +22,6 @@ EPOCH_AHEAD_S = 10.0
 
 STEP_WITHIN_S = 1.0
 """Longest time from an observation to the step that receives it."""
-
-MOST_CANDIDATES = 16
-"""Texts of one lead that are derived: as many as a `Lead` has."""
 
 LEAST_PROBABILITY = MIN_ASKED / 4
 """Probability from which a text is derived: the next readings may make it likely enough to be asked
@@ -80,7 +78,7 @@ class CandidateIds:
         Raises:
             ValueError: a text has no letter and no digit.
         """
-        candidates = lead.candidates[:MOST_CANDIDATES]
+        candidates = lead.candidates[:MAX_NAMES]
         self._texts = self.texts_to_derive(lead)
         self._has_news.set()
         if lead.text is not None:
@@ -95,7 +93,7 @@ class CandidateIds:
         if identified is not None and identified.text and identified.track_id == lead.track_id:
             return (identified.text,)
         likely = (each for each in lead.candidates if each.probability >= LEAST_PROBABILITY)
-        return tuple(each.text for each in islice(likely, MOST_CANDIDATES))
+        return tuple(each.text for each in islice(likely, MAX_NAMES))
 
     def _is_ready(self, text: str, utc_s: float) -> bool:
         """Whether a step that follows finds the ID, also if the epoch changes before it."""

@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from onboard.observations import PlateCandidate
+from onboard.vision.look_alikes import folded
 from onboard.vision.plate_reader import ALPHABET
 from sim_rig.cars.camera_view import FPS
 from sim_rig.roads.cars import Array
@@ -39,7 +40,6 @@ the model, in 3 to 6 %."""
 CORRELATION_S = 0.5
 """Correlation time of the rest, which depends on the plate's position on the pixel grid."""
 
-_FOLD = str.maketrans("OI", "01")
 _KEPT = math.exp(-1 / FPS / CORRELATION_S)
 _FRESH = math.sqrt(1 - _KEPT**2)
 
@@ -69,7 +69,7 @@ class PlateReadings:
         Returns:
             The likeliest texts with their probabilities, the likeliest first.
         """
-        true = [CHARACTERS.index(character) for character in text.translate(_FOLD)]
+        true = [CHARACTERS.index(character) for character in folded(text)]
         d = self._legibility * float(np.interp(width_px, WIDTHS_PX, DISCRIMINABILITY))
         noise = math.sqrt(LASTING) * self._lasting + math.sqrt(1 - LASTING) * self._passing
         scores = math.sqrt(d) * noise[: len(true)]

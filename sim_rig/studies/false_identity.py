@@ -7,7 +7,6 @@ consecutive plates. An insider may have read the plate ahead and answer for it, 
 his own elsewhere.
 """
 
-import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from enum import StrEnum
@@ -21,13 +20,13 @@ from onboard.lcca.events import CandidateCar, TrackedVehicle
 from onboard.lcca.identification import Identification
 from onboard.messages.lcca import NAME_BYTES, Answer, Inquiry
 from onboard.settings import Settings
-from onboard.vision.look_alikes import folded
 from onboard.vision.plate_posterior import PlatePosterior
 from sim_rig.cars.camera_view import FPS
 from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, text_of
 from sim_rig.scenario.setting_types import Several, Share, Span
 from sim_rig.studies.campaign import Row, Workers, run_campaign
+from sim_rig.studies.platoon_sight import car_id_of
 from sim_rig.studies.results import write_results
 
 PATTERNS = {"us": US_PATTERNS, "eu": EU_PATTERNS, "br": BR_PATTERNS}
@@ -153,7 +152,7 @@ class _Drive:
         self._settings, self._insider, self._rng = settings, insider, rng
         self._plates = list(_plates(settings, rng))
         self._has_radio = rng.random(settings.vehicles) < radios
-        self._ids = [_car_id(plate) for plate in self._plates]
+        self._ids = [car_id_of(plate) for plate in self._plates]
         self._by_name = {
             car_id[:NAME_BYTES]: car for car, car_id in enumerate(self._ids) if self._has_radio[car]
         }
@@ -190,7 +189,7 @@ class _Drive:
             missing = [each.text for each in likeliest if each.text not in derived]
             derived.update(missing[:DERIVED_AN_IMAGE])
             candidates = tuple(
-                CandidateCar(each.text, _car_id(each.text), each.probability)
+                CandidateCar(each.text, car_id_of(each.text), each.probability)
                 for each in likeliest
                 if each.text in derived
             )
@@ -265,11 +264,6 @@ def _plates(settings: FalseIdentitySettings, rng: np.random.Generator) -> Iterat
             yield f"{letters}{first * 10 + number:04d}"
         else:
             yield text_of(str(rng.choice(PATTERNS[settings.region])), rng).replace(" ", "")
-
-
-def _car_id(plate: str) -> bytes:
-    """Return a digest that costs nothing: this study does not attack the digest."""
-    return hashlib.blake2b(folded(plate).encode(), digest_size=8).digest()
 
 
 def _sender(car: int) -> bytes:

@@ -2,15 +2,16 @@
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from pydantic import PositiveFloat
 
-from onboard.lcca.events import CandidateCar, PrecedingVehicle, TrackedVehicle
+from onboard.lcca.events import PrecedingVehicle, TrackedVehicle
 from onboard.lcca.identification import Identification
 from onboard.messages.lcca import CarId
-from onboard.observations import Lead, PlateCandidate
+from onboard.observations import Lead
 from onboard.vision.look_alikes import folded
 from onboard.vision.settings import VisionSettings
 from sim_rig.cars.camera_model import CameraModel
@@ -102,29 +103,19 @@ class MeasuredSight:
         return self._preceding(leads[-1], now) if leads else None
 
     def _preceding(self, lead: Lead, now: float) -> PrecedingVehicle | None:
-        if lead.track_id is None or lead.gap_m is None:
-            self._core.receive_lead(None, now)
-            return None
         missing = [each.text for each in lead.candidates if each.text not in self._derived]
-        vehicle = TrackedVehicle(
-            lead.track_id,
-            lead.gap_m,
-            lead.closing_speed_m_s,
-            lead.closing_speed_sigma_m_s,
-            tuple(_car(each) for each in lead.candidates if each.text in self._derived),
-        )
+        ready = tuple(each for each in lead.candidates if each.text in self._derived)
+        vehicle = TrackedVehicle.of(replace(lead, candidates=ready), car_id_of)
         self._derived.update(missing[:DERIVED_PER_FRAME])
         self._core.receive_lead(vehicle, now)
-        return PrecedingVehicle(self.car_ahead, lead.gap_m, lead.closing_speed_m_s)
+        if vehicle is None:
+            return None
+        return PrecedingVehicle(self.car_ahead, vehicle.gap_m, vehicle.closing_speed_m_s)
 
 
 def car_id_of(plate: str) -> CarId:
     """The communication ID of a plate in a study, where nobody guesses plates from IDs."""
     return hashlib.blake2b(folded(plate).encode(), digest_size=8).digest()
-
-
-def _car(candidate: PlateCandidate) -> CandidateCar:
-    return CandidateCar(candidate.text, car_id_of(candidate.text), candidate.probability)
 
 
 class _View:

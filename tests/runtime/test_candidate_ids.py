@@ -12,7 +12,7 @@ from onboard.recorder.identities import RecordingDigest
 from onboard.runtime.candidate_ids import (
     EPOCH_AHEAD_S,
     LEAST_PROBABILITY,
-    MOST_CANDIDATES,
+    MAX_NAMES,
     STEP_WITHIN_S,
     CandidateIds,
     next_derivation,
@@ -110,12 +110,12 @@ def test_a_lead_without_candidates_passes_unchanged() -> None:
 
 def test_more_candidates_than_a_lead_has_are_left_out() -> None:
     digest = PlateDigest(CHEAP)
-    many = [f"AB{number}" for number in range(MOST_CANDIDATES + 1)]
+    many = [f"AB{number}" for number in range(MAX_NAMES + 1)]
     for text in many:
         digest.car_id(text, EPOCH_BEGIN_S)
 
     assert texts_of(CandidateIds(digest, OWN).derived(lead(*many), EPOCH_BEGIN_S)) == tuple(
-        many[:MOST_CANDIDATES]
+        many[:MAX_NAMES]
     )
 
 
@@ -162,7 +162,7 @@ def running() -> Iterator[Running]:
 
 
 def test_candidates_are_derived_in_a_thread_the_likeliest_first(running: Running) -> None:
-    texts = [f"XY{number}" for number in range(2, 2 + MOST_CANDIDATES)]
+    texts = [f"XY{number}" for number in range(2, 2 + MAX_NAMES)]
 
     running.until_all_derived(lead(*texts))
 
@@ -194,7 +194,7 @@ def test_the_next_id_of_the_identified_car_is_derived_ahead(text: str | None) ->
 
 
 def test_a_new_lead_comes_before_the_rest_of_the_one_before(running: Running) -> None:
-    before = [f"XY{number}" for number in range(2, 2 + MOST_CANDIDATES)]
+    before = [f"XY{number}" for number in range(2, 2 + MAX_NAMES)]
     running.ids.derived(lead(*before), time.time())
 
     running.until_all_derived(lead(*TEXTS, track_id=2))
