@@ -42,16 +42,38 @@ class BrakePedal:
     source: str
 
 
+class BrakeCause(StrEnum):
+    """What shows that the host vehicle brakes hard, the least severe first."""
+
+    TEST = "test"
+    """The driver's button: nothing brakes."""
+    DECELERATION = "deceleration"
+    """The speed falls as in hard braking."""
+    BRAKE_PRESSURE = "brake_pressure"
+    HAZARD_LIGHTS = "hazard_lights"
+    """Switched on by the vehicle while it brakes."""
+    STABILITY_CONTROL = "stability_control"
+    ABS = "abs"
+    COLLISION = "collision"
+    """The speed falls faster than tyres can brake."""
+    AIRBAG = "airbag"
+
+
 @dataclass(frozen=True, slots=True)
 class HardBrake:
-    """The host vehicle decelerates above the threshold; reported once a braking."""
+    """Hard braking of the host vehicle: it begins, its level or cause changes, or it is over.
+
+    The first one after none or after one that is over begins it.
+    """
 
     kind: ClassVar[str] = "hard_brake"
     stamp_s: float
-    """Of the sample that exceeded the threshold."""
+    """Of the sample that shows the change."""
     deceleration_m_s2: float
-    """Positive while braking."""
+    """Positive while braking; 0 when it is over."""
     source: str
+    cause: BrakeCause = BrakeCause.DECELERATION
+    is_over: bool = False
 
 
 @dataclass(frozen=True, slots=True)
