@@ -6,7 +6,6 @@ or of none, for each of 40 columns. The text is the most likely sequence without
 plates only (`training/`); OpenCV runs it on one core.
 """
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -204,10 +203,11 @@ def decode(scores: npt.NDArray[np.float32], syntax: PlateSyntax = ALL_VALID) -> 
         spellings(word) if probability >= spelt_from else [word]
         for word, probability in ((_word(labels), probability) for labels, probability in found)
     ]
-    exact = iter(sequence_probabilities([_labels(w) for w in itertools.chain(*texts)], likely))
+    alike = [word for words in texts if len(words) > 1 for word in words]
+    exact = iter(sequence_probabilities([_labels(word) for word in alike], likely))
     weights = []
     for words, (_, probability) in zip(texts, found, strict=True):
-        shares = np.array([next(exact) for _ in words])
+        shares = np.array([next(exact) for _ in words] if len(words) > 1 else [1.0])
         odds = [_PATTERN_ODDS if syntax.fits(word) else 1.0 for word in words]
         weights.append(probability * shares / max(shares.sum(), _TINY) * odds)
     total = sum(probability for _, probability in found)
