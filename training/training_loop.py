@@ -15,7 +15,7 @@ import numpy.typing as npt
 import torch
 from torch import nn
 
-from training.settings import NetworkSettings
+from training.settings import NetworkTrainingSettings
 
 _log = logging.getLogger(__name__)
 
@@ -30,7 +30,7 @@ def train_network(
     network: nn.Module,
     loss_of: LossOf,
     images: int,
-    settings: NetworkSettings,
+    settings: NetworkTrainingSettings,
     saved: Path,
 ) -> None:
     """Train a network, from the state in `saved` if it exists.
