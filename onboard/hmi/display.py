@@ -15,7 +15,9 @@ from onboard.hmi.driver_view import (
     LeadView,
     SensorView,
     VehicleOnMap,
+    short_id,
 )
+from onboard.hmi.group_view import GroupView
 from onboard.hmi.vehicle_map import VehicleMap
 from onboard.lcca.events import Inquired, WarningRaised
 from onboard.lcca.group import WarningGroup
@@ -42,7 +44,6 @@ _URGENT = frozenset({
     "transition",
 })  # fmt: skip
 """Kinds of events that are shown at once."""
-_LEADER_ID_DIGITS = 4
 _SAME_VEHICLE_M = 5.0
 """Largest distance along the lane at which a vehicle on the map is the lead vehicle."""
 _HALF_LANE_M = 1.9
@@ -79,6 +80,7 @@ class Display:
         self._length_m = length_m
         self._brake_button = brake_button
         self._map = VehicleMap(length_m)
+        self._group_view = GroupView()
         self._speed: Speed | None = None
         self._lead: Lead | None = None
         self._detections: list[VehicleDetection] = []
@@ -93,6 +95,7 @@ class Display:
 
     def receive_event(self, event: Event) -> None:
         """Update the page by an event of the stack."""
+        self._group_view.receive_event(event)
         match event:
             case Speed():
                 self._speed = event
@@ -142,9 +145,11 @@ class Display:
             group=GroupStatus(
                 group.state,
                 group.group_number,
-                group.leader_id.hex()[:_LEADER_ID_DIGITS],
+                short_id(group.leader_id.hex()),
                 len(group.followers),
             ),
+            members=self._group_view.members(group, now),
+            messages=self._group_view.messages(now),
             speed_m_s=self._speed_m_s(now),
             lead=self._lead_view(identity, now),
             vehicles=tuple(self._vehicles(now)),

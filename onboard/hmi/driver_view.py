@@ -13,6 +13,13 @@ from onboard.mvs.perceived_object import ObjectSource
 from onboard.observations import LeadIdentity, Sensor
 from onboard.risk.alarm import Cause, Level
 
+_SHORT_ID_DIGITS = 4
+
+
+def short_id(car_id: str) -> str:
+    """Return the first digits of a communication ID in hexadecimal, as the page names vehicles."""
+    return car_id[:_SHORT_ID_DIGITS]
+
 
 class Direction(StrEnum):
     """Where the driver has to look."""
@@ -30,9 +37,55 @@ class GroupStatus:
     group_number: int
     """1 for the leader, and without a group."""
     leader_id: str
-    """First hexadecimal digits of the leader's communication ID."""
+    """The leader's short ID."""
     follower_count: int
     """Number of vehicles on the warning list."""
+
+
+class Relation(StrEnum):
+    """What a member is to the host vehicle."""
+
+    HOST = "host"
+    PREDECESSOR = "predecessor"
+    """The host vehicle follows it."""
+    FOLLOWER = "follower"
+    """It is on the warning list."""
+    OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True)
+class MemberView:
+    """One vehicle of the own group."""
+
+    car: str | None
+    """Its short ID; `None` for the host vehicle before it has sent a message."""
+    number: int
+    state: GroupState
+    """REGULAR: a follower that has not told the own leader yet."""
+    relation: Relation
+    received_at_s: float
+    """Time of its last message, or of the last warning about it."""
+    brakes: bool
+    """Whether it brakes hard, as heard."""
+
+
+@dataclass(frozen=True, slots=True)
+class MessageView:
+    """One group message of a remote vehicle. Vehicles are named by their short IDs."""
+
+    received_at_s: float
+    """Time of its last repetition."""
+    message: str
+    """Type: `join`, `warn`, ..."""
+    sender: str
+    receiver: str | None
+    """`None` if it names no receiver."""
+    is_to_host: bool
+    leader: str | None
+    """The sender's leader, as it tells; `None` if the type has none, as `number`."""
+    number: int | None
+    content: dict[str, object]
+    """The other fields, as in a trace."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +152,10 @@ class DriverView:
     kind: ClassVar[str] = "driver_view"
     stamp_s: float
     group: GroupStatus
+    members: tuple[MemberView, ...]
+    """In the order of their numbers."""
+    messages: tuple[MessageView, ...]
+    """The one that came up last first."""
     speed_m_s: float | None
     lead: LeadView | None
     """`None` without a recent camera frame."""

@@ -11,39 +11,19 @@ from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Sensor, SensorLost
 from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
+from tests.browser.driver_page import (
+    DESKTOP,
+    PHONE,
+    PHONE_ON_ITS_SIDE,
+    SMALL_SCREEN,
+    open_page,
+)
 from tests.hmi.row import Row
 
 pytestmark = pytest.mark.browser
 
-PHONE = {"width": 390, "height": 844}
-PHONE_ON_ITS_SIDE = {"width": 844, "height": 390}
-SMALL_SCREEN = {"width": 800, "height": 480}
-DESKTOP = {"width": 1280, "height": 800}
 TOKEN = "aaaabbbbccccdddd"  # noqa: S105 (of this test)
 HOSTILE = "<img src=x onerror=alert(1)>"
-
-LISTEN = """
-window.notes = [];
-const start = OscillatorNode.prototype.start;
-OscillatorNode.prototype.start = function (at) {
-  notes.push({
-    hz: this.frequency.value, at,
-    audible: this.context.state === "running" && this.audible === true,
-  });
-  return start.call(this, at);
-};
-const connect = AudioNode.prototype.connect;
-AudioNode.prototype.connect = function (to, ...rest) {
-  this.before = this.before ?? [];
-  if (to instanceof AudioNode) to.before = [...(to.before ?? []), this];
-  const mark = (node) => { node.audible = true; (node.before ?? []).forEach(mark); };
-  if (to instanceof AudioDestinationNode) mark(this);
-  return connect.call(this, to, ...rest);
-};
-window.spoken = [];
-speechSynthesis.speak = (utterance) => spoken.push(utterance.text);
-"""
-"""Records every note that is started, and whether its audio nodes are connected to the speaker."""
 
 
 @pytest.fixture(scope="module")
@@ -58,18 +38,6 @@ def row(shared_row: Row) -> Row:
     shared_row.camera_works, shared_row.plate_ahead = True, "RD288HX"
     shared_row.detections, shared_row.candidates = (), ()
     return shared_row
-
-
-def open_page(browser: Browser, address: str, size: Any = PHONE, **more: Any) -> Page:
-    """Open a page in a context of its own; errors and dialogs fail the test."""
-    context = browser.new_context(viewport=size, **more)
-    context.set_default_timeout(10_000)
-    context.add_init_script(LISTEN)
-    page = context.new_page()
-    page.on("dialog", lambda dialog: pytest.fail(f"a dialog: {dialog.message}"))
-    page.on("pageerror", lambda error: pytest.fail(f"an error in the page: {error}"))
-    page.goto(address)
-    return page
 
 
 @pytest.fixture

@@ -1,8 +1,11 @@
 // The driver's page: draws each view that the server sends.
+import { make } from "./elements.js";
+import { showMembers, showMessages } from "./group.js";
 import { Link } from "./link.js";
 import { Road } from "./road.js";
 import { Sounds, speak } from "./sounds.js";
 import { keepAwake, switchColours, switchVoice } from "./switches.js";
+import { Tabs } from "./tabs.js";
 import { TEXTS, fill } from "./texts.js";
 
 const KM_H = 3.6;
@@ -29,18 +32,31 @@ document.addEventListener("visibilitychange", keepAwake);
 keepAwake();
 
 let raised = ""; // cause, level and time of the present alarms
+let last = null; // the last view
+new Tabs($("tabs"), () => { if (last !== null) showMiddle(last); });
 const link = new Link("views", show, showAge);
 $("brake").onclick = () => link.send("brake");
 
 function show(view) {
-  showGroup(view.group);
-  showLead(view);
-  showSensors(view.sensors, view.recorder_failure);
+  last = view;
   showAlarms(view.alarms);
+  showGroup(view.group);
+  showSensors(view.sensors, view.recorder_failure);
+  $("brake").hidden = !view.brake_button;
+  showMiddle(view);
+}
+
+// Only the tab that is seen.
+function showMiddle(view) {
+  if (!$("group-view").hidden) {
+    showMembers($("members"), view);
+    showMessages($("messages"), view);
+    return;
+  }
+  showLead(view);
   for (const item of $("legend").children) {
     item.hidden = !view.vehicles.some((vehicle) => vehicle.source === item.className);
   }
-  $("brake").hidden = !view.brake_button;
   road.draw(view);
 }
 
@@ -161,11 +177,4 @@ function icon(name) {
   use.setAttribute("href", `#icon-${name}`);
   svg.append(use);
   return svg;
-}
-
-function make(name, kind, words) {
-  const element = document.createElement(name);
-  if (kind) element.className = kind;
-  element.textContent = words;
-  return element;
 }
