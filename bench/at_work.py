@@ -7,7 +7,6 @@ that only decodes the same images; for start and stop it is Python that imports 
 """
 
 import asyncio
-import itertools
 import json
 import os
 import signal
@@ -20,12 +19,12 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
-import cv2
 import numpy as np
 import psutil
 import yaml
 
 from bench import Figure
+from bench._scene import SPEED_M_S, LoopCamera, free_port, port_of
 from bench.daemon import READ_AND_DECODE
 from onboard import psid
 from onboard.config import CarConfig
@@ -36,16 +35,12 @@ from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.step import Input
 from onboard.tools.test_ca.authority import make_trial
-from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.processes.processes import Processes
-from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
-CAMERA_FPS, IMAGES = 15.0, 60
 REMOTE_VEHICLES = 10
-SPEED_M_S = 15.0
 SETTLE_S, MEASURE_S = 4.0, 20.0
 STARTS = 3
 LATITUDE_DEG, LONGITUDE_DEG, M_PER_DEG = 52.0, 5.0, 111_000.0
@@ -84,17 +79,17 @@ async def _work(folder: Path) -> tuple[tuple[float, float], tuple[float, float]]
     )
     write_credentials(folder / "keys", trial.pop("own"))
     ecu = SocketcandServer(Ecu(lambda _now: SPEED_M_S), "can0", lambda _frame: None)
-    camera = await asyncio.start_server(_Camera().serve, "127.0.0.1", 0)
+    camera = await asyncio.start_server(LoopCamera("AB123CD").serve, "127.0.0.1", 0)
     gpsd = await asyncio.start_server(_serve_fixes, "127.0.0.1", 0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
         unit.bind(("127.0.0.1", 0))
-        port = _free_port()
+        port = free_port()
         config = {
             "car": {"plate": "OWN1"},
             "can": {"channel": "can0", "port": await ecu.start()},
-            "camera": LENS.model_dump() | {"source": f"http://127.0.0.1:{_port(camera)}/"},
+            "camera": LENS.model_dump() | {"source": f"http://127.0.0.1:{port_of(camera)}/"},
             "vision": {"tag_dictionary": None},
-            "gnss": {"port": _port(gpsd)},
+            "gnss": {"port": port_of(gpsd)},
             "radio": {
                 "endpoint": "iwcu",
                 "listen_port": port,
@@ -186,31 +181,6 @@ async def _serve_fixes(_reader: asyncio.StreamReader, writer: asyncio.StreamWrit
         await asyncio.sleep(1 / FIXES_HZ)
 
 
-class _Camera:
-    """Serves images of a car some 15 m ahead, rendered before, in a loop."""
-
-    def __init__(self) -> None:
-        renderer = CameraRenderer(CameraSettings(source="bench", **LENS.model_dump()))
-        rng = np.random.default_rng(1)
-        self._jpegs = []
-        for number in range(IMAGES):
-            ahead = SceneCar(ahead_m=15.0 + np.sin(2 * np.pi * number / IMAGES), plate="AB123CD")
-            scene = Scene(cars=(ahead,), travelled_m=number * SPEED_M_S / CAMERA_FPS)
-            self._jpegs.append(cv2.imencode(".jpg", renderer.draw(scene, rng))[1].tobytes())
-
-    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve MJPEG over HTTP."""
-        await reader.readuntil(b"\r\n\r\n")
-        kind = b"multipart/x-mixed-replace; boundary=image"
-        writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: " + kind + b"\r\n\r\n")
-        for number in itertools.count():
-            if writer.is_closing():
-                return
-            jpeg = self._jpegs[number % IMAGES]
-            writer.write(b"--image\r\nContent-Length: %d\r\n\r\n" % len(jpeg) + jpeg + b"\r\n")
-            await asyncio.sleep(1 / CAMERA_FPS)
-
-
 def _start_reload_stop_s(folder: Path) -> tuple[float, float, float]:
     """Seconds from start to ready, from SIGHUP to ready, and from SIGTERM to the end."""
     address = folder / "notify"
@@ -218,7 +188,7 @@ def _start_reload_stop_s(folder: Path) -> tuple[float, float, float]:
     config = folder / "start.yaml"
     tree = {
         "car": {"plate": "OWN1"},
-        "radio": {"endpoint": "iwcu", "listen_port": _free_port(), "unit_port": 9},
+        "radio": {"endpoint": "iwcu", "listen_port": free_port(), "unit_port": 9},
         "security": {"keys_folder": str(folder / "keys")},
         "trace": {"file": str(folder / "trace.jsonl")},
     }
@@ -253,13 +223,3 @@ def _python_s() -> float:
     began_s = time.monotonic()
     subprocess.run([sys.executable, "-c", "import numpy, cv2"], check=True)
     return time.monotonic() - began_s
-
-
-def _port(server: asyncio.Server) -> int:
-    return int(server.sockets[0].getsockname()[1])
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

@@ -4,15 +4,15 @@ Three daemons on the rig's testbench, as in `sim-rig run`: CAN over TCP, camera 
 over UDP. The first car brakes once in 1.1 s, and the two behind are warned. The latency is measured
 from the reception of the sample by the braking car's daemon to the alarm record of the warned
 car's. In between the warning crosses two UDP connections, from car to radio unit and from radio
-unit to car; the radio channel adds no delay. The reference is a bare UDP echo to another process
-and back, measured throughout the run.
+unit to car; the radio channel adds no delay.
+
+Then one daemon alone, stage by stage from socket to alarm, with and without the camera's thread
+(`_hop_stages.py`). The reference is a bare UDP echo to another process and back, measured
+throughout each run.
 """
 
 import asyncio
-import multiprocessing
-import socket
 import tempfile
-import time
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
@@ -20,6 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from bench import Figure
+from bench._hop_stages import measure_hops
+from bench._udp_echo import udp_echoes
 from onboard.settings import parse_settings
 from sim_rig.run_log.latency_ledger import alarm_stamp_s, braking_of
 from sim_rig.run_log.run_log import RunLog
@@ -30,12 +32,10 @@ BRAKINGS = 50
 PERIOD_S = 1.1
 FIRST_S = 4.0
 """Time at which the group has formed."""
-ECHO_EVERY_S = 0.02
-WSM_BYTES = 75
 
 
 def measure() -> Iterator[Figure]:
-    """Yield median and 99th percentile, each with that of the bare echo."""
+    """Yield median and 99th percentile of the chain and of its stages."""
     log, echoes_s = asyncio.run(_run())
     hops_s = [
         alarm_stamp_s(warning) - brake["stamp_s"]
@@ -43,30 +43,33 @@ def measure() -> Iterator[Figure]:
         for warning in log.of(car, "warning")
         if (brake := braking_of(log, warning)) is not None
     ]
-    for name, percentile in (("p50", 50), ("p99", 99)):
+    yield from _figures("hop_latency", hops_s, echoes_s)
+    for with_camera, name in ((True, "camera"), (False, "no_camera")):
+        hops = measure_hops(2 * BRAKINGS, with_camera=with_camera)
+        for stage, durations_s in hops.durations_s.items():
+            yield from _figures(f"hop_latency.{name}.{stage}", durations_s, hops.echoes_s)
+
+
+def _figures(name: str, delays_s: list[float], echoes_s: list[float]) -> Iterator[Figure]:
+    for rank, percentile in (("p50", 50), ("p99", 99)):
         yield Figure(
-            f"hop_latency.{name}",
-            float(np.percentile(hops_s, percentile)) * 1e3,
+            f"{name}.{rank}",
+            float(np.percentile(delays_s, percentile)) * 1e3,
             "ms",
-            len(hops_s),
-            f"bare UDP echo, {name} of {len(echoes_s)}",
+            len(delays_s),
+            f"bare UDP echo, {rank} of {len(echoes_s)}",
             float(np.percentile(echoes_s, percentile)) * 1e3,
         )
 
 
 async def _run() -> tuple[RunLog, list[float]]:
-    context = multiprocessing.get_context("spawn")
-    parent_end, child_end = context.Pipe()
-    echo = context.Process(target=_echo, args=(child_end,), daemon=True)
-    echo.start()
     scenario = parse_settings(_scenario(), Scenario, "hop_latency")
     with tempfile.TemporaryDirectory() as folder:
-        async with LiveTestbench(scenario, seed=1, folder=Path(folder)) as testbench:
-            port = await asyncio.to_thread(parent_end.recv)
-            pinging = asyncio.create_task(asyncio.to_thread(_ping, port, scenario.duration_s))
+        async with (
+            LiveTestbench(scenario, seed=1, folder=Path(folder)) as testbench,
+            udp_echoes() as echoes_s,
+        ):
             await testbench.run()
-            echoes_s = await pinging
-        echo.terminate()
         return testbench.log(), echoes_s
 
 
@@ -96,27 +99,3 @@ def _scenario() -> dict[str, object]:
         },
         "expect": [],
     }
-
-
-def _ping(port: int, duration_s: float) -> list[float]:
-    """Round trip times of a datagram during the run."""
-    delays_s = []
-    end_at = time.monotonic() + duration_s
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
-        wire.settimeout(1.0)
-        wire.connect(("127.0.0.1", port))
-        while (sent_at := time.monotonic()) < end_at:
-            wire.send(bytes(WSM_BYTES))
-            wire.recv(WSM_BYTES)
-            delays_s.append(time.monotonic() - sent_at)
-            time.sleep(ECHO_EVERY_S)
-    return delays_s
-
-
-def _echo(parent: "multiprocessing.connection.Connection") -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
-        wire.bind(("127.0.0.1", 0))
-        parent.send(wire.getsockname()[1])
-        while True:
-            data, sender = wire.recvfrom(WSM_BYTES)
-            wire.sendto(data, sender)

@@ -1,0 +1,112 @@
+"""A daemon that notes when a warning passes each stage.
+
+    python -m bench._traced_daemon [--no-camera] CONFIG OUT
+
+The functions with which stages begin or end are wrapped here; the daemon's own code is unchanged.
+`OUT` gets one JSON object for each warning. With `--no-camera`, a thread that only sleeps reports
+the car ahead in place of the camera's thread.
+"""
+
+import argparse
+import asyncio
+import json
+import threading
+import time
+import zlib
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+from onboard import daemon
+from onboard.daemon import Daemon
+from onboard.lcca.group import WarningGroup
+from onboard.messages import lcca
+from onboard.observations import Lead, LeadIdentity, PlateCandidate
+from onboard.runtime.output_sinks import OutputSinks
+from onboard.security.security_services import SecurityServices
+from onboard.service import Service
+from onboard.wave_udp.iwcu import IwcuEndpoint
+
+PLATE_AHEAD = "AB123CD"
+GAP_M = 15.0
+FRAME_S = 1.0 / 15.0
+
+_passed: dict[str, float] = {}
+"""When each stage was last passed, in s, and the checksum of the last frame."""
+_rows: list[dict[str, float]] = []
+
+
+def main() -> None:
+    """Run the daemon until SIGTERM, then write what was noted."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--no-camera", action="store_true")
+    parser.add_argument("config", type=Path)
+    parser.add_argument("out", type=Path)
+    given = parser.parse_args()
+    _note(Daemon, "_on_wsm", before="taken", checksum=True)
+    _note(SecurityServices, "open", before="begun", after="verified")
+    _note(lcca, "decode", after="decoded")
+    _note(WarningGroup, "receive_message", after="grouped")
+    _note(SecurityServices, "secure", after="signed")
+    _note(IwcuEndpoint, "send", before="stepped", after="sent")
+    _note_shown()
+    if given.no_camera:
+        daemon.CameraThread = _NoCamera  # type: ignore[attr-defined, assignment]
+    asyncio.run(Service(given.config).run())
+    given.out.write_text("".join(json.dumps(row) + "\n" for row in _rows), encoding="utf-8")
+
+
+def _note(
+    owner: Any, name: str, *, before: str = "", after: str = "", checksum: bool = False
+) -> None:
+    """Have calls of a function noted when they begin, end or both."""
+    function: Callable[..., Any] = getattr(owner, name)
+
+    @wraps(function)
+    def noting(*args: Any) -> Any:
+        if before:
+            _passed[before] = time.monotonic()
+        if checksum:
+            _passed["checksum"] = zlib.crc32(args[-1])
+        result = function(*args)
+        if after:
+            _passed[after] = time.monotonic()
+        return result
+
+    setattr(owner, name, noting)
+
+
+def _note_shown() -> None:
+    show = OutputSinks.show
+
+    def noting(sinks: OutputSinks, event: Any) -> None:
+        show(sinks, event)
+        if event.kind == "warning":
+            _rows.append(_passed | {"shown": time.monotonic()})
+
+    OutputSinks.show = noting  # type: ignore[method-assign, assignment]
+
+
+class _NoCamera:
+    """Reports the same lead at the rate of a camera."""
+
+    def __init__(self, _camera: object, _perception: object, on_observations: Any, *_: Any) -> None:
+        self._on_observations = on_observations
+        self._closed = threading.Event()
+
+    def start(self) -> None:
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def close(self) -> None:
+        self._closed.set()
+
+    def _run(self) -> None:
+        candidates = (PlateCandidate(PLATE_AHEAD, 0.98),)
+        while not self._closed.wait(FRAME_S):
+            known = (LeadIdentity.KNOWN, PLATE_AHEAD, GAP_M, 0.3, 0.0, 0.3)
+            self._on_observations([Lead(time.monotonic(), *known, 1, candidates)])
+
+
+if __name__ == "__main__":
+    main()
