@@ -21,7 +21,7 @@ from typing_extensions import override
 
 from onboard.core import Core
 from onboard.lcca.events import Identified, IdentityLost, Inquired, TrackedVehicle
-from onboard.lcca.identity_posterior import vehicle_probabilities
+from onboard.lcca.identity_posterior import AskedText, vehicle_probabilities
 from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch
 from onboard.lcca.position_match import position_log_ratio
 from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, CarId, Inquiry
@@ -65,8 +65,6 @@ _SEQUENCES = 1 << 16
 _MAX_DOUBLINGS = 8
 _VALID_SEQUENCES = 16
 """Inquiries whose answers are accepted."""
-_UNLIKELY = 1e-6
-"""Probability of a text that has left the camera's list since it was asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +84,18 @@ class _Track:
     track_id: int
     answers: dict[bytes, CarId] = field(default_factory=dict)
     """Communication IDs of the cars that answered, by sender."""
-    asked: set[CarId] = field(default_factory=set)
+    asked: dict[CarId, tuple[str, int]] = field(default_factory=dict)
+    """Texts asked for in this epoch, and in how many inquiries."""
     inquiries: int = 0
     first_asked_at: float = math.inf
     identity: CarIdentity | None = None
     sender: bytes | None = None
     """The identified car, as its BSMs name it."""
+
+    def inquiries_for(self, car_id: CarId) -> int:
+        """How many inquiries named a car in this epoch."""
+        _, inquiries = self.asked.get(car_id, ("", 0))
+        return inquiries
 
 
 class Identification(Core):
@@ -240,7 +244,7 @@ class Identification(Core):
 
     def _ask_if_due(self, track: _Track, lead: TrackedVehicle, now: float) -> None:
         likely = {each.car_id for each in lead.candidates if each.probability >= NEW_TEXT}
-        if not likely <= track.asked and track.inquiries < MAX_EARLY:
+        if not likely <= track.asked.keys() | {self._own_id} and track.inquiries < MAX_EARLY:
             self._ask_at = min(self._ask_at, self._asked_at + RETRY_S)
         if now < self._ask_at:
             return
@@ -254,7 +258,9 @@ class Identification(Core):
         track.first_asked_at = min(track.first_asked_at, now)
         if len(track.asked) > MAX_ASKED:
             track.asked.clear()
-        track.asked |= {each.car_id for each in lead.candidates}
+        for each in lead.candidates:
+            if each.car_id[:NAME_BYTES] in names:
+                track.asked[each.car_id] = each.text, track.inquiries_for(each.car_id) + 1
         self._sequence = (self._sequence + 1) % _SEQUENCES
         self._sequences.append(self._sequence)
         self._outbox.append(Inquiry(self._own_id, self._sequence, tuple(names)))
@@ -275,7 +281,7 @@ class Identification(Core):
             ][:1]
         names = [
             self._temporary_ids[sender]
-            for sender, probability in self._probabilities(track, lead).items()
+            for sender, probability in self._probabilities(track, lead, now).items()
             if probability >= MIN_ASKED_BY_MOTION
             and sender not in track.answers
             and sender in self._temporary_ids
@@ -331,10 +337,16 @@ class Identification(Core):
         elif _text_of(answer.sender_id, lead) == track.identity.text:
             track.sender = sender
 
-    def _probabilities(self, track: _Track, lead: TrackedVehicle) -> dict[bytes, float]:
-        texts = {each.car_id: each.probability for each in lead.candidates}
+    def _probabilities(self, track: _Track, lead: TrackedVehicle, now: float) -> dict[bytes, float]:
+        pending = int(now < self._asked_at + ANSWER_TIME_S)
+        texts = [
+            AskedText(
+                each.text, each.probability, max(0, track.inquiries_for(each.car_id) - pending)
+            )
+            for each in lead.candidates
+        ]
         answered = {
-            sender: texts.get(car_id, _UNLIKELY)
+            sender: track.asked[car_id][0]
             for sender, car_id in track.answers.items()
             if car_id in track.asked
         }
@@ -343,7 +355,7 @@ class Identification(Core):
             offset_m = self._offsets_m.get(self._temporary_ids.get(sender, b""))
             if offset_m is not None:
                 motion[sender] += position_log_ratio(*offset_m, lead.gap_m)
-        return vehicle_probabilities(answered, motion)
+        return vehicle_probabilities(texts, answered, motion)
 
     def _decide(self, track: _Track, lead: TrackedVehicle, now: float) -> None:
         if track.identity is not None:
@@ -354,7 +366,7 @@ class Identification(Core):
             return
         if not track.answers:
             return
-        probabilities = self._probabilities(track, lead)
+        probabilities = self._probabilities(track, lead, now)
         sender = max(track.answers, key=lambda each: probabilities.get(each, 0.0))
         probability = probabilities.get(sender, 0.0)
         car_id = track.answers[sender]

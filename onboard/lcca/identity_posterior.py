@@ -1,71 +1,139 @@
 """Probability that each vehicle on the air is the one ahead.
 
-One of these holds: the vehicle ahead bears one of the texts asked for and is on the air; it is on
-the air and bears another text; it is not on the air. All vehicles that answered and are not ahead
-did so by coincidence. With n answers, p the probability of a text, m the likelihood ratio of a
-vehicle's motion (`motion_match`), r the share of vehicles on the air, N their number in range,
-K(n) the probability of n answers by coincidence, and q = 1 - (sum of p of those that answered), the
-weights are
+By the camera, the plate ahead bears the text T with probability p(T). The vehicle that bears it is
+on the air with probability r; it then answers, unless it or its answer is lost in each of the n(T)
+inquiries for T. Vehicles that answer and are not ahead do so by coincidence. With m the likelihood
+ratio of a vehicle's motion (`motion_match`) and N the number of vehicles on the air, the weights
+are, by Bayes' rule,
 
-    a vehicle that answered           p r m K(n - 1)
-    a vehicle that did not answer     q (r / N) m K(n)
-    no vehicle on the air             q (1 - r) K(n)
+    a vehicle that answered for T     r m p(T) K(T)
+    a vehicle that did not answer     (r / N) m  sum of p(T) L^n(T) K(T)
+    no vehicle on the air             (1 - r)    sum of p(T) K(T)
 
-A coincidence is rare, but rarely comes alone: texts asked for differ in a character or two, as the
-plates of a fleet do. With f the probability that the vehicle ahead is of such a fleet,
+with the sums over all texts that nobody answered for. So the likeliest text that stays silent
+while a less likely one answers keeps its weight, as that of a vehicle without a radio.
 
-    K(n) = (1 - f) (c N)^n + f F^n
+K(T) is the probability of the answers for other texts than T. A given plate is rare. But vehicles
+of one fleet have consecutive plates, and the one ahead may be of a fleet that is in range. With a
+answers for plates near T and b for others,
+
+    K(T) = (c N)^b ((1 - f) (c N)^a + f F^a)
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
 
 ON_AIR = 0.5
 """r: share of vehicles with a radio, where nothing is known of it."""
+LOST = 0.3
+"""L: probability that an inquiry or its answer is lost, taken high."""
 COINCIDENCE = 1e-6
 """c: probability that a given vehicle bears one given text. There are 10^7 plates and more in a
 series, which are not used evenly."""
-FLEET, FLEET_ANSWERS = 1e-3, 0.5
+FLEET, FLEET_ANSWERS = 0.2, 0.5
 """f: probability that the vehicle ahead is of a fleet with consecutive plates that is in range,
 taken high, so that few are mistaken where it is (`sim-rig study false-identity`); F: share of the
-texts near its own that are then borne by others."""
+plates near its own that are then borne by others on the air."""
+FLEET_SPAN = 50
+"""Difference of the numbers of two plates from which they are not near each other."""
+CALIBRATION = 0.6
+"""Exponent of the camera's probabilities, since readings of consecutive images are alike: with it,
+of the texts with 0.002, 0.02, 0.18, 0.43, 0.76 and 0.95, shares of 0.003, 0.02, 0.17, 0.42, 0.75
+and 0.97 are right (500 plates 28 to 60 px wide, by `sim_rig/cars/plate_readings.py`)."""
+MIN_UNLISTED = 0.005
+"""Least probability that the camera does not list the text (from the same plates)."""
+UNLISTED, UNLISTED_NEAR = 0.01, 0.3
+"""If the camera does not list the text: probability that it is a given one that was asked for, and
+that it is near a given other one, as a share of the latter's own (from the same plates)."""
+
+
+class AskedText(NamedTuple):
+    """A text that the plate ahead may bear."""
+
+    text: str
+    probability: float
+    """By the camera."""
+    inquiries: int
+    """That named it, and that could have been answered by now."""
 
 
 def vehicle_probabilities(
-    answered: Mapping[bytes, float], motion: Mapping[bytes, float]
+    texts: Collection[AskedText], answered: Mapping[bytes, str], motion: Mapping[bytes, float]
 ) -> dict[bytes, float]:
     """Return the probability of each vehicle; what their sum lacks to 1 is for none of them.
 
     Args:
-        answered: probability of the text for which a vehicle answered, by the vehicle's name.
+        texts: all that the camera lists, each once; what their probabilities lack to 1 is for all
+            other texts.
+        answered: the text for which a vehicle answered, by the vehicle's name.
         motion: logarithm of the likelihood ratio of the motion of all vehicles on the air.
     """
     on_air = max(len(motion.keys() | answered.keys()), 1)
-    others = max(0.0, 1.0 - sum(answered.values()))
-    by_coincidence = _log(_coincidences(len(answered), on_air))
-    logs = {
-        name: _log(text * ON_AIR)
-        + motion.get(name, 0.0)
-        + _log(_coincidences(len(answered) - 1, on_air))
+    rare = min(COINCIDENCE * on_air, 1.0)
+    borne = list(answered.values())
+    near = {text: _near(text, borne) for text in borne}  # itself too
+    silent, heard = _silent_and_heard(texts, near.keys())
+    weights = {
+        name: ON_AIR
+        * math.exp(motion.get(name, 0.0))
+        * heard[text]
+        * _coincidence(near[text] - 1, len(borne) - near[text], rare)
         for name, text in answered.items()
     }
-    logs |= {
-        name: _log(others * ON_AIR / on_air) + ratio + by_coincidence
+    nobody = lost = 0.0
+    for each in silent:
+        beside = _near(each.text, borne)
+        weight = each.probability * _coincidence(beside, len(borne) - beside, rare)
+        nobody += weight
+        lost += weight * LOST**each.inquiries
+    weights |= {
+        name: ON_AIR / on_air * math.exp(ratio) * lost
         for name, ratio in motion.items()
         if name not in answered
     }
-    nobody = _log(others * (1.0 - ON_AIR)) + by_coincidence
-    highest = max(nobody, *logs.values()) if logs else nobody
-    weights = {name: math.exp(each - highest) for name, each in logs.items()}
-    total = sum(weights.values()) + math.exp(nobody - highest)
-    return {name: weight / total for name, weight in weights.items()}
+    total = sum(weights.values()) + (1.0 - ON_AIR) * nobody
+    return {name: weight / total if total else 0.0 for name, weight in weights.items()}
 
 
-def _coincidences(answers: int, on_air: int) -> float:
-    """K: probability of so many answers of vehicles that are not ahead."""
-    at_random = min(COINCIDENCE * on_air, 1.0)
-    return float((1.0 - FLEET) * at_random**answers + FLEET * FLEET_ANSWERS**answers)
+def _silent_and_heard(
+    texts: Collection[AskedText], borne: Collection[str]
+) -> tuple[list[AskedText], dict[str, float]]:
+    """All texts that nobody answered for, and the probabilities of those that are borne.
+
+    Of the texts that the camera does not list, those near one that is borne are lumped under its
+    name, and all others under none.
+    """
+    listed = sum(each.probability for each in texts)
+    unlisted = max(MIN_UNLISTED, 1.0 - listed)
+    sharp = sum(each.probability**CALIBRATION for each in texts) or 1.0
+    heard = dict.fromkeys(borne, UNLISTED * unlisted)
+    silent = []
+    for each in texts:
+        probability = listed * each.probability**CALIBRATION / sharp
+        if each.text in heard:
+            heard[each.text] = probability
+        else:
+            silent.append(each._replace(probability=probability))
+    beside = {text: UNLISTED_NEAR * max(each, UNLISTED) * unlisted for text, each in heard.items()}
+    silent += [AskedText(text, probability, 0) for text, probability in beside.items()]
+    return [*silent, AskedText("", unlisted - sum(beside.values()), 0)], heard
 
 
-def _log(probability: float) -> float:
-    return math.log(max(probability, 1e-300))
+def _coincidence(near: int, far: int, rare: float) -> float:
+    """K: probability of answers for so many texts near that of the vehicle ahead, and others."""
+    fleet = FLEET * FLEET_ANSWERS**near
+    return float(rare**far * ((1.0 - FLEET) * rare**near + fleet))
+
+
+def _near(text: str, others: Collection[str]) -> int:
+    """How many of the texts are near a text: the same letters, and almost the same number."""
+    letters, number = _split(text)
+    split = map(_split, others)
+    return sum(each == letters and abs(other - number) < FLEET_SPAN for each, other in split)
+
+
+def _split(text: str) -> tuple[str, int]:
+    """A text without its digits, but with their places, and the number that they form."""
+    letters = "".join("0" if each.isdecimal() else each for each in text)
+    return letters, int("".join(each for each in text if each.isdecimal()) or "0")

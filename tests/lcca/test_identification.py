@@ -74,7 +74,8 @@ class Drive:
 @pytest.mark.parametrize("probability", [0.98, 0.5])
 def test_the_car_that_answers_is_identified_though_its_text_is_doubtful(probability: float) -> None:
     drive = Drive()
-    drive.look(candidate(AHEAD, probability), seconds=0.5, answering={AHEAD: SPEED_M_S})
+    others = candidate(FAR, 1.0 - probability)
+    drive.look(candidate(AHEAD, probability), others, seconds=0.5, answering={AHEAD: SPEED_M_S})
     assert drive.identified == AHEAD
     (event,) = [each for each in drive.events if isinstance(each, Identified)]
     assert (event.text, event.cause) == ("TEXTA", "answer")
@@ -111,9 +112,10 @@ def test_an_unlikely_text_waits_until_the_ids_of_the_others_are_derived() -> Non
     drive.look(candidate(TWIN, 0.5), candidate(AHEAD, 0.3), seconds=0.3, answering=both)
     assert drive.identified is None
     alone = Drive()
-    alone.look(candidate(AHEAD, 0.5), seconds=0.4, answering={AHEAD: SPEED_M_S})
+    texts = candidate(AHEAD, 0.5), candidate(FAR, 0.5)
+    alone.look(*texts, seconds=0.4, answering={AHEAD: SPEED_M_S})
     assert alone.identified is None
-    alone.look(candidate(AHEAD, 0.5), seconds=0.2, answering={AHEAD: SPEED_M_S})
+    alone.look(*texts, seconds=0.2, answering={AHEAD: SPEED_M_S})
     assert alone.identified == AHEAD
 
 
@@ -139,7 +141,7 @@ def test_two_answers_stay_undecided_until_the_texts_or_the_speeds_tell() -> None
     both = {AHEAD: SPEED_M_S, TWIN: SPEED_M_S}
     drive.look(candidate(AHEAD, 0.6), candidate(TWIN, 0.3), seconds=3.0, answering=both)
     assert drive.identified is None
-    drive.look(candidate(AHEAD, 0.9995), candidate(TWIN, 1e-5), seconds=0.2, answering=both)
+    drive.look(candidate(AHEAD, 0.9995), candidate(TWIN, 1e-7), seconds=0.2, answering=both)
     assert drive.identified == AHEAD
     drive = Drive()
     drive.look(candidate(AHEAD, 0.3), candidate(TWIN, 0.6), seconds=1.0, answering=both)
@@ -348,3 +350,25 @@ def test_after_a_change_of_ids_an_identified_car_is_asked_again_for_its_bsms() -
     assert drive.core.identity.text == "TEXTA"
     assert len(drive.inquiries) > asked
     assert drive.inquiries[-1].names == (b"ahea",)
+
+
+def test_a_neighbour_in_number_that_answers_is_not_believed_for_a_silent_likelier_text() -> None:
+    """The car ahead may have no radio, and the one that answers be of the same fleet."""
+    drive = Drive()
+    silent = CandidateCar("GN418KB", FAR, 0.7)
+    answered = CandidateCar("GN412KB", TWIN, 0.3)
+    drive.look(silent, answered, seconds=3.0, answering={TWIN: SPEED_M_S})
+    assert drive.identified is None
+    other_fleet = CandidateCar("GM412KB", TWIN, 0.3)
+    drive = Drive()
+    drive.look(silent, other_fleet, seconds=3.0, answering={TWIN: SPEED_M_S})
+    assert drive.identified == TWIN
+
+
+def test_a_car_whose_first_answer_was_lost_is_still_the_one_ahead() -> None:
+    drive = Drive()
+    texts = CandidateCar("GN418KB", AHEAD, 0.6), CandidateCar("GN412KB", TWIN, 0.4)
+    drive.look(*texts, seconds=0.3, answering={TWIN: SPEED_M_S + 3.0})
+    assert drive.identified is None
+    drive.look(*texts, seconds=1.5, answering={TWIN: SPEED_M_S + 3.0, AHEAD: SPEED_M_S})
+    assert drive.identified == AHEAD
