@@ -8,7 +8,7 @@ from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import Scenario, load_scenario
 
-SEEDS = (1, 2, 3)
+SEEDS = range(1, 11)
 CHANGE_S, LASTS_S = 10.0, 2.5
 """Begin and duration of the change of lanes."""
 IN_LANE_S, OUT_OF_LANE_S = (CHANGE_S + share * LASTS_S for share in (1.0 - ENTER, LEAVE))
@@ -23,6 +23,7 @@ def cut_in() -> Scenario:
             "seed": 1,
             "duration_s": 16.0,
             "radio": {"reach_m": 300},
+            "lens": {"width_px": 1280, "focal_px": 3300.0},
             "cars": {
                 "green": {"plate": "GN417KB", "lane": 1, "start_m": 100.0, "speed_m_s": 15.0},
                 "red": {"plate": "RD288HX", "lane": 1, "start_m": 72.0, "speed_m_s": 15.0},
