@@ -38,14 +38,20 @@ class FaultyEcu:
             car: name of the car.
             speed_m_s: true speed of the car at a `now`, m/s.
             at_s: time since the start of the scenario at a `now`, s.
-            rng: source of the babbling node's frames.
+            rng: source of the babbling node's frames, and of when speeds are taken.
         """
         self._scenario = scenario
         self._car = car
         self._true_speed_m_s = speed_m_s
         self._at_s = at_s
         self._rng = rng
-        self._ecu = Ecu(self._speed_m_s, runs=lambda now: not self._has("ecu_stopped", now))
+        self._ecu = Ecu(
+            self._speed_m_s,
+            runs=lambda now: not self._has("ecu_stopped", now),
+            answer_after_s=scenario.ecu.answer_s,
+        )
+        self._refresh_s = scenario.ecu.refresh_s
+        self._phase_s = float(rng.uniform(0.0, self._refresh_s)) if self._refresh_s else 0.0
         self._babbles = [
             fault for fault in scenario.faults if isinstance(fault, EcuBabbles) and fault.car == car
         ]
@@ -85,6 +91,8 @@ class FaultyEcu:
         return CanFrame(now, identifier, is_extended_id=False, data=self._rng.bytes(8))
 
     def _speed_m_s(self, now: float) -> float:
+        if self._refresh_s:
+            now -= (now - self._phase_s) % self._refresh_s
         at_s, speed_m_s = self._at_s(now), self._true_speed_m_s(now)
         for fault in self._scenario.faults:
             if isinstance(fault, SpeedScaled) and fault.holds(self._car, at_s):

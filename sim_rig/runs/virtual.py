@@ -2,7 +2,8 @@
 
 Each car has the `Stack` of the daemon, the ECU and the radio channel of the rig, and the daemon's
 readers for the output of its GNSS receiver and its vehicle detector. Only camera and perception are
-a model (`cars/camera_model.py`), without rendering. Processing takes no virtual time.
+a model (`cars/camera_model.py`), without rendering. Processing takes no virtual time, but for the
+derivation of IDs (`cars/derivation_delay.py`).
 """
 
 import heapq

@@ -10,7 +10,7 @@ from onboard.detector.object_list import ObjectListReader
 from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
 from onboard.obd.can_frame import CanFrame
-from onboard.observations import Sensor
+from onboard.observations import Lead, Sensor
 from onboard.replay.initial_state import InitialState
 from onboard.replay.recorded_stack import recorded_stack
 from onboard.security.credentials import Credentials
@@ -19,6 +19,7 @@ from onboard.step import Input, Observation, ReceivedWsm, SentWsm
 from onboard.trace.trace_line import as_trace_record
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView, calibration
+from sim_rig.cars.derivation_delay import DerivationDelay
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.udp_line import Device
@@ -94,6 +95,7 @@ class VirtualCar:
             camera_rng,
             calibration(scenario.lens),
         )
+        self._derivation = DerivationDelay()
         self._ecu = FaultyEcu(
             scenario,
             name,
@@ -134,7 +136,10 @@ class VirtualCar:
         for frame in frames:
             self._on_ecu_frame(frame)
         self._camera.handle_timer(now)
-        observations: list[Observation] = list(iter(self._camera.next_event, None))
+        seen: list[Observation] = list(iter(self._camera.next_event, None))
+        observations = [
+            self._derivation.derived(each, now) if isinstance(each, Lead) else each for each in seen
+        ]
         for device, reader in self._devices:
             if data := device.bytes_to_send(now):
                 reader.receive_bytes(data, now)

@@ -18,7 +18,12 @@ from sim_rig.scenario.expectations import Expectation
 from sim_rig.scenario.faults import Fault, PlateMisread
 from sim_rig.scenario.field_types import CarName, PlateText, RoadName, Seconds
 from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
-from sim_rig.scenario.sensor_settings import LensSettings, ReceiverSettings, VehicleCameraSettings
+from sim_rig.scenario.sensor_settings import (
+    EcuSettings,
+    LensSettings,
+    ReceiverSettings,
+    VehicleCameraSettings,
+)
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 """The scenarios that come with the rig."""
@@ -132,6 +137,7 @@ class Scenario(Settings):
     lane_width_m: float = Field(default=3.5, gt=2.0, le=6.0)
     radio: AirSettings
     lens: LensSettings = LensSettings()
+    ecu: EcuSettings = EcuSettings()
     gnss: ReceiverSettings | None = None
     """GNSS receiver of every equipped car; without it, no car has a position."""
     detector: VehicleCameraSettings | None = None

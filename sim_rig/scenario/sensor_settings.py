@@ -1,4 +1,4 @@
-"""Settings of the cameras, GNSS receivers and vehicle detectors of a scenario's cars."""
+"""Settings of the cameras, control units, GNSS receivers and detectors of a scenario's cars."""
 
 from pydantic import Field
 
@@ -13,6 +13,15 @@ class LensSettings(Settings):
     focal_px: float = Field(1600.0, ge=200.0, le=20_000.0)
     """Focal length. The default has a field of view of 23 degrees for reading plates: a European
     plate is 55 px wide at 15 m, and two cores are enough for four daemons."""
+
+
+class EcuSettings(Settings):
+    """Control unit that tells every car its speed."""
+
+    refresh_s: float = Field(0.0, ge=0.0, le=1.0)
+    """Interval at which it takes a new speed, each at a time of its own; 0 for with each answer."""
+    answer_s: float = Field(0.004, gt=0.0, le=0.05)
+    """Time to its answer; the standard allows 0.05 s (ISO 15765-4, P2 CAN)."""
 
 
 class ReceiverSettings(Settings):

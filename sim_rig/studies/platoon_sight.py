@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -16,6 +15,7 @@ from onboard.vision.look_alikes import folded
 from onboard.vision.settings import VisionSettings
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, calibration
+from sim_rig.cars.derivation_delay import DerivationDelay
 from sim_rig.rendering.scene import SceneCar
 from sim_rig.scenario.sensor_settings import LensSettings
 
@@ -24,8 +24,6 @@ Sight = Literal["unlimited", "recommended", "rig"] | PositiveFloat
 `docs/plates.md`, or with the rig's own; always up to this distance in m, and never beyond."""
 RECOMMENDED_LENS = LensSettings(width_px=1280, focal_px=3300.0)
 LENSES: Mapping[str, LensSettings] = {"recommended": RECOMMENDED_LENS, "rig": LensSettings()}
-DERIVED_PER_FRAME = 3
-"""Communication IDs that a car derives between two frames: one takes 34 ms."""
 
 
 class AssumedSight:
@@ -84,7 +82,7 @@ class MeasuredSight:
         self.identification: Identification | None = identification
         self._core = identification
         self._camera = CameraModel(_View(car), VisionSettings(), phase_s, rng, calibration(lens))
-        self._derived: set[str] = set()
+        self._derivation = DerivationDelay()
 
     @property
     def car_ahead(self) -> CarId | None:
@@ -103,10 +101,7 @@ class MeasuredSight:
         return self._preceding(leads[-1], now) if leads else None
 
     def _preceding(self, lead: Lead, now: float) -> PrecedingVehicle | None:
-        missing = [each.text for each in lead.candidates if each.text not in self._derived]
-        ready = tuple(each for each in lead.candidates if each.text in self._derived)
-        vehicle = TrackedVehicle.of(replace(lead, candidates=ready), car_id_of)
-        self._derived.update(missing[:DERIVED_PER_FRAME])
+        vehicle = TrackedVehicle.of(self._derivation.derived(lead, now), car_id_of)
         self._core.receive_lead(vehicle, now)
         if vehicle is None:
             return None

@@ -24,7 +24,7 @@ from sim_rig.roads.trace_files import read_trace
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import Scenario
-from sim_rig.scenario.sensor_settings import LensSettings
+from sim_rig.scenario.sensor_settings import EcuSettings, LensSettings
 from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.platoon_sight import RECOMMENDED_LENS
@@ -42,6 +42,7 @@ class PlatoonSettings(Settings):
     seeds: Several[int] = (1,)
     up_to_m: float = Field(25.0, gt=0.0)
     lens: LensSettings = RECOMMENDED_LENS
+    ecu: EcuSettings = EcuSettings()
     loss: float = Field(0.1, ge=0.0, lt=1.0)
     """Of messages on the air; their reach is 300 m."""
 
@@ -122,6 +123,7 @@ def scenario_of(settings: PlatoonSettings, file: Path, seed: int) -> Scenario:
         "duration_s": recording.end_s,
         "radio": {"reach_m": 300.0, "loss": settings.loss},
         "lens": settings.lens.model_dump(),
+        "ecu": settings.ecu.model_dump(),
         "cars": {
             drive.name: {"plate": text_of("LL###LL", rng), "trajectory": str(file)}
             for drive in recording.drives

@@ -25,6 +25,7 @@ from onboard.security.p256 import key_from
 from onboard.security.security_services import SecurityServices
 from onboard.settings import parse_settings
 from onboard.tools.test_ca.authority import make_trial
+from onboard.units import KM_H
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.cars.faulty_ecu import FaultyEcu
@@ -37,10 +38,12 @@ from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.faults import SlowCpu, WrongClock
 from sim_rig.scenario.schema import Scenario
+from sim_rig.scenario.sensor_settings import EcuSettings
 from sim_rig.studies.fault_cases import CASES, FaultCase
 from sim_rig.studies.faults import outcome_of, scenario_of
 
 SPEED_M_S = 20.0
+SPEED_REQUEST = CanFrame(0.0, 0x7DF, is_extended_id=False, data=b"\x02\x01\x0d".ljust(8, b"\0"))
 
 
 def scenario_with(*faults: dict[str, Any]) -> Scenario:
@@ -82,6 +85,18 @@ def bus_events(*faults: dict[str, Any], from_s: float, until_s: float) -> list[o
             bus.receive_frame(frame, now)
         events += iter(bus.next_event, None)
     return events
+
+
+def test_an_ecu_that_refreshes_its_speed_tells_one_until_the_next() -> None:
+    slow = scenario_with().model_copy(update={"ecu": EcuSettings(refresh_s=0.1)})
+    ecu = FaultyEcu(slow, "ann", lambda now: now, lambda now: now, np.random.default_rng(1))
+    told = []
+    for now in np.arange(20.0, 30.0, 0.01).tolist():
+        ecu.receive_frame(SPEED_REQUEST, now)
+        told += [frame.data[3] * KM_H for frame in ecu.frames_to_send(now + 0.004)]
+    ages_s = np.arange(20.0, 30.0, 0.01) - told
+    assert len(told) == 1000
+    assert np.mean(ages_s) == pytest.approx(0.05, abs=0.02)
 
 
 def speeds(events: list[object]) -> list[float]:
