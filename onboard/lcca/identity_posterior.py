@@ -24,6 +24,8 @@ import math
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
+from onboard.plate_series import letters_and_number
+
 ON_AIR = 0.5
 """r: share of vehicles with a radio, where nothing is known of it."""
 LOST = 0.3
@@ -73,11 +75,11 @@ def vehicle_probabilities(
     rare = min(COINCIDENCE * on_air, 1.0)
     borne = list(answered.values())
     near = {text: _near(text, borne) for text in borne}  # itself too
-    silent, heard = _silent_and_heard(texts, near.keys())
+    silent, of_borne = _silent_and_answered(texts, near.keys())
     weights = {
         name: ON_AIR
         * math.exp(motion.get(name, 0.0))
-        * heard[text]
+        * of_borne[text]
         * _coincidence(near[text] - 1, len(borne) - near[text], rare)
         for name, text in answered.items()
     }
@@ -96,7 +98,7 @@ def vehicle_probabilities(
     return {name: weight / total if total else 0.0 for name, weight in weights.items()}
 
 
-def _silent_and_heard(
+def _silent_and_answered(
     texts: Collection[AskedText], borne: Collection[str]
 ) -> tuple[list[AskedText], dict[str, float]]:
     """All texts that nobody answered for, and the probabilities of those that are borne.
@@ -107,17 +109,19 @@ def _silent_and_heard(
     listed = sum(each.probability for each in texts)
     unlisted = max(MIN_UNLISTED, 1.0 - listed)
     sharp = sum(each.probability**CALIBRATION for each in texts) or 1.0
-    heard = dict.fromkeys(borne, UNLISTED * unlisted)
+    of_borne = dict.fromkeys(borne, UNLISTED * unlisted)
     silent = []
     for each in texts:
         probability = listed * each.probability**CALIBRATION / sharp
-        if each.text in heard:
-            heard[each.text] = probability
+        if each.text in of_borne:
+            of_borne[each.text] = probability
         else:
             silent.append(each._replace(probability=probability))
-    beside = {text: UNLISTED_NEAR * max(each, UNLISTED) * unlisted for text, each in heard.items()}
+    beside = {
+        text: UNLISTED_NEAR * max(each, UNLISTED) * unlisted for text, each in of_borne.items()
+    }
     silent += [AskedText(text, probability, 0) for text, probability in beside.items()]
-    return [*silent, AskedText("", unlisted - sum(beside.values()), 0)], heard
+    return [*silent, AskedText("", unlisted - sum(beside.values()), 0)], of_borne
 
 
 def _coincidence(near: int, far: int, rare: float) -> float:
@@ -128,12 +132,8 @@ def _coincidence(near: int, far: int, rare: float) -> float:
 
 def _near(text: str, others: Collection[str]) -> int:
     """How many of the texts are near a text: the same letters, and almost the same number."""
-    letters, number = _split(text)
-    split = map(_split, others)
-    return sum(each == letters and abs(other - number) < FLEET_SPAN for each, other in split)
-
-
-def _split(text: str) -> tuple[str, int]:
-    """A text without its digits, but with their places, and the number that they form."""
-    letters = "".join("0" if each.isdecimal() else each for each in text)
-    return letters, int("".join(each for each in text if each.isdecimal()) or "0")
+    letters, number = letters_and_number(text)
+    return sum(
+        each == letters and abs(other - number) < FLEET_SPAN
+        for each, other in map(letters_and_number, others)
+    )

@@ -1,7 +1,8 @@
 """Aliases of plates in recordings, and the communication IDs that a replay looks up by alias.
 
-The cores use a plate only to derive the communication ID of its vehicle. So a recording holds an
-alias for each plate, and the ID of each alias and epoch.
+The cores use a plate to derive the communication ID of its vehicle, and to tell whether another
+has almost the same number. So a recording holds an alias for each plate, which shows only that, and
+the ID of each alias and epoch.
 """
 
 import hashlib
@@ -15,11 +16,14 @@ from typing_extensions import override
 
 from onboard.errors import UserError
 from onboard.observations import DetectionList, Lead
+from onboard.plate_series import letters_and_number
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 
 ALIAS_LENGTH = 10
-"""Number of hexadecimal digits: valid in every plate format, and not changed by `normalised`."""
+"""Four letters and six digits: valid in every plate format, and not changed by `normalised`."""
+_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
+_NUMBERS, _SHIFTS = 100_000, 900_000
 
 
 class Aliases:
@@ -31,11 +35,19 @@ class Aliases:
         self._key = secrets.token_bytes(16)
 
     def alias(self, plate: str) -> str:
-        """Return the name of a plate in the recording."""
+        """Return the name of a plate in the recording.
+
+        Plates with the same letters have aliases with the same letters, and numbers with the same
+        difference: all are shifted by one that depends on the letters.
+        """
         text = normalised(plate)
         if self._in_clear:
             return text
-        return hmac.digest(self._key, text.encode(), hashlib.sha256).hex()[:ALIAS_LENGTH].upper()
+        letters, number = letters_and_number(text)
+        higher, number = divmod(number, _NUMBERS)
+        digest = hmac.digest(self._key, f"{letters} {higher}".encode(), hashlib.sha256)
+        name = "".join(_LETTERS[byte % len(_LETTERS)] for byte in digest[:4])
+        return f"{name}{number + int.from_bytes(digest[4:]) % _SHIFTS:06d}"
 
     def replace_plates(self, value: Any) -> Any:
         """Return the value with aliases in place of the plates in it, which are named `text`."""

@@ -17,6 +17,7 @@ from onboard.observations import (
     PlateCandidate,
     VehicleDetection,
 )
+from onboard.plate_series import letters_and_number
 from onboard.recorder.identities import ALIAS_LENGTH, Aliases
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import Entry
@@ -105,3 +106,13 @@ def test_texts_that_share_an_id_share_an_alias(lead: Lead) -> None:
     assert all(alias_of[normalised(text.text)] == alias.text for text, alias in pairs)
     assert all(len(alias.text) == ALIAS_LENGTH for _, alias in pairs)
     assert [text.probability for text, _ in pairs] == [alias.probability for _, alias in pairs]
+
+
+def test_an_alias_shows_of_a_plate_only_which_others_have_almost_its_number() -> None:
+    aliases = Aliases(in_clear=False)
+    letters, number = letters_and_number(aliases.alias("GN417KB"))
+    near, other = (letters_and_number(aliases.alias(each)) for each in ("GN 4 22KB", "GM417KB"))
+
+    assert near == (letters, number + 5)
+    assert other[0] != letters
+    assert letters_and_number(Aliases(in_clear=False).alias("GN417KB")) != (letters, number)

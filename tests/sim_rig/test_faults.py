@@ -90,12 +90,12 @@ def bus_events(*faults: dict[str, Any], from_s: float, until_s: float) -> list[o
 def test_an_ecu_that_refreshes_its_speed_tells_one_until_the_next() -> None:
     slow = scenario_with().model_copy(update={"ecu": EcuSettings(refresh_s=0.1)})
     ecu = FaultyEcu(slow, "ann", lambda now: now, lambda now: now, np.random.default_rng(1))
-    told = []
+    sent = []
     for now in np.arange(20.0, 30.0, 0.01).tolist():
         ecu.receive_frame(SPEED_REQUEST, now)
-        told += [frame.data[3] * KM_H for frame in ecu.frames_to_send(now + 0.004)]
-    ages_s = np.arange(20.0, 30.0, 0.01) - told
-    assert len(told) == 1000
+        sent += [frame.data[3] * KM_H for frame in ecu.frames_to_send(now + 0.004)]
+    ages_s = np.arange(20.0, 30.0, 0.01) - sent
+    assert len(sent) == 1000
     assert np.mean(ages_s) == pytest.approx(0.05, abs=0.02)
 
 
