@@ -44,10 +44,12 @@ CALIBRATION = 0.6
 of the texts with 0.002, 0.02, 0.18, 0.43, 0.76 and 0.95, shares of 0.003, 0.02, 0.17, 0.42, 0.75
 and 0.97 are right (500 plates 28 to 60 px wide, by `sim_rig/cars/plate_readings.py`)."""
 MIN_UNLISTED = 0.005
-"""Least probability that the camera does not list the text (from the same plates)."""
+"""Least probability that the camera does not list the text: of 700 such plates, 0.008
+where less than 0.05 is left to other texts."""
 UNLISTED, UNLISTED_NEAR = 0.01, 0.3
 """If the camera does not list the text: probability that it is a given one that was asked for, and
-that it is near a given other one, as a share of the latter's own (from the same plates)."""
+that it is near a given other one, as a share of the latter's own. Measured on these plates: 0.0095
+and 0.34."""
 
 
 class AskedText(NamedTuple):
