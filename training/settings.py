@@ -43,6 +43,9 @@ class ReaderTrainingSettings(NetworkTrainingSettings):
 
     initial_share: float = Field(0.0, ge=0.0, lt=1.0)
     """Weight of the initial network in the average with the trained one."""
+    bfloat16: bool = True
+    """Whether to train in bfloat16: faster where the processor has it, and many times slower where
+    it has not."""
     temperature: float | None = Field(None, gt=0.0)
     """Divisor of the logits; `None`: the one that fits the validation images
     (docs/design/plates.md)."""

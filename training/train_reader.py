@@ -75,7 +75,7 @@ def train_reader(
     def loss_of(rows: npt.NDArray[np.int64], rng: np.random.Generator) -> torch.Tensor:
         batch = jittered(torch.from_numpy(normalised(np.asarray(views[rows]))), rng)
         wanted = torch.from_numpy(labels[rows].astype(np.int64))
-        with torch.autocast("cpu", torch.bfloat16):
+        with torch.autocast("cpu", torch.bfloat16, enabled=settings.bfloat16):
             scores = network(batch.contiguous(memory_format=torch.channels_last))
         chances = scores.float().squeeze(2).permute(2, 0, 1).log_softmax(2)
         lengths = (wanted > 0).sum(1)

@@ -34,6 +34,8 @@ READER_SIZE = (160, 64)
 """Width and height of the network's input."""
 MARGIN = (0.06, 0.10)
 """Margin around the plate on each side, as a share of that size, since corners are inexact."""
+_PLATE_COLUMNS = (1.0 - 2.0 * MARGIN[0]) * READER_SIZE[0]
+"""Columns of a view that show the plate."""
 CERTAIN = 0.9
 """Confidence from which a text is certain."""
 DEFAULT_MODEL = Path(__file__).parent / "models" / "plate_reader.onnx"
@@ -96,16 +98,26 @@ class PlateReader:
 
     def read_many(self, image: Image, plates: Plates) -> list[PlateText]:
         """Read several plates of one image."""
-        return [self._read(rectified_views(image, corners), seen) for corners, seen in plates]
+        return [
+            self._read(rectified_views(image, corners), seen, _plate_px(corners))
+            for corners, seen in plates
+        ]
 
-    def _read(self, views: npt.NDArray[np.uint8], seen: PlateViews | None) -> PlateText:
+    def _read(
+        self, views: npt.NDArray[np.uint8], seen: PlateViews | None, plate_px: float
+    ) -> PlateText:
         if views[0].std() < _MIN_CONTRAST:
             return PlateText("", 0.0, 0.0)
         shown = normalised(views)
         mean = PlateViews(shown) if seen is None else seen.with_views(shown)
-        self._network.setInput(mean.mean)
+        self._network.setInput(mean.sharpened(_PLATE_COLUMNS / plate_px))
         scores = np.asarray(self._network.forward(), np.float32)
         return replace(decode(scores[:, :, 0].transpose(0, 2, 1), self._syntax), views=mean)
+
+
+def _plate_px(corners: Corners) -> float:
+    """Length of the plate's upper edge."""
+    return max(float(np.hypot(*(corners[1] - corners[0]))), 1.0)
 
 
 def rectified_views(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
@@ -141,8 +153,7 @@ def rectify(image: Image, corners: Corners) -> npt.NDArray[np.uint8]:
         return np.zeros((height, width), np.uint8)
     grey = part if part.ndim == 2 else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY)
     source = (corners - np.asarray([x0, y0])).astype(np.float32)
-    plate_px = float(np.hypot(*(corners[1] - corners[0])))
-    shrink = (right - left) / max(plate_px, 1.0)
+    shrink = (right - left) / _plate_px(corners)
     if shrink < 0.7:
         size = (max(2, round(grey.shape[1] * shrink)), max(2, round(grey.shape[0] * shrink)))
         scale = np.asarray([size[0] / grey.shape[1], size[1] / grey.shape[0]], np.float32)

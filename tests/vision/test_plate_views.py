@@ -1,9 +1,10 @@
 """The mean of a plate's views: less noise, and only of views that show one plate."""
 
+import cv2
 import numpy as np
 import pytest
 
-from onboard.vision.plate_views import MAX_FRAMES, PlateViews
+from onboard.vision.plate_views import BLUR_PX, MAX_FRAMES, PlateViews
 
 
 def plate(seed: int) -> np.ndarray:
@@ -46,3 +47,25 @@ def test_uniform_views_raise_nothing() -> None:
     blank = np.zeros((3, 1, 64, 160), np.float32)
 
     assert PlateViews(blank).with_views(blank).frames == 1
+
+
+def test_what_frames_show_blurred_is_sharpened_as_noise_falls() -> None:
+    rng = np.random.default_rng(1)
+    px_per_pixel = 6.0
+    sigma = BLUR_PX * px_per_pixel
+    blurred = np.stack([cv2.GaussianBlur(view, (0, 0), sigma) for view in plate(1)[:, 0]])[:, None]
+    one = views = PlateViews(blurred + 0.2 * noise(rng))
+    for _ in range(11):
+        views = views.with_views(blurred + 0.2 * noise(rng))
+
+    def error(seen: np.ndarray) -> float:
+        return float(np.std(seen / seen.std() - plate(1) / plate(1).std()))
+
+    assert np.array_equal(one.sharpened(px_per_pixel), one.mean)
+    assert error(views.sharpened(px_per_pixel)) < 0.9 * error(views.mean)
+
+
+def test_uniform_views_stay_uniform() -> None:
+    blank = np.zeros((3, 1, 64, 160), np.float32)
+
+    assert not PlateViews(blank, 2.0).sharpened(6.0).any()
