@@ -3,7 +3,7 @@
 import pytest
 
 from onboard.observations import PlateCandidate
-from onboard.vision.plate_posterior import MAX_CANDIDATES, POOL, PlatePosterior
+from onboard.vision.plate_posterior import CERTAIN_TEXT, MAX_CANDIDATES, POOL, PlatePosterior
 
 
 def reading(**probabilities: float) -> list[PlateCandidate]:
@@ -138,3 +138,12 @@ def test_the_probability_of_a_text_counts_characters_drawn_alike_as_equal() -> N
     assert posterior.probability("VA034RM") == pytest.approx(0.6)
     assert posterior.probability("GN417KB") == 0.0
     assert PlatePosterior().probability("GN417KB") == 1.0
+
+
+def test_a_small_plate_that_is_misread_alike_in_every_frame_is_not_certain() -> None:
+    posterior = PlatePosterior()
+    for frame in range(15):
+        posterior.update([PlateCandidate("SE652S0", 0.97)], frame / 10)
+
+    assert posterior.candidates(1)[0].probability >= CERTAIN_TEXT
+    assert posterior.certain_text is None

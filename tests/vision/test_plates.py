@@ -71,14 +71,14 @@ def test_a_readings_confidence_is_limited_by_the_other_readings() -> None:
 
 
 def test_an_identified_track_keeps_its_text_in_frames_with_bad_readings() -> None:
-    reported = plates(Finder(435.0), *[("GN417KB", 0.97)] * 4, ("GN417K8", 0.4), ("GN417KB", 0.97))
+    reported = plates(Finder(435.0), *[("GN417KB", 0.99)] * 4, ("GN417K8", 0.4), ("GN417KB", 0.99))
 
     assert {plate.text for plate in reported} == {"GN417KB"}
     assert reported[4].confidence >= 0.9
 
 
 def test_a_certain_reading_that_all_others_rule_out_is_reported_without_text() -> None:
-    reported = plates(Finder(435.0), *[("GN417KB", 0.97)] * 5, ("RD288HX", 0.95))
+    reported = plates(Finder(435.0), *[("GN417KB", 0.99)] * 5, ("RD288HX", 0.95))
 
     assert (reported[-1].text, reported[-1].confidence) == (None, 0.0)
 
