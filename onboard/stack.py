@@ -4,6 +4,7 @@
 virtual time and both replays call it.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,7 +18,13 @@ from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.config import CarConfig
 from onboard.core import Core
 from onboard.errors import DecodeError
-from onboard.lcca.events import PrecedingVehicle, TrackedVehicle, WarningRaised
+from onboard.lcca.events import (
+    PrecedingVehicle,
+    TrackedVehicle,
+    WarningLevel,
+    WarningOver,
+    WarningRaised,
+)
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
 from onboard.messages import bsm, lcca
@@ -27,6 +34,7 @@ from onboard.mvs.perceived_object import PerceivedObject, remote_offsets_m
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import (
+    BrakeCause,
     BrakePedal,
     DetectionList,
     Discarded,
@@ -42,6 +50,7 @@ from onboard.observations import (
 )
 from onboard.risk.monitor import RiskMonitor
 from onboard.security.credentials import Credentials
+from onboard.security.epoch_ids import CarIds, EpochIds
 from onboard.security.misbehaviour_detection import MisbehaviourDetector
 from onboard.security.pending_warnings import PendingWarnings
 from onboard.security.plate_digest import PlateDigest
@@ -64,6 +73,9 @@ BSM_LIFETIME_S = 0.1
 
 ASSESSMENT_INTERVAL_S = 0.1
 """Period of the risk assessment: that of BSMs."""
+
+OPPOSITE_RAD = 2.1
+"""Difference of headings (120 degrees) from which a vehicle is in no lane of the own direction."""
 
 SURROUNDINGS_INTERVAL_S = 1.0
 """Period at which host vehicle and perceived objects are put out as events."""
@@ -109,6 +121,7 @@ class Stack:
         self._config = config
         self._security = SecurityServices(utc_s - now, credentials)
         self._digest = digest or PlateDigest(config.security.plate_digest)
+        self._epoch_ids = EpochIds(self._digest, config.car.plate)
         self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
         self._pseudonym = self._pseudonyms.at(utc_s)
         self._misbehaviour_detector = MisbehaviourDetector(
@@ -209,9 +222,12 @@ class Stack:
         return min(self._assess_at, *(stage.core.get_timer() for stage in self._stages))
 
     def _handle_timer(self, now: float) -> None:
-        pseudonym = self._pseudonyms.at(now + self._security.utc_offset_s)
+        pseudonym = self._pseudonyms.at(self._utc_s(now))
         if pseudonym is not self._pseudonym:
             self._change_pseudonym(pseudonym, now)
+        next_id = self._epoch_ids.own_next(self._utc_s(now))
+        if next_id is not None:
+            self._group.receive_next_own_id(next_id)
         if now >= self._assess_at:
             self._assess(now)
         for core, pass_on in self._stages:
@@ -237,7 +253,8 @@ class Stack:
                 self._take_bus(now)
             case BrakeButton():
                 threshold_m_s2 = self._config.obd.hard_brake_threshold_g * STANDARD_GRAVITY_M_S2
-                self._receive_observation(HardBrake(now, threshold_m_s2, source="button"), now)
+                test = HardBrake(now, threshold_m_s2, "button", BrakeCause.TEST)
+                self._receive_observation(test, now)
             case _:
                 self._receive_observation(received, now)
 
@@ -298,24 +315,59 @@ class Stack:
         self._events.append(
             MessageReceived(now, message.kind, opened.signer_id, lcca.as_dict(message))
         )
-        is_id_unique = opened.signer_id is None or self._misbehaviour_detector.receive_car_id(
-            opened.signer_id, message.sender_id
-        )
+        if opened.signer_id is not None:
+            self._misbehaviour_detector.receive_car_id(opened.signer_id, message.sender_id)
+        if isinstance(message, lcca.Inquiry | lcca.Answer):
+            self._receive_identification(message, opened.signer_id, now)
+            return
+        violation = self._violation(message, opened.signer_id, now)
+        if violation is not None:
+            self._events.append(
+                Discarded(now, "lcca", violation, f"{message.kind} from {message.sender_id.hex()}")
+            )
+            return
         match message:
-            case lcca.Inquiry() | lcca.Answer():
-                self._receive_identification(message, opened.signer_id, now)
-                return
             case lcca.Warn():
                 self._pending_warnings.receive_warning(message, self._made_at_s(opened, now), now)
                 self._take_warnings(now)
                 return
-            case lcca.Leave() if not is_id_unique:
-                self._events.append(Discarded(now, "lcca", "claimed_by_two", "a leave"))
-                return
-            case lcca.Join() if not is_id_unique:
+            case lcca.Join() if not self._is_id_unique(message.sender_id):
                 message = message.without_acknowledgement()
-        self._group.receive_message(message, now)
+        clear = self._epoch_ids.received(message, self._ahead_text, self._utc_s(now))
+        self._group.receive_message(clear, now)
         self._take_group(now)
+
+    def _violation(
+        self, message: lcca.GroupMessage, signer: bytes | None, now: float
+    ) -> str | None:
+        """Return why a group message is refused for who sends it, as a counted word.
+
+        Two plates that differ by look-alike characters have one ID. The preceding car is known by
+        its signer too; of the cars ahead of it, an ID that two signers use proves nothing, and only
+        what the preceding car repeats is accepted.
+        """
+        if signer is None:
+            return None
+        is_predecessor = message.sender_id == self._group.predecessor_id
+        if is_predecessor and self._identification.sender not in (None, signer):
+            return "another_signer"
+        heading = self._mvs.heading(now)
+        remote_rad = self._misbehaviour_detector.heading_rad(signer)
+        if heading is not None and remote_rad is not None:
+            turned_rad = math.remainder(remote_rad - heading.heading_rad, math.tau)
+            if abs(turned_rad) > OPPOSITE_RAD:
+                return "opposite_direction"
+        match message:
+            case lcca.Leave():
+                names: tuple[bytes, ...] = (message.sender_id,)
+            case lcca.Warn() | lcca.Update() if not is_predecessor:
+                names = (message.sender_id, message.leader_id, message.event_origin_id)
+            case _:
+                names = ()
+        return None if all(map(self._is_id_unique, names)) else "claimed_by_two"
+
+    def _is_id_unique(self, car_id: lcca.CarId) -> bool:
+        return self._misbehaviour_detector.is_id_unique(car_id)
 
     def _receive_identification(
         self, message: lcca.Inquiry | lcca.Answer, signer: bytes | None, now: float
@@ -339,7 +391,7 @@ class Stack:
         core = message.core
         sender = opened.signer_id or core.temporary_id
         reason = self._misbehaviour_detector.receive_bsm(
-            sender, message, self._made_at_s(opened, now)
+            sender, message, self._made_at_s(opened, now), now
         )
         self._pending_warnings.handle_timer(now)
         self._take_warnings(now)
@@ -371,7 +423,10 @@ class Stack:
     def _submit_lcca_messages(self, now: float) -> None:
         messages: list[lcca.LccaMessage] = [*self._group.messages_to_send(now)]
         messages += self._identification.messages_to_send()
-        for message in messages:
+        for clear in messages:
+            message = clear
+            if not isinstance(clear, lcca.Inquiry | lcca.Answer):
+                message = self._epoch_ids.to_send(clear, self._ahead_text, self._utc_s(now))
             size_bytes = self._link.submit(
                 lcca.encode(message),
                 self._config.lcca_psid,
@@ -389,7 +444,7 @@ class Stack:
         footer = self._mvs.footer_to_send(now) or None
         heading = self._mvs.heading(now)
         heading_rad = None if heading is None else heading.heading_rad
-        utc_s = now + self._security.utc_offset_s
+        utc_s = self._utc_s(now)
         message = self._transmitter.bsm(footer, now, utc_s, heading_rad)
         self._link.submit(bsm.encode(message), psid.BSM, message.user_priority, BSM_LIFETIME_S, now)
 
@@ -448,13 +503,14 @@ class Stack:
         self._transmitter.change_identity(pseudonym)
         self._mvs.set_own_id(pseudonym.temporary_id)
         self._use_credential(now)
+        self._show_preceding_vehicle(now)
 
     def _use_credential(self, now: float) -> None:
         credential = self._pseudonym.credential
         if credential is None:
             return
         self._security.sign_with(credential)
-        if self._pseudonym.is_out_of_date(now + self._security.utc_offset_s):
+        if self._pseudonym.is_out_of_date(self._utc_s(now)):
             until_utc_s = credential.certificate.subject.valid_until_utc_s
             self._events.append(CertificateExpired(now, until_utc_s))
 
@@ -470,7 +526,7 @@ class Stack:
     def _take_group(self, now: float) -> None:
         while (event := self._group.next_event()) is not None:
             self._events.append(event)
-            if isinstance(event, WarningRaised):
+            if isinstance(event, WarningRaised | WarningLevel | WarningOver):
                 self._risk.receive_warning(event, now)
 
     def _receive_lead(self, lead: Lead, now: float) -> None:
@@ -488,14 +544,25 @@ class Stack:
         preceding = None
         if lead.gap_m is not None:
             identity = self._identification.identity
-            car_id = None if identity is None else identity.car_id
+            ids = CarIds(None if identity is None else identity.car_id)
             if identity is not None and identity.text is not None:
-                car_id = self._car_id(identity.text, now)
-            preceding = PrecedingVehicle(car_id, lead.gap_m, lead.closing_speed_m_s)
+                ids = self._epoch_ids.of(identity.text, self._utc_s(now))
+            preceding = PrecedingVehicle(
+                ids.present, lead.gap_m, lead.closing_speed_m_s, ids.previous, ids.following
+            )
         self._group.receive_preceding_vehicle(preceding, now)
 
     def _car_id(self, plate_text: str, now: float) -> lcca.CarId:
-        return self._digest.car_id(plate_text, now + self._security.utc_offset_s)
+        return self._digest.car_id(plate_text, self._utc_s(now))
+
+    @property
+    def _ahead_text(self) -> str | None:
+        """Plate of the preceding vehicle, if it is identified by it."""
+        identity = self._identification.identity
+        return None if identity is None else identity.text
+
+    def _utc_s(self, now: float) -> float:
+        return now + self._security.utc_offset_s
 
 
 def _adapt_access(access: AccessAdaptation, observation: Observation, now: float) -> None:

@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 
 from onboard.lcca.transitions import GroupEvent, GroupState
 from onboard.messages.lcca import CarId
-from onboard.observations import Lead
+from onboard.observations import BrakeCause, Lead
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +102,10 @@ class PrecedingVehicle:
     gap_m: float
     closing_speed_m_s: float | None
     """Positive while the gap shrinks; `None` while not known."""
+    previous_id: CarId | None = None
+    """Of the epoch before, while others may still use it."""
+    next_id: CarId | None = None
+    """Of the epoch to come, when others may already use it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,22 +128,50 @@ class Transition:
 
 @dataclass(frozen=True, slots=True)
 class WarningRaised:
-    """A vehicle ahead in the group brakes hard: the driver is to be warned."""
+    """A vehicle ahead in the group brakes hard: the driver is to be warned until it is over."""
 
     kind: ClassVar[str] = "warning"
     stamp_s: float
     origin_id: CarId
     """Of the braking vehicle."""
     sequence: int
-    """Identifies the event together with `origin_id`."""
+    """Identifies the braking together with `origin_id`."""
     origin_number: int
     """The braking vehicle's number in the group, smaller than the own one."""
     group_number: int
     """The own number."""
     leader_id: CarId
+    cause: BrakeCause
+    """TEST: of the button; nothing brakes."""
     deceleration_m_s2: float
     age_s: float
-    """From the sample that showed the braking to the sending of the last copy; the time on the air
-    is not included, since it is not known without synchronised clocks."""
+    """From the sample that showed the braking to the reception of this copy, without clocks being
+    compared: what each vehicle held it, and a bound for the time on the air."""
     hops: int
     """How many transmissions the warning took; 1: from the braking vehicle itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class WarningLevel:
+    """A braking that was warned of has another deceleration or cause."""
+
+    kind: ClassVar[str] = "warning_level"
+    stamp_s: float
+    origin_id: CarId
+    sequence: int
+    """As in `WarningRaised`."""
+    cause: BrakeCause
+    deceleration_m_s2: float
+
+
+@dataclass(frozen=True, slots=True)
+class WarningOver:
+    """A braking that was warned of is over."""
+
+    kind: ClassVar[str] = "warning_over"
+    stamp_s: float
+    origin_id: CarId
+    sequence: int
+    """As in `WarningRaised`."""
+    reason: str
+    """`over`: its vehicle says so; `expired`: no warning of it has been accepted for some time."""

@@ -13,17 +13,21 @@ copies are those of a shortest path down the group, which is the minimum.
 
 Reliability (warnings only). A warned member advances the next refresh of its membership and names
 the warning in it, so the acknowledgement is a message that was due anyway. A vehicle repeats the
-warning while a follower has not acknowledged it, a bounded number of times.
+warning while a follower has not acknowledged it, a bounded number of times, at times with a random
+part: two vehicles that do not hear each other would collide each time. A newer warning of the same
+vehicle replaces the older one.
 """
 
 import math
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.warning_list import WarningList
-from onboard.messages.lcca import CarId, Update, Warn
+from onboard.messages.lcca import CarId, Update, Warn, WarnCause
 
 EventId = tuple[CarId, int]
 """ID of the vehicle that started it, and its event sequence number."""
@@ -93,13 +97,20 @@ class _Message:
     repeats_left: int
     unacknowledged: set[CarId] = field(default_factory=set)
     """Followers that have not acknowledged it."""
+    is_replaced: bool = False
+    """Whether a newer warning of the same vehicle is stored."""
 
 
 class Forwarding:
     """Decides when this vehicle repeats updates and warnings."""
 
     def __init__(
-        self, parameters: GroupParameters, position: GroupPosition, warning_list: WarningList
+        self,
+        parameters: GroupParameters,
+        position: GroupPosition,
+        warning_list: WarningList,
+        reach: Reach,
+        rng: np.random.Generator,
     ) -> None:
         """Start without messages.
 
@@ -107,10 +118,14 @@ class Forwarding:
             parameters: times and limits of the warning group.
             position: position of this vehicle in its group.
             warning_list: followers of this vehicle, which must acknowledge.
+            reach: how many vehicles behind this one its radio reaches.
+            rng: draws the spread of repetitions.
         """
         self._parameters = parameters
         self._position = position
         self._warning_list = warning_list
+        self._reach = reach
+        self._rng = rng
         self._messages: dict[EventId, _Message] = {}
         self._early_acknowledgements: deque[tuple[EventId, CarId]] = deque(
             maxlen=_MAX_EARLY_ACKNOWLEDGEMENTS
@@ -132,7 +147,7 @@ class Forwarding:
             distance: how many vehicles ahead its sender is; negative: behind.
             now: seconds on the cores' clock.
         """
-        repeat_at = now + self._wait_s(message.reach, distance) if distance > 0 else math.inf
+        repeat_at = now + self._wait_s(message.reach, distance, now) if distance > 0 else math.inf
         self._store(message, distance, repeat_at, now)
 
     def receive_duplicate(self, message: Update | Warn, distance: int, now: float) -> None:
@@ -145,21 +160,47 @@ class Forwarding:
         elif distance < entry.distance:
             entry.message, entry.distance = message, distance
             entry.received_at = now
-            entry.repeat_at = now + self._wait_s(message.reach, distance)
+            entry.repeat_at = now + self._wait_s(message.reach, distance, now)
 
-    def add_recipient(self, car_id: CarId, now: float) -> None:
-        """Send a new follower, after its reply, the warning of this vehicle's own recent braking.
+    def receive_late(self, message: Warn, distance: int, now: float) -> None:
+        """Take a warning that is accepted some time after its reception; arguments as in `receive`.
 
-        Warnings from farther ahead are not sent to it: they may be about another lane.
+        The other members had their turn to repeat it. Followers that do not acknowledge it get it.
         """
-        horizon = now - self._parameters.event_lifetime_s
+        self._store(message, distance, math.inf, now)
+
+    def add_recipient(self, car_id: CarId, now: float, *, is_close: bool) -> None:
+        """Send a new follower, after its reply, the warnings of brakings that last.
+
+        Args:
+            car_id: the follower. It may have received them, and acknowledges them with its next
+                join.
+            now: seconds on the cores' clock.
+            is_close: whether this vehicle's camera shows the preceding one now. If not, it may have
+                left the lane, and only its own braking concerns the follower.
+        """
         for entry in self._messages.values():
-            is_own_braking = isinstance(entry.message, Warn) and entry.distance == 0
-            if is_own_braking and entry.received_at >= horizon:
+            if not isinstance(entry.message, Warn) or entry.message.cause is WarnCause.OVER:
+                continue
+            if entry.distance != 0 and not is_close:
+                continue
+            age_s = entry.message.age_s + now - entry.received_at
+            if not entry.is_replaced and age_s <= self._parameters.event_lifetime_s:
                 entry.unacknowledged.add(car_id)
                 entry.repeats_left = self._parameters.warn_repeats
                 if entry.check_at == math.inf:
-                    entry.check_at = now + self._parameters.slot_s
+                    entry.check_at = now + self._parameters.slot_s + self._spread_s()
+
+    def rename(self, old_id: CarId, new_id: CarId) -> None:
+        """Take the new ID of a follower."""
+        for entry in self._messages.values():
+            if old_id in entry.unacknowledged:
+                entry.unacknowledged.remove(old_id)
+                entry.unacknowledged.add(new_id)
+
+    def drop_others(self) -> None:
+        """Drop all that other vehicles started: this vehicle has left their group."""
+        self._messages = {key: each for key, each in self._messages.items() if each.distance == 0}
 
     def receive_acknowledgement(self, event: EventId, car_id: CarId, behind: int) -> None:
         """Take the acknowledgement of an event by a vehicle of the own group.
@@ -189,11 +230,10 @@ class Forwarding:
         due = (min(entry.repeat_at, entry.check_at) for entry in self._messages.values())
         return min(due, default=math.inf)
 
-    def copies_to_send(self, reach: int, *, is_member: bool, now: float) -> list[Update | Warn]:
+    def copies_to_send(self, *, is_member: bool, now: float) -> list[Update | Warn]:
         """Return the copies that are due, with this vehicle's present leader and number.
 
         Args:
-            reach: how many vehicles behind the radio reaches.
             is_member: whether this vehicle is a member; others repeat only what they started.
             now: seconds on the cores' clock.
         """
@@ -202,12 +242,11 @@ class Forwarding:
             for entry in self._messages.values()
             if any((self._is_due(entry, now), self._lacks_acknowledgement(entry, now)))
         ]
-        copies = (
-            self._copy(entry, reach, now) for entry in due if entry.distance == 0 or is_member
-        )
+        copies = (self._copy(entry, now) for entry in due if entry.distance == 0 or is_member)
         return [copy for copy in copies if copy is not None]
 
-    def _copy(self, entry: _Message, reach: int, now: float) -> Update | Warn | None:
+    def _copy(self, entry: _Message, now: float) -> Update | Warn | None:
+        reach = self._reach.distance(now)
         message, (sender_id, leader_id, number) = entry.message, self._position.header
         if isinstance(message, Update):
             if message.leader_id != leader_id:
@@ -246,7 +285,7 @@ class Forwarding:
         if not entry.unacknowledged or entry.repeats_left == 0:
             entry.check_at = math.inf
             return False
-        entry.check_at = now + self._parameters.acknowledge_s
+        entry.check_at = now + self._parameters.acknowledge_s + self._spread_s()
         entry.repeats_left -= 1
         return True
 
@@ -256,7 +295,10 @@ class Forwarding:
         unacknowledged -= {
             car_id for acknowledged, car_id in self._early_acknowledgements if acknowledged == event
         }
-        check_at = now + self._parameters.acknowledge_s if isinstance(message, Warn) else math.inf
+        check_at = math.inf
+        if isinstance(message, Warn):
+            check_at = now + self._parameters.acknowledge_s + self._spread_s()
+            self._replace(message.event_origin_id)
         self._messages[event] = _Message(
             message,
             now,
@@ -274,12 +316,24 @@ class Forwarding:
         for key in others[:-_MAX_MESSAGES]:
             del self._messages[key]
 
-    def _wait_s(self, reach: int, distance: int) -> float:
+    def _replace(self, origin_id: CarId) -> None:
+        """Repeat the stored warnings of that vehicle no more."""
+        for entry in self._messages.values():
+            if isinstance(entry.message, Warn) and entry.message.event_origin_id == origin_id:
+                entry.repeat_at = entry.check_at = math.inf
+                entry.is_replaced = True
+
+    def _spread_s(self) -> float:
+        return float(self._rng.uniform(0.0, self._parameters.spread_s))
+
+    def _wait_s(self, reach: int, distance: int, now: float) -> float:
         """How long to wait for copies of others before repeating.
 
         The designated forwarder does not wait, the vehicle behind it waits half a slot, the one
-        ahead of it one slot, and so on. The wait is bounded by the time for an acknowledgement:
-        otherwise a forged group number could stop a message.
+        ahead of it one slot, and so on. The radio of a vehicle ahead reaches no farther behind than
+        the own one, so a forged reach delays by the slots of the own reach at most. The wait is
+        bounded by the time for an acknowledgement.
         """
+        reach = min(reach, distance + self._reach.distance(now))
         slots = abs(reach - distance) - (0.5 if distance > reach else 0.0)
         return min(slots * self._parameters.slot_s, self._parameters.acknowledge_s)

@@ -1,34 +1,58 @@
 """One vehicle's part in its warning group (LCCA, section 3): the core without I/O.
 
 It puts the parts together: `lead_monitor` identifies the vehicle to join, `membership` sends joins,
-`group_position` holds leader and number, `warning_list` the followers, `forwarding` repeats
-messages, and `transitions` alone decides the state. docs/design/lcca.md states what the paper
-leaves open.
+`group_position` holds leader and number, `warning_list` the followers, `own_braking` the own state,
+`active_warnings` that of the vehicles ahead, `forwarding` repeats messages, and `transitions` alone
+decides the state in the group. docs/design/lcca.md states what the paper leaves open.
 """
 
-import math
 from collections import deque
+from collections.abc import Mapping
 
 import numpy as np
 from typing_extensions import override
 
 from onboard.core import Core
 from onboard.lcca.acceptance import update_refusal, warn_refusal
-from onboard.lcca.events import PrecedingVehicle, Transition, WarningRaised
+from onboard.lcca.active_warnings import ActiveWarnings
+from onboard.lcca.adjacent_ids import AdjacentIds
+from onboard.lcca.events import (
+    PrecedingVehicle,
+    Transition,
+    WarningLevel,
+    WarningOver,
+    WarningRaised,
+)
 from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of
 from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.membership import Membership
+from onboard.lcca.own_braking import OwnBraking
 from onboard.lcca.parameters import GroupParameters
+from onboard.lcca.refused_warnings import RefusedWarnings
 from onboard.lcca.transitions import GroupEvent, GroupState, next_state
 from onboard.lcca.warning_list import WarningList
-from onboard.messages.lcca import CarId, GroupMessage, Join, Leave, LeaveReason, Reply, Update, Warn
+from onboard.messages.lcca import (
+    NO_ID,
+    CarId,
+    GroupMessage,
+    Join,
+    Leave,
+    LeaveReason,
+    Reply,
+    Update,
+    Warn,
+)
 from onboard.observations import Discarded, HardBrake
 
 __all__ = ["PrecedingVehicle", "WarningGroup"]
 
+GroupEvents = Transition | WarningRaised | WarningLevel | WarningOver | Discarded
+
 _SEQUENCES = 1 << 16
-_NO_EVENT: EventId = (bytes(8), 0)
+_NO_EVENT: EventId = (NO_ID, 0)
+_REFUSED_BY_GROUP = ("not_in_group", "other_group")
+"""Reasons that end when the vehicle joins that group."""
 _MAX_ACKNOWLEDGEMENTS = 8
 """Acknowledgements waiting to be sent; the oldest is dropped, and its warning repeated."""
 
@@ -47,7 +71,7 @@ class WarningGroup(Core):
             rng: for start values of sequence numbers and random delays.
         """
         self._parameters = parameters
-        self._id_change_until = math.inf
+        self._adjacent_ids = AdjacentIds(parameters.id_change_s)
         self._state = GroupState.REGULAR
         self._position = GroupPosition(
             own_id, parameters.leader_silence_s, int(rng.integers(_SEQUENCES))
@@ -56,11 +80,16 @@ class WarningGroup(Core):
         self._membership = Membership(parameters, self._lead_monitor, rng)
         self._warning_list = WarningList(parameters.membership_lifetime_s)
         self._reach = Reach(parameters)
-        self._forwarding = Forwarding(parameters, self._position, self._warning_list)
+        self._forwarding = Forwarding(
+            parameters, self._position, self._warning_list, self._reach, rng
+        )
+        self._own_braking = OwnBraking(parameters, rng)
+        self._active_warnings = ActiveWarnings(parameters)
+        self._refused_warnings = RefusedWarnings(parameters.event_lifetime_s)
         self._event_sequence = int(rng.integers(_SEQUENCES))
         self._to_acknowledge: deque[EventId] = deque(maxlen=_MAX_ACKNOWLEDGEMENTS)
         self._outbox: list[GroupMessage] = []
-        self._events: deque[Transition | WarningRaised | Discarded] = deque()
+        self._events: deque[GroupEvents] = deque()
 
     @property
     def state(self) -> GroupState:
@@ -93,38 +122,39 @@ class WarningGroup(Core):
 
     def receive_preceding_vehicle(self, preceding: PrecedingVehicle | None, now: float) -> None:
         """Take what one camera frame shows ahead in the own lane; `None`: no vehicle."""
+        if preceding is not None and preceding.car_id is not None:
+            if preceding.next_id is not None:
+                self._adjacent_ids.receive_next(preceding.car_id, preceding.next_id)
+            if preceding.previous_id is not None:
+                self._adjacent_ids.receive_previous(preceding.car_id, preceding.previous_id)
+                self._rename({preceding.previous_id: preceding.car_id})
         self._lead_monitor.receive_preceding_vehicle(preceding, now)
-        self._membership.receive_frame(self._position.own_ids, now)
+        self._membership.receive_frame(self._position.own_id, now)
         self._join_if_due(now)
 
     def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
-        """Warn the members behind, and vehicles that join soon after, of the own hard braking."""
-        warn = Warn(
-            *self._position.header,
-            event_origin_id=self._position.own_id,
-            event_sequence=self._next_event_sequence(),
-            reach=self._reach.distance(now),
-            origin_number=self._position.number,
-            deceleration_m_s2=brake.deceleration_m_s2,
-            age_s=max(now - brake.stamp_s, 0.0),
-            hops=1,
-        )
-        if self._state is not GroupState.REGULAR:
-            self._outbox.append(warn)
-        self._forwarding.originate(warn, now)
+        """Warn the members behind, and all that join while it lasts, of the own hard braking."""
+        self._own_braking.receive(brake, self._position.own_id, now)
+        self._send_braking_if_due(now)
+
+    def receive_next_own_id(self, next_id: CarId) -> None:
+        """Take the own ID of the next epoch: others may use it before this vehicle does."""
+        self._adjacent_ids.receive_next(self._position.own_id, next_id)
 
     def set_own_id(self, car_id: CarId, now: float) -> None:
-        """Take the own ID of a new epoch; all vehicles change theirs at about this time.
+        """Take the own ID of a new epoch; all vehicles change theirs at about this time."""
+        self._rename(self._adjacent_ids.change_epoch(self._position.own_id, car_id, now))
+        self._membership.join_soon(now)
 
-        Messages to the previous ID are accepted for `id_change_s` more.
-        """
-        self._id_change_until = now + self._parameters.id_change_s
-        self._position.change_id(car_id)
-        self._membership.change_id(now)
+    def _rename(self, names: Mapping[CarId, CarId]) -> None:
+        self._position.rename(names)
+        self._lead_monitor.rename(names)
+        self._membership.rename(names)
 
     def receive_message(self, message: GroupMessage, now: float) -> None:
         """Take a message from the radio, to whichever vehicle it is addressed."""
-        if message.sender_id in self._position.own_ids:
+        message = self._adjacent_ids.translated(message, now)
+        if message.sender_id == self._position.own_id:
             self._discard("own_echo", message, now)
             return
         distance = message.number - self._position.number
@@ -155,25 +185,25 @@ class WarningGroup(Core):
             self._membership.get_timer(),
             self._warning_list.get_timer(),
             self._forwarding.get_timer(),
-            self._id_change_until,
+            self._own_braking.get_timer(),
+            self._active_warnings.get_timer(),
         )
 
     @override
     def handle_timer(self, now: float) -> None:
         """Do what has become due."""
-        if now >= self._id_change_until:
-            self._position.drop_previous_id()
-            self._id_change_until = math.inf
         if self._warning_list.expire(now):
             self._apply_event(GroupEvent.UNFOLLOWED, "expired", now)
         reason = self._membership.expire(now)
         if reason is not None:
             self._leave(reason, now)
         self._join_if_due(now)
+        self._send_braking_if_due(now)
+        self._events.extend(self._active_warnings.expire(now))
         self._forward_if_due(now)
 
     @override
-    def next_event(self) -> Transition | WarningRaised | Discarded | None:
+    def next_event(self) -> GroupEvents | None:
         """Return the oldest event not yet taken, or `None`."""
         return self._events.popleft() if self._events else None
 
@@ -184,13 +214,14 @@ class WarningGroup(Core):
         if join is None:
             return
         acknowledged = self._to_acknowledge.popleft() if self._to_acknowledge else _NO_EVENT
-        self._outbox.append(Join(*self._position.header, *join, *acknowledged))
+        previous_id = self._adjacent_ids.previous_own(now)
+        self._outbox.append(Join(*self._position.header, *join, *acknowledged, previous_id))
         if self._to_acknowledge:
             self._membership.join_soon(now)
 
     def _receive_reply(self, reply: Reply, now: float) -> None:
         followed = self._membership.predecessor
-        if reply.to_id not in self._position.own_ids:
+        if reply.to_id != self._position.own_id:
             if reply.to_id == followed:
                 moved = (reply.leader_id, reply.number + 2) != self._position.in_group
                 newer = self._position.is_newer(reply.leader_id, reply.leader_sequence)
@@ -209,12 +240,16 @@ class WarningGroup(Core):
             return
         newer = not forms_loop and self._position.is_newer(reply.leader_id, reply.leader_sequence)
         self._membership.receive_reply(reply, newer=newer, now=now)
+        if NO_ID != reply.next_leader_id != self._position.own_id:
+            self._adjacent_ids.receive_next(reply.leader_id, reply.next_leader_id)
         if self._to_acknowledge:
             self._membership.join_soon(now)
-        if joins and followed is not None and self._id_change_until == math.inf:
+        if joins and followed is not None:
             self._send_leave(followed, LeaveReason.FOLLOWS_ANOTHER)
         if not forms_loop:
             before = self._position.in_group
+            if joins and position[0] != before[0]:
+                self._forwarding.drop_others()
             self._move(
                 position,
                 reply.leader_sequence,
@@ -223,11 +258,13 @@ class WarningGroup(Core):
                 now,
             )
             self._announce(before, now)
+            self._judge_again(now)
 
     def _leave(self, reason: LeaveReason, now: float) -> None:
         if self._membership.predecessor is not None:
             self._send_leave(self._membership.predecessor, reason)
         self._membership.leave(now)
+        self._forwarding.drop_others()
         before = self._position.in_group
         self._position.become_first()
         event = GroupEvent.LEFT_LEADING if self._warning_list else GroupEvent.LEFT_ALONE
@@ -256,9 +293,13 @@ class WarningGroup(Core):
     # Being followed
 
     def _receive_join(self, join: Join, now: float) -> None:
-        is_for_us = join.to_id in self._position.own_ids
+        is_for_us = join.to_id == self._position.own_id
+        if is_for_us and join.previous_id != NO_ID:
+            self._warning_list.rename(join.previous_id, join.sender_id)
+            self._forwarding.rename(join.previous_id, join.sender_id)
         if is_for_us and join.sender_id not in self._warning_list:
-            self._forwarding.add_recipient(join.sender_id, now)
+            is_close = self._lead_monitor.shows_close(self._membership.predecessor)
+            self._forwarding.add_recipient(join.sender_id, now, is_close=is_close)
         acknowledged = (join.acknowledged_origin_id, join.acknowledged_sequence)
         if acknowledged != _NO_EVENT and (is_for_us or join.leader_id == self._position.leader_id):
             behind = 1 if is_for_us else join.number - self._position.number
@@ -276,11 +317,12 @@ class WarningGroup(Core):
                 sequence=join.sequence,
                 leader_sequence=self._position.next_leader_sequence(),
                 speed_m_s=self._lead_monitor.speed_at(now),
+                next_leader_id=self._adjacent_ids.next_of(self._position.leader_id),
             )
         )
 
     def _receive_leave(self, leave: Leave, now: float) -> None:
-        if leave.to_id in self._position.own_ids and self._warning_list.remove(leave.sender_id):
+        if leave.to_id == self._position.own_id and self._warning_list.remove(leave.sender_id):
             self._apply_event(GroupEvent.UNFOLLOWED, "leave", now)
 
     # Updates and warnings
@@ -290,8 +332,8 @@ class WarningGroup(Core):
         position = self._position
         leader_before, number_before = before
         shift = number_before - position.number
-        id_changed = self._id_change_until != math.inf and shift == 0
-        if before == position.in_group or id_changed or not self._warning_list:
+        is_renamed = shift == 0 and self._adjacent_ids.is_changing(now)
+        if before == position.in_group or is_renamed or not self._warning_list:
             return
         update = Update(
             *position.header,
@@ -332,11 +374,12 @@ class WarningGroup(Core):
             self._forward_if_due(now)
         else:  # The followers' shift differs from the one in the update: send an own update.
             self._announce(before, now)
+        self._judge_again(now)
 
     def _receive_warn(self, warn: Warn, now: float) -> None:
         from_predecessor = self._is_from_predecessor(warn)
-        distance = 1 if from_predecessor else self._position.number - warn.number
-        if warn.event_origin_id in self._position.own_ids:
+        distance = self._distance(warn)
+        if warn.event_origin_id == self._position.own_id or self._own_braking.is_own(warn):
             refusal: str | None = "own_echo"
         elif self._forwarding.is_duplicate(warn):
             refusal = "duplicate"
@@ -344,33 +387,69 @@ class WarningGroup(Core):
                 self._acknowledge(warn, distance, now)
             if from_predecessor or warn.leader_id == self._position.leader_id:
                 self._forwarding.receive_duplicate(warn, distance, now)
+        elif self._active_warnings.is_outdated(warn):
+            refusal = "outdated"
+            if from_predecessor:
+                self._acknowledge(warn, distance, now)
         else:
-            refusal = warn_refusal(
-                warn,
-                self._state,
-                self._position,
-                from_predecessor=from_predecessor,
-                lifetime_s=self._parameters.event_lifetime_s,
-            )
+            refusal = self._warn_refusal(warn)
+            if refusal in _REFUSED_BY_GROUP:
+                self._refused_warnings.receive(warn, now)
         if refusal is not None:
             self._discard(refusal, warn, now)
             return
-        self._events.append(
-            WarningRaised(
-                stamp_s=now,
-                origin_id=warn.event_origin_id,
-                sequence=warn.event_sequence,
-                origin_number=warn.origin_number,
-                group_number=self._position.number,
-                leader_id=self._position.leader_id,
-                deceleration_m_s2=warn.deceleration_m_s2,
-                age_s=warn.age_s,
-                hops=warn.hops,
-            )
-        )
-        self._acknowledge(warn, distance, now)
+        self._accept(warn, now)
         self._forwarding.receive(warn, distance, now)
         self._forward_if_due(now)
+
+    def _judge_again(self, now: float) -> None:
+        """Accept those warnings of the group just joined that were received before."""
+        for refused in self._refused_warnings.take(now):
+            warn = self._adjacent_ids.translated(refused, now)
+            if self._warn_refusal(warn) is None:
+                self._accept(warn, now)
+                self._forwarding.receive_late(warn, self._distance(warn), now)
+            else:
+                self._refused_warnings.receive(warn, now)
+
+    def _warn_refusal(self, warn: Warn) -> str | None:
+        return warn_refusal(
+            warn,
+            self._state,
+            self._position,
+            from_predecessor=self._is_from_predecessor(warn),
+            lifetime_s=self._parameters.event_lifetime_s,
+        )
+
+    def _distance(self, warn: Warn) -> int:
+        """How many vehicles ahead the sender is."""
+        return 1 if self._is_from_predecessor(warn) else self._position.number - warn.number
+
+    def _accept(self, warn: Warn, now: float) -> None:
+        self._events.extend(self._active_warnings.receive(warn, self._position, now))
+        self._acknowledge(warn, self._distance(warn), now)
+
+    def _send_braking_if_due(self, now: float) -> None:
+        braking = self._own_braking
+        if not braking.is_due(now):
+            return
+        sequence = self._next_event_sequence()
+        warn = Warn(
+            *self._position.header,
+            event_origin_id=braking.origin_id,
+            event_sequence=sequence,
+            reach=self._reach.distance(now),
+            origin_number=self._position.number,
+            first_sequence=sequence if braking.first_sequence is None else braking.first_sequence,
+            cause=braking.cause,
+            deceleration_m_s2=braking.deceleration_m_s2,
+            age_s=braking.age_s(now),
+            hops=1,
+        )
+        braking.sent(sequence, now)
+        if self._state is not GroupState.REGULAR:
+            self._outbox.append(warn)
+        self._forwarding.originate(warn, now)
 
     def _acknowledge(self, message: Update | Warn, distance: int, now: float) -> None:
         """Name the message in the next join, and advance that join."""
@@ -387,8 +466,7 @@ class WarningGroup(Core):
         if now < due_at:
             return
         is_member = self._state is GroupState.MEMBER
-        reach = self._reach.distance(now)
-        self._outbox += self._forwarding.copies_to_send(reach, is_member=is_member, now=now)
+        self._outbox += self._forwarding.copies_to_send(is_member=is_member, now=now)
 
     def _is_from_predecessor(self, message: GroupMessage) -> bool:
         return message.sender_id == self._membership.predecessor

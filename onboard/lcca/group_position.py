@@ -14,6 +14,7 @@ a reply sent before the other moved. It does not count up, it has no leader that
 sequence numbers, and so it ends after `leader_silence_s`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from onboard.messages.lcca import CarId
@@ -47,8 +48,6 @@ class GroupPosition:
             leader_sequence: where the own count starts.
         """
         self.own_id = own_id
-        self.own_ids: tuple[CarId, ...] = (own_id,)
-        """The present ID and, while IDs change, the previous one."""
         self.leader_id = own_id
         self.number = 1
         self._memory_s = memory_s
@@ -76,16 +75,11 @@ class GroupPosition:
             self._own_sequence = (self._own_sequence + 1) % _MODULUS
         return self.leader_sequence
 
-    def change_id(self, own_id: CarId) -> None:
-        """Take a new ID; the present one stays valid until `drop_previous_id`."""
-        self.own_ids = (own_id, self.own_id)
-        self.own_id = own_id
-        if self.number == 1:
-            self.leader_id = own_id
-
-    def drop_previous_id(self) -> None:
-        """End the validity of the previous ID."""
-        self.own_ids = (self.own_id,)
+    def rename(self, names: Mapping[CarId, CarId]) -> None:
+        """Take the new IDs, by the old ones, of this vehicle and of leaders."""
+        self.own_id = names.get(self.own_id, self.own_id)
+        self.leader_id = names.get(self.leader_id, self.leader_id)
+        self._feasible = {names.get(key, key): each for key, each in self._feasible.items()}
 
     def become_first(self) -> None:
         """Take number 1: no vehicle is followed any more."""
@@ -107,7 +101,7 @@ class GroupPosition:
             sequence: the leader sequence number that came with it.
             now: seconds on the cores' clock.
         """
-        if leader_id in self.own_ids:
+        if leader_id == self.own_id:
             return True
         feasible = self._feasible.get(leader_id)
         if (

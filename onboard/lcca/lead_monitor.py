@@ -1,5 +1,7 @@
 """The preceding vehicle by camera and speedometer: which one it is, and whether it is too close."""
 
+from collections.abc import Mapping
+
 from onboard.lcca.events import PrecedingVehicle
 from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import CarId
@@ -16,8 +18,6 @@ class LeadMonitor:
         self._is_close = False
         self._identified: CarId | None = None
         self._close_at: dict[CarId, float] = {}
-        self.last_close_at = float("-inf")
-        """When any identified vehicle was last close."""
 
     @property
     def identified(self) -> CarId | None:
@@ -42,10 +42,16 @@ class LeadMonitor:
         elif preceding.car_id is not None:
             self._identified = preceding.car_id
             if self._is_close:
-                self._close_at[preceding.car_id] = self.last_close_at = now
-        horizon = now - self._parameters.lead_hold_s - self._parameters.id_change_s
+                self._close_at[preceding.car_id] = now
+        horizon = now - self._parameters.lead_hold_s
         if any(at < horizon for at in self._close_at.values()):
             self._close_at = {car: at for car, at in self._close_at.items() if at >= horizon}
+
+    def rename(self, names: Mapping[CarId, CarId]) -> None:
+        """Take the new IDs of vehicles, by the old ones."""
+        if self._identified is not None:
+            self._identified = names.get(self._identified, self._identified)
+        self._close_at = {names.get(key, key): at for key, at in self._close_at.items()}
 
     def close_at(self, car_id: CarId) -> float:
         """Return when that vehicle was last close; minus infinity if it never was."""
@@ -63,6 +69,11 @@ class LeadMonitor:
         """Whether the last frame shows that vehicle, and beyond the leave headway."""
         preceding = self._preceding
         return preceding is not None and preceding.car_id == car_id and not self._is_close
+
+    def shows_close(self, car_id: CarId | None) -> bool:
+        """Whether the last frame shows that vehicle, and as close."""
+        preceding = self._preceding
+        return preceding is not None and None is not preceding.car_id == car_id and self._is_close
 
     def matches_speed(self, speed_m_s: float | None, now: float) -> bool:
         """Whether a vehicle with this speed can be the one that the camera sees.

@@ -7,6 +7,7 @@ answers to a misread plate, and the next frames show the right one again.
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -45,12 +46,11 @@ class Membership:
         self._answered_sequence = self._sequence
         self._answered_at = _NEVER
         self._sequence_at = _NEVER
-        self._id_change_until = _NEVER
 
-    def receive_frame(self, own_ids: tuple[CarId, ...], now: float) -> None:
+    def receive_frame(self, own_id: CarId, now: float) -> None:
         """Update the candidate after a frame that the lead monitor has received."""
         wanted = self._lead_monitor.vehicle_to_join(now)
-        if wanted is not None and wanted in own_ids:
+        if wanted == own_id:
             wanted = None
         candidate = self._candidate
         if candidate is not None and (
@@ -153,10 +153,12 @@ class Membership:
             self._set_candidate(None, now)
         self.predecessor = None
 
-    def change_id(self, now: float) -> None:
-        """Take the change of all IDs: for a while another ID may be of the same plate."""
-        self._id_change_until = now + self._parameters.id_change_s
-        self.join_soon(now)
+    def rename(self, names: Mapping[CarId, CarId]) -> None:
+        """Take the new IDs of vehicles, by the old ones."""
+        if self.predecessor is not None:
+            self.predecessor = names.get(self.predecessor, self.predecessor)
+        if self._candidate is not None:
+            self._candidate = names.get(self._candidate, self._candidate)
 
     def get_timer(self) -> float:
         """When a join is due or the membership may end; infinite without either."""
@@ -171,10 +173,7 @@ class Membership:
 
     def _close_until(self, car_id: CarId) -> float:
         """Until when that vehicle counts as close after the last frame that showed it so."""
-        close_at = self._lead_monitor.close_at(car_id)
-        if self._lead_monitor.last_close_at < self._id_change_until:
-            close_at = max(close_at, self._lead_monitor.last_close_at)
-        return close_at + self._parameters.lead_hold_s
+        return self._lead_monitor.close_at(car_id) + self._parameters.lead_hold_s
 
     def _spread(self) -> float:
         return float(self._rng.uniform(0.0, self._parameters.spread_s))

@@ -31,18 +31,23 @@ class GroupParameters:
     leader_silence_s: float = 3.0
     """How long a membership lasts without a new leader sequence number, however well the
     predecessor answers; and so how long the position under a former leader is stored."""
-    id_change_s: float = 2.0
-    """How long the previous ID stays valid after a change, and the vehicles ahead and behind may
-    change theirs."""
+    id_change_s: float = 3.0
+    """How long IDs of the previous epoch stay valid after the own change: clocks may differ by
+    2 s."""
 
     slot_s: float = 0.01
     """Forwarding: each candidate waits one slot longer than the next better placed one."""
-    acknowledge_s: float = 0.1
+    acknowledge_s: float = 0.06
     """Until a warning is repeated to a follower that has not acknowledged it."""
     warn_repeats: int = 10
     """Largest number of such repetitions."""
+    warn_refresh_s: float = 1.0
+    """Until a braking that lasts is sent again."""
     event_lifetime_s: float = 3.0
-    """Age above which a warning is refused."""
+    """Age above which a warning is refused, and time for which a braking lasts without another
+    one."""
+    test_warning_s: float = 1.0
+    """How long the braking lasts that the driver's button pretends."""
 
 
 DEFAULTS = GroupParameters()

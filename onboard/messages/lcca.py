@@ -11,16 +11,19 @@ On the wire: one byte version, one byte type, then the fields.
 
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, get_args
 
 from onboard.errors import DecodeError
 from onboard.messages.fields import FixedPoint, OctetString, OpenEnumerated, SequenceOf, Unsigned
 from onboard.messages.record import Record
 
-VERSION = 1
+VERSION = 2
 
 CarId = bytes
 """Communication ID, eight bytes: see `onboard/security/plate_digest.py`."""
+
+NO_ID: CarId = bytes(8)
+"""In place of a communication ID: none."""
 
 NAME_BYTES = 4
 """Size of a name in an inquiry. Of 200 cars in range, none bears one of 16 random names in more
@@ -67,10 +70,13 @@ class Join:
     acknowledged_origin_id: _CarId
     """With `acknowledged_sequence`: the warning that the sender acknowledges; zero if none."""
     acknowledged_sequence: _Sequence
+    previous_id: _CarId
+    """The sender's ID of the previous epoch, masked (`onboard/security/epoch_ids.py`); `NO_ID` if
+    others do not use it any more."""
 
     def without_acknowledgement(self) -> Self:
         """Return the same join without acknowledging a warning."""
-        return replace(self, acknowledged_origin_id=bytes(8), acknowledged_sequence=0)
+        return replace(self, acknowledged_origin_id=NO_ID, acknowledged_sequence=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +96,9 @@ class Reply:
     """The leader's count of its replies, as far as it has come down to the sender."""
     speed_m_s: _Speed
     """Speed of the sender, for comparison with the camera of the car behind."""
+    next_leader_id: _CarId
+    """The leader's ID of the next epoch, masked (`onboard/security/epoch_ids.py`); `NO_ID` if it is
+    not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +135,27 @@ class Update:
     leader_sequence: Annotated[int, Unsigned(16)]
 
 
+class WarnCause(Enum):
+    """What shows the hard braking: the names of `BrakeCause`, or that it is over."""
+
+    OVER = 0
+    TEST = 1
+    DECELERATION = 2
+    BRAKE_PRESSURE = 3
+    HAZARD_LIGHTS = 4
+    STABILITY_CONTROL = 5
+    ABS = 6
+    COLLISION = 7
+    AIRBAG = 8
+
+
 @dataclass(frozen=True, slots=True)
 class Warn:
-    """`M_warn`: a car ahead in the group brakes hard."""
+    """`M_warn`: a car ahead in the group brakes hard, or does so no longer.
+
+    It tells a state. While that lasts it is sent again, under a new `event_sequence`; the newest
+    one of a car is valid.
+    """
 
     kind: ClassVar[str] = "warn"
     code: ClassVar[int] = 5
@@ -142,9 +169,14 @@ class Warn:
     """As in `Update`."""
     origin_number: _GroupNumber
     """Group number of the braking car, as the sender of this copy counts it now."""
+    first_sequence: _Sequence
+    """`event_sequence` of the first warning of the same braking."""
+    cause: Annotated[WarnCause | int, OpenEnumerated(WarnCause, 8)]
     deceleration_m_s2: Annotated[float, FixedPoint(8, 0.1, "m/s^2", highest=255)]
+    """25.5 also for all above."""
     age_s: Annotated[float, FixedPoint(16, 0.001, "s", highest=65535)]
-    """Time from the sample that showed the braking to the sending of this copy."""
+    """Time from when the braking car knew of this state to the sending of this copy: the sum of the
+    times for which each car held it, each on its own clock."""
     hops: Annotated[int, Unsigned(8)]
     """1 in the copy that the braking car sends."""
 
@@ -180,11 +212,11 @@ class Answer:
     speed_m_s: _Speed
 
 
-LccaMessage = Join | Reply | Leave | Update | Warn | Inquiry | Answer
 GroupMessage = Join | Reply | Leave | Update | Warn
+LccaMessage = GroupMessage | Inquiry | Answer
 
 MESSAGES: dict[int, Record[Any]] = {
-    message.code: Record(message) for message in (Join, Reply, Leave, Update, Warn, Inquiry, Answer)
+    message.code: Record(message) for message in get_args(LccaMessage)
 }
 """Records by type byte."""
 

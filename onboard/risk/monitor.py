@@ -6,14 +6,16 @@ IMA and EEBL need the position of the host vehicle; FCW and LCCA warnings do not
 import math
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 
 from typing_extensions import override
 
 from onboard.core import Core
-from onboard.lcca.events import WarningRaised
+from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.lcca import CarId
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.observations import BrakePedal, Discarded, Lead, Position, Speed
+from onboard.observations import BrakeCause, BrakePedal, Discarded, Lead, Position, Speed
 from onboard.risk.alarm import (
     NOTHING,
     RELEASE_S,
@@ -32,8 +34,6 @@ from onboard.risk.settings import RiskSettings
 
 SPEED_TIMEOUT_S = 1.0
 """Time for which a sample of the host vehicle's speed is valid."""
-LCCA_WARNING_S = 3.0
-"""Time for which an LCCA warning is shown."""
 
 
 class RiskMonitor(Core):
@@ -53,7 +53,8 @@ class RiskMonitor(Core):
         self._fcw = ForwardCollisionWarning(settings.fcw)
         self._ima = IntersectionMovementAssist(settings.ima, length_m, width_m)
         self._bsm_data = BsmDataStore()
-        self._warning: WarningRaised | None = None
+        self._warnings: dict[tuple[CarId, int], WarningRaised] = {}
+        """Of brakings that are not over, by vehicle and sequence number."""
         self._alarms = {
             cause: Hysteresis(cause, CONFIRM_S if cause is Cause.FCW else 0.0, RELEASE_S)
             for cause in Cause
@@ -78,9 +79,22 @@ class RiskMonitor(Core):
         self._fcw.receive_lead(lead, self._fresh_speed(now))
         self._judge(Cause.FCW, self._assess_fcw(now), now)
 
-    def receive_warning(self, warning: WarningRaised, now: float) -> None:
-        """Take a warning of the LCCA group."""
-        self._warning = warning
+    def receive_warning(
+        self, warning: WarningRaised | WarningLevel | WarningOver, now: float
+    ) -> None:
+        """Take a warning of the LCCA group, or a change of one."""
+        key = warning.origin_id, warning.sequence
+        match warning:
+            case WarningRaised():
+                self._warnings[key] = warning
+            case WarningLevel() if key in self._warnings:
+                self._warnings[key] = replace(
+                    self._warnings[key],
+                    cause=warning.cause,
+                    deceleration_m_s2=warning.deceleration_m_s2,
+                )
+            case WarningOver():
+                self._warnings.pop(key, None)
         self._judge(Cause.LCCA, self._assess_lcca(now), now)
 
     def receive_bsm(self, bsm: BasicSafetyMessage, now: float) -> None:
@@ -134,9 +148,9 @@ class RiskMonitor(Core):
             self._events.append(alarm)
 
     def _assess_lcca(self, now: float) -> Assessment:
-        warning = self._warning
-        if warning is None or now - warning.stamp_s > LCCA_WARNING_S:
+        if not self._warnings:
             return NOTHING
+        warning = max(self._warnings.values(), key=_severity)
         age_s = now - warning.stamp_s + warning.age_s
         reason = AlarmReason(warning.kind, warning.origin_id.hex(), age_s)
         return Assessment(Level.WARNING, warning.deceleration_m_s2, (reason,))
@@ -151,6 +165,10 @@ class RiskMonitor(Core):
         speed = self._speed
         is_fresh = speed is not None and abs(now - speed.stamp_s) <= SPEED_TIMEOUT_S
         return speed if is_fresh else None
+
+
+def _severity(warning: WarningRaised) -> tuple[bool, float]:
+    return warning.cause is not BrakeCause.TEST, warning.deceleration_m_s2
 
 
 def _is_other(each: PerceivedObject, own: PerceivedObject) -> bool:

@@ -58,13 +58,19 @@ class Misbehaviour(StrEnum):
 
 @dataclass(slots=True)
 class _Sender:
-    speeds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_MAX_SPEEDS))
-    """(stamp_s, speed_m_s)."""
+    speeds: deque[tuple[float, float, float]] = field(
+        default_factory=lambda: deque(maxlen=_MAX_SPEEDS)
+    )
+    """(received_at_s, stamp_s, speed_m_s)."""
     last: tuple[float, CoreData] | None = None
 
 
 class MisbehaviourDetector:
-    """Recent BSMs of the remote vehicles. Stamps are generation times on the monotonic clock."""
+    """Recent BSMs of the remote vehicles.
+
+    Stamps are generation times by the sender's clock, so they are compared among those of one
+    sender only.
+    """
 
     def __init__(self, *, check_braking: bool = True) -> None:
         """Compare claimed braking with the sender's speeds only if `check_braking`."""
@@ -74,7 +80,7 @@ class MisbehaviourDetector:
         self._temporary_ids = IdentityClaims(_MAX_SENDERS)
 
     def receive_bsm(
-        self, sender: bytes, message: BasicSafetyMessage, stamp_s: float
+        self, sender: bytes, message: BasicSafetyMessage, stamp_s: float, now: float
     ) -> Misbehaviour | None:
         """Compare a BSM with the sender's BSMs before it, and keep it.
 
@@ -85,6 +91,7 @@ class MisbehaviourDetector:
             sender: the signer's HashedId8, or the temporary ID if messages are not signed.
             message: the BSM.
             stamp_s: its generation time.
+            now: time of reception.
 
         Returns:
             the check that failed; `None` if all passed.
@@ -104,11 +111,11 @@ class MisbehaviourDetector:
         if violation is not None:
             return violation
         if core.speed_m_s is not None and not is_out_of_order:
-            known.speeds.append((stamp_s, core.speed_m_s))
+            known.speeds.append((now, stamp_s, core.speed_m_s))
         is_braking = message.safety is not None and bool(
             (message.safety.events or 0) & VehicleEventFlags.HARD_BRAKING
         )
-        return self._braking_violation(known, stamp_s) if is_braking else None
+        return self._braking_violation(known, now) if is_braking else None
 
     def receive_car_id(self, sender: bytes, car_id: bytes) -> bool:
         """Link the communication ID of a group message to its sender.
@@ -117,17 +124,40 @@ class MisbehaviourDetector:
             whether no other sender uses it. If two do, neither is checked against the other's BSMs.
         """
         self._car_ids.receive(car_id, sender)
+        return self.is_id_unique(car_id)
+
+    def is_id_unique(self, car_id: bytes) -> bool:
+        """Whether at most one sender has used this communication ID."""
         return not self._car_ids.is_disputed(car_id)
 
     def check_warning(self, origin_id: bytes, braked_at_s: float) -> Misbehaviour | None:
-        """Check a warning of car `origin_id` against its speeds; `None` if they allow it."""
+        """Check a warning of car `origin_id` against its speeds; `None` if they allow it.
+
+        Args:
+            origin_id: the braking car.
+            braked_at_s: when it began, on the own clock.
+        """
         sender = self._sender_by(origin_id)
         return None if sender is None else self._braking_violation(sender, braked_at_s)
 
-    def has_speed_since(self, car_id: bytes, stamp_s: float) -> bool:
-        """Whether a BSM with a speed of this car is newer than `stamp_s`."""
+    def heading_rad(self, sender: bytes) -> float | None:
+        """Return the heading in the newest BSM of a sender, clockwise from north."""
+        known = self._senders.get(sender)
+        return None if known is None or known.last is None else known.last[1].heading_rad
+
+    def has_speed_since(self, car_id: bytes, received_at_s: float, stamp_s: float) -> bool:
+        """Whether a BSM with a speed of this car was received and generated after these times.
+
+        Args:
+            car_id: its communication ID.
+            received_at_s: time on the own clock.
+            stamp_s: generation time by that car's clock; minus infinity if not known.
+        """
         sender = self._sender_by(car_id)
-        return sender is not None and bool(sender.speeds) and sender.speeds[-1][0] > stamp_s
+        if sender is None or not sender.speeds:
+            return False
+        received_s, generated_s, _ = sender.speeds[-1]
+        return received_s > received_at_s and generated_s > stamp_s
 
     def _drop_silent(self, stamp_s: float) -> None:
         while self._senders:
@@ -142,7 +172,7 @@ class MisbehaviourDetector:
 
     def _braking_violation(self, sender: _Sender, at_s: float) -> Misbehaviour | None:
         """Look for two speeds, the later one lower by as much as hard braking makes it."""
-        near = [(at, speed) for at, speed in sender.speeds if abs(at - at_s) <= BRAKE_WINDOW_S]
+        near = [(at, speed) for at, _, speed in sender.speeds if abs(at - at_s) <= BRAKE_WINDOW_S]
         if not self._check_braking or not near or near[-1][0] - near[0][0] < MIN_SPAN_S:
             return None
         for i, (later_at, later) in enumerate(near):

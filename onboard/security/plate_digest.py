@@ -15,6 +15,8 @@ from onboard.security.settings import PlateDigestSettings
 _LOOK_ALIKES = str.maketrans("OI", "01")
 """Pairs that many plate fonts draw alike: a misread one still gives the right ID."""
 
+_ID_BYTES, _SECRET_BYTES = 8, 16
+
 _CACHE_SIZE = 256
 """Derivations kept, the least recently used dropped first. A lead's 16 candidates in this epoch and
 the next and the own plate's take 34: seven leads in turn."""
@@ -28,7 +30,7 @@ class PlateDigest:
 
     def __init__(self, settings: PlateDigestSettings) -> None:
         self._settings = settings
-        # The cache is atomic and holds, for each (plate, epoch), a list of the ID once derived.
+        # The cache is atomic and holds, for each (plate, epoch), a list of the digest once derived.
         self._derived = lru_cache(maxsize=_CACHE_SIZE)(_not_derived)
 
     def car_id(self, plate_text: str, utc_s: float) -> bytes:
@@ -40,11 +42,15 @@ class PlateDigest:
         Raises:
             ValueError: the plate has no letter and no digit.
         """
-        plate, epoch = normalised(plate_text), self.epoch(utc_s)
-        derived = self._derived(plate, epoch)
-        if not derived:
-            derived.append(self._derive(plate, epoch))
-        return derived[0]
+        return self._digest(plate_text, utc_s)[:_ID_BYTES]
+
+    def secret(self, plate_text: str, utc_s: float) -> bytes:
+        """Return 16 bytes that, like the ID, follow from the plate, but are never sent.
+
+        Raises:
+            ValueError: the plate has no letter and no digit.
+        """
+        return self._digest(plate_text, utc_s)[_ID_BYTES:]
 
     def is_derived(self, plate_text: str, utc_s: float) -> bool:
         """Whether `car_id` returns at once.
@@ -62,6 +68,13 @@ class PlateDigest:
         """Return the number of the epoch at `utc_s`; the same for all cars."""
         return math.floor(utc_s / self._settings.epoch_s)
 
+    def _digest(self, plate_text: str, utc_s: float) -> bytes:
+        plate, epoch = normalised(plate_text), self.epoch(utc_s)
+        derived = self._derived(plate, epoch)
+        if not derived:
+            derived.append(self._derive(plate, epoch))
+        return derived[0]
+
     def _derive(self, plate: str, epoch: int) -> bytes:
         n = 1 << self._settings.scrypt_log2_n
         key = self._settings.community_key.get_secret_value().encode()
@@ -72,7 +85,7 @@ class PlateDigest:
             r=8,
             p=1,
             maxmem=128 * 8 * n + 1_000_000,  # OpenSSL takes less than 2 GiB
-            dklen=8,
+            dklen=_ID_BYTES + _SECRET_BYTES,  # its length leaves the first bytes as they are
         )
 
 

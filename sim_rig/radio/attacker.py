@@ -16,7 +16,7 @@ from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.messages.lcca import LccaMessage, Reply, Update, Warn
+from onboard.messages.lcca import LccaMessage, Reply, Update, Warn, WarnCause
 from onboard.security import ieee1609dot2
 from onboard.security.credentials import Credentials
 from onboard.security.ieee1609dot2 import SignedData
@@ -142,6 +142,8 @@ class Attacker:
             event_sequence=self._sequence,
             reach=0,
             origin_number=place.number,
+            first_sequence=self._sequence,
+            cause=WarnCause.DECELERATION,
             deceleration_m_s2=_FORGED_M_S2,
             age_s=0.05,
             hops=1,

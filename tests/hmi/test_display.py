@@ -12,9 +12,10 @@ from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import CarIdentity
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupState
-from onboard.messages.lcca import Join
+from onboard.messages.lcca import NO_ID, Join
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import (
+    BrakeCause,
     DetectionList,
     Lead,
     LeadIdentity,
@@ -256,6 +257,7 @@ def test_an_lcca_alarm_states_how_many_vehicles_ahead_it_began() -> None:
             origin_number=2,
             group_number=5,
             leader_id=OTHER,
+            cause=BrakeCause.DECELERATION,
             deceleration_m_s2=6.0,
             age_s=0.01,
             hops=1,
@@ -343,6 +345,7 @@ def test_followers_are_counted() -> None:
             sequence=1,
             acknowledged_origin_id=bytes(8),
             acknowledged_sequence=0,
+            previous_id=NO_ID,
         ),
         10.0,
     )

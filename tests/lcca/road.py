@@ -14,11 +14,11 @@ import networkx as nx
 import numpy as np
 
 from onboard.lcca.events import PrecedingVehicle, Transition, WarningRaised
-from onboard.lcca.group import WarningGroup
+from onboard.lcca.group import GroupEvents, WarningGroup
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupEvent
 from onboard.messages.lcca import CarId, LccaMessage, Warn, decode, encode
-from onboard.observations import Discarded, HardBrake
+from onboard.observations import BrakeCause, Discarded, HardBrake
 
 FRAME_S = 0.1
 CAMERA_RANGE_M = 120.0
@@ -52,7 +52,7 @@ class Car:
     has_camera: bool = True
     has_bus: bool = True
     has_radio: bool = True
-    said: list[Transition | WarningRaised | Discarded] = field(default_factory=list)
+    said: list[GroupEvents] = field(default_factory=list)
     wakes_at: float | None = None
 
     @property
@@ -104,6 +104,7 @@ class Road:
         rng = np.random.default_rng(self._rng.integers(1 << 32))
         group = WarningGroup(self.parameters, car_id(name, self.epoch), rng)
         car = self.cars[name] = Car(name, group, lane, position_m, speed_m_s, self.epoch)
+        group.receive_next_own_id(car_id(name, self.epoch + 1))
         self._at(self.now + float(self._rng.uniform(0.0, FRAME_S)), lambda: self._frame(car))
         return car
 
@@ -150,14 +151,22 @@ class Road:
         action(self.now)
         self._serve(car)
 
-    def brake(self, name: str, deceleration_m_s2: float = 6.0) -> None:
+    def brake(
+        self,
+        name: str,
+        deceleration_m_s2: float = 6.0,
+        cause: BrakeCause = BrakeCause.DECELERATION,
+    ) -> None:
+        """Begin to brake hard, or change the level."""
+        self._brake(name, HardBrake(self.now, deceleration_m_s2, "test", cause))
+
+    def release(self, name: str) -> None:
+        """Brake hard no more."""
+        self._brake(name, HardBrake(self.now, 0.0, "test", is_over=True))
+
+    def _brake(self, name: str, brake: HardBrake) -> None:
         car = self.cars[name]
-        self.do(
-            car,
-            lambda now: car.group.receive_hard_brake(
-                HardBrake(now, deceleration_m_s2, "test"), now
-            ),
-        )
+        self.do(car, lambda now: car.group.receive_hard_brake(brake, now))
 
     def change_ids(self, spread_s: float = 0.0) -> None:
         """Everybody's digest changes, at times that differ by their clocks' errors."""
@@ -170,6 +179,7 @@ class Road:
         if self._is_here(car) and car.epoch < epoch:
             car.epoch = epoch
             self.do(car, lambda now: car.group.set_own_id(car_id(car.name, epoch), now))
+            car.group.receive_next_own_id(car_id(car.name, epoch + 1))
 
     def warns(self) -> list[Transmission]:
         return [entry for entry in self.sent if isinstance(entry.message, Warn)]
@@ -194,11 +204,19 @@ class Road:
         ahead = self.ahead_of(car)
         if ahead is None:
             return None
-        return PrecedingVehicle(
-            # The plate is digested with the observer's own epoch, as in the car.
-            car.misread_as or car_id(ahead.name, car.epoch),
+        gap_m, closing_speed_m_s = (
             ahead.position_m - car.position_m,
             car.speed_m_s - ahead.speed_m_s,
+        )
+        if car.misread_as:
+            return PrecedingVehicle(car.misread_as, gap_m, closing_speed_m_s)
+        # The plate is digested with the observer's own epoch, as in the car.
+        return PrecedingVehicle(
+            car_id(ahead.name, car.epoch),
+            gap_m,
+            closing_speed_m_s,
+            previous_id=car_id(ahead.name, car.epoch - 1) if car.epoch else None,
+            next_id=car_id(ahead.name, car.epoch + 1),
         )
 
     def _serve(self, car: Car) -> None:

@@ -53,20 +53,25 @@ def test_the_smallest_group_number_counts_not_the_last_one() -> None:
     assert position.forms_loop(LEADER, 3, 100, 0.0)
 
 
-def test_a_vehicle_never_follows_its_own_group_under_either_id() -> None:
+def test_a_vehicle_never_follows_its_own_group() -> None:
     position = GroupPosition(ME, memory_s=3.0, leader_sequence=0)
-    position.change_id(OTHER)
+    position.rename({ME: OTHER})
     assert position.leader_id == OTHER
-    assert position.forms_loop(ME, 2, 9, 0.0)
     assert position.forms_loop(OTHER, 2, 9, 0.0)
-    position.drop_previous_id()
-    assert not position.forms_loop(ME, 2, 9, 0.0)
 
 
 def test_a_member_that_changes_its_id_keeps_its_leader() -> None:
     position = member(number=3, leader_sequence=1)
-    position.change_id(OTHER)
+    position.rename({ME: OTHER})
     assert position.header == (OTHER, LEADER, 3)
+
+
+def test_a_renamed_leader_keeps_its_sequence_number() -> None:
+    position = member(number=3, leader_sequence=7)
+    position.rename({LEADER: OTHER})
+    assert position.header == (ME, OTHER, 3)
+    assert not position.is_newer(OTHER, 7)
+    assert position.forms_loop(OTHER, 4, 7, 0.0)
 
 
 def test_a_vehicle_that_leads_again_has_a_newer_sequence_number() -> None:

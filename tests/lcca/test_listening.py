@@ -8,7 +8,7 @@ import pytest
 from onboard.lcca.events import PrecedingVehicle
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.parameters import GroupParameters
-from onboard.messages.lcca import Join, Reply, Update, Warn
+from onboard.messages.lcca import NO_ID, Join, Reply, Update, Warn, WarnCause
 from onboard.observations import Discarded, HardBrake
 from tests.lcca.road import car_id
 
@@ -26,8 +26,8 @@ class Listener:
         self.group.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, 0.0), 0.0)
         (join,) = self.group.messages_to_send(0.0)
         assert isinstance(join, Join)
-        self.hears(Reply(A, A, 1, B, join.sequence, 10, 20.0))
-        self.hears(Join(C, A, 3, B, 0, bytes(8), 0))
+        self.hears(Reply(A, A, 1, B, join.sequence, 10, 20.0, NO_ID))
+        self.hears(Join(C, A, 3, B, 0, NO_ID, 0, NO_ID))
         self.group.messages_to_send(0.0)
 
     def hears(self, message: Warn | Reply | Join | Update) -> list[str]:
@@ -47,6 +47,8 @@ def warn(**changes: object) -> Warn:
         "event_sequence": 5,
         "reach": 1,
         "origin_number": 1,
+        "first_sequence": 5,
+        "cause": WarnCause.DECELERATION,
         "deceleration_m_s2": 6.0,
         "age_s": 0.1,
         "hops": 1,
@@ -153,6 +155,9 @@ def copies(car: Listener, now: float) -> list[str]:
 def test_a_vehicle_that_has_left_forwards_nothing() -> None:
     stays, leaves = Listener(), Listener(lead_hold_s=0.01)
     for car in (stays, leaves):
+        car.hears(
+            Join(OUTSIDER, A, 4, C, 0, NO_ID, 0, NO_ID)
+        )  # the radio reaches two vehicles behind
         car.hears(warn(reach=3))
     assert copies(stays, 0.01) == []
     assert copies(leaves, 0.01) == ["update"]  # to its follower: I lead you now
@@ -197,7 +202,7 @@ def test_an_outdated_update_is_not_forwarded() -> None:
 
 def test_a_warning_is_sent_before_other_messages() -> None:
     car = Listener()
-    car.hears(Join(C, A, 3, B, 1, bytes(8), 0))
+    car.hears(Join(C, A, 3, B, 1, NO_ID, 0, NO_ID))
     car.group.receive_hard_brake(HardBrake(0.0, 5.0, "test"), 0.2)
     out = car.group.messages_to_send(0.2)
     assert [message.kind for message in out] == ["warn", "reply"]

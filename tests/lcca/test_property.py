@@ -45,7 +45,7 @@ class Step:
 
 
 WHATS = (
-    "lane lane speed brake brake misread misread garble reread "
+    "lane lane speed brake brake release misread misread garble reread "
     "blind deaf go come come ids wait wait"
 )
 
@@ -123,6 +123,8 @@ class Drive:
                 self.road.remove(car.name)
             case "brake":
                 self.road.brake(car.name)
+            case "release":
+                self.road.release(car.name)
 
     def watch(self, duration_s: float) -> None:
         """Let time pass, and look at everything that was said."""
@@ -197,10 +199,14 @@ def assert_each_warning_reaches_its_group_only(drive: Drive) -> None:
     """Everybody brakes in turn; those behind in the group are warned, and nobody else."""
     road = drive.road
     truth = true_places(road)
+    for name in road.cars:
+        road.release(name)
+    road.run(1.0 + road.parameters.event_lifetime_s)
     before = {car.name: len(car.warnings) for car in road.cars.values()}
     for name in road.cars:
         road.brake(name)
         road.run(0.3)
+        road.release(name)
     road.run(1.5)
     for car in road.cars.values():
         leader, number = truth[car.name]

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from onboard.lcca.transitions import TRANSITIONS, GroupEvent, GroupState
-from onboard.messages.lcca import Join, Leave, LeaveReason, Update
+from onboard.messages.lcca import NO_ID, Join, Leave, LeaveReason, Update
 from tests.lcca.one_car import OneCar
 from tests.lcca.road import Air, Road, car_id, events_of, places, true_places
 
@@ -209,13 +209,12 @@ def test_after_the_change_the_previous_id_is_invalid() -> None:
     car = OneCar(own_id=B)
     car.group.set_own_id(X, 1.0)
     car.says(1.0)
-    assert car.hears(Join(C, C, 1, B, 0, bytes(8), 0), 2.0) == ["followed"]
+    assert car.hears(Join(C, C, 1, B, 0, NO_ID, 0, NO_ID), 2.0) == ["followed"]
     assert car.hears(Leave(C, X, 2, B, LeaveReason.GAP), 2.1) == ["unfollowed"]
-    car.says(3.0)
-    assert car.hears(Join(C, C, 1, B, 0, bytes(8), 0), 3.1) == []
-    assert car.hears(Join(C, C, 1, X, 0, bytes(8), 0), 3.1) == ["followed"]
+    assert car.hears(Join(C, C, 1, B, 0, NO_ID, 0, NO_ID), 4.1) == []
+    assert car.hears(Join(C, C, 1, X, 0, NO_ID, 0, NO_ID), 4.1) == ["followed"]
 
 
 def test_own_messages_are_ignored() -> None:
     car = OneCar(own_id=B)
-    assert car.hears(Join(B, B, 1, B, 0, bytes(8), 0), 0.0) == ["own_echo"]
+    assert car.hears(Join(B, B, 1, B, 0, NO_ID, 0, NO_ID), 0.0) == ["own_echo"]

@@ -97,7 +97,7 @@ def test_any_sequence_of_inputs_leaves_a_consistent_state(
             case "answer" if last_join is not None:
                 leader_sequence = int(now * 10) % 65536
                 answer = Reply(
-                    last_join.to_id, A, 3, OWN, last_join.sequence, leader_sequence, None
+                    last_join.to_id, A, 3, OWN, last_join.sequence, leader_sequence, None, A
                 )
                 group.receive_message(answer, now)
             case "brake":
@@ -133,7 +133,7 @@ def test_a_regular_vehicle_is_never_warned(
 def made_up_joins(to_id: bytes) -> Iterator[Join]:
     """Each from another car, which is in our group and acknowledges a message nobody has sent."""
     for name in range(1_000_000):
-        yield Join(name.to_bytes(8), OWN, 2, to_id, 0, b"made-up-", 7)
+        yield Join(name.to_bytes(8), OWN, 2, to_id, 0, b"made-up-", 7, b"before--")
 
 
 @pytest.mark.parametrize("to_id", [OWN, A], ids=["to us", "to another"])

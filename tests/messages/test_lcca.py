@@ -19,6 +19,7 @@ from onboard.messages.lcca import (
     Reply,
     Update,
     Warn,
+    WarnCause,
     as_dict,
     decode,
     encode,
@@ -29,32 +30,32 @@ A, B, C = b"car-aaaa", b"car-bbbb", b"car-cccc"
 
 EXAMPLES: list[tuple[LccaMessage, str]] = [
     (
-        Join(B, B, 1, A, 7, A, 258),
-        "01 01" + B.hex() + B.hex() + "0001" + A.hex() + "0007" + A.hex() + "0102",
+        Join(B, B, 1, A, 7, A, 258, C),
+        "02 01" + B.hex() + B.hex() + "0001" + A.hex() + "0007" + A.hex() + "0102" + C.hex(),
     ),
     (
-        Reply(A, A, 1, B, 7, 99, 20.0),
+        Reply(A, A, 1, B, 7, 99, 20.0, C),
         # 20.0 m/s is 2000 steps of 0.01
-        "01 02" + A.hex() + A.hex() + "0001" + B.hex() + "0007 0063 07d0",
+        "02 02" + A.hex() + A.hex() + "0001" + B.hex() + "0007 0063 07d0" + C.hex(),
     ),
     (
         Leave(B, A, 2, A, LeaveReason.NOT_AHEAD),
-        "01 03" + B.hex() + A.hex() + "0002" + A.hex() + "02",
+        "02 03" + B.hex() + A.hex() + "0002" + A.hex() + "02",
     ),
     (
         Update(B, B, 1, B, 5, 2, A, -1, 99),
-        "01 04" + B.hex() + B.hex() + "0001" + B.hex() + "0005 0002" + A.hex() + "ffff 0063",
+        "02 04" + B.hex() + B.hex() + "0001" + B.hex() + "0005 0002" + A.hex() + "ffff 0063",
     ),
     (
-        Warn(C, A, 3, A, 6, 2, 1, 7.5, 0.042, 2),
-        "01 05" + C.hex() + A.hex() + "0003" + A.hex() + "0006 0002 0001 4b 002a 02",
+        Warn(C, A, 3, A, 6, 2, 1, 5, WarnCause.DECELERATION, 7.5, 0.042, 2),
+        "02 05" + C.hex() + A.hex() + "0003" + A.hex() + "0006 0002 0001 0005 02 4b 002a 02",
     ),
     (
         Inquiry(B, 7, (A[:4], C[:4])),
         # 4 bits count the names after the first; 4 bits of padding end the message
-        "01 06" + B.hex() + "0007" + f"1{A[:4].hex()}{C[:4].hex()}0",
+        "02 06" + B.hex() + "0007" + f"1{A[:4].hex()}{C[:4].hex()}0",
     ),
-    (Answer(A, B, 7, b"temp", 20.0), "01 07" + A.hex() + B.hex() + "0007" + b"temp".hex() + "07d0"),
+    (Answer(A, B, 7, b"temp", 20.0), "02 07" + A.hex() + B.hex() + "0007" + b"temp".hex() + "07d0"),
 ]
 
 
@@ -103,7 +104,7 @@ def test_any_bytes_are_refused_or_decoded_and_printed(data: bytes, code: int) ->
 
 def test_another_version_is_a_decode_error() -> None:
     data = bytearray(encode(EXAMPLES[0][0]))
-    data[0] = 2
+    data[0] = VERSION + 1
     with pytest.raises(DecodeError) as refusal:
         decode(bytes(data))
     assert refusal.value.reason == "unknown_version"

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.lcca.events import WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
@@ -15,6 +14,7 @@ from onboard.observations import BrakePedal, Lead, LeadIdentity, Position, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
+from tests.risk.lcca_warnings import lcca_warning
 
 STEP_S = 0.1
 IDS = (b"\x00\x00\x00\x01", b"\x00\x00\x00\x02", b"\x00\x00\x00\x03")
@@ -59,11 +59,7 @@ leads = st.builds(
     st.sampled_from([None, -60.0, 0.0, 5.0, 9.0, 60.0]), st.sampled_from([None, 0.3, 10.0]),
 )  # fmt: skip
 warnings = st.builds(
-    lambda age_s: (
-        lambda m, now: m.receive_warning(
-            WarningRaised(now - age_s, bytes(8), 7, 1, 3, bytes(8), 6.0, 0.02, 2), now
-        )
-    ),
+    lambda age_s: lambda m, now: m.receive_warning(lcca_warning(now - age_s, bytes(8)), now),
     st.floats(0.0, 5.0),
 )
 BRAKES_HARD = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING)

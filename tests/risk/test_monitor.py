@@ -7,18 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from onboard.lcca.events import WarningRaised
+from onboard.lcca.events import WarningLevel, WarningOver
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.observations import Discarded, Lead, LeadIdentity, Position, Speed
+from onboard.observations import BrakeCause, Discarded, Lead, LeadIdentity, Position, Speed
 from onboard.risk.alarm import RELEASE_S, Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.trace.trace_line import as_line
 from onboard.tracking.evidence import MeasurementId
 from onboard.units import KM_H
+from tests.risk.lcca_warnings import lcca_warning
 
 OTHER_ID = bytes.fromhex("0a0b0c0d")
 State = tuple[float, float, float, float]
@@ -317,18 +318,46 @@ def test_a_hard_braking_flag_grows_old_and_its_alarm_ends() -> None:
     assert (last.level, last.stamp_s) == (Level.NONE, pytest.approx(2.0, abs=0.11))
 
 
-def test_the_groups_warning_is_passed_on_at_once_and_ends() -> None:
+def test_the_groups_warning_is_passed_on_at_once_and_lasts_until_it_is_over() -> None:
     of = monitor()
     origin = bytes(range(8))
-    of.receive_warning(WarningRaised(5.0, origin, 7, 1, 3, origin, 6.0, 0.02, 2), 5.0)
+    of.receive_warning(lcca_warning(5.0, origin), 5.0)
     (raised,) = alarms(of)
-    for k in range(51, 110):
+    for k in range(51, 150):
         of.assess(None, [], k / 10)
-
     assert (raised.cause, raised.level, raised.stamp_s) == (Cause.LCCA, Level.WARNING, 5.0)
     assert (raised.reasons[0].name, raised.reasons[0].age_s) == (origin.hex(), 0.02)
+    assert alarms(of) == []
+
+    of.receive_warning(WarningOver(15.0, origin, 7, "over"), 15.0)
+    for k in range(151, 170):
+        of.assess(None, [], k / 10)
     (ended,) = alarms(of)
-    assert (ended.level, ended.stamp_s) == (Level.NONE, pytest.approx(9.0, abs=0.11))
+    assert (ended.level, ended.stamp_s) == (Level.NONE, pytest.approx(16.0, abs=0.11))
+
+
+def test_two_warnings_are_one_alarm_that_lasts_until_both_are_over() -> None:
+    of = monitor()
+    one, other = bytes(8), bytes(range(8))
+    of.receive_warning(lcca_warning(5.0, one), 5.0)
+    of.receive_warning(lcca_warning(5.1, other), 5.1)
+    of.receive_warning(WarningLevel(5.2, other, 7, BrakeCause.ABS, 9.0), 5.2)
+    of.receive_warning(WarningOver(6.0, one, 7, "over"), 6.0)
+    for k in range(61, 100):
+        of.assess(None, [], k / 10)
+
+    (raised,) = alarms(of)
+    assert raised.value == 6.0
+    of.receive_warning(WarningOver(10.0, other, 7, "expired"), 10.0)
+    of.assess(None, [], 11.1)
+    assert [each.level for each in alarms(of)] == [Level.NONE]
+
+
+def test_a_change_of_a_warning_that_was_not_raised_has_no_effect() -> None:
+    of = monitor()
+    of.receive_warning(WarningLevel(5.0, bytes(8), 7, BrakeCause.ABS, 9.0), 5.0)
+    of.receive_warning(WarningOver(5.0, bytes(8), 7, "over"), 5.0)
+    assert alarms(of) == []
 
 
 def test_an_alarm_can_be_written_to_the_trace() -> None:

@@ -27,7 +27,7 @@ def _drive(speeds_m_s, detector, braking_from=None, interval_s=0.1):
     for i, speed_m_s in enumerate(speeds_m_s):
         braking = braking_from is not None and i >= braking_from
         message = _bsm(speed_m_s, north_m, braking)
-        doubts.append(detector.receive_bsm(b"car", message, i * interval_s))
+        doubts.append(detector.receive_bsm(b"car", message, i * interval_s, i * interval_s))
         north_m += speed_m_s * interval_s
     return doubts
 
@@ -58,11 +58,11 @@ def test_hard_braking_that_the_senders_speeds_contradict_is_implausible(speeds_m
 
 
 def test_the_first_bsm_of_a_sender_is_accepted():
-    assert MisbehaviourDetector().receive_bsm(b"new", _bsm(braking=True), 0.0) is None
+    assert MisbehaviourDetector().receive_bsm(b"new", _bsm(braking=True), 0.0, 0.0) is None
 
 
 def test_an_impossible_speed_is_implausible():
-    assert MisbehaviourDetector().receive_bsm(b"car", _bsm(91.0), 0.0) == "implausible_speed"
+    assert MisbehaviourDetector().receive_bsm(b"car", _bsm(91.0), 0.0, 0.0) == "implausible_speed"
 
 
 @pytest.mark.parametrize(
@@ -78,8 +78,8 @@ def test_an_impossible_speed_is_implausible():
 )
 def test_a_speed_that_does_not_follow_from_the_one_before_is_implausible(after_s, speed_m_s, doubt):
     detector = MisbehaviourDetector()
-    detector.receive_bsm(b"car", _bsm(20.0), 0.0)
-    assert detector.receive_bsm(b"car", _bsm(speed_m_s), after_s) == doubt
+    detector.receive_bsm(b"car", _bsm(20.0), 0.0, 0.0)
+    assert detector.receive_bsm(b"car", _bsm(speed_m_s), after_s, after_s) == doubt
 
 
 @pytest.mark.parametrize(
@@ -94,14 +94,14 @@ def test_a_speed_that_does_not_follow_from_the_one_before_is_implausible(after_s
 )
 def test_a_position_out_of_reach_of_the_one_before_is_implausible(after_s, north_m, doubt):
     detector = MisbehaviourDetector()
-    detector.receive_bsm(b"car", _bsm(), 0.0)
-    assert detector.receive_bsm(b"car", _bsm(north_m=north_m), after_s) == doubt
+    detector.receive_bsm(b"car", _bsm(), 0.0, 0.0)
+    assert detector.receive_bsm(b"car", _bsm(north_m=north_m), after_s, after_s) == doubt
 
 
 def test_after_a_position_jump_the_next_bsms_are_accepted():
     detector = MisbehaviourDetector()
     doubts = [
-        detector.receive_bsm(b"car", _bsm(north_m=north_m), i / 10)
+        detector.receive_bsm(b"car", _bsm(north_m=north_m), i / 10, i / 10)
         for i, north_m in enumerate((0.0, 300.0, 302.0))
     ]
     assert doubts == [None, "implausible_position", None]
@@ -111,21 +111,21 @@ def test_crossing_the_date_line_is_not_a_position_jump():
     detector = MisbehaviourDetector()
     for i, longitude_deg in enumerate((179.99999, -179.99999)):
         message = BasicSafetyMessage(replace(CORE, longitude_deg=longitude_deg))
-        assert detector.receive_bsm(b"car", message, i / 10) is None
+        assert detector.receive_bsm(b"car", message, i / 10, i / 10) is None
 
 
 def test_each_sender_is_compared_with_its_own_bsms_only():
     detector = MisbehaviourDetector()
-    detector.receive_bsm(b"one", _bsm(10.0), 0.0)
+    detector.receive_bsm(b"one", _bsm(10.0), 0.0, 0.0)
     other = replace(_bsm(30.0, north_m=900.0).core, temporary_id=b"efgh")
-    assert detector.receive_bsm(b"two", BasicSafetyMessage(other), 0.1) is None
+    assert detector.receive_bsm(b"two", BasicSafetyMessage(other), 0.1, 0.1) is None
 
 
 def test_a_temporary_id_of_another_sender_is_implausible():
     detector = MisbehaviourDetector()
-    detector.receive_bsm(b"one", _bsm(), 0.0)
-    assert detector.receive_bsm(b"two", _bsm(), 0.1) == "implausible_identity"
-    assert detector.receive_bsm(b"one", _bsm(), 0.1) is None
+    detector.receive_bsm(b"one", _bsm(), 0.0, 0.0)
+    assert detector.receive_bsm(b"two", _bsm(), 0.1, 0.1) == "implausible_identity"
+    assert detector.receive_bsm(b"one", _bsm(), 0.1, 0.1) is None
 
 
 def test_implausible_speeds_do_not_confirm_braking():
@@ -133,17 +133,17 @@ def test_implausible_speeds_do_not_confirm_braking():
     _drive(np.full(15, 15.0), detector)
     detector.receive_car_id(b"car", b"plate id")
     for speed_m_s in (150.0, 15.0):
-        assert detector.receive_bsm(b"car", _bsm(speed_m_s, 25.0), 1.5) is not None
+        assert detector.receive_bsm(b"car", _bsm(speed_m_s, 25.0), 1.5, 1.5) is not None
     assert detector.check_warning(b"plate id", braked_at_s=1.5) == "implausible_brake"
 
 
 def test_an_out_of_order_bsm_is_checked_and_not_kept():
     detector = MisbehaviourDetector()
-    detector.receive_bsm(b"car", _bsm(20.0, north_m=10.0), 1.0)
-    assert detector.receive_bsm(b"car", _bsm(20.0, north_m=8.0), 0.9) is None
-    assert detector.receive_bsm(b"car", _bsm(20.0, north_m=12.0), 1.1) is None
+    detector.receive_bsm(b"car", _bsm(20.0, north_m=10.0), 1.0, 1.0)
+    assert detector.receive_bsm(b"car", _bsm(20.0, north_m=8.0), 0.9, 0.9) is None
+    assert detector.receive_bsm(b"car", _bsm(20.0, north_m=12.0), 1.1, 1.1) is None
     detector.receive_car_id(b"car", b"plate id")
-    assert not detector.has_speed_since(b"plate id", 1.1)
+    assert not detector.has_speed_since(b"plate id", 1.1, 1.1)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_a_receiver_at_1_hz_may_advance_by_a_second_between_two_bsms(
     ):
         said = _bsm(40.0, north_m)
         core = replace(said.core, sec_mark_s=sec_mark_s % 60.0)
-        reason = detector.receive_bsm(b"car", replace(said, core=core), tenth / 10)
+        reason = detector.receive_bsm(b"car", replace(said, core=core), tenth / 10, tenth / 10)
     assert reason == doubt
 
 
@@ -181,7 +181,7 @@ def test_a_receiver_at_1_hz_may_advance_by_a_second_between_two_bsms(
 def test_backdated_bsms_are_checked_too(message, doubt):
     detector = MisbehaviourDetector()
     _drive(np.full(30, 20.0), detector)
-    assert detector.receive_bsm(b"car", message, 2.85) == doubt
+    assert detector.receive_bsm(b"car", message, 2.85, 2.85) == doubt
 
 
 # ---- warnings of a group ------------------------------------------------------------------------
@@ -208,7 +208,7 @@ def test_many_forged_senders_take_bounded_memory():
     detector = MisbehaviourDetector()
     for i in range(3000):
         core = replace(CORE, temporary_id=i.to_bytes(4))
-        detector.receive_bsm(i.to_bytes(8), BasicSafetyMessage(core), 0.0)
+        detector.receive_bsm(i.to_bytes(8), BasicSafetyMessage(core), 0.0, 0.0)
         detector.receive_car_id(i.to_bytes(8), i.to_bytes(8))
     assert len(detector._senders) <= 512
     assert len(detector._car_ids) <= 512
@@ -219,7 +219,9 @@ def test_silent_senders_are_dropped():
     detector = MisbehaviourDetector()
     for number in range(10):
         core = replace(CORE, temporary_id=number.to_bytes(4))
-        detector.receive_bsm(number.to_bytes(8), BasicSafetyMessage(core), float(number))
-    detector.receive_bsm(b"another.", _bsm(), SENDER_TIMEOUT_S + 4.5)
+        detector.receive_bsm(
+            number.to_bytes(8), BasicSafetyMessage(core), float(number), float(number)
+        )
+    detector.receive_bsm(b"another.", _bsm(), SENDER_TIMEOUT_S + 4.5, SENDER_TIMEOUT_S + 4.5)
 
     assert list(detector._senders) == [*(n.to_bytes(8) for n in range(5, 10)), b"another."]

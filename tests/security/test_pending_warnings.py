@@ -1,15 +1,22 @@
 """A warning that the braking car's speeds do not confirm is pending, then passes or is rejected."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
-from onboard.messages.lcca import Warn
+from onboard.messages.lcca import Warn, WarnCause
 from onboard.observations import Discarded
 from onboard.security.misbehaviour_detection import MisbehaviourDetector
-from onboard.security.pending_warnings import HOLD_S, MAX_PENDING, PendingWarnings
+from onboard.security.pending_warnings import (
+    AIR_S,
+    FRESH_S,
+    HOLD_S,
+    MAX_PENDING,
+    PendingWarnings,
+)
 
 LEADER, FORWARDER = b"the lead", b"a member"
 SIGNER, OTHER = b"signer 1", b"signer 2"
@@ -25,9 +32,10 @@ class Listener:
         for tenth in range(11):
             self.hear_bsm(tenth / 10, 15.0)
 
-    def hear_bsm(self, now: float, speed_m_s: float | None) -> None:
+    def hear_bsm(self, now: float, speed_m_s: float | None, made_at_s: float | None = None) -> None:
+        made_at_s = now if made_at_s is None else made_at_s
         core = CoreData(0, b"abcd", speed_m_s=speed_m_s)
-        self.misbehaviour.receive_bsm(SIGNER, BasicSafetyMessage(core), now)
+        self.misbehaviour.receive_bsm(SIGNER, BasicSafetyMessage(core), made_at_s, now)
         self.pending.handle_timer(now)
 
     def passed(self) -> list[Warn]:
@@ -38,7 +46,7 @@ class Listener:
 
 
 def warning(sequence: int = 1, sender: bytes = LEADER) -> Warn:
-    return Warn(sender, LEADER, 1, LEADER, sequence, 0, 1, 6.0, 0.05, 1)
+    return Warn(sender, LEADER, 1, LEADER, sequence, 0, 1, 1, WarnCause.DECELERATION, 6.0, 0.05, 1)
 
 
 def test_a_warning_that_speeds_already_confirm_passes_at_once() -> None:
@@ -47,17 +55,19 @@ def test_a_warning_that_speeds_already_confirm_passes_at_once() -> None:
 
     car.pending.receive_warning(warning(), 1.11, 1.11)
 
-    assert car.passed() == [warning()]
+    assert car.passed() == [replace(warning(), age_s=0.05 + AIR_S)]
     assert car.pending.get_timer() == math.inf
 
 
 def test_a_warning_of_a_car_without_received_bsms_passes_at_once() -> None:
     car = Listener()
-    from_afar = Warn(FORWARDER, LEADER, 4, b"far away", 1, 0, 1, 6.0, 0.2, 3)
+    from_afar = Warn(
+        FORWARDER, LEADER, 4, b"far away", 1, 0, 1, 1, WarnCause.DECELERATION, 6.0, 0.2, 3
+    )
 
     car.pending.receive_warning(from_afar, 1.05, 1.05)
 
-    assert car.passed() == [from_afar]
+    assert car.passed() == [replace(from_afar, age_s=0.2 + AIR_S)]
 
 
 def test_a_warning_before_its_braking_shows_waits_for_the_next_bsm_and_ages() -> None:
@@ -70,7 +80,7 @@ def test_a_warning_before_its_braking_shows_waits_for_the_next_bsm_and_ages() ->
 
     (passed,) = car.passed()
     assert passed.event_sequence == 1
-    assert passed.age_s == pytest.approx(0.05 + 0.002)
+    assert passed.age_s == pytest.approx(0.05 + AIR_S + 0.002)
 
 
 def test_a_pending_warning_passes_late_when_no_bsm_arrives() -> None:
@@ -102,29 +112,55 @@ def test_delayed_bsms_from_before_the_warning_do_not_contradict_it() -> None:
     car = Listener()
     car.pending.receive_warning(warning(), 1.05, 1.05)
     for made_at_s in (1.02, 1.04):
-        car.hear_bsm(made_at_s, 15.0)
+        car.hear_bsm(1.1 + made_at_s / 100, 15.0, made_at_s)
 
     car.pending.handle_timer(1.05 + HOLD_S)
 
     assert len(car.passed()) == 1
 
 
-def test_the_time_in_transit_adds_to_a_warnings_age() -> None:
+@pytest.mark.parametrize("clock_error_s", [-2.0, 0.0, 2.0])
+def test_a_senders_clock_does_not_change_a_warnings_age(clock_error_s: float) -> None:
     car = Listener()
     car.hear_bsm(1.1, 14.0)
 
-    car.pending.receive_warning(warning(), made_at_s=1.11, now=3.11)
+    car.pending.receive_warning(warning(), made_at_s=1.11 + clock_error_s, now=1.11)
 
-    assert [passed.age_s for passed in car.passed()] == [pytest.approx(0.05 + 2.0)]
+    assert [passed.age_s for passed in car.passed()] == [pytest.approx(0.05 + AIR_S)]
 
 
-def test_a_senders_clock_ahead_does_not_lower_a_warnings_age() -> None:
+@pytest.mark.parametrize("clock_error_s", [-2.0, 2.0])
+def test_a_forwarders_clock_does_not_change_what_speeds_say_of_a_braking(
+    clock_error_s: float,
+) -> None:
+    forged, true = Listener(), Listener()
+    for car, speed_m_s in ((forged, 15.0), (true, 14.0)):
+        car.pending.receive_warning(warning(sender=FORWARDER), 1.05 + clock_error_s, 1.05)
+        car.hear_bsm(1.1, speed_m_s)
+        car.pending.handle_timer(1.05 + HOLD_S)
+
+    assert forged.disbelieved() == ["implausible_brake"]
+    assert len(true.passed()) == 1
+
+
+@pytest.mark.parametrize("off_s", [-FRESH_S - 0.1, FRESH_S + 0.1])
+def test_a_copy_that_was_kept_for_long_is_stale(off_s: float) -> None:
+    """An attacker can jam a warning and replay it to those who missed it."""
     car = Listener()
-    car.hear_bsm(1.1, 14.0)
 
-    car.pending.receive_warning(warning(), made_at_s=1.9, now=1.11)
+    car.pending.receive_warning(warning(), made_at_s=1.05 + off_s, now=1.05)
 
-    assert [passed.age_s for passed in car.passed()] == [0.05]
+    assert car.disbelieved() == ["stale"]
+    assert car.passed() == []
+
+
+@pytest.mark.parametrize("cause", [WarnCause.TEST, WarnCause.OVER])
+def test_a_test_and_an_end_need_no_speeds_that_show_braking(cause: WarnCause) -> None:
+    car = Listener()
+
+    car.pending.receive_warning(replace(warning(), cause=cause), 1.05, 1.05)
+
+    assert len(car.passed()) == 1
 
 
 def test_bsms_without_speed_do_not_contradict_braking() -> None:

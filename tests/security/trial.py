@@ -15,8 +15,8 @@ new_key = p256.key_from(np.random.default_rng(1609))
 
 ROOT = make_root("root", {BSM, LCCA}, new_key=new_key, **VALID)
 ISSUING = make_issuing(ROOT, "issuing", new_key=new_key, **VALID)
-ALICE, BOB, CAROL = (
-    make_pseudonyms(ISSUING, 3, {BSM, LCCA}, new_key=new_key, **VALID) for _ in range(3)
+ALICE, BOB, CAROL, DAVE = (
+    make_pseudonyms(ISSUING, 3, {BSM, LCCA}, new_key=new_key, **VALID) for _ in range(4)
 )
 
 

@@ -1,6 +1,7 @@
 """Whole vehicles that sign: which messages are accepted, and what an observer can read."""
 
 import json
+import math
 import shutil
 import subprocess
 from pathlib import Path
@@ -11,7 +12,7 @@ from onboard import psid
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
-from onboard.observations import HardBrake, Position
+from onboard.observations import BrakeCause, HardBrake, Position
 from onboard.security.security_services import SecurityServices
 from onboard.step import BrakeButton, ReceivedWsm
 from onboard.trace.trace_line import as_record
@@ -19,7 +20,7 @@ from onboard.units import KM_H
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.capture import PcapWriter
 from onboard.wave_udp.wsmp import WaveShortMessage
-from tests.security.trial import ALICE, BOB, CAROL, UTC_S
+from tests.security.trial import ALICE, BOB, CAROL, DAVE, UTC_S
 from tests.stack.platoon import SPEED_M_S, Platoon, car
 
 
@@ -47,11 +48,65 @@ def test_a_braking_vehicle_warns_its_follower_once_its_speeds_show_the_brake(
 
 
 def test_a_warning_is_rejected_when_its_sender_keeps_its_speed(platoon: Platoon) -> None:
-    platoon.receive("AAA1", BrakeButton(platoon.now))
+    platoon.receive("AAA1", HardBrake(platoon.now, 7.0, source="obd"))
     platoon.drive(1.0)
 
     assert list(platoon.events_of("BBB2", "warning")) == []
     assert "implausible_brake" in reasons(platoon, "BBB2")
+
+
+def test_the_button_warns_of_a_test_between_vehicles_that_keep_their_speed(
+    platoon: Platoon,
+) -> None:
+    platoon.receive("AAA1", BrakeButton(platoon.now))
+    platoon.drive(2.0)
+
+    (warning,) = platoon.events_of("BBB2", "warning")
+    assert warning.cause is BrakeCause.TEST
+    assert len(list(platoon.events_of("BBB2", "warning_over"))) == 1
+
+
+def test_a_warning_under_the_leaders_id_by_another_signer_is_refused() -> None:
+    """The plates AO01 and A001 have one ID: look-alike characters are one."""
+    cars = {"AO01": ALICE, "BBB2": BOB, "CCC3": DAVE}
+    platoon = Platoon(
+        {plate: car(plate, credentials=keys, utc_s=UTC_S) for plate, keys in cars.items()}
+    )
+    platoon.drive(3.0)
+    leader = platoon.cars["AO01"].digest.car_id("A001", UTC_S + platoon.now)
+    assert platoon.cars["CCC3"].group.leader_id == leader
+    oncoming = lcca.encode(
+        lcca.Warn(leader, leader, 1, leader, 9, 2, 1, 9, lcca.WarnCause.DECELERATION, 6.0, 0.0, 1)
+    )
+    for plate in ("BBB2", "CCC3"):
+        carol_sends(platoon, plate, oncoming, psid.LCCA, delay_s=0.0)
+        assert list(platoon.events_of(plate, "warning")) == []
+    assert "another_signer" in reasons(platoon, "BBB2")
+    assert "claimed_by_two" in reasons(platoon, "CCC3")
+
+    brake_and_slow_down(platoon, "AO01")
+    platoon.drive(0.5)
+
+    assert len(list(platoon.events_of("CCC3", "warning"))) == 1
+
+
+def test_a_warning_of_a_vehicle_in_the_opposite_direction_is_refused(platoon: Platoon) -> None:
+    for tenth in range(20):
+        north_deg = 48.0 + 0.1 * tenth * SPEED_M_S / 111_195
+        fix = Position(platoon.now, north_deg, 11.0, None, 1.0, SPEED_M_S, 0.0)
+        platoon.receive("BBB2", fix)
+        platoon.drive(0.1)
+    oncoming = CoreData(0, b"come", speed_m_s=SPEED_M_S, heading_rad=math.pi)
+    carol_sends(platoon, "BBB2", bsm.encode(BasicSafetyMessage(oncoming)), psid.BSM, delay_s=0.0)
+    leader = car_id(platoon, "AAA1")
+    warning = lcca.Warn(
+        b"somebody", leader, 1, b"somebody", 9, 1, 1, 9, lcca.WarnCause.DECELERATION, 6.0, 0.0, 1
+    )
+
+    carol_sends(platoon, "BBB2", lcca.encode(warning), psid.LCCA, delay_s=0.0)
+
+    assert "opposite_direction" in reasons(platoon, "BBB2")
+    assert list(platoon.events_of("BBB2", "warning")) == []
 
 
 def carol_sends(platoon: Platoon, plate: str, payload: bytes, psid: int, delay_s: float) -> None:
@@ -138,7 +193,9 @@ def test_a_restarted_vehicle_keeps_its_identity(platoon: Platoon) -> None:
 
 def test_a_warning_delayed_for_seconds_is_discarded_as_stale(platoon: Platoon) -> None:
     leader = car_id(platoon, "AAA1")
-    warning = lcca.Warn(leader, leader, 1, b"somebody", 1, 0, 1, 6.0, 0.01, 1)
+    warning = lcca.Warn(
+        b"somebody", leader, 1, b"somebody", 1, 0, 1, 1, lcca.WarnCause.DECELERATION, 6.0, 0.01, 1
+    )
 
     carol_sends(platoon, "BBB2", lcca.encode(warning), psid.LCCA, delay_s=4.0)
 
