@@ -1,22 +1,23 @@
-"""Delay and false alarms of the hard-brake detector with whole km/h, in simulated and real driving.
+"""Delay and false alarms of hard braking from whole km/h, in simulated and real driving.
 
-Delays count from the time at which the true deceleration exceeds the threshold, so they include the
-sampling. Their reference is a detector with the true speed and time of each sample. The reference
-of false alarms is the difference of two successive samples.
+Delays count from the time at which the true deceleration exceeds the threshold, falls below half of
+it, or a collision begins, so they include the sampling. The reference of the first is a detector
+with the true speed and time of each sample. The reference of false alarms is the difference of two
+successive samples.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from bench import Figure
+from onboard.obd.braking import Braking
 from onboard.obd.can_bus import read_can_log
-from onboard.obd.hard_brake import HardBrakeDetector
 from onboard.obd.settings import ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
-from onboard.observations import BrakePedal, HardBrake, Speed
+from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed
 from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
 
 STEP_S = 0.005
@@ -26,6 +27,11 @@ BRAKINGS = 100
 CITY_HOURS = 2.0
 REAL_DRIVES = ("drive-a", "drive-b-requests-and-answers", "drive-c")
 RECORDINGS = Path(__file__).parents[2] / "shared" / "data" / "can"
+
+COLLISION_S = 0.1
+"""Time in which a collision stops the car."""
+ENDED_AFTER_S = 1.2
+"""Time after which the driver releases the brake."""
 
 Track = np.ndarray[tuple[int], np.dtype[np.float64]]
 
@@ -72,7 +78,7 @@ OTHERS = (
 
 
 def measure() -> Iterator[Figure]:
-    """Yield delays, then false alarms."""
+    """Yield delays of alarms, ends and collisions, then false alarms."""
     for source in POLLED:
         # 3 m/s2 is below the default threshold of 0.4 g, and must not raise it.
         yield from _delays(source, 3.0, threshold_g=0.2)
@@ -82,6 +88,9 @@ def measure() -> Iterator[Figure]:
     for source in OTHERS:
         for deceleration_m_s2 in (5.0, 8.0):
             yield from _delays(source, deceleration_m_s2, threshold_g=0.4)
+    for source in (*POLLED, *OTHERS):
+        yield from _end_delays(source, 8.0)
+        yield from _collision_delays(source)
     city = _city(np.random.default_rng(1), CITY_HOURS)
     for source in (*POLLED, *OTHERS):
         yield _city_alarms(source, city)
@@ -90,26 +99,15 @@ def measure() -> Iterator[Figure]:
 
 
 def _delays(source: Source, deceleration_m_s2: float, threshold_g: float) -> Iterator[Figure]:
-    rng = np.random.default_rng(2)
-    delays_s, ideal_s = [], []
-    for _ in range(BRAKINGS):
+    def delays_s(rng: np.random.Generator) -> tuple[float, float]:
         track, passed_at = _braking(deceleration_m_s2, threshold_g, rng)
         times = source.times(track, rng)
-        detector = _detector(source, threshold_g)
-        alarms = (detector.receive_speed(each) for each in source.samples(track, times, rng))
-        raised_at = next((alarm.stamp_s for alarm in alarms if alarm is not None), np.inf)
-        delays_s.append(raised_at - passed_at)
-        ideal_s.append(_ideal_alarm_at(track, times, threshold_g) - passed_at)
+        raised = _alarms(_braking_core(source, threshold_g), source.samples(track, times, rng))
+        raised_at = raised[0].stamp_s if raised else np.inf
+        return raised_at - passed_at, _ideal_alarm_at(track, times, threshold_g) - passed_at
+
     name = f"hard_brake_delay_{deceleration_m_s2:.0f}_m_s2_{source.name}_above_{threshold_g}_g"
-    for suffix, percent in (("", 50), ("_p95", 95)):
-        yield Figure(
-            name=name + suffix,
-            value=float(np.percentile(delays_s, percent, method="nearest")),
-            unit="s",
-            n=BRAKINGS,
-            reference="two successive true speeds",
-            reference_value=float(np.percentile(ideal_s, percent, method="nearest")),
-        )
+    yield from _percentiles(name, delays_s, "two successive true speeds")
 
 
 def _raised_below(source: Source, deceleration_m_s2: float, threshold_g: float) -> Figure:
@@ -118,7 +116,7 @@ def _raised_below(source: Source, deceleration_m_s2: float, threshold_g: float) 
     for _ in range(BRAKINGS):
         track, _ = _braking(deceleration_m_s2, threshold_g, rng)
         samples = list(source.samples(track, source.times(track, rng), rng))
-        raised += bool(_alarms(_detector(source, threshold_g).receive_speed, samples))
+        raised += bool(_alarms(_braking_core(source, threshold_g), samples))
         naive += bool(_alarms(_differencing(threshold_g), samples))
     return Figure(
         name=f"hard_brake_raised_by_{deceleration_m_s2:.0f}_m_s2_{source.name}_above_{threshold_g}_g",
@@ -130,12 +128,75 @@ def _raised_below(source: Source, deceleration_m_s2: float, threshold_g: float) 
     )
 
 
+def _end_delays(source: Source, deceleration_m_s2: float) -> Iterator[Figure]:
+    """Of a braking that the driver ends before standstill."""
+    half_m_s2 = 0.4 * STANDARD_GRAVITY_M_S2 / 2
+
+    def delays_s(rng: np.random.Generator) -> tuple[float, float]:
+        track, _ = _braking(deceleration_m_s2, 0.4, rng, ENDED_AFTER_S)
+        steep = np.flatnonzero(-np.diff(track) / STEP_S > half_m_s2)
+        released_at = float(steep[-1] + 1) * STEP_S
+        times = source.times(track, rng)
+        ends = [each for each in _all_changes(source, track, times, rng) if each.is_over]
+        ended_at = ends[0].stamp_s if len(ends) == 1 else np.inf
+        ideal_at = times[np.searchsorted(times, released_at) + 1]
+        return ended_at - released_at, ideal_at - released_at
+
+    yield from _percentiles(f"hard_brake_end_delay_{source.name}", delays_s)
+
+
+def _collision_delays(source: Source) -> Iterator[Figure]:
+    """Of a collision at 30 to 100 km/h."""
+
+    def delays_s(rng: np.random.Generator) -> tuple[float, float]:
+        collides_at = 2.0 + rng.uniform(0.0, 1.0)
+        after_s = np.arange(0.0, 5.0, STEP_S) - collides_at
+        track = rng.uniform(30.0, 100.0) * KM_H * np.clip(1.0 - after_s / COLLISION_S, 0.0, 1.0)
+        times = source.times(track, rng)
+        raised = [
+            each.stamp_s
+            for each in _all_changes(source, track, times, rng)
+            if each.cause is BrakeCause.COLLISION
+        ]
+        ideal_at = times[np.searchsorted(times, collides_at) + 1]
+        return (raised[0] if raised else np.inf) - collides_at, ideal_at - collides_at
+
+    yield from _percentiles(f"collision_delay_{source.name}", delays_s)
+
+
+def _all_changes(
+    source: Source, track: Track, times: Track, rng: np.random.Generator
+) -> list[HardBrake]:
+    changes = _changes(source, 0.4)
+    return [each for sample in source.samples(track, times, rng) for each in changes(sample)]
+
+
+def _percentiles(
+    name: str,
+    delays_s: Callable[[np.random.Generator], tuple[float, float]],
+    reference: str = "second sample after it",
+) -> Iterator[Figure]:
+    """Median and 95 % of delay and ideal delay."""
+    rng = np.random.default_rng(2)
+    measured = np.array([delays_s(rng) for _ in range(BRAKINGS)])
+    for suffix, percent in (("", 50), ("_p95", 95)):
+        value, ideal = np.percentile(measured, percent, axis=0, method="nearest")
+        yield Figure(
+            name=name + suffix,
+            value=float(value),
+            unit="s",
+            n=BRAKINGS,
+            reference=reference,
+            reference_value=float(ideal),
+        )
+
+
 def _city_alarms(source: Source, city: Track) -> Figure:
     rng = np.random.default_rng(3)
     samples = list(source.samples(city, source.times(city, rng), rng))
     return Figure(
         name=f"hard_brake_false_alarms_city_{source.name}",
-        value=len(_alarms(_detector(source, 0.4).receive_speed, samples)) / CITY_HOURS,
+        value=len(_alarms(_braking_core(source, 0.4), samples)) / CITY_HOURS,
         unit="1/h",
         n=len(samples),
         reference="difference of two samples",
@@ -163,15 +224,38 @@ def _real_alarms() -> Figure:
     )
 
 
-def _detector(source: Source, threshold_g: float) -> HardBrakeDetector:
-    detector = HardBrakeDetector(threshold_g)
+def _braking_core(source: Source, threshold_g: float) -> Callable[[Speed], HardBrake | None]:
+    """The car's core: what each speed begins."""
+    changes = _changes(source, threshold_g)
+    is_braking = False
+
+    def receive(speed: Speed) -> HardBrake | None:
+        nonlocal is_braking
+        begun = None
+        for change in changes(speed):
+            if not is_braking:
+                begun = change
+            is_braking = not change.is_over
+        return begun
+
+    return receive
+
+
+def _changes(source: Source, threshold_g: float) -> Callable[[Speed], list[HardBrake]]:
+    """The car's core: every change of the braking."""
+    braking = Braking(threshold_g)
     if source.pedal:
-        detector.receive_pedal(BrakePedal(0.0, pressed=True, source=source.name))
-    return detector
+        braking.receive_pedal(BrakePedal(0.0, pressed=True, source=source.name), 0.0)
+
+    def receive(speed: Speed) -> list[HardBrake]:
+        braking.receive_speed(speed, speed.stamp_s)
+        return list(iter(braking.next_event, None))
+
+    return receive
 
 
 def _alarms(
-    receive: Callable[[Speed], HardBrake | None], samples: Sequence[Speed]
+    receive: Callable[[Speed], HardBrake | None], samples: Iterable[Speed]
 ) -> list[HardBrake]:
     return [alarm for sample in samples if (alarm := receive(sample)) is not None]
 
@@ -202,12 +286,16 @@ def _ideal_alarm_at(track: Track, times: Track, threshold_g: float) -> float:
 
 
 def _braking(
-    deceleration_m_s2: float, threshold_g: float, rng: np.random.Generator
+    deceleration_m_s2: float, threshold_g: float, rng: np.random.Generator, for_s: float = np.inf
 ) -> tuple[Track, float]:
-    """Braking from 80 km/h to 10 km/h, and the time at which it exceeds the threshold."""
+    """Braking from 80 km/h to 10 km/h, and the time at which it exceeds the threshold.
+
+    The brake is released after `for_s`.
+    """
     started_at = 2.0 + rng.uniform(0.0, 1.0)
+    braking_s = np.arange(0.0, 12.0, STEP_S) - started_at
     deceleration = np.clip(
-        (np.arange(0.0, 12.0, STEP_S) - started_at) * JERK_M_S3, 0.0, deceleration_m_s2
+        np.minimum(braking_s, for_s - braking_s) * JERK_M_S3, 0.0, deceleration_m_s2
     )
     track = rng.uniform(80.0, 81.0) * KM_H - np.cumsum(deceleration) * STEP_S
     passed_at = started_at + threshold_g * STANDARD_GRAVITY_M_S2 / JERK_M_S3

@@ -8,7 +8,7 @@ brakes.
 
 from typing import NamedTuple
 
-from onboard.observations import NEW_LEAD_M, BrakePedal, HardBrake, Lead, Speed
+from onboard.observations import NEW_LEAD_M, BrakeCause, BrakePedal, HardBrake, Lead, Speed
 
 STEADY_M_S = 0.5
 """Closing speed up to which the lead does not brake."""
@@ -42,6 +42,7 @@ class ReactionObserver:
         self._pending: tuple[float, float] | None = None
         self._is_closing = False
         self._pedal: BrakePedal | None = None
+        self._brakes_hard = False
 
     def receive_speed(self, speed: Speed) -> None:
         """Store the host vehicle's speed."""
@@ -72,8 +73,15 @@ class ReactionObserver:
         return self._end(pedal.stamp_s) if pressed_now else None
 
     def receive_hard_brake(self, brake: HardBrake) -> Reaction | None:
-        """Return the reaction if the vehicle brakes hard: for vehicles without a pedal signal."""
-        return self._end(brake.stamp_s)
+        """Return the reaction if the vehicle begins to brake hard: without a pedal signal.
+
+        The driver's button is no braking.
+        """
+        if brake.cause is BrakeCause.TEST:
+            return None
+        begins = not (self._brakes_hard or brake.is_over)
+        self._brakes_hard = not brake.is_over
+        return self._end(brake.stamp_s) if begins else None
 
     def _reset(self) -> None:
         self._steady, self._pending, self._is_closing = None, None, False

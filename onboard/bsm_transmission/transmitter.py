@@ -4,7 +4,7 @@ Without GNSS a BSM is sent as well: with speed, size and hard braking, and with 
 unavailable (docs/design/messages.md, "BSM without a position").
 """
 
-import math
+from collections.abc import Mapping
 
 import numpy as np
 from typing_extensions import override
@@ -25,8 +25,9 @@ from onboard.messages.bsm_core import (
     WheelBrakes,
 )
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.observations import BrakePedal, HardBrake, Position, Speed
+from onboard.observations import BrakeCause, BrakePedal, HardBrake, Position, Speed
 from onboard.security.pseudonyms import Pseudonym
+from onboard.units import STANDARD_GRAVITY_M_S2
 
 MAX_AGE_S = 1.0
 """Age beyond which speed and brake pedal are sent as unavailable."""
@@ -38,8 +39,20 @@ is the time of the fix."""
 MAX_FIX_SPEED_AGE_S = 0.25
 """Age up to which the speed of the fix is sent; then the bus speed, rounded but newer."""
 
-HARD_BRAKING_S = 1.0
-"""Time for which the event flag is set after a detection; there is one detection per braking."""
+HARD_BRAKING_M_S2 = 0.4 * STANDARD_GRAVITY_M_S2
+"""Deceleration from which the flag of hard braking is set (SAE J2945/1)."""
+
+STANDSTILL_S = 1.5
+"""Time at standstill after which it is not: receivers compare it with the speeds of the last 2 s,
+and what caused it may last."""
+
+EVENT_FLAGS: Mapping[BrakeCause, VehicleEventFlags] = {
+    BrakeCause.HAZARD_LIGHTS: VehicleEventFlags.HAZARD_LIGHTS,
+    BrakeCause.STABILITY_CONTROL: VehicleEventFlags.STABILITY_CONTROL_ACTIVATED,
+    BrakeCause.ABS: VehicleEventFlags.ABS_ACTIVATED,
+    BrakeCause.AIRBAG: VehicleEventFlags.AIR_BAG_DEPLOYMENT,
+}
+"""Flags of causes, beside that of hard braking; set while the event lasts (SAE J2735)."""
 
 DEFAULT_SIGMA_M = 5.0
 """Sigma of a position without accuracy: an ordinary receiver under open sky."""
@@ -81,7 +94,8 @@ class BsmTransmitter(Core):
         self._path = PathHistoryKeeper()
         self._predictor = PathPredictor()
         self._position: Position | None = None
-        self._braking_until = -math.inf
+        self._brake: HardBrake | None = None
+        self._stopped_at: float | None = None
         self.change_identity(pseudonym)
 
     def change_identity(self, pseudonym: Pseudonym) -> None:
@@ -93,6 +107,10 @@ class BsmTransmitter(Core):
         """Take the host vehicle's speed."""
         self._speed = speed
         self._trend.receive(speed.stamp_s, speed.speed_m_s)
+        if speed.speed_m_s >= STANDSTILL_M_S:
+            self._stopped_at = None
+        elif self._stopped_at is None:
+            self._stopped_at = speed.stamp_s
 
     def receive_pedal(self, pedal: BrakePedal) -> None:
         """Take the host vehicle's brake pedal, if the bus has it."""
@@ -105,9 +123,14 @@ class BsmTransmitter(Core):
         self._predictor.receive_position(position)
 
     def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
-        """Take a detection of hard braking: the next BSM has the flag and is due at once."""
-        self._braking_until = brake.stamp_s + HARD_BRAKING_S
-        self._schedule.receive_event_flags(self._is_braking(now), now)
+        """Take a change of hard braking: a BSM with the first flag is due at once.
+
+        The driver's button is no event: it sets no flag, and ends none.
+        """
+        if brake.cause is BrakeCause.TEST:
+            return
+        self._brake = None if brake.is_over else brake
+        self._schedule.receive_event_flags(bool(self._event_flags(now)), now)
 
     def receive_remote_vehicle(self, sender: bytes, position: Position | None, now: float) -> None:
         """Count a received BSM for the vehicle density.
@@ -137,7 +160,7 @@ class BsmTransmitter(Core):
     @override
     def handle_timer(self, now: float) -> None:
         """Measure the density if that is due."""
-        self._schedule.receive_event_flags(self._is_braking(now), now)
+        self._schedule.receive_event_flags(bool(self._event_flags(now)), now)
         self._schedule.handle_timer(now)
 
     def take_due(self, now: float) -> bool:
@@ -156,7 +179,7 @@ class BsmTransmitter(Core):
             held_heading_rad: heading to send at standstill, clockwise from true north.
         """
         self._msg_cnt = (self._msg_cnt + 1) % MESSAGE_COUNTS
-        events = VehicleEventFlags.HARD_BRAKING if self._is_braking(now) else None
+        events = self._event_flags(now) or None
         path, prediction = None, None
         if self._fix(now) is not None:
             path, prediction = self._path.history(now), self._predictor.prediction
@@ -210,8 +233,15 @@ class BsmTransmitter(Core):
             return BrakeSystemStatus()
         return BrakeSystemStatus(ALL_WHEELS if self._pedal.pressed else WheelBrakes(0))
 
-    def _is_braking(self, now: float) -> bool:
-        return now < self._braking_until
+    def _event_flags(self, now: float) -> VehicleEventFlags:
+        brake = self._brake
+        if brake is None:
+            return VehicleEventFlags(0)
+        flags = EVENT_FLAGS.get(brake.cause, VehicleEventFlags(0))
+        is_stopped = self._stopped_at is not None and now > self._stopped_at + STANDSTILL_S
+        if brake.deceleration_m_s2 >= HARD_BRAKING_M_S2 and not is_stopped:
+            flags |= VehicleEventFlags.HARD_BRAKING
+        return flags
 
 
 def position_in(core: CoreData, now: float, utc_offset_s: float) -> Position | None:

@@ -1,17 +1,20 @@
 """Signals that the vehicle broadcasts, decoded by its DBC file and named in the settings."""
 
-from collections.abc import Mapping
+import math
+import statistics
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import cantools
 
 from onboard.errors import UserError
+from onboard.obd.braking import BrakeTrigger
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import BroadcastSettings
-from onboard.observations import BrakePedal, Discarded, Speed
+from onboard.observations import BrakeCause, BrakePedal, Discarded, Speed
 from onboard.units import KM_H, MPH
 
-_UNITS: Mapping[str, float] = {
+_SPEED_UNITS: Mapping[str, float] = {
     "m/s": 1.0,
     "mps": 1.0,
     "km/h": KM_H,
@@ -21,7 +24,12 @@ _UNITS: Mapping[str, float] = {
     "km/hour": KM_H,
     "mph": MPH,
 }
-"""Units as written in DBC files, in lower case."""
+"""Units of speed as written in DBC files, in lower case."""
+
+_PRESSURE_UNITS: Mapping[str, float] = {"bar": 1.0, "kpa": 0.01, "mpa": 10.0}
+"""Units of pressure in bar, in lower case."""
+
+BroadcastValue = Speed | BrakePedal | BrakeTrigger | Discarded
 
 HIGHEST_SPEED_M_S = 100.0
 """Highest plausible speed: many DBC files state no range, or that of all bits, and higher values
@@ -40,7 +48,7 @@ class BroadcastSignals:
 
         Raises:
             UserError: the text is no DBC file, a signal is not in it, speeds are spread over
-                several messages, or a speed has no known unit.
+                several messages, or a speed or pressure has no known unit.
         """
         self.dbc_text = dbc_text
         self._dbc = settings.dbc
@@ -54,13 +62,18 @@ class BroadcastSignals:
                 f"obd.broadcast.speed: {', '.join(settings.speed)} belong to several messages; "
                 "name the signals of one"
             )
-        self._factor = self._unit(settings) if self._speed else 1.0
+        if self._speed:
+            name, unit = settings.speed[0], settings.speed_unit or self._speed[0][1].unit
+            self._factor = self._factor_of(
+                name, unit, _SPEED_UNITS, "speed_unit to km/h, m/s or mph"
+            )
+        self._triggers = list(self._find_triggers(database, settings))
         self._messages = {
             (message.frame_id, message.is_extended_frame): message
-            for message, _ in (*self._speed, *self._pedal)
+            for message, *_ in (*self._speed, *self._pedal, *self._triggers)
         }
 
-    def receive_frame(self, frame: CanFrame) -> list[Speed | BrakePedal | Discarded]:
+    def receive_frame(self, frame: CanFrame) -> list[BroadcastValue]:
         """Observations of the named signals in the frame; empty if it carries none of them."""
         message = self._messages.get((frame.arbitration_id, frame.is_extended_id))
         if message is None:
@@ -69,7 +82,7 @@ class BroadcastSignals:
             values = message.decode(frame.data, decode_choices=False, scaling=True)
         except (cantools.database.DecodeError, ValueError) as error:
             return [_discarded(frame, "signal_decoding", f"{message.name}: {error}")]
-        observations: list[Speed | BrakePedal | Discarded] = []
+        observations: list[BroadcastValue] = []
         speeds = [signal for owner, signal in self._speed if owner is message]
         # A multiplexed signal is in some frames of its message only.
         if speeds and all(signal.name in values for signal in speeds):
@@ -79,7 +92,21 @@ class BroadcastSignals:
                 observations.append(
                     BrakePedal(frame.stamp_s, bool(values[signal.name]), _source(owner, signal))
                 )
+        observations += self._read_triggers(frame, message, values)
         return observations
+
+    def _read_triggers(
+        self, frame: CanFrame, message: Any, values: Mapping[str, float]
+    ) -> Iterator[BrakeTrigger | Discarded]:
+        for owner, signal, cause, threshold in self._triggers:
+            if owner is not message or signal.name not in values:
+                continue
+            value, source = values[signal.name], _source(owner, signal)
+            if not (math.isfinite(value) and _in_range(signal, value)):
+                yield _discarded(frame, "signal_range", f"{source} = {value} {signal.unit}")
+                continue
+            is_active = _is_on(signal, value) if threshold is None else value >= threshold
+            yield BrakeTrigger(frame.stamp_s, cause, is_active, source)
 
     def _read_speed(
         self, frame: CanFrame, message: Any, signals: list[Any], values: Mapping[str, float]
@@ -90,10 +117,11 @@ class BroadcastSignals:
                 return _discarded(
                     frame, "signal_range", f"{_source(message, signal)} = {value} {signal.unit}"
                 )
-        mean = sum(values[signal.name] for signal in signals) / len(signals)
+        # One wheel that locks, or whose sensor fails, does not change the median of four.
+        median = statistics.median(values[signal.name] for signal in signals)
         return Speed(
             stamp_s=frame.stamp_s,
-            speed_m_s=abs(mean) * self._factor,  # signed if the wheel's sensor detects reverse
+            speed_m_s=abs(median) * self._factor,  # signed if the wheel's sensor detects reverse
             resolution_m_s=abs(signals[0].scale) * self._factor,
             source=_source(message, signals[0]),
         )
@@ -117,13 +145,34 @@ class BroadcastSignals:
             raise UserError(f"{self._dbc}: {message_name} has no signal {signal_name}, but {known}")
         return message, signal
 
-    def _unit(self, settings: BroadcastSettings) -> float:
-        written = settings.speed_unit or self._speed[0][1].unit or ""
-        factor = _UNITS.get(written.lower())
+    def _find_triggers(
+        self, database: Any, settings: BroadcastSettings
+    ) -> Iterator[tuple[Any, Any, BrakeCause, float | None]]:
+        """Message, signal, cause, and for the pressure its threshold in the signal's unit."""
+        for cause, name in (
+            (BrakeCause.ABS, settings.abs),
+            (BrakeCause.STABILITY_CONTROL, settings.stability_control),
+            (BrakeCause.AIRBAG, settings.airbag),
+            (BrakeCause.HAZARD_LIGHTS, settings.hazard_lights),
+        ):
+            if name is not None:
+                yield *self._find(database, name), cause, None
+        name, threshold_bar = settings.brake_pressure, settings.brake_pressure_threshold_bar
+        if name is not None and threshold_bar is not None:
+            message, signal = self._find(database, name)
+            unit = settings.brake_pressure_unit or signal.unit
+            factor = self._factor_of(
+                name, unit, _PRESSURE_UNITS, "brake_pressure_unit to bar, kPa or MPa"
+            )
+            yield message, signal, BrakeCause.BRAKE_PRESSURE, threshold_bar / factor
+
+    def _factor_of(
+        self, name: str, unit: str | None, units: Mapping[str, float], remedy: str
+    ) -> float:
+        factor = units.get((unit or "").lower())
         if factor is None:
             raise UserError(
-                f"{self._dbc}: {settings.speed[0]} has the unit {written!r}; "
-                "set obd.broadcast.speed_unit to km/h, m/s or mph"
+                f"{self._dbc}: {name} has the unit {unit or ''!r}; set obd.broadcast.{remedy}"
             )
         return factor
 
@@ -133,6 +182,11 @@ def _in_range(signal: Any, value: float) -> bool:
     above = signal.minimum is None or value >= signal.minimum
     below = signal.maximum is None or value <= signal.maximum
     return above and below
+
+
+def _is_on(signal: Any, value: float) -> bool:
+    """Whether a flag is set; of two bits, 2 is an error and 3 not available (SAE J1939-71)."""
+    return value == 1 if signal.length == 2 else value != 0
 
 
 def _source(message: Any, signal: Any) -> str:

@@ -1,4 +1,4 @@
-"""Detection of hard braking from samples of the vehicle's speed: once for each braking.
+"""Detection of hard braking from samples of the vehicle's speed: when it begins, how hard, its end.
 
 A straight line is fitted (least squares) to the newest samples, for every start in the window. Its
 slope is the deceleration a; its standard error follows from the samples:
@@ -8,9 +8,11 @@ slope is the deceleration a; its standard error follows from the samples:
 where sigma^2 is the larger of the known variance of the source (steps of its scale, jitter of its
 stamps, rough road) and of the samples' variance around the line. Braking is *certain* when a minus
 `CONFIDENCE` standard errors exceeds the threshold for one of the starts. So coarse samples take
-longer than fine ones, no line fits a step or a stale value, and stamps may be irregular. The
-detector is re-armed when the deceleration since the alarm (over the window at most) is below half
-the threshold, or after a silence longer than the window.
+longer than fine ones, no line fits a step or a stale value, and stamps may be irregular.
+
+After the alarm, one line is followed: the shortest since then that spans `END_SPAN_S` and tells
+half the threshold from nothing. Braking is over when its slope is below half the threshold; the
+level rises when its slope is certainly higher.
 """
 
 import math
@@ -18,7 +20,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from onboard.observations import BrakePedal, HardBrake, Speed
+from onboard.observations import BrakePedal, Speed
 from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
 
 WINDOW_S = 1.2
@@ -44,13 +46,14 @@ STAMP_SIGMA_S = 0.015
 """Sigma of the time from measurement to arrival, without its constant part."""
 
 MAX_DECELERATION_M_S2 = 12.0
-"""Highest deceleration of a tyre on a dry road; a larger step is the sensor's."""
+"""Highest deceleration of a tyre on a dry road; a larger step is a fault or a collision."""
 
 MAX_LATENESS_S = 0.1
 """Largest age of a value on arrival: of an ECU that refreshes its response at 10 Hz."""
 
-REARM_SPAN_S = 0.5
-"""Least span of the samples after the alarm by which braking can be found to be over."""
+END_SPAN_S = 0.5
+"""Least span of the samples after the alarm by which braking can be found to be over: a pumped
+pedal is released for less."""
 
 
 class _Line(NamedTuple):
@@ -72,15 +75,27 @@ class HardBrakeDetector:
         self._threshold_m_s2 = threshold_g * STANDARD_GRAVITY_M_S2
         self._samples: deque[Speed] = deque()
         self._pedal_pressed = False
-        self._raised_at: float | None = None
+        self._raised_at = math.inf
         """Time of the alarm of a braking that is not over."""
+        self._level_m_s2: float | None = None
+
+    @property
+    def level_m_s2(self) -> float | None:
+        """Highest certain deceleration of the present hard braking; `None` while there is none."""
+        return self._level_m_s2
+
+    @property
+    def deceleration_m_s2(self) -> float | None:
+        """Deceleration over the last `END_SPAN_S`, hard or not; `None` while it is unknown."""
+        line = self._recent_line(-math.inf)
+        return None if line is None else line.deceleration_m_s2
 
     def receive_pedal(self, pedal: BrakePedal) -> None:
         """Receive the state of the brake pedal, if the vehicle broadcasts it."""
         self._pedal_pressed = pedal.pressed
 
-    def receive_speed(self, speed: Speed) -> HardBrake | None:
-        """Receive the next sample; returns hard braking when it becomes certain.
+    def receive_speed(self, speed: Speed) -> None:
+        """Receive the next sample.
 
         A stamp that goes back a little is ignored. Another source, an impossible step or a larger
         way back starts a new window.
@@ -90,52 +105,72 @@ class HardBrakeDetector:
             last = samples[-1]
             elapsed_s = speed.stamp_s - last.stamp_s
             if -WINDOW_S < elapsed_s < 0.0 and speed.source == last.source:
-                return None
+                return
             if abs(elapsed_s) > WINDOW_S:
-                self._raised_at = None
-                samples.clear()
-            elif speed.source != last.source or _is_jump(last, speed):
+                self.reset()
+            elif speed.source != last.source or is_jump(last, speed):
                 samples.clear()
         samples.append(speed)
         while samples[0].stamp_s < speed.stamp_s - WINDOW_S:
             samples.popleft()
-        if self._raised_at is not None:
-            if self._has_ended(self._raised_at):
-                self._raised_at = None
-            return None
-        deceleration_m_s2 = self._certain_m_s2(speed.resolution_m_s)
-        if deceleration_m_s2 is None or speed.speed_m_s < MIN_SPEED_M_S:
-            return None
-        self._raised_at = speed.stamp_s
-        return HardBrake(speed.stamp_s, deceleration_m_s2, speed.source)
+        if self._level_m_s2 is None:
+            self._begin(speed)
+        else:
+            self._follow(self._level_m_s2)
 
-    def _certain_m_s2(self, resolution_m_s: float) -> float | None:
-        """Deceleration that is certainly above the threshold, of the fewest samples."""
+    def reset(self) -> None:
+        """Forget all samples, after a silence; braking is over."""
+        self._samples.clear()
+        self._level_m_s2 = None
+
+    def _begin(self, speed: Speed) -> None:
         confidence = CONFIDENCE_PEDAL_PRESSED if self._pedal_pressed else CONFIDENCE
-        known_variance = (
-            resolution_m_s**2 / 12 + ROAD_SIGMA_M_S**2 + (STAMP_SIGMA_S * self._threshold_m_s2) ** 2
-        )
         for line in self._lines():
-            error = math.sqrt(max(known_variance, line.variance) / line.s_tt)
-            if line.deceleration_m_s2 - confidence * error > self._threshold_m_s2:
-                return line.deceleration_m_s2
-        return None
+            error_m_s2 = self._error_m_s2(line, self._threshold_m_s2)
+            if line.deceleration_m_s2 - confidence * error_m_s2 > self._threshold_m_s2:
+                if speed.speed_m_s >= MIN_SPEED_M_S:
+                    self._level_m_s2, self._raised_at = line.deceleration_m_s2, speed.stamp_s
+                return
 
-    def _has_ended(self, raised_at: float) -> bool:
-        """Whether the braking with an alarm at `raised_at` is over."""
-        longest = None
-        for line in self._lines():
-            if line.start_s < raised_at:
-                break
-            longest = line
-        return (
-            longest is not None
-            and longest.span_s >= REARM_SPAN_S
-            and longest.deceleration_m_s2 < self._threshold_m_s2 / 2
+    def _follow(self, level_m_s2: float) -> None:
+        line = self._recent_line(self._raised_at)
+        if line is None:
+            return
+        if line.deceleration_m_s2 < self._threshold_m_s2 / 2:
+            self._level_m_s2 = None
+            # Older samples are of the braking that is over, and would raise it again.
+            while self._samples[0].stamp_s < line.start_s:
+                self._samples.popleft()
+        elif line.deceleration_m_s2 - CONFIDENCE * self._error_m_s2(line, level_m_s2) > level_m_s2:
+            self._level_m_s2 = line.deceleration_m_s2
+
+    def _error_m_s2(self, line: _Line, limit_m_s2: float) -> float:
+        """Standard error of the line's slope, compared with a limit."""
+        return math.sqrt(max(self._known_variance(limit_m_s2), line.variance) / line.s_tt)
+
+    def _recent_line(self, since_s: float) -> _Line | None:
+        """The shortest line since `since_s` that can show whether braking is over."""
+        half_m_s2 = self._threshold_m_s2 / 2
+        least_s_tt = self._known_variance(half_m_s2) * (CONFIDENCE / half_m_s2) ** 2
+        return next(
+            (
+                line
+                for line in self._lines()
+                if line.start_s >= since_s and line.span_s >= END_SPAN_S and line.s_tt >= least_s_tt
+            ),
+            None,
         )
+
+    def _known_variance(self, deceleration_m_s2: float) -> float:
+        """Variance of a sample, m^2/s^2, while the vehicle decelerates like this."""
+        resolution_m_s = self._samples[-1].resolution_m_s if self._samples else 0.0
+        jitter_m_s = STAMP_SIGMA_S * deceleration_m_s2
+        return resolution_m_s**2 / 12 + ROAD_SIGMA_M_S**2 + jitter_m_s**2
 
     def _lines(self) -> Iterator[_Line]:
         """Yield the lines through the newest 3, 4, 5 ... samples."""
+        if not self._samples:
+            return
         newest = self._samples[-1]
         sum_t = sum_v = sum_tt = sum_tv = sum_vv = 0.0
         for n, sample in enumerate(reversed(self._samples), 1):
@@ -161,8 +196,16 @@ class HardBrakeDetector:
             )
 
 
-def _is_jump(last: Speed, new: Speed) -> bool:
-    """Whether the step is impossible, with stale values and steps of the scale allowed for."""
+def is_jump(last: Speed, new: Speed) -> bool:
+    """Whether the step, up or down, is impossible on a road."""
+    return abs(least_deceleration_m_s2(last, new)) > MAX_DECELERATION_M_S2
+
+
+def least_deceleration_m_s2(last: Speed, new: Speed) -> float:
+    """Deceleration that explains both samples with the oldest value and the scale's largest error.
+
+    Negative for an acceleration.
+    """
     reach_s = abs(new.stamp_s - last.stamp_s) + MAX_LATENESS_S
-    step_m_s = abs(new.speed_m_s - last.speed_m_s)
-    return step_m_s > MAX_DECELERATION_M_S2 * reach_s + new.resolution_m_s
+    fall_m_s = last.speed_m_s - new.speed_m_s
+    return math.copysign(max(abs(fall_m_s) - new.resolution_m_s, 0.0), fall_m_s) / reach_s

@@ -36,11 +36,34 @@ class BroadcastSettings(Settings):
     dbc: Path
     """The vehicle's DBC file."""
     speed: tuple[str, ...] = ()
-    """Vehicle or wheel speed; of several signals (all in one message), the mean is used."""
+    """Vehicle or wheel speed; of several signals (all in one message), the median is used."""
     speed_unit: Literal["km/h", "m/s", "mph"] | None = None
     """Unit of the speed, if the DBC file has none or an unknown one."""
     brake_pedal: str | None = None
     """Signal of the brake pedal; any value but 0 is pressed."""
+    abs: str | None = None
+    """Signal of active ABS. Of this and the next three, a signal of two bits is on with 1 only (SAE
+    J1939-71: 2 is an error, 3 not available), any other one with all values but 0."""
+    stability_control: str | None = None
+    """Signal of active stability control."""
+    airbag: str | None = None
+    """Signal of a deployed airbag."""
+    hazard_lights: str | None = None
+    """Signal of the hazard lights."""
+    brake_pressure: str | None = None
+    """Signal of the pressure in the brake's master cylinder."""
+    brake_pressure_unit: Literal["bar", "kPa", "MPa"] | None = None
+    """Unit of the pressure, if the DBC file has none or an unknown one."""
+    brake_pressure_threshold_bar: float | None = Field(None, ge=5.0, le=250.0)
+    """Pressure from which the vehicle brakes hard; required with `brake_pressure`."""
+
+    @model_validator(mode="after")
+    def _pressure_has_threshold(self) -> Self:
+        if (self.brake_pressure is None) != (self.brake_pressure_threshold_bar is None):
+            raise ValueError(
+                "`brake_pressure_threshold_bar` is required with `brake_pressure`, and only there"
+            )
+        return self
 
 
 class ObdSettings(Settings):

@@ -8,7 +8,6 @@ identifier, and receives flow control for a long response under another one.
     29 bits   0x18DB33F1   0x18DAF1xx                0x18DAxxF1
 """
 
-import math
 from collections import deque
 from typing import TYPE_CHECKING
 
@@ -16,8 +15,8 @@ from typing_extensions import override
 
 from onboard.core import Core
 from onboard.obd import n_pdu, service_01
+from onboard.obd.braking import BrakeTrigger, Braking
 from onboard.obd.can_frame import CanFrame
-from onboard.obd.hard_brake import HardBrakeDetector
 from onboard.obd.iso_tp import Aborted, Reassembly
 from onboard.obd.request_scheduler import RequestScheduler
 from onboard.obd.settings import ObdSettings
@@ -60,7 +59,7 @@ class VehicleBus(Core):
             else None
         )
         self._signals = signals
-        self._detector = HardBrakeDetector(settings.hard_brake_threshold_g)
+        self._braking = Braking(settings.hard_brake_threshold_g)
         self._reassemblies: dict[tuple[int, bool], Reassembly] = {}
         self._speed_received_at: dict[tuple[int, bool], float] = {}
         self._broadcast_received_at: float | None = None
@@ -90,15 +89,18 @@ class VehicleBus(Core):
 
     @override
     def get_timer(self) -> float:
-        """Return when the next request, or the next frame of a long response, is due."""
+        """Return when a request, a frame of a long response, or the end of braking is due."""
         timers = [reassembly.get_timer() for reassembly in self._reassemblies.values()]
+        timers.append(self._braking.get_timer())
         if self._scheduler is not None:
             timers.append(self._scheduler.get_timer())
-        return min(timers, default=math.inf)
+        return min(timers)
 
     @override
     def handle_timer(self, now: float) -> None:
-        """Abort responses that timed out. Requests are due in `frames_to_send`."""
+        """Abort responses that timed out; end braking. Requests are due in `frames_to_send`."""
+        self._braking.handle_timer(now)
+        self._take_braking()
         for (ecu, is_extended_id), reassembly in self._reassemblies.items():
             reassembly.handle_timer(now)
             self._take_messages(reassembly, ecu, now, now, is_extended_id=is_extended_id)
@@ -108,16 +110,23 @@ class VehicleBus(Core):
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 
-    def _receive_broadcast(self, observation: Speed | BrakePedal | Discarded, now: float) -> None:
-        if isinstance(observation, Speed):
-            self._broadcast_received_at = observation.stamp_s
-            if self._scheduler is not None:
-                self._scheduler.pause_until(now + BROADCAST_FRESH_S)
-            self._report_speed(observation)
-            return
-        if isinstance(observation, BrakePedal):
-            self._detector.receive_pedal(observation)
-        self._events.append(observation)
+    def _receive_broadcast(
+        self, observation: Speed | BrakePedal | BrakeTrigger | Discarded, now: float
+    ) -> None:
+        match observation:
+            case Speed():
+                self._broadcast_received_at = observation.stamp_s
+                if self._scheduler is not None:
+                    self._scheduler.pause_until(now + BROADCAST_FRESH_S)
+                self._report_speed(observation, now)
+            case BrakeTrigger():
+                self._braking.receive_trigger(observation, now)
+            case BrakePedal():
+                self._events.append(observation)
+                self._braking.receive_pedal(observation, now)
+            case _:
+                self._events.append(observation)
+        self._take_braking()
 
     def _receive_from_ecu(self, frame: CanFrame, now: float) -> None:
         ecu, is_extended_id = frame.arbitration_id, frame.is_extended_id
@@ -160,7 +169,7 @@ class VehicleBus(Core):
             if self._scheduler is not None:
                 self._scheduler.receive_response(response, now, is_extended_id=is_extended_id)
             if isinstance(response, service_01.PositiveResponse):
-                self._receive_data(response, ecu, stamp_s, is_extended_id=is_extended_id)
+                self._receive_data(response, ecu, stamp_s, now, is_extended_id=is_extended_id)
             elif response.response_code != service_01.RESPONSE_PENDING:
                 code = f"response code 0x{response.response_code:02X}"
                 self._discard(stamp_s, ecu, "negative_response", code)
@@ -170,6 +179,7 @@ class VehicleBus(Core):
         response: service_01.PositiveResponse,
         ecu: int,
         stamp_s: float,
+        now: float,
         *,
         is_extended_id: bool,
     ) -> None:
@@ -177,15 +187,17 @@ class VehicleBus(Core):
         if data is None:
             return
         self._speed_received_at[ecu, is_extended_id] = stamp_s
+        speed = Speed(
+            stamp_s=stamp_s,
+            speed_m_s=service_01.speed_m_s(data),
+            resolution_m_s=service_01.SPEED_RESOLUTION_M_S,
+            source=f"obd:{ecu:03X}",
+        )
         if self._is_preferred(ecu, stamp_s):
-            self._report_speed(
-                Speed(
-                    stamp_s=stamp_s,
-                    speed_m_s=service_01.speed_m_s(data),
-                    resolution_m_s=service_01.SPEED_RESOLUTION_M_S,
-                    source=f"obd:{ecu:03X}",
-                )
-            )
+            self._report_speed(speed, now)
+        else:
+            self._braking.receive_other_speed(speed, now)
+            self._take_braking()
 
     def _is_preferred(self, ecu: int, stamp_s: float) -> bool:
         if (
@@ -198,11 +210,14 @@ class VehicleBus(Core):
             for (other, _), received_at in self._speed_received_at.items()
         )
 
-    def _report_speed(self, speed: Speed) -> None:
+    def _report_speed(self, speed: Speed, now: float) -> None:
         self._events.append(speed)
-        hard_brake = self._detector.receive_speed(speed)
-        if hard_brake is not None:
-            self._events.append(hard_brake)
+        self._braking.receive_speed(speed, now)
+        self._take_braking()
+
+    def _take_braking(self) -> None:
+        while (brake := self._braking.next_event()) is not None:
+            self._events.append(brake)
 
     def _send(self, identifier: int, pdu: n_pdu.NPdu, now: float, *, is_extended_id: bool) -> None:
         self._to_send.append(CanFrame(now, identifier, is_extended_id, n_pdu.encode(pdu)))

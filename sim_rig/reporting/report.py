@@ -31,7 +31,7 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
         console: where to print.
     """
     console.print(_timeline(scenario, log))
-    if any(True for car in log.traces for _ in log.of(car, "hard_brake")):
+    if any(True for car in log.traces for _ in log.brakings(car)):
         console.print(_warnings(log))
     if scenario.gnss is not None:
         console.print(_perceived(log, scenario.duration_s))
@@ -92,7 +92,8 @@ def _description(log: RunLog, car: str, record: Record) -> str:
             text = f"{state}, {place}" if record["state"] == "member" else state
             return f"{text} [dim]({record['event']}: {record['cause']})[/dim]"
         case "hard_brake":
-            return f"[bold]brakes with {record['deceleration_m_s2']:.1f} m/s2[/bold]"
+            text = f"[bold]brakes with {record['deceleration_m_s2']:.1f} m/s2[/bold]"
+            return "hard braking is over" if record["is_over"] else text
         case "warning":
             origin = log.name(record["origin_id"])
             return f"[bold red]WARNED: {origin} brakes[/bold red] [dim](hop {record['hops']})[/dim]"
@@ -153,7 +154,7 @@ def _warnings(log: RunLog) -> Table:
     for column in ("s", "braking", "warned (after ms, over hops)"):
         table.add_column(column, justify="right" if column == "s" else "left")
     for braking in log.traces:
-        for brake in log.of(braking, "hard_brake"):
+        for brake in log.brakings(braking):
             at_s = log.at_s(brake)
             table.add_row(f"{at_s:.3f}", braking, ", ".join(_warned(log, braking, at_s)) or "none")
     return table

@@ -77,12 +77,12 @@ def _draw_states(axes: Axes, scenario: Scenario, log: RunLog, car: str, row: int
             axes.text(
                 interval.from_s + 0.1, row, label, va="center", fontsize="x-small", color="#444"
             )
-    for kind, marker, colour in (
-        ("hard_brake", "v", "black"),
-        ("warning", "^", "#c0392b"),
-        ("sensor_lost", "x", "#d35400"),
+    for records, marker, colour in (
+        (log.brakings(car, scenario.duration_s), "v", "black"),
+        (log.of(car, "warning", 0.0, scenario.duration_s), "^", "#c0392b"),
+        (log.of(car, "sensor_lost", 0.0, scenario.duration_s), "x", "#d35400"),
     ):
-        at_s = [log.at_s(record) for record in log.of(car, kind, 0.0, scenario.duration_s)]
+        at_s = [log.at_s(record) for record in records]
         axes.plot(at_s, [row] * len(at_s), marker, color=colour, ms=6)
     for level, colour in (("caution", "#d4a017"), ("warning", "#c0392b")):
         alarms = log.of(car, "alarm", 0.0, scenario.duration_s, level=level)

@@ -38,7 +38,7 @@ def ledger(log: RunLog) -> list[Line]:
     """
     delays_s: dict[str, list[float]] = {hop: [] for hop in (*HOPS, "chain")}
     for car in log.traces:
-        for brake in log.of(car, "hard_brake"):
+        for brake in log.brakings(car):
             for hop, delay_s in _in_braking_car(log, car, brake):
                 delays_s[hop].append(delay_s)
         for warning in log.of(car, "warning"):
@@ -106,7 +106,7 @@ def braking_of(log: RunLog, warning: Record) -> Record | None:
     origin = log.name(warning["origin_id"])
     if origin not in log.traces:
         return None
-    brakes = list(log.of(origin, "hard_brake", until_s=log.at_s(warning)))
+    brakes = list(log.brakings(origin, log.at_s(warning)))
     return brakes[-1] if brakes else None
 
 

@@ -47,6 +47,19 @@ class RunLog:
             ):
                 yield record
 
+    def brakings(self, car: str, until_s: float = 1e9) -> Iterator[Record]:
+        """Yield the record that begins each hard braking of a car, without those that change it.
+
+        Args:
+            car: name of the car.
+            until_s: end of the interval since the start of the scenario, s.
+        """
+        is_braking = False
+        for record in self.of(car, "hard_brake", until_s=until_s):
+            if not is_braking:
+                yield record
+            is_braking = not record.get("is_over", False)
+
     def name(self, car_id: str) -> str:
         """Car of a communication ID (hex); the ID itself if it is unknown."""
         return self.names.get(car_id, car_id)

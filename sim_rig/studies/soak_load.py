@@ -26,7 +26,7 @@ import yaml
 
 from onboard import psid
 from onboard.config import CarConfig
-from onboard.obd.hard_brake import HardBrakeDetector
+from onboard.obd.braking import Braking
 from onboard.obd.settings import ObdSettings
 from onboard.observations import HardBrake, Position, Speed
 from onboard.security.credentials import Credentials
@@ -154,7 +154,8 @@ class _LeadVehicle:
             utc_s=time.time(),
             credentials=credentials,
         )
-        self._detector = HardBrakeDetector(ObdSettings().hard_brake_threshold_g)
+        self._braking = Braking(ObdSettings().hard_brake_threshold_g)
+        self._brakes = False
         unit.setblocking(False)
         asyncio.get_running_loop().add_reader(unit, self._receive)
 
@@ -173,8 +174,8 @@ class _LeadVehicle:
             speed = Speed(at, _speed_m_s(into_s), 0.1, "ahead")
             ahead_m += speed.speed_m_s * STEP_S
             observations: list[Input] = [speed, _fix(at, ahead_m, speed.speed_m_s)]
-            if (brake := self._detector.receive_speed(speed)) is not None:
-                observations.append(brake)
+            self._braking.receive_speed(speed, at)
+            observations += iter(self._braking.next_event, None)
             self._step(*observations)
             at += STEP_S
             await asyncio.sleep(max(0.0, at - time.monotonic()))
@@ -190,7 +191,9 @@ class _LeadVehicle:
             self._unit.sendto(wsm.data, ("127.0.0.1", self._port))
         for event in outputs.events:
             if isinstance(event, HardBrake):
-                self.warned_at.append(sent_at)
+                if not self._brakes:
+                    self.warned_at.append(sent_at)
+                self._brakes = not event.is_over
 
 
 def _speed_m_s(into_s: float) -> float:

@@ -3,7 +3,7 @@
 import pytest
 
 from onboard.access.reaction_times import Reaction, ReactionObserver
-from onboard.observations import BrakePedal, HardBrake, Lead, LeadIdentity, Speed
+from onboard.observations import BrakeCause, BrakePedal, HardBrake, Lead, LeadIdentity, Speed
 
 
 def pedal(stamp_s: float, pressed: bool = True) -> BrakePedal:
@@ -45,6 +45,25 @@ def test_the_reaction_time_counts_from_the_last_steady_frame(observer: ReactionO
 def test_without_a_pedal_signal_hard_braking_ends_the_reaction(observer: ReactionObserver) -> None:
     close(observer)
 
+    assert observer.receive_hard_brake(hard_brake(11.5)) == pytest.approx(Reaction(1.5, 1.5))
+
+
+@pytest.mark.parametrize("is_over", [False, True])
+def test_a_braking_that_began_before_is_no_reaction(
+    observer: ReactionObserver, is_over: bool
+) -> None:
+    """Only its level changes, or it is over."""
+    observer.receive_hard_brake(hard_brake(9.5))
+    close(observer)
+
+    change = HardBrake(11.5, 0.0 if is_over else 9.0, "obd:7e8", is_over=is_over)
+    assert observer.receive_hard_brake(change) is None
+
+
+def test_the_button_is_no_reaction(observer: ReactionObserver) -> None:
+    close(observer)
+
+    assert observer.receive_hard_brake(HardBrake(11.2, 4.0, "button", BrakeCause.TEST)) is None
     assert observer.receive_hard_brake(hard_brake(11.5)) == pytest.approx(Reaction(1.5, 1.5))
 
 

@@ -6,7 +6,8 @@ import pytest
 from onboard.bsm_transmission.transmitter import ALL_WHEELS, BsmTransmitter
 from onboard.messages import bsm
 from onboard.messages.bsm_core import CoreData, VehicleSize, WheelBrakes
-from onboard.observations import BrakePedal, Position, Speed
+from onboard.messages.bsm_safety import VehicleEventFlags
+from onboard.observations import BrakeCause, BrakePedal, HardBrake, Position, Speed
 from onboard.security.pseudonyms import Pseudonym
 from onboard.units import KM_H
 
@@ -93,3 +94,64 @@ def test_the_brake_pedal_is_sent_if_the_bus_has_a_signal_for_it(
 
     assert core(beacon, 1.0).brakes.wheel_brakes == wheels
     assert core(beacon, 9.0).brakes.wheel_brakes == WheelBrakes.UNAVAILABLE
+
+
+def flags(beacon: BsmTransmitter, now: float) -> VehicleEventFlags | None:
+    safety = beacon.bsm(None, now, now).safety
+    return safety.events if safety is not None else None
+
+
+def test_the_hard_braking_flag_is_sent_as_long_as_the_braking_lasts(
+    beacon: BsmTransmitter,
+) -> None:
+    assert beacon.take_due(1.0)
+    assert not beacon.take_due(1.01)
+    beacon.receive_hard_brake(HardBrake(1.01, 6.0, "obd:7E8"), 1.01)
+    assert beacon.take_due(1.01)
+    assert flags(beacon, 5.0) == VehicleEventFlags.HARD_BRAKING
+
+    beacon.receive_hard_brake(HardBrake(5.1, 0.0, "obd:7E8", is_over=True), 5.1)
+    assert flags(beacon, 5.2) is None
+
+
+@pytest.mark.parametrize(
+    ("cause", "flag"),
+    [
+        (BrakeCause.DECELERATION, VehicleEventFlags(0)),
+        (BrakeCause.BRAKE_PRESSURE, VehicleEventFlags(0)),
+        (BrakeCause.COLLISION, VehicleEventFlags(0)),
+        (BrakeCause.HAZARD_LIGHTS, VehicleEventFlags.HAZARD_LIGHTS),
+        (BrakeCause.STABILITY_CONTROL, VehicleEventFlags.STABILITY_CONTROL_ACTIVATED),
+        (BrakeCause.ABS, VehicleEventFlags.ABS_ACTIVATED),
+        (BrakeCause.AIRBAG, VehicleEventFlags.AIR_BAG_DEPLOYMENT),
+    ],
+)
+def test_each_cause_has_its_flag_beside_that_of_hard_braking(
+    beacon: BsmTransmitter, cause: BrakeCause, flag: VehicleEventFlags
+) -> None:
+    beacon.receive_hard_brake(HardBrake(1.0, 6.0, "dbc", cause), 1.0)
+    assert flags(beacon, 1.0) == flag | VehicleEventFlags.HARD_BRAKING
+
+    beacon.receive_hard_brake(HardBrake(1.5, 2.0, "dbc", cause), 1.5)
+    assert flags(beacon, 1.5) == (flag or None)
+
+
+def test_an_airbag_outlasts_the_hard_braking_at_standstill(beacon: BsmTransmitter) -> None:
+    beacon.receive_hard_brake(HardBrake(1.0, 90.0, "dbc", BrakeCause.AIRBAG), 1.0)
+    for tenth in range(100):
+        beacon.receive_speed(Speed(1.0 + tenth / 10, 0.0, KM_H, "obd:7E8"))
+
+    assert flags(beacon, 2.0) == (
+        VehicleEventFlags.AIR_BAG_DEPLOYMENT | VehicleEventFlags.HARD_BRAKING
+    )
+    assert flags(beacon, 3.0) == VehicleEventFlags.AIR_BAG_DEPLOYMENT
+
+
+def test_the_button_sets_no_flag_and_ends_none(beacon: BsmTransmitter) -> None:
+    button = HardBrake(1.0, 4.0, "button", BrakeCause.TEST)
+    beacon.receive_hard_brake(button, 1.0)
+    assert flags(beacon, 1.0) is None
+
+    beacon.receive_hard_brake(HardBrake(2.0, 6.0, "obd:7E8"), 2.0)
+    beacon.receive_hard_brake(button, 2.1)
+    assert flags(beacon, 2.2) == VehicleEventFlags.HARD_BRAKING

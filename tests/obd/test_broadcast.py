@@ -4,13 +4,14 @@ from pathlib import Path
 
 import cantools
 import pytest
+from pydantic import ValidationError
 
 from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
-from onboard.observations import BrakePedal, HardBrake, Speed
+from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed
 from onboard.units import KM_H, MPH
 
 DBC = """VERSION ""
@@ -25,6 +26,18 @@ BO_ 2566869221 CLUSTER: 2 CAR
  SG_ SPEED : 0|8@1+ (1,0) [0|200] "MPH" CAR
 BO_ 256 PEDALS: 1 CAR
  SG_ BRAKE : 0|1@1+ (1,0) [0|1] "" CAR
+BO_ 512 SAFETY: 4 CAR
+ SG_ ABS_ACTIVE : 0|1@1+ (1,0) [0|1] "" CAR
+ SG_ AIRBAG : 2|2@1+ (1,0) [0|3] "" CAR
+ SG_ ESC : 4|3@1+ (1,0) [0|5] "" CAR
+ SG_ HAZARD : 7|1@1+ (1,0) [0|1] "" CAR
+ SG_ PRESSURE : 8|16@1+ (10,0) [0|30000] "kPa" CAR
+ SG_ FORCE : 24|8@1+ (1,0) [0|255] "N" CAR
+BO_ 178 FOUR: 8 CAR
+ SG_ A : 0|16@1+ (0.01,0) [0|300] "km/h" CAR
+ SG_ B : 16|16@1+ (0.01,0) [0|300] "km/h" CAR
+ SG_ C : 32|16@1+ (0.01,0) [0|300] "km/h" CAR
+ SG_ D : 48|16@1+ (0.01,0) [0|300] "km/h" CAR
 BO_ 177 NO_RANGES: 6 CAR
  SG_ WHEEL : 7|16@0+ (0.01,0) [0|0] "km/h" CAR
  SG_ FLOAT : 23|32@0+ (1,0) [0|0] "km/h" CAR
@@ -73,7 +86,7 @@ def test_a_speed_in_si_with_its_resolution_and_name(dbc):
     ]
 
 
-def test_the_speed_of_several_wheels_is_their_mean(dbc):
+def test_the_speed_of_several_wheels_is_their_median(dbc):
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT", "WHEELS.FRONT_RIGHT")))
     (speed,) = received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0, FRONT_RIGHT=37.0))
     assert speed.speed_m_s == pytest.approx(36.5 * KM_H)
@@ -96,6 +109,79 @@ def test_the_brake_pedal(dbc):
         BrakePedal(2.0, pressed=True, source="dbc:PEDALS.BRAKE"),
         BrakePedal(2.1, pressed=False, source="dbc:PEDALS.BRAKE"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("names", "values", "cause"),
+    [
+        ({"abs": "SAFETY.ABS_ACTIVE"}, {"ABS_ACTIVE": 1}, BrakeCause.ABS),
+        ({"stability_control": "SAFETY.ESC"}, {"ESC": 2}, BrakeCause.STABILITY_CONTROL),
+        ({"airbag": "SAFETY.AIRBAG"}, {"AIRBAG": 1}, BrakeCause.AIRBAG),
+        ({"hazard_lights": "SAFETY.HAZARD"}, {"HAZARD": 1}, BrakeCause.HAZARD_LIGHTS),
+        (
+            {"brake_pressure": "SAFETY.PRESSURE", "brake_pressure_threshold_bar": 60.0},
+            {"PRESSURE": 6000},
+            BrakeCause.BRAKE_PRESSURE,
+        ),
+    ],
+)
+def test_a_trigger_is_active_by_its_signal(dbc, names, values, cause):
+    signals = read_signals(BroadcastSettings(dbc=dbc, **names))
+    (on,) = signals.receive_frame(frame(2.0, "SAFETY", **values))
+    (off,) = signals.receive_frame(frame(2.1, "SAFETY", PRESSURE=5990))
+    assert (on.stamp_s, on.cause, on.is_active) == (2.0, cause, True)
+    assert (off.cause, off.is_active) == (cause, False)
+    assert on.source.startswith("dbc:SAFETY.")
+
+
+@pytest.mark.parametrize("value", [2, 3])
+def test_error_and_not_available_of_two_bits_are_no_airbag(dbc, value):
+    signals = read_signals(BroadcastSettings(dbc=dbc, airbag="SAFETY.AIRBAG"))
+    (trigger,) = signals.receive_frame(frame(2.0, "SAFETY", AIRBAG=value))
+    assert not trigger.is_active
+
+
+@pytest.mark.parametrize("name", ["stability_control", "airbag"])
+def test_a_flag_beyond_its_range_is_discarded(dbc, name):
+    bus = bus_of(settings(dbc, **{name: "SAFETY.ESC"}))
+    (discarded,) = received(bus, CanFrame(2.0, 512, is_extended_id=False, data=b"\x70\0\0\0"))
+    assert (discarded.component, discarded.reason) == ("obd", "signal_range")
+
+
+def test_an_airbag_is_hard_braking_while_it_is_reported(dbc):
+    bus = bus_of(settings(dbc, airbag="SAFETY.AIRBAG"))
+    (begin,) = received(bus, *(frame(n / 10, "SAFETY", AIRBAG=1) for n in range(10, 20)))
+    assert (begin.kind, begin.cause, begin.source) == ("hard_brake", "airbag", "dbc:SAFETY.AIRBAG")
+    while (at := bus.get_timer()) < 10.0:
+        bus.frames_to_send(at)
+        bus.handle_timer(at)
+    (end,) = received(bus)
+    assert end.is_over
+
+
+@pytest.mark.parametrize(
+    "more",
+    [{"brake_pressure": "SAFETY.PRESSURE"}, {"brake_pressure_threshold_bar": 50.0}],
+)
+def test_brake_pressure_and_its_threshold_belong_together(dbc, more):
+    with pytest.raises(ValidationError, match="is required with `brake_pressure`"):
+        BroadcastSettings(dbc=dbc, **more)
+
+
+def test_the_settings_may_name_another_unit_of_pressure(dbc):
+    named = {"brake_pressure": "SAFETY.FORCE", "brake_pressure_threshold_bar": 20.0}
+    signals = read_signals(BroadcastSettings(dbc=dbc, **named, brake_pressure_unit="MPa"))
+    (trigger,) = signals.receive_frame(frame(2.0, "SAFETY", FORCE=2))
+    assert trigger.is_active
+
+
+def test_a_wheel_of_four_that_stops_at_once_is_no_collision(dbc):
+    wheels = tuple(f"FOUR.{name}" for name in ("A", "B", "C", "D"))
+    bus = bus_of(settings(dbc, speed=wheels))
+    events = received(
+        bus, *(frame(n / 50, "FOUR", B=80, C=80, D=80, A=80 * (n < 100)) for n in range(200))
+    )
+    assert {event.kind for event in events} == {"speed"}
 
 
 def test_11_and_29_bit_identifiers_are_distinct(dbc):
@@ -149,7 +235,7 @@ def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc):
     frames = [
         frame(n / 50, "WHEELS", FRONT_LEFT=100 - 28.8 * max(0.0, n / 50 - 1.0)) for n in range(100)
     ]
-    (alarm,) = [event for event in received(bus, *frames) if isinstance(event, HardBrake)]
+    alarm, *_ = [event for event in received(bus, *frames) if isinstance(event, HardBrake)]
     assert 1.0 < alarm.stamp_s < 1.2
     assert alarm.deceleration_m_s2 == pytest.approx(8.0, rel=0.2)
 
@@ -161,6 +247,11 @@ def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc):
         ({"speed": ("WHEELS.REAR",)}, "WHEELS has no signal REAR, but FRONT_LEFT, FRONT_RIGHT"),
         ({"brake_pedal": "PEDALS"}, "PEDALS has no signal , but BRAKE"),
         ({"speed": ("WHEELS.FRONT_LEFT", "CLUSTER.SPEED")}, "belong to several messages"),
+        ({"airbag": "SAFETY.BAG"}, "SAFETY has no signal BAG, but ABS_ACTIVE, AIRBAG, ESC"),
+        (
+            {"brake_pressure": "SAFETY.FORCE", "brake_pressure_threshold_bar": 9.0},
+            "has the unit 'N'; set obd.broadcast.brake_pressure_unit to bar, kPa or MPa",
+        ),
         ({"speed": ("WHEELS.SLIP",)}, "has the unit '%'; set obd.broadcast.speed_unit"),
     ],
 )

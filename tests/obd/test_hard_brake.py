@@ -1,14 +1,15 @@
 """Detection from whole km/h: hard braking is found, anything else is not."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.obd.hard_brake import HardBrakeDetector
-from onboard.observations import BrakePedal, Speed
+from onboard.obd.braking import CHANGE_INTERVAL_S, Braking
+from onboard.observations import BrakeCause, BrakePedal, Speed
 from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
 
 THRESHOLD_M_S2 = 0.4 * STANDARD_GRAVITY_M_S2
@@ -21,11 +22,27 @@ def samples(stamps, speed_m_s, resolution_m_s=KM_H, source="obd:7E8"):
         yield Speed(t, max(cut, 0.0), resolution_m_s, source)
 
 
-def alarms(speeds, threshold_g=0.4, pedal=None):
-    detector = HardBrakeDetector(threshold_g)
+def changes(speeds, threshold_g=0.4, pedal=None):
+    """Every change of the braking that these speeds show."""
+    braking = Braking(threshold_g)
     if pedal is not None:
-        detector.receive_pedal(pedal)
-    return [alarm for speed in speeds if (alarm := detector.receive_speed(speed)) is not None]
+        braking.receive_pedal(pedal, pedal.stamp_s)
+    found = []
+    for speed in speeds:
+        braking.receive_speed(speed, speed.stamp_s)
+        found += iter(braking.next_event, None)
+    return found
+
+
+def alarms(speeds, threshold_g=0.4, pedal=None):
+    """The begin of each braking."""
+    found = changes(speeds, threshold_g, pedal)
+    is_begin = [True, *(change.is_over for change in found)]
+    return [change for change, begins in zip(found, is_begin, strict=False) if begins]
+
+
+def ends(speeds, threshold_g=0.4):
+    return [change for change in changes(speeds, threshold_g) if change.is_over]
 
 
 def every(period_s, end_s, start_s=0.0):
@@ -44,6 +61,14 @@ def test_hard_braking_is_found_once(hz, deceleration, within_s):
     assert 2.0 < alarm.stamp_s < 2.0 + within_s
     assert THRESHOLD_M_S2 < alarm.deceleration_m_s2 < 1.4 * deceleration
     assert alarm.source == "obd:7E8"
+
+
+@pytest.mark.parametrize("phase_s", [0.0, 0.1, 0.2, 0.3, 0.4])
+def test_an_ecu_that_answers_at_2_hz_shows_one_braking_within_1_5_s(phase_s):
+    found = changes(samples(every(0.5, 10.0, phase_s), braking(8.0, from_m_s=30.0)))
+    assert 2.0 < found[0].stamp_s < 3.5
+    assert [change.is_over for change in found].count(True) == 1
+    assert 2.0 + 30.0 / 8.0 < found[-1].stamp_s < 2.0 + 30.0 / 8.0 + 1.5
 
 
 @pytest.mark.parametrize("deceleration", [5.0, 8.0])
@@ -87,6 +112,70 @@ def test_braking_with_a_pumped_pedal_is_found_once():
     assert len(alarms(samples(every(0.05, 6.0), pumping))) == 1
 
 
+@pytest.mark.parametrize("hz", [10, 20])
+def test_hard_eased_hard_again_is_a_second_braking(hz):
+    def eased(t):
+        """7 m/s2, 0.8 s of 1 m/s2, 7 m/s2 again."""
+        hard_s = min(max(t - 2.0, 0.0), 1.0) + min(max(t - 3.8, 0.0), 1.0)
+        return 120 * KM_H - 7.0 * hard_s - 1.0 * min(max(t - 3.0, 0.0), 0.8)
+
+    found = changes(samples(every(1 / hz, 6.5), eased))
+    first, second = (change for change in found if change.is_over)
+    assert len(alarms(samples(every(1 / hz, 6.5), eased))) == 2
+    assert 3.0 < first.stamp_s < 3.7
+    assert 4.8 < second.stamp_s < 5.5
+    assert (first.deceleration_m_s2, first.cause) == (0.0, BrakeCause.DECELERATION)
+
+
+def test_harder_braking_raises_the_level_once_it_is_certain():
+    def harder(t):
+        return 140 * KM_H - 5.0 * max(0.0, t - 2.0) - 4.0 * max(0.0, t - 3.5)
+
+    begin, *levels, end = changes(samples(every(0.05, 9.0), harder))
+    assert 4.0 < begin.deceleration_m_s2 < 6.5
+    assert levels
+    assert levels[-1].stamp_s < 5.0
+    assert 7.5 < levels[-1].deceleration_m_s2 < 10.5
+    assert all(not level.is_over for level in levels)
+    assert all(b.stamp_s - a.stamp_s >= CHANGE_INTERVAL_S for a, b in pairwise([begin, *levels]))
+    assert end.is_over
+
+
+@given(
+    deceleration_g=st.floats(0.5, 1.0),
+    from_km_h=st.floats(40.0, 180.0),
+    released_to_m_s2=st.floats(0.0, 0.5),
+    braked_for_s=st.floats(0.8, 10.0),
+    timing=st.tuples(
+        st.floats(10.0, 20.0), st.sampled_from([0.0, 0.005, 0.02]), st.integers(0, 2**32 - 1)
+    ),
+)
+def test_a_constant_braking_begins_once_and_ends_once_at_standstill_or_release(
+    deceleration_g, from_km_h, released_to_m_s2, braked_for_s, timing
+):
+    hz, jitter_s, seed = timing
+    deceleration_m_s2 = deceleration_g * STANDARD_GRAVITY_M_S2
+    standstill_at = 2.0 + from_km_h * KM_H / deceleration_m_s2
+    released_at = 2.0 + braked_for_s
+
+    def reported(t):
+        braked_s, since_s = min(max(t - 2.0, 0.0), braked_for_s), max(t - released_at, 0.0)
+        return from_km_h * KM_H - deceleration_m_s2 * braked_s - released_to_m_s2 * since_s
+
+    rng = np.random.default_rng(seed)
+    times = np.arange(rng.uniform(0.0, 0.1), min(standstill_at, released_at) + 3.0, 1 / hz)
+    speeds = [
+        Speed(t + jitter, each.speed_m_s, KM_H, each.source)
+        for t, jitter, each in zip(
+            times, rng.uniform(0.0, jitter_s, len(times)), samples(times, reported), strict=True
+        )
+    ]
+    found = changes(speeds)
+    ended_at = found[-1].stamp_s
+    assert [change.is_over for change in found] == [False] * (len(found) - 1) + [True]
+    assert -0.1 < ended_at - min(standstill_at, released_at) <= 0.7
+
+
 def test_the_next_braking_is_found_after_the_first_ended():
     def twice(t):
         return 120 * KM_H - 7.0 * (min(max(t - 2, 0), 1.0) + min(max(t - 6, 0), 1.0))
@@ -102,8 +191,10 @@ def test_the_detector_is_rearmed_after_a_long_silence():
     assert len(alarms([*before, *after])) == 2
 
 
-def test_a_sensor_that_drops_to_zero_and_back_is_not_braking():
-    assert alarms(samples(every(0.05, 5.0), lambda t: 0.0 if 2.0 <= t < 3.0 else 22.0)) == []
+@pytest.mark.parametrize("lasting_s", [0.05, 0.1, 0.15])
+def test_a_sensor_that_drops_to_zero_and_soon_back_is_not_braking(lasting_s):
+    dropping = samples(every(0.05, 5.0), lambda t: 0.0 if 0.0 <= t - 2.0 < lasting_s else 22.0)
+    assert changes(dropping) == []
 
 
 @pytest.mark.parametrize("hz", [2, 20])
@@ -152,7 +243,7 @@ def test_a_stamp_that_goes_back_is_ignored():
     mixed = []
     for speed in speeds:
         mixed += [speed, Speed(speed.stamp_s - 0.3, 0.0, KM_H, "obd:7E8")]
-    assert alarms(mixed) == alarms(speeds)
+    assert changes(mixed) == changes(speeds)
 
 
 def test_a_clock_that_jumps_back_starts_a_new_window():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
-from onboard.observations import Discarded, HardBrake, Speed
+from onboard.observations import BrakeCause, Discarded, HardBrake, Speed
 from onboard.units import KM_H
 
 ENGINE, GEARBOX = 0x7E8, 0x7EA
@@ -143,6 +143,33 @@ def test_when_the_used_ecu_is_silent_for_a_second_the_next_one_is_used():
     assert not any(isinstance(event, HardBrake) for event in events)
 
 
+@pytest.mark.parametrize(
+    ("gearbox_km_h", "causes"),
+    [(0, [BrakeCause.COLLISION]), (53, []), (None, [BrakeCause.COLLISION])],
+)
+def test_a_speed_that_collapses_is_a_collision_unless_another_ecu_contradicts(gearbox_km_h, causes):
+    def answers(request, at):
+        if request.data[2] == 0x0D and not request.is_extended_id:
+            yield speed_frame(at, ENGINE, 50 if at < 3.0 else 0)
+            if gearbox_km_h is not None:
+                yield speed_frame(at + 0.001, GEARBOX, 53 if at < 3.0 else gearbox_km_h)
+
+    events = Car(answers).drive(0.0, 5.0)
+    assert [event.cause for event in events if isinstance(event, HardBrake)] == causes
+
+
+def test_braking_ends_by_the_timer_when_the_bus_falls_silent():
+    def answers(request, at):
+        if request.data[2] == 0x0D and not request.is_extended_id and at < 3.0:
+            yield speed_frame(at, ENGINE, round(100 - 28.8 * max(0.0, at - 2.0)))
+
+    events = Car(answers).drive(0.0, 6.0)
+    brakes = [event for event in events if isinstance(event, HardBrake)]
+    assert [brake.is_over for brake in brakes].count(True) == 1
+    assert brakes[-1].is_over
+    assert 4.0 < brakes[-1].stamp_s < 4.3
+
+
 def test_a_bus_without_ecus_gets_four_requests_a_second():
     car = Car(lambda request, at: ())
     assert car.drive(0.0, 10.0) == []
@@ -262,7 +289,7 @@ def test_hard_braking_follows_the_speed_that_made_it_certain():
     events = received(
         *(speed_frame(i / 20, ENGINE, max(0, 100 - 2 * max(0, i - 20))) for i in range(60))
     )
-    (at,) = [n for n, event in enumerate(events) if isinstance(event, HardBrake)]
+    at, *_ = [n for n, event in enumerate(events) if isinstance(event, HardBrake)]
     assert isinstance(events[at - 1], Speed)
     assert events[at - 1].stamp_s == events[at].stamp_s
 

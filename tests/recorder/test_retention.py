@@ -56,15 +56,17 @@ def names(folder: Path) -> list[str]:
     return sorted(path.stem.removeprefix(f"{HEADER.drive}-") for path in folder.iterdir())
 
 
-def drive(recorder: SegmentWriter, until_s: float, brakes_at: float) -> None:
-    """Write one CAN frame per second, and a hard brake at `brakes_at`."""
+def drive(
+    recorder: SegmentWriter, until_s: float, brakes_at: float, brake_ends_at: float | None = None
+) -> None:
+    """Write one CAN frame per second, and a hard braking from `brakes_at` on."""
     recorder.begin(HEADER)
     for second in range(round(until_s)):
         now = HEADER.now_s + second
         frame = CanFrame(now, 0x7E8, is_extended_id=False, data=b"\x03\x41\x0d\x32")
         recorder.record(RecordedMessage("/in/can", HEADER.utc_s + second, frame))
-        if second == brakes_at:
-            brake = HardBrake(now, 5.0, "button")
+        if second in {brakes_at, brake_ends_at}:
+            brake = HardBrake(now, 5.0, "obd:7E8", is_over=second == brake_ends_at)
             recorder.record(RecordedMessage("/out/hard_brake", HEADER.utc_s + second, brake))
     recorder.segments.close(HEADER.now_s + until_s)
 
@@ -83,6 +85,14 @@ def test_segments_near_a_hard_brake_are_kept(tmp_path: Path) -> None:
         "0006",
         "0007",
     ]
+
+
+def test_segments_near_the_end_of_a_hard_braking_are_kept_too(tmp_path: Path) -> None:
+    recorder = SegmentWriter(tmp_path, segment_s=10.0, keep_s=12.0)
+    drive(recorder, until_s=80.0, brakes_at=35, brake_ends_at=46)
+
+    kept = [name for name in names(tmp_path) if name.endswith("-kept")]
+    assert kept == ["0002-kept", "0003-kept", "0004-kept", "0005-kept"]
 
 
 def test_a_long_drive_keeps_its_end_and_the_segments_near_events(tmp_path: Path) -> None:

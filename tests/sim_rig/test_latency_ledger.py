@@ -26,7 +26,7 @@ def a_braking_over_two_hops() -> RunLog:
         start_s=0.0,
         traces={
             "green": [
-                {"stamp_s": 1.302, "kind": "hard_brake"},
+                {"stamp_s": 1.302, "kind": "hard_brake", "is_over": False},
                 sent | {"stamp_s": 1.303, "content": warn(GREEN, 1)},
             ],
             "red": [

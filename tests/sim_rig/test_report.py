@@ -40,3 +40,17 @@ def test_a_record_without_a_time_of_writing_is_listed_at_its_stamp() -> None:
 def test_events_before_zero_are_explained() -> None:
     assert "Before 0 s" in report_of(lost(99.5), recovered(99.6, traced_s=99.6))
     assert "Before 0 s" not in report_of(lost(100.5), recovered(100.6, traced_s=100.6))
+
+
+def test_one_braking_is_one_row_of_warnings_whatever_changes_it() -> None:
+    brake = {"kind": "hard_brake", "cause": "deceleration"}
+    report = report_of(
+        *(
+            brake | {"stamp_s": at_s, "deceleration_m_s2": level_m_s2, "is_over": level_m_s2 == 0.0}
+            for at_s, level_m_s2 in [(104.0, 5.0), (104.6, 8.0), (106.0, 0.0), (107.0, 6.0)]
+        )
+    )
+    timeline, warnings = report.split("Warnings")
+    assert timeline.count("brakes with") == 3
+    assert "6.000   red   hard braking is over" in timeline
+    assert warnings.count("none") == 2

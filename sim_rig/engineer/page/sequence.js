@@ -6,7 +6,8 @@ const AHEAD = 0.4;       // part of the window after the shown time, when that i
 const NAME_ALL_S = 0.5;  // longer windows label rare messages only
 const OFTEN = new Set(["join", "reply", "inquiry", "answer"]);
 const EVENT_LABELS = {
-  hard_brake: (entry) => `brakes ${entry.deceleration_m_s2.toFixed(1)} m/s²`,
+  hard_brake: (entry) =>
+    entry.is_over ? "braking is over" : `brakes ${entry.deceleration_m_s2.toFixed(1)} m/s²`,
   warning: (entry) => `warned: ${entry.origin_id}`,
   identified: (entry) => `ahead: ${entry.car_id}`,
   identity_lost: (entry) => `${entry.cause}: ${entry.car_id}`,
