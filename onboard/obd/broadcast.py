@@ -117,7 +117,7 @@ class BroadcastSignals:
                 return _discarded(
                     frame, "signal_range", f"{_source(message, signal)} = {value} {signal.unit}"
                 )
-        # One wheel that locks, or whose sensor fails, does not change the median of four.
+        # One wheel that locks, or whose sensor fails, does not change the median of three or four.
         median = statistics.median(values[signal.name] for signal in signals)
         return Speed(
             stamp_s=frame.stamp_s,
