@@ -37,6 +37,9 @@ blink 60 to 120 times a minute (UN R48)."""
 LEVEL_STEP_M_S2 = 1.0
 """Least rise of the level that is put out."""
 
+LEAST_M_S2 = 0.1
+"""Least deceleration that is put out: an airbag may be deployed at a constant speed."""
+
 CHANGE_INTERVAL_S = 0.5
 """Least time between changes of the state, except to a more severe cause."""
 
@@ -176,11 +179,12 @@ class Braking(Core):
         return self._speed.source if self._speed is not None else ""
 
     def _deceleration_m_s2(self) -> float:
-        """Of a state: as far as the speeds show it, else the threshold."""
+        """Of a state: as the speeds show it; the threshold if they show nothing."""
         levels = (self._detector.level_m_s2, self._collapse.level_m_s2)
-        level_m_s2 = max((each for each in levels if each is not None), default=0.0)
-        measured_m_s2 = level_m_s2 or self._detector.deceleration_m_s2 or 0.0
-        return measured_m_s2 if measured_m_s2 > 0.0 else self._threshold_m_s2
+        level_m_s2 = max((each for each in levels if each is not None), default=None)
+        if level_m_s2 is None:
+            level_m_s2 = self._detector.deceleration_m_s2
+        return self._threshold_m_s2 if level_m_s2 is None else max(level_m_s2, LEAST_M_S2)
 
     def _is_change(self, shown: HardBrake, brake: HardBrake, now: float) -> bool:
         if _SEVERITY.index(brake.cause) > _SEVERITY.index(shown.cause):

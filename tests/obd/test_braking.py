@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.obd.braking import RELEASE_S, STALE_S, BrakeTrigger, Braking
+from onboard.obd.braking import LEAST_M_S2, RELEASE_S, STALE_S, BrakeTrigger, Braking
 from onboard.obd.hard_brake import WINDOW_S
 from onboard.observations import BrakeCause, BrakePedal, Speed
 from onboard.units import STANDARD_GRAVITY_M_S2
@@ -79,6 +79,11 @@ def test_an_airbag_counts_always_even_without_a_speed():
     car = Car().drive(1.0, airbag=False, has_speed=False).drive(5.0, airbag=True, has_speed=False)
     assert car.causes == [BrakeCause.AIRBAG]
     assert car.found[0].deceleration_m_s2 == pytest.approx(THRESHOLD_M_S2)
+
+
+def test_an_airbag_at_constant_speed_claims_no_deceleration():
+    (begin,) = Car().drive(1.0).drive(2.0, airbag=True).found
+    assert begin.deceleration_m_s2 == LEAST_M_S2
 
 
 def test_the_most_severe_cause_is_shown_and_the_end_is_that_of_the_last():
