@@ -6,6 +6,7 @@ else five times a second, which is as fast as a number can be read.
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from onboard.hmi.driver_view import (
     AlarmView,
@@ -19,11 +20,12 @@ from onboard.hmi.driver_view import (
 )
 from onboard.hmi.group_view import GroupView
 from onboard.hmi.vehicle_map import VehicleMap
-from onboard.lcca.events import Inquired, WarningRaised
+from onboard.lcca.events import Inquired, WarningLevel, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import CarIdentity
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import (
+    BrakeCause,
     DetectionList,
     Lead,
     LeadIdentity,
@@ -111,8 +113,8 @@ class Display:
                 self._lost[event.sensor] = event.reason if isinstance(event, SensorLost) else None
             case Inquired():
                 self._inquired = event
-            case WarningRaised():
-                self._warning = event
+            case WarningRaised() | WarningLevel():
+                self._receive_warning(event)
             case Alarm():
                 self._receive_alarm(event)
             case RecorderState():
@@ -168,12 +170,21 @@ class Display:
             self._in_alarm.pop(alarm.cause, None)
             return
         self._in_alarm[alarm.cause] = frozenset(reason.name for reason in alarm.reasons)
-        vehicles_ahead = None
+        vehicles_ahead, is_test = None, False
         if alarm.cause is Cause.LCCA and self._warning is not None:
             vehicles_ahead = self._warning.group_number - self._warning.origin_number
+            is_test = self._warning.cause is BrakeCause.TEST
         self._alarms[alarm.cause] = AlarmView(
-            alarm.cause, alarm.level, self._direction(alarm), vehicles_ahead, alarm.stamp_s
+            alarm.cause, alarm.level, self._direction(alarm), vehicles_ahead, alarm.stamp_s, is_test
         )
+
+    def _receive_warning(self, warning: WarningRaised | WarningLevel) -> None:
+        """Store it; show a test that has become a real braking as a new alarm."""
+        alarm, is_test = self._alarms.get(Cause.LCCA), warning.cause is BrakeCause.TEST
+        if isinstance(warning, WarningRaised):
+            self._warning = warning
+        elif alarm is not None and alarm.is_test != is_test:
+            self._alarms[Cause.LCCA] = replace(alarm, is_test=is_test, raised_at_s=warning.stamp_s)
 
     def _direction(self, alarm: Alarm) -> Direction:
         """Return the side of the crossing vehicle; all other alarms are about vehicles ahead."""

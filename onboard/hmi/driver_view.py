@@ -133,6 +133,8 @@ class AlarmView:
     `Cause.LCCA`."""
     raised_at_s: float
     """When it rose to this level; another value sounds anew."""
+    is_test: bool = False
+    """Whether nothing brakes: somebody has pressed the button."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,13 @@ import pytest
 
 from onboard.hmi.display import SHOW_S, Display
 from onboard.hmi.driver_view import Direction, DriverView
-from onboard.lcca.events import Identified, IdentityLost, Inquired, WarningRaised
+from onboard.lcca.events import (
+    Identified,
+    IdentityLost,
+    Inquired,
+    WarningLevel,
+    WarningRaised,
+)
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import CarIdentity
 from onboard.lcca.parameters import GroupParameters
@@ -266,6 +272,21 @@ def test_an_lcca_alarm_states_how_many_vehicles_ahead_it_began() -> None:
     page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING, OTHER.hex()))
 
     assert shown(page, 10.0).alarms[0].vehicles_ahead == 3
+
+
+def test_an_alarm_by_the_button_is_a_test_until_a_real_braking_takes_its_place() -> None:
+    page = display()
+    page.receive_event(
+        WarningRaised(10.0, OTHER, 1, 1, 2, OTHER, BrakeCause.TEST, 3.9, 0.01, hops=1)
+    )
+    page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING, OTHER.hex()))
+    (tested,) = shown(page, 10.0).alarms
+
+    page.receive_event(WarningLevel(10.5, OTHER, 1, BrakeCause.DECELERATION, 7.0))
+    (real,) = shown(page, 11.0).alarms
+
+    assert (tested.is_test, tested.raised_at_s) == (True, 10.0)
+    assert (real.is_test, real.raised_at_s) == (False, 10.5)
 
 
 @pytest.mark.parametrize(

@@ -139,12 +139,12 @@ function showAlarms(alarms) {
   sounds.hold(first?.level ?? "none", isNew);
 }
 
-function alarmTexts({ cause, level, direction, vehicles_ahead }) {
+function alarmTexts({ cause, level, direction, vehicles_ahead, is_test }) {
   const isWarning = level === "warning";
   switch (cause) {
     case "lcca": {
       const sentence = vehicles_ahead > 1 ? fill(TEXTS.lccaSecond, { count: vehicles_ahead }) : TEXTS.lccaFirst;
-      return { sign: "brake", headline: TEXTS.brakeNow, sentence };
+      return { sign: "brake", headline: is_test ? TEXTS.test : TEXTS.brakeNow, sentence: is_test ? TEXTS.lccaTest : sentence };
     }
     case "eebl":
       return { sign: "brake", headline: isWarning ? TEXTS.brakeNow : TEXTS.watchOut, sentence: TEXTS.eebl };

@@ -81,6 +81,8 @@ export const TEXTS = {
   stopNow: "Stop!",
   keepDistance: "Keep distance",
   watchOut: "Watch out",
+  test: "Test",
+  lccaTest: "A driver ahead tests the warning",
   lccaFirst: "The car ahead brakes hard",
   lccaSecond: "Hard braking, {count} cars ahead",
   fcw: "You are closing in on the car ahead",
