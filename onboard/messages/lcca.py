@@ -180,6 +180,11 @@ class Warn:
     hops: Annotated[int, Unsigned(8)]
     """1 in the copy that the braking car sends."""
 
+    @property
+    def is_first(self) -> bool:
+        """Whether it, or the warning that it is a copy of, begins the braking."""
+        return self.event_sequence == self.first_sequence
+
 
 @dataclass(frozen=True, slots=True)
 class Inquiry:

@@ -277,7 +277,7 @@ class _Platoon:
         core = self._identification(car)
         inquiries: list[LccaMessage] = [] if core is None else [*core.messages_to_send()]
         for message in (*group.messages_to_send(now), *inquiries):
-            self.warn_messages += isinstance(message, Warn)
+            self.warn_messages += isinstance(message, Warn) and message.is_first
             self._channel.send(car, message, now)
         while (event := group.next_event()) is not None:
             if isinstance(event, WarningRaised):
