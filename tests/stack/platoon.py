@@ -23,9 +23,12 @@ def car(
     credentials: Credentials | None = None,
     utc_s: float = NOON_UTC_S,
     seed: int = 1,
+    *,
+    beacons: bool = True,
 ) -> Stack:
     tree = {
         "car": {"plate": plate},
+        "beacons": beacons,
         "security": {"plate_digest": {"scrypt_log2_n": 1, "epoch_s": epoch_s}},
     }
     return Stack(
@@ -41,9 +44,16 @@ def car(
 class Platoon:
     """Vehicles in one lane that receive each other; every 0.1 s each has a speed and a lead."""
 
-    def __init__(self, cars: dict[str, Stack]) -> None:
-        """Take the vehicles by plate, the first one in front."""
+    def __init__(self, cars: dict[str, Stack], reach: int = 1000) -> None:
+        """Take the vehicles by plate, the first one in front.
+
+        Args:
+            cars: the vehicles.
+            reach: how many vehicles ahead and behind each radio reaches.
+        """
         self.cars = cars
+        self._place = {plate: place for place, plate in enumerate(cars)}
+        self._reach = reach
         self.speed_m_s = dict.fromkeys(cars, SPEED_M_S)
         self.events: list[tuple[str, Event]] = []
         self.on_air: list[bytes] = []
@@ -85,8 +95,9 @@ class Platoon:
             self.events += [(plate, event) for event in outputs.events]
             for wsm in outputs.wsms:
                 self.on_air.append(wsm.data)
-                for other in self.cars.keys() - {plate}:
-                    self.receive(other, ReceivedWsm(self.now, wsm.data))
+                for other, place in self._place.items():
+                    if 0 < abs(place - self._place[plate]) <= self._reach:
+                        self.receive(other, ReceivedWsm(self.now, wsm.data))
 
     def events_of(self, plate: str, kind: str) -> Iterator[Event]:
         return (event for name, event in self.events if name == plate and event.kind == kind)
