@@ -199,6 +199,27 @@ def test_with_a_third_of_all_messages_lost_every_member_is_warned_once(seed: int
     assert [len(car.warnings) for car in road.cars.values()] == [0, 1, 1, 1, 1, 1, 1, 1]
 
 
+def test_two_leaders_that_brake_at_the_same_moment_collide_once_only() -> None:
+    """They do not hear each other: equal waits would collide at each repetition."""
+    road = Road()
+    road.add_row("ABCD", lane=0)
+    road.add_row("WXYZ", lane=1)
+    road.run(5.0)
+
+    def collides(entry: Transmission, _to: str) -> bool:
+        others = (other for other in road.warns() if other.sender != entry.sender)
+        return isinstance(entry.message, Warn) and (
+            entry.at == began or any(entry.at - other.at < 0.0005 for other in others)
+        )
+
+    began = road.now
+    road.drops = collides
+    road.brake("A")
+    road.brake("W")
+    road.run(0.21)
+    assert warned(road) == "BCDXYZ"
+
+
 def test_the_next_candidate_repeats_if_the_designated_forwarder_received_nothing() -> None:
     # From A the radio reaches D. D misses it; C waits one slot, B would have waited two.
     road = row("ABCDEFG", Air(reach_m=65.0))
