@@ -1,7 +1,7 @@
 """Input and output values of the identification of the car ahead, and of the warning group."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 from onboard.lcca.transitions import GroupEvent, GroupState
@@ -43,15 +43,17 @@ class TrackedVehicle:
         """
         if lead.track_id is None or lead.gap_m is None:
             return None
+        candidates: dict[CarId, CandidateCar] = {}
+        for each in lead.candidates:  # look-alike texts have one ID
+            car_id = car_id_of(each.text)
+            alike = candidates.get(car_id, CandidateCar(each.text, car_id, 0.0))
+            candidates[car_id] = replace(alike, probability=alike.probability + each.probability)
         return cls(
             lead.track_id,
             lead.gap_m,
             lead.closing_speed_m_s,
             lead.closing_speed_sigma_m_s,
-            tuple(
-                CandidateCar(each.text, car_id_of(each.text), each.probability)
-                for each in lead.candidates
-            ),
+            tuple(candidates.values()),
         )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from onboard.lcca.events import WarningOver
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
@@ -104,6 +105,7 @@ def test_alarms_change_are_of_finite_value_say_why_and_end(acts: list[Act]) -> N
         act(monitor, now)
         look()
         now += STEP_S
+    monitor.receive_warning(WarningOver(now, bytes(8), 7, "expired"), now)
     for _ in range(round(12.0 / STEP_S)):
         monitor.assess(None, [], now)
         look()

@@ -1,0 +1,30 @@
+"""The vehicle ahead, as identification takes it from a camera's lead."""
+
+import pytest
+
+from onboard.lcca.events import TrackedVehicle
+from onboard.observations import Lead, LeadIdentity, PlateCandidate
+
+
+def test_texts_of_one_id_are_one_candidate() -> None:
+    """Look-alike characters have one ID: nothing is asked twice, and a replay sees one text."""
+    lead = Lead(
+        0.0,
+        LeadIdentity.UNKNOWN,
+        gap_m=20.0,
+        track_id=1,
+        candidates=(
+            PlateCandidate("GN417KB", 0.5),
+            PlateCandidate("GN4I7KB", 0.25),
+            PlateCandidate("GN477KB", 0.2),
+        ),
+    )
+
+    vehicle = TrackedVehicle.of(lead, lambda text: text.replace("I", "1").encode())
+
+    assert vehicle is not None
+    assert [(each.text, each.car_id) for each in vehicle.candidates] == [
+        ("GN417KB", b"GN417KB"),
+        ("GN477KB", b"GN477KB"),
+    ]
+    assert [each.probability for each in vehicle.candidates] == pytest.approx([0.75, 0.2])
