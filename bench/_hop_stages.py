@@ -24,12 +24,12 @@ from bench._traced_daemon import PLATE_AHEAD
 from bench._udp_echo import udp_echoes
 from onboard import psid
 from onboard.config import CarConfig
-from onboard.observations import Speed
+from onboard.observations import HardBrake, Speed
 from onboard.security.credentials import Credentials
 from onboard.security.key_files import write_credentials
 from onboard.settings import parse_settings
 from onboard.stack import Stack
-from onboard.step import BrakeButton, Input, ReceivedWsm
+from onboard.step import Input, ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
@@ -99,8 +99,9 @@ async def _run(folder: Path, brakings: int, *, with_camera: bool) -> Hops:
         await processes.sleep_until(time.monotonic() + SETTLE_S)
         async with udp_echoes() as echoes_s:
             for _ in range(brakings):
-                ahead.brake()
-                await processes.sleep_until(time.monotonic() + BRAKE_EVERY_S)
+                for is_over in (False, True):
+                    ahead.brake(is_over=is_over)
+                    await processes.sleep_until(time.monotonic() + BRAKE_EVERY_S / 2)
         driving.cancel()
     camera.close()
     await ecu.close()
@@ -157,9 +158,9 @@ class _CarAhead:
             loop.remove_reader(self._radio)
             self._radio.close()
 
-    def brake(self) -> None:
-        """Warn."""
-        self._step([BrakeButton(time.monotonic())])
+    def brake(self, *, is_over: bool) -> None:
+        """Warn, or tell that the braking is over."""
+        self._step([HardBrake(time.monotonic(), 6.0, "bench", is_over=is_over)])
 
     def _receive(self) -> None:
         self._step([ReceivedWsm(time.monotonic(), self._radio.recv(4096))])
