@@ -4,7 +4,6 @@
 virtual time and both replays call it.
 """
 
-import math
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, NamedTuple
@@ -56,6 +55,7 @@ from onboard.security.pending_warnings import PendingWarnings
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import CertificateExpired, Pseudonym, Pseudonyms
 from onboard.security.security_services import Opened, SecurityServices
+from onboard.security.sender_check import sender_violation
 from onboard.sensors.sensor_timeout import SensorTimeouts
 from onboard.step import BrakeButton, Input, Observation, ReceivedWsm, SentWsm, StepOutputs
 from onboard.trace.trace_line import Event
@@ -73,9 +73,6 @@ BSM_LIFETIME_S = 0.1
 
 ASSESSMENT_INTERVAL_S = 0.1
 """Period of the risk assessment: that of BSMs."""
-
-OPPOSITE_RAD = 2.1
-"""Difference of headings (120 degrees) from which a vehicle is in no lane of the own direction."""
 
 SURROUNDINGS_INTERVAL_S = 1.0
 """Period at which host vehicle and perceived objects are put out as events."""
@@ -320,7 +317,17 @@ class Stack:
         if isinstance(message, lcca.Inquiry | lcca.Answer):
             self._receive_identification(message, opened.signer_id, now)
             return
-        violation = self._violation(message, opened.signer_id, now)
+        violation = None
+        if opened.signer_id is not None:
+            heading = self._mvs.heading(now)
+            violation = sender_violation(
+                message,
+                opened.signer_id,
+                self._misbehaviour_detector,
+                predecessor_id=self._group.predecessor_id,
+                predecessor_signer=self._identification.sender,
+                heading_rad=None if heading is None else heading.heading_rad,
+            )
         if violation is not None:
             self._events.append(
                 Discarded(now, "lcca", violation, f"{message.kind} from {message.sender_id.hex()}")
@@ -331,43 +338,11 @@ class Stack:
                 self._pending_warnings.receive_warning(message, self._made_at_s(opened, now), now)
                 self._take_warnings(now)
                 return
-            case lcca.Join() if not self._is_id_unique(message.sender_id):
+            case lcca.Join() if not self._misbehaviour_detector.is_id_unique(message.sender_id):
                 message = message.without_acknowledgement()
         clear = self._epoch_ids.received(message, self._ahead_text, self._utc_s(now))
         self._group.receive_message(clear, now)
         self._take_group(now)
-
-    def _violation(
-        self, message: lcca.GroupMessage, signer: bytes | None, now: float
-    ) -> str | None:
-        """Return why a group message is refused for who sends it, as a counted word.
-
-        Two plates that differ by look-alike characters have one ID. The preceding car is known by
-        its signer too; of the cars ahead of it, an ID that two signers use proves nothing, and only
-        what the preceding car repeats is accepted.
-        """
-        if signer is None:
-            return None
-        is_predecessor = message.sender_id == self._group.predecessor_id
-        if is_predecessor and self._identification.sender not in (None, signer):
-            return "another_signer"
-        heading = self._mvs.heading(now)
-        remote_rad = self._misbehaviour_detector.heading_rad(signer)
-        if heading is not None and remote_rad is not None:
-            turned_rad = math.remainder(remote_rad - heading.heading_rad, math.tau)
-            if abs(turned_rad) > OPPOSITE_RAD:
-                return "opposite_direction"
-        match message:
-            case lcca.Leave():
-                names: tuple[bytes, ...] = (message.sender_id,)
-            case lcca.Warn() | lcca.Update() if not is_predecessor:
-                names = (message.sender_id, message.leader_id, message.event_origin_id)
-            case _:
-                names = ()
-        return None if all(map(self._is_id_unique, names)) else "claimed_by_two"
-
-    def _is_id_unique(self, car_id: lcca.CarId) -> bool:
-        return self._misbehaviour_detector.is_id_unique(car_id)
 
     def _receive_identification(
         self, message: lcca.Inquiry | lcca.Answer, signer: bytes | None, now: float

@@ -73,7 +73,9 @@ class LeadMonitor:
     def shows_close(self, car_id: CarId | None) -> bool:
         """Whether the last frame shows that vehicle, and as close."""
         preceding = self._preceding
-        return preceding is not None and None is not preceding.car_id == car_id and self._is_close
+        if preceding is None or preceding.car_id is None:
+            return False
+        return preceding.car_id == car_id and self._is_close
 
     def matches_speed(self, speed_m_s: float | None, now: float) -> bool:
         """Whether a vehicle with this speed can be the one that the camera sees.
