@@ -165,6 +165,15 @@ def test_a_hard_braking_vehicle_raises_alarm_sound_and_speech(page: Page, row: R
     assert all(lower["hz"] < higher["hz"] for lower, higher in pairwise(first))
     assert page.evaluate("spoken") == ["Brake! Hard braking, 2 cars ahead"]
 
+    row.brake(is_over=True)
+    expect(page.locator("#alarm")).to_be_hidden()
+
+
+def test_a_warning_by_the_button_is_shown_as_a_test(page: Page, row: Row) -> None:
+    row.press_button()
+
+    expect(page.locator("#alarm-headline")).to_have_text("Test")
+    expect(page.locator("#alarm-sentence")).to_have_text("A driver ahead tests the warning")
     expect(page.locator("#alarm")).to_be_hidden()
 
 

@@ -6,7 +6,6 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.wave_link import MessageReceived
 from tests.browser.driver_page import DESKTOP, PHONE, PHONE_ON_ITS_SIDE, SMALL_SCREEN, open_page
 from tests.hmi.row import Row
@@ -90,7 +89,7 @@ def test_a_member_that_brakes_hard_is_marked_and_the_alarm_covers_the_view(
     expect(page.locator("#alarm-headline")).to_have_text("Brake!")
     expect(page.locator("#members .brakes")).to_contain_text("Leader")
     expect(page.locator("#messages .warn").first).to_contain_text("number 1 brakes")
-    row.send_event(Alarm(row.now, Cause.LCCA, Level.NONE, 0.0, ()))
+    row.brake(is_over=True)
     expect(page.locator("#alarm")).to_be_hidden()
     expect(page.locator("#members .brakes")).to_have_count(0)
 

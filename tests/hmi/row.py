@@ -16,6 +16,7 @@ import numpy as np
 from onboard.config import CarConfig
 from onboard.obd.settings import CanSettings
 from onboard.observations import (
+    HardBrake,
     Lead,
     LeadIdentity,
     PlateCandidate,
@@ -92,7 +93,11 @@ class Row:
 
         return self._do(on_loop())
 
-    def brake(self, car: int = 0) -> None:
+    def brake(self, car: int = 0, *, is_over: bool = False) -> None:
+        """Let a vehicle, counted from the first, brake hard, or end that."""
+        self.do(lambda: self._receive(car, HardBrake(self.now, 6.0, "obd:7E8", is_over=is_over)))
+
+    def press_button(self, car: int = 0) -> None:
         """Press the brake button of a vehicle, counted from the first."""
         self.do(lambda: self._receive(car, BrakeButton(self.now)))
 
@@ -187,7 +192,8 @@ class Row:
             ahead = plate
 
     def _uncertain_lead(self) -> Lead:
-        candidates = tuple(PlateCandidate(text, 0.3) for text in self.candidates)
+        probability = 0.99 / len(self.candidates)
+        candidates = tuple(PlateCandidate(text, probability) for text in self.candidates)
         track_id = len(self.plates)
         return Lead(
             self.now, LeadIdentity.UNKNOWN, None, self.gap_m, 0.3, 0.2, 0.3, track_id, candidates
