@@ -14,11 +14,16 @@ from onboard.lcca.events import Identified, IdentityLost
 from onboard.lcca.identification import MIN_ASKED
 from onboard.messages.lcca import MAX_NAMES
 from onboard.observations import Lead
+from onboard.security.epoch_ids import OWN_NEXT_S
 from onboard.security.plate_digest import PlateDigest
 from onboard.thread_priority import lower_thread_priority
 
-EPOCH_AHEAD_S = 10.0
-"""Time before the start of an epoch at which its IDs are derived."""
+EPOCH_AHEAD_S = OWN_NEXT_S + 10.0
+"""Time before the start of an epoch at which its IDs are derived: before the step needs the own
+one, which would otherwise be derived there."""
+
+WAKE_S = 5.0
+"""Longest time between two looks at what is to be derived, without a lead."""
 
 STEP_WITHIN_S = 1.0
 """Longest time from an observation to the step that receives it."""
@@ -107,7 +112,7 @@ class CandidateIds:
             texts = (self._own_plate, *self._texts)
             due = next_derivation(self._digest, texts, time.time())
             if due is None:
-                self._has_news.wait(EPOCH_AHEAD_S / 2)
+                self._has_news.wait(WAKE_S)
                 self._has_news.clear()
             else:
                 self._digest.car_id(*due)

@@ -14,9 +14,11 @@ from onboard.runtime.candidate_ids import (
     LEAST_PROBABILITY,
     MAX_NAMES,
     STEP_WITHIN_S,
+    WAKE_S,
     CandidateIds,
     next_derivation,
 )
+from onboard.security.epoch_ids import OWN_NEXT_S
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 
@@ -200,3 +202,14 @@ def test_a_new_lead_comes_before_the_rest_of_the_one_before(running: Running) ->
     running.until_all_derived(lead(*TEXTS, track_id=2))
 
     assert not set(before) <= set(running.derived)
+
+
+def test_the_own_next_id_is_due_before_a_step_needs_it() -> None:
+    latest_look_s = EPOCH_END_S - OWN_NEXT_S - WAKE_S
+    digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1))
+    digest.car_id("OWN1", latest_look_s)
+
+    due = next_derivation(digest, ("OWN1",), latest_look_s)
+
+    assert due is not None
+    assert digest.epoch(due[1]) == digest.epoch(EPOCH_END_S)
