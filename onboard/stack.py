@@ -374,11 +374,12 @@ class Stack:
             self._events.append(Discarded(now, "bsm", reason, f"from {core.temporary_id.hex()}"))
             return
         position = position_in(core, now, self._security.utc_offset_s)
-        self._mvs.receive_bsm(
+        is_used = self._mvs.receive_bsm(
             core.temporary_id, position, message.footer, now, core.acceleration.longitudinal_m_s2
         )
         self._transmitter.receive_remote_vehicle(sender, position, now)
-        self._risk.receive_bsm(message, now)
+        if is_used:
+            self._risk.receive_bsm(message, now)
         if core.speed_m_s is not None:
             self._identification.receive_speed_on_air(
                 sender, core.temporary_id, core.speed_m_s, now

@@ -141,7 +141,7 @@ class MultiVehicleSensing(Core):
         footer: bytes | SharedEntries | None,
         now: float,
         acceleration_m_s2: float | None = None,
-    ) -> None:
+    ) -> bool:
         """Take a BSM and its footer.
 
         Args:
@@ -150,9 +150,14 @@ class MultiVehicleSensing(Core):
             footer: the MVS footer of the BSM, encoded or already decoded.
             now: time of receipt.
             acceleration_m_s2: longitudinal acceleration by the BSM.
+
+        Returns:
+            whether what the BSM reports of its sender may be used, by what is known here.
         """
+        refused = None
         if sender_id in self._own_ids:
-            self._discard(now, "own_message", sender_id.hex())
+            refused = "own_message", sender_id.hex()
+            self._discard(now, *refused)
         elif self.has_position(now):
             if state is not None:
                 refused = self._remote_vehicles.receive(
@@ -166,6 +171,7 @@ class MultiVehicleSensing(Core):
                     self._discard(now, *refused)
             if footer is not None:
                 self._receive_footer(sender_id, footer, now)
+        return refused is None
 
     def update(self, now: float) -> None:
         """Process what has arrived, and update the tracks if the last update is `UPDATE_S` ago."""

@@ -70,7 +70,7 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
 
         Returns:
             `None`, or the reason why it is not used, with a detail: `future`, `sender_far`,
-            `too_many_senders`.
+            `too_many_senders`, `older` than the last.
         """
         distance_m = math.hypot(*(reported.state[:2] - own_m))
         known = self.get(sender_id)
@@ -82,11 +82,11 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
         elif known is None and len(self) >= MAX_SENDERS:
             refused = "too_many_senders", sender_id.hex()
         elif known is None:
-            known = self[sender_id] = RemoteVehicle(reported, reported.stamp_s)
-        elif known.reported.stamp_s <= reported.stamp_s:
-            known.reported = reported
-        if known is not None:
-            known.acceleration_m_s2 = acceleration_m_s2
+            self[sender_id] = RemoteVehicle(reported, reported.stamp_s, acceleration_m_s2)
+        elif known.reported.stamp_s > reported.stamp_s:
+            refused = "older", f"BSM of {sender_id.hex()}"
+        else:
+            known.reported, known.acceleration_m_s2 = reported, acceleration_m_s2
         return refused
 
     def drop_silent(self, now: float) -> None:

@@ -1,0 +1,60 @@
+"""What a BSM changes of its sender: everything together, or nothing."""
+
+import numpy as np
+import pytest
+
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.settings import MvsSettings
+from onboard.observations import Discarded, Position
+
+SENDER = b"-you"
+NOW = 10.0
+
+
+def fix(stamp_s: float, latitude_deg: float = 48.0) -> Position:
+    return Position(stamp_s, latitude_deg, 11.0005, None, 1.0, 5.0, 0.0)
+
+
+def braking() -> MultiVehicleSensing:
+    """Knows the sender, which brakes with 6 m/s^2."""
+    mvs = MultiVehicleSensing(MvsSettings(), b"--me", np.random.default_rng(1))
+    mvs.receive_position(Position(NOW, 48.0, 11.0, None, 1.0, 5.0, 0.0))
+    assert mvs.receive_bsm(SENDER, fix(NOW), None, NOW, -6.0)
+    return mvs
+
+
+def acceleration_m_s2(mvs: MultiVehicleSensing, now: float) -> float | None:
+    (sender,) = mvs.kinematic_info(now)
+    return sender.acceleration_m_s2
+
+
+@pytest.mark.parametrize(
+    ("refused", "reason"),
+    [
+        (fix(NOW + 5.0), "future"),
+        (fix(NOW - 0.3), "older"),
+        (fix(NOW + 0.1, 49.0), "sender_far"),
+    ],
+)
+def test_a_bsm_that_is_not_used_leaves_the_acceleration(refused: Position, reason: str) -> None:
+    mvs = braking()
+
+    assert not mvs.receive_bsm(SENDER, refused, None, NOW + 0.1, -9.0)
+
+    assert acceleration_m_s2(mvs, NOW + 0.1) == -6.0
+    event = mvs.next_event()
+    assert isinstance(event, Discarded)
+    assert event.reason == reason
+
+
+@pytest.mark.parametrize("said_m_s2", [-2.0, None])
+def test_a_newer_bsm_replaces_it(said_m_s2: float | None) -> None:
+    mvs = braking()
+
+    assert mvs.receive_bsm(SENDER, fix(NOW + 0.1), None, NOW + 0.1, said_m_s2)
+
+    assert acceleration_m_s2(mvs, NOW + 0.1) == said_m_s2
+
+
+def test_an_echo_of_the_own_bsm_is_not_used() -> None:
+    assert not braking().receive_bsm(b"--me", fix(NOW), None, NOW)
