@@ -1,8 +1,9 @@
-"""Data of remote vehicles' BSMs beside their motion: elevation, size, hard braking."""
+"""Data of BSMs beside the motion of the sender: elevation, size, hard braking, path history."""
 
 import math
 from dataclasses import dataclass
 
+from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_safety import VehicleEventFlags
 
@@ -31,6 +32,7 @@ class BsmData:
     width_m: float | None
     braked_hard_s: float
     """Time of the last BSM with the hard braking flag; `-math.inf` if there was none."""
+    last: BasicSafetyMessage
 
 
 class BsmDataStore:
@@ -54,7 +56,7 @@ class BsmDataStore:
             braked_hard_s = now
         elevation_m = _running_mean_m(before.elevation_m if before else None, core.elevation_m)
         self._of[name] = BsmData(
-            now, elevation_m, core.size.length_m, core.size.width_m, braked_hard_s
+            now, elevation_m, core.size.length_m, core.size.width_m, braked_hard_s, bsm
         )
 
     def drop_old(self, now: float) -> None:
@@ -75,6 +77,14 @@ class BsmDataStore:
             (data.width_m if data else None) or DEFAULT_WIDTH_M,
         )
 
+    def path_history_m(self, name: str) -> list[tuple[float, float]]:
+        """Return a vehicle's past positions, metres east and north of its last one, newest first.
+
+        Empty if it has not reported any.
+        """
+        data = self._of.get(name)
+        return [] if data is None else _path_history_m(data.last)
+
     def is_on_another_level(self, name: str, distance_m: float) -> bool:
         """Whether a vehicle is on a bridge over or under the host's road.
 
@@ -93,3 +103,22 @@ def _running_mean_m(mean_m: float | None, elevation_m: float | None) -> float | 
     if mean_m is None or elevation_m is None:
         return elevation_m
     return mean_m + _NEW_ELEVATION_WEIGHT * (elevation_m - mean_m)
+
+
+def _path_history_m(bsm: BasicSafetyMessage) -> list[tuple[float, float]]:
+    core, history = bsm.core, bsm.safety.path_history if bsm.safety is not None else None
+    if history is None or core.latitude_deg is None or core.longitude_deg is None:
+        return []
+    begin = history.initial_position or core
+    if begin.latitude_deg is None or begin.longitude_deg is None:
+        return []
+    here, points_m = LocalFrame(core.latitude_deg, core.longitude_deg), []
+    for point in history.crumb_data:
+        if point.latitude_offset_deg is None or point.longitude_offset_deg is None:
+            break
+        east_m, north_m = here.position_m(
+            begin.latitude_deg + point.latitude_offset_deg,
+            begin.longitude_deg + point.longitude_offset_deg,
+        )
+        points_m.append((float(east_m), float(north_m)))
+    return points_m

@@ -30,6 +30,7 @@ from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.eebl import assess_eebl
 from onboard.risk.fcw import CONFIRM_S, ForwardCollisionWarning
 from onboard.risk.ima import IntersectionMovementAssist
+from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
 
 SPEED_TIMEOUT_S = 1.0
@@ -53,6 +54,7 @@ class RiskMonitor(Core):
         self._fcw = ForwardCollisionWarning(settings.fcw)
         self._ima = IntersectionMovementAssist(settings.ima, length_m, width_m)
         self._bsm_data = BsmDataStore()
+        self._path = PathAhead()
         self._warnings: dict[tuple[CarId, int], WarningRaised] = {}
         """Of brakings that are not over, by vehicle and sequence number."""
         self._alarms = {
@@ -71,8 +73,9 @@ class RiskMonitor(Core):
         self._fcw.receive_pedal(pedal)
 
     def receive_position(self, position: Position) -> None:
-        """Take the host vehicle's elevation; position and motion are given to `assess`."""
+        """Take the host vehicle's elevation and course; its state is given to `assess`."""
         self._bsm_data.receive_own_elevation(position.altitude_m)
+        self._path.receive_position(position)
 
     def receive_lead(self, lead: Lead, now: float) -> None:
         """Take an observation of the lead vehicle, or that there is none."""
@@ -126,6 +129,7 @@ class RiskMonitor(Core):
                 own,
                 others,
                 self._bsm_data,
+                self._path,
                 now,
                 own_length_m=self._length_m,
                 settings=self._settings.fcw,
