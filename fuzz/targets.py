@@ -12,7 +12,7 @@ from onboard import psid
 from onboard.errors import DecodeError
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.gnss.nmea import NmeaReader
-from onboard.messages import bsm, lcca, mvs_footer
+from onboard.messages import bsm, lcca, map_data, mvs_footer, spat
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import ObdSettings
 from onboard.obd.socketcand import ProtocolError, parse_element
@@ -41,7 +41,11 @@ class Target:
             self.read(data)
 
 
-def _codec(decode: Callable[[bytes], Any], encode: Callable[[Any], bytes]) -> Target:
+def _codec(
+    decode: Callable[[bytes], Any],
+    encode: Callable[[Any], bytes],
+    max_s_per_kilobyte: float = 1e-3,
+) -> Target:
     """Return a target that decodes, encodes and decodes again."""
 
     def read(data: bytes) -> None:
@@ -49,7 +53,7 @@ def _codec(decode: Callable[[bytes], Any], encode: Callable[[Any], bytes]) -> Ta
         if decode(encode(message)) != message:
             raise AssertionError(f"{message} is not what its encoding decodes to")
 
-    return Target(read, (DecodeError,))
+    return Target(read, (DecodeError,), max_s_per_kilobyte)
 
 
 def _decode_version_3(data: bytes) -> WaveShortMessage:
@@ -119,6 +123,8 @@ TARGETS = {
     "describe": Target(describe),
     "ieee1609dot2": Target(_security, (NotTrusted,)),
     "bsm": _codec(bsm.decode, bsm.encode),
+    "map": _codec(map_data.decode, map_data.encode, 4e-2),  # a kilobyte has 300 nodes of a lane
+    "spat": _codec(spat.decode, spat.encode, 2e-2),
     "mvs_footer": _codec(mvs_footer.decode, mvs_footer.encode),
     "lcca": _codec(lcca.decode, lcca.encode),
     "can": Target(_can, max_s_per_kilobyte=5e-3),  # 62 frames through the brake detector too

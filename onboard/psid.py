@@ -8,6 +8,15 @@ HIGHEST = 0x1020407F
 BSM = 0x20
 """Vehicle to vehicle safety and awareness: the J2735 BasicSafetyMessage."""
 
+SPAT = 0x82
+"""Intersection safety and awareness: the J2735 SPAT message."""
+
+MAP = 0x204097
+"""Intersection geometry: the J2735 MapData message; p-encoded as 0pE0-00-00-17."""
+
+J2735 = frozenset({BSM, SPAT, MAP})
+"""Services whose messages are J2735 MessageFrames."""
+
 PRIVATE_USE = range(0x4020, 0x4060)
 """0pBF-A0 to 0pBF-DF, 64 values for unregistered use by mutual agreement (IEEE 1609.12-2019, 4.1;
 ISO/TC 204 registry of ITS-AIDs). The values for testing beside them need an authorisation."""
@@ -21,7 +30,7 @@ NAMES = {
     0x26: "misbehavior reporting",
     0x27: "vulnerable road users safety",
     0x7F: "testing",
-    0x82: "intersection safety and awareness",
+    SPAT: "intersection safety and awareness",
     0x83: "traveler information and roadside signage",
     0x85: "emergency and erratic vehicles",
     0x87: "WAVE service advertisement",
@@ -29,6 +38,7 @@ NAMES = {
     0x90: "sensor sharing service",
     0x91: "maneuver coordination service",
     0x100: "certificate revocation list",
+    MAP: "intersection geometry",
     **dict.fromkeys(PRIVATE_USE, "private (unregistered) use"),
 }
 """Names as registered, for decoded frames."""

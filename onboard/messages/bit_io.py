@@ -30,6 +30,10 @@ class BitReader:
             raise DecodeError("too_long", "a length in fragments")
         return self.take(14)
 
+    def small_number(self) -> int:
+        """Return a normally small non-negative whole number (X.691, 11.6)."""
+        return int.from_bytes(self.octets()) if self.take(1) else self.take(6)
+
     def octets(self) -> bytes:
         """Return an open type or OCTET STRING of any length."""
         size = self.length()
@@ -58,6 +62,14 @@ class BitWriter:
             self.put(length, 8)
         else:
             self.put(0b10 << 14 | length, 16)
+
+    def put_small_number(self, value: int) -> None:
+        """Append a normally small non-negative whole number (X.691, 11.6)."""
+        if value < 0x40:
+            self.put(value, 7)
+        else:
+            self.put(1, 1)
+            self.put_octets(value.to_bytes((value.bit_length() + 7) // 8))
 
     def put_octets(self, data: bytes) -> None:
         """Append an open type or OCTET STRING of any length."""

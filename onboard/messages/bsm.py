@@ -12,6 +12,14 @@ from onboard.errors import DecodeError
 from onboard.messages.bsm_core import CORE, CoreData
 from onboard.messages.bsm_safety import SAFETY, VehicleSafetyExtensions
 from onboard.messages.fields import Integer, OpenType, Optional, SequenceOf
+from onboard.messages.message_frame import (
+    FRAME,
+    REGION,
+    REGIONS,
+    MessageFrame,
+    RegionalExtension,
+    content_of,
+)
 from onboard.messages.record import Record
 
 MESSAGE_ID = 20
@@ -35,16 +43,7 @@ class OtherPart:
     content: Annotated[bytes, OpenType()]
 
 
-@dataclass(frozen=True, slots=True)
-class RegionalExtension:
-    """A regional extension, still encoded."""
-
-    region_id: Annotated[int, Integer(0, 255)]
-    content: Annotated[bytes, OpenType()]
-
-
 _PART = Record(OtherPart)
-_REGION = Record(RegionalExtension)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,23 +65,14 @@ class BasicSafetyMessage:
 
 
 @dataclass(frozen=True, slots=True)
-class _Frame:
-    """MessageFrame."""
-
-    message_id: Annotated[int, Integer(0, 32767)]
-    content: Annotated[bytes, OpenType()]
-
-
-@dataclass(frozen=True, slots=True)
 class _Message:
     """BasicSafetyMessage as declared in the standard."""
 
     core: Annotated[CoreData, CORE]
     parts: Annotated[tuple[OtherPart, ...] | None, Optional(SequenceOf(_PART, 1, 8))]
-    regions: Annotated[tuple[RegionalExtension, ...] | None, Optional(SequenceOf(_REGION, 1, 4))]
+    regions: Annotated[tuple[RegionalExtension, ...] | None, Optional(REGIONS)]
 
 
-_FRAME = Record(_Frame, extensible=True)
 _MESSAGE = Record(_Message, extensible=True)
 
 
@@ -101,7 +91,7 @@ def encode(bsm: BasicSafetyMessage) -> bytes:
     if bsm.footer is not None:
         regions = (RegionalExtension(FOOTER_REGION, bsm.footer), *regions)
     message = _Message(bsm.core, parts or None, regions or None)
-    return _FRAME.encode(_Frame(MESSAGE_ID, _MESSAGE.encode(message)))
+    return FRAME.encode(MessageFrame(MESSAGE_ID, _MESSAGE.encode(message)))
 
 
 def decode(frame: bytes) -> BasicSafetyMessage:
@@ -111,10 +101,7 @@ def decode(frame: bytes) -> BasicSafetyMessage:
         DecodeError: `not_a_bsm`, `too_short`, `trailing_bytes`, `out_of_range`, `too_long`, or
             `repeated` for a second element of a kind that a BSM has once.
     """
-    outer = _FRAME.decode(frame)
-    if outer.message_id != MESSAGE_ID:
-        raise DecodeError("not_a_bsm", f"message {outer.message_id}")
-    message = _MESSAGE.decode(outer.content)
+    message = _MESSAGE.decode(content_of(frame, MESSAGE_ID, "bsm"))
     parts, regions = message.parts or (), message.regions or ()
     safety = _only((part.content for part in parts if part.part_id == _SAFETY_PART), "safety")
     footer = _only((r.content for r in regions if r.region_id == FOOTER_REGION), "footer")
@@ -148,7 +135,7 @@ def as_dict(bsm: BasicSafetyMessage) -> dict[str, Any]:
         "safety": None if bsm.safety is None else SAFETY.as_dict(bsm.safety),
         "other_parts": [_PART.as_dict(part) for part in bsm.other_parts],
         "footer": None if bsm.footer is None else bsm.footer.hex(),
-        "other_regions": [_REGION.as_dict(region) for region in bsm.other_regions],
+        "other_regions": [REGION.as_dict(region) for region in bsm.other_regions],
     }
 
 

@@ -6,7 +6,8 @@ declared width, as the fields of LCCA messages and of the MVS footer.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from enum import Enum, IntFlag
 from typing import Any
 
@@ -103,6 +104,20 @@ class Unsigned(Integer):
     @override
     def from_raw(self, raw: int) -> int:
         return raw
+
+
+class Boolean(FixedField):
+    """BOOLEAN."""
+
+    bits = 1
+
+    @override
+    def to_raw(self, value: bool) -> int:
+        return int(value)
+
+    @override
+    def from_raw(self, raw: int) -> bool:
+        return bool(raw)
 
 
 class Quantity(FixedField):
@@ -273,6 +288,38 @@ class Enumerated(FixedField):
         return "code", _codes(self.names), "" if self.unavailable is None else str(self.unavailable)
 
 
+class ExtensibleEnumerated(Field):
+    """ENUMERATED with an extension marker: a member of `names`, or the number of a later one."""
+
+    def __init__(self, names: type[Enum]) -> None:
+        self.names = names
+        self._root = Enumerated(names)
+        self._additions_from = len(names)
+
+    @override
+    def put(self, writer: BitWriter, value: Enum | int) -> None:
+        is_addition = not isinstance(value, Enum)
+        writer.put(is_addition, 1)
+        if isinstance(value, Enum):
+            self._root.put(writer, value)
+        else:
+            writer.put_small_number(value - self._additions_from)
+
+    @override
+    def take(self, reader: BitReader) -> Enum | int | None:
+        if reader.take(1):
+            return self._additions_from + reader.small_number()
+        return self._root.take(reader)  # type: ignore[no-any-return]
+
+    @override
+    def printed(self, value: Enum | int) -> str:
+        return _printed_code(value)
+
+    @override
+    def row(self) -> tuple[str, str, str]:
+        return self._root.row()
+
+
 class OpenEnumerated(FixedField):
     """A code of `bits` bits: a member of `names`, or the number of a code that has no name yet."""
 
@@ -294,7 +341,7 @@ class OpenEnumerated(FixedField):
 
     @override
     def printed(self, value: Enum | int) -> str:
-        return value.name.lower() if isinstance(value, Enum) else f"unknown_{value}"
+        return _printed_code(value)
 
     @override
     def row(self) -> tuple[str, str, str]:
@@ -376,6 +423,74 @@ class OpenType(Field):
         return "bytes", "any length", ""
 
 
+class Ia5String(Field):
+    """IA5String (SIZE (lowest..highest)): seven bits a character (X.691, 30.5)."""
+
+    def __init__(self, lowest: int, highest: int) -> None:
+        self.length = Integer(lowest, highest)
+
+    @override
+    def put(self, writer: BitWriter, value: str) -> None:
+        if not value.isascii():
+            raise ValueError(f"{value!r} is not ASCII")
+        self.length.put(writer, len(value))
+        for character in value:
+            writer.put(ord(character), 7)
+
+    @override
+    def take(self, reader: BitReader) -> str:
+        return "".join([chr(reader.take(7)) for _ in range(self.length.take(reader))])
+
+    @override
+    def row(self) -> tuple[str, str, str]:
+        return "text", f"{self.length.row()[1]} characters", ""
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """The chosen alternative of a `Choice`, with its value."""
+
+    name: str | int
+    """The alternative; the number of a later edition's, counted from 0, whose value is octets."""
+    value: Any
+
+
+class Choice(Field):
+    """CHOICE of one of the named `alternatives`."""
+
+    def __init__(self, alternatives: Mapping[str, Field], *, extensible: bool = False) -> None:
+        self.alternatives = dict(alternatives)
+        self.extensible = extensible
+        self._names = tuple(self.alternatives)
+        self._index = Integer(0, len(self._names) - 1)
+
+    @override
+    def put(self, writer: BitWriter, value: Chosen) -> None:
+        if self.extensible:
+            writer.put(isinstance(value.name, int), 1)
+        if isinstance(value.name, int):
+            writer.put_small_number(value.name)
+            writer.put_octets(value.value)
+        elif value.name in self.alternatives:
+            self._index.put(writer, self._names.index(value.name))
+            self.alternatives[value.name].put(writer, value.value)
+        else:
+            raise ValueError(f"{value.name!r} is not one of {[*self._names]}")
+
+    @override
+    def take(self, reader: BitReader) -> Chosen:
+        if self.extensible and reader.take(1):
+            return Chosen(reader.small_number(), reader.octets())
+        name = self._names[self._index.take(reader)]
+        return Chosen(name, self.alternatives[name].take(reader))
+
+    @override
+    def printed(self, value: Chosen) -> dict[str, Any]:
+        if isinstance(value.name, int):
+            return {f"unknown_{value.name}": value.value.hex()}
+        return {value.name: self.alternatives[value.name].printed(value.value)}
+
+
 class SequenceOf(Field):
     """SEQUENCE (SIZE (lowest..highest)) OF `item`, as a tuple."""
 
@@ -434,6 +549,10 @@ class Optional(Field):
     def row(self) -> tuple[str, str, str]:
         unit, meaning, _ = self.field.row()
         return unit, meaning, "left out"
+
+
+def _printed_code(value: Enum | int) -> str:
+    return value.name.lower() if isinstance(value, Enum) else f"unknown_{value}"
 
 
 def _mirrored(value: int, bits: int) -> int:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
 from onboard.messages import bsm
-from onboard.messages.bsm import BasicSafetyMessage, OtherPart, RegionalExtension
+from onboard.messages.bsm import BasicSafetyMessage, OtherPart
 from onboard.messages.bsm_core import (
     CORE,
     AccelerationSet,
@@ -32,6 +32,7 @@ from onboard.messages.bsm_safety import (
     VehicleEventFlags,
     VehicleSafetyExtensions,
 )
+from onboard.messages.message_frame import RegionalExtension
 from tests.messages.strategies import records
 
 ORACLE_TEXT = Path(__file__).with_name("bsm_oracle.asn1")

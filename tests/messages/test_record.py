@@ -4,12 +4,24 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Annotated
 
+import asn1tools
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
-from onboard.messages.fields import FixedPoint, OctetString, OpenEnumerated, Unsigned
+from onboard.messages.fields import (
+    Boolean,
+    Choice,
+    Chosen,
+    ExtensibleEnumerated,
+    FixedPoint,
+    Ia5String,
+    Integer,
+    OctetString,
+    OpenEnumerated,
+    Unsigned,
+)
 from onboard.messages.record import Record
 from tests.messages.strategies import records
 
@@ -145,3 +157,65 @@ def test_a_message_is_whole_bytes() -> None:
 
     with pytest.raises(TypeError, match="Odd is 7 bits long, not whole bytes"):
         _ = Record(Odd).size_bytes
+
+
+class Colour(Enum):
+    RED = 0
+    GREEN = 1
+
+
+@dataclass(frozen=True)
+class Painted:
+    colour: Annotated[Colour | int, ExtensibleEnumerated(Colour)]
+    size: Annotated[Chosen, Choice({"number": Integer(0, 7)}, extensible=True)]
+    name: Annotated[str, Ia5String(1, 63)]
+    is_wet: Annotated[bool, Boolean()]
+
+
+PAINTED = Record(Painted)
+OF_TOMORROW = asn1tools.compile_string(
+    """Painted DEFINITIONS AUTOMATIC TAGS ::= BEGIN
+    Painted ::= SEQUENCE {
+      colour ENUMERATED { red, green, ..., blue, grey },
+      size CHOICE { number INTEGER (0..7), ..., text OCTET STRING, weight INTEGER (0..255) },
+      name IA5String (SIZE (1..63)),
+      wet BOOLEAN
+    }
+    END""",
+    "uper",
+)
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours", "printed"),
+    [
+        (
+            {"colour": "green", "size": ("number", 5), "name": "a", "wet": True},
+            Painted(Colour.GREEN, Chosen("number", 5), "a", is_wet=True),
+            {"colour": "green", "size": {"number": 5}, "name": "a", "is_wet": True},
+        ),
+        (
+            {"colour": "grey", "size": ("weight", 9), "name": "Main & 1st", "wet": False},
+            Painted(3, Chosen(1, b"\x09"), "Main & 1st", is_wet=False),
+            {"colour": "unknown_3", "size": {"unknown_1": "09"}, "name": "Main & 1st"}
+            | {"is_wet": False},
+        ),
+    ],
+)
+def test_enumerations_and_choices_of_a_later_edition_are_kept_and_printed(theirs, ours, printed):
+    data = OF_TOMORROW.encode("Painted", theirs)
+    assert PAINTED.decode(data) == ours
+    assert PAINTED.encode(ours) == data
+    assert PAINTED.as_dict(ours) == printed
+
+
+def test_a_choice_of_an_unknown_name_is_an_error():
+    with pytest.raises(ValueError, match=r"Painted.size: 'length' is not one of \['number'\]"):
+        PAINTED.encode(Painted(Colour.RED, Chosen("length", 5), "a", is_wet=True))
+
+
+def test_a_number_of_any_size_is_a_normally_small_one():
+    """X.691, 11.6: six bits up to 63, octets above."""
+    ours = Painted(2 + 64, Chosen("number", 0), "a", is_wet=False)
+    assert PAINTED.decode(PAINTED.encode(ours)) == ours
+    assert PAINTED.encode(ours).startswith(bytes((0b1_1_000000, 0b01_010000)))

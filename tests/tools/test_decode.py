@@ -8,18 +8,21 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from onboard import psid
 from onboard.errors import UserError
-from onboard.messages import bsm, lcca, mvs_footer
+from onboard.messages import bsm, lcca, map_data, mvs_footer, spat
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.lcca import Leave, LeaveReason
 from onboard.messages.mvs_footer import MvsFooter
+from onboard.security import ieee1609dot2
 from onboard.tools.decode.cli import decode
 from onboard.tools.decode.describe import Form, describe
 from onboard.wave_udp import immediate_forward, wsmp
 from onboard.wave_udp.capture import PcapWriter
 from onboard.wave_udp.immediate_forward import ImmediateForward
 from onboard.wave_udp.wsmp import Element, WaveShortMessage
+from tests.messages.crossing_messages import crossing_map, crossing_spat
 
 LEAVE = Leave(b"sender__", b"leader__", 3, b"to______", LeaveReason.GAP)
 LEAVE_FIELDS = {
@@ -33,7 +36,7 @@ LEAVE_FIELDS = {
 
 
 def unsecured(payload):
-    return b"\x03\x80" + bytes((len(payload),)) + payload
+    return ieee1609dot2.encode_unsecured(payload)
 
 
 WSM = wsmp.encode(
@@ -83,6 +86,23 @@ def test_an_immediate_forward_message_is_described_with_its_payload():
     assert layers["rsu41"]["priority"] == 7
 
 
+@pytest.mark.parametrize(
+    ("service", "frame", "message_id", "name"),
+    [
+        (psid.MAP, map_data.encode(crossing_map()), 18, "map_data"),
+        (psid.SPAT, spat.encode(crossing_spat()), 19, "spat"),
+    ],
+)
+def test_messages_of_a_road_side_unit_are_described(service, frame, message_id, name):
+    layers = describe(wsmp.encode(WaveShortMessage(service, unsecured(frame))))
+    assert list(layers) == ["wsm", "1609.2", "messageframe"]
+    assert layers["wsm"]["psid_name"].startswith("intersection ")
+    assert layers["messageframe"]["message_id"] == message_id
+    (intersection,) = layers["messageframe"][name]["intersections"]
+    assert intersection["id"] == {"region": 7, "id": 501}
+    json.dumps(layers)
+
+
 FOOTER = mvs_footer.encode(MvsFooter(1_790_000_000_000, 25.0, 121.5, (b"abcd",), (), ()))
 
 
@@ -118,7 +138,8 @@ def test_a_bsm_with_an_invalid_footer_is_described():
         ("030020 02 0380", Form.AUTO, ["wsm"], ("1609.2", "malformed"), "0380"),
         ("0380 01 aa", Form.LCCA, [], ("lcca", "unknown_version"), "038001aa"),
         ("0014", Form.WSM, [], ("wsm", "unknown_version"), "0014"),
-        ("00130100", Form.AUTO, [], ("messageframe", "not_a_bsm"), "00130100"),
+        ("00130100", Form.AUTO, [], ("messageframe", "too_short"), "00130100"),
+        ("001f0100", Form.AUTO, [], ("messageframe", "unknown_message"), "001f0100"),
     ],
 )
 def test_an_error_names_layer_and_reason(data, form, decoded, layer_and_reason, undecoded):

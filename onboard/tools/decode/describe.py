@@ -11,7 +11,7 @@ from typing import Any
 
 from onboard import psid
 from onboard.errors import DecodeError
-from onboard.messages import bsm, lcca, mvs_footer
+from onboard.messages import bsm, lcca, map_data, message_frame, mvs_footer, spat
 from onboard.security import ieee1609dot2
 from onboard.security.certificates import Certificate
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
@@ -88,7 +88,7 @@ def _form_of(data: bytes, inner_psid: int | None) -> Form:
         return Form.LCCA
     if first == wsmp.VERSION and second >= 0x80:
         return Form.DOT2
-    if first == 0 or inner_psid == psid.BSM:
+    if first == 0 or inner_psid in psid.J2735:
         return Form.MESSAGE_FRAME
     return Form.LCCA if first == lcca.VERSION else Form.WSM
 
@@ -135,11 +135,21 @@ def _element(element: wsmp.Element) -> dict[str, Any]:
 
 
 def _message_frame(data: bytes) -> _Layer:
-    message = bsm.decode(data)
-    content = bsm.as_dict(message)
-    del content["footer"]  # It is a layer of its own.
-    fields = {"message_id": bsm.MESSAGE_ID, "basic_safety_message": content}
-    return _Layer(fields, message.footer, Form.MVS_FOOTER)
+    message_id = message_frame.FRAME.decode(data).message_id
+    fields: dict[str, Any] = {"message_id": message_id}
+    match message_id:
+        case bsm.MESSAGE_ID:
+            message = bsm.decode(data)
+            content = bsm.as_dict(message)
+            del content["footer"]  # It is a layer of its own.
+            return _Layer(
+                fields | {"basic_safety_message": content}, message.footer, Form.MVS_FOOTER
+            )
+        case map_data.MESSAGE_ID:
+            return _Layer(fields | {"map_data": map_data.as_dict(map_data.decode(data))})
+        case spat.MESSAGE_ID:
+            return _Layer(fields | {"spat": spat.as_dict(spat.decode(data))})
+    raise DecodeError("unknown_message", f"message {message_id}")
 
 
 def _mvs_footer(data: bytes) -> _Layer:

@@ -1,0 +1,46 @@
+"""SAE J2735 MessageFrame, in which every J2735 message is sent."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from onboard.errors import DecodeError
+from onboard.messages.fields import Integer, OpenType, SequenceOf
+from onboard.messages.record import Record
+
+
+@dataclass(frozen=True, slots=True)
+class MessageFrame:
+    """A message, still encoded, with its DSRCmsgID."""
+
+    message_id: Annotated[int, Integer(0, 32767)]
+    content: Annotated[bytes, OpenType()]
+
+
+@dataclass(frozen=True, slots=True)
+class RegionalExtension:
+    """A regional extension, still encoded."""
+
+    region_id: Annotated[int, Integer(0, 255)]
+    content: Annotated[bytes, OpenType()]
+
+
+FRAME = Record(MessageFrame, extensible=True)
+REGION = Record(RegionalExtension)
+REGIONS = SequenceOf(REGION, 1, 4)
+
+
+def content_of(frame: bytes, message_id: int, name: str) -> bytes:
+    """Return the encoded message in a MessageFrame.
+
+    Args:
+        frame: the MessageFrame.
+        message_id: the expected DSRCmsgID.
+        name: short name of the expected message, for the reason.
+
+    Raises:
+        DecodeError: `not_a_<name>` for another message; `too_short` or `trailing_bytes`.
+    """
+    outer = FRAME.decode(frame)
+    if outer.message_id != message_id:
+        raise DecodeError(f"not_a_{name}", f"message {outer.message_id}")
+    return outer.content
