@@ -144,6 +144,8 @@ class Lead:
     candidates: tuple[PlateCandidate, ...] = field(default=(), metadata={"traced": False})
     """Texts that its plate may bear, the likeliest first, at most 16; what their probabilities lack
     to 1 is for all other texts."""
+    box: ImageBox | None = field(default=None, metadata={"traced": False})
+    """Its plate, tag or rear in the image; `None` without a gap, or where it is not seen."""
 
 
 NEW_LEAD_M = 5.0

@@ -4,6 +4,7 @@ import math
 
 from onboard.observations import Lead, LeadIdentity, Plate, VehicleDetection
 from onboard.vision.detection import Detection
+from onboard.vision.perspective import bounding_box
 from onboard.vision.plates import MIN_TEXT_CONFIDENCE
 from onboard.vision.vehicle_track import VehicleTrack
 
@@ -71,6 +72,7 @@ def lead(track: VehicleTrack | None, stamp_s: float, lens_sigma: float) -> Lead:
         closing_speed_sigma_m_s=math.hypot(ahead.rate_sigma_m_s, lens_sigma * ahead.rate_m_s),
         track_id=track.track_id,
         candidates=track.candidates,
+        box=bounding_box(track.corners_px) if track.observed_at == stamp_s else None,
     )
 
 

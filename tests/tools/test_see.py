@@ -453,3 +453,19 @@ def test_the_calibration_in_the_docs_is_one(tmp_path: Path) -> None:
     four = camera.read_text().replace(", 0.0]", "]")
     camera.write_text(four)
     assert load_settings(camera, Calibration).distortion == (-0.37, 0.19, 0.0, 0.0, 0.0)
+
+
+def test_a_lead_without_a_plate_and_a_frame_without_any_have_a_row_each() -> None:
+    box = ImageBox(40.0, 50.0, 60.0, 20.0)
+    unread = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=12.0, closing_speed_m_s=-1.0, box=box)
+    no_lead = Lead(0.1, LeadIdentity.NO_LEAD)
+
+    rows = [
+        dict(zip(COLUMNS, row, strict=True))
+        for event in (unread, no_lead)
+        for row in frame_with("drive.mp4", event).rows()
+    ]
+
+    assert [row["lead"] for row in rows] == ["unknown", "no_lead"]
+    assert [row["x_px"] for row in rows] == ["40.0", ""]
+    assert [row["gap_m"] for row in rows] == ["12.00", ""]

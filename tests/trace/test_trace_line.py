@@ -23,9 +23,10 @@ def test_nested_values_and_none_are_converted() -> None:
     assert record["text"] is None
 
 
-def test_a_trace_leaves_out_the_candidates_of_a_lead_and_a_recording_has_them() -> None:
+def test_a_trace_leaves_out_candidates_and_box_of_a_lead_and_a_recording_has_them() -> None:
     candidates = (PlateCandidate("ABC123", 0.7), PlateCandidate("ABC128", 0.2))
-    lead = Lead(1.5, LeadIdentity.UNKNOWN, gap_m=20.25, track_id=7, candidates=candidates)
+    box = ImageBox(1.0, 2.0, 3.0, 4.0)
+    lead = Lead(1.5, LeadIdentity.UNKNOWN, gap_m=20.25, track_id=7, candidates=candidates, box=box)
 
     recorded, traced = as_record(lead), as_trace_record(lead)
 
@@ -33,6 +34,7 @@ def test_a_trace_leaves_out_the_candidates_of_a_lead_and_a_recording_has_them() 
         {"text": "ABC123", "probability": 0.7},
         {"text": "ABC128", "probability": 0.2},
     ]
+    assert recorded.pop("box") == {"x_px": 1.0, "y_px": 2.0, "w_px": 3.0, "h_px": 4.0}
     assert traced == recorded
 
 

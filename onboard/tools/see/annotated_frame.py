@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Discarded, Lead, LeadIdentity, Plate, PlateCandidate
+from onboard.observations import Discarded, ImageBox, Lead, Plate, PlateCandidate
 from onboard.vision.frames import Frame
 from onboard.vision.perception import Event, Perception
 
@@ -22,11 +22,13 @@ COLUMNS = (
     "text",
     "confidence",
     "is_lead",
+    "lead",
     "gap_m",
     "closing_speed_m_s",
     "candidates",
 )
-"""Columns of the CSV: a row for each plate in each frame; the last three are the lead's."""
+"""Columns of the CSV: a row for each plate in each frame, and one for a lead without a plate or a
+frame without any. `lead` is the answer on the lead; the columns after it are the lead's."""
 DRAWN_CANDIDATES, MIN_DRAWN = 3, 0.01
 """Candidates in the caption of a frame, and the probability from which they are drawn."""
 
@@ -64,34 +66,44 @@ class AnnotatedFrame:
         """Rows of the CSV, values as text in the order of `COLUMNS`."""
         lead = self.lead
         for plate in self.plates:
-            box = plate.box
-            of_lead = lead if plate.is_lead else None
-            yield (
-                self.frame.name,
-                self.index,
-                f"{self.frame.stamp_s:.3f}",
-                *(f"{value:.1f}" for value in (box.x_px, box.y_px, box.w_px, box.h_px)),
-                plate.text or "",
-                f"{plate.confidence:.3f}",
-                int(plate.is_lead),
-                _metres(of_lead.gap_m if of_lead else None),
-                _metres(of_lead.closing_speed_m_s if of_lead else None),
-                _candidates(of_lead.candidates if of_lead else ()),
-            )
+            what = (plate.text or "", f"{plate.confidence:.3f}", int(plate.is_lead))
+            yield self._row(plate.box, what, lead if plate.is_lead else None)
+        if lead is None or any(plate.is_lead for plate in self.plates):
+            return
+        if lead.gap_m is not None or not self.plates:
+            yield self._row(lead.box, ("", "", int(lead.gap_m is not None)), lead)
+
+    def _row(
+        self, box: ImageBox | None, what: tuple[str, str, int], of_lead: Lead | None
+    ) -> tuple[str | int, ...]:
+        """One row: of a plate's text, confidence and `is_lead`, or of the lead alone."""
+        sides = (None,) * 4 if box is None else (box.x_px, box.y_px, box.w_px, box.h_px)
+        return (
+            self.frame.name,
+            self.index,
+            f"{self.frame.stamp_s:.3f}",
+            *("" if side is None else f"{side:.1f}" for side in sides),
+            *what,
+            "" if self.lead is None else self.lead.identity,
+            _metres(of_lead.gap_m if of_lead else None),
+            _metres(of_lead.closing_speed_m_s if of_lead else None),
+            _candidates(of_lead.candidates if of_lead else ()),
+        )
 
     def annotated(self) -> npt.NDArray[np.uint8]:
         """The image with boxes around plates, and the lead's state below."""
         image = self.frame.image.copy()
         if image.size == 0:
             return image
+        lead = self.lead
+        if lead is not None and lead.box is not None:
+            _draw(image, lead.box, _LEAD_BGR)
         for plate in self.plates:
-            box, colour = plate.box, _LEAD_BGR if plate.is_lead else _OTHER_BGR
-            corner = (round(box.x_px), round(box.y_px))
-            opposite = (round(box.x_px + box.w_px), round(box.y_px + box.h_px))
-            cv2.rectangle(image, corner, opposite, colour, 2)
+            colour = _LEAD_BGR if plate.is_lead else _OTHER_BGR
+            _draw(image, plate.box, colour)
             if plate.text is not None:
                 label = f"{plate.text} {plate.confidence:.2f}"
-                _write(image, label, (corner[0], corner[1] - 6), colour)
+                _write(image, label, (round(plate.box.x_px), round(plate.box.y_px) - 6), colour)
         _write(image, self._caption(), (12, image.shape[0] - 14), _LEAD_BGR)
         return image
 
@@ -100,7 +112,7 @@ class AnnotatedFrame:
         if lead is None:
             return f"{self.frame.stamp_s:.1f} s  skipped: {', '.join(self._faults) or 'frozen'}"
         caption = f"{self.frame.stamp_s:.1f} s  {lead.text or lead.identity.replace('_', ' ')}"
-        if lead.identity is LeadIdentity.NO_LEAD:
+        if lead.gap_m is None:
             return caption
         caption += f"  {lead.gap_m:.1f} m  closing {lead.closing_speed_m_s:+.1f} m/s"
         likely = [each for each in lead.candidates if each.probability >= MIN_DRAWN]
@@ -133,6 +145,11 @@ def _candidates(candidates: Iterable[PlateCandidate]) -> str:
 
 def _metres(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
+
+
+def _draw(image: npt.NDArray[np.uint8], box: ImageBox, bgr: tuple[int, int, int]) -> None:
+    opposite = (round(box.x_px + box.w_px), round(box.y_px + box.h_px))
+    cv2.rectangle(image, (round(box.x_px), round(box.y_px)), opposite, bgr, 2)
 
 
 def _write(
