@@ -24,6 +24,7 @@ vision-figures: .venv/ready
 	$(PYTHON) -m bench.plates
 	$(PYTHON) -m bench.plate_range
 	$(PYTHON) -m bench.vision_drives
+	$(PYTHON) -m bench.clips
 
 # The pictures of the pages in docs, from the running demonstration.
 pictures: .venv/ready

@@ -173,7 +173,7 @@ def measure() -> Iterator[Figure]:
 
 def table(tallies: Mapping[str, ClipTally]) -> str:
     """One row a clip, as Markdown."""
-    heads = "clip", "vehicle", "found", "unknown", "no lead", "free", "told", "ghosts", "absurd"
+    heads = "clip", "vehicle", "found", "unknown", "no lead", "free", "right", "ghosts", "absurd"
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for clip, tally in tallies.items():
         ghosts = f"{sum(tally.ghosts_s):.1f} s" if tally.ghosts_s else "none"
