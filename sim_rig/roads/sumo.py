@@ -1,4 +1,4 @@
-"""Traffic from SUMO, run in this process by libsumo, one simulation at a time.
+"""Traffic from SUMO, run in this process by libsumo, one simulation at a time: other threads wait.
 
 `networks/` has a dense crossing and a highway; their nets are made by `netconvert -c NAME.netccfg`.
 Other simulations are given by the `.sumocfg` of their network and routes.
@@ -6,6 +6,7 @@ Other simulations are given by the `.sumocfg` of their network and routes.
 
 import gzip
 import math
+import threading
 from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree as ET
@@ -28,6 +29,10 @@ _OPTIONS = (
 )  # fmt: skip
 
 
+_SIMULATION = threading.RLock()
+"""Held from the start of a simulation to its end: libsumo has one for all threads of a process."""
+
+
 class SumoError(UserError):
     """SUMO cannot run a simulation."""
 
@@ -36,16 +41,19 @@ class SumoTraffic(Traffic):
     """Steps one simulation; `seed` is the seed of SUMO's random numbers."""
 
     def __init__(self, config: Path, seed: int) -> None:
-        """Load the simulation.
+        """Load the simulation, when those of other threads have ended.
 
         Raises:
-            SumoError: it cannot be loaded, its routes do not match its network, or this process
+            SumoError: it cannot be loaded, its routes do not match its network, or this thread
                 already runs a simulation.
         """
-        if libsumo.simulation.isLoaded():
-            raise SumoError(f"{config}: this process already runs a simulation of SUMO")
         self._config, self._step = config, 0
         _check_network(config)
+        _SIMULATION.acquire()
+        if libsumo.simulation.isLoaded():
+            _SIMULATION.release()
+            raise SumoError(f"{config}: this thread already runs a simulation of SUMO")
+        self._is_running = True
         try:
             libsumo.start(["sumo", "-c", str(config), "--seed", str(seed), *_OPTIONS])
             libsumo.simulationStep()  # the first step inserts the cars that depart at 0 s
@@ -72,9 +80,12 @@ class SumoTraffic(Traffic):
         return self._cars.moved_on(max(at_s - self._step * STEP_S, 0.0))
 
     def close(self) -> None:
-        """End the simulation, so that another one can start."""
-        if libsumo.simulation.isLoaded():
-            libsumo.close()
+        """End the simulation, so that another one can start; by the thread that started it."""
+        if self._is_running:
+            self._is_running = False
+            if libsumo.simulation.isLoaded():
+                libsumo.close()
+            _SIMULATION.release()
 
     def __enter__(self) -> Self:
         return self

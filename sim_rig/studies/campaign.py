@@ -7,14 +7,17 @@ same results. The result of a run is one line of `runs.jsonl`, written as soon a
 
 import fcntl
 import json
+import logging
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor
+from concurrent.futures import wait as wait_for_runs
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -93,12 +96,16 @@ def run_campaign(
                 advance(len(numbers), 1)
         except KeyboardInterrupt:
             finished = sum(number in done for number in numbers)
-            Console(stderr=True, highlight=False, soft_wrap=True).print(
+            _report(
                 f"interrupted: {finished} of {len(numbers)} runs are stored in {folder};"
                 " the same command resumes there"
             )
             raise
     return [done[number] for number in numbers]
+
+
+def _report(text: str) -> None:
+    Console(stderr=True, highlight=False, soft_wrap=True).print(text)
 
 
 def _lock(file: IO[str], folder: Path) -> None:
@@ -177,13 +184,10 @@ def _in_processes(
                 ) as pool,
                 _end_on_error(),
             ):
-                with _ignore_interrupts():
-                    futures = {pool.submit(run, settings, number): number for number in left}
-                for future in as_completed(futures):
-                    row = future.result()
-                    left.remove(futures[future])
+                for number, row in _completed(pool, 2 * processes, run, settings, tuple(left)):
+                    left.remove(number)
                     failures = 0
-                    yield futures[future], row
+                    yield number, row
         except BrokenProcessPool as error:
             failures += 1
             if failures == _MOST_FAILURES:
@@ -193,8 +197,30 @@ def _in_processes(
                 ) from error
 
 
+def _completed(
+    pool: ProcessPoolExecutor,
+    submitted_at_most: int,
+    run: "Run[SettingsT]",
+    settings: SettingsT,
+    numbers: Iterable[int],
+) -> Iterator[tuple[int, Row]]:
+    """Yield runs as they end; few are submitted ahead, so that the first is stored early."""
+    waiting = iter(numbers)
+    submitted: dict[Future[Row], int] = {}
+    while True:
+        for number in islice(waiting, submitted_at_most - len(submitted)):
+            with _delay_interrupt():
+                submitted[pool.submit(run, settings, number)] = number
+        if not submitted:
+            return
+        for future in wait_for_runs(submitted, return_when=FIRST_COMPLETED).done:
+            yield submitted.pop(future), future.result()
+
+
 def _become_worker() -> None:
-    """Prepare a worker process: it ends when its parent process ends."""
+    """Prepare a worker process: it ignores Ctrl-C, and ends when its parent process ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     freeze_start_up_objects()
     parent = parent_process()
     assert parent is not None  # noqa: S101 (it was started by one)
@@ -207,16 +233,25 @@ def _become_worker() -> None:
 
 
 @contextmanager
-def _ignore_interrupts() -> Iterator[None]:
-    """Let processes started inside ignore Ctrl-C, which this process handles for all."""
+def _delay_interrupt() -> Iterator[None]:
+    """Delay Ctrl-C to the end of the block, and keep it from processes that start inside.
+
+    A child process inherits the blocked signal, so Ctrl-C cannot end it before it ignores it.
+    """
     if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread may set signal handlers
+        yield  # only the main thread gets signals
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    delayed: list[int] = []
+    # The kernel gives a signal that this thread blocks to another thread of the process.
+    before = signal.signal(signal.SIGINT, lambda number, _: delayed.append(number))
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         signal.signal(signal.SIGINT, before)
+    if delayed:
+        signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager
@@ -258,7 +293,12 @@ def _on_dask(
         client = distributed.Client(address, timeout=DASK_TIMEOUT_S)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise CampaignError(f"no Dask scheduler answers at {address}: {error}") from error
+    # They log a lost scheduler with tracebacks, which the error below states in a line.
+    for name in ("distributed.client", "distributed.batched", "distributed.core"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     with client:
+        if not client.nthreads():  # type: ignore[no-untyped-call]
+            _report(f"waiting for a worker: none is connected to the Dask scheduler at {address}")
         futures = [client.submit(_numbered, run, settings, number) for number in numbers]
         for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]
             try:

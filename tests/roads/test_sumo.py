@@ -3,6 +3,7 @@
 import gzip
 import shutil
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 
@@ -90,7 +91,16 @@ def test_the_seed_determines_cars_and_departures() -> None:
     assert first_cars(1) != first_cars(2)
 
 
-def test_one_process_runs_one_simulation() -> None:
+def test_threads_of_one_process_run_their_simulations_in_turn() -> None:
+    def middles(seed: int) -> list[list[float]]:
+        with SumoTraffic(NETWORKS / "highway.sumocfg", seed) as traffic:
+            return traffic.cars_at(12.0).middle_m.tolist()
+
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(middles, (1, 2, 3))) == [middles(seed) for seed in (1, 2, 3)]
+
+
+def test_one_thread_runs_one_simulation() -> None:
     with (
         SumoTraffic(NETWORKS / "highway.sumocfg", seed=1),
         pytest.raises(SumoError, match="already runs a simulation of SUMO"),

@@ -1,6 +1,7 @@
 """A campaign has the same results in one process, in many, resumed, and with failing workers."""
 
 import fcntl
+import json
 import os
 import resource
 import signal
@@ -43,6 +44,12 @@ def wait_forever(settings: DiceSettings, number: int) -> Row:
     if number:
         signal.pause()
     return throw(settings, number)
+
+
+def interrupt_the_campaign(settings: DiceSettings, number: int) -> Row:
+    os.kill(os.getppid(), signal.SIGINT)
+    signal.pause()
+    return {}
 
 
 def test_a_single_run_has_the_result_that_it_has_in_the_campaign(tmp_path: Path) -> None:
@@ -162,6 +169,21 @@ def test_an_interrupted_campaign_ends_at_once_and_states_the_stored_runs(
     assert "SpawnProcess" not in output  # no worker writes anything
 
 
+def test_an_interrupt_ends_a_campaign_of_many_runs_as_soon_as_one_runs(tmp_path: Path) -> None:
+    code = (
+        "from tests.sim_rig.test_campaign import *\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # ignored in the background
+        f"run_campaign(interrupt_the_campaign, DiceSettings(), range(20_000),"
+        f" Path({str(tmp_path)!r}), Workers(2))"
+    )
+    with process_group(sys.executable, "-c", code) as process:
+        _, output = process.communicate(timeout=60.0)
+
+    assert process.returncode == -signal.SIGINT
+    assert "0 of 20000 runs are stored" in output
+    assert "SpawnProcess" not in output  # no worker writes anything
+
+
 def test_workers_that_always_fail_are_an_error(tmp_path: Path) -> None:
     settings = DiceSettings(fatal_once=str(tmp_path / "killed"), always_fatal=True)
 
@@ -174,13 +196,51 @@ def test_a_cluster_has_the_same_results(tmp_path: Path) -> None:
         n_workers=2,
         threads_per_worker=1,
         host="127.0.0.1",
-        dashboard_address=None,
+        dashboard_address="127.0.0.1:0",
         local_directory=tmp_path,
     ) as cluster:
         address = cluster.scheduler_address
         rows = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "a", Workers(dask=address))
 
     assert rows == run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "b", Workers())
+
+
+def test_a_cluster_without_workers_that_ends_is_reported_in_two_lines(tmp_path: Path) -> None:
+    scheduler_file = tmp_path / "scheduler.json"
+    code = (
+        "from tests.sim_rig.test_campaign import *\n"
+        "try:\n"
+        f"    run_campaign(throw, DiceSettings(), NUMBERS, Path({str(tmp_path)!r}),"
+        " Workers(dask=sys.argv[1]))\n"
+        "except CampaignError as error:\n"
+        "    print(error, file=sys.stderr)"
+    )
+    serve = (
+        "-m",
+        "dask",
+        "scheduler",
+        "--host=127.0.0.1",
+        "--port=0",
+        "--dashboard-address=127.0.0.1:0",
+    )
+    with process_group(
+        sys.executable, *serve, "--scheduler-file", str(scheduler_file)
+    ) as scheduler:
+        while scheduler.poll() is None and not (
+            scheduler_file.exists() and scheduler_file.read_text().endswith("}")
+        ):
+            time.sleep(0.02)
+        address = json.loads(scheduler_file.read_text())["address"]
+        with process_group(sys.executable, "-c", code, address) as process:
+            assert process.stderr is not None
+            waiting = process.stderr.readline()
+            os.killpg(scheduler.pid, signal.SIGKILL)
+            _, ending = process.communicate(timeout=60.0)
+
+    assert waiting == (
+        f"waiting for a worker: none is connected to the Dask scheduler at {address}\n"
+    )
+    assert ending == (f"the Dask scheduler at {address} has gone; the finished runs are stored\n")
 
 
 def test_a_missing_cluster_is_a_user_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
