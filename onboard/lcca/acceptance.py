@@ -5,13 +5,16 @@ not known: "ahead" means a smaller group number, "same group" the same leader. A
 ahead if the braking vehicle is: a member that missed the first copy may accept the one that a
 vehicle behind repeats.
 
+That a braking is over, and nothing else, silences an alarm. So it is accepted from the predecessor
+only, and goes from each vehicle to the next one.
+
 While an update about a new leader is on its way, leader and number lag. The predecessor is ahead
 and in the own group whatever its header says, so it is always accepted.
 """
 
 from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.transitions import GroupState
-from onboard.messages.lcca import CarId, Update, Warn
+from onboard.messages.lcca import CarId, Update, Warn, WarnCause
 
 
 def warn_refusal(
@@ -34,9 +37,11 @@ def warn_refusal(
     if warn.age_s > lifetime_s:
         return "stale"
     refusal = _group_refusal((warn.leader_id,), state, position, from_predecessor=from_predecessor)
-    if refusal is None and not from_predecessor and warn.origin_number >= position.number:
+    if refusal is not None or from_predecessor:
+        return refusal
+    if warn.origin_number >= position.number:
         return "from_behind"
-    return refusal
+    return "not_followed" if warn.cause is WarnCause.OVER else None
 
 
 def update_refusal(

@@ -1,8 +1,9 @@
 """The vehicles ahead in the group that brake hard now.
 
-Each warning tells a state, and the newest one of a vehicle is valid: by it the braking begins, its
-level rises, or it is over. A braking that is not heard of for `event_lifetime_s` has ended, too:
-its vehicle may have no radio any more.
+Each warning tells a state, and the one received last is valid: by it the braking begins, its level
+changes, or it is over. A braking that is not heard of for `event_lifetime_s` has expired: its
+vehicle may have no radio any more. What was sent before the end of a braking and arrives after it
+is outdated. Sequence numbers decide nothing else, since everybody can count ahead.
 """
 
 import math
@@ -16,12 +17,12 @@ from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import CarId, Warn, WarnCause
 from onboard.observations import BrakeCause
 
-MAX_ORIGINS = 64
-"""Vehicles whose newest warning is stored, the one received last at the end."""
+MAX_BRAKINGS = 64
+"""Brakings stored, and ends; of more, the one received first expires or is forgotten."""
 
 OUTDATED = 8
-"""A warning up to so many sequence numbers older than the newest one is outdated. A forged number
-far ahead therefore suppresses none."""
+"""A warning up to so many sequence numbers older than the end of its braking is outdated. A forged
+end with a number far ahead suppresses nothing."""
 
 LEVEL_STEP_M_S2 = 1.0
 """Least change of the deceleration that is reported."""
@@ -30,11 +31,11 @@ LEVEL_STEP_M_S2 = 1.0
 @dataclass(slots=True)
 class _Braking:
     warn: Warn
-    """The newest one."""
+    """The one received last."""
     level_m_s2: float
     """As reported last."""
     until: float
-    """When it ends without another warning; minus infinity once it is over."""
+    """When it expires without another warning."""
 
 
 class ActiveWarnings:
@@ -43,29 +44,38 @@ class ActiveWarnings:
     def __init__(self, parameters: GroupParameters) -> None:
         self._lifetime_s = parameters.event_lifetime_s
         self._brakings: OrderedDict[CarId, _Braking] = OrderedDict()
+        self._ended: OrderedDict[tuple[CarId, int], int] = OrderedDict()
+        """Sequence number of the end, by vehicle and first sequence number."""
 
     def is_outdated(self, warn: Warn) -> bool:
-        """Whether a newer state of the same vehicle is known."""
-        known = self._brakings.get(warn.event_origin_id)
-        if known is None:
-            return False
-        return 0 < (known.warn.event_sequence - warn.event_sequence) % (1 << 16) <= OUTDATED
+        """Whether it was sent before an end of the same braking that was received."""
+        end = self._ended.get((warn.event_origin_id, warn.first_sequence))
+        return end is not None and 0 < (end - warn.event_sequence) % (1 << 16) <= OUTDATED
 
     def receive(
         self, warn: Warn, position: GroupPosition, now: float
     ) -> Iterator[WarningRaised | WarningLevel | WarningOver]:
-        """Take an accepted warning, the newest of its vehicle; yields what it changes."""
+        """Take an accepted warning; yields what it changes."""
         origin_id = warn.event_origin_id
+        known = self._brakings.get(origin_id)
+        is_same = known is not None and known.warn.first_sequence == warn.first_sequence
         is_over = warn.cause is WarnCause.OVER
-        known = self._brakings.pop(origin_id, None)
-        active = known if known is not None and known.until > now else None
-        if active is not None and (is_over or active.warn.first_sequence != warn.first_sequence):
-            yield WarningOver(now, origin_id, active.warn.first_sequence, "over")
-            active = None
-        level_m_s2 = warn.deceleration_m_s2
         if is_over:
-            pass
-        elif active is None:
+            self._ended[origin_id, warn.first_sequence] = warn.event_sequence
+            if len(self._ended) > MAX_BRAKINGS:
+                self._ended.popitem(last=False)
+        if known is not None and is_over == is_same:
+            yield self._end(origin_id, "over", now)
+        if not is_over:
+            yield from self._raise_or_change(warn, position, now)
+
+    def _raise_or_change(
+        self, warn: Warn, position: GroupPosition, now: float
+    ) -> Iterator[WarningRaised | WarningLevel | WarningOver]:
+        origin_id = warn.event_origin_id
+        active = self._brakings.pop(origin_id, None)
+        level_m_s2 = warn.deceleration_m_s2
+        if active is None:
             yield WarningRaised(
                 stamp_s=now,
                 origin_id=origin_id,
@@ -85,22 +95,23 @@ class ActiveWarnings:
             yield WarningLevel(now, origin_id, warn.first_sequence, _cause(warn), level_m_s2)
         else:
             level_m_s2 = active.level_m_s2
-        until = -math.inf if is_over else now - warn.age_s + self._lifetime_s
+        until = now - warn.age_s + self._lifetime_s
         self._brakings[origin_id] = _Braking(warn, level_m_s2, until)
-        if len(self._brakings) > MAX_ORIGINS:
-            self._brakings.popitem(last=False)
+        if len(self._brakings) > MAX_BRAKINGS:
+            yield self._end(next(iter(self._brakings)), "expired", now)
 
     def expire(self, now: float) -> Iterator[WarningOver]:
         """End the brakings that are not heard of any more."""
-        for origin_id, braking in self._brakings.items():
-            if -math.inf < braking.until <= now:
-                braking.until = -math.inf
-                yield WarningOver(now, origin_id, braking.warn.first_sequence, "expired")
+        for origin_id in [key for key, each in self._brakings.items() if each.until <= now]:
+            yield self._end(origin_id, "expired", now)
 
     def get_timer(self) -> float:
         """When the next braking ends unless it is heard of; infinite without any."""
-        active = (each.until for each in self._brakings.values() if each.until > -math.inf)
-        return min(active, default=math.inf)
+        return min((each.until for each in self._brakings.values()), default=math.inf)
+
+    def _end(self, origin_id: CarId, reason: str, now: float) -> WarningOver:
+        braking = self._brakings.pop(origin_id)
+        return WarningOver(now, origin_id, braking.warn.first_sequence, reason)
 
 
 def _cause(warn: Warn) -> BrakeCause:

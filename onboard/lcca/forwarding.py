@@ -32,6 +32,16 @@ from onboard.messages.lcca import CarId, Update, Warn, WarnCause
 EventId = tuple[CarId, int]
 """ID of the vehicle that started it, and its event sequence number."""
 
+_Statement = tuple[EventId, type[Update] | type[Warn], CarId | None, int, int]
+"""What all copies of a message have in common."""
+
+SAME_STATEMENT_S = 0.5
+"""Largest difference between the times of two copies of a warning. Its vehicle sends the next one
+after `warn_refresh_s`; a copy may wait for the radio."""
+
+_EARLY_S = 0.5
+"""An acknowledgement comes so long before the acknowledged message at most."""
+
 _REACH_REFRESHES = 3.0
 """A vehicle is within reach for this many refresh intervals after a message from it."""
 
@@ -45,6 +55,19 @@ _MAX_MESSAGES = 64
 def event_of(message: Update | Warn) -> EventId:
     """Return the ID of the event, which all copies of one message share."""
     return message.event_origin_id, message.event_sequence
+
+
+def _statement_of(message: Update | Warn) -> _Statement:
+    """Return what is stated: whoever uses a number ahead of its vehicle states something else."""
+    event = event_of(message)
+    if isinstance(message, Update):
+        return event, Update, message.leader_id, message.shift, message.leader_sequence
+    return event, Warn, None, message.first_sequence, int(message.cause is WarnCause.OVER)
+
+
+def reach_of_cause(cause: int, reach: int) -> int:
+    """Return how many vehicles behind a warning is repeated: its end, by the next one each time."""
+    return min(reach, 1) if cause is WarnCause.OVER else reach
 
 
 class Reach:
@@ -126,14 +149,18 @@ class Forwarding:
         self._warning_list = warning_list
         self._reach = reach
         self._rng = rng
-        self._messages: dict[EventId, _Message] = {}
-        self._early_acknowledgements: deque[tuple[EventId, CarId]] = deque(
+        self._messages: dict[_Statement, _Message] = {}
+        self._early_acknowledgements: deque[tuple[EventId, CarId, float]] = deque(
             maxlen=_MAX_EARLY_ACKNOWLEDGEMENTS
         )
 
-    def is_duplicate(self, message: Update | Warn) -> bool:
+    def is_duplicate(self, message: Update | Warn, now: float) -> bool:
         """Whether a copy was received before, or this vehicle started it."""
-        return event_of(message) in self._messages
+        entry = self._messages.get(_statement_of(message))
+        if entry is None or not isinstance(message, Warn) or not isinstance(entry.message, Warn):
+            return entry is not None
+        made_at, known_at = now - message.age_s, entry.received_at - entry.message.age_s
+        return abs(made_at - known_at) <= SAME_STATEMENT_S
 
     def originate(self, message: Update | Warn, now: float) -> None:
         """Start the message; the caller sends its first copy now."""
@@ -152,7 +179,7 @@ class Forwarding:
 
     def receive_duplicate(self, message: Update | Warn, distance: int, now: float) -> None:
         """Take another copy; arguments as in `receive`."""
-        entry = self._messages[event_of(message)]
+        entry = self._messages[_statement_of(message)]
         if entry.repeat_at == math.inf:
             return
         if distance <= 0:
@@ -202,7 +229,9 @@ class Forwarding:
         """Drop all that other vehicles started: this vehicle has left their group."""
         self._messages = {key: each for key, each in self._messages.items() if each.distance == 0}
 
-    def receive_acknowledgement(self, event: EventId, car_id: CarId, behind: int) -> None:
+    def receive_acknowledgement(
+        self, event: EventId, car_id: CarId, behind: int, now: float
+    ) -> None:
         """Take the acknowledgement of an event by a vehicle of the own group.
 
         The designated forwarder has repeated the message, or has no follower to repeat it to.
@@ -211,15 +240,15 @@ class Forwarding:
             event: what is acknowledged.
             car_id: the sender of the acknowledgement.
             behind: how many vehicles behind it is.
+            now: seconds on the cores' clock.
         """
-        entry = self._messages.get(event)
-        if entry is None:
-            if (event, car_id) not in self._early_acknowledgements:
-                self._early_acknowledgements.append((event, car_id))
-            return
-        entry.unacknowledged.discard(car_id)
-        if behind == entry.message.reach - entry.distance:
-            entry.repeat_at = math.inf
+        entries = [each for key, each in self._messages.items() if key[0] == event]
+        if not entries:
+            self._early_acknowledgements.append((event, car_id, now))
+        for entry in entries:
+            entry.unacknowledged.discard(car_id)
+            if behind == entry.message.reach - entry.distance:
+                entry.repeat_at = math.inf
 
     def is_last_forwarder(self, message: Update | Warn, distance: int) -> bool:
         """Whether this vehicle is the designated forwarder and has no follower to repeat it to."""
@@ -262,7 +291,7 @@ class Forwarding:
             sender_id=sender_id,
             leader_id=leader_id,
             number=number,
-            reach=reach,
+            reach=reach_of_cause(message.cause, reach),
             origin_number=origin_number,
             age_s=age_s,
             hops=min(message.hops + (entry.distance != 0), 255),
@@ -293,13 +322,15 @@ class Forwarding:
         event = event_of(message)
         unacknowledged = set(self._warning_list.ids)
         unacknowledged -= {
-            car_id for acknowledged, car_id in self._early_acknowledgements if acknowledged == event
+            car_id
+            for acknowledged, car_id, at in self._early_acknowledgements
+            if acknowledged == event and now - at <= _EARLY_S
         }
         check_at = math.inf
         if isinstance(message, Warn):
             check_at = now + self._parameters.acknowledge_s + self._spread_s()
             self._replace(message.event_origin_id)
-        self._messages[event] = _Message(
+        self._messages[_statement_of(message)] = _Message(
             message,
             now,
             distance,

@@ -23,7 +23,7 @@ from onboard.lcca.events import (
     WarningOver,
     WarningRaised,
 )
-from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of
+from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of, reach_of_cause
 from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.membership import Membership
@@ -303,7 +303,7 @@ class WarningGroup(Core):
         acknowledged = (join.acknowledged_origin_id, join.acknowledged_sequence)
         if acknowledged != _NO_EVENT and (is_for_us or join.leader_id == self._position.leader_id):
             behind = 1 if is_for_us else join.number - self._position.number
-            self._forwarding.receive_acknowledgement(acknowledged, join.sender_id, behind)
+            self._forwarding.receive_acknowledgement(acknowledged, join.sender_id, behind, now)
         if not is_for_us:
             return
         if join.sender_id in (self._membership.predecessor, self._position.leader_id):
@@ -349,7 +349,7 @@ class WarningGroup(Core):
 
     def _receive_update(self, update: Update, now: float) -> None:
         position = self._position
-        if self._forwarding.is_duplicate(update):
+        if self._forwarding.is_duplicate(update, now):
             if update.leader_id == position.leader_id:
                 self._forwarding.receive_duplicate(update, position.number - update.number, now)
             self._discard("duplicate", update, now)
@@ -381,7 +381,7 @@ class WarningGroup(Core):
         distance = self._distance(warn)
         if warn.event_origin_id == self._position.own_id or self._own_braking.is_own(warn):
             refusal: str | None = "own_echo"
-        elif self._forwarding.is_duplicate(warn):
+        elif self._forwarding.is_duplicate(warn, now):
             refusal = "duplicate"
             if from_predecessor:  # It repeats because the acknowledgement was lost.
                 self._acknowledge(warn, distance, now)
@@ -438,7 +438,7 @@ class WarningGroup(Core):
             *self._position.header,
             event_origin_id=braking.origin_id,
             event_sequence=sequence,
-            reach=self._reach.distance(now),
+            reach=reach_of_cause(braking.cause, self._reach.distance(now)),
             origin_number=self._position.number,
             first_sequence=sequence if braking.first_sequence is None else braking.first_sequence,
             cause=braking.cause,

@@ -73,6 +73,8 @@ OUTSIDER = b"outsider"
         ({"leader_id": OUTSIDER, "number": 9}, ["warning"]),  # A is followed: it is ahead
         ({"sender_id": C, "number": 3, "event_origin_id": B}, ["own_echo"]),
         ({"sender_id": B}, ["own_echo"]),
+        ({"sender_id": OUTSIDER, "number": 1, "cause": WarnCause.OVER}, ["not_followed"]),
+        ({"cause": WarnCause.OVER}, []),  # A is followed
     ],
 )
 def test_a_member_accepts_or_refuses_a_warning(
@@ -87,6 +89,15 @@ def test_every_further_copy_of_a_warning_is_a_duplicate() -> None:
     assert car.hears(warn()) == ["duplicate"]
     assert car.hears(warn(sender_id=C, number=3, hops=2)) == ["duplicate"]
     assert car.hears(warn(sender_id=OUTSIDER, leader_id=OUTSIDER)) == ["duplicate"]
+
+
+def test_the_end_of_another_braking_ends_nothing() -> None:
+    car = Listener()
+    assert car.hears(warn(event_sequence=20, first_sequence=20)) == ["warning"]
+    assert car.hears(warn(event_sequence=19, first_sequence=5, cause=WarnCause.OVER)) == []
+    ends = warn(event_sequence=21, first_sequence=20, cause=WarnCause.OVER)
+    assert car.hears(ends) == ["warning_over"]
+    assert car.hears(warn(event_sequence=20, first_sequence=20, age_s=1.0)) == ["outdated"]
 
 
 def update(**changes: object) -> Update:
