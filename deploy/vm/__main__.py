@@ -106,14 +106,16 @@ def main() -> int:
     parser.add_argument(
         "--reuse", action="store_true", help="use the installed disk of the last run"
     )
-    parser.add_argument("--record", action="store_true", help=f"write the table to {DOCS.name}")
+    parser.add_argument(
+        "--record", action="store_true", help=f"write the table of QEMU to {DOCS.name}"
+    )
     arguments = parser.parse_args()
     test = VmTest()
     is_kept = test.run_in_namespaces() if arguments.namespaces else test.run(reuse=arguments.reuse)
     text = test.table()
     print(text)
-    if arguments.record and is_kept:
-        record(DOCS, "here" if arguments.namespaces else "vm-test", text)
+    if arguments.record and is_kept and not arguments.namespaces:
+        record(DOCS, "vm-test", text)
     return 0 if is_kept else 1
 
 

@@ -65,7 +65,7 @@ def _statement_of(message: Update | Warn) -> _Statement:
     return event, Warn, None, message.first_sequence, int(message.cause is WarnCause.OVER)
 
 
-def reach_of_cause(cause: int, reach: int) -> int:
+def reach_of_cause(cause: WarnCause | int, reach: int) -> int:
     """Return how many vehicles behind a warning is repeated: its end, by the next one each time."""
     return min(reach, 1) if cause is WarnCause.OVER else reach
 
