@@ -1,14 +1,18 @@
 """The receive path: decoding of WSM, 1609.2 verification, decoding of BSM and footer.
 
 Twenty cars send at 10 Hz. Each attaches its certificate now and then and otherwise sends the
-digest, so certificates are known after the first message. The reference is the signature alone:
-OpenSSL's ECDSA P-256 through the same library, of digests, with keys loaded. Rates are per second
-of processor time.
+digest, so certificates are known after the first message; `.implicit` is the same with implicit
+certificates. `.new` counts certificates that the receiver does not know yet, without messages.
+
+The reference is the signature alone: OpenSSL's ECDSA P-256 through the same library, of digests,
+with keys loaded. Rates are per second of processor time.
 """
 
 import statistics
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from cryptography.hazmat.primitives import hashes
@@ -23,6 +27,7 @@ from onboard.messages import mvs_footer
 from onboard.security import p256
 from onboard.security.credentials import Credentials
 from onboard.security.security_services import SecurityServices
+from onboard.security.trust import TrustStore
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
@@ -31,35 +36,53 @@ CARS = 20
 ENTRIES = 10
 ROUNDS = 50
 """Number of BSMs of each car, 0.1 s apart."""
+PSEUDONYMS = 10
+"""Number of certificates of each car."""
 REPEATS = 7
 
 
 def measure() -> Iterator[Figure]:
-    """Yield messages a second through the whole path, and without verification."""
-    credentials = make_trial(
-        [f"car{n}" for n in range(CARS + 1)],
-        [psid.BSM],
-        UTC_S,
-        p256.key_from(np.random.default_rng(3)),
-    )
-    *cars, receiver = credentials.values()
-    wsms = signed_wsms(cars, ENTRIES)
-    reference = "bare ECDSA P-256 verify"
-    whole, parts, bare = [], [], []
+    """Yield rates of messages, of messages without verification, and of new certificates."""
+    explicit, implicit = _trial(implicit=False), _trial(implicit=True)
+    wsms, implicit_wsms = (signed_wsms(trial[:-1], ENTRIES) for trial in (explicit, implicit))
+    receiver = explicit[-1]
+    rates: dict[str, list[float]] = defaultdict(list)
+    bare = []
     for _ in range(REPEATS):
         bare.append(_verify_rate_hz())
-        whole.append(len(wsms) / _time_s(lambda: receive_all(receiver, wsms)))
-        parts.append(len(wsms) / _time_s(lambda: _decode_all(wsms)))
-    verify = statistics.median(bare)
-    yield Figure("receive_path", statistics.median(whole), "messages/s", REPEATS, reference, verify)
-    yield Figure(
-        "receive_path.unverified",
-        statistics.median(parts),
-        "messages/s",
-        REPEATS,
-        reference,
-        verify,
+        for name, given in (("", wsms), (".implicit", implicit_wsms)):
+            rates[name].append(len(given) / _time_s(partial(receive_all, receiver, given)))
+        rates[".unverified"].append(len(wsms) / _time_s(lambda: _decode_all(wsms)))
+        for name, trial in ((".explicit", explicit), (".implicit", implicit)):
+            seconds = _time_s(partial(_receive_certificates, receiver, trial))
+            rates[f".new{name}"].append(CARS * PSEUDONYMS / seconds)
+    reference, verify = "bare ECDSA P-256 verify", statistics.median(bare)
+    for name, measured in rates.items():
+        unit = "certificates/s" if name.startswith(".new") else "messages/s"
+        value = statistics.median(measured)
+        yield Figure(f"receive_path{name}", value, unit, REPEATS, reference, verify)
+
+
+def _trial(*, implicit: bool) -> list[Credentials]:
+    """Credentials of the cars and of the receiver; the authority is the same for the same seed."""
+    return list(
+        make_trial(
+            [f"car{n}" for n in range(CARS + 1)],
+            [psid.BSM],
+            UTC_S,
+            p256.key_from(np.random.default_rng(3)),
+            pseudonyms=PSEUDONYMS,
+            implicit=implicit,
+        ).values()
     )
+
+
+def _receive_certificates(receiver: Credentials, cars: Sequence[Credentials]) -> None:
+    """Verify the chain of each certificate, or reconstruct its key, with a new receiver."""
+    trust = TrustStore(receiver.roots, receiver.authorities)
+    for car in cars[:CARS]:
+        for own in car.pseudonyms:
+            trust.receive(own.certificate)
 
 
 def signed_wsms(cars: Sequence[Credentials], entries: int) -> list[tuple[float, bytes]]:

@@ -12,7 +12,7 @@ from onboard.security.its_time import from_time32, to_time32
 from onboard.security.oer import Malformed, OerReader, Unsupported
 
 _VERSION = 3
-_EXPLICIT = 0
+_EXPLICIT, _IMPLICIT = 0, 1
 _DURATIONS_S = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 216_000.0, 31_556_952.0)
 """Alternatives of Duration in their order, microseconds to years."""
 _ENTITY_APP = 0x80
@@ -59,10 +59,13 @@ def encode_to_be_signed(subject: Subject) -> bytes:
     """Encode a ToBeSignedCertificate.
 
     Raises:
-        ValueError: the subject has no permission, no key, or a validity beyond the range.
+        ValueError: the subject has no permission, not one key, or a validity beyond the range.
     """
-    if subject.public_key is None or not (subject.permissions or subject.issue_permissions):
-        raise ValueError("a certificate has a public key and a permission")
+    key, value = subject.public_key, subject.reconstruction_value
+    if (key is None) == (value is None) or not (subject.permissions or subject.issue_permissions):
+        raise ValueError(
+            "a certificate has a public key, or a reconstruction value, and permissions"
+        )
     present = _APP * bool(subject.permissions) | _ISSUE * bool(subject.issue_permissions)
     name = subject.name
     parts = [
@@ -77,19 +80,26 @@ def encode_to_be_signed(subject: Subject) -> bytes:
         parts.append(oer.sequence([_encode_permission(p) for p in subject.permissions]))
     if subject.issue_permissions:
         parts.append(oer.sequence([_encode_issue(p) for p in subject.issue_permissions]))
-    parts.append(b"\x80\x80" + encode_point(subject.public_key))  # verificationKey, ecdsaNistP256
+    if key is not None:
+        parts.append(oer.choice(0) + oer.choice(0) + encode_point(key))  # ecdsaNistP256
+    if value is not None:
+        parts.append(oer.choice(1) + encode_point(value))
     return b"".join(parts)
 
 
-def encode_certificate(issuer_id: bytes | None, to_be_signed: bytes, signature: bytes) -> bytes:
-    """Encode an explicit certificate.
+def encode_certificate(
+    issuer_id: bytes | None, to_be_signed: bytes, signature: bytes | None
+) -> bytes:
+    """Encode a certificate, an explicit one if it is signed.
 
     Args:
         issuer_id: HashedId8 of the issuer's certificate; `None` if self-signed.
         to_be_signed: encoded ToBeSignedCertificate.
-        signature: encoded Signature.
+        signature: encoded Signature; `None` in an implicit certificate.
     """
     issuer = b"\x81\x00" if issuer_id is None else b"\x80" + issuer_id
+    if signature is None:
+        return bytes((0x00, _VERSION, _IMPLICIT)) + issuer + to_be_signed
     return bytes((0x80, _VERSION, _EXPLICIT)) + issuer + to_be_signed + signature
 
 
@@ -117,16 +127,16 @@ def read_certificate(reader: OerReader) -> Certificate:
     subject = _read_subject(body)
     to_be_signed = body.finish()
     is_explicit = subject.public_key is not None
-    if (kind == _EXPLICIT, bool(has_signature)) != (is_explicit, is_explicit):
+    expected = (_EXPLICIT, True) if is_explicit else (_IMPLICIT, False)
+    if (kind, bool(has_signature)) != expected:
         raise Malformed(f"a certificate of type {kind} with the wrong key or signature")
-    if is_explicit:
-        signature = read_signature(reader)
-        encoded = encode_certificate(issuer_id, to_be_signed, encode_signature(signature))
-        return Certificate(subject, issuer_id, to_be_signed, signature, encoded)
-    if issuer_id is None:
+    if issuer_id is None and not is_explicit:
         raise Malformed("an implicit certificate without issuer")
-    encoded = bytes((0x00, _VERSION, kind, 0x80)) + issuer_id + to_be_signed
-    return Certificate(subject, issuer_id, to_be_signed, None, encoded)
+    signature = read_signature(reader) if is_explicit else None
+    encoded = encode_certificate(
+        issuer_id, to_be_signed, None if signature is None else encode_signature(signature)
+    )
+    return Certificate(subject, issuer_id, to_be_signed, signature, encoded)
 
 
 @dataclass(slots=True)
@@ -201,21 +211,29 @@ def _read_subject(body: _Canonical) -> Subject:
         if reader.byte() != 0 or reader.choice() > 1:
             raise Unsupported("an encryption key of an unknown kind")
         body.point()
-    public_key = _read_key(body)
+    public_key, reconstruction_value = _read_key(body)
     if present & _EXTENDED:
         reader.skip_additions()
-    return Subject(name, valid_from_utc_s, valid_for_s, public_key, permissions, issue_permissions)
+    return Subject(
+        name,
+        valid_from_utc_s,
+        valid_for_s,
+        public_key,
+        permissions,
+        issue_permissions,
+        reconstruction_value,
+    )
 
 
-def _read_key(body: _Canonical) -> bytes | None:
+def _read_key(body: _Canonical) -> tuple[bytes | None, bytes | None]:
+    """Return the verification key, or else the reconstruction value."""
     indicator = body.reader.choice()
     if indicator == 0:
         if body.reader.choice() != 0:
             raise Unsupported("a verification key that is not on NIST P-256")
-        return body.point()
+        return body.point(), None
     if indicator == 1:
-        body.point()
-        return None
+        return None, body.point()
     raise Malformed(f"a key indicator {indicator}")
 
 

@@ -57,6 +57,8 @@ class Subject:
     """A compressed point; `None` in an implicit certificate."""
     permissions: tuple[Permission, ...] = ()
     issue_permissions: tuple[IssuePermission, ...] = ()
+    reconstruction_value: bytes | None = None
+    """A compressed point, in an implicit certificate only (`ecqv`)."""
 
     @property
     def valid_until_utc_s(self) -> float:
@@ -75,6 +77,11 @@ class Certificate:
     signature: p256.Signature | None = field(repr=False)
     """`None` in an implicit certificate."""
     encoded: bytes = field(repr=False)
+
+    @property
+    def is_implicit(self) -> bool:
+        """Whether it has a reconstruction value in place of key and signature."""
+        return self.signature is None
 
     @cached_property
     def digest(self) -> bytes:

@@ -67,7 +67,10 @@ def read_credentials(folder: Path, psids: Collection[int] = ()) -> Credentials:
         tuple(_read_credential(pseudonyms, name) for name in names), *_read_trusted(folder)
     )
     files = [pseudonyms / f"{name}.cert" for name in names]
-    for file, own in zip(files, trusted(credentials, files), strict=True):
+    checked = trusted(credentials, files)
+    for file, own, credential in zip(files, checked, credentials.pseudonyms, strict=True):
+        if own.key != credential.key.public_key():
+            raise KeyFilesError(f"{file.with_suffix('.key')}: is not the key of {file.name}")
         missing = ", ".join(f"0x{psid:X}" for psid in sorted(set(psids) - own.psids))
         if missing:
             raise KeyFilesError(f"{file}: does not allow PSID {missing}; make some with --psid")
@@ -108,7 +111,10 @@ def read_authority(folder: Path) -> Authority:
         KeyFilesError: as `read_credentials`.
     """
     _require_private(folder)
-    return Authority(_read_credential(folder, "own"), *_read_trusted(folder))
+    own = _read_credential(folder, "own")
+    if p256.compressed(own.key.public_key()) != own.certificate.subject.public_key:
+        raise KeyFilesError(f"{folder / 'own.key'}: is not the key of own.cert")
+    return Authority(own, *_read_trusted(folder))
 
 
 def _write_trusted(
@@ -145,10 +151,7 @@ def _read_credential(folder: Path, name: str) -> Credential:
         key = load_pem_private_key(_read(file), password=None)
     except ValueError as error:
         raise KeyFilesError(f"{file}: no private key in PEM") from error
-    if (
-        not isinstance(key, ec.EllipticCurvePrivateKey)
-        or p256.compressed(key.public_key()) != certificate.subject.public_key
-    ):
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise KeyFilesError(f"{file}: is not the key of {name}.cert")
     return Credential(certificate, key)
 

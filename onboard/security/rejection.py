@@ -16,10 +16,12 @@ class RejectionReason(StrEnum):
     """Signed for another application, or the certificate does not permit this one."""
     UNKNOWN_CERTIFICATE = "unknown_certificate"
     """The certificate has not been received yet; senders attach it every half second."""
+    UNKNOWN_ISSUER = "unknown_issuer"
+    """The certificate of the certificate's issuer is not known."""
     UNTRUSTED_ISSUER = "untrusted_issuer"
-    """The certificate does not lead to a trusted root, or not with these permissions."""
+    """The issuer is known, but may not issue this certificate."""
     BAD_CERTIFICATE = "bad_certificate"
-    """The named issuer did not sign this certificate."""
+    """The named issuer did not sign this explicit certificate, or its key is no key."""
     NOT_YET_VALID = "not_yet_valid"
     EXPIRED = "expired"
     """The certificate has expired, or the message's expiry time is over."""
@@ -32,7 +34,8 @@ class RejectionReason(StrEnum):
     REPLAY = "replay"
     """A second copy of a message."""
     BAD_SIGNATURE = "bad_signature"
-    """Altered in transit, or not signed by the holder of the certificate."""
+    """Altered in transit, or not signed by the holder of the certificate; or its implicit
+    certificate is forged, which shows no earlier."""
 
 
 class NotTrusted(Exception):  # noqa: N818 (the sender's fault, not an error of ours)

@@ -168,6 +168,8 @@ class SecurityServices:
             raise NotTrusted(RejectionReason.REPLAY)
         if not p256.is_signed(signer.key, digest, message.signature):
             raise NotTrusted(RejectionReason.BAD_SIGNATURE)
+        if signer.certificate.is_implicit:
+            trust.keep(signer)
         self._replays.add(digest, generation, to_time64(utc_s))
         return Opened(message.payload, signer.certificate.hashed_id8, from_time64(generation))
 

@@ -1,11 +1,11 @@
 """Trusted certificates: each chain is verified once and then kept."""
 
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from onboard.security import p256
-from onboard.security.certificates import Certificate
+from onboard.security import ecqv, p256
+from onboard.security.certificates import Certificate, Subject
 from onboard.security.rejection import NotTrusted, RejectionReason
 
 _MAX_RECEIVED = 4096
@@ -14,7 +14,7 @@ _MAX_RECEIVED = 4096
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trusted:
-    """A certificate whose chain was verified."""
+    """A certificate whose chain was verified; of an implicit one, the chain above it."""
 
     certificate: Certificate
     key: p256.PublicKey
@@ -54,13 +54,13 @@ class TrustStore:
                 raise NotTrusted(
                     RejectionReason.UNTRUSTED_ISSUER, f"{root.subject.name}: is not a root"
                 )
-            self._anchors[root.hashed_id8] = self._check(root, None)
+            self._anchors[root.hashed_id8] = _check(root, None)
         waiting = list(authorities)
         while waiting:
             ready = [each for each in waiting if each.issuer_id in self._anchors] or waiting[:1]
             for authority in ready:
                 waiting.remove(authority)
-                checked = self._check(authority, self._issuer(authority))
+                checked = _check(authority, self._issuer(authority))
                 self._anchors[authority.hashed_id8] = checked
 
     def find(self, hashed_id8: bytes) -> Trusted | None:
@@ -72,67 +72,98 @@ class TrustStore:
         return found
 
     def receive(self, certificate: Certificate) -> Trusted:
-        """Verify a received certificate and keep it.
+        """Verify a received certificate; keep it, unless it is implicit.
 
         Raises:
-            NotTrusted: `untrusted_issuer`, `bad_certificate` or `unsupported`.
+            NotTrusted: `unknown_issuer`, `untrusted_issuer`, `bad_certificate` or `unsupported`.
         """
         known = self.find(certificate.hashed_id8)
         if known is not None and known.certificate.encoded == certificate.encoded:
             return known
-        trusted = self._check(certificate, self._issuer(certificate))
-        self._received[certificate.hashed_id8] = trusted
+        trusted = _check(certificate, self._issuer(certificate))
+        if not certificate.is_implicit:
+            self.keep(trusted)
+        return trusted
+
+    def keep(self, trusted: Trusted) -> None:
+        """Keep a received certificate, an implicit one after its holder's first valid signature.
+
+        Anybody can make implicit certificates that give some key: kept before, they would push out
+        those of others.
+        """
+        self._received[trusted.certificate.hashed_id8] = trusted
         if len(self._received) > _MAX_RECEIVED:
             self._received.popitem(last=False)
-        return trusted
 
     def _issuer(self, certificate: Certificate) -> Trusted:
         if certificate.issuer_id is None:
             raise NotTrusted(RejectionReason.UNTRUSTED_ISSUER, "signed by itself")
         issuer = self.find(certificate.issuer_id)
         if issuer is None:
-            raise NotTrusted(
-                RejectionReason.UNTRUSTED_ISSUER, f"{certificate.issuer_id.hex()} is not known"
-            )
+            raise NotTrusted(RejectionReason.UNKNOWN_ISSUER, certificate.issuer_id.hex())
+        if issuer.certificate.is_implicit:
+            raise NotTrusted(RejectionReason.UNSUPPORTED, "an implicit certificate of an authority")
         return issuer
 
-    def _check(self, certificate: Certificate, issuer: Trusted | None) -> Trusted:
-        """Verify `certificate`; `issuer` is `None` for an own root."""
-        subject = certificate.subject
-        if subject.public_key is None or certificate.signature is None:
-            raise NotTrusted(RejectionReason.UNSUPPORTED, "an implicit certificate")
-        try:
-            key = p256.public_key(subject.public_key)
-        except ValueError as error:
-            raise NotTrusted(
-                RejectionReason.BAD_CERTIFICATE, "its key is not on the curve"
-            ) from error
-        trusted = Trusted(
-            certificate,
-            key,
-            issuer,
-            max(subject.valid_from_utc_s, issuer.valid_from_utc_s if issuer else 0.0),
-            min(subject.valid_until_utc_s, issuer.valid_until_utc_s if issuer else float("inf")),
-            frozenset(permission.psid for permission in subject.permissions),
+
+def _check(certificate: Certificate, issuer: Trusted | None) -> Trusted:
+    """Verify `certificate`; `issuer` is `None` for an own root."""
+    subject = certificate.subject
+    above = () if issuer is None else (issuer, *issuer.chain())
+    psids = _granted_psids(subject, above)
+    try:
+        key = _key(certificate, issuer)
+    except ValueError as error:
+        raise NotTrusted(RejectionReason.BAD_CERTIFICATE, "its key is not on the curve") from error
+    return Trusted(
+        certificate,
+        key,
+        issuer,
+        max(subject.valid_from_utc_s, issuer.valid_from_utc_s if issuer else 0.0),
+        min(subject.valid_until_utc_s, issuer.valid_until_utc_s if issuer else float("inf")),
+        psids,
+    )
+
+
+def _key(certificate: Certificate, issuer: Trusted | None) -> p256.PublicKey:
+    """Return the key of a certificate that its issuer signed, or that is implicit.
+
+    Raises:
+        NotTrusted: the issuer did not sign it.
+        ValueError: its key is not on the curve.
+    """
+    subject, signature = certificate.subject, certificate.signature
+    signer = p256.SELF_SIGNED if issuer is None else issuer.certificate.digest
+    digest = p256.digest_to_sign(certificate.to_be_signed, signer)
+    if subject.reconstruction_value is not None and issuer is not None:
+        return ecqv.public_key(subject.reconstruction_value, ecqv.scalar(digest), issuer.key)
+    if subject.public_key is not None and signature is not None:
+        key = p256.public_key(subject.public_key)
+        if p256.is_signed(key if issuer is None else issuer.key, digest, signature):
+            return key
+    raise NotTrusted(RejectionReason.BAD_CERTIFICATE, "its issuer did not sign it")
+
+
+def _granted_psids(subject: Subject, above: Sequence[Trusted]) -> frozenset[int]:
+    """Return the applications that all authorities, from issuer to root, grant the subject.
+
+    Authorities sign no messages: for one, whatever else its certificate names is left out.
+
+    Raises:
+        NotTrusted: one of them may not issue, or may not grant what an end certificate names.
+    """
+    grants = [authority.certificate.subject.issue_permissions for authority in above]
+    if not all(grants):
+        raise NotTrusted(RejectionReason.UNTRUSTED_ISSUER, "its issuer may not issue")
+    refused = frozenset(
+        permission.psid
+        for permission in subject.permissions
+        for height, granted in enumerate(grants, start=1)
+        if not any(grant.covers(permission, height) for grant in granted)
+    )
+    if refused and not subject.issue_permissions:
+        listed = ", ".join(f"0x{psid:X}" for psid in sorted(refused))
+        raise NotTrusted(
+            RejectionReason.UNTRUSTED_ISSUER, f"its issuer may not grant PSID {listed}"
         )
-        _check_permissions(trusted)
-        signer = p256.SELF_SIGNED if issuer is None else issuer.certificate.digest
-        digest = p256.digest_to_sign(certificate.to_be_signed, signer)
-        if not p256.is_signed(key if issuer is None else issuer.key, digest, certificate.signature):
-            raise NotTrusted(RejectionReason.BAD_CERTIFICATE, "its issuer did not sign it")
-        return trusted
-
-
-def _check_permissions(trusted: Trusted) -> None:
-    """Check that every authority above may grant the permissions of the certificate."""
-    subject = trusted.certificate.subject
-    for height, authority in enumerate(trusted.chain(), start=1):
-        granted = authority.certificate.subject.issue_permissions
-        if not granted:
-            raise NotTrusted(RejectionReason.UNTRUSTED_ISSUER, "its issuer may not issue")
-        for permission in subject.permissions:
-            if not any(grant.covers(permission, height) for grant in granted):
-                raise NotTrusted(
-                    RejectionReason.UNTRUSTED_ISSUER,
-                    f"its issuer may not grant PSID 0x{permission.psid:X}",
-                )
+    return frozenset(permission.psid for permission in subject.permissions) - refused

@@ -14,20 +14,31 @@ from onboard.security.certificate_codec import (
 from onboard.security.certificates import IssuePermission, Permission, Subject
 from onboard.security.oer import Malformed, Unsupported
 from onboard.tools.test_ca.authority import make_pseudonyms
-from tests.security.trial import ALICE, BSM, ISSUING, ROOT, UTC_S, new_key, reread
+from tests.security.trial import ALICE, BSM, ISSUING, ROOT, UTC_S, VALID, new_key, reread
 
 OWN = ALICE.pseudonyms[0].certificate
+IMPLICIT = (
+    make_pseudonyms(ISSUING, 1, {BSM}, new_key=new_key, implicit=True, **VALID)
+    .pseudonyms[0]
+    .certificate
+)
 
 
 @pytest.mark.parametrize(
     "certificate",
-    [ROOT.credential.certificate, ISSUING.credential.certificate, OWN],
-    ids=["root", "issuing", "pseudonym"],
+    [ROOT.credential.certificate, ISSUING.credential.certificate, OWN, IMPLICIT],
+    ids=["root", "issuing", "pseudonym", "implicit pseudonym"],
 )
 def test_another_implementation_decodes_our_certificates(oracle, certificate):
     value = reread(oracle.Certificate, certificate.encoded)
-    assert value["type"] == "explicit"
+    is_implicit = certificate is IMPLICIT
+    assert (value["type"], "signature" in value) == (
+        ("implicit", False) if is_implicit else ("explicit", True)
+    )
     body = value["toBeSigned"]
+    assert body["verifyKeyIndicator"][0] == (
+        "reconstructionValue" if is_implicit else "verificationKey"
+    )
     assert body["id"] == (
         ("name", certificate.subject.name) if certificate.subject.name else ("none", 0)
     )
@@ -232,8 +243,13 @@ def test_a_certificate_is_valid_for_at_least_the_requested_time(valid_for_s):
 
 @pytest.mark.parametrize(
     "change",
-    [{"public_key": None}, {"permissions": ()}, {"valid_for_s": 1e13}],
-    ids=["no key", "no permission", "longer than years can say"],
+    [
+        {"public_key": None},
+        {"reconstruction_value": OWN.subject.public_key},
+        {"permissions": ()},
+        {"valid_for_s": 1e13},
+    ],
+    ids=["no key", "two keys", "no permission", "longer than years can say"],
 )
 def test_a_subject_that_cannot_be_certified_is_a_value_error(change):
     fields = {

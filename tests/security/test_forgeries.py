@@ -153,7 +153,7 @@ def test_a_certificate_expires_with_that_of_its_issuer(bob):
     assert trusting.open(mallory.secure(WARN, LCCA, now=0.0), LCCA, now=0.0).payload == WARN
     assert refused(trusting, mallory.secure(WARN, LCCA, now=60.0), now=60.0) == "expired"
     assert refused(trusting, mallory.secure(WARN, LCCA, now=-61.0), now=-61.0) == "not_yet_valid"
-    assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
+    assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "unknown_issuer"
 
 
 def test_a_message_without_generation_time_is_stale(bob):
@@ -183,7 +183,7 @@ def test_cars_of_another_root_are_refused(bob):
     root = make_root("another root", {LCCA}, new_key=new_key, **VALID)
     issuing = make_issuing(root, "another issuing", new_key=new_key, **VALID)
     stranger = security(make_pseudonyms(issuing, 1, {LCCA}, new_key=new_key, **VALID))
-    assert refused(bob, stranger.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
+    assert refused(bob, stranger.secure(WARN, LCCA, now=0.0)) == "unknown_issuer"
 
 
 def test_a_self_signed_certificate_is_refused(bob):
@@ -258,7 +258,7 @@ def test_an_authority_below_an_authority_is_one_too_many(bob):
         + below.credential.certificate.encoded
         + encode_signature(p256.sign(car.key, digest))
     )
-    assert refused(bob, alone) == "untrusted_issuer"
+    assert refused(bob, alone) == "unknown_issuer"
     assert refused(bob, chain) == "untrusted_issuer"
 
 

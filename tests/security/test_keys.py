@@ -46,6 +46,31 @@ def test_other_users_cannot_open_the_key_files(folder):
     assert {path.stat().st_mode & 0o777 for path in paths if path.is_dir()} == {0o700}
 
 
+def test_cars_with_implicit_and_explicit_certificates_verify_each_other(folder):
+    made = _run("car", folder / "c", "--issuing", folder / "issuing", "--implicit", "--count", 2)
+    assert made.exit_code == 0, made.output
+    a, c = (
+        SecurityServices(time.time(), key_files.read_credentials(folder / name, (BSM, LCCA)))
+        for name in ("a", "c")
+    )
+    assert a.open(c.secure(b"x", LCCA, now=0.0), LCCA, now=0.1).payload == b"x"
+    assert c.open(a.secure(b"y", LCCA, now=0.0), LCCA, now=0.1).payload == b"y"
+
+
+def test_the_key_of_another_implicit_certificate_is_an_error(folder):
+    _run("car", folder / "c", "--issuing", folder / "issuing", "--implicit", "--count", 2)
+    pseudonyms = folder / "c" / "pseudonyms"
+    (pseudonyms / "000.key").write_bytes((pseudonyms / "001.key").read_bytes())
+    with pytest.raises(UserError, match=r"000\.key: is not the key of 000\.cert"):
+        key_files.read_credentials(folder / "c")
+
+
+def test_the_key_of_another_authority_is_an_error(folder):
+    (folder / "issuing" / "own.key").write_bytes((folder / "root" / "own.key").read_bytes())
+    with pytest.raises(UserError, match=r"own\.key: is not the key of own\.cert"):
+        key_files.read_authority(folder / "issuing")
+
+
 def test_show_lists_every_certificate_and_no_key(folder):
     result = _run("show", folder / "a")
     assert result.exit_code == 0
@@ -102,7 +127,7 @@ def _mode(mode):
         (
             "authorities",
             lambda path: [file.unlink() for file in path.iterdir()],
-            r"pseudonyms/000\.cert: untrusted_issuer",
+            r"pseudonyms/000\.cert: unknown_issuer",
         ),
     ],
 )

@@ -243,4 +243,4 @@ def test_18_wsms_of_real_units_are_described_down_to_the_bsm_and_not_verified(ri
         assert signed["header_info"]["psid"] == 0x20
         assert signed["verified"] is False
         reasons.add(signed["not_verified_because"])
-    assert reasons == {"unknown_certificate", "untrusted_issuer"}
+    assert reasons == {"unknown_certificate", "unknown_issuer"}

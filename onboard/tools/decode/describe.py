@@ -180,7 +180,7 @@ def _signed(message: SignedData) -> dict[str, Any]:
         signer, reason = {"digest": message.signer.hex()}, RejectionReason.UNKNOWN_CERTIFICATE
     else:
         signer = {"certificates": [_certificate(one) for one in message.signer]}
-        reason = RejectionReason.UNTRUSTED_ISSUER
+        reason = RejectionReason.UNKNOWN_ISSUER
     r, s = message.signature
     return {
         "content": "signed_data",
@@ -201,6 +201,7 @@ def _certificate(certificate: Certificate) -> dict[str, Any]:
     subject = certificate.subject
     return {
         "hashed_id8": certificate.hashed_id8.hex(),
+        "type": "implicit" if certificate.is_implicit else "explicit",
         "issuer": None if certificate.issuer_id is None else certificate.issuer_id.hex(),
         "name": subject.name,
         "valid_from_utc_s": subject.valid_from_utc_s,
@@ -210,6 +211,7 @@ def _certificate(certificate: Certificate) -> dict[str, Any]:
             for permission in subject.permissions
         ],
         "public_key": _hex(subject.public_key),
+        "reconstruction_value": _hex(subject.reconstruction_value),
     }
 
 

@@ -5,9 +5,10 @@ revocation: certificates are meant to be short-lived.
 """
 
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import replace
 from typing import TypedDict
 
-from onboard.security import p256
+from onboard.security import ecqv, p256
 from onboard.security.certificate_codec import (
     decode_certificate,
     encode_certificate,
@@ -99,6 +100,7 @@ def make_pseudonyms(
     valid_from_utc_s: float,
     valid_for_s: float,
     new_key: NewKey = p256.new_key,
+    implicit: bool = False,
 ) -> Credentials:
     """Make the pseudonym certificates of one vehicle.
 
@@ -109,6 +111,7 @@ def make_pseudonyms(
         valid_from_utc_s: beginning of the validity.
         valid_for_s: duration of the validity.
         new_key: creates each private key.
+        implicit: make implicit certificates.
     """
     issuer = issuing.credential
     permissions = tuple(Permission(psid) for psid in sorted(psids))
@@ -118,7 +121,10 @@ def make_pseudonyms(
         subject = Subject(
             None, valid_from_utc_s, valid_for_s, p256.compressed(key.public_key()), permissions
         )
-        pseudonyms.append(Credential(_signed(subject, issuer.key, issuer.certificate), key))
+        if implicit:
+            pseudonyms.append(_implicit(subject, key, issuer, ephemeral=new_key()))
+        else:
+            pseudonyms.append(Credential(_signed(subject, issuer.key, issuer.certificate), key))
     return Credentials(tuple(pseudonyms), issuing.roots, issuing.authorities)
 
 
@@ -129,6 +135,7 @@ def make_trial(
     new_key: NewKey = p256.new_key,
     *,
     pseudonyms: int = 4,
+    implicit: bool = False,
 ) -> dict[str, Credentials]:
     """Make the credentials with which vehicles of a rig sign and verify for 23 hours.
 
@@ -138,6 +145,7 @@ def make_trial(
         utc_s: now; the certificates are valid from an hour before, for a day.
         new_key: `p256.key_from(rng)` gives the same keys for the same seed.
         pseudonyms: number of certificates a vehicle.
+        implicit: make implicit certificates.
 
     Returns:
         the credentials by vehicle.
@@ -146,7 +154,10 @@ def make_trial(
     root = make_root("trial root", psids, new_key=new_key, **valid)
     issuing = make_issuing(root, "trial issuing", new_key=new_key, **valid)
     return {
-        car: make_pseudonyms(issuing, pseudonyms, psids, new_key=new_key, **valid) for car in cars
+        car: make_pseudonyms(
+            issuing, pseudonyms, psids, new_key=new_key, implicit=implicit, **valid
+        )
+        for car in cars
     }
 
 
@@ -158,4 +169,24 @@ def _signed(subject: Subject, key: p256.PrivateKey, issuer: Certificate | None) 
     # Decoded again, since the encoding rounds durations to whole units.
     return decode_certificate(
         encode_certificate(issuer_id, to_be_signed, encode_signature(signature))
+    )
+
+
+def _implicit(
+    subject: Subject, request: p256.PrivateKey, issuer: Credential, ephemeral: p256.PrivateKey
+) -> Credential:
+    """Return an implicit certificate for the holder of `request`, and the key that belongs to it.
+
+    Here one program is both issuer and holder (SEC 4, 3.3 to 3.6).
+    """
+    value = ecqv.reconstruction_point(request.public_key(), ephemeral)
+    to_be_signed = encode_to_be_signed(
+        replace(subject, public_key=None, reconstruction_value=value)
+    )
+    certificate = issuer.certificate
+    e = ecqv.scalar(p256.digest_to_sign(to_be_signed, certificate.digest))
+    r = ecqv.private_reconstruction(e, ephemeral, issuer.key)
+    return Credential(
+        decode_certificate(encode_certificate(certificate.hashed_id8, to_be_signed, None)),
+        ecqv.private_key(e, request, r),
     )

@@ -74,6 +74,7 @@ def issuing(
 @keys.command()
 def car(
     folder: NewFolder,
+    *,
     issuing: Annotated[Path, typer.Option(help="The folder of the issuing authority.")],
     count: Annotated[
         int,
@@ -83,6 +84,9 @@ def car(
     ] = 20,
     days: Days = 7,
     psid: Psids = None,
+    implicit: Annotated[
+        bool, typer.Option(help="Make implicit certificates, as the US SCMS does.")
+    ] = False,
 ) -> None:
     """Make the pseudonym certificates of one vehicle, between which it changes as it drives."""
     issuer = key_files.read_authority(issuing)
@@ -90,7 +94,9 @@ def car(
         raise key_files.KeyFilesError(
             f"{issuing}: is a root; pseudonyms need an authority (`onboard keys issuing`)"
         )
-    made = authority.make_pseudonyms(issuer, count, _numbers(psid), **_valid(days))
+    made = authority.make_pseudonyms(
+        issuer, count, _numbers(psid), implicit=implicit, **_valid(days)
+    )
     key_files.write_credentials(folder, made)
     _print_pseudonyms(folder, made)
 
