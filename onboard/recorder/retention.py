@@ -39,7 +39,10 @@ def kept_path(path: Path) -> Path:
 
 
 def segments_to_delete(
-    stored: Iterable[StoredSegment], writing_bytes: int, settings: RecorderSettings, utc_s: float
+    stored: Iterable[StoredSegment],
+    writing_bytes: int,
+    settings: RecorderSettings,
+    utc_s: float | None,
 ) -> list[Path]:
     """Return the segments to delete: those too old, then the oldest until the rest fits.
 
@@ -49,7 +52,7 @@ def segments_to_delete(
         stored: the finished segments.
         writing_bytes: size of the segment that is being written.
         settings: limits of age and total size.
-        utc_s: present time in s since 1970.
+        utc_s: present time in s since 1970; `None` if the clock is in doubt: no age is known.
     """
     oldest_first = sorted(stored, key=lambda each: (each.is_kept, each.until_utc_s))
     free_bytes = (
@@ -58,7 +61,8 @@ def segments_to_delete(
     deleted: list[Path] = []
     for each in oldest_first:
         lifetime_s = settings.kept_ring_s if each.is_kept else settings.ring_s
-        if free_bytes < 0 or each.until_utc_s < utc_s - lifetime_s:
+        is_old = utc_s is not None and each.until_utc_s < utc_s - lifetime_s
+        if free_bytes < 0 or is_old:
             deleted.append(each.path)
             free_bytes += each.size_bytes
     return deleted

@@ -1,7 +1,7 @@
 """Segments of a drive in the folder of the black box: writing, rotation and retention."""
 
 import contextlib
-import time
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,12 @@ EVENT_TOPICS = frozenset({"/out/warning", "/out/hard_brake", "/in/hard_brake", "
 
 RETENTION_INTERVAL_S = 10.0
 """Time between two checks of age and total size of the segments in s."""
+
+CLOCK_STEP_S = 2.0
+"""UTC that moves so far against the clock of the cores was set."""
+
+CLOCK_STEADY_S = 120.0
+"""Time after UTC was set, and after the start, in which nothing is deleted for its age."""
 
 
 class Segments:
@@ -36,6 +42,8 @@ class Segments:
         self._keep_until = float("-inf")
         self._identities: dict[tuple[str, int], Identity] = {}
         self._retention_at = 0.0
+        self._utc_offset_s = math.inf
+        self._clock_set_at = 0.0
         self._unflushed: list[RecordedMessage] = []
 
     @property
@@ -50,7 +58,7 @@ class Segments:
 
     def open(self, now: float, utc_s: float) -> None:
         """Begin a segment at `now`, in s on the clock of the cores."""
-        self.apply_retention(now)
+        self._apply_retention(now, utc_s)
         name = self._settings.folder / f"{self._header.drive}-{self._next_number:04}.mcap"
         self._segment = Segment(
             kept_path(name) if now < self._keep_until else name,
@@ -73,7 +81,7 @@ class Segments:
             self._unflushed = [record]  # goes to the next segment
             self.open(now, record.utc_s)
         elif now >= self._retention_at:
-            self.apply_retention(now)
+            self._apply_retention(now, record.utc_s)
         self._open_segment().add(record)
         if isinstance(record.value, Identity):
             self._repeat_in_segments(record.value)
@@ -106,9 +114,8 @@ class Segments:
         lost, self._unflushed = self._unflushed, []
         return lost
 
-    def apply_retention(self, now: float) -> None:
+    def _apply_retention(self, now: float, utc_s: float) -> None:
         """Delete the segments that are too old or exceed the size limit."""
-        utc_s = time.time()
         # UTC may have been set since a segment ended; for this drive the clock of the cores counts.
         ended = {path: utc_s - (now - at) for at, path in self._ended}
         stored = []
@@ -119,10 +126,18 @@ class Segments:
                     until_utc_s = ended.get(path, status.st_mtime)
                     stored.append(StoredSegment(path, until_utc_s, status.st_size))
         writing_bytes = self._segment.size_bytes if self._segment is not None else 0
-        for path in segments_to_delete(stored, writing_bytes, self._settings, utc_s):
+        known_utc_s = utc_s if self._is_clock_steady(now, utc_s) else None
+        for path in segments_to_delete(stored, writing_bytes, self._settings, known_utc_s):
             path.unlink(missing_ok=True)
         self._retention_at = now + RETENTION_INTERVAL_S
         self._ended = [each for each in self._ended if each[1].exists()]
+
+    def _is_clock_steady(self, now: float, utc_s: float) -> bool:
+        """Whether UTC was not set lately: a clock a month ahead makes every segment old."""
+        if abs(utc_s - now - self._utc_offset_s) > CLOCK_STEP_S:
+            self._clock_set_at = now
+        self._utc_offset_s = utc_s - now
+        return now - self._clock_set_at >= CLOCK_STEADY_S
 
     def _open_segment(self) -> Segment:
         assert self._segment is not None  # noqa: S101 (`open` comes first)

@@ -16,7 +16,7 @@ from functools import partial
 import cv2
 import numpy as np
 
-from onboard.vision.frames import CameraError, Frame, Image, decode_image
+from onboard.vision.frames import CameraError, Frame, Image, decode_jpeg
 from onboard.vision.mjpeg import MjpegParts
 from onboard.vision.settings import CameraSettings
 
@@ -128,7 +128,7 @@ def _parts(response: http.client.HTTPResponse, parts: MjpegParts) -> Iterator[Ca
         while data := response.read1(65536):
             parts.receive_bytes(data)
             while (body := parts.next_body()) is not None:
-                yield partial(decode_image, body)
+                yield partial(decode_jpeg, body)
 
 
 def _device_images(settings: CameraSettings) -> Iterator[Callable[[], Image]]:

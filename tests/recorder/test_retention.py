@@ -1,5 +1,6 @@
 """Retention of segments by age, total size and events."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +103,32 @@ def test_a_long_drive_keeps_its_end_and_the_segments_near_events(tmp_path: Path)
     assert names(tmp_path)[0] == "0003-kept"
     assert names(tmp_path)[1:] == [f"{number:04}" for number in range(12, 20)]
     assert RecordedDrive([tmp_path]).missing == list(range(4, 12))
+
+
+def test_a_clock_that_is_set_a_month_ahead_for_a_while_makes_no_segment_old(tmp_path: Path) -> None:
+    old = SegmentWriter(tmp_path, segment_s=10.0)
+    drive(old, until_s=30.0, brakes_at=15)
+    kept = {path for path in tmp_path.iterdir() if path.stem.endswith("-kept")}
+    for path in kept:
+        os.utime(path, (HEADER.utc_s, HEADER.utc_s))
+    settings = RecorderSettings(folder=tmp_path, segment_s=3600.0)
+    new = Segments(settings, HEADER.model_copy(update={"drive": "20250615T160640.000Z"}))
+    new.open(HEADER.now_s, HEADER.utc_s)
+
+    def write(since_s: range, clock_error_s: float) -> None:
+        for second in since_s:
+            frame = CanFrame(HEADER.now_s + second, 0x7E8, is_extended_id=False, data=b"")
+            utc_s = HEADER.utc_s + second + clock_error_s
+            new.write(RecordedMessage("/in/can", utc_s, frame))
+
+    write(range(200), 0.0)
+    write(range(200, 260), 40 * 86_400.0)
+    write(range(260, 300), 0.0)
+    assert kept <= set(tmp_path.iterdir())
+
+    write(range(300, 500), 40 * 86_400.0)
+    new.close(HEADER.now_s + 500.0)
+    assert kept.isdisjoint(tmp_path.iterdir())
 
 
 def test_the_size_limit_includes_the_segment_being_written(tmp_path: Path) -> None:

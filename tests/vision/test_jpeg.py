@@ -1,11 +1,11 @@
-"""Truncated JPEGs, and complete ones with data behind their end."""
+"""Truncated JPEGs, complete ones with data behind their end, and claims of size."""
 
 import cv2
 import numpy as np
 import pytest
 
-from onboard.vision.frames import decode_image
-from onboard.vision.jpeg import is_jpeg, is_whole
+from onboard.vision.frames import decode_image, decode_jpeg
+from onboard.vision.jpeg import is_jpeg, is_whole, pixels
 
 RENDERER = np.random.default_rng(1).integers(0, 255, (24, 32, 3)).astype(np.uint8)
 PREVIEW = cv2.imencode(".jpg", RENDERER[:8, :8])[1].tobytes()
@@ -51,3 +51,44 @@ def test_an_image_without_its_end_is_incomplete_at_any_length(jpeg: bytes) -> No
     assert all(is_jpeg(data) and not is_whole(data) for data in torn)
     assert not any(is_whole(data + b"\0\0") for data in torn if not data.endswith(b"\xff"))
     assert decode_image(torn[-1]).size == 0
+
+
+def claiming(side_px: int, before: bytes = b"") -> bytes:
+    """A small baseline JPEG whose header claims a square of that size, behind other markers."""
+    jpeg = JPEGS["baseline"]
+    at = jpeg.index(b"\xff\xc0")
+    size = side_px.to_bytes(2, "big")
+    return jpeg[:at] + before + jpeg[at : at + 5] + size * 2 + jpeg[at + 9 :]
+
+
+SMALL = b"\xff\xc0\x00\x11\x08\x00\x10\x00\x10"
+HIDING = {
+    "plain": b"",
+    "fill bytes": b"\xff\xff",
+    "markers without length": b"\xff\x01\xff\xd0",
+    "a comment with a frame header": b"\xff\xfe\x00\x0b" + SMALL,
+    "a comment of no length": b"\xff\xfe\x00\x00",
+    "a stuffed zero before a frame header": b"\xff\x00\x00\x02" + SMALL,
+    "bytes between segments": b"\x12\x34",
+}
+
+
+@pytest.mark.parametrize("before", HIDING.values(), ids=HIDING)
+def test_an_image_that_claims_gigabytes_is_not_decoded(
+    before: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # It would take 20 s and 2.4 GiB.
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("decoded"))
+    assert decode_image(claiming(20_000, before)).size == 0
+    assert decode_jpeg(claiming(20_000, before)).size == 0
+
+
+@pytest.mark.parametrize("jpeg", JPEGS.values(), ids=JPEGS)
+def test_the_size_is_known_without_decoding(jpeg: bytes) -> None:
+    assert pixels(jpeg) == RENDERER.shape[0] * RENDERER.shape[1]
+
+
+def test_a_camera_sends_nothing_but_jpegs() -> None:
+    png = cv2.imencode(".png", RENDERER)[1].tobytes()
+    assert decode_image(png).shape == RENDERER.shape
+    assert decode_jpeg(png).size == 0
