@@ -12,7 +12,6 @@ Study = Callable[[Path], str]
 """Writes table, figure and settings into a folder; returns a summary."""
 
 _SINGLE = {
-    "crossing-alarms": "crossing_alarms:run",
     "joerer": "joerer:run",
     "rakhshan-figure6": "rakhshan_drivers:figure6",
     "rakhshan-figure7": "rakhshan_drivers:figure7",
@@ -24,6 +23,7 @@ _SINGLE = {
 """Studies without settings."""
 
 _CAMPAIGNS = {
+    "crossing-alarms": "crossing_alarms:run:AlarmSettings",
     "false-identity": "false_identity:run:FalseIdentitySettings",
     "faults": "faults:run:FaultsSettings",
     "inquiry-load": "inquiry_load:run:InquiryLoadSettings",

@@ -1,168 +1,191 @@
-"""Lead time of IMA alarms at crossings, missed alarms and false alarms.
+"""Lead time, misses and false alarms at crossings, for the driver with right of way and the other.
 
-In the first part, the risk monitor evaluates approaches to Joerer's crossing, with the rig's GNSS
-errors and ten BSMs a second: crashes give lead times and misses, other approaches false alarms. The
-second part runs the rig's scenarios of two crossing cars in virtual time with many seeds, through
-the whole stack from NMEA sentences and frames to alarms.
+The risk monitor of either vehicle is given what its own sensors and the other's BSMs report, with
+the rig's errors. Neither driver reacts to alarms. A run is some meetings of one kind.
+
+A nuisance is a warning of a meeting in which each vehicle would have left the place that both cross
+at least `NUISANCE_S` before the other enters it.
 """
 
 import math
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import Field
+from scipy.stats import chi2
 
+from onboard.mvs.host_vehicle import SPEED_SIGMA_M_S
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.observations import Speed
+from onboard.risk.alarm import Alarm, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
-from sim_rig.run_log.ground_truth import touch_s
-from sim_rig.runs.virtual import run_virtual
-from sim_rig.scenario.schema import load_scenario
+from onboard.units import KM_H
 from sim_rig.scenario.sensor_settings import ReceiverSettings
-from sim_rig.studies.joerer_traffic import (
-    Approaches,
-    ApproachOutcome,
-    TrafficSettings,
-    simulate_approaches,
-)
+from sim_rig.scenario.setting_types import Several
+from sim_rig.studies.campaign import Row, Workers, run_campaign
+from sim_rig.studies.crossing_meetings import TICK_S, Array, Meeting, MeetingKind, meetings
+from sim_rig.studies.joerer_traffic import TrafficSettings
+from sim_rig.studies.mvs_collisions import wilson
 from sim_rig.studies.results import write_results
 
+ROLES = "right of way", "yields"
+"""Of the first vehicle of a meeting, and of the second."""
 EVERY_S = 0.1
-LATE_S = 0.15
+"""Period of the assessment, of BSMs and of the samples of the host's speed."""
+BSM_AGE_S = 0.15
 """Mean age of a BSM's state when it is evaluated."""
-PAIRS = (("shared-detection", "v1", "v3"), ("red-light", "ann", "ben"), ("bsm-loss", "ann", "ben"))
-"""Scenario, the car whose alarms count, and the car that it collides with."""
-_REPORTED_SPEED_SIGMA_M_S = 0.5
-_COLUMNS = ("traffic", "n", "missed", "lead_median_s", "lead_5_percent_s", "false_alarms", "hours")
+SPEED_AGE_S = 0.05
+"""Of a sample of the host's speed."""
+NUISANCE_S = 1.0
+COLUMNS = (
+    "meetings", "role", "hours", "crashes", "warned", "warned_share_at_least", "lead_median_s",
+    "lead_5_percent_s", "nuisances", "per_100_h", "per_100_h_at_most", "warnings_of_near_misses",
+)  # fmt: skip
 
 
 class AlarmSettings(Settings):
-    """Amount of driving, and properties of traffic, receivers and monitor."""
+    """One campaign."""
 
     seed: int = Field(1, ge=0)
-    approaches: int = Field(1000, ge=10)
-    seeds: int = Field(10, ge=1)
-    """Runs of each scenario."""
-    traffic: TrafficSettings = TrafficSettings()
+    runs: int = Field(30, ge=1)
+    """Of each kind of meetings."""
+    kinds: Several[MeetingKind] = tuple(MeetingKind)
+    traffic: TrafficSettings = TrafficSettings(approaches=100)
+    """`approaches` are the meetings of a run."""
     receivers: ReceiverSettings = ReceiverSettings()
     risk: RiskSettings = RiskSettings()
 
 
-def run(out_dir: Path, settings: AlarmSettings | None = None) -> str:
-    """Write the table and the settings to `out_dir`; returns a summary."""
-    settings = settings or AlarmSettings()
-    rows = [*_of_approaches(settings), *_of_scenarios(settings)]
-    write_results(out_dir, _COLUMNS, rows, settings)
+def run(out_dir: Path, settings: AlarmSettings | None, workers: Workers) -> str:
+    """Run the campaign and write its table.
+
+    Args:
+        out_dir: folder of table, settings and runs.
+        settings: of the campaign; the default ones if None.
+        workers: processes or cluster.
+
+    Returns:
+        A summary.
+    """
+    chosen = settings or AlarmSettings()
+    numbers = range(chosen.runs * len(chosen.kinds))
+    rows = run_campaign(run_one, chosen, numbers, out_dir / "runs", workers)
+    table = [
+        _pooled(kind, role, [row["roles"][role] for row in rows if row["meetings"] == kind])
+        for kind, role in product(map(str, chosen.kinds), ROLES)
+    ]
+    write_results(out_dir, COLUMNS, table, chosen)
     return "; ".join(
-        f"{name}: {n - missed} of {n} warned, {median:.2f} s ahead, {false} false in {hours:.1f} h"
-        for name, n, missed, median, _, false, hours in rows
+        f"{kind}, {role}: {warned} of {crashes} crashes warned of, {lead_s:.2f} s ahead,"
+        f" {nuisances} nuisances in {hours:.1f} h"
+        for kind, role, hours, crashes, warned, _, lead_s, _, nuisances, *_ in table
     )
 
 
-_Row = tuple[str, int, int, float, float, int, float]
+def run_one(settings: AlarmSettings, number: int) -> Row:
+    """Judge some meetings of one kind, each for both drivers."""
+    rng = np.random.default_rng((settings.seed, number))
+    kind = settings.kinds[number % len(settings.kinds)]
+    roles: dict[str, Row] = {
+        role: {"hours": 0.0, "leads_s": [], "missed": 0, "nuisances": 0, "near_misses": 0}
+        for role in ROLES
+    }
+    for meeting in meetings(kind, settings.traffic, rng):
+        for host, row in enumerate(roles.values()):
+            warned_s = list(_warned_s(meeting, host, settings, rng))
+            row["hours"] += len(meeting.speed_m_s) * TICK_S / 3600.0
+            if math.isfinite(meeting.contact_s):
+                row["leads_s"] += [round(meeting.contact_s - at_s, 2) for at_s in warned_s[:1]]
+                row["missed"] += not warned_s
+            else:
+                counted = "nuisances" if meeting.gap_s >= NUISANCE_S else "near_misses"
+                row[counted] += len(warned_s)
+    return {"meetings": kind.value, "roles": roles}
 
 
-def _of_approaches(settings: AlarmSettings) -> Iterator[_Row]:
-    traffic = settings.traffic.model_copy(update={"approaches": settings.approaches})
-    rng = np.random.default_rng(settings.seed)
-    approaches = simulate_approaches(traffic, rng)
-    warned_s = np.array(
-        [_warned_s(approaches, n, settings, rng) for n in range(settings.approaches)]
+def _pooled(kind: str, role: str, rows: list[Row]) -> tuple[Any, ...]:
+    """Return one line of the table, with the bounds of 95 % confidence."""
+    leads_s = [lead_s for row in rows for lead_s in row["leads_s"]]
+    hours, missed, nuisances, near_misses = (
+        sum(row[name] for row in rows) for name in ("hours", "missed", "nuisances", "near_misses")
     )
-    crash = approaches.outcome == ApproachOutcome.CRASH
-    lead_s = (approaches.end_s - warned_s)[crash & np.isfinite(warned_s)]
-    harmless = approaches.outcome == ApproachOutcome.NO_CRASH
-    yield (
-        "approaches",
-        int(crash.sum()),
-        int(np.sum(crash & ~np.isfinite(warned_s))),
-        *_median_and_5_percent(lead_s.tolist()),
-        int(np.sum(harmless & np.isfinite(warned_s))),
-        float(approaches.end_s[harmless].sum()) / 3600.0,
-    )
+    crashes = len(leads_s) + missed
+    _, least, _ = wilson(len(leads_s) / max(crashes, 1), max(crashes, 1))
+    median_s, low_s = np.percentile(leads_s or [math.nan], [50.0, 5.0]).tolist()
+    at_most = float(chi2.ppf(0.95, 2 * nuisances + 2)) / 2.0
+    return (
+        kind, role, hours, crashes, len(leads_s), least, median_s, low_s,
+        nuisances, 100.0 * nuisances / hours, 100.0 * at_most / hours, near_misses,
+    )  # fmt: skip
 
 
 def _warned_s(
-    approaches: Approaches, n: int, settings: AlarmSettings, rng: np.random.Generator
-) -> float:
-    """When IMA first warns the first car of the second; infinite without a warning."""
+    meeting: Meeting, host: int, settings: AlarmSettings, rng: np.random.Generator
+) -> Iterator[float]:
+    """When the monitor of vehicle `host` raises a warning of the other."""
     monitor = RiskMonitor(settings.risk, settings.traffic.length_m, settings.traffic.width_m)
     own_share = math.sqrt(1.0 - settings.receivers.bias_shared)
     bias_m = own_share * settings.receivers.bias_sigma_m * rng.standard_normal((2, 2))
-    step = round(EVERY_S / approaches.tick_s)
-    for tick in range(0, int(approaches.end_s[n] / approaches.tick_s), step):
-        now = tick * approaches.tick_s
+    for tick in range(0, len(meeting.speed_m_s), round(EVERY_S / TICK_S)):
+        now = tick * TICK_S
+        monitor.receive_speed(_obd_speed(meeting, tick, host))
         own, other = (
-            _perceived_object(approaches, (n, tick, car), bias_m[car], settings.receivers, rng)
-            for car in (0, 1)
+            _perceived_object(
+                meeting, (tick, car), bias_m[car], settings.receivers, is_host=car == host, rng=rng
+            )
+            for car in (host, 1 - host)
         )
         monitor.assess(own, [other], now)
-        while (event := monitor.next_event()) is not None:
-            if (
-                isinstance(event, Alarm)
-                and event.cause is Cause.IMA
-                and event.level is Level.WARNING
-            ):
-                return now
-    return math.inf
+        for event in iter(monitor.next_event, None):
+            if isinstance(event, Alarm) and event.level is Level.WARNING:
+                yield now
+
+
+def _obd_speed(meeting: Meeting, tick: int, host: int) -> Speed:
+    """Speed of the host as PID 0x0D reports it, in whole km/h."""
+    true_m_s = float(meeting.speed_m_s[_before(tick, SPEED_AGE_S), host])
+    return Speed(tick * TICK_S - SPEED_AGE_S, math.floor(true_m_s / KM_H) * KM_H, KM_H, "obd:7E8")
 
 
 def _perceived_object(
-    approaches: Approaches,
-    at: tuple[int, int, int],
-    bias_m: np.ndarray,
+    meeting: Meeting,
+    at: tuple[int, int],
+    bias_m: Array,
     receivers: ReceiverSettings,
+    *,
+    is_host: bool,
     rng: np.random.Generator,
 ) -> PerceivedObject:
-    """A car as its receiver or its BSM reports it: the first drives east, the second north."""
-    n, tick, car = at
-    age_s = LATE_S if car else LATE_S / 2
-    before = max(tick - round(age_s / approaches.tick_s), 0)
-    speed_m_s = float(approaches.speed_m_s[n, before, car])
-    along_m = -float(approaches.distance_m[n, before, car]) + speed_m_s * age_s
-    position_m = (0.0, along_m) if car else (along_m, 0.0)
-    velocity = (0.0, speed_m_s) if car else (speed_m_s, 0.0)
+    """A vehicle as its last fix reports it, predicted to the tick; `at` are tick and vehicle."""
+    tick, car = at
+    now, late_s = tick * TICK_S, receivers.latency_s if is_host else BSM_AGE_S
+    fix_s = math.floor((now - late_s) * receivers.rate_hz + 1e-6) / receivers.rate_hz
+    fix, age_s = _before(tick, now - fix_s), now - fix_s
     noise = rng.standard_normal(4) * np.repeat(
         [receivers.noise_sigma_m, receivers.speed_sigma_m_s], 2
     )
-    state = np.array([*position_m, *velocity]) + noise + np.array([*bias_m, 0.0, 0.0])
+    course_rad, speed_m_s = meeting.course_rad[fix, car], meeting.speed_m_s[fix, car]
+    velocity_m_s = speed_m_s * np.array([np.cos(course_rad), np.sin(course_rad)]) + noise[2:]
+    position_m = meeting.position_m[fix, car] + bias_m + noise[:2] + age_s * velocity_m_s
     sigma_m = math.hypot(receivers.bias_sigma_m, receivers.noise_sigma_m)
-    variances = np.repeat([sigma_m**2, _REPORTED_SPEED_SIGMA_M_S**2], 2)
+    variances = np.repeat([sigma_m**2, SPEED_SIGMA_M_S**2], 2)
+    reported = meeting.acceleration_m_s2[_before(tick, BSM_AGE_S), car]
     return PerceivedObject(
-        stamp_s=tick * approaches.tick_s,
-        name="other" if car else "own",
-        source=ObjectSource.BSM if car else ObjectSource.HOST,
-        state=tuple(state.tolist()),
+        stamp_s=now,
+        name="own" if is_host else "0a0b0c0d",
+        source=ObjectSource.HOST if is_host else ObjectSource.BSM,
+        state=(*position_m.tolist(), *velocity_m_s.tolist()),
         covariance=tuple(map(tuple, np.diag(variances).tolist())),
         age_s=age_s,
         provenance=frozenset(),
-        acceleration_m_s2=float(approaches.acceleration_m_s2[n, before, car]) if car else None,
+        acceleration_m_s2=None if is_host else float(reported),
     )
 
 
-def _of_scenarios(settings: AlarmSettings) -> Iterator[_Row]:
-    for name, car, other in PAIRS:
-        scenario = load_scenario(name)
-        lead_s: list[float] = []
-        false = 0
-        for number in range(settings.seeds):
-            log = run_virtual(scenario, settings.seed + number)
-            warnings = log.of(car, "alarm", cause=Cause.IMA.value, level=Level.WARNING.value)
-            first = next(warnings, None)
-            contact_s = touch_s(log, car, other)
-            if first is not None and contact_s is not None:
-                lead_s.append(contact_s - log.at_s(first))
-            false += sum(1 for _ in log.of(car, "alarm", 0.0, 3.0))
-        hours = settings.seeds * scenario.duration_s / 3600.0
-        missed = settings.seeds - len(lead_s)
-        yield (name, settings.seeds, missed, *_median_and_5_percent(lead_s), false, hours)
-
-
-def _median_and_5_percent(lead_s: list[float]) -> tuple[float, float]:
-    if not lead_s:
-        return math.nan, math.nan
-    median, low = np.percentile(lead_s, [50.0, 5.0])
-    return float(median), float(low)
+def _before(tick: int, age_s: float) -> int:
+    return max(tick - round(age_s / TICK_S), 0)

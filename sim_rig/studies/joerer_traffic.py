@@ -103,8 +103,8 @@ class _Crossings:
 def simulate_approaches(settings: TrafficSettings, rng: np.random.Generator) -> Approaches:
     """Simulate all approaches until each is over."""
     n = settings.approaches
-    top = _draw(settings.top_speed_m_s, settings.most_sigmas, (n, 2), rng)
-    desired = _draw(settings.desired_deceleration_m_s2, settings.most_sigmas, (n, 2), rng)
+    top = draw(settings.top_speed_m_s, settings.most_sigmas, (n, 2), rng)
+    desired = draw(settings.desired_deceleration_m_s2, settings.most_sigmas, (n, 2), rng)
     speed = rng.uniform(0.0, top)
     distance = rng.uniform(*settings.start_m, (n, 2))
     ignores = rng.random(n) < settings.ignoring
@@ -143,12 +143,13 @@ def simulate_approaches(settings: TrafficSettings, rng: np.random.Generator) -> 
     )
 
 
-def _draw(
+def draw(
     normal: tuple[float, float],
     most_sigmas: float,
-    shape: tuple[int, int],
+    shape: tuple[int, ...],
     rng: np.random.Generator,
 ) -> Array:
+    """Draw from a normal distribution, mean and sigma, truncated at `most_sigmas`."""
     drawn = rng.normal(size=shape)
     while (beyond := np.abs(drawn) > most_sigmas).any():
         drawn[beyond] = rng.normal(size=int(beyond.sum()))
