@@ -33,7 +33,10 @@ class Level(StrEnum):
     @property
     def rank(self) -> int:
         """0, 1, 2."""
-        return tuple(Level).index(self)
+        return _RANKS[self]
+
+
+_RANKS = {level: rank for rank, level in enumerate(Level)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Deceleration of the host vehicle by its driver, where it is known."""
+"""Acceleration of the host vehicle, and its braking by its driver, where they are known."""
 
 from onboard.kinematics.acceleration import AccelerationEstimator, is_jump, is_late
 from onboard.observations import BrakePedal, Speed
@@ -28,16 +28,20 @@ class HostBraking:
         """Take the state of the pedal."""
         self._pedal = pedal
 
+    def acceleration_m_s2(self, now: float) -> float | None:
+        """Return the slope of the speed; `None` while it is unknown."""
+        if self._speed is None or now - self._speed.stamp_s > self._window_s:
+            return None
+        return self._trend.acceleration_m_s2
+
     def at_least_m_s2(self, now: float) -> float | None:
         """Return the deceleration less what the steps of the speed may have added, 0 or more.
 
         0 with the pedal released: the slope is half a window old, and braking by the engine or a
         cruise control is no reaction of the driver. `None` while it is unknown.
         """
-        if self._speed is None or now - self._speed.stamp_s > self._window_s:
-            return None
-        slope_m_s2 = self._trend.acceleration_m_s2
-        if slope_m_s2 is None:
+        slope_m_s2 = self.acceleration_m_s2(now)
+        if self._speed is None or slope_m_s2 is None:
             return None
         pedal = self._pedal
         if pedal is not None and now - pedal.stamp_s <= self._window_s and not pedal.pressed:

@@ -2,18 +2,30 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from onboard.mvs.perceived_object import PerceivedObject
+from onboard.observations import Speed
 from onboard.risk.alarm import NOTHING, Assessment, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
-from onboard.risk.mean_collision_probability import DrivenVehicle, mean_collision_probabilities
+from onboard.risk.host_braking import HostBraking
+from onboard.risk.mean_collision_probability import (
+    MAX_ACCELERATION_M_S2,
+    DrivenVehicle,
+    mean_collision_probabilities,
+)
 from onboard.risk.path_crossing import CovarianceError, PathCrossing, path_crossing
 from onboard.risk.settings import ImaSettings
 from onboard.risk.vehicle_motion import VehicleMotion
 
 MAX_AGE_S = 1.0
 """Older data raise no alarm."""
+HORIZON_S = 4.0
+"""A vehicle that cannot be at the crossing by then, even if it accelerates, raises none yet."""
 TREND_WINDOW_S = 0.8
 """Window over which the acceleration of a vehicle is estimated that does not report it."""
+HOST_WINDOW_S = 0.5
+"""The same of the host vehicle, by its speed: steps of 1 km/h are 0.2 m/s^2 over it."""
 
 
 class IntersectionMovementAssist:
@@ -30,6 +42,11 @@ class IntersectionMovementAssist:
         self._settings = settings
         self._own_size_m = length_m, width_m
         self._motions: dict[str, VehicleMotion] = {}
+        self._host = HostBraking(HOST_WINDOW_S)
+
+    def receive_speed(self, speed: Speed) -> None:
+        """Take the host vehicle's speed."""
+        self._host.receive_speed(speed)
 
     def follow(self, objects: Sequence[PerceivedObject], now: float) -> None:
         """Take the velocities of all objects, the host vehicle included."""
@@ -39,10 +56,14 @@ class IntersectionMovementAssist:
         }
         for each in objects:
             _, _, east_m_s, north_m_s = each.state
-            self._motions[each.name].receive(now, east_m_s, north_m_s)
+            self._motions[each.name].receive(now, now - each.age_s, east_m_s, north_m_s)
 
     def assess(
-        self, own: PerceivedObject, others: Sequence[PerceivedObject], data: BsmDataStore
+        self,
+        own: PerceivedObject,
+        others: Sequence[PerceivedObject],
+        data: BsmDataStore,
+        now: float,
     ) -> tuple[Assessment, list[tuple[str, CovarianceError]]]:
         """Assess objects that were given to `follow`; the one with the highest P_C counts.
 
@@ -50,6 +71,7 @@ class IntersectionMovementAssist:
             own: the host vehicle.
             others: the perceived objects.
             data: of their BSMs.
+            now: the time.
 
         Returns:
             the assessment, and names of objects whose covariance is invalid, with the error.
@@ -64,12 +86,19 @@ class IntersectionMovementAssist:
             except CovarianceError as error:
                 invalid.append((each.name, error))
                 continue
-            if crossing is not None and not _is_bridge(each, crossing, data):
+            if crossing is None or not _is_soon(crossing):
+                continue
+            if not _is_bridge(each, crossing, data):
                 found.append((each, crossing))
+        if not found:
+            return NOTHING, invalid
         p_c = mean_collision_probabilities(
             [crossing for _, crossing in found],
-            [self._driven(each, data.size_m(each.name)) for each, _ in found],
-            self._driven(own, self._own_size_m),
+            [
+                self._driven(each, data.size_m(each.name), each.acceleration_m_s2)
+                for each, _ in found
+            ],
+            self._driven(own, self._own_size_m, self._host.acceleration_m_s2(now)),
         )
         assessed = [
             self._assessment(each, float(p), own) for (each, _), p in zip(found, p_c, strict=True)
@@ -84,15 +113,19 @@ class IntersectionMovementAssist:
             return Assessment(Level.CAUTION, p_c, (object_reason(other, own),))
         return Assessment(Level.NONE, p_c, ())
 
-    def _driven(self, each: PerceivedObject, size_m: tuple[float, float]) -> DrivenVehicle:
-        """Return size and accelerations; the reported acceleration comes before the estimate."""
+    def _driven(
+        self, each: PerceivedObject, size_m: tuple[float, float], known_m_s2: float | None
+    ) -> DrivenVehicle:
+        """Return size and accelerations; a known acceleration comes before the estimate."""
         motion = self._motions[each.name]
-        reported_m_s2 = each.acceleration_m_s2
-        return DrivenVehicle(
-            *size_m,
-            motion.acceleration_m_s2 if reported_m_s2 is None else reported_m_s2,
-            motion.lateral_m_s2,
-        )
+        along_m_s2 = motion.acceleration_m_s2 if known_m_s2 is None else known_m_s2
+        return DrivenVehicle(*size_m, along_m_s2, motion.lateral_m_s2)
+
+
+def _is_soon(crossing: PathCrossing) -> bool:
+    distances_m, speeds_m_s = crossing.mean[[0, 2]], crossing.mean[[1, 3]]
+    soon_m = HORIZON_S * (speeds_m_s + MAX_ACCELERATION_M_S2 * HORIZON_S / 2.0)
+    return bool(np.all(distances_m <= soon_m))
 
 
 def _is_bridge(other: PerceivedObject, crossing: PathCrossing, data: BsmDataStore) -> bool:

@@ -31,6 +31,8 @@ STOPPING_M_S2 = 3.0
 taken to drive on. Drivers who stop brake less (signals are timed for 10 ft/s^2)."""
 REACTION_S = 1.0
 """Time until the host's driver, who is to be warned, would brake, or another who accelerates."""
+BRAKING_M_S2 = 1.0
+"""A host driver who brakes by more has reacted: two steps of 1 km/h within the window."""
 GAINING_M_S2 = 1.0
 """A driver who accelerates by more does not yet mean to stop."""
 DRIVING_ON_M_S2 = 1.0
@@ -113,9 +115,9 @@ def _drive_on(
 ) -> NDArray[np.bool_]:
     """Whether both drivers would have to brake harder than drivers do to stop short, (n).
 
-    The host's driver, who is to be warned, needs time to react. So does another driver who still
-    accelerates, and who goes on accelerating in that time. Both must be known to go straight on: in
-    a bend, the courses of all oncoming vehicles cross the host's.
+    The host's driver, who is to be warned, needs time to react, unless he brakes. So does another
+    driver who still accelerates, and who goes on accelerating in that time. Both must be known to
+    go straight on: in a bend, the courses of all oncoming vehicles cross the host's.
     """
     if not crossings or own.acceleration_m_s2 is None or not _goes_straight(own):
         return np.zeros(len(crossings), dtype=bool)
@@ -124,11 +126,13 @@ def _drive_on(
     gaining = np.array([_gaining_m_s2(each.acceleration_m_s2) for each in others])
     own_gaining = np.full(len(crossings), _gaining_m_s2(own.acceleration_m_s2))
     reactions_s = np.full(len(crossings), reaction_s)
+    brakes = own.acceleration_m_s2 <= -BRAKING_M_S2
+    own_reactions_s = np.zeros(len(crossings)) if brakes else reactions_s
     straight = np.array([_goes_straight(each) for each in others])
     other_reactions_s = np.where(gaining > 0.0, reactions_s, 0.0)
     return (
         straight
-        & _cannot_stop(own_d - half, own_v, own_gaining, reactions_s, stopping_m_s2)
+        & _cannot_stop(own_d - half, own_v, own_gaining, own_reactions_s, stopping_m_s2)
         & _cannot_stop(other_d - half_other, other_v, gaining, other_reactions_s, stopping_m_s2)
     )
 

@@ -67,6 +67,7 @@ class RiskMonitor(Core):
         """Take the host vehicle's speed."""
         self._speed = speed
         self._fcw.receive_speed(speed)
+        self._ima.receive_speed(speed)
 
     def receive_pedal(self, pedal: BrakePedal) -> None:
         """Take the state of the host vehicle's brake pedal."""
@@ -135,7 +136,7 @@ class RiskMonitor(Core):
                 settings=self._settings.fcw,
             )
             self._judge(Cause.EEBL, eebl, now)
-            ima, invalid = self._ima.assess(own, others, self._bsm_data)
+            ima, invalid = self._ima.assess(own, others, self._bsm_data, now)
             self._events.extend(
                 Discarded(now, "risk", "covariance", f"{name}: {error}") for name, error in invalid
             )

@@ -4,6 +4,9 @@ import math
 
 from onboard.kinematics.acceleration import AccelerationEstimator
 
+_DIGITS = 3
+"""Of times of measurements in s, so that the same one is recognised."""
+
 
 class VehicleMotion:
     """Estimates both for one vehicle."""
@@ -14,18 +17,20 @@ class VehicleMotion:
         self._east, self._north = AccelerationEstimator(window_s), AccelerationEstimator(window_s)
         self._velocity_m_s = 0.0, 0.0
 
-    def receive(self, stamp_s: float, east_m_s: float, north_m_s: float) -> None:
-        """Take a velocity; a late one is ignored.
+    def receive(self, now: float, measured_s: float, east_m_s: float, north_m_s: float) -> None:
+        """Take a velocity.
 
         Args:
-            stamp_s: time of the velocity.
+            now: the time.
+            measured_s: time of its last measurement. The same one again does not count along the
+                course: it would hold the speed, and then step.
             east_m_s: eastward.
             north_m_s: northward.
         """
         self._velocity_m_s = east_m_s, north_m_s
-        self._along.receive(stamp_s, math.hypot(east_m_s, north_m_s))
-        self._east.receive(stamp_s, east_m_s)
-        self._north.receive(stamp_s, north_m_s)
+        self._along.receive(round(measured_s, _DIGITS), math.hypot(east_m_s, north_m_s))
+        self._east.receive(now, east_m_s)
+        self._north.receive(now, north_m_s)
 
     @property
     def acceleration_m_s2(self) -> float | None:
