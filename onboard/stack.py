@@ -6,6 +6,7 @@ virtual time and both replays call it.
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -374,8 +375,12 @@ class Stack:
             self._events.append(Discarded(now, "bsm", reason, f"from {core.temporary_id.hex()}"))
             return
         position = position_in(core, now, self._security.utc_offset_s)
+        remote_id = self._misbehaviour_detector.remote_id(sender, core.temporary_id)
+        if remote_id != core.temporary_id:
+            # Footers name the sources of measurements by temporary ID: two cannot have one.
+            message = replace(message, core=replace(core, temporary_id=remote_id), footer=None)
         is_used = self._mvs.receive_bsm(
-            core.temporary_id, position, message.footer, now, core.acceleration.longitudinal_m_s2
+            remote_id, position, message.footer, now, core.acceleration.longitudinal_m_s2
         )
         self._transmitter.receive_remote_vehicle(sender, position, now)
         if is_used:

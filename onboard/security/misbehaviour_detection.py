@@ -2,7 +2,7 @@
 
 A valid signature proves who sent a message, not that its content is true. Checked here: a speed is
 possible, follows from the speed before, and agrees with the distance between two positions; speeds
-show the hard braking that is claimed; a temporary ID has one sender. Too few data pass.
+show the hard braking that is claimed. Too few data pass.
 """
 
 import math
@@ -52,8 +52,6 @@ class Misbehaviour(StrEnum):
     POSITION = "implausible_position"
     BRAKE = "implausible_brake"
     """Hard braking that the sender's own speeds contradict."""
-    IDENTITY = "implausible_identity"
-    """Another sender used this temporary ID first."""
 
 
 @dataclass(slots=True)
@@ -97,8 +95,6 @@ class MisbehaviourDetector:
             the check that failed; `None` if all passed.
         """
         core = message.core
-        if not self._temporary_ids.receive(core.temporary_id, sender):
-            return Misbehaviour.IDENTITY
         self._drop_silent(stamp_s)
         known = self._senders.setdefault(sender, _Sender())
         self._senders.move_to_end(sender)
@@ -116,6 +112,19 @@ class MisbehaviourDetector:
             (message.safety.events or 0) & VehicleEventFlags.HARD_BRAKING
         )
         return self._braking_violation(known, now) if is_braking else None
+
+    def remote_id(self, sender: bytes, temporary_id: bytes) -> bytes:
+        """Return the name of a remote vehicle: its temporary ID, if it is the first that uses it.
+
+        Whoever uses the ID of another vehicle, even before that vehicle is received, silences
+        nobody: the second one is known by ID and signer.
+
+        Args:
+            sender: as in `receive_bsm`.
+            temporary_id: in its BSM.
+        """
+        is_first = self._temporary_ids.receive(temporary_id, sender)
+        return temporary_id if is_first else temporary_id + sender
 
     def receive_car_id(self, sender: bytes, car_id: bytes) -> bool:
         """Link the communication ID of a group message to its sender.

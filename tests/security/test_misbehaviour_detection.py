@@ -121,11 +121,13 @@ def test_each_sender_is_compared_with_its_own_bsms_only():
     assert detector.receive_bsm(b"two", BasicSafetyMessage(other), 0.1, 0.1) is None
 
 
-def test_a_temporary_id_of_another_sender_is_implausible():
+def test_two_senders_with_one_temporary_id_are_two_vehicles():
     detector = MisbehaviourDetector()
-    detector.receive_bsm(b"one", _bsm(), 0.0, 0.0)
-    assert detector.receive_bsm(b"two", _bsm(), 0.1, 0.1) == "implausible_identity"
-    assert detector.receive_bsm(b"one", _bsm(), 0.1, 0.1) is None
+    assert detector.remote_id(b"one", b"abcd") == b"abcd"
+    second = detector.remote_id(b"two", b"abcd")
+    assert second not in (b"abcd", detector.remote_id(b"three", b"abcd"))
+    assert detector.remote_id(b"one", b"abcd") == b"abcd"
+    assert detector.remote_id(b"two", b"abcd") == second
 
 
 def test_implausible_speeds_do_not_confirm_braking():

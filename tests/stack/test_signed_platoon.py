@@ -11,8 +11,9 @@ import pytest
 from onboard import psid
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
-from onboard.messages.bsm_core import CoreData
+from onboard.messages.bsm_core import CoreData, PositionalAccuracy
 from onboard.observations import BrakeCause, HardBrake, Position
+from onboard.security.credentials import Credentials
 from onboard.security.security_services import SecurityServices
 from onboard.step import BrakeButton, ReceivedWsm
 from onboard.trace.trace_line import as_record
@@ -109,10 +110,59 @@ def test_a_warning_of_a_vehicle_in_the_opposite_direction_is_refused(platoon: Pl
     assert list(platoon.events_of("BBB2", "warning")) == []
 
 
-def carol_sends(platoon: Platoon, plate: str, payload: bytes, psid: int, delay_s: float) -> None:
+@pytest.mark.parametrize("claimed", ["before", "meanwhile", "never"])
+def test_who_claims_the_temporary_id_of_a_crossing_vehicle_does_not_hide_it(claimed: str) -> None:
+    """The insider's BSM under that ID is 200 m away; the two touch 4.5 s after the start."""
+    platoon = Platoon({"BBB2": car("BBB2", credentials=BOB, utc_s=UTC_S)})
+    for tenth in range(45):
+        now = platoon.now
+        to_go_m = 4.5 * SPEED_M_S - now * SPEED_M_S
+        north_deg, east_deg = to_go_m / 111_195, to_go_m / 111_195 / math.cos(math.radians(48.0))
+        fix = Position(now, 48.0 - north_deg, 11.0, None, 0.5, SPEED_M_S, 0.0)
+        platoon.receive("BBB2", fix)
+        claim = on_the_road(now, 48.0 + 0.002, 11.0, 0.0)
+        if tenth == 0 and claimed == "before":
+            carol_sends(platoon, "BBB2", bsm.encode(claim), psid.BSM, delay_s=0.0)
+        if tenth >= 2:
+            true = on_the_road(now, 48.0, 11.0 + east_deg, 1.5 * math.pi)
+            carol_sends(platoon, "BBB2", bsm.encode(true), psid.BSM, delay_s=0.0, keys=DAVE)
+        if claimed == "meanwhile" and tenth > 5:
+            carol_sends(platoon, "BBB2", bsm.encode(claim), psid.BSM, delay_s=0.0)
+        platoon.drive(0.1)
+
+    alarms = [as_record(event) for event in platoon.events_of("BBB2", "alarm")]
+    assert any(each["cause"] == "ima" and each["level"] == "warning" for each in alarms)
+
+
+def on_the_road(
+    now: float, north_deg: float, east_deg: float, heading_rad: float
+) -> BasicSafetyMessage:
+    return BasicSafetyMessage(
+        CoreData(
+            0,
+            b"abcd",
+            sec_mark_s=(UTC_S + now) % 60.0,
+            latitude_deg=north_deg,
+            longitude_deg=east_deg,
+            accuracy=PositionalAccuracy(0.5, 0.5, 0.0),
+            speed_m_s=SPEED_M_S,
+            heading_rad=heading_rad,
+        )
+    )
+
+
+def carol_sends(
+    platoon: Platoon,
+    plate: str,
+    payload: bytes,
+    psid: int,
+    *,
+    delay_s: float,
+    keys: Credentials = CAROL,
+) -> None:
     """A trusted third vehicle sends to one vehicle, where it arrives `delay_s` later."""
     made_at = platoon.now - delay_s
-    wsm = WaveShortMessage(psid, SecurityServices(UTC_S, CAROL).secure(payload, psid, made_at))
+    wsm = WaveShortMessage(psid, SecurityServices(UTC_S, keys).secure(payload, psid, made_at))
     platoon.receive(plate, ReceivedWsm(platoon.now, wsmp.encode(wsm)))
     platoon.settle()
 
