@@ -42,7 +42,9 @@ class AccessCheck:
     def is_token(self, offered: str) -> bool:
         """Compare with the token, in a time that does not depend on how many characters match."""
         token = self._token or ""
-        return bool(token) and hmac.compare_digest(offered.encode(), token.encode())
+        # Bytes of a header that are no UTF-8 arrive as surrogates.
+        given = offered.encode("utf-8", "surrogateescape")
+        return bool(token) and hmac.compare_digest(given, token.encode())
 
 
 def _is_loopback(host: str) -> bool:

@@ -1,8 +1,9 @@
 """Limits the TCP connections of the page server, so that idle ones do not exhaust file descriptors.
 
 It sits between the network and the web server. A connection without data for `SILENT_S` is closed.
-Above `MOST_CONNECTIONS`, the oldest connection that has not sent anything yet is closed, which may
-be the newest. A page sends its request at once and then confirms views, so it is never closed.
+Above `MOST_CONNECTIONS`, the oldest connection without an accepted request is closed, which may be
+the newest. A page sends its request at once and then confirms views, so it is never closed, and
+nobody without the token keeps it out.
 """
 
 import asyncio
@@ -27,8 +28,8 @@ class ConnectionLimiter:
         self._make_protocol = make_protocol
         self._connections: dict[_LimitedConnection, None] = {}
         """In the order of their last data."""
-        self._without_data: dict[_LimitedConnection, None] = {}
-        """Those of them that have not sent anything yet, oldest first."""
+        self._not_accepted: dict[asyncio.BaseTransport, _LimitedConnection] = {}
+        """Those of them whose requests were not accepted yet, oldest first."""
         self._timer: asyncio.TimerHandle | None = None
 
     def __call__(self) -> asyncio.Protocol:
@@ -45,23 +46,28 @@ class ConnectionLimiter:
             self._timer.cancel()
 
     def add(self, connection: "_LimitedConnection") -> None:
-        """Count a new connection; above the limit, close one without data."""
-        self._connections[connection] = self._without_data[connection] = None
+        """Count a new connection; above the limit, close one without an accepted request."""
+        self._connections[connection] = None
+        self._not_accepted[connection.transport] = connection
         if len(self._connections) > MOST_CONNECTIONS:
-            self._abort(next(iter(self._without_data)))
+            self._abort(next(iter(self._not_accepted.values())))
         if self._timer is None:
             self._close_silent()
 
+    def accept(self, transport: asyncio.BaseTransport | None) -> None:
+        """Keep the connection whose request was accepted."""
+        if transport is not None:
+            self._not_accepted.pop(transport, None)
+
     def note_data(self, connection: "_LimitedConnection") -> None:
         """Restart the time without data of a connection."""
-        self._without_data.pop(connection, None)
         del self._connections[connection]
         self._connections[connection] = None
 
     def remove(self, connection: "_LimitedConnection") -> None:
         """Count a closed connection no more."""
         self._connections.pop(connection, None)
-        self._without_data.pop(connection, None)
+        self._not_accepted.pop(connection.transport, None)
 
     def _close_silent(self) -> None:
         loop = asyncio.get_running_loop()

@@ -6,11 +6,14 @@ A page confirms each view (`shown NUMBER`). So views do not queue for a page tha
 
 import asyncio
 import contextlib
+import logging
 import time
 from collections.abc import Callable
 
 import structlog
 from aiohttp import WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
+from typing_extensions import override
 
 from onboard.errors import UserError
 from onboard.hmi.access_check import AccessCheck
@@ -34,6 +37,22 @@ _SENT_VIEWS = 256
 """Views whose times of sending are kept for the delay; later confirmations are not measured."""
 _PROBE_S = 0.1
 """Between two samples of the loop's delay."""
+
+
+class _MalformedRequests(logging.Filter):
+    """Counts requests that are no HTTP: aiohttp would print a traceback for each."""
+
+    def __init__(self, metrics: Metrics) -> None:
+        super().__init__()
+        self._metrics = metrics
+
+    @override
+    def filter(self, record: logging.LogRecord) -> bool:
+        error = record.exc_info[1] if record.exc_info else None
+        if not isinstance(error, HttpProcessingError):
+            return True
+        self._metrics.count_refusal("malformed")
+        return False
 
 
 class PageServer:
@@ -76,7 +95,9 @@ class PageServer:
         app.router.add_get("/views", self._serve_views)
         app.router.add_get("/metrics", self._serve_metrics)
         add_page(app, read_page("onboard.hmi"))
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
+        errors = logging.Logger(__name__)  # noqa: LOG001 (its filter is of this server only)
+        errors.addFilter(_MalformedRequests(self._metrics))
+        self._runner = web.AppRunner(app, access_log=None, logger=errors, shutdown_timeout=0.2)
         await self._runner.setup()
         host, port = str(self._settings.host), self._settings.port
         server = self._runner.server
@@ -121,6 +142,7 @@ class PageServer:
         )
         if refusal is not None:
             return self._refuse(refusal)
+        self._limiter.accept(request.transport)
         return await with_headers(request, handler)
 
     def _set_cookie(self, offered: str) -> web.Response:

@@ -56,18 +56,25 @@ def test_a_connection_without_data_is_closed(monkeypatch: pytest.MonkeyPatch) ->
     asyncio.run(asyncio.wait_for(connect(), 20.0))
 
 
-def test_above_the_limit_the_oldest_connection_without_data_is_closed(
+def test_above_the_limit_the_oldest_connection_without_an_accepted_request_is_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(connection_limiter, "MOST_CONNECTIONS", 3)
 
     async def connect() -> None:
-        limiter = ConnectionLimiter(Echo)
+        made: list[Echo] = []
+
+        def echo() -> Echo:
+            made.append(Echo())
+            return made[-1]
+
+        limiter = ConnectionLimiter(echo)
         server = await asyncio.get_running_loop().create_server(limiter, "127.0.0.1", 0)
         async with server:
             address = server.sockets[0].getsockname()
             page = await asyncio.open_connection(*address)
             assert await answer(*page) == b"hello"
+            limiter.accept(made[0].transport)
             silent = [await asyncio.open_connection(*address) for _ in range(2)]
             another = await asyncio.open_connection(*address)
 

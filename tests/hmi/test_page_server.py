@@ -9,6 +9,7 @@ import aiohttp
 import pytest
 
 from onboard.errors import UserError
+from onboard.hmi.connection_limiter import MOST_CONNECTIONS
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import read_page
 from onboard.hmi.page_server import CLOSE_TIMEOUT_S, MOST_PAGES, PageServer
@@ -104,6 +105,63 @@ def test_the_page_refers_to_no_other_origin() -> None:
         if content_type.startswith(("text/html", "text/css", "text/javascript")):
             text = body.decode().replace("http://www.w3.org/2000/svg", "")
             assert "//" not in text.replace("// ", "").replace("//\n", ""), name
+
+
+def test_many_connections_without_the_token_do_not_keep_a_page_out() -> None:
+    async def check() -> None:
+        async with served(token=TOKEN) as it:
+            page = await it.page()
+            port = int(it.address.rsplit(":", 1)[1].strip("/"))
+            strangers = []
+            for _ in range(MOST_CONNECTIONS + 70):
+                reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                writer.write(b"GET / HTTP/1.1\r\n")
+                strangers.append((reader, writer))
+            assert await it.status("") == 200
+            headers = {"Authorization": f"Bearer {TOKEN}"}
+            async with (
+                aiohttp.ClientSession(headers=headers) as another,
+                another.get(it.address) as answer,
+            ):
+                assert answer.status == 200
+            assert not page.closed
+            for _, writer in strangers:
+                writer.close()
+
+    run(check())
+
+
+def test_a_cookie_that_is_no_text_is_a_wrong_token() -> None:
+    async def check() -> None:
+        async with served(token=TOKEN) as it:
+            port = int(it.address.rsplit(":", 1)[1].strip("/"))
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            head = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nCookie: onboard_{port}=".encode()
+            writer.write(head + b"\xff\xfe\r\n\r\n")
+            assert b" 401 " in await reader.readline()
+            writer.close()
+
+    run(check())
+
+
+@pytest.mark.parametrize(
+    "head",
+    [b"GET / HTTP/9.9", b"GET / HTTP/1.1\r\nContent-Length: -5", b"GET http://[::1 HTTP/1.1"],
+)
+def test_a_malformed_request_is_counted_and_not_printed(
+    head: bytes, capfd: pytest.CaptureFixture[str]
+) -> None:
+    async def check() -> None:
+        async with served() as it:
+            port = int(it.address.rsplit(":", 1)[1].strip("/"))
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(head + b"\r\n\r\n")
+            assert b" 400 " in await reader.readline()
+            writer.close()
+            assert 'reason="malformed"} 1.0' in await it.text("metrics")
+
+    run(check())
+    assert "Traceback" not in capfd.readouterr().err
 
 
 def test_another_host_name_or_origin_is_refused() -> None:
