@@ -112,11 +112,11 @@ def test_many_connections_without_the_token_do_not_keep_a_page_out() -> None:
         async with served(token=TOKEN) as it:
             page = await it.page()
             port = int(it.address.rsplit(":", 1)[1].strip("/"))
-            strangers = []
+            outsiders = []
             for _ in range(MOST_CONNECTIONS + 70):
                 reader, writer = await asyncio.open_connection("127.0.0.1", port)
                 writer.write(b"GET / HTTP/1.1\r\n")
-                strangers.append((reader, writer))
+                outsiders.append((reader, writer))
             assert await it.status("") == 200
             headers = {"Authorization": f"Bearer {TOKEN}"}
             async with (
@@ -125,7 +125,7 @@ def test_many_connections_without_the_token_do_not_keep_a_page_out() -> None:
             ):
                 assert answer.status == 200
             assert not page.closed
-            for _, writer in strangers:
+            for _, writer in outsiders:
                 writer.close()
 
     run(check())
