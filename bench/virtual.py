@@ -57,6 +57,7 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
         for name, core in world.cores.items():
             core.update(world.now)
             objects = core.kinematic_info(world.now)
-            models[name].assess(core.host_vehicle(world.now), objects, 12.0, world.now)
+            own = core.host_vehicle(world.now)
+            models[name].assess(world.fixes[name], own, objects, 12.0, world.now)
     took_s = time.process_time() - began
     return len(names) * TICKS * TICK_S / took_s, resident_bytes()

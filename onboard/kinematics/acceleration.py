@@ -84,6 +84,17 @@ class AccelerationEstimator:
         times_s -= times_s.mean()
         return float(step_m_s / 2.0 * np.abs(times_s).sum() / (times_s @ times_s))
 
+    def sigma_m_s2(self, speed_sigma_m_s: float) -> float:
+        """Standard deviation of the acceleration, for independent errors of the speeds.
+
+        Infinite while there is no estimate.
+        """
+        if not self._is_covered:
+            return math.inf
+        times_s = np.array(self._samples)[:, 0]
+        times_s -= times_s.mean()
+        return speed_sigma_m_s / math.sqrt(times_s @ times_s)
+
     @property
     def _is_covered(self) -> bool:
         samples = self._samples

@@ -86,21 +86,18 @@ def object_reason(other: PerceivedObject, own: PerceivedObject) -> AlarmReason:
 
 
 class Hysteresis:
-    """One cause: up after `confirm_s` of a higher level, down after `release_s` of lower ones."""
+    """One cause: up at once to a higher level, down after `release_s` of lower ones."""
 
-    def __init__(self, cause: Cause, confirm_s: float, release_s: float) -> None:
+    def __init__(self, cause: Cause, release_s: float) -> None:
         """Start without an alarm.
 
         Args:
             cause: of its alarms.
-            confirm_s: time for which a higher level must last.
             release_s: time for which a lower level must last.
         """
         self._cause = cause
-        self._confirm_s = confirm_s
         self._release_s = release_s
         self._level = Level.NONE
-        self._higher_since: dict[Level, float] = {}
         self._last_at: dict[Level, float] = {}
         """When each level or a higher one was last assessed."""
 
@@ -108,18 +105,10 @@ class Hysteresis:
         """Take an assessment; returns an alarm if the level changes."""
         for level in (Level.CAUTION, Level.WARNING):
             if assessment.level.rank >= level.rank:
-                self._higher_since.setdefault(level, now)
                 self._last_at[level] = now
-            else:
-                self._higher_since.pop(level, None)
-        confirmed = max(
-            (at for at, since in self._higher_since.items() if now - since >= self._confirm_s),
-            key=lambda at: at.rank,
-            default=Level.NONE,
-        )
-        if confirmed.rank > self._level.rank:
-            self._level = confirmed
-            return Alarm(now, self._cause, confirmed, assessment.value, assessment.reasons)
+        if assessment.level.rank > self._level.rank:
+            self._level = assessment.level
+            return Alarm(now, self._cause, self._level, assessment.value, assessment.reasons)
         if self._level is Level.NONE or now - self._last_at[self._level] < self._release_s:
             return None
         lasting = max(

@@ -6,12 +6,14 @@ is that of the braking which the host then needs.
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.risk.alarm import NOTHING, AlarmReason, Assessment, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
-from onboard.risk.fcw import MAX_REPORTED_DECELERATION_M_S2, required_deceleration_m_s2
+from onboard.risk.fcw import MAX_REPORTED_DECELERATION_M_S2
 from onboard.risk.path_ahead import PathAhead
+from onboard.risk.required_deceleration import required_deceleration_m_s2
 from onboard.risk.settings import FcwSettings
 
 FLAG_HOLD_S = 1.0
@@ -46,7 +48,7 @@ def assess_eebl(
         flags = data.get(car.name)
         if flags is None or now - flags.braked_hard_s > FLAG_HOLD_S:
             continue
-        place = path.place(own, car, data.path_history_m(car.name))
+        place = path.place(own, car, partial(data.path_history_m, car.name))
         if place is None or data.is_on_another_level(car.name, place.ahead_m):
             continue
         length_m, _ = data.size_m(car.name)

@@ -1,6 +1,7 @@
 """The risk monitor: runs FCW, EEBL, IMA and LCCA warnings, each with its own alarm.
 
-IMA and EEBL need the position of the host vehicle; FCW and LCCA warnings do not.
+IMA, EEBL and FCW of perceived objects need the position of the host vehicle; FCW of the camera's
+lead vehicle and LCCA warnings do not.
 """
 
 import math
@@ -28,7 +29,7 @@ from onboard.risk.alarm import (
 )
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.eebl import assess_eebl
-from onboard.risk.fcw import CONFIRM_S, ForwardCollisionWarning
+from onboard.risk.fcw import ForwardCollisionWarning
 from onboard.risk.ima import IntersectionMovementAssist
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
@@ -51,16 +52,13 @@ class RiskMonitor(Core):
         self._settings = settings
         self._length_m = length_m
         self._speed: Speed | None = None
-        self._fcw = ForwardCollisionWarning(settings.fcw)
+        self._fcw = ForwardCollisionWarning(settings.fcw, length_m)
         self._ima = IntersectionMovementAssist(settings.ima, length_m, width_m)
         self._bsm_data = BsmDataStore()
         self._path = PathAhead()
         self._warnings: dict[tuple[CarId, int], WarningRaised] = {}
         """Of brakings that are not over, by vehicle and sequence number."""
-        self._alarms = {
-            cause: Hysteresis(cause, CONFIRM_S if cause is Cause.FCW else 0.0, RELEASE_S)
-            for cause in Cause
-        }
+        self._alarms = {cause: Hysteresis(cause, RELEASE_S) for cause in Cause}
         self._events: deque[Alarm | Discarded] = deque(maxlen=1024)
 
     def receive_speed(self, speed: Speed) -> None:
@@ -117,10 +115,9 @@ class RiskMonitor(Core):
         """
         self._bsm_data.drop_old(now)
         self._judge(Cause.LCCA, self._assess_lcca(now), now)
-        fcw = self._assess_fcw(now)
-        if fcw.level is Level.NONE:  # between images an alarm can end, but not begin
-            self._judge(Cause.FCW, fcw, now)
         others = [] if own is None else [each for each in objects if _is_other(each, own)]
+        self._fcw.receive_objects(own, others, self._bsm_data, self._path, now)
+        self._judge(Cause.FCW, self._assess_fcw(now), now)
         self._ima.follow([*others, own] if own is not None else [], now)
         if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:
             self._judge(Cause.EEBL, NOTHING, now)
@@ -164,7 +161,7 @@ class RiskMonitor(Core):
         speed = self._fresh_speed(now)
         if speed is not None and speed.speed_m_s < self._settings.least_speed_m_s:
             return NOTHING
-        return self._fcw.assess(speed, now)
+        return next(iter(self._fcw.assess(speed, now)), NOTHING)
 
     def _fresh_speed(self, now: float) -> Speed | None:
         speed = self._speed

@@ -10,7 +10,7 @@ Two estimates of how far a vehicle is to the side of the path, weighed by their 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -62,15 +62,18 @@ class PathAhead:
         self._predictor.receive_position(position)
 
     def place(
-        self, own: PerceivedObject, other: PerceivedObject, history_m: Sequence[_Point] = ()
+        self,
+        own: PerceivedObject,
+        other: PerceivedObject,
+        history_m: Callable[[], Sequence[_Point]],
     ) -> PlaceOnPath | None:
         """Return the place of a vehicle ahead in the host vehicle's lane; `None` for others.
 
         Args:
             own: the host vehicle; at rest it has no path.
             other: a perceived object.
-            history_m: past positions of the other, metres east and north of its last one, the
-                newest first.
+            history_m: returns past positions of the other, metres east and north of its last one,
+                the newest first.
         """
         x, y, east, north = own.state
         speed_m_s = math.hypot(east, north)
@@ -92,7 +95,7 @@ class PathAhead:
                 return None
         variance = (distance_m**2 / 2.0) ** 2 * curvature.variance
         variance += (distance_m * _VELOCITY_SIGMA_M_S / speed_m_s) ** 2
-        passed_m = _history_to_the_left_m(history_m, other, own)
+        passed_m = _history_to_the_left_m(history_m(), other, own)
         if passed_m is not None:
             weight = variance / (variance + HISTORY_SIGMA_M**2)
             left_m += weight * (passed_m - left_m)

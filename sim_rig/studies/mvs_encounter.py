@@ -317,7 +317,7 @@ class _EquippedCars:
                 positions_m = np.array([world.world_position_m(name, car.state) for car in objects])
                 self._pair.receive_perceived(name, positions_m, cars)
             warning = self._model(cars, at).assess(
-                own, objects, float(cars.speed_m_s[at]), world.now
+                world.fixes[name], own, objects, float(cars.speed_m_s[at]), world.now
             )
             if warning is not None:
                 right = self._is_right(cars, name, warning.target)
@@ -329,6 +329,9 @@ class _EquippedCars:
         name = cars.names[at]
         if name not in self._models:
             self._models[name] = WarningModel(self._settings.risk, *_size_m(cars, at))
+            self._models[name].receive_earlier_speeds(
+                float(cars.speed_m_s[at]), float(cars.acceleration_m_s2[at]), self._world.now
+            )
         return self._models[name]
 
     def _warn(self, name: str, *, right: bool) -> None:

@@ -134,6 +134,8 @@ class MvsWorld:
         self._numbers: dict[str, int] = {}
         self._phases: dict[str, float] = {}
         self.cores: dict[str, MultiVehicleSensing] = {}
+        self.fixes: dict[str, Position] = {}
+        """The last fix of each car with a radio."""
         self._reference_hosts: dict[str, HostVehicle] = {}
         """Process the same inputs as each core, to compute the measurements that it makes."""
         self.measurements: list[TrueMeasurement] = []
@@ -206,6 +208,7 @@ class MvsWorld:
         fix = self._fix(cars, own, float(cars.speed_m_s[own]))
         core.receive_position(fix)
         reference_host.receive_position(fix)
+        self.fixes[name] = fix
         for other in self._in_view(own, cars).tolist() if settings.senses else ():
             east_m, north_m = (cars.middle_m[other] - cars.middle_m[own]).tolist()
             range_m = math.hypot(east_m, north_m)

@@ -3,14 +3,15 @@
 import pytest
 
 from onboard.risk.alarm import NOTHING, AlarmReason, Assessment, Cause, Hysteresis, Level
+from onboard.risk.confirmation import Confirmation
 
 REASON = (AlarmReason("lead", "known", 0.05),)
 CAUTION = Assessment(Level.CAUTION, 3.7, REASON)
 WARNING = Assessment(Level.WARNING, 5.5, REASON)
 
 
-def levels(seen: list[tuple[float, Assessment]], confirm_s: float = 0.0) -> list[tuple[float, str]]:
-    alarm = Hysteresis(Cause.FCW, confirm_s, release_s=1.0)
+def levels(seen: list[tuple[float, Assessment]]) -> list[tuple[float, str]]:
+    alarm = Hysteresis(Cause.FCW, release_s=1.0)
     raised = [(now, alarm.receive(each, now)) for now, each in seen]
     return [(now, each.level.value) for now, each in raised if each is not None]
 
@@ -41,15 +42,26 @@ def test_flapping_between_two_levels_is_one_alarm() -> None:
     assert levels(flapping) == [(0.0, "caution"), (0.3, "warning")]
 
 
-def test_a_level_must_last_to_be_confirmed() -> None:
-    assert levels([(0.0, WARNING), (0.1, NOTHING), (0.2, WARNING)], confirm_s=0.15) == []
-    assert levels([(0.0, CAUTION), (0.1, WARNING), (0.2, WARNING)], confirm_s=0.15) == [
-        (0.2, "caution")
-    ]
+@pytest.mark.parametrize(
+    ("seen", "confirmed"),
+    [
+        ([(0.0, Level.WARNING), (0.1, Level.NONE), (0.2, Level.WARNING)], Level.NONE),
+        ([(0.0, Level.CAUTION), (0.1, Level.WARNING), (0.2, Level.WARNING)], Level.CAUTION),
+        ([(0.0, Level.WARNING), (0.2, Level.WARNING)], Level.WARNING),
+        ([(0.0, Level.WARNING), (0.0, Level.WARNING)], Level.NONE),
+    ],
+    ids=["interrupted", "rising", "lasting", "one measurement"],
+)
+def test_a_level_is_confirmed_by_measurements_over_a_while(
+    seen: list[tuple[float, Level]], confirmed: Level
+) -> None:
+    vehicle = Confirmation(confirm_s=0.15)
+
+    assert [vehicle.receive(level, stamp_s) for stamp_s, level in seen][-1] is confirmed
 
 
 def test_an_alarm_names_what_raised_it_and_its_end_names_nothing() -> None:
-    alarm = Hysteresis(Cause.IMA, 0.0, 1.0)
+    alarm = Hysteresis(Cause.IMA, 1.0)
 
     raised, ended = alarm.receive(WARNING, 0.0), alarm.receive(NOTHING, 1.0)
 

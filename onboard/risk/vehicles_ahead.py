@@ -1,0 +1,267 @@
+"""The vehicles ahead that FCW assesses, each once, by all that is known of it.
+
+The camera's lead vehicle is known without a position. Perceived objects (radio, own sensors, shared
+by others) count if they are ahead on the host vehicle's path. The object that is the camera's lead
+is recognised by gap and closing speed: both are weighed by their variances.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from onboard.kinematics.acceleration import AccelerationEstimator, is_jump
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
+from onboard.observations import NEW_LEAD_M, Lead, Speed
+from onboard.risk.alarm import AlarmReason
+from onboard.risk.bsm_data import BsmDataStore
+from onboard.risk.path_ahead import PathAhead
+
+LEAD_WINDOW_S = 0.6
+"""Window over which decelerations are estimated: ten images a second give six speeds."""
+OBJECT_WINDOW_S = 0.4
+"""The same for perceived objects, whose speeds are filtered."""
+LEAD_DEADBAND_M_S2 = 1.5
+"""Estimated decelerations of the lead below this may be noise, and count as none."""
+SETTLED_SIGMA_M_S = 1.5
+"""Largest sigma of the closing speed of a vehicle that has been in view for a while. Above it, the
+deceleration is not estimated: a speed that settles looks like braking."""
+LEAD_TIMEOUT_S = 0.5
+"""Time for which an observation of a vehicle is valid."""
+MAX_LATERAL_M = 1.6
+"""Farther from the path the middle of a vehicle is in another lane, or beside the road."""
+SAME_SIGMAS = 3.0
+"""Gaps and closing speeds that differ by less may be of one vehicle."""
+
+_CAMERA = "camera"
+_LEAST_SIGMA = 0.1
+"""In m and m/s: no measurement is better."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleAhead:
+    """A vehicle ahead, by its last measurements."""
+
+    key: str
+    """Distinguishes it from the other vehicles ahead."""
+    stamp_s: float
+    """Of the last measurement."""
+    gap_m: float
+    gap_sigma_m: float
+    closing_speed_m_s: float
+    closing_speed_sigma_m_s: float
+    deceleration_m_s2: float
+    """Its own, as far as it is certain; 0 or more."""
+    measured: tuple[tuple[str, str, float], ...]
+    """Kind, name and time of each observation."""
+
+    def reasons(self, now: float) -> tuple[AlarmReason, ...]:
+        """Return the observations as reasons of an alarm at `now`."""
+        return tuple(AlarmReason(what, name, now - at_s) for what, name, at_s in self.measured)
+
+    def may_be(self, other: "VehicleAhead") -> bool:
+        """Whether gap and closing speed are those of another observed vehicle."""
+        apart_m = abs(self.gap_m - other.gap_m)
+        apart_m_s = abs(self.closing_speed_m_s - other.closing_speed_m_s)
+        return apart_m <= SAME_SIGMAS * math.hypot(
+            self.gap_sigma_m, other.gap_sigma_m
+        ) and apart_m_s <= SAME_SIGMAS * math.hypot(
+            self.closing_speed_sigma_m_s, other.closing_speed_sigma_m_s
+        )
+
+    def joined(self, other: "VehicleAhead") -> "VehicleAhead":
+        """Return the vehicle by both observations, under the key of this one."""
+        gap_m, gap_sigma_m = _weighed(
+            (self.gap_m, self.gap_sigma_m), (other.gap_m, other.gap_sigma_m)
+        )
+        closing_m_s, closing_sigma_m_s = _weighed(
+            (self.closing_speed_m_s, self.closing_speed_sigma_m_s),
+            (other.closing_speed_m_s, other.closing_speed_sigma_m_s),
+        )
+        return replace(
+            self,
+            gap_m=gap_m,
+            gap_sigma_m=gap_sigma_m,
+            closing_speed_m_s=closing_m_s,
+            closing_speed_sigma_m_s=closing_sigma_m_s,
+            deceleration_m_s2=max(self.deceleration_m_s2, other.deceleration_m_s2),
+            measured=(*self.measured, *other.measured),
+        )
+
+
+class LeadMotion:
+    """Deceleration of a vehicle ahead: the slope of its speed over a short window."""
+
+    def __init__(self, window_s: float = LEAD_WINDOW_S) -> None:
+        """Estimate over `window_s`."""
+        self._trend = AccelerationEstimator(window_s)
+        self._last: tuple[float, float, float] | None = None
+
+    def receive(self, stamp_s: float, gap_m: float, lead_speed_m_s: float) -> None:
+        """Take an observation; a jump of gap or speed is another vehicle, and starts anew.
+
+        Args:
+            stamp_s: time of the observation.
+            gap_m: to the vehicle.
+            lead_speed_m_s: of the vehicle.
+        """
+        before_s, gap_before_m, speed_before_m_s = self._last or (stamp_s, gap_m, lead_speed_m_s)
+        is_other_speed = is_jump(
+            lead_speed_m_s - speed_before_m_s, abs(stamp_s - before_s), SETTLED_SIGMA_M_S
+        )
+        if is_other_speed or abs(gap_m - gap_before_m) > NEW_LEAD_M:
+            self._trend.clear()
+        self._last = stamp_s, gap_m, lead_speed_m_s
+        self._trend.receive(stamp_s, lead_speed_m_s)
+
+    def clear(self) -> None:
+        """Start anew: the speed is unknown."""
+        self._trend.clear()
+
+    def deceleration_m_s2(self, speed_sigma_m_s: float = 0.0) -> float:
+        """Return the deceleration less its sigma; 0 while it is not clear that the vehicle brakes.
+
+        Args:
+            speed_sigma_m_s: of each speed.
+        """
+        slope = self._trend.acceleration_m_s2
+        if slope is None:
+            return 0.0
+        certain_m_s2 = -slope - self._trend.sigma_m_s2(speed_sigma_m_s)
+        return certain_m_s2 if certain_m_s2 >= LEAD_DEADBAND_M_S2 else 0.0
+
+
+class CameraLead:
+    """The lead vehicle that the camera observes."""
+
+    def __init__(self) -> None:
+        self._lead: Lead | None = None
+        self._motion = LeadMotion()
+
+    def receive(self, lead: Lead, speed: Speed | None) -> None:
+        """Take an observation, or that there is none, at the host vehicle's speed if known."""
+        self._lead = lead
+        if speed is not None and lead.gap_m is not None and lead.closing_speed_m_s is not None:
+            if (lead.closing_speed_sigma_m_s or 0.0) > SETTLED_SIGMA_M_S:
+                self._motion.clear()
+            lead_speed_m_s = speed.speed_m_s - lead.closing_speed_m_s
+            self._motion.receive(lead.stamp_s, lead.gap_m, lead_speed_m_s)
+
+    def vehicle(self, now: float) -> VehicleAhead | None:
+        """Return the lead vehicle; `None` if there is none, or its observation is too old."""
+        lead = self._lead
+        if (
+            lead is None
+            or lead.gap_m is None
+            or lead.closing_speed_m_s is None
+            or abs(now - lead.stamp_s) > LEAD_TIMEOUT_S
+        ):
+            return None
+        return VehicleAhead(
+            _CAMERA,
+            lead.stamp_s,
+            lead.gap_m,
+            max(lead.gap_sigma_m or 0.0, _LEAST_SIGMA),
+            lead.closing_speed_m_s,
+            max(lead.closing_speed_sigma_m_s or 0.0, _LEAST_SIGMA),
+            self._motion.deceleration_m_s2(),
+            ((lead.kind, lead.identity.value, lead.stamp_s),),
+        )
+
+
+class ObjectsAhead:
+    """The perceived objects ahead on the host vehicle's path."""
+
+    def __init__(self, own_length_m: float) -> None:
+        """Start without objects behind which a vehicle of `own_length_m` could be."""
+        self._own_length_m = own_length_m
+        self._motions: dict[str, LeadMotion] = {}
+        self._vehicles: list[VehicleAhead] = []
+
+    def receive(
+        self,
+        own: PerceivedObject | None,
+        others: Sequence[PerceivedObject],
+        data: BsmDataStore,
+        path: PathAhead,
+        now: float,
+    ) -> None:
+        """Take all objects; arguments as of `ForwardCollisionWarning.receive_objects`."""
+        motions = {}
+        self._vehicles = []
+        for other in others:
+            if own is None or other.age_s > LEAD_TIMEOUT_S:
+                continue
+            place = path.place(own, other, partial(data.path_history_m, other.name))
+            if place is None or abs(place.left_m) > MAX_LATERAL_M:
+                continue
+            if data.is_on_another_level(other.name, place.ahead_m):
+                continue
+            length_m, _ = data.size_m(other.name)
+            gap_m = place.ahead_m - (self._own_length_m + length_m) / 2.0
+            motion = self._motions.get(other.name) or LeadMotion(OBJECT_WINDOW_S)
+            motions[other.name] = motion
+            self._vehicles.append(_vehicle(own, other, gap_m, place.course_rad, motion, now=now))
+        self._motions = motions
+
+    def with_lead(self, lead: VehicleAhead | None) -> list[VehicleAhead]:
+        """Return all vehicles ahead: these, and the camera's lead, joined with its object."""
+        if lead is None:
+            return self._vehicles
+        same = min(
+            (vehicle for vehicle in self._vehicles if vehicle.may_be(lead)),
+            key=lambda vehicle: abs(vehicle.gap_m - lead.gap_m),
+            default=None,
+        )
+        if same is None:
+            return [lead, *self._vehicles]
+        others = [vehicle for vehicle in self._vehicles if vehicle is not same]
+        return [lead.joined(same), *others]
+
+
+def _vehicle(
+    own: PerceivedObject,
+    other: PerceivedObject,
+    gap_m: float,
+    course_rad: float,
+    motion: LeadMotion,
+    *,
+    now: float,
+) -> VehicleAhead:
+    """Return an object `gap_m` ahead, where the path leads to `course_rad`."""
+    cos, sin = math.cos(course_rad), math.sin(course_rad)
+    east, north = other.state[2:]
+    along_m_s = max(east * cos + north * sin, 0.0)
+    speed_sigma_m_s = math.sqrt(_variance(other, 2, cos, sin))
+    gap_variance = _variance(other, 0, cos, sin)
+    if other.source is ObjectSource.BSM:  # measured objects are as uncertain as the own position
+        gap_variance += _variance(own, 0, cos, sin)
+    stamp_s = now - other.age_s
+    if speed_sigma_m_s > SETTLED_SIGMA_M_S:
+        motion.clear()
+    motion.receive(stamp_s, gap_m, along_m_s)
+    return VehicleAhead(
+        other.name,
+        stamp_s,
+        gap_m,
+        max(math.sqrt(gap_variance), _LEAST_SIGMA),
+        # Both speeds are of GNSS receivers: the error that an object has by the own one cancels.
+        math.hypot(*own.state[2:]) - along_m_s,
+        max(speed_sigma_m_s, _LEAST_SIGMA),
+        max(motion.deceleration_m_s2(speed_sigma_m_s), -(other.acceleration_m_s2 or 0.0), 0.0),
+        ((f"{other.kind}:{other.source.value}", other.name, stamp_s),),
+    )
+
+
+def _variance(of: PerceivedObject, axis: int, cos: float, sin: float) -> float:
+    """Variance of position (`axis` 0) or velocity (2) along a direction."""
+    rows = of.covariance
+    a, b, c = rows[axis][axis], rows[axis][axis + 1], rows[axis + 1][axis + 1]
+    return max(cos * cos * a + 2.0 * cos * sin * b + sin * sin * c, 0.0)
+
+
+def _weighed(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """Mean of two values weighed by their variances, and its sigma; each is (value, sigma)."""
+    (value, sigma), (other_value, other_sigma) = one, other
+    weight = sigma**2 / (sigma**2 + other_sigma**2)
+    return value + weight * (other_value - value), sigma * math.sqrt(1.0 - weight)
