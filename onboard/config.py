@@ -101,9 +101,9 @@ class CarConfig(Settings):
 
     @field_validator("lcca_psid")
     @classmethod
-    def _differs_from_the_bsms(cls, lcca_psid: int) -> int:
-        if lcca_psid == psid.BSM:
-            raise ValueError(f"0x{psid.BSM:X} is the PSID of basic safety messages")
+    def _is_not_of_j2735(cls, lcca_psid: int) -> int:
+        if lcca_psid in psid.J2735:
+            raise ValueError(f"0x{lcca_psid:X} is the PSID of J2735 messages")
         return lcca_psid
 
     def sensors(self) -> frozenset[Sensor]:

@@ -18,6 +18,7 @@ from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.config import CarConfig
 from onboard.core import Core
 from onboard.errors import DecodeError
+from onboard.intersections.intersections import Intersections
 from onboard.lcca.events import (
     PrecedingVehicle,
     TrackedVehicle,
@@ -127,7 +128,7 @@ class Stack:
         )
         self._pending_warnings = PendingWarnings(self._misbehaviour_detector)
         self._bus = VehicleBus(config.obd, signals)
-        self._link = WaveLink(self._security, (psid.BSM, config.lcca_psid))
+        self._link = WaveLink(self._security, (*psid.J2735, config.lcca_psid))
         self._group = WarningGroup(config.lcca.parameters(), self._pseudonym.car_id, rng)
         self._identification = Identification(
             self._pseudonym.car_id, self._pseudonym.temporary_id, rng
@@ -143,6 +144,7 @@ class Stack:
             if config.access.enabled
             else None
         )
+        self._intersections = Intersections()
         self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
         self._assess_at = self._report_surroundings_at = now
         self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
@@ -165,6 +167,7 @@ class Stack:
             yield _Stage(self._access, self._take_access)
         yield _Stage(self._bus, self._take_bus)
         yield _Stage(self._risk, _pass_nothing_on)
+        yield _Stage(self._intersections, _pass_nothing_on)
         yield _Stage(self._mvs, _pass_nothing_on)
         yield _Stage(self._link, _pass_nothing_on)
         yield _Stage(self._sensor_timeouts, _pass_nothing_on)
@@ -281,6 +284,7 @@ class Stack:
                 self._transmitter.receive_position(observation)
                 self._mvs.receive_position(observation)
                 self._risk.receive_position(observation)
+                self._intersections.receive_position(observation)
             case VehicleDetection() | DetectionList():
                 self._receive_detections(observation, now)
             case SensorLost():
@@ -299,10 +303,13 @@ class Stack:
         if received is None:
             return
         service, opened = received
-        if service == self._config.lcca_psid:
-            self._receive_lcca(opened, now)
-        else:
-            self._receive_bsm(opened, now)
+        match service:
+            case psid.BSM:
+                self._receive_bsm(opened, now)
+            case psid.MAP | psid.SPAT:
+                self._intersections.receive_message(service, opened, now, self._utc_s(now))
+            case _:
+                self._receive_lcca(opened, now)
 
     def _receive_lcca(self, opened: Opened, now: float) -> None:
         try:
@@ -437,7 +444,9 @@ class Stack:
         self._mvs.update(now)
         host_vehicle, perceived_objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
         self._surroundings = (host_vehicle, perceived_objects)
-        self._risk.assess(host_vehicle, perceived_objects, now)
+        self._intersections.receive_host_vehicle(host_vehicle, self._mvs.frame, now)
+        red_light_m = self._intersections.red_light_m
+        self._risk.assess(host_vehicle, perceived_objects, now, red_light_m)
         heading = self._mvs.heading(now)
         self._identification.receive_offsets(
             {}

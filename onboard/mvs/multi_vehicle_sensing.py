@@ -266,6 +266,11 @@ class MultiVehicleSensing(Core):
         """Whether the host vehicle has a position."""
         return self._host.has_position(now)
 
+    @property
+    def frame(self) -> LocalFrame | None:
+        """Frame of all states that are put out; `None` before the first fix."""
+        return self._host.frame
+
     def heading(self, now: float) -> Heading | None:
         """Return the host vehicle's heading, also at standstill; `None` until it has driven."""
         return self._host.heading(now)

@@ -8,6 +8,7 @@ from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import Speed
 from onboard.risk.alarm import NOTHING, Assessment, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
+from onboard.risk.expected_stop import RedLight, is_expected_to_stop
 from onboard.risk.host_braking import HostBraking
 from onboard.risk.mean_collision_probability import (
     MAX_ACCELERATION_M_S2,
@@ -31,15 +32,19 @@ HOST_WINDOW_S = 0.5
 class IntersectionMovementAssist:
     """Assesses all perceived objects whose path crosses the host vehicle's."""
 
-    def __init__(self, settings: ImaSettings, length_m: float, width_m: float) -> None:
+    def __init__(
+        self, settings: ImaSettings, length_m: float, width_m: float, reaction_s: float
+    ) -> None:
         """Start without motions.
 
         Args:
             settings: the thresholds.
             length_m: of the host vehicle.
             width_m: of the host vehicle.
+            reaction_s: of its driver.
         """
         self._settings = settings
+        self._reaction_s = reaction_s
         self._own_size_m = length_m, width_m
         self._motions: dict[str, VehicleMotion] = {}
         self._host = HostBraking(HOST_WINDOW_S)
@@ -64,6 +69,7 @@ class IntersectionMovementAssist:
         others: Sequence[PerceivedObject],
         data: BsmDataStore,
         now: float,
+        red_light_m: RedLight,
     ) -> tuple[Assessment, list[tuple[str, CovarianceError]]]:
         """Assess objects that were given to `follow`; the one with the highest P_C counts.
 
@@ -72,12 +78,16 @@ class IntersectionMovementAssist:
             others: the perceived objects.
             data: of their BSMs.
             now: the time.
+            red_light_m: finds the red signal of a vehicle; who is expected to stop there, crosses
+                nobody's path.
 
         Returns:
             the assessment, and names of objects whose covariance is invalid, with the error.
         """
         found: list[tuple[PerceivedObject, PathCrossing]] = []
         invalid: list[tuple[str, CovarianceError]] = []
+        if is_expected_to_stop(own, self._own_size_m[0], red_light_m, self._reaction_s):
+            return NOTHING, invalid
         for each in others:
             if each.age_s > MAX_AGE_S:
                 continue
@@ -86,9 +96,9 @@ class IntersectionMovementAssist:
             except CovarianceError as error:
                 invalid.append((each.name, error))
                 continue
-            if crossing is None or not _is_soon(crossing):
+            if crossing is None or not _is_soon(crossing) or _is_bridge(each, crossing, data):
                 continue
-            if not _is_bridge(each, crossing, data):
+            if not is_expected_to_stop(each, data.size_m(each.name)[0], red_light_m):
                 found.append((each, crossing))
         if not found:
             return NOTHING, invalid

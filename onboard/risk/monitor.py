@@ -29,6 +29,7 @@ from onboard.risk.alarm import (
 )
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.eebl import assess_eebl
+from onboard.risk.expected_stop import RedLight, no_red_light
 from onboard.risk.fcw import ForwardCollisionWarning
 from onboard.risk.ima import IntersectionMovementAssist
 from onboard.risk.path_ahead import PathAhead
@@ -53,7 +54,9 @@ class RiskMonitor(Core):
         self._length_m = length_m
         self._speed: Speed | None = None
         self._fcw = ForwardCollisionWarning(settings.fcw, length_m)
-        self._ima = IntersectionMovementAssist(settings.ima, length_m, width_m)
+        self._ima = IntersectionMovementAssist(
+            settings.ima, length_m, width_m, settings.fcw.reaction_s
+        )
         self._bsm_data = BsmDataStore()
         self._path = PathAhead()
         self._warnings: dict[tuple[CarId, int], WarningRaised] = {}
@@ -104,7 +107,11 @@ class RiskMonitor(Core):
         self._bsm_data.receive_bsm(bsm, now)
 
     def assess(
-        self, own: PerceivedObject | None, objects: Sequence[PerceivedObject], now: float
+        self,
+        own: PerceivedObject | None,
+        objects: Sequence[PerceivedObject],
+        now: float,
+        red_light_m: RedLight = no_red_light,
     ) -> None:
         """Assess every cause; to be called at 10 Hz, also when nothing arrives.
 
@@ -112,6 +119,7 @@ class RiskMonitor(Core):
             own: the host vehicle; `None` without a position.
             objects: the perceived objects, in the same frame, predicted to `now`.
             now: the time.
+            red_light_m: finds the red signal of a vehicle.
         """
         self._bsm_data.drop_old(now)
         self._judge(Cause.LCCA, self._assess_lcca(now), now)
@@ -133,7 +141,7 @@ class RiskMonitor(Core):
                 settings=self._settings.fcw,
             )
             self._judge(Cause.EEBL, eebl, now)
-            ima, invalid = self._ima.assess(own, others, self._bsm_data, now)
+            ima, invalid = self._ima.assess(own, others, self._bsm_data, now, red_light_m)
             self._events.extend(
                 Discarded(now, "risk", "covariance", f"{name}: {error}") for name, error in invalid
             )

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from typing import TypedDict
 
+from onboard.psid import MAP, SPAT
 from onboard.security import ecqv, p256
 from onboard.security.certificate_codec import (
     decode_certificate,
@@ -136,6 +137,7 @@ def make_trial(
     *,
     pseudonyms: int = 4,
     implicit: bool = False,
+    road_side_units: Iterable[str] = (),
 ) -> dict[str, Credentials]:
     """Make the credentials with which vehicles of a rig sign and verify for 23 hours.
 
@@ -146,18 +148,22 @@ def make_trial(
         new_key: `p256.key_from(rng)` gives the same keys for the same seed.
         pseudonyms: number of certificates a vehicle.
         implicit: make implicit certificates.
+        road_side_units: names of the units that sign MAP and SPAT messages.
 
     Returns:
-        the credentials by vehicle.
+        the credentials by vehicle and unit.
     """
     valid: Validity = {"valid_from_utc_s": utc_s - 3600.0, "valid_for_s": DAY_S}
-    root = make_root("trial root", psids, new_key=new_key, **valid)
+    units = {unit: {MAP, SPAT} for unit in road_side_units}
+    granted = set(psids).union(*units.values())
+    root = make_root("trial root", granted, new_key=new_key, **valid)
     issuing = make_issuing(root, "trial issuing", new_key=new_key, **valid)
     return {
-        car: make_pseudonyms(
-            issuing, pseudonyms, psids, new_key=new_key, implicit=implicit, **valid
+        name: make_pseudonyms(issuing, count, services, new_key=new_key, implicit=implicit, **valid)
+        for name, count, services in (
+            *((car, pseudonyms, psids) for car in cars),
+            *((unit, 1, services) for unit, services in units.items()),
         )
-        for car in cars
     }
 
 

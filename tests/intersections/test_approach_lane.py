@@ -1,0 +1,87 @@
+"""Lanes of a MAP message, and which of them a vehicle is on."""
+
+from dataclasses import replace
+
+import pytest
+
+from onboard.intersections.approach_lane import approach_lanes
+from onboard.kinematics.local_frame import LocalFrame
+from onboard.messages import map_data
+from onboard.messages.fields import Chosen
+from onboard.messages.lane_nodes import ComputedLane, LatLon, Node
+from onboard.messages.lanes import OtherLane
+from tests.messages.crossing_messages import crossing_map, lane
+
+FRAME = LocalFrame(42.0, -83.0)
+EAST, NORTH = (1.0, 0.0), (0.0, 1.0)
+(GEOMETRY,) = map_data.decode(map_data.encode(crossing_map())).intersections
+EASTWARDS, NORTHWARDS, AWAY = GEOMETRY.lanes
+
+
+def lanes_of(*lanes):
+    return approach_lanes(replace(GEOMETRY, lanes=lanes), FRAME)
+
+
+def test_lanes_that_lead_to_a_signal_are_found_with_their_course():
+    first, second = lanes_of(*GEOMETRY.lanes)
+    assert (first.lane_id, first.signal_groups, first.width_m) == (1, {2}, 3.5)
+    assert first.points_m == ((-8.0, 0.0), (-60.0, 0.0), (-200.0, 0.0))
+    assert (second.lane_id, second.signal_groups) == (2, {4})
+
+
+@pytest.mark.parametrize(
+    ("position_m", "course", "place"),
+    [
+        ((-20.0, 1.0), EAST, (12.0, 1.0)),
+        ((-130.0, -2.0), EAST, (122.0, 2.0)),
+        ((-205.0, 0.0), EAST, (197.0, 0.0)),
+        ((-20.0, 1.0), (-1.0, 0.0), None),
+        ((-20.0, 1.0), NORTH, None),
+        ((-7.0, 0.0), EAST, None),
+        ((-220.0, 0.0), EAST, None),
+    ],
+    ids=["near", "second segment", "beyond the end", "oncoming", "across", "past", "far"],
+)
+def test_a_vehicle_is_placed_by_position_and_course(position_m, course, place):
+    (eastwards,) = lanes_of(EASTWARDS)
+    assert eastwards.place(position_m, course) == place
+
+
+def test_a_node_may_have_a_position_instead_of_an_offset():
+    there = FRAME.position_m(42.0005, -83.001)
+    nodes = (*EASTWARDS.node_list.value[:2], Node(Chosen("node_lat_lon", LatLon(-83.001, 42.0005))))
+    (found,) = lanes_of(replace(EASTWARDS, node_list=Chosen("nodes", nodes)))
+    assert found.points_m[2] == pytest.approx(tuple(there))
+
+
+def test_a_computed_lane_has_the_course_of_another_one_moved_beside_it():
+    computed = ComputedLane(1, Chosen("small", 0.0), Chosen("small", -3.5))
+    beside = replace(EASTWARDS, lane_id=5, node_list=Chosen("computed", computed))
+    found = lanes_of(EASTWARDS, beside)
+    assert found[1].points_m == ((-8.0, -3.5), (-60.0, -3.5), (-200.0, -3.5))
+
+
+@pytest.mark.parametrize(
+    "left_out",
+    [
+        AWAY,
+        replace(EASTWARDS, connects_to=None),
+        replace(
+            EASTWARDS,
+            lane_attributes=replace(
+                EASTWARDS.lane_attributes, lane_type=Chosen("crosswalk", OtherLane(0))
+            ),
+        ),
+        lane(1, [(-8.0, 0.0), (-8.0, 0.0)], signal_group=2),
+        replace(EASTWARDS, node_list=Chosen(0, b"\x00")),
+        replace(
+            EASTWARDS,
+            node_list=Chosen(
+                "computed", ComputedLane(77, Chosen("small", 0.0), Chosen("small", 0.0))
+            ),
+        ),
+    ],
+    ids=["leads away", "no signal", "crosswalk", "two nodes in one", "unknown kind", "of no lane"],
+)
+def test_other_lanes_are_left_out(left_out):
+    assert lanes_of(left_out) == ()

@@ -1,0 +1,237 @@
+"""The signals ahead by MAP and SPAT messages, and which messages are refused."""
+
+from dataclasses import replace
+
+import pytest
+
+from onboard import psid
+from onboard.intersections import intersections as core
+from onboard.intersections.intersections import Intersections, SignalAhead
+from onboard.kinematics.local_frame import LocalFrame
+from onboard.messages import map_data, spat
+from onboard.messages.lanes import IntersectionReferenceId
+from onboard.messages.spat import IntersectionStatus
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
+from onboard.observations import Position
+from onboard.security.security_services import Opened
+from tests.intersections.test_signal_phase import GREEN, RED, SENT_UTC_S
+from tests.messages.crossing_messages import ID, crossing_map, crossing_spat, lane, movement
+
+UNIT, OTHER_UNIT = b"unit-one", b"unit-two"
+FRAME = LocalFrame(42.0, -83.0)
+EMPTY = ((0.0,) * 4,) * 4
+
+
+def vehicle(east_m, north_m, east_m_s, north_m_s, name="host"):
+    state = (east_m, north_m, east_m_s, north_m_s)
+    return PerceivedObject(0.0, name, ObjectSource.BSM, state, EMPTY, 0.0, ())
+
+
+EASTWARDS = vehicle(-48.0, 0.5, 10.0, 0.0)
+NORTHWARDS = vehicle(0.5, -48.0, 0.0, 10.0)
+
+
+class Listener:
+    """The core, with messages of road-side units at times since `SENT_UTC_S`."""
+
+    def __init__(self):
+        self.core = Intersections()
+        self.core.receive_host_vehicle(None, FRAME, 0.0)
+
+    def hears(self, message, at_s=0.0, signer=UNIT):
+        service = psid.MAP if message.kind == "map" else psid.SPAT
+        payload = (map_data if service == psid.MAP else spat).encode(message)
+        self.core.receive_message(service, Opened(payload, signer, None), at_s, SENT_UTC_S + at_s)
+        return [f"{each.component} {each.reason}" for each in self.events()]
+
+    def events(self):
+        return list(iter(self.core.next_event, None))
+
+    def states(self, of, at_s=0.0):
+        self.core.receive_host_vehicle(None, FRAME, at_s)
+        signal = self.core.signal_ahead(of)
+        return None if signal is None or signal.phases is None else [p.state for p in signal.phases]
+
+
+@pytest.fixture
+def listener():
+    one = Listener()
+    assert one.hears(crossing_map()) == []
+    assert one.hears(crossing_spat()) == []
+    return one
+
+
+def test_each_vehicle_has_the_signal_of_its_lane(listener):
+    assert listener.states(EASTWARDS) == [GREEN]
+    assert listener.states(NORTHWARDS) == [RED]
+    signal = listener.core.signal_ahead(EASTWARDS)
+    assert (signal.id, signal.lane_id) == (ID, 1)
+    assert signal.distance_m == pytest.approx(40.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "elsewhere",
+    [
+        vehicle(-48.0, 8.0, 10.0, 0.0),
+        vehicle(-48.0, 0.0, -10.0, 0.0),
+        vehicle(-48.0, 0.0, 0.5, 0.0),
+    ],
+    ids=["beside the lane", "leaving", "standing still"],
+)
+def test_a_vehicle_on_no_lane_has_no_signal(listener, elsewhere):
+    assert listener.core.signal_ahead(elsewhere) is None
+
+
+def test_the_time_left_runs_down_between_messages(listener):
+    listener.core.receive_host_vehicle(None, FRAME, 0.6)
+    (phase,) = listener.core.signal_ahead(EASTWARDS).phases
+    assert phase.min_left_s == pytest.approx(7.7 - 0.6)
+
+
+def test_between_two_lanes_all_signals_count():
+    one = Listener()
+    geometry = crossing_map()
+    (crossing,) = geometry.intersections
+    beside = lane(3, [(-8.0, 3.5), (-60.0, 3.5)], signal_group=4)
+    crossing = replace(crossing, lanes=(*crossing.lanes, beside))
+    one.hears(replace(geometry, intersections=(crossing,)))
+    one.hears(crossing_spat())
+    assert one.states(vehicle(-48.0, 1.6, 10.0, 0.0)) == [GREEN, RED]
+    assert one.core.red_light_m(vehicle(-48.0, 1.6, 10.0, 0.0)) is None
+    assert one.states(vehicle(-48.0, 3.6, 10.0, 0.0)) == [RED]
+
+
+# ---- red until the vehicle is there --------------------------------------------------------------
+
+
+def test_red_until_arrival_has_the_distance(listener):
+    assert listener.core.red_light_m(NORTHWARDS) == pytest.approx(40.0, abs=0.1)
+    assert listener.core.red_light_m(EASTWARDS) is None, "it has green"
+
+
+def test_red_that_may_end_before_arrival_is_not():
+    one = Listener()
+    one.hears(crossing_map())
+    one.hears(crossing_spat(movement(4, RED, 12.3 + 3.0)))
+    assert one.core.red_light_m(NORTHWARDS) is None, "in 4 s"
+    assert one.core.red_light_m(vehicle(0.0, -48.0, 0.0, 14.0)) is not None, "in 2.9 s"
+
+
+def test_red_without_an_end_is_not():
+    one = Listener()
+    one.hears(crossing_map())
+    one.hears(crossing_spat(movement(4, RED, None)))
+    assert one.states(NORTHWARDS) == [RED]
+    assert one.core.red_light_m(NORTHWARDS) is None
+
+
+# ---- what is put out -----------------------------------------------------------------------------
+
+
+def test_a_change_of_the_signals_ahead_is_put_out_once(listener):
+    for at_s in (0.1, 0.2):
+        listener.core.receive_host_vehicle(EASTWARDS, FRAME, at_s)
+    (shown,) = listener.events()
+    green = ("protected_movement_allowed",)
+    assert shown == SignalAhead(0.1, 501, 1, pytest.approx(40.0, abs=0.1), green, 7.6)
+    listener.core.receive_host_vehicle(vehicle(20.0, 0.0, 10.0, 0.0), FRAME, 0.3)
+    assert listener.events() == [SignalAhead(0.3, None)]
+
+
+# ---- what is refused -----------------------------------------------------------------------------
+
+
+def test_a_silent_unit_is_forgotten(listener):
+    assert listener.states(EASTWARDS, at_s=1.1) is None
+    assert listener.core.signal_ahead(EASTWARDS) is not None, "its lanes are known"
+    assert listener.states(EASTWARDS, at_s=61.0) is None
+    assert listener.core.signal_ahead(EASTWARDS) is None
+
+
+def test_a_map_of_another_town_is_refused():
+    one = Listener()
+    one.core.receive_position(Position(0.0, 42.1, -83.0, None, 1.0, None, None))
+    assert one.hears(crossing_map()) == ["map too_far"]
+    one.core.receive_position(Position(1.0, 42.001, -83.0, None, 1.0, None, None))
+    assert one.hears(crossing_map()) == []
+
+
+def test_a_map_without_a_place_is_refused():
+    geometry = crossing_map()
+    (crossing,) = geometry.intersections
+    nowhere = replace(crossing, ref_point=replace(crossing.ref_point, latitude_deg=None))
+    assert Listener().hears(replace(geometry, intersections=(nowhere,))) == ["map no_position"]
+
+
+def test_other_lanes_need_another_revision_of_the_same_unit(listener):
+    (crossing,) = crossing_map().intersections
+    fewer = replace(crossing, lanes=crossing.lanes[1:])
+    same_revision = replace(crossing_map(), intersections=(fewer,))
+    assert listener.hears(same_revision) == ["map contradictory"]
+    newer = replace(crossing_map(), intersections=(replace(fewer, revision=4),))
+    assert listener.hears(newer, signer=OTHER_UNIT) == ["map contradictory"]
+    assert listener.hears(newer) == []
+    assert listener.core.signal_ahead(EASTWARDS) is None
+
+
+def test_signals_of_another_revision_of_the_lanes_are_unknown(listener):
+    assert listener.hears(crossing_spat(revision=4)) == []
+    assert listener.states(EASTWARDS) is None
+
+
+@pytest.mark.parametrize(
+    ("time_stamp_s", "reason"),
+    [(10.2, "spat stale"), (14.4, "spat from_the_future")],
+)
+def test_a_message_of_another_time_is_refused(listener, time_stamp_s, reason):
+    assert listener.hears(crossing_spat(time_stamp_s=time_stamp_s)) == [reason]
+    assert listener.states(EASTWARDS) == [GREEN]
+
+
+def test_a_repeated_message_is_accepted(listener):
+    assert listener.hears(crossing_spat(), 0.05) == []
+
+
+def test_a_message_that_was_overtaken_is_refused(listener):
+    assert listener.hears(crossing_spat(time_stamp_s=12.2)) == ["spat older"]
+
+
+def test_a_signal_that_goes_dark_is_unknown_at_once(listener):
+    dark = crossing_spat(status=IntersectionStatus.OFF, time_stamp_s=12.4)
+    assert listener.hears(dark, 0.1) == ["spat dark"]
+    assert listener.states(EASTWARDS, at_s=0.1) is None
+
+
+def test_a_phase_that_ends_in_the_past_is_refused(listener):
+    past = crossing_spat(movement(2, GREEN, 2.0), time_stamp_s=12.4)
+    assert listener.hears(past, 0.1) == ["spat ends_in_past"]
+    assert listener.states(EASTWARDS, at_s=0.1) is None
+
+
+def test_two_units_that_contradict_each_other_are_both_not_believed(listener):
+    red = crossing_spat(movement(2, RED, 30.0))
+    assert listener.hears(red, signer=OTHER_UNIT) == ["spat contradictory"]
+    assert listener.states(EASTWARDS) is None
+    later = crossing_spat(time_stamp_s=13.4)
+    assert listener.hears(later, 1.1) == []
+    assert listener.states(EASTWARDS, at_s=1.1) == [GREEN]
+
+
+def test_two_units_that_agree_are_believed(listener):
+    assert listener.hears(crossing_spat(), signer=OTHER_UNIT) == []
+    assert listener.states(EASTWARDS) == [GREEN]
+
+
+def test_bytes_that_are_no_message_are_discarded():
+    one = Listener()
+    for service, reason in ((psid.MAP, "map not_a_map"), (psid.SPAT, "spat too_short")):
+        one.core.receive_message(service, Opened(b"\x00\x13", None, None), 0.0, 0.0)
+        one.core.receive_message(service, Opened(b"\x00\x13\x01\x00", None, None), 0.0, 0.0)
+        assert reason in [f"{each.component} {each.reason}" for each in one.events()]
+
+
+def test_only_the_intersections_heard_last_are_kept(monkeypatch, listener):
+    monkeypatch.setattr(core, "MAX_INTERSECTIONS", 2)
+    for number in (1, 2):
+        listener.hears(crossing_spat(intersection=IntersectionReferenceId(None, number)))
+    assert listener.core.signal_ahead(EASTWARDS) is None
