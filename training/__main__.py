@@ -1,4 +1,4 @@
-"""Render, train and export one network: `python -m training reader` or `detector`."""
+"""Render, train and export one network: `python -m training reader`, `detector` or `vehicles`."""
 
 import argparse
 import logging
@@ -9,9 +9,11 @@ import torch
 
 from onboard.vision.plate_detector import CORNERS_MODEL
 from onboard.vision.plate_reader import DEFAULT_MODEL as DEFAULT_READER
+from onboard.vision.vehicle_network import DEFAULT_MODEL as VEHICLE_MODEL
 from training.settings import SETTINGS_FILE, load_training_settings
 from training.train_detector import train_detector
 from training.train_reader import train_reader
+from training.train_vehicle_detector import train_vehicle_detector
 
 MODELS = DEFAULT_READER.parent
 
@@ -19,7 +21,7 @@ MODELS = DEFAULT_READER.parent
 def main() -> None:
     """Train one network."""
     parser = argparse.ArgumentParser(prog="python -m training", description=__doc__)
-    parser.add_argument("network", choices=["reader", "detector"])
+    parser.add_argument("network", choices=["reader", "detector", "vehicles"])
     parser.add_argument(
         "--folder",
         type=Path,
@@ -44,6 +46,9 @@ def main() -> None:
     if arguments.network == "reader":
         model = arguments.models / DEFAULT_READER.name
         train_reader(settings.reader, folder, model, arguments.processes)
+    elif arguments.network == "vehicles":
+        model = arguments.models / VEHICLE_MODEL.name
+        train_vehicle_detector(settings.vehicles, folder, model, arguments.processes)
     else:
         model = arguments.models / CORNERS_MODEL.name
         train_detector(settings.detector, folder, model, arguments.processes)

@@ -52,10 +52,11 @@ class ReaderTrainingSettings(NetworkTrainingSettings):
 
 
 class TrainingSettings(Settings):
-    """Settings of both training runs."""
+    """Settings of the training runs."""
 
     reader: ReaderTrainingSettings
     detector: NetworkTrainingSettings
+    vehicles: NetworkTrainingSettings
 
 
 def load_training_settings(file: Path) -> TrainingSettings:

@@ -14,7 +14,7 @@ FILES = SETTINGS_FILE, SETTINGS_FILE.with_name("trial.yaml")
 def test_learning_rates_rise_from_near_zero_and_fall_to_zero(file: Path) -> None:
     settings = load_training_settings(file)
 
-    for network in (settings.reader, settings.detector):
+    for network in (settings.reader, settings.detector, settings.vehicles):
         rates = [network.rate_at(step) for step in range(network.steps)]
         assert all(0 < rate < 0.01 for rate in rates)
         assert rates[-1] < 0.1 * max(rates)
