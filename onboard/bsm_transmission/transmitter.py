@@ -91,7 +91,6 @@ class BsmTransmitter(Core):
         self._speed: Speed | None = None
         self._trend = AccelerationEstimator(ACCELERATION_WINDOW_S)
         self._pedal: BrakePedal | None = None
-        self._path = PathHistoryKeeper()
         self._predictor = PathPredictor()
         self._position: Position | None = None
         self._brake: HardBrake | None = None
@@ -99,9 +98,13 @@ class BsmTransmitter(Core):
         self.change_identity(pseudonym)
 
     def change_identity(self, pseudonym: Pseudonym) -> None:
-        """Change temporary ID and message count: nothing links to the old pseudonym."""
+        """Change temporary ID and message count, and begin the path history anew.
+
+        Nothing links to the old pseudonym: where it drove, least of all.
+        """
         self._temporary_id = pseudonym.temporary_id
         self._msg_cnt = pseudonym.first_msg_cnt
+        self._path = PathHistoryKeeper()
 
     def receive_speed(self, speed: Speed) -> None:
         """Take the host vehicle's speed."""

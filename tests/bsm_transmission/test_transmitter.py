@@ -71,6 +71,27 @@ def test_sec_mark_at_the_end_of_a_minute_is_not_a_leap_second(
     assert said.sec_mark_s == pytest.approx(sec_mark_s)
 
 
+def test_a_new_pseudonym_does_not_say_where_the_old_one_drove(beacon: BsmTransmitter) -> None:
+    def drive(from_s: float, until_s: float) -> None:
+        for now in np.arange(from_s, until_s, 0.1):
+            north_deg = 48.0 + 20.0 * now / 111_195
+            beacon.receive_position(Position(now, north_deg, 11.0, None, 1.0, 20.0, 0.0))
+
+    def history_s() -> float:
+        safety = beacon.bsm(None, beacon_now, beacon_now).safety
+        history = None if safety is None else safety.path_history
+        return max((each.age_s for each in history.crumb_data), default=0.0) if history else 0.0
+
+    beacon_now = 20.0
+    drive(0.0, beacon_now)
+    assert history_s() > 10.0
+    beacon.change_identity(Pseudonym(bytes(8), b"efgh", 6, None, 600.0))
+    assert history_s() == 0.0
+    beacon_now = 25.0
+    drive(20.0, beacon_now)
+    assert history_s() <= 5.1
+
+
 def test_missing_sensor_values_are_sent_as_unavailable(beacon: BsmTransmitter) -> None:
     said = core(beacon, 1.0)
 
