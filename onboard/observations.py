@@ -109,7 +109,9 @@ class LeadIdentity(StrEnum):
     """Whether there is a lead vehicle, and whether its plate is known."""
 
     NO_LEAD = "no_lead"
+    """The lane was seen to be free."""
     UNKNOWN = "unknown"
+    """A vehicle whose plate is not known; without a gap, the lane was not seen to be free."""
     KNOWN = "known"
 
 
@@ -133,7 +135,7 @@ class Lead:
     text: str | None = None
     """The voted plate, only with `LeadIdentity.KNOWN`."""
     gap_m: float | None = None
-    """From the camera to the rear of the lead vehicle, along the lane; `None` without a lead."""
+    """From the camera to the rear of the lead vehicle, along the lane; `None` without one."""
     gap_sigma_m: float | None = None
     closing_speed_m_s: float | None = None
     """Positive while the gap shrinks."""

@@ -41,6 +41,7 @@ from onboard.observations import (
     Discarded,
     HardBrake,
     Lead,
+    LeadIdentity,
     Plate,
     Position,
     Sensor,
@@ -540,7 +541,8 @@ class Stack:
             preceding = PrecedingVehicle(
                 ids.present, lead.gap_m, lead.closing_speed_m_s, ids.previous, ids.following
             )
-        self._group.receive_preceding_vehicle(preceding, now)
+        is_unknown = lead.identity is LeadIdentity.UNKNOWN
+        self._group.receive_preceding_vehicle(preceding, now, is_unknown=is_unknown)
 
     def _car_id(self, plate_text: str, now: float) -> lcca.CarId:
         return self._digest.car_id(plate_text, self._utc_s(now))

@@ -120,15 +120,23 @@ class WarningGroup(Core):
         """Take a sample of the own speed."""
         self._lead_monitor.receive_speed(speed_m_s, now)
 
-    def receive_preceding_vehicle(self, preceding: PrecedingVehicle | None, now: float) -> None:
-        """Take what one camera frame shows ahead in the own lane; `None`: no vehicle."""
+    def receive_preceding_vehicle(
+        self, preceding: PrecedingVehicle | None, now: float, *, is_unknown: bool = False
+    ) -> None:
+        """Take what one camera frame shows ahead in the own lane.
+
+        Args:
+            preceding: the vehicle, if it shows one.
+            now: seconds on the cores' clock.
+            is_unknown: whether one may be there although the frame shows none.
+        """
         if preceding is not None and preceding.car_id is not None:
             if preceding.next_id is not None:
                 self._adjacent_ids.receive_next(preceding.car_id, preceding.next_id)
             if preceding.previous_id is not None:
                 self._adjacent_ids.receive_previous(preceding.car_id, preceding.previous_id)
                 self._rename({preceding.previous_id: preceding.car_id})
-        self._lead_monitor.receive_preceding_vehicle(preceding, now)
+        self._lead_monitor.receive_preceding_vehicle(preceding, now, is_unknown=is_unknown)
         self._membership.receive_frame(self._position.own_id, now)
         self._join_if_due(now)
 

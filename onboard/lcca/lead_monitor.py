@@ -21,7 +21,7 @@ class LeadMonitor:
 
     @property
     def identified(self) -> CarId | None:
-        """The last vehicle identified; `None` after a frame without a preceding vehicle."""
+        """The last vehicle identified; `None` after a frame in which the lane is free."""
         return self._identified
 
     def speed_at(self, now: float) -> float | None:
@@ -33,12 +33,20 @@ class LeadMonitor:
         self._speed_m_s = speed_m_s
         self._speed_until = now + self._parameters.speed_hold_s
 
-    def receive_preceding_vehicle(self, preceding: PrecedingVehicle | None, now: float) -> None:
-        """Take one frame; `None`: it shows no preceding vehicle."""
+    def receive_preceding_vehicle(
+        self, preceding: PrecedingVehicle | None, now: float, *, is_unknown: bool = False
+    ) -> None:
+        """Take one frame.
+
+        Args:
+            preceding: the vehicle that it shows, if any.
+            now: seconds on the cores' clock.
+            is_unknown: whether one may be there although the frame shows none.
+        """
         self._preceding = preceding
         self._is_close = self._is_within(self._parameters.leave_headway_s, now)
         if preceding is None:
-            self._identified = None
+            self._identified = self._identified if is_unknown else None
         elif preceding.car_id is not None:
             self._identified = preceding.car_id
             if self._is_close:

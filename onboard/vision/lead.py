@@ -4,9 +4,10 @@ A vehicle enters the lane when its middle is within 0.35 lane widths of the lane
 leaves it beyond 0.55, so that one on the line does not toggle. A vehicle that is near and straight
 ahead is in the lane whatever the markings say.
 
-A false lead is worse than a missed one: only confirmed tracks count, and a track that is no longer
-observed gives way to an observed one behind it. In bends, parked vehicles pass through the lane;
-they are excluded by their sideways speed.
+A false lead is worse than a missed one: only confirmed tracks count, whose detections were where a
+moving body would be, and a track that is no longer observed gives way to an observed one behind
+it. Where vehicles are found as such, a plate counts only on one of them. In bends, parked vehicles
+pass through the lane; they are excluded by their sideways speed.
 """
 
 import math
@@ -18,6 +19,8 @@ ENTER_LANE_WIDTHS, LEAVE_LANE_WIDTHS = 0.35, 0.55
 """Distance from the lane's middle at which a vehicle enters and leaves it, in lane widths."""
 NEAR_LANE_WIDTHS, STRAIGHT_AHEAD_LANE_WIDTHS = 5.0, 0.25
 """Distance ahead and to the side within which a vehicle is always in the lane, in lane widths."""
+NEAREST_LANE_WIDTHS = 0.3
+"""Least distance of a lead in lane widths: 1 m, where the bonnet is."""
 LANE_CHANGE_M_S2, LATERAL_SIGMAS = 3.5, 1.5
 """Acceleration that crosses one lane in the time ahead for which a vehicle must stay in the lane to
 enter it (1 s on a road), and the sigmas of its lateral speed that are added against entering."""
@@ -28,16 +31,39 @@ MAX_MISSED_S = 0.4
 class LeadSelector:
     """Selects the lead, with the hysteresis of the lane's border."""
 
-    def __init__(self, lane: HostLane) -> None:
+    def __init__(self, lane: HostLane, *, needs_vehicle: bool = False) -> None:
+        """Start without a lead.
+
+        Args:
+            lane: the host vehicle's.
+            needs_vehicle: whether a plate counts only on a vehicle that is found as such.
+        """
         self._lane = lane
+        self._needs_vehicle = needs_vehicle
         self._in_lane: set[int] = set()
 
     def select(self, tracks: list[VehicleTrack], stamp_s: float) -> VehicleTrack | None:
         """The lead among `tracks`, all predicted to `stamp_s`, if there is one."""
-        inside = [track for track in tracks if track.confirmed and self._is_inside(track)]
+        inside = [track for track in tracks if self._is_settled(track) and self._is_inside(track)]
         self._in_lane = {track.track_id for track in inside}
         observed = [track for track in inside if stamp_s - track.observed_at <= MAX_MISSED_S]
         return min(observed or inside, key=lambda track: track.ahead.position_m, default=None)
+
+    def has_candidate(self, tracks: list[VehicleTrack]) -> bool:
+        """Whether a track in the lane may become a lead."""
+        return any(
+            not self._is_settled(track)
+            and abs(self._offset_m(track.ahead.position_m, track.right.position_m))
+            <= LEAVE_LANE_WIDTHS * self._lane.shape.width_m
+            for track in tracks
+        )
+
+    def _is_settled(self, track: VehicleTrack) -> bool:
+        """Whether it is surely a vehicle, and its motion is known."""
+        is_far_enough = track.ahead.position_m >= NEAREST_LANE_WIDTHS * self._lane.shape.width_m
+        is_vehicle = not self._needs_vehicle or track.has_vehicle
+        is_body = track.is_consistent or track.track_id in self._in_lane
+        return track.confirmed and is_far_enough and is_vehicle and is_body
 
     def _is_inside(self, track: VehicleTrack) -> bool:
         ahead_m, right_m = track.ahead.position_m, track.right.position_m

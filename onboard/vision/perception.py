@@ -27,6 +27,7 @@ from onboard.vision import track_report
 from onboard.vision.box_model import BoxModel
 from onboard.vision.detection import Detection, DetectionKind, SearchPlan, TrackRegion
 from onboard.vision.frame_check import FrameCheck
+from onboard.vision.free_lane import FreeLane
 from onboard.vision.lane import HostLane, LaneMarkingDetector
 from onboard.vision.lead import LeadSelector
 from onboard.vision.perspective import Perspective, RoadPosition, bounding_box
@@ -52,6 +53,11 @@ MAX_TRACKED_PER_FRAME = 2
 """Tracks that are searched in one frame; more are searched in turn."""
 OTHERS_PERIOD_S = 0.19
 """Time between two searches for a track that is not the lead: five a second at 15 or 30 frames."""
+FREE_S = 0.5
+"""Time for which a lane that was seen to be free counts as free."""
+FREE_WIDTHS, FREE_WIDTHS_WITH_VEHICLES = 14.0, 3.5
+"""Distance in lane widths up to which a lane must look like road to be free (49 m), and the same
+with a detector of vehicles, which finds those beyond (12 m)."""
 VEHICLE_SIZE = (0.7, 0.6)
 """Width and height of the part of the image that hides the road, in lane widths: 2.4 by 2.1 m."""
 REAR_SIZE, REAR_ABOVE = (0.4, 0.27), 0.7
@@ -131,8 +137,12 @@ class Perception:
         self._lens_sigma = 0.0 if has_lens else GUESSED_LENS_SIGMA
         self._tracker = Tracker(settings.lane_width_m, slope=self._slope, formats=self._formats)
         self._lane = HostLane(settings.lane_width_m)
-        self._lead_selector = LeadSelector(self._lane)
+        self._finds_vehicles = networks.vehicle_model is not None
+        self._lead_selector = LeadSelector(self._lane, needs_vehicle=self._finds_vehicles)
         self._markings: LaneMarkingDetector | None = None
+        self._free_lane: FreeLane | None = None
+        self._free_at = -math.inf
+        """Stamp of the last frame in which the lane was seen to be free."""
         self._road: ImageBox | None = None
         self._stamp_s = -math.inf
         self._searched_at = -math.inf
@@ -150,7 +160,7 @@ class Perception:
     def reset(self) -> None:
         """Drop all tracks and stamps: the next frame is of another drive."""
         self._frame_check = FrameCheck()
-        self._stamp_s = self._searched_at = -math.inf
+        self._stamp_s = self._searched_at = self._free_at = -math.inf
         self._drop_tracks()
 
     def _drop_tracks(self) -> None:
@@ -228,7 +238,17 @@ class Perception:
         if plan.tracked is None and self._markings is not None:
             vehicles = [self._vehicle_outline(track) for track in self._tracker.tracks]
             self._lane.receive_fit(self._markings.find(image, vehicles))
+            if self._lead is None and self._sees_free_lane(image):
+                self._free_at = stamp_s
         return [found for detector in self._detectors for found in detector.find(image, plan)]
+
+    def _sees_free_lane(self, image: npt.NDArray[np.uint8]) -> bool:
+        """Whether the lane looks like road, as far as vehicles are not found by themselves."""
+        if self._free_lane is None:
+            return False
+        needed = FREE_WIDTHS_WITH_VEHICLES if self._finds_vehicles else FREE_WIDTHS
+        free_m = self._free_lane.free_until_m(image, self._lane.shape)
+        return free_m >= needed * self._settings.lane_width_m
 
     def _vehicle_outline(self, track: VehicleTrack) -> ImageBox:
         """Part of the image in which the vehicle may hide the road."""
@@ -319,6 +339,7 @@ class Perception:
         perspective = self._perspective = Perspective(calibration)
         if self._calibration is not None:
             self._markings = LaneMarkingDetector(perspective, self._settings.lane_width_m)
+            self._free_lane = FreeLane(perspective, self._settings.lane_width_m)
             self._road = _below_horizon(perspective, self._slope, width_px, height_px)
         self._detectors = self._detectors_for(perspective)
         return True
@@ -365,7 +386,13 @@ class Perception:
                 self._events.append(
                     track_report.vehicle_detection(track, stamp_s, self._lens_sigma)
                 )
-        self._events.append(track_report.lead(lead, stamp_s, self._lens_sigma))
+        if lead is None:
+            is_free = stamp_s - self._free_at <= FREE_S and not self._lead_selector.has_candidate(
+                self._tracker.tracks
+            )
+            self._events.append(track_report.without_lead(stamp_s, is_free=is_free))
+        else:
+            self._events.append(track_report.lead(lead, stamp_s, self._lens_sigma))
 
 
 def _below_horizon(

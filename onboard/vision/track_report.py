@@ -51,16 +51,19 @@ def vehicle_detection(track: VehicleTrack, stamp_s: float, lens_sigma: float) ->
     )
 
 
-def lead(track: VehicleTrack | None, stamp_s: float, lens_sigma: float) -> Lead:
+def without_lead(stamp_s: float, *, is_free: bool) -> Lead:
+    """Report that there is no lead, or that none is known if the lane was not seen to be free."""
+    return Lead(stamp_s, LeadIdentity.NO_LEAD if is_free else LeadIdentity.UNKNOWN)
+
+
+def lead(track: VehicleTrack, stamp_s: float, lens_sigma: float) -> Lead:
     """Report gap, closing speed and identity of the lead.
 
     Args:
-        track: of the lead, predicted to `stamp_s`; `None` without a lead.
+        track: of the lead, predicted to `stamp_s`.
         stamp_s: of the frame.
         lens_sigma: of all distances and speeds, as a share of them.
     """
-    if track is None:
-        return Lead(stamp_s, LeadIdentity.NO_LEAD)
     text, ahead = track.text, track.ahead
     return Lead(
         stamp_s=stamp_s,

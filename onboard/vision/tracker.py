@@ -23,6 +23,9 @@ KEEP_S = 1.5
 """Time from the last observation of a confirmed vehicle until its track is dropped."""
 KEEP_UNREAD_S = 10.0
 """The same from the last detection of a plate, tag or vehicle, while the rear is still tracked."""
+MISSED_S = 0.4
+"""Time by which a vehicle without a certain text is kept longer than it was detected: what was
+detected for a moment only is not kept by optical flow."""
 HEIGHTS = (0.0, 0.5)
 """Height of plates over the road, in lane widths: up to 1.75 m, on a van's door."""
 TENTATIVE_SHARE = 0.4
@@ -182,9 +185,10 @@ class Tracker:
             return False
         if not track.confirmed:
             return stamp_s - track.detected_at <= TENTATIVE_SHARE * KEEP_S
-        return (
-            stamp_s - track.observed_at <= KEEP_S and stamp_s - track.detected_at <= KEEP_UNREAD_S
-        )
+        proven_s = math.inf if track.text is not None else MISSED_S + track.detected_s
+        return stamp_s - track.observed_at <= min(
+            KEEP_S, proven_s
+        ) and stamp_s - track.detected_at <= min(KEEP_UNREAD_S, proven_s)
 
 
 def _contains_middle(one: ImageBox, other: ImageBox) -> bool:

@@ -17,6 +17,13 @@ MAX_INNOVATION_SIGMAS = 3.0
 this."""
 CONFIRM_DETECTIONS = 3
 """Frames with a detection that confirm a track."""
+CONFIRM_S = 0.2
+"""Least time from the first to the last of them."""
+VEHICLE_S = 1.5
+"""Time for which a plate counts as on a vehicle after the vehicle was found as such."""
+MAX_INCONSISTENCY, INCONSISTENCY_SHARE = 3.0, 0.3
+"""Mean square of the innovations by their sigmas above which a track is of no body that moves, and
+the weight of each detection in that mean."""
 MIN_READ_CONFIDENCE = 0.3
 """Confidence below which a reading contradicts no text."""
 RULED_OUT = 1e-3
@@ -51,6 +58,9 @@ class VehicleTrack:
         self._format = TrackPlateFormat(formats)
         self._has_only_plates = first.kind is DetectionKind.PLATE
         first = self._update_format(first)
+        self._started_at = stamp_s
+        self._vehicle_at = stamp_s if first.kind is DetectionKind.VEHICLE else -math.inf
+        self._inconsistency = 1.0
         self.detected_at = stamp_s
         """Time of the last detection."""
         self.observed_at = stamp_s
@@ -90,7 +100,26 @@ class VehicleTrack:
     @property
     def confirmed(self) -> bool:
         """Whether enough frames had a detection."""
-        return self.detections >= CONFIRM_DETECTIONS
+        return self.detections >= CONFIRM_DETECTIONS and self.detected_s >= CONFIRM_S - 1e-3
+
+    @property
+    def detected_s(self) -> float:
+        """Time from the first to the last detection."""
+        return self.detected_at - self._started_at
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether the detections are where a moving body would be."""
+        return self._inconsistency <= MAX_INCONSISTENCY
+
+    @property
+    def has_vehicle(self) -> bool:
+        """Whether it is more than a plate: a tag, a certain text, or found as a vehicle."""
+        return (
+            self.last.kind is not DetectionKind.PLATE
+            or self.text is not None
+            or self.observed_at - self._vehicle_at <= VEHICLE_S
+        )
 
     @property
     def text(self) -> str | None:
@@ -162,12 +191,16 @@ class VehicleTrack:
         detection = self._update_format(detection)
         # An outlier, such as a fragment of the plate, gets a lower weight.
         off_m = abs(detection.position.ahead_m - self.ahead.position_m)
+        in_sigmas = off_m / math.hypot(detection.ahead_sigma_m, self.ahead.position_sigma_m)
+        self._inconsistency += INCONSISTENCY_SHARE * (in_sigmas**2 - self._inconsistency)
         self.ahead.update(
             detection.position.ahead_m, max(detection.ahead_sigma_m, off_m / MAX_INNOVATION_SIGMAS)
         )
         self.right.update(detection.position.right_m, detection.right_sigma_m)
         if stamp_s > self.detected_at:
             self.detections += 1
+        if detection.kind is DetectionKind.VEHICLE:
+            self._vehicle_at = stamp_s
         if detection.kind is not DetectionKind.VEHICLE or self.last.kind is DetectionKind.VEHICLE:
             self.last = detection
             self.corners_px = detection.corners_px

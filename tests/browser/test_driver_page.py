@@ -234,6 +234,13 @@ def test_a_lost_camera_is_shown_at_once_and_the_gap_disappears(page: Page, row: 
     expect(page.locator("#state")).to_have_text("Member 3")
 
 
+def test_a_lane_that_is_not_seen_to_be_free_is_no_free_lane(page: Page, row: Row) -> None:
+    row.sees_lane = False
+
+    expect(page.locator("#gap-note")).to_have_text("Car ahead? The camera cannot tell")
+    expect(page.locator("#road rect.unknown")).to_have_count(1)
+
+
 def test_a_full_disk_is_shown(page: Page, row: Row) -> None:
     row.send_event(RecorderState(row.now, is_recording=False, reason="disk full", dropped=3))
     expect(page.locator("#sensors .lost")).to_have_text("Not recordingdisk full")

@@ -58,6 +58,7 @@ class Row:
         self.candidates: tuple[str, ...] = ()
         """Texts of the plate ahead of the last vehicle, if it is not read for certain."""
         self.camera_works = True
+        self.sees_lane = True
         self.now = 0.0
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
@@ -178,6 +179,8 @@ class Row:
                 )
                 if is_last and self.candidates:
                     lead = self._uncertain_lead()
+                if is_last and not self.sees_lane:
+                    lead = Lead(self.now, LeadIdentity.UNKNOWN)
                 self._receive(number, lead)
                 if is_last:
                     for track_id, (ahead_m, right_m) in enumerate(self.detections):

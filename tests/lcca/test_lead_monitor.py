@@ -65,6 +65,15 @@ def test_a_frame_without_a_vehicle_clears_the_identity() -> None:
     assert monitor.vehicle_to_join(0.1) is None
 
 
+def test_a_frame_that_may_hide_a_vehicle_keeps_the_identity_but_shows_none() -> None:
+    monitor = lead_monitor()
+    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, 0.0), 0.0)
+    monitor.receive_preceding_vehicle(None, 0.1, is_unknown=True)
+    assert monitor.identified == A
+    assert monitor.vehicle_to_join(0.1) is None
+    assert not monitor.shows_close(A)
+
+
 @pytest.mark.parametrize(
     ("speed_m_s", "matches"),
     [(17.0, True), (21.9, True), (22.1, False), (11.9, False), (None, True)],

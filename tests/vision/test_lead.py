@@ -41,9 +41,11 @@ def detection(
 class TrackedRoad:
     """Runs tracker and selection with one list of detections a step."""
 
+    needs_vehicle: bool = False
+
     def __post_init__(self) -> None:
         self.tracker = Tracker(LANE_M)
-        self.choice = LeadSelector(HostLane(LANE_M))
+        self.choice = LeadSelector(HostLane(LANE_M), needs_vehicle=self.needs_vehicle)
         self.stamp_s = 0.0
 
     def step(self, *detections: Detection) -> VehicleTrack | None:
@@ -70,6 +72,65 @@ def test_a_vehicle_is_the_lead_from_its_third_detection() -> None:
 
     assert lead is not None
     assert lead.ahead.position_m == pytest.approx(20.0)
+
+
+def unread(ahead_m: float) -> Detection:
+    return detection(ahead_m, text=None)
+
+
+def found_vehicle(ahead_m: float) -> Detection:
+    return detection(ahead_m, text=None, kind=DetectionKind.VEHICLE)
+
+
+def test_where_vehicles_are_found_an_unread_plate_alone_is_no_lead() -> None:
+    road = TrackedRoad(needs_vehicle=True)
+
+    assert road.steps(10, unread(20.0)) is None
+    assert road.choice.has_candidate(road.tracker.tracks)
+    assert road.step(unread(20.0), found_vehicle(20.5)) is not None
+    assert not road.choice.has_candidate(road.tracker.tracks)
+
+
+def test_a_plate_is_no_lead_any_more_when_no_vehicle_is_found_around_it() -> None:
+    road = TrackedRoad(needs_vehicle=True)
+    assert road.steps(5, unread(20.0), found_vehicle(20.5)) is not None
+
+    assert road.steps(round(1.0 / STEP_S), unread(20.0)) is not None
+    assert road.steps(round(1.0 / STEP_S), unread(20.0)) is None
+
+
+def test_a_plate_with_a_certain_text_is_a_lead_although_no_vehicle_is_found() -> None:
+    assert TrackedRoad(needs_vehicle=True).steps(5, detection(20.0)) is not None
+
+
+def test_a_vehicle_without_a_plate_is_a_lead() -> None:
+    assert TrackedRoad(needs_vehicle=True).steps(5, found_vehicle(20.0)) is not None
+
+
+def test_what_is_nearer_than_the_bonnet_is_no_lead() -> None:
+    assert TrackedRoad().steps(10, detection(0.6)) is None
+
+
+def test_detections_that_leap_about_are_no_lead() -> None:
+    road = TrackedRoad()
+
+    leads = [road.step(detection(ahead_m, text=None)) for ahead_m in [8.0, 10.5, 7.0, 11.0] * 3]
+
+    assert leads == [None] * 12
+
+
+def test_what_was_detected_for_a_moment_is_not_kept_by_optical_flow() -> None:
+    road = TrackedRoad()
+    lead = road.steps(3, unread(10.0))
+    assert lead is not None
+
+    held = 0
+    while road.tracker.tracks and held < 50:
+        lead.observed_at = road.stamp_s + STEP_S  # the rear is found again
+        road.step()
+        held += 1
+
+    assert held * STEP_S == pytest.approx(0.2 + 0.4, abs=0.11)
 
 
 def test_a_single_detection_is_no_lead() -> None:

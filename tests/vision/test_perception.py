@@ -60,7 +60,8 @@ def test_a_lamp_in_a_dark_window_is_no_tag() -> None:
     )
 
     assert observed.plates == []
-    assert {lead.identity for lead in observed.leads} == {LeadIdentity.NO_LEAD}
+    assert {lead.gap_m for lead in observed.leads} == {None}
+    assert {lead.identity for lead in observed.leads} == {LeadIdentity.UNKNOWN}
 
 
 @pytest.mark.parametrize("gap_m", [5.0, 10.0, 15.0, 20.0])

@@ -188,4 +188,6 @@ def test_real_clips_without_a_legible_plate_have_none(
 
     assert len(observed) == len(chosen) >= 12
     assert [plate for frame in observed for plate in frame.plates] == []
-    assert {frame.lead.identity for frame in observed} == {LeadIdentity.NO_LEAD}
+    assert {frame.lead.gap_m for frame in observed} == {None}
+    # Where the camera points is not known, so neither is whether the lane is free.
+    assert {frame.lead.identity for frame in observed} == {LeadIdentity.UNKNOWN}

@@ -80,11 +80,12 @@ function showLead({ lead, speed_m_s }) {
   const figures = $("figures");
   $("gap-label").textContent = TEXTS.gap;
   if (lead === null || lead.gap_m === null) {
-    figures.dataset.gap = lead === null ? "lost" : "none";
+    const isFree = lead?.identity === "no_lead";
+    figures.dataset.gap = isFree ? "none" : "lost";
     $("gap").textContent = "–";
     $("gap-unit").hidden = true;
     $("gap-bar").style.width = "0";
-    $("gap-note").textContent = lead === null ? TEXTS.gapUnknown : TEXTS.noLead;
+    $("gap-note").textContent = isFree ? TEXTS.noLead : lead === null ? TEXTS.gapUnknown : TEXTS.leadUnknown;
     return;
   }
   const { gap_m, safe_gap_m } = lead;

@@ -44,7 +44,7 @@ export class Road {
     const parts = [...this.#lanes(host, lane, height)];
     const labels = [];
     const lead = view.lead;
-    if (lead === null) {
+    if (lead === null || (lead.gap_m === null && lead.identity !== "no_lead")) {
       parts.push(make("rect", { x: host.x - lane / 2, y: 0, width: lane, height: host.y, class: "unknown" }));
     } else if (lead.safe_gap_m !== null) {
       parts.push(...this.#safeZone(host, lane, scale, lead));

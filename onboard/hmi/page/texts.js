@@ -55,6 +55,7 @@ export const TEXTS = {
   gap: "Gap",
   noLead: "No car ahead",
   gapUnknown: "Unknown without the camera",
+  leadUnknown: "Car ahead? The camera cannot tell",
   noSpeed: "No speed: safe gap unknown",
   safeFrom: "{headway} s · safe from {safe} m",
   safeLine: "safe {safe} m",
