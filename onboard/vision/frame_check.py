@@ -1,4 +1,4 @@
-"""Checks of a frame before it is searched: corrupt, blank, repeated, or the first after a cut."""
+"""Checks of a frame before it is searched: corrupt, blank, upside down, repeated, after a cut."""
 
 import math
 from dataclasses import dataclass
@@ -18,6 +18,12 @@ _COARSE, _MIN_COARSE = 5, 4
 BLANK_SIGMA = 2.0
 """Sigma of a blank frame in grey levels, of one colour, without the sensor's noise; frames by
 night, of the road with lamps, have 7 and more."""
+SKY_LEVEL, SKY_STEP, DAY_LEVEL = 100.0, 40.0, 80.0
+"""Least grey levels of a lowest quarter that is sky, by itself and over the highest quarter, and
+least mean of a frame by day: headlights also light what is below."""
+UPSIDE_DOWN_FRAMES = 300
+"""Successive frames with the sky below after which the camera is upside down: on a bright road
+under trees, single ones look so."""
 _RIM = 1 / 8
 """Share of the height at top and bottom that is ignored: cameras write the time there."""
 MAX_ODD = 0.0005
@@ -31,6 +37,7 @@ class FrameFault(StrEnum):
 
     CORRUPT = "corrupt_frame"
     BLANK = "blank_frame"
+    UPSIDE_DOWN = "upside_down_frame"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +51,8 @@ class FrameVerdict:
     twice."""
     is_cut: bool = False
     """The frame before showed another scene."""
+    has_sky_below: bool = False
+    """It looks upside down, as one frame tells."""
 
 
 class FrameCheck:
@@ -51,6 +60,7 @@ class FrameCheck:
 
     def __init__(self) -> None:
         self._last: npt.NDArray[np.uint8] | None = None
+        self._with_sky_below = 0
 
     def check(self, image: Image) -> FrameVerdict:
         """Check one frame; an empty array is one that did not decode."""
@@ -61,13 +71,17 @@ class FrameCheck:
         spread = _spread(sample)
         if spread < BLANK_SIGMA:
             return FrameVerdict(FrameFault.BLANK, f"mean {sample.mean():.0f}, sigma {spread:.1f}")
-        if last is None:
-            return FrameVerdict()
-        if sample.shape != last.shape:
-            return FrameVerdict(is_cut=True)
-        if _is_repeat(sample, last):
+        has_sky_below = _has_sky_below(sample)
+        self._with_sky_below = self._with_sky_below + 1 if has_sky_below else 0
+        if self._with_sky_below > UPSIDE_DOWN_FRAMES:
+            return FrameVerdict(FrameFault.UPSIDE_DOWN, "the sky is below: turn the camera over")
+        is_same_size = last is not None and sample.shape == last.shape
+        if last is not None and is_same_size and _is_repeat(sample, last):
             return FrameVerdict(is_repeat=True)
-        return FrameVerdict(is_cut=_correlation(sample, last) < CUT_CORRELATION)
+        is_cut = last is not None and (
+            not is_same_size or _correlation(sample, last) < CUT_CORRELATION
+        )
+        return FrameVerdict(is_cut=is_cut, has_sky_below=has_sky_below)
 
 
 def _spread(sample: Image) -> float:
@@ -78,6 +92,13 @@ def _spread(sample: Image) -> float:
     rows, columns = (max(side // _COARSE, _MIN_COARSE) for side in sample.shape[:2])
     coarse = cv2.resize(sample, (columns, rows), interpolation=cv2.INTER_AREA)
     return float(np.std(coarse, axis=(0, 1)).max())
+
+
+def _has_sky_below(sample: Image) -> bool:
+    quarter = max(1, len(sample) // 4)
+    above, below = float(sample[:quarter].mean()), float(sample[-quarter:].mean())
+    is_day = float(sample.mean()) >= DAY_LEVEL
+    return is_day and below >= max(SKY_LEVEL, above + SKY_STEP)
 
 
 def _is_repeat(sample: Image, last: Image) -> bool:

@@ -191,6 +191,8 @@ class Perception:
             self._events.append(SensorRecovered(stamp_s, Sensor.CAMERA))
         self._track_rear(image, stamp_s)
         detections = self._detect(image, stamp_s, everywhere=verdict.is_cut)
+        if verdict.has_sky_below:
+            self._free_at = -math.inf
         self._report(self._tracker.receive_detections(detections, stamp_s), stamp_s)
         self._set_rear_reference(image, stamp_s)
 

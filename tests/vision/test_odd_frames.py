@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from onboard.observations import LeadIdentity, Sensor, SensorLost, SensorRecovered
-from onboard.vision.frame_check import FrameCheck
+from onboard.vision.frame_check import UPSIDE_DOWN_FRAMES, FrameCheck
 from onboard.vision.frames import decode_image
 from onboard.vision.perception import Networks, Perception
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.settings import CameraSettings, VisionSettings
-from sim_rig.rendering.scene import Scene, SceneCar
+from sim_rig.rendering.scene import Light, Scene, SceneCar
 from tests.vision.drive import Observed, frames, observe
 
 CAMERA = CameraSettings(
@@ -248,3 +248,38 @@ def test_a_plate_in_the_next_lane_is_no_lead_when_the_hosts_lane_is_empty() -> N
 
     assert observed.cars
     assert {lead.identity for lead in observed.leads} == {LeadIdentity.NO_LEAD}
+
+
+@pytest.mark.parametrize("light", [Light.DAY, Light.OVERCAST, Light.FOG])
+def test_a_camera_upside_down_is_named_and_shows_no_free_lane(light: Light) -> None:
+    """It is never a free lane, and after a while each frame is discarded with the reason."""
+    images = [
+        np.ascontiguousarray(image[::4, ::4][::-1, ::-1])
+        for _, image in frames(lambda _: Scene(light=light), 0.5, camera=CAMERA)
+    ]
+    drive = [(0.1 * index, images[index % 5]) for index in range(UPSIDE_DOWN_FRAMES + 20)]
+
+    observed = observe_images(drive)
+
+    assert {lead.identity for lead in observed.leads} == {LeadIdentity.UNKNOWN}
+    assert {event.reason for event in observed.discarded} == {"upside_down_frame"}
+    assert len(observed.discarded) == len(drive) - UPSIDE_DOWN_FRAMES
+
+
+@pytest.mark.parametrize("light", Light)
+def test_an_upright_camera_is_never_upside_down(light: Light) -> None:
+    check = FrameCheck()
+    ((_, image),) = frames(lambda _: Scene(light=light), 0.1, camera=CAMERA)
+
+    assert not check.check(image).has_sky_below
+
+
+def test_a_still_of_a_road_is_a_frozen_camera_and_no_free_lane() -> None:
+    """A file that is shown over and over, as from a test source."""
+    ((_, image),) = frames(lambda _: Scene(), 0.1, camera=CAMERA)
+    data = cv2.imencode(".jpg", image)[1].tobytes()
+
+    observed = observe_images([(0.1 * index, decode_image(data)) for index in range(40)])
+
+    assert [type(event) for event in observed.health] == [SensorLost]
+    assert max(lead.stamp_s for lead in observed.leads) < 1.0
