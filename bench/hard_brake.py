@@ -14,7 +14,7 @@ import numpy as np
 
 from bench import Figure
 from onboard.obd.braking import Braking
-from onboard.obd.can_bus import read_can_log
+from onboard.obd.can_log import read_can_log
 from onboard.obd.settings import ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed

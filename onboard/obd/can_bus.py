@@ -8,7 +8,6 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import can
 from can.interfaces.socketcan import SocketcanBus
@@ -16,6 +15,7 @@ from can.interfaces.socketcan import SocketcanBus
 from onboard.errors import UserError
 from onboard.obd import socketcand
 from onboard.obd.can_frame import CanFrame
+from onboard.obd.can_log import CanLogError, frame_of, ignore, read_can_log
 from onboard.obd.settings import CanSettings
 from onboard.observations import Discarded
 
@@ -43,10 +43,6 @@ class CanBusError(UserError):
     """The bus cannot be opened; the text is one line for the user."""
 
 
-def _ignore(_: Discarded) -> None:
-    """The default for callers that do not count."""
-
-
 class CanBus:
     """Delivers every data frame as soon as the wire has it, and reconnects after a loss.
 
@@ -58,7 +54,7 @@ class CanBus:
         settings: CanSettings,
         on_frame: Callable[[CanFrame], None],
         on_state: Callable[[bool, str], None],
-        on_discarded: Callable[[Discarded], None] = _ignore,
+        on_discarded: Callable[[Discarded], None] = ignore,
     ) -> None:
         """Take the callbacks; all are called from the loop.
 
@@ -81,6 +77,7 @@ class CanBus:
 
         Raises:
             CanBusError: it cannot be opened.
+            CanLogError: a recording cannot be read.
         """
         self._loop = loop
         if self._settings.file is None:
@@ -144,7 +141,7 @@ class CanBus:
             if message is None:
                 return
             if not (message.is_error_frame or message.is_remote_frame):
-                self._on_frame(_frame(message, self._stamp_s(message)))
+                self._on_frame(frame_of(message, self._stamp_s(message)))
         # Frames that the bus object has buffered do not show on its file descriptor.
         if self._rest is None:
             self._rest = self._loop.call_soon(self._drain_rest)
@@ -190,66 +187,12 @@ class CanBus:
             self._on_frame(replace(frame, stamp_s=at))
             try:
                 frame = next(others, None)
-            except CanBusError as error:
+            except CanLogError as error:
                 frame, why = None, str(error)
         self._on_state(False, why)
 
     def _on_malformed(self, detail: str) -> None:
         self._on_discarded(Discarded(self._loop.time(), "obd", "socketcand_element", detail))
-
-
-def read_can_log(
-    path: Path,
-    channel: str | None = None,
-    on_discarded: Callable[[Discarded], None] = _ignore,
-) -> Iterator[CanFrame]:
-    """Yield the data frames of a recording, with its own stamps.
-
-    The suffix names the format (`.log` of candump -L, `.asc`, `.blf`, `.trc`, `.mf4`, ...). An
-    unreadable line of candump's is discarded with reason `log_line`, and reading continues.
-
-    Args:
-        path: of the recording.
-        channel: the only one to read; `None` reads all.
-        on_discarded: gets unreadable lines.
-
-    Raises:
-        CanBusError: there is no such file, or its format is unknown or broken.
-    """
-    if not path.is_file():  # before python-can judges the name
-        raise CanBusError(f"{path}: no such file")
-    try:
-        for message in _messages(path, on_discarded):
-            is_data = not (message.is_error_frame or message.is_remote_frame)
-            if is_data and channel in {None, str(message.channel)}:
-                yield _frame(message, message.timestamp)
-    except OSError as error:
-        raise CanBusError(f"{path}: cannot be read: {error.strerror}") from error
-    except CanBusError:
-        raise
-    except Exception as error:  # each format's reader raises its own types
-        raise CanBusError(f"{path}: unreadable CAN log: {error}") from error
-
-
-def _messages(path: Path, on_discarded: Callable[[Discarded], None]) -> Iterator[can.Message]:
-    if path.suffix.lower() != ".log":
-        with can.LogReader(path) as reader:
-            yield from reader
-        return
-    stamp_s: float | None = None
-    bad_lines = 0
-    with path.open(encoding="ascii", errors="replace") as file:
-        while not file.closed:
-            try:
-                # The reader ends at a bad line, and the next one continues after it.
-                for message in can.CanutilsLogReader(file):
-                    stamp_s = message.timestamp
-                    yield message
-            except (ValueError, IndexError) as error:
-                bad_lines += 1
-                on_discarded(Discarded(stamp_s or 0.0, "obd", "log_line", str(error)))
-    if bad_lines and stamp_s is None:
-        raise CanBusError(f"{path}: no line has the format of `candump -L`")
 
 
 def _open_socketcand(
@@ -281,7 +224,3 @@ def _open_socketcan(channel: str) -> can.BusABC:
 def _shut_down(opening: asyncio.Future[can.BusABC]) -> None:
     if opening.exception() is None:
         opening.result().shutdown()
-
-
-def _frame(message: can.Message, stamp_s: float) -> CanFrame:
-    return CanFrame(stamp_s, message.arbitration_id, message.is_extended_id, bytes(message.data))

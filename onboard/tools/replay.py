@@ -12,7 +12,7 @@ import numpy as np
 from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.gnss.nmea import NmeaReader
-from onboard.obd.can_bus import read_can_log
+from onboard.obd.can_log import read_can_log
 from onboard.obd.dbc_file import read_signals
 from onboard.observations import Discarded, Position, Sensor
 from onboard.settings import parse_settings

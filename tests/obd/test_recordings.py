@@ -9,7 +9,7 @@ import isotp
 import numpy as np
 import pytest
 
-from onboard.obd.can_bus import read_can_log
+from onboard.obd.can_log import read_can_log
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus

@@ -3,7 +3,8 @@
 import asyncio
 import contextlib
 
-from onboard.obd.can_bus import CanBus, CanBusError
+from onboard.errors import UserError
+from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import CanSettings, ObdSettings
@@ -54,7 +55,7 @@ async def examine_bus(can: CanSettings, obd: ObdSettings, patience_s: float) -> 
     bus = CanBus(can, receive, lambda up, why: None if up else lost.append(why))
     try:
         bus.start(loop)
-    except CanBusError as error:
+    except UserError as error:
         return [
             Finding("bus", FindingLevel.MISSING, str(error), NO_BUS),
             Finding("ECU", FindingLevel.MISSING, "not tested without a bus"),
