@@ -13,6 +13,7 @@ import typer
 
 from onboard.config import CarConfig, CarSettings
 from onboard.errors import UserError
+from onboard.obd.dbc_file import read_signals
 from onboard.recorder.reader import RecordedDrive
 from onboard.replay.replay import play
 from onboard.service import Service
@@ -63,6 +64,7 @@ def run(config: ConfigFile) -> None:
 def check(config: ConfigFile) -> None:
     """Check a configuration: print every mistake, or the edges it uses. Opens no device."""
     loaded = load_settings(config, CarConfig)
+    read_signals(loaded.obd.broadcast)
     missing = [name for name in OPTIONAL_SECTIONS if getattr(loaded, name) is None]
     present = [name for name in OPTIONAL_SECTIONS if name not in missing]
     typer.echo(f"{config}: good, car {loaded.car.plate}")
@@ -80,7 +82,9 @@ def replay(
     *,
     can: Annotated[
         Path | None,
-        typer.Option(help="A CAN log: candump, ASC, BLF, TRC or another format of python-can."),
+        typer.Option(
+            help="A CAN log: candump, ASC (of local time, see TZ), BLF, TRC, CSV or SQLite."
+        ),
     ] = None,
     clip: Annotated[
         str | None, typer.Option(help="The camera's video, or a folder or glob of images.")

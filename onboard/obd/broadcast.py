@@ -10,6 +10,7 @@ import cantools
 from onboard.errors import UserError
 from onboard.obd.braking import BrakeTrigger
 from onboard.obd.can_frame import CanFrame
+from onboard.obd.dbc_excerpt import excerpt
 from onboard.obd.settings import BroadcastSettings
 from onboard.observations import BrakeCause, BrakePedal, Discarded, Speed
 from onboard.units import KM_H, MPH
@@ -47,12 +48,12 @@ class BroadcastSignals:
             dbc_text: content of the DBC file, as `onboard.obd.dbc_file` reads it.
 
         Raises:
-            UserError: the text is no DBC file, a signal is not in it, speeds are spread over
-                several messages, or a speed or pressure has no known unit.
+            UserError: the text is no DBC file, a signal is not in it or badly declared, speeds are
+                spread over several messages, or a speed or pressure has no known unit.
         """
         self.dbc_text = dbc_text
         self._dbc = settings.dbc
-        database = self._parse(dbc_text)
+        database = self._parse(excerpt(dbc_text, _names(settings)) or dbc_text)
         self._speed = [self._find(database, name) for name in settings.speed]
         self._pedal = [
             self._find(database, name) for name in (settings.brake_pedal,) if name is not None
@@ -175,6 +176,18 @@ class BroadcastSignals:
                 f"{self._dbc}: {name} has the unit {unit or ''!r}; set obd.broadcast.{remedy}"
             )
         return factor
+
+
+def _names(settings: BroadcastSettings) -> list[str]:
+    single = (
+        settings.brake_pedal,
+        settings.abs,
+        settings.stability_control,
+        settings.airbag,
+        settings.hazard_lights,
+        settings.brake_pressure,
+    )
+    return [*settings.speed, *filter(None, single)]
 
 
 def _in_range(signal: Any, value: float) -> bool:

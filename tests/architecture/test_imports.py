@@ -21,7 +21,7 @@ EDGES = frozenset({
     "gnss/gpsd.py",
     "hmi/access_check.py", "hmi/connection_limiter.py", "hmi/feed.py", "hmi/page_files.py",
     "hmi/page_server.py",
-    "obd/can_bus.py", "obd/socketcand.py",
+    "obd/can_bus.py", "obd/can_log.py", "obd/socketcand.py",
     "recorder/black_box.py", "recorder/reader.py", "recorder/repair.py", "recorder/retention.py",
     "recorder/segment.py", "recorder/segments.py",
     "runtime/candidate_ids.py", "runtime/output_sinks.py", "runtime/systemd.py",

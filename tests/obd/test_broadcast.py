@@ -266,3 +266,62 @@ def test_a_missing_or_broken_file_is_an_error_of_one_line(tmp_path):
     with pytest.raises(UserError, match=r"broken\.dbc: no DBC file: ") as raised:
         bus_of(settings(broken))
     assert "\n" not in str(raised.value)
+
+
+FAULTY = """
+BO_ 600 OVERLAPS: 1 CAR
+ SG_ A : 0|6@1+ (1,0) [0|1] "" CAR
+ SG_ B : 4|4@1+ (1,0) [0|1] "" CAR
+BO_ 601 TOO_LONG: 1 CAR
+ SG_ A : 4|8@1+ (1,0) [0|1] "" CAR
+
+BO_ 70000 NO_STANDARD_ID: 1 CAR
+ SG_ A : 0|1@1+ (1,0) [0|1] "" CAR
+ SG_ 0_B : 1|1@1+ (.5,0) [0|1] "" CAR
+BO_ 602 MULTIPLEXED: 4 CAR
+ SG_ MUX M : 0|8@1+ (1,0) [0|255] "" CAR
+ SG_ SPEED m1 : 8|16@1+ (0.01,0) [0|300] "km/h" CAR
+ SG_ OTHER m2 : 8|16@1+ (0.01,0) [0|300] "km/h" CAR
+CM_ SG_ 601 "A comment \x81 of no signal";
+VAL_ 601 NOWHERE 1 "on" ;
+"""
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"speed": ("WHEELS.FRONT_LEFT", "WHEELS.FRONT_RIGHT"), "airbag": "SAFETY.AIRBAG"},
+        {"brake_pedal": "OVERLAPS.B"},
+        {"speed": ("NO_RANGES.FLOAT",)},
+        {"speed": ("MULTIPLEXED.SPEED",)},
+    ],
+)
+def test_faults_in_other_declarations_do_not_matter(dbc, names):
+    dbc.write_text(DBC + FAULTY, encoding="latin-1")
+    read_signals(BroadcastSettings(dbc=dbc, **names))
+
+
+def test_a_value_is_the_same_beside_faults(dbc):
+    dbc.write_text(DBC + FAULTY, encoding="latin-1")
+    bus = bus_of(settings(dbc, speed=("NO_RANGES.FLOAT",)))
+    assert received(bus, frame(2.0, "NO_RANGES", FLOAT=36.0))[0].speed_m_s == pytest.approx(10.0)
+    bus = bus_of(settings(dbc, speed=("MULTIPLEXED.SPEED",)))
+    with_speed, without = b"\1\x10\x0e\0", b"\2\x10\x0e\0"
+    frames = [CanFrame(2.0, 602, is_extended_id=False, data=data) for data in (with_speed, without)]
+    assert [event.speed_m_s for event in received(bus, *frames)] == [pytest.approx(10.0)]
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [("TOO_LONG.A", "does not fit"), ("NO_STANDARD_ID.A", "more than 11 bits")],
+)
+def test_a_fault_in_a_named_signal_is_an_error(dbc, name, fault):
+    dbc.write_text(DBC + FAULTY, encoding="latin-1")
+    with pytest.raises(UserError, match=rf"car\.dbc: .*{fault}"):
+        read_signals(BroadcastSettings(dbc=dbc, brake_pedal=name))
+
+
+def test_two_named_signals_that_overlap_are_an_error(dbc):
+    dbc.write_text(DBC + FAULTY, encoding="latin-1")
+    with pytest.raises(UserError, match="signals B and A are overlapping"):
+        read_signals(BroadcastSettings(dbc=dbc, brake_pedal="OVERLAPS.A", abs="OVERLAPS.B"))

@@ -54,6 +54,31 @@ def test_a_mistake_in_the_configuration_is_one_line(
 
 
 @pytest.mark.parametrize(
+    ("dbc", "message"),
+    [
+        (None, "cannot be read: No such file"),
+        ("VERSION", "no DBC file"),
+        ("BU_:\n", "no message A"),
+    ],
+)
+def test_a_mistake_in_the_dbc_file_is_one_line(
+    tmp_path: Path, dbc: str | None, message: str
+) -> None:
+    config = tmp_path / "car.yaml"
+    config.write_text(
+        f"car: {{plate: A1}}\nobd: {{broadcast: {{dbc: {tmp_path}/a.dbc, speed: [A.B]}}}}\n"
+    )
+    if dbc is not None:
+        (tmp_path / "a.dbc").write_text(dbc)
+
+    result = onboard("check", str(config))
+
+    assert result.returncode == 2
+    assert f"{tmp_path}/a.dbc: {message}" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
     "section",
     [
         "can: {interface: socketcand, port: 1}",
