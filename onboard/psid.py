@@ -14,6 +14,9 @@ SPAT = 0x82
 MAP = 0x204097
 """Intersection geometry: the J2735 MapData message; p-encoded as 0pE0-00-00-17."""
 
+CRL = 0x100
+"""Certificate revocation lists (IEEE 1609.2, 7.4)."""
+
 J2735 = frozenset({BSM, SPAT, MAP})
 """Services whose messages are J2735 MessageFrames."""
 
@@ -37,7 +40,7 @@ NAMES = {
     0x88: "peer-to-peer distribution of security management information",
     0x90: "sensor sharing service",
     0x91: "maneuver coordination service",
-    0x100: "certificate revocation list",
+    CRL: "certificate revocation list",
     MAP: "intersection geometry",
     **dict.fromkeys(PRIVATE_USE, "private (unregistered) use"),
 }

@@ -20,11 +20,12 @@ FORMAT = 1
 
 
 class Certificates(Settings):
-    """Own pseudonym certificates and trusted certificates, IEEE 1609.2 in hexadecimal."""
+    """Own and trusted certificates, and revocation lists: IEEE 1609.2 in hexadecimal."""
 
     pseudonyms: tuple[str, ...]
     roots: tuple[str, ...]
     authorities: tuple[str, ...]
+    crls: tuple[str, ...] = ()
 
 
 class RecordingHeader(Settings):
@@ -66,10 +67,12 @@ class RecordingHeader(Settings):
                     self.certificates.authorities,
                 )
             )
+            crls = tuple(bytes.fromhex(crl) for crl in self.certificates.crls)
         except (ValueError, Malformed, Unsupported) as error:
             raise SettingsError(f"the recording of {self.drive}: a certificate: {error}") from error
         return Credentials(
             tuple(Credential(certificate, p256.new_key()) for certificate in pseudonyms),
             roots,
             authorities,
+            crls,
         )

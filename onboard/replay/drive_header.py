@@ -63,6 +63,7 @@ def _public(credentials: Credentials) -> Certificates:
         pseudonyms=tuple(own.certificate.encoded.hex() for own in credentials.pseudonyms),
         roots=tuple(root.encoded.hex() for root in credentials.roots),
         authorities=tuple(authority.encoded.hex() for authority in credentials.authorities),
+        crls=tuple(crl.hex() for crl in credentials.crls),
     )
 
 

@@ -1,13 +1,18 @@
 """Certificates in canonical octet encoding (COER, IEEE 1609.2, 6.4)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, auto
 from math import ceil
-from typing import TypeVar
 
 from onboard.security import oer, p256
-from onboard.security.certificates import Certificate, IssuePermission, Permission, Subject
+from onboard.security.certificates import (
+    Certificate,
+    GroupLinkageValue,
+    IssuePermission,
+    LinkageData,
+    Permission,
+    Subject,
+)
 from onboard.security.its_time import from_time32, to_time32
 from onboard.security.oer import Malformed, OerReader, Unsupported
 
@@ -22,8 +27,6 @@ _ENTITY_APP = 0x80
 _EXTENDED, _REGION, _ASSURANCE, _APP, _ISSUE, _REQUEST, _ROLLOVER, _ENCRYPTION = (
     1 << bit for bit in range(7, -1, -1)
 )
-
-ItemT = TypeVar("ItemT")
 
 
 class _Ssps(Enum):
@@ -67,12 +70,11 @@ def encode_to_be_signed(subject: Subject) -> bytes:
             "a certificate has a public key, or a reconstruction value, and permissions"
         )
     present = _APP * bool(subject.permissions) | _ISSUE * bool(subject.issue_permissions)
-    name = subject.name
     parts = [
         bytes((present,)),
-        oer.choice(3) if name is None else oer.choice(1) + oer.octets(name.encode()),
-        bytes(3),  # cracaId: these certificates are not revoked
-        bytes(2),  # crlSeries
+        _encode_id(subject),
+        subject.craca_id,
+        subject.crl_series.to_bytes(2, "big"),
         to_time32(subject.valid_from_utc_s).to_bytes(4, "big"),
         _encode_duration(subject.valid_for_s),
     ]
@@ -85,6 +87,18 @@ def encode_to_be_signed(subject: Subject) -> bytes:
     if value is not None:
         parts.append(oer.choice(1) + encode_point(value))
     return b"".join(parts)
+
+
+def _encode_id(subject: Subject) -> bytes:
+    if subject.linkage is not None:
+        linkage, group = subject.linkage, subject.linkage.group
+        value = linkage.i_cert.to_bytes(2, "big") + linkage.linkage_value
+        if group is None:
+            return oer.choice(0) + b"\x00" + value
+        return oer.choice(0) + b"\x80" + value + group.j_value + group.value
+    if subject.name is not None:
+        return oer.choice(1) + oer.octets(subject.name.encode())
+    return oer.choice(3)
 
 
 def encode_certificate(
@@ -192,8 +206,8 @@ def _read_issuer(reader: OerReader) -> bytes | None:
 def _read_subject(body: _Canonical) -> Subject:
     reader = body.reader
     present = reader.byte()
-    name = _read_name(reader)
-    reader.take(3 + 2)  # cracaId, crlSeries
+    name, linkage = _read_id(reader)
+    craca_id, crl_series = reader.take(3), reader.integer(2)
     valid_from_utc_s = from_time32(reader.integer(4))
     unit = reader.choice()
     if unit >= len(_DURATIONS_S):
@@ -203,10 +217,10 @@ def _read_subject(body: _Canonical) -> Subject:
         _skip_region(reader)
     if present & _ASSURANCE:
         reader.byte()
-    permissions = _several(reader, _read_permission) if present & _APP else ()
-    issue_permissions = _several(reader, _read_issue) if present & _ISSUE else ()
+    permissions = reader.several(_read_permission) if present & _APP else ()
+    issue_permissions = reader.several(_read_issue) if present & _ISSUE else ()
     if present & _REQUEST:
-        _several(reader, _read_issue)
+        reader.several(_read_issue)
     if present & _ENCRYPTION:
         if reader.byte() != 0 or reader.choice() > 1:
             raise Unsupported("an encryption key of an unknown kind")
@@ -222,6 +236,9 @@ def _read_subject(body: _Canonical) -> Subject:
         permissions,
         issue_permissions,
         reconstruction_value,
+        linkage,
+        craca_id,
+        crl_series,
     )
 
 
@@ -237,17 +254,19 @@ def _read_key(body: _Canonical) -> tuple[bytes | None, bytes | None]:
     raise Malformed(f"a key indicator {indicator}")
 
 
-def _read_name(reader: OerReader) -> str | None:
+def _read_id(reader: OerReader) -> tuple[str | None, LinkageData | None]:
+    """Return the name, in hexadecimal if it is binary, or else the linkage data."""
     kind = reader.choice()
-    if kind == 0:  # linkageData: iCert, linkage value, group linkage value
+    if kind == 0:
         is_grouped = reader.byte()
-        reader.take(2 + 9 + (4 + 9 if is_grouped else 0))
-        return None
+        i_cert, value = reader.integer(2), reader.take(9)
+        group = GroupLinkageValue(reader.take(4), reader.take(9)) if is_grouped else None
+        return None, LinkageData(i_cert, value, group)
     if kind in {1, 2}:
         text = reader.octets()
-        return text.decode(errors="replace") if kind == 1 else text.hex()
+        return text.decode(errors="replace") if kind == 1 else text.hex(), None
     if kind == 3:
-        return None
+        return None, None
     raise Malformed(f"a certificate id of kind {kind}")
 
 
@@ -257,11 +276,11 @@ def _skip_region(reader: OerReader) -> None:
     if kind == 0:
         reader.take(4 + 4 + 2)
     elif kind == 1:
-        _several(reader, lambda inner: inner.take(16))
+        reader.several(lambda inner: inner.take(16))
     elif kind == 2:
-        _several(reader, lambda inner: inner.take(8))
+        reader.several(lambda inner: inner.take(8))
     elif kind == 3:
-        _several(reader, _skip_identified_region)
+        reader.several(_skip_identified_region)
     else:
         raise Malformed(f"a region of kind {kind}")
 
@@ -270,16 +289,16 @@ def _skip_identified_region(reader: OerReader) -> None:
     kind = reader.choice()
     reader.take(2)
     if kind == 1:
-        _several(reader, lambda inner: inner.take(1))
+        reader.several(lambda inner: inner.take(1))
     elif kind == 2:
-        _several(reader, _skip_subregions)
+        reader.several(_skip_subregions)
     elif kind != 0:
         raise Malformed(f"an identified region of kind {kind}")
 
 
 def _skip_subregions(reader: OerReader) -> None:
     reader.take(1)
-    _several(reader, lambda inner: inner.take(2))
+    reader.several(lambda inner: inner.take(2))
 
 
 def _encode_duration(valid_for_s: float) -> bytes:
@@ -329,7 +348,7 @@ def _read_issue(reader: OerReader) -> IssuePermission:
     kind = reader.choice()
     if kind > 1:
         raise Unsupported(f"subject permissions of kind {kind}")
-    ranges = _several(reader, _read_range) if kind == 0 else ()
+    ranges = reader.several(_read_range) if kind == 0 else ()
     shortest = reader.signed() if present & 0x80 else 1
     further = reader.signed() if present & 0x40 else 0
     entity = reader.byte() if present & 0x20 else _ENTITY_APP
@@ -352,14 +371,7 @@ def _read_range(reader: OerReader) -> tuple[int, _Ssps]:
     if kind == 1:
         return psid, _Ssps.ANY
     if kind == 0:
-        _several(reader, OerReader.octets)
+        reader.several(OerReader.octets)
     else:
         reader.octets()
     return psid, _Ssps.SOME
-
-
-def _several(reader: OerReader, read: Callable[[OerReader], ItemT]) -> tuple[ItemT, ...]:
-    count = reader.unsigned()
-    if count > len(reader.data):
-        raise Malformed(f"{count} items in {len(reader.data)} bytes")
-    return tuple(read(reader) for _ in range(count))

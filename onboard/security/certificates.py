@@ -46,6 +46,27 @@ class IssuePermission:
 
 
 @dataclass(frozen=True, slots=True)
+class GroupLinkageValue:
+    """By which all certificates of a group of vehicles can be revoked together."""
+
+    j_value: bytes
+    """Encrypted index, 4 bytes."""
+    value: bytes
+    """9 bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkageData:
+    """By which all certificates of a vehicle can be revoked together (`linkage`)."""
+
+    i_cert: int
+    """Period of the certificate."""
+    linkage_value: bytes
+    """9 bytes."""
+    group: GroupLinkageValue | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Subject:
     """The statements of a certificate about its holder."""
 
@@ -59,6 +80,11 @@ class Subject:
     issue_permissions: tuple[IssuePermission, ...] = ()
     reconstruction_value: bytes | None = None
     """A compressed point, in an implicit certificate only (`ecqv`)."""
+    linkage: LinkageData | None = None
+    craca_id: bytes = bytes(3)
+    """HashedId3 of the authority whose revocation lists may name it; zeros: none."""
+    crl_series: int = 0
+    """Series of these lists."""
 
     @property
     def valid_until_utc_s(self) -> float:

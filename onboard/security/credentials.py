@@ -23,6 +23,8 @@ class Credentials:
     roots: tuple[Certificate, ...]
     authorities: tuple[Certificate, ...]
     """Between roots and pseudonyms."""
+    crls: tuple[bytes, ...] = ()
+    """Signed revocation lists (SecuredCrl)."""
 
 
 @dataclass(frozen=True, slots=True)

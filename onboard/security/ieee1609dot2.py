@@ -70,7 +70,7 @@ def encode_unsecured(payload: bytes) -> bytes:
 def encode_to_be_signed(
     payload: bytes,
     psid: int,
-    generation_time64: int,
+    generation_time64: int | None,
     expiry_time64: int | None = None,
     location: Location | None = None,
 ) -> bytes:
@@ -79,12 +79,15 @@ def encode_to_be_signed(
     Args:
         payload: the message.
         psid: its service.
-        generation_time64: generation time (Time64).
+        generation_time64: generation time (Time64), if any.
         expiry_time64: expiry time (Time64), if any.
         location: generation location, if any.
     """
-    present = _GENERATION
-    header = [oer.unsigned(psid), generation_time64.to_bytes(8, "big")]
+    present = 0
+    header = [oer.unsigned(psid)]
+    if generation_time64 is not None:
+        present |= _GENERATION
+        header.append(generation_time64.to_bytes(8, "big"))
     if expiry_time64 is not None:
         present |= _EXPIRY
         header.append(expiry_time64.to_bytes(8, "big"))

@@ -1,10 +1,11 @@
 """Keys and certificates on disk, in folders that only their owner can open.
 
     CAR/pseudonyms/000.cert, 000.key, ...      AUTHORITY/own.cert, own.key
+    CAR/crls/*.crl
     both: roots/*.cert, authorities/*.cert
 
-Certificates are encoded as in IEEE 1609.2, keys as PKCS #8 PEM. The cars of another
-trial are trusted once its certificates are in `roots` and `authorities`.
+Certificates and revocation lists are encoded as in IEEE 1609.2, keys as PKCS #8 PEM. The cars of
+another trial are trusted once its certificates are in `roots` and `authorities`.
 """
 
 import os
@@ -26,6 +27,7 @@ from onboard.security.certificates import Certificate
 from onboard.security.credentials import Authority, Credential, Credentials
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.rejection import NotTrusted
+from onboard.security.secured_crl import load_crl, trust_store
 from onboard.security.trust import Trusted, TrustStore
 
 _OTHERS = 0o077
@@ -48,6 +50,10 @@ def write_credentials(folder: Path, credentials: Credentials) -> None:
     _new_folder(pseudonyms)
     for i, credential in enumerate(credentials.pseudonyms):
         _write_credential(pseudonyms, f"{i:03}", credential)
+    if credentials.crls:
+        _new_folder(folder / "crls")
+    for i, crl in enumerate(credentials.crls):
+        write_crl(folder / "crls" / f"{i:03}.crl", crl)
 
 
 def read_credentials(folder: Path, psids: Collection[int] = ()) -> Credentials:
@@ -63,10 +69,14 @@ def read_credentials(folder: Path, psids: Collection[int] = ()) -> Credentials:
     names = sorted(path.stem for path in pseudonyms.glob("*.cert"))
     if not names:
         raise KeyFilesError(f"{pseudonyms}: no certificate; make some with `onboard keys car`")
+    crls = sorted((folder / "crls").glob("*.crl"))
     credentials = Credentials(
-        tuple(_read_credential(pseudonyms, name) for name in names), *_read_trusted(folder)
+        tuple(_read_credential(pseudonyms, name) for name in names),
+        *_read_trusted(folder),
+        tuple(_read(crl) for crl in crls),
     )
     files = [pseudonyms / f"{name}.cert" for name in names]
+    _check_crls(credentials, crls)
     checked = trusted(credentials, files)
     for file, own, credential in zip(files, checked, credentials.pseudonyms, strict=True):
         if own.key != credential.key.public_key():
@@ -84,13 +94,40 @@ def trusted(credentials: Credentials, files: Iterable[Path]) -> list[Trusted]:
         KeyFilesError: a chain is not valid; the message names the pseudonym's file of `files`.
     """
     checked = []
+    store: TrustStore | None = None
     for file, own in zip(files, credentials.pseudonyms, strict=True):
         try:
-            store = TrustStore(credentials.roots, credentials.authorities)
+            store = store or trust_store(credentials)
             checked.append(store.receive(own.certificate))
         except NotTrusted as refusal:
             raise KeyFilesError(f"{file}: {refusal}") from refusal
+        store.keep(checked[-1])
+        if store.is_revoked(checked[-1]):
+            raise KeyFilesError(f"{file}: revoked")
     return checked
+
+
+def _check_crls(credentials: Credentials, files: Iterable[Path]) -> None:
+    for file, crl in zip(files, credentials.crls, strict=True):
+        try:
+            load_crl(crl, TrustStore(credentials.roots, credentials.authorities))
+        except NotTrusted as refusal:
+            raise KeyFilesError(f"{file}: {refusal}") from refusal
+
+
+def write_crl(file: Path, crl: bytes) -> None:
+    """Write a signed revocation list. Raises `KeyFilesError` if the file exists."""
+    _write(file, crl)
+
+
+def read_certificates(folder: Path) -> list[Certificate]:
+    """Return the certificates that are issued to a vehicle or to an authority.
+
+    Raises:
+        KeyFilesError: there are none, or they cannot be read.
+    """
+    files = sorted((folder / "pseudonyms").glob("*.cert")) or [folder / "own.cert"]
+    return [_read_certificate(file) for file in files]
 
 
 def write_authority(folder: Path, authority: Authority) -> None:

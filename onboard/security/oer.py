@@ -1,6 +1,9 @@
 """Canonical octet encoding rules (COER, ITU-T X.696): the primitives that IEEE 1609.2 uses."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from typing import TypeVar
+
+ItemT = TypeVar("ItemT")
 
 
 class Malformed(ValueError):  # noqa: N818 (names the state of the bytes)
@@ -109,6 +112,13 @@ class OerReader:
         if tag & 0xC0 != 0x80 or tag == 0xBF:
             raise Malformed(f"tag 0x{tag:02x} is not a context tag of one byte")
         return tag & 0x3F
+
+    def several(self, read: Callable[["OerReader"], ItemT]) -> tuple[ItemT, ...]:
+        """Return a SEQUENCE OF whose items `read` reads."""
+        count = self.unsigned()
+        if count > len(self.data):
+            raise Malformed(f"{count} items in {len(self.data)} bytes")
+        return tuple(read(self) for _ in range(count))
 
     def skip_additions(self) -> None:
         """Skip the extension additions of a SEQUENCE: a bitmap, then open types (X.696, 16.4)."""

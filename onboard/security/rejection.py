@@ -22,6 +22,8 @@ class RejectionReason(StrEnum):
     """The issuer is known, but may not issue this certificate."""
     BAD_CERTIFICATE = "bad_certificate"
     """The named issuer did not sign this explicit certificate, or its key is no key."""
+    REVOKED = "revoked"
+    """A revocation list names the certificate, or one above it."""
     NOT_YET_VALID = "not_yet_valid"
     EXPIRED = "expired"
     """The certificate has expired, or the message's expiry time is over."""

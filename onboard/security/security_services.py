@@ -14,6 +14,7 @@ from onboard.security.its_time import from_time64, to_time64
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.replay_window import ReplayWindow
+from onboard.security.secured_crl import trust_store
 from onboard.security.trust import Trusted, TrustStore
 
 __all__ = ["NotTrusted", "Opened", "RejectionReason", "SecurityServices"]
@@ -58,7 +59,7 @@ class SecurityServices:
             certificate_interval_s: longest time between BSMs that carry the certificate.
 
         Raises:
-            NotTrusted: the chain of an own certificate is not valid.
+            NotTrusted: an authority's certificate or a revocation list is not valid.
         """
         self.utc_offset_s = utc_offset_s
         self._certificate_interval_s = certificate_interval_s
@@ -71,7 +72,7 @@ class SecurityServices:
         if credentials is not None:
             self._own_ids = frozenset(own.certificate.hashed_id8 for own in credentials.pseudonyms)
             self._credential = credentials.pseudonyms[0]
-            self._trust = TrustStore(credentials.roots, credentials.authorities)
+            self._trust = trust_store(credentials)
 
     def sign_with(self, credential: Credential) -> None:
         """Use `credential` from now on; the next message carries its certificate."""
@@ -163,6 +164,7 @@ class SecurityServices:
         generation = self._check_time(message, utc_s)
         signer = self._signer(message, trust)
         self._check_signer(signer, message.psid, from_time64(generation), utc_s)
+        self._check_revocation(signer, trust)
         digest = p256.digest_to_sign(message.to_be_signed, signer.certificate.digest)
         if digest in self._replays:
             raise NotTrusted(RejectionReason.REPLAY)
@@ -170,6 +172,7 @@ class SecurityServices:
             raise NotTrusted(RejectionReason.BAD_SIGNATURE)
         if signer.certificate.is_implicit:
             trust.keep(signer)
+            self._check_revocation(signer, trust)
         self._replays.add(digest, generation, to_time64(utc_s))
         return Opened(message.payload, signer.certificate.hashed_id8, from_time64(generation))
 
@@ -190,19 +193,14 @@ class SecurityServices:
         return generation
 
     def _signer(self, message: SignedData, trust: TrustStore) -> Trusted:
-        if isinstance(message.signer, bytes):
-            if message.signer in self._own_ids:
-                raise NotTrusted(RejectionReason.OWN_ECHO)
-            known = trust.find(message.signer)
-            if known is None:
-                raise NotTrusted(RejectionReason.UNKNOWN_CERTIFICATE, message.signer.hex())
-            return known
-        if message.signer[0].hashed_id8 in self._own_ids:
+        signer = message.signer
+        if (signer if isinstance(signer, bytes) else signer[0].hashed_id8) in self._own_ids:
             raise NotTrusted(RejectionReason.OWN_ECHO)
-        *above, own = reversed(message.signer)
-        for certificate in above:
-            trust.receive(certificate)
-        return trust.receive(own)
+        return trust.signer(signer)
+
+    def _check_revocation(self, signer: Trusted, trust: TrustStore) -> None:
+        if trust.is_revoked(signer):
+            raise NotTrusted(RejectionReason.REVOKED)
 
     def _check_signer(
         self, signer: Trusted, psid: int, generation_utc_s: float, utc_s: float

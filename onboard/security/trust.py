@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 from onboard.security import ecqv, p256
 from onboard.security.certificates import Certificate, Subject
+from onboard.security.crl import CrlContents
 from onboard.security.rejection import NotTrusted, RejectionReason
+from onboard.security.revocation import Revocations
 
 _MAX_RECEIVED = 4096
 """Received certificates that are kept, those used last."""
@@ -49,6 +51,9 @@ class TrustStore:
         """
         self._anchors: dict[bytes, Trusted] = {}
         self._received: OrderedDict[bytes, Trusted] = OrderedDict()
+        self._revocations = Revocations()
+        self._revoked: set[bytes] = set()
+        """HashedId8 of those of the above that are revoked, or below a revoked one."""
         for root in roots:
             if root.issuer_id is not None:
                 raise NotTrusted(
@@ -85,6 +90,35 @@ class TrustStore:
             self.keep(trusted)
         return trusted
 
+    def signer(self, signer: bytes | tuple[Certificate, ...]) -> Trusted:
+        """Return the certificate by which a message names its signer.
+
+        Args:
+            signer: HashedId8, or the certificate and its chain, which are received.
+
+        Raises:
+            NotTrusted: `unknown_certificate`, or as `receive`.
+        """
+        if isinstance(signer, bytes):
+            known = self.find(signer)
+            if known is None:
+                raise NotTrusted(RejectionReason.UNKNOWN_CERTIFICATE, signer.hex())
+            return known
+        *above, own = reversed(signer)
+        for certificate in above:
+            self.receive(certificate)
+        return self.receive(own)
+
+    def revoke(self, contents: CrlContents) -> None:
+        """Revoke what a verified list names."""
+        self._revocations.add(contents)
+        for trusted in (*self._anchors.values(), *self._received.values()):
+            self._mark(trusted)
+
+    def is_revoked(self, trusted: Trusted) -> bool:
+        """Return whether a kept certificate, or one above it, is revoked."""
+        return trusted.certificate.hashed_id8 in self._revoked
+
     def keep(self, trusted: Trusted) -> None:
         """Keep a received certificate, an implicit one after its holder's first valid signature.
 
@@ -93,7 +127,19 @@ class TrustStore:
         """
         self._received[trusted.certificate.hashed_id8] = trusted
         if len(self._received) > _MAX_RECEIVED:
-            self._received.popitem(last=False)
+            forgotten, _ = self._received.popitem(last=False)
+            self._revoked.discard(forgotten)
+        self._mark(trusted)
+
+    def _mark(self, trusted: Trusted) -> None:
+        """Note whether a certificate is revoked: once, since linkage values take long."""
+        chain = (trusted, *trusted.chain())
+        ids = [each.certificate.hashed_id8 for each in chain]
+        if any(
+            self._revocations.is_revoked(each.certificate, ids[height:])
+            for height, each in enumerate(chain)
+        ):
+            self._revoked.add(ids[0])
 
     def _issuer(self, certificate: Certificate) -> Trusted:
         if certificate.issuer_id is None:

@@ -4,6 +4,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,10 +13,10 @@ from mcap.records import McapRecord, Message, Metadata
 from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.lcca.group import WarningGroup
-from onboard.recorder.identities import ALIAS_LENGTH
+from onboard.recorder.identities import ALIAS_LENGTH, Aliases
 from onboard.recorder.reader import RecordedDrive, RecordingError, raw_records
 from onboard.recorder.repair import write_records
-from onboard.replay.drive_header import OF_THE_CORES, initial_state_of
+from onboard.replay.drive_header import OF_THE_CORES, initial_state_of, make_header
 from onboard.replay.replay import compare, play
 from onboard.security.plate_digest import normalised
 from sim_rig.runs.virtual import run_virtual
@@ -47,6 +48,18 @@ def test_the_replay_of_a_signed_drive_needs_no_private_keys(tmp_path: Path) -> N
     assert all(record["signer_id"] for record in received)
     assert recording.header.certificates is not None
     assert compare(recording).difference is None
+
+
+def test_revocation_lists_are_part_of_the_initial_state(tmp_path: Path) -> None:
+    header = RecordedDrive([record_drive(tmp_path, signed=True)]).header
+    initial = initial_state_of(header)
+    assert initial.credentials is not None
+    with_list = replace(initial, credentials=replace(initial.credentials, crls=(b"list",)))
+
+    again = make_header(with_list, Aliases(in_clear=False), is_complete=True).credentials()
+
+    assert again is not None
+    assert again.crls == (b"list",)
 
 
 def test_a_change_of_communication_ids_is_replayed(tmp_path: Path) -> None:

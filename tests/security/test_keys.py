@@ -7,10 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from onboard.errors import UserError
-from onboard.security import key_files
-from onboard.security.security_services import SecurityServices
+from onboard.security import ieee1609dot2, key_files
+from onboard.security.security_services import NotTrusted, SecurityServices
+from onboard.tools.test_ca.authority import make_crl
 from onboard.tools.test_ca.cli import keys
-from tests.security.trial import ALICE, BOB, BSM, LCCA
+from tests.security.trial import ALICE, BOB, BSM, ISSUING, LCCA, UTC_S
 
 
 def _run(*arguments):
@@ -69,6 +70,79 @@ def test_the_key_of_another_authority_is_an_error(folder):
     (folder / "issuing" / "own.key").write_bytes((folder / "root" / "own.key").read_bytes())
     with pytest.raises(UserError, match=r"own\.key: is not the key of own\.cert"):
         key_files.read_authority(folder / "issuing")
+
+
+# ---- revocation ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def crl(folder):
+    """A list that revokes vehicle b."""
+    made = _run("revoke", folder / "b.crl", folder / "b", "--issuer", folder / "issuing")
+    assert made.exit_code == 0, made.output
+    assert made.output.endswith("b.crl: revokes 1 certificates\n")
+    return folder / "b.crl"
+
+
+def _install(crl, car):
+    (car / "crls").mkdir()
+    (car / "crls" / crl.name).write_bytes(crl.read_bytes())
+
+
+def test_a_revoked_vehicle_is_refused_by_those_who_have_the_list(folder, crl):
+    b = SecurityServices(time.time(), key_files.read_credentials(folder / "b"))
+    _install(crl, folder / "a")
+    a = SecurityServices(time.time(), key_files.read_credentials(folder / "a"))
+    with pytest.raises(NotTrusted, match=r"^revoked$"):
+        a.open(b.secure(b"x", BSM, now=0.0), BSM, now=0.0)
+
+
+def test_a_revoked_vehicle_does_not_start_with_the_list(folder, crl):
+    _install(crl, folder / "b")
+    with pytest.raises(UserError, match=r"000\.cert: revoked"):
+        key_files.read_credentials(folder / "b")
+
+
+def test_an_authority_is_revoked_by_its_root(folder):
+    made = _run("revoke", folder / "i.crl", folder / "issuing", "--issuer", folder / "root")
+    assert made.exit_code == 0, made.output
+    _install(folder / "i.crl", folder / "a")
+    with pytest.raises(UserError, match=r"000\.cert: revoked"):
+        key_files.read_credentials(folder / "a")
+
+
+def test_lists_are_written_and_read_back(tmp_path, folder, crl):
+    _install(crl, folder / "a")
+    read = key_files.read_credentials(folder / "a")
+    assert read.crls == (crl.read_bytes(),)
+    key_files.write_credentials(tmp_path / "copy", read)
+    assert key_files.read_credentials(tmp_path / "copy").crls == read.crls
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b"", "malformed"),
+        (ieee1609dot2.encode_unsecured(b"list"), "unsigned"),
+        (make_crl(ISSUING, (), serial=1, issued_utc_s=UTC_S, valid_for_s=60.0), "unknown_cert"),
+    ],
+    ids=["empty", "unsigned", "of another trial"],
+)
+def test_a_list_that_is_not_trusted_is_an_error_that_names_the_file(folder, content, what):
+    (folder / "bad.crl").write_bytes(content)
+    _install(folder / "bad.crl", folder / "a")
+    with pytest.raises(UserError, match=rf"crls/bad\.crl: {what}"):
+        key_files.read_credentials(folder / "a")
+
+
+def test_only_the_issuer_of_a_vehicle_revokes_it(folder):
+    result = _run("revoke", folder / "x.crl", folder / "b", "--issuer", folder / "root")
+    assert isinstance(result.exception, UserError)
+    assert "was not issued by" in str(result.exception)
+    assert not (folder / "x.crl").exists()
+
+
+# ---- files --------------------------------------------------------------------------------------
 
 
 def test_show_lists_every_certificate_and_no_key(folder):

@@ -1,15 +1,15 @@
 """Issues certificates for tests, rigs and prototypes: a root, issuing authorities, pseudonyms.
 
-A root issues authorities only, and an authority only pseudonyms, which have no name. There is no
-revocation: certificates are meant to be short-lived.
+A root issues authorities only, and an authority only pseudonyms, which have no name. Each signs
+the revocation lists of what it issued.
 """
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from typing import TypedDict
 
-from onboard.psid import MAP, SPAT
-from onboard.security import ecqv, p256
+from onboard.psid import CRL, MAP, SPAT
+from onboard.security import ecqv, ieee1609dot2, p256
 from onboard.security.certificate_codec import (
     decode_certificate,
     encode_certificate,
@@ -18,8 +18,13 @@ from onboard.security.certificate_codec import (
 )
 from onboard.security.certificates import Certificate, IssuePermission, Permission, Subject
 from onboard.security.credentials import Authority, Credential, Credentials
+from onboard.security.crl import CrlContents, CrlSsp, HashIdCrl
+from onboard.security.crl_codec import encode_crl, encode_ssp
 
 DAY_S = 86_400.0
+_SERIES = 1
+_CRACA = Permission(CRL, encode_ssp(CrlSsp(is_craca=True, series=frozenset({_SERIES}))))
+"""The permission to sign the revocation lists of the certificates below."""
 
 NewKey = Callable[[], p256.PrivateKey]
 
@@ -49,14 +54,13 @@ def make_root(
         new_key: creates the private key.
     """
     key = new_key()
-    grant = IssuePermission(frozenset(psids), min_chain_length=2)
-    certificate = _signed(
-        Subject(
-            name, valid_from_utc_s, valid_for_s, p256.compressed(key.public_key()), (), (grant,)
-        ),
-        key,
-        None,
+    grants = (
+        IssuePermission(frozenset(psids), min_chain_length=2),
+        IssuePermission(frozenset(), any_ssp=frozenset({CRL})),
     )
+    public_key = p256.compressed(key.public_key())
+    subject = Subject(name, valid_from_utc_s, valid_for_s, public_key, (_CRACA,), grants)
+    certificate = _signed(subject, key, None)
     return Authority(Credential(certificate, key), roots=(certificate,), authorities=())
 
 
@@ -86,7 +90,7 @@ def make_issuing(
         valid_from_utc_s,
         valid_for_s,
         p256.compressed(key.public_key()),
-        (),
+        (_CRACA,),
         (IssuePermission(psids),),
     )
     certificate = _signed(subject, root.credential.key, root.credential.certificate)
@@ -167,8 +171,45 @@ def make_trial(
     }
 
 
+def make_crl(
+    authority: Authority,
+    certificates: Iterable[Certificate],
+    *,
+    serial: int,
+    issued_utc_s: float,
+    valid_for_s: float,
+) -> bytes:
+    """Return a signed list (SecuredCrl) that revokes certificates that `authority` issued.
+
+    Args:
+        authority: their issuer.
+        certificates: all that are revoked, those of earlier lists included.
+        serial: number of the list, one more than that of the last.
+        issued_utc_s: now.
+        valid_for_s: time until the next list.
+    """
+    own = authority.credential
+    ends = {each.digest[-10:]: each.subject.valid_until_utc_s for each in certificates}
+    contents = CrlContents(
+        _SERIES,
+        own.certificate.hashed_id8,
+        issued_utc_s,
+        issued_utc_s + valid_for_s,
+        HashIdCrl(serial, ends),
+    )
+    to_be_signed = ieee1609dot2.encode_to_be_signed(encode_crl(contents), CRL, None)
+    digest = p256.digest_to_sign(to_be_signed, own.certificate.digest)
+    signature = p256.sign(own.key, digest)
+    return ieee1609dot2.encode_signed(to_be_signed, own.certificate.hashed_id8, signature)
+
+
+def _revocable(subject: Subject, issuer: Certificate) -> Subject:
+    """Return a subject that the lists of its issuer may name."""
+    return replace(subject, craca_id=issuer.digest[-3:], crl_series=_SERIES)
+
+
 def _signed(subject: Subject, key: p256.PrivateKey, issuer: Certificate | None) -> Certificate:
-    to_be_signed = encode_to_be_signed(subject)
+    to_be_signed = encode_to_be_signed(subject if issuer is None else _revocable(subject, issuer))
     signer = p256.SELF_SIGNED if issuer is None else issuer.digest
     signature = p256.sign(key, p256.digest_to_sign(to_be_signed, signer))
     issuer_id = None if issuer is None else issuer.hashed_id8
@@ -185,11 +226,11 @@ def _implicit(
 
     Here one program is both issuer and holder (SEC 4, 3.3 to 3.6).
     """
+    certificate = issuer.certificate
     value = ecqv.reconstruction_point(request.public_key(), ephemeral)
     to_be_signed = encode_to_be_signed(
-        replace(subject, public_key=None, reconstruction_value=value)
+        replace(_revocable(subject, certificate), public_key=None, reconstruction_value=value)
     )
-    certificate = issuer.certificate
     e = ecqv.scalar(p256.digest_to_sign(to_be_signed, certificate.digest))
     r = ecqv.private_reconstruction(e, ephemeral, issuer.key)
     return Credential(

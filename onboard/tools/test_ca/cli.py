@@ -102,6 +102,39 @@ def car(
 
 
 @keys.command()
+def revoke(
+    file: Annotated[Path, typer.Argument(help="The revocation list to create.")],
+    folders: Annotated[
+        list[Path],
+        typer.Argument(help="Vehicles, or authorities of a root: all that are revoked so far."),
+    ],
+    *,
+    issuer: Annotated[Path, typer.Option(help="The folder of the authority that issued them.")],
+    serial: Annotated[
+        int, typer.Option(min=0, max=0xFFFF_FFFF, help="One more than that of the last list.")
+    ] = 1,
+    days: Days = 30,
+) -> None:
+    """Make a revocation list. Vehicles that have it in `crls` refuse what it names."""
+    issuing = key_files.read_authority(issuer)
+    own_id = issuing.credential.certificate.hashed_id8
+    certificates = []
+    for folder in folders:
+        certificates += key_files.read_certificates(folder)
+        if any(certificate.issuer_id != own_id for certificate in certificates):
+            raise key_files.KeyFilesError(f"{folder}: was not issued by {issuer}")
+    crl = authority.make_crl(
+        issuing,
+        certificates,
+        serial=serial,
+        issued_utc_s=time.time(),
+        valid_for_s=days * authority.DAY_S,
+    )
+    key_files.write_crl(file, crl)
+    typer.echo(f"{file}: revokes {len(certificates)} certificates")
+
+
+@keys.command()
 def show(folder: Annotated[Path, typer.Argument(help="The folder of a vehicle.")]) -> None:
     """Check the folder of a vehicle and list its certificates."""
     credentials = key_files.read_credentials(folder)
