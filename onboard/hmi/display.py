@@ -46,6 +46,9 @@ _URGENT = frozenset({
     "transition",
 })  # fmt: skip
 """Kinds of events that are shown at once."""
+_AlarmKey = tuple[Cause, str]
+"""Cause, and name of the vehicle."""
+_LCCA: _AlarmKey = Cause.LCCA, ""
 _SAME_VEHICLE_M = 5.0
 """Largest distance along the lane at which a vehicle on the map is the lead vehicle."""
 _HALF_LANE_M = 1.9
@@ -89,8 +92,8 @@ class Display:
         self._objects: Sequence[PerceivedObject] = ()
         self._inquired: Inquired | None = None
         self._warning: WarningRaised | None = None
-        self._alarms: dict[Cause, AlarmView] = {}
-        self._in_alarm: dict[Cause, frozenset[str]] = {}
+        self._alarms: dict[_AlarmKey, AlarmView] = {}
+        self._in_alarm: dict[_AlarmKey, frozenset[str]] = {}
         """Names of the objects that each alarm is about."""
         self._recorder_failure: str | None = None
         self._show_at = -math.inf
@@ -165,32 +168,33 @@ class Display:
         )
 
     def _receive_alarm(self, alarm: Alarm) -> None:
+        key = alarm.cause, alarm.vehicle
         if alarm.level is Level.NONE:
-            self._alarms.pop(alarm.cause, None)
-            self._in_alarm.pop(alarm.cause, None)
+            self._alarms.pop(key, None)
+            self._in_alarm.pop(key, None)
             return
-        self._in_alarm[alarm.cause] = frozenset(reason.name for reason in alarm.reasons)
+        self._in_alarm[key] = frozenset(reason.name for reason in alarm.reasons)
         vehicles_ahead, is_test = None, False
         if alarm.cause is Cause.LCCA and self._warning is not None:
             vehicles_ahead = self._warning.group_number - self._warning.origin_number
             is_test = self._warning.cause is BrakeCause.TEST
-        self._alarms[alarm.cause] = AlarmView(
+        self._alarms[key] = AlarmView(
             alarm.cause, alarm.level, self._direction(alarm), vehicles_ahead, alarm.stamp_s, is_test
         )
 
     def _receive_warning(self, warning: WarningRaised | WarningLevel) -> None:
         """Store it; show a test that has become a real braking as a new alarm."""
-        alarm, is_test = self._alarms.get(Cause.LCCA), warning.cause is BrakeCause.TEST
+        alarm, is_test = self._alarms.get(_LCCA), warning.cause is BrakeCause.TEST
         if isinstance(warning, WarningRaised):
             self._warning = warning
         elif alarm is not None and alarm.is_test != is_test:
-            self._alarms[Cause.LCCA] = replace(alarm, is_test=is_test, raised_at_s=warning.stamp_s)
+            self._alarms[_LCCA] = replace(alarm, is_test=is_test, raised_at_s=warning.stamp_s)
 
     def _direction(self, alarm: Alarm) -> Direction:
         """Return the side of the crossing vehicle; all other alarms are about vehicles ahead."""
         if alarm.cause is not Cause.IMA:
             return Direction.AHEAD
-        names = self._in_alarm[alarm.cause]
+        names = self._in_alarm[alarm.cause, alarm.vehicle]
         for each in self._objects:
             right_m = self._map.right_m(each) if each.name in names else None
             if right_m is not None:

@@ -48,7 +48,9 @@ class Metrics:
         )
         self._alarms = counter("onboard_alarms", "Alarms raised to this level.", ["cause", "level"])
         self._alarm_level = gauge(
-            "onboard_alarm_level", "Level of the alarm: 0 none, 1 caution, 2 warning.", ["cause"]
+            "onboard_alarm_level",
+            "Level of the most urgent alarm: 0 none, 1 caution, 2 warning.",
+            ["cause"],
         )
         self._sensor_up = gauge(
             "onboard_sensor_up", "1 while the sensor works, 0 while it is lost.", ["sensor"]
@@ -79,6 +81,8 @@ class Metrics:
             self._sensor_up.labels(sensor.value).set(1)
         for cause in Cause:
             self._alarm_level.labels(cause.value).set(0)
+        self._present_alarms: dict[tuple[Cause, str], Level] = {}
+        """By cause and vehicle."""
         for value in (self._gap, self._speed, self._recording):
             value.set(float("nan"))
         self._group_number.set(1)
@@ -95,7 +99,7 @@ class Metrics:
             case MessageReceived():
                 self._messages_received.labels(event.message).inc()
             case Alarm():
-                self._alarm_level.labels(event.cause.value).set(event.level.rank)
+                self._set_alarm_level(event)
                 if event.level is not Level.NONE:
                     self._alarms.labels(event.cause.value, event.level.value).inc()
             case SensorRecovered():
@@ -133,6 +137,16 @@ class Metrics:
     def exposition(self) -> tuple[bytes, str]:
         """Return all metrics as text, and its content type."""
         return generate_latest(self._registry), CONTENT_TYPE_LATEST
+
+    def _set_alarm_level(self, alarm: Alarm) -> None:
+        """Set the level of the cause to that of its most urgent alarm."""
+        self._present_alarms[alarm.cause, alarm.vehicle] = alarm.level
+        if alarm.level is Level.NONE:
+            del self._present_alarms[alarm.cause, alarm.vehicle]
+        ranks = (
+            level.rank for (cause, _), level in self._present_alarms.items() if cause is alarm.cause
+        )
+        self._alarm_level.labels(alarm.cause.value).set(max(ranks, default=0))
 
     def _clear(self, sensor: Sensor) -> None:
         """Drop the last value of a lost sensor, which is not the present one."""

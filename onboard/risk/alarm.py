@@ -11,7 +11,7 @@ RELEASE_S = 1.0
 
 
 class Cause(StrEnum):
-    """Cause of an alarm; each has at most one alarm at a time."""
+    """Cause of an alarm."""
 
     LCCA = "lcca"
     """A member ahead in the warning group brakes hard (LCCA)."""
@@ -59,11 +59,13 @@ class Assessment:
     value: float
     """Required deceleration in m/s^2, or P_C."""
     reasons: tuple[AlarmReason, ...]
+    vehicle: str = ""
+    """Name of the vehicle that it is about; empty for a cause with one alarm at a time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """Change of one cause's level; `NONE` ends the alarm."""
+    """Change of the level of one cause, or of one vehicle; `NONE` ends the alarm."""
 
     kind: ClassVar[str] = "alarm"
     stamp_s: float
@@ -73,6 +75,8 @@ class Alarm:
     """Required deceleration in m/s^2 (for IMA, P_C from 0 to 1) when the level changed."""
     reasons: tuple[AlarmReason, ...]
     """Observations that raised it; empty when it ends."""
+    vehicle: str = ""
+    """Name of the vehicle that it is about; empty for a cause with one alarm at a time."""
 
 
 NOTHING = Assessment(Level.NONE, 0.0, ())

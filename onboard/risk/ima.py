@@ -6,7 +6,7 @@ import numpy as np
 
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import Speed
-from onboard.risk.alarm import NOTHING, Assessment, Level, object_reason
+from onboard.risk.alarm import Assessment, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.expected_stop import RedLight, is_expected_to_stop
 from onboard.risk.host_braking import HostBraking
@@ -70,8 +70,8 @@ class IntersectionMovementAssist:
         data: BsmDataStore,
         now: float,
         red_light_m: RedLight,
-    ) -> tuple[Assessment, list[tuple[str, CovarianceError]]]:
-        """Assess objects that were given to `follow`; the one with the highest P_C counts.
+    ) -> tuple[list[Assessment], list[tuple[str, CovarianceError]]]:
+        """Assess objects that were given to `follow`.
 
         Args:
             own: the host vehicle.
@@ -82,12 +82,13 @@ class IntersectionMovementAssist:
                 nobody's path.
 
         Returns:
-            the assessment, and names of objects whose covariance is invalid, with the error.
+            an assessment of each that may be met, and names of objects whose covariance is
+            invalid, with the error.
         """
         found: list[tuple[PerceivedObject, PathCrossing]] = []
         invalid: list[tuple[str, CovarianceError]] = []
         if is_expected_to_stop(own, self._own_size_m[0], red_light_m, self._reaction_s):
-            return NOTHING, invalid
+            return [], invalid
         for each in others:
             if each.age_s > MAX_AGE_S:
                 continue
@@ -101,7 +102,7 @@ class IntersectionMovementAssist:
             if not is_expected_to_stop(each, data.size_m(each.name)[0], red_light_m):
                 found.append((each, crossing))
         if not found:
-            return NOTHING, invalid
+            return [], invalid
         p_c = mean_collision_probabilities(
             [crossing for _, crossing in found],
             [
@@ -113,15 +114,13 @@ class IntersectionMovementAssist:
         assessed = [
             self._assessment(each, float(p), own) for (each, _), p in zip(found, p_c, strict=True)
         ]
-        worst = max(assessed, key=lambda each: (each.level.rank, each.value), default=NOTHING)
-        return worst, invalid
+        return assessed, invalid
 
     def _assessment(self, other: PerceivedObject, p_c: float, own: PerceivedObject) -> Assessment:
-        if p_c >= self._settings.warning_p_c:
-            return Assessment(Level.WARNING, p_c, (object_reason(other, own),))
+        level = Level.NONE
         if p_c >= self._settings.caution_p_c:
-            return Assessment(Level.CAUTION, p_c, (object_reason(other, own),))
-        return Assessment(Level.NONE, p_c, ())
+            level = Level.WARNING if p_c >= self._settings.warning_p_c else Level.CAUTION
+        return Assessment(level, p_c, (object_reason(other, own),), other.name)
 
     def _driven(
         self, each: PerceivedObject, size_m: tuple[float, float], known_m_s2: float | None

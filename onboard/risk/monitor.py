@@ -1,7 +1,8 @@
-"""The risk monitor: runs FCW, EEBL, IMA and LCCA warnings, each with its own alarm.
+"""The risk monitor: runs FCW, EEBL, IMA and LCCA warnings, each with its own alarms.
 
-IMA, EEBL and FCW of perceived objects need the position of the host vehicle; FCW of the camera's
-lead vehicle and LCCA warnings do not.
+IMA has an alarm for each vehicle, the others have one at a time. IMA, EEBL and FCW of perceived
+objects need the position of the host vehicle; FCW of the camera's lead vehicle and LCCA warnings do
+not.
 """
 
 import math
@@ -34,6 +35,7 @@ from onboard.risk.fcw import ForwardCollisionWarning
 from onboard.risk.ima import IntersectionMovementAssist
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
+from onboard.risk.vehicle_alarms import VehicleAlarms
 
 SPEED_TIMEOUT_S = 1.0
 """Time for which a sample of the host vehicle's speed is valid."""
@@ -61,7 +63,10 @@ class RiskMonitor(Core):
         self._path = PathAhead()
         self._warnings: dict[tuple[CarId, int], WarningRaised] = {}
         """Of brakings that are not over, by vehicle and sequence number."""
-        self._alarms = {cause: Hysteresis(cause, RELEASE_S) for cause in Cause}
+        self._alarms: dict[Cause, Hysteresis] = {
+            cause: Hysteresis(cause, RELEASE_S) for cause in Cause if cause is not Cause.IMA
+        }
+        self._ima_alarms = VehicleAlarms(Cause.IMA)
         self._events: deque[Alarm | Discarded] = deque(maxlen=1024)
 
     def receive_speed(self, speed: Speed) -> None:
@@ -129,7 +134,7 @@ class RiskMonitor(Core):
         self._ima.follow([*others, own] if own is not None else [], now)
         if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:
             self._judge(Cause.EEBL, NOTHING, now)
-            self._judge(Cause.IMA, NOTHING, now)
+            self._events.extend(self._ima_alarms.receive((), now))
         else:
             eebl = assess_eebl(
                 own,
@@ -145,7 +150,7 @@ class RiskMonitor(Core):
             self._events.extend(
                 Discarded(now, "risk", "covariance", f"{name}: {error}") for name, error in invalid
             )
-            self._judge(Cause.IMA, ima, now)
+            self._events.extend(self._ima_alarms.receive(ima, now))
 
     @override
     def next_event(self) -> Alarm | Discarded | None:

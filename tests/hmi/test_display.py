@@ -1,5 +1,6 @@
 """Views of the driver's page from events of the stack, without clock and browser."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -321,6 +322,26 @@ def test_the_object_of_an_alarm_is_marked_until_the_alarm_ends() -> None:
 
     assert marked == [ObjectSource.SHARED]
     assert not any(each.in_alarm for each in shown(page, 11.0).vehicles)
+
+
+def test_two_vehicles_from_two_sides_are_two_alarms_the_later_first() -> None:
+    page = display()
+    page.receive_surroundings(
+        perceived(0.0, 0.0, ObjectSource.HOST, name="host"),
+        [
+            perceived(-30.0, 5.0, ObjectSource.BSM, name="8"),
+            perceived(30.0, 40.0, ObjectSource.BSM),
+        ],
+    )
+    for stamp_s, name in ((10.0, "7"), (10.5, "8")):
+        raised = alarm(stamp_s, Cause.IMA, Level.WARNING, name)
+        page.receive_event(replace(raised, vehicle=name))
+    both = shown(page, 11.0)
+    page.receive_event(Alarm(11.5, Cause.IMA, Level.NONE, 0.0, (), "7"))
+
+    assert [each.direction for each in both.alarms] == [Direction.LEFT, Direction.RIGHT]
+    assert sum(each.in_alarm for each in both.vehicles) == 2
+    assert [each.direction for each in shown(page, 12.0).alarms] == [Direction.LEFT]
 
 
 def test_an_ima_alarm_without_its_object_points_ahead() -> None:

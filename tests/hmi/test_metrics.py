@@ -90,6 +90,16 @@ def test_gauges_follow_the_end_of_an_alarm_and_a_recovery() -> None:
     assert counted["onboard_sensor_up sensor=camera"] == 1
 
 
+def test_the_level_of_a_cause_is_that_of_its_most_urgent_vehicle() -> None:
+    metrics = Metrics(frozenset())
+    metrics.receive_event(Alarm(1.0, Cause.IMA, Level.WARNING, 0.6, (), "7"))
+    metrics.receive_event(Alarm(1.0, Cause.IMA, Level.CAUTION, 0.4, (), "8"))
+    both = read(metrics)["onboard_alarm_level cause=ima"]
+    metrics.receive_event(Alarm(2.0, Cause.IMA, Level.NONE, 0.0, (), "7"))
+
+    assert (both, read(metrics)["onboard_alarm_level cause=ima"]) == (2, 1)
+
+
 def test_two_vehicles_in_one_process_have_separate_metrics() -> None:
     one, other = Metrics(frozenset()), Metrics(frozenset())
     one.count_refusal("wrong_token")

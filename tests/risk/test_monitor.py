@@ -16,6 +16,7 @@ from onboard.observations import BrakeCause, Discarded, Lead, LeadIdentity, Posi
 from onboard.risk.alarm import RELEASE_S, Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
+from onboard.risk.vehicle_alarms import MOST_VEHICLES
 from onboard.trace.trace_line import as_line
 from onboard.tracking.evidence import MeasurementId
 from onboard.units import KM_H
@@ -254,14 +255,32 @@ def test_an_invalid_covariance_is_reported_and_raises_nothing() -> None:
     assert of.next_event() is None
 
 
-def test_a_hundred_cars_are_one_alarm_of_the_worst() -> None:
+def test_of_a_hundred_cars_the_worst_raise_alarms_the_most_urgent_first() -> None:
     of = monitor()
     cars = [known((0.0, -14.0 - k, 0.0, 14.0), 0.0, name=f"{k:08x}") for k in range(100)]
 
     of.assess(own((-14.0, 0.0, 14.0, 0.0), 0.0), cars, 0.0)
 
-    (alarm,) = alarms(of)
-    assert alarm.reasons[0].name == "00000000"
+    seen = alarms(of)
+    assert [alarm.vehicle for alarm in seen] == [f"{k:08x}" for k in range(MOST_VEHICLES)]
+    assert all(alarm.reasons[0].name == alarm.vehicle for alarm in seen)
+
+
+def test_a_second_threat_is_not_hidden_behind_the_first() -> None:
+    """The first, from the right, brakes at the last moment; the second comes from the left."""
+    of, mine = monitor(), east(14.0, 60.0)
+    for k in range(42):
+        now = k / 10
+        braked_s = max(now - 2.4, 0.0)
+        first = (0.0, 14.0 * now - 60.0 - 4.0 * braked_s**2, 0.0, max(14.0 - 8.0 * braked_s, 0.0))
+        second = (2.0, 62.0 - 14.0 * now, 0.0, -14.0)
+        of.assess(own(mine(now), now), [known(first, now), known(second, now, name="ff")], now)
+
+    seen = alarms(of)
+    warned = [alarm for alarm in seen if alarm.level is Level.WARNING]
+    assert {alarm.vehicle for alarm in warned} == {OTHER_ID.hex(), "ff"}
+    (ended,) = (alarm for alarm in seen if alarm.level is Level.NONE)
+    assert ended.vehicle == OTHER_ID.hex()
 
 
 @pytest.mark.parametrize(

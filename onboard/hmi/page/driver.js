@@ -134,10 +134,18 @@ function showAlarms(alarms) {
     $("alarm-sign").setAttribute("href", `#sign-${words.sign}`);
     $("alarm-headline").textContent = words.headline;
     $("alarm-sentence").textContent = words.sentence;
-    $("alarm-also").textContent = alarms.slice(1).map((alarm) => alarmTexts(alarm).sentence).join(" · ");
+    $("alarm-also").textContent = counted(alarms.slice(1).map((alarm) => alarmTexts(alarm).sentence)).join(" · ");
     if (isNew && voiceIsOn()) speak(`${words.headline} ${words.sentence}`, TEXTS.language);
   }
   sounds.hold(first?.level ?? "none", isNew);
+}
+
+// Each sentence once, with its number where it comes more often.
+function counted(sentences) {
+  return [...new Set(sentences)].map((sentence) => {
+    const count = sentences.filter((each) => each === sentence).length;
+    return count === 1 ? sentence : fill(TEXTS.several, { sentence, count });
+  });
 }
 
 function alarmTexts({ cause, level, direction, vehicles_ahead, is_test }) {

@@ -88,6 +88,7 @@ export const TEXTS = {
   lccaSecond: "Hard braking, {count} cars ahead",
   fcw: "You are closing in on the car ahead",
   eebl: "A car ahead brakes hard",
+  several: "{sentence} ({count})",
   ima: { left: "Car from the left", right: "Car from the right", ahead: "Car crossing" },
 
   soundOff: "Sound is off: tap",

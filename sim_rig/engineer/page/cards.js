@@ -80,7 +80,7 @@ export class Card {
 
   #alarms(at_s) {
     const current = new Map();
-    for (const alarm of this.store.between(this.car, "alarm", -Infinity, at_s)) current.set(alarm.cause, alarm);
+    for (const alarm of this.store.between(this.car, "alarm", -Infinity, at_s)) current.set(`${alarm.cause} ${alarm.vehicle}`, alarm);
     return [...current.values()].filter((alarm) => alarm.level !== "none")
       .map((alarm) => html("span", { class: alarm.level }, alarm.cause.replace("_", " ")));
   }
