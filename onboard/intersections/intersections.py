@@ -181,5 +181,5 @@ def _as_event(signal: ApproachedSignal | None, now: float) -> SignalAhead:
         signal.lane_id,
         round(signal.distance_m, 1),
         tuple(each.state.name.lower() for each in phases),
-        round(min(ends_s), 1) if len(ends_s) == len(phases) > 0 else None,
+        round(float(min(ends_s)), 1) if len(ends_s) == len(phases) > 0 else None,
     )

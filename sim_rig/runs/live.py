@@ -37,7 +37,7 @@ from sim_rig.processes.wrong_clock import START_FILE
 from sim_rig.radio.air import Air
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.iwcu import RadioUnits
-from sim_rig.radio.models import open_air
+from sim_rig.road_side.road_side_unit import open_channel, road_side_units
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.roads.road import CarState
 from sim_rig.run_log.rig_recorder import RigRecorder
@@ -201,7 +201,10 @@ class LiveTestbench:
         self._keys.mkdir(mode=0o700)
         psids = {psid.BSM, psid.LCCA}
         self._trial = make_trial(
-            [*self._scenario.equipped, *background_names(self._scenario)], psids, self._start_utc_s
+            [*self._scenario.equipped, *background_names(self._scenario)],
+            psids,
+            self._start_utc_s,
+            road_side_units=road_side_units(self._scenario),
         )
         for car in self._scenario.equipped:
             write_credentials(self._keys / car, self._trial[car])
@@ -283,11 +286,14 @@ class LiveTestbench:
 
     def _air(self) -> Air:
         utc_offset_s = time.time() - time.monotonic()
-        air = open_air(
-            self._scenario.radio,
+        air = open_channel(
+            self._scenario,
             lambda now: self._road.cars_at(self._at_s(now)),
-            self._scenario.equipped,
+            self._at_s,
             np.random.default_rng(self._seed),
+            now=time.monotonic(),
+            utc_s=time.time(),
+            credentials=self._trial,
         )
         return BackgroundTraffic(
             FaultyAir(air, self._scenario, self._at_s, utc_offset_s, self._trial),

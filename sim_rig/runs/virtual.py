@@ -22,7 +22,7 @@ from onboard.step import SentWsm
 from onboard.tools.test_ca.authority import make_trial
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.radio.faulty_air import FaultyAir
-from sim_rig.radio.models import open_air
+from sim_rig.road_side.road_side_unit import open_channel, road_side_units
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.run_log.run_log import RunLog
@@ -84,10 +84,19 @@ class _VirtualRun:
             new_key = key_from(np.random.default_rng(keys_seed))
             psids = {psid.BSM, psid.LCCA}
             cars = [*scenario.equipped, *background_names(scenario)]
-            credentials = make_trial(cars, psids, START_UTC_S, new_key)
+            units = road_side_units(scenario)
+            credentials = make_trial(cars, psids, START_UTC_S, new_key, road_side_units=units)
         air_rng = np.random.default_rng(air_seed)
         air = FaultyAir(
-            open_air(scenario.radio, road.cars_at, scenario.equipped, air_rng),
+            open_channel(
+                scenario,
+                road.cars_at,
+                lambda now: now,
+                air_rng,
+                now=0.0,
+                utc_s=START_UTC_S,
+                credentials=credentials,
+            ),
             scenario,
             lambda now: now,
             START_UTC_S,

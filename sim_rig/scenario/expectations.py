@@ -17,6 +17,7 @@ from sim_rig.scenario.expected_alarms import (
     NoAlarmExpected,
     NotPerceivedExpected,
     PerceivedExpected,
+    SignalExpected,
 )
 from sim_rig.scenario.field_types import CarName, Seconds
 
@@ -243,6 +244,7 @@ Expectation = Annotated[
     | DeliveredExpected
     | AlarmExpected
     | NoAlarmExpected
+    | SignalExpected
     | PerceivedExpected
     | NotPerceivedExpected,
     Field(discriminator="what"),

@@ -111,6 +111,26 @@ class NoAlarmExpected(Expected):
                     )
 
 
+class SignalExpected(Expected):
+    """A car knows what the signal ahead shows, by its road-side unit."""
+
+    what: Literal["signal_ahead"]
+    car: CarName
+    state: str
+    """As in J2735: `stop_and_remain`, `protected_movement_allowed`, ..."""
+    by_s: Seconds
+
+    @override
+    def cars_used(self) -> Iterator[str]:
+        yield self.car
+
+    @override
+    def check(self, log: RunLog) -> Iterator[str]:
+        shown = [each["states"] for each in log.of(self.car, "signal_ahead", 0.0, self.by_s)]
+        if [self.state] not in shown:
+            yield f"{self.car} knows no signal of {self.state} until {self.by_s:g} s, but {shown}"
+
+
 class PerceptionExpected(Expected):
     """Perceived objects of one car that are another car, in an interval."""
 

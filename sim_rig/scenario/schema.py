@@ -24,6 +24,7 @@ from sim_rig.scenario.sensor_settings import (
     ReceiverSettings,
     VehicleCameraSettings,
 )
+from sim_rig.scenario.signal_settings import Metres, SignalSettings
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 """The scenarios that come with the rig."""
@@ -62,9 +63,6 @@ LaneCourse = Annotated[
 ]
 """Lane at breakpoints, 1 the rightmost; the lateral position is linear in between."""
 Sentence = Annotated[str, StringConstraints(pattern=r"^[A-Z].{10,}[.]$")]
-
-
-Metres = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
 
 
 class RoadSettings(Settings):
@@ -136,6 +134,8 @@ class Scenario(Settings):
     """Default: one road that leads east."""
     lane_width_m: float = Field(default=3.5, gt=2.0, le=6.0)
     radio: AirSettings
+    signal: SignalSettings | None = None
+    """Signals of a crossing, whose road-side unit sends MAP and SPAT messages."""
     lens: LensSettings = LensSettings()
     ecu: EcuSettings = EcuSettings()
     gnss: ReceiverSettings | None = None
@@ -204,6 +204,12 @@ def _mistakes(scenario: Scenario) -> Iterator[str]:
         for name in untraced:
             if name in scenario.cars:
                 yield f"expect.{index}: {name!r} is not equipped and has no trace"
+    approaches = scenario.signal.approaches if scenario.signal is not None else {}
+    for road in approaches:
+        if road not in scenario.roads:
+            yield f"signal.approaches.{road}: no such road; roads: {', '.join(scenario.roads)}"
+    if approaches and isinstance(scenario.radio, ReachSettings) and scenario.radio.reach_m is None:
+        yield "radio.neighbours: the road-side unit of signal needs reach_m instead"
     for index, fault in enumerate(scenario.faults):
         if fault.until_s <= fault.from_s:
             yield f"faults.{index}.until_s: must be after from_s (given {fault.until_s:g})"

@@ -51,6 +51,16 @@ def test_a_constant_stands_for_one_breakpoint(tmp_path: Path) -> None:
         ("state: member", "state: boss", "state: Input should be 'regular', 'leader' or 'member'"),
         ("tag_id: 7", "plate: AB123CD", "cars.red: has the identity of green (given 'AB123CD')"),
         ("tag_id: 7", "tag_id: 7, plate: X1", "cars.red: exactly one of plate and tag_id"),
+        (
+            "expect:",
+            "signal: {approaches: {lane: {stop_line_m: 9, green_s: [0, 20]}}}\nexpect:",
+            "signal.approaches.lane: no such road; roads: road",
+        ),
+        (
+            "expect:",
+            "signal: {approaches: {road: {stop_line_m: 9, green_s: [0, 58]}}}\nexpect:",
+            "signal: green of road must begin before it ends, and leave 3 s of yellow in the cycle",
+        ),
         ("tag_id: 7,", "tag_id: 7, equipped: false,", "expect.0: 'red' is not equipped"),
         (
             "expect:",

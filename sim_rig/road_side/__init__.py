@@ -1,0 +1,1 @@
+"""The road side: a signal controller, and the road-side unit that sends MAP and SPAT messages."""
