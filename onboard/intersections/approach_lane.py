@@ -1,9 +1,9 @@
 """Lanes that lead to a stop line, from a MAP message, in metres around its reference point."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.fields import Chosen
@@ -22,16 +22,43 @@ Point = tuple[float, float]
 """East and north of the reference point, in m."""
 
 
-@dataclass(frozen=True, slots=True)
+class _Segment(NamedTuple):
+    """Straight part of a lane, up to the point `near` the stop line."""
+
+    near_east_m: float
+    near_north_m: float
+    along_east: float
+    along_north: float
+    """Direction of travel, as a vector of length 1."""
+    length_m: float
+    before_m: float
+    """From `near` to the stop line along the lane."""
+
+
 class ApproachLane:
     """A lane for vehicles that ends at a stop line."""
 
-    lane_id: int
-    signal_groups: frozenset[int]
-    """Signals of its connections; a vehicle may take any of these ways."""
-    points_m: tuple[Point, ...]
-    """Centre line; the first point is the stop line."""
-    width_m: float
+    def __init__(
+        self,
+        lane_id: int,
+        signal_groups: frozenset[int],
+        points_m: Sequence[Point],
+        width_m: float,
+    ) -> None:
+        """Take the lane.
+
+        Args:
+            lane_id: its number.
+            signal_groups: signals of its connections; a vehicle may take any of these ways.
+            points_m: centre line, at least two points, no two in a row equal; the first one is the
+                stop line.
+            width_m: its width.
+        """
+        self.lane_id = lane_id
+        self.signal_groups = signal_groups
+        self.points_m = tuple(points_m)
+        self.width_m = width_m
+        self._segments = tuple(_segments(self.points_m))
 
     def place(self, position_m: Point, course: Point) -> tuple[float, float] | None:
         """Return where a vehicle is on the lane.
@@ -44,20 +71,30 @@ class ApproachLane:
             distance to the stop line along the lane, and distance from the centre line, both in m;
             `None` where no part of the lane before the stop line leads the vehicle's way.
         """
-        found, before_m = None, 0.0
-        last = len(self.points_m) - 2
-        for number, (near, far) in enumerate(pairwise(self.points_m)):
-            east_m, north_m = near[0] - far[0], near[1] - far[1]
-            length_m = math.hypot(east_m, north_m)
-            if east_m * course[0] + north_m * course[1] >= _LEAST_COSINE * length_m:
-                from_east_m, from_north_m = near[0] - position_m[0], near[1] - position_m[1]
-                to_near_m = (from_east_m * east_m + from_north_m * north_m) / length_m
-                aside_m = abs(from_east_m * north_m - from_north_m * east_m) / length_m
-                most_m = length_m + (BEYOND_M if number == last else 0.0)
-                if 0.0 <= to_near_m <= most_m and (found is None or aside_m < found[1]):
+        east_m, north_m = position_m
+        course_east, course_north = course
+        found, last = None, self._segments[-1]
+        for each in self._segments:
+            near_east_m, near_north_m, along_east, along_north, length_m, before_m = each
+            if along_east * course_east + along_north * course_north < _LEAST_COSINE:
+                continue
+            to_east_m, to_north_m = near_east_m - east_m, near_north_m - north_m
+            to_near_m = to_east_m * along_east + to_north_m * along_north
+            most_m = length_m + BEYOND_M if each is last else length_m
+            if 0.0 <= to_near_m <= most_m:
+                aside_m = abs(to_east_m * along_north - to_north_m * along_east)
+                if found is None or aside_m < found[1]:
                     found = before_m + to_near_m, aside_m
-            before_m += length_m
         return found
+
+
+def _segments(points_m: Sequence[Point]) -> Iterator[_Segment]:
+    before_m = 0.0
+    for near, far in pairwise(points_m):
+        length_m = math.dist(near, far)
+        along_east, along_north = (near[0] - far[0]) / length_m, (near[1] - far[1]) / length_m
+        yield _Segment(*near, along_east, along_north, length_m, before_m)
+        before_m += length_m
 
 
 def approach_lanes(geometry: IntersectionGeometry, frame: LocalFrame) -> tuple[ApproachLane, ...]:
@@ -80,7 +117,7 @@ def approach_lanes(geometry: IntersectionGeometry, frame: LocalFrame) -> tuple[A
         is_course = all(math.dist(*pair) > 0.0 for pair in pairwise(points_m))
         if signal_groups and len(points_m) > 1 and is_course:
             width_m = geometry.lane_width_m or DEFAULT_WIDTH_M
-            lanes.append(ApproachLane(lane.lane_id, signal_groups, tuple(points_m), width_m))
+            lanes.append(ApproachLane(lane.lane_id, signal_groups, points_m, width_m))
     return tuple(lanes)
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from onboard.errors import DecodeError
 from onboard.intersections.approach_lane import ApproachLane, approach_lanes
@@ -152,14 +153,20 @@ class Intersection:
         speed_m_s = math.hypot(*state[2:])
         if known is None or now - known.received_at > MAP_LIFETIME_S or speed_m_s < MIN_SPEED_M_S:
             return None
-        turn, shift = known.frame.mapping_from(frame)
-        position = turn @ state[:2] + shift
-        course = turn @ state[2:] / speed_m_s
-        position_m = float(position[0]), float(position[1])
+        east_m, north_m, east_m_s, north_m_s = state
+        cos, sin, shift_east_m, shift_north_m = _mapping(known.frame, frame)
+        position_m = (
+            cos * east_m - sin * north_m + shift_east_m,
+            sin * east_m + cos * north_m + shift_north_m,
+        )
+        course = (
+            (cos * east_m_s - sin * north_m_s) / speed_m_s,
+            (sin * east_m_s + cos * north_m_s) / speed_m_s,
+        )
         places = [
             (*place, lane)
             for lane in known.lanes
-            if (place := lane.place(position_m, (float(course[0]), float(course[1])))) is not None
+            if (place := lane.place(position_m, course)) is not None
             and place[1] <= lane.width_m / 2.0 + ASIDE_M
         ]
         if not places:
@@ -184,6 +191,13 @@ class Intersection:
             return None
         phase = spat.phases.get(signal_group)
         return None if phase is None else phase.after(elapsed_s)
+
+
+@lru_cache(maxsize=64)
+def _mapping(into: LocalFrame, frame: LocalFrame) -> tuple[float, float, float, float]:
+    """Return cosine and sine of the turn, and the shift in m, from one frame into another."""
+    turn, shift = into.mapping_from(frame)
+    return float(turn[0, 0]), float(turn[1, 0]), float(shift[0]), float(shift[1])
 
 
 def _differ(one: Mapping[int, SignalPhase], other: Mapping[int, SignalPhase]) -> bool:

@@ -3,6 +3,7 @@
 import math
 from collections import OrderedDict, deque
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 from typing_extensions import override
@@ -79,7 +80,7 @@ class Intersections(Core):
         component = "map" if service == psid.MAP else "spat"
         try:
             if service == psid.MAP:
-                self._receive_map(map_data.decode(opened.payload), opened.signer_id, now)
+                self._receive_map(_decoded_map(opened.payload), opened.signer_id, now)
             else:
                 self._receive_spat(spat.decode(opened.payload), opened.signer_id, now, utc_s)
         except DecodeError as error:
@@ -168,6 +169,10 @@ class Intersections(Core):
     ) -> None:
         detail = f"intersection {intersection.id}: {error.detail}"
         self._events.append(Discarded(now, component, error.reason, detail))
+
+
+_decoded_map = lru_cache(maxsize=8)(map_data.decode)
+"""A unit repeats its MAP message every second; a large one takes some milliseconds."""
 
 
 def _as_event(signal: ApproachedSignal | None, now: float) -> SignalAhead:

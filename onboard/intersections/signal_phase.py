@@ -24,10 +24,10 @@ DARK = (
     IntersectionStatus.FAILURE_FLASH
     | IntersectionStatus.FAILURE_MODE
     | IntersectionStatus.OFF
-    | IntersectionStatus.NO_VALID_MAP_IS_AVAILABLE_AT_THIS_TIME
     | IntersectionStatus.NO_VALID_SPAT_IS_AVAILABLE_AT_THIS_TIME
 )
-"""Status with which the signals tell nothing."""
+"""Status with which the signals tell nothing. Controllers in operation report that they have no
+MAP; here, the revision decides whether there is one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,6 +79,11 @@ def test_signals_that_are_off_tell_nothing(status):
     assert reason_of(status=status | IntersectionStatus.FIXED_TIME_OPERATION) == "dark"
 
 
+def test_a_controller_without_a_map_of_its_own_has_phases():
+    status = IntersectionStatus.NO_VALID_MAP_IS_AVAILABLE_AT_THIS_TIME
+    assert phases_of(status=status)[2].state is GREEN
+
+
 @pytest.mark.parametrize("state", [MovementPhaseState.DARK, MovementPhaseState.UNAVAILABLE])
 def test_a_dark_signal_has_no_phase(state):
     assert list(phases_of(movement(2, state, None), movement(4, RED, 20.0))) == [4]
