@@ -6,8 +6,8 @@ ahead is in the lane whatever the markings say.
 
 A false lead is worse than a missed one: only confirmed tracks count, whose detections were where a
 moving body would be, and a track that is no longer observed gives way to an observed one behind
-it. Where vehicles are found as such, a plate counts only on one of them. In bends, parked vehicles
-pass through the lane; they are excluded by their sideways speed.
+it. What stays on its pixels is none. Where vehicles are found as such, a plate counts only on one
+of them. In bends, parked vehicles pass through the lane; they are excluded by their sideways speed.
 """
 
 import math
@@ -44,15 +44,22 @@ class LeadSelector:
 
     def select(self, tracks: list[VehicleTrack], stamp_s: float) -> VehicleTrack | None:
         """The lead among `tracks`, all predicted to `stamp_s`, if there is one."""
-        inside = [track for track in tracks if self._is_settled(track) and self._is_inside(track)]
+        inside = [
+            track
+            for track in tracks
+            if self._is_settled(track)
+            and not track.still_in_picture.is_still(stamp_s)
+            and self._is_inside(track)
+        ]
         self._in_lane = {track.track_id for track in inside}
         observed = [track for track in inside if stamp_s - track.observed_at <= MAX_MISSED_S]
         return min(observed or inside, key=lambda track: track.ahead.position_m, default=None)
 
-    def has_candidate(self, tracks: list[VehicleTrack]) -> bool:
+    def has_candidate(self, tracks: list[VehicleTrack], stamp_s: float) -> bool:
         """Whether a track in the lane may become a lead."""
         return any(
             not self._is_settled(track)
+            and not track.still_in_picture.is_still(stamp_s)
             and abs(self._offset_m(track.ahead.position_m, track.right.position_m))
             <= LEAVE_LANE_WIDTHS * self._lane.shape.width_m
             for track in tracks

@@ -193,7 +193,12 @@ class Perception:
         detections = self._detect(image, stamp_s, everywhere=verdict.is_cut)
         if verdict.has_sky_below:
             self._free_at = -math.inf
-        self._report(self._tracker.receive_detections(detections, stamp_s), stamp_s)
+        pairs = self._tracker.receive_detections(detections, stamp_s)
+        for track in self._tracker.tracks:
+            if track.observed_at == stamp_s:
+                box = bounding_box(track.corners_px)
+                track.still_in_picture.receive_frame(image, box, stamp_s)
+        self._report(pairs, stamp_s)
         self._set_rear_reference(image, stamp_s)
 
     def _receive_repeat(self, stamp_s: float) -> None:
@@ -390,7 +395,7 @@ class Perception:
                 )
         if lead is None:
             is_free = stamp_s - self._free_at <= FREE_S and not self._lead_selector.has_candidate(
-                self._tracker.tracks
+                self._tracker.tracks, stamp_s
             )
             self._events.append(track_report.without_lead(stamp_s, is_free=is_free))
         else:

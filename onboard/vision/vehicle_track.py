@@ -11,6 +11,7 @@ from onboard.vision.plate_posterior import PlatePosterior
 from onboard.vision.plate_reader import CERTAIN
 from onboard.vision.plate_views import PlateViews
 from onboard.vision.rear import ScaleChange
+from onboard.vision.still_in_picture import StillInPicture
 
 MAX_INNOVATION_SIGMAS = 3.0
 """Innovation in sigmas above which a detection's sigma is enlarged until it is no more than
@@ -92,6 +93,8 @@ class VehicleTrack:
         )
         self.rear_tracked_at = stamp_s
         """Time up to which the rear was tracked."""
+        self.still_in_picture = StillInPicture()
+        """Whether it is part of the camera or of its picture."""
         self.views: PlateViews | None = None
         """The mean of the plate's views."""
         self._posteriors = {kind: PlatePosterior() for kind in DetectionKind}

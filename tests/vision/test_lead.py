@@ -86,9 +86,9 @@ def test_where_vehicles_are_found_an_unread_plate_alone_is_no_lead() -> None:
     road = TrackedRoad(needs_vehicle=True)
 
     assert road.steps(10, unread(20.0)) is None
-    assert road.choice.has_candidate(road.tracker.tracks)
+    assert road.choice.has_candidate(road.tracker.tracks, road.stamp_s)
     assert road.step(unread(20.0), found_vehicle(20.5)) is not None
-    assert not road.choice.has_candidate(road.tracker.tracks)
+    assert not road.choice.has_candidate(road.tracker.tracks, road.stamp_s)
 
 
 def test_a_plate_is_no_lead_any_more_when_no_vehicle_is_found_around_it() -> None:
