@@ -1,9 +1,11 @@
 """One position for each fix of a receiver, from its NMEA sentences.
 
-A receiver reports one fix in several sentences, in an order of its own: RMC has speed and date, GGA
-height and quality, GST the accuracy. Those with the same time of day are one *epoch*. An epoch is
-complete with the kind of sentence that ended the one before, and is reported at once; if that kind
-does not come, it is reported when the next one begins.
+A receiver reports one fix in several sentences, in an order of its own: RMC has speed and date, VTG
+the speed, GGA height and quality, GST the accuracy. Those with the same time of day are one
+*epoch*; VTG has none, and belongs to the epoch before it. An epoch is complete with the kind of
+sentence that ended the one before, and is reported at once, unless another one followed that kind
+lately (RMC may come once for several GGA); else it is reported when the next one begins, as in
+recordings, where nothing waits for it.
 """
 
 import datetime as dt
@@ -23,6 +25,10 @@ MAX_LINE_BYTES = 1024
 """Longest line: a sentence has 82; binary messages between sentences have no line ends."""
 
 DAY_S = 86_400
+
+_REMEMBERED_EPOCHS = 20
+"""Epochs for which a kind of sentence that another one followed ends no epoch; a receiver of 10 Hz
+may send RMC in one of ten."""
 
 _BETWEEN = re.compile(rb"\n|(?=\$)")
 """A sentence ends with its line, or truncated where the next one begins."""
@@ -50,6 +56,9 @@ class NmeaReader:
         self._unread = b""
         self._epoch: _Epoch | None = None
         self._ends_with: str | None = None
+        self._epochs = 0
+        self._followed: dict[str, int] = {}
+        """By kind of sentence, the number of the last epoch in which another one followed it."""
         self._date: dt.date | None = None
         self._utc_s = -math.inf
         self._events: deque[Position | Discarded] = deque()
@@ -72,6 +81,12 @@ class NmeaReader:
             if sentence is not None:
                 self._receive_sentence(sentence, now)
 
+    def receive_end(self) -> None:
+        """Report the last epoch: a recording has ended."""
+        self.receive_bytes(b"\n")
+        if self._epoch is not None:
+            self._report(self._epoch, None)
+
     def next_event(self) -> Position | Discarded | None:
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None
@@ -79,17 +94,34 @@ class NmeaReader:
     def _receive_sentence(self, sentence: Sentence, now: float | None) -> None:
         if sentence.kind == "ZDA":
             self._date = sentence.date or self._date
-        if sentence.kind == "ZDA" or sentence.time_of_day_s is None:
-            return
         epoch = self._epoch
-        if epoch is None or epoch.merged.time_of_day_s != sentence.time_of_day_s:
+        if sentence.kind == "VTG":
             if epoch is not None:
-                self._report(epoch, now)
-                self._ends_with = epoch.merged.kind
-            epoch = self._epoch = _Epoch(sentence, began_at=now)
-        else:
-            epoch.merged = _merged(epoch.merged, sentence)
-        if sentence.kind == self._ends_with:
+                self._join(epoch, sentence, now)
+        elif sentence.kind != "ZDA" and sentence.time_of_day_s is not None:
+            if epoch is not None and epoch.merged.time_of_day_s == sentence.time_of_day_s:
+                self._join(epoch, sentence, now)
+            else:
+                self._begin(sentence, now)
+
+    def _begin(self, sentence: Sentence, now: float | None) -> None:
+        if self._epoch is not None:
+            self._report(self._epoch, now)
+            self._ends_with = self._epoch.merged.kind
+        self._epochs += 1
+        self._epoch = _Epoch(sentence, began_at=now)
+        self._report_if_complete(self._epoch, now)
+
+    def _join(self, epoch: _Epoch, sentence: Sentence, now: float | None) -> None:
+        self._followed[epoch.merged.kind] = self._epochs
+        epoch.merged = _merged(epoch.merged, sentence)
+        self._report_if_complete(epoch, now)
+
+    def _report_if_complete(self, epoch: _Epoch, now: float | None) -> None:
+        kind = epoch.merged.kind
+        followed_in = self._followed.get(kind, -_REMEMBERED_EPOCHS)
+        is_last = kind == self._ends_with and self._epochs - followed_in >= _REMEMBERED_EPOCHS
+        if now is not None and is_last:
             self._report(epoch, now)
 
     def _report(self, epoch: _Epoch, now: float | None) -> None:

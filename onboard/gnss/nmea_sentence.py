@@ -1,7 +1,7 @@
 """The NMEA 0183 sentences about position, each parsed by itself.
 
-RMC, GGA or GNS, and GST have everything about a fix, ZDA the date if there is no RMC; the others
-repeat parts of it.
+RMC, GGA or GNS, and GST have everything about a fix, VTG and ZDA the velocity and the date if there
+is no RMC; the others repeat parts of it.
 
 A sentence is `$`, two letters of the talker (GP GPS, GL GLONASS, GA Galileo, GB BeiDou, GN several
 ...), three of the type, fields between commas, `*` and the XOR of all bytes between as two hex
@@ -152,6 +152,17 @@ def _rmc(fields: _Fields) -> Sentence:
     )
 
 
+def _vtg(fields: _Fields) -> Sentence:
+    """Velocity: course, T, magnetic course, M, knots, N, km/h, K, mode."""
+    is_stated = fields.text(1) == "T" and fields.text(8) not in _NO_FIX_MODES
+    knots = fields.number(4, 0, 2000) if is_stated else None
+    return Sentence(
+        kind="VTG",
+        speed_m_s=None if knots is None else knots * KNOT,
+        course_deg=fields.number(0, 0, 360) if is_stated else None,
+    )
+
+
 def _gga(fields: _Fields) -> Sentence:
     """Fix data: time, position, quality, satellites, HDOP, height, M, geoid, M."""
     quality = int(fields.text(5) or "0")
@@ -204,6 +215,7 @@ def _zda(fields: _Fields) -> Sentence:
 
 _READERS: Mapping[str, Callable[[_Fields], Sentence]] = {
     "RMC": _rmc,
+    "VTG": _vtg,
     "GGA": _gga,
     "GNS": _gns,
     "GST": _gst,

@@ -160,7 +160,13 @@ def _read_nmea(path: Path) -> Iterator[Position | Discarded]:
         with path.open("rb") as sentences:
             for sentence in sentences:
                 reader.receive_bytes(sentence)
-                while (observation := reader.next_event()) is not None:
-                    yield observation
+                yield from _events_of(reader)
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    reader.receive_end()
+    yield from _events_of(reader)
+
+
+def _events_of(reader: NmeaReader) -> Iterator[Position | Discarded]:
+    while (event := reader.next_event()) is not None:
+        yield event

@@ -34,6 +34,8 @@ def read(*texts, now=None, settings=None):
     reader = NmeaReader(settings)
     for text in texts:
         reader.receive_bytes(text if isinstance(text, bytes) else sentence(text), now)
+    if now is None:
+        reader.receive_end()
     return events_of(reader)
 
 
@@ -84,17 +86,68 @@ def test_hemispheres(latitude, longitude, expected):
 def test_from_the_second_epoch_on_a_position_comes_with_the_last_sentence():
     reader = NmeaReader()
     for text in (RMC, GGA, at(RMC, "045001.34")):
-        reader.receive_bytes(sentence(text))
+        reader.receive_bytes(sentence(text), now=3.0)
     assert len(events_of(reader)) == 1
-    reader.receive_bytes(sentence(at(GGA, "045001.34")))
+    reader.receive_bytes(sentence(at(GGA, "045001.34")), now=3.0)
     assert len(events_of(reader)) == 1
+
+
+VTG = "GNVTG,45.00,T,,M,30.567,N,56.610,K,A"
+GLL = "GNGLL,5606.25716,N,01008.71506,E,045000.34,A,A"
+
+
+@pytest.mark.parametrize("texts", [(GGA, VTG), (VTG, GGA, GLL, VTG), (GGA, VTG, GST)])
+def test_velocity_from_vtg(texts):
+    (position,) = read("GNZDA,045000.34,26,07,2021,00,00", *texts, NO_FIX)
+    assert position.speed_m_s == pytest.approx(30.567 * KNOT)
+    assert position.course_rad == pytest.approx(math.pi / 4)
+
+
+@pytest.mark.parametrize(
+    "vtg", ["GNVTG,,T,,M,,N,,K,N", "GNVTG,45,T,,M,9,N,17,K,N", "GNVTG,45,9,9,9"]
+)
+def test_vtg_without_velocity_states_none(vtg):
+    (position,) = read(RMC.replace("30.567,45.00", ","), GGA, vtg, NO_FIX)
+    assert (position.speed_m_s, position.course_rad) == (None, None)
+
+
+def test_a_rmc_after_one_of_several_gga_has_its_speed():
+    """After the first, whose lateness nobody can foresee live."""
+    reader = NmeaReader()
+    for tenth in range(100):
+        time = f"0450{tenth // 10:02}.{tenth % 10}0"
+        reader.receive_bytes(sentence(at(GGA, time)), now=tenth / 10)
+        if tenth % 10 == 5:
+            reader.receive_bytes(sentence(at(RMC, time)), now=tenth / 10 + 0.03)
+    positions = events_of(reader)
+    assert len(positions) == 99
+    assert [position.speed_m_s is not None for position in positions].count(True) == 9
+
+
+def test_a_recorded_rmc_that_comes_late_has_its_speed():
+    later = [at(text, "045001.34") for text in (GGA, RMC)]
+    positions = read(RMC, GGA, *later, NO_FIX)
+    assert [position.speed_m_s for position in positions] == [pytest.approx(30.567 * KNOT)] * 2
+
+
+@pytest.mark.parametrize("cut", [0, 2], ids=["whole", "without line end"])
+def test_the_last_fix_of_a_recording_is_reported_at_its_end(cut):
+    reader = NmeaReader()
+    data = sentence(GGA) + sentence(RMC)
+    reader.receive_bytes(data[: len(data) - cut])
+    assert events_of(reader) == []
+    reader.receive_end()
+    (position,) = events_of(reader)
+    assert position.speed_m_s is not None
+    reader.receive_end()
+    assert events_of(reader) == []
 
 
 def test_a_receiver_that_changes_its_order_loses_no_position():
     first = [RMC, GGA, GST]
     second = [at(RMC, "045001.34"), at(GGA, "045001.34")]
     third = [at(RMC, "045002.34")]
-    assert len(read(*first, *second, *third, at(GGA, "045003.34"))) == 3
+    assert len(read(*first, *second, *third, at(GGA, "045003.34"))) == 4
 
 
 def test_the_receivers_own_accuracy_takes_precedence():

@@ -19,6 +19,7 @@ GPS_ERA_S = 1024 * 7 * 86_400
 def read(path):
     reader = NmeaReader()
     reader.receive_bytes(path.read_bytes())
+    reader.receive_end()
     events = []
     while (event := reader.next_event()) is not None:
         events.append(event)
@@ -89,9 +90,11 @@ def test_receivers_of_many_makes_agree_with_gpsd(rig_data):
         makes += compared > 0
     assert makes >= 45
     assert counts["compared"] >= 870
-    # First fixes, without a date in gpsd, and logs without any date.
-    assert counts["not in gpsd's"] <= 30
+    # First fixes, without a date in gpsd, five last fixes, which gpsd waits to complete, and logs
+    # without any date.
+    assert counts["not in gpsd's"] <= 31
     assert counts["heights differ"] <= 0.02 * counts["heights"]
-    # firefly-II's GGA carries wrong checksums, hp58534a's sentences none, tcp-torture is edited.
-    assert counts["nmea_checksum"] <= 40
+    # firefly-II's GGA carries wrong checksums, hp58534a's sentences none, tcp-torture is edited,
+    # and one log ends within a sentence.
+    assert counts["nmea_checksum"] <= 41
     assert counts["nmea_field"] <= 2

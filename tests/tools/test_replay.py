@@ -79,6 +79,13 @@ def test_an_nmea_log_cut_within_a_sentence_starts_at_its_first_fix(
     assert events[-1].stamp_s < events[0].stamp_s + 30.0
 
 
+def test_a_recording_of_a_single_fix_is_replayed(tmp_path: Path) -> None:
+    log = tmp_path / "fix.nmea"
+    log.write_text("$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A")
+
+    assert [event.kind for event in replay(RawRecording(nmea=log), UNCONFIGURED)] == ["position"]
+
+
 @pytest.mark.realdata
 def test_a_clip_without_a_can_log_starts_at_the_first_fix(rig_data: Path, tmp_path: Path) -> None:
     whole = (rig_data / "gnss" / "drive-a.nmea").read_bytes().splitlines(keepends=True)[:60]
