@@ -6,7 +6,7 @@ of the class in traces and recordings.
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 
 class Sensor(StrEnum):
@@ -39,6 +39,21 @@ class BrakePedal:
     kind: ClassVar[str] = "brake_pedal"
     stamp_s: float
     pressed: bool
+    source: str
+
+
+Side = Literal["left", "right"]
+"""Of the vehicle."""
+
+
+@dataclass(frozen=True, slots=True)
+class TurnSignal:
+    """Whether the turn signal of one side is on, from a broadcast signal; a lamp's one blinks."""
+
+    kind: ClassVar[str] = "turn_signal"
+    stamp_s: float
+    side: Side
+    is_on: bool
     source: str
 
 

@@ -48,6 +48,7 @@ from onboard.observations import (
     SensorLost,
     SensorRecovered,
     Speed,
+    TurnSignal,
     VehicleDetection,
 )
 from onboard.risk.monitor import RiskMonitor
@@ -273,6 +274,8 @@ class Stack:
             case BrakePedal():
                 self._transmitter.receive_pedal(observation)
                 self._risk.receive_pedal(observation)
+            case TurnSignal():
+                self._transmitter.receive_turn_signal(observation)
             case HardBrake():
                 self._group.receive_hard_brake(observation, now)
                 self._transmitter.receive_hard_brake(observation, now)

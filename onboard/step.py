@@ -15,13 +15,14 @@ from onboard.observations import (
     SensorLost,
     SensorRecovered,
     Speed,
+    TurnSignal,
     VehicleDetection,
 )
 from onboard.trace.trace_line import Event
 
 Observation = (
-    Speed | BrakePedal | HardBrake | Plate | Lead | VehicleDetection | DetectionList | Position
-    | SensorLost | SensorRecovered | Discarded
+    Speed | BrakePedal | TurnSignal | HardBrake | Plate | Lead | VehicleDetection | DetectionList
+    | Position | SensorLost | SensorRecovered | Discarded
 )  # fmt: skip
 """Values that the sensors' packages put out."""
 

@@ -12,7 +12,7 @@ from onboard.obd.braking import BrakeTrigger
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_excerpt import excerpt
 from onboard.obd.settings import BroadcastSettings
-from onboard.observations import BrakeCause, BrakePedal, Discarded, Speed
+from onboard.observations import BrakeCause, BrakePedal, Discarded, Side, Speed, TurnSignal
 from onboard.units import KM_H, MPH
 
 _SPEED_UNITS: Mapping[str, float] = {
@@ -30,7 +30,7 @@ _SPEED_UNITS: Mapping[str, float] = {
 _PRESSURE_UNITS: Mapping[str, float] = {"bar": 1.0, "kpa": 0.01, "mpa": 10.0}
 """Units of pressure in bar, in lower case."""
 
-BroadcastValue = Speed | BrakePedal | BrakeTrigger | Discarded
+BroadcastValue = Speed | BrakePedal | TurnSignal | BrakeTrigger | Discarded
 
 HIGHEST_SPEED_M_S = 100.0
 """Highest plausible speed: many DBC files state no range, or that of all bits, and higher values
@@ -58,6 +58,13 @@ class BroadcastSignals:
         self._pedal = [
             self._find(database, name) for name in (settings.brake_pedal,) if name is not None
         ]
+        turn_signals: tuple[tuple[Side, str | None], ...] = (
+            ("left", settings.turn_signal_left),
+            ("right", settings.turn_signal_right),
+        )
+        self._turn_signals = [
+            (side, *self._find(database, name)) for side, name in turn_signals if name is not None
+        ]
         if len({message.name for message, _ in self._speed}) > 1:
             raise UserError(
                 f"obd.broadcast.speed: {', '.join(settings.speed)} belong to several messages; "
@@ -69,9 +76,10 @@ class BroadcastSignals:
                 name, unit, _SPEED_UNITS, "speed_unit to km/h, m/s or mph"
             )
         self._triggers = list(self._find_triggers(database, settings))
+        lamps = [found for _, *found in self._turn_signals]
         self._messages = {
             (message.frame_id, message.is_extended_frame): message
-            for message, *_ in (*self._speed, *self._pedal, *self._triggers)
+            for message, *_ in (*self._speed, *self._pedal, *lamps, *self._triggers)
         }
 
     def receive_frame(self, frame: CanFrame) -> list[BroadcastValue]:
@@ -93,6 +101,10 @@ class BroadcastSignals:
                 observations.append(
                     BrakePedal(frame.stamp_s, bool(values[signal.name]), _source(owner, signal))
                 )
+        for side, owner, signal in self._turn_signals:
+            if owner is message and signal.name in values:
+                is_on = _is_on(signal, values[signal.name])
+                observations.append(TurnSignal(frame.stamp_s, side, is_on, _source(owner, signal)))
         observations += self._read_triggers(frame, message, values)
         return observations
 
@@ -181,6 +193,8 @@ class BroadcastSignals:
 def _names(settings: BroadcastSettings) -> list[str]:
     single = (
         settings.brake_pedal,
+        settings.turn_signal_left,
+        settings.turn_signal_right,
         settings.abs,
         settings.stability_control,
         settings.airbag,

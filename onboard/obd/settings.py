@@ -41,6 +41,10 @@ class BroadcastSettings(Settings):
     """Unit of the speed, if the DBC file has none or an unknown one."""
     brake_pedal: str | None = None
     """Signal of the brake pedal; any value but 0 is pressed."""
+    turn_signal_left: str | None = None
+    """Signal of the left turn signal: its lever or its lamp; any value but 0 is on."""
+    turn_signal_right: str | None = None
+    """The same of the right one."""
     abs: str | None = None
     """Signal of active ABS. Of this and the next three, a signal of two bits is on with 1 only (SAE
     J1939-71: 2 is an error, 3 not available), any other one with all values but 0."""

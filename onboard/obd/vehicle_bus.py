@@ -20,10 +20,10 @@ from onboard.obd.can_frame import CanFrame
 from onboard.obd.iso_tp import Aborted, Reassembly
 from onboard.obd.request_scheduler import RequestScheduler
 from onboard.obd.settings import ObdSettings
-from onboard.observations import BrakePedal, Discarded, HardBrake, Speed
+from onboard.observations import BrakePedal, Discarded, HardBrake, Speed, TurnSignal
 
 if TYPE_CHECKING:
-    from onboard.obd.broadcast import BroadcastSignals
+    from onboard.obd.broadcast import BroadcastSignals, BroadcastValue
 
 FUNCTIONAL_11_BIT = 0x7DF
 FUNCTIONAL_29_BIT = 0x18DB33F1
@@ -40,7 +40,7 @@ _CONTINUE_TO_SEND = n_pdu.FlowControl(n_pdu.FlowStatus.CONTINUE_TO_SEND, block_s
 
 _IDENTIFIERS = {"auto": (False, True), "11-bit": (False,), "29-bit": (True,)}
 
-BusEvent = Speed | BrakePedal | HardBrake | Discarded
+BusEvent = Speed | BrakePedal | TurnSignal | HardBrake | Discarded
 
 
 class VehicleBus(Core):
@@ -110,9 +110,7 @@ class VehicleBus(Core):
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 
-    def _receive_broadcast(
-        self, observation: Speed | BrakePedal | BrakeTrigger | Discarded, now: float
-    ) -> None:
+    def _receive_broadcast(self, observation: "BroadcastValue", now: float) -> None:
         match observation:
             case Speed():
                 self._broadcast_received_at = observation.stamp_s

@@ -112,13 +112,13 @@ class NoAlarmExpected(Expected):
 
 
 class SignalExpected(Expected):
-    """A car knows what the signal ahead shows, by its road-side unit."""
+    """A car knows at a time what the signal ahead shows, by its road-side unit."""
 
     what: Literal["signal_ahead"]
     car: CarName
     state: str
     """As in J2735: `stop_and_remain`, `protected_movement_allowed`, ..."""
-    by_s: Seconds
+    at_s: Seconds
 
     @override
     def cars_used(self) -> Iterator[str]:
@@ -126,9 +126,10 @@ class SignalExpected(Expected):
 
     @override
     def check(self, log: RunLog) -> Iterator[str]:
-        shown = [each["states"] for each in log.of(self.car, "signal_ahead", 0.0, self.by_s)]
-        if [self.state] not in shown:
-            yield f"{self.car} knows no signal of {self.state} until {self.by_s:g} s, but {shown}"
+        # Daemons receive the unit before the scenario begins.
+        shown = [each["states"] for each in log.of(self.car, "signal_ahead", until_s=self.at_s)]
+        if shown[-1:] != [[self.state]]:
+            yield f"{self.car} knows no signal of {self.state} at {self.at_s:g} s, but {shown[-1:]}"
 
 
 class PerceptionExpected(Expected):

@@ -6,11 +6,20 @@ import pytest
 from onboard.bsm_transmission.transmitter import ALL_WHEELS, BsmTransmitter
 from onboard.messages import bsm
 from onboard.messages.bsm_core import CoreData, VehicleSize, WheelBrakes
-from onboard.messages.bsm_safety import VehicleEventFlags
-from onboard.observations import BrakeCause, BrakePedal, HardBrake, Position, Speed
+from onboard.messages.bsm_safety import ExteriorLights, VehicleEventFlags
+from onboard.observations import (
+    BrakeCause,
+    BrakePedal,
+    HardBrake,
+    Position,
+    Side,
+    Speed,
+    TurnSignal,
+)
 from onboard.security.pseudonyms import Pseudonym
 from onboard.units import KM_H
 
+SIDES: tuple[Side, ...] = ("left", "right")
 WHO = Pseudonym(bytes(8), b"abcd", 5, None, 300.0)
 
 
@@ -176,3 +185,26 @@ def test_the_button_sets_no_flag_and_ends_none(beacon: BsmTransmitter) -> None:
     beacon.receive_hard_brake(HardBrake(2.0, 6.0, "obd:7E8"), 2.0)
     beacon.receive_hard_brake(button, 2.1)
     assert flags(beacon, 2.2) == VehicleEventFlags.HARD_BRAKING
+
+
+@pytest.mark.parametrize(
+    ("on", "lights"),
+    [
+        ((), None),
+        (("left",), ExteriorLights.LEFT_TURN_SIGNAL),
+        (("right",), ExteriorLights.RIGHT_TURN_SIGNAL),
+        (("left", "right"), ExteriorLights.HAZARD_SIGNAL),
+    ],
+)
+def test_a_turn_signal_is_sent_while_it_blinks(
+    beacon: BsmTransmitter, on: tuple[Side, ...], lights: ExteriorLights | None
+) -> None:
+    for half_period in range(6):
+        for side in SIDES:
+            is_on = side in on and half_period % 2 == 0
+            beacon.receive_turn_signal(TurnSignal(0.4 * half_period, side, is_on, "dbc"))
+        now = 0.4 * half_period + 0.3
+        safety = bsm.decode(bsm.encode(beacon.bsm(None, now, now))).safety
+        assert (safety and safety.lights) == lights
+
+    assert beacon.bsm(None, 2.7, 2.7).safety is None, "it is off, or the bus is silent"

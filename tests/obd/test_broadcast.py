@@ -11,7 +11,7 @@ from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
-from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed
+from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed, TurnSignal
 from onboard.units import KM_H, MPH
 
 DBC = """VERSION ""
@@ -26,6 +26,9 @@ BO_ 2566869221 CLUSTER: 2 CAR
  SG_ SPEED : 0|8@1+ (1,0) [0|200] "MPH" CAR
 BO_ 256 PEDALS: 1 CAR
  SG_ BRAKE : 0|1@1+ (1,0) [0|1] "" CAR
+BO_ 257 LAMPS: 1 CAR
+ SG_ LEFT : 0|1@1+ (1,0) [0|1] "" CAR
+ SG_ RIGHT : 2|2@1+ (1,0) [0|3] "" CAR
 BO_ 512 SAFETY: 4 CAR
  SG_ ABS_ACTIVE : 0|1@1+ (1,0) [0|1] "" CAR
  SG_ AIRBAG : 2|2@1+ (1,0) [0|3] "" CAR
@@ -100,6 +103,17 @@ def test_the_unit_is_the_dbc_files_in_any_case(dbc):
 def test_the_settings_may_name_another_unit(dbc):
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",), speed_unit="m/s"))
     assert received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0))[0].speed_m_s == pytest.approx(36.0)
+
+
+def test_the_turn_signals(dbc):
+    """Of two bits, 3 is "not available"."""
+    bus = bus_of(settings(dbc, turn_signal_left="LAMPS.LEFT", turn_signal_right="LAMPS.RIGHT"))
+    left, right, _, unavailable = received(
+        bus, frame(2.0, "LAMPS", LEFT=1, RIGHT=0), frame(2.1, "LAMPS", LEFT=0, RIGHT=3)
+    )
+    assert left == TurnSignal(2.0, "left", is_on=True, source="dbc:LAMPS.LEFT")
+    assert right == TurnSignal(2.0, "right", is_on=False, source="dbc:LAMPS.RIGHT")
+    assert unavailable == TurnSignal(2.1, "right", is_on=False, source="dbc:LAMPS.RIGHT")
 
 
 def test_the_brake_pedal(dbc):

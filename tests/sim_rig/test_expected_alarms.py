@@ -168,3 +168,28 @@ def test_overlap(
     }  # fmt: skip
 
     assert overlap(one, other) == touches
+
+
+def signal_ahead(at_s: float, *states: str) -> dict[str, object]:
+    return {"stamp_s": 1000.0 + at_s, "kind": "signal_ahead", "states": list(states)}
+
+
+@pytest.mark.parametrize(
+    ("signals", "deviation"),
+    [
+        ((signal_ahead(-1.0, "stop_and_remain"),), None),
+        ((signal_ahead(-1.0), signal_ahead(2.0, "stop_and_remain")), None),
+        ((signal_ahead(1.0, "stop_and_remain"), signal_ahead(2.0)), "but [[]]"),
+        ((signal_ahead(4.0, "stop_and_remain"),), "but []"),
+    ],
+)
+def test_the_signal_that_counts_is_the_one_at_the_time(
+    signals: tuple[Record, ...], deviation: str | None
+) -> None:
+    """It may be known before the scenario begins."""
+    tree = {"what": "signal_ahead", "car": "ann", "state": "stop_and_remain", "at_s": 3.0}
+    found = list(ADAPTER.validate_python(tree).check(log(*signals)))
+
+    assert found == (
+        [] if deviation is None else [f"ann knows no signal of stop_and_remain at 3 s, {deviation}"]
+    )
