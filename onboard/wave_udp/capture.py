@@ -9,11 +9,16 @@ from dataclasses import dataclass
 from typing import BinaryIO, Final
 
 from onboard.errors import UserError
+from onboard.wave_udp.wlan_frame import content_of_frame, content_of_radiotap
 from onboard.wave_udp.wsmp import ETHERTYPE
 
 LINKTYPE_ETHERNET: Final = 1
 LINKTYPE_LINUX_SLL: Final = 113
 LINKTYPE_LINUX_SLL2: Final = 276
+LINKTYPE_IEEE802_11: Final = 105
+LINKTYPE_IEEE802_11_RADIOTAP: Final = 127
+LINKTYPES_IP: Final = (12, 14, 101, 228, 229)
+"""LINKTYPE_RAW, which is 12 or 14 in files of some systems; IPv4; IPv6."""
 
 _ETHERTYPE_IPV4 = 0x0800
 _ETHERTYPE_IPV6 = 0x86DD
@@ -164,10 +169,13 @@ _ETHERTYPE_AT = {
 
 
 def _message_in(frame: bytes, link_type: int) -> bytes | None:
-    if link_type not in _ETHERTYPE_AT:
-        raise CaptureError(f"link type {link_type} is not read (Ethernet and Linux cooked are)")
-    at, start = _ETHERTYPE_AT[link_type]
-    ethertype, content = int.from_bytes(frame[at : at + 2]), frame[start:]
+    try:
+        found = _content_of(frame, link_type)
+    except struct.error:  # captured only in part
+        return None
+    if found is None:
+        return None
+    ethertype, content = found
     if ethertype == _ETHERTYPE_VLAN:
         ethertype, content = int.from_bytes(content[2:4]), content[4:]
     if ethertype == ETHERTYPE:
@@ -177,6 +185,22 @@ def _message_in(frame: bytes, link_type: int) -> bytes | None:
     if ethertype == _ETHERTYPE_IPV6 and content[6:7] == _UDP:
         return _udp_content(content[_IPV6_HEADER_BYTES:])
     return None
+
+
+def _content_of(frame: bytes, link_type: int) -> tuple[int, bytes] | None:
+    """Return EtherType and content of a link-layer frame; `None` if it has no content."""
+    if link_type in _ETHERTYPE_AT:
+        at, start = _ETHERTYPE_AT[link_type]
+        return int.from_bytes(frame[at : at + 2]), frame[start:]
+    if link_type in LINKTYPES_IP:
+        return _ETHERTYPE_IPV6 if frame[:1] >= b"\x60" else _ETHERTYPE_IPV4, frame
+    if link_type == LINKTYPE_IEEE802_11:
+        return content_of_frame(frame)
+    if link_type == LINKTYPE_IEEE802_11_RADIOTAP:
+        return content_of_radiotap(frame)
+    raise CaptureError(
+        f"link type {link_type} is not read (Ethernet, Linux cooked, IP, 802.11 and radiotap are)"
+    )
 
 
 def _udp_content(datagram: bytes) -> bytes:

@@ -25,6 +25,7 @@ ETHERTYPE: Final = 0x88DC
 """EtherType of WSMP on the link layer (IEEE 1609.3-2020, 5.2.1)."""
 
 VERSION: Final = 3
+VERSIONS_READ: Final = (2, VERSION)
 MAX_DATA_BYTES: Final = 0x3FFF
 """Greatest WSM length; radios carry 1,400 bytes by default."""
 

@@ -70,6 +70,12 @@ def test_each_layer_is_recognised_by_its_bytes():
     assert list(describe(unsecured(message))) == ["1609.2", "lcca"]
 
 
+def test_version_2_of_wsmp_is_recognised_beside_lcca_messages():
+    layers = describe(bytes.fromhex("02 20 80 0004") + unsecured(b"\0"))
+    assert list(layers)[:2] == ["wsm", "1609.2"]
+    assert layers["wsm"]["version"] == lcca.VERSION == 2
+
+
 def test_a_repeated_layer_is_described_twice():
     """A unit wraps data that was wrapped before."""
     layers = describe(unsecured(unsecured(lcca.encode(LEAVE))))
@@ -137,6 +143,9 @@ def test_a_bsm_with_an_invalid_footer_is_described():
         ),
         ("030020 02 0380", Form.AUTO, ["wsm"], ("1609.2", "malformed"), "0380"),
         ("0380 01 aa", Form.LCCA, [], ("lcca", "unknown_version"), "038001aa"),
+        ("01 030023 0101", Form.AUTO, [], ("wsm", "unknown_version"), "010300230101"),
+        ("030023 02 0102", Form.AUTO, ["wsm"], ("auto", "unknown_psid"), "0102"),
+        ("030023 01 ff", Form.AUTO, ["wsm"], ("auto", "unknown_psid"), "ff"),
         ("0014", Form.WSM, [], ("wsm", "unknown_version"), "0014"),
         ("00130100", Form.AUTO, [], ("messageframe", "too_short"), "00130100"),
         ("001f0100", Form.AUTO, [], ("messageframe", "unknown_message"), "001f0100"),

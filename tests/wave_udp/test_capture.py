@@ -209,6 +209,89 @@ def test_a_message_is_found_in_each_kind_of_frame(link_type, frame, message):
     assert messages(pcap_of([frame], link_type)) == [message]
 
 
+ADDRESSES = b"\xff" * 6 + SENDER + b"\xff" * 6
+"""To everybody, outside the context of a BSS."""
+SNAP = bytes.fromhex("aaaa03000000")
+
+
+def wlan(content, control="0800", more=b""):
+    return bytes.fromhex(control) + bytes(2) + ADDRESSES + bytes(2) + more + content
+
+
+def radiotap(frame, fields=b"", present=0):
+    return struct.pack("<BBHI", 0, 0, 8 + len(fields), present) + fields + frame
+
+
+WAVE = b"\x88\xdc" + WSM
+WLAN_FRAMES = {
+    "LLC and SNAP": (105, wlan(SNAP + WAVE)),
+    "QoS": (105, wlan(SNAP + WAVE, "8800", bytes(2))),
+    "QoS and HT control": (105, wlan(SNAP + WAVE, "8880", bytes(6))),
+    "four addresses": (105, wlan(SNAP + WAVE, "0803", SENDER)),
+    "radiotap": (127, radiotap(wlan(SNAP + WAVE))),
+    "radiotap with time, flags and FCS": (
+        127,
+        radiotap(wlan(SNAP + WAVE) + bytes(4), bytes(8) + b"\x10", 0b11),
+    ),
+    "radiotap with padding": (
+        127,
+        radiotap(wlan(SNAP + WAVE, "8800", bytes(4)), b"\x20", 0b10),
+    ),
+    "radiotap with two words of presence": (
+        127,
+        radiotap(wlan(SNAP + WAVE), bytes(4) + bytes(8) + b"\0", 1 << 31 | 0b11),
+    ),
+}
+
+
+@pytest.mark.parametrize(("link_type", "frame"), WLAN_FRAMES.values(), ids=WLAN_FRAMES)
+def test_a_wsm_is_found_in_each_kind_of_802_11_frame(link_type, frame):
+    (message,) = messages(pcap_of([frame], link_type))
+    assert message is not None
+    assert message.removesuffix(bytes(4)) == WSM
+
+
+@needs_tshark
+@pytest.mark.parametrize(("link_type", "frame"), WLAN_FRAMES.values(), ids=WLAN_FRAMES)
+def test_tshark_finds_the_wsm_in_the_same_802_11_frame(tmp_path, link_type, frame):
+    path = tmp_path / "wlan.pcap"
+    path.write_bytes(pcap_of([frame], link_type))
+    (fields,) = tshark(path)
+    assert fields["wsmp.psid"] == ["0x00000020"]
+
+
+def test_without_llc_an_ethertype_begins_the_content():
+    """EtherType protocol discrimination (IEEE 802-2014, 9.2)."""
+    assert messages(pcap_of([wlan(WAVE)], 105)) == [WSM]
+
+
+@pytest.mark.parametrize(
+    ("link_type", "frame"),
+    [
+        (105, wlan(b"", "8000")),
+        (105, wlan(b"", "4800")),
+        (105, wlan(SNAP + WAVE, "0840")),
+        (105, wlan(SNAP + WAVE)[:20]),
+        (127, radiotap(b"")),
+        (127, b"\0\0"),
+        (127, radiotap(b"")[:2] + b"\xff\xff" + b"\xff" * 4),
+        (101, b""),
+        (101, ipv4_udp(b"abc", protocol=6)),
+    ],
+    ids=["beacon", "no data", "encrypted", "cut", "empty", "cut radiotap", "long radiotap", "none",
+         "TCP"],
+)  # fmt: skip
+def test_other_frames_have_no_message(link_type, frame):
+    assert messages(pcap_of([frame], link_type)) == [None]
+
+
+@pytest.mark.parametrize("link_type", [12, 14, 101, 228, 229])
+def test_udp_is_found_in_packets_without_link_layer(link_type):
+    packet = ipv6_udp(b"abc") if link_type == 229 else ipv4_udp(b"abc")
+    assert messages(pcap_of([packet], link_type)) == [b"abc"]
+    assert messages(pcap_of([ipv6_udp(b"abc")], 101)) == [b"abc"]
+
+
 @needs_tshark
 def test_pcapng_as_wireshark_writes_it(tmp_path):
     ours = write_pcap(tmp_path / "ours.pcap", [WSM, encode(WSMS[2])])

@@ -44,9 +44,9 @@ def describe(data: bytes, form: Form = Form.AUTO) -> dict[str, Any]:
     within = _Layer({}, data, form)
     while within.content is not None:
         form = within.form
-        if form is Form.AUTO:
-            form = _form_of(within.content, within.psid)
         try:
+            if form is Form.AUTO:
+                form = _form_of(within.content, within.psid)
             inner = _READERS[form](within.content)
         except DecodeError as error:
             layers["error"] = {"layer": form, "reason": error.reason, "detail": error.detail}
@@ -79,7 +79,11 @@ def _form_of(data: bytes, inner_psid: int | None) -> Form:
     """Find the outermost layer from the first octets, and from the PSID of the outer layers.
 
     WSMP begins with its version and a TPID of 0 or 1, 1609.2 data with 3 and a choice of 80 hex or
-    more, a MessageFrame with the high octet of a small message number, LCCA with its version.
+    more, a MessageFrame with the high octet of a small message number, LCCA with its version, which
+    without a PSID may be that of a WSM.
+
+    Raises:
+        DecodeError: `unknown_psid`, of a service whose messages are not read.
     """
     first, second = (data + bytes(2))[:2]
     if data.startswith(b"Version"):
@@ -90,7 +94,19 @@ def _form_of(data: bytes, inner_psid: int | None) -> Form:
         return Form.DOT2
     if first == 0 or inner_psid in psid.J2735:
         return Form.MESSAGE_FRAME
-    return Form.LCCA if first == lcca.VERSION else Form.WSM
+    if inner_psid is None:
+        return Form.LCCA if first == lcca.VERSION and _is_lcca(data) else Form.WSM
+    if first in wsmp.VERSIONS_READ:
+        return Form.WSM
+    raise DecodeError("unknown_psid", f"{inner_psid:#x} ({psid.NAMES.get(inner_psid, 'unknown')})")
+
+
+def _is_lcca(data: bytes) -> bool:
+    try:
+        lcca.decode(data)
+    except DecodeError:
+        return False
+    return True
 
 
 def _rsu41(data: bytes) -> _Layer:
