@@ -89,7 +89,7 @@ class Intersection:
             raise DecodeError("no_position", "no reference point")
         if known is not None and now - known.received_at <= MAP_LIFETIME_S:
             if known.geometry == geometry:
-                self._map = replace(known, received_at=now)
+                self._map = replace(known, signer_id=signer_id, received_at=now)
                 return
             if known.geometry.revision == geometry.revision or known.signer_id != signer_id:
                 raise DecodeError("contradictory", f"other lanes of revision {geometry.revision}")

@@ -65,6 +65,8 @@ class BitWriter:
 
     def put_small_number(self, value: int) -> None:
         """Append a normally small non-negative whole number (X.691, 11.6)."""
+        if value < 0:
+            raise ValueError(f"{value} is below 0")
         if value < 0x40:
             self.put(value, 7)
         else:

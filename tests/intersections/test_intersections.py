@@ -174,6 +174,14 @@ def test_other_lanes_need_another_revision_of_the_same_unit(listener):
     assert listener.core.signal_ahead(EASTWARDS) is None
 
 
+def test_a_unit_with_a_new_certificate_may_send_other_lanes(listener):
+    (crossing,) = crossing_map().intersections
+    fewer = replace(crossing, lanes=crossing.lanes[1:], revision=4)
+    assert listener.hears(crossing_map(), signer=OTHER_UNIT) == []
+    newer = replace(crossing_map(), intersections=(fewer,))
+    assert listener.hears(newer, signer=OTHER_UNIT) == []
+
+
 def test_signals_of_another_revision_of_the_lanes_are_unknown(listener):
     assert listener.hears(crossing_spat(revision=4)) == []
     assert listener.states(EASTWARDS) is None

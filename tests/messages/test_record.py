@@ -214,6 +214,11 @@ def test_a_choice_of_an_unknown_name_is_an_error():
         PAINTED.encode(Painted(Colour.RED, Chosen("length", 5), "a", is_wet=True))
 
 
+def test_a_number_of_a_later_edition_is_above_those_of_this_one():
+    with pytest.raises(ValueError, match=r"Painted.colour: -1 is below 0"):
+        PAINTED.encode(Painted(1, Chosen("number", 5), "a", is_wet=True))
+
+
 def test_a_number_of_any_size_is_a_normally_small_one():
     """X.691, 11.6: six bits up to 63, octets above."""
     ours = Painted(2 + 64, Chosen("number", 0), "a", is_wet=False)
