@@ -38,10 +38,10 @@ CORNERS_MODEL = DEFAULT_MODEL.with_name("plate_corners.onnx")
 
 _SHRINKS = (1.0, 2.0, 8.0)
 """Factors by which the image is reduced for the first network: plates up to 1000 px wide."""
-_FINE_IMAGE_PX, _FINE_PLATES_PX = 480_000, (20.0, 64.0)
-"""Largest image that is searched at its full size, half of 1280x720, and the widths of plates for
-which it is. Narrower ones cannot be read. Wider ones are high enough at half the size, where narrow
-European ones are lost."""
+SEARCHED_PX, _FINE_PLATES_PX = 260_000, (20.0, 64.0)
+"""Pixels in which an image is searched at full and at half its size together, if half of it has
+no more, and the widths of plates for which it is at full size. Narrower ones cannot be read. Wider
+ones are high enough at half the size, where narrow European ones are lost."""
 _REFINED_VIEW_SIZE = (192, 96)
 _REFINED_PLATE_PX = (84.0, 96.0)
 """Smaller plates are enlarged to the first of these widths, larger ones reduced to the second."""
@@ -122,16 +122,21 @@ class PlateDetector:
         least, sure = self._least_score**3, self._least_score**2
         least_px, most_px = _FINE_PLATES_PX
         for shrink, network in zip(_SHRINKS, self._candidate_networks, strict=True):
-            size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
             is_fine = shrink == min(_SHRINKS)
-            if min(size) < CELL_PX or (is_fine and grey.size > _FINE_IMAGE_PX):
+            height, width = grey.shape
+            left, top, right, bottom = (
+                fine_part(width, height) if is_fine else (0, 0, width, height)
+            )
+            part = grey[top:bottom, left:right]
+            size = (round(part.shape[1] / shrink), round(part.shape[0] / shrink))
+            if min(size) < CELL_PX:
                 continue
-            view = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-            scale = np.asarray([grey.shape[1] / size[0], grey.shape[0] / size[1]], np.float32)
+            view = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+            scale = np.asarray([part.shape[1] / size[0], part.shape[0] / size[1]], np.float32)
             for found in _run(network, np.asarray(view, np.uint8), least, sure):
                 if is_fine and not least_px <= found.width_px < most_px:
                     continue
-                plate = PlateDetection(found.corners_px * scale, found.score)
+                plate = PlateDetection(found.corners_px * scale + (left, top), found.score)
                 if plate.score >= sure or plate.width_px >= _MIN_UNSURE_PX:
                     yield plate
 
@@ -188,6 +193,20 @@ class PlateDetector:
         corners = (best.corners_px - shift.astype(np.float32)) / np.float32(scale)
         both = best.score * first.score
         return PlateDetection(corners, max(both ** (1 / 2), (both * best.score) ** (1 / 3)))
+
+
+def fine_part(width_px: int, height_px: int) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of the part that is searched at full size: the middle.
+
+    With half the size it has `SEARCHED_PX`, so that the cost of a search has no steps: it is all of
+    a small image, and nothing of a large one.
+    """
+    spare = SEARCHED_PX / (width_px * height_px) - 1 / 4
+    share = min(1.0, max(0.0, spare)) ** 0.5
+    across, down = (
+        CELL_PX * round((1.0 - share) * px / 2 / CELL_PX) for px in (width_px, height_px)
+    )
+    return across, down, width_px - across, height_px - down
 
 
 def _run(network: cv2.dnn.Net, grey: Image, least: float, sure: float) -> list[PlateDetection]:

@@ -1,6 +1,7 @@
 """Plates on rendered roads are found, and nothing else is."""
 
 import csv
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from onboard.observations import ImageBox
-from onboard.vision.plate_detector import PlateDetection, PlateDetector, as_input
+from onboard.vision.plate_detector import PlateDetection, PlateDetector, as_input, fine_part
 from onboard.vision.settings import Calibration
 from sim_rig.rendering.clutter import surroundings
 from sim_rig.rendering.plate_art import FORMATS, PlateFormat
@@ -62,6 +63,31 @@ def test_a_small_image_is_searched_at_full_size(detector: PlateDetector, rig_dat
         if not any(0 < u - x < width and 0 < v - y < height for u, v in middles):
             lost.append(row["file"])
     assert len(lost) <= 0.04 * len(rows), lost
+
+
+def searched_px(width_px: int, height_px: int) -> float:
+    left, top, right, bottom = fine_part(width_px, height_px)
+    return (right - left) * (bottom - top) + width_px * height_px * (1 / 4 + 1 / 64)
+
+
+def test_the_cost_of_a_search_has_no_steps_and_grows_with_the_image() -> None:
+    costs = [searched_px(16 * side, 9 * side) for side in range(20, 241)]
+
+    steps = [after / before for before, after in pairwise(costs)]
+    assert 0.95 < min(steps) <= max(steps) < 1.12
+    assert searched_px(1242, 375) < 1.02 * searched_px(1280, 720)
+
+
+@pytest.mark.parametrize(
+    ("size", "share"), [((480, 320), 1.0), ((1242, 375), 0.29), ((3840, 2160), 0.0)]
+)
+def test_small_images_are_searched_whole_at_full_size_and_large_ones_not_at_all(
+    size: tuple[int, int], share: float
+) -> None:
+    left, top, right, bottom = fine_part(*size)
+
+    assert (right - left) * (bottom - top) / (size[0] * size[1]) == pytest.approx(share, abs=0.03)
+    assert (left + right, top + bottom) == size
 
 
 @pytest.mark.parametrize("light", Light)
