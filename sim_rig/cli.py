@@ -1,13 +1,12 @@
-"""Commands of the rig: list and run scenarios, run studies, show a run of a study."""
+"""Commands of the rig: list and run scenarios, run studies, show a run of a study.
 
-import asyncio
+What a command needs is imported when it runs: `--help` and `list` take no second, and without the
+extra `rig` they work.
+"""
+
 import errno
 import os
-import shutil
-import signal
 import sys
-import time
-import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import takewhile
@@ -15,19 +14,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from onboard.errors import UserError
-from onboard.settings import parse_yaml
-from sim_rig.engineer.page_process import ENGINEER
-from sim_rig.processes.gpsd import gpsd_program
-from sim_rig.reporting.report import failures, print_report, print_verdict
-from sim_rig.reporting.timeline import draw_timeline
-from sim_rig.run_log.run_log import RunLog
-from sim_rig.runs.live import LiveTestbench
-from sim_rig.runs.virtual import run_virtual
-from sim_rig.scenario.schema import Scenario, load_scenario, scenario_names
-from sim_rig.studies.campaign import Workers
+from sim_rig.scenario.catalogue import scenario_titles
 from sim_rig.studies.catalogue import check_study, run_study, study_names
 
 app = typer.Typer(
@@ -41,8 +30,8 @@ app = typer.Typer(
 @app.command("list")
 def list_scenarios() -> None:
     """List the scenarios that come with the rig, with their titles."""
-    for name in scenario_names():
-        typer.echo(f"{name:16} {load_scenario(name).title}")
+    for name, title in scenario_titles().items():
+        typer.echo(f"{name:16} {title}")
 
 
 @app.command()
@@ -67,39 +56,11 @@ def run(
     ] = False,
 ) -> None:
     """Run a scenario and print a report; exit with 1 if an expectation failed."""
-    loaded = load_scenario(scenario)
-    console = Console(highlight=False)
-    console.print(f"[bold]{loaded.title}[/bold]", soft_wrap=True)
-    if not virtual and (why := _only_virtual(loaded)) is not None:
-        console.print(f"{why}: in virtual time")
-        virtual = True
-    folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
-    chosen = loaded.seed if seed is None else seed
-    began = time.monotonic()
-    with _writing(folder):
-        log = (
-            _run_virtual(loaded, chosen, folder)
-            if virtual
-            else _run_live(loaded, chosen, folder, watch)
-        )
-        took_s = time.monotonic() - began
-        log.write(folder)
-        draw_timeline(loaded, log, folder / "timeline.png")
-    print_report(loaded, log, console)
-    console.print(
-        f"{loaded.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces,"
-        f" recordings and picture in {folder}"
-    )
-    print_verdict(loaded, log, console)
-    failed = bool(failures(loaded, log))
-    load, cores = os.getloadavg()[0], os.cpu_count() or 1
-    if failed and not virtual and load > cores:
-        console.print(
-            f"This machine was busy (load {load:.1f}, {cores} cores), and real time does not wait:"
-            " run it again when it is not, or with --virtual.",
-            soft_wrap=True,
-        )
-    raise typer.Exit(1 if failed else 0)
+    from sim_rig.runs.command import run_scenario  # noqa: PLC0415 (see above)
+
+    with _writing(out):
+        passed = run_scenario(scenario, out, virtual=virtual, seed=seed, watch=watch)
+    raise typer.Exit(0 if passed else 1)
 
 
 @app.command(context_settings={"ignore_unknown_options": True})
@@ -123,6 +84,8 @@ def study(
     ] = None,
 ) -> None:
     """Reproduce tables and figures of the papers from simulated drives."""
+    from sim_rig.studies.campaign import Workers  # noqa: PLC0415 (see above)
+
     named = list(takewhile(lambda word: not word.startswith("-"), names))
     given = _settings_given(names[len(named) :])
     for name in named:
@@ -145,7 +108,7 @@ def show(
     out: Annotated[Path, typer.Option(help="The HTML file to write.")] = Path("out/run.html"),
 ) -> None:
     """Write one run of a study as an HTML page: the cars from above, with play, pause and step."""
-    from sim_rig.studies.show import show_run  # noqa: PLC0415 (only this command needs it)
+    from sim_rig.studies.show import show_run  # noqa: PLC0415 (see above)
 
     with _writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -175,6 +138,8 @@ _OF_THE_DISK = (
 
 def _settings_given(words: list[str]) -> dict[str, object]:
     """Parse settings: `--spacing-m 10` and `--spacing-m=10` set `spacing_m`."""
+    from onboard.settings import parse_yaml  # noqa: PLC0415 (see above)
+
     split = [
         part for word in words for part in (word.split("=", 1) if word.startswith("--") else [word])
     ]
@@ -190,47 +155,19 @@ def _settings_given(words: list[str]) -> dict[str, object]:
     }
 
 
-def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:
-    shutil.rmtree(folder / "box", ignore_errors=True)
-    return run_virtual(scenario, seed, folder / "box")
-
-
-def _only_virtual(scenario: Scenario) -> str | None:
-    """Reason why the scenario cannot run live on this machine; `None` if it can."""
-    if scenario.gnss is not None and gpsd_program() is None:
-        return "gpsd is not installed (Debian: gpsd)"
-    return None
-
-
-def _run_live(scenario: Scenario, seed: int, folder: Path, watch: bool) -> RunLog:
-    async def run_testbench() -> RunLog:
-        task = asyncio.current_task()
-        assert task is not None  # noqa: S101 (inside of asyncio.run there is one)
-        # SIGTERM must end the daemons, too.
-        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
-        async with LiveTestbench(scenario, seed, folder) as testbench:
-            for name, address in testbench.pages.items():
-                typer.echo(f"  {name:8} {address}")
-            if watch:
-                webbrowser.open(testbench.pages[ENGINEER])
-            await testbench.run()
-            if watch:
-                typer.echo("The scenario has ended; the engineer's page stays until Ctrl-C.")
-                ended = asyncio.Event()
-                asyncio.get_running_loop().add_signal_handler(signal.SIGINT, ended.set)
-                await ended.wait()
-        return testbench.log()
-
-    try:
-        return asyncio.run(run_testbench())
-    except asyncio.CancelledError:
-        raise typer.Exit(128 + signal.SIGTERM) from None
-
-
 def main() -> None:
-    """Run the command line; an error of the user is one line on stderr and exit code 2."""
+    """Run the command line; an error of the user is one line on stderr and exit code 2.
+
+    A package of the extra `rig` that is not installed is such an error.
+    """
     try:
         app()
     except UserError as error:
         typer.echo(error, err=True)
+        sys.exit(2)
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if missing in {"", "onboard", "sim_rig"}:
+            raise
+        typer.echo(f"sim-rig needs {missing}: pip install 'onboard[rig]'", err=True)
         sys.exit(2)

@@ -17,7 +17,8 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from sim_rig.runs.virtual import run_virtual
-from sim_rig.scenario.schema import load_scenario, scenario_names
+from sim_rig.scenario.catalogue import scenario_names
+from sim_rig.scenario.schema import load_scenario
 
 SEEDS = (1, 2, 3)
 TABLE: Mapping[str, Any] = yaml.safe_load(

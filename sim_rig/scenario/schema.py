@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, StringConstraints, 
 from onboard.access.settings import AccessSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.settings import Settings, SettingsError, load_settings
+from sim_rig.scenario.catalogue import SCENARIOS, scenario_names
 from sim_rig.scenario.expectations import Expectation
 from sim_rig.scenario.faults import Fault, PlateMisread
 from sim_rig.scenario.field_types import CarName, PlateText, RoadName, Seconds
@@ -25,9 +26,6 @@ from sim_rig.scenario.sensor_settings import (
     VehicleCameraSettings,
 )
 from sim_rig.scenario.signal_settings import Metres, SignalSettings
-
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
-"""The scenarios that come with the rig."""
 
 
 def _points(value: object) -> object:
@@ -167,11 +165,6 @@ class Scenario(Settings):
             at_s: time since the start of the scenario, s.
         """
         return any(fault.what == what and fault.holds(car, at_s) for fault in self.faults)
-
-
-def scenario_names() -> list[str]:
-    """Names of the scenarios that come with the rig."""
-    return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))
 
 
 def load_scenario(name: str) -> Scenario:

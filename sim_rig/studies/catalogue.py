@@ -3,10 +3,12 @@
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from onboard.errors import UserError
-from onboard.settings import load_settings, parse_settings
-from sim_rig.studies.campaign import Workers
+
+if TYPE_CHECKING:
+    from sim_rig.studies.campaign import Workers
 
 Study = Callable[[Path], str]
 """Writes table, figure and settings into a folder; returns a summary."""
@@ -49,7 +51,7 @@ def run_study(
     name: str,
     out_dir: Path,
     settings: Path | None,
-    workers: Workers,
+    workers: "Workers",
     given: Mapping[str, object] | None = None,
 ) -> str:
     """Run one study.
@@ -67,6 +69,8 @@ def run_study(
     Raises:
         UserError: no study has this name, or the settings are invalid.
     """
+    from onboard.settings import load_settings, parse_settings  # noqa: PLC0415 (names need none)
+
     if name not in _CAMPAIGNS:
         if name in _SINGLE and (settings is not None or given):
             raise UserError(f"the study {name} takes no settings")

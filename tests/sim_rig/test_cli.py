@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from sim_rig.cli import main
-from sim_rig.scenario.schema import scenario_names
+from sim_rig.scenario.catalogue import scenario_names, scenario_titles
+from sim_rig.scenario.schema import load_scenario
 
 
 class Terminal:
@@ -43,6 +44,47 @@ def test_the_module_runs_as_a_program() -> None:
     )
 
     assert [line.split()[0] for line in run.stdout.splitlines()] == scenario_names()
+
+
+def without(modules: tuple[str, ...], *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The command line where `modules` are not installed."""
+    missing = dict.fromkeys(modules)
+    code = f"import sys; sys.modules |= {missing}; from sim_rig.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("command", ["--help", "list"])
+def test_help_and_list_need_no_large_package(command: str) -> None:
+    large = ("numpy", "scipy", "cv2", "matplotlib", "PIL", "av", "cantools")
+    shown = without(large, command)
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("package", "command"),
+    [
+        ("PIL", ("run", "fig4", "--virtual")),
+        ("matplotlib", ("run", "fig4", "--virtual")),
+        ("statsmodels", ("study", "rakhshan-figure6")),
+    ],
+)
+def test_a_package_of_the_extra_that_is_missing_is_one_line(
+    tmp_path: Path, package: str, command: tuple[str, ...]
+) -> None:
+    run = without((package,), *command, "--out", str(tmp_path))
+    assert run.returncode == 2
+    assert run.stderr == f"sim-rig needs {package}: pip install 'onboard[rig]'\n"
+
+
+def test_titles_are_those_of_the_schema() -> None:
+    assert scenario_titles() == {name: load_scenario(name).title for name in scenario_names()}
 
 
 def test_a_virtual_run_prints_a_report_and_writes_traces(

@@ -17,7 +17,8 @@ from sim_rig.processes.processes import ProcessError, Processes
 from sim_rig.reporting.report import failures
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.live import LiveTestbench
-from sim_rig.scenario.schema import Scenario, load_scenario, scenario_names
+from sim_rig.scenario.catalogue import scenario_names
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 IN_THE_GATE = ("fig4", "stopped-ecu")
 

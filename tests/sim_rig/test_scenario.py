@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from onboard.settings import SettingsError
-from sim_rig.scenario.schema import Scenario, load_scenario, scenario_names
+from sim_rig.scenario.catalogue import scenario_names
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 GOOD = """
 title: Two cars drive one behind the other and nothing happens.

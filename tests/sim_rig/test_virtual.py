@@ -8,7 +8,8 @@ from onboard.stack import Stack
 from sim_rig.reporting.report import failures
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.virtual import run_virtual
-from sim_rig.scenario.schema import Scenario, load_scenario, scenario_names
+from sim_rig.scenario.catalogue import scenario_names
+from sim_rig.scenario.schema import Scenario, load_scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 

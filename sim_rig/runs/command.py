@@ -1,0 +1,109 @@
+"""One run of a scenario, live or in virtual time, with its files and its report on the terminal."""
+
+import asyncio
+import os
+import shutil
+import signal
+import time
+import webbrowser
+from pathlib import Path
+
+import typer
+from rich.console import Console
+
+from sim_rig.engineer.page_process import ENGINEER
+from sim_rig.processes.gpsd import gpsd_program
+from sim_rig.reporting.report import failures, print_report, print_verdict
+from sim_rig.reporting.timeline import draw_timeline
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import Scenario, load_scenario
+
+
+def run_scenario(scenario: str, out: Path, *, virtual: bool, seed: int | None, watch: bool) -> bool:
+    """Run a scenario, and write traces, recordings and picture into a folder of `out`.
+
+    Args:
+        scenario: its name or file.
+        out: folder of the run's folder.
+        virtual: in virtual time; also where it cannot run live.
+        seed: instead of the scenario's own.
+        watch: show the engineer's page until Ctrl-C.
+
+    Returns:
+        Whether all expectations were met.
+
+    Raises:
+        UserError: there is no such scenario, or it has mistakes.
+        OSError: the folder cannot be written.
+    """
+    loaded = load_scenario(scenario)
+    console = Console(highlight=False)
+    console.print(f"[bold]{loaded.title}[/bold]", soft_wrap=True)
+    if not virtual and (why := _only_virtual(loaded)) is not None:
+        console.print(f"{why}: in virtual time")
+        virtual = True
+    folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
+    chosen = loaded.seed if seed is None else seed
+    began = time.monotonic()
+    log = (
+        _run_virtual(loaded, chosen, folder)
+        if virtual
+        else _run_live(loaded, chosen, folder, watch)
+    )
+    took_s = time.monotonic() - began
+    log.write(folder)
+    draw_timeline(loaded, log, folder / "timeline.png")
+    print_report(loaded, log, console)
+    console.print(
+        f"{loaded.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces,"
+        f" recordings and picture in {folder}"
+    )
+    print_verdict(loaded, log, console)
+    failed = bool(failures(loaded, log))
+    load, cores = os.getloadavg()[0], os.cpu_count() or 1
+    if failed and not virtual and load > cores:
+        console.print(
+            f"This machine was busy (load {load:.1f}, {cores} cores), and real time does not wait:"
+            " run it again when it is not, or with --virtual.",
+            soft_wrap=True,
+        )
+    return not failed
+
+
+def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:
+    shutil.rmtree(folder / "box", ignore_errors=True)
+    return run_virtual(scenario, seed, folder / "box")
+
+
+def _only_virtual(scenario: Scenario) -> str | None:
+    """Reason why the scenario cannot run live on this machine; `None` if it can."""
+    if scenario.gnss is not None and gpsd_program() is None:
+        return "gpsd is not installed (Debian: gpsd)"
+    return None
+
+
+def _run_live(scenario: Scenario, seed: int, folder: Path, watch: bool) -> RunLog:
+    async def run_testbench() -> RunLog:
+        task = asyncio.current_task()
+        assert task is not None  # noqa: S101 (inside of asyncio.run there is one)
+        # SIGTERM must end the daemons, too.
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
+        async with LiveTestbench(scenario, seed, folder) as testbench:
+            for name, address in testbench.pages.items():
+                typer.echo(f"  {name:8} {address}")
+            if watch:
+                webbrowser.open(testbench.pages[ENGINEER])
+            await testbench.run()
+            if watch:
+                typer.echo("The scenario has ended; the engineer's page stays until Ctrl-C.")
+                ended = asyncio.Event()
+                asyncio.get_running_loop().add_signal_handler(signal.SIGINT, ended.set)
+                await ended.wait()
+        return testbench.log()
+
+    try:
+        return asyncio.run(run_testbench())
+    except asyncio.CancelledError:
+        raise typer.Exit(128 + signal.SIGTERM) from None
