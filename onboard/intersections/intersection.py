@@ -63,6 +63,8 @@ class _Spat:
     sent_utc_s: float
     signer_id: bytes | None
     received_at: float
+    sent_at: float
+    """By the sender's clock, but not after `received_at`."""
 
 
 class Intersection:
@@ -137,7 +139,8 @@ class Intersection:
         if known is not None and not is_same_sender and _differ(known.phases, phases):
             self._is_disputed_until = now + SPAT_LIFETIME_S
             raise DecodeError("contradictory", "two senders show different phases")
-        self._spat = _Spat(phases, state.revision, sent_utc_s, signer_id, now)
+        sent_at = now - max(age_s or 0.0, 0.0)
+        self._spat = _Spat(phases, state.revision, sent_utc_s, signer_id, now, sent_at)
 
     def signal_ahead(
         self, state: tuple[float, ...], frame: LocalFrame, now: float
@@ -186,11 +189,11 @@ class Intersection:
         spat, lanes = self._spat, self._map
         if spat is None or lanes is None or now < self._is_disputed_until:
             return None
-        elapsed_s = now - spat.received_at
-        if elapsed_s > SPAT_LIFETIME_S or spat.revision != lanes.geometry.revision:
+        is_silent = now - spat.received_at > SPAT_LIFETIME_S
+        if is_silent or spat.revision != lanes.geometry.revision:
             return None
         phase = spat.phases.get(signal_group)
-        return None if phase is None else phase.after(elapsed_s)
+        return None if phase is None else phase.after(now - spat.sent_at)
 
 
 @lru_cache(maxsize=64)

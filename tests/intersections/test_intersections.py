@@ -88,6 +88,25 @@ def test_the_time_left_runs_down_between_messages(listener):
     assert phase.min_left_s == pytest.approx(7.7 - 0.6)
 
 
+def test_a_late_message_has_less_time_left():
+    """Nobody can tell a delay of 0.9 s from a sender's clock that is 0.9 s behind."""
+    one = Listener()
+    one.hears(crossing_map())
+    one.hears(crossing_spat(), at_s=0.9)
+    one.core.receive_host_vehicle(None, FRAME, 1.5)
+    (phase,) = one.core.signal_ahead(EASTWARDS).phases
+    assert phase.min_left_s == pytest.approx(7.7 - 1.5)
+
+
+def test_a_message_of_a_clock_that_is_ahead_has_the_time_that_it_states():
+    one = Listener()
+    one.hears(crossing_map())
+    one.hears(crossing_spat(time_stamp_s=13.2))
+    one.core.receive_host_vehicle(None, FRAME, 0.5)
+    (phase,) = one.core.signal_ahead(EASTWARDS).phases
+    assert phase.min_left_s == pytest.approx(20.0 - 13.2 - 0.5)
+
+
 def test_between_two_lanes_all_signals_count():
     one = Listener()
     geometry = crossing_map()
