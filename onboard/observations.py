@@ -183,6 +183,10 @@ class VehicleDetection:
     """Clockwise from the host vehicle's heading."""
     bearing_sigma_rad: float
     text: str | None = None
+    range_rate_m_s: float | None = None
+    """Positive while the range grows; radar measures it."""
+    range_rate_sigma_m_s: float | None = None
+    """Known if the range rate is."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,19 +2,24 @@
 
     {"sent_s": 5120.35, "age_s": 0.04,
      "cars": [{"id": 7, "range_m": 31.5, "range_sigma_m": 1.5,
-               "bearing_rad": -0.12, "bearing_sigma_rad": 0.01}]}
+               "bearing_rad": -0.12, "bearing_sigma_rad": 0.01,
+               "range_rate_m_s": -2.5, "range_rate_sigma_m_s": 0.1}]}
 
 `sent_s` is the time of sending on a monotonic clock of the detector, `age_s` the age of the image
 at that time. A range goes from the camera (`mvs.sensing.camera_ahead_m`) to the visible side of the
 vehicle, a bearing to its centre, clockwise from the host vehicle's heading. A vehicle keeps its
-`id` while it is tracked. Other keys are ignored.
+`id` while it is tracked. The range rate, positive while the range grows, may be left out with its
+sigma; it is measured (radar), not derived from ranges. Other keys are ignored.
 """
 
 import math
 from collections import Counter, deque
+from dataclasses import replace
+from typing import Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from onboard.detector.range_rate_check import RangeRateCheck
 from onboard.observations import DetectionList, Discarded, VehicleDetection
 from onboard.sensors.remote_clock import RemoteClock
 
@@ -40,6 +45,14 @@ class _Object(_External):
     range_sigma_m: float = Field(gt=0.0, le=100.0)
     bearing_rad: float = Field(ge=-math.pi, le=math.pi)
     bearing_sigma_rad: float = Field(gt=0.0, le=1.0)
+    range_rate_m_s: float | None = Field(None, ge=-150.0, le=150.0)
+    range_rate_sigma_m_s: float | None = Field(None, gt=0.0, le=50.0)
+
+    @model_validator(mode="after")
+    def _has_rate_with_sigma(self) -> Self:
+        if (self.range_rate_m_s is None) != (self.range_rate_sigma_m_s is None):
+            raise ValueError("range_rate_m_s and range_rate_sigma_m_s: both or none")
+        return self
 
 
 class _ObjectList(_External):
@@ -55,6 +68,7 @@ class ObjectListReader:
         """Start with nothing received."""
         self._clock = RemoteClock(latency_s=0.0)
         self._sent_s = -math.inf
+        self._range_rates = RangeRateCheck()
         self._events: deque[DetectionList | Discarded] = deque()
 
     def receive_bytes(self, data: bytes, now: float) -> None:
@@ -80,9 +94,21 @@ class ObjectListReader:
                 each.range_sigma_m,
                 each.bearing_rad,
                 each.bearing_sigma_rad,
+                range_rate_m_s=each.range_rate_m_s,
+                range_rate_sigma_m_s=each.range_rate_sigma_m_s,
             )
             for each in received.cars
         )
+        contradicted = self._range_rates.contradicted(detections)
+        if contradicted:
+            named = ", ".join(map(str, sorted(contradicted)))
+            self._discard(now, "range_rate", f"contradicts the ranges of {named}")
+            detections = tuple(
+                replace(each, range_rate_m_s=None, range_rate_sigma_m_s=None)
+                if each.track_id in contradicted
+                else each
+                for each in detections
+            )
         self._events.append(DetectionList(stamp_s, detections))
         return None
 

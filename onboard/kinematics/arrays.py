@@ -1,6 +1,6 @@
 """States of many vehicles as arrays."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -50,6 +50,16 @@ class StateArrays:
         covariances = self.covariances.copy()
         covariances[[2, 3], [2, 3]] += (1.0 - self.has_speed) * sigma_m_s**2
         return type(self)(self.stamps_ms, self.states, covariances, np.ones(len(self)))
+
+    def with_velocities(self, velocities: Mapping[int, tuple[Array, Array]]) -> Self:
+        """Return whole states where a velocity (2) and its covariance (2, 2) are given by index."""
+        if not velocities:
+            return self
+        states, covariances = self.states.copy(), self.covariances.copy()
+        has_speed = self.has_speed.copy()
+        for at, (velocity, covariance) in velocities.items():
+            states[2:, at], covariances[2:, 2:, at], has_speed[at] = velocity, covariance, 1.0
+        return type(self)(self.stamps_ms, states, covariances, has_speed)
 
     def with_covariances_scaled(self, factors: Array) -> Self:
         """Return the states with each covariance multiplied by its factor (N)."""

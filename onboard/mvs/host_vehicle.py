@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from onboard.kinematics.acceleration import AccelerationEstimator
 from onboard.kinematics.arrays import Array
 from onboard.kinematics.heading import Heading, HeadingFilter
 from onboard.kinematics.local_frame import LocalFrame
@@ -21,6 +22,10 @@ UNKNOWN_SPEED_SIGMA_M_S = 30.0
 """Velocity of a vehicle that reports none."""
 ACCELERATION_M_S2 = 3.0
 """Acceleration of the host vehicle between two fixes; hard braking is twice this."""
+ACCELERATION_WINDOW_S = 0.8
+"""Window of the host vehicle's acceleration, by its fixes."""
+ACCELERATION_CHANGE_M_S2 = 1.0
+"""Change of that acceleration since the middle of the window."""
 MAX_HEADING_SIGMA_RAD = 0.35
 """With a less certain heading detections are not used: the error is not linear any more."""
 
@@ -43,6 +48,7 @@ class HostVehicle:
         self._settings = settings
         self._fix: Position | None = None
         self._heading = HeadingFilter(settings.velocity_sigma_m_s, settings.heading_sigma_rad)
+        self._acceleration = AccelerationEstimator(ACCELERATION_WINDOW_S)
         self._state: ReportedState | None = None
         self.frame: LocalFrame | None = None
 
@@ -56,6 +62,8 @@ class HostVehicle:
             return None
         self._fix = fix
         self._heading.receive_position(fix)
+        if fix.speed_m_s is not None:
+            self._acceleration.receive(fix.stamp_s, fix.speed_m_s)
         here = LocalFrame(fix.latitude_deg, fix.longitude_deg)
         moved = None
         if self.frame is None:
@@ -134,3 +142,35 @@ class HostVehicle:
             + range_m**2 * bearing_variance * np.outer(across, across)
         )
         return camera + range_m * along, covariance
+
+    def velocity(self, detection: VehicleDetection) -> tuple[Array, Array] | None:
+        """Return the velocity of a detected vehicle by its range rate, for one that is measured.
+
+        Along the line of sight it is the range rate and the host vehicle's velocity; across, it is
+        unknown.
+
+        Returns:
+            velocity (2) and covariance (2, 2) in the frame; `None` without range rate or velocity.
+        """
+        fix, facing = self._fix, self.heading(detection.stamp_s)
+        if (
+            detection.range_rate_m_s is None
+            or detection.range_rate_sigma_m_s is None
+            or fix is None
+            or fix.speed_m_s is None
+            or facing is None
+            or self._state is None
+        ):
+            return None
+        direction = facing.heading_rad + detection.bearing_rad
+        along = np.array([math.sin(direction), math.cos(direction)])
+        own = float(along @ self._state.state[2:])
+        since_fix_s = detection.stamp_s - fix.stamp_s
+        changed_m_s = (self._acceleration.acceleration_m_s2 or 0.0) * since_fix_s
+        own += changed_m_s * math.cos(detection.bearing_rad)
+        own_variance = self._settings.velocity_sigma_m_s**2
+        own_variance += (ACCELERATION_CHANGE_M_S2 * since_fix_s) ** 2
+        variance = detection.range_rate_sigma_m_s**2 + own_variance
+        across = np.eye(2) - np.outer(along, along)
+        covariance = variance * np.outer(along, along) + UNKNOWN_SPEED_SIGMA_M_S**2 * across
+        return (detection.range_rate_m_s + own) * along, covariance

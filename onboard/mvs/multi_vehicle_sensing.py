@@ -12,6 +12,7 @@ from typing_extensions import override
 
 from onboard.core import Core
 from onboard.errors import DecodeError
+from onboard.kinematics.arrays import Array
 from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.mvs.footer_coding import encode_within, free_number, read
@@ -336,12 +337,16 @@ class MultiVehicleSensing(Core):
         for stamp_s, detections in [(stamp_s, list(image)) for stamp_s, image in images]:
             identity = MeasurementId(self.own_id, self._utc_ms(stamp_s))
             measured: dict[int, Measurement] = {}
+            velocities: dict[int, tuple[Array, Array]] = {}
             for detection in detections:
                 measurement = self._host.measure(detection)
                 if isinstance(measurement, str):
                     self._discard(now, measurement, f"car {detection.track_id} seen")
-                else:
-                    measured[detection.track_id] = Measurement(identity, *measurement)
+                    continue
+                velocity = self._host.velocity(detection)
+                if velocity is not None:
+                    velocities[len(measured)] = velocity
+                measured[detection.track_id] = Measurement(identity, *measurement)
             if measured:
                 n = len(measured)
                 self._own_stamps_ms.append(identity.stamp_ms)
@@ -354,7 +359,7 @@ class MultiVehicleSensing(Core):
                         [self._utc_ms(now)] * n,
                         ProvenanceSpans.of(provenances),
                         [True] * n,
-                        as_arrays(list(measured.values())),
+                        as_arrays(list(measured.values())).with_velocities(velocities),
                     )
                 )
         self._detections.clear()

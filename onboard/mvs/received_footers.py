@@ -81,7 +81,10 @@ def in_frame(footers: Sequence[SharedEntries], frame: LocalFrame) -> StateArrays
 def evidence_in(footer: SharedEntries, frame: LocalFrame) -> list[Evidence]:
     """Return all entries of a footer as evidence in `frame`."""
     entries = in_frame([footer], frame)
-    return [piece_of(p, entries, row) for row, p in enumerate(footer.provenances)]
+    return [
+        piece_of(p, entries, row, is_measurement=not entries.has_speed[row])
+        for row, p in enumerate(footer.provenances)
+    ]
 
 
 def _are_firsthand(

@@ -24,7 +24,8 @@ from onboard.risk.vehicles_ahead import (
 )
 
 CONFIRM_S = 0.04
-"""Time over which measurements of a vehicle must show a level: one outlier raises no alarm."""
+"""Time over which measurements of a vehicle must show a level, unless filtered: one outlier
+raises no alarm."""
 MAX_REPORTED_DECELERATION_M_S2 = 20.0
 """Alarms report no larger required deceleration: no braking is as hard."""
 
@@ -68,7 +69,7 @@ class ForwardCollisionWarning:
         others: Sequence[PerceivedObject],
         data: BsmDataStore,
         path: PathAhead,
-        now: float,
+        speed: Speed | None,
     ) -> None:
         """Take the perceived objects.
 
@@ -77,9 +78,9 @@ class ForwardCollisionWarning:
             others: the perceived objects.
             data: of their BSMs.
             path: the host vehicle's.
-            now: the time.
+            speed: the host vehicle's, if it is known.
         """
-        self._objects.receive(own, others, data, path, now)
+        self._objects.receive(own, others, data, path, speed)
 
     def assess(self, speed: Speed | None, now: float) -> list[Assessment]:
         """Assess each vehicle ahead, the most urgent first.
@@ -93,7 +94,8 @@ class ForwardCollisionWarning:
             return []
         vehicles = self._objects.with_lead(self._camera.vehicle(now))
         self._confirmations = {
-            vehicle.key: self._confirmations.get(vehicle.key) or Confirmation(CONFIRM_S)
+            vehicle.key: self._confirmations.get(vehicle.key)
+            or Confirmation(0.0 if vehicle.is_filtered else CONFIRM_S)
             for vehicle in vehicles
         }
         assessed = [self._assess(vehicle, speed, now) for vehicle in vehicles]

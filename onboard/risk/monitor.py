@@ -129,7 +129,8 @@ class RiskMonitor(Core):
         self._bsm_data.drop_old(now)
         self._judge(Cause.LCCA, self._assess_lcca(now), now)
         others = [] if own is None else [each for each in objects if _is_other(each, own)]
-        self._fcw.receive_objects(own, others, self._bsm_data, self._path, now)
+        speed = self._fresh_speed(now)
+        self._fcw.receive_objects(own, others, self._bsm_data, self._path, speed)
         self._judge(Cause.FCW, self._assess_fcw(now), now)
         self._ima.follow([*others, own] if own is not None else [], now)
         if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:

@@ -19,8 +19,8 @@ from onboard.risk.path_ahead import PathAhead
 
 LEAD_WINDOW_S = 0.6
 """Window over which decelerations are estimated: ten images a second give six speeds."""
-OBJECT_WINDOW_S = 0.4
-"""The same for perceived objects, whose speeds are filtered."""
+OBJECT_WINDOW_S = 0.35
+"""The same for perceived objects, whose speeds are filtered: four speeds, ten a second."""
 LEAD_DEADBAND_M_S2 = 1.5
 """Estimated decelerations of the lead below this may be noise, and count as none."""
 SETTLED_SIGMA_M_S = 1.5
@@ -54,6 +54,8 @@ class VehicleAhead:
     """Its own, as far as it is certain; 0 or more."""
     measured: tuple[tuple[str, str, float], ...]
     """Kind, name and time of each observation."""
+    is_filtered: bool = False
+    """Whether its state is filtered from several measurements, outliers left out by gates."""
 
     def reasons(self, now: float) -> tuple[AlarmReason, ...]:
         """Return the observations as reasons of an alarm at `now`."""
@@ -184,7 +186,7 @@ class ObjectsAhead:
         others: Sequence[PerceivedObject],
         data: BsmDataStore,
         path: PathAhead,
-        now: float,
+        speed: Speed | None,
     ) -> None:
         """Take all objects; arguments as of `ForwardCollisionWarning.receive_objects`."""
         motions = {}
@@ -201,7 +203,9 @@ class ObjectsAhead:
             gap_m = place.ahead_m - (self._own_length_m + length_m) / 2.0
             motion = self._motions.get(other.name) or LeadMotion(OBJECT_WINDOW_S)
             motions[other.name] = motion
-            self._vehicles.append(_vehicle(own, other, gap_m, place.course_rad, motion, now=now))
+            self._vehicles.append(
+                _vehicle(own, other, gap_m, place.course_rad, motion, speed=speed)
+            )
         self._motions = motions
 
     def with_lead(self, lead: VehicleAhead | None) -> list[VehicleAhead]:
@@ -226,7 +230,7 @@ def _vehicle(
     course_rad: float,
     motion: LeadMotion,
     *,
-    now: float,
+    speed: Speed | None,
 ) -> VehicleAhead:
     """Return an object `gap_m` ahead, where the path leads to `course_rad`."""
     cos, sin = math.cos(course_rad), math.sin(course_rad)
@@ -234,9 +238,13 @@ def _vehicle(
     along_m_s = max(east * cos + north * sin, 0.0)
     speed_sigma_m_s = math.sqrt(_variance(other, 2, cos, sin))
     gap_variance = _variance(other, 0, cos, sin)
-    if other.source is ObjectSource.BSM:  # measured objects are as uncertain as the own position
+    own_m_s = math.hypot(*own.state[2:])
+    is_measured = other.source is not ObjectSource.BSM
+    if not is_measured:  # what is measured has the uncertainty of the own position
         gap_variance += _variance(own, 0, cos, sin)
-    stamp_s = now - other.age_s
+    elif speed is not None:  # a BSM is as old as the own fix: braking of both cancels
+        own_m_s = speed.speed_m_s
+    stamp_s = other.stamp_s - other.age_s
     if speed_sigma_m_s > SETTLED_SIGMA_M_S:
         motion.clear()
     motion.receive(stamp_s, gap_m, along_m_s)
@@ -245,11 +253,11 @@ def _vehicle(
         stamp_s,
         gap_m,
         max(math.sqrt(gap_variance), _LEAST_SIGMA),
-        # Both speeds are of GNSS receivers: the error that an object has by the own one cancels.
-        math.hypot(*own.state[2:]) - along_m_s,
+        own_m_s - along_m_s,
         max(speed_sigma_m_s, _LEAST_SIGMA),
         max(motion.deceleration_m_s2(speed_sigma_m_s), -(other.acceleration_m_s2 or 0.0), 0.0),
         ((f"{other.kind}:{other.source.value}", other.name, stamp_s),),
+        is_filtered=is_measured,
     )
 
 

@@ -123,16 +123,20 @@ def as_estimate(piece: Evidence) -> Estimate:
     return Estimate(piece.provenance, state, covariance)
 
 
-def piece_of(provenance: Provenance, entries: StateArrays, row: int) -> Evidence:
+def piece_of(
+    provenance: Provenance, entries: StateArrays, row: int, *, is_measurement: bool
+) -> Evidence:
     """Return the entry `row` as evidence.
 
     Args:
         provenance: of the entry.
         entries: N entries.
         row: index of the entry.
+        is_measurement: whether it is one; its range rate is not part of it, since receivers cannot
+            check a speed from one measurement.
     """
     state, covariance = entries.states[:, row].copy(), entries.covariances[:, :, row].copy()
-    if entries.has_speed[row]:
+    if not is_measurement:
         return Estimate(provenance, state, covariance)
     (identity,) = provenance
     return Measurement(identity, state[:2], covariance[:2, :2])

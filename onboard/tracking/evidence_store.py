@@ -85,9 +85,9 @@ class EvidenceStore:
         """Return the states in `rows`."""
         return self._all[rows]
 
-    def piece(self, provenance: Provenance, row: int) -> Evidence:
+    def piece(self, provenance: Provenance, row: int, *, is_measurement: bool) -> Evidence:
         """Return the evidence with this provenance whose numbers are in `row`."""
-        return piece_of(provenance, self._all, row)
+        return piece_of(provenance, self._all, row, is_measurement=is_measurement)
 
     def is_sparse(self, kept: int) -> bool:
         """Whether `kept` pieces are so few of all rows that compacting pays."""
@@ -135,7 +135,7 @@ class StoredEvidence:
     @property
     def piece(self) -> Evidence:
         """The evidence itself."""
-        return self.store.piece(self.provenance, self.row)
+        return self.store.piece(self.provenance, self.row, is_measurement=self.is_measurement)
 
 
 class EvidenceView(Sequence[Evidence]):

@@ -280,7 +280,7 @@ class Tracks:
             batch.provenances[row],
             int(batch.spans.newest_ms[row]),
             int(batch.spans.oldest_ms[row]),
-            not batch.entries.has_speed[row],
+            not batch.entries.has_speed[row] or batch.senders[row] == OWN,
             batch.firsthand[row],
             batch.senders[row],
             batch.received_ms[row],

@@ -1,4 +1,4 @@
-"""Model of a camera with a vehicle detector, with its errors.
+"""Model of a camera or radar with a vehicle detector, with its errors.
 
 Detections are of the visible side of a car, at any aspect angle. Nearer cars occlude it, some
 images miss it, and some images have false detections.
@@ -6,6 +6,7 @@ images miss it, and some images have false detections.
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,9 +14,10 @@ from onboard.observations import VehicleDetection
 from sim_rig.roads.road import CarState
 from sim_rig.scenario.sensor_settings import VehicleCameraSettings
 
-FPS = 10.0
 STEADY_SHARE = 0.2
 """Share of the range variance that is constant per car: the error of the assumed car size."""
+REAR_VIEW_RAD = math.radians(60.0)
+"""A rear plate is read at smaller angles to the line of sight."""
 _FALSE_IDS = 1_000_000
 _Span = tuple[float, float]
 """Leftmost and rightmost bearing, rad."""
@@ -43,10 +45,16 @@ class VehicleCamera:
         self._car = car
         self._cars_at = cars_at
         self._rng = rng
+        (self._rate_rng,) = rng.spawn(1)
         self._steady: dict[str, float] = {}
         """Constant part of each car's range error, in standard deviations."""
         self._ids: dict[str, int] = {}
         self._false_ids = _FALSE_IDS
+
+    @property
+    def interval_s(self) -> float:
+        """From one image to the next."""
+        return 1.0 / self._settings.rate_hz
 
     def detect(self, image_at: float) -> list[VehicleDetection]:
         """Return the detections of the image taken at `image_at`."""
@@ -67,19 +75,20 @@ class VehicleCamera:
                 self._ids[name] = len(self._ids)
             if (
                 self._is_in_view(range_m, span)
+                and (not self._settings.rear_only or _shows_rear(own, cars[name]))
                 and _occluded_share(span, nearer) < self._settings.hidden_share
                 and missed >= self._settings.misses
             ):
                 steady = math.sqrt(STEADY_SHARE) * self._steady[name]
                 error = steady + math.sqrt(1.0 - STEADY_SHARE) * float(range_error)
-                sigma_m = self._settings.range_sigma * range_m
+                sigma_m = self._range_sigma_m(range_m)
                 detection = self._detection(
                     self._ids[name],
                     range_m + sigma_m * error,
                     bearing_rad + self._settings.bearing_sigma_rad * float(bearing_error),
                     image_at,
                 )
-                detections.append(detection)
+                detections.append(self._with_range_rate(detection, own, cars[name]))
             nearer.append(span)
         return detections + self._false_detections(image_at)
 
@@ -90,7 +99,7 @@ class VehicleCamera:
     def _false_detections(self, stamp_s: float) -> list[VehicleDetection]:
         settings = self._settings
         found = []
-        for _ in range(self._rng.poisson(settings.false_detections_per_s / FPS)):
+        for _ in range(self._rng.poisson(settings.false_detections_per_s / settings.rate_hz)):
             self._false_ids += 1
             half_rad = math.radians(settings.view_deg) / 2.0
             range_m = float(self._rng.uniform(5.0, settings.sight_m))
@@ -105,10 +114,37 @@ class VehicleCamera:
             stamp_s=stamp_s,
             track_id=track_id,
             range_m=max(range_m, 0.5),
-            range_sigma_m=self._settings.range_sigma * range_m,
+            range_sigma_m=self._range_sigma_m(range_m),
             bearing_rad=bearing_rad,
             bearing_sigma_rad=self._settings.bearing_sigma_rad,
         )
+
+    def _range_sigma_m(self, range_m: float) -> float:
+        return self._settings.range_sigma * range_m + self._settings.range_sigma_m
+
+    def _with_range_rate(
+        self, detection: VehicleDetection, own: CarState, other: CarState
+    ) -> VehicleDetection:
+        sigma_m_s = self._settings.range_rate_sigma_m_s
+        if sigma_m_s is None:
+            return detection
+        rate_m_s = _range_rate_m_s(own, other) + sigma_m_s * self._rate_rng.standard_normal()
+        return replace(detection, range_rate_m_s=rate_m_s, range_rate_sigma_m_s=sigma_m_s)
+
+
+def _range_rate_m_s(own: CarState, other: CarState) -> float:
+    """Change of the distance of two cars' middles."""
+    east_m, north_m = other.x_m - own.x_m, other.y_m - own.y_m
+    east_m_s, north_m_s = (
+        other.speed_m_s * of(other.heading_rad) - own.speed_m_s * of(own.heading_rad)
+        for of in (math.sin, math.cos)
+    )
+    return (east_m * east_m_s + north_m * north_m_s) / math.hypot(east_m, north_m)
+
+
+def _shows_rear(own: CarState, other: CarState) -> bool:
+    line_rad = math.atan2(other.x_m - own.x_m, other.y_m - own.y_m)
+    return abs(_turn(other.heading_rad - line_rad)) <= REAR_VIEW_RAD
 
 
 def _outline(own: CarState, other: CarState) -> tuple[float, float, _Span]:

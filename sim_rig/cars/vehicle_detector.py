@@ -2,7 +2,8 @@
 
 import json
 
-from sim_rig.cars.vehicle_camera import FPS, VehicleCamera
+from onboard.observations import VehicleDetection
+from sim_rig.cars.vehicle_camera import VehicleCamera
 
 LATENCY_S = 0.04
 """Delay from the time of an image to the datagram with its detections."""
@@ -28,15 +29,19 @@ class ExternalDetector:
         """Return a datagram in the format of `onboard.detector`; empty if none is due."""
         if now < self.get_timer():
             return b""
-        at, self._image_at = self._image_at, self._image_at + 1 / FPS
-        cars = [
-            {
-                "id": detection.track_id,
-                "range_m": detection.range_m,
-                "range_sigma_m": detection.range_sigma_m,
-                "bearing_rad": detection.bearing_rad,
-                "bearing_sigma_rad": detection.bearing_sigma_rad,
-            }
-            for detection in self._camera.detect(at)
-        ]
+        at, self._image_at = self._image_at, self._image_at + self._camera.interval_s
+        cars = [_as_object(detection) for detection in self._camera.detect(at)]
         return json.dumps({"sent_s": now, "age_s": now - at, "cars": cars}).encode()
+
+
+def _as_object(detection: VehicleDetection) -> dict[str, float]:
+    described: dict[str, float | None] = {
+        "id": detection.track_id,
+        "range_m": detection.range_m,
+        "range_sigma_m": detection.range_sigma_m,
+        "bearing_rad": detection.bearing_rad,
+        "bearing_sigma_rad": detection.bearing_sigma_rad,
+        "range_rate_m_s": detection.range_rate_m_s,
+        "range_rate_sigma_m_s": detection.range_rate_sigma_m_s,
+    }
+    return {name: value for name, value in described.items() if value is not None}

@@ -20,10 +20,10 @@ from sim_rig.scenario.faults import Fault, PlateMisread
 from sim_rig.scenario.field_types import CarName, PlateText, RoadName, Seconds
 from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
 from sim_rig.scenario.sensor_settings import (
+    DetectorProfile,
     EcuSettings,
     LensSettings,
     ReceiverSettings,
-    VehicleCameraSettings,
 )
 from sim_rig.scenario.signal_settings import Metres, SignalSettings
 
@@ -138,8 +138,9 @@ class Scenario(Settings):
     ecu: EcuSettings = EcuSettings()
     gnss: ReceiverSettings | None = None
     """GNSS receiver of every equipped car; without it, no car has a position."""
-    detector: VehicleCameraSettings | None = None
-    """Vehicle detector of every equipped car, beside its plate camera."""
+    detector: DetectorProfile | None = None
+    """Vehicle detector of every equipped car, beside its plate camera: a profile's name, or its
+    settings."""
     beacons: bool = True
     """Whether the cars send BSMs."""
     signed: bool = False

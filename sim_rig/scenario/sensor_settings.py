@@ -1,6 +1,9 @@
 """Settings of the cameras, control units, GNSS receivers and detectors of a scenario's cars."""
 
-from pydantic import Field
+from collections.abc import Mapping
+from typing import Annotated, Self
+
+from pydantic import BeforeValidator, Field, model_validator
 
 from onboard.settings import Settings
 
@@ -46,14 +49,18 @@ class ReceiverSettings(Settings):
 
 
 class VehicleCameraSettings(Settings):
-    """Camera with a vehicle detector that detects cars from every side."""
+    """Sensor with a vehicle detector: a camera, or a radar, which measures range rates too."""
 
-    view_deg: float = Field(90.0, gt=5.0, lt=180.0)
+    view_deg: float = Field(90.0, ge=5.0, lt=180.0)
     """Horizontal field of view, centred straight ahead."""
+    rate_hz: float = Field(10.0, ge=1.0, le=50.0)
+    """Images or sweeps a second."""
     sight_m: float = Field(80.0, gt=5.0, le=200.0)
     """Largest range of a detection."""
-    range_sigma: float = Field(0.05, gt=0.0, le=0.5)
+    range_sigma: float = Field(0.05, ge=0.0, le=0.5)
     """Range error as a share of the range; a fifth of its variance is constant per car."""
+    range_sigma_m: float = Field(0.0, ge=0.0, le=10.0)
+    """Added to it at any range."""
     bearing_sigma_rad: float = Field(0.005, gt=0.0, le=0.1)
     misses: float = Field(0.1, ge=0.0, lt=1.0)
     """Share of the images in which an unoccluded car is not detected."""
@@ -61,3 +68,40 @@ class VehicleCameraSettings(Settings):
     """Rate of detections without a car, each in one image."""
     hidden_share: float = Field(0.5, gt=0.0, le=1.0)
     """A car is not detected if nearer cars occlude at least this share of its width."""
+    range_rate_sigma_m_s: float | None = Field(None, gt=0.0, le=5.0)
+    """Error of the range rate; without it none is measured."""
+    rear_only: bool = False
+    """Whether only cars that show their rear plate, up to 60 degrees aslant, are detected."""
+
+    @model_validator(mode="after")
+    def _has_a_range_error(self) -> Self:
+        if not self.range_sigma + self.range_sigma_m > 0.0:
+            raise ValueError("range_sigma and range_sigma_m are both 0; one must be above")
+        return self
+
+
+SENSOR_PROFILES: Mapping[str, VehicleCameraSettings] = {
+    "plate-camera": VehicleCameraSettings(view_deg=23.0, sight_m=40.0, rear_only=True),
+    "camera-60": VehicleCameraSettings(view_deg=90.0, sight_m=60.0),
+    "lidar-120": VehicleCameraSettings(
+        view_deg=120.0, sight_m=120.0, range_sigma=0.0, range_sigma_m=0.1, bearing_sigma_rad=0.002
+    ),
+    "radar-150": VehicleCameraSettings(
+        view_deg=40.0, sight_m=150.0, range_sigma=0.0, range_sigma_m=0.25, bearing_sigma_rad=0.01,
+        range_rate_sigma_m_s=0.1, misses=0.05, rate_hz=20.0,
+    ),
+}  # fmt: skip
+"""Sensors by range and field of view. `plate-camera` is the one that ships: the rear plates in its
+lens, as far as they are read. Errors of lidar and radar are typical of data sheets."""
+
+
+def _by_name(given: object) -> object:
+    if not isinstance(given, str):
+        return given
+    if given not in SENSOR_PROFILES:
+        raise ValueError(f"no such sensor profile (given {given!r}): {', '.join(SENSOR_PROFILES)}")
+    return SENSOR_PROFILES[given]
+
+
+DetectorProfile = Annotated[VehicleCameraSettings, BeforeValidator(_by_name)]
+"""Settings of a detector, or the name of a profile."""

@@ -28,6 +28,7 @@ _CAMPAIGNS = {
     "crossing-alarms": "crossing_alarms:run:AlarmSettings",
     "false-identity": "false_identity:run:FalseIdentitySettings",
     "faults": "faults:run:FaultsSettings",
+    "following-alarms": "following_alarms:run:FollowingSettings",
     "inquiry-load": "inquiry_load:run:InquiryLoadSettings",
     "lcca-chain": "lcca_chain:chain:ChainSettings",
     "mvs-figure3": "mvs_collisions:figure3:Figure3Settings",

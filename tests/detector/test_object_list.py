@@ -20,10 +20,10 @@ def datagram(*vehicles: dict[str, Any], sent_s: float = 10.0, age_s: float = 0.0
     return json.dumps({"sent_s": sent_s, "age_s": age_s, "cars": vehicles}).encode()
 
 
-def read(*data: bytes, now: float = 500.0) -> list[DetectionList | Discarded]:
+def read(*data: bytes, now: float = 500.0, every_s: float = 0.0) -> list[DetectionList | Discarded]:
     reader = ObjectListReader()
-    for each in data:
-        reader.receive_bytes(each, now)
+    for at, each in enumerate(data):
+        reader.receive_bytes(each, now + at * every_s)
     return list(iter(reader.next_event, None))
 
 
@@ -134,3 +134,67 @@ def test_two_vehicles_with_one_id_are_discarded() -> None:
 @given(st.lists(st.binary(max_size=200), max_size=5))
 def test_any_datagram_gives_one_event(data: list[bytes]) -> None:
     assert len(read(*data)) == len(data)
+
+
+RATE = {"range_rate_m_s": -2.5, "range_rate_sigma_m_s": 0.1}
+
+
+def test_a_range_rate_comes_with_its_sigma() -> None:
+    (detections,) = read(datagram(VEHICLE | RATE, VEHICLE | {"id": 8}))
+
+    assert isinstance(detections, DetectionList)
+    assert [each.range_rate_m_s for each in detections.cars] == [-2.5, None]
+    assert [each.range_rate_sigma_m_s for each in detections.cars] == [0.1, None]
+
+
+@pytest.mark.parametrize(
+    "rate",
+    [
+        {"range_rate_m_s": -2.5},
+        {"range_rate_sigma_m_s": 0.1},
+        RATE | {"range_rate_m_s": 200.0},
+        RATE | {"range_rate_m_s": "fast"},
+        RATE | {"range_rate_sigma_m_s": 0.0},
+    ],
+)
+def test_an_incomplete_or_impossible_range_rate_discards_the_datagram(rate: dict[str, Any]) -> None:
+    assert reason_of(datagram(VEHICLE | rate)) == "no_object_list"
+
+
+def sweeps(rate_m_s: float, range_rate_m_s: float, count: int = 30) -> list[bytes]:
+    """Ten a second, of a vehicle that approaches with `rate_m_s`."""
+    return [
+        datagram(
+            VEHICLE
+            | {"range_m": 60.0 + rate_m_s * k / 10, "range_sigma_m": 0.3}
+            | RATE
+            | {"range_rate_m_s": range_rate_m_s},
+            sent_s=10.0 + k / 10,
+        )
+        for k in range(count)
+    ]
+
+
+def test_range_rates_that_contradict_the_ranges_are_discarded_and_the_ranges_used() -> None:
+    events = read(*sweeps(-5.0, 3.0), every_s=0.1)
+
+    lists = [event for event in events if isinstance(event, DetectionList)]
+    discarded = [event for event in events if isinstance(event, Discarded)]
+    assert len(lists) == 30
+    assert {event.reason for event in discarded} == {"range_rate"}
+    assert [each.cars[0].range_rate_m_s for each in lists[12:]] == [None] * 18
+
+
+def test_range_rates_that_agree_are_used() -> None:
+    events = read(*sweeps(-5.0, -5.0), every_s=0.1)
+
+    assert all(isinstance(event, DetectionList) for event in events)
+
+
+def test_a_detector_that_agrees_again_is_trusted_after_a_span() -> None:
+    wrong, right = sweeps(-5.0, 3.0, 12), sweeps(-5.0, -5.0, 40)[12:]
+
+    last = read(*wrong, *right, every_s=0.1)[-1]
+
+    assert isinstance(last, DetectionList)
+    assert last.cars[0].range_rate_m_s == -5.0

@@ -71,7 +71,7 @@ def test_a_standing_vehicle_ahead_is_warned_of_by_any_source(source: ObjectSourc
     alarms = drive(lambda now: [vehicle(30.0 - SPEED_M_S * now, 0.0, now, source=source)])
 
     assert alarms[0].level is Level.WARNING
-    assert alarms[0].stamp_s == pytest.approx(0.1)
+    assert alarms[0].stamp_s <= 0.1
     assert alarms[0].reasons[0].what == f"perceived_object:{source.value}"
     assert alarms[0].reasons[0].name == "lead"
 
@@ -94,11 +94,12 @@ def test_a_vehicle_beside_the_path_is_not(left_m: float) -> None:
     assert not is_warned(lambda now: [vehicle(30.0 - SPEED_M_S * now, 0.0, now, left_m=left_m)])
 
 
-def test_a_wrong_speed_at_one_time_raises_no_alarm() -> None:
+def test_a_wrong_speed_in_one_bsm_raises_no_alarm() -> None:
     """Even if it is assessed again with the camera's images until the next measurement."""
 
     def odd(now: float) -> Sequence[PerceivedObject]:
-        return [vehicle(12.0, SPEED_M_S - (6.0 if now == 0.4 else 0.0), now)]
+        speed_m_s = SPEED_M_S - (6.0 if now == 0.4 else 0.0)
+        return [vehicle(12.0, speed_m_s, now, source=ObjectSource.BSM)]
 
     assert drive(odd, camera=lambda _: (40.0, SPEED_M_S)) == []
     assert is_warned(lambda now: [vehicle(12.0, SPEED_M_S - 6.0, now)])

@@ -18,7 +18,8 @@ def test_what_is_put_is_found_again() -> None:
     store.append(as_arrays([WHOLE, WHOLE]))
     row = store.append(as_arrays([PLACED, WHOLE]))
 
-    placed, whole = store.piece(PLACED.provenance, row), store.piece(WHOLE.provenance, row + 1)
+    placed = store.piece(PLACED.provenance, row, is_measurement=True)
+    whole = store.piece(WHOLE.provenance, row + 1, is_measurement=False)
 
     assert row == 2
     assert isinstance(placed, Measurement)
@@ -47,7 +48,7 @@ def test_it_grows_and_keeps_what_is_wanted() -> None:
 def test_a_piece_once_made_stays_as_it_is() -> None:
     store = EvidenceStore()
     row = store.append(as_arrays([WHOLE]))
-    piece = store.piece(WHOLE.provenance, row)
+    piece = store.piece(WHOLE.provenance, row, is_measurement=False)
 
     store.change_frame(np.array([[0.0, -1.0], [1.0, 0.0]]), np.array([10.0, 20.0]))
 
