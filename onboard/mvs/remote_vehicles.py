@@ -22,6 +22,8 @@ from onboard.tracking.kalman import predict
 SILENCE_S = 1.5
 """A remote vehicle that has been silent for this long is dropped: fifteen BSMs in a row."""
 
+_STAMP_ERROR_S = 0.005
+"""Largest difference of the stamps of one fix in two BSMs: rounding of `sec_mark`, and clocks."""
 _MISSED_BSMS_S = 0.25
 """Silence in which at least two BSMs in a row are missing, at 10 Hz."""
 
@@ -83,7 +85,7 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
             refused = "too_many_senders", sender_id.hex()
         elif known is None:
             self[sender_id] = RemoteVehicle(reported, reported.stamp_s, acceleration_m_s2)
-        elif known.reported.stamp_s > reported.stamp_s:
+        elif known.reported.stamp_s > reported.stamp_s + _STAMP_ERROR_S:
             refused = "older", f"BSM of {sender_id.hex()}"
         else:
             known.reported, known.acceleration_m_s2 = reported, acceleration_m_s2

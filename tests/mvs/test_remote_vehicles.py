@@ -58,3 +58,12 @@ def test_a_newer_bsm_replaces_it(said_m_s2: float | None) -> None:
 
 def test_an_echo_of_the_own_bsm_is_not_used() -> None:
     assert not braking().receive_bsm(b"--me", fix(NOW), None, NOW)
+
+
+def test_a_bsm_with_the_same_fix_is_used_though_its_time_is_rounded() -> None:
+    """The position may be the last one's, and its time differ by the resolution of `sec_mark`."""
+    mvs = braking()
+
+    assert mvs.receive_bsm(SENDER, fix(NOW - 0.001), None, NOW + 0.1, -2.0)
+
+    assert acceleration_m_s2(mvs, NOW + 0.1) == -2.0
