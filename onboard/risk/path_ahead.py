@@ -29,6 +29,10 @@ MAX_HEADING_DIFFERENCE_RAD = 0.5
 HISTORY_SIGMA_M = 1.0
 """Allowable error of a path history (SAE J2945/1)."""
 
+_CERTAIN_M = 0.3
+"""Below this sigma a path prediction needs no path history, which takes time to decode."""
+_FAR_SIGMAS = 5.0
+"""A vehicle that is farther from the own lane is in another, whatever its path history."""
 _VELOCITY_SIGMA_M_S = 0.1
 """Error of a GNSS receiver's velocity on either axis, which BSMs do not report."""
 _MIN_COURSE_SPEED_M_S = 2.0
@@ -56,10 +60,13 @@ class PathAhead:
 
     def __init__(self) -> None:
         self._predictor = PathPredictor()
+        self._yaw_rate_rad_s = 0.0
+        """Positive to the right; 0 while it is unknown."""
 
     def receive_position(self, position: Position) -> None:
         """Take a fix of the host vehicle."""
         self._predictor.receive_position(position)
+        self._yaw_rate_rad_s = self._predictor.yaw_rate_rad_s or 0.0
 
     def place(
         self,
@@ -95,7 +102,10 @@ class PathAhead:
                 return None
         variance = (distance_m**2 / 2.0) ** 2 * curvature.variance
         variance += (distance_m * _VELOCITY_SIGMA_M_S / speed_m_s) ** 2
-        passed_m = _history_to_the_left_m(history_m(), other, own)
+        is_open = abs(left_m) <= MAX_LATERAL_M + _FAR_SIGMAS * math.sqrt(variance)
+        passed_m = None
+        if is_open and variance > _CERTAIN_M**2:
+            passed_m = _history_to_the_left_m(history_m(), other, own)
         if passed_m is not None:
             weight = variance / (variance + HISTORY_SIGMA_M**2)
             left_m += weight * (passed_m - left_m)
@@ -110,9 +120,8 @@ class PathAhead:
         """Curvature of the path as far as a vehicle, positive to the left."""
         speed_m_s = math.hypot(*own.state[2:])
         own_sigma_rad = _VELOCITY_SIGMA_M_S / speed_m_s
-        yaw_rate_rad_s = self._predictor.yaw_rate_rad_s
         by_yaw_rate = _Curvature(
-            -(yaw_rate_rad_s or 0.0) / speed_m_s, 2.0 * (own_sigma_rad / WINDOW_S / speed_m_s) ** 2
+            -self._yaw_rate_rad_s / speed_m_s, 2.0 * (own_sigma_rad / WINDOW_S / speed_m_s) ** 2
         )
         if not _has_course(other):
             return by_yaw_rate
