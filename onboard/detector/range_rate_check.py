@@ -47,7 +47,7 @@ class RangeRateCheck:
         self._spans: dict[int, _Span] = {}
 
     def contradicted(self, detections: Iterable[VehicleDetection]) -> set[int]:
-        """Take the detections of one image or sweep; stamps never decrease.
+        """Take the detections of one image or sweep.
 
         Returns:
             the numbers of the tracks whose range rates must not be used.
@@ -57,7 +57,7 @@ class RangeRateCheck:
             if each.range_rate_m_s is None:
                 continue
             span = self._spans.get(each.track_id)
-            if span is None or each.stamp_s - span.last.stamp_s > SPAN_S:
+            if span is None or not 0.0 < each.stamp_s - span.last.stamp_s <= SPAN_S:
                 spans[each.track_id] = _Span(each, each)
                 continue
             is_over = span.last.stamp_s - span.begin.stamp_s >= SPAN_S
