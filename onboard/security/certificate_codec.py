@@ -15,11 +15,14 @@ from onboard.security.certificates import (
 )
 from onboard.security.its_time import from_time32, to_time32
 from onboard.security.oer import Malformed, OerReader, Unsupported
+from onboard.security.region import read_region
 
 _VERSION = 3
 _EXPLICIT, _IMPLICIT = 0, 1
 _DURATIONS_S = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 216_000.0, 31_556_952.0)
 """Alternatives of Duration in their order, microseconds to years."""
+_BITMAP = 1
+"""Alternative of ServiceSpecificPermissions, after `opaque`."""
 _ENTITY_APP = 0x80
 """EndEntityType `app`: certificates for applications, the default."""
 
@@ -62,8 +65,11 @@ def encode_to_be_signed(subject: Subject) -> bytes:
     """Encode a ToBeSignedCertificate.
 
     Raises:
-        ValueError: the subject has no permission, not one key, or a validity beyond the range.
+        ValueError: the subject has no permission, not one key, a validity beyond the range, or a
+            region, an assurance level or a binary identifier, which are only read.
     """
+    if (subject.region, subject.assurance_level, subject.binary_id) != (None, None, None):
+        raise ValueError("certificates with region, assurance level or binary id are only read")
     key, value = subject.public_key, subject.reconstruction_value
     if (key is None) == (value is None) or not (subject.permissions or subject.issue_permissions):
         raise ValueError(
@@ -206,17 +212,15 @@ def _read_issuer(reader: OerReader) -> bytes | None:
 def _read_subject(body: _Canonical) -> Subject:
     reader = body.reader
     present = reader.byte()
-    name, linkage = _read_id(reader)
+    name, binary_id, linkage = _read_id(reader)
     craca_id, crl_series = reader.take(3), reader.integer(2)
     valid_from_utc_s = from_time32(reader.integer(4))
     unit = reader.choice()
     if unit >= len(_DURATIONS_S):
         raise Malformed(f"a duration in unit {unit}")
     valid_for_s = reader.integer(2) * _DURATIONS_S[unit]
-    if present & _REGION:
-        _skip_region(reader)
-    if present & _ASSURANCE:
-        reader.byte()
+    region = read_region(reader) if present & _REGION else None
+    assurance_level = reader.byte() if present & _ASSURANCE else None
     permissions = reader.several(_read_permission) if present & _APP else ()
     issue_permissions = reader.several(_read_issue) if present & _ISSUE else ()
     if present & _REQUEST:
@@ -239,6 +243,9 @@ def _read_subject(body: _Canonical) -> Subject:
         linkage,
         craca_id,
         crl_series,
+        binary_id,
+        region,
+        assurance_level,
     )
 
 
@@ -254,51 +261,21 @@ def _read_key(body: _Canonical) -> tuple[bytes | None, bytes | None]:
     raise Malformed(f"a key indicator {indicator}")
 
 
-def _read_id(reader: OerReader) -> tuple[str | None, LinkageData | None]:
-    """Return the name, in hexadecimal if it is binary, or else the linkage data."""
+def _read_id(reader: OerReader) -> tuple[str | None, bytes | None, LinkageData | None]:
+    """Return name, binary identifier and linkage data, of which there is one at most."""
     kind = reader.choice()
     if kind == 0:
         is_grouped = reader.byte()
         i_cert, value = reader.integer(2), reader.take(9)
         group = GroupLinkageValue(reader.take(4), reader.take(9)) if is_grouped else None
-        return None, LinkageData(i_cert, value, group)
-    if kind in {1, 2}:
-        text = reader.octets()
-        return text.decode(errors="replace") if kind == 1 else text.hex(), None
-    if kind == 3:
-        return None, None
-    raise Malformed(f"a certificate id of kind {kind}")
-
-
-def _skip_region(reader: OerReader) -> None:
-    """Skip a GeographicRegion. It is not enforced: see docs/design/security.md."""
-    kind = reader.choice()
-    if kind == 0:
-        reader.take(4 + 4 + 2)
-    elif kind == 1:
-        reader.several(lambda inner: inner.take(16))
-    elif kind == 2:
-        reader.several(lambda inner: inner.take(8))
-    elif kind == 3:
-        reader.several(_skip_identified_region)
-    else:
-        raise Malformed(f"a region of kind {kind}")
-
-
-def _skip_identified_region(reader: OerReader) -> None:
-    kind = reader.choice()
-    reader.take(2)
+        return None, None, LinkageData(i_cert, value, group)
     if kind == 1:
-        reader.several(lambda inner: inner.take(1))
-    elif kind == 2:
-        reader.several(_skip_subregions)
-    elif kind != 0:
-        raise Malformed(f"an identified region of kind {kind}")
-
-
-def _skip_subregions(reader: OerReader) -> None:
-    reader.take(1)
-    reader.several(lambda inner: inner.take(2))
+        return reader.octets().decode(errors="replace"), None, None
+    if kind == 2:
+        return None, reader.octets(), None
+    if kind == 3:
+        return None, None, None
+    raise Malformed(f"a certificate id of kind {kind}")
 
 
 def _encode_duration(valid_for_s: float) -> bytes:
@@ -312,6 +289,8 @@ def _encode_permission(permission: Permission) -> bytes:
     psid = oer.unsigned(permission.psid)
     if permission.ssp is None:
         return b"\x00" + psid
+    if permission.is_bitmap:
+        return b"\x80" + psid + oer.choice(_BITMAP) + oer.octets(oer.octets(permission.ssp))
     return b"\x80" + psid + oer.choice(0) + oer.octets(permission.ssp)
 
 
@@ -320,8 +299,12 @@ def _read_permission(reader: OerReader) -> Permission:
     psid = reader.unsigned()
     if not has_ssp:
         return Permission(psid)
-    reader.choice()  # opaque, or an extension: an open type has the same shape
-    return Permission(psid, reader.octets())
+    kind, ssp = reader.choice(), reader.octets()
+    if kind == _BITMAP:  # of an open type
+        inner = OerReader(ssp)
+        ssp = inner.octets()
+        inner.finish()
+    return Permission(psid, ssp, is_bitmap=kind == _BITMAP)
 
 
 def _encode_issue(permission: IssuePermission) -> bytes:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from onboard.security import p256
+from onboard.security.region import GeographicRegion
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +18,9 @@ class Permission:
 
     psid: int
     ssp: bytes | None = None
-    """Service-specific permissions, opaque."""
+    """Service-specific permissions."""
+    is_bitmap: bool = False
+    """Whether their bits are permissions, else octets of the application's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +88,10 @@ class Subject:
     """HashedId3 of the authority whose revocation lists may name it; zeros: none."""
     crl_series: int = 0
     """Series of these lists."""
+    binary_id: bytes | None = None
+    """An identifier in place of a name, as implicit certificates in use have it."""
+    region: GeographicRegion | None = None
+    assurance_level: int | None = None
 
     @property
     def valid_until_utc_s(self) -> float:

@@ -11,8 +11,20 @@ from onboard.security.certificate_codec import (
     encode_signature,
     encode_to_be_signed,
 )
-from onboard.security.certificates import IssuePermission, Permission, Subject
+from onboard.security.certificates import (
+    GroupLinkageValue,
+    IssuePermission,
+    Permission,
+    Subject,
+)
 from onboard.security.oer import Malformed, Unsupported
+from onboard.security.region import (
+    CircularRegion,
+    IdentifiedRegion,
+    PolygonalRegion,
+    RectangularRegion,
+    TwoDLocation,
+)
 from onboard.tools.test_ca.authority import make_pseudonyms
 from tests.security.trial import ALICE, BSM, ISSUING, ROOT, UTC_S, VALID, new_key, reread
 
@@ -68,6 +80,32 @@ regions = st.one_of(
         ),
     ),
     st.tuples(
+        st.just("rectangularRegion"),
+        st.lists(
+            st.just(
+                {
+                    "northWest": {"latitude": 5, "longitude": -6},
+                    "southEast": {"latitude": 3, "longitude": -4},
+                }
+            ),
+            min_size=1,
+            max_size=3,
+        ),
+    ),
+    st.tuples(
+        st.just("rectangularRegion"),
+        st.lists(
+            st.fixed_dictionaries(
+                {
+                    "northWest": st.just({"latitude": 5, "longitude": -6}),
+                    "southEast": st.just({"latitude": 3, "longitude": -4}),
+                }
+            ),
+            min_size=1,
+            max_size=3,
+        ),
+    ),
+    st.tuples(
         st.just("polygonalRegion"),
         st.lists(st.just({"latitude": 1, "longitude": 2}), min_size=3, max_size=5),
     ),
@@ -82,6 +120,24 @@ regions = st.one_of(
                         {
                             "countryOnly": small,
                             "regions": st.lists(st.integers(0, 255), min_size=1, max_size=3),
+                        }
+                    ),
+                ),
+                st.tuples(
+                    st.just("countryAndSubregions"),
+                    st.fixed_dictionaries(
+                        {
+                            "country": small,
+                            "regionAndSubregions": st.lists(
+                                st.fixed_dictionaries(
+                                    {
+                                        "region": st.integers(0, 255),
+                                        "subregions": st.lists(small, min_size=1, max_size=2),
+                                    }
+                                ),
+                                min_size=1,
+                                max_size=2,
+                            ),
                         }
                     ),
                 ),
@@ -160,7 +216,11 @@ bodies = st.fixed_dictionaries(
         "assuranceLevel": st.binary(min_size=1, max_size=1),
         "appPermissions": st.lists(
             st.fixed_dictionaries(
-                {"psid": small}, optional={"ssp": st.tuples(st.just("opaque"), st.binary())}
+                {"psid": small},
+                optional={
+                    "ssp": st.tuples(st.just("opaque"), st.binary())
+                    | st.tuples(st.just("bitmapSsp"), st.binary(max_size=31))
+                },
             ),
             min_size=1,
             max_size=4,
@@ -196,9 +256,27 @@ def test_certificates_of_another_implementation_are_decoded(oracle, body, issuer
     oracle.ToBeSignedCertificate.set_val(body)
     assert read.to_be_signed == oracle.ToBeSignedCertificate.to_coer()
     assert read.issuer_id == (issuer[1] if issuer[0] == "sha256AndDigest" else None)
-    assert [(p.psid, p.ssp) for p in read.subject.permissions] == [
-        (p["psid"], p["ssp"][1] if "ssp" in p else None) for p in body.get("appPermissions", [])
-    ]
+    assert read.subject.permissions == tuple(
+        Permission(p["psid"], p["ssp"][1], is_bitmap=p["ssp"][0] == "bitmapSsp")
+        if "ssp" in p
+        else Permission(p["psid"])
+        for p in body.get("appPermissions", [])
+    )
+    assert read.subject.region == (_region(*body["region"]) if "region" in body else None)
+    level = body.get("assuranceLevel")
+    assert read.subject.assurance_level == (None if level is None else level[0])
+    assert (read.subject.craca_id, read.subject.crl_series) == (body["cracaId"], body["crlSeries"])
+    kind, identifier = body["id"]
+    assert read.subject.name == (identifier if kind == "name" else None)
+    assert read.subject.binary_id == (identifier if kind == "binaryId" else None)
+    assert (read.subject.linkage is not None) == (kind == "linkageData")
+    if read.subject.linkage is not None:
+        assert read.subject.linkage.i_cert == identifier["iCert"]
+        assert read.subject.linkage.linkage_value == identifier["linkage-value"]
+        group = identifier.get("group-linkage-value")
+        assert read.subject.linkage.group == (
+            group and GroupLinkageValue(group["jValue"], group["value"])
+        )
     assert [
         (grant.psids is None, grant.min_chain_length, grant.chain_length_range)
         for grant in read.subject.issue_permissions
@@ -212,6 +290,37 @@ def test_certificates_of_another_implementation_are_decoded(oracle, body, issuer
     ]
     parity, x = body["verifyKeyIndicator"][1][1]
     assert read.subject.public_key == (b"\x02" if parity == "compressed-y-0" else b"\x03") + x
+
+
+def _location(value):
+    return TwoDLocation(value["latitude"] / 1e7, value["longitude"] / 1e7)
+
+
+def _region(kind, value):
+    match kind:
+        case "circularRegion":
+            return CircularRegion(_location(value["center"]), value["radius"])
+        case "polygonalRegion":
+            return PolygonalRegion(tuple(map(_location, value)))
+        case "rectangularRegion":
+            return tuple(
+                RectangularRegion(_location(one["northWest"]), _location(one["southEast"]))
+                for one in value
+            )
+    return tuple(_identified(*one) for one in value)
+
+
+def _identified(kind, value):
+    if kind == "countryOnly":
+        return IdentifiedRegion(value)
+    if kind == "countryAndRegions":
+        return IdentifiedRegion(value["countryOnly"], tuple(value["regions"]))
+    both = value["regionAndSubregions"]
+    return IdentifiedRegion(
+        value["country"],
+        tuple(one["region"] for one in both),
+        tuple(tuple(one["subregions"]) for one in both),
+    )
 
 
 def test_uncompressed_points_are_compressed_before_hashing(oracle):
@@ -248,8 +357,9 @@ def test_a_certificate_is_valid_for_at_least_the_requested_time(valid_for_s):
         {"reconstruction_value": OWN.subject.public_key},
         {"permissions": ()},
         {"valid_for_s": 1e13},
+        {"region": (IdentifiedRegion(840),)},
     ],
-    ids=["no key", "two keys", "no permission", "longer than years can say"],
+    ids=["no key", "two keys", "no permission", "longer than years can say", "region"],
 )
 def test_a_subject_that_cannot_be_certified_is_a_value_error(change):
     fields = {
@@ -259,7 +369,7 @@ def test_a_subject_that_cannot_be_certified_is_a_value_error(change):
         "public_key": OWN.subject.public_key,
         "permissions": (Permission(BSM),),
     }
-    with pytest.raises(ValueError, match=r"has a public key|longer than"):
+    with pytest.raises(ValueError, match=r"has a public key|longer than|only read"):
         encode_to_be_signed(Subject(**fields | change))
 
 
@@ -304,6 +414,13 @@ def test_issue_permissions_survive_encoding_and_decoding(grants):
     body = encode_to_be_signed(subject)
     own = decode_certificate(encode_certificate(None, body, encode_signature((1, 1))))
     assert own.subject == subject
+
+
+def test_bitmaps_of_permissions_survive_encoding_and_decoding():
+    permissions = (Permission(BSM, b"\x30\x40", is_bitmap=True), Permission(38, b"\x01"))
+    subject = Subject("a", UTC_S, 60.0, OWN.subject.public_key, permissions)
+    encoded = encode_certificate(None, encode_to_be_signed(subject), encode_signature((1, 1)))
+    assert decode_certificate(encoded).subject == subject
 
 
 @given(st.binary(max_size=120), st.data())

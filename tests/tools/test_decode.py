@@ -236,6 +236,43 @@ def test_80_real_message_frames_are_described_with_their_core_fields(rig_data):
 
 
 @pytest.mark.realdata
+def test_the_implicit_certificate_of_a_real_unit_is_described_field_by_field(rig_data):
+    lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
+    signers = [
+        describe(bytes.fromhex(json.loads(line)["wsm"]))["1609.2"]["signer"] for line in lines
+    ]
+    certificates = [signer["certificates"] for signer in signers if "certificates" in signer]
+    assert certificates[0][0] == {
+        "hashed_id8": "afc46273f760137e",
+        "type": "implicit",
+        "issuer": "c620fb90caad3b9c",
+        "name": None,
+        "binary_id": "0bf083d408e2d0d3",
+        "linkage_data": None,
+        "craca_id": "396921",
+        "crl_series": 3,
+        "valid_from_utc_s": 1694082477.0,
+        "valid_until_utc_s": 1694082477.0 + 40_380 * 60,
+        "app_permissions": [
+            _permission(2113686, None, "3040000000"),
+            _permission(38, "misbehavior reporting"),
+            _permission(132, None),
+            _permission(2113689, None),
+            _permission(32, "vehicle to vehicle safety and awareness"),
+        ],
+        "region": [{"country": 840, "regions": (), "subregions": ()}],
+        "assurance_level": None,
+        "public_key": None,
+        "reconstruction_value": "03"
+        "06225d3267ae1239960a52da5fc7dd7aa1ecdb944563d71ea9e64f36569ad9ce",
+    }
+
+
+def _permission(psid, name, bitmap=None):
+    return {"psid": psid, "psid_name": name, "ssp": bitmap, "is_bitmap_ssp": bitmap is not None}
+
+
+@pytest.mark.realdata
 def test_18_wsms_of_real_units_are_described_down_to_the_bsm_and_not_verified(rig_data):
     lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
     assert len(lines) == 18

@@ -17,6 +17,7 @@ from onboard.security.certificates import Certificate
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
 from onboard.security.its_time import from_time64
 from onboard.security.oer import Malformed, Unsupported
+from onboard.security.region import GeographicRegion
 from onboard.security.rejection import RejectionReason
 from onboard.wave_udp import immediate_forward, wsmp
 
@@ -220,14 +221,42 @@ def _certificate(certificate: Certificate) -> dict[str, Any]:
         "type": "implicit" if certificate.is_implicit else "explicit",
         "issuer": None if certificate.issuer_id is None else certificate.issuer_id.hex(),
         "name": subject.name,
+        "binary_id": _hex(subject.binary_id),
+        "linkage_data": None if subject.linkage is None else _with_hex(asdict(subject.linkage)),
+        "craca_id": subject.craca_id.hex(),
+        "crl_series": subject.crl_series,
         "valid_from_utc_s": subject.valid_from_utc_s,
         "valid_until_utc_s": subject.valid_until_utc_s,
         "app_permissions": [
-            {**_psid(permission.psid), "ssp": _hex(permission.ssp)}
+            {
+                **_psid(permission.psid),
+                "ssp": _hex(permission.ssp),
+                "is_bitmap_ssp": permission.is_bitmap,
+            }
             for permission in subject.permissions
         ],
+        "region": _region(subject.region),
+        "assurance_level": subject.assurance_level,
         "public_key": _hex(subject.public_key),
         "reconstruction_value": _hex(subject.reconstruction_value),
+    }
+
+
+def _region(region: GeographicRegion | None) -> dict[str, Any] | list[dict[str, Any]] | None:
+    if isinstance(region, tuple):
+        return [asdict(one) for one in region]
+    return None if region is None else asdict(region)
+
+
+def _with_hex(fields: dict[str, Any]) -> dict[str, Any]:
+    """Return nested fields with octets in hexadecimal."""
+    return {
+        name: value.hex()
+        if isinstance(value, bytes)
+        else _with_hex(value)
+        if isinstance(value, dict)
+        else value
+        for name, value in fields.items()
     }
 
 
