@@ -1,7 +1,6 @@
 """Certificates in canonical octet encoding (COER, IEEE 1609.2, 6.4)."""
 
 from dataclasses import dataclass, field
-from enum import Enum, auto
 from math import ceil
 
 from onboard.security import oer, p256
@@ -11,6 +10,7 @@ from onboard.security.certificates import (
     IssuePermission,
     LinkageData,
     Permission,
+    SspRange,
     Subject,
 )
 from onboard.security.its_time import from_time32, to_time32
@@ -21,6 +21,8 @@ _VERSION = 3
 _EXPLICIT, _IMPLICIT = 0, 1
 _DURATIONS_S = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 216_000.0, 31_556_952.0)
 """Alternatives of Duration in their order, microseconds to years."""
+_ANY_SSP, _BITMAP_RANGE = 1, 2
+"""Alternatives of SspRange, after `opaque`."""
 _BITMAP = 1
 """Alternative of ServiceSpecificPermissions, after `opaque`."""
 _ENTITY_APP = 0x80
@@ -30,14 +32,6 @@ _ENTITY_APP = 0x80
 _EXTENDED, _REGION, _ASSURANCE, _APP, _ISSUE, _REQUEST, _ROLLOVER, _ENCRYPTION = (
     1 << bit for bit in range(7, -1, -1)
 )
-
-
-class _Ssps(Enum):
-    """SSPs that an authority may grant; the contents of a list (`SOME`) are not kept."""
-
-    NONE = auto()
-    SOME = auto()
-    ANY = auto()
 
 
 def encode_point(point: bytes) -> bytes:
@@ -313,13 +307,16 @@ def _encode_issue(permission: IssuePermission) -> bytes:
     if permission.psids is None:
         subject = oer.choice(1)
     else:
-        ranges = [
-            b"\x80" + oer.unsigned(psid) + oer.choice(1)
-            if psid in permission.any_ssp
-            else b"\x00" + oer.unsigned(psid)
-            for psid in sorted(permission.psids | permission.any_ssp)
-        ]
-        subject = oer.choice(0) + oer.sequence(ranges)
+        subject = oer.choice(0) + oer.sequence(
+            [
+                *(b"\x00" + oer.unsigned(psid) for psid in sorted(permission.psids)),
+                *(
+                    b"\x80" + oer.unsigned(psid) + oer.choice(_ANY_SSP)
+                    for psid in sorted(permission.any_ssp)
+                ),
+                *sorted(map(_encode_range, permission.some_ssps)),
+            ]
+        )
     lengths = [
         oer.signed(length) for length, default in ((shortest, 1), (further, 0)) if length != default
     ]
@@ -338,23 +335,36 @@ def _read_issue(reader: OerReader) -> IssuePermission:
     if not entity & _ENTITY_APP:
         ranges, kind = (), 0
     return IssuePermission(
-        psids=None if kind == 1 else frozenset(psid for psid, ssps in ranges if ssps is _Ssps.NONE),
-        any_ssp=frozenset(psid for psid, ssps in ranges if ssps is _Ssps.ANY),
+        psids=None if kind == 1 else frozenset(psid for psid, ssps in ranges if ssps is None),
+        any_ssp=frozenset(psid for psid, ssps in ranges if ssps == _ANY_SSP),
+        some_ssps=frozenset(ssps for _, ssps in ranges if isinstance(ssps, SspRange)),
         min_chain_length=shortest,
         chain_length_range=further,
     )
 
 
-def _read_range(reader: OerReader) -> tuple[int, _Ssps]:
+def _encode_range(ssps: SspRange) -> bytes:
+    head = b"\x80" + oer.unsigned(ssps.psid)
+    if ssps.bitmap is None:
+        return head + oer.choice(0) + oer.sequence([oer.octets(ssp) for ssp in sorted(ssps.opaque)])
+    value, mask = ssps.bitmap
+    return head + oer.choice(_BITMAP_RANGE) + oer.octets(oer.octets(value) + oer.octets(mask))
+
+
+def _read_range(reader: OerReader) -> tuple[int, SspRange | int | None]:
+    """Return the PSID with its SSPs: some, `_ANY_SSP`, or `None` without a range."""
     has_range = reader.byte()
     psid = reader.unsigned()
     if not has_range:
-        return psid, _Ssps.NONE
+        return psid, None
     kind = reader.choice()
-    if kind == 1:
-        return psid, _Ssps.ANY
+    if kind == _ANY_SSP:
+        return psid, _ANY_SSP
     if kind == 0:
-        reader.several(OerReader.octets)
-    else:
-        reader.octets()
-    return psid, _Ssps.SOME
+        return psid, SspRange(psid, frozenset(reader.several(OerReader.octets)))
+    inner = OerReader(reader.octets())
+    if kind != _BITMAP_RANGE:
+        return psid, SspRange(psid)  # of a later version: it grants nothing that is known
+    bitmap = inner.octets(), inner.octets()
+    inner.finish()
+    return psid, SspRange(psid, bitmap=bitmap)

@@ -5,6 +5,7 @@ the signature's r without a y (IEEE 1609.2-2022, 6.4).
 """
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -24,13 +25,39 @@ class Permission:
 
 
 @dataclass(frozen=True, slots=True)
+class SspRange:
+    """SSPs of one application that an authority may grant (IEEE 1609.2-2022, 6.4.31)."""
+
+    psid: int
+    opaque: frozenset[bytes] = frozenset()
+    """Each of these; none if bitmaps are meant."""
+    bitmap: tuple[bytes, bytes] | None = None
+    """Value and mask: bitmaps that have the value's bits where the mask has ones."""
+
+    def contains(self, permission: Permission) -> bool:
+        """Return whether the SSP of `permission` is one of them."""
+        if permission.psid != self.psid or permission.ssp is None:
+            return False
+        if not permission.is_bitmap:
+            return permission.ssp in self.opaque
+        if self.bitmap is None or any(len(part) != len(permission.ssp) for part in self.bitmap):
+            return False
+        ssp, value, mask = (
+            int.from_bytes(octets, "big") for octets in (permission.ssp, *self.bitmap)
+        )
+        return (ssp ^ value) & mask == 0
+
+
+@dataclass(frozen=True, slots=True)
 class IssuePermission:
     """Permissions that an authority may grant, and at which depth of the chain."""
 
     psids: frozenset[int] | None
-    """Applications that it may grant without SSP; `None`: all, with any SSP."""
+    """Applications that it may grant without SSP; `None`: all that no permission beside this one
+    lists, with any SSP."""
     any_ssp: frozenset[int] = frozenset()
     """Applications that it may grant with any SSP or none."""
+    some_ssps: frozenset[SspRange] = frozenset()
     min_chain_length: int = 1
     """1: it issues end certificates; 2: there is one authority in between."""
     chain_length_range: int = 0
@@ -45,7 +72,30 @@ class IssuePermission:
             return True
         if permission.psid in self.any_ssp:
             return True
-        return permission.psid in self.psids and permission.ssp is None
+        if permission.psid in self.psids and permission.ssp is None:
+            return True
+        return any(ssps.contains(permission) for ssps in self.some_ssps)
+
+    def lists(self, psid: int) -> bool:
+        """Return whether it names this application."""
+        return (
+            psid in self.any_ssp
+            or psid in (self.psids or ())
+            or any(ssps.psid == psid for ssps in self.some_ssps)
+        )
+
+
+def may_grant(grants: Sequence[IssuePermission], permission: Permission, height: int) -> bool:
+    """Return whether an authority with these may grant `permission`, `height` steps below.
+
+    Where an application is listed, what is said of all others does not count for it.
+    """
+    is_listed = any(grant.lists(permission.psid) for grant in grants)
+    return any(
+        grant.covers(permission, height)
+        for grant in grants
+        if not (is_listed and grant.psids is None)
+    )
 
 
 @dataclass(frozen=True, slots=True)

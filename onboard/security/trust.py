@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from onboard.security import ecqv, p256
-from onboard.security.certificates import Certificate, Subject
+from onboard.security.certificates import Certificate, Subject, may_grant
 from onboard.security.crl import CrlContents
 from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.revocation import Revocations
@@ -205,7 +205,7 @@ def _granted_psids(subject: Subject, above: Sequence[Trusted]) -> frozenset[int]
         permission.psid
         for permission in subject.permissions
         for height, granted in enumerate(grants, start=1)
-        if not any(grant.covers(permission, height) for grant in granted)
+        if not may_grant(granted, permission, height)
     )
     if refused and not subject.issue_permissions:
         listed = ", ".join(f"0x{psid:X}" for psid in sorted(refused))

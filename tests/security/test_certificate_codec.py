@@ -15,7 +15,9 @@ from onboard.security.certificates import (
     GroupLinkageValue,
     IssuePermission,
     Permission,
+    SspRange,
     Subject,
+    may_grant,
 )
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.region import (
@@ -158,7 +160,13 @@ psid_groups = st.lists(
                         st.fixed_dictionaries(
                             {"psid": small},
                             optional={
-                                "sspRange": st.sampled_from([("all", 0), ("opaque", [b"", b"abc"])])
+                                "sspRange": st.sampled_from(
+                                    [
+                                        ("all", 0),
+                                        ("opaque", [b"", b"abc"]),
+                                        ("bitmapSspRange", {"sspValue": b"a", "sspBitmask": b"b"}),
+                                    ]
+                                )
                             },
                         ),
                         min_size=1,
@@ -277,6 +285,19 @@ def test_certificates_of_another_implementation_are_decoded(oracle, body, issuer
         assert read.subject.linkage.group == (
             group and GroupLinkageValue(group["jValue"], group["value"])
         )
+    assert {ssps for grant in read.subject.issue_permissions for ssps in grant.some_ssps} == {
+        SspRange(psid, frozenset(value))
+        if kind == "opaque"
+        else SspRange(psid, bitmap=(value["sspValue"], value["sspBitmask"]))
+        for group in body.get("certIssuePermissions", [])
+        if group["subjectPermissions"][0] == "explicit"
+        for psid, (kind, value) in (
+            (one["psid"], one["sspRange"])
+            for one in group["subjectPermissions"][1]
+            if "sspRange" in one
+        )
+        if kind != "all"
+    }
     assert [
         (grant.psids is None, grant.min_chain_length, grant.chain_length_range)
         for grant in read.subject.issue_permissions
@@ -373,6 +394,29 @@ def test_a_subject_that_cannot_be_certified_is_a_value_error(change):
         encode_to_be_signed(Subject(**fields | change))
 
 
+BITMAP = SspRange(BSM, bitmap=(b"\x01\x50", b"\xff\xf0"))
+"""Version 1, and of the permissions in the last octet 5 for the first four bits."""
+
+
+def _some(ssps):
+    return IssuePermission(frozenset(), some_ssps=frozenset({ssps}))
+
+
+@pytest.mark.parametrize(
+    "listed",
+    [
+        _some(BITMAP),
+        IssuePermission(frozenset({BSM})),
+        IssuePermission(frozenset(), any_ssp=frozenset({BSM}), min_chain_length=2),
+    ],
+)
+def test_all_applications_are_all_that_are_not_listed(listed):
+    """Else a list of SSPs would limit nothing beside a permission for all."""
+    grants = (IssuePermission(None), listed)
+    assert not may_grant(grants, Permission(BSM, b"any"), 1)
+    assert may_grant(grants, Permission(0x21, b"any"), 1)
+
+
 @pytest.mark.parametrize(
     ("grant", "permission", "heights"),
     [
@@ -381,6 +425,16 @@ def test_a_subject_that_cannot_be_certified_is_a_value_error(change):
         (IssuePermission(frozenset(), any_ssp=frozenset({BSM})), Permission(BSM, b"any"), [1]),
         (IssuePermission(frozenset({BSM})), Permission(0x21), []),
         (IssuePermission(None), Permission(0x21, ssp=b"any"), [1]),
+        (_some(SspRange(BSM, frozenset({b"a", b"b"}))), Permission(BSM, b"b"), [1]),
+        (_some(SspRange(BSM, frozenset({b"a", b"b"}))), Permission(BSM, b"c"), []),
+        (_some(SspRange(BSM, frozenset({b"a"}))), Permission(BSM, b"a", is_bitmap=True), []),
+        (_some(SspRange(BSM, frozenset({b"a"}))), Permission(BSM), []),
+        (_some(SspRange(BSM, frozenset({b"a"}))), Permission(0x21, b"a"), []),
+        (_some(BITMAP), Permission(BSM, b"\x01\x53", is_bitmap=True), [1]),
+        (_some(BITMAP), Permission(BSM, b"\x02\x53", is_bitmap=True), []),
+        (_some(BITMAP), Permission(BSM, b"\x01\x43", is_bitmap=True), []),
+        (_some(BITMAP), Permission(BSM, b"\x01", is_bitmap=True), []),
+        (_some(BITMAP), Permission(BSM, b"\x01\x53"), []),
         (IssuePermission(None, min_chain_length=2), Permission(BSM), [2]),
         (IssuePermission(None, min_chain_length=1, chain_length_range=1), Permission(BSM), [1, 2]),
         (IssuePermission(None, min_chain_length=2, chain_length_range=-1), Permission(1), [2, 3]),
@@ -391,16 +445,24 @@ def test_an_issue_permission_covers_permissions_at_allowed_depths(grant, permiss
 
 
 psid_sets = st.frozensets(st.integers(0, 2**20), max_size=4)
+ssps = st.binary(min_size=1, max_size=32)
+ssp_ranges = st.builds(
+    lambda psid, opaque, bitmap: SspRange(psid, frozenset() if bitmap else opaque, bitmap),
+    st.integers(2**20 + 1, 2**21),
+    st.frozensets(ssps, max_size=3),
+    st.none() | st.tuples(ssps, ssps),
+)
 
 
 @given(
     st.lists(
         st.builds(
-            lambda psids, any_ssp, shortest, further: IssuePermission(
-                psids and psids - any_ssp, any_ssp, shortest, further
+            lambda psids, any_ssp, some, shortest, further: IssuePermission(
+                psids and psids - any_ssp, any_ssp, some, shortest, further
             ),
             psid_sets,
             psid_sets,
+            st.frozensets(ssp_ranges, max_size=2),
             st.integers(1, 5),
             st.integers(-1, 3),
         )
