@@ -346,7 +346,8 @@ class Perception:
         perspective = self._perspective = Perspective(calibration)
         if self._calibration is not None:
             self._markings = LaneMarkingDetector(perspective, self._settings.lane_width_m)
-            self._free_lane = FreeLane(perspective, self._settings.lane_width_m)
+            if self._calibration.has_mounting:
+                self._free_lane = FreeLane(perspective, self._settings.lane_width_m)
             self._road = _below_horizon(perspective, self._slope, width_px, height_px)
         self._detectors = self._detectors_for(perspective)
         return True
