@@ -42,11 +42,12 @@ def load_crl(data: bytes, trust: TrustStore) -> CrlContents:
         raise NotTrusted(RejectionReason.MALFORMED, str(malformed)) from malformed
     except Unsupported as unsupported:
         raise NotTrusted(RejectionReason.UNSUPPORTED, str(unsupported)) from unsupported
-    if trust.is_revoked(signer):
-        raise NotTrusted(RejectionReason.REVOKED, "its signer")
     digest = p256.digest_to_sign(message.to_be_signed, signer.certificate.digest)
     if not p256.is_signed(signer.key, digest, message.signature):
         raise NotTrusted(RejectionReason.BAD_SIGNATURE)
+    trust.keep(signer)
+    if trust.is_revoked(signer):
+        raise NotTrusted(RejectionReason.REVOKED, "its signer")
     trust.revoke(contents)
     return contents
 

@@ -32,6 +32,7 @@ from onboard.security.linkage import LinkageSeed, after, linkage_values
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.secured_crl import load_crl, trust_store
 from onboard.security.security_services import NotTrusted, SecurityServices
+from onboard.tools.test_ca import authority
 from onboard.tools.test_ca.authority import make_crl, make_issuing, make_pseudonyms
 from tests.security.trial import ALICE, BOB, BSM, CAROL, ISSUING, ROOT, UTC_S, VALID, new_key
 
@@ -167,6 +168,20 @@ def test_a_list_of_a_revoked_signer_is_refused():
     load_crl(make_crl(ROOT, [ISSUING.credential.certificate], **LIST), trust)
     with pytest.raises(NotTrusted, match="revoked: its signer"):
         load_crl(make_crl(ISSUING, _certificates(ALICE), **LIST), trust)
+
+
+def test_a_list_of_a_revoked_implicit_signer_is_refused(monkeypatch):
+    """Its key proves nothing before the signature does, so it is looked up afterwards."""
+    permission = Permission(CRL, encode_ssp(CrlSsp(is_craca=False, series=frozenset({1}))))
+    monkeypatch.setattr(authority, "Permission", lambda psid: permission)
+    signer = make_pseudonyms(ROOT, 1, {CRL}, new_key=new_key, implicit=True, **VALID).pseudonyms[0]
+    craca_id8 = ROOT.credential.certificate.hashed_id8
+    data = _signed(_contents(craca_id8=craca_id8), signer)
+    load_crl(data, trust_store(BOB))
+    trust = trust_store(BOB)
+    load_crl(make_crl(ROOT, [signer.certificate], **LIST), trust)
+    with pytest.raises(NotTrusted, match="revoked: its signer"):
+        load_crl(data, trust)
 
 
 def test_a_delegate_of_the_authority_may_sign():
