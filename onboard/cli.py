@@ -25,6 +25,7 @@ from onboard.tools.doctor.cli import doctor
 from onboard.tools.recording_cli import expect, export
 from onboard.tools.see.cli import see
 from onboard.tools.test_ca.cli import keys
+from onboard.tools.version import VersionOption
 from onboard.trace.trace_line import as_line
 
 app = typer.Typer(
@@ -42,6 +43,12 @@ PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
 
 OPTIONAL_SECTIONS = ("can", "camera", "detector", "gnss", "radio", "hmi", "recorder")
 """Sections of the configuration without which an edge is not opened."""
+
+
+@app.callback()
+def options(version: VersionOption = False) -> None:
+    """Take the options of the program itself; their callbacks act."""
+
 
 app.add_typer(keys, name="keys")
 app.command()(doctor)

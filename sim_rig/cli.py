@@ -16,6 +16,7 @@ from typing import Annotated
 import typer
 
 from onboard.errors import UserError
+from onboard.tools.version import VersionOption
 from sim_rig.scenario.catalogue import scenario_titles
 from sim_rig.studies.catalogue import check_study, run_study, study_names
 
@@ -25,6 +26,11 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+@app.callback()
+def options(version: VersionOption = False) -> None:
+    """Take the options of the program itself; their callbacks act."""
 
 
 @app.command("list")

@@ -5,6 +5,7 @@ unknown car or a time out of order is an error that names file, field and value.
 """
 
 from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -178,8 +179,11 @@ def load_scenario(name: str) -> Scenario:
     if not path.is_file():
         path = Path(name)
         if not path.is_file():
-            known = ", ".join(scenario_names())
-            raise SettingsError(f"{name}: no such scenario or file; scenarios: {known}")
+            near = get_close_matches(name, scenario_names(), 1)
+            remedy = (
+                f"did you mean {near[0]}?" if near else f"scenarios: {', '.join(scenario_names())}"
+            )
+            raise SettingsError(f"{name}: no such scenario or file; {remedy}")
     scenario = load_settings(path, Scenario)
     mistakes = [f"{path}: {mistake}" for mistake in _mistakes(scenario)]
     if mistakes:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,15 @@ def test_a_package_of_the_extra_that_is_missing_is_one_line(
     run = without((package,), *command, "--out", str(tmp_path))
     assert run.returncode == 2
     assert run.stderr == f"sim-rig needs {package}: pip install 'onboard[rig]'\n"
+
+
+def test_the_version_is_that_of_the_package(terminal: Terminal) -> None:
+    assert terminal.run("--version") == (0, f"onboard {version('onboard')}\n", "")
+
+
+def test_a_misspelt_scenario_names_the_nearest(terminal: Terminal) -> None:
+    code, _, complaint = terminal.run("run", "platon")
+    assert (code, complaint) == (2, "platon: no such scenario or file; did you mean platoon?\n")
 
 
 def test_titles_are_those_of_the_schema() -> None:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,10 @@ def onboard(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "onboard", *arguments], capture_output=True, text=True, check=False
     )
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert onboard("--version").stdout == f"onboard {version('onboard')}\n"
 
 
 def test_check_lists_the_sections_of_a_valid_configuration(tmp_path: Path) -> None:

@@ -222,6 +222,24 @@ def test_an_unreadable_file_is_a_user_error(tmp_path, content, message):
     assert str(file) in str(result.exception)
 
 
+@pytest.mark.parametrize(
+    "content", [b"hello\nworld\n", b"\x89PNG\r\n\x1a\n\0\0", b"car: {plate: A1}\n"]
+)
+def test_a_file_that_is_no_capture_ends_with_1_and_one_line(tmp_path, content):
+    file = tmp_path / "picture.png"
+    file.write_bytes(content)
+    result = run(file)
+    assert result.exit_code == 1
+    assert result.output == f"{file}: neither pcap nor pcapng nor lines of hex\n"
+
+
+@pytest.mark.parametrize("content", [b"", b"# nothing recorded\n\n"])
+def test_a_file_without_messages_is_no_error(tmp_path, content):
+    file = tmp_path / "frames.hex"
+    file.write_bytes(content)
+    assert records(run(file)) == []
+
+
 @pytest.mark.realdata
 def test_80_real_message_frames_are_described_with_their_core_fields(rig_data):
     lines = (rig_data / "wsm" / "bsm-vectors.jsonl").read_text().splitlines()

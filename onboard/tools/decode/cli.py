@@ -1,6 +1,7 @@
 """`onboard decode`: decodes the messages of a capture or of lines of hex."""
 
 import json
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from io import BufferedReader
@@ -13,6 +14,9 @@ from onboard.errors import UserError
 from onboard.tools.decode.describe import Form, describe
 from onboard.wave_udp.capture import CaptureError, Packet, is_capture, read_capture
 
+PEEKED_BYTES = 4096
+_DIGITS = re.compile(rb"[0-9A-Fa-f ]+")
+
 
 def decode(
     file: Annotated[
@@ -24,9 +28,13 @@ def decode(
 ) -> None:
     """Print the radio messages in a capture or in lines of hex, one JSON object each.
 
-    Signatures are not verified. What cannot be decoded has an error on its line.
+    Signatures are not verified. What cannot be decoded has an error on its line. Exit with 1 if the
+    file is neither a capture nor lines of hex.
     """
     with _open(file) as stream:
+        if not (is_capture(stream.peek(4)) or _has_hex(stream.peek(PEEKED_BYTES))):
+            typer.echo(f"{file}: neither pcap nor pcapng nor lines of hex", err=True)
+            raise typer.Exit(1)
         try:
             for record in _records(stream, form):
                 typer.echo(json.dumps(record, separators=(",", ":")))
@@ -49,6 +57,17 @@ def _records(stream: BufferedReader, form: Form) -> Iterator[dict[str, Any]]:
     return _describe_lines(stream, form)
 
 
+def _has_hex(head: bytes) -> bool:
+    """Whether a line of the beginning of a file is hex, or none has anything but a comment."""
+    digits = [_digits(line) for line in head.splitlines()]
+    return not any(digits) or any(map(_DIGITS.fullmatch, digits))
+
+
+def _digits(line: bytes) -> bytes:
+    """Ignore blanks and colons between the digits, a leading 0x, and comments from # on."""
+    return line.partition(b"#")[0].replace(b":", b" ").strip().removeprefix(b"0x")
+
+
 def _describe_packets(packets: Iterable[Packet], form: Form) -> Iterator[dict[str, Any]]:
     for number, packet in enumerate(packets, start=1):
         header = {"packet": number, "utc_s": packet.utc_s}
@@ -59,9 +78,8 @@ def _describe_packets(packets: Iterable[Packet], form: Form) -> Iterator[dict[st
 
 
 def _describe_lines(lines: Iterable[bytes], form: Form) -> Iterator[dict[str, Any]]:
-    """Ignore blanks and colons between the digits, a leading 0x, and comments from # on."""
     for number, line in enumerate(lines, start=1):
-        digits = line.partition(b"#")[0].replace(b":", b" ").strip().removeprefix(b"0x")
+        digits = _digits(line)
         if not digits:
             continue
         try:
