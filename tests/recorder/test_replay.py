@@ -89,7 +89,9 @@ def test_the_first_different_output_of_changed_cores_is_reported(
         if entry.topic == "/out/sent" and entry.record["message"] == "join"
     )
 
-    def ignore_preceding_vehicle(group: WarningGroup, ahead: object, now: float) -> None:
+    def ignore_preceding_vehicle(
+        group: WarningGroup, ahead: object, now: float, **more: bool
+    ) -> None:
         receive(group, None, now)
 
     monkeypatch.setattr(WarningGroup, "receive_preceding_vehicle", ignore_preceding_vehicle)
