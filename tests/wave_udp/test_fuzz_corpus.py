@@ -24,13 +24,14 @@ def test_the_corpus_raises_nothing_undeclared(name):
         TARGETS[name].feed(data[: len(data) // 2])
 
 
-def test_signed_messages_of_the_corpus_pass_all_checks_of_the_signature():
+@pytest.mark.parametrize("name", ["certificate", "implicit"])
+def test_signed_messages_of_the_corpus_pass_all_checks_of_the_signature(name):
     """Otherwise the fuzzer starts from bytes that the first check refuses."""
     read = TARGETS["ieee1609dot2"].read
     with contextlib.suppress(NotTrusted):  # had before, where another test has fed it
-        read((CORPUS / "ieee1609dot2" / "certificate").read_bytes())
+        read((CORPUS / "ieee1609dot2" / name).read_bytes())
     with pytest.raises(NotTrusted) as refused:
-        read((CORPUS / "ieee1609dot2" / "certificate").read_bytes())
+        read((CORPUS / "ieee1609dot2" / name).read_bytes())
     assert refused.value.reason == "replay"
 
 
