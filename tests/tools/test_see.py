@@ -94,6 +94,16 @@ def test_there_is_a_row_for_each_plate_and_frame(drive: Path, tmp_path: Path) ->
     assert (rows[0]["gap_m"], rows[0]["candidates"]) == ("", "")  # one detection is no lead
 
 
+def test_a_printed_csv_is_all_of_the_standard_output(drive: Path, tmp_path: Path) -> None:
+    given = (drive / "pictures", "--fps", "10", *options(drive), "--csv")
+    run(*given, tmp_path / "rows.csv")
+
+    result = invoked(*given, "-")
+
+    assert result.stdout == (tmp_path / "rows.csv").read_text()
+    assert "frames: 10" in result.stderr
+
+
 def test_images_without_a_rate_are_independent(drive: Path, tmp_path: Path) -> None:
     run(drive / "pictures", *options(drive), "--csv", tmp_path / "rows.csv")
 

@@ -6,6 +6,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -35,6 +36,7 @@ EVERY_FRAME = PerceptionParameters(
     read_period_identified_s=0.0,
 )
 """Searches all of every frame, and reads every plate."""
+STANDARD_OUTPUT = Path("-")
 ENOUGH_FRAMES = 0.9
 """Share of the stated frames from which a video is complete; containers without a count estimate
 it."""
@@ -57,7 +59,8 @@ def see(
         Path | None, typer.Option(help="Settings of the section `vision`, as YAML.")
     ] = None,
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", help="Write a CSV with a row for each plate and frame.")
+        Path | None,
+        typer.Option("--csv", help="Write a CSV with a row for each plate and frame; - prints it."),
     ] = None,
     video: Annotated[
         Path | None, typer.Option(help="Write a video with all detections drawn in.")
@@ -93,14 +96,16 @@ def see(
         for frame in files.enter_context(_progress(frames, source.stated_frames)):
             for use in uses:
                 use(frame)
-    _print_summary(recording, source, tally)
+    # A printed CSV is for another program.
+    report = partial(typer.echo, err=csv_file == STANDARD_OUTPUT)
+    _print_summary(recording, source, tally, report)
     if scores is not None:
         if not scores.frames:
             raise UserError(
                 f"{truth}: has rows for {scores.truth.example}, and for none of these frames, "
                 f"such as {tally.example}"
             )
-        _print_table(list(scores.rows()))
+        _print_table(list(scores.rows()), report)
 
 
 def _progress(
@@ -113,10 +118,15 @@ def _progress(
     )
 
 
-def _print_summary(recording: str, source: VideoFile | ImageSequence, tally: "PlateTally") -> None:
+def _print_summary(
+    recording: str,
+    source: VideoFile | ImageSequence,
+    tally: "PlateTally",
+    report: Callable[[str], None],
+) -> None:
     if not tally.processed:
         raise UserError(f"{recording}: no frame could be processed ({tally.text()})")
-    typer.echo(tally.text())
+    report(tally.text())
     if not isinstance(source, VideoFile):
         return
     if tally.frames < ENOUGH_FRAMES * source.stated_frames:
@@ -175,11 +185,12 @@ class PlateTally:
 
 
 def _csv_writer(path: Path, files: contextlib.ExitStack) -> Use:
+    is_printed = path == STANDARD_OUTPUT
     with writing(path):
-        file = path.open("w", newline="", encoding="utf-8")
+        file = sys.stdout if is_printed else path.open("w", newline="", encoding="utf-8")
 
     def close() -> None:
-        with writing(path), file:
+        with writing(path), contextlib.nullcontext() if is_printed else file:
             file.flush()
 
     files.callback(close)
@@ -226,9 +237,9 @@ def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
     return write
 
 
-def _print_table(rows: list[dict[str, str]]) -> None:
+def _print_table(rows: list[dict[str, str]], report: Callable[[str], None]) -> None:
     columns = list(dict.fromkeys(name for row in rows for name in row))
     lines = [columns, *([row.get(name, "") for name in columns] for row in rows)]
     widths = [max(len(line[index]) for line in lines) for index in range(len(columns))]
     for line in lines:
-        typer.echo("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)))
+        report("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)))
