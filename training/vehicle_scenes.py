@@ -9,12 +9,12 @@ from sim_rig.rendering.street.street import SeenVehicle, random_street
 
 SCENE_SIZE = (416, 256)
 """Width and height of a scene, which is larger than a view of it."""
-VIEW_SIZE = (384, 224)
+VIEW_SIZE = (320, 192)
 """Width and height of what the network sees of it in training: multiples of its coarsest cell."""
 MAX_VEHICLES = 11
 LEFT, TOP, RIGHT, BOTTOM, END_LEFT, END_RIGHT, KIND, VISIBLE = range(8)
 """Columns of a vehicle's row; pixels, but for the last two."""
-_SCALES = 0.7, 1.35
+_SCALES = 0.75, 1.35
 """Change of size of a scene between two looks at it."""
 
 
@@ -55,7 +55,7 @@ def viewed(
         rng: for the changes.
 
     Returns:
-        views: (n, 224, 384, 3).
+        views: (n, 192, 320, 3).
         places: the vehicles in them.
     """
     columns, rows = VIEW_SIZE

@@ -13,6 +13,7 @@ from onboard.vision.plate_reader import PlateReader
 from onboard.vision.plates import PlateFinder
 from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.syntax import PlateSyntax
+from onboard.vision.vehicle_network import VehicleFinder
 
 
 def load_perception(
@@ -39,14 +40,19 @@ def load_networks(settings: VisionSettings) -> Networks:
     Raises:
         UserError: a model of the user is missing, or does not run.
     """
-    vehicle_model = settings.vehicle_model
     return Networks(
         plate_finder=_plate_finder(settings) if settings.plates else None,
         plate_reader=PlateReader(syntax=PlateSyntax(settings.plate_patterns))
         if settings.plates
         else None,
-        vehicle_model=BoxModel(vehicle_model, "vision.vehicle_model") if vehicle_model else None,
+        vehicle_model=_vehicle_model(settings),
     )
+
+
+def _vehicle_model(settings: VisionSettings) -> VehicleFinder | BoxModel | None:
+    if settings.vehicle_model is not None:
+        return BoxModel(settings.vehicle_model, "vision.vehicle_model")
+    return VehicleFinder() if settings.vehicles else None
 
 
 def _plate_finder(settings: VisionSettings) -> PlateFinder:

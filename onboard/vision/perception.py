@@ -38,7 +38,8 @@ from onboard.vision.settings import Calibration, VisionSettings, guessed_calibra
 from onboard.vision.syntax import PlateSyntax
 from onboard.vision.tags import TagDetector
 from onboard.vision.tracker import KEEP_S, Tracker
-from onboard.vision.vehicle_detector import VehicleBoxDetector
+from onboard.vision.vehicle_detector import VehicleBoxDetector, VehicleDetector
+from onboard.vision.vehicle_network import VehicleFinder
 from onboard.vision.vehicle_track import VehicleTrack
 
 Event = Plate | Lead | VehicleDetection | Discarded | SensorLost | SensorRecovered
@@ -92,7 +93,7 @@ class Networks:
 
     plate_finder: PlateFinder | None = None
     plate_reader: TextReader | None = None
-    vehicle_model: BoxModel | None = None
+    vehicle_model: VehicleFinder | BoxModel | None = None
 
 
 class Detector(Protocol):
@@ -367,7 +368,9 @@ class Perception:
                 self._formats,
             )
             detectors.append(plates)
-        if networks.vehicle_model is not None and settings.vehicle_model is not None:
+        if isinstance(networks.vehicle_model, VehicleFinder):
+            detectors.append(VehicleDetector(networks.vehicle_model, perspective))
+        elif networks.vehicle_model is not None and settings.vehicle_model is not None:
             every_n_frames = settings.vehicle_model.every_n_frames
             detectors.append(
                 VehicleBoxDetector(networks.vehicle_model, every_n_frames, perspective)

@@ -161,6 +161,8 @@ class VisionSettings(Settings):
 
     plates: bool = True
     """Whether to detect number plates."""
+    vehicles: bool = False
+    """Whether to detect whole vehicles by the shipped detector."""
     plate_width_m: float | None = Field(None, gt=0.02, le=1.0)
     """Width of all plates; `None` derives it from each plate's shape (0.305 m in North America,
     0.40 in Brazil, 0.52 in Europe)."""
@@ -176,4 +178,4 @@ class VisionSettings(Settings):
     plate_model: BoxModelSettings | None = None
     """Finds plates instead of the shipped detector, which then only refines their corners."""
     vehicle_model: VehicleModelSettings | None = None
-    """Detects whole vehicles; `None` detects only plates and tags."""
+    """Detects whole vehicles instead of the shipped detector."""

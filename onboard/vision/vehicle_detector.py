@@ -1,4 +1,4 @@
-"""Detections of vehicles, by a model of the user's.
+"""Detections of vehicles, by the shipped network or by a model of the user's.
 
 A vehicle's distance is measured twice: by its width, which differs between vehicles, and by the
 point where it meets the road, which moves with the host vehicle's pitch. Both are combined,
@@ -14,19 +14,76 @@ from onboard.observations import ImageBox
 from onboard.vision.box_model import BoxModel
 from onboard.vision.detection import Detection, DetectionKind, SearchPlan
 from onboard.vision.perspective import Perspective, RoadPosition
+from onboard.vision.vehicle_network import WIDTH_PX, VehicleBox, VehicleFinder, VehicleKind
 
 WIDTH_M = 1.8
 """Width of a common car."""
 WIDTH_SIGMA = 0.1
 """Relative sigma of the width of cars."""
+WIDTHS_M = {
+    VehicleKind.CAR: (1.8, 0.1),
+    VehicleKind.VAN: (1.95, 0.1),
+    VehicleKind.TRUCK: (2.4, 0.12),
+    VehicleKind.BUS: (2.5, 0.1),
+    VehicleKind.MOTORCYCLE: (0.8, 0.2),
+}
+"""Width of each kind without mirrors, and its relative sigma, with the vehicles that are taken for
+that kind. 2.55 m is the largest allowed in Europe (directive 96/53/EC, annex I)."""
 PITCH_SIGMA_RAD = 0.01
 """Sigma of the host vehicle's pitch while it moves, with the slope of the road."""
 EDGE_SIGMA_PX = 2.0
 """Sigma of a box's sides."""
+EDGE_SIGMA_OF_IMAGE, EDGE_SIGMA = 2.0 / WIDTH_PX, 0.1
+"""The same of those by the shipped network, measured on rendered streets: a share of the image's
+width, and one of the vehicle's
+larger side."""
+SIDE_SHARE, SIDE_WIDTHS, SIDE_WIDTH_SIGMA = 0.45, 1.8, 0.4
+"""Share of its box that a rear or front takes at least. Where it takes less, the box shows the
+side, and its width in those of a rear, with its relative sigma."""
+CUT_WIDTH_SIGMA = 1.0
+"""Relative sigma of the width of a vehicle that the image's border cuts."""
+REAR_SHAPE = 0.85
+"""Height over width of the lower part of a rear, where plates are, for vehicles of any height."""
+_BORDER_PX = 2.0
+"""A side nearer to the image's border than this may be beyond it."""
+
+
+class VehicleDetector:
+    """Detects vehicles in each frame that is searched as a whole."""
+
+    def __init__(self, finder: VehicleFinder, perspective: Perspective) -> None:
+        """Take the network and the camera's perspective."""
+        self._finder = finder
+        self._perspective = perspective
+
+    def find(self, image: npt.NDArray[np.uint8], plan: SearchPlan) -> list[Detection]:
+        """Vehicles in an (h, w, 3) BGR image."""
+        if plan.tracked is not None:
+            return []
+        size = image.shape[1], image.shape[0]
+        return [self._detection(vehicle, size) for vehicle in self._finder.find(image)]
+
+    def _detection(self, vehicle: VehicleBox, size: tuple[int, int]) -> Detection:
+        box = vehicle.box
+        right, bottom = box.x_px + box.w_px, box.y_px + box.h_px
+        ends = min(vehicle.end_px), max(vehicle.end_px)
+        width_m, width_sigma = WIDTHS_M[vehicle.kind]
+        if box.x_px < _BORDER_PX or right > size[0] - _BORDER_PX:
+            ends, width_sigma = (box.x_px, right), CUT_WIDTH_SIGMA
+        elif ends[1] - ends[0] < SIDE_SHARE * box.w_px:
+            ends, width_sigma = (box.x_px, right), SIDE_WIDTH_SIGMA
+            width_m *= SIDE_WIDTHS
+        top = max(box.y_px, bottom - REAR_SHAPE * (ends[1] - ends[0]))
+        corners = _corners(ends[0], top, ends[1], bottom)
+        largest_px = max(ends[1] - ends[0], box.h_px)
+        edge_px = math.hypot(EDGE_SIGMA_OF_IMAGE * size[0], EDGE_SIGMA * largest_px)
+        stands = bottom <= size[1] - _BORDER_PX
+        width = width_m, width_sigma
+        return _located(self._perspective, corners, width, edge_px, has_foot=stands)
 
 
 class VehicleBoxDetector:
-    """Detects vehicles in each n-th frame."""
+    """Detects vehicles in each n-th frame, by a model of the user's."""
 
     def __init__(self, detector: BoxModel, every_n_frames: int, perspective: Perspective) -> None:
         """Start with the next frame.
@@ -53,28 +110,50 @@ class VehicleBoxDetector:
         return [self._detection(box) for box, _ in self._detector.find(image)]
 
     def _detection(self, box: ImageBox) -> Detection:
-        left, right = box.x_px, box.x_px + box.w_px
-        top, bottom = box.y_px, box.y_px + box.h_px
-        corners = np.array([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
-        by_width = self._perspective.locate_upright(corners, WIDTH_M)
-        share = math.hypot(WIDTH_SIGMA, 1.4 * EDGE_SIGMA_PX / max(box.w_px, 1.0))
-        ahead_m, variance = by_width.ahead_m, (share * by_width.ahead_m) ** 2
-        foot = self._perspective.locate_on_road((left + right) / 2, bottom)
-        if foot is not None:
-            # The ray descends by height / distance: an error of that slope counts distance times.
-            slope_sigma = math.hypot(
-                PITCH_SIGMA_RAD, EDGE_SIGMA_PX / self._perspective.width_px(1.0, 1.0)
-            )
-            foot_sigma_m = slope_sigma * foot.ahead_m**2 / self._perspective.mounting_height_m
-            weight = variance / (variance + foot_sigma_m**2)
-            ahead_m += weight * (foot.ahead_m - ahead_m)
-            variance *= 1.0 - weight
-        right_m = by_width.right_m * ahead_m / by_width.ahead_m
-        sigma_m = math.sqrt(variance)
-        return Detection(
-            kind=DetectionKind.VEHICLE,
-            corners_px=corners,
-            position=RoadPosition(ahead_m, right_m, by_width.height_m),
-            ahead_sigma_m=sigma_m,
-            right_sigma_m=math.hypot(0.05 * WIDTH_M, sigma_m * right_m / ahead_m),
-        )
+        corners = _corners(box.x_px, box.y_px, box.x_px + box.w_px, box.y_px + box.h_px)
+        return _located(self._perspective, corners, (WIDTH_M, WIDTH_SIGMA), EDGE_SIGMA_PX)
+
+
+def _corners(left: float, top: float, right: float, bottom: float) -> npt.NDArray[np.float32]:
+    return np.array([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
+
+
+def _located(
+    perspective: Perspective,
+    corners: npt.NDArray[np.float32],
+    width: tuple[float, float],
+    edge_sigma_px: float,
+    *,
+    has_foot: bool = True,
+) -> Detection:
+    """The detection of a vehicle's rear.
+
+    Args:
+        perspective: of the camera.
+        corners: (4, 2) of the rear; it stands on the lower edge.
+        width: in m, and its relative sigma.
+        edge_sigma_px: of its sides.
+        has_foot: whether the lower edge is visible.
+    """
+    width_m, width_sigma = width
+    (left, _), (right, bottom) = corners[0].tolist(), corners[2].tolist()
+    by_width = perspective.locate_upright(corners, width_m)
+    share = math.hypot(width_sigma, 1.4 * edge_sigma_px / max(right - left, 1.0))
+    ahead_m, variance = by_width.ahead_m, (share * by_width.ahead_m) ** 2
+    foot = perspective.locate_on_road((left + right) / 2, bottom) if has_foot else None
+    if foot is not None:
+        # The ray descends by height / distance: an error of that slope counts distance times.
+        slope_sigma = math.hypot(PITCH_SIGMA_RAD, edge_sigma_px / perspective.width_px(1.0, 1.0))
+        foot_sigma_m = slope_sigma * foot.ahead_m**2 / perspective.mounting_height_m
+        weight = variance / (variance + foot_sigma_m**2)
+        ahead_m += weight * (foot.ahead_m - ahead_m)
+        variance *= 1.0 - weight
+    right_m = by_width.right_m * ahead_m / by_width.ahead_m
+    sigma_m = math.sqrt(variance)
+    return Detection(
+        kind=DetectionKind.VEHICLE,
+        corners_px=corners,
+        position=RoadPosition(ahead_m, right_m, by_width.height_m),
+        ahead_sigma_m=sigma_m,
+        right_sigma_m=math.hypot(0.05 * width_m, sigma_m * right_m / ahead_m),
+    )

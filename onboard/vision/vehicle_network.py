@@ -26,9 +26,11 @@ WIDTH_PX = 640
 """Width of an image as the network sees it."""
 SIDES = 6
 """Left, top, right and bottom of the box; left and right of the rear or front."""
-LEAST_SCORE = 0.4
-_MIN_OVERLAP = 0.45
-"""Intersection over union from which two boxes are one vehicle."""
+LEAST_SCORE = 0.45
+"""Score from which a vehicle is reported."""
+_MIN_OVERLAP, _MIN_INSIDE, _MIN_RATIO = 0.45, 0.65, 0.25
+"""Two boxes are one vehicle from this intersection over union on, or if so much of the smaller one
+is in the larger one and it is not much smaller: farther vehicles are seen beside near ones."""
 
 
 class VehicleKind(StrEnum):
@@ -118,7 +120,7 @@ def decode(answer: npt.NDArray[np.float32], least_score: float) -> list[VehicleB
     for best in np.argsort(-strength):
         if not free[best]:
             continue
-        same = free & (_overlaps(sides[:, :4], sides[best, :4]) >= _MIN_OVERLAP)
+        same = free & _are_same(sides[:, :4], sides[best, :4])
         same[best] = True
         free &= ~same
         # The cells around the best one know the sides as well: their mean is steadier.
@@ -131,14 +133,16 @@ def decode(answer: npt.NDArray[np.float32], least_score: float) -> list[VehicleB
     return found
 
 
-def _overlaps(
+def _are_same(
     boxes: npt.NDArray[np.float32], one: npt.NDArray[np.float32]
-) -> npt.NDArray[np.float32]:
-    """Intersection over union of boxes (n, 4) with one."""
+) -> npt.NDArray[np.bool_]:
+    """Whether boxes (n, 4) are of the same vehicle as one."""
     low, high = np.maximum(boxes[:, :2], one[:2]), np.minimum(boxes[:, 2:], one[2:])
     shared = np.prod(np.maximum(high - low, 0), axis=1)
-    total = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1) + np.prod(one[2:] - one[:2])
-    return np.asarray(shared / np.maximum(total - shared, 1e-6), np.float32)
+    areas, area = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1), np.prod(one[2:] - one[:2])
+    smaller, larger = np.minimum(areas, area), np.maximum(areas, area)
+    is_inside = (shared >= _MIN_INSIDE * smaller) & (smaller >= _MIN_RATIO * larger)
+    return np.asarray(is_inside | (shared >= _MIN_OVERLAP * (areas + area - shared)))
 
 
 def _scaled(vehicle: VehicleBox, factor: float, size: npt.NDArray[np.int_]) -> VehicleBox:

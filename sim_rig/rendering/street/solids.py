@@ -46,7 +46,7 @@ class Pose:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Face:
     """A flat face with four corners (4, 3): upper left, upper right, lower right, lower left."""
 
@@ -54,7 +54,7 @@ class Face:
     normal: tuple[float, float, float]
     level: float
     ahead_m: float
-    _to_px: dict[int, Points] = field(default_factory=dict, init=False, repr=False)
+    _to_px: Points | None = field(default=None, init=False, repr=False)
     """Homography from the face to pixels, once it was needed."""
 
     def points(self, shape: npt.ArrayLike) -> Points:
@@ -80,12 +80,11 @@ class Face:
 
     def pixels(self, canvas: Canvas, shape: npt.ArrayLike) -> Points:
         """Pixels (n, 2) of the drawing of a shape (n, 2) on the face."""
-        if 0 not in self._to_px:
+        if self._to_px is None:
             corners = canvas.camera.project(self.corners_m).astype(np.float32)
-            self._to_px[0] = np.asarray(cv2.getPerspectiveTransform(_UNIT, corners), np.float64)
+            self._to_px = np.asarray(cv2.getPerspectiveTransform(_UNIT, corners), np.float64)
         flat = np.asarray(shape, np.float64).reshape(-1, 2)
-        matrix = self._to_px[0]
-        raised = flat @ matrix[:, :2].T + matrix[:, 2]
+        raised = flat @ self._to_px[:, :2].T + self._to_px[:, 2]
         return np.asarray(np.clip(raised[:, :2] / raised[:, 2:], -FARTHEST_PX, FARTHEST_PX))
 
 

@@ -1,5 +1,6 @@
 """A whole street: road, roadside, vehicles of five kinds, light, windscreen and camera."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -68,7 +69,7 @@ class _Vehicle:
 _LIGHTS = tuple(StreetLight)
 _KINDS = tuple(VehicleKind)
 _LEAST_VISIBLE = 0.02
-_WIDTHS_PX = (7.0, 240.0)
+_WIDTHS_PX, _SMALL_WIDTHS_PX = (7.0, 240.0), (8.0, 50.0)
 _FLAT = 0.06
 """Share of the cars that are drawn as `sim_rig.rendering.scene` does."""
 
@@ -114,7 +115,7 @@ def random_street(
     if rng.random() < 0.3:
         roughen(picture, np.clip(tile(picture.shape[:2], 0.12, rng), 0.5, 1.5))
     brightness = min(1.0, canvas.light.ambient + canvas.light.sun)
-    bottom = float(rng.uniform(0.6, 0.98)) if rng.random() < 0.4 else 1.0
+    bottom = float(rng.uniform(0.55, 0.98)) if rng.random() < 0.5 else 1.0
     bottom = max(bottom, canvas.camera.centre_px[1] / canvas.camera.size_px[1] + 0.12)
     hidden = look_through(picture, brightness, bottom, rng)
     canvas.owners[hidden] = 0
@@ -156,38 +157,34 @@ def _daylight(light: StreetLight, rng: np.random.Generator) -> Daylight:
             float(np.clip(value - 0.6 * blue - tint, 0, 255)),
         )
 
-    azimuth, height = rng.uniform(0, 2 * np.pi), level(0.15, 1.3)
-    towards = (
-        float(np.cos(height) * np.cos(azimuth)),
-        float(np.cos(height) * np.sin(azimuth)),
-        float(np.sin(height)),
+    azimuth, height = level(0, 2 * np.pi), level(0.15, 1.3) if light is StreetLight.SUN else 0.2
+    sun = (
+        math.cos(height) * math.cos(azimuth),
+        math.cos(height) * math.sin(azimuth),
+        math.sin(height),
     )
-    none = (0.0, 0.0, 1.0)
-    if light is StreetLight.SUN:
-        sky, haze = grey(130, 225, level(0, 60)), grey(170, 250, level(0, 30))
-        return Daylight(
-            level(0.35, 0.65), level(0.3, 0.7), towards, 0.0, haze, level(150, 3000), sky, False
-        )
-    if light is StreetLight.OVERCAST:
-        haze = grey(150, 255)
-        sky = grey(140, 255)
-        return Daylight(level(0.5, 0.95), 0.0, none, 0.0, haze, level(150, 2000), sky, False)
-    if light is StreetLight.FOG:
-        haze = grey(120, 230)
-        return Daylight(
-            level(0.5, 0.9), 0.0, none, 0.0, haze, level(25, 90), haze, rng.random() < 0.6
-        )
-    if light is StreetLight.DUSK:
-        haze = grey(60, 190, level(-30, 30))
-        low_sun = (towards[0], towards[1], 0.2)
-        return Daylight(
-            *(level(0.15, 0.4), level(0.0, 0.2), low_sun, level(0.0, 0.15), haze),
-            *(level(150, 1500), grey(50, 170, level(-20, 50)), rng.random() < 0.7),
-        )
-    sky = grey(2, 40, level(-10, 12))
-    return Daylight(
-        level(0.02, 0.16), 0.0, none, level(0.15, 0.7), sky, level(200, 2000), sky, True
-    )
+    match light:
+        case StreetLight.SUN:
+            sky, haze = grey(130, 225, level(0, 60)), grey(170, 250, level(0, 30))
+            lit, sight_m = (level(0.35, 0.65), level(0.3, 0.7), sun, 0.0), level(150, 3000)
+            is_dark = False
+        case StreetLight.OVERCAST:
+            sky, haze = grey(140, 255), grey(150, 255)
+            lit, sight_m = (level(0.5, 0.95), 0.0, sun, 0.0), level(150, 2000)
+            is_dark = False
+        case StreetLight.FOG:
+            sky = haze = grey(120, 230)
+            lit, sight_m = (level(0.5, 0.9), 0.0, sun, 0.0), level(25, 90)
+            is_dark = bool(rng.random() < 0.6)
+        case StreetLight.DUSK:
+            sky, haze = grey(50, 170, level(-20, 50)), grey(60, 190, level(-30, 30))
+            lit, sight_m = (level(0.15, 0.4), level(0, 0.2), sun, level(0, 0.15)), level(150, 1500)
+            is_dark = bool(rng.random() < 0.7)
+        case _:  # night
+            sky = haze = grey(2, 40, level(-10, 12))
+            lit, sight_m = (level(0.02, 0.16), 0.0, sun, level(0.15, 0.7)), level(200, 2000)
+            is_dark = True
+    return Daylight(*lit, haze, sight_m, sky, is_dark=is_dark)
 
 
 def _random_vehicle(kind: VehicleKind, rng: np.random.Generator) -> _Vehicle:
@@ -241,7 +238,8 @@ def _traffic(
         heading += float(rng.normal(0, 0.03))
         if rng.random() < 0.1:  # turning or crossing
             heading += float(rng.uniform(-np.pi, np.pi))
-        width_px = float(np.exp(rng.uniform(*np.log(_WIDTHS_PX))))
+        widths_px = _WIDTHS_PX if rng.random() < 0.5 else _SMALL_WIDTHS_PX
+        width_px = float(np.exp(rng.uniform(*np.log(widths_px))))
         near_m = max(2.0, camera.focal_px / FINE * vehicle.size_m[1] / width_px)
         reach = abs(np.cos(heading)) * vehicle.size_m[0] + abs(np.sin(heading)) * vehicle.size_m[1]
         pose = Pose(near_m + reach / 2, lane_m + float(rng.normal(0, 0.3)), heading)

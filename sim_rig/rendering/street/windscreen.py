@@ -32,7 +32,7 @@ def look_through(
         _dirt(image, brightness, rng)
     if bottom < 1.0:
         _bonnet(image, hidden, bottom, brightness, rng)
-    if rng.random() < 0.12:
+    for _ in range(int(rng.choice([0, 1, 2], p=[0.75, 0.2, 0.05]))):
         _pillar(image, hidden, brightness, rng)
     return hidden > 0
 
@@ -90,30 +90,51 @@ def _bonnet(
         outline = np.vstack([np.column_stack([x * columns, top + down * rows]), ends])
         shade = np.clip(factor * tone, 0, 255)
         _fill(image, hidden, outline, (float(shade[0]), float(shade[1]), float(shade[2])))
-    for _ in range(int(rng.integers(0, 9))):
-        left, width = rng.uniform(0, 1) * columns, rng.uniform(0.02, 0.3) * columns
-        upper = rows * (bottom + rng.uniform(0.0, 0.3))
-        height = rng.uniform(0.01, 0.15) * rows
-        outline = np.asarray([(left, upper), (left + width, upper)])
-        lower = outline[::-1] + np.asarray([rng.normal(0, 0.1) * width, height])
-        tone = np.asarray(body_colour(rng)) * brightness * rng.uniform(0.1, 0.8)
-        colour = float(tone[0]), float(tone[1]), float(tone[2])
-        _fill(image, hidden, np.vstack([outline, lower]), colour)
+    for _ in range(int(rng.integers(0, 16))):
+        _thing_on_dashboard(image, hidden, bottom, brightness, rng)
+
+
+def _thing_on_dashboard(
+    image: Image, hidden: Image, bottom: float, brightness: float, rng: np.random.Generator
+) -> None:
+    """A box, a vent, a holder or a mirrored sheet, at times with an edge or a shining spot."""
+    rows, columns = image.shape[:2]
+    middle = rng.uniform((0.0, bottom), (1.0, 1.1)) * (columns, rows)
+    half = np.exp(rng.uniform(np.log((0.01, 0.008)), np.log((0.2, 0.12)))) * (columns, rows)
+    corners = np.asarray([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    outline = middle + corners * half * (1 + rng.normal(0, 0.15, (4, 2)))
+    tone = np.asarray(body_colour(rng)) * brightness * rng.uniform(0.05, 0.8)
+    _fill(image, hidden, outline, (float(tone[0]), float(tone[1]), float(tone[2])))
+    edge = np.rint(outline).astype(np.int32)
+    light = float(rng.uniform(20, 200)) * brightness
+    if rng.random() < 0.3:
+        cv2.polylines(image, [edge], rng.random() < 0.5, (light, light, light), 1, cv2.LINE_AA)
+    if rng.random() < 0.2:
+        spot = int(middle[0]), int(middle[1])
+        cv2.circle(image, spot, max(1, round(0.1 * half[1])), (light, light, light), cv2.FILLED)
 
 
 def _pillar(image: Image, hidden: Image, brightness: float, rng: np.random.Generator) -> None:
-    """A pillar, a mirror or a holder at a side or the top."""
+    """A pillar, an arm, a mirror or a holder at a side or the top."""
     rows, columns = image.shape[:2]
     tone = float(rng.uniform(5, 90)) * brightness
     x, width = float(rng.choice([0.0, 1.0])) * columns, float(rng.uniform(0.03, 0.25)) * columns
     lean = float(rng.normal(0, 0.3)) * columns
     outline = np.asarray([(x - width, 0), (x + width, 0), (x + width + lean, rows)])
-    if rng.random() < 0.5:  # hanging from the top
+    kind = int(rng.integers(3))
+    if kind == 1:  # hanging from the top
         middle = float(rng.uniform(0, 1)) * columns
         depth = float(rng.uniform(0.05, 0.25)) * rows
         outline = np.asarray(
             [(middle - width, 0), (middle + width, 0), (middle + 0.8 * width, depth)]
         )
+    elif kind == 2:  # reaching in from the side
+        reach = np.asarray([float(rng.uniform(0.05, 0.3)) * columns, 0.0])
+        inwards = reach if x == 0 else -reach
+        upper, lower = rng.uniform((0.3, 0.5), (0.6, 0.9)) * rows
+        tip = np.asarray([x, (upper + lower) / 2 + rng.normal(0, 0.1) * rows]) + inwards
+        below = tip + np.asarray([0.0, 0.05 * rows])
+        outline = np.vstack([(x, upper), tip, below, (x, lower)])
     _fill(image, hidden, outline, (tone, tone, tone))
 
 

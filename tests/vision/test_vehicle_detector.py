@@ -1,0 +1,97 @@
+"""Distance of vehicles by the shipped detector: by width, ground contact, and both."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from onboard.observations import ImageBox
+from onboard.vision.detection import Detection, SearchPlan
+from onboard.vision.perspective import Perspective, RoadPosition
+from onboard.vision.vehicle_detector import WIDTHS_M, VehicleDetector
+from onboard.vision.vehicle_network import VehicleBox, VehicleKind
+from tests.vision.drive import CAMERA
+
+_PERSPECTIVE = Perspective(CAMERA)
+_IMAGE = np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
+
+
+@dataclass
+class _Finder:
+    """Finds what it is told."""
+
+    vehicles: list[VehicleBox]
+
+    def find(self, _: np.ndarray) -> list[VehicleBox]:
+        return self.vehicles
+
+
+def _vehicle(
+    ahead_m: float,
+    right_m: float = 0.0,
+    *,
+    kind: VehicleKind = VehicleKind.CAR,
+    height_m: float = 1.5,
+    side_m: float = 0.0,
+) -> VehicleBox:
+    """A vehicle as wide as its kind is, and so much of its side to the left of its rear."""
+    half_m = WIDTHS_M[kind][0] / 2
+    corners = [
+        RoadPosition(ahead_m, right_m - half_m, height_m),
+        RoadPosition(ahead_m, right_m + half_m, 0.0),
+        RoadPosition(ahead_m, right_m - half_m - side_m, 0.0),
+    ]
+    (end_left, top), (right, bottom), (left, _) = _PERSPECTIVE.project_all(corners).tolist()
+    left, top = max(left, 0.0), max(top, 0.0)
+    right, bottom = min(right, CAMERA.width_px), min(bottom, CAMERA.height_px)
+    box = ImageBox(left, top, right - left, bottom - top)
+    return VehicleBox(box, (end_left, right), kind, 0.9)
+
+
+def _detected(vehicle: VehicleBox) -> Detection:
+    (found,) = VehicleDetector(_Finder([vehicle]), _PERSPECTIVE).find(_IMAGE, SearchPlan())
+    return found
+
+
+@pytest.mark.parametrize("kind", list(VehicleKind))
+@pytest.mark.parametrize("ahead_m", [8.0, 20.0, 60.0])
+def test_a_vehicle_of_common_width_is_where_it_is(kind: VehicleKind, ahead_m: float) -> None:
+    found = _detected(_vehicle(ahead_m, 1.0, kind=kind))
+    assert found.position.ahead_m == pytest.approx(ahead_m, rel=0.02)
+    assert found.position.right_m == pytest.approx(1.0, abs=0.05)
+    assert 0.02 * ahead_m < found.ahead_sigma_m < 0.4 * ahead_m
+
+
+def test_only_the_rear_counts_of_a_vehicle_beside() -> None:
+    found = _detected(_vehicle(15.0, -3.5, side_m=1.5))
+    assert found.position.ahead_m == pytest.approx(15.0, rel=0.02)
+    assert found.position.right_m == pytest.approx(-3.5, abs=0.05)
+
+
+def test_a_high_vehicle_is_as_low_as_plates_are() -> None:
+    found = _detected(_vehicle(20.0, kind=VehicleKind.TRUCK, height_m=4.0))
+    assert found.position.height_m == pytest.approx(1.0, abs=0.2)
+
+
+def test_the_sigma_is_larger_where_the_side_is_seen() -> None:
+    rear, side = _detected(_vehicle(20.0)), _detected(_vehicle(20.0, side_m=3.5))
+    assert side.ahead_sigma_m > rear.ahead_sigma_m
+    assert abs(side.position.ahead_m - 20.0) < 1.5 * side.ahead_sigma_m
+
+
+def test_width_says_little_at_the_border_of_the_image() -> None:
+    whole, cut = _vehicle(6.0), _vehicle(6.0, -3.5)
+    assert cut.box.x_px == 0.0
+    assert _detected(cut).ahead_sigma_m > _detected(whole).ahead_sigma_m
+
+
+def test_what_is_below_the_image_is_no_ground_contact() -> None:
+    found = _detected(_vehicle(2.5))
+    assert found.position.ahead_m == pytest.approx(2.5, rel=0.02)
+    assert found.ahead_sigma_m >= WIDTHS_M[VehicleKind.CAR][1] * found.position.ahead_m
+
+
+def test_the_network_runs_only_when_all_of_the_image_is_searched() -> None:
+    detector = VehicleDetector(_Finder([_vehicle(20.0)]), _PERSPECTIVE)
+    assert detector.find(_IMAGE, SearchPlan(tracked=())) == []
+    assert len(detector.find(_IMAGE, SearchPlan())) == 1
