@@ -390,20 +390,22 @@ class Perception:
             self._lead, self._rear = lead, RearTracker()
         for detection, track in pairs:
             if detection.kind is not DetectionKind.VEHICLE:
-                is_lead = lead is not None and track is lead
+                is_lead = lead is not None and track is lead and lead.has_settled
                 self._events.append(track_report.plate(detection, track, stamp_s, is_lead=is_lead))
         for track in self._tracker.tracks:
             if track.confirmed and track.detected_at == stamp_s:
                 self._events.append(
                     track_report.vehicle_detection(track, stamp_s, self._lens_sigma)
                 )
-        if lead is None:
-            is_free = stamp_s - self._free_at <= FREE_S and not self._lead_selector.has_candidate(
-                self._tracker.tracks, stamp_s
-            )
-            self._events.append(track_report.without_lead(stamp_s, is_free=is_free))
-        else:
+        if lead is not None and lead.has_settled:
             self._events.append(track_report.lead(lead, stamp_s, self._lens_sigma))
+            return
+        is_free = (
+            lead is None
+            and stamp_s - self._free_at <= FREE_S
+            and not self._lead_selector.has_candidate(self._tracker.tracks, stamp_s)
+        )
+        self._events.append(track_report.without_lead(stamp_s, is_free=is_free))
 
 
 def _below_horizon(

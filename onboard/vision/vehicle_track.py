@@ -25,6 +25,9 @@ VEHICLE_S = 1.5
 MAX_INCONSISTENCY, INCONSISTENCY_SHARE = 3.0, 0.3
 """Mean square of the innovations by their sigmas above which a track is of no body that moves, and
 the weight of each detection in that mean."""
+SETTLED_SIGMA_M_S = 3.0
+"""Sigma of the speed along the road above which nothing is known of it: it starts at 8 m/s, and
+after three detections is what two of them say."""
 MIN_READ_CONFIDENCE = 0.3
 """Confidence below which a reading contradicts no text."""
 RULED_OUT = 1e-3
@@ -114,6 +117,11 @@ class VehicleTrack:
     def is_consistent(self) -> bool:
         """Whether the detections are where a moving body would be."""
         return self._inconsistency <= MAX_INCONSISTENCY
+
+    @property
+    def has_settled(self) -> bool:
+        """Whether its speed is known well enough to be reported."""
+        return self.ahead.rate_sigma_m_s <= SETTLED_SIGMA_M_S
 
     @property
     def has_vehicle(self) -> bool:

@@ -51,6 +51,20 @@ def test_the_width_of_a_plate_follows_from_its_shape(plate_format) -> None:
     assert observed.leads[-1].gap_m == pytest.approx(8.0, rel=0.1)
 
 
+@pytest.mark.parametrize("closing_m_s", [-4.0, 0.0, 6.0])
+def test_the_first_closing_speeds_are_within_their_sigmas(closing_m_s: float) -> None:
+    def scene(stamp_s: float) -> Scene:
+        return Scene((SceneCar(14.0 - closing_m_s * stamp_s, plate=OURS),))
+
+    observed = observe(perception(), frames(scene, 1.0, camera=CAMERA))
+
+    leads = [lead for lead in observed.leads if lead.gap_m is not None]
+    assert len(leads) >= 6
+    for lead in leads:
+        assert lead.closing_speed_sigma_m_s <= 3.0
+        assert abs(lead.closing_speed_m_s - closing_m_s) < 3 * lead.closing_speed_sigma_m_s
+
+
 def test_the_gaps_sigma_is_larger_while_the_plate_width_is_unknown() -> None:
     scene, sigmas_m = Scene((SceneCar(28.0, plate=OURS, plate_format=FORMATS["br"]),)), []
     for width_m in (None, 0.4):
