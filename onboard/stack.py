@@ -450,8 +450,8 @@ class Stack:
         self._surroundings = (host_vehicle, perceived_objects)
         self._intersections.receive_host_vehicle(host_vehicle, self._mvs.frame, now)
         red_light_m = self._intersections.red_light_m
-        self._risk.assess(host_vehicle, perceived_objects, now, red_light_m)
         heading = self._mvs.heading(now)
+        self._risk.assess(host_vehicle, perceived_objects, now, red_light_m, heading)
         self._identification.receive_offsets(
             {}
             if host_vehicle is None or heading is None

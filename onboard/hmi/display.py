@@ -192,7 +192,7 @@ class Display:
 
     def _direction(self, alarm: Alarm) -> Direction:
         """Return the side of the crossing vehicle; all other alarms are about vehicles ahead."""
-        if alarm.cause is not Cause.IMA:
+        if alarm.cause not in (Cause.IMA, Cause.LTA):
             return Direction.AHEAD
         names = self._in_alarm[alarm.cause, alarm.vehicle]
         for each in self._objects:

@@ -21,6 +21,8 @@ class Cause(StrEnum):
     """Emergency electronic brake lights: a remote vehicle ahead reports hard braking."""
     IMA = "ima"
     """Intersection movement assist: paths cross, and P_C is high."""
+    LTA = "lta"
+    """Left turn assist: the host turns left across the path of an oncoming vehicle."""
 
 
 class Level(StrEnum):
@@ -72,7 +74,7 @@ class Alarm:
     cause: Cause
     level: Level
     value: float
-    """Required deceleration in m/s^2 (for IMA, P_C from 0 to 1) when the level changed."""
+    """Required deceleration in m/s^2 (for IMA and LTA, P_C from 0 to 1) when the level changed."""
     reasons: tuple[AlarmReason, ...]
     """Observations that raised it; empty when it ends."""
     vehicle: str = ""

@@ -3,12 +3,15 @@
 import math
 from dataclasses import dataclass
 
+from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_safety import VehicleEventFlags
 
 DEFAULT_LENGTH_M, DEFAULT_WIDTH_M = 5.0, 1.75
 """Size of a vehicle that does not report it: a large car."""
+HEADING_SIGMA_RAD = 0.1
+"""Of the heading that a slow vehicle reports."""
 LEVEL_M = 3.5
 """A vehicle whose elevation differs by more is on a bridge over the host's road, or under it:
 bridges have a clearance above 4 m, receivers a sigma of about 0.7 m."""
@@ -76,6 +79,13 @@ class BsmDataStore:
             (data.length_m if data else None) or DEFAULT_LENGTH_M,
             (data.width_m if data else None) or DEFAULT_WIDTH_M,
         )
+
+    def heading(self, name: str) -> Heading | None:
+        """Return the heading of a vehicle's last BSM."""
+        data = self._of.get(name)
+        if data is None or data.last.core.heading_rad is None:
+            return None
+        return Heading(data.last.core.heading_rad, HEADING_SIGMA_RAD)
 
     def path_history_m(self, name: str) -> list[tuple[float, float]]:
         """Return a vehicle's past positions, metres east and north of its last one, newest first.

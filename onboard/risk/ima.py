@@ -1,15 +1,17 @@
-"""IMA: intersection movement assist, by the collision probability P_C of crossing paths."""
+"""IMA and LTA: intersection movement and left turn assist, by P_C of crossing paths."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from onboard.kinematics.heading import Heading
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import Speed
-from onboard.risk.alarm import Assessment, Level, object_reason
+from onboard.risk.alarm import Assessment, Cause, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.expected_stop import RedLight, is_expected_to_stop
 from onboard.risk.host_braking import HostBraking
+from onboard.risk.left_turn import left_turn_crossing, left_turn_radius_m
 from onboard.risk.mean_collision_probability import (
     MAX_ACCELERATION_M_S2,
     DrivenVehicle,
@@ -17,8 +19,10 @@ from onboard.risk.mean_collision_probability import (
 )
 from onboard.risk.path_crossing import CovarianceError, PathCrossing, path_crossing
 from onboard.risk.settings import ImaSettings
+from onboard.risk.slow_vehicle import with_heading
 from onboard.risk.vehicle_motion import VehicleMotion
 
+CROSSING_CAUSES = (Cause.IMA, Cause.LTA)
 MAX_AGE_S = 1.0
 """Older data raise no alarm."""
 HORIZON_S = 4.0
@@ -70,7 +74,9 @@ class IntersectionMovementAssist:
         data: BsmDataStore,
         now: float,
         red_light_m: RedLight,
-    ) -> tuple[list[Assessment], list[tuple[str, CovarianceError]]]:
+        *,
+        heading: Heading | None,
+    ) -> tuple[dict[Cause, list[Assessment]], list[tuple[str, CovarianceError]]]:
         """Assess objects that were given to `follow`.
 
         Args:
@@ -80,20 +86,24 @@ class IntersectionMovementAssist:
             now: the time.
             red_light_m: finds the red signal of a vehicle; who is expected to stop there, crosses
                 nobody's path.
+            heading: of the host vehicle, kept at rest.
 
         Returns:
-            an assessment of each that may be met, and names of objects whose covariance is
+            assessments of those that may be met, by cause, and names of objects whose covariance is
             invalid, with the error.
         """
         found: list[tuple[PerceivedObject, PathCrossing]] = []
         invalid: list[tuple[str, CovarianceError]] = []
         if is_expected_to_stop(own, self._own_size_m[0], red_light_m, self._reaction_s):
-            return [], invalid
-        for each in others:
-            if each.age_s > MAX_AGE_S:
+            return {}, invalid
+        own = with_heading(own, heading)
+        own_radius_m = left_turn_radius_m(own, self._motions[own.name].lateral_m_s2)
+        for other in others:
+            if other.age_s > MAX_AGE_S:
                 continue
+            each = with_heading(other, data.heading(other.name))
             try:
-                crossing = path_crossing(own, each)
+                crossing = self._crossing(own, each, own_radius_m)
             except CovarianceError as error:
                 invalid.append((each.name, error))
                 continue
@@ -102,7 +112,7 @@ class IntersectionMovementAssist:
             if not is_expected_to_stop(each, data.size_m(each.name)[0], red_light_m):
                 found.append((each, crossing))
         if not found:
-            return [], invalid
+            return {}, invalid
         p_c = mean_collision_probabilities(
             [crossing for _, crossing in found],
             [
@@ -114,7 +124,21 @@ class IntersectionMovementAssist:
         assessed = [
             self._assessment(each, float(p), own) for (each, _), p in zip(found, p_c, strict=True)
         ]
-        return assessed, invalid
+        cause = Cause.IMA if own_radius_m is None else Cause.LTA
+        return {cause: assessed}, invalid
+
+    def _crossing(
+        self, own: PerceivedObject, other: PerceivedObject, own_radius_m: float | None
+    ) -> PathCrossing | None:
+        """Return where the paths cross, of which one may turn left; raises `CovarianceError`."""
+        radius_m = left_turn_radius_m(other, self._motions[other.name].lateral_m_s2)
+        if own_radius_m is None and radius_m is None:
+            return path_crossing(own, other)
+        if own_radius_m is not None:
+            return None if radius_m is not None else left_turn_crossing(own, other, own_radius_m)
+        assert radius_m is not None  # noqa: S101 (one of both turns)
+        crossing = left_turn_crossing(other, own, radius_m)
+        return None if crossing is None else crossing.of_other()
 
     def _assessment(self, other: PerceivedObject, p_c: float, own: PerceivedObject) -> Assessment:
         level = Level.NONE
@@ -127,8 +151,11 @@ class IntersectionMovementAssist:
     ) -> DrivenVehicle:
         """Return size and accelerations; a known acceleration comes before the estimate."""
         motion = self._motions[each.name]
+        lateral_m_s2 = motion.lateral_m_s2
+        if left_turn_radius_m(each, lateral_m_s2) is not None:
+            lateral_m_s2 = 0.0  # the distance is along its turn
         along_m_s2 = motion.acceleration_m_s2 if known_m_s2 is None else known_m_s2
-        return DrivenVehicle(*size_m, along_m_s2, motion.lateral_m_s2)
+        return DrivenVehicle(*size_m, along_m_s2, lateral_m_s2)
 
 
 def _is_soon(crossing: PathCrossing) -> bool:

@@ -35,6 +35,10 @@ BRAKING_M_S2 = 1.0
 """A host driver who brakes by more has reacted: two steps of 1 km/h within the window."""
 GAINING_M_S2 = 1.0
 """A driver who accelerates by more does not yet mean to stop."""
+SETTING_OFF_M_S = 4.0
+"""A driver below this speed who accelerates sets off."""
+SETTING_OFF_M = 8.0
+"""Who sets off this close to the other's path has left the stop line, and drives on."""
 DRIVING_ON_M_S2 = 1.0
 """A driver who drives on keeps the present acceleration, or none, +- this."""
 MAX_LATERAL_M_S2 = 1.0
@@ -150,10 +154,14 @@ def _gaining_m_s2(acceleration_m_s2: float | None) -> float:
 def _cannot_stop(
     room_m: Array, speed_m_s: Array, gaining_m_s2: Array, after_s: Array, stopping_m_s2: float
 ) -> NDArray[np.bool_]:
-    """Whether more than `stopping_m_s2` is needed to stop in `room_m`, from `after_s` on."""
+    """Whether more than `stopping_m_s2` is needed to stop in `room_m`, from `after_s` on.
+
+    So is it for a driver who sets off right before the other's path.
+    """
     then_m_s = speed_m_s + gaining_m_s2 * after_s
     left_m = room_m - (speed_m_s + then_m_s) / 2.0 * after_s
-    hard: NDArray[np.bool_] = left_m <= then_m_s**2 / (2.0 * stopping_m_s2)
+    sets_off = (gaining_m_s2 > 0.0) & (speed_m_s < SETTING_OFF_M_S) & (room_m < SETTING_OFF_M)
+    hard: NDArray[np.bool_] = sets_off | (left_m <= then_m_s**2 / (2.0 * stopping_m_s2))
     return hard
 
 

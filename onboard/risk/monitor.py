@@ -1,8 +1,8 @@
 """The risk monitor: runs FCW, EEBL, IMA and LCCA warnings, each with its own alarms.
 
-IMA has an alarm for each vehicle, the others have one at a time. IMA, EEBL and FCW of perceived
-objects need the position of the host vehicle; FCW of the camera's lead vehicle and LCCA warnings do
-not.
+IMA and LTA have an alarm for each vehicle, the others have one at a time. IMA, LTA, EEBL and FCW of
+perceived objects need the position of the host vehicle; FCW of the camera's lead vehicle and LCCA
+warnings do not.
 """
 
 import math
@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing_extensions import override
 
 from onboard.core import Core
+from onboard.kinematics.heading import Heading
 from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.lcca import CarId
@@ -32,7 +33,7 @@ from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.eebl import assess_eebl
 from onboard.risk.expected_stop import RedLight, no_red_light
 from onboard.risk.fcw import ForwardCollisionWarning
-from onboard.risk.ima import IntersectionMovementAssist
+from onboard.risk.ima import CROSSING_CAUSES, IntersectionMovementAssist
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
 from onboard.risk.vehicle_alarms import VehicleAlarms
@@ -64,9 +65,9 @@ class RiskMonitor(Core):
         self._warnings: dict[tuple[CarId, int], WarningRaised] = {}
         """Of brakings that are not over, by vehicle and sequence number."""
         self._alarms: dict[Cause, Hysteresis] = {
-            cause: Hysteresis(cause, RELEASE_S) for cause in Cause if cause is not Cause.IMA
+            cause: Hysteresis(cause, RELEASE_S) for cause in Cause if cause not in CROSSING_CAUSES
         }
-        self._ima_alarms = VehicleAlarms(Cause.IMA)
+        self._crossing_alarms = [VehicleAlarms(cause) for cause in CROSSING_CAUSES]
         self._events: deque[Alarm | Discarded] = deque(maxlen=1024)
 
     def receive_speed(self, speed: Speed) -> None:
@@ -117,6 +118,7 @@ class RiskMonitor(Core):
         objects: Sequence[PerceivedObject],
         now: float,
         red_light_m: RedLight = no_red_light,
+        heading: Heading | None = None,
     ) -> None:
         """Assess every cause; to be called at 10 Hz, also when nothing arrives.
 
@@ -125,6 +127,7 @@ class RiskMonitor(Core):
             objects: the perceived objects, in the same frame, predicted to `now`.
             now: the time.
             red_light_m: finds the red signal of a vehicle.
+            heading: of the host vehicle, kept at rest.
         """
         self._bsm_data.drop_old(now)
         self._judge(Cause.LCCA, self._assess_lcca(now), now)
@@ -135,7 +138,6 @@ class RiskMonitor(Core):
         self._ima.follow([*others, own] if own is not None else [], now)
         if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:
             self._judge(Cause.EEBL, NOTHING, now)
-            self._events.extend(self._ima_alarms.receive((), now))
         else:
             eebl = assess_eebl(
                 own,
@@ -147,11 +149,16 @@ class RiskMonitor(Core):
                 settings=self._settings.fcw,
             )
             self._judge(Cause.EEBL, eebl, now)
-            ima, invalid = self._ima.assess(own, others, self._bsm_data, now, red_light_m)
+        crossing: dict[Cause, list[Assessment]] = {}
+        if own is not None:
+            crossing, invalid = self._ima.assess(
+                own, others, self._bsm_data, now, red_light_m, heading=heading
+            )
             self._events.extend(
                 Discarded(now, "risk", "covariance", f"{name}: {error}") for name, error in invalid
             )
-            self._events.extend(self._ima_alarms.receive(ima, now))
+        for alarms in self._crossing_alarms:
+            self._events.extend(alarms.receive(crossing.get(alarms.cause, ()), now))
 
     @override
     def next_event(self) -> Alarm | Discarded | None:

@@ -1,6 +1,7 @@
 """Where the paths of two vehicles cross, how far both are from there, and how certain that is."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ RANGE_M = 120.0
 """Largest distance of either vehicle from the crossing: 4 s at 30 m/s."""
 MIN_ANGLE_RAD = 0.35
 """Smallest angle between the courses; below it paths count as parallel."""
-MIN_SPEED_M_S = 1.0
+MIN_SPEED_M_S = 0.3
 """A slower vehicle has no course."""
 MAX_COURSE_SIGMA_RAD = 0.35
 """A vehicle with a less certain course is not assessed: it was just detected, its speed settles."""
@@ -44,6 +45,13 @@ class PathCrossing:
     angle_rad: float
     """Between the courses."""
 
+    def of_other(self) -> "PathCrossing":
+        """Return the same crossing with the roles exchanged."""
+        order = [2, 3, 0, 1]
+        return PathCrossing(
+            self.mean[order], self.covariance[np.ix_(order, order)], -self.angle_rad
+        )
+
 
 def path_crossing(own: PerceivedObject, other: PerceivedObject) -> PathCrossing | None:
     """Return where the paths cross; `None` for parallel or far ones, and for unknown courses.
@@ -54,15 +62,30 @@ def path_crossing(own: PerceivedObject, other: PerceivedObject) -> PathCrossing 
     angle_rad = _angle_rad(own, other)
     if angle_rad is None:
         return None
-    states = np.array([*own.state, *other.state])
-    mean = _approaches(states[:, None])[:, 0]
+    mean = _approaches(np.array([[*own.state, *other.state]]).T)[:, 0]
     if not np.all(np.abs(mean[[0, 2]]) <= RANGE_M):  # also false for overflows
         return None
+    return PathCrossing(*linearised(_approaches, own, other), angle_rad)
+
+
+def linearised(
+    approaches: Callable[[Array], Array], one: PerceivedObject, other: PerceivedObject
+) -> tuple[Array, Array]:
+    """Return mean and covariance of distances and speeds, as in `PathCrossing`.
+
+    Args:
+        approaches: distances and speeds, (4, k), from states of both vehicles, (8, k).
+        one: the vehicle whose distance and speed come first.
+        other: the other vehicle.
+
+    Raises:
+        CovarianceError: the covariance of either state is invalid.
+    """
+    states = np.array([*one.state, *other.state])[:, None]
     offsets = _STEP * np.eye(8)
-    derivative = (
-        _approaches(states[:, None] + offsets) - _approaches(states[:, None] - offsets)
-    ) / (2.0 * _STEP)
-    return PathCrossing(mean, derivative @ _covariance(own, other) @ derivative.T, angle_rad)
+    derivative = (approaches(states + offsets) - approaches(states - offsets)) / (2.0 * _STEP)
+    covariance = derivative @ _covariance(one, other) @ derivative.T
+    return approaches(states)[:, 0], covariance
 
 
 def has_course(vehicle: PerceivedObject) -> bool:

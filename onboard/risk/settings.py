@@ -36,4 +36,4 @@ class RiskSettings(Settings):
     fcw: FcwSettings = FcwSettings()
     ima: ImaSettings = ImaSettings()
     least_speed_m_s: float = Field(2.0, ge=0.0, le=20.0)
-    """Below this host speed only LCCA warnings are shown."""
+    """Below this host speed there are no FCW and no EEBL."""

@@ -19,7 +19,7 @@ class VehicleAlarms:
         Args:
             cause: of the alarms.
         """
-        self._cause = cause
+        self.cause = cause
         self._of: dict[str, Hysteresis] = {}
         """By name of the vehicle; those without an alarm are dropped."""
 
@@ -33,7 +33,7 @@ class VehicleAlarms:
         worst = nlargest(MOST_VEHICLES, raised, key=lambda each: (each.level.rank, each.value))
         present = {each.vehicle: each for each in worst}
         for vehicle in [*present, *(name for name in self._of if name not in present)]:
-            hysteresis = self._of.setdefault(vehicle, Hysteresis(self._cause, RELEASE_S))
+            hysteresis = self._of.setdefault(vehicle, Hysteresis(self.cause, RELEASE_S))
             alarm = hysteresis.receive(present.get(vehicle, NOTHING), now)
             if alarm is None:
                 continue

@@ -17,6 +17,9 @@ import numpy as np
 from pydantic import Field
 from scipy.stats import chi2
 
+from onboard.kinematics.heading import Heading
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
 from onboard.mvs.host_vehicle import SPEED_SIGMA_M_S
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Speed
@@ -41,6 +44,9 @@ BSM_AGE_S = 0.15
 """Mean age of a BSM's state when it is evaluated."""
 SPEED_AGE_S = 0.05
 """Of a sample of the host's speed."""
+OTHER = "0a0b0c0d"
+HEADING_SIGMA_RAD = 0.04
+"""Of the heading that a receiver keeps at rest."""
 NUISANCE_S = 1.0
 COLUMNS = (
     "meetings", "role", "hours", "crashes", "warned", "warned_share_at_least", "lead_median_s",
@@ -131,6 +137,7 @@ def _warned_s(
     monitor = RiskMonitor(settings.risk, settings.traffic.length_m, settings.traffic.width_m)
     own_share = math.sqrt(1.0 - settings.receivers.bias_shared)
     bias_m = own_share * settings.receivers.bias_sigma_m * rng.standard_normal((2, 2))
+    heading_error_rad = HEADING_SIGMA_RAD * rng.standard_normal()
     for tick in range(0, len(meeting.speed_m_s), round(EVERY_S / TICK_S)):
         now = tick * TICK_S
         monitor.receive_speed(_obd_speed(meeting, tick, host))
@@ -140,7 +147,11 @@ def _warned_s(
             )
             for car in (host, 1 - host)
         )
-        monitor.assess(own, [other], now)
+        other_rad = _heading_rad(meeting, _before(tick, BSM_AGE_S), 1 - host)
+        core = CoreData(1, bytes.fromhex(OTHER), heading_rad=other_rad)
+        monitor.receive_bsm(BasicSafetyMessage(core), now)
+        heading = Heading(_heading_rad(meeting, tick, host) + heading_error_rad, HEADING_SIGMA_RAD)
+        monitor.assess(own, [other], now, heading=heading)
         for event in iter(monitor.next_event, None):
             if isinstance(event, Alarm) and event.level is Level.WARNING:
                 yield now
@@ -177,7 +188,7 @@ def _perceived_object(
     reported = meeting.acceleration_m_s2[_before(tick, BSM_AGE_S), car]
     return PerceivedObject(
         stamp_s=now,
-        name="own" if is_host else "0a0b0c0d",
+        name="own" if is_host else OTHER,
         source=ObjectSource.HOST if is_host else ObjectSource.BSM,
         state=(*position_m.tolist(), *velocity_m_s.tolist()),
         covariance=tuple(map(tuple, np.diag(variances).tolist())),
@@ -185,6 +196,11 @@ def _perceived_object(
         provenance=frozenset(),
         acceleration_m_s2=None if is_host else float(reported),
     )
+
+
+def _heading_rad(meeting: Meeting, tick: int, car: int) -> float:
+    """Clockwise from north."""
+    return float((math.pi / 2.0 - meeting.course_rad[tick, car]) % (2.0 * math.pi))
 
 
 def _before(tick: int, age_s: float) -> int:

@@ -159,6 +159,8 @@ function alarmTexts({ cause, level, direction, vehicles_ahead, is_test }) {
       return { sign: "brake", headline: isWarning ? TEXTS.brakeNow : TEXTS.watchOut, sentence: TEXTS.eebl };
     case "fcw":
       return { sign: "gap", headline: isWarning ? TEXTS.brakeNow : TEXTS.keepDistance, sentence: TEXTS.fcw };
+    case "lta":
+      return { sign: "brake", headline: isWarning ? TEXTS.stopNow : TEXTS.watchOut, sentence: TEXTS.lta };
     default: {
       const sign = direction === "ahead" ? "brake" : direction;
       return { sign, headline: isWarning ? TEXTS.stopNow : TEXTS.watchOut, sentence: TEXTS.ima[direction] };

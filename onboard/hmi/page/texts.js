@@ -89,6 +89,7 @@ export const TEXTS = {
   fcw: "You are closing in on the car ahead",
   eebl: "A car ahead brakes hard",
   several: "{sentence} ({count})",
+  lta: "Oncoming car: do not turn",
   ima: { left: "Car from the left", right: "Car from the right", ahead: "Car crossing" },
 
   soundOff: "Sound is off: tap",

@@ -1,0 +1,85 @@
+"""Where a vehicle that turns left crosses the path of one that goes straight on."""
+
+import math
+
+import numpy as np
+
+from onboard.kinematics.arrays import Array
+from onboard.mvs.perceived_object import PerceivedObject
+from onboard.risk.path_crossing import MIN_ANGLE_RAD, PathCrossing, has_course, linearised
+
+MAX_RADIUS_M = 30.0
+"""Of a turn at a crossing; larger circles are bends of the road, which others follow too."""
+MIN_RADIUS_M = 4.0
+"""No car turns in a smaller circle."""
+MIN_LATERAL_M_S2 = 1.0
+"""With less lateral acceleration, noise could be a turn."""
+MOST_TURNED_RAD = 2.2
+"""Largest part of the turn that is left: a quarter of a circle, and some."""
+PAST_RAD = 0.6
+"""A vehicle that has turned past the other's path by less may still be in its way."""
+
+
+def left_turn_radius_m(vehicle: PerceivedObject, lateral_m_s2: float | None) -> float | None:
+    """Return the radius of a vehicle's turn to the left; `None` if it does not turn so.
+
+    Args:
+        vehicle: its velocity counts.
+        lateral_m_s2: across its course, to the left; `None` if it is not known.
+    """
+    if lateral_m_s2 is None or lateral_m_s2 < MIN_LATERAL_M_S2:
+        return None
+    radius_m = math.hypot(*vehicle.state[2:]) ** 2 / lateral_m_s2
+    return radius_m if MIN_RADIUS_M <= radius_m <= MAX_RADIUS_M else None
+
+
+def left_turn_crossing(
+    turning: PerceivedObject, straight: PerceivedObject, radius_m: float
+) -> PathCrossing | None:
+    """Return where the circle of `turning` crosses the straight path of `straight`.
+
+    Distance and speed of `turning` come first, its distance along the circle. `None` where they do
+    not cross, or nearly in the same direction, or a course is unknown.
+
+    Raises:
+        CovarianceError: the covariance of either state is invalid.
+    """
+    states = np.array([*turning.state, *straight.state])
+    if not np.isfinite(states).all() or not (has_course(turning) and has_course(straight)):
+        return None
+    ways = _both_ways(states[:, None], radius_m)[:, :, 0]
+    first = int(np.argmin(np.abs(ways[0])))
+    turned_rad = float(ways[0, first])
+    if not abs(turned_rad) <= MOST_TURNED_RAD:  # also where they do not cross
+        return None
+    courses = np.arctan2(states[[3, 7]], states[[2, 6]])
+    angle_rad = math.remainder(float(courses[1] - courses[0]) - turned_rad, 2.0 * math.pi)
+    if abs(math.sin(angle_rad)) < math.sin(MIN_ANGLE_RAD):
+        return None
+
+    def approaches(states: Array) -> Array:
+        turned, other_m = _both_ways(states, radius_m)[:, first]
+        speeds = np.hypot(states[[2, 6]], states[[3, 7]])
+        return np.stack([radius_m * turned, speeds[0], other_m, speeds[1]])
+
+    return PathCrossing(*linearised(approaches, turning, straight), angle_rad)
+
+
+def _both_ways(states: Array, radius_m: float) -> Array:
+    """Ways to both points where circle and line meet, (2, 2, k); not a number if they do not.
+
+    The first index is the way: the angle that is left to turn, and metres along the line.
+    """
+    p, v, q, w = states.reshape(4, 2, -1)
+    along = w / np.hypot(*w)
+    centre = p + radius_m * np.stack([-v[1], v[0]]) / np.hypot(*v)
+    foot_m = np.sum((centre - q) * along, axis=0)
+    aside = centre - q - foot_m * along
+    with np.errstate(invalid="ignore"):
+        half_m = np.sqrt(radius_m**2 - np.sum(aside**2, axis=0))
+    other_m = np.stack([foot_m - half_m, foot_m + half_m])
+    points = q + other_m[:, None] * along - centre
+    start = p - centre
+    turned = np.arctan2(points[:, 1], points[:, 0]) - np.arctan2(start[1], start[0])
+    turned = np.mod(turned + PAST_RAD, 2.0 * math.pi) - PAST_RAD
+    return np.stack([turned, other_m])

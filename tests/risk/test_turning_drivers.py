@@ -1,0 +1,149 @@
+"""Drivers who pull out from a stop, and who turn left across oncoming traffic."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from onboard.kinematics.heading import Heading
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
+from onboard.observations import Speed
+from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.left_turn import left_turn_crossing
+from onboard.risk.monitor import RiskMonitor
+from onboard.risk.settings import RiskSettings
+from onboard.units import KM_H
+
+Motion = Callable[[float], tuple[float, float, float, float]]
+"""Position east and north, course from east, and speed at a time."""
+OTHER = "0a0b0c0d"
+NORTH = math.pi / 2.0
+
+
+def perceived(name: str, at: tuple[float, float, float, float], now: float) -> PerceivedObject:
+    x_m, y_m, course_rad, speed_m_s = at
+    velocity = speed_m_s * math.cos(course_rad), speed_m_s * math.sin(course_rad)
+    rows = tuple(map(tuple, np.diag([0.5, 0.5, 0.25, 0.25]).tolist()))
+    source = ObjectSource.HOST if name == "own" else ObjectSource.BSM
+    return PerceivedObject(now, name, source, (x_m, y_m, *velocity), rows, 0.1, frozenset())
+
+
+def warnings(mine: Motion, others: Motion, until_s: float) -> list[Alarm]:
+    monitor = RiskMonitor(RiskSettings(), 5.0, 1.75)
+    seen: list[Alarm] = []
+    for k in range(round(until_s * 10)):
+        now = k / 10
+        own, other = mine(now), others(now)
+        floor_m_s = math.floor(own[3] / KM_H) * KM_H
+        monitor.receive_speed(Speed(now, floor_m_s, KM_H, "obd:7E8"))
+        core = CoreData(1, bytes.fromhex(OTHER), heading_rad=NORTH - other[2])
+        monitor.receive_bsm(BasicSafetyMessage(core), now)
+        monitor.assess(
+            perceived("own", own, now),
+            [perceived(OTHER, other, now)],
+            now,
+            heading=Heading(NORTH - own[2], 0.04),
+        )
+        seen += [each for each in iter(monitor.next_event, None) if isinstance(each, Alarm)]
+    return [each for each in seen if each.level is Level.WARNING]
+
+
+def pull_out(from_s: float) -> Motion:
+    """Stands 8.5 m before the middle, and drives north with 2 m/s^2."""
+
+    def at(now: float) -> tuple[float, float, float, float]:
+        driven_s = max(now - from_s, 0.0)
+        return 0.0, driven_s**2 - 8.5, NORTH, 2.0 * driven_s
+
+    return at
+
+
+def straight(meets_s: float, speed_m_s: float = 14.0, beside_m: float = 0.0) -> Motion:
+    """Drives west, and passes the middle at `meets_s`."""
+    return lambda now: (speed_m_s * (meets_s - now), beside_m, math.pi, speed_m_s)
+
+
+def turn_left(begins_s: float, radius_m: float = 10.0, speed_m_s: float = 6.0) -> Motion:
+    """Drives east, and turns left from the middle on."""
+
+    def at(now: float) -> tuple[float, float, float, float]:
+        along_m = speed_m_s * (now - begins_s)
+        turned = min(max(along_m / radius_m, 0.0), NORTH)
+        after_m = along_m - radius_m * turned if turned else 0.0
+        east_m = min(along_m, 0.0) + radius_m * math.sin(turned)
+        north_m = radius_m * (1.0 - math.cos(turned)) + after_m
+        return east_m, north_m, turned, speed_m_s
+
+    return at
+
+
+def test_a_driver_who_pulls_out_is_warned_as_soon_as_the_speed_shows_it() -> None:
+    """The fronts touch 2.3 s after the host sets off."""
+    (warning,) = warnings(pull_out(2.0), straight(4.4), 4.3)
+
+    assert warning.cause is Cause.IMA
+    assert warning.stamp_s <= 2.0 + 0.7
+
+
+def test_who_pulls_out_before_the_host_is_warned_of_soon() -> None:
+    (warning,) = warnings(straight(4.4), pull_out(2.0), 4.3)
+
+    assert warning.stamp_s <= 2.0 + 0.9
+
+
+@pytest.mark.parametrize("meets_s", [1.0, 9.0])
+def test_who_pulls_out_with_room_is_not_warned(meets_s: float) -> None:
+    assert warnings(pull_out(2.0), straight(meets_s), 6.0) == []
+
+
+def test_a_driver_who_stands_at_the_line_is_not_warned() -> None:
+    assert warnings(pull_out(99.0), straight(4.0), 6.0) == []
+
+
+def test_a_left_turn_across_an_oncoming_vehicle_is_warned_of_by_its_name() -> None:
+    """The circle reaches the oncoming lane 1.4 s after it begins."""
+    (warning,) = warnings(turn_left(2.0), straight(4.0, beside_m=3.5), 3.6)
+
+    assert warning.cause is Cause.LTA
+    assert warning.stamp_s <= 2.0 + 0.5
+
+
+def test_who_turns_left_before_the_host_is_warned_of() -> None:
+    (warning,) = warnings(straight(4.0, beside_m=3.5), turn_left(2.0), 3.6)
+
+    assert warning.cause is Cause.IMA
+    assert warning.stamp_s <= 2.0 + 0.5
+
+
+@pytest.mark.parametrize("meets_s", [1.5, 8.0])
+def test_a_left_turn_with_room_is_not_warned_of(meets_s: float) -> None:
+    assert warnings(turn_left(2.0), straight(meets_s, beside_m=3.5), 6.0) == []
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.5])
+def test_a_left_turn_crosses_where_its_circle_does(turned: float) -> None:
+    radius_m, lane_m = 10.0, 3.5
+    meets = math.acos(1.0 - lane_m / radius_m)
+    x_m, y_m = radius_m * math.sin(turned), radius_m * (1.0 - math.cos(turned))
+    turning = perceived("own", (x_m, y_m, turned, 6.0), 0.0)
+    oncoming = perceived(OTHER, (40.0, lane_m, math.pi, 14.0), 0.0)
+
+    crossing = left_turn_crossing(turning, oncoming, radius_m)
+
+    assert crossing is not None
+    other_m = 40.0 - radius_m * math.sin(meets)
+    assert crossing.mean == pytest.approx([radius_m * (meets - turned), 6.0, other_m, 14.0])
+    assert crossing.angle_rad == pytest.approx(math.pi - meets)
+
+
+@pytest.mark.parametrize("beside_m", [-3.5, 25.0])
+def test_a_circle_that_does_not_reach_the_line_crosses_nothing(beside_m: float) -> None:
+    turning = perceived("own", (0.0, 0.0, 0.0, 6.0), 0.0)
+
+    assert (
+        left_turn_crossing(turning, perceived(OTHER, (40.0, beside_m, math.pi, 14.0), 0.0), 10.0)
+        is None
+    )
