@@ -1,6 +1,7 @@
 """Properties that alarms have for any input in any order."""
 
 import math
+from collections import defaultdict
 from collections.abc import Callable
 
 from hypothesis import given, settings
@@ -91,15 +92,16 @@ acts: st.SearchStrategy[Act] = st.one_of(
 @given(st.lists(acts, min_size=20, max_size=60))
 def test_alarms_change_are_of_finite_value_say_why_and_end(acts: list[Act]) -> None:
     monitor, now = RiskMonitor(RiskSettings(), 4.8, 1.8), 100.0
-    levels = dict.fromkeys(Cause, Level.NONE)
+    levels: defaultdict[tuple[Cause, str], Level] = defaultdict(lambda: Level.NONE)
 
     def look() -> None:
         for event in iter(monitor.next_event, None):
             assert isinstance(event, Alarm)
-            assert event.level is not levels[event.cause]
+            key = event.cause, event.vehicle
+            assert event.level is not levels[key]
             assert math.isfinite(event.value)
-            assert bool(event.reasons) or event.level.rank < levels[event.cause].rank
-            levels[event.cause] = event.level
+            assert bool(event.reasons) or event.level.rank < levels[key].rank
+            levels[key] = event.level
 
     for act in acts:
         act(monitor, now)
@@ -111,4 +113,4 @@ def test_alarms_change_are_of_finite_value_say_why_and_end(acts: list[Act]) -> N
         look()
         now += STEP_S
 
-    assert set(levels.values()) == {Level.NONE}
+    assert set(levels.values()) <= {Level.NONE}
