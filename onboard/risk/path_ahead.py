@@ -37,6 +37,10 @@ _VELOCITY_SIGMA_M_S = 0.1
 """Error of a GNSS receiver's velocity on either axis, which BSMs do not report."""
 _MIN_COURSE_SPEED_M_S = 2.0
 """A slower vehicle has no course that could be compared."""
+_AT_REST_M_S = 0.01
+"""A slower host vehicle has no course."""
+_NEAREST_M = 0.5
+"""Nearer, two middles are of one vehicle."""
 _STRAIGHT_1_M = 1e-6
 """A smaller curvature counts as none."""
 _Point = tuple[float, float]
@@ -84,13 +88,13 @@ class PathAhead:
         """
         x, y, east, north = own.state
         speed_m_s = math.hypot(east, north)
-        if not speed_m_s > 0.0:
+        if not speed_m_s > _AT_REST_M_S:
             return None
         cos, sin = east / speed_m_s, north / speed_m_s
         to_east, to_north = other.state[0] - x, other.state[1] - y
         here = to_east * cos + to_north * sin, to_north * cos - to_east * sin
         distance_m = math.hypot(*here)
-        if not here[0] > 0.0 or distance_m > RANGE_M:
+        if not here[0] > _NEAREST_M or distance_m > RANGE_M:
             return None
         curvature = self._curvature(own, other, distance_m)
         ahead_m, left_m = _on_circle(here, curvature.mean_1_m)
