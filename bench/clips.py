@@ -4,11 +4,12 @@
 `docs/vision.md`. The clips are not part of the repository (`RIG_DATA` names their folder).
 
 `clip_labels.csv` was made by hand: every 8th, 12th, 4th and 14th frame of the clips was looked at,
-enlarged two to four times, and the vehicles outlined, to some 3 px; those of other lanes in every
-second to fourth of these frames, and linearly in between. Distances follow from the outlines' width
-and from the focal length that the lane's markings give. A row is a vehicle; `lane` is `own`,
-`other` or `unsure` (on the line, or the lane's course is not seen), or says that the own lane is
-`free` as far as one sees. `distance_m` is a class, and given for the own lane only.
+enlarged two to four times, and the vehicles outlined, to some 3 px; those of other lanes, and far
+or unsure ones ahead, in every second to fourth of these frames, and linearly in between. Distances
+follow from the outlines' width and from the focal length that the lane's markings give. A row is a
+vehicle; `lane` is `own`, `other` or `unsure` (on the line, or the lane's course is not seen), or
+says that the own lane is `free` as far as one sees. `distance_m` is a class, and given for the own
+lane only.
 """
 
 import csv

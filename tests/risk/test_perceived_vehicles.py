@@ -10,6 +10,7 @@ from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, AlarmReason, Cause, Level
 from onboard.risk.monitor import RiskMonitor
+from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
 from onboard.units import KM_H
 
@@ -92,6 +93,15 @@ def test_hard_braking_close_ahead_is_warned_of_within_0_4_s(source: ObjectSource
 @pytest.mark.parametrize("left_m", [-3.5, 3.5, 1.8])
 def test_a_vehicle_beside_the_path_is_not(left_m: float) -> None:
     assert not is_warned(lambda now: [vehicle(30.0 - SPEED_M_S * now, 0.0, now, left_m=left_m)])
+
+
+@pytest.mark.parametrize("away_m", [0.0, 1e-188, 0.4])
+def test_what_is_where_the_host_is_is_not_ahead(away_m: float) -> None:
+    here = replace(own(0.0), name="other", source=ObjectSource.BSM)
+    here = replace(here, state=(here.state[0] + away_m, *here.state[1:]))
+    assert PathAhead().place(own(0.0), here, tuple) is None
+    crawling = replace(own(0.0), state=(0.0, 0.0, 1e-190, 0.0))
+    assert PathAhead().place(crawling, vehicle(20.0, 10.0, 0.0), tuple) is None
 
 
 def test_a_wrong_speed_in_one_bsm_raises_no_alarm() -> None:
