@@ -88,7 +88,9 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
         elif known.reported.stamp_s > reported.stamp_s + _STAMP_ERROR_S:
             refused = "older", f"BSM of {sender_id.hex()}"
         else:
-            known.reported, known.acceleration_m_s2 = reported, acceleration_m_s2
+            if reported.stamp_s > known.reported.stamp_s:
+                known.reported = reported
+            known.acceleration_m_s2 = acceleration_m_s2
         return refused
 
     def drop_silent(self, now: float) -> None:

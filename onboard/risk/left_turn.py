@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from onboard.kinematics.arrays import Array
-from onboard.mvs.perceived_object import PerceivedObject
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.risk.path_crossing import MIN_ANGLE_RAD, PathCrossing, has_course, linearised
 
 MAX_RADIUS_M = 30.0
@@ -16,6 +16,10 @@ MIN_LATERAL_M_S2 = 1.0
 """With less lateral acceleration, noise could be a turn."""
 MOST_TURNED_RAD = 2.2
 """Largest part of the turn that is left: a quarter of a circle, and some."""
+ONCOMING_COS = 0.2
+"""Largest cosine of the angle between the courses of a turning and an oncoming vehicle: who has
+turned by a quarter of a circle is across the other's path."""
+_REPORTED = (ObjectSource.HOST, ObjectSource.BSM)
 PAST_RAD = 0.6
 """A vehicle that has turned past the other's path by less may still be in its way."""
 
@@ -23,11 +27,14 @@ PAST_RAD = 0.6
 def left_turn_radius_m(vehicle: PerceivedObject, lateral_m_s2: float | None) -> float | None:
     """Return the radius of a vehicle's turn to the left; `None` if it does not turn so.
 
+    Of tracks it is unknown: the noise of their velocities looks like turns, also of vehicles
+    that drive side by side.
+
     Args:
         vehicle: its velocity counts.
         lateral_m_s2: across its course, to the left; `None` if it is not known.
     """
-    if lateral_m_s2 is None or lateral_m_s2 < MIN_LATERAL_M_S2:
+    if lateral_m_s2 is None or lateral_m_s2 < MIN_LATERAL_M_S2 or vehicle.source not in _REPORTED:
         return None
     radius_m = math.hypot(*vehicle.state[2:]) ** 2 / lateral_m_s2
     return radius_m if MIN_RADIUS_M <= radius_m <= MAX_RADIUS_M else None
@@ -36,10 +43,10 @@ def left_turn_radius_m(vehicle: PerceivedObject, lateral_m_s2: float | None) -> 
 def left_turn_crossing(
     turning: PerceivedObject, straight: PerceivedObject, radius_m: float
 ) -> PathCrossing | None:
-    """Return where the circle of `turning` crosses the straight path of `straight`.
+    """Return where the circle of `turning` crosses the path of the oncoming `straight`.
 
     Distance and speed of `turning` come first, its distance along the circle. `None` where they do
-    not cross, or nearly in the same direction, or a course is unknown.
+    not cross, or `straight` is not oncoming, or a course is unknown.
 
     Raises:
         CovarianceError: the covariance of either state is invalid.
@@ -53,6 +60,8 @@ def left_turn_crossing(
     if not abs(turned_rad) <= MOST_TURNED_RAD:  # also where they do not cross
         return None
     courses = np.arctan2(states[[3, 7]], states[[2, 6]])
+    if math.cos(courses[1] - courses[0]) > ONCOMING_COS:
+        return None
     angle_rad = math.remainder(float(courses[1] - courses[0]) - turned_rad, 2.0 * math.pi)
     if abs(math.sin(angle_rad)) < math.sin(MIN_ANGLE_RAD):
         return None

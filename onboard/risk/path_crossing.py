@@ -125,7 +125,10 @@ def _course_variance(vehicle: PerceivedObject) -> float | None:
     east, north = vehicle.state[2:]
     (a, b), (_, c) = (row[2:] for row in vehicle.covariance[2:])
     across = north * north * a - 2.0 * north * east * b + east * east * c
-    variance = across / (east * east + north * north) ** 2
+    squared = east * east + north * north
+    if squared < MIN_SPEED_M_S**2:
+        return None
+    variance = across / squared**2
     return None if variance > MAX_COURSE_SIGMA_RAD**2 else variance
 
 

@@ -67,3 +67,10 @@ def test_a_bsm_with_the_same_fix_is_used_though_its_time_is_rounded() -> None:
     assert mvs.receive_bsm(SENDER, fix(NOW - 0.001), None, NOW + 0.1, -2.0)
 
     assert acceleration_m_s2(mvs, NOW + 0.1) == -2.0
+
+
+def test_a_vehicle_whose_first_fix_is_repeated_is_not_taken_for_its_own_successor() -> None:
+    mvs = braking()
+    assert mvs.receive_bsm(SENDER, fix(NOW - 0.001), None, NOW + 0.1, -2.0)
+    mvs.update(NOW + 0.6)
+    assert acceleration_m_s2(mvs, NOW + 0.6) == -2.0

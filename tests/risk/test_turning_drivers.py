@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from onboard.messages.bsm_core import CoreData
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Speed
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.risk.left_turn import left_turn_crossing
+from onboard.risk.left_turn import left_turn_crossing, left_turn_radius_m
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.units import KM_H
@@ -147,3 +148,17 @@ def test_a_circle_that_does_not_reach_the_line_crosses_nothing(beside_m: float) 
         left_turn_crossing(turning, perceived(OTHER, (40.0, beside_m, math.pi, 14.0), 0.0), 10.0)
         is None
     )
+
+
+@pytest.mark.parametrize("beside_m", [-4.0, 4.0])
+def test_the_vehicle_in_the_next_lane_is_not_oncoming(beside_m: float) -> None:
+    """On a dense crossing, noise looked like a turn, and each was warned of the one beside it."""
+    turning = perceived("own", (0.0, 0.0, NORTH, 11.5), 0.0)
+    beside = perceived(OTHER, (beside_m, -1.0, NORTH, 11.5), 0.0)
+    assert left_turn_crossing(turning, beside, 20.0) is None
+
+
+def test_the_turn_of_a_track_is_unknown() -> None:
+    seen = replace(perceived(OTHER, (0.0, 0.0, NORTH, 8.0), 0.0), source=ObjectSource.SENSOR)
+    assert left_turn_radius_m(seen, 4.0) is None
+    assert left_turn_radius_m(perceived(OTHER, (0.0, 0.0, NORTH, 8.0), 0.0), 4.0) == 16.0

@@ -266,7 +266,7 @@ def test_many_temporary_ids_of_one_signer_do_not_lengthen_the_interval(platoon: 
 
 
 def test_a_frame_of_an_unknown_service_is_discarded_unopened(platoon: Platoon) -> None:
-    wsm = wsmp.encode(WaveShortMessage(0x82, b"?"))
+    wsm = wsmp.encode(WaveShortMessage(0x8007, b"?"))
     platoon.receive("BBB2", ReceivedWsm(platoon.now, wsm))
     platoon.settle()
 
