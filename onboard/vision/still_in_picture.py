@@ -1,7 +1,8 @@
 """What stays on its pixels while the scene moves: a date stamp, dirt, the bonnet, a reflection.
 
 A vehicle at a constant gap is not that still: the host vehicle pitches and sways, which moves it by
-pixels.
+pixels. On a smooth road it may be, so what has moved once, as a vehicle does that is approached, is
+never taken for still.
 """
 
 import cv2
@@ -21,6 +22,8 @@ SCENE_STEP, SCENE_BLOCKS = 16.0, (8, 6)
 CHANGED_SHARE, MOVED_SHARE = 0.04, 0.33
 """Share of a block's samples that differ where it moves, and share of the blocks that move with the
 host vehicle: 0.31 to 0.92 on the labelled clips, and at most 0.29 while others pass it."""
+MOVED_PX, MOVED_WIDTHS = 4.0, 0.15
+"""What moves from where it was first by more pixels, and by more of its width, has moved."""
 RIM = 0.3, 0.6
 """Rim around a plate that is watched with it, as shares of its width and height."""
 _STRIDE = 8
@@ -36,10 +39,12 @@ class StillInPicture:
         self._part: Grey = np.zeros((0, 0), np.float32)
         self._scene: Grey = self._part
         self._since, self._still_at = 0.0, -np.inf
+        self._first: ImageBox | None = None
+        self._has_moved = False
 
     def is_still(self, stamp_s: float) -> bool:
         """Whether it stayed on its pixels while the scene moved, now or shortly before."""
-        return stamp_s - self._still_at <= REMEMBERED_S
+        return not self._has_moved and stamp_s - self._still_at <= REMEMBERED_S
 
     def receive_frame(self, image: npt.NDArray[np.uint8], box: ImageBox, stamp_s: float) -> None:
         """Compare the part with what it showed before.
@@ -49,6 +54,10 @@ class StillInPicture:
             box: where the track is in this frame.
             stamp_s: of the frame.
         """
+        self._first = self._first or box
+        self._has_moved |= _has_left(self._first, box)
+        if self._has_moved:
+            return
         scene = _grey(image[::_STRIDE, ::_STRIDE])
         if (
             self._box is None
@@ -85,6 +94,11 @@ def _change(part: Grey, before: Grey) -> float:
     change = (weight * (part - level - before + level_before) ** 2).sum()
     contrast = (weight * (before - level_before) ** 2).sum()
     return float(np.sqrt(change / max(float(contrast), 1.0)))
+
+
+def _has_left(first: ImageBox, box: ImageBox) -> bool:
+    moved_px = float(np.hypot(*np.subtract(box.centre_px, first.centre_px)))
+    return moved_px > max(MOVED_PX, MOVED_WIDTHS * first.w_px)
 
 
 def _contains(place: tuple[slice, slice], box: ImageBox) -> bool:

@@ -60,6 +60,16 @@ def test_a_clock_whose_seconds_change_stays_still() -> None:
     assert all(answers[10:])
 
 
+def test_a_vehicle_that_was_approached_is_never_still_at_a_constant_gap() -> None:
+    """On a smooth road it stays on its pixels: in the demonstration it was lost after 2 s."""
+    part = StillInPicture()
+    for index in range(40):
+        to_go_px = max(0.0, 10.0 - 2.0 * index)
+        box = ImageBox(BOX.x_px, BOX.y_px - 2.0 * to_go_px, BOX.w_px, BOX.h_px)
+        part.receive_frame(stamped(scenery(index), "RD288HX"), box, index / FPS)
+        assert not part.is_still(index / FPS)
+
+
 def test_where_the_scene_stands_nothing_is_known_to_be_still() -> None:
     assert not any(watched(stamped(scenery(0), "GN 417") for _ in range(30)))
 
