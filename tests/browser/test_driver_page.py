@@ -240,6 +240,10 @@ def test_a_lane_that_is_not_seen_to_be_free_is_no_free_lane(page: Page, row: Row
     expect(page.locator("#gap-note")).to_have_text("Car ahead? The camera cannot tell")
     expect(page.locator("#road rect.unknown")).to_have_count(1)
 
+    row.sees_lane = True
+    expect(page.locator("#road rect.unknown")).to_have_count(0)
+    expect(page.locator("#state")).to_have_text("Member 3")
+
 
 def test_a_full_disk_is_shown(page: Page, row: Row) -> None:
     row.send_event(RecorderState(row.now, is_recording=False, reason="disk full", dropped=3))
