@@ -41,6 +41,8 @@ ASK_HEADWAY_S = 3.0
 which it is joined, so that it is known by then."""
 RETRY_S, RETRY_MAX_S = 0.1, 1.0
 """Until an inquiry is repeated: at first, and at most, doubling in between."""
+RETRY_ON_AIR_S = 0.3
+"""At most, if a car on the air moves as the one ahead does: inquiry or answer were then lost."""
 ENOUGH_INQUIRIES, ANSWER_TIME_S = 2, 0.04
 """Inquiries, and time since the last one, after which a car is identified: the others that were
 asked, the one ahead among them, have then had the chance to answer too."""
@@ -251,7 +253,9 @@ class Identification(Core):
         names = self._names(track, lead, now)
         if not names:
             return
-        retry_s = min(RETRY_S * 2 ** min(track.inquiries, _MAX_DOUBLINGS), RETRY_MAX_S)
+        is_on_air = not set(names).isdisjoint(self._temporary_ids.values())
+        most_s = RETRY_ON_AIR_S if is_on_air else RETRY_MAX_S
+        retry_s = min(RETRY_S * 2 ** min(track.inquiries, _MAX_DOUBLINGS), most_s)
         self._ask_at = now + (retry_s if track.identity is None else RENEW_S)
         self._asked_at = now
         track.inquiries += 1

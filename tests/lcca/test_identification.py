@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from onboard.lcca.events import CandidateCar, Identified, IdentityLost, Inquired, TrackedVehicle
-from onboard.lcca.identification import ASK_HEADWAY_S, RETRY_MAX_S, RETRY_S, Identification
+from onboard.lcca.identification import (
+    ASK_HEADWAY_S,
+    RETRY_MAX_S,
+    RETRY_S,
+    Identification,
+)
 from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, Inquiry, decode, encode
 from onboard.observations import Discarded
 
@@ -128,6 +133,19 @@ def test_what_nobody_answers_to_stays_unknown_and_is_asked_ever_more_rarely() ->
     assert RETRY_S <= waits[0] <= 2 * RETRY_S + FRAME_S
     assert RETRY_MAX_S <= waits[-1] <= RETRY_MAX_S + 2 * FRAME_S
     assert len(times) < 16
+
+
+def test_while_a_car_on_the_air_moves_as_the_one_ahead_lost_answers_are_soon_asked_for_again() -> (
+    None
+):
+    drive = Drive()
+    for step in range(200):
+        speed_m_s = SPEED_M_S + 2.0 * np.sin(step / 30.0)
+        name = TEMPORARY[AHEAD]
+        drive.core.receive_speed_on_air(name, name, speed_m_s, drive.now)
+        drive.look(candidate(AHEAD, 0.98), ahead_m_s=speed_m_s)
+    times = [event.stamp_s for event in drive.events if isinstance(event, Inquired)]
+    assert np.diff(times)[-20:].max() < 0.55
 
 
 def test_a_car_that_answers_but_drives_otherwise_is_not_believed() -> None:
