@@ -114,8 +114,9 @@ class ForwardCollisionWarning:
             settings=self._settings,
         )
         host = AlarmReason(speed.kind, speed.source, now - speed.stamp_s)
+        confirmed = self._confirmations[vehicle.key].receive(level, vehicle.stamp_s)
         return Assessment(
-            self._confirmations[vehicle.key].receive(level, vehicle.stamp_s),
+            Level.NONE if vehicle.is_new else confirmed,
             min(needed_m_s2, MAX_REPORTED_DECELERATION_M_S2),
             (*vehicle.reasons(now), host),
         )

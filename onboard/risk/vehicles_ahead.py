@@ -56,6 +56,9 @@ class VehicleAhead:
     """Kind, name and time of each observation."""
     is_filtered: bool = False
     """Whether its state is filtered from several measurements, outliers left out by gates."""
+    is_new: bool = False
+    """Whether it was not ahead at the last assessment: one odd course of the host vehicle moves its
+    path by a lane."""
 
     def reasons(self, now: float) -> tuple[AlarmReason, ...]:
         """Return the observations as reasons of an alarm at `now`."""
@@ -203,9 +206,8 @@ class ObjectsAhead:
             gap_m = place.ahead_m - (self._own_length_m + length_m) / 2.0
             motion = self._motions.get(other.name) or LeadMotion(OBJECT_WINDOW_S)
             motions[other.name] = motion
-            self._vehicles.append(
-                _vehicle(own, other, gap_m, place.course_rad, motion, speed=speed)
-            )
+            ahead = _vehicle(own, other, gap_m, place.course_rad, motion, speed=speed)
+            self._vehicles.append(replace(ahead, is_new=other.name not in self._motions))
         self._motions = motions
 
     def with_lead(self, lead: VehicleAhead | None) -> list[VehicleAhead]:

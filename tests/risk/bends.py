@@ -69,25 +69,33 @@ class Scene:
             size=VehicleSize(width_m=1.8, length_m=4.5),
         )  # fmt: skip
         monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
-        known = _known(other, OTHER_ID.hex(), ObjectSource.BSM)
-        return monitor, _known(own, "own", ObjectSource.HOST), known, now
+        known = as_object(other, OTHER_ID.hex(), ObjectSource.BSM)
+        return monitor, as_object(own, "own", ObjectSource.HOST), known, now
 
     def _fix(self, rng: np.random.Generator, now: float, way_m: float, left_m: float) -> Position:
-        x, y, heading = self.road.at(way_m, left_m)
-        place = np.array([x, y]) + rng.normal(0.0, NOISE_M, 2)
-        velocity = self.speed_m_s * np.array([math.cos(heading), math.sin(heading)])
-        east, north = velocity + rng.normal(0.0, NOISE_M_S, 2)
-        latitude, longitude = FRAME.latitude_deg, FRAME.longitude_deg
-        for _ in range(3):
-            off = place - FRAME.position_m(latitude, longitude)
-            latitude += off[1] / 111_200.0
-            longitude += off[0] / (111_300.0 * math.cos(math.radians(latitude)))
-        return Position(
-            now, latitude, longitude, None, 0.5, math.hypot(east, north), math.atan2(east, north)
-        )
+        return noisy_fix(self.road.at(way_m, left_m), self.speed_m_s, now, rng)
 
 
-def _known(fix: Position, name: str, source: ObjectSource) -> PerceivedObject:
+def noisy_fix(
+    at: tuple[float, float, float], speed_m_s: float, now: float, rng: np.random.Generator
+) -> Position:
+    """Fix of a receiver at a place of `Road.at`."""
+    x, y, heading = at
+    place = np.array([x, y]) + rng.normal(0.0, NOISE_M, 2)
+    velocity = speed_m_s * np.array([math.cos(heading), math.sin(heading)])
+    east, north = velocity + rng.normal(0.0, NOISE_M_S, 2)
+    latitude, longitude = FRAME.latitude_deg, FRAME.longitude_deg
+    for _ in range(3):
+        off = place - FRAME.position_m(latitude, longitude)
+        latitude += off[1] / 111_200.0
+        longitude += off[0] / (111_300.0 * math.cos(math.radians(latitude)))
+    return Position(
+        now, latitude, longitude, None, 0.5, math.hypot(east, north), math.atan2(east, north)
+    )
+
+
+def as_object(fix: Position, name: str, source: ObjectSource) -> PerceivedObject:
+    """Perceived object of a fix."""
     east_m, north_m = FRAME.position_m(fix.latitude_deg, fix.longitude_deg).tolist()
     assert fix.speed_m_s is not None
     assert fix.course_rad is not None

@@ -13,6 +13,7 @@ from onboard.risk.monitor import RiskMonitor
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
 from onboard.units import KM_H
+from tests.risk.bends import Road, as_object, noisy_fix
 
 SPEED_M_S = 15.0
 HALF_LENGTHS_M = (4.8 + 5.0) / 2.0
@@ -59,6 +60,10 @@ def drive(
             )
         if step % 2 == 0:
             monitor.assess(own(now), seen(now), now)
+    return fcw_alarms(monitor)
+
+
+def fcw_alarms(monitor: RiskMonitor) -> list[Alarm]:
     events = iter(monitor.next_event, None)
     return [event for event in events if isinstance(event, Alarm) and event.cause is Cause.FCW]
 
@@ -168,3 +173,28 @@ def test_without_a_position_the_cameras_lead_is_still_assessed() -> None:
         monitor.assess(None, [], now)
 
     assert monitor.next_event() is not None
+
+
+@pytest.mark.parametrize("left_m", [-3.5, 3.5])
+def test_a_standing_queue_in_the_lane_beside_raises_none(left_m: float) -> None:
+    """The receiver's course scatters, and with it the predicted path."""
+    road, began_m_s, braking_m_s2, queue_m = Road(lambda _: 0.0), 12.0, 2.0, 45.0
+    for seed in range(40):
+        rng, monitor = np.random.default_rng(seed), RiskMonitor(RiskSettings(), 4.8, 1.8)
+        for step in range(45):
+            now = step / 10
+            speed_m_s = began_m_s - braking_m_s2 * now
+            way_m = (began_m_s + speed_m_s) / 2.0 * now
+            fix = noisy_fix(road.at(way_m, 0.0), speed_m_s, now, rng)
+            monitor.receive_position(fix)
+            monitor.receive_speed(Speed(now, speed_m_s, KM_H, "obd:7E8"))
+            host = as_object(fix, "own", ObjectSource.HOST)
+            queue = [
+                replace(
+                    vehicle(0.0, 0.0, now, name=str(place_m)),
+                    state=(queue_m + place_m, left_m + 0.3 * rng.normal(), 0.3 * rng.normal(), 0.0),
+                )
+                for place_m in (0.0, 7.0)
+            ]
+            monitor.assess(host, queue, now)
+        assert all(alarm.level is not Level.WARNING for alarm in fcw_alarms(monitor)), seed
