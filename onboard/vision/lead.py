@@ -48,7 +48,7 @@ class LeadSelector:
             track
             for track in tracks
             if self._is_settled(track)
-            and not track.still_in_picture.is_still(stamp_s)
+            and not track.is_still_in_picture(stamp_s)
             and self._is_inside(track)
         ]
         self._in_lane = {track.track_id for track in inside}
@@ -59,7 +59,7 @@ class LeadSelector:
         """Whether a track in the lane may become a lead."""
         return any(
             not self._is_settled(track)
-            and not track.still_in_picture.is_still(stamp_s)
+            and not track.is_still_in_picture(stamp_s)
             and abs(self._offset_m(track.ahead.position_m, track.right.position_m))
             <= LEAVE_LANE_WIDTHS * self._lane.shape.width_m
             for track in tracks

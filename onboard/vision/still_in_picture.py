@@ -2,7 +2,7 @@
 
 A vehicle at a constant gap is not that still: the host vehicle pitches and sways, which moves it by
 pixels. On a smooth road it may be, so what has moved once, as a vehicle does that is approached, is
-never taken for still.
+never taken for still, nor is what is found as a vehicle.
 """
 
 import cv2

@@ -97,7 +97,7 @@ class VehicleTrack:
         self.rear_tracked_at = stamp_s
         """Time up to which the rear was tracked."""
         self.still_in_picture = StillInPicture()
-        """Whether it is part of the camera or of its picture."""
+        """Watches whether it stays on its pixels."""
         self.views: PlateViews | None = None
         """The mean of the plate's views."""
         self._posteriors = {kind: PlatePosterior() for kind in DetectionKind}
@@ -129,8 +129,17 @@ class VehicleTrack:
         return (
             self.last.kind is not DetectionKind.PLATE
             or self.text is not None
-            or self.observed_at - self._vehicle_at <= VEHICLE_S
+            or self._is_found_vehicle
         )
+
+    @property
+    def _is_found_vehicle(self) -> bool:
+        """Whether a vehicle was found as such there shortly before."""
+        return self.observed_at - self._vehicle_at <= VEHICLE_S
+
+    def is_still_in_picture(self, stamp_s: float) -> bool:
+        """Whether it is part of the camera or of its picture, and no vehicle."""
+        return not self._is_found_vehicle and self.still_in_picture.is_still(stamp_s)
 
     @property
     def text(self) -> str | None:
@@ -202,8 +211,9 @@ class VehicleTrack:
         detection = self._update_format(detection)
         # An outlier, such as a fragment of the plate, gets a lower weight.
         off_m = abs(detection.position.ahead_m - self.ahead.position_m)
-        in_sigmas = off_m / math.hypot(detection.ahead_sigma_m, self.ahead.position_sigma_m)
-        self._inconsistency += INCONSISTENCY_SHARE * (in_sigmas**2 - self._inconsistency)
+        if detection.kind is self.last.kind:  # another kind's errors repeat, and are no leaps
+            in_sigmas = off_m / math.hypot(detection.ahead_sigma_m, self.ahead.position_sigma_m)
+            self._inconsistency += INCONSISTENCY_SHARE * (in_sigmas**2 - self._inconsistency)
         self.ahead.update(
             detection.position.ahead_m, max(detection.ahead_sigma_m, off_m / MAX_INNOVATION_SIGMAS)
         )

@@ -1,6 +1,6 @@
 """The lead is the nearest vehicle in the host vehicle's lane; detections are given."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -101,6 +101,16 @@ def test_a_plate_is_no_lead_any_more_when_no_vehicle_is_found_around_it() -> Non
 
 def test_a_plate_with_a_certain_text_is_a_lead_although_no_vehicle_is_found() -> None:
     assert TrackedRoad(needs_vehicle=True).steps(5, detection(20.0)) is not None
+
+
+def test_a_vehicle_whose_width_is_misjudged_does_not_make_its_plate_inconsistent() -> None:
+    """A rear that looks 1.3 times as wide: the lead was lost as long as its plate was not read."""
+    road = TrackedRoad(needs_vehicle=True)
+    wide = replace(found_vehicle(15.4), ahead_sigma_m=1.4)
+
+    leads = [road.step(unread(20.0), wide) for _ in range(20)]
+
+    assert None not in leads[3:]
 
 
 def test_a_vehicle_without_a_plate_is_a_lead() -> None:

@@ -8,9 +8,11 @@ import numpy.typing as npt
 import pytest
 
 from onboard.observations import ImageBox
+from onboard.vision.detection import DetectionKind
 from onboard.vision.still_in_picture import REMEMBERED_S, STILL_S, StillInPicture
 from sim_rig.rendering.plate_art import EU, draw_plate
 from tests.vision.drive import observe
+from tests.vision.test_lead import TrackedRoad, detection
 from tests.vision.test_plate_drives import perception
 
 Image = npt.NDArray[np.uint8]
@@ -68,6 +70,20 @@ def test_a_vehicle_that_was_approached_is_never_still_at_a_constant_gap() -> Non
         box = ImageBox(BOX.x_px, BOX.y_px - 2.0 * to_go_px, BOX.w_px, BOX.h_px)
         part.receive_frame(stamped(scenery(index), "RD288HX"), box, index / FPS)
         assert not part.is_still(index / FPS)
+
+
+@pytest.mark.parametrize("kind", [DetectionKind.PLATE, DetectionKind.VEHICLE])
+def test_what_is_found_as_a_vehicle_is_never_still(kind: DetectionKind) -> None:
+    """One that is followed at one gap from the first frame on, on a smooth road, stays there."""
+    road = TrackedRoad(needs_vehicle=True)
+    for index in range(40):
+        lead = road.step(detection(20.0, text=None), detection(20.5, text=None, kind=kind))
+        (track,) = road.tracker.tracks
+        image = stamped(scenery(index), "RD288HX")
+        track.still_in_picture.receive_frame(image, BOX, road.stamp_s)
+
+    assert track.still_in_picture.is_still(road.stamp_s)
+    assert (lead is track) is (kind is DetectionKind.VEHICLE)
 
 
 def test_where_the_scene_stands_nothing_is_known_to_be_still() -> None:
