@@ -24,6 +24,24 @@ class RegionalExtension:
     content: Annotated[bytes, OpenType()]
 
 
+NAMES = {
+    21: "commonSafetyRequest",
+    22: "emergencyVehicleAlert",
+    23: "intersectionCollision",
+    24: "nmeaCorrections",
+    25: "probeDataManagement",
+    26: "probeVehicleData",
+    27: "roadSideAlert",
+    28: "rtcmCorrections",
+    29: "signalRequestMessage",
+    30: "signalStatusMessage",
+    31: "travelerInformation",
+    32: "personalSafetyMessage",
+    33: "roadSafetyMessage",
+    41: "sensorDataSharingMessage",
+}
+"""Messages that have no codec here, by DSRCmsgID (SAE J2735, DSRCmsgID; J3224)."""
+
 FRAME = Record(MessageFrame, extensible=True)
 REGION = Record(RegionalExtension)
 REGIONS = SequenceOf(REGION, 1, 4)

@@ -20,6 +20,7 @@ LINKTYPE_IEEE802_11_RADIOTAP: Final = 127
 LINKTYPES_IP: Final = (12, 14, 101, 228, 229)
 """LINKTYPE_RAW, which is 12 or 14 in files of some systems; IPv4; IPv6."""
 
+ETHERTYPE_GEONETWORKING: Final = 0x8947
 _ETHERTYPE_IPV4 = 0x0800
 _ETHERTYPE_IPV6 = 0x86DD
 _ETHERTYPE_VLAN = 0x8100
@@ -41,7 +42,8 @@ class Packet:
 
     utc_s: float
     message: bytes | None
-    """The WSM of a link-layer frame, or the content of a UDP datagram; `None` if neither."""
+    """The WSM or GeoNetworking packet of a link-layer frame, or the content of a UDP datagram;
+    `None` if it is none of them."""
 
 
 class PcapWriter:
@@ -178,7 +180,7 @@ def _message_in(frame: bytes, link_type: int) -> bytes | None:
     ethertype, content = found
     if ethertype == _ETHERTYPE_VLAN:
         ethertype, content = int.from_bytes(content[2:4]), content[4:]
-    if ethertype == ETHERTYPE:
+    if ethertype in {ETHERTYPE, ETHERTYPE_GEONETWORKING}:
         return content
     if ethertype == _ETHERTYPE_IPV4 and content[9:10] == _UDP:
         return _udp_content(content[(content[0] & 0x0F) * 4 :])

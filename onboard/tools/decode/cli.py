@@ -72,7 +72,9 @@ def _describe_packets(packets: Iterable[Packet], form: Form) -> Iterator[dict[st
     for number, packet in enumerate(packets, start=1):
         header = {"packet": number, "utc_s": packet.utc_s}
         if packet.message is None:
-            yield header | {"error": {"layer": "capture", "reason": "neither_wsmp_nor_udp"}}
+            yield header | {
+                "error": {"layer": "capture", "reason": "neither_wsmp_geonetworking_nor_udp"}
+            }
         else:
             yield header | describe(packet.message, form)
 

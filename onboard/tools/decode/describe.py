@@ -19,6 +19,7 @@ from onboard.security.its_time import from_time64
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.region import GeographicRegion
 from onboard.security.rejection import RejectionReason
+from onboard.tools.decode import geonetworking, its_messages
 from onboard.wave_udp import immediate_forward, wsmp
 
 
@@ -33,6 +34,11 @@ class Form(StrEnum):
     LCCA = "lcca"
     MVS_FOOTER = "mvs_footer"
     RSU41 = "rsu41"
+    GEONETWORKING = "geonetworking"
+    COMMON = "geonetworking_common"
+    """GeoNetworking from the common header on, as it is in 1609.2 data."""
+    ITS = "its"
+    """A message with an ItsPduHeader: CAM, DENM and others."""
 
 
 def describe(data: bytes, form: Form = Form.AUTO) -> dict[str, Any]:
@@ -54,6 +60,8 @@ def describe(data: bytes, form: Form = Form.AUTO) -> dict[str, Any]:
             layers["undecoded"] = within.content.hex()
             break
         layers[_unused(form, layers)] = inner.fields
+        if form is Form.DOT2 and within.secured is not Form.AUTO:
+            inner = replace(inner, form=within.secured)
         within = inner if inner.psid is not None else replace(inner, psid=within.psid)
     return layers
 
@@ -74,14 +82,16 @@ class _Layer:
     """Layer of the content."""
     psid: int | None = None
     """PSID of the content, if the layer states one."""
+    secured: Form = Form.AUTO
+    """Layer in the content, if that is 1609.2 data."""
 
 
 def _form_of(data: bytes, inner_psid: int | None) -> Form:
     """Find the outermost layer from the first octets, and from the PSID of the outer layers.
 
-    WSMP begins with its version and a TPID of 0 or 1, 1609.2 data with 3 and a choice of 80 hex or
-    more, a MessageFrame with the high octet of a small message number, LCCA with its version, which
-    without a PSID may be that of a WSM.
+    WSMP begins with its version and a TPID of 0 or 1, GeoNetworking with its version 1 and the next
+    header, 1609.2 data with 3 and a choice of 80 hex or more, a MessageFrame with the high octet of
+    a small message number, LCCA with its version, which without a PSID may be that of a WSM.
 
     Raises:
         DecodeError: `unknown_psid`, of a service whose messages are not read.
@@ -96,10 +106,16 @@ def _form_of(data: bytes, inner_psid: int | None) -> Form:
     if first == 0 or inner_psid in psid.J2735:
         return Form.MESSAGE_FRAME
     if inner_psid is None:
-        return Form.LCCA if first == lcca.VERSION and _is_lcca(data) else Form.WSM
+        return _form_of_frame(data)
     if first in wsmp.VERSIONS_READ:
         return Form.WSM
     raise DecodeError("unknown_psid", f"{inner_psid:#x} ({psid.NAMES.get(inner_psid, 'unknown')})")
+
+
+def _form_of_frame(data: bytes) -> Form:
+    if data[:1] in {b"\x11", b"\x12"}:
+        return Form.GEONETWORKING
+    return Form.LCCA if data[:1] == bytes([lcca.VERSION]) and _is_lcca(data) else Form.WSM
 
 
 def _is_lcca(data: bytes) -> bool:
@@ -152,7 +168,8 @@ def _element(element: wsmp.Element) -> dict[str, Any]:
 
 
 def _message_frame(data: bytes) -> _Layer:
-    message_id = message_frame.FRAME.decode(data).message_id
+    frame = message_frame.FRAME.decode(data)
+    message_id = frame.message_id
     fields: dict[str, Any] = {"message_id": message_id}
     match message_id:
         case bsm.MESSAGE_ID:
@@ -166,7 +183,30 @@ def _message_frame(data: bytes) -> _Layer:
             return _Layer(fields | {"map_data": map_data.as_dict(map_data.decode(data))})
         case spat.MESSAGE_ID:
             return _Layer(fields | {"spat": spat.as_dict(spat.decode(data))})
-    raise DecodeError("unknown_message", f"message {message_id}")
+    shared = its_messages.read_dsrc(message_id, frame.content)
+    if shared is None:
+        name = message_frame.NAMES.get(message_id, "unknown")
+        raise DecodeError("unknown_message", f"message {message_id} ({name})")
+    return _Layer(fields | shared)
+
+
+def _geonetworking(data: bytes) -> _Layer:
+    header = geonetworking.read_basic(data)
+    if header.is_secured:
+        return _Layer(header.fields, header.content, Form.DOT2, secured=Form.COMMON)
+    return _transported(header)
+
+
+def _common(data: bytes) -> _Layer:
+    return _transported(geonetworking.read_common(data))
+
+
+def _transported(header: geonetworking.Header) -> _Layer:
+    return _Layer(header.fields, header.content if header.port is not None else None, Form.ITS)
+
+
+def _its(data: bytes) -> _Layer:
+    return _Layer(its_messages.read_pdu(data))
 
 
 def _mvs_footer(data: bytes) -> _Layer:
@@ -275,4 +315,7 @@ _READERS = {
     Form.MESSAGE_FRAME: _message_frame,
     Form.MVS_FOOTER: _mvs_footer,
     Form.LCCA: _lcca,
+    Form.GEONETWORKING: _geonetworking,
+    Form.COMMON: _common,
+    Form.ITS: _its,
 }
