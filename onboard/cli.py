@@ -11,6 +11,7 @@ from typing import Annotated
 import structlog
 import typer
 
+from onboard.brake_request.request_outputs import read_layout
 from onboard.config import CarConfig, CarSettings
 from onboard.errors import UserError
 from onboard.obd.dbc_file import read_signals
@@ -41,7 +42,9 @@ UNCONFIGURED = CarConfig(car=CarSettings(plate="REPLAY"))
 PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
 """Severities of syslog (RFC 5424, table 2), by structlog's names."""
 
-OPTIONAL_SECTIONS = ("can", "camera", "detector", "gnss", "radio", "hmi", "recorder")
+OPTIONAL_SECTIONS = (
+    "can", "camera", "detector", "gnss", "radio", "brake_request", "hmi", "recorder"
+)  # fmt: skip
 """Sections of the configuration without which an edge is not opened."""
 
 
@@ -72,6 +75,8 @@ def check(config: ConfigFile) -> None:
     """Check a configuration: print every mistake, or the edges it uses. Opens no device."""
     loaded = load_settings(config, CarConfig)
     read_signals(loaded.obd.broadcast)
+    if loaded.brake_request is not None and loaded.brake_request.can is not None:
+        read_layout(loaded.brake_request.can, loaded.brake_request.most_m_s2)
     missing = [name for name in OPTIONAL_SECTIONS if getattr(loaded, name) is None]
     present = [name for name in OPTIONAL_SECTIONS if name not in missing]
     typer.echo(f"{config}: good, car {loaded.car.plate}")

@@ -5,16 +5,17 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, StringConstraints, field_validator
+from pydantic import Field, StringConstraints, ValidationInfo, field_validator
 
 from onboard import psid
 from onboard.access.settings import AccessSettings
+from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.detector.settings import DetectorSettings
 from onboard.gnss.settings import GnssSettings
 from onboard.hmi.settings import HmiSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import MvsSettings
-from onboard.obd.settings import CanSettings, ObdSettings
+from onboard.obd.settings import DEFAULT_CHANNEL, CanSettings, ObdSettings
 from onboard.observations import Sensor
 from onboard.recorder.settings import RecorderSettings
 from onboard.risk.settings import RiskSettings
@@ -90,6 +91,8 @@ class CarConfig(Settings):
     """PSID of the group messages; equal in all vehicles of a trial."""
     mvs: MvsSettings = MvsSettings()
     risk: RiskSettings = RiskSettings()
+    brake_request: BrakeRequestSettings | None = None
+    """Requests to brake, for the controller of a test vehicle; by default there are none."""
     access: AccessSettings = AccessSettings()
     beacons: bool = True
     """Send BSMs, ten a second, as SAE J2945/1 requires."""
@@ -105,6 +108,24 @@ class CarConfig(Settings):
         if lcca_psid in psid.J2735:
             raise ValueError(f"0x{lcca_psid:X} is the PSID of J2735 messages")
         return lcca_psid
+
+    @field_validator("brake_request")
+    @classmethod
+    def _keeps_off_the_obd_port(
+        cls, brake_request: BrakeRequestSettings | None, info: ValidationInfo
+    ) -> BrakeRequestSettings | None:
+        if brake_request is None or brake_request.can is None:
+            return brake_request
+        channel = brake_request.can.channel
+        obd = info.data.get("can")
+        if obd is None:
+            raise ValueError(f"can.channel {channel}: requires `can`, the OBD port, to keep off it")
+        if channel == (obd.channel or DEFAULT_CHANNEL):
+            raise ValueError(
+                f"can.channel {channel} is the OBD port, which gets no requests to brake; allowed:"
+                " a second bus, with another name"
+            )
+        return brake_request
 
     def sensors(self) -> frozenset[Sensor]:
         """Return the configured sensors, with the radio."""

@@ -17,6 +17,8 @@ import structlog
 from onboard import psid
 from onboard.access.driver_file import load_driver, save_driver
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
+from onboard.brake_request.brake_requester import BrakeRequest
+from onboard.brake_request.request_outputs import RequestOutputs
 from onboard.config import CarConfig
 from onboard.detector.detector_socket import open_detector
 from onboard.detector.object_list import ObjectListReader
@@ -120,6 +122,9 @@ class Daemon:
         self._radio_back: asyncio.TimerHandle | None = None
         self._is_stopped = False
         self._sinks = OutputSinks()
+        self._request_outputs = (
+            RequestOutputs(config.brake_request, self._take) if config.brake_request else None
+        )
         self._send_can: Callable[[CanFrame], None] = _nowhere
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
@@ -172,6 +177,8 @@ class Daemon:
             bus.start(self._loop)
             wires.callback(bus.close)
             self._send_can = bus.send
+        if self._request_outputs is not None:
+            self._request_outputs.open(self._loop, wires)
         if config.gnss is not None:
             take_data = self._reading(GpsdReader(config.gnss))
             gpsd = Gpsd(config.gnss, take_data, self._on_gpsd_state)
@@ -212,6 +219,10 @@ class Daemon:
             self._sinks.show_frame(wsm.data, OWN_MAC)
         for frame in outputs.can_frames:
             self._send_can(frame)
+        if self._request_outputs is not None:
+            for event in outputs.events:
+                if isinstance(event, BrakeRequest):
+                    self._request_outputs.send(event)
         for event in outputs.events:
             if isinstance(event, Identified | IdentityLost):
                 self._candidate_ids.receive_identity(event)

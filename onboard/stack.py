@@ -14,6 +14,7 @@ import numpy as np
 from onboard import psid
 from onboard.access.adaptation import AccessAdaptation
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
+from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.config import CarConfig
 from onboard.core import Core
@@ -148,6 +149,9 @@ class Stack:
         )
         self._intersections = Intersections()
         self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
+        self._brake_requester = (
+            BrakeRequester(config.brake_request) if config.brake_request is not None else None
+        )
         self._assess_at = self._report_surroundings_at = now
         self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
         self._events: deque[Event] = deque()
@@ -168,6 +172,8 @@ class Stack:
         if self._access is not None:
             yield _Stage(self._access, self._take_access)
         yield _Stage(self._bus, self._take_bus)
+        if self._brake_requester is not None:
+            yield _Stage(self._brake_requester, _pass_nothing_on)
         yield _Stage(self._risk, _pass_nothing_on)
         yield _Stage(self._intersections, _pass_nothing_on)
         yield _Stage(self._mvs, _pass_nothing_on)
@@ -266,11 +272,7 @@ class Stack:
             return
         match observation:
             case Speed():
-                self._sensor_timeouts.receive_sample(Sensor.SPEED, observation.stamp_s, now)
-                self._identification.receive_speed(observation.speed_m_s, now)
-                self._group.receive_speed(observation.speed_m_s, now)
-                self._transmitter.receive_speed(observation)
-                self._risk.receive_speed(observation)
+                self._receive_speed(observation, now)
             case BrakePedal():
                 self._transmitter.receive_pedal(observation)
                 self._risk.receive_pedal(observation)
@@ -283,6 +285,7 @@ class Stack:
                 self._sensor_timeouts.receive_sample(Sensor.CAMERA, observation.stamp_s, now)
                 self._receive_lead(observation, now)
                 self._risk.receive_lead(observation, now)
+                self._request_braking(now)
             case Position():
                 self._sensor_timeouts.receive_sample(Sensor.POSITION, observation.stamp_s, now)
                 self._transmitter.receive_position(observation)
@@ -301,6 +304,15 @@ class Stack:
             _adapt_access(self._access, observation, now)
             self._take_access(now)
         self._events.append(observation)
+
+    def _receive_speed(self, speed: Speed, now: float) -> None:
+        self._sensor_timeouts.receive_sample(Sensor.SPEED, speed.stamp_s, now)
+        self._identification.receive_speed(speed.speed_m_s, now)
+        self._group.receive_speed(speed.speed_m_s, now)
+        self._transmitter.receive_speed(speed)
+        self._risk.receive_speed(speed)
+        if self._brake_requester is not None:
+            self._brake_requester.receive_speed(speed)
 
     def _receive_wsm(self, data: bytes, now: float) -> None:
         received = self._link.receive_wsm(data, now)
@@ -452,6 +464,7 @@ class Stack:
         red_light_m = self._intersections.red_light_m
         heading = self._mvs.heading(now)
         self._risk.assess(host_vehicle, perceived_objects, now, red_light_m, heading)
+        self._request_braking(now)
         self._identification.receive_offsets(
             {}
             if host_vehicle is None or heading is None
@@ -461,6 +474,10 @@ class Stack:
             self._report_surroundings_at = now + SURROUNDINGS_INTERVAL_S
             if host_vehicle is not None:
                 self._events.extend([host_vehicle, *perceived_objects])
+
+    def _request_braking(self, now: float) -> None:
+        if self._brake_requester is not None:
+            self._brake_requester.assess(self._risk.assessments, now)
 
     def _receive_detections(
         self, observation: VehicleDetection | DetectionList, now: float
@@ -522,6 +539,9 @@ class Stack:
             self._events.append(event)
             if isinstance(event, WarningRaised | WarningLevel | WarningOver):
                 self._risk.receive_warning(event, now)
+                if self._brake_requester is not None:
+                    self._brake_requester.receive_warning(event)
+                    self._request_braking(now)
 
     def _receive_lead(self, lead: Lead, now: float) -> None:
         """Find out which car is ahead, and hand it to the warning group."""

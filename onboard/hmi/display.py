@@ -8,8 +8,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.hmi.driver_view import (
     AlarmView,
+    BrakeRequestView,
     Direction,
     DriverView,
     GroupStatus,
@@ -95,6 +97,7 @@ class Display:
         self._alarms: dict[_AlarmKey, AlarmView] = {}
         self._in_alarm: dict[_AlarmKey, frozenset[str]] = {}
         """Names of the objects that each alarm is about."""
+        self._brake_request: BrakeRequest | None = None
         self._recorder_failure: str | None = None
         self._show_at = -math.inf
 
@@ -120,8 +123,8 @@ class Display:
                 self._receive_warning(event)
             case Alarm():
                 self._receive_alarm(event)
-            case RecorderState():
-                self._recorder_failure = None if event.is_recording else event.reason
+            case BrakeRequest() | RecorderState():
+                self._receive_state(event)
         if event.kind in _URGENT:
             self._show_at = -math.inf
 
@@ -159,6 +162,7 @@ class Display:
             lead=self._lead_view(identity, now),
             vehicles=tuple(self._vehicles(now)),
             alarms=tuple(sorted(self._alarms.values(), key=_urgency)),
+            brake_request=self._present_request(now),
             sensors=tuple(
                 SensorView(sensor, reason is not None, reason)
                 for sensor, reason in self._lost.items()
@@ -166,6 +170,13 @@ class Display:
             recorder_failure=self._recorder_failure,
             brake_button=self._brake_button,
         )
+
+    def _receive_state(self, state: BrakeRequest | RecorderState) -> None:
+        match state:
+            case BrakeRequest():
+                self._brake_request = state
+            case RecorderState():
+                self._recorder_failure = None if state.is_recording else state.reason
 
     def _receive_alarm(self, alarm: Alarm) -> None:
         key = alarm.cause, alarm.vehicle
@@ -200,6 +211,12 @@ class Display:
             if right_m is not None:
                 return Direction.RIGHT if right_m > 0.0 else Direction.LEFT
         return Direction.AHEAD
+
+    def _present_request(self, now: float) -> BrakeRequestView | None:
+        request = self._brake_request
+        if request is None or now - request.stamp_s >= request.valid_s:
+            return None
+        return BrakeRequestView(request.deceleration_m_s2, request.certainty)
 
     def _speed_m_s(self, now: float) -> float | None:
         speed = self._speed

@@ -138,6 +138,15 @@ class AlarmView:
 
 
 @dataclass(frozen=True, slots=True)
+class BrakeRequestView:
+    """The present request to brake, to the vehicle's controller."""
+
+    deceleration_m_s2: float
+    certainty: float
+    """0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
 class SensorView:
     """One configured sensor."""
 
@@ -165,6 +174,7 @@ class DriverView:
     """Nearest first."""
     alarms: tuple[AlarmView, ...]
     """Most urgent first."""
+    brake_request: BrakeRequestView | None
     sensors: tuple[SensorView, ...]
     recorder_failure: str | None
     """Why the black box does not record; `None` while it records, or without one."""

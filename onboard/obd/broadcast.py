@@ -10,6 +10,7 @@ import cantools
 from onboard.errors import UserError
 from onboard.obd.braking import BrakeTrigger
 from onboard.obd.can_frame import CanFrame
+from onboard.obd.dbc_database import parse_dbc
 from onboard.obd.dbc_excerpt import excerpt
 from onboard.obd.settings import BroadcastSettings
 from onboard.observations import BrakeCause, BrakePedal, Discarded, Side, Speed, TurnSignal
@@ -53,7 +54,7 @@ class BroadcastSignals:
         """
         self.dbc_text = dbc_text
         self._dbc = settings.dbc
-        database = self._parse(excerpt(dbc_text, _names(settings)) or dbc_text)
+        database = parse_dbc(excerpt(dbc_text, _names(settings)) or dbc_text, str(self._dbc))
         self._speed = [self._find(database, name) for name in settings.speed]
         self._pedal = [
             self._find(database, name) for name in (settings.brake_pedal,) if name is not None
@@ -138,14 +139,6 @@ class BroadcastSignals:
             resolution_m_s=abs(signals[0].scale) * self._factor,
             source=_source(message, signals[0]),
         )
-
-    def _parse(self, text: str) -> Any:
-        try:
-            # DBC files are written in Windows-1252.
-            decoded = text.encode("latin-1").decode("cp1252")
-            return cantools.database.load_string(decoded, database_format="dbc")
-        except (cantools.Error, ValueError) as error:
-            raise UserError(f"{self._dbc}: no DBC file: {' '.join(str(error).split())}") from error
 
     def _find(self, database: Any, name: str) -> tuple[Any, Any]:
         message_name, _, signal_name = name.partition(".")

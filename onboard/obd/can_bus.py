@@ -16,10 +16,8 @@ from onboard.errors import UserError
 from onboard.obd import socketcand
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.can_log import CanLogError, frame_of, ignore, read_can_log
-from onboard.obd.settings import CanSettings
+from onboard.obd.settings import DEFAULT_CHANNEL, CanSettings
 from onboard.observations import Discarded
-
-DEFAULT_CHANNEL = "can0"
 
 CONNECT_TIMEOUT_S = 3.0
 

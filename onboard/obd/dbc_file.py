@@ -1,5 +1,6 @@
 """Reads the DBC file of the configuration."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from onboard.errors import UserError
@@ -17,11 +18,19 @@ def read_signals(settings: BroadcastSettings | None) -> "BroadcastSignals | None
     """
     if settings is None:
         return None
+    return parse_signals(settings, read_dbc(settings.dbc))
+
+
+def read_dbc(dbc: Path) -> str:
+    """Read a DBC file as Latin-1, which no file violates.
+
+    Raises:
+        UserError: it cannot be read.
+    """
     try:
-        text = settings.dbc.read_text("latin-1")
+        return dbc.read_text("latin-1")
     except OSError as error:
-        raise UserError(f"{settings.dbc}: cannot be read: {error.strerror}") from error
-    return parse_signals(settings, text)
+        raise UserError(f"{dbc}: cannot be read: {error.strerror}") from error
 
 
 def parse_signals(settings: BroadcastSettings, dbc_text: str) -> "BroadcastSignals":

@@ -7,6 +7,8 @@ from pydantic import Field, model_validator
 
 from onboard.settings import Settings
 
+DEFAULT_CHANNEL = "can0"
+
 
 class CanSettings(Settings):
     """The wire: a kernel interface, a socketcand server, or a recording played at its own pace."""

@@ -231,6 +231,13 @@ def is_ecu_response(identifier: int, *, is_extended_id: bool) -> bool:
     return 0x7E8 <= identifier <= 0x7EF
 
 
+def is_diagnostic(identifier: int, *, is_extended_id: bool) -> bool:
+    """Whether testers or ECUs use this identifier (ISO 15765-4)."""
+    if is_extended_id:
+        return identifier & 0x1FFF0000 in (0x18DA0000, 0x18DB0000)
+    return 0x7DF <= identifier <= 0x7EF
+
+
 def request_identifier(ecu: int, *, is_extended_id: bool) -> int:
     """Identifier that addresses only the ECU that responds under `ecu`."""
     if is_extended_id:

@@ -16,8 +16,8 @@ from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 
 OF_THE_CORES = frozenset({
-    "car", "obd", "vision", "security", "lcca", "lcca_psid", "mvs", "risk", "access", "beacons",
-    "sensor_timeouts",
+    "car", "obd", "vision", "security", "lcca", "lcca_psid", "mvs", "risk", "brake_request",
+    "access", "beacons", "sensor_timeouts",
 })  # fmt: skip
 """The sections of a `CarConfig` that cores read. The others are connections and files, which may
 hold addresses and passwords."""
@@ -35,6 +35,8 @@ def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -
     tree = json.loads(config.model_dump_json(include=set(OF_THE_CORES), exclude_defaults=True))
     tree["car"]["plate"] = aliases.alias(config.car.plate)
     tree.get("access", {}).pop("driver_file", None)
+    if "brake_request" in tree:  # without addresses
+        tree["brake_request"] |= {"udp": None, "can": None}
     tree.get("security", {}).pop("keys_folder", None)
     tree.get("security", {}).get("plate_digest", {}).pop("community_key", None)
     assert isinstance(seed.entropy, int)  # noqa: S101 (what numpy makes of None or a number)

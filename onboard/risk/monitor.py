@@ -69,6 +69,8 @@ class RiskMonitor(Core):
         }
         self._crossing_alarms = [VehicleAlarms(cause) for cause in CROSSING_CAUSES]
         self._events: deque[Alarm | Discarded] = deque(maxlen=1024)
+        self.assessments: dict[tuple[Cause, str], Assessment] = {}
+        """The last of each alarm, by its cause and vehicle, before hysteresis."""
 
     def receive_speed(self, speed: Speed) -> None:
         """Take the host vehicle's speed."""
@@ -159,6 +161,9 @@ class RiskMonitor(Core):
             )
         for alarms in self._crossing_alarms:
             self._events.extend(alarms.receive(crossing.get(alarms.cause, ()), now))
+        self.assessments = {
+            key: each for key, each in self.assessments.items() if key[0] not in CROSSING_CAUSES
+        } | {(cause, each.vehicle): each for cause, found in crossing.items() for each in found}
 
     @override
     def next_event(self) -> Alarm | Discarded | None:
@@ -166,6 +171,7 @@ class RiskMonitor(Core):
         return self._events.popleft() if self._events else None
 
     def _judge(self, cause: Cause, assessment: Assessment, now: float) -> None:
+        self.assessments[cause, ""] = assessment
         alarm = self._alarms[cause].receive(assessment, now)
         if alarm is not None:
             self._events.append(alarm)

@@ -3,13 +3,15 @@
 `/CAR/copy` repeats the images that the daemon gets, without rendering them again.
 
 Runs as a process of its own, so that rendering does not delay the radio. It prints its port and
-reads the start time of the scenario from standard input; before the start, images show 0 s.
+reads lines of JSON from standard input: the start time of the scenario, before which images show
+0 s, and how cars brake that obey requests (the arguments of `BreakpointRoad.brake`).
 
     python -m sim_rig.cars.camera_server SCENARIO SEED
 """
 
 import asyncio
 import contextlib
+import json
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -33,16 +35,19 @@ _JPEG_QUALITY = 90
 class Camera:
     """The camera of one car, with its faults."""
 
-    def __init__(self, scenario: Scenario, car: str, seed: np.random.SeedSequence) -> None:
+    def __init__(
+        self, scenario: Scenario, road: BreakpointRoad, car: str, seed: np.random.SeedSequence
+    ) -> None:
         """Start without a picture.
 
         Args:
             scenario: the scenario.
+            road: with all cars.
             car: name of the car.
             seed: source of all random numbers.
         """
         self._rng = np.random.default_rng(seed)
-        self._view = CameraView(scenario, BreakpointRoad(scenario), car, self._rng)
+        self._view = CameraView(scenario, road, car, self._rng)
         lens = calibration(scenario.lens)
         self._picture = CameraRenderer(CameraSettings(source="rig", **lens.model_dump()))
         self._last: bytes = b""
@@ -62,9 +67,10 @@ class CameraServer:
     """Serves all cameras of a scenario."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
+        self.road = BreakpointRoad(scenario)
         seeds = np.random.SeedSequence(seed).spawn(len(scenario.equipped))
         self._cameras = {
-            car: Camera(scenario, car, seed)
+            car: Camera(scenario, self.road, car, seed)
             for car, seed in zip(scenario.equipped, seeds, strict=True)
         }
         self._taken: dict[str, Feed[bytes]] = {car: Feed() for car in self._cameras}
@@ -81,6 +87,14 @@ class CameraServer:
         site = web.TCPSite(self._runner, "127.0.0.1", 0)
         await site.start()
         return int(self._runner.addresses[0][1])
+
+    def receive_line(self, line: str) -> None:
+        """Take a line of the testbench; see the docstring of this module."""
+        match json.loads(line):
+            case [car, begin_s, until_s, deceleration_m_s2]:
+                self.road.brake(car, begin_s, until_s, deceleration_m_s2)
+            case start_s:
+                self.start_s = float(start_s)
 
     async def close(self) -> None:
         """End all streams."""
@@ -136,12 +150,12 @@ def _part(jpeg: bytes) -> bytes:
 
 
 async def serve(scenario: Scenario, seed: int) -> None:
-    """Serve until standard input ends; a line on it is the start time of the scenario."""
+    """Serve until standard input ends."""
     server = CameraServer(scenario, seed)
     print(await server.start(), flush=True)  # noqa: T201 (read by the testbench)
     try:
         while line := await asyncio.to_thread(sys.stdin.readline):
-            server.start_s = float(line)
+            server.receive_line(line)
     finally:
         await server.close()
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing_extensions import override
 
 from sim_rig.roads.path import Path, heading_rad
-from sim_rig.roads.piecewise_linear import PiecewiseLinear
+from sim_rig.roads.piecewise_linear import Breakpoints, PiecewiseLinear
 from sim_rig.roads.road import CarState, Road
 from sim_rig.roads.trace_files import read_trace
 from sim_rig.roads.trajectory_drive import TrajectoryDrive
@@ -34,6 +34,20 @@ class BreakpointRoad(Road):
             self._at_s = at_s
         return self._states
 
+    def brake(self, car: str, begin_s: float, until_s: float, deceleration_m_s2: float) -> None:
+        """Let a car brake, instead of how it was to brake from `begin_s` on.
+
+        Args:
+            car: name of the car, which has breakpoints.
+            begin_s: start of the braking since the start of the scenario, s; not in the past.
+            until_s: end of the braking.
+            deceleration_m_s2: 0 ends the braking.
+        """
+        drive = self._cars[car]
+        assert isinstance(drive, _Drive)  # noqa: S101 (by the schema)
+        drive.brake(begin_s, until_s, deceleration_m_s2)
+        self._at_s = -1.0
+
     @override
     def car_at(self, car: str, at_s: float) -> CarState:
         return self._cars[car].state(at_s)
@@ -46,11 +60,21 @@ class _Drive:
         self._car = car
         self._path = Path(road.points_m)
         self._elevation_m = road.elevation_m
-        self._speed_m_s = PiecewiseLinear(car.speed_m_s)
         self._lane = PiecewiseLinear(car.lane)
         self._lane_width_m = lane_width_m
+        self._set_course(car.speed_m_s)
+
+    def brake(self, begin_s: float, until_s: float, deceleration_m_s2: float) -> None:
+        """See `BreakpointRoad.brake`."""
+        self._set_course(
+            braked(self._course, self._car.speed_m_s, begin_s, until_s, deceleration_m_s2)
+        )
+
+    def _set_course(self, course: Breakpoints) -> None:
+        self._course = course
+        self._speed_m_s = PiecewiseLinear(course)
         *_, driven_m = self._speed_m_s.sample(0.0)
-        self._zero_m = car.start_m - driven_m
+        self._zero_m = self._car.start_m - driven_m
 
     def state(self, at_s: float) -> CarState:
         speed_m_s, acceleration_m_s2, driven_m = self._speed_m_s.sample(at_s)
@@ -71,3 +95,37 @@ class _Drive:
             width_m=self._car.width_m,
             height_m=self._car.height_m,
         )
+
+
+def braked(
+    course: Breakpoints,
+    planned: Breakpoints,
+    begin_s: float,
+    until_s: float,
+    deceleration_m_s2: float,
+) -> Breakpoints:
+    """Return a course of speed with other braking from `begin_s` on.
+
+    The car brakes as planned if that is harder, and gains no speed any more.
+
+    Args:
+        course: the present one.
+        planned: without any braking but the driver's.
+        begin_s: start of the braking.
+        until_s: its end.
+        deceleration_m_s2: of the braking.
+    """
+    speed_m_s, at_s = PiecewiseLinear(course).value(begin_s), begin_s
+    plan = PiecewiseLinear(planned)
+    points = [point for point in course if point[0] < begin_s] + [(begin_s, speed_m_s)]
+    ends_s = {until_s, *(at_s for at_s, _ in planned)}
+    for end_s in sorted(each for each in ends_s if each > begin_s):
+        _, slope_m_s2, _ = plan.sample(at_s)
+        braking_m_s2 = max(-slope_m_s2, deceleration_m_s2 if at_s < until_s else 0.0, 0.0)
+        if braking_m_s2 * (end_s - at_s) > speed_m_s:
+            stops_s = at_s + speed_m_s / braking_m_s2
+            return [*points, (stops_s, 0.0)] if stops_s > at_s else points
+        speed_m_s -= braking_m_s2 * (end_s - at_s)
+        at_s = end_s
+        points.append((at_s, speed_m_s))
+    return points

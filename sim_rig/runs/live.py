@@ -7,10 +7,12 @@ receivers of a scenario each feed a real gpsd.
 """
 
 import asyncio
+import json
 import shutil
 import socket
 import time
 from contextlib import AsyncExitStack
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +23,9 @@ from onboard.obd.can_frame import CanFrame
 from onboard.security.key_files import write_credentials
 from onboard.tools.test_ca.authority import make_trial
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
+from sim_rig.cars.brake_controller import BrakeController
 from sim_rig.cars.camera_view import calibration
+from sim_rig.cars.controller_line import open_controller_line
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.socketcand_server import SocketcandServer
@@ -178,6 +182,8 @@ class LiveTestbench:
         }
         if self._scenario.gnss is not None:
             interfaces["gnss"] = await self._start_gnss(car, number, self._scenario.gnss)
+        if self._scenario.cars[car].obeys_request:
+            interfaces["brake_request"] = await self._start_controller(car)
         if self._scenario.detector is not None:
             interfaces["detector"] = self._start_detector(car, number, self._scenario.detector)
         return interfaces
@@ -280,6 +286,20 @@ class LiveTestbench:
         )
         self._open.callback(UdpLine(ExternalDetector(camera, phase_s=0.0), port).close)
         return {"port": port}
+
+    async def _start_controller(self, car: str) -> dict[str, object]:
+        """Start a controller that obeys requests to brake, and return the settings for it."""
+        controller = BrakeController(partial(self._brake, car))
+        line, port = await open_controller_line(controller, self._at_s)
+        self._open.callback(line.close)
+        return {"udp": {"port": port}}
+
+    def _brake(self, car: str, begin_s: float, until_s: float, deceleration_m_s2: float) -> None:
+        """Let a car brake, also in the pictures of the cameras."""
+        self._road.brake(car, begin_s, until_s, deceleration_m_s2)
+        assert self._cameras.stdin is not None  # noqa: S101 (started with pipes)
+        braking = [car, begin_s, until_s, deceleration_m_s2]
+        self._cameras.stdin.write(f"{json.dumps(braking)}\n".encode())
 
     def _has_mute_radio(self, car: str, now: float) -> bool:
         return self._scenario.has_fault("radio_mute", car, self._at_s(now))

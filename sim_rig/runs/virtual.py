@@ -21,6 +21,7 @@ from onboard.security.p256 import key_from
 from onboard.step import SentWsm
 from onboard.tools.test_ca.authority import make_trial
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
+from sim_rig.cars.brake_controller import BrakeController
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.road_side.road_side_unit import open_channel, road_side_units
 from sim_rig.roads.breakpoints import BreakpointRoad
@@ -61,7 +62,7 @@ def run_virtual(
         traces={car.name: car.trace for car in run.cars.values()},
         rig=[
             *run.recorder.records,
-            *car_state_records(BreakpointRoad(scenario), 0.0, scenario.duration_s),
+            *car_state_records(run.road, 0.0, scenario.duration_s),
         ],
         names=names_by_id(scenario, START_UTC_S, START_UTC_S + scenario.duration_s),
     )
@@ -75,7 +76,7 @@ class _VirtualRun:
     ) -> None:
         self._scenario = scenario
         self.recorder = RigRecorder()
-        road = BreakpointRoad(scenario)
+        self.road = road = BreakpointRoad(scenario)
         air_seed, *car_seeds, sky_seed, keys_seed = np.random.SeedSequence(seed).spawn(
             3 + len(scenario.equipped)
         )
@@ -116,6 +117,9 @@ class _VirtualRun:
                 recorder=recorders.get(name),
                 credentials=credentials.get(name),
                 on_ecu_frame=partial(self.recorder.note_answer, name),
+                controller=BrakeController(partial(road.brake, name))
+                if scenario.cars[name].obeys_request
+                else None,
             )
             for name, car_seed in zip(scenario.equipped, car_seeds, strict=True)
         }

@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from onboard.brake_request import datagram
+from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.config import CarConfig
 from onboard.detector.object_list import ObjectListReader
 from onboard.gnss.nmea import NmeaReader
@@ -17,6 +19,7 @@ from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.step import Input, Observation, ReceivedWsm, SentWsm
 from onboard.trace.trace_line import as_trace_record
+from sim_rig.cars.brake_controller import BrakeController
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView, calibration
 from sim_rig.cars.derivation_delay import DerivationDelay
@@ -53,6 +56,7 @@ class VirtualCar:
         recorder: VirtualRecorder | None,
         credentials: Credentials | None,
         on_ecu_frame: Callable[[CanFrame], None],
+        controller: BrakeController | None = None,
     ) -> None:
         """Start the devices and the stack of the car at time 0.
 
@@ -65,6 +69,7 @@ class VirtualCar:
             recorder: recorder of the drive, if the car has one.
             credentials: certificates and keys, if messages are signed.
             on_ecu_frame: takes each CAN frame of the ECU.
+            controller: obeys requests to brake; `None` if the car does not.
         """
         self.name = name
         self.trace: list[Record] = []
@@ -86,6 +91,7 @@ class VirtualCar:
         )
         self._stack_at = self._stack.get_timer()
         self._on_ecu_frame = on_ecu_frame
+        self._controller = controller
         self._waiting: list[bytes] = []
         phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)
         self._camera = CameraModel(
@@ -157,6 +163,9 @@ class VirtualCar:
         self._stack_at = outputs.timer_at
         for frame in outputs.can_frames:
             self._ecu.receive_frame(frame, now)
+        for event in outputs.events:
+            if self._controller is not None and isinstance(event, BrakeRequest):
+                self._controller.receive_bytes(datagram.encode(event), now)
         self.trace += map(as_trace_record, outputs.events)
         return outputs.wsms
 

@@ -23,7 +23,7 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
     it = scenario.cars[car]
     has_plates = any(other.plate is not None for other in scenario.cars.values())
     has_tags = any(other.tag_id is not None for other in scenario.cars.values())
-    return {
+    config: dict[str, Any] = {
         "seed": seed,
         "car": {"plate": it.identity, "length_m": it.length_m, "width_m": it.width_m},
         "vision": {
@@ -39,6 +39,7 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
         "access": it.access.model_dump(mode="json"),
         "security": {"plate_digest": DIGEST},
     }
+    return config | {"brake_request": {}} if it.obeys_request else config
 
 
 def gnss_config(receiver: ReceiverSettings) -> dict[str, object]:

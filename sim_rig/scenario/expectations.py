@@ -19,6 +19,7 @@ from sim_rig.scenario.expected_alarms import (
     PerceivedExpected,
     SignalExpected,
 )
+from sim_rig.scenario.expected_braking import BrakeRequestExpected, NoContactExpected
 from sim_rig.scenario.field_types import CarName, Seconds
 
 
@@ -246,6 +247,8 @@ Expectation = Annotated[
     | NoAlarmExpected
     | SignalExpected
     | PerceivedExpected
-    | NotPerceivedExpected,
+    | NotPerceivedExpected
+    | BrakeRequestExpected
+    | NoContactExpected,
     Field(discriminator="what"),
 ]

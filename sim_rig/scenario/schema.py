@@ -103,7 +103,8 @@ class ScenarioCar(Settings):
     width_m: float = Field(default=1.8, gt=0.5, le=3.0)
     height_m: float = Field(default=1.5, gt=0.5, le=4.0)
     colour: Literal["green", "red", "blue", "yellow", "white", "grey"] = "grey"
-
+    obeys_request: bool = False
+    """Whether it brakes as its daemon requests; from the first request on it gains no speed."""
     access: AccessSettings = AccessSettings()
     """Driver-based channel access."""
 
@@ -114,6 +115,8 @@ class ScenarioCar(Settings):
             raise ValueError(f"trajectory excludes {', '.join(sorted(given))}")
         if self.trajectory is None and not {"start_m", "speed_m_s"} <= given:
             raise ValueError("either start_m and speed_m_s, or a trajectory")
+        if self.obeys_request and not (self.equipped and self.trajectory is None):
+            raise ValueError("obeys_request needs a daemon, and no trajectory")
         return self
 
     @property

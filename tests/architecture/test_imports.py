@@ -16,12 +16,13 @@ IO_MODULES = frozenset({
 
 EDGES = frozenset({
     "access/driver_file.py",
+    "brake_request/request_outputs.py",
     "cli.py", "daemon.py", "service.py",
     "detector/detector_socket.py",
     "gnss/gpsd.py",
     "hmi/access_check.py", "hmi/connection_limiter.py", "hmi/feed.py", "hmi/page_files.py",
     "hmi/page_server.py",
-    "obd/can_bus.py", "obd/can_log.py", "obd/socketcand.py",
+    "obd/can_bus.py", "obd/can_log.py", "obd/dbc_file.py", "obd/socketcand.py",
     "recorder/black_box.py", "recorder/reader.py", "recorder/repair.py", "recorder/retention.py",
     "recorder/segment.py", "recorder/segments.py",
     "runtime/candidate_ids.py", "runtime/output_sinks.py", "runtime/systemd.py",

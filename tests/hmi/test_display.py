@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.hmi.display import SHOW_S, Display
-from onboard.hmi.driver_view import Direction, DriverView
+from onboard.hmi.driver_view import BrakeRequestView, Direction, DriverView
 from onboard.lcca.events import (
     Identified,
     IdentityLost,
@@ -411,3 +412,15 @@ def test_a_view_converts_to_json() -> None:
     assert record["lead"]["identity"] == "known"
     assert record["alarms"][0]["level"] == "warning"
     assert record["brake_button"] is True
+
+
+def test_a_request_to_brake_is_shown_while_it_is_valid() -> None:
+    page = display()
+    page.receive_event(BrakeRequest(10.0, 5.2, 0.9, 0.3, 0, (Cause.FCW,)))
+
+    assert shown(page, 10.0).brake_request == BrakeRequestView(5.2, 0.9)
+    assert shown(page, 10.31).brake_request is None
+
+    page.receive_event(BrakeRequest(10.4, 5.2, 0.9, 0.3, 1, (Cause.FCW,)))
+    page.receive_event(BrakeRequest(10.5, 0.0, 0.0, 0.0, 2, ()))
+    assert shown(page, 10.55).brake_request is None

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from mcap.records import McapRecord, Message, Metadata
 
+from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.lcca.group import WarningGroup
@@ -255,6 +256,23 @@ def test_every_section_of_a_configuration_is_either_recorded_or_excluded() -> No
 
     assert set(CarConfig.model_fields) == OF_THE_CORES | not_recorded
     assert not OF_THE_CORES & not_recorded
+
+
+def test_requests_to_brake_are_replayed_without_their_addresses(tmp_path: Path) -> None:
+    run_virtual(load_scenario("requested-braking"), recordings_folder=tmp_path)
+    drive = RecordedDrive([tmp_path / "ann"])
+
+    comparison = compare(drive)
+    requested = [entry for entry in drive.entries() if entry.topic == "/out/brake_request"]
+    assert comparison.difference is None
+    assert len(requested) > 20
+
+    initial = initial_state_of(drive.header)
+    can = {"channel": "can1", "dbc": "x.dbc", "deceleration": "A.B"}
+    request = BrakeRequestSettings.model_validate({"can": can, "most_m_s2": 4.0}, strict=False)
+    config = initial.config.model_copy(update={"brake_request": request})
+    again = make_header(replace(initial, config=config), Aliases(in_clear=False), is_complete=True)
+    assert initial_state_of(again).config.brake_request == BrakeRequestSettings(most_m_s2=4.0)
 
 
 def test_a_plate_has_a_different_alias_in_every_drive(drive: Path, tmp_path: Path) -> None:

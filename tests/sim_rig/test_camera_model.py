@@ -71,7 +71,7 @@ def rendered(scenario: Scenario) -> Iterable[Event]:
     perception = load_perception(
         CameraSettings(source="rig", **LENS.model_dump()), vision_settings(scenario)
     )
-    camera = Camera(scenario, "ben", np.random.SeedSequence(1))
+    camera = Camera(scenario, BreakpointRoad(scenario), "ben", np.random.SeedSequence(1))
     for number in range(int(DURATION_S * FPS)):
         jpeg = np.frombuffer(camera.jpeg(number / FPS), np.uint8)
         image = cv2.imdecode(jpeg, cv2.IMREAD_COLOR)

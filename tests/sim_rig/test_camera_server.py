@@ -15,6 +15,7 @@ from onboard.vision.frames import Image
 from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_server import Camera, CameraServer
 from sim_rig.cars.camera_view import LENS
+from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario.schema import Scenario, load_scenario
 
 
@@ -47,7 +48,7 @@ def scenario(scenario_file: Path) -> Scenario:
 def test_a_frozen_camera_repeats_its_last_image_and_a_dark_one_is_black(
     scenario: Scenario,
 ) -> None:
-    camera = Camera(scenario, "ben", np.random.SeedSequence(1))
+    camera = Camera(scenario, BreakpointRoad(scenario), "ben", np.random.SeedSequence(1))
 
     before, frozen, still, after = (camera.jpeg(at_s) for at_s in (0.9, 1.0, 1.9, 2.0))
     assert before == frozen == still != after
@@ -56,7 +57,7 @@ def test_a_frozen_camera_repeats_its_last_image_and_a_dark_one_is_black(
 
 def test_the_same_seed_gives_the_same_images(scenario: Scenario) -> None:
     def pictures(seed: int) -> list[bytes]:
-        camera = Camera(scenario, "ben", np.random.SeedSequence(seed))
+        camera = Camera(scenario, BreakpointRoad(scenario), "ben", np.random.SeedSequence(seed))
         return [camera.jpeg(at_s) for at_s in (0.0, 0.1)]
 
     assert pictures(1) == pictures(1) != pictures(2)

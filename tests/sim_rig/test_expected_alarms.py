@@ -93,6 +93,32 @@ def test_alarms(more: Record, entry: dict[str, object], complaint: str | None) -
     assert_complains(log(more), entry, complaint)
 
 
+def request(at_s: float, deceleration_m_s2: float) -> dict[str, object]:
+    return {
+        "stamp_s": 1000.0 + at_s, "kind": "brake_request", "deceleration_m_s2": deceleration_m_s2,
+    }  # fmt: skip
+
+
+REQUEST = {"what": "brake_request", "car": "ann", "from_s": 5, "by_s": 7, "at_least_m_s2": 4.0}
+
+
+@pytest.mark.parametrize(
+    ("more", "entry", "complaint"),
+    [
+        ((request(5.5, 3.0), request(6.0, 4.5)), REQUEST, None),
+        ((request(5.5, 3.0),), REQUEST, "ann requests at most 3.0 m/s^2 by 7 s, not 4"),
+        ((), REQUEST, "ann requests at most 0.0 m/s^2 by 7 s"),
+        ((request(4.0, 1.0), request(6.0, 5.0)), REQUEST, "ann requests braking at 4.00 s"),
+        ((), {"what": "no_contact", "car": "ann", "of": "ben"}, "ann and ben touch at 7.7 s"),
+        ((), {"what": "no_contact", "car": "ann", "of": "eva"}, None),
+    ],
+)
+def test_requested_braking(
+    more: tuple[Record, ...], entry: dict[str, object], complaint: str | None
+) -> None:
+    assert_complains(log(*more), entry, complaint)
+
+
 PERCEIVES = {"what": "perceives", "car": "ann", "of": "ben", "from_s": 2, "until_s": 7}
 NOT = {"what": "does_not_perceive", "car": "ann", "of": "ben", "from_s": 2, "until_s": 7}
 

@@ -40,6 +40,7 @@ $("brake").onclick = () => link.send("brake");
 function show(view) {
   last = view;
   showAlarms(view.alarms);
+  showRequest(view.brake_request);
   showGroup(view.group);
   showSensors(view.sensors, view.recorder_failure);
   $("brake").hidden = !view.brake_button;
@@ -140,6 +141,13 @@ function showAlarms(alarms) {
   sounds.hold(first?.level ?? "none", isNew);
 }
 
+function showRequest(request) {
+  $("brake-request").hidden = request === null;
+  if (request === null) return;
+  const percent = Math.round(request.certainty * 100);
+  $("brake-request").textContent = fill(TEXTS.brakeRequest, { value: request.deceleration_m_s2.toFixed(1), percent });
+}
+
 // Each sentence once, with its number where it comes more often.
 function counted(sentences) {
   return [...new Set(sentences)].map((sentence) => {
@@ -178,6 +186,7 @@ function showAge(age_ms, isStale) {
   $("stale-sentence").textContent = now === "waiting" ? "" : fill(TEXTS.staleFor, { seconds: Math.round(age_ms / 1000) });
   if (before === "live") { // An alarm from before the loss may be over: stop it.
     showAlarms([]);
+    showRequest(null);
     sounds.once("stale");
   }
 }

@@ -92,6 +92,8 @@ export const TEXTS = {
   lta: "Oncoming car: do not turn",
   ima: { left: "Car from the left", right: "Car from the right", ahead: "Car crossing" },
 
+  brakeRequest: "Braking requested: {value} m/s² ({percent} % certain)",
+
   soundOff: "Sound is off: tap",
   soundOn: "Sound on",
   voice: "Speak alarms",
