@@ -29,7 +29,7 @@ def test_check_lists_the_sections_of_a_valid_configuration(tmp_path: Path) -> No
     assert result.stdout == (
         f"{config}: good, car ABC1234\n"
         "  with gnss, hmi\n"
-        "  without can, camera, detector, radio, recorder\n"
+        "  without can, camera, detector, radio, brake_request, recorder\n"
     )
 
 
