@@ -278,6 +278,7 @@ class Stack:
                 self._risk.receive_pedal(observation)
             case TurnSignal():
                 self._transmitter.receive_turn_signal(observation)
+                self._risk.receive_turn_signal(observation)
             case HardBrake():
                 self._group.receive_hard_brake(observation, now)
                 self._transmitter.receive_hard_brake(observation, now)

@@ -12,6 +12,7 @@ from typing_extensions import override
 from onboard.bsm_transmission.path_history import PathHistoryKeeper
 from onboard.bsm_transmission.path_prediction import STANDSTILL_M_S, PathPredictor
 from onboard.bsm_transmission.schedule import BsmSchedule
+from onboard.bsm_transmission.turn_signals import TurnSignals
 from onboard.core import Core
 from onboard.kinematics.acceleration import AccelerationEstimator
 from onboard.kinematics.geodesy import distance_m
@@ -25,7 +26,6 @@ from onboard.messages.bsm_core import (
     WheelBrakes,
 )
 from onboard.messages.bsm_safety import (
-    ExteriorLights,
     VehicleEventFlags,
     VehicleSafetyExtensions,
 )
@@ -34,7 +34,6 @@ from onboard.observations import (
     BrakePedal,
     HardBrake,
     Position,
-    Side,
     Speed,
     TurnSignal,
 )
@@ -72,10 +71,6 @@ DEFAULT_SIGMA_M = 5.0
 ACCELERATION_WINDOW_S = 0.8
 """Window of the slope of speed: 0.1 m/s^2 rms error for whole km/h at 20 Hz."""
 
-BLINK_PERIOD_S = 1.0
-"""A turn signal counts as on for this time after its lamp was: UNECE R48 asks for 60 to 120 flashes
-a minute."""
-
 ALL_WHEELS = (
     WheelBrakes.LEFT_FRONT | WheelBrakes.LEFT_REAR | WheelBrakes.RIGHT_FRONT
     | WheelBrakes.RIGHT_REAR
@@ -107,7 +102,7 @@ class BsmTransmitter(Core):
         self._speed: Speed | None = None
         self._trend = AccelerationEstimator(ACCELERATION_WINDOW_S)
         self._pedal: BrakePedal | None = None
-        self._turn_signal_on_at: dict[Side, float] = {}
+        self._turn_signals = TurnSignals()
         self._predictor = PathPredictor()
         self._position: Position | None = None
         self._brake: HardBrake | None = None
@@ -138,8 +133,7 @@ class BsmTransmitter(Core):
 
     def receive_turn_signal(self, turn_signal: TurnSignal) -> None:
         """Take a turn signal of the host vehicle, if the bus has it."""
-        if turn_signal.is_on:
-            self._turn_signal_on_at[turn_signal.side] = turn_signal.stamp_s
+        self._turn_signals.receive(turn_signal)
 
     def receive_position(self, position: Position) -> None:
         """Take the host vehicle's position."""
@@ -208,23 +202,12 @@ class BsmTransmitter(Core):
         path, prediction = None, None
         if self._fix(now) is not None:
             path, prediction = self._path.history(now), self._predictor.prediction
-        lights = self._lights(now)
+        lights = self._turn_signals.lights(now)
         safety = None
         if events or path or prediction or lights:
             safety = VehicleSafetyExtensions(events, path, prediction, lights)
         core = self._core(now, utc_s - now, held_heading_rad)
         return BasicSafetyMessage(core, safety, footer=footer)
-
-    def _lights(self, now: float) -> ExteriorLights | None:
-        """Return the turn signals that are on; of other lights nothing is known."""
-        on = {
-            side for side, at_s in self._turn_signal_on_at.items() if now - at_s <= BLINK_PERIOD_S
-        }
-        if len(on) == 2:
-            return ExteriorLights.HAZARD_SIGNAL
-        if "left" in on:
-            return ExteriorLights.LEFT_TURN_SIGNAL
-        return ExteriorLights.RIGHT_TURN_SIGNAL if on else None
 
     def _core(self, now: float, utc_offset_s: float, held_heading_rad: float | None) -> CoreData:
         speed = self._speed if _is_fresh(self._speed, now) else None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.bsm import BasicSafetyMessage
-from onboard.messages.bsm_safety import VehicleEventFlags
+from onboard.messages.bsm_safety import ExteriorLights, VehicleEventFlags
 
 DEFAULT_LENGTH_M, DEFAULT_WIDTH_M = 5.0, 1.75
 """Size of a vehicle that does not report it: a large car."""
@@ -86,6 +86,12 @@ class BsmDataStore:
         if data is None or data.last.core.heading_rad is None:
             return None
         return Heading(data.last.core.heading_rad, HEADING_SIGMA_RAD)
+
+    def signals_left(self, name: str) -> bool:
+        """Return whether a vehicle's left turn signal is on."""
+        data = self._of.get(name)
+        safety = data.last.safety if data is not None else None
+        return safety is not None and safety.lights == ExteriorLights.LEFT_TURN_SIGNAL
 
     def path_history_m(self, name: str) -> list[tuple[float, float]]:
         """Return a vehicle's past positions, metres east and north of its last one, newest first.

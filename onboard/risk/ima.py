@@ -4,9 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from onboard.bsm_transmission.turn_signals import TurnSignals
 from onboard.kinematics.heading import Heading
+from onboard.messages.bsm_safety import ExteriorLights
 from onboard.mvs.perceived_object import PerceivedObject
-from onboard.observations import Speed
+from onboard.observations import Speed, TurnSignal
 from onboard.risk.alarm import Assessment, Cause, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.expected_stop import RedLight, is_expected_to_stop
@@ -52,10 +54,15 @@ class IntersectionMovementAssist:
         self._own_size_m = length_m, width_m
         self._motions: dict[str, VehicleMotion] = {}
         self._host = HostBraking(HOST_WINDOW_S)
+        self._turn_signals = TurnSignals()
 
     def receive_speed(self, speed: Speed) -> None:
         """Take the host vehicle's speed."""
         self._host.receive_speed(speed)
+
+    def receive_turn_signal(self, turn_signal: TurnSignal) -> None:
+        """Take a turn signal of the host vehicle."""
+        self._turn_signals.receive(turn_signal)
 
     def follow(self, objects: Sequence[PerceivedObject], now: float) -> None:
         """Take the velocities of all objects, the host vehicle included."""
@@ -92,53 +99,51 @@ class IntersectionMovementAssist:
             assessments of those that may be met, by cause, and names of objects whose covariance is
             invalid, with the error.
         """
-        found: list[tuple[PerceivedObject, PathCrossing]] = []
+        found: list[tuple[PerceivedObject, PathCrossing, DrivenVehicle]] = []
         invalid: list[tuple[str, CovarianceError]] = []
         if is_expected_to_stop(own, self._own_size_m[0], red_light_m, self._reaction_s):
             return {}, invalid
         own = with_heading(own, heading)
-        own_radius_m = left_turn_radius_m(own, self._motions[own.name].lateral_m_s2)
+        signals = self._turn_signals.lights(now) is ExteriorLights.LEFT_TURN_SIGNAL
+        own_radius_m = self._left_turn_radius_m(own, signals=signals)
         for other in others:
             if other.age_s > MAX_AGE_S:
                 continue
             each = with_heading(other, data.heading(other.name))
+            signals = data.signals_left(other.name)
+            radius_m = self._left_turn_radius_m(each, signals=signals)
             try:
-                crossing = self._crossing(own, each, own_radius_m)
+                crossing = _crossing(own, each, own_radius_m, radius_m)
             except CovarianceError as error:
                 invalid.append((each.name, error))
                 continue
             if crossing is None or not _is_soon(crossing) or _is_bridge(each, crossing, data):
                 continue
             if not is_expected_to_stop(each, data.size_m(each.name)[0], red_light_m):
-                found.append((each, crossing))
+                known_m_s2, size_m = each.acceleration_m_s2, data.size_m(each.name)
+                driven = self._driven(each, size_m, known_m_s2, turns=radius_m is not None)
+                found.append((each, crossing, driven))
         if not found:
             return {}, invalid
         p_c = mean_collision_probabilities(
-            [crossing for _, crossing in found],
-            [
-                self._driven(each, data.size_m(each.name), each.acceleration_m_s2)
-                for each, _ in found
-            ],
-            self._driven(own, self._own_size_m, self._host.acceleration_m_s2(now)),
+            [crossing for _, crossing, _ in found],
+            [driven for *_, driven in found],
+            self._driven(
+                own,
+                self._own_size_m,
+                self._host.acceleration_m_s2(now),
+                turns=own_radius_m is not None,
+            ),
         )
         assessed = [
-            self._assessment(each, float(p), own) for (each, _), p in zip(found, p_c, strict=True)
+            self._assessment(each, float(p), own) for (each, *_), p in zip(found, p_c, strict=True)
         ]
         cause = Cause.IMA if own_radius_m is None else Cause.LTA
         return {cause: assessed}, invalid
 
-    def _crossing(
-        self, own: PerceivedObject, other: PerceivedObject, own_radius_m: float | None
-    ) -> PathCrossing | None:
-        """Return where the paths cross, of which one may turn left; raises `CovarianceError`."""
-        radius_m = left_turn_radius_m(other, self._motions[other.name].lateral_m_s2)
-        if own_radius_m is None and radius_m is None:
-            return path_crossing(own, other)
-        if own_radius_m is not None:
-            return None if radius_m is not None else left_turn_crossing(own, other, own_radius_m)
-        assert radius_m is not None  # noqa: S101 (one of both turns)
-        crossing = left_turn_crossing(other, own, radius_m)
-        return None if crossing is None else crossing.of_other()
+    def _left_turn_radius_m(self, each: PerceivedObject, *, signals: bool) -> float | None:
+        lateral_m_s2 = self._motions[each.name].lateral_m_s2
+        return left_turn_radius_m(each, lateral_m_s2, signals=signals)
 
     def _assessment(self, other: PerceivedObject, p_c: float, own: PerceivedObject) -> Assessment:
         level = Level.NONE
@@ -147,15 +152,34 @@ class IntersectionMovementAssist:
         return Assessment(level, p_c, (object_reason(other, own),), other.name)
 
     def _driven(
-        self, each: PerceivedObject, size_m: tuple[float, float], known_m_s2: float | None
+        self,
+        each: PerceivedObject,
+        size_m: tuple[float, float],
+        known_m_s2: float | None,
+        *,
+        turns: bool,
     ) -> DrivenVehicle:
         """Return size and accelerations; a known acceleration comes before the estimate."""
         motion = self._motions[each.name]
-        lateral_m_s2 = motion.lateral_m_s2
-        if left_turn_radius_m(each, lateral_m_s2) is not None:
-            lateral_m_s2 = 0.0  # the distance is along its turn
+        lateral_m_s2 = 0.0 if turns else motion.lateral_m_s2  # the distance is along the turn
         along_m_s2 = motion.acceleration_m_s2 if known_m_s2 is None else known_m_s2
         return DrivenVehicle(*size_m, along_m_s2, lateral_m_s2)
+
+
+def _crossing(
+    own: PerceivedObject,
+    other: PerceivedObject,
+    own_radius_m: float | None,
+    radius_m: float | None,
+) -> PathCrossing | None:
+    """Return where the paths cross, of which one may turn left; raises `CovarianceError`."""
+    if own_radius_m is None and radius_m is None:
+        return path_crossing(own, other)
+    if own_radius_m is not None:
+        return None if radius_m is not None else left_turn_crossing(own, other, own_radius_m)
+    assert radius_m is not None  # noqa: S101 (one of both turns)
+    crossing = left_turn_crossing(other, own, radius_m)
+    return None if crossing is None else crossing.of_other()
 
 
 def _is_soon(crossing: PathCrossing) -> bool:

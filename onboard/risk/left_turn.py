@@ -19,13 +19,24 @@ MOST_TURNED_RAD = 2.2
 ONCOMING_COS = 0.2
 """Largest cosine of the angle between the courses of a turning and an oncoming vehicle: who has
 turned by a quarter of a circle is across the other's path."""
+SIGNALLED_LATERAL_M_S2 = 0.4
+"""The same with the turn signal on, three sigmas of a receiver's noise over `TREND_WINDOW_S`."""
+SIGNALLED_RADIUS_M = 15.0
+"""Largest radius of a turn with the turn signal on."""
+SIGNALLED_BEND_M = 60.0
+"""Radius of larger bends of the road, in which a turn signal left on is no turn. The estimate is
+still too large when a turn begins."""
 _REPORTED = (ObjectSource.HOST, ObjectSource.BSM)
 PAST_RAD = 0.6
 """A vehicle that has turned past the other's path by less may still be in its way."""
 
 
-def left_turn_radius_m(vehicle: PerceivedObject, lateral_m_s2: float | None) -> float | None:
+def left_turn_radius_m(
+    vehicle: PerceivedObject, lateral_m_s2: float | None, *, signals: bool = False
+) -> float | None:
     """Return the radius of a vehicle's turn to the left; `None` if it does not turn so.
+
+    A turn signal alone is no turn, it may have been left on; with it, less of a turn counts.
 
     Of tracks it is unknown: the noise of their velocities looks like turns, also of vehicles
     that drive side by side.
@@ -33,11 +44,15 @@ def left_turn_radius_m(vehicle: PerceivedObject, lateral_m_s2: float | None) -> 
     Args:
         vehicle: its velocity counts.
         lateral_m_s2: across its course, to the left; `None` if it is not known.
+        signals: whether its left turn signal is on.
     """
-    if lateral_m_s2 is None or lateral_m_s2 < MIN_LATERAL_M_S2 or vehicle.source not in _REPORTED:
+    least_m_s2 = SIGNALLED_LATERAL_M_S2 if signals else MIN_LATERAL_M_S2
+    if lateral_m_s2 is None or lateral_m_s2 < least_m_s2 or vehicle.source not in _REPORTED:
         return None
     radius_m = math.hypot(*vehicle.state[2:]) ** 2 / lateral_m_s2
-    return radius_m if MIN_RADIUS_M <= radius_m <= MAX_RADIUS_M else None
+    if not MIN_RADIUS_M <= radius_m <= (SIGNALLED_BEND_M if signals else MAX_RADIUS_M):
+        return None
+    return min(radius_m, SIGNALLED_RADIUS_M) if signals else radius_m
 
 
 def left_turn_crossing(

@@ -18,7 +18,15 @@ from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.lcca import CarId
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.observations import BrakeCause, BrakePedal, Discarded, Lead, Position, Speed
+from onboard.observations import (
+    BrakeCause,
+    BrakePedal,
+    Discarded,
+    Lead,
+    Position,
+    Speed,
+    TurnSignal,
+)
 from onboard.risk.alarm import (
     NOTHING,
     RELEASE_S,
@@ -81,6 +89,10 @@ class RiskMonitor(Core):
     def receive_pedal(self, pedal: BrakePedal) -> None:
         """Take the state of the host vehicle's brake pedal."""
         self._fcw.receive_pedal(pedal)
+
+    def receive_turn_signal(self, turn_signal: TurnSignal) -> None:
+        """Take a turn signal of the host vehicle."""
+        self._ima.receive_turn_signal(turn_signal)
 
     def receive_position(self, position: Position) -> None:
         """Take the host vehicle's elevation and course; its state is given to `assess`."""

@@ -20,9 +20,10 @@ from scipy.stats import chi2
 from onboard.kinematics.heading import Heading
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
+from onboard.messages.bsm_safety import ExteriorLights, VehicleSafetyExtensions
 from onboard.mvs.host_vehicle import SPEED_SIGMA_M_S
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.observations import Speed
+from onboard.observations import Speed, TurnSignal
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
@@ -63,6 +64,8 @@ class AlarmSettings(Settings):
     kinds: Several[MeetingKind] = tuple(MeetingKind)
     traffic: TrafficSettings = TrafficSettings(approaches=100)
     """`approaches` are the meetings of a run."""
+    turn_signals: bool = True
+    """Whether who turns left signals it, all the time."""
     receivers: ReceiverSettings = ReceiverSettings()
     risk: RiskSettings = RiskSettings()
 
@@ -149,7 +152,13 @@ def _warned_s(
         )
         other_rad = _heading_rad(meeting, _before(tick, BSM_AGE_S), 1 - host)
         core = CoreData(1, bytes.fromhex(OTHER), heading_rad=other_rad)
-        monitor.receive_bsm(BasicSafetyMessage(core), now)
+        safety = None
+        if settings.turn_signals and meeting.turns_left:
+            if host == 1:
+                monitor.receive_turn_signal(TurnSignal(now, "left", is_on=True, source="can"))
+            else:
+                safety = VehicleSafetyExtensions(lights=ExteriorLights.LEFT_TURN_SIGNAL)
+        monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
         heading = Heading(_heading_rad(meeting, tick, host) + heading_error_rad, HEADING_SIGMA_RAD)
         monitor.assess(own, [other], now, heading=heading)
         for event in iter(monitor.next_event, None):

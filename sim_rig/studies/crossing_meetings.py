@@ -69,6 +69,8 @@ class Meeting:
     gap_s: float
     """From when one vehicle has left the place that both cross until the other enters it: 0 or less
     if they are there together, infinite if the other does not enter it."""
+    turns_left: bool = False
+    """Whether the second vehicle turns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,6 +247,7 @@ def _meeting(
         np.gradient(speed_m_s, TICK_S, axis=0)[:ticks],
         contact_s,
         gap_s,
+        isinstance(driver, _TurnsLeft),
     )
 
 

@@ -10,8 +10,9 @@ import pytest
 from onboard.kinematics.heading import Heading
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
+from onboard.messages.bsm_safety import ExteriorLights, VehicleSafetyExtensions
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.observations import Speed
+from onboard.observations import Side, Speed, TurnSignal
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.left_turn import left_turn_crossing, left_turn_radius_m
 from onboard.risk.monitor import RiskMonitor
@@ -32,7 +33,14 @@ def perceived(name: str, at: tuple[float, float, float, float], now: float) -> P
     return PerceivedObject(now, name, source, (x_m, y_m, *velocity), rows, 0.1, frozenset())
 
 
-def warnings(mine: Motion, others: Motion, until_s: float) -> list[Alarm]:
+def warnings(
+    mine: Motion,
+    others: Motion,
+    until_s: float,
+    sides: tuple[Side, ...] = (),
+    other_lights: ExteriorLights | None = None,
+) -> list[Alarm]:
+    """Of a host whose turn signals `sides` are on."""
     monitor = RiskMonitor(RiskSettings(), 5.0, 1.75)
     seen: list[Alarm] = []
     for k in range(round(until_s * 10)):
@@ -41,7 +49,10 @@ def warnings(mine: Motion, others: Motion, until_s: float) -> list[Alarm]:
         floor_m_s = math.floor(own[3] / KM_H) * KM_H
         monitor.receive_speed(Speed(now, floor_m_s, KM_H, "obd:7E8"))
         core = CoreData(1, bytes.fromhex(OTHER), heading_rad=NORTH - other[2])
-        monitor.receive_bsm(BasicSafetyMessage(core), now)
+        safety = None if other_lights is None else VehicleSafetyExtensions(lights=other_lights)
+        monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
+        for side in sides:
+            monitor.receive_turn_signal(TurnSignal(now, side, now % 0.8 < 0.4, "can"))
         monitor.assess(
             perceived("own", own, now),
             [perceived(OTHER, other, now)],
@@ -119,9 +130,45 @@ def test_who_turns_left_before_the_host_is_warned_of() -> None:
     assert warning.stamp_s <= 2.0 + 0.5
 
 
+def test_with_its_signal_a_left_turn_is_warned_of_earlier() -> None:
+    turning, oncoming = turn_left(2.0), straight(4.0, beside_m=3.5)
+    (without,) = warnings(turning, oncoming, 3.6)
+    (signalled,) = warnings(turning, oncoming, 3.6, ("left",))
+
+    assert signalled.cause is Cause.LTA
+    assert signalled.stamp_s <= without.stamp_s - 0.1
+    (hazard,) = warnings(turning, oncoming, 3.6, ("left", "right"))
+    assert hazard.stamp_s == without.stamp_s
+
+
+def test_with_the_signal_of_who_turns_left_before_the_host_it_is_warned_of_earlier() -> None:
+    turning, oncoming = turn_left(2.0), straight(4.0, beside_m=3.5)
+    (without,) = warnings(oncoming, turning, 3.6)
+    left = ExteriorLights.LEFT_TURN_SIGNAL
+    (signalled,) = warnings(oncoming, turning, 3.6, other_lights=left)
+
+    assert signalled.stamp_s <= without.stamp_s - 0.1
+
+
+@pytest.mark.parametrize("meets_s", np.arange(1.0, 5.0, 0.5))
+@pytest.mark.parametrize("radius_m", [80.0, 300.0, 1e6])
+def test_a_turn_signal_left_on_raises_none(radius_m: float, meets_s: float) -> None:
+    """On a straight road, and in bends."""
+
+    def oncoming(now: float) -> tuple[float, float, float, float]:
+        inner_m, turned = radius_m - 3.5, 9.0 * (meets_s - now) / radius_m
+        x_m, y_m = inner_m * math.sin(turned), radius_m - inner_m * math.cos(turned)
+        return x_m, y_m, turned + math.pi, 9.0
+
+    bend = turn_left(-1.0, radius_m, 8.0)
+    lights = ExteriorLights.LEFT_TURN_SIGNAL
+    assert warnings(bend, oncoming, 5.0, ("left",), lights) == []
+
+
 @pytest.mark.parametrize("meets_s", [1.5, 8.0])
-def test_a_left_turn_with_room_is_not_warned_of(meets_s: float) -> None:
-    assert warnings(turn_left(2.0), straight(meets_s, beside_m=3.5), 6.0) == []
+@pytest.mark.parametrize("sides", [(), ("left",)])
+def test_a_left_turn_with_room_is_not_warned_of(meets_s: float, sides: tuple[Side, ...]) -> None:
+    assert warnings(turn_left(2.0), straight(meets_s, beside_m=3.5), 6.0, sides) == []
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.5])
