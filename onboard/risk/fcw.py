@@ -112,6 +112,7 @@ class ForwardCollisionWarning:
             vehicle.deceleration_m_s2,
             self._braking.at_least_m_s2(now),
             settings=self._settings,
+            sigmas=vehicle.place_sigmas,
         )
         host = AlarmReason(speed.kind, speed.source, now - speed.stamp_s)
         confirmed = self._confirmations[vehicle.key].receive(level, vehicle.stamp_s)
@@ -139,6 +140,7 @@ def fcw_level(
     braking_m_s2: float | None,
     *,
     settings: FcwSettings,
+    sigmas: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Level, float]:
     """Return the level, and the required deceleration after a reaction in m/s^2.
 
@@ -152,6 +154,7 @@ def fcw_level(
         lead_deceleration_m_s2: of the lead vehicle.
         braking_m_s2: of the host vehicle; `None` if unknown.
         settings: the thresholds.
+        sigmas: of gap and closing speed, in m and m/s, within which braking may be enough.
     """
     lead = speed_m_s - closing_speed_m_s, lead_deceleration_m_s2
     needed_m_s2 = required_deceleration_m_s2(gap_m, speed_m_s, *lead, settings.reaction_s)
@@ -161,6 +164,9 @@ def fcw_level(
         level = Level.WARNING
     elif needed_m_s2 >= settings.caution_m_s2 or ttc_s <= settings.caution_ttc_s:
         level = Level.CAUTION
-    if level is Level.WARNING and brakes_enough(gap_m, speed_m_s, *lead, braking_m_s2):
+    farther_m, faster_m_s = gap_m + sigmas[0], lead[0] + sigmas[1]
+    if level is Level.WARNING and brakes_enough(
+        farther_m, speed_m_s, faster_m_s, lead[1], braking_m_s2
+    ):
         level = Level.CAUTION
     return level, needed_m_s2

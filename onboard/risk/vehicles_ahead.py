@@ -60,6 +60,13 @@ class VehicleAhead:
     """Whether it was not ahead at the last assessment: one odd course of the host vehicle moves its
     path by a lane."""
 
+    @property
+    def place_sigmas(self) -> tuple[float, float]:
+        """Sigmas of gap and closing speed, if these follow from places: a camera measures gaps."""
+        return (
+            (0.0, 0.0) if self.key == _CAMERA else (self.gap_sigma_m, self.closing_speed_sigma_m_s)
+        )
+
     def reasons(self, now: float) -> tuple[AlarmReason, ...]:
         """Return the observations as reasons of an alarm at `now`."""
         return tuple(AlarmReason(what, name, now - at_s) for what, name, at_s in self.measured)

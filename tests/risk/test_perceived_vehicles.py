@@ -198,3 +198,23 @@ def test_a_standing_queue_in_the_lane_beside_raises_none(left_m: float) -> None:
             ]
             monitor.assess(host, queue, now)
         assert all(alarm.level is not Level.WARNING for alarm in fcw_alarms(monitor)), seed
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_who_brakes_enough_within_the_error_of_the_gap_is_not_warned(source: ObjectSource) -> None:
+    """Behind a queue, as in the dense crossing: 9.6 m/s, 25 m, and 1.8 of 1.84 m/s^2 needed."""
+
+    def warned(braking_m_s2: float) -> bool:
+        monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
+        for step in range(15):
+            now = step / 10
+            after_s = now - 1.1
+            speed_m_s = 9.6 - braking_m_s2 * after_s
+            gap_m = 25.0 - (9.6 + speed_m_s) / 2.0 * after_s
+            monitor.receive_speed(Speed(now, speed_m_s, 0.02, "study"))
+            queue = vehicle(gap_m, 0.0, now, source=source, sigma_m_s=0.4)
+            monitor.assess(own(now, speed_m_s), [queue], now)
+        return any(alarm.level is Level.WARNING for alarm in fcw_alarms(monitor))
+
+    assert not warned(1.8)
+    assert warned(1.2)
