@@ -1,11 +1,12 @@
 """Configuration of a vehicle: one YAML file, with a section for each package's settings."""
 
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, StringConstraints, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from onboard import psid
 from onboard.access.settings import AccessSettings
@@ -24,7 +25,20 @@ from onboard.settings import Settings
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.wave_udp.settings import RadioSettings
 
-PlateText = Annotated[str, StringConstraints(pattern=r"^[A-Z0-9]{1,10}$")]
+_PLATE = re.compile(r"[A-Z0-9]{1,10}")
+
+
+def _as_a_camera_reads_it(plate: str) -> str:
+    if not _PLATE.fullmatch(plate):
+        read = re.sub(r"[^A-Z0-9]", "", plate.upper())
+        example = f", as {read}" if _PLATE.fullmatch(read) else ""
+        raise ValueError(
+            f"is written in 1 to 10 upper case letters and digits, without separators{example}"
+        )
+    return plate
+
+
+PlateText = Annotated[str, AfterValidator(_as_a_camera_reads_it)]
 """As a camera reads it: upper case, no separators."""
 
 

@@ -6,7 +6,7 @@ Each package declares its settings beside its code; `onboard/config.py` joins th
 import difflib
 import json
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import yaml
 from pydantic import BaseModel, ConfigDict, SecretStr, ValidationError
@@ -26,18 +26,31 @@ class SettingsError(UserError):
 
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
+Location = tuple[int | str, ...]
+"""Of a mistake, as pydantic gives it."""
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """Rejects repeated keys, of which PyYAML would use the last without an error."""
+class _Refused(yaml.MarkedYAMLError):
+    """Valid YAML that is refused, since it hides a mistake."""
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Rejects repeated keys, of which PyYAML would use the last without an error, and empty ones.
+
+    An empty `can:` may mean its defaults, or no such section.
+    """
 
     @override
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key in keys:
+        for key, (key_node, value) in zip(keys, node.value, strict=True):
             if keys.count(key) > 1:
-                raise yaml.MarkedYAMLError(
-                    problem=f"key {key!r} is repeated", problem_mark=node.start_mark
+                raise _Refused(problem=f"key {key!r} is repeated", problem_mark=node.start_mark)
+            if isinstance(value, yaml.ScalarNode) and value.value == "" and value.style is None:
+                raise _Refused(
+                    problem=f"{key} is empty: give it a value ({{}} for a section with its"
+                    " defaults), or leave it out",
+                    problem_mark=key_node.start_mark,
                 )
         return super().construct_mapping(node, deep)
 
@@ -61,22 +74,28 @@ def parse_yaml(data: str | bytes, origin: str) -> object:
     """Parse a YAML text; `origin` names it in errors.
 
     Raises:
-        SettingsError: it is not YAML or not UTF-8, or a key is repeated.
+        SettingsError: it is not YAML or not UTF-8, or a key is repeated or empty.
     """
     try:
         text = data if isinstance(data, str) else data.decode("utf-8")
-        return yaml.load(text, _UniqueKeyLoader)  # noqa: S506 (a SafeLoader)
+        return yaml.load(text, _StrictLoader)  # noqa: S506 (a SafeLoader)
     except yaml.MarkedYAMLError as error:
-        raise SettingsError(f"{origin}: not YAML: {_where(error)}{error.problem}") from error
+        raise SettingsError(f"{origin}: {_describe(error)}") from error
     except (yaml.YAMLError, ValueError) as error:  # not UTF-8, or the 31st of February
         raise SettingsError(f"{origin}: not YAML: {' '.join(str(error).split())}") from error
     except RecursionError as error:
         raise SettingsError(f"{origin}: nested too deeply") from error
 
 
-def _where(error: yaml.MarkedYAMLError) -> str:
-    mark = error.problem_mark
-    return f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
+def _describe(error: yaml.MarkedYAMLError) -> str:
+    """Say where and what the mistake is; for the commonest ones PyYAML names where it noticed."""
+    mark, problem = error.problem_mark, error.problem
+    if error.context == "while scanning a quoted scalar":
+        mark, problem = error.context_mark, "this quote is not closed"
+    elif error.context == "while scanning a simple key":
+        mark, problem = error.context_mark, "a key needs a colon and a space after it"
+    where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
+    return f"{where}{problem}" if isinstance(error, _Refused) else f"not YAML: {where}{problem}"
 
 
 def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> SettingsT:
@@ -103,14 +122,17 @@ def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> Settin
 
 
 def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
-    # pydantic adds the names of a union's types, which mean nothing to a user.
-    place = [str(part) for part in error["loc"] if "[" not in str(part)]
-    field = ".".join(place) or "(the whole file)"
+    field = ".".join(_walk(error["loc"], schema)[0])
+    if error["type"].startswith("union_tag"):
+        return f"{field}.{_explain_tag(error['ctx'])}"
+    field = field or "(the whole file)"
     if error["type"] == "missing":
         return f"{field}: is required and missing"
-    if error["type"] == "extra_forbidden":
-        return f"{field}: unknown key (given {error['input']!r}){_hint(error['loc'], schema)}"
     given, what = error["input"], error["msg"].removeprefix("Value error, ")
+    if error["type"] == "extra_forbidden":
+        return f"{field}: unknown key (given {given!r}){_hint(error['loc'], schema)}"
+    if error["type"] in {"model_type", "dict_type"}:
+        what = "needs a line `key: value` for each of its settings"
     is_secret = _is_secret(error["loc"], schema)
     if error["type"] == "string_type" and isinstance(given, bool | int | float):
         # YAML 1.1 reads NO as false and 0123 as 83.
@@ -124,18 +146,36 @@ def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
     return f"{field}: {what} (given {shown})"
 
 
-def _hint(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
+def _explain_tag(context: dict[str, str]) -> str:
+    """Explain a missing or unknown value of the key that chooses the kind of a section."""
+    key = _unquoted(context["discriminator"])
+    if "tag" not in context:
+        return f"{key}: is required and missing"
+    allowed, given = context["expected_tags"], context["tag"]
+    near = _near(given, [_unquoted(each) for each in allowed.split(", ")])
+    return f"{key}: Input should be one of {allowed} (given {given!r}){near}"
+
+
+def _unquoted(text: str) -> str:
+    return text.strip("'")
+
+
+def _near(given: str, allowed: list[str]) -> str:
+    """Return a suggestion, if one of `allowed` is similar."""
+    near = difflib.get_close_matches(given, allowed, n=1, cutoff=0.5)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _hint(location: Location, schema: type[BaseModel]) -> str:
     """Return the keys allowed at `location`, and the most similar one."""
     model = _model_at(location[:-1], schema)
     if model is None:
         return ""
-    allowed = list(model.model_fields)
-    near = difflib.get_close_matches(str(location[-1]), allowed, n=1, cutoff=0.5)
-    suggestion = f"; did you mean {near[0]}?" if near else ""
-    return f"; allowed: {', '.join(sorted(allowed))}{suggestion}"
+    allowed = sorted(model.model_fields)
+    return f"; allowed: {', '.join(allowed)}{_near(str(location[-1]), allowed)}"
 
 
-def _is_secret(location: tuple[int | str, ...], schema: type[BaseModel]) -> bool:
+def _is_secret(location: Location, schema: type[BaseModel]) -> bool:
     """Return whether the value at `location` must not be logged."""
     model = _model_at(location[:-1], schema)
     field = model.model_fields.get(str(location[-1])) if model is not None and location else None
@@ -143,22 +183,38 @@ def _is_secret(location: tuple[int | str, ...], schema: type[BaseModel]) -> bool
     return SecretStr in (annotation, *getattr(annotation, "__args__", ()))
 
 
-def _model_at(location: tuple[int | str, ...], schema: type[BaseModel]) -> type[BaseModel] | None:
-    model: type[BaseModel] = schema
+def _model_at(location: Location, schema: type[BaseModel]) -> type[BaseModel] | None:
+    models = _walk(location, schema)[1]
+    return models[0] if models else None
+
+
+def _walk(location: Location, schema: type[BaseModel]) -> tuple[list[str], list[type[BaseModel]]]:
+    """Return the parts of `location` that are in the file, and the models that may be there.
+
+    pydantic adds the names of a union's types, or the value that chose one of them.
+    """
+    keys: list[str] = []
+    models = [schema]
     for part in location:
-        if part in model.model_fields:
-            inner = _model_in(model.model_fields[str(part)].annotation)
-            if inner is None:
-                return None
-            model = inner
-    return model
+        chosen = [model for model in models if _is_tag(part, model)]
+        if "[" in str(part):
+            continue
+        if len(models) > 1 and chosen:
+            models = chosen
+            continue
+        keys.append(str(part))
+        for model in models:
+            if part in model.model_fields:
+                models = _models_in(model.model_fields[str(part)].annotation)
+                break
+    return keys, models
 
 
-def _model_in(annotation: object) -> type[BaseModel] | None:
+def _is_tag(part: int | str, model: type[BaseModel]) -> bool:
+    return any(part in get_args(field.annotation) for field in model.model_fields.values())
+
+
+def _models_in(annotation: object) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for argument in getattr(annotation, "__args__", ()):
-        found = _model_in(argument)
-        if found is not None:
-            return found
-    return None
+        return [annotation]
+    return [model for argument in get_args(annotation) for model in _models_in(argument)]

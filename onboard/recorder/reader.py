@@ -3,6 +3,7 @@
 import json
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,19 +87,23 @@ class RecordedDrive:
 
         Raises:
             RecordingError: there is no segment, they are of several drives, or of an unsupported
-                format.
+                format. The message names the drives that are there.
         """
+        paths = list(paths)
         files = [file for path in paths for file in _segments_in(path)]
         headers = sorted(((*_header_of(file), file) for file in files), key=lambda each: each[0])
         if not headers:
-            raise RecordingError("no recording found: segments are named <drive>-<number>.mcap")
+            below = sorted({file.parent for path in paths for file in path.glob("*/*.mcap")})
+            there = f"; there are some in {', '.join(map(str, below))}" if below else ""
+            raise RecordingError(
+                f"no recording found: segments are named <drive>-<number>.mcap{there}"
+            )
         self.header: RecordingHeader = headers[0][1]
         self.files = [file for _, _, file in headers]
-        drives = sorted({header.drive for _, header, _ in headers})
-        if len(drives) > 1:
-            raise RecordingError(
-                f"segments of several drives; give those of one: {', '.join(drives)}"
-            )
+        drives = Counter(file.with_name(f"{header.drive}-*.mcap") for _, header, file in headers)
+        if len({header.drive for _, header, _ in headers}) > 1:
+            found = ", ".join(f"{drive} ({drives[drive]})" for drive in sorted(drives))
+            raise RecordingError(f"segments of several drives; give those of one: {found}")
         numbers = [number for number, _, _ in headers]
         self.begins_late = numbers[0] > 0
         """Whether segments before the first one are missing."""

@@ -141,6 +141,11 @@ def write_authority(folder: Path, authority: Authority) -> None:
     _write_credential(folder, "own", authority.credential)
 
 
+def is_authority(folder: Path) -> bool:
+    """Whether the folder is that of an authority: it has a certificate of its own."""
+    return (folder / "own.cert").exists()
+
+
 def read_authority(folder: Path) -> Authority:
     """Read what `write_authority` wrote.
 

@@ -16,6 +16,10 @@ def _with_k3(distortion: object) -> object:
     return (*distortion, 0.0) if len(distortion) == 4 else tuple(distortion)
 
 
+_WIDEST_LENS = 0.25
+"""Shortest focal length as a share of the image's side: 127 degrees, beyond a pinhole camera."""
+
+
 class Calibration(Settings):
     """Lens and mounting of the camera, as `onboard calibrate` writes them.
 
@@ -57,6 +61,19 @@ class Calibration(Settings):
                 raise ValueError(
                     f"{name} is {value:g}, but must be in the middle 30 % of the image, "
                     f"whose {side} is {side_px}"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _focal_length_is_in_pixels(self) -> Self:
+        for name, value, side, side_px in (
+            ("focal_x_px", self.focal_x_px, "width_px", self.width_px),
+            ("focal_y_px", self.focal_y_px, "height_px", self.height_px),
+        ):
+            if value < _WIDEST_LENS * side_px:
+                raise ValueError(
+                    f"{name} is {value:g}, but must be at least {_WIDEST_LENS:g} of {side}, which "
+                    f"is {side_px}: it is in pixels, not in mm"
                 )
         return self
 

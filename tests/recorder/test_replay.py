@@ -206,8 +206,12 @@ def test_segments_of_two_drives_are_refused(drive: Path, tmp_path: Path) -> None
     metadata.metadata["head"] = metadata.metadata["head"].replace('"drive":"2025', '"drive":"2026')
     other = write_copy(records, tmp_path / "other.mcap")
 
-    with pytest.raises(RecordingError, match="several drives"):
+    with pytest.raises(RecordingError, match="several drives") as error:
         RecordedDrive([drive, other])
+
+    assert f"{tmp_path}/2026" in str(error.value)
+    assert str(error.value).endswith("-*.mcap (1)")
+    assert f"-*.mcap ({len(list(drive.glob('*.mcap')))})" in str(error.value)
 
 
 # ---- privacy -------------------------------------------------------------------------------
@@ -343,6 +347,11 @@ def test_an_empty_folder_is_an_error_of_one_line(tmp_path: Path) -> None:
     assert result.returncode == 2
     assert result.stderr.count("\n") == 1
     assert "no recording found" in result.stderr
+
+
+def test_a_folder_of_folders_names_those_with_recordings(drive: Path) -> None:
+    with pytest.raises(RecordingError, match=f"there are some in {drive}"):
+        RecordedDrive([drive.parent])
 
 
 def test_the_dbc_file_of_a_recording_is_read_from_its_header() -> None:

@@ -153,6 +153,15 @@ def test_show_lists_every_certificate_and_no_key(folder):
     assert "PRIVATE" not in result.output
 
 
+@pytest.mark.parametrize(("name", "certificates"), [("root", 1), ("issuing", 2)])
+def test_show_lists_the_certificates_of_an_authority(folder, name, certificates):
+    result = _run("show", folder / name)
+    assert result.exit_code == 0
+    assert len(result.output.splitlines()) == certificates
+    assert "prototype root, valid" in result.output
+    assert "PRIVATE" not in result.output
+
+
 def test_what_was_written_is_read_back(tmp_path):
     key_files.write_credentials(tmp_path / "alice", ALICE)
     read = key_files.read_credentials(tmp_path / "alice")
@@ -267,7 +276,9 @@ def test_a_name_that_is_too_long_or_empty_is_a_usage_error(tmp_path, name):
 def test_the_printed_validity_is_that_of_the_whole_chain(folder):
     issuing = _run("issuing", folder / "short", "--root", folder / "root", "--days", 2).output
     car = _run("car", folder / "long", "--issuing", folder / "short", "--days", 9, "--count", 1)
-    assert car.output.split(" to ")[1] == issuing.split(" to ")[1]
+    assert car.stdout.split(" to ")[1] == issuing.split(" to ")[1]
+    assert "not valid for 9 days: an authority of" in car.stderr
+    assert _run("car", folder / "c", "--issuing", folder / "short", "--days", 1).stderr == ""
 
 
 def test_credentials_that_lack_a_service_of_the_car_are_an_error(folder):

@@ -21,7 +21,7 @@ def test_the_version_is_that_of_the_package() -> None:
 
 def test_check_lists_the_sections_of_a_valid_configuration(tmp_path: Path) -> None:
     config = tmp_path / "car.yaml"
-    config.write_text("car: {plate: ABC1234}\ngnss: {}\ncan:\nhmi: {port: 8460}\n")
+    config.write_text("car: {plate: ABC1234}\ngnss: {}\nhmi: {port: 8460}\n")
 
     result = onboard("check", str(config))
 
@@ -36,7 +36,13 @@ def test_check_lists_the_sections_of_a_valid_configuration(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("car: {plate: abc 1}", "car.plate: String should match pattern"),
+        ("car: {plate: abc 1}", "upper case letters and digits, without separators, as ABC1 (giv"),
+        ("car: {plate: A1}\ncan:", "line 2, column 1: can is empty: give it a value"),
+        ("car: {plate: A1}\nradio: {endpoint: rsu41}", "yaml: radio.listen_port: is required"),
+        (
+            "car: {plate: A1}\ncamera: {source: '0', focal_x_px: 18}",
+            "focal_x_px is 18, but must be at least 0.25 of width_px, which is 1280",
+        ),
         ("car: {plate: A1}\nobd: {poling_hz: 3}", "did you mean polling_hz?"),
         ("car: {plate: A1}\nlcca: {join_headway_s: -1}", "lcca.join_headway_s: Input should be gr"),
         (

@@ -2,6 +2,7 @@
 
 from enum import StrEnum
 from pathlib import Path
+from typing import Annotated, Literal
 
 import pytest
 from pydantic import Field, SecretStr
@@ -19,7 +20,19 @@ class Wheel(Settings):
     colour: Colour = Colour.RED
 
 
+class Ox(Settings):
+    pulls: Literal["ox"]
+    horns: int = 2
+
+
+class Horse(Settings):
+    pulls: Literal["horse"]
+    saddle: Colour = Colour.RED
+    bridle: SecretStr | None = Field(None, min_length=6)
+
+
 class Cart(Settings):
+    animal: Annotated[Ox | Horse, Field(discriminator="pulls")] | None = None
     seed: int = 0
     name: str = ""
     key: SecretStr = Field(default=SecretStr("enough"), min_length=6)
@@ -57,7 +70,7 @@ def test_an_empty_file_gives_the_defaults(yaml_file: Path) -> None:
     [
         (
             "sead: 3",
-            "sead: unknown key (given 3); allowed: key, name, seed, wheels; did you mean seed?",
+            "sead: unknown key (given 3); allowed: animal, key, name, seed, wheels; did you mean",
         ),
         ("seed: three", "seed: Input should be a valid integer (given 'three')"),
         ("seed: 1.5", "seed: Input should be a valid integer"),
@@ -75,7 +88,10 @@ def test_an_empty_file_gives_the_defaults(yaml_file: Path) -> None:
             "wheels: [{radius_m: 1, colour: pink}]",
             "wheels.0.colour: Input should be 'red' or 'blue' (given 'pink')",
         ),
-        ("wheels: [{radius_m: 1}, {}, 3]", "wheels.2: Input should be an object (given 3)"),
+        (
+            "wheels: [{radius_m: 1}, {}, 3]",
+            "wheels.2: needs a line `key: value` for each of its settings (given 3)",
+        ),
         ("seed: {a: 1, b: 2}", "seed: Input should be a valid integer (given a, b)"),
         ("key: hush", "key: needs at least 6 characters"),
         ("key: 987654", "key: is a text, write it in quotes"),
@@ -85,6 +101,21 @@ def test_an_empty_file_gives_the_defaults(yaml_file: Path) -> None:
         ("name: [a]", "name: Input should be a valid string (given ['a'])"),
         ("seed: 1\nseed: 2", "line 1, column 1: key 'seed' is repeated"),
         ("seed: [", "not YAML"),
+        ("seed: 1\nname: 'a\nwheels: []", "line 2, column 7: this quote is not closed"),
+        ("seed: 1\nname a\nwheels: []", "line 2, column 1: a key needs a colon and a space after"),
+        ("seed:\nname: a", "line 1, column 1: seed is empty: give it a value ({} for a section"),
+        (
+            "animal: {pulls: hors}",
+            "animal.pulls: Input should be one of 'ox', 'horse' (given 'hors'",
+        ),
+        ("animal: {pulls: hors}", "; did you mean horse?"),
+        ("animal: {}", "animal.pulls: is required and missing"),
+        ("animal: {pulls: horse, saddle: pink}", "animal.saddle: Input should be 'red' or 'blue'"),
+        (
+            "animal: {pulls: horse, sadle: red}",
+            "animal.sadle: unknown key (given 'red'); allowed: br",
+        ),
+        ("animal: {pulls: horse, bridle: hush}", "animal.bridle: needs at least 6 characters"),
         ("wheels:\n\t- 1", "line 2, column 1: found character '\\t' that cannot start any token"),
         ("seed: 2026-02-31", "not YAML: day is out of range for month"),
         ("2026-02-03: 1", "keys must be str, int, float, bool or None, not date"),
@@ -93,7 +124,7 @@ def test_an_empty_file_gives_the_defaults(yaml_file: Path) -> None:
         ("seed: " + "9" * 5000, "not YAML: Exceeds the limit"),
         (
             "just a sentence",
-            "(the whole file): Input should be an object (given 'just a sentence')",
+            "(the whole file): needs a line `key: value` for each of its settings (given 'just a",
         ),
     ],
 )
@@ -106,6 +137,12 @@ def test_an_error_names_file_and_field_and_no_secret(
     assert message.startswith(str(yaml_file))
     assert "hush" not in message
     assert "987654" not in message
+
+
+def test_a_null_that_is_written_out_is_a_value(yaml_file: Path) -> None:
+    yaml_file.write_text("animal: null\nname: ''\n")
+
+    assert load_settings(yaml_file, Cart) == Cart()
 
 
 def test_every_mistake_has_a_line(yaml_file: Path) -> None:

@@ -1,6 +1,7 @@
 """`onboard see`: rows, images and scores of a recording."""
 
 import csv
+import re
 import textwrap
 from dataclasses import replace
 from pathlib import Path
@@ -111,6 +112,20 @@ def test_images_without_a_rate_are_independent(drive: Path, tmp_path: Path) -> N
         rows = list(csv.DictReader(file))
     assert [row["frame"] for row in rows] == [str(index) for index in range(10)]
     assert {row["is_lead"] for row in rows} == {"0"}
+
+
+def test_of_independent_images_each_plate_is_printed(drive: Path, tmp_path: Path) -> None:
+    empty = tmp_path / "empty.png"
+    cv2.imwrite(str(empty), np.tile(np.arange(640, dtype=np.uint8)[:, None] // 3, (360, 1, 3)))
+
+    plate = run(drive / "pictures" / "f0.png", *options(drive)).splitlines()
+    none = run(empty, *options(drive)).splitlines()
+    printed = run(drive / "pictures" / "f0.png", *options(drive), "--csv", "-")
+
+    assert re.match(r"f0\.png: TAG1 \([01]\.\d\d\), \d+ px wide at \d+, \d+$", plate[0])
+    assert plate[1].startswith("frames: 1, plates: 1")
+    assert none[0] == "empty.png: no plate found"
+    assert "px wide" not in printed
 
 
 def test_scores_are_printed_against_ground_truth(drive: Path) -> None:

@@ -73,6 +73,16 @@ class AnnotatedFrame:
         if lead.gap_m is not None or not self.plates:
             yield self._row(lead.box, ("", "", int(lead.gap_m is not None)), lead)
 
+    def sentences(self) -> Iterator[str]:
+        """A line for each plate, for the terminal."""
+        for plate in self.plates:
+            box = plate.box
+            what = "not read" if plate.text is None else f"{plate.text} ({plate.confidence:.2f})"
+            place = f"{box.w_px:.0f} px wide at {box.x_px:.0f}, {box.y_px:.0f}"
+            yield f"{self.frame.name}: {what}, {place}"
+        if not self.plates:
+            yield f"{self.frame.name}: no plate found"
+
     def _row(
         self, box: ImageBox | None, what: tuple[str, str, int], of_lead: Lead | None
     ) -> tuple[str | int, ...]:

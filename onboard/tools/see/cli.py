@@ -69,7 +69,10 @@ def see(
         Path | None, typer.Option(help="A CSV of the true plates, to score against.")
     ] = None,
 ) -> None:
-    """Find, read and track plates in a video or in images. Searches all of every frame."""
+    """Find, read and track plates in a video or in images. Searches all of every frame.
+
+    Of independent images, each plate is printed with its confidence, width and place.
+    """
     settings = load_settings(vision, VisionSettings) if vision is not None else VisionSettings()
     calibration = load_settings(camera, Calibration) if camera is not None else None
     given = {"source": recording, "fps": fps}
@@ -84,6 +87,9 @@ def see(
     tally = PlateTally()
     with contextlib.ExitStack() as files:
         uses: list[Use] = [tally.add]
+        sentences: list[str] = []
+        if alone and csv_file != STANDARD_OUTPUT:
+            uses.append(lambda frame: sentences.extend(frame.sentences()))
         if scores is not None:
             uses.append(scores.add)
         if csv_file is not None:
@@ -98,6 +104,8 @@ def see(
                 use(frame)
     # A printed CSV is for another program.
     report = partial(typer.echo, err=csv_file == STANDARD_OUTPUT)
+    for sentence in sentences:
+        report(sentence)
     _print_summary(recording, source, tally, report)
     if scores is not None:
         if not scores.frames:

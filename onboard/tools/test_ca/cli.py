@@ -99,6 +99,15 @@ def car(
     )
     key_files.write_credentials(folder, made)
     _print_pseudonyms(folder, made)
+    last_utc_s = min(
+        own.valid_until_utc_s for own in key_files.trusted(made, [folder] * len(made.pseudonyms))
+    )
+    if made.pseudonyms[0].certificate.subject.valid_until_utc_s > last_utc_s:
+        typer.echo(
+            f"{folder}: not valid for {days:g} days: an authority of {issuing} ends"
+            f" {_utc(last_utc_s)}",
+            err=True,
+        )
 
 
 @keys.command()
@@ -135,8 +144,15 @@ def revoke(
 
 
 @keys.command()
-def show(folder: Annotated[Path, typer.Argument(help="The folder of a vehicle.")]) -> None:
-    """Check the folder of a vehicle and list its certificates."""
+def show(
+    folder: Annotated[Path, typer.Argument(help="The folder of a vehicle or an authority.")],
+) -> None:
+    """Check the folder of a vehicle or of an authority and list its certificates."""
+    if key_files.is_authority(folder):
+        authority = key_files.read_authority(folder)
+        for certificate in authority.roots + authority.authorities:
+            _print(folder, certificate)
+        return
     credentials = key_files.read_credentials(folder)
     for certificate in credentials.roots + credentials.authorities:
         _print(folder, certificate)
@@ -182,12 +198,11 @@ def _print(
     until_utc_s: float | None = None,
 ) -> None:
     subject = certificate.subject
-    since, until = (
-        datetime.fromtimestamp(utc_s, UTC).isoformat(timespec="seconds")
-        for utc_s in (
-            since_utc_s or subject.valid_from_utc_s,
-            until_utc_s or subject.valid_until_utc_s,
-        )
-    )
+    since = _utc(since_utc_s or subject.valid_from_utc_s)
+    until = _utc(until_utc_s or subject.valid_until_utc_s)
     name = subject.name or "pseudonym"
     typer.echo(f"{folder}: {certificate.hashed_id8.hex()} {name}, valid {since} to {until}")
+
+
+def _utc(utc_s: float) -> str:
+    return datetime.fromtimestamp(utc_s, UTC).isoformat(timespec="seconds")
