@@ -18,7 +18,7 @@ import typer
 from onboard.errors import UserError
 from onboard.tools.version import VersionOption
 from sim_rig.scenario.catalogue import scenario_titles
-from sim_rig.studies.catalogue import check_study, run_study, study_names
+from sim_rig.studies.catalogue import check_study, run_study, study_names, study_settings
 
 app = typer.Typer(
     help="Test rig for `onboard`: simulates the car's sensors, the radio and the other cars.",
@@ -69,15 +69,18 @@ def run(
     raise typer.Exit(0 if passed else 1)
 
 
-@app.command(context_settings={"ignore_unknown_options": True})
+@app.command(context_settings={"ignore_unknown_options": True, "help_option_names": []})
 def study(
+    context: typer.Context,
     names: Annotated[
         list[str],
         typer.Argument(
             metavar="NAME... [--SETTING VALUE]...",
-            help=f"One or more of: {', '.join(study_names())}. Then settings of theirs: --cars 40.",
+            help=f"One or more of: {', '.join(study_names())}. Then settings of theirs: --cars 40;"
+            " NAME --help lists them.",
         ),
     ],
+    *,
     out: Annotated[Path, typer.Option(help="Folder for tables and figures.")] = Path("out/studies"),
     settings: Annotated[
         Path | None, typer.Option(help="YAML file of settings, for studies of many runs.")
@@ -90,6 +93,9 @@ def study(
     ] = None,
 ) -> None:
     """Reproduce tables and figures of the papers from simulated drives."""
+    if "--help" in names:
+        typer.echo(_help_of(names, context))
+        return
     from sim_rig.studies.campaign import Workers  # noqa: PLC0415 (see above)
 
     named = list(takewhile(lambda word: not word.startswith("-"), names))
@@ -140,6 +146,13 @@ _OF_THE_DISK = (
     errno.EACCES, errno.EDQUOT, errno.EEXIST, errno.EFBIG, errno.EIO, errno.EISDIR,
     errno.ENAMETOOLONG, errno.ENOENT, errno.ENOSPC, errno.ENOTDIR, errno.EPERM, errno.EROFS,
 )  # fmt: skip
+
+
+def _help_of(names: list[str], context: typer.Context) -> str:
+    """Describe the settings of the studies named before --help, or else the command."""
+    named = list(takewhile(lambda word: not word.startswith("-"), names))
+    settings = [study_settings(name) for name in named]
+    return "\n".join(settings) or context.get_help()
 
 
 def _settings_given(words: list[str]) -> dict[str, object]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from onboard.errors import UserError
 
 if TYPE_CHECKING:
+    from onboard.settings import Settings
     from sim_rig.studies.campaign import Workers
 
 Study = Callable[[Path], str]
@@ -85,6 +86,34 @@ def run_study(
         chosen = parse_settings(tree | dict(given), schema_of, name)
     summary: str = getattr(study_module, function)(out_dir, chosen, workers)
     return summary
+
+
+def settings_schema(name: str) -> "type[Settings] | None":
+    """Import the settings of a study; `None` if it takes none.
+
+    Raises:
+        UserError: no study has this name.
+    """
+    check_study(name)
+    if name in _SINGLE:
+        return None
+    module, _, schema = _CAMPAIGNS[name].split(":")
+    found: type[Settings] = getattr(import_module(f"sim_rig.studies.{module}"), schema)
+    return found
+
+
+def study_settings(name: str) -> str:
+    """Describe the settings of a study, with their defaults, as a YAML file.
+
+    Raises:
+        UserError: no study has this name.
+    """
+    from sim_rig.studies.settings_help import settings_as_yaml  # noqa: PLC0415 (see above)
+
+    schema = settings_schema(name)
+    if schema is None:
+        return f"# {name} takes no settings"
+    return f"# Settings of {name}, for --settings FILE\n{settings_as_yaml(schema)}"
 
 
 def check_study(name: str) -> None:

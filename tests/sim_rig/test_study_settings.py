@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from onboard.errors import UserError
+from onboard.settings import parse_settings, parse_yaml
 from sim_rig.studies.campaign import Workers
-from sim_rig.studies.catalogue import run_study
+from sim_rig.studies.catalogue import run_study, settings_schema, study_names, study_settings
 from sim_rig.studies.faults import FaultsSettings
 from sim_rig.studies.mvs_collisions import CollisionSettings, cases
 from sim_rig.studies.mvs_encounter import Method
@@ -48,6 +49,29 @@ def test_invalid_settings_are_an_error(
 
     assert message in str(error.value)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("study", study_names())
+def test_the_help_of_a_study_is_a_file_of_its_default_settings(study: str) -> None:
+    text, schema = study_settings(study), settings_schema(study)
+
+    if schema is None:
+        assert text == f"# {study} takes no settings"
+    else:
+        required = {"files": ["trace.csv"]} if "files" in schema.model_fields else {}
+        tree = parse_yaml(text, study)
+        assert isinstance(tree, dict)
+        assert parse_settings(tree | required, schema, study) == parse_settings(
+            required, schema, study
+        )
+
+
+def test_the_help_of_a_study_says_what_a_setting_means_and_allows() -> None:
+    lines = study_settings("mvs-figure9").splitlines()
+
+    assert lines[lines.index("runs: 500") - 1] == "# Events of each kind."
+    assert "# Of: none, dsrc, own, mo, rs, mvs" in lines
+    assert "  near_m: 80.0" in lines
 
 
 def test_a_case_that_settings_name_twice_is_run_once() -> None:

@@ -1,0 +1,81 @@
+"""The settings of a study as a YAML file with comments, for `sim-rig study NAME --help`.
+
+It holds the defaults, so it is also a template for `--settings`.
+"""
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterator
+from enum import Enum
+from typing import Any, Literal, get_args, get_origin
+
+import yaml
+from pydantic import BaseModel, TypeAdapter
+
+_COLUMNS = 96
+
+
+def settings_as_yaml(schema: type[BaseModel]) -> str:
+    """Return all settings of `schema` with defaults and meaning; names end in their units."""
+    return "\n".join(_lines(schema, "", None))
+
+
+def _lines(schema: type[BaseModel], indent: str, given: BaseModel | None) -> Iterator[str]:
+    """Yield the lines of one section, whose values are those of `given`, or else the defaults."""
+    meanings = _meanings(schema)
+    for name, field in schema.model_fields.items():
+        allowed = ", ".join(map(str, _choices(field.annotation)))
+        for text in (meanings.get(name), allowed and f"Of: {allowed}"):
+            yield from _comment(text or "", indent)
+        value = (
+            field.get_default(call_default_factory=True) if given is None else getattr(given, name)
+        )
+        if given is None and field.is_required():
+            yield f"{indent}# {name}: is required"
+        elif isinstance(value, BaseModel):
+            yield f"{indent}{name}:"
+            yield from _lines(type(value), indent + "  ", value)
+        else:
+            yield f"{indent}{name}: {_flow(value)}"
+
+
+def _flow(value: object) -> str:
+    tree = TypeAdapter(type(value)).dump_python(value, mode="json")
+    return yaml.safe_dump(tree, default_flow_style=True, width=1000).removesuffix("...\n").strip()
+
+
+def _comment(text: str, indent: str) -> list[str]:
+    start = f"{indent}# "
+    return textwrap.wrap(
+        " ".join(text.split()), _COLUMNS, initial_indent=start, subsequent_indent=start
+    )
+
+
+def _choices(annotation: Any) -> list[object]:
+    """Return the values that an annotation allows, if it lists them."""
+    if get_origin(annotation) is Literal:
+        return list(get_args(annotation))
+    if isinstance(annotation, type) and issubclass(annotation, Enum):
+        return [each.value for each in annotation]
+    return [choice for part in get_args(annotation) for choice in _choices(part)]
+
+
+def _meanings(schema: type[BaseModel]) -> dict[str, str]:
+    """Return the text below each field, in the sources of the class and of its bases."""
+    meanings: dict[str, str] = {}
+    for each in reversed(schema.__mro__):
+        if not issubclass(each, BaseModel) or not each.__annotations__ or each is BaseModel:
+            continue
+        body = ast.parse(textwrap.dedent(inspect.getsource(each))).body[0]
+        assert isinstance(body, ast.ClassDef)  # noqa: S101 (it is the source of a class)
+        for statement, below in zip(body.body, body.body[1:], strict=False):
+            match statement, below:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(text))),
+                ):
+                    meanings[name] = text
+                case _:
+                    pass
+    return meanings
