@@ -32,7 +32,6 @@ from onboard.trace.trace_line import as_line
 app = typer.Typer(
     help="The in-car daemon that warns the driver, and its tools.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 

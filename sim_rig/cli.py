@@ -7,7 +7,7 @@ extra `rig` they work.
 import errno
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import takewhile
 from pathlib import Path
@@ -23,7 +23,6 @@ from sim_rig.studies.catalogue import check_study, run_study, study_names, study
 app = typer.Typer(
     help="Test rig for `onboard`: simulates the car's sensors, the radio and the other cars.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
@@ -42,7 +41,13 @@ def list_scenarios() -> None:
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="A name that `list` shows, or a YAML file.")],
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="A name that `list` shows, or a YAML file.",
+            autocompletion=lambda incomplete: _beginning(incomplete, scenario_titles()),
+        ),
+    ],
     *,
     virtual: Annotated[
         bool,
@@ -76,6 +81,7 @@ def study(
         list[str],
         typer.Argument(
             metavar="NAME... [--SETTING VALUE]...",
+            autocompletion=lambda incomplete: _beginning(incomplete, study_names()),
             help=f"One or more of: {', '.join(study_names())}. Then settings of theirs: --cars 40;"
             " NAME --help lists them.",
         ),
@@ -127,6 +133,11 @@ def show(
         summary = show_run(folder, number, out)
     typer.echo(summary)
     typer.echo(f"  in {out}")
+
+
+def _beginning(incomplete: str, names: Iterable[str]) -> list[str]:
+    """Return the names that the shell offers."""
+    return [name for name in names if name.startswith(incomplete)]
 
 
 @contextmanager

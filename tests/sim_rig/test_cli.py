@@ -1,6 +1,7 @@
 """The commands of the rig, as a user meets them."""
 
 import json
+import os
 import subprocess
 import sys
 from importlib.metadata import version
@@ -45,6 +46,28 @@ def test_the_module_runs_as_a_program() -> None:
     )
 
     assert [line.split()[0] for line in run.stdout.splitlines()] == scenario_names()
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("sim-rig run shared", ["shared-detection"]),
+        ("sim-rig study mvs-figure", ["mvs-figure3", "mvs-figure8", "mvs-figure9"]),
+    ],
+)
+def test_the_shell_completes_scenarios_and_studies(words: str, offered: list[str]) -> None:
+    asked = {"_SIM_RIG_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": "2"}
+    code = "import sys; sys.argv[0] = 'sim-rig'; from sim_rig.cli import main; main()"
+
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env=os.environ | asked,
+        check=False,
+    )
+
+    assert run.stdout.split() == offered
 
 
 def without(modules: tuple[str, ...], *arguments: str) -> subprocess.CompletedProcess[str]:
