@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -349,9 +350,10 @@ def test_an_empty_folder_is_an_error_of_one_line(tmp_path: Path) -> None:
     assert "no recording found" in result.stderr
 
 
-def test_a_folder_of_folders_names_those_with_recordings(drive: Path) -> None:
-    with pytest.raises(RecordingError, match=f"there are some in {drive}"):
-        RecordedDrive([drive.parent])
+def test_a_folder_of_folders_names_those_with_recordings(drive: Path, tmp_path: Path) -> None:
+    shutil.copytree(drive, tmp_path / "car1")
+    with pytest.raises(RecordingError, match=f"there are some in {tmp_path / 'car1'}"):
+        RecordedDrive([tmp_path])
 
 
 def test_the_dbc_file_of_a_recording_is_read_from_its_header() -> None:

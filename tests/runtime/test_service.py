@@ -98,7 +98,7 @@ def test_a_valid_configuration_takes_effect_and_an_invalid_one_is_refused(
     _, log = daemon.communicate(timeout=20)
     assert daemon.returncode == 0
     refused = [line for line in log.splitlines() if line.startswith("<3>")]
-    reasons = ("car.plate: String should match", "/nonexistent", "nosuchcan9 cannot be opened")
+    reasons = ("car.plate: is written in", "/nonexistent", "nosuchcan9 cannot be opened")
     for line, reason in zip(refused, reasons, strict=True):
         assert reason in line
 

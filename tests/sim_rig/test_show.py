@@ -164,7 +164,7 @@ def test_a_folder_without_a_study_is_a_user_error(tmp_path: Path) -> None:
         ("[1]", "something else"),
         ("a: [", "not YAML"),
         ("run: sim_rig.studies.radio.run_one", "runs of sim_rig.studies.radio.run_one cannot"),
-        ("run: sim_rig.studies.mvs_collisions.run_one", "should be an object"),
+        ("run: sim_rig.studies.mvs_collisions.run_one", "needs a line `key: value`"),
     ],
 )
 def test_a_folder_that_holds_no_collision_campaign_is_an_error(
