@@ -231,7 +231,8 @@ class MultiVehicleSensing(Core):
             return []
         now_ms = self._utc_ms(now)
         tracks, q = self.reported_tracks(), self._parameters.acceleration_density
-        objects = as_perceived_objects(now, ObjectSource.BSM, self._remote_vehicles, q)
+        sensed = {track.remote_vehicle_id for track in self._tracks if track.is_sensed}
+        objects = as_perceived_objects(now, ObjectSource.BSM, self._remote_vehicles, q, sensed)
         states, covariances = propagate([track.estimate for track in tracks], now_ms, q)
         for track, state, covariance in zip(
             tracks, states.T.tolist(), covariances.transpose(2, 0, 1).tolist(), strict=True
@@ -246,6 +247,7 @@ class MultiVehicleSensing(Core):
                     age_s=(now_ms - track.estimate.stamp_ms) / 1000,
                     provenance=track.estimate.provenance,
                     tracked_for_s=(now_ms - track.first_ms) / 1000,
+                    is_sensed=track.is_sensed,
                 )
             )
         return objects

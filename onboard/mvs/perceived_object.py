@@ -43,6 +43,8 @@ class PerceivedObject:
     """Along its course, by its BSM."""
     tracked_for_s: float = 0.0
     """Since the first measurement of a vehicle without radio."""
+    is_sensed: bool = False
+    """Whether own sensors measure it, beside its BSMs or what others share."""
 
 
 def remote_offsets_m(

@@ -1,7 +1,7 @@
 """Remote vehicles: the last BSM of each, and the rate of its footers."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -135,7 +135,11 @@ def as_state_arrays(
 
 
 def as_perceived_objects(
-    now: float, source: ObjectSource, vehicles: dict[bytes, RemoteVehicle], q: float
+    now: float,
+    source: ObjectSource,
+    vehicles: dict[bytes, RemoteVehicle],
+    q: float,
+    sensed: Collection[bytes | None] = (),
 ) -> list[PerceivedObject]:
     """Return vehicles with a radio, predicted to `now`.
 
@@ -144,6 +148,7 @@ def as_perceived_objects(
         source: of all of them.
         vehicles: by temporary ID.
         q: spectral density of the acceleration noise, m^2/s^3.
+        sensed: temporary IDs of those that own sensors measure too.
     """
     if not vehicles:
         return []
@@ -164,6 +169,7 @@ def as_perceived_objects(
             age_s=age_s,
             provenance=frozenset(),
             acceleration_m_s2=each.acceleration_m_s2,
+            is_sensed=temporary_id in sensed,
         )
         for (temporary_id, each), state, covariance, age_s in zip(
             vehicles.items(),

@@ -7,6 +7,7 @@ from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_safety import ExteriorLights, VehicleEventFlags
+from onboard.mvs.perceived_object import PerceivedObject
 
 DEFAULT_LENGTH_M, DEFAULT_WIDTH_M = 5.0, 1.75
 """Size of a vehicle that does not report it: a large car."""
@@ -101,15 +102,17 @@ class BsmDataStore:
         data = self._of.get(name)
         return [] if data is None else _path_history_m(data.last)
 
-    def is_on_another_level(self, name: str, distance_m: float) -> bool:
-        """Whether a vehicle is on a bridge over or under the host's road.
+    def is_on_another_level(self, other: PerceivedObject, distance_m: float) -> bool:
+        """Whether a vehicle is on a bridge over or under the host's road; not one that is sensed.
 
         Args:
-            name: of the vehicle.
+            other: the vehicle.
             distance_m: what both have to go until they would meet.
         """
-        data = self._of.get(name)
+        data = self._of.get(other.name)
         if data is None or data.elevation_m is None or self._own_elevation_m is None:
+            return False
+        if other.is_sensed:
             return False
         return abs(data.elevation_m - self._own_elevation_m) > LEVEL_M + SLOPE * distance_m
 

@@ -49,7 +49,7 @@ def assess_eebl(
         if flags is None or now - flags.braked_hard_s > FLAG_HOLD_S:
             continue
         place = path.place(own, car, partial(data.path_history_m, car.name))
-        if place is None or data.is_on_another_level(car.name, place.ahead_m):
+        if place is None or data.is_on_another_level(car, place.ahead_m):
             continue
         length_m, _ = data.size_m(car.name)
         gap_m = max(place.ahead_m - (own_length_m + length_m) / 2.0, 0.0)

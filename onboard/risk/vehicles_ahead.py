@@ -207,7 +207,7 @@ class ObjectsAhead:
             place = path.place(own, other, partial(data.path_history_m, other.name))
             if place is None or abs(place.left_m) > MAX_LATERAL_M:
                 continue
-            if data.is_on_another_level(other.name, place.ahead_m):
+            if data.is_on_another_level(other, place.ahead_m):
                 continue
             length_m, _ = data.size_m(other.name)
             gap_m = place.ahead_m - (self._own_length_m + length_m) / 2.0

@@ -19,8 +19,8 @@ from onboard.kinematics.arrays import Array, StateArrays
 from onboard.tracking.association import (
     OVERLAP_M,
     SPEED_SIGMA_M_S,
+    Comparison,
     UnassociatedEvidence,
-    compare,
 )
 from onboard.tracking.evidence import as_arrays
 from onboard.tracking.evidence_store import (
@@ -31,7 +31,7 @@ from onboard.tracking.evidence_store import (
     StoredEvidence,
 )
 from onboard.tracking.fusion import choose_and_fuse
-from onboard.tracking.gates import GATE_PROBABILITY, are_inside, with_speed_prior
+from onboard.tracking.gates import GATE_PROBABILITY, are_inside, distances, gates, with_speed_prior
 from onboard.tracking.track import Track
 from onboard.tracking.track_merging import (
     choose_reported,
@@ -55,6 +55,9 @@ _REMOTE_MATCH_PROBABILITY = 0.9
 wrongly matched with its neighbour is hidden, one that is missed is matched at the next update."""
 _BSM_OFFSET_SIGMA_M = 0.5
 """Offset between a BSM's position and the measured centre of the vehicle, beside noise."""
+_LARGEST_EXPLAINING_VARIANCE = 2 * 5.0**2
+"""In m^2, of both axes: a vehicle with a radio that is placed worse than to 5 m explains no track
+that own sensors measure."""
 _REMOTE_MATCH_HOLD_MS = 500
 """Time for which a track counts as a vehicle with a radio after the last match."""
 _BSM_PREDICTION_MS = 500
@@ -147,7 +150,8 @@ class Tracks:
 
         A track that only others report is matched only where the two overlap: its observer
         distinguished it from the vehicles with a radio beside it. A track that own sensors measure
-        is also matched within a gate, and the host vehicle in either case.
+        is also matched within a gate, and the host vehicle in either case. What others claim never
+        hides what own sensors measure: such a track is matched only while place and speed agree.
 
         Args:
             ids: temporary IDs of N vehicles, the host vehicle first.
@@ -164,13 +168,21 @@ class Tracks:
         silent = now_ms - states.stamps_ms > _BSM_PREDICTION_MS
         silent[:1] = False
         apart[silent] = np.inf
-        eligible = apart <= OVERLAP_M
-        eligible |= np.array([track.is_sensed for track in self._tracks], dtype=bool)
-        eligible[:1] = True
         q = self._parameters.acceleration_density
-        compared = compare(vehicles, tracked, _REMOTE_MATCH_PROBABILITY, q)
-        matched = compared.among(None, eligible).assign()
+        is_sensed = np.array([track.is_sensed for track in self._tracks], dtype=bool)
+        squared, log_det, _ = distances(vehicles[:, None], tracked, q)
+        variances = np.trace(vehicles.covariances[:2, :2])
+        agrees = squared <= gates(vehicles[:, None], GATE_PROBABILITY)
+        agrees &= (variances <= _LARGEST_EXPLAINING_VARIANCE)[:, None]
+        agrees |= ~is_sensed
+        agrees[:1] = True
+        apart[~agrees] = np.inf
+        eligible = (apart <= OVERLAP_M) | is_sensed
+        eligible[:1] = True
+        eligible &= agrees & (squared <= gates(vehicles[:, None], _REMOTE_MATCH_PROBABILITY))
+        matched = Comparison(eligible, squared + log_det).assign()
         vehicle_of = {track: row for row, track in matched.items()}
+        agreeing = {(ids[row], at) for row, at in np.argwhere(agrees).tolist()}
         for at, track in enumerate(self._tracks):
             row = vehicle_of.get(at)
             if row is None and len(ids) and apart[:, at].min() <= OVERLAP_M:
@@ -178,7 +190,10 @@ class Tracks:
             if row is not None:
                 track.remote_vehicle_id = ids[row]
                 track.remote_vehicle_until_ms = now_ms + _REMOTE_MATCH_HOLD_MS
-            elif now_ms > track.remote_vehicle_until_ms:
+            elif (
+                now_ms > track.remote_vehicle_until_ms
+                or (track.remote_vehicle_id, at) not in agreeing
+            ):
                 track.remote_vehicle_id = None
 
     def clear(self) -> None:
