@@ -58,6 +58,10 @@ Python's default is 5 ms.
 RADIO_TURN_S = 0.000_7
 """Time in which one step receives BSMs before the wires are polled again: three or four BSMs."""
 
+UNKNOWN_SIGNERS_SHARE = 0.25
+"""Share of time for frames of signers that were not verified before: some 1,500 a second. The rest
+is for all else, however many arrive."""
+
 RADIO_BACK_S = 4.0
 """Time without errors after which the radio counts as recovered.
 
@@ -115,7 +119,10 @@ class Daemon:
             ),
         )
         self._candidate_ids = CandidateIds(self._stack.digest, config.car.plate)
-        self._wsms = ReceiveQueue(config.lcca_psid, bsm_sender)
+        self._wsms = ReceiveQueue(config.lcca_psid, bsm_sender, self._stack.known_signer)
+        self._unknown_at = -math.inf
+        """When the next frames of unknown signers may be received."""
+        self._unknown_turn: asyncio.TimerHandle | None = None
         self._inbox: deque[_Item] = deque()
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -232,14 +239,15 @@ class Daemon:
             self._timer.cancel()
         at = outputs.timer_at
         self._timer = None if at == math.inf else self._loop.call_at(at, self._step)
-        if self._wsms and self._next_step is None:
+        if self._wsms.has_known and self._next_step is None:
             self._next_step = self._loop.call_soon(self._poll_wires_first)
+        self._plan_unknown()
         self._manager.feed(now)
 
     def _stop_stepping(self) -> None:
         """Cancel all planned steps, and ignore what the camera thread still puts out."""
         self._is_stopped = True
-        for handle in (self._timer, self._next_step, self._radio_back):
+        for handle in (self._timer, self._next_step, self._radio_back, self._unknown_turn):
             if handle is not None:
                 handle.cancel()
 
@@ -268,20 +276,33 @@ class Daemon:
         yield from self._received_wsms(now)
 
     def _received_wsms(self, now: float) -> Iterator[Input]:
-        """Yield all group messages; without any, other frames for `RADIO_TURN_S`.
+        """Yield all group messages of known signers; without any, other frames for `RADIO_TURN_S`.
 
         So what follows from a group message is sent and shown before further BSMs are verified.
+        Unknown signers have their own share of time.
         """
         dropped = self._wsms.take_dropped()
         if dropped:
             yield Discarded(now, "wsmp", "overload", f"{dropped} frames")
-        turn_ends_at = now if self._wsms.has_urgent else now + RADIO_TURN_S
+        turn_s = 0.0 if self._wsms.has_urgent else RADIO_TURN_S
         while True:
-            wsm = self._wsms.take(only_urgent=time.monotonic() >= turn_ends_at)
+            wsm = self._wsms.take(only_urgent=time.monotonic() >= now + turn_s)
             if wsm is None:
-                return
+                break
             yield ReceivedWsm(now, wsm)
             self._sinks.show_frame(wsm, OTHER_MAC)
+        yield from self._received_from_unknown(now, turn_s)
+
+    def _received_from_unknown(self, now: float, turn_s: float) -> Iterator[Input]:
+        """Yield frames of unknown signers for `turn_s`, at least one, if they are due."""
+        began_at = ended_at = time.monotonic()
+        if began_at < self._unknown_at:
+            return
+        while ended_at <= began_at + turn_s and (wsm := self._wsms.take_unknown()) is not None:
+            yield ReceivedWsm(now, wsm)
+            self._sinks.show_frame(wsm, OTHER_MAC)
+            ended_at = time.monotonic()
+        self._unknown_at = ended_at + (ended_at - began_at) * (1.0 / UNKNOWN_SIGNERS_SHARE - 1.0)
 
     def _reading(self, reader: GpsdReader | ObjectListReader) -> Callable[[bytes], None]:
         """Return a function that has bytes read by `reader` in the next step."""
@@ -294,6 +315,17 @@ class Daemon:
 
     def _on_wsm(self, wsm: bytes) -> None:
         self._wsms.put(wsm)
+        if self._wsms.has_known:
+            self._plan_step()
+        self._plan_unknown()
+
+    def _plan_unknown(self) -> None:
+        """Plan a step for the frames of unknown signers that wait, as soon as they may be taken."""
+        if self._wsms.has_unknown and self._unknown_turn is None and not self._is_stopped:
+            self._unknown_turn = self._loop.call_at(self._unknown_at, self._take_unknown_turn)
+
+    def _take_unknown_turn(self) -> None:
+        self._unknown_turn = None
         self._plan_step()
 
     def _on_bus_state(self, up: bool, why: str) -> None:

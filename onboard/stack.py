@@ -66,6 +66,7 @@ from onboard.step import BrakeButton, Input, Observation, ReceivedWsm, SentWsm, 
 from onboard.trace.trace_line import Event
 from onboard.units import STANDARD_GRAVITY_M_S2
 from onboard.wave_link import MessageReceived, MessageSent, WaveLink
+from onboard.wave_udp.wsmp import WaveShortMessage
 
 if TYPE_CHECKING:
     from onboard.obd.broadcast import BroadcastSignals
@@ -202,6 +203,10 @@ class Stack:
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """Host vehicle (`None` without a position) and perceived objects at the last assessment."""
         return self._surroundings
+
+    def known_signer(self, wsm: WaveShortMessage) -> bytes | None:
+        """See `WaveLink`."""
+        return self._link.known_signer(wsm)
 
     # ---- the step -------------------------------------------------------------------------
 

@@ -90,6 +90,16 @@ class WaveLink(Core):
             self._discarded.append(Discarded(now, "security", refusal.reason, refusal.detail))
         return None
 
+    def known_signer(self, wsm: WaveShortMessage) -> bytes | None:
+        """Return who claims to have signed `wsm`, unverified, if it was verified before.
+
+        Without keys nobody is, and all are known under one name.
+        """
+        if not self._security.verifies:
+            return b""
+        signer_id = ieee1609dot2.signer_in(wsm.payload)
+        return signer_id if signer_id and self._security.has_verified(signer_id) else None
+
     def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
         """What the radio is to be given now, the most urgent first, as (user priority, WSM)."""
         return self._queue.wsms_to_send(now)

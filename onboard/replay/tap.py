@@ -18,6 +18,7 @@ from onboard.stack import Stack
 from onboard.step import Input, ReceivedWsm, SentWsm, StepOutputs
 from onboard.trace.trace_line import Event
 from onboard.wave_udp import wsmp
+from onboard.wave_udp.wsmp import WaveShortMessage
 
 POSITION_KINDS = frozenset({"position", "perceived_object"})
 """Kinds of events that hold a position."""
@@ -75,6 +76,10 @@ class Tap:
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """See `Stack`."""
         return self._stack.surroundings
+
+    def known_signer(self, wsm: WaveShortMessage) -> bytes | None:
+        """See `Stack`."""
+        return self._stack.known_signer(wsm)
 
     def get_timer(self) -> float:
         """See `Stack`."""

@@ -4,6 +4,7 @@ A received message is used only after `SecurityServices.open` has returned it. T
 come first, the signature last.
 """
 
+from collections import OrderedDict
 from dataclasses import dataclass
 
 from onboard.psid import BSM
@@ -27,6 +28,8 @@ CERTIFICATE_INTERVAL_S = 0.45
 """Longest time between BSMs that carry the certificate instead of its digest: vCertAttachInterval
 of SAE J2945/1. Group messages always carry it: a warning cannot wait for the next certificate."""
 
+_MAX_VERIFIED_SIGNERS = 1024
+"""More vehicles than are in radio range on any road."""
 _MAX_REPLAY_DIGESTS = 32_768
 """Size of the replay window: 5 s of 6,000 messages a second."""
 
@@ -66,6 +69,7 @@ class SecurityServices:
         self._certificate_due_at = float("-inf")
         self._last_generation = 0
         self._replays = ReplayWindow(round(MESSAGE_LIFETIME_S * 1e6), capacity=_MAX_REPLAY_DIGESTS)
+        self._verified_signers: OrderedDict[bytes, None] = OrderedDict()
         self._own_ids: frozenset[bytes] = frozenset()
         self._credential: Credential | None = None
         self._trust: TrustStore | None = None
@@ -78,6 +82,15 @@ class SecurityServices:
         """Use `credential` from now on; the next message carries its certificate."""
         self._credential = credential
         self._certificate_due_at = float("-inf")
+
+    @property
+    def verifies(self) -> bool:
+        """Whether there are credentials, so that unsigned messages are refused."""
+        return self._trust is not None
+
+    def has_verified(self, signer_id: bytes) -> bool:
+        """Whether a signature by this HashedId8 was valid, among the signers heard last."""
+        return signer_id in self._verified_signers
 
     # ---- out ------------------------------------------------------------------------------
 
@@ -174,6 +187,10 @@ class SecurityServices:
             trust.keep(signer)
             self._check_revocation(signer, trust)
         self._replays.add(digest, generation, to_time64(utc_s))
+        self._verified_signers[signer.certificate.hashed_id8] = None
+        self._verified_signers.move_to_end(signer.certificate.hashed_id8)
+        if len(self._verified_signers) > _MAX_VERIFIED_SIGNERS:
+            self._verified_signers.popitem(last=False)
         return Opened(message.payload, signer.certificate.hashed_id8, from_time64(generation))
 
     def _check_time(self, message: SignedData, utc_s: float) -> int:

@@ -46,6 +46,8 @@ class DrainedSocket:
         wire: socket.socket,
         on_datagram: Callable[[bytes], None],
         on_error: Callable[[str], None],
+        *,
+        from_host: str | None = None,
     ) -> None:
         """Take ownership of a socket.
 
@@ -53,7 +55,9 @@ class DrainedSocket:
             wire: a bound datagram socket.
             on_datagram: called with each datagram.
             on_error: called with the reason when the radio cannot be reached.
+            from_host: address of the only host whose datagrams are taken, if there is one.
         """
+        self._from_host = from_host
         self.wire = wire
         self._on_datagram = on_datagram
         self._on_error = on_error
@@ -90,16 +94,17 @@ class DrainedSocket:
         self.wire.close()
 
     def _drain(self) -> None:
-        receive, on_datagram = self.wire.recv, self._on_datagram
+        receive, on_datagram = self.wire.recvfrom, self._on_datagram
         for _ in range(MAX_DATAGRAMS_PER_READ):
             try:
-                datagram = receive(MAX_DATAGRAM_BYTES)
+                datagram, sender = receive(MAX_DATAGRAM_BYTES)
             except BlockingIOError:
                 return
             except OSError as error:  # about an earlier datagram: no unit, or no interface
                 self._report(error)
                 continue
-            on_datagram(datagram)
+            if self._from_host in (None, sender[0]):
+                on_datagram(datagram)
             if self._loop is None:  # closed by the callback
                 return
 

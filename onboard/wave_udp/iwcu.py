@@ -38,7 +38,7 @@ class IwcuEndpoint:
         """
         self._unit = str(settings.unit_host), settings.unit_port
         wire = udp_socket(str(settings.listen_host), settings.listen_port)
-        self._socket = DrainedSocket(wire, on_wsm, on_error)
+        self._socket = DrainedSocket(wire, on_wsm, on_error, from_host=self._unit[0])
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Start to receive on `loop`."""

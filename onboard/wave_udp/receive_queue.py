@@ -1,9 +1,10 @@
 """Received frames that wait for the cores, without I/O.
 
-More messages can arrive than one processor verifies. Frames of the warning group then come first
-and are never dropped for others. Of each other sender, only the newest BSM waits once many do, and
-the senders take turns: under overload, every sender is processed less often, and always with its
-newest message.
+More messages can arrive than one processor verifies, and anybody can send. Frames that name a
+signer whose messages were verified before come first: those of the warning group at once, each
+signer in turn, then the newest BSM of each sender. All others wait in one short queue, for which
+the caller has a budget of time. Under overload, every known sender is so processed with its newest
+messages, whoever else floods the channel.
 """
 
 from collections import OrderedDict, deque
@@ -20,57 +21,101 @@ KEEP_ALL_BELOW = 64
 """While fewer frames wait, all are kept, several of one sender too: 64 take under 0.05 s."""
 MAX_URGENT = 4096
 """Urgent frames waiting, more than a trial has cars: a bound on memory under attack."""
+MAX_URGENT_OF_SIGNER = 16
+"""Urgent frames of one signer waiting, a second of group messages: what is forged in the name of
+one vehicle delays no other one by more than its turn."""
+MAX_UNKNOWN = 256
+"""Frames of unknown signers waiting, the newest."""
+
+NO_KEYS = b""
+"""Stands for all signers where nothing is verified."""
 
 
 class ReceiveQueue:
-    """Urgent frames in their order, then the newest frame of each other sender, in turns."""
+    """Urgent frames, then the newest frame of each other sender, then those of unknown signers."""
 
     def __init__(
-        self, urgent_psid: int, sender_of: Callable[[WaveShortMessage], bytes | None]
+        self,
+        urgent_psid: int,
+        sender_of: Callable[[WaveShortMessage], bytes | None],
+        known_signer: Callable[[WaveShortMessage], bytes | None] = lambda _wsm: NO_KEYS,
     ) -> None:
         """Queue frames under `urgent_psid` before all others.
 
         Args:
             urgent_psid: PSID of the warning group.
             sender_of: names the sender of a message without verifying it; `None` if it names none.
+            known_signer: names its signer, if messages of that signer were verified; `NO_KEYS`
+                where nothing is.
         """
         self._urgent_psid = urgent_psid
         self._sender_of = sender_of
-        self._urgent: deque[bytes] = deque(maxlen=MAX_URGENT)
+        self._known_signer = known_signer
+        self._urgent: OrderedDict[bytes, deque[bytes]] = OrderedDict()
+        """By signer; the first one is next."""
         self._others: OrderedDict[bytes, bytes] = OrderedDict()
+        self._unknown: deque[bytes] = deque()
         self._dropped = 0
 
     def __bool__(self) -> bool:
-        return bool(self._urgent or self._others)
+        return self.has_known or self.has_unknown
 
     @property
     def has_urgent(self) -> bool:
-        """Whether an urgent frame waits."""
+        """Whether an urgent frame of a known signer waits."""
         return bool(self._urgent)
+
+    @property
+    def has_known(self) -> bool:
+        """Whether a frame of a known signer waits."""
+        return bool(self._urgent or self._others)
+
+    @property
+    def has_unknown(self) -> bool:
+        """Whether a frame of an unknown signer waits."""
+        return bool(self._unknown)
 
     def put(self, wsm: bytes) -> None:
         """Queue a received frame."""
         try:
             message = wsmp.decode(wsm)
         except DecodeError:
-            self._put_other(wsm, wsm)  # the cores count it with its reason
+            self._put_last(self._unknown, wsm, MAX_UNKNOWN)  # the cores count it with its reason
             return
-        if message.psid == self._urgent_psid:
-            self._dropped += len(self._urgent) == MAX_URGENT
-            self._urgent.append(wsm)
+        signer = self._known_signer(message)
+        if signer is None:
+            self._put_last(self._unknown, wsm, MAX_UNKNOWN)
+        elif message.psid == self._urgent_psid:
+            most = MAX_URGENT if signer == NO_KEYS else MAX_URGENT_OF_SIGNER
+            self._put_last(self._urgent.setdefault(signer, deque()), wsm, most)
         else:
             self._put_other(self._sender_of(message) or wsm, wsm)
 
     def take(self, *, only_urgent: bool = False) -> bytes | None:
-        """Remove and return the next frame; `None` if there is none."""
+        """Remove and return the next frame of a known signer; `None` if there is none."""
         if self._urgent:
-            return self._urgent.popleft()
+            signer, frames = self._urgent.popitem(last=False)
+            wsm = frames.popleft()
+            if frames:
+                self._urgent[signer] = frames
+            return wsm
         return self._others.popitem(last=False)[1] if self._others and not only_urgent else None
+
+    def take_unknown(self) -> bytes | None:
+        """Remove and return the next frame of an unknown signer; `None` if there is none."""
+        return self._unknown.popleft() if self._unknown else None
 
     def take_dropped(self) -> int:
         """Return how many frames were dropped since the last call."""
         dropped, self._dropped = self._dropped, 0
         return dropped
+
+    def _put_last(self, queue: deque[bytes], wsm: bytes, most: int) -> None:
+        """Append a frame; from `most` on, the oldest one is dropped."""
+        queue.append(wsm)
+        if len(queue) > most:
+            queue.popleft()
+            self._dropped += 1
 
     def _put_other(self, sender: bytes, wsm: bytes) -> None:
         if sender in self._others and len(self._others) < KEEP_ALL_BELOW:

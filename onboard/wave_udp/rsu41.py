@@ -39,7 +39,7 @@ class Rsu41Endpoint:
         self._unit = str(settings.unit_host), settings.unit_port
         self._on_wsm = on_wsm
         wire = udp_socket(str(settings.listen_host), settings.listen_port)
-        self._socket = DrainedSocket(wire, self._receive, on_error)
+        self._socket = DrainedSocket(wire, self._receive, on_error, from_host=self._unit[0])
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Start to receive on `loop`."""

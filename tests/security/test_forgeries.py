@@ -379,3 +379,16 @@ def test_a_car_without_keys_opens_signed_messages_without_verifying(alice):
 def test_keys_of_a_simulation_follow_from_its_seed():
     first, second = (p256.key_from(np.random.default_rng(7))() for _ in range(2))
     assert first.private_numbers() == second.private_numbers()
+
+
+def test_a_signer_is_known_by_a_valid_signature_only(alice, bob):
+    """A copied certificate under a forged signature gains nothing."""
+    signer_id = ALICE.pseudonyms[0].certificate.hashed_id8
+    forged = bytearray(alice.secure(WARN, LCCA, now=1.0))
+    forged[-1] ^= 1
+    assert refused(bob, bytes(forged), now=1.0) == "bad_signature"
+    assert not bob.has_verified(signer_id)
+
+    bob.open(alice.secure(WARN, LCCA, now=1.1), LCCA, now=1.1)
+
+    assert bob.has_verified(signer_id)

@@ -216,3 +216,26 @@ def test_all_of_them_are_refused_because_their_issuer_is_unknown(real_data):
         "unknown_certificate: afc46273f760137e",
         "unknown_issuer: c620fb90caad3b9c",
     }
+
+
+# ---- the signer, before anything is verified ----------------------------------------------------
+
+
+@given(payload=st.binary(max_size=300), psid=st.integers(0, 2**28))
+def test_the_signer_is_named_by_digest_and_by_certificate(payload, psid):
+    to_be_signed = ieee1609dot2.encode_to_be_signed(payload, psid, 1)
+    for signer in (OWN, OWN.hashed_id8):
+        data = ieee1609dot2.encode_signed(to_be_signed, signer, (1, 1))
+        assert ieee1609dot2.signer_in(data) == OWN.hashed_id8
+
+
+@given(st.binary(max_size=300), st.integers(0, 200))
+def test_any_bytes_name_some_signer_or_none(noise, kept):
+    head = security(ALICE).secure(b"", BSM, now=1.0)[:kept]
+    for data in (noise, head, head + noise):
+        named = ieee1609dot2.signer_in(data)
+        assert named is None or len(named) == 8
+
+
+def test_unsecured_data_name_no_signer():
+    assert ieee1609dot2.signer_in(ieee1609dot2.encode_unsecured(b"1234")) is None

@@ -76,6 +76,29 @@ def test_iwcu_passes_on_datagrams_in_order_malformed_ones_included(free_port):
     assert asyncio.run(received(iwcu(9, free_port), datagrams, 4)) == datagrams
 
 
+def test_datagrams_of_another_host_than_the_units_are_not_taken(free_port):
+    """On loopback, every address of 127.0.0.0/8 is a host."""
+    settings = IwcuSettings(endpoint="iwcu", unit_port=9, listen_port=free_port)
+
+    async def taken():
+        got, arrived = [], asyncio.Event()
+
+        def on_wsm(data):
+            got.append(data)
+            arrived.set()
+
+        with contextlib.closing(open_endpoint(settings, on_wsm)) as endpoint:
+            endpoint.start(asyncio.get_running_loop())
+            for host, datagram in (("127.0.0.2", b"foreign"), ("127.0.0.1", WSM)):
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+                    sender.bind((host, 0))
+                    sender.sendto(datagram, ("127.0.0.1", free_port))
+            await asyncio.wait_for(arrived.wait(), 10.0)
+        return got
+
+    assert asyncio.run(taken()) == [WSM]
+
+
 def test_a_burst_of_2000_is_drained_without_loss(free_port):
     datagrams = [n.to_bytes(4) + bytes(300) for n in range(2000)]
 

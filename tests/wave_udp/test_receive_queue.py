@@ -8,9 +8,20 @@ from onboard import psid
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
-from onboard.security.ieee1609dot2 import encode_signed, encode_to_be_signed, encode_unsecured
+from onboard.security.ieee1609dot2 import (
+    encode_signed,
+    encode_to_be_signed,
+    encode_unsecured,
+    signer_in,
+)
 from onboard.wave_link import bsm_sender
-from onboard.wave_udp.receive_queue import KEEP_ALL_BELOW, MAX_SENDERS, ReceiveQueue
+from onboard.wave_udp.receive_queue import (
+    KEEP_ALL_BELOW,
+    MAX_SENDERS,
+    MAX_UNKNOWN,
+    MAX_URGENT_OF_SIGNER,
+    ReceiveQueue,
+)
 from onboard.wave_udp.wsmp import WaveShortMessage, encode
 
 
@@ -116,9 +127,53 @@ def test_has_urgent_is_true_while_a_group_message_waits() -> None:
     assert queue.has_urgent
 
 
-def test_malformed_frames_wait_like_bsms() -> None:
+def test_malformed_frames_wait_like_those_of_unknown_signers() -> None:
     queue = ReceiveQueue(psid.LCCA, bsm_sender)
     queue.put(b"")
     queue.put(b"\xff garbage")
 
-    assert list(iter(queue.take, None)) == [b"", b"\xff garbage"]
+    assert not queue.has_known
+    assert list(iter(queue.take_unknown, None)) == [b"", b"\xff garbage"]
+    assert not queue
+
+
+def signed_by(name: bytes, number: int, service: int = psid.LCCA) -> bytes:
+    data = encode_signed(encode_to_be_signed(number.to_bytes(4), service, 1), name, (1, 1))
+    return encode(WaveShortMessage(psid=service, payload=data))
+
+
+KNOWN = b"leader..", b"follower"
+
+
+def queue_with_keys() -> ReceiveQueue:
+    def known_signer(message: WaveShortMessage) -> bytes | None:
+        signer = signer_in(message.payload)
+        return signer if signer in KNOWN else None
+
+    return ReceiveQueue(psid.LCCA, bsm_sender, known_signer)
+
+
+def test_group_messages_of_unknown_signers_do_not_delay_those_of_known_ones() -> None:
+    queue = queue_with_keys()
+    for number in range(1000):
+        queue.put(signed_by(number.to_bytes(8), number))
+    queue.put(signed_by(KNOWN[0], 1))
+
+    assert queue.has_urgent
+    assert list(iter(queue.take, None)) == [signed_by(KNOWN[0], 1)]
+    assert not queue.has_known
+    waiting = list(iter(queue.take_unknown, None))
+    assert waiting == [signed_by(n.to_bytes(8), n) for n in range(1000 - MAX_UNKNOWN, 1000)]
+    assert queue.take_dropped() == 1000 - MAX_UNKNOWN
+
+
+def test_what_is_forged_in_the_name_of_one_signer_costs_another_one_turn() -> None:
+    queue = queue_with_keys()
+    for number in range(1000):
+        queue.put(signed_by(KNOWN[0], number))
+    queue.put(signed_by(KNOWN[1], 7))
+
+    first_two = [queue.take(), queue.take()]
+
+    assert first_two == [signed_by(KNOWN[0], 1000 - MAX_URGENT_OF_SIGNER), signed_by(KNOWN[1], 7)]
+    assert len(list(iter(queue.take, None))) == MAX_URGENT_OF_SIGNER - 1
