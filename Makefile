@@ -2,7 +2,8 @@
 PYTHON := .venv/bin/python
 .PHONY: demo test drives test-pages test-live lint bench fuzz train train-trial pictures system-packages lock clean
 
-demo: .venv/ready
+# Needs the rig only; where everything is set up for development, that serves as well.
+demo: $(if $(wildcard .venv/ready),.venv/ready,.venv/rig-ready)
 	$(PYTHON) -m sim_rig run fig4
 	$(PYTHON) -m onboard replay out/fig4-live/box/red --expect
 	$(PYTHON) -m sim_rig run platoon --virtual
@@ -88,14 +89,20 @@ system-packages:
 	@sh tools/system-packages.sh
 
 .venv/ready: requirements.lock pyproject.toml tools/set-up.sh
-	sh tools/set-up.sh
+	sh tools/set-up.sh requirements.lock
+	@touch $@
+
+.venv/rig-ready: requirements-rig.lock pyproject.toml tools/set-up.sh
+	sh tools/set-up.sh requirements-rig.lock
 	@touch $@
 
 # The lock covers the car, the rig, development and fuzzing; training has its own (training/).
-# What of it goes into a car stands again in deploy/, for its installer.
+# What of it the demo needs stands again in requirements-rig.lock, with setuptools to install this
+# project, and what goes into a car in deploy/, for its installer.
 LOCK := .venv/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header
 lock:
 	$(LOCK) --extra rig --extra cluster --extra dev --extra fuzz pyproject.toml -o requirements.lock
+	echo setuptools | $(LOCK) --extra rig --no-annotate --constraint requirements.lock pyproject.toml - -o requirements-rig.lock
 	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
 
 clean:

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Makes .venv with exactly what requirements.lock pins, and installs this project into it.
+# Makes .venv with exactly what the lock file $1 pins, and installs this project into it.
 # Needs python3 (3.11 or later). Debian keeps venv's pip apart: it is installed where we may.
 set -eu
 cd "$(dirname "$0")/.."
@@ -14,7 +14,7 @@ if ! python3 -c 'import ensurepip' 2>/dev/null; then
     as_root apt-get -qq update && as_root apt-get -qq install -y python3-venv ||
         { echo "please install python3-venv (apt-get install python3-venv)" >&2; exit 2; }
 fi
-echo "setting up .venv, which takes two to three minutes"
+echo "setting up .venv from $1, which takes one to three minutes"
 [ -x .venv/bin/python ] || python3 -m venv .venv
-.venv/bin/python -m pip install --quiet --require-hashes -r requirements.lock
+.venv/bin/python -m pip install --quiet --require-hashes -r "$1"
 .venv/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .

@@ -16,8 +16,9 @@ def pinned(lock: Path) -> set[str]:
     return set(re.findall(r"^([\w.-]+==\S+)", lock.read_text(), re.MULTILINE))
 
 
-def test_a_box_gets_the_package_versions_of_the_tests() -> None:
-    assert pinned(ROOT / "deploy" / "requirements.lock") < pinned(ROOT / "requirements.lock")
+@pytest.mark.parametrize("lock", ["deploy/requirements.lock", "requirements-rig.lock"])
+def test_a_box_and_the_demo_get_the_package_versions_of_the_tests(lock: str) -> None:
+    assert pinned(ROOT / lock) < pinned(ROOT / "requirements.lock")
 
 
 def test_no_installed_package_is_under_the_gpl() -> None:
