@@ -11,9 +11,6 @@ import numpy as np
 
 from onboard.kinematics.arrays import Array
 
-SHALLOW_RAD = np.deg2rad(20.0)
-"""Crossing angle below which the zone is evaluated at more positions."""
-
 NEARLY_ORTHOGONAL = 1e-9
 """Cosine below which the zone is a rectangle."""
 
@@ -40,26 +37,37 @@ class XCrossing:
     angle_rad: Array
 
     @property
-    def positions(self) -> int:
-        """Two suffice where the interval does not depend on A's position, four with the corners.
+    def is_orthogonal(self) -> bool:
+        """Whether B's interval depends on A's position nowhere."""
+        return bool(np.all(np.abs(np.cos(self.angle_rad)) < NEARLY_ORTHOGONAL))
 
-        At a shallow angle the zone is long, and the trajectory of a car from rest is curved in it.
-        """
-        cosines = np.abs(np.cos(self.angle_rad))
-        if bool(np.all(cosines < NEARLY_ORTHOGONAL)):
-            return 2
-        return 4 if bool(np.all(cosines < np.cos(SHALLOW_RAD))) else 17
+    @property
+    def _cosine(self) -> Array:
+        cosine = np.cos(self.angle_rad)
+        return np.where(np.abs(cosine) < NEARLY_ORTHOGONAL, NEARLY_ORTHOGONAL, cosine)
 
     def corners_m(self) -> tuple[Array, ...]:
-        """Return A's positions at the corners of the hexagon; none at a right angle."""
-        if self.positions == 2:
+        """Return A's positions at the corners of `first_m` between its ends; none at a right angle.
+
+        By symmetry, those of B's last position are the same with the other sign.
+        """
+        if self.is_orthogonal:
             return ()
-        cosine = np.cos(self.angle_rad)
-        cosine = np.where(np.abs(cosine) < NEARLY_ORTHOGONAL, NEARLY_ORTHOGONAL, cosine)
+        cosine = self._cosine
         along_a, along_b = self._reach_m(self.a, self.b), self._reach_m(self.b, self.a)
         one = (along_b - self._half_extent_m(self.b, self.a)) / cosine
-        other = np.sign(cosine) * (along_a - along_b * np.abs(cosine)) / (1.0 - cosine**2)
-        return one, -one, other, -other
+        return one, np.sign(cosine) * (along_a - along_b * np.abs(cosine)) / (1.0 - cosine**2)
+
+    def sloped_edges(self) -> tuple[tuple[Array, Array], ...]:
+        """Return slope and offset in m of the edges of `first_m` that depend on A's position.
+
+        An edge is `slope * s_a_m - offset`; with `+ offset` it is one of B's last position.
+        """
+        if self.is_orthogonal:
+            return ()
+        cosine = self._cosine
+        along_a, along_b = self._reach_m(self.a, self.b), self._reach_m(self.b, self.a)
+        return (1.0 / cosine, along_a / np.abs(cosine)), (cosine, along_b)
 
     def extent_m(self) -> tuple[Array, Array]:
         """Return A's first and last position with any overlap."""
@@ -68,17 +76,27 @@ class XCrossing:
 
     def interval_m(self, s_a_m: Array) -> tuple[Array, Array]:
         """Return B's first and last position that overlap with A at `s_a_m`."""
-        half = self._half_extent_m(self.b, self.a)
-        cosine = np.cos(self.angle_rad)
-        slope = np.where(np.abs(cosine) < NEARLY_ORTHOGONAL, np.inf, cosine)
-        along_a, along_b = self._reach_m(self.a, self.b), self._reach_m(self.b, self.a)
-        with np.errstate(invalid="ignore"):
-            one, other = (s_a_m - along_a) / slope, (s_a_m + along_a) / slope
-        one = np.where(np.isinf(slope), -np.inf, one)
-        other = np.where(np.isinf(slope), np.inf, other)
-        low = np.maximum(-half, np.maximum(np.minimum(one, other), s_a_m * cosine - along_b))
-        high = np.minimum(half, np.minimum(np.maximum(one, other), s_a_m * cosine + along_b))
-        return low, high
+        return self.first_m(s_a_m), self.last_m(s_a_m)
+
+    def first_m(self, s_a_m: Array) -> Array:
+        """Return B's first position that overlaps with A at `s_a_m`."""
+        first = -self._half_extent_m(self.b, self.a)
+        for slope, offset_m in self.sloped_edges():
+            first = np.maximum(first, slope * s_a_m - offset_m)
+        return first
+
+    def last_m(self, s_a_m: Array) -> Array:
+        """Return B's last position that overlaps with A at `s_a_m`."""
+        return -self.first_m(-s_a_m)
+
+    def interval_of_a_m(self, s_b_m: Array) -> tuple[Array, ...]:
+        """Return A's first and last position that overlap with B at `s_b_m`.
+
+        None at a right angle, where they are those of `extent_m`.
+        """
+        if self.is_orthogonal:
+            return ()
+        return XCrossing(self.b, self.a, -self.angle_rad).interval_m(s_b_m)
 
     def _half_extent_m(self, own: CarSize, other: CarSize) -> Array:
         sine, cosine = np.abs(np.sin(self.angle_rad)), np.abs(np.cos(self.angle_rad))
