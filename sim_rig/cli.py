@@ -65,13 +65,25 @@ def run(
             "--watch", help="Open the engineer's page in a browser, and keep it until Ctrl-C."
         ),
     ] = False,
+    box: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CAR=FILE",
+            help="A car that is hardware, with the file of its wires; repeat it.",
+        ),
+    ] = None,
 ) -> None:
-    """Run a scenario and print a report; exit with 1 if an expectation failed."""
+    """Run a scenario and print a report.
+
+    Exit with 1 if an expectation failed, and with 3 if a box could not be judged.
+    """
     from sim_rig.runs.command import run_scenario  # noqa: PLC0415 (see above)
 
     with _writing(out):
-        passed = run_scenario(scenario, out, virtual=virtual, seed=seed, watch=watch)
-    raise typer.Exit(0 if passed else 1)
+        outcome = run_scenario(
+            scenario, out, virtual=virtual, seed=seed, watch=watch, boxes=box or ()
+        )
+    raise typer.Exit(outcome)
 
 
 @app.command(context_settings={"ignore_unknown_options": True, "help_option_names": []})

@@ -1,12 +1,13 @@
-"""The cameras of a run, as MJPEG over HTTP on 127.0.0.1: `http://127.0.0.1:PORT/CAR`.
+"""The cameras of a run, as MJPEG over HTTP: `http://127.0.0.1:PORT/CAR`.
 
 `/CAR/copy` repeats the images that the daemon gets, without rendering them again.
 
-Runs as a process of its own, so that rendering does not delay the radio. It prints its port and
-reads lines of JSON from standard input: the start time of the scenario, before which images show
-0 s, and how cars brake that obey requests (the arguments of `BreakpointRoad.brake`).
+Runs as a process of its own, so that rendering does not delay the radio. It prints its port, and
+then for each image `CAR LATE_S`: how late it left, in s. It reads lines of JSON from standard
+input: the start time of the scenario, before which images show 0 s, and how cars brake that obey
+requests (the arguments of `BreakpointRoad.brake`). For boxes it listens at further addresses.
 
-    python -m sim_rig.cars.camera_server SCENARIO SEED
+    python -m sim_rig.cars.camera_server SCENARIO SEED [HOST:PORT...]
 """
 
 import asyncio
@@ -14,6 +15,7 @@ import contextlib
 import json
 import sys
 import time
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -66,7 +68,20 @@ class Camera:
 class CameraServer:
     """Serves all cameras of a scenario."""
 
-    def __init__(self, scenario: Scenario, seed: int) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int,
+        on_sent: Callable[[str, float], None] = lambda _car, _late_s: None,
+    ) -> None:
+        """Prepare the cameras.
+
+        Args:
+            scenario: the scenario.
+            seed: seed of all random numbers.
+            on_sent: called after each image with its car and its lateness, s.
+        """
+        self._on_sent = on_sent
         self.road = BreakpointRoad(scenario)
         seeds = np.random.SeedSequence(seed).spawn(len(scenario.equipped))
         self._cameras = {
@@ -77,15 +92,15 @@ class CameraServer:
         self.start_s: float | None = None
         self._painter = ThreadPoolExecutor(max_workers=1)
 
-    async def start(self) -> int:
-        """Listen, and return the port."""
+    async def start(self, addresses: Sequence[tuple[str, int]] = ()) -> int:
+        """Listen on 127.0.0.1 and at further `addresses`, and return the port of the former."""
         app = web.Application()
         app.router.add_get("/{car}", self._stream)
         app.router.add_get("/{car}/copy", self._copy)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
         await self._runner.setup()
-        site = web.TCPSite(self._runner, "127.0.0.1", 0)
-        await site.start()
+        for host, port in (("127.0.0.1", 0), *addresses):
+            await web.TCPSite(self._runner, host, port).start()
         return int(self._runner.addresses[0][1])
 
     def receive_line(self, line: str) -> None:
@@ -115,6 +130,7 @@ class CameraServer:
                 await response.write(_part(jpeg))
             except ConnectionError:
                 break
+            self._on_sent(car, time.monotonic() - next_at)
             next_at = max(next_at + 1 / FPS, time.monotonic())
         return response
 
@@ -149,10 +165,10 @@ def _part(jpeg: bytes) -> bytes:
     return head.encode() + jpeg + b"\r\n"
 
 
-async def serve(scenario: Scenario, seed: int) -> None:
+async def serve(scenario: Scenario, seed: int, addresses: Sequence[tuple[str, int]]) -> None:
     """Serve until standard input ends."""
-    server = CameraServer(scenario, seed)
-    print(await server.start(), flush=True)  # noqa: T201 (read by the testbench)
+    server = CameraServer(scenario, seed, _print)
+    _print(await server.start(addresses))
     try:
         while line := await asyncio.to_thread(sys.stdin.readline):
             server.receive_line(line)
@@ -160,10 +176,19 @@ async def serve(scenario: Scenario, seed: int) -> None:
         await server.close()
 
 
+def _print(*words: object) -> None:
+    """Print a line for the testbench, which may have ended already."""
+    with contextlib.suppress(BrokenPipeError):
+        print(*words, flush=True)  # noqa: T201 (read by the testbench)
+
+
 def main() -> None:
     """Run as a process; see the docstring of this module."""
     cv2.setNumThreads(1)
-    asyncio.run(serve(load_scenario(sys.argv[1]), int(sys.argv[2])))
+    scenario, seed, *given = sys.argv[1:]
+    split = (address.rpartition(":") for address in given)
+    addresses = [(host, int(port)) for host, _, port in split]
+    asyncio.run(serve(load_scenario(scenario), int(seed), addresses))
 
 
 if __name__ == "__main__":

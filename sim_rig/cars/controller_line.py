@@ -10,21 +10,20 @@ from sim_rig.cars.brake_controller import BrakeController
 
 
 async def open_controller_line(
-    controller: BrakeController, at_s: Callable[[float], float]
-) -> tuple[asyncio.DatagramTransport, int]:
-    """Let `controller` receive datagrams at 127.0.0.1 until the transport is closed.
+    controller: BrakeController, at_s: Callable[[float], float], host: str, port: int
+) -> asyncio.DatagramTransport:
+    """Let `controller` receive datagrams until the transport is closed.
 
     Args:
         controller: of the car.
         at_s: time since the start of the scenario at a `now`, s.
-
-    Returns:
-        The transport, and its port.
+        host: address at which it receives.
+        port: UDP port at which it receives.
     """
     transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-        lambda: _Receiver(controller, at_s), local_addr=("127.0.0.1", 0)
+        lambda: _Receiver(controller, at_s), local_addr=(host, port)
     )
-    return transport, int(transport.get_extra_info("sockname")[1])
+    return transport
 
 
 class _Receiver(asyncio.DatagramProtocol):

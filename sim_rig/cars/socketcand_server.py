@@ -1,4 +1,4 @@
-"""A CAN bus with an ECU, over TCP on 127.0.0.1, in the text protocol of socketcand.
+"""A CAN bus with an ECU, over TCP, in the text protocol of socketcand.
 
 The client sends `< open BUS >` and `< rawmode >`, each answered with `< ok >`, then
 `< send ID LENGTH B0 B1 ... >`; it receives `< frame ID SECONDS DATA >`. Identifiers of three hex
@@ -24,7 +24,11 @@ class SocketcandServer:
     """Serves one car's bus to its daemon. All clients share the bus."""
 
     def __init__(
-        self, ecu: Ecu | FaultyEcu, bus: str, on_answer: Callable[[CanFrame], None]
+        self,
+        ecu: Ecu | FaultyEcu,
+        bus: str,
+        on_answer: Callable[[CanFrame], None],
+        on_late: Callable[[float], None] = lambda _late_s: None,
     ) -> None:
         """Serve a bus.
 
@@ -32,17 +36,19 @@ class SocketcandServer:
             ecu: the control unit on the bus.
             bus: name of the bus, which clients open.
             on_answer: called with each frame that the ECU sends.
+            on_late: called with the lateness of each turn of the ECU, s.
         """
         self._ecu = ecu
         self._bus = bus
         self._on_answer = on_answer
+        self._on_late = on_late
         self._clients: set[asyncio.StreamWriter] = set()
         self._timer: asyncio.TimerHandle | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
-    async def start(self, port: int = 0) -> int:
+    async def start(self, port: int = 0, host: str = "127.0.0.1") -> int:
         """Listen, and return the port."""
-        self._server = await asyncio.start_server(self._serve, "127.0.0.1", port)
+        self._server = await asyncio.start_server(self._serve, host, port)
         return int(self._server.sockets[0].getsockname()[1])
 
     async def close(self) -> None:
@@ -106,6 +112,8 @@ class SocketcandServer:
 
     def _step(self) -> None:
         now = time.monotonic()
+        if self._ecu.get_timer() <= now:
+            self._on_late(now - self._ecu.get_timer())
         for frame in self._ecu.frames_to_send(now):
             self._put_on_bus(frame)
             self._on_answer(frame)

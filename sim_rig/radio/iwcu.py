@@ -12,19 +12,21 @@ from collections.abc import Callable
 
 from sim_rig.radio.air import Air, Delivery
 from sim_rig.run_log.rig_recorder import RigRecorder
+from sim_rig.scenario.wire_settings import RadioWire
 
 _LARGEST = 65_535
 _TOS_ROOM = socket.CMSG_SPACE(1)
 
 
 class RadioUnits:
-    """All units of a run, on 127.0.0.1."""
+    """All units of a run."""
 
     def __init__(
         self,
         air: Air,
         recorder: RigRecorder,
         is_mute: Callable[[str, float], bool] = lambda _car, _now: False,
+        on_late: Callable[[float], None] = lambda _late_s: None,
     ) -> None:
         """Connect the units to a channel.
 
@@ -32,32 +34,25 @@ class RadioUnits:
             air: the channel.
             recorder: records transmitted and delivered frames.
             is_mute: whether the unit of a car does not transmit at a `now`.
+            on_late: called with the lateness of each delivered frame, s.
         """
         self._air = air
         self._is_mute = is_mute
+        self._on_late = on_late
         self._recorder = recorder
         self._sockets: dict[str, socket.socket] = {}
-        self._car_ports: dict[str, int] = {}
+        self._car_addresses: dict[str, tuple[str, int]] = {}
         self._timer: asyncio.TimerHandle | None = None
 
-    def add(self, car: str, car_port: int) -> int:
-        """Open the unit of a car.
-
-        Args:
-            car: name of the car.
-            car_port: port on which the daemon listens.
-
-        Returns:
-            Port of the unit.
-        """
+    def add(self, car: str, wire: RadioWire) -> None:
+        """Open the unit of `car` at its end of `wire`."""
         unit = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        unit.bind(("127.0.0.1", 0))
+        unit.bind((str(wire.host), wire.port))
         unit.setblocking(False)
         unit.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
         self._sockets[car] = unit
-        self._car_ports[car] = car_port
+        self._car_addresses[car] = (str(wire.box_host), wire.box_port)
         asyncio.get_running_loop().add_reader(unit, self._receive, car, unit)
-        return int(unit.getsockname()[1])
 
     def close(self) -> None:
         """Close all units."""
@@ -85,8 +80,9 @@ class RadioUnits:
         now = time.monotonic()
         for delivery in self._air.wsms_to_deliver(now):
             self._recorder.note_delivery(
-                delivery.receiver, delivery.sender, delivery.user_priority, now
+                delivery.receiver, delivery.sender, delivery.user_priority, delivery.wsm, now
             )
+            self._on_late(now - delivery.at_s)
             self._hand_over(delivery)
         if self._timer is not None:
             self._timer.cancel()
@@ -99,6 +95,6 @@ class RadioUnits:
         unit = self._sockets[delivery.receiver]
         try:
             unit.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, delivery.user_priority << 5)
-            unit.sendto(delivery.wsm, ("127.0.0.1", self._car_ports[delivery.receiver]))
-        except (BlockingIOError, ConnectionRefusedError):
-            pass  # the daemon does not listen (any more)
+            unit.sendto(delivery.wsm, self._car_addresses[delivery.receiver])
+        except OSError:
+            pass  # the car does not listen, or its address is gone: a frame is lost

@@ -7,6 +7,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from sim_rig.reporting.verdict import Outcome, Verdict
 from sim_rig.run_log.ground_truth import MatchedObject, match_object, perceived_objects, touch_s
 from sim_rig.run_log.latency_ledger import ledger
 from sim_rig.run_log.run_log import Record, RunLog
@@ -35,24 +36,18 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
         console.print(_warnings(log))
     if scenario.gnss is not None:
         console.print(_perceived(log, scenario.duration_s))
-    for table in (_discards(log), _ledger(log)):
+    for table in (_discards(log), _ledger(log), _clocks(log), _lateness(log)):
         if table.row_count:
             console.print(table)
 
 
-def print_verdict(scenario: Scenario, log: RunLog, console: Console) -> None:
-    """Print which expectations failed, or that none did.
-
-    Args:
-        scenario: the scenario of the run.
-        log: its run log.
-        console: where to print.
-    """
-    failed = failures(scenario, log)
-    for sentence in failed:
+def print_verdict(judged: Verdict, count: int, console: Console) -> None:
+    """Print which of `count` expectations failed, or that none did, and what is not judged."""
+    for sentence in judged.failures:
         console.print(f"[red]FAILED[/red] {sentence}", soft_wrap=True)
-    count = len(scenario.expect)
-    if not failed:
+    for sentence in judged.invalid:
+        console.print(f"[yellow]INVALID[/yellow] {sentence}", soft_wrap=True)
+    if judged.outcome is Outcome.PASSED:
         console.print(f"[green]PASSED[/green] all {count} expectations")
 
 
@@ -190,4 +185,39 @@ def _ledger(log: RunLog) -> Table:
         table.add_column(column, justify="left" if column == "hop" else "right")
     for line in ledger(log):
         table.add_row(line.hop, str(line.n), f"{line.p50_s * 1e3:.2f}", f"{line.p99_s * 1e3:.2f}")
+    return table
+
+
+def _clocks(log: RunLog) -> Table:
+    """Table of the boxes' clocks, to which their times and ledger lines are true."""
+    table = Table(title="Clocks of the boxes", box=box.SIMPLE, title_justify="left")
+    for column, justify in (
+        ("car", "left"), ("rig - box s", "right"), ("+- ms", "right"), ("frames from", "right"),
+        ("to it", "right"),
+    ):  # fmt: skip
+        table.add_column(column, justify=justify)  # type: ignore[arg-type]
+    for car, clock in log.clocks.items():
+        table.add_row(
+            car,
+            f"{clock.offset_s:.6f}",
+            f"{clock.uncertainty_s * 1e3:.2f}",
+            str(clock.frames_from_box),
+            str(clock.frames_to_box),
+        )
+    return table
+
+
+def _lateness(log: RunLog) -> Table:
+    table = Table(title="Lateness of the rig", box=box.SIMPLE, title_justify="left")
+    for column in ("what", "n", "p50 ms", "p99 ms", "limit ms", "missed"):
+        table.add_column(column, justify="left" if column == "what" else "right")
+    for line in log.lateness:
+        table.add_row(
+            line.what,
+            str(line.n),
+            f"{line.p50_s * 1e3:.2f}",
+            f"{line.p99_s * 1e3:.2f}",
+            f"{line.limit_s * 1e3:.0f}",
+            str(line.misses),
+        )
     return table

@@ -2,9 +2,12 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+from sim_rig.run_log.clock_offset import ClockOffset
+from sim_rig.run_log.lateness import LatenessLine
 
 Record = Mapping[str, Any]
 """One line of a trace: `stamp_s`, `kind`, and the fields of that kind."""
@@ -22,6 +25,17 @@ class RunLog:
     """Records of the rig: `ecu_answer`, `on_air`, `delivered`, `car_state`."""
     names: Mapping[str, str]
     """Car of each communication ID (hex); a car has several when an epoch ends in the run."""
+    clocks: Mapping[str, ClockOffset] = field(default_factory=dict)
+    """Offset of the clock of each box, which its trace has been mapped with."""
+    unjudged: Mapping[str, str] = field(default_factory=dict)
+    """Why the trace of a box cannot be judged."""
+    lateness: Sequence[LatenessLine] = ()
+    """How late the rig was."""
+
+    def shifted(self, car: str, by_s: float) -> "RunLog":
+        """Return the log with all stamps of the trace of `car` moved by `by_s`."""
+        moved = [{**each, "stamp_s": each["stamp_s"] + by_s} for each in self.traces[car]]
+        return replace(self, traces={**self.traces, car: moved})
 
     def at_s(self, record: Record) -> float:
         """Time of a record since the start of the scenario, s."""

@@ -6,22 +6,34 @@ import shutil
 import signal
 import time
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 
 import typer
 from rich.console import Console
 
+from onboard.errors import UserError
+from sim_rig.boxes.settings import load_boxes
 from sim_rig.engineer.page_process import ENGINEER
 from sim_rig.processes.gpsd import gpsd_program
-from sim_rig.reporting.report import failures, print_report, print_verdict
+from sim_rig.reporting.report import print_report, print_verdict
 from sim_rig.reporting.timeline import draw_timeline
+from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.live import LiveTestbench
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import Scenario, load_scenario
 
 
-def run_scenario(scenario: str, out: Path, *, virtual: bool, seed: int | None, watch: bool) -> bool:
+def run_scenario(
+    scenario: str,
+    out: Path,
+    *,
+    virtual: bool,
+    seed: int | None,
+    watch: bool,
+    boxes: Sequence[str] = (),
+) -> Outcome:
     """Run a scenario, and write traces, recordings and picture into a folder of `out`.
 
     Args:
@@ -30,18 +42,22 @@ def run_scenario(scenario: str, out: Path, *, virtual: bool, seed: int | None, w
         virtual: in virtual time; also where it cannot run live.
         seed: instead of the scenario's own.
         watch: show the engineer's page until Ctrl-C.
+        boxes: `CAR=FILE` for each car that is a box.
 
     Returns:
         Whether all expectations were met.
 
     Raises:
-        UserError: there is no such scenario, or it has mistakes.
+        UserError: there is no such scenario, or it or a box's file has mistakes.
         OSError: the folder cannot be written.
     """
     loaded = load_scenario(scenario)
+    if boxes and virtual:
+        raise UserError("--box: a box needs real time; leave --virtual out")
+    hardware = load_boxes(boxes, loaded)
     console = Console(highlight=False)
     console.print(f"[bold]{loaded.title}[/bold]", soft_wrap=True)
-    if not virtual and (why := _only_virtual(loaded)) is not None:
+    if not virtual and not hardware and (why := _only_virtual(loaded)) is not None:
         console.print(f"{why}: in virtual time")
         virtual = True
     folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
@@ -50,7 +66,7 @@ def run_scenario(scenario: str, out: Path, *, virtual: bool, seed: int | None, w
     log = (
         _run_virtual(loaded, chosen, folder)
         if virtual
-        else _run_live(loaded, chosen, folder, watch)
+        else _run_live(LiveTestbench(loaded, chosen, folder, hardware), watch)
     )
     took_s = time.monotonic() - began
     log.write(folder)
@@ -60,16 +76,16 @@ def run_scenario(scenario: str, out: Path, *, virtual: bool, seed: int | None, w
         f"{loaded.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces,"
         f" recordings and picture in {folder}"
     )
-    print_verdict(loaded, log, console)
-    failed = bool(failures(loaded, log))
+    judged = verdict(loaded, log)
+    print_verdict(judged, len(loaded.expect), console)
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
-    if failed and not virtual and load > cores:
+    if judged.outcome is Outcome.FAILED and not virtual and load > cores:
         console.print(
             f"This machine was busy (load {load:.1f}, {cores} cores), and real time does not wait:"
             " run it again when it is not, or with --virtual.",
             soft_wrap=True,
         )
-    return not failed
+    return judged.outcome
 
 
 def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:
@@ -84,13 +100,13 @@ def _only_virtual(scenario: Scenario) -> str | None:
     return None
 
 
-def _run_live(scenario: Scenario, seed: int, folder: Path, watch: bool) -> RunLog:
+def _run_live(prepared: LiveTestbench, watch: bool) -> RunLog:
     async def run_testbench() -> RunLog:
         task = asyncio.current_task()
         assert task is not None  # noqa: S101 (inside of asyncio.run there is one)
         # SIGTERM must end the daemons, too.
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
-        async with LiveTestbench(scenario, seed, folder) as testbench:
+        async with prepared as testbench:
             for name, address in testbench.pages.items():
                 typer.echo(f"  {name:8} {address}")
             if watch:

@@ -147,7 +147,7 @@ class _VirtualRun:
         self._air_planned_at = math.inf
         for delivery in self._air.wsms_to_deliver(now):
             self.recorder.note_delivery(
-                delivery.receiver, delivery.sender, delivery.user_priority, now
+                delivery.receiver, delivery.sender, delivery.user_priority, delivery.wsm, now
             )
             car = self.cars[delivery.receiver]
             self._carry_away(car, car.receive_wsm(delivery.wsm, now), now)

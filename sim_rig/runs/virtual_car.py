@@ -23,9 +23,9 @@ from sim_rig.cars.brake_controller import BrakeController
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView, calibration
 from sim_rig.cars.derivation_delay import DerivationDelay
+from sim_rig.cars.device_line import Device
 from sim_rig.cars.faulty_ecu import FaultyEcu
 from sim_rig.cars.gnss_receiver import GnssReceiver
-from sim_rig.cars.udp_line import Device
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import ExternalDetector
 from sim_rig.cars.vehicle_faults import VehicleFaults

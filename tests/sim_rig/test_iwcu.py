@@ -11,6 +11,7 @@ from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.reach import ReachAir
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.scenario.radio_settings import ReachSettings
+from sim_rig.scenario.wire_settings import RadioWire
 
 CARS = ["ann", "ben", "cat"]
 
@@ -32,7 +33,9 @@ def test_a_wsm_goes_to_all_in_reach_only_with_its_priority() -> None:
         endpoints = {}
         for car in CARS:
             port = free_port()
-            wire = IwcuSettings(endpoint="iwcu", listen_port=port, unit_port=units.add(car, port))
+            unit_port = free_port()
+            units.add(car, RadioWire(port=unit_port, box_port=port))
+            wire = IwcuSettings(endpoint="iwcu", listen_port=port, unit_port=unit_port)
             endpoints[car] = open_endpoint(wire, heard[car].append)
             endpoints[car].start(loop)
         endpoints["ann"].send(b"\x03 frame", 7)
@@ -61,8 +64,9 @@ def test_a_missing_daemon_does_not_disturb_others() -> None:
             ReachSettings(neighbours={"ann": ("ben",)}), dict, CARS, np.random.default_rng(0)
         )
         units = RadioUnits(air, recorder)
-        unit_port = units.add("ann", free_port())
-        units.add("ben", free_port())
+        unit_port = free_port()
+        units.add("ann", RadioWire(port=unit_port, box_port=free_port()))
+        units.add("ben", RadioWire(port=free_port(), box_port=free_port()))
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             async with asyncio.timeout(5.0):
                 while len(recorder.records) < 6:

@@ -157,18 +157,47 @@ def make_trial(
     Returns:
         the credentials by vehicle and unit.
     """
-    valid: Validity = {"valid_from_utc_s": utc_s - 3600.0, "valid_for_s": DAY_S}
-    units = {unit: {MAP, SPAT} for unit in road_side_units}
-    granted = set(psids).union(*units.values())
+    units = list(road_side_units)
+    granted = {*psids, MAP, SPAT} if units else set(psids)
+    valid = _of_a_trial(utc_s)
     root = make_root("trial root", granted, new_key=new_key, **valid)
     issuing = make_issuing(root, "trial issuing", new_key=new_key, **valid)
+    return issue_trial(
+        issuing,
+        cars,
+        psids,
+        utc_s,
+        new_key,
+        pseudonyms=pseudonyms,
+        implicit=implicit,
+        road_side_units=units,
+    )
+
+
+def issue_trial(
+    issuing: Authority,
+    cars: Iterable[str],
+    psids: Collection[int],
+    utc_s: float,
+    new_key: NewKey = p256.new_key,
+    *,
+    pseudonyms: int = 4,
+    implicit: bool = False,
+    road_side_units: Iterable[str] = (),
+) -> dict[str, Credentials]:
+    """Make such credentials with an authority that exists; for the arguments see `make_trial`."""
+    valid = _of_a_trial(utc_s)
     return {
         name: make_pseudonyms(issuing, count, services, new_key=new_key, implicit=implicit, **valid)
         for name, count, services in (
             *((car, pseudonyms, psids) for car in cars),
-            *((unit, 1, services) for unit, services in units.items()),
+            *((unit, 1, {MAP, SPAT}) for unit in road_side_units),
         )
     }
+
+
+def _of_a_trial(utc_s: float) -> Validity:
+    return {"valid_from_utc_s": utc_s - 3600.0, "valid_for_s": DAY_S}
 
 
 def make_crl(

@@ -1,0 +1,1 @@
+"""Cars of a live run that are hardware: their wires, keys, clock and recording."""

@@ -1,0 +1,72 @@
+"""Certificates of a run: of an authority of its own, or of the one that issued a box's keys."""
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from onboard import psid
+from onboard.security.credentials import Authority, Credentials
+from onboard.security.key_files import (
+    read_authority,
+    trusted,
+    write_authority,
+    write_credentials,
+)
+from onboard.tools.test_ca.authority import (
+    DAY_S,
+    Validity,
+    issue_trial,
+    make_issuing,
+    make_pseudonyms,
+    make_root,
+    make_trial,
+)
+from sim_rig.boxes.settings import BoxSettings
+from sim_rig.cars.background_traffic import background_names
+from sim_rig.road_side.road_side_unit import road_side_units
+from sim_rig.scenario.schema import Scenario
+
+_SERVICES = {psid.BSM, psid.LCCA}
+_BOX_DAYS = 30
+_BOX_PSEUDONYMS = 20
+
+
+def run_credentials(
+    scenario: Scenario, boxes: Mapping[str, BoxSettings], utc_s: float
+) -> dict[str, Credentials]:
+    """Return the credentials of all stations of a run; a box has its own already.
+
+    Raises:
+        KeyFilesError: the boxes' folder of keys cannot be read or made.
+    """
+    cars = [*scenario.equipped, *background_names(scenario)]
+    units = road_side_units(scenario)
+    if not boxes:
+        return make_trial(cars, _SERVICES, utc_s, road_side_units=units)
+    folder = next(iter(boxes.values())).keys
+    issuing = _authority(folder)
+    for car in boxes:
+        if not (folder / car).exists():
+            own = make_pseudonyms(issuing, _BOX_PSEUDONYMS, _SERVICES, **_valid(utc_s, _BOX_DAYS))
+            write_credentials(folder / car, own)
+    trial = issue_trial(issuing, cars, _SERVICES, utc_s, road_side_units=units)
+    for credentials in trial.values():
+        # An authority that may not grant a service is an error now, not silence in the run.
+        trusted(credentials, [folder / "issuing"] * len(credentials.pseudonyms))
+    return trial
+
+
+def _authority(folder: Path) -> Authority:
+    """Read the authority of a trial, or make one in a new folder."""
+    if folder.exists():
+        return read_authority(folder / "issuing")
+    folder.mkdir(mode=0o700, parents=True)
+    valid = _valid(time.time(), 365)
+    root = make_root("trial root", {*_SERVICES, psid.MAP, psid.SPAT}, **valid)
+    issuing = make_issuing(root, "trial issuing", **valid)
+    write_authority(folder / "issuing", issuing)
+    return issuing
+
+
+def _valid(utc_s: float, days: float) -> Validity:
+    return {"valid_from_utc_s": utc_s - 3600.0, "valid_for_s": days * DAY_S}

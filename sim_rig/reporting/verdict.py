@@ -1,0 +1,79 @@
+"""Verdict of a run: what failed, and what cannot be judged and why."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from itertools import product
+
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.scenario.expectation import Expected
+from sim_rig.scenario.schema import Scenario
+
+
+class Outcome(IntEnum):
+    """Outcome of a run; the value is the exit code of `sim-rig run` (2: an error of the user)."""
+
+    PASSED = 0
+    FAILED = 1
+    INVALID = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """All sentences of a verdict."""
+
+    failures: tuple[str, ...]
+    """One for each deviation from the expectations."""
+    invalid: tuple[str, ...]
+    """One for each reason why a box, or an expectation, could not be judged."""
+    rig_was_late: bool
+
+    @property
+    def outcome(self) -> Outcome:
+        """A late rig makes the run invalid, else one failure makes it fail."""
+        if self.failures and not self.rig_was_late:
+            return Outcome.FAILED
+        return Outcome.INVALID if self.invalid else Outcome.PASSED
+
+
+def verdict(scenario: Scenario, log: RunLog) -> Verdict:
+    """Judge a run.
+
+    An expectation is judged with the clock of each box at both ends of its uncertainty too; where
+    the results differ, nothing can be said. Whether the rig was late is asked of runs with a box
+    only: a process shares the rig's computer and its load.
+    """
+    failures: list[str] = []
+    invalid = [f"{car}: not judged: {why}" for car, why in log.unjudged.items()]
+    late = [each for each in log.lateness if each.is_too_late] if _has_boxes(log) else []
+    invalid += [
+        f"the rig was late: {each.what} p99 {each.p99_s * 1e3:.0f} ms, limit"
+        f" {each.limit_s * 1e3:.0f} ms, {each.misses} of {each.n} missed"
+        for each in late
+    ]
+    for entry in scenario.expect:
+        if log.unjudged.keys() & set(entry.cars_traced()):
+            continue
+        results = [list(entry.check(possible)) for possible in _possible(log, entry)]
+        if all(bool(found) == bool(results[0]) for found in results):
+            failures += results[0]
+        else:
+            sentence = next(found[0] for found in results if found)
+            invalid.append(f"the clock is not known well enough to say whether {sentence}")
+    return Verdict(tuple(failures), tuple(invalid), bool(late))
+
+
+def _possible(log: RunLog, entry: Expected) -> Iterator[RunLog]:
+    """Yield the log, and as it would be with clocks at the ends of their uncertainties."""
+    yield log
+    cars = [car for car in log.clocks if car in set(entry.cars_traced())]
+    for signs in product((-1.0, 1.0), repeat=len(cars)):
+        moved = log
+        for car, sign in zip(cars, signs, strict=True):
+            moved = moved.shifted(car, sign * log.clocks[car].uncertainty_s)
+        if cars:
+            yield moved
+
+
+def _has_boxes(log: RunLog) -> bool:
+    return bool(log.clocks or log.unjudged)

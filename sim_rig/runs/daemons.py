@@ -1,0 +1,139 @@
+"""The cars of a live run that are processes: a real daemon each, on 127.0.0.1."""
+
+import shutil
+import socket
+from pathlib import Path
+
+import yaml
+
+from sim_rig.cars.camera_view import calibration
+from sim_rig.processes.gpsd import start_gpsd
+from sim_rig.processes.processes import Processes
+from sim_rig.processes.wrong_clock import START_FILE
+from sim_rig.run_log.run_log import Record, read_trace
+from sim_rig.scenario.car_config import car_config, gnss_config
+from sim_rig.scenario.faults import WrongClock
+from sim_rig.scenario.schema import Scenario
+from sim_rig.scenario.wire_settings import (
+    BusWire,
+    CameraWire,
+    ControllerWire,
+    DetectorWire,
+    RadioWire,
+    SatelliteWire,
+    WireSettings,
+)
+
+_RECORDS_WHEN_READY = frozenset({"ready", "speed", "lead"})
+
+
+class Daemons:
+    """Starts the daemons, and reads their traces."""
+
+    def __init__(self, scenario: Scenario, seed: int, folder: Path, processes: Processes) -> None:
+        """Start nothing yet.
+
+        Args:
+            scenario: the scenario of the run.
+            seed: seed of all random errors.
+            folder: for configurations, traces and recordings; `keys` in it has those of each car.
+            processes: where the daemons become child processes.
+        """
+        self._scenario = scenario
+        self._seed = seed
+        self._folder = folder
+        self._processes = processes
+
+    def wires(self, camera_port: int) -> WireSettings:
+        """Return wires of one car at free ports."""
+        return WireSettings(
+            bus=BusWire(port=_free_port(socket.SOCK_STREAM)),
+            camera=CameraWire(port=camera_port),
+            radio=RadioWire(
+                port=_free_port(socket.SOCK_DGRAM), box_port=_free_port(socket.SOCK_DGRAM)
+            ),
+            satellites=SatelliteWire(port=_free_port(socket.SOCK_DGRAM)),
+            detector=DetectorWire(port=_free_port(socket.SOCK_DGRAM)),
+            controller=ControllerWire(port=_free_port(socket.SOCK_DGRAM)),
+        )
+
+    async def start(self, car: str, wires: WireSettings) -> str:
+        """Start a daemon, without files of an earlier run, and return the address of its page.
+
+        Raises:
+            ProcessError: the scenario needs gpsd, which is not installed.
+        """
+        page_port = _free_port(socket.SOCK_STREAM)
+        # Cars with equal seeds would have equal temporary IDs.
+        seed = 1000 * self._seed + self._scenario.equipped.index(car)
+        config = car_config(self._scenario, car, seed) | self._interfaces(car, wires, page_port)
+        if self._scenario.gnss is not None and wires.satellites is not None:
+            gpsd_port = _free_port(socket.SOCK_STREAM)
+            assert wires.satellites.port is not None  # noqa: S101 (see `wires`)
+            await start_gpsd(self._processes, car, gpsd_port, wires.satellites.port)
+            config["gnss"] = gnss_config(self._scenario.gnss) | {"port": gpsd_port}
+        config["security"]["keys_folder"] = str(self._folder / "keys" / car)
+        config_file = self._folder / f"{car}.yaml"
+        config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
+        self._trace(car).unlink(missing_ok=True)
+        shutil.rmtree(self._recording(car), ignore_errors=True)
+        await self._processes.start(car, *self._program(car), "run", str(config_file))
+        return f"http://127.0.0.1:{page_port}/"
+
+    def is_ready(self, car: str) -> bool:
+        """Whether the daemon of `car` is ready and receives its sensors."""
+        if not self._trace(car).exists():
+            return False
+        kinds = {record["kind"] for record in self.trace(car)}
+        return kinds >= _RECORDS_WHEN_READY | ({"position"} if self._scenario.gnss else set())
+
+    def trace(self, car: str) -> list[Record]:
+        """Return the trace of `car` up to now."""
+        return read_trace(self._trace(car))
+
+    def _interfaces(self, car: str, wires: WireSettings, page_port: int) -> dict[str, object]:
+        """Return the daemon's settings for its wires."""
+        interfaces: dict[str, object] = {
+            "can": {"channel": wires.bus.channel, "port": wires.bus.port},
+            "camera": {"source": f"http://127.0.0.1:{wires.camera.port}/{car}"}
+            | calibration(self._scenario.lens).model_dump(),
+            "radio": {
+                "endpoint": "iwcu",
+                "listen_port": wires.radio.box_port,
+                "unit_port": wires.radio.port,
+            },
+            "hmi": {"port": page_port, "brake_button": True},
+            "trace": {"file": str(self._trace(car)), "capture": str(self._folder / f"{car}.pcap")},
+            "recorder": {"folder": str(self._recording(car)), "segment_s": 3600.0},
+        }
+        if self._scenario.cars[car].obeys_request and wires.controller is not None:
+            interfaces["brake_request"] = {"udp": {"port": wires.controller.port}}
+        if self._scenario.detector is not None and wires.detector is not None:
+            interfaces["detector"] = {"port": wires.detector.port}
+        return interfaces
+
+    def _program(self, car: str) -> list[str]:
+        """Python arguments of the daemon, with a wrong clock if the scenario has one."""
+        clocks = [
+            fault
+            for fault in self._scenario.faults
+            if isinstance(fault, WrongClock) and fault.car == car
+        ]
+        if not clocks:
+            return ["-m", "onboard"]
+        start_file = self._folder / START_FILE
+        faults = [fault.model_dump_json() for fault in clocks]
+        return ["-m", "sim_rig.processes.wrong_clock", str(start_file), str(len(faults)), *faults]
+
+    def _recording(self, car: str) -> Path:
+        return self._folder / "box" / car
+
+    def _trace(self, car: str) -> Path:
+        return self._folder / f"{car}.jsonl"
+
+
+def _free_port(kind: socket.SocketKind) -> int:
+    """Return a free port, which the rig or the daemon binds soon after."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,190 @@
+"""The file of a box, and the verdict on a run with one."""
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from onboard.settings import SettingsError
+from sim_rig.boxes.settings import BoxSettings, load_boxes
+from sim_rig.reporting.verdict import Outcome, verdict
+from sim_rig.run_log.clock_offset import ClockOffset
+from sim_rig.run_log.lateness import LIMITS_S, Lateness
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.scenario.schema import Scenario, load_scenario
+
+BUS, CAMERA, UNIT = 47101, 47102, 47103
+"""Ports of the rig, below those that Linux gives away by itself."""
+
+
+@pytest.fixture
+def fig4() -> Scenario:
+    return load_scenario("fig4")
+
+
+def box(folder: Path, plate: str, first_port: int = BUS, **changed: object) -> dict[str, object]:
+    return {
+        "plate": plate,
+        "bus": {"port": first_port},
+        "camera": {"port": first_port + 1},
+        "radio": {"port": first_port + 2, "box_port": first_port + 3},
+        "keys": str(folder / "keys"),
+        "recording": str(folder / "drive"),
+        **changed,
+    }
+
+
+def written(folder: Path, name: str, tree: object) -> str:
+    (folder / f"{name}.yaml").write_text(yaml.safe_dump(tree))
+    return f"{name}={folder / name}.yaml"
+
+
+def mistakes(scenario: Scenario, *given: str) -> str:
+    with pytest.raises(SettingsError) as found:
+        load_boxes(given, scenario)
+    return str(found.value)
+
+
+def test_a_box_listens_on_loopback_unless_its_file_names_another_address(
+    fig4: Scenario, tmp_path: Path
+) -> None:
+    boxes = load_boxes([written(tmp_path, "red", box(tmp_path, "RD288HX"))], fig4)
+
+    red = boxes["red"]
+    hosts = [red.bus.host, red.camera.host, red.radio.host, red.radio.box_host]
+    assert all(host.is_loopback for host in hosts)
+
+
+@pytest.mark.parametrize(
+    ("given", "mistake"),
+    [
+        ("red", "must be CAR=FILE (given 'red')"),
+        ("pink=p.yaml", "no such equipped car (given 'pink'); cars: green, red, blue, yellow"),
+        ("red=missing.yaml", "missing.yaml: cannot be read: No such file"),
+    ],
+)
+def test_what_is_no_box_is_named(fig4: Scenario, given: str, mistake: str) -> None:
+    assert mistake in mistakes(fig4, given)
+
+
+def test_a_wire_named_twice_is_named(fig4: Scenario, tmp_path: Path) -> None:
+    (tmp_path / "red.yaml").write_text("bus: {port: 1}\nbus: {port: 2}\n")
+    assert "key 'bus' is repeated" in mistakes(fig4, f"red={tmp_path}/red.yaml")
+
+
+def test_another_plate_than_the_scenario_s_is_named(fig4: Scenario, tmp_path: Path) -> None:
+    given = written(tmp_path, "red", box(tmp_path, "XX1"))
+    assert "plate: red has RD288HX in the scenario (given XX1)" in mistakes(fig4, given)
+
+
+def test_two_boxes_with_one_address_are_named(fig4: Scenario, tmp_path: Path) -> None:
+    red = written(tmp_path, "red", box(tmp_path, "RD288HX"))
+    blue = written(tmp_path, "blue", box(tmp_path, "BL635TN", keys="elsewhere"))
+    found = mistakes(fig4, red, blue)
+    assert f"blue: bus.port: 127.0.0.1:{BUS} is bus.port of red already" in found
+    assert f"blue: radio.port: 127.0.0.1:{UNIT} is radio.port of red already" in found
+    assert "all boxes of a run need the same folder" in found
+    assert "red is given twice" in mistakes(fig4, red, red)
+
+
+def test_one_kernel_interface_is_the_bus_of_one_box(fig4: Scenario, tmp_path: Path) -> None:
+    vcan = {"interface": "socketcan", "channel": "vcan0"}
+    red = written(tmp_path, "red", box(tmp_path, "RD288HX", bus=vcan))
+    blue = written(tmp_path, "blue", box(tmp_path, "BL635TN", BUS + 10, bus=vcan))
+    assert "blue: bus.channel: vcan0 is of red already" in mistakes(fig4, red, blue)
+
+
+def test_wires_that_the_scenario_needs_are_named(tmp_path: Path) -> None:
+    given = written(tmp_path, "ann", box(tmp_path, "RA111AA"))
+    assert "satellites: is required" in mistakes(load_scenario("red-light"), given)
+    line = {"serial": str(tmp_path / "ttyS9")}
+    given = written(tmp_path, "ann", box(tmp_path, "RA111AA", satellites=line))
+    assert f"there is no {tmp_path}/ttyS9" in mistakes(load_scenario("red-light"), given)
+
+
+def test_a_fault_of_a_process_cannot_be_put_on_a_box(tmp_path: Path) -> None:
+    scenario = load_scenario("wrong-clocks")
+    car = next(fault.car for fault in scenario.faults)
+    own = box(tmp_path, scenario.cars[car].identity, satellites={"port": 5000})
+    assert "needs a process" in mistakes(scenario, written(tmp_path, car, own))
+
+
+@pytest.fixture
+def taken_port() -> Iterator[int]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+def test_a_port_that_is_taken_is_named(fig4: Scenario, tmp_path: Path, taken_port: int) -> None:
+    own = box(tmp_path, "RD288HX", camera={"port": taken_port})
+    found = mistakes(fig4, written(tmp_path, "red", own))
+    assert f"red: camera.port: 127.0.0.1:{taken_port} cannot be opened: Address already" in found
+
+
+def joined_at(at_s: float, clock: ClockOffset | None, **other: object) -> RunLog:
+    joined = {"kind": "transition", "state": "member", "group_number": 2, "leader_id": "green"}
+    return RunLog(
+        100.0,
+        {"red": [joined | {"stamp_s": 100.0 + at_s}]},
+        [],
+        {},
+        clocks={} if clock is None else {"red": clock},
+        **other,  # type: ignore[arg-type]
+    )
+
+
+@pytest.fixture
+def joins(fig4: Scenario) -> Scenario:
+    """It expects that red is a member at 6 s."""
+    return fig4.model_copy(update={"expect": fig4.expect[:1]})
+
+
+@pytest.mark.parametrize(
+    ("at_s", "uncertainty_s", "outcome"),
+    [
+        (5.9, 0.05, Outcome.PASSED),
+        (5.9, 0.2, Outcome.INVALID),
+        (6.1, 0.2, Outcome.INVALID),
+        (6.1, 0.05, Outcome.FAILED),
+    ],
+)
+def test_what_the_clock_does_not_decide_is_not_judged(
+    joins: Scenario, at_s: float, uncertainty_s: float, outcome: Outcome
+) -> None:
+    found = verdict(joins, joined_at(at_s, ClockOffset(7.0, uncertainty_s, 10, 10)))
+    assert found.outcome is outcome
+    if outcome is Outcome.INVALID:
+        assert (
+            "the clock is not known well enough to say whether red is still regular"
+            in (found.invalid[0])
+        )
+
+
+def test_a_box_without_a_record_fails_nothing(joins: Scenario) -> None:
+    log = RunLog(100.0, {"red": []}, [], {}, unjudged={"red": "no recording"})
+    found = verdict(joins, log)
+    assert (found.outcome, found.failures) == (Outcome.INVALID, ())
+    assert found.invalid == ("red: not judged: no recording",)
+
+
+def test_a_late_rig_makes_the_run_of_a_box_invalid(joins: Scenario) -> None:
+    lateness = Lateness()
+    for late_s in (0.001, 0.001, 2 * LIMITS_S["picture"]):
+        lateness.note("picture", late_s)
+    lines = tuple(lateness.lines())
+
+    failed = joined_at(6.5, ClockOffset(7.0, 0.001, 10, 10), lateness=lines)
+    found = verdict(joins, failed)
+    assert found.outcome is Outcome.INVALID
+    assert "the rig was late: picture p99" in found.invalid[0]
+    assert "1 of 3 missed" in found.invalid[0]
+    # A process shares the rig's computer and its load.
+    assert verdict(joins, joined_at(6.5, None, lateness=lines)).outcome is Outcome.FAILED
+
+
+def test_the_schema_of_a_box_is_strict(fig4: Scenario, tmp_path: Path) -> None:
+    assert "bus" in BoxSettings.model_fields
+    given = written(tmp_path, "red", box(tmp_path, "RD288HX", buss={"port": 1}))
+    assert "did you mean bus?" in mistakes(fig4, given)

@@ -1,0 +1,168 @@
+"""A box is a car of the rig: here a daemon that the test starts with its own configuration."""
+
+import asyncio
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import yaml
+
+from onboard.recorder.reader import RecordedDrive
+from onboard.replay.replay import compare
+from sim_rig.boxes.settings import BoxSettings, load_boxes
+from sim_rig.boxes.trial_keys import run_credentials
+from sim_rig.cars.camera_view import calibration
+from sim_rig.processes.processes import ProcessError
+from sim_rig.reporting.verdict import Outcome, verdict
+from sim_rig.run_log.latency_ledger import ledger
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.scenario.car_config import DIGEST
+from sim_rig.scenario.schema import Scenario, load_scenario
+
+pytestmark = pytest.mark.live
+
+
+@pytest.fixture
+def scenario() -> Scenario:
+    """Of `fig4`, red and green until after the first braking, which is enough for one warning."""
+    whole = load_scenario("fig4")
+    state, leads, *_, warning = whole.expect
+    return whole.model_copy(
+        update={
+            "cars": {name: whole.cars[name] for name in ("green", "red")},
+            "duration_s": 13.0,
+            "expect": (
+                state.model_copy(update={"until_s": 13.0}),
+                leads.model_copy(update={"until_s": 13.0}),
+                warning.model_copy(
+                    update={
+                        "at_s": (10.0,),
+                        "within_s": {"red": 0.8},
+                        "not_warned": ("green",),
+                        "discarded": {},
+                    }
+                ),
+            ),
+        }
+    )
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def box(tmp_path: Path, scenario: Scenario) -> BoxSettings:
+    stream, datagram = socket.SOCK_STREAM, socket.SOCK_DGRAM
+    tree = {
+        "plate": "RD288HX",
+        "bus": {"port": free_port(stream)},
+        "camera": {"port": free_port(stream)},
+        "radio": {"port": free_port(datagram), "box_port": free_port(datagram)},
+        "keys": str(tmp_path / "trial"),
+        "recording": str(tmp_path / "fetched"),
+        "fetch": ["cp", "-r", str(tmp_path / "drive"), str(tmp_path / "fetched")],
+    }
+    file = tmp_path / "red.yaml"
+    file.write_text(yaml.safe_dump(tree))
+    return load_boxes([f"red={file}"], scenario)["red"]
+
+
+@contextmanager
+def running(box: BoxSettings, scenario: Scenario, folder: Path, utc_s: float) -> Iterator[None]:
+    """Run the box: nothing of its configuration comes from the rig but the camera's lens."""
+    run_credentials(scenario, {"red": box}, utc_s)
+    config = {
+        "car": {"plate": box.plate},
+        "can": {"port": box.bus.port},
+        "camera": {"source": f"http://127.0.0.1:{box.camera.port}/red"}
+        | calibration(scenario.lens).model_dump(),
+        "radio": {
+            "endpoint": "iwcu",
+            "listen_port": box.radio.box_port,
+            "unit_port": box.radio.port,
+        },
+        "security": {"keys_folder": str(box.keys / "red"), "plate_digest": DIGEST},
+        "recorder": {"folder": str(folder / "drive")},
+    }
+    file = folder / "car.yaml"
+    file.write_text(yaml.safe_dump(config))
+    with (folder / "car.log").open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "onboard", "run", str(file)], stdout=log, stderr=log
+        )
+        try:
+            yield
+        finally:
+            process.terminate()
+            process.wait(10.0)
+
+
+def run_with(
+    box: BoxSettings, scenario: Scenario, folder: Path, *, box_is_on: bool = True
+) -> RunLog:
+    async def run() -> RunLog:
+        bench = LiveTestbench(scenario, scenario.seed, folder / "run", {"red": box})
+        async with bench as testbench:
+            if box_is_on:
+                with running(box, scenario, folder, testbench.start_utc_s):
+                    await testbench.run()
+            else:
+                await testbench.run()
+        return testbench.log()
+
+    return asyncio.run(run())
+
+
+def test_a_box_meets_the_expectations_of_a_process_and_can_be_replayed(
+    box: BoxSettings, scenario: Scenario, tmp_path: Path
+) -> None:
+    log = run_with(box, scenario, tmp_path)
+
+    assert log.unjudged == {}
+    clock = log.clocks["red"]
+    # Rig and box share this computer's clock: the true offset is 0.
+    assert abs(clock.offset_s) <= clock.uncertainty_s
+    assert min(clock.frames_from_box, clock.frames_to_box) > 50
+    assert {line.what for line in log.lateness} == {"ECU answer", "picture", "WSM"}
+    drive = RecordedDrive([tmp_path / "run" / "box" / "red"])
+    assert compare(drive).difference is None
+    found = verdict(scenario, log)
+    if found.rig_was_late:
+        pytest.skip(f"the rig itself was late: {'; '.join(found.invalid)}")
+    assert (found.failures, found.invalid) == ((), ())
+    assert found.outcome is Outcome.PASSED
+    assert {"received", "alarm", "chain"} <= {line.hop for line in ledger(log)}
+
+
+def test_a_box_that_is_off_is_named_with_what_it_does_not_do(
+    box: BoxSettings, scenario: Scenario, tmp_path: Path
+) -> None:
+    impatient = box.model_copy(update={"ready_within_s": 0.1})
+    with pytest.raises(ProcessError) as found:
+        run_with(impatient, scenario, tmp_path, box_is_on=False)
+    assert "red: the box is not ready after 0.1 s" in str(found.value)
+    for wire in ("bus: it has requested", "camera: it has taken no", "radio: no BSM"):
+        assert wire in str(found.value)
+
+
+def test_the_recording_of_another_drive_is_not_judged(
+    box: BoxSettings, scenario: Scenario, tmp_path: Path
+) -> None:
+    (tmp_path / "other").mkdir()
+    drive = Path(__file__).parents[1] / "drives" / "live.mcap"
+    shutil.copy(drive, tmp_path / "other" / "20260101T000000.000Z-0000.mcap")
+    other = box.model_copy(update={"recording": tmp_path / "other", "fetch": ("true",)})
+    brief = scenario.model_copy(update={"duration_s": 1.0, "expect": scenario.expect[:1]})
+    log = run_with(other, brief, tmp_path)
+    assert "frames of the box are not in its recording" in log.unjudged["red"]
+    found = verdict(brief, log)
+    assert (found.outcome, found.failures) == (Outcome.INVALID, ())
