@@ -2,7 +2,6 @@
 
 import asyncio
 import shutil
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +29,8 @@ class FramesOfRun:
     """When each WSM was first handed over, s."""
     start_s: float
     end_s: float
+    utc_offset_s: float
+    """UTC minus the rig's clock, s."""
 
     def during(self, frames: Mapping[bytes, float]) -> Iterator[tuple[bytes, float]]:
         """Yield those of `frames` that are of the scenario's time."""
@@ -104,16 +105,15 @@ def box_log(recorded: Path, seen: FramesOfRun, copy_to: Path) -> BoxLog:
     return BoxLog(
         [{**each, "stamp_s": each["stamp_s"] + clock.offset_s} for each in recording.records],
         clock,
-        _wrong_utc(recording, clock),
+        _wrong_utc(recording, clock, seen.utc_offset_s),
     )
 
 
-def _wrong_utc(recording: BoxRecording, clock: ClockOffset) -> str | None:
+def _wrong_utc(recording: BoxRecording, clock: ClockOffset, utc_offset_s: float) -> str | None:
     """Return a sentence if the box's UTC differs so much that its messages are refused."""
     if recording.utc_offset_s is None:
         return "it had no UTC time"
-    own_offset_s = time.time() - time.monotonic()
-    ahead_s = recording.utc_offset_s - clock.offset_s - own_offset_s
+    ahead_s = recording.utc_offset_s - clock.offset_s - utc_offset_s
     if abs(ahead_s) <= CLOCK_TOLERANCE_S:
         return None
     return f"its UTC is {ahead_s:+.1f} s from the rig's; {CLOCK_TOLERANCE_S:g} s are allowed"

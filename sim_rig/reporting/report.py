@@ -43,8 +43,9 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
 
 def print_verdict(judged: Verdict, count: int, console: Console) -> None:
     """Print which of `count` expectations failed, or that none did, and what is not judged."""
+    failed = "[dim]not met[/dim]" if judged.rig_was_late else "[red]FAILED[/red]"
     for sentence in judged.failures:
-        console.print(f"[red]FAILED[/red] {sentence}", soft_wrap=True)
+        console.print(f"{failed} {sentence}", soft_wrap=True)
     for sentence in judged.invalid:
         console.print(f"[yellow]INVALID[/yellow] {sentence}", soft_wrap=True)
     if judged.outcome is Outcome.PASSED:

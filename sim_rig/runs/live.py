@@ -134,6 +134,7 @@ class LiveTestbench:
                     self.recorder.to_box[car],
                     self.start_s,
                     self.start_s + self._scenario.duration_s,
+                    time.time() - time.monotonic(),
                 ),
                 self._folder / "box" / car,
             )
