@@ -26,6 +26,7 @@ vision-figures: .venv/ready
 	$(PYTHON) -m bench.plate_range
 	$(PYTHON) -m bench.vision_drives
 	$(PYTHON) -m bench.clips
+	$(PYTHON) -m bench.vehicles
 
 # The pictures of the pages in docs, from the running demonstration.
 pictures: .venv/ready
@@ -69,13 +70,11 @@ train: .venv-training/ready
 	.venv-training/bin/python -m training detector
 	.venv-training/bin/python -m training reader
 	.venv-training/bin/python -m training vehicles
-	.venv-training/bin/python -m training vehicles
 
 # The same from end to end in some minutes, of too little to learn from: whether it works at all.
 train-trial: .venv-training/ready
 	.venv-training/bin/python -m training detector $(TRIAL)
 	.venv-training/bin/python -m training reader $(TRIAL)
-	.venv-training/bin/python -m training vehicles $(TRIAL)
 	.venv-training/bin/python -m training vehicles $(TRIAL)
 
 TRIAL := --settings training/trial.yaml --folder build/trial --models build/trial

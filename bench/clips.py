@@ -210,8 +210,8 @@ def table(tallies: Mapping[str, ClipTally]) -> str:
 
 def main() -> None:
     """Write the table into the page, between its marks."""
-    rows = measured(vehicles=False)
-    rows |= {f"{clip}, vehicles": each for clip, each in measured(vehicles=True).items()}
+    rows = measured(vehicles=True)
+    rows |= {f"{clip}, plates only": each for clip, each in measured(vehicles=False).items()}
     write_tables(PAGE, {"clips": table(rows)})
 
 

@@ -3,12 +3,15 @@
 The streets are others than those of training; the clips and their labels are those of
 `bench.clips`. No detector of vehicles comes with OpenCV, so that the references are the
 plates that are found, by which leads are known otherwise.
+
+`python -m bench vehicles` prints the figures, `python -m bench.vehicles` writes the table into
+`docs/vision.md`.
 """
 
 import os
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -18,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bench import Figure
+from bench._tables import write_tables
 from bench.clips import labels
 from onboard.observations import ImageBox
 from onboard.tools.see.score import overlap
@@ -25,6 +29,7 @@ from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.vehicle_network import VehicleFinder
 from sim_rig.rendering.street.street import SeenVehicle, StreetLight, random_street
 
+PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
 STREETS, SIZE_PX = 40, (640, 360)
 """Streets for each light."""
 LEAST_WIDTH_PX, LEAST_VISIBLE = 12.0, 0.6
@@ -154,3 +159,29 @@ def measure() -> Iterator[Figure]:
             yield Figure(f"{name}.false", false, "per picture", found.pictures, "none", 1.0)
     ours_ms, plates_ms = milliseconds()
     yield Figure("vehicles.picture", ours_ms, "ms", _RUNS, "plate detector", plates_ms)
+
+
+def table(groups: Mapping[str, FoundVehicles]) -> str:
+    """One row a light, kind or clip, as Markdown."""
+    lines = [
+        "| pictures of | vehicles | found | plate found | false boxes a picture |",
+        "|---|---|---|---|---|",
+    ]
+    for group, found in groups.items():
+        many = max(1, found.vehicles)
+        false = f"{found.false / found.pictures:.2f}" if found.pictures else ""
+        lines.append(
+            f"| {group} | {found.vehicles} | {found.share:.0%} | {found.plates / many:.0%} "
+            f"| {false} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Write the table into the page, between its marks."""
+    cv2.setNumThreads(1)
+    write_tables(PAGE, {"vehicles": table(tally(streets()) | tally(clips()))})
+
+
+if __name__ == "__main__":
+    main()

@@ -25,6 +25,7 @@ from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.syntax import PlateSyntax
+from onboard.vision.vehicle_network import VehicleFinder
 from sim_rig.rendering.plate_art import FORMATS
 from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar
@@ -188,7 +189,7 @@ def annotated_frames(
             yield Frame(index / FPS, renderer.draw(scene, rng))
 
     settings = VisionSettings(tag_side_m=_TAG_SIDE_M, plate_patterns=patterns)
-    networks = Networks(_FINDER, _reader(patterns))
+    networks = Networks(_FINDER, _reader(patterns), _VEHICLES)
     perception = Perception(drive.camera, settings, networks)
     yield from annotate_frames(frames(), perception)
 
@@ -201,6 +202,7 @@ def _renderer(focal_px: float, pitch_rad: float) -> CameraRenderer:
 
 
 _FINDER = PlateDetector()
+_VEHICLES = VehicleFinder()
 
 
 @cache

@@ -49,6 +49,8 @@ def viewed(
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
     """Look at a part of each scene: scaled, stretched, shifted, half of them mirrored.
 
+    Gain, contrast, tint, sharpness and compression differ from look to look as well.
+
     Args:
         scenes: (n, 256, 416, 3).
         vehicles: (n, 11, 8).
@@ -71,6 +73,7 @@ def viewed(
         cv2.warpAffine(
             scene, matrix, (columns, rows), views[index], borderMode=cv2.BORDER_REPLICATE
         )
+        views[index] = _exposed(views[index], rng)
         place = places[index]
         place[:, [LEFT, RIGHT, END_LEFT, END_RIGHT]] *= np.float32(scale[0])
         place[:, [LEFT, RIGHT, END_LEFT, END_RIGHT]] += np.float32(shift[0])
@@ -80,3 +83,20 @@ def viewed(
                 :, [RIGHT, LEFT, END_RIGHT, END_LEFT]
             ]
     return views, places
+
+
+def _exposed(view: npt.NDArray[np.uint8], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+    """The (h, w, 3) view as another camera would record it."""
+    gain = np.exp(rng.normal(0, 0.2) + rng.normal(0, 0.06, 3))
+    gamma = np.exp(rng.normal(0, 0.2))
+    levels = (np.arange(256)[:, None] / 255) ** gamma * gain * 255
+    table = np.clip(levels, 0, 255).astype(np.uint8)
+    view = np.asarray(cv2.LUT(view, table[None]), np.uint8)
+    if rng.random() < 0.3:
+        sigma = float(rng.uniform(0.5, 1.4))
+        view = np.asarray(cv2.GaussianBlur(view, (0, 0), sigma), np.uint8)
+    if rng.random() < 0.3:
+        quality = int(rng.integers(15, 70))
+        _, code = cv2.imencode(".jpg", view, [cv2.IMWRITE_JPEG_QUALITY, quality])
+        view = np.asarray(cv2.imdecode(code, cv2.IMREAD_COLOR), np.uint8)
+    return view

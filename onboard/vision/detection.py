@@ -108,3 +108,10 @@ class SearchPlan:
     """Regions to search; `None` searches the whole frame."""
     known: tuple[TrackRegion, ...] = ()
     """Tracks whose plates a search of the whole frame finds again."""
+    vehicles: bool = False
+    """Whether all of the frame is searched for vehicles, although only regions are for plates."""
+
+    @property
+    def has_vehicles(self) -> bool:
+        """Whether all of the frame is searched for vehicles."""
+        return self.vehicles or self.tracked is None

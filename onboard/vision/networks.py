@@ -52,7 +52,7 @@ def load_networks(settings: VisionSettings) -> Networks:
 def _vehicle_model(settings: VisionSettings) -> VehicleFinder | BoxModel | None:
     if settings.vehicle_model is not None:
         return BoxModel(settings.vehicle_model, "vision.vehicle_model")
-    return VehicleFinder() if settings.vehicles else None
+    return VehicleFinder() if settings.detects_vehicles else None
 
 
 def _plate_finder(settings: VisionSettings) -> PlateFinder:

@@ -53,7 +53,8 @@ degrees, which is 1.8 to 0.33 times the assumed focal length."""
 MAX_TRACKED_PER_FRAME = 2
 """Tracks that are searched in one frame; more are searched in turn."""
 OTHERS_PERIOD_S = 0.19
-"""Time between two searches for a track that is not the lead: five a second at 15 or 30 frames."""
+"""Time between two searches for a track that is not the lead, or for the plate of a vehicle: five a
+second at 15 or 30 frames."""
 FREE_S = 0.5
 """Time for which a lane that was seen to be free counts as free."""
 FREE_WIDTHS, FREE_WIDTHS_WITH_VEHICLES = 14.0, 3.5
@@ -75,7 +76,7 @@ class PerceptionParameters:
     search_period_s: float = 0.5
     """Between two searches of the whole frame while there is a lead."""
     search_period_without_lead_s: float = 0.2
-    """The same while there is none."""
+    """The same while there is none, or of the search for vehicles where they are found as such."""
     read_period_s: float = 0.5
     """Between two readings of a plate; the lead's is read in every frame until it is identified."""
     read_period_identified_s: float = 1.0
@@ -146,7 +147,7 @@ class Perception:
         """Stamp of the last frame in which the lane was seen to be free."""
         self._road: ImageBox | None = None
         self._stamp_s = -math.inf
-        self._searched_at = -math.inf
+        self._searched_at = self._vehicles_at = -math.inf
         self._changed_at = -math.inf
         """Stamp of the last frame that was no repeat."""
         self._frozen = False
@@ -161,7 +162,7 @@ class Perception:
     def reset(self) -> None:
         """Drop all tracks and stamps: the next frame is of another drive."""
         self._frame_check = FrameCheck()
-        self._stamp_s = self._searched_at = self._free_at = -math.inf
+        self._stamp_s = self._searched_at = self._vehicles_at = self._free_at = -math.inf
         self._drop_tracks()
 
     def _drop_tracks(self) -> None:
@@ -243,7 +244,7 @@ class Perception:
         self, image: npt.NDArray[np.uint8], stamp_s: float, *, everywhere: bool
     ) -> list[Detection]:
         plan = self._next_plan(stamp_s, everywhere=everywhere)
-        if plan.tracked is None and self._markings is not None:
+        if plan.has_vehicles and self._markings is not None:
             vehicles = [self._vehicle_outline(track) for track in self._tracker.tracks]
             self._lane.receive_fit(self._markings.find(image, vehicles))
             if self._lead is None and self._sees_free_lane(image):
@@ -271,32 +272,49 @@ class Perception:
 
     def _next_plan(self, stamp_s: float, *, everywhere: bool) -> SearchPlan:
         """Regions to search in this frame; marks them as searched."""
-        parameters = self._parameters
-        period_s = (
-            parameters.search_period_without_lead_s
-            if self._lead is None
-            else parameters.search_period_s
-        )
-        if everywhere or stamp_s - self._searched_at >= period_s:
-            self._searched_at = stamp_s
+        if everywhere or stamp_s - self._searched_at >= self._search_period_s:
+            self._searched_at = self._vehicles_at = stamp_s
             if everywhere:  # after a cut the tracks' regions show something else
                 return SearchPlan(self._road)
             known = tuple(self._region(track, stamp_s) for track in self._tracker.tracks)
             return SearchPlan(self._road, known=known)
+        has_vehicles = stamp_s - self._vehicles_at >= self._vehicles_period_s
+        if has_vehicles:
+            self._vehicles_at = stamp_s
         # The lead in every frame, the others in turn.
         due = (
             track
             for track in self._tracker.tracks
-            if track is self._lead
-            or not track.confirmed
-            or stamp_s - track.searched_at >= OTHERS_PERIOD_S
+            if stamp_s - track.searched_at >= self._period_s(track)
         )
         order = sorted(due, key=lambda track: (track is not self._lead, track.searched_at))
         return SearchPlan(
             tracked=tuple(
                 self._next_region(track, stamp_s) for track in order[:MAX_TRACKED_PER_FRAME]
-            )
+            ),
+            vehicles=has_vehicles,
         )
+
+    @property
+    def _search_period_s(self) -> float:
+        """Between two searches of the whole frame: plates are searched on vehicles in between."""
+        if self._lead is None and not self._finds_vehicles:
+            return self._parameters.search_period_without_lead_s
+        return self._parameters.search_period_s
+
+    @property
+    def _vehicles_period_s(self) -> float:
+        """Between two searches for vehicles: one without a plate is found by them only."""
+        has_plate = self._lead is not None and self._lead.last.kind is not DetectionKind.VEHICLE
+        if has_plate or not self._finds_vehicles:
+            return self._search_period_s
+        return self._parameters.search_period_without_lead_s
+
+    def _period_s(self, track: VehicleTrack) -> float:
+        """Time between two searches for a track; vehicles are found in all of the image only."""
+        is_urgent = track is self._lead or not track.confirmed
+        is_urgent &= track.last.kind is not DetectionKind.VEHICLE
+        return 0.0 if is_urgent else OTHERS_PERIOD_S
 
     def _next_region(self, track: VehicleTrack, stamp_s: float) -> TrackRegion:
         region = self._region(track, stamp_s)
@@ -420,8 +438,13 @@ def _below_horizon(
 
 
 def _around(track: VehicleTrack, stamp_s: float) -> ImageBox:
-    """Region of a track's plate: a plate's width to each side, wider the older its observation."""
+    """Region of a track's plate: a plate's width to each side, wider the older its observation.
+
+    That of a vehicle without a plate is its rear.
+    """
     box = bounding_box(track.corners_px)
+    if track.last.kind is DetectionKind.VEHICLE:
+        return box
     reach_px = box.w_px * (1.0 + 2.0 * (stamp_s - track.observed_at)) + 12.0
     return ImageBox(
         box.x_px - reach_px, box.y_px - reach_px, box.w_px + 2 * reach_px, box.h_px + 2 * reach_px

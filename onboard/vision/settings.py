@@ -178,8 +178,9 @@ class VisionSettings(Settings):
 
     plates: bool = True
     """Whether to detect number plates."""
-    vehicles: bool = False
-    """Whether to detect whole vehicles by the shipped detector."""
+    vehicles: bool | None = None
+    """Whether to detect whole vehicles by the shipped detector; `None`: where plates are detected,
+    since model vehicles bear tags."""
     plate_width_m: float | None = Field(None, gt=0.02, le=1.0)
     """Width of all plates; `None` derives it from each plate's shape (0.305 m in North America,
     0.40 in Brazil, 0.52 in Europe)."""
@@ -196,3 +197,8 @@ class VisionSettings(Settings):
     """Finds plates instead of the shipped detector, which then only refines their corners."""
     vehicle_model: VehicleModelSettings | None = None
     """Detects whole vehicles instead of the shipped detector."""
+
+    @property
+    def detects_vehicles(self) -> bool:
+        """Whether the shipped detector of vehicles runs, unless `vehicle_model` replaces it."""
+        return self.plates if self.vehicles is None else self.vehicles

@@ -49,7 +49,7 @@ _BORDER_PX = 2.0
 
 
 class VehicleDetector:
-    """Detects vehicles in each frame that is searched as a whole."""
+    """Detects vehicles in each frame that is searched for them."""
 
     def __init__(self, finder: VehicleFinder, perspective: Perspective) -> None:
         """Take the network and the camera's perspective."""
@@ -58,7 +58,7 @@ class VehicleDetector:
 
     def find(self, image: npt.NDArray[np.uint8], plan: SearchPlan) -> list[Detection]:
         """Vehicles in an (h, w, 3) BGR image."""
-        if plan.tracked is not None:
+        if not plan.has_vehicles:
             return []
         size = image.shape[1], image.shape[0]
         return [self._detection(vehicle, size) for vehicle in self._finder.find(image)]

@@ -26,7 +26,7 @@ WIDTH_PX = 640
 """Width of an image as the network sees it."""
 SIDES = 6
 """Left, top, right and bottom of the box; left and right of the rear or front."""
-LEAST_SCORE = 0.45
+LEAST_SCORE = 0.4
 """Score from which a vehicle is reported."""
 _MIN_OVERLAP, _MIN_INSIDE, _MIN_RATIO = 0.45, 0.65, 0.25
 """Two boxes are one vehicle from this intersection over union on, or if so much of the smaller one

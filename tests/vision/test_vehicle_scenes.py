@@ -39,3 +39,12 @@ def test_boxes_move_with_what_is_seen(seed: int) -> None:
     half = (seen[RIGHT] - seen[LEFT]) / 2
     assert seen[END_RIGHT] - seen[END_LEFT] == pytest.approx(half, abs=0.1)
     assert np.isnan(places[0, 1:]).all()
+
+
+def test_looks_at_one_scene_differ_in_exposure_and_colour() -> None:
+    scenes = np.full((12, SCENE_SIZE[1], SCENE_SIZE[0], 3), 100, np.uint8)
+    vehicles = np.full((12, MAX_VEHICLES, 8), np.nan, np.float32)
+    views, _ = viewed(scenes, vehicles, np.random.default_rng(1))
+    levels = views.mean(axis=(1, 2))
+    assert np.ptp(levels.mean(axis=1)) > 40.0
+    assert np.ptp(levels, axis=1).max() > 10.0

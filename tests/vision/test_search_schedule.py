@@ -1,0 +1,88 @@
+"""When all of the image is searched, and for what, where vehicles are found as such."""
+
+import pytest
+
+from onboard.observations import ImageBox
+from onboard.vision.networks import load_networks
+from onboard.vision.perception import Networks, Perception
+from onboard.vision.plate_detector import Image, PlateDetection
+from onboard.vision.plates import Corners, Plates, PlateText
+from onboard.vision.settings import VisionSettings
+from onboard.vision.vehicle_network import VehicleBox, VehicleFinder, VehicleKind
+from sim_rig.rendering.scene import Scene
+from tests.vision.drive import CAMERA, Observed, frames, observe
+
+DURATION_S = 4.0
+REAR = ImageBox(430.0, 230.0, 100.0, 90.0)
+
+
+class GivenVehicles(VehicleFinder):
+    """Finds what it is told, and counts."""
+
+    def __init__(self, *boxes: ImageBox) -> None:
+        self.searches = 0
+        self._found = [
+            VehicleBox(box, (box.x_px, box.x_px + box.w_px), VehicleKind.CAR, 0.9) for box in boxes
+        ]
+
+    def find(self, image: Image) -> list[VehicleBox]:
+        self.searches += 1
+        return self._found
+
+
+class NoPlates:
+    """Finds no plate, and remembers where it looked."""
+
+    def __init__(self) -> None:
+        self.regions: list[ImageBox] = []
+
+    def find(self, image: Image, region: ImageBox | None = None) -> list[PlateDetection]:
+        self.regions.append(region or ImageBox(0.0, 0.0, image.shape[1], image.shape[0]))
+        return []
+
+    def find_again(self, image: Image, last: Corners) -> PlateDetection | None:
+        return None
+
+    def read_many(self, image: Image, plates: Plates) -> list[PlateText]:
+        return []
+
+
+def watched(vehicles: GivenVehicles, plates: NoPlates) -> Observed:
+    perception = Perception(
+        CAMERA, VisionSettings(tag_dictionary=None), Networks(plates, plates, vehicles)
+    )
+    return observe(perception, frames(lambda _: Scene(), DURATION_S))
+
+
+def test_on_a_free_road_vehicles_are_searched_twice_as_often_as_plates() -> None:
+    vehicles, plates = GivenVehicles(), NoPlates()
+    watched(vehicles, plates)
+
+    assert 4.0 <= vehicles.searches / DURATION_S <= 5.5
+    assert 1.5 <= len(plates.regions) / DURATION_S <= 2.5
+
+
+def test_a_vehicle_without_a_plate_is_followed_and_its_rear_searched_for_one() -> None:
+    vehicles, plates = GivenVehicles(REAR), NoPlates()
+    leads = watched(vehicles, plates).leads
+
+    assert all(lead.gap_m is not None for lead in leads[6:])
+    assert 4.0 <= vehicles.searches / DURATION_S <= 5.5
+    on_rears = [region for region in plates.regions if region.w_px <= REAR.w_px + 1]
+    assert 2.0 <= len(on_rears) / DURATION_S <= 5.5
+    assert len(plates.regions) - len(on_rears) <= 2.5 * DURATION_S
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        (VisionSettings(), True),
+        (VisionSettings(plates=False), False),
+        (VisionSettings(plates=False, vehicles=True), True),
+        (VisionSettings(vehicles=False), False),
+    ],
+)
+def test_vehicles_are_detected_where_plates_are_unless_told_otherwise(
+    settings: VisionSettings, *, expected: bool
+) -> None:
+    assert (load_networks(settings).vehicle_model is not None) is expected
