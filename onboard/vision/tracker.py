@@ -44,6 +44,9 @@ lane widths apart sideways (1.05 m); two vehicles do not fit there."""
 CONTRADICTED_SIGMA = 2.0
 """Half width of the gate for a plate that is certainly read as another text than the track's: a
 misreading is where the vehicle is, another vehicle is not."""
+REAR_RIM = 0.25
+"""Share of a rear's sides by which a plate may be beside it: boxes of vehicles are inexact. A sign
+over the road is as far as a vehicle beside that the image's border cuts, whose sigma is large."""
 _OUTSIDE_GATE = 1e6
 
 
@@ -131,7 +134,7 @@ class Tracker:
         cost = (ahead_m / ahead_sigma_m) ** 2 + (right_m / right_sigma_m) ** 2
         if self._is_at_same_pixels(detection, track, stamp_s):
             return cost
-        if abs(right_m) > 0.5 * self._lane_width_m:
+        if abs(right_m) > 0.5 * self._lane_width_m or _is_beside(detection, track, stamp_s):
             return _OUTSIDE_GATE
         was_unobserved = track.confirmed and stamp_s - track.observed_at > UNOBSERVED_S
         if (
@@ -191,7 +194,24 @@ class Tracker:
         ) and stamp_s - track.detected_at <= min(KEEP_UNREAD_S, proven_s)
 
 
-def _contains_middle(one: ImageBox, other: ImageBox) -> bool:
-    """Whether the middle of `other` lies in `one`."""
+def _is_beside(detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
+    """Whether one is a vehicle and the other a plate that is not on its rear in the image."""
+    kinds = {detection.kind, track.last.kind}
+    if kinds != {DetectionKind.PLATE, DetectionKind.VEHICLE}:
+        return False
+    if stamp_s - track.observed_at > SAME_PLACE_S:
+        return False
+    rear, plate = detection.box, bounding_box(track.corners_px)
+    if detection.kind is DetectionKind.PLATE:
+        rear, plate = plate, rear
+    return not _contains_middle(rear, plate, rim=REAR_RIM)
+
+
+def _contains_middle(one: ImageBox, other: ImageBox, rim: float = 0.0) -> bool:
+    """Whether the middle of `other` lies in `one`, with a rim as a share of its sides."""
     x, y = other.centre_px
-    return one.x_px <= x <= one.x_px + one.w_px and one.y_px <= y <= one.y_px + one.h_px
+    across_px, along_px = rim * one.w_px, rim * one.h_px
+    return (
+        one.x_px - across_px <= x <= one.x_px + one.w_px + across_px
+        and one.y_px - along_px <= y <= one.y_px + one.h_px + along_px
+    )

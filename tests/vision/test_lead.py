@@ -9,7 +9,7 @@ from onboard.observations import PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.lane import HostLane
 from onboard.vision.lead import LeadSelector
-from onboard.vision.perspective import RoadPosition
+from onboard.vision.perspective import Corners, RoadPosition
 from onboard.vision.tracker import Tracker
 from onboard.vision.vehicle_track import VehicleTrack
 
@@ -74,6 +74,11 @@ def test_a_vehicle_is_the_lead_from_its_third_detection() -> None:
     assert lead.ahead.position_m == pytest.approx(20.0)
 
 
+def box_corners(left: float, top: float, wide: float, high: float) -> Corners:
+    right, bottom = left + wide, top + high
+    return np.array([(left, top), (right, top), (right, bottom), (left, bottom)], np.float32)
+
+
 def unread(ahead_m: float) -> Detection:
     return detection(ahead_m, text=None)
 
@@ -111,6 +116,22 @@ def test_a_vehicle_whose_width_is_misjudged_does_not_make_its_plate_inconsistent
     leads = [road.step(unread(20.0), wide) for _ in range(20)]
 
     assert None not in leads[3:]
+
+
+def test_a_plate_beside_a_vehicle_in_the_image_is_not_on_it() -> None:
+    """A sign over the road, as far as a vehicle beside that the image's border cuts."""
+    road = TrackedRoad(needs_vehicle=True)
+    sign = replace(unread(4.0), corners_px=box_corners(460.0, 40.0, 80.0, 40.0))
+    cut = replace(
+        found_vehicle(4.5),
+        corners_px=box_corners(0.0, 200.0, 120.0, 160.0),
+        position=RoadPosition(4.5, -1.6, 0.6),
+        ahead_sigma_m=4.5,
+        right_sigma_m=1.6,
+    )
+
+    assert road.steps(10, sign, cut) is not road.tracker.tracks[0]
+    assert not any(track.has_vehicle for track in road.tracker.tracks if track.last is sign)
 
 
 def test_a_vehicle_without_a_plate_is_a_lead() -> None:
