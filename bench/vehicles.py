@@ -167,7 +167,8 @@ def table(groups: Mapping[str, FoundVehicles]) -> str:
         "| pictures of | vehicles | found | plate found | false boxes a picture |",
         "|---|---|---|---|---|",
     ]
-    for group, found in groups.items():
+    # Pictures first, then the kinds of vehicles in them.
+    for group, found in sorted(groups.items(), key=lambda each: each[1].pictures == 0):
         many = max(1, found.vehicles)
         false = f"{found.false / found.pictures:.2f}" if found.pictures else ""
         lines.append(

@@ -82,7 +82,7 @@ def test_a_vehicle_without_a_plate_is_followed_and_its_rear_searched_for_one() -
         (VisionSettings(vehicles=False), False),
     ],
 )
-def test_vehicles_are_detected_where_plates_are_unless_told_otherwise(
+def test_vehicles_are_detected_where_plates_are_by_default(
     settings: VisionSettings, *, expected: bool
 ) -> None:
     assert (load_networks(settings).vehicle_model is not None) is expected
