@@ -86,6 +86,28 @@ def run(
     raise typer.Exit(outcome)
 
 
+@app.command()
+def doctor(
+    file: Annotated[
+        Path, typer.Argument(help="The file of a box; its name without .yaml is the car's.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for traces and logs.")] = Path("out"),
+) -> None:
+    """Let a box follow one car; print for each wire whether it hears and is heard.
+
+    Exit with 1 if something is missing.
+    """
+    from onboard.tools.doctor.cli import print_finding  # noqa: PLC0415 (see above)
+    from onboard.tools.doctor.finding import FindingLevel  # noqa: PLC0415
+    from sim_rig.runs.doctor import examine_box  # noqa: PLC0415
+
+    with _writing(out):
+        findings = examine_box(file, out)
+    for finding in findings:
+        print_finding(finding)
+    raise typer.Exit(any(finding.level is FindingLevel.MISSING for finding in findings))
+
+
 @app.command(context_settings={"ignore_unknown_options": True, "help_option_names": []})
 def study(
     context: typer.Context,

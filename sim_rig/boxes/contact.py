@@ -11,8 +11,13 @@ from onboard.messages import bsm
 from onboard.messages.bsm_core import CoreData
 from onboard.security import ieee1609dot2
 from onboard.security.oer import Malformed, Unsupported
+from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.wave_udp import wsmp
+from sim_rig.boxes.settings import BoxSettings
 from sim_rig.scenario.schema import Scenario
+
+_NO_WSM = -1
+_NAMES = {psid.BSM: "BSM", psid.LCCA: "LCCA", _NO_WSM: "no WSM"}
 
 
 @dataclass
@@ -24,7 +29,7 @@ class Contact:
     pictures: int = 0
     """Images that the box has taken from the camera."""
     frames: Counter[int] = field(default_factory=Counter)
-    """Its frames by PSID; -1 for what is no WSM."""
+    """Its frames by PSID; `_NO_WSM` for what is none."""
     core: CoreData | None = None
     """Part I of its last BSM."""
 
@@ -33,25 +38,65 @@ class Contact:
         try:
             message = wsmp.decode(wsm)
         except DecodeError:
-            self.frames[-1] += 1
+            self.frames[_NO_WSM] += 1
             return
         self.frames[message.psid] += 1
         if message.psid == psid.BSM:
             with contextlib.suppress(DecodeError, Malformed, Unsupported):
                 self.core = bsm.decode(ieee1609dot2.decode(message.payload).payload).core
 
-    def missing(self, scenario: Scenario) -> Iterator[str]:
-        """Yield what the box does not do yet, though a scenario needs it."""
-        if not self.answers:
-            yield "bus: it has requested no speed"
-        if not self.pictures:
-            yield "camera: it has taken no image"
+    def findings(self, car: str, box: BoxSettings, scenario: Scenario) -> Iterator[Finding]:
+        """Yield one for each wire that the scenario needs: whether the box uses it.
+
+        Args:
+            car: name of the box.
+            box: its wires.
+            scenario: what it shall drive.
+        """
+        yield self._bus(box)
+        address = f"http://{box.camera.host}:{box.camera.port}/{car}"
+        yield _finding(
+            "camera",
+            "it has taken no image" if not self.pictures else "",
+            f"{self.pictures} images taken",
+            f"camera.source of the box is {address}, and this computer can be reached there",
+        )
         if not scenario.beacons:
             return
-        if self.core is None:
-            yield "radio: no BSM of it has arrived"
-            return
-        if self.core.speed_m_s is None:
-            yield "bus: its BSMs have no speed"
-        if scenario.gnss is not None and self.core.latitude_deg is None:
-            yield "satellites: its BSMs have no position"
+        yield _finding(
+            "radio",
+            f"no BSM of it has arrived{self._frames(': ')}" if self.core is None else "",
+            self._frames(),
+            f"the radio unit of the box is {box.radio.host}, UDP port {box.radio.port}",
+        )
+        if scenario.gnss is not None:
+            yield _finding(
+                "satellites",
+                "" if self.core and self.core.latitude_deg is not None else "no BSM has a position",
+                "its BSMs have a position",
+                "gpsd of the box reads the wire `satellites`, and `gnss` of the box that gpsd",
+            )
+
+    def _bus(self, box: BoxSettings) -> Finding:
+        has_speed = self.core is None or self.core.speed_m_s is not None
+        missing = "its BSMs have no speed" if not has_speed else ""
+        bus = box.bus
+        server = f"{bus.host}:{bus.port}, " if bus.interface == "socketcand" else ""
+        return _finding(
+            "bus",
+            missing if self.answers else "it has requested no speed",
+            f"{self.answers} speeds sent",
+            f"`can` of the box is {bus.interface} ({server}{bus.channel})",
+        )
+
+    def _frames(self, before: str = "") -> str:
+        """Frames by service; empty if there are none."""
+        counted = [f"{n} {_NAMES.get(each, hex(each))}" for each, n in sorted(self.frames.items())]
+        return before + ", ".join(counted) if counted else ""
+
+
+def _finding(subject: str, missing: str, good: str, advice: str) -> Finding:
+    """Return a finding: `missing` says what is, and is empty if nothing is."""
+    if missing:
+        return Finding(subject, FindingLevel.MISSING, missing, advice)
+    return Finding(subject, FindingLevel.GOOD, good)

@@ -21,6 +21,7 @@ from sim_rig.reporting.timeline import draw_timeline
 from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.live import LiveTestbench
+from sim_rig.runs.terminated import run_until_terminated
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import Scenario, load_scenario
 
@@ -102,10 +103,6 @@ def _only_virtual(scenario: Scenario) -> str | None:
 
 def _run_live(prepared: LiveTestbench, watch: bool) -> RunLog:
     async def run_testbench() -> RunLog:
-        task = asyncio.current_task()
-        assert task is not None  # noqa: S101 (inside of asyncio.run there is one)
-        # SIGTERM must end the daemons, too.
-        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
         async with prepared as testbench:
             for name, address in testbench.pages.items():
                 typer.echo(f"  {name:8} {address}")
@@ -119,7 +116,4 @@ def _run_live(prepared: LiveTestbench, watch: bool) -> RunLog:
                 await ended.wait()
         return testbench.log()
 
-    try:
-        return asyncio.run(run_testbench())
-    except asyncio.CancelledError:
-        raise typer.Exit(128 + signal.SIGTERM) from None
+    return run_until_terminated(run_testbench())

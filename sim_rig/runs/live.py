@@ -18,6 +18,7 @@ from types import MappingProxyType
 import numpy as np
 
 from onboard.security.key_files import write_credentials
+from onboard.tools.doctor.finding import FindingLevel
 from sim_rig.boxes.box_log import FramesOfRun, box_log, fetch
 from sim_rig.boxes.contact import Contact
 from sim_rig.boxes.settings import BoxSettings
@@ -45,6 +46,10 @@ _READY_WITHIN_S = 40.0
 _EXTRA_S = 0.5
 """Time after the scenario's end, for messages and records in transit."""
 _NO_BOXES: Mapping[str, BoxSettings] = MappingProxyType({})
+
+
+class BoxNotReadyError(ProcessError):
+    """A box did not use all of its wires in time."""
 
 
 class LiveTestbench:
@@ -104,6 +109,8 @@ class LiveTestbench:
 
         Raises:
             ProcessError: a daemon did not get ready, or ended unexpectedly.
+            BoxNotReadyError: a box did not get ready.
+            UserError: the recording of a box could not be fetched.
         """
         await self._until_ready()
         self._lateness.clear()
@@ -268,11 +275,15 @@ class LiveTestbench:
                 )
             await self.processes.sleep_until(time.monotonic() + 0.1)
         for car, box in self._boxes.items():
-            while missing := list(self.contact(car).missing(self._scenario)):
+            while missing := [
+                finding
+                for finding in self.contact(car).findings(car, box, self._scenario)
+                if finding.level is FindingLevel.MISSING
+            ]:
                 if time.monotonic() > began_at + box.ready_within_s:
-                    raise ProcessError(
+                    raise BoxNotReadyError(
                         f"{car}: the box is not ready after {box.ready_within_s:g} s:"
-                        f" {'; '.join(missing)}"
+                        f" {'; '.join(f'{each.subject}: {each.detail}' for each in missing)}"
                     )
                 await self.processes.sleep_until(time.monotonic() + 0.1)
 

@@ -1,10 +1,13 @@
 """A box is a car of the rig: here a daemon that the test starts with its own configuration."""
 
 import asyncio
+import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -15,6 +18,7 @@ import yaml
 
 from onboard.recorder.reader import RecordedDrive
 from onboard.replay.replay import compare
+from onboard.tools.doctor.finding import FindingLevel
 from sim_rig.boxes.settings import BoxSettings, load_boxes
 from sim_rig.boxes.trial_keys import run_credentials
 from sim_rig.cars.camera_view import calibration
@@ -22,6 +26,7 @@ from sim_rig.processes.processes import ProcessError
 from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.latency_ledger import ledger
 from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.doctor import examine_box
 from sim_rig.runs.live import LiveTestbench
 from sim_rig.scenario.car_config import DIGEST
 from sim_rig.scenario.schema import Scenario, load_scenario
@@ -31,6 +36,9 @@ pytestmark = pytest.mark.live
 AHEAD_S = 1000
 """The box's monotonic clock minus the rig's, where the kernel lets a process have its own."""
 OWN_CLOCK = ("unshare", "--time", "--fork", "--kill-child", "--monotonic", str(AHEAD_S))
+
+RESTARTED = 'until "$0" -m onboard run "$1"; do sleep 0.2; done'
+"""As systemd does while the rig is off."""
 
 
 @cache
@@ -113,12 +121,15 @@ def running(box: BoxSettings, scenario: Scenario, folder: Path, utc_s: float) ->
     clock = OWN_CLOCK if has_own_clock() else ()
     with (folder / "car.log").open("wb") as log:
         process = subprocess.Popen(
-            [*clock, sys.executable, "-m", "onboard", "run", str(file)], stdout=log, stderr=log
+            [*clock, "sh", "-c", RESTARTED, sys.executable, str(file)],
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
         )
         try:
             yield
         finally:
-            process.kill()  # unshare ignores SIGTERM
+            os.killpg(process.pid, signal.SIGKILL)  # unshare ignores SIGTERM
             process.wait(10.0)
 
 
@@ -168,6 +179,19 @@ def test_a_box_that_is_off_is_named_with_what_it_does_not_do(
     assert "red: the box is not ready after 0.1 s" in str(found.value)
     for wire in ("bus: it has requested", "camera: it has taken no", "radio: no BSM"):
         assert wire in str(found.value)
+
+
+def test_the_doctor_finds_a_box_at_work(
+    box: BoxSettings, scenario: Scenario, tmp_path: Path
+) -> None:
+    with running(box, scenario, tmp_path, time.time()):
+        found = examine_box(tmp_path / "red.yaml", tmp_path / "out")
+    wrong = [each for each in found if each.level is FindingLevel.MISSING]
+    if any(each.subject == "rig" for each in found):
+        pytest.skip(f"the rig itself was late: {found}")
+    assert wrong == []
+    subjects = [each.subject for each in found]
+    assert subjects == ["bus", "camera", "radio", "clock", "recording", "group"]
 
 
 def test_the_recording_of_another_drive_is_not_judged(

@@ -54,7 +54,7 @@ def doctor(
         typer.echo(json.dumps([asdict(finding) for finding in findings], indent=1))
     else:
         for finding in findings:
-            _print(finding)
+            print_finding(finding)
     is_complete = all(finding.level is not FindingLevel.MISSING for finding in findings)
     raise typer.Exit(0 if is_complete else 1)
 
@@ -94,7 +94,8 @@ async def _examined(
         return [Finding(subject, FindingLevel.MISSING, str(error), CORRECT)]
 
 
-def _print(finding: Finding) -> None:
+def print_finding(finding: Finding) -> None:
+    """Print a line, and what to do."""
     level = typer.style(f"{finding.level:14}", fg=_COLOURS.get(finding.level))
     typer.echo(f"{finding.subject:12}{level}  {finding.detail}")
     if finding.advice:
