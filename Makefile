@@ -46,6 +46,11 @@ vm-test: .venv/ready
 box-test: .venv/ready
 	$(PYTHON) -m deploy.vm --namespaces
 
+# The rig and a box without hardware: a daemon in namespaces; no root.
+.PHONY: hil-test
+hil-test: .venv/ready
+	PYTHON=$(PYTHON) examples/box/namespaces.sh
+
 # The drives that tests replay, recorded anew after a change of the cores that is meant.
 drives: .venv/ready
 	$(PYTHON) -m tests.drives.record

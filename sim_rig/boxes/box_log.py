@@ -56,6 +56,7 @@ async def fetch(car: str, box: BoxSettings) -> None:
     await asyncio.sleep(FLUSHED_AFTER_S)
     if box.fetch is None:
         return
+    box.recording.parent.mkdir(parents=True, exist_ok=True)
     try:
         process = await asyncio.create_subprocess_exec(*box.fetch)
     except OSError as error:

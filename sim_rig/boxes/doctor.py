@@ -13,6 +13,8 @@ from sim_rig.scenario.schema import Scenario
 SPEED_M_S, GAP_M, LENGTH_M = 15.0, 12.0, 4.5
 """The headway of 0.8 s is far below that of a warning group, so the box joins the car ahead."""
 DURATION_S = 12.0
+LASTING_S = 3.0
+"""A sensor that is silent for less is not called missing: images may be late."""
 CERTIFICATE_KNOWN_S = 2.0
 """By then each knows the other's certificate, which comes with a BSM every
 `CERTIFICATE_INTERVAL_S`."""
@@ -91,14 +93,15 @@ def _refused(log: RunLog, receiver: str, what: str) -> Iterator[Finding]:
 
 
 def _lost(log: RunLog, car: str) -> Iterator[Finding]:
-    """Yield the sensors that the box reports as lost at the end of the drive."""
+    """Yield the sensors that the box reports as lost from some time to the end of the drive."""
     state = {
         record["sensor"]: record
         for record in log.traces[car]
         if record["kind"] in {"sensor_lost", "sensor_recovered"} and log.at_s(record) < DURATION_S
     }
     for sensor, record in sorted(state.items()):
-        if record["kind"] == "sensor_lost":
+        is_lasting = log.at_s(record) < DURATION_S - LASTING_S
+        if record["kind"] == "sensor_lost" and is_lasting:
             yield Finding(
                 sensor, FindingLevel.MISSING, f"the box reports it lost: {record['reason']}"
             )

@@ -26,8 +26,8 @@ class BoxSettings(WireSettings):
     recording: Path
     """Folder of the box's black box as this computer sees it after the run."""
     fetch: tuple[str, ...] | None = None
-    """Command that copies the black box to `recording`, run without a shell when the scenario has
-    ended: `[rsync, -a, "root@BOX:/var/lib/onboard/drive/", out/drive]`."""
+    """Command that copies the black box to `recording`, in a folder that exists then, run without a
+    shell when the scenario has ended: `[scp, -pr, "root@BOX:/var/lib/onboard/drive", out/red]`."""
     ready_within_s: float = Field(60.0, gt=0.0, le=600.0)
     """Time for the box to use all wires."""
 

@@ -151,8 +151,8 @@ def test_keys_of_another_trial_are_named_on_both_sides() -> None:
 def test_a_sensor_that_is_lost_at_the_end_is_named() -> None:
     lost = {"stamp_s": 103.0, "kind": "sensor_lost", "sensor": "detector", "reason": "silent"}
     back = {"stamp_s": 104.0, "kind": "sensor_recovered", "sensor": "detector"}
-    after_the_drive = lost | {"stamp_s": 113.0, "sensor": "camera"}
-    found = missing(list(findings_of_drive("red", drive([JOINED, lost, after_the_drive]))))
+    just_before_the_end = lost | {"stamp_s": 111.0, "sensor": "camera"}
+    found = missing(list(findings_of_drive("red", drive([JOINED, lost, just_before_the_end]))))
     assert found["detector"].detail == "the box reports it lost: silent"
     assert "camera" not in found
     assert not missing(list(findings_of_drive("red", drive([JOINED, lost, back]))))

@@ -7,14 +7,20 @@ from pathlib import Path
 import pytest
 import yaml
 
-from onboard.settings import SettingsError
+from onboard.config import CarConfig
+from onboard.security.settings import PlateDigestSettings
+from onboard.settings import SettingsError, load_settings
+from onboard.wave_udp.settings import IwcuSettings
 from sim_rig.boxes.settings import BoxSettings, load_boxes
+from sim_rig.cars.camera_view import calibration
 from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.clock_offset import ClockOffset
 from sim_rig.run_log.lateness import LIMITS_S, Lateness
 from sim_rig.run_log.run_log import RunLog
+from sim_rig.scenario.car_config import DIGEST
 from sim_rig.scenario.schema import Scenario, load_scenario
 
+EXAMPLES = Path(__file__).parents[2] / "examples" / "box"
 BUS, CAMERA, UNIT = 47101, 47102, 47103
 """Ports of the rig, below those that Linux gives away by itself."""
 
@@ -188,3 +194,23 @@ def test_the_schema_of_a_box_is_strict(fig4: Scenario, tmp_path: Path) -> None:
     assert "bus" in BoxSettings.model_fields
     given = written(tmp_path, "red", box(tmp_path, "RD288HX", buss={"port": 1}))
     assert "did you mean bus?" in mistakes(fig4, given)
+
+
+def test_the_examples_are_two_ends_of_the_same_wires(fig4: Scenario) -> None:
+    rig = load_settings(EXAMPLES / "red.yaml", BoxSettings)
+    car = load_settings(EXAMPLES / "car.yaml", CarConfig)
+
+    assert car.car.plate == rig.plate == fig4.cars["red"].identity
+    assert car.can is not None
+    assert (car.can.interface, car.can.channel) == (rig.bus.interface, rig.bus.channel)
+    assert car.camera is not None
+    assert car.camera.source == f"http://{rig.camera.host}:{rig.camera.port}/red"
+    lens = calibration(fig4.lens).model_dump()
+    assert {name: getattr(car.camera, name) for name in lens} == lens
+    radio = car.radio
+    assert isinstance(radio, IwcuSettings)
+    assert (radio.unit_host, radio.unit_port) == (rig.radio.host, rig.radio.port)
+    assert (radio.listen_host, radio.listen_port) == (rig.radio.box_host, rig.radio.box_port)
+    assert car.security.plate_digest == PlateDigestSettings.model_validate(DIGEST)
+    assert rig.fetch is not None
+    assert rig.recording == Path(rig.fetch[-1]) / "drive"

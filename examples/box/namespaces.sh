@@ -1,0 +1,37 @@
+#!/bin/sh
+# A box without hardware: a daemon in namespaces with a network address and a monotonic clock of its
+# own, on the wires of red.yaml; the bus is served by socketcand. Needs no root, util-linux and
+# iproute2; sim-rig and onboard are those of the PYTHON that is given.
+#
+#   PYTHON=.venv/bin/python examples/box/namespaces.sh [SCENARIO]
+set -eu
+if [ -z "${IN_NAMESPACES:-}" ]; then
+    IN_NAMESPACES=1 exec unshare --user --map-root-user --net --pid --mount-proc --fork \
+        --kill-child "$0" "$@"
+fi
+here=$(dirname "$0")
+folder=out/box
+rm -rf "$folder"
+mkdir -p "$folder"
+served='s|^bus:.*|bus: {host: 192.168.77.1, port: 29536}|'
+sed -e "$served" -e '/^fetch:/d' -e "s|^recording:.*|recording: $folder/drive|" \
+    -e "s|^keys:.*|keys: $folder/trial|" "$here/red.yaml" > "$folder/red.yaml"
+bus='can: {interface: socketcand, channel: can0, host: 192.168.77.1, port: 29536}'
+sed -e "s|^can:.*|$bus|" -e "s|/etc/onboard/keys|$folder/trial/red|" \
+    -e "s|/var/lib/onboard/drive|$folder/drive|" "$here/car.yaml" > "$folder/car.yaml"
+
+unshare --net --time --monotonic 1000 sh -c '
+    until "$0" -m onboard run "$1"; do sleep 1; done
+' "$PYTHON" "$folder/car.yaml" > "$folder/car.log" 2>&1 &
+box=$!
+ip link set lo up
+until [ "$(readlink "/proc/$box/ns/net")" != "$(readlink /proc/self/ns/net)" ]; do sleep 0.1; done
+ip link add rig type veth peer name box netns "$box"
+ip address add 192.168.77.1/24 dev rig
+ip link set rig up
+nsenter --target "$box" --net sh -c '
+    ip link set lo up; ip address add 192.168.77.2/24 dev box; ip link set box up
+'
+"$PYTHON" -m sim_rig doctor "$folder/red.yaml" --out "$folder"
+"$PYTHON" -m sim_rig run "${1:-fig4}" --box "red=$folder/red.yaml" --out "$folder"
+"$PYTHON" -m onboard replay --expect "$folder/${1:-fig4}-live/box/red"
