@@ -1,4 +1,4 @@
-"""Frames a second of the camera and perception, on one core at 1280x720, and their memory.
+"""Frames a second of the camera and perception, on one core, and their memory.
 
 The drive is rendered: a lead with a plate 60 px wide, and a vehicle in each lane beside it. The
 reference is the least work of any camera input: decoding the same frames from H.264, by one thread.
@@ -31,8 +31,18 @@ from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 CAMERA = CameraSettings(
     source="rendered", focal_x_px=1800.0, focal_y_px=1800.0, mounting_height_m=1.3, pitch_rad=0.02
 )
-FPS = 15.0
-FRAMES = 60
+LARGE_CAMERA = CAMERA.model_copy(
+    update={
+        "width_px": 3840,
+        "height_px": 2160,
+        "focal_x_px": 5400.0,
+        "focal_y_px": 5400.0,
+        "principal_x_px": 1920.0,
+        "principal_y_px": 1080.0,
+    }
+)
+FPS, LARGE_FPS = 15.0, 10.0
+FRAMES, LARGE_FRAMES = 60, 30
 _EVERYWHERE = PerceptionParameters(search_period_s=1e-3, search_period_without_lead_s=1e-3)
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
 _RUNS = 5
@@ -45,9 +55,7 @@ def measure() -> Iterator[Figure]:
     """Frame rates with full and regional search, the core's share at 15 fps, and memory."""
     cv2.setNumThreads(1)
     clip = encoded(list(drive()))
-    started = time.process_time()
-    frames = list(decoded(clip))
-    decode_fps = len(frames) / (time.process_time() - started)
+    frames, decode_fps = _decoded_in_time(clip)
     everywhere_fps = perception_fps(frames, _EVERYWHERE)
     tracked_fps = perception_fps(frames)
     for name, value in (("vision.whole", everywhere_fps), ("vision.tracked", tracked_fps)):
@@ -60,8 +68,30 @@ def measure() -> Iterator[Figure]:
         _REFERENCE,
         FPS / decode_fps,
     )
+    yield _share_of_large_frames()
     with_perception, without = (_memory_mb(clip, what) for what in ("perception", "decode"))
     yield Figure("vision.memory", with_perception, "MB", 1, "a process that only decodes", without)
+
+
+def _decoded_in_time(clip: bytes) -> tuple[list[Image], float]:
+    """The frames of a clip, and how many of them are decoded in a second of CPU time."""
+    started = time.process_time()
+    frames = list(decoded(clip))
+    return frames, len(frames) / (time.process_time() - started)
+
+
+def _share_of_large_frames() -> Figure:
+    """Share of a core for 3840x2160."""
+    frames, decode_fps = _decoded_in_time(encoded(list(drive(LARGE_CAMERA, LARGE_FRAMES))))
+    fps = perception_fps(frames, camera=LARGE_CAMERA, rate=LARGE_FPS)
+    return Figure(
+        "vision.core_share_of_3840x2160_at_10_fps",
+        LARGE_FPS / fps,
+        "cores",
+        LARGE_FRAMES,
+        _REFERENCE,
+        LARGE_FPS / decode_fps,
+    )
 
 
 def _memory_mb(clip: bytes, what: str) -> float:
@@ -70,10 +100,10 @@ def _memory_mb(clip: bytes, what: str) -> float:
     return float(subprocess.run(command, input=clip, check=True, stdout=subprocess.PIPE).stdout)
 
 
-def drive() -> Iterator[Image]:
+def drive(camera: CameraSettings = CAMERA, frames: int = FRAMES) -> Iterator[Image]:
     """Frames of a slow approach to a lead, between two other vehicles."""
-    renderer, rng = CameraRenderer(CAMERA), np.random.default_rng(1)
-    for index in range(FRAMES):
+    renderer, rng = CameraRenderer(camera), np.random.default_rng(1)
+    for index in range(frames):
         cars = (
             SceneCar(15.0 - 0.02 * index, plate="GN417KB"),
             SceneCar(11.0 + 0.05 * index, 3.5, plate="RD288HX"),
@@ -104,14 +134,17 @@ def decoded(clip: bytes) -> Iterator[Image]:
 
 
 def perception_fps(
-    frames: Iterable[Image], parameters: PerceptionParameters = DEFAULT_PARAMETERS
+    frames: Iterable[Image],
+    parameters: PerceptionParameters = DEFAULT_PARAMETERS,
+    camera: CameraSettings = CAMERA,
+    rate: float = FPS,
 ) -> float:
-    """Frames a second of CPU time, once the lead is identified."""
-    perception = load_perception(CAMERA, VisionSettings(), parameters)
+    """Frames a second of CPU time, once the lead is identified, of a camera with this rate."""
+    perception = load_perception(camera, VisionSettings(), parameters)
     spent_s = []
     for index, frame in enumerate(frames):
         started = time.process_time()
-        perception.receive_frame(frame, index / FPS)
+        perception.receive_frame(frame, index / rate)
         while perception.next_event() is not None:
             pass
         spent_s.append(time.process_time() - started)
@@ -136,6 +169,7 @@ _ROWS = {
     "vision.whole": "every frame searched in full",
     "vision.tracked": "as in the car: regions around what is tracked",
     "vision.core_share_at_15_fps": "the same, at 15 frames a second",
+    "vision.core_share_of_3840x2160_at_10_fps": "3840x2160 at 10 frames a second",
     "vision.memory": "memory of a process with perception",
 }
 

@@ -8,6 +8,10 @@ from onboard.observations import ImageBox, PlateCandidate
 from onboard.vision.perspective import Corners, RoadPosition, bounding_box
 from onboard.vision.plate_views import PlateViews
 
+LARGE_PX = 2_500_000
+"""Pixels from which all of an image is searched at half its size, and what is found there at full
+size: for tags, and for plates where vehicles are found as such, whose rears are searched, too."""
+
 
 class DetectionKind(StrEnum):
     """Kinds of features by which a vehicle is detected."""
@@ -109,7 +113,7 @@ class SearchPlan:
     known: tuple[TrackRegion, ...] = ()
     """Tracks whose plates a search of the whole frame finds again."""
     vehicles: bool = False
-    """Whether all of the frame is searched for vehicles, although only regions are for plates."""
+    """Whether all of the frame is searched for vehicles, even if only regions are for plates."""
 
     @property
     def has_vehicles(self) -> bool:

@@ -275,9 +275,9 @@ class Perception:
         if everywhere or stamp_s - self._searched_at >= self._search_period_s:
             self._searched_at = self._vehicles_at = stamp_s
             if everywhere:  # after a cut the tracks' regions show something else
-                return SearchPlan(self._road)
+                return SearchPlan(self._road, vehicles=self._finds_vehicles)
             known = tuple(self._region(track, stamp_s) for track in self._tracker.tracks)
-            return SearchPlan(self._road, known=known)
+            return SearchPlan(self._road, known=known, vehicles=self._finds_vehicles)
         has_vehicles = stamp_s - self._vehicles_at >= self._vehicles_period_s
         if has_vehicles:
             self._vehicles_at = stamp_s

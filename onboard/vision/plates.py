@@ -5,12 +5,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import ImageBox, PlateCandidate
 from onboard.vision.blue_band import include_blue_band
-from onboard.vision.detection import Detection, DetectionKind, SearchPlan, TrackRegion
+from onboard.vision.detection import (
+    LARGE_PX,
+    Detection,
+    DetectionKind,
+    SearchPlan,
+    TrackRegion,
+)
 from onboard.vision.perspective import Corners, Perspective, bounding_box
 from onboard.vision.plate_detector import PlateDetection
 from onboard.vision.plate_ends import refine_ends
@@ -110,7 +117,7 @@ class PlateRecognizer:
     def _found(self, image: Image, plan: SearchPlan) -> Iterator["_Found"]:
         """Each plate once, though regions overlap."""
         searched: list[tuple[list[PlateDetection], TrackRegion | None]] = (
-            [(self._finder.find(image, plan.area), None)]
+            [(self._search_all(image, plan), None)]
             if plan.tracked is None
             else [(self._search_region(image, each), each) for each in plan.tracked]
         )
@@ -127,6 +134,22 @@ class PlateRecognizer:
                         is_to_read=track is None or track.read_text,
                         seen=None if track is None else track.views,
                     )
+
+    def _search_all(self, image: Image, plan: SearchPlan) -> list[PlateDetection]:
+        """Plates in the whole image; those in a large one are then placed at its full size."""
+        if image.shape[0] * image.shape[1] < LARGE_PX or not plan.vehicles:
+            return self._finder.find(image, plan.area)
+        half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        area = plan.area and ImageBox(
+            plan.area.x_px / 2, plan.area.y_px / 2, plan.area.w_px / 2, plan.area.h_px / 2
+        )
+        found = self._finder.find(np.asarray(half, np.uint8), area)
+        again = [self._finder.find_again(image, 2 * each.corners_px) for each in found]
+        return [
+            PlateDetection(placed.corners_px, each.score)
+            for each, placed in zip(found, again, strict=True)
+            if placed is not None
+        ]
 
     def _search_region(self, image: Image, followed: TrackRegion) -> list[PlateDetection]:
         if followed.kind is DetectionKind.PLATE and followed.was_detected:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import ImageBox, PlateCandidate
-from onboard.vision.detection import Detection, DetectionKind, SearchPlan
+from onboard.vision.detection import LARGE_PX, Detection, DetectionKind, SearchPlan
 from onboard.vision.edges import refine_sides
 from onboard.vision.perspective import Corners, Perspective
 
@@ -68,17 +68,20 @@ class TagDetector:
     def _quads(
         self, image: npt.NDArray[np.uint8], region: ImageBox | None
     ) -> list[tuple[int, Corners]]:
-        left, top, scale = 0, 0, 1
+        left, top, scale = 0, 0, 1.0
         part = image
         if region is not None:
             left, top = max(0, int(region.x_px)), max(0, int(region.y_px))
             right, bottom = int(region.x_px + region.w_px), int(region.y_px + region.h_px)
             part = image[top : max(top, bottom), left : max(left, right)]
-            scale = 2 if part.shape[1] < SMALL_REGION_PX else 1
+            scale = 2.0 if part.shape[1] < SMALL_REGION_PX else 1.0
         if min(part.shape[:2]) < MIN_SIDE_PX:
             return []
         part = np.asarray(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY), np.uint8)
-        view = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+        if part.size >= LARGE_PX:
+            scale = 0.5
+        way = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
+        view = cv2.resize(part, None, fx=scale, fy=scale, interpolation=way)
         quads, numbers, _ = self._detector.detectMarkers(view)
         if numbers is None:
             return []
