@@ -72,6 +72,13 @@ def run(
             help="A car that is hardware, with the file of its wires; repeat it.",
         ),
     ] = None,
+    virtual_others: Annotated[
+        bool,
+        typer.Option(
+            "--virtual-others",
+            help="With --box: no other car is a process; the rig steps their cores in real time.",
+        ),
+    ] = False,
 ) -> None:
     """Run a scenario and print a report.
 
@@ -81,7 +88,13 @@ def run(
 
     with _writing(out):
         outcome = run_scenario(
-            scenario, out, virtual=virtual, seed=seed, watch=watch, boxes=box or ()
+            scenario,
+            out,
+            virtual=virtual,
+            seed=seed,
+            watch=watch,
+            boxes=box or (),
+            virtual_others=virtual_others,
         )
     raise typer.Exit(outcome)
 

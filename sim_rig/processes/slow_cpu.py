@@ -5,21 +5,27 @@ import contextlib
 import os
 import signal
 import time
+from collections.abc import Container
 
 from sim_rig.processes.processes import Processes
 from sim_rig.scenario.faults import SlowCpu
 from sim_rig.scenario.schema import Scenario
 
 
-async def slow_down(scenario: Scenario, start_s: float, processes: Processes) -> None:
-    """Slow the daemons of all cars with the fault `SlowCpu`; when cancelled, all run again.
+async def slow_down(
+    scenario: Scenario, start_s: float, processes: Processes, daemons: Container[str]
+) -> None:
+    """Slow the daemons of cars with the fault `SlowCpu`; when cancelled, all run again.
 
     Args:
         scenario: the scenario of the run.
         start_s: monotonic time of its start, s.
         processes: the daemons, by the name of their car.
+        daemons: the cars that have one.
     """
-    faults = [fault for fault in scenario.faults if isinstance(fault, SlowCpu)]
+    faults = [
+        fault for fault in scenario.faults if isinstance(fault, SlowCpu) and fault.car in daemons
+    ]
     await asyncio.gather(*(_slow_one(fault, start_s, processes.pid(fault.car)) for fault in faults))
 
 

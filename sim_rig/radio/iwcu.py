@@ -9,6 +9,7 @@ import math
 import socket
 import time
 from collections.abc import Callable
+from functools import partial
 
 from sim_rig.radio.air import Air, Delivery
 from sim_rig.run_log.rig_recorder import RigRecorder
@@ -40,8 +41,8 @@ class RadioUnits:
         self._is_mute = is_mute
         self._on_late = on_late
         self._recorder = recorder
-        self._sockets: dict[str, socket.socket] = {}
-        self._car_addresses: dict[str, tuple[str, int]] = {}
+        self._sockets: list[socket.socket] = []
+        self._hand_over: dict[str, Callable[[Delivery], None]] = {}
         self._timer: asyncio.TimerHandle | None = None
 
     def add(self, car: str, wire: RadioWire) -> None:
@@ -50,15 +51,24 @@ class RadioUnits:
         unit.bind((str(wire.host), wire.port))
         unit.setblocking(False)
         unit.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
-        self._sockets[car] = unit
-        self._car_addresses[car] = (str(wire.box_host), wire.box_port)
+        self._sockets.append(unit)
+        self._hand_over[car] = partial(_send, unit, (str(wire.box_host), wire.box_port))
         asyncio.get_running_loop().add_reader(unit, self._receive, car, unit)
+
+    def add_in_process(self, car: str, receive: Callable[[bytes], None]) -> None:
+        """Let `receive` be called with each WSM for `car`, which needs no wire."""
+        self._hand_over[car] = lambda delivery: receive(delivery.wsm)
+
+    def transmit(self, car: str, wsm: bytes, user_priority: int) -> None:
+        """Transmit a frame of a car without a wire; it is delivered in a later turn of the loop."""
+        self._put_on_air(car, wsm, user_priority, time.monotonic())
+        self._arm()
 
     def close(self) -> None:
         """Close all units."""
         if self._timer is not None:
             self._timer.cancel()
-        for unit in self._sockets.values():
+        for unit in self._sockets:
             asyncio.get_running_loop().remove_reader(unit)
             unit.close()
 
@@ -69,12 +79,13 @@ class RadioUnits:
             except BlockingIOError:
                 break
             user_priority = next((data[0] >> 5 for _, _, data in ancillary), 0)
-            now = time.monotonic()
-            if self._is_mute(car, now):
-                continue
+            self._put_on_air(car, wsm, user_priority, time.monotonic())
+        self._step()
+
+    def _put_on_air(self, car: str, wsm: bytes, user_priority: int, now: float) -> None:
+        if not self._is_mute(car, now):
             self._recorder.note_on_air(car, wsm, user_priority, now)
             self._air.receive_wsm(car, wsm, user_priority, now)
-        self._step()
 
     def _step(self) -> None:
         now = time.monotonic()
@@ -83,18 +94,21 @@ class RadioUnits:
                 delivery.receiver, delivery.sender, delivery.user_priority, delivery.wsm, now
             )
             self._on_late(now - delivery.at_s)
-            self._hand_over(delivery)
+            self._hand_over[delivery.receiver](delivery)
+        self._arm()
+
+    def _arm(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         at = self._air.get_timer()
         if at < math.inf:
-            self._timer = asyncio.get_running_loop().call_later(at - now, self._step)
+            self._timer = asyncio.get_running_loop().call_at(at, self._step)
 
-    def _hand_over(self, delivery: Delivery) -> None:
-        unit = self._sockets[delivery.receiver]
-        try:
-            unit.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, delivery.user_priority << 5)
-            unit.sendto(delivery.wsm, self._car_addresses[delivery.receiver])
-        except OSError:
-            pass  # the car does not listen, or its address is gone: a frame is lost
+
+def _send(unit: socket.socket, address: tuple[str, int], delivery: Delivery) -> None:
+    try:
+        unit.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, delivery.user_priority << 5)
+        unit.sendto(delivery.wsm, address)
+    except OSError:
+        pass  # the car does not listen, or its address is gone: a frame is lost

@@ -11,6 +11,7 @@ LIMITS_S: Mapping[str, float] = {
     "fix": 0.05,
     "detection": 0.05,
     "WSM": 0.02,
+    "other car": 0.02,
 }
 """Lateness that a device at the end of this wire might have too. An ECU may answer 0.05 s after the
 request (ISO 15765-4, P2 CAN), of which the rig's plans 0.004 s; a picture is late by an interval of

@@ -34,6 +34,7 @@ def run_scenario(
     seed: int | None,
     watch: bool,
     boxes: Sequence[str] = (),
+    virtual_others: bool = False,
 ) -> Outcome:
     """Run a scenario, and write traces, recordings and picture into a folder of `out`.
 
@@ -44,6 +45,7 @@ def run_scenario(
         seed: instead of the scenario's own.
         watch: show the engineer's page until Ctrl-C.
         boxes: `CAR=FILE` for each car that is a box.
+        virtual_others: the rig steps all other cars itself, in real time.
 
     Returns:
         Whether all expectations were met.
@@ -55,6 +57,8 @@ def run_scenario(
     loaded = load_scenario(scenario)
     if boxes and virtual:
         raise UserError("--box: a box needs real time; leave --virtual out")
+    if virtual_others and not boxes:
+        raise UserError("--virtual-others: needs --box; without a box, --virtual is faster")
     hardware = load_boxes(boxes, loaded)
     console = Console(highlight=False)
     console.print(f"[bold]{loaded.title}[/bold]", soft_wrap=True)
@@ -67,7 +71,9 @@ def run_scenario(
     log = (
         _run_virtual(loaded, chosen, folder)
         if virtual
-        else _run_live(LiveTestbench(loaded, chosen, folder, hardware), watch)
+        else _run_live(
+            LiveTestbench(loaded, chosen, folder, hardware, virtual_others=virtual_others), watch
+        )
     )
     took_s = time.monotonic() - began
     log.write(folder)

@@ -10,7 +10,7 @@ import asyncio
 import json
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AsyncExitStack
 from pathlib import Path
 from types import MappingProxyType
@@ -35,16 +35,19 @@ from sim_rig.road_side.road_side_unit import open_channel
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.run_log.lateness import Lateness
 from sim_rig.run_log.rig_recorder import RigRecorder
-from sim_rig.run_log.run_log import RunLog
+from sim_rig.run_log.run_log import Record, RunLog
 from sim_rig.runs.car_states import car_state_records
 from sim_rig.runs.daemons import Daemons
 from sim_rig.runs.rig_ends import RigEnds
+from sim_rig.runs.virtual_others import VirtualOthers
 from sim_rig.scenario.car_config import names_by_id
 from sim_rig.scenario.schema import Scenario
 
 _READY_WITHIN_S = 40.0
 _EXTRA_S = 0.5
 """Time after the scenario's end, for messages and records in transit."""
+_BEGUN_WITHIN_S = 1.0
+"""Time to make the stacks of the cars that the rig steps."""
 _NO_BOXES: Mapping[str, BoxSettings] = MappingProxyType({})
 
 
@@ -64,6 +67,8 @@ class LiveTestbench:
         seed: int,
         folder: Path,
         boxes: Mapping[str, BoxSettings] = _NO_BOXES,
+        *,
+        virtual_others: bool = False,
     ) -> None:
         """Prepare `folder`.
 
@@ -72,6 +77,7 @@ class LiveTestbench:
             seed: seed of all random errors.
             folder: folder for all files of the run.
             boxes: the cars that are boxes.
+            virtual_others: no other car is a process: the rig steps them itself.
         """
         folder.mkdir(parents=True, exist_ok=True)
         (folder / START_FILE).unlink(missing_ok=True)
@@ -86,7 +92,8 @@ class LiveTestbench:
         self._folder = folder
         self._keys = folder / "keys"
         self._boxes = boxes
-        self._processed = [car for car in scenario.equipped if car not in boxes]
+        others = [car for car in scenario.equipped if car not in boxes]
+        self._virtual, self._processed = (others, []) if virtual_others else ([], others)
         self._contacts = {car: Contact() for car in boxes}
         self._daemons = Daemons(scenario, seed, folder, self.processes)
         self._lateness = Lateness()
@@ -114,9 +121,20 @@ class LiveTestbench:
         """
         await self._until_ready()
         self._lateness.clear()
-        self.start_s = time.monotonic()
+        self.start_s = time.monotonic() + (_BEGUN_WITHIN_S if self._virtual else 0.0)
+        self._others.begin(
+            self.start_s,
+            self.start_s + time.time() - time.monotonic(),
+            seed=self._seed,
+            credentials=self._trial,
+            recorder=self.recorder,
+            lateness=self._lateness,
+            brake=self._brake,
+        )
         (self._folder / START_FILE).write_text(repr(self.start_s), encoding="utf-8")
-        slowing = asyncio.create_task(slow_down(self._scenario, self.start_s, self.processes))
+        slowing = asyncio.create_task(
+            slow_down(self._scenario, self.start_s, self.processes, self._processed)
+        )
         assert self._cameras.stdin is not None  # noqa: S101 (started with pipes)
         self._cameras.stdin.write(f"{self.start_s}\n".encode())
         self._engineer.begin(self.start_s)
@@ -150,7 +168,7 @@ class LiveTestbench:
         return RunLog(
             start_s=self.start_s,
             traces={
-                car: boxes[car].records if car in boxes else self._daemons.trace(car)
+                car: self._trace(car) if car not in boxes else boxes[car].records
                 for car in self._scenario.equipped
             },
             rig=[
@@ -166,6 +184,10 @@ class LiveTestbench:
             },
             lateness=self._lines,
         )
+
+    def _trace(self, car: str) -> Sequence[Record]:
+        source = self._others if car in self._virtual else self._daemons
+        return source.trace(car)
 
     async def _set_up(self) -> None:
         self._make_keys()
@@ -186,7 +208,9 @@ class LiveTestbench:
             lateness=self._lateness,
             brake=self._brake,
         )
-        for car in self._scenario.equipped:
+        self._others = VirtualOthers(self._scenario, self._road, self._virtual, units)
+        self._open.callback(self._others.close)
+        for car in (*self._boxes, *self._processed):
             box = self._boxes.get(car)
             wires = self._daemons.wires(camera_port) if box is None else box
             await ends.open(car, wires, units, self._open)

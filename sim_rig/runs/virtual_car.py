@@ -37,7 +37,7 @@ from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
 START_UTC_S = 1_750_000_000.0
-"""UTC at the start of every virtual run: in June 2025."""
+"""UTC at the start of every run in virtual time: in June 2025."""
 
 _Reader = NmeaReader | ObjectListReader
 
@@ -57,6 +57,7 @@ class VirtualCar:
         credentials: Credentials | None,
         on_ecu_frame: Callable[[CanFrame], None],
         controller: BrakeController | None = None,
+        start_utc_s: float = START_UTC_S,
     ) -> None:
         """Start the devices and the stack of the car at time 0.
 
@@ -70,10 +71,12 @@ class VirtualCar:
             credentials: certificates and keys, if messages are signed.
             on_ecu_frame: takes each CAN frame of the ECU.
             controller: obeys requests to brake; `None` if the car does not.
+            start_utc_s: UTC at time 0, s.
         """
         self.name = name
         self.trace: list[Record] = []
         self.planned_at = math.inf
+        self._start_utc_s = start_utc_s
         own_seed, *other_seeds = seed.spawn(5)
         camera_rng, gnss_rng, vehicles_rng, ecu_rng = map(np.random.default_rng, other_seeds)
         config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
@@ -85,7 +88,7 @@ class VirtualCar:
                 sensors=_sensors(scenario),
                 seed=own_seed,
                 now=0.0,
-                utc_s=START_UTC_S + self._faults.clock_error_s(0.0),
+                utc_s=start_utc_s + self._faults.clock_error_s(0.0),
                 credentials=credentials,
             ),
         )
@@ -156,7 +159,7 @@ class VirtualCar:
         """Step the cores with the waiting frames and `inputs`; return the frames for the radio."""
         utc_s = None
         if self._faults.has_wrong_clock:
-            utc_s = START_UTC_S + now + self._faults.clock_error_s(now)
+            utc_s = self._start_utc_s + now + self._faults.clock_error_s(now)
         waiting = [ReceivedWsm(now, wsm) for wsm in self._waiting]
         self._waiting.clear()
         outputs = self._stack.step((*waiting, *inputs), now, utc_s)
@@ -179,7 +182,7 @@ class VirtualCar:
         def state_at(now: float) -> CarState | None:
             return self._faults.received(road.car_at(self.name, now), now)
 
-        receiver = GnssReceiver(settings, state_at, START_UTC_S, rng, sky_rng)
+        receiver = GnssReceiver(settings, state_at, self._start_utc_s, rng, sky_rng)
         return receiver, NmeaReader(GnssSettings.model_validate(gnss_config(settings)))
 
 

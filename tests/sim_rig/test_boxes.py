@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from onboard.config import CarConfig
+from onboard.errors import UserError
 from onboard.security.settings import PlateDigestSettings
 from onboard.settings import SettingsError, load_settings
 from onboard.wave_udp.settings import IwcuSettings
@@ -17,6 +18,7 @@ from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.clock_offset import ClockOffset
 from sim_rig.run_log.lateness import LIMITS_S, Lateness
 from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.command import run_scenario
 from sim_rig.scenario.car_config import DIGEST
 from sim_rig.scenario.schema import Scenario, load_scenario
 
@@ -61,6 +63,11 @@ def test_a_box_listens_on_loopback_unless_its_file_names_another_address(
     red = boxes["red"]
     hosts = [red.bus.host, red.camera.host, red.radio.host, red.radio.box_host]
     assert all(host.is_loopback for host in hosts)
+
+
+def test_virtual_others_need_a_box(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="--virtual-others: needs --box"):
+        run_scenario("fig4", tmp_path, virtual=False, seed=None, watch=False, virtual_others=True)
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,35 @@ def test_a_wsm_goes_to_all_in_reach_only_with_its_priority() -> None:
     assert (arrived["car"], arrived["sender"], arrived["user_priority"]) == ("ben", "ann", 7)
 
 
+def test_a_car_without_a_wire_hears_and_is_heard() -> None:
+    settings = ReachSettings(neighbours={"ann": ("ben",), "ben": ("ann",)}, delay_s=0.001)
+
+    async def talk() -> tuple[bytes, bytes]:
+        units = RadioUnits(
+            ReachAir(settings, dict, CARS[:2], np.random.default_rng(0)),
+            RigRecorder(),
+        )
+        to_ann, to_ben = asyncio.Queue[bytes](), asyncio.Queue[bytes]()
+        wire = RadioWire(port=free_port(), box_port=free_port())
+        units.add("ann", wire)
+        units.add_in_process("ben", to_ben.put_nowait)
+        car = open_endpoint(
+            IwcuSettings(endpoint="iwcu", listen_port=wire.box_port, unit_port=wire.port),
+            to_ann.put_nowait,
+        )
+        car.start(asyncio.get_running_loop())
+        async with asyncio.timeout(5.0):
+            units.transmit("ben", b"\x03 of ben", 0)
+            of_ben = await to_ann.get()
+            car.send(b"\x03 of ann", 0)
+            of_ann = await to_ben.get()
+        units.close()
+        car.close()
+        return of_ben, of_ann
+
+    assert asyncio.run(talk()) == (b"\x03 of ben", b"\x03 of ann")
+
+
 def test_a_missing_daemon_does_not_disturb_others() -> None:
     async def talk() -> int:
         recorder = RigRecorder()

@@ -134,10 +134,21 @@ def running(box: BoxSettings, scenario: Scenario, folder: Path, utc_s: float) ->
 
 
 def run_with(
-    box: BoxSettings, scenario: Scenario, folder: Path, *, box_is_on: bool = True
+    box: BoxSettings,
+    scenario: Scenario,
+    folder: Path,
+    *,
+    box_is_on: bool = True,
+    virtual_others: bool = False,
 ) -> RunLog:
     async def run() -> RunLog:
-        bench = LiveTestbench(scenario, scenario.seed, folder / "run", {"red": box})
+        bench = LiveTestbench(
+            scenario,
+            scenario.seed,
+            folder / "run",
+            {"red": box},
+            virtual_others=virtual_others,
+        )
         async with bench as testbench:
             if box_is_on:
                 with running(box, scenario, folder, testbench.start_utc_s):
@@ -149,17 +160,19 @@ def run_with(
     return asyncio.run(run())
 
 
+@pytest.mark.parametrize("virtual_others", [False, True])
 def test_a_box_meets_the_expectations_of_a_process_and_can_be_replayed(
-    box: BoxSettings, scenario: Scenario, tmp_path: Path
+    box: BoxSettings, scenario: Scenario, tmp_path: Path, virtual_others: bool
 ) -> None:
-    log = run_with(box, scenario, tmp_path)
+    log = run_with(box, scenario, tmp_path, virtual_others=virtual_others)
 
     assert log.unjudged == {}
     clock = log.clocks["red"]
     ahead_s = AHEAD_S if has_own_clock() else 0
     assert abs(clock.offset_s + ahead_s) <= clock.uncertainty_s
     assert min(clock.frames_from_box, clock.frames_to_box) > 50
-    assert {line.what for line in log.lateness} == {"ECU answer", "picture", "WSM"}
+    others = {"other car"} if virtual_others else set()
+    assert {line.what for line in log.lateness} == {"ECU answer", "picture", "WSM"} | others
     drive = RecordedDrive([tmp_path / "run" / "box" / "red"])
     assert compare(drive).difference is None
     found = verdict(scenario, log)
