@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from onboard import psid
-from onboard.access.adaptation import AccessAdaptation
+from onboard.access.adaptation import AccessAdaptation, ReactionObserved
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
@@ -150,6 +150,7 @@ class Stack:
         )
         self._intersections = Intersections()
         self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
+        self._take_reaction_time()
         self._brake_requester = (
             BrakeRequester(config.brake_request) if config.brake_request is not None else None
         )
@@ -511,6 +512,12 @@ class Stack:
         self._transmitter.receive_max_interval(access.longest_interval_s, now)
         while (event := access.next_event()) is not None:
             self._events.append(event)
+            if isinstance(event, ReactionObserved):
+                self._take_reaction_time()
+
+    def _take_reaction_time(self) -> None:
+        if self._access is not None and self._access.reaction_s is not None:
+            self._risk.receive_reaction_time(self._access.reaction_s)
 
     def _change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
         """Change all identifiers at once, so that nothing links the old ones to the new ones."""

@@ -36,6 +36,10 @@ MINIMUM_SPEED_M_S = 1.0
 """Below this speed the crash probability is 0: a vehicle that creeps can stop at once."""
 MINIMUM_HEADWAY_GAP_M = 1.0
 """Gaps below this count as this in the headway, whose logarithm would diverge."""
+REACTION_HEADWAY_S = 1.2
+"""Headway of the median reaction time: that of all drivers is 1.0 s there."""
+LEAST_REACTIONS = 10
+"""Before, the driver is one of all drivers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,13 @@ class AccessAdaptation(Core):
     def longest_interval_s(self) -> float:
         """Upper limit of the BSM interval."""
         return UNSAFE_INTERVAL_S if self.is_unsafe else MAXIMUM_INTERVAL_S
+
+    @property
+    def reaction_s(self) -> float | None:
+        """Median reaction time of the driver at `REACTION_HEADWAY_S`; `None` if few are known."""
+        if self.driver.observed < LEAST_REACTIONS:
+            return None
+        return self.driver.percentile_s(0.5, REACTION_HEADWAY_S)[0]
 
     def receive_speed(self, speed: Speed) -> None:
         """Store the host vehicle's speed."""

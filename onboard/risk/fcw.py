@@ -40,7 +40,7 @@ class ForwardCollisionWarning:
             settings: the thresholds.
             own_length_m: length of the host vehicle.
         """
-        self._settings = settings
+        self.settings = settings
         self._braking = HostBraking(LEAD_WINDOW_S)
         self._camera = CameraLead()
         self._objects = ObjectsAhead(own_length_m)
@@ -111,7 +111,7 @@ class ForwardCollisionWarning:
             closing_m_s,
             vehicle.deceleration_m_s2,
             self._braking.at_least_m_s2(now),
-            settings=self._settings,
+            settings=self.settings,
             sigmas=vehicle.place_sigmas,
         )
         host = AlarmReason(speed.kind, speed.source, now - speed.stamp_s)

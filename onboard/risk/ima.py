@@ -50,7 +50,7 @@ class IntersectionMovementAssist:
             reaction_s: of its driver.
         """
         self._settings = settings
-        self._reaction_s = reaction_s
+        self.reaction_s = reaction_s
         self._own_size_m = length_m, width_m
         self._motions: dict[str, VehicleMotion] = {}
         self._host = HostBraking(HOST_WINDOW_S)
@@ -101,7 +101,7 @@ class IntersectionMovementAssist:
         """
         found: list[tuple[PerceivedObject, PathCrossing, DrivenVehicle]] = []
         invalid: list[tuple[str, CovarianceError]] = []
-        if is_expected_to_stop(own, self._own_size_m[0], red_light_m, self._reaction_s):
+        if is_expected_to_stop(own, self._own_size_m[0], red_light_m, self.reaction_s):
             return {}, invalid
         own = with_heading(own, heading)
         signals = self._turn_signals.lights(now) is ExteriorLights.LEFT_TURN_SIGNAL
@@ -134,6 +134,7 @@ class IntersectionMovementAssist:
                 self._host.acceleration_m_s2(now),
                 turns=own_radius_m is not None,
             ),
+            reaction_s=self.reaction_s,
         )
         assessed = [
             self._assessment(each, float(p), own) for (each, *_), p in zip(found, p_c, strict=True)

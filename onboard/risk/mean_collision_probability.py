@@ -30,7 +30,7 @@ STOPPING_M_S2 = 3.0
 """A driver who would need more than this to stop short of the other's path, and does not brake, is
 taken to drive on. Drivers who stop brake less (signals are timed for 10 ft/s^2)."""
 REACTION_S = 1.0
-"""Time until the host's driver, who is to be warned, would brake, or another who accelerates."""
+"""Time until another driver who accelerates would brake, or the host's, if it is not known."""
 BRAKING_M_S2 = 1.0
 """A host driver who brakes by more has reacted: two steps of 1 km/h within the window."""
 GAINING_M_S2 = 1.0
@@ -88,7 +88,7 @@ def mean_collision_probabilities(
         crossings: n path crossings.
         others: the other vehicle of each.
         own: the host vehicle.
-        reaction_s: reaction time of drivers.
+        reaction_s: reaction time of the host's driver.
         stopping_m_s2: hardest braking of drivers who stop.
     """
     p_c = np.zeros(len(crossings))
@@ -129,11 +129,10 @@ def _drive_on(
     half, half_other = _zone_halves_m(crossings, others, own)
     gaining = np.array([_gaining_m_s2(each.acceleration_m_s2) for each in others])
     own_gaining = np.full(len(crossings), _gaining_m_s2(own.acceleration_m_s2))
-    reactions_s = np.full(len(crossings), reaction_s)
     brakes = own.acceleration_m_s2 <= -BRAKING_M_S2
-    own_reactions_s = np.zeros(len(crossings)) if brakes else reactions_s
+    own_reactions_s = np.full(len(crossings), 0.0 if brakes else reaction_s)
     straight = np.array([_goes_straight(each) for each in others])
-    other_reactions_s = np.where(gaining > 0.0, reactions_s, 0.0)
+    other_reactions_s = np.where(gaining > 0.0, REACTION_S, 0.0)
     return (
         straight
         & _cannot_stop(own_d - half, own_v, own_gaining, own_reactions_s, stopping_m_s2)

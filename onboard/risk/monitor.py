@@ -38,6 +38,7 @@ from onboard.risk.alarm import (
     Level,
 )
 from onboard.risk.bsm_data import BsmDataStore
+from onboard.risk.driver_reaction import for_driver
 from onboard.risk.eebl import assess_eebl
 from onboard.risk.expected_stop import RedLight, no_red_light
 from onboard.risk.fcw import ForwardCollisionWarning
@@ -62,6 +63,8 @@ class RiskMonitor(Core):
             width_m: of the host vehicle.
         """
         self._settings = settings
+        self._fcw_settings = settings.fcw
+        """For the driver's own reaction time, if it is known."""
         self._length_m = length_m
         self._speed: Speed | None = None
         self._fcw = ForwardCollisionWarning(settings.fcw, length_m)
@@ -93,6 +96,12 @@ class RiskMonitor(Core):
     def receive_turn_signal(self, turn_signal: TurnSignal) -> None:
         """Take a turn signal of the host vehicle."""
         self._ima.receive_turn_signal(turn_signal)
+
+    def receive_reaction_time(self, reaction_s: float) -> None:
+        """Take the median of the driver's reaction times, which sets how early alarms are."""
+        self._fcw_settings = for_driver(self._settings.fcw, reaction_s)
+        self._fcw.settings = self._fcw_settings
+        self._ima.reaction_s = self._fcw_settings.reaction_s
 
     def receive_position(self, position: Position) -> None:
         """Take the host vehicle's elevation and course; its state is given to `assess`."""
@@ -160,7 +169,7 @@ class RiskMonitor(Core):
                 self._path,
                 now,
                 own_length_m=self._length_m,
-                settings=self._settings.fcw,
+                settings=self._fcw_settings,
             )
             self._judge(Cause.EEBL, eebl, now)
         crossing: dict[Cause, list[Assessment]] = {}

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from onboard.access.adaptation import (
     HOLD_S,
+    LEAST_REACTIONS,
+    REACTION_HEADWAY_S,
     SAFE_BELOW,
     UNSAFE_ABOVE,
     AccessAdaptation,
@@ -197,3 +199,14 @@ def test_among_a_hundred_vehicles_the_unsafe_one_sends_four_times_as_often() -> 
 
     assert intervals_s == pytest.approx([0.4, 0.1], rel=0.01)
     assert math.isclose(intervals_s[0], schedule.interval_s), "a safe vehicle keeps to the standard"
+
+
+def test_the_reaction_time_is_known_after_some_reactions() -> None:
+    driver = DriverModel(DEFAULT_POPULATION)
+    core = adaptation(driver)
+    assert driver.percentile_s(0.5, REACTION_HEADWAY_S)[0] == pytest.approx(1.0, abs=0.01)
+    for _ in range(LEAST_REACTIONS):
+        assert core.reaction_s is None
+        driver.receive_reaction(1.6, REACTION_HEADWAY_S)
+
+    assert core.reaction_s == pytest.approx(1.5, abs=0.1)

@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.config import CarConfig
 from onboard.observations import Lead, LeadIdentity, Sensor, Speed
+from onboard.risk.alarm import Alarm, Level
 from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import as_record
 
 
-def stack_of(plate: str, seed: int, enabled: bool) -> Stack:
+def stack_of(plate: str, seed: int, enabled: bool, driver: DriverModel | None = None) -> Stack:
     tree = {
         "car": {"plate": plate},
         "access": {"enabled": enabled},
@@ -19,7 +21,8 @@ def stack_of(plate: str, seed: int, enabled: bool) -> Stack:
     }
     config = parse_settings(tree, CarConfig, plate)
     rng = np.random.default_rng(seed)
-    return Stack(config, (Sensor.SPEED, Sensor.CAMERA), rng, now=0.0, utc_s=1_700_000_100.0)
+    sensors = Sensor.SPEED, Sensor.CAMERA
+    return Stack(config, sensors, rng, now=0.0, utc_s=1_700_000_100.0, driver=driver)
 
 
 def bsms_among_many(gap_m: float, enabled: bool) -> tuple[int, list[dict[str, object]]]:
@@ -55,3 +58,30 @@ def test_bsms_of_one_among_76_vehicles(gap_m: float, enabled: bool, expected: in
 
     assert count == pytest.approx(expected, abs=2)
     assert [line["is_unsafe"] for line in events] == ([True] if expected == 50 else [])
+
+
+@pytest.mark.parametrize(("reaction_s", "earlier_s"), [(0.6, 0.0), (1.25, 0.2)])
+def test_a_driver_who_has_reacted_late_is_warned_earlier(
+    reaction_s: float, earlier_s: float
+) -> None:
+    """Of a standing vehicle at 20 m/s; the model is that of an earlier drive."""
+    driver = DriverModel(DEFAULT_POPULATION)
+    for _ in range(40):
+        driver.receive_reaction(reaction_s, 1.2)
+
+    usual_s, known_s = (
+        warned_of_a_standing_vehicle_s(DriverModel(DEFAULT_POPULATION, memory=memory))
+        for memory in (None, driver.memory())
+    )
+    assert usual_s - known_s == pytest.approx(earlier_s, abs=0.051)
+
+
+def warned_of_a_standing_vehicle_s(driver: DriverModel) -> float:
+    stack = stack_of("AAA1", 1, True, driver)
+    for step in range(100):
+        now = 0.05 * step
+        lead = Lead(now, LeadIdentity.UNKNOWN, None, 100.0 - 20.0 * now, 0.3, 20.0, 0.2)
+        for event in stack.step([Speed(now, 20.0, 0.28, "obd:7E8"), lead], now).events:
+            if isinstance(event, Alarm) and event.level is Level.WARNING:
+                return now
+    raise AssertionError

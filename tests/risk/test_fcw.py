@@ -145,9 +145,17 @@ def test_the_lead_cars_braking_is_the_slope_of_its_speed_and_a_cut_in_starts_ane
     assert motion.deceleration_m_s2() == 0.0
 
 
-def first_warning_s(gap_m: float, own: Motion, lead: Motion, until_s: float = 12.0) -> float | None:
+def first_warning_s(
+    gap_m: float,
+    own: Motion,
+    lead: Motion,
+    until_s: float = 12.0,
+    reaction_s: float | None = None,
+) -> float | None:
     """Drive both with a camera at 20 Hz and a speed at 10 Hz in whole km/h; no alarm: None."""
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
+    if reaction_s is not None:
+        monitor.receive_reaction_time(reaction_s)
     for k in range(int(until_s * 20)):
         now = k / 20
         (own_m, own_v), (lead_m, lead_v) = own(now), lead(now)
@@ -168,19 +176,21 @@ def first_warning_s(gap_m: float, own: Motion, lead: Motion, until_s: float = 12
 
 
 @pytest.mark.parametrize(
-    ("gap_m", "own_mph", "lead_mph", "lead_braking_g", "least_s"),
+    "case",
     [(150.0, 45, 0, 0.0, 2.1), (30.0, 45, 45, 0.3, 2.4), (150.0, 45, 20, 0.0, 2.0)],
     ids=["stopped", "decelerating", "slower"],
 )
+@pytest.mark.parametrize("reaction_s", [None, 0.3, 1.5])
 def test_nhtsa_confirmation_test(
-    gap_m: float, own_mph: float, lead_mph: float, lead_braking_g: float, least_s: float
+    case: tuple[float, float, float, float, float], reaction_s: float | None
 ) -> None:
     """Time to collision at the alert, with the lead's braking, as in NHTSA's FCW test procedure."""
+    gap_m, own_mph, lead_mph, lead_braking_g, least_s = case
     own = braking(own_mph * MPH, 0.0)
     lead = braking(lead_mph * MPH, lead_braking_g * STANDARD_GRAVITY_M_S2)
     collision_s = next(t for t in np.arange(0, 20, 0.005) if gap_m + lead(t)[0] - own(t)[0] <= 0.0)
 
-    warned_s = first_warning_s(gap_m, own, lead)
+    warned_s = first_warning_s(gap_m, own, lead, reaction_s=reaction_s)
 
     assert warned_s is not None
     assert collision_s - warned_s >= least_s
@@ -198,13 +208,62 @@ FMVSS_127 = [
 @pytest.mark.parametrize(("speed_km_h", "headway_m", "braking_g"), FMVSS_127)
 def test_fmvss_127_decelerating_lead(speed_km_h: float, headway_m: float, braking_g: float) -> None:
     """Both have the same speed, the lead brakes; braking 1 s after the warning avoids contact."""
+    assert stays_clear(speed_km_h, headway_m, braking_g, DRIVER_REACTION_S)
+
+
+def test_with_a_late_driver_known_more_of_fmvss_127s_cases_end_without_contact() -> None:
+    """At 12 m and 0.4 g or more, 1.5 s are too long for any warning."""
+    known, unknown = (
+        [stays_clear(*case, 1.5, is_known=is_known) for case in FMVSS_127]
+        for is_known in (True, False)
+    )
+    assert sum(known) == 14
+    assert sum(unknown) < 14
+
+
+def stays_clear(
+    speed_km_h: float,
+    headway_m: float,
+    braking_g: float,
+    reaction_s: float,
+    *,
+    is_known: bool = False,
+) -> bool:
     speed_m_s = speed_km_h * KM_H
     lead = braking(speed_m_s, braking_g * STANDARD_GRAVITY_M_S2)
-    warned_s = first_warning_s(headway_m, braking(speed_m_s, 0.0), lead)
+    own = braking(speed_m_s, 0.0)
+    learnt_s = reaction_s if is_known else None
+    warned_s = first_warning_s(headway_m, own, lead, reaction_s=learnt_s)
     assert warned_s is not None
 
-    own = braking(speed_m_s, DRIVER_BRAKING_M_S2, warned_s + DRIVER_REACTION_S)
-    assert least_gap_m(headway_m, own, lead) > 0.0
+    own = braking(speed_m_s, DRIVER_BRAKING_M_S2, warned_s + reaction_s)
+    return least_gap_m(headway_m, own, lead) > 0.0
+
+
+def test_a_driver_who_reacts_late_is_warned_early() -> None:
+    """Within the limits of `driver_reaction`, behind a standing car and behind a braking one."""
+    own, standing, slowing = braking(20.0, 0.0), braking(0.0, 0.0), braking(20.0, 2.0)
+
+    def warned(lead: Motion, gap_m: float) -> list[float]:
+        each = [first_warning_s(gap_m, own, lead, reaction_s=each) for each in REACTIONS_S]
+        return [at_s for at_s in each if at_s is not None]
+
+    shortest, short, usual, long, longest = warned(standing, 150.0)
+    assert shortest == short == usual
+    assert long == longest == pytest.approx(usual - 0.5, abs=0.051)
+    shortest, short, usual, long, longest = warned(slowing, 40.0)
+    assert shortest == short == usual
+    assert long == longest < usual
+
+
+REACTIONS_S = 0.2, 0.7, 1.0, 1.5, 2.5
+
+
+@pytest.mark.parametrize("headway_s", [1.0, 1.5, 2.0])
+def test_following_steadily_raises_no_alarm_for_a_slow_driver(headway_s: float) -> None:
+    steady = braking(25.0, 0.0)
+    gap_m = headway_s * 25.0
+    assert first_warning_s(gap_m, steady, steady, until_s=20.0, reaction_s=1.5) is None
 
 
 @pytest.mark.parametrize("headway_s", [1.0, 1.5, 2.0])
