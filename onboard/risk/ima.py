@@ -7,7 +7,7 @@ import numpy as np
 from onboard.bsm_transmission.turn_signals import TurnSignals
 from onboard.kinematics.heading import Heading
 from onboard.messages.bsm_safety import ExteriorLights
-from onboard.mvs.perceived_object import PerceivedObject
+from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Speed, TurnSignal
 from onboard.risk.alarm import Assessment, Cause, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
@@ -27,6 +27,9 @@ from onboard.risk.vehicle_motion import VehicleMotion
 CROSSING_CAUSES = (Cause.IMA, Cause.LTA)
 MAX_AGE_S = 1.0
 """Older data raise no alarm."""
+KNOWN_FOR_S = 0.6
+"""Longest interval of BSMs (SAE J2945/1). By older data another driver may have begun to brake, and
+is not taken to drive on."""
 HORIZON_S = 4.0
 """A vehicle that cannot be at the crossing by then, even if it accelerates, raises none yet."""
 TREND_WINDOW_S = 0.8
@@ -163,6 +166,8 @@ class IntersectionMovementAssist:
         """Return size and accelerations; a known acceleration comes before the estimate."""
         motion = self._motions[each.name]
         lateral_m_s2 = 0.0 if turns else motion.lateral_m_s2  # the distance is along the turn
+        if each.age_s > KNOWN_FOR_S and each.source is not ObjectSource.HOST:
+            lateral_m_s2 = None
         along_m_s2 = motion.acceleration_m_s2 if known_m_s2 is None else known_m_s2
         return DrivenVehicle(*size_m, along_m_s2, lateral_m_s2)
 

@@ -82,3 +82,25 @@ def test_a_driver_who_brakes_needs_no_second_reaction_time(seed: int) -> None:
     seen = warnings(14.0, 3.0, meets_s=meets_s, fixes_hz=10.0, seed=seed)
 
     assert not [each for each in seen if each.stamp_s > BRAKES_S]
+
+
+@pytest.mark.parametrize(("age_s", "is_warned"), [(0.15, True), (0.6, True), (0.8, False)])
+def test_by_old_data_the_other_driver_may_have_begun_to_brake(
+    age_s: float, is_warned: bool
+) -> None:
+    """Both are at 14 m/s until 2.1 s before the middle: too near to stop without braking hard."""
+    monitor = RiskMonitor(RiskSettings(), 5.0, 1.75)
+    seen: list[Level] = []
+    for k in range(20):
+        now = k / 10
+        left_m = 14.0 * (4.0 - now)
+        monitor.receive_speed(Speed(now, 14.0, KM_H, "obd:7E8"))
+        mine, other = (-left_m, 0.0, 14.0, 0.0), (0.0, -left_m, 0.0, 14.0)
+        monitor.assess(
+            perceived("own", mine, now, 0.1, None),
+            [perceived("0a0b0c0d", other, now, age_s, 0.0)],
+            now,
+        )
+        events = iter(monitor.next_event, None)
+        seen += [event.level for event in events if isinstance(event, Alarm)]
+    assert (Level.WARNING in seen) == is_warned
