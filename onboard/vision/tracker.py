@@ -44,9 +44,10 @@ lane widths apart sideways (1.05 m); two vehicles do not fit there."""
 CONTRADICTED_SIGMA = 2.0
 """Half width of the gate for a plate that is certainly read as another text than the track's: a
 misreading is where the vehicle is, another vehicle is not."""
-REAR_RIM = 0.25
-"""Share of a rear's sides by which a plate may be beside it: boxes of vehicles are inexact. A sign
-over the road is as far as a vehicle beside that the image's border cuts, whose sigma is large."""
+REAR_RIM, VEHICLE_RIM = 0.25, 0.5
+"""Shares of a box's sides by which its plate, and the same vehicle a moment later, may be beside it
+in the image. Positions in metres do not part them: a sign over the road is as far as a vehicle that
+the image's border cuts, and with a guessed lens, far vehicles of all lanes are near each other."""
 _OUTSIDE_GATE = 1e6
 
 
@@ -195,16 +196,21 @@ class Tracker:
 
 
 def _is_beside(detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
-    """Whether one is a vehicle and the other a plate that is not on its rear in the image."""
-    kinds = {detection.kind, track.last.kind}
-    if kinds != {DetectionKind.PLATE, DetectionKind.VEHICLE}:
+    """Whether it is elsewhere in the image: a plate not on that vehicle, or another vehicle."""
+    kinds = detection.kind, track.last.kind
+    if DetectionKind.VEHICLE not in kinds or DetectionKind.TAG in kinds:
         return False
     if stamp_s - track.observed_at > SAME_PLACE_S:
         return False
-    rear, plate = detection.box, bounding_box(track.corners_px)
+    rear, other = detection.box, bounding_box(track.corners_px)
+    if DetectionKind.PLATE not in kinds:
+        return not (
+            _contains_middle(rear, other, rim=VEHICLE_RIM)
+            or _contains_middle(other, rear, rim=VEHICLE_RIM)
+        )
     if detection.kind is DetectionKind.PLATE:
-        rear, plate = plate, rear
-    return not _contains_middle(rear, plate, rim=REAR_RIM)
+        rear, other = other, rear
+    return not _contains_middle(rear, other, rim=REAR_RIM)
 
 
 def _contains_middle(one: ImageBox, other: ImageBox, rim: float = 0.0) -> bool:

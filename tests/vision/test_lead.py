@@ -134,6 +134,23 @@ def test_a_plate_beside_a_vehicle_in_the_image_is_not_on_it() -> None:
     assert not any(track.has_vehicle for track in road.tracker.tracks if track.last is sign)
 
 
+def test_a_lead_that_is_missed_is_not_taken_for_the_vehicle_beside_it() -> None:
+    """With a guessed lens, vehicles of all lanes may seem to be within one lane's width."""
+    road = TrackedRoad(needs_vehicle=True)
+    ahead = replace(found_vehicle(26.0), corners_px=box_corners(476.0, 300.0, 15.0, 13.0))
+    beside = replace(
+        ahead,
+        corners_px=box_corners(413.0, 298.0, 27.0, 23.0),
+        position=RoadPosition(25.0, -1.4, 0.6),
+        right_sigma_m=0.3,
+    )
+
+    lead = road.steps(5, ahead)
+    assert lead is not None
+    assert road.steps(2, beside) is lead
+    assert lead.right.position_m == pytest.approx(0.0, abs=0.1)
+
+
 def test_a_vehicle_without_a_plate_is_a_lead() -> None:
     assert TrackedRoad(needs_vehicle=True).steps(5, found_vehicle(20.0)) is not None
 
