@@ -88,6 +88,9 @@ class RadioUnits:
             self._air.receive_wsm(car, wsm, user_priority, now)
 
     def _step(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
         now = time.monotonic()
         for delivery in self._air.wsms_to_deliver(now):
             self._recorder.note_delivery(
@@ -98,11 +101,12 @@ class RadioUnits:
         self._arm()
 
     def _arm(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        """Plan the next delivery; one that is due stays, or many transmissions would put it off."""
         at = self._air.get_timer()
-        if at < math.inf:
+        planned = self._timer
+        if at < (math.inf if planned is None else planned.when()):
+            if planned is not None:
+                planned.cancel()
             self._timer = asyncio.get_running_loop().call_at(at, self._step)
 
 

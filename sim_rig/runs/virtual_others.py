@@ -106,11 +106,13 @@ class VirtualOthers:
         return asyncio.get_running_loop().time() - self._start_s
 
     def _first_step(self, name: str) -> None:
+        del self._timers[name]
         self._send(name, self._cars[name].step(self._now()))
 
     def _step(self, name: str) -> None:
         now, car = self._now(), self._cars[name]
         self._lateness.note("other car", now - car.get_timer())
+        del self._timers[name]
         self._send(name, car.handle_timer(now))
 
     def _receive(self, name: str, wsm: bytes) -> None:
@@ -119,9 +121,14 @@ class VirtualOthers:
             self._send(name, self._cars[name].receive_wsm(wsm, now))
 
     def _send(self, name: str, wsms: Sequence[SentWsm]) -> None:
-        self._timers[name].cancel()
+        """Transmit the frames that a car sends, and plan its next step."""
         at = self._start_s + self._cars[name].get_timer()
-        self._timers[name] = asyncio.get_running_loop().call_at(at, self._step, name)
+        planned = self._timers.get(name)
+        # One that is due stays: put off with each received frame, it would never run.
+        if planned is None or at < planned.when():
+            if planned is not None:
+                planned.cancel()
+            self._timers[name] = asyncio.get_running_loop().call_at(at, self._step, name)
         for wsm in wsms:
             self._units.transmit(name, wsm.data, wsm.user_priority)
 

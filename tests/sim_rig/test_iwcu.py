@@ -86,6 +86,25 @@ def test_a_car_without_a_wire_hears_and_is_heard() -> None:
     assert asyncio.run(talk()) == (b"\x03 of ben", b"\x03 of ann")
 
 
+def test_a_frame_arrives_also_while_others_are_transmitted_without_a_pause() -> None:
+    settings = ReachSettings(neighbours={"ann": ("ben",)}, delay_s=0.001)
+    heard: list[bytes] = []
+
+    async def talk() -> None:
+        air = ReachAir(settings, dict, CARS[:2], np.random.default_rng(0))
+        units = RadioUnits(air, RigRecorder())
+        units.add_in_process("ben", heard.append)
+        async with asyncio.timeout(5.0):
+            while not heard:
+                units.transmit("ann", b"\x03 frame", 0)
+                await asyncio.sleep(0.0)
+        units.close()
+
+    asyncio.run(talk())
+
+    assert heard[0] == b"\x03 frame"
+
+
 def test_a_missing_daemon_does_not_disturb_others() -> None:
     async def talk() -> int:
         recorder = RigRecorder()
