@@ -103,7 +103,7 @@ class ForwardCollisionWarning:
 
     def _assess(self, vehicle: VehicleAhead, speed: Speed, now: float) -> Assessment:
         closing_m_s = settled_closing_speed_m_s(
-            vehicle.closing_speed_m_s, vehicle.closing_speed_sigma_m_s, vehicle.settled_sigma_m_s
+            vehicle.closing_speed_m_s, vehicle.closing_speed_sigma_m_s
         )
         level, needed_m_s2 = fcw_level(
             vehicle.gap_m,
@@ -123,15 +123,13 @@ class ForwardCollisionWarning:
         )
 
 
-def settled_closing_speed_m_s(
-    closing_speed_m_s: float, sigma_m_s: float, settled_sigma_m_s: float = SETTLED_SIGMA_M_S
-) -> float:
+def settled_closing_speed_m_s(closing_speed_m_s: float, sigma_m_s: float) -> float:
     """Return the closing speed that alarms use.
 
     The speed of a vehicle that has just come into view can be wrong by metres a second. Above
-    `settled_sigma_m_s`, alarms use the closing speed minus twice the excess.
+    `SETTLED_SIGMA_M_S`, alarms use the closing speed minus twice the excess.
     """
-    return closing_speed_m_s - 2.0 * max(sigma_m_s - settled_sigma_m_s, 0.0)
+    return closing_speed_m_s - 2.0 * max(sigma_m_s - SETTLED_SIGMA_M_S, 0.0)
 
 
 def fcw_level(

@@ -26,9 +26,6 @@ LEAD_DEADBAND_M_S2 = 1.5
 SETTLED_SIGMA_M_S = 1.5
 """Largest sigma of the closing speed of a vehicle that has been in view for a while. Above it, the
 deceleration is not estimated: a speed that settles looks like braking."""
-OBJECT_SIGMA_M_S = 1.0
-"""The same of perceived objects for their closing speed: a young track's is wrong by 3 m/s, which
-at 6 m in a queue that sets off looks like a collision."""
 LEAD_TIMEOUT_S = 0.5
 """Time for which an observation of a vehicle is valid."""
 MAX_LATERAL_M = 1.6
@@ -69,11 +66,6 @@ class VehicleAhead:
         return (
             (0.0, 0.0) if self.key == _CAMERA else (self.gap_sigma_m, self.closing_speed_sigma_m_s)
         )
-
-    @property
-    def settled_sigma_m_s(self) -> float:
-        """Sigma of the closing speed above which alarms use less of it."""
-        return SETTLED_SIGMA_M_S if self.key == _CAMERA else OBJECT_SIGMA_M_S
 
     def reasons(self, now: float) -> tuple[AlarmReason, ...]:
         """Return the observations as reasons of an alarm at `now`."""
