@@ -48,12 +48,11 @@ class BoxLog:
 
 
 async def fetch(car: str, box: BoxSettings) -> None:
-    """Run the command that copies the black box, if there is one.
+    """Run the command that copies the black box, if there is one, `FLUSHED_AFTER_S` after the run.
 
     Raises:
         UserError: it failed.
     """
-    await asyncio.sleep(FLUSHED_AFTER_S)
     if box.fetch is None:
         return
     box.recording.parent.mkdir(parents=True, exist_ok=True)

@@ -25,7 +25,7 @@ class BoxSettings(WireSettings):
     `issuing` in it. A folder that does not exist is made, with the keys of the box in `CAR`."""
     recording: Path
     """Folder of the box's black box as this computer sees it after the run."""
-    fetch: tuple[str, ...] | None = None
+    fetch: tuple[str, ...] | None = Field(None, min_length=1)
     """Command that copies the black box to `recording`, in a folder that exists then, run without a
     shell when the scenario has ended: `[scp, -pr, "root@BOX:/var/lib/onboard/drive", out/red]`."""
     ready_within_s: float = Field(60.0, gt=0.0, le=600.0)

@@ -19,7 +19,7 @@ import numpy as np
 
 from onboard.security.key_files import write_credentials
 from onboard.tools.doctor.finding import FindingLevel
-from sim_rig.boxes.box_log import FramesOfRun, box_log, fetch
+from sim_rig.boxes.box_log import FLUSHED_AFTER_S, FramesOfRun, box_log, fetch
 from sim_rig.boxes.contact import Contact
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.boxes.trial_keys import run_credentials
@@ -146,6 +146,7 @@ class LiveTestbench:
             await asyncio.gather(slowing, return_exceptions=True)
         self._lines = tuple(self._lateness.lines())
         await self.processes.stop(*self._processed)
+        await asyncio.sleep(FLUSHED_AFTER_S if self._boxes else 0.0)
         for car, box in self._boxes.items():
             await fetch(car, box)
 

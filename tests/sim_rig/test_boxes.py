@@ -1,5 +1,6 @@
 """The file of a box, and the verdict on a run with one."""
 
+import asyncio
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,10 +10,13 @@ import yaml
 
 from onboard.config import CarConfig
 from onboard.errors import UserError
+from onboard.security.key_files import KeyFilesError
 from onboard.security.settings import PlateDigestSettings
 from onboard.settings import SettingsError, load_settings
 from onboard.wave_udp.settings import IwcuSettings
+from sim_rig.boxes.box_log import fetch
 from sim_rig.boxes.settings import BoxSettings, load_boxes
+from sim_rig.boxes.trial_keys import run_credentials
 from sim_rig.cars.camera_view import calibration
 from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.clock_offset import ClockOffset
@@ -122,6 +126,35 @@ def test_a_fault_of_a_process_cannot_be_put_on_a_box(tmp_path: Path) -> None:
     car = next(fault.car for fault in scenario.faults)
     own = box(tmp_path, scenario.cars[car].identity, satellites={"port": 5000})
     assert "needs a process" in mistakes(scenario, written(tmp_path, car, own))
+
+
+def test_a_folder_of_keys_without_an_authority_is_named(fig4: Scenario, tmp_path: Path) -> None:
+    (tmp_path / "keys").mkdir()
+    red = load_boxes([written(tmp_path, "red", box(tmp_path, "RD288HX"))], fig4)
+    with pytest.raises(KeyFilesError, match="keys/issuing: cannot be read: No such file"):
+        run_credentials(fig4, red, 1_750_000_000.0)
+
+
+def test_an_empty_command_is_named(fig4: Scenario, tmp_path: Path) -> None:
+    given = written(tmp_path, "red", box(tmp_path, "RD288HX", fetch=[]))
+    assert "red.yaml: fetch: " in mistakes(fig4, given)
+
+
+@pytest.mark.parametrize(
+    ("command", "mistake"),
+    [
+        (["no-such-program"], "red: fetch: no-such-program: No such file or directory"),
+        (["false", "drive"], "red: fetch: false drive: exit code 1"),
+    ],
+)
+def test_a_recording_that_cannot_be_fetched_is_named(
+    fig4: Scenario, tmp_path: Path, command: list[str], mistake: str
+) -> None:
+    given = written(tmp_path, "red", box(tmp_path, "RD288HX", fetch=command))
+    red = load_boxes([given], fig4)["red"]
+    with pytest.raises(UserError) as found:
+        asyncio.run(fetch("red", red))
+    assert str(found.value) == mistake
 
 
 @pytest.fixture
