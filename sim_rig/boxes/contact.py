@@ -67,7 +67,7 @@ class Contact:
             "radio",
             f"no BSM of it has arrived{self._frames(': ')}" if self.core is None else "",
             self._frames(),
-            f"the radio unit of the box is {box.radio.host}, UDP port {box.radio.port}",
+            f"the {box.radio.endpoint} of the box is {box.radio.host}, UDP port {box.radio.port}",
         )
         if scenario.gnss is not None:
             yield _finding(

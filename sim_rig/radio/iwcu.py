@@ -1,7 +1,8 @@
 """Radio units at the end of the cars' UDP connections.
 
 As ITRI's unit in the LCCA paper (section 4): a datagram holds one WSM, and its IP precedence is the
-user priority (IP_TOS = priority << 5). Each car's unit has a socket; all share one channel.
+user priority (IP_TOS = priority << 5). A unit of a box may receive Immediate Forward messages
+instead. Each car's unit has a socket; all share one channel.
 """
 
 import asyncio
@@ -11,6 +12,9 @@ import time
 from collections.abc import Callable
 from functools import partial
 
+from onboard.errors import DecodeError
+from onboard.wave_udp import immediate_forward, wsmp
+from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.radio.air import Air, Delivery
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.scenario.wire_settings import RadioWire
@@ -53,7 +57,8 @@ class RadioUnits:
         unit.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
         self._sockets.append(unit)
         self._hand_over[car] = partial(_send, unit, (str(wire.box_host), wire.box_port))
-        asyncio.get_running_loop().add_reader(unit, self._receive, car, unit)
+        read = _forwarded if wire.endpoint == "rsu41" else _as_received
+        asyncio.get_running_loop().add_reader(unit, self._receive, car, unit, read)
 
     def add_in_process(self, car: str, receive: Callable[[bytes], None]) -> None:
         """Let `receive` be called with each WSM for `car`, which needs no wire."""
@@ -72,14 +77,16 @@ class RadioUnits:
             asyncio.get_running_loop().remove_reader(unit)
             unit.close()
 
-    def _receive(self, car: str, unit: socket.socket) -> None:
+    def _receive(
+        self, car: str, unit: socket.socket, read: Callable[[bytes, int], tuple[bytes, int]]
+    ) -> None:
         while True:
             try:
-                wsm, ancillary, _flags, _address = unit.recvmsg(_LARGEST, _TOS_ROOM)
+                datagram, ancillary, _flags, _address = unit.recvmsg(_LARGEST, _TOS_ROOM)
             except BlockingIOError:
                 break
-            user_priority = next((data[0] >> 5 for _, _, data in ancillary), 0)
-            self._put_on_air(car, wsm, user_priority, time.monotonic())
+            ip_precedence = next((data[0] >> 5 for _, _, data in ancillary), 0)
+            self._put_on_air(car, *read(datagram, ip_precedence), time.monotonic())
         self._step()
 
     def _put_on_air(self, car: str, wsm: bytes, user_priority: int, now: float) -> None:
@@ -108,6 +115,23 @@ class RadioUnits:
             if planned is not None:
                 planned.cancel()
             self._timer = asyncio.get_running_loop().call_at(at, self._step)
+
+
+def _as_received(datagram: bytes, ip_precedence: int) -> tuple[bytes, int]:
+    return datagram, ip_precedence
+
+
+def _forwarded(datagram: bytes, ip_precedence: int) -> tuple[bytes, int]:
+    """Return the WSM and the user priority of an Immediate Forward message.
+
+    What is none is transmitted as it is, so that it is counted.
+    """
+    try:
+        message = immediate_forward.decode(datagram)
+        wsm = wsmp.encode(WaveShortMessage(psid=message.psid, payload=message.payload))
+    except (DecodeError, ValueError):
+        return datagram, ip_precedence
+    return wsm, message.priority
 
 
 def _send(unit: socket.socket, address: tuple[str, int], delivery: Delivery) -> None:

@@ -36,8 +36,11 @@ class CameraWire(Settings):
 
 
 class RadioWire(Settings):
-    """Radio unit: each datagram is one WSM, as of ITRI's IWCU (LCCA, section 4)."""
+    """Radio unit. It sends each WSM to the car as a datagram."""
 
+    endpoint: Literal["iwcu", "rsu41"] = "iwcu"
+    """What it receives: a WSM, as of ITRI's IWCU (LCCA, section 4), or an Immediate Forward message
+    of the USDOT RSU Specification 4.1."""
     host: IPv4Address = LOOPBACK
     """Address of the rig's unit."""
     port: Port

@@ -59,7 +59,7 @@ def test_a_box_that_is_off_lacks_every_wire_of_its_file() -> None:
     assert found.keys() == {"bus", "camera", "radio", "satellites"}
     assert found["bus"].advice == "`can` of the box is socketcand (127.0.0.1:29536, can0)"
     assert "http://127.0.0.1:8090/red" in found["camera"].advice
-    assert "127.0.0.1, UDP port 5398" in found["radio"].advice
+    assert "the iwcu of the box is 127.0.0.1, UDP port 5398" in found["radio"].advice
 
 
 def test_a_box_at_work_lacks_nothing() -> None:

@@ -4,9 +4,13 @@ import asyncio
 import socket
 
 import numpy as np
+import pytest
 
+from onboard.wave_udp import immediate_forward, wsmp
 from onboard.wave_udp.endpoint import open_endpoint
-from onboard.wave_udp.settings import IwcuSettings
+from onboard.wave_udp.rsu41 import as_immediate_forward
+from onboard.wave_udp.settings import IwcuSettings, Rsu41Settings
+from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.reach import ReachAir
 from sim_rig.run_log.rig_recorder import RigRecorder
@@ -14,6 +18,8 @@ from sim_rig.scenario.radio_settings import ReachSettings
 from sim_rig.scenario.wire_settings import RadioWire
 
 CARS = ["ann", "ben", "cat"]
+RSU41 = Rsu41Settings(endpoint="rsu41", listen_port=1)
+WSM = wsmp.encode(WaveShortMessage(psid=0x20, payload=b"signed data"))
 
 
 def free_port() -> int:
@@ -84,6 +90,38 @@ def test_a_car_without_a_wire_hears_and_is_heard() -> None:
         return of_ben, of_ann
 
     assert asyncio.run(talk()) == (b"\x03 of ben", b"\x03 of ann")
+
+
+@pytest.mark.parametrize(
+    ("datagram", "frame"),
+    [
+        (immediate_forward.encode(as_immediate_forward(WSM, 5, RSU41)), (WSM, 5)),
+        (b"Version=0.7\n", (b"Version=0.7\n", 0)),
+    ],
+)
+def test_a_unit_of_the_rsu_specification_forwards_immediately(
+    datagram: bytes, frame: tuple[bytes, int]
+) -> None:
+    heard: list[bytes] = []
+    recorder = RigRecorder()
+    settings = ReachSettings(neighbours={"ann": ("ben",)}, delay_s=0.001)
+
+    async def talk() -> None:
+        units = RadioUnits(ReachAir(settings, dict, CARS[:2], np.random.default_rng(0)), recorder)
+        units.add_in_process("ben", heard.append)
+        wire = RadioWire(endpoint="rsu41", port=free_port(), box_port=free_port())
+        units.add("ann", wire)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ann:
+            ann.sendto(datagram, ("127.0.0.1", wire.port))
+        async with asyncio.timeout(5.0):
+            while not heard:
+                await asyncio.sleep(0.0)
+        units.close()
+
+    asyncio.run(talk())
+
+    priorities = [each["user_priority"] for each in recorder.records if each["kind"] == "on_air"]
+    assert (heard, priorities) == ([frame[0]], [frame[1]])
 
 
 def test_a_frame_arrives_also_while_others_are_transmitted_without_a_pause() -> None:
