@@ -81,8 +81,14 @@ class TrafficEvents:
         self._has_lights = has_lights
 
     @cached_property
-    def _red(self) -> list[tuple[int, float, bool]]:
-        return _at_red(self._recording) if self._has_lights else []
+    def _red(self) -> list[tuple[bool, list[tuple[int, float]]]]:
+        """Cars and times: of those that do not stop at red, and of those that set off (True)."""
+        found = _at_red(self._recording) if self._has_lights else []
+        both = [
+            (sets_off, [(car, at_s) for car, at_s, sets in found if sets == sets_off])
+            for sets_off in (False, True)
+        ]
+        return [(sets_off, some) for sets_off, some in both if some]
 
     @cached_property
     def _out_of_turn(self) -> list[tuple[int, float, float]]:
@@ -108,7 +114,8 @@ class TrafficEvents:
             if _has_room(self._recording, event):
                 return event
         for _ in range(_MOST_DRAWS if self._red else 0):
-            car, at_s, sets_off = self._red[rng.integers(len(self._red))]
+            sets_off, some = self._red[rng.integers(len(self._red))]
+            car, at_s = some[rng.integers(len(some))]
             event = TrafficEvent(kind, car, at_s, sets_off=sets_off)
             if _may_hit(self._recording, event):
                 return event

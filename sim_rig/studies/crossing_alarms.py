@@ -33,8 +33,8 @@ from sim_rig.scenario.sensor_settings import ReceiverSettings
 from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.crossing_meetings import TICK_S, Array, Meeting, MeetingKind, meetings
+from sim_rig.studies.intervals import wilson
 from sim_rig.studies.joerer_traffic import TrafficSettings
-from sim_rig.studies.mvs_collisions import wilson
 from sim_rig.studies.results import write_results
 
 ROLES = "right of way", "yields"

@@ -1,11 +1,14 @@
 """The MVS paper's Fig. 9 and Fig. 3: probability that an event ends in a crash, by share of radios.
 
 One run is one event of one seed under one case. Event, drivers and the order in which cars get a
-radio depend on the seed alone, so cases are compared run by run.
+radio depend on the seed alone, so cases are compared run by run. The two cars that crash without
+radios get them in all four ways, each with its probability: who of them has one decides most, and
+is left to no draw.
 """
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -15,9 +18,11 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from onboard.settings import Settings
+from sim_rig.roads.crashes import Crash
 from sim_rig.roads.events import TrafficEventKind
 from sim_rig.scenario.setting_types import Several, Share
 from sim_rig.studies.campaign import Row, Workers, run_campaign
+from sim_rig.studies.intervals import cluster_interval
 from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs_outcomes import CrashOutcome
 from sim_rig.studies.mvs_scenes import SceneName, SceneSource, available_scene
@@ -31,7 +36,7 @@ PAPER_REDUCTION: dict[SceneSource, float] = {
 }
 """Reduction of the collision probability by MVS at 40 %: all that the paper prints of Fig. 9."""
 _MOST_COMPARED = 0.4
-_Z_95 = 1.96
+_PAIR_RADIOS = ((False, False), (True, False), (False, True), (True, True))
 
 
 class CollisionSettings(Settings):
@@ -50,7 +55,8 @@ class CollisionSettings(Settings):
     """M, where it is not 10."""
     unaffected_every: int = Field(1, ge=1, le=100)
     """Events in which radios cannot avoid anything (no crash, or no car that can act has a radio)
-    are run with radios only once in so many, with that weight: they show what warnings cause."""
+    are run with radios only once in so many, with that many times the weight: they show what
+    warnings cause."""
     encounter: EncounterSettings = EncounterSettings()
 
 
@@ -81,7 +87,11 @@ def cases(settings: CollisionSettings) -> list[EncounterCase]:
                 EncounterCase(kind, Method.MVS, share, entries) for entries in settings.entries
             ]
             shape += [EncounterCase(kind, m, share, loss=0.5) for m in (Method.DSRC, Method.MVS)]
-    return list(dict.fromkeys(shape))
+    return [
+        case if case.method is Method.NONE else replace(case, pair_radios=radios)
+        for case in dict.fromkeys(shape)
+        for radios in (_PAIR_RADIOS if case.method is not Method.NONE else (None,))
+    ]
 
 
 @cache
@@ -107,15 +117,26 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
         "entries": case.entries,
         "loss": case.loss,
         "seed": seed,
-        "weight": 1,
+        "pair": None,
+        "pair_radios": case.pair_radios,
+        "probability": 1.0,
+        "weight": 1.0,
     }
-    if settings.unaffected_every > 1 and case.method is not Method.NONE:
+    if case.pair_radios is not None:
         before, is_unaffected = scene.without_radios(case, seed)
-        if is_unaffected and seed % settings.unaffected_every:
+        row["pair"] = _pair(before)
+        row["probability"] = _probability(case.share, case.pair_radios, has_pair=before is not None)
+        is_run = row["probability"] > 0.0
+        if is_unaffected:
+            is_run = is_run and seed % settings.unaffected_every == 0
+        row["weight"] = is_run * row["probability"]
+        row["weight"] *= settings.unaffected_every if is_unaffected else 1
+        if not is_run:
             result = CrashOutcome.NO_RADIO.value if before is not None else None
-            return row | {"weight": 0, "crash": before is not None, "outcome": result}
-        row["weight"] = settings.unaffected_every if is_unaffected else 1
+            return row | {"crash": before is not None, "outcome": result}
     outcome = scene.run(case, seed)
+    if case.method is Method.NONE:
+        row["pair"] = _pair(outcome.crash)
     return row | {
         "crash": outcome.crash is not None,
         "speed_m_s": outcome.crash.speed_m_s if outcome.crash else None,
@@ -132,6 +153,17 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
         "driven_s": outcome.driven_s,
         "messages": outcome.messages,
     }
+
+
+def _pair(crash: Crash | None) -> str | None:
+    return None if crash is None else "+".join(sorted(crash.names))
+
+
+def _probability(share: float, pair_radios: tuple[bool, bool], *, has_pair: bool) -> float:
+    """Of these radios of the two cars of the crash; an event without a crash is run once."""
+    if not has_pair:
+        return float(pair_radios == _PAIR_RADIOS[0])
+    return math.prod(share if has_radio else 1.0 - share for has_radio in pair_radios)
 
 
 def figure9(
@@ -151,7 +183,7 @@ def figure9(
     rows = _all_runs(out_dir, settings, workers)
     table = _table(settings, rows)
     write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
-    return _summary(settings, rows, _MOST_COMPARED)
+    return _summary(settings, table, rows)
 
 
 def figure3(
@@ -197,27 +229,31 @@ class _Line(NamedTuple):
     share_with_radio: float
     M: int
     loss: float
-    runs: int
+    events: int
+    pairs: int
     p_collision: float
     low_95: float
     high_95: float
     reduction: float
-    avoided: int
-    caused: int
+    reduction_low_95: float
+    reduction_high_95: float
+    avoidable: float
+    avoided: float
+    caused: float
     warning_after_s: float
     false_warnings_per_h: float
     known_before_s: float
     warned_before_s: float
     paper_alarm_p_collision: float
-    paper_alarm_avoided: int
+    paper_alarm_avoided: float
     paper_alarm_before_s: float
     paper_alarm_false_per_h: float
-    outcome_no_radio: int
-    outcome_unknown: int
-    outcome_unwarned: int
-    outcome_too_late: int
-    outcome_another: int
-    outcome_avoided: int
+    outcome_no_radio: float
+    outcome_unknown: float
+    outcome_unwarned: float
+    outcome_too_late: float
+    outcome_another: float
+    outcome_avoided: float
     two_cars_p_collision: float
     two_cars_reduction: float
     paper_alarm_two_cars_reduction: float
@@ -244,115 +280,126 @@ def _table(settings: CollisionSettings, rows: Sequence[Row]) -> list[_Line]:
 
 
 def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
+    """Results of one case; sums of runs are expected numbers over the radios of the two cars."""
     kind, method, share, entries, loss = key
-    none = by_case[kind, Method.NONE.value, 0.0, 10, 0.0]
-    p_none = float(np.mean([row["crash"] for row in none]))
-    avoided, caused = changed(none, mine)
-    p, low, high = wilson(p_none - (avoided - caused) / len(mine), len(mine))
+    before = {_event(row): row for row in by_case[kind, Method.NONE.value, 0.0, 10, 0.0]}
+    events, crashes = len(before), sum(row["crash"] for row in before.values())
+    fewer = dict.fromkeys(before, 0.0)
+    for row in mine:
+        fewer[_event(row)] += row["weight"] * (before[_event(row)]["crash"] - row["crash"])
+    avoided, caused = changed(before.values(), mine)
+    clusters = [row["pair"] or event for event, row in before.items()]
+    crashed = [float(row["crash"]) for row in before.values()]
+    less = list(fewer.values())
+    low, high = cluster_interval(
+        clusters, [a - b for a, b in zip(crashed, less, strict=True)], [1.0] * events
+    )
+    reduction_low, reduction_high = cluster_interval(clusters, less, crashed)
     run = [row for row in mine if "driven_s" in row]
     hours = sum(row["weight"] * row["driven_s"] for row in run) / 3600.0
-    false_warnings, paper_alarm_false = (
-        sum(row["weight"] * row[column] for row in run)
-        for column in ("false_warnings", "paper_alarm_false")
-    )
-    paper_alarm_avoids = [row for row in run if row["outcome"] and not row["paper_alarm_crash"]]
-    pair_crashes_avoided = _count_pair_crashes_avoided(mine)
-    paper_alarm_no_pair_crash = sum(
-        bool(row["outcome"]) and not row["paper_alarm_same_pair"] for row in run
-    )
-    crashes = p_none * len(mine)
+
+    def avoided_by_paper_alarm(crashes: str) -> float:
+        """Expected number of crashes that are not among these with the paper's alarm."""
+        return float(sum(r["probability"] for r in run if r["outcome"] and not r[crashes]))
+
+    def of_crashes(number: float) -> float:
+        return number / crashes if crashes else math.nan
+
+    def per_hour(column: str) -> float:
+        number = sum(row["weight"] * row[column] for row in run)
+        return number / hours if hours else math.nan
+
+    outcomes = dict.fromkeys(CrashOutcome, 0.0)
+    for row in mine:
+        if row["outcome"] is not None:
+            outcomes[CrashOutcome(row["outcome"])] += row["probability"]
+    paper_alarm_avoided = avoided_by_paper_alarm("paper_alarm_crash")
+    paper_alarm_two_cars = avoided_by_paper_alarm("paper_alarm_same_pair")
+    two_cars = outcomes[CrashOutcome.AVOIDED] + outcomes[CrashOutcome.ANOTHER]
     return _Line(
         kind=kind,
         method=method,
         share_with_radio=share,
         M=entries,
         loss=loss,
-        runs=len(mine),
-        p_collision=p,
+        events=events,
+        pairs=len({row["pair"] for row in before.values() if row["pair"]}),
+        p_collision=(crashes - avoided + caused) / events,
         low_95=low,
         high_95=high,
-        reduction=1.0 - p / p_none if p_none else math.nan,
+        reduction=of_crashes(avoided - caused),
+        reduction_low_95=reduction_low,
+        reduction_high_95=reduction_high,
+        avoidable=of_crashes(sum(outcomes.values()) - outcomes[CrashOutcome.NO_RADIO]),
         avoided=avoided,
         caused=caused,
         warning_after_s=_median(run, "first_warning_s"),
-        false_warnings_per_h=false_warnings / hours if hours else math.nan,
+        false_warnings_per_h=per_hour("false_warnings"),
         known_before_s=_median(run, "known_before_s"),
         warned_before_s=_median(run, "warned_before_s"),
-        paper_alarm_p_collision=p_none - len(paper_alarm_avoids) / len(mine),
-        paper_alarm_avoided=len(paper_alarm_avoids),
+        paper_alarm_p_collision=(crashes - paper_alarm_avoided) / events,
+        paper_alarm_avoided=paper_alarm_avoided,
         paper_alarm_before_s=_median(run, "paper_alarm_before_s"),
-        paper_alarm_false_per_h=paper_alarm_false / hours if hours else math.nan,
-        **{
-            f"outcome_{outcome.value}": sum(row["outcome"] == outcome for row in mine)
-            for outcome in CrashOutcome
-        },
-        two_cars_p_collision=p_none - pair_crashes_avoided / len(mine),
-        two_cars_reduction=pair_crashes_avoided / crashes if crashes else math.nan,
-        paper_alarm_two_cars_reduction=paper_alarm_no_pair_crash / crashes if crashes else math.nan,
+        paper_alarm_false_per_h=per_hour("paper_alarm_false"),
+        **{f"outcome_{outcome.value}": number for outcome, number in outcomes.items()},
+        two_cars_p_collision=(crashes - two_cars) / events,
+        two_cars_reduction=of_crashes(two_cars),
+        paper_alarm_two_cars_reduction=of_crashes(paper_alarm_two_cars),
     )
 
 
-def _count_pair_crashes_avoided(rows: Iterable[Row]) -> int:
-    """Crashes avoided as the paper counts: these two cars do not crash, others may."""
-    return sum(row["outcome"] in {CrashOutcome.AVOIDED, CrashOutcome.ANOTHER} for row in rows)
-
-
 def _median(rows: Sequence[Row], column: str) -> float:
-    values = [row[column] for row in rows if row[column] is not None]
-    return float(np.median(values)) if values else math.nan
+    """Weighted by probability."""
+    values = sorted((row[column], row["probability"]) for row in rows if row[column] is not None)
+    if not values:
+        return math.nan
+    sums = np.cumsum([weight for _, weight in values])
+    return float(values[int(np.searchsorted(sums, sums[-1] / 2.0))][0])
 
 
-def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[int, int]:
+def _event(row: Row) -> tuple[str, int]:
+    return str(row.get("event", row["kind"])), int(row["seed"])
+
+
+def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[float, float]:
     """Crashes that only `before` has, and those that only `after` has, compared seed by seed."""
-
-    def event(row: Row) -> tuple[str, int]:
-        return str(row.get("event", row["kind"])), int(row["seed"])
-
-    crashed = {event(row): row["crash"] for row in before}
-    pairs = [(crashed[event(row)], row["crash"], row["weight"]) for row in after]
+    crashed = {_event(row): row["crash"] for row in before}
+    pairs = [(crashed[_event(row)], row["crash"], row["weight"]) for row in after]
     avoided = sum(weight for a, b, weight in pairs if a and not b)
     return avoided, sum(weight for a, b, weight in pairs if b and not a)
 
 
-def wilson(p: float, n: int) -> tuple[float, float, float]:
-    """A share `p` of n, limited to 0 to 1, and Wilson's 95 % interval of its probability."""
-    p = min(max(p, 0.0), 1.0)
-    middle = (p + _Z_95**2 / (2 * n)) / (1 + _Z_95**2 / n)
-    half = _Z_95 * math.sqrt(p * (1 - p) / n + _Z_95**2 / (4 * n * n)) / (1 + _Z_95**2 / n)
-    return p, middle - half, middle + half
-
-
-def _summary(settings: CollisionSettings, rows: Sequence[Row], share: float) -> str:
-    def at(method: Method) -> list[Row]:
-        return [
-            row
-            for row in rows
-            if (row["method"], row["entries"], row["loss"]) == (method.value, 10, 0.0)
-            and (row["share"] == share or method is Method.NONE)
-        ]
-
-    none, mvs, own = at(Method.NONE), at(Method.MVS), at(Method.OWN)
-    if not mvs:
+def _summary(settings: CollisionSettings, table: Sequence[_Line], rows: Sequence[Row]) -> str:
+    """What MVS avoids at the share of which the paper gives a number."""
+    shown = _shown(settings)
+    line = next(
+        (
+            line
+            for line in table
+            if (line.kind, line.method, line.share_with_radio, line.M, line.loss)
+            == (shown, Method.MVS.value, _MOST_COMPARED, 10, 0.0)
+        ),
+        None,
+    )
+    if line is None:
         return f"{len(rows)} runs"
-    before = sum(row["crash"] for row in none)
-    if not before:
-        return f"no event ends in a crash without radios ({len(none)} events)"
-    fewer, more = changed(none, mvs)
+    if math.isnan(line.reduction):
+        return f"no event ends in a crash without radios ({line.events} events)"
     paper = PAPER_REDUCTION.get(settings.encounter.scene)
-    text = f"at {share:.0%} MVS reduces crashes by {(fewer - more) / before:.1%}"
-    text += f", of the two cars alone {_count_pair_crashes_avoided(mvs) / before:.1%}"
-    if paper is not None:
-        text += f" (paper: {paper:.1%})"
-    avoided = {(r["kind"], r["seed"]) for r in none if r["crash"]}
-    avoided -= {(r["kind"], r["seed"]) for r in mvs if r["crash"]}
-    needed = [key for key in avoided if key in {(r["kind"], r["seed"]) for r in own if r["crash"]}]
-    if avoided and own:
-        text += f"; {len(needed)} of {len(avoided)} avoided crashes needed shared evidence"
-    return text
+    text = f"at {_MOST_COMPARED:.0%} MVS reduces crashes by {line.reduction:.1%}"
+    text += f" ({line.reduction_low_95:.0%} to {line.reduction_high_95:.0%}, {line.pairs} pairs)"
+    text += f" of {line.avoidable:.0%} that can be avoided"
+    text += f", of the two cars alone {line.two_cars_reduction:.1%}"
+    return text if paper is None else f"{text} (paper: {paper:.1%})"
+
+
+def _shown(settings: CollisionSettings) -> str:
+    """Kind of events of figure and summary."""
+    return "both" if len(settings.kinds) > 1 else settings.kinds[0].value
 
 
 def _draw(settings: CollisionSettings, table: Sequence[_Line]) -> Figure:
-    shown = "both" if len(settings.kinds) > 1 else settings.kinds[0].value
+    shown = _shown(settings)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
     lines = [line for line in table if (line.kind, line.M, line.loss) == (shown, 10, 0.0)]
@@ -366,7 +413,7 @@ def _draw(settings: CollisionSettings, table: Sequence[_Line]) -> Figure:
         if method is settings.methods[-1]:
             alarm = [line.paper_alarm_p_collision for line in mine]
             axes.plot(shares, alarm, "k--", label=f"{label}, the paper's alarm")
-            no_radio = np.array([line.outcome_no_radio / line.runs for line in mine])
+            no_radio = np.array([line.outcome_no_radio / line.events for line in mine])
             bound = np.where(shares > 0.0, no_radio, p)
             axes.plot(shares, bound, "k:", label="no car to be warned")
     paper = PAPER_REDUCTION.get(settings.encounter.scene)

@@ -79,6 +79,8 @@ class EncounterCase:
     entries: int = 10
     """M."""
     loss: float = 0.0
+    pair_radios: tuple[bool, bool] | None = None
+    """Whether each car of the crash without radios has one; None: as drawn, like all others."""
 
 
 @dataclass(slots=True)
@@ -257,7 +259,10 @@ class Encounters:
     def _equipped(
         self, case: EncounterCase, seed: int, cars: Cars, event: TrafficEvent
     ) -> set[str]:
-        """The cars with a radio near the event car's path; a larger share adds cars to them."""
+        """The cars with a radio near the event car's path; a larger share adds cars to them.
+
+        The cars of the crash have one by `pair_radios`, if that is given.
+        """
         drives = self.recording.drives
         draws = np.random.default_rng([seed, 1]).random(len(drives))
         path = DrivePath(drives[event.car])
@@ -266,7 +271,12 @@ class Encounters:
         for then in (cars, *(self.recording.cars_at(cars.at_s + later) for later in _LATER_S)):
             away_m = np.hypot(*(then.middle_m[:, None] - path_m).transpose(2, 0, 1)).min(axis=1)
             near |= {then.names[i] for i in np.flatnonzero(away_m <= self._settings.near_m)}
-        return {d.name for d, drawn in zip(drives, draws, strict=True) if drawn < case.share} & near
+        have = {d.name for d, drawn in zip(drives, draws, strict=True) if drawn < case.share} & near
+        before = self._crash_without_radios(case.kind, seed)
+        if before is None or case.pair_radios is None:
+            return have
+        pair = zip(before.names, case.pair_radios, strict=True)
+        return have - set(before.names) | {name for name, has_radio in pair if has_radio}
 
 
 class _EquippedCars:

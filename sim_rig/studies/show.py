@@ -229,7 +229,8 @@ def _title(number: int, case: EncounterCase) -> str:
     kind = "red-light runner" if case.kind is TrafficEventKind.RED_LIGHT else "sudden braking"
     if case.method is Method.NONE:
         return f"Run {number}: {kind}, no radios"
-    method = f"{100.0 * case.share:g} % radios, {_METHODS[case.method]}"
+    of_two = ("neither", "one", "both")[sum(case.pair_radios or ())]
+    method = f"{100.0 * case.share:g} % radios ({of_two} of the two cars), {_METHODS[case.method]}"
     if case.method not in {Method.DSRC, Method.OWN}:
         method += f", M = {case.entries}"
     if case.loss:
