@@ -32,7 +32,9 @@ def examine_box(file: Path, out: Path) -> list[Finding]:
         f"{car} has {boxes[car].ready_within_s:g} s to use all wires; then it follows another car"
         f" for {scenario.duration_s:g} s."
     )
-    prepared = LiveTestbench(scenario, scenario.seed, out / f"doctor-{car}", boxes)
+    prepared = LiveTestbench(
+        scenario, scenario.seed, out / f"doctor-{car}", boxes, virtual_others=True
+    )
 
     async def drive() -> bool:
         async with prepared as testbench:
