@@ -211,7 +211,11 @@ def table(tallies: Mapping[str, ClipTally]) -> str:
 def main() -> None:
     """Write the table into the page, between its marks."""
     rows = measured(vehicles=True)
-    rows |= {f"{clip}, plates only": each for clip, each in measured(vehicles=False).items()}
+    rows |= {
+        f"{clip}, plates only": each
+        for clip, each in measured(vehicles=False).items()
+        if each.with_vehicle
+    }
     write_tables(PAGE, {"clips": table(rows)})
 
 

@@ -164,17 +164,13 @@ def measure() -> Iterator[Figure]:
 def table(groups: Mapping[str, FoundVehicles]) -> str:
     """One row a light, kind or clip, as Markdown."""
     lines = [
-        "| pictures of | vehicles | found | plate found | false boxes a picture |",
-        "|---|---|---|---|---|",
+        "| pictures of | vehicles | found | false boxes a picture |",
+        "|---|---|---|---|",
     ]
     # Pictures first, then the kinds of vehicles in them.
     for group, found in sorted(groups.items(), key=lambda each: each[1].pictures == 0):
-        many = max(1, found.vehicles)
         false = f"{found.false / found.pictures:.2f}" if found.pictures else ""
-        lines.append(
-            f"| {group} | {found.vehicles} | {found.share:.0%} | {found.plates / many:.0%} "
-            f"| {false} |"
-        )
+        lines.append(f"| {group} | {found.vehicles} | {found.share:.0%} | {false} |")
     return "\n".join(lines) + "\n"
 
 
