@@ -12,6 +12,10 @@ Both are Kalman filters with one state. The logarithm of the ratio of their like
 evidence, and a sequential probability ratio test (Wald 1945) if it is summed from the start. Its
 cumulative sum from its last maximum (CUSUM; Page 1954, Continuous inspection schemes) shows that a
 vehicle has ceased to be the one ahead.
+
+A change of the own speed that no brakes explain, and that a second sample confirms, is an error of
+the own speedometer, or its end. All vehicles then begin anew: otherwise a speedometer that was
+wrong for seconds would refute the vehicle ahead for minutes.
 """
 
 import math
@@ -19,6 +23,8 @@ from collections import OrderedDict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+
+from onboard.kinematics.acceleration import is_jump
 
 SAMPLE_S = 0.4
 """Least time between two samples: errors of the closing speed are correlated for about as long."""
@@ -39,6 +45,8 @@ MAX_STEP = 3.0
 """Bound of the evidence of one sample: one wrong speed decides nothing."""
 MIN_EVIDENCE, MAX_EVIDENCE = -30.0, 12.0
 """Bounds of the sum: its error does not grow with the time driven in a row."""
+OWN_ERROR_M_S = 1.0
+"""Largest error of a change of the own speed, in steps of 1 km/h."""
 SILENT_S = 2.0
 """Time without a speed after which a vehicle is forgotten."""
 MAX_VEHICLES = 512
@@ -119,10 +127,15 @@ class MotionMatch:
         self._vehicles: OrderedDict[bytes, _Vehicle] = OrderedDict()
         self._ahead: _SpeedAhead | None = None
         self._sampled_at = -math.inf
+        self._before: tuple[float, float] | None = None
+        """Time and own speed of the last sample that did not jump."""
+        self._jumped_m_s: float | None = None
+        """The last own speed, if it differs from that one by more than brakes explain."""
 
     def restart(self) -> None:
         """Drop all evidence, not the speeds: another vehicle is ahead."""
-        self._ahead = None
+        self._ahead = self._before = None
+        self._jumped_m_s = None
         self._sampled_at = -math.inf
         for vehicle in self._vehicles.values():
             vehicle.offsets.clear()
@@ -154,8 +167,12 @@ class MotionMatch:
         seconds = now - self._sampled_at
         if seconds < SAMPLE_S:
             return
-        self._sampled_at = now
         noise = NOISE_M_S**2 + sigma_m_s**2
+        if self._has_jumped(own_speed_m_s, now):
+            self.restart()
+        if self._jumped_m_s is None:
+            self._before = now, own_speed_m_s
+        self._sampled_at = now
         if self._ahead is None:
             self._ahead = _SpeedAhead(own_speed_m_s)
             seconds = 0.0
@@ -193,6 +210,18 @@ class MotionMatch:
 
     def __len__(self) -> int:
         return len(self._vehicles)
+
+    def _has_jumped(self, own_speed_m_s: float, now: float) -> bool:
+        """Whether the own speed before was a jump, and this one confirms it."""
+        if self._before is None:
+            return False
+        at_s, before_m_s = self._before
+        step_m_s, jumped_m_s = own_speed_m_s - before_m_s, self._jumped_m_s
+        if jumped_m_s is not None and abs(own_speed_m_s - jumped_m_s) < abs(step_m_s):
+            return True
+        is_first = is_jump(step_m_s, now - at_s, OWN_ERROR_M_S)
+        self._jumped_m_s = own_speed_m_s if is_first else None
+        return False
 
     def _begin(
         self, vehicle: _Vehicle, speed_m_s: float, noise: float, own_speed_m_s: float

@@ -30,15 +30,19 @@ def drive(
     delay_s: float = 0.0,
     offset_m_s: float = 0.0,
     other_m_s: float = OWN_M_S,
+    wrong_by_m_s: float = 0.0,
 ) -> None:
-    """Let the vehicle ahead and one at a constant speed send at 10 Hz."""
+    """Let the vehicle ahead and one at a constant speed send at 10 Hz.
+
+    The own speedometer is `wrong_by_m_s` too high.
+    """
     rng = np.random.default_rng(3)
     for step in range(round(from_s * 10), round(until_s * 10)):
         now = step / 10
         match.receive_speed_on_air(AHEAD, speed_ahead(now) + offset_m_s, now)
         match.receive_speed_on_air(OTHER, other_m_s, now)
-        seen_m_s = speed_ahead(now - delay_s) + float(rng.normal(0.0, 0.2))
-        match.receive_speed_ahead(seen_m_s, 0.2, OWN_M_S, now)
+        seen_m_s = speed_ahead(now - delay_s) + float(rng.normal(0.0, 0.2)) + wrong_by_m_s
+        match.receive_speed_ahead(seen_m_s, 0.2, OWN_M_S + wrong_by_m_s, now)
 
 
 def test_a_vehicle_that_is_not_heard_has_no_evidence() -> None:
@@ -89,6 +93,34 @@ def test_the_decline_begins_when_the_vehicle_ahead_moves_otherwise() -> None:
         match.receive_speed_on_air(AHEAD, speed_ahead(now), now)
         match.receive_speed_ahead(OWN_M_S - 6.0, 0.2, OWN_M_S, now)
     assert match.decline(AHEAD) < -7.0
+
+
+@pytest.mark.parametrize("wrong_by_m_s", [15.0, -10.0])
+def test_after_an_impossible_jump_of_the_own_speed_all_vehicles_begin_anew(
+    wrong_by_m_s: float,
+) -> None:
+    """The own speedometer is wrong for ten seconds; then the vehicle ahead may be it again."""
+    match = MotionMatch()
+    drive(match, 15.0, other_m_s=12.0)
+
+    drive(match, 25.0, from_s=15.0, other_m_s=12.0, wrong_by_m_s=wrong_by_m_s)
+    wrong = match.log_ratio(AHEAD)
+    drive(match, 26.0, from_s=25.0, other_m_s=12.0)
+
+    assert wrong < -7.0
+    assert match.log_ratio(AHEAD) > 0.0
+    assert match.log_ratio(OTHER) < -7.0
+
+
+def test_one_wrong_own_speed_does_not_begin_anew() -> None:
+    match = MotionMatch()
+    drive(match, 15.0)
+
+    drive(match, 15.1, from_s=15.0, wrong_by_m_s=15.0)
+    drive(match, 16.0, from_s=15.1)
+
+    assert match.log_ratio(AHEAD) > 3.0
+    assert match.log_ratio(OTHER) < -5.0
 
 
 def test_a_restart_keeps_the_speeds_and_drops_the_evidence() -> None:
