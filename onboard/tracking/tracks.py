@@ -182,7 +182,7 @@ class Tracks:
         eligible &= agrees & (squared <= gates(vehicles[:, None], _REMOTE_MATCH_PROBABILITY))
         matched = Comparison(eligible, squared + log_det).assign()
         vehicle_of = {track: row for row, track in matched.items()}
-        agreeing = {(ids[row], at) for row, at in np.argwhere(agrees).tolist()}
+        row_of = {temporary_id: row for row, temporary_id in enumerate(ids)}
         for at, track in enumerate(self._tracks):
             row = vehicle_of.get(at)
             if row is None and len(ids) and apart[:, at].min() <= OVERLAP_M:
@@ -190,11 +190,11 @@ class Tracks:
             if row is not None:
                 track.remote_vehicle_id = ids[row]
                 track.remote_vehicle_until_ms = now_ms + _REMOTE_MATCH_HOLD_MS
-            elif (
-                now_ms > track.remote_vehicle_until_ms
-                or (track.remote_vehicle_id, at) not in agreeing
-            ):
-                track.remote_vehicle_id = None
+            elif track.remote_vehicle_id is not None:
+                row = row_of.get(track.remote_vehicle_id)
+                is_over = now_ms > track.remote_vehicle_until_ms
+                if is_over or row is None or not agrees[row, at]:
+                    track.remote_vehicle_id = None
 
     def clear(self) -> None:
         """Drop all tracks; their numbers are not used again."""

@@ -126,11 +126,9 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
         before, is_unaffected = scene.without_radios(case, seed)
         row["pair"] = _pair(before)
         row["probability"] = _probability(case.share, case.pair_radios, has_pair=before is not None)
-        is_run = row["probability"] > 0.0
-        if is_unaffected:
-            is_run = is_run and seed % settings.unaffected_every == 0
-        row["weight"] = is_run * row["probability"]
-        row["weight"] *= settings.unaffected_every if is_unaffected else 1
+        every = settings.unaffected_every if is_unaffected else 1
+        is_run = row["probability"] > 0.0 and seed % every == 0
+        row["weight"] = row["probability"] * every if is_run else 0.0
         if not is_run:
             result = CrashOutcome.NO_RADIO.value if before is not None else None
             return row | {"crash": before is not None, "outcome": result}
