@@ -314,7 +314,7 @@ class Stack:
 
     def _receive_speed(self, speed: Speed, now: float) -> None:
         self._sensor_timeouts.receive_sample(Sensor.SPEED, speed.stamp_s, now)
-        self._identification.receive_speed(speed.speed_m_s, now)
+        self._identification.receive_speed(speed.speed_m_s, speed.stamp_s)
         self._group.receive_speed(speed.speed_m_s, now)
         self._transmitter.receive_speed(speed)
         self._risk.receive_speed(speed)

@@ -25,6 +25,8 @@ class CandidateCar:
 class TrackedVehicle:
     """The vehicle ahead in the own lane, as one camera frame shows it, before it is identified."""
 
+    stamp_s: float
+    """Time of the frame in s."""
     track_id: int
     gap_m: float
     closing_speed_m_s: float | None
@@ -49,6 +51,7 @@ class TrackedVehicle:
             alike = candidates.get(car_id, CandidateCar(each.text, car_id, 0.0))
             candidates[car_id] = replace(alike, probability=alike.probability + each.probability)
         return cls(
+            lead.stamp_s,
             lead.track_id,
             lead.gap_m,
             lead.closing_speed_m_s,

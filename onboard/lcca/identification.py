@@ -22,7 +22,7 @@ from typing_extensions import override
 from onboard.core import Core
 from onboard.lcca.events import Identified, IdentityLost, Inquired, TrackedVehicle
 from onboard.lcca.identity_posterior import AskedText, vehicle_probabilities
-from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch
+from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch, speed_at
 from onboard.lcca.position_match import position_log_ratio
 from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, CarId, Inquiry
 from onboard.observations import Discarded
@@ -63,6 +63,8 @@ MAX_TRACKS, MAX_ASKERS = 16, 64
 """Tracks whose identity, and askers whose last answer, are remembered."""
 MAX_ANSWERS, MAX_ASKED = 32, 256
 """Vehicles whose answers, and texts, are remembered of one track."""
+_SPEEDS = 128
+"""Samples of the own speed kept: those of more than a second at 100 Hz."""
 _SEQUENCES = 1 << 16
 _MAX_DOUBLINGS = 8
 _VALID_SEQUENCES = 16
@@ -112,8 +114,7 @@ class Identification(Core):
             rng: draws the first sequence number.
         """
         self._own_id, self._temporary_id = own_id, temporary_id
-        self._speed_m_s = 0.0
-        self._speed_until = -math.inf
+        self._speeds: deque[tuple[float, float]] = deque(maxlen=_SPEEDS)
         self._motion = MotionMatch()
         self._lead: TrackedVehicle | None = None
         self._last_track_id: int | None = None
@@ -144,6 +145,10 @@ class Identification(Core):
         """What is known of the lead."""
         return None if self._lead is None else self._tracks.get(self._lead.track_id)
 
+    def _speed_at(self, at_s: float) -> float | None:
+        """Return the own speed at a time in m/s; `None` if it is not known."""
+        return speed_at(self._speeds, at_s, SPEED_TIMEOUT_S)
+
     # In
 
     def set_own_id(self, own_id: CarId, temporary_id: bytes, now: float) -> None:
@@ -157,9 +162,10 @@ class Identification(Core):
                 self._lose(track, "epoch", now)
         self._plan_inquiry(now)
 
-    def receive_speed(self, speed_m_s: float, now: float) -> None:
-        """Take a sample of the own speed."""
-        self._speed_m_s, self._speed_until = speed_m_s, now + SPEED_TIMEOUT_S
+    def receive_speed(self, speed_m_s: float, stamp_s: float) -> None:
+        """Take a sample of the own speed; one that is older than the last is ignored."""
+        if not self._speeds or stamp_s > self._speeds[-1][0]:
+            self._speeds.append((stamp_s, speed_m_s))
 
     def receive_speed_on_air(
         self, sender: bytes, temporary_id: bytes, speed_m_s: float, now: float
@@ -200,12 +206,13 @@ class Identification(Core):
             self._last_track_id = lead.track_id
             self._motion.restart()
             self._plan_inquiry(now)
-        if lead.closing_speed_m_s is not None and now < self._speed_until:
+        own_m_s = self._speed_at(lead.stamp_s)
+        if lead.closing_speed_m_s is not None and own_m_s is not None:
             self._motion.receive_speed_ahead(
-                self._speed_m_s - lead.closing_speed_m_s,
+                own_m_s - lead.closing_speed_m_s,
                 lead.closing_speed_sigma_m_s or 0.0,
-                self._speed_m_s,
-                now,
+                own_m_s,
+                lead.stamp_s,
             )
         self._decide(track, lead, now)
         self._ask_if_due(track, lead, now)
@@ -272,7 +279,8 @@ class Identification(Core):
 
     def _names(self, track: _Track, lead: TrackedVehicle, now: float) -> list[bytes]:
         """What to ask for; nothing if nothing is to be found out."""
-        if now >= self._speed_until or lead.gap_m >= ASK_HEADWAY_S * self._speed_m_s:
+        own_m_s = self._speed_at(now)
+        if own_m_s is None or lead.gap_m >= ASK_HEADWAY_S * own_m_s:
             return []
         if track.identity is not None:
             is_on_air = track.sender is not None and self._motion.is_on_air(track.sender)
@@ -315,7 +323,7 @@ class Identification(Core):
                 inquiry.sender_id,
                 inquiry.sequence,
                 self._temporary_id,
-                self._speed_m_s if now < self._speed_until else None,
+                self._speed_at(now),
             )
         )
 

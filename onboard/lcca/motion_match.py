@@ -161,8 +161,8 @@ class MotionMatch:
         Args:
             speed_m_s: own speed less closing speed.
             sigma_m_s: of the closing speed.
-            own_speed_m_s: the own speed.
-            now: time of the image in s.
+            own_speed_m_s: the own speed at the time of the image.
+            now: that time in s.
         """
         seconds = now - self._sampled_at
         if seconds < SAMPLE_S:
@@ -180,8 +180,8 @@ class MotionMatch:
         for vehicle in self._vehicles.values():
             if vehicle.offsets:
                 self._compare(vehicle, speed_m_s, noise, by_itself, now)
-            elif now - vehicle.speeds[-1][0] < SAMPLE_S:
-                self._begin(vehicle, speed_m_s, noise, own_speed_m_s)
+            else:
+                self._begin(vehicle, speed_m_s, noise, own_speed_m_s, now)
 
     def log_ratio(self, name: bytes) -> float:
         """Logarithm of the likelihood ratio that this vehicle is ahead; 0 if nothing is known."""
@@ -224,45 +224,59 @@ class MotionMatch:
         return False
 
     def _begin(
-        self, vehicle: _Vehicle, speed_m_s: float, noise: float, own_speed_m_s: float
+        self, vehicle: _Vehicle, speed_m_s: float, noise: float, own_speed_m_s: float, now: float
     ) -> None:
         """Compare the first speed of a vehicle: with the one ahead, and with all traffic."""
-        on_air_m_s = vehicle.speeds[-1][1]
+        on_air_m_s = speed_at(vehicle.speeds, max(now, vehicle.speeds[0][0]))
+        if on_air_m_s is None:
+            return
         variance = OFFSET_M_S**2 + (OFFSET_SHARE * speed_m_s) ** 2
         vehicle.offsets = [_Filter(0.0, variance) for _ in DELAYS_S]
         by_traffic = _log_density(on_air_m_s - own_speed_m_s, TRAFFIC_M_S**2)
         for index, offset in enumerate(vehicle.offsets):
             likelihood = offset.update(speed_m_s - on_air_m_s, noise, 0.0)
-            vehicle.evidence[index] = max(MIN_EVIDENCE, likelihood - by_traffic)
+            vehicle.evidence[index] = _bounded(likelihood - by_traffic)
 
     def _compare(
         self, vehicle: _Vehicle, speed_m_s: float, noise: float, by_itself: float, now: float
     ) -> None:
         before = vehicle.log_ratio
         for index, delay_s in enumerate(DELAYS_S):
-            on_air_m_s = _speed_at(vehicle.speeds, now - delay_s)
+            on_air_m_s = speed_at(vehicle.speeds, now - delay_s)
             if on_air_m_s is None:
                 continue
             likelihood = vehicle.offsets[index].update(
                 speed_m_s - on_air_m_s, noise, WANDERS_M_S[0] ** 2 * SAMPLE_S
             )
             step = min(max(likelihood - by_itself, -MAX_STEP), MAX_STEP)
-            vehicle.evidence[index] = min(
-                max(vehicle.evidence[index] + step, MIN_EVIDENCE), MAX_EVIDENCE
-            )
+            vehicle.evidence[index] = _bounded(vehicle.evidence[index] + step)
         vehicle.decline = min(0.0, vehicle.decline + vehicle.log_ratio - before)
 
 
-def _speed_at(speeds: deque[tuple[float, float]], at_s: float) -> float | None:
-    """Speed at a time, linear between samples; `None` if none is near."""
+def speed_at(
+    speeds: Sequence[tuple[float, float]], at_s: float, hold_s: float = SAMPLE_S
+) -> float | None:
+    """Return the speed at a time in m/s, linear between samples; `None` if none is near.
+
+    Args:
+        speeds: time in s and speed in m/s, the last one last.
+        at_s: the time in s.
+        hold_s: time for which the last one is valid.
+    """
+    if not speeds:
+        return None
     last_s, last_m_s = speeds[-1]
     if at_s >= last_s:
-        return last_m_s if at_s - last_s < SAMPLE_S else None
+        return last_m_s if at_s - last_s < hold_s else None
     for (before_s, before_m_s), (after_s, after_m_s) in pairwise(speeds):
         if before_s <= at_s < after_s:
             share = (at_s - before_s) / (after_s - before_s)
             return before_m_s + share * (after_m_s - before_m_s)
     return None
+
+
+def _bounded(evidence: float) -> float:
+    return min(max(evidence, MIN_EVIDENCE), MAX_EVIDENCE)
 
 
 def _log_mean(logs: Sequence[float]) -> float:

@@ -194,7 +194,7 @@ class _Drive:
                 if each.text in derived
             )
             closing_m_s = self._host_m_s - ahead_m_s + error_m_s
-            lead = TrackedVehicle(self._track_id, gap_m, closing_m_s, 0.3, candidates)
+            lead = TrackedVehicle(now, self._track_id, gap_m, closing_m_s, 0.3, candidates)
             self._core.receive_lead(lead, now)
             self._deliver(ahead, now)
             identity = self._core.identity

@@ -5,6 +5,7 @@ The car ahead answers, or no car bears any of the texts, so that all go on askin
 """
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -121,7 +122,7 @@ class _Traffic:
                 self._frame_at[car] += _FRAME_S
                 core.receive_speed(SPEED_M_S, now)
                 if self._asks:
-                    core.receive_lead(self._vehicles[car], now)
+                    core.receive_lead(replace(self._vehicles[car], stamp_s=now), now)
             self._send(car, now, counts=counts)
         for message, receivers in list(self._channel.received(now)):
             for car in receivers:
@@ -149,7 +150,7 @@ class _Traffic:
             CandidateCar(text, car_id_of(text), probability)
             for text, probability in zip(texts, probabilities, strict=True)
         )
-        return TrackedVehicle(car, GAP_M, 0.0, 0.3, tuple(candidates))
+        return TrackedVehicle(0.0, car, GAP_M, 0.0, 0.3, tuple(candidates))
 
 
 def _airtime_s(settings: InquiryLoadSettings, octets: int) -> float:

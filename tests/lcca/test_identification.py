@@ -47,7 +47,7 @@ class Drive:
             for car_id, speed_m_s in (answering or {}).items():
                 temporary_id = TEMPORARY[car_id]
                 self.core.receive_speed_on_air(temporary_id, temporary_id, speed_m_s, self.now)
-            lead = TrackedVehicle(track_id, gap_m, SPEED_M_S - ahead_m_s, 0.3, candidates)
+            lead = TrackedVehicle(self.now, track_id, gap_m, SPEED_M_S - ahead_m_s, 0.3, candidates)
             self.core.receive_lead(lead, self.now)
             self.settle(answering or {})
             self.now += FRAME_S
@@ -94,6 +94,30 @@ def test_an_unlikely_text_is_confirmed_by_an_answer_and_motion() -> None:
         speed_m_s = SPEED_M_S + 2.0 * np.sin(step / 10.0)
         drive.look(candidate(AHEAD, 0.05), ahead_m_s=speed_m_s, answering={AHEAD: speed_m_s})
     assert drive.identified == AHEAD
+
+
+def test_late_images_are_compared_with_the_own_speed_at_their_time() -> None:
+    """The own car brakes at 3.5 m/s2 behind one at 11 m/s; its images come 0.2 to 0.6 s late."""
+    drive, rng = Drive(), np.random.default_rng(2)
+    names = candidate(AHEAD, 0.5), candidate(TWIN, 0.5)
+    answering = {AHEAD: 11.0, TWIN: 9.0}
+
+    def own_m_s(at_s: float) -> float:
+        return float(np.interp(at_s, (1.0, 5.0), (25.0, 11.0)))
+
+    image_s = 0.0
+    for step in range(60):
+        drive.now = step * FRAME_S
+        drive.core.receive_speed(own_m_s(drive.now), drive.now)
+        for car, speed_m_s in answering.items():
+            drive.core.receive_speed_on_air(TEMPORARY[car], TEMPORARY[car], speed_m_s, drive.now)
+        if drive.now >= image_s + rng.uniform(0.2, 0.6):
+            closing_m_s = own_m_s(image_s) - 11.0
+            lead = TrackedVehicle(image_s, 1, 20.0, closing_m_s, 0.3, names)
+            drive.core.receive_lead(lead, drive.now)
+            image_s = drive.now
+        drive.settle(answering)
+    assert {each.car_id for each in drive.events if isinstance(each, Identified)} <= {AHEAD}
 
 
 def test_a_sharp_text_is_asked_for_and_believed_with_the_first_image() -> None:
@@ -281,7 +305,7 @@ def test_nothing_is_asked_far_ahead_at_a_standstill_and_for_the_own_plate() -> N
     own.look(candidate(OWN, 0.9), seconds=2.0)
     still = Drive()
     still.core.receive_speed(0.0, 0.0)
-    still.core.receive_lead(TrackedVehicle(1, 5.0, 0.0, 0.3, (candidate(AHEAD, 0.9),)), 0.0)
+    still.core.receive_lead(TrackedVehicle(0.0, 1, 5.0, 0.0, 0.3, (candidate(AHEAD, 0.9),)), 0.0)
     assert far.inquiries == own.inquiries == still.core.messages_to_send() == []
 
 

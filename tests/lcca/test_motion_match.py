@@ -67,6 +67,16 @@ def test_another_speed_is_evidence_at_once() -> None:
     assert match.log_ratio(AHEAD) > 0.5
 
 
+def test_a_much_slower_vehicle_ahead_does_not_decline_after_the_first_sample() -> None:
+    match = MotionMatch()
+    for step in range(30):
+        now = step / 10
+        match.receive_speed_on_air(AHEAD, OWN_M_S, now)
+        match.receive_speed_ahead(OWN_M_S, 0.2, OWN_M_S + 20.0, now)
+    assert match.decline(AHEAD) > -1.0
+    assert match.log_ratio(AHEAD) == MAX_EVIDENCE
+
+
 def test_at_constant_speeds_equal_speeds_decide_nothing() -> None:
     match = MotionMatch()
     for step in range(600):
