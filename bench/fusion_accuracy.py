@@ -1,7 +1,8 @@
 """Accuracy of the tracks of cars without a radio, compared with a centralised filter.
 
 Root mean square errors of MVS, of a filter that treats all evidence as independent, of covariance
-intersection and of own sensing alone, at 10 to 40 % radios, M = 5 to 20, 0 to 50 % loss. The
+intersection and of own sensing alone, at 10 to 40 % radios, M = 5 to 20, 0 to 50 % loss, and with
+SDSMs instead of the footer, and beside it. The
 reference is the centralised filter over the same cars; the aim is a ratio of 1.10 at 40 % and M =
 10.
 
@@ -12,6 +13,7 @@ filter's model predicts, so consistency is also measured with free cars, which m
 from collections.abc import Iterator
 
 from bench import Figure
+from onboard.mvs.settings import SharedIn
 from sim_rig.studies.mvs_accuracy import CENTRALISED, MODELLED, OWN, Accuracy, accuracy
 from sim_rig.studies.mvs_roads import FreeCars
 
@@ -29,6 +31,10 @@ def measure() -> Iterator[Figure]:
         settings = MODELLED.model_copy(update={"max_entries": entries})
         result = accuracy(settings, radio, loss, seed=1, seconds=SECONDS)
         yield from _figures(f"{radio:.0%}.M{entries}.loss{loss:.0%}", result)
+    for shared_in in (SharedIn.SDSM, SharedIn.BOTH):
+        settings = MODELLED.model_copy(update={"shared_in": shared_in})
+        result = accuracy(settings, 0.4, 0.0, seed=1, seconds=SECONDS)
+        yield from _figures(f"40%.M10.loss0%.{shared_in}", result)
     free = accuracy(MODELLED, 0.4, 0.0, seed=1, seconds=SECONDS, road=FreeCars)
     limit = free.errors[CENTRALISED].mean_nees
     for method, errors in free.errors.items():

@@ -12,7 +12,7 @@ from onboard import psid
 from onboard.errors import DecodeError
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.gnss.nmea import NmeaReader
-from onboard.messages import bsm, lcca, map_data, mvs_footer, spat
+from onboard.messages import bsm, lcca, map_data, mvs_footer, sdsm, spat
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import ObdSettings
 from onboard.obd.socketcand import ProtocolError, parse_element
@@ -125,6 +125,7 @@ TARGETS = {
     "bsm": _codec(bsm.decode, bsm.encode),
     "map": _codec(map_data.decode, map_data.encode, 4e-2),  # a kilobyte has 300 nodes of a lane
     "spat": _codec(spat.decode, spat.encode, 2e-2),
+    "sdsm": _codec(sdsm.decode, sdsm.encode, 2e-2),
     "mvs_footer": _codec(mvs_footer.decode, mvs_footer.encode),
     "lcca": _codec(lcca.decode, lcca.encode),
     "can": Target(_can, max_s_per_kilobyte=5e-3),  # 62 frames through the brake detector too

@@ -15,7 +15,7 @@ from onboard.detector.settings import DetectorSettings
 from onboard.gnss.settings import GnssSettings
 from onboard.hmi.settings import HmiSettings
 from onboard.lcca.settings import LccaSettings
-from onboard.mvs.settings import MvsSettings
+from onboard.mvs.settings import MvsSettings, SharedIn
 from onboard.obd.settings import DEFAULT_CHANNEL, CanSettings, ObdSettings
 from onboard.observations import Sensor
 from onboard.recorder.settings import RecorderSettings
@@ -115,6 +115,14 @@ class CarConfig(Settings):
     """The driver's page and `/metrics`; nothing is served if it is left out."""
     trace: TraceSettings = TraceSettings()
     recorder: RecorderSettings | None = None
+
+    @property
+    def psids(self) -> frozenset[int]:
+        """Services in which it sends."""
+        shares_in_sdsm = self.mvs.shared_in is not SharedIn.FOOTER
+        return frozenset({self.lcca_psid, psid.BSM}) | (
+            {psid.SENSOR_SHARING} if shares_in_sdsm else set()
+        )
 
     @field_validator("lcca_psid")
     @classmethod

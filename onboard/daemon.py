@@ -14,7 +14,6 @@ from typing import ClassVar, TypeVar
 import numpy as np
 import structlog
 
-from onboard import psid
 from onboard.access.driver_file import load_driver, save_driver
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.brake_request.brake_requester import BrakeRequest
@@ -94,8 +93,7 @@ class Daemon:
         self.config = config
         self._manager = manager
         folder = config.security.keys_folder
-        psids = (config.lcca_psid, psid.BSM)
-        credentials = read_credentials(folder, psids) if folder is not None else None
+        credentials = read_credentials(folder, config.psids) if folder is not None else None
         driver_file = config.access.driver_file
         self._driver = (
             load_driver(driver_file, DEFAULT_POPULATION)

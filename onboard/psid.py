@@ -11,13 +11,16 @@ BSM = 0x20
 SPAT = 0x82
 """Intersection safety and awareness: the J2735 SPAT message."""
 
+SENSOR_SHARING = 0x90
+"""Sensor sharing service: the J3224 SensorDataSharingMessage; p-encoded as 0p80-10."""
+
 MAP = 0x204097
 """Intersection geometry: the J2735 MapData message; p-encoded as 0pE0-00-00-17."""
 
 CRL = 0x100
 """Certificate revocation lists (IEEE 1609.2, 7.4)."""
 
-J2735 = frozenset({BSM, SPAT, MAP})
+J2735 = frozenset({BSM, SPAT, MAP, SENSOR_SHARING})
 """Services whose messages are J2735 MessageFrames."""
 
 PRIVATE_USE = range(0x4020, 0x4060)
@@ -26,6 +29,9 @@ ISO/TC 204 registry of ITS-AIDs). The values for testing beside them need an aut
 
 LCCA = PRIVATE_USE[0]
 """PSID of LCCA messages, unless configured otherwise."""
+
+OF_VEHICLES = frozenset({BSM, SENSOR_SHARING, LCCA})
+"""Services in which vehicles send."""
 
 NAMES = {
     BSM: "vehicle to vehicle safety and awareness",
@@ -38,7 +44,7 @@ NAMES = {
     0x85: "emergency and erratic vehicles",
     0x87: "WAVE service advertisement",
     0x88: "peer-to-peer distribution of security management information",
-    0x90: "sensor sharing service",
+    SENSOR_SHARING: "sensor sharing service",
     0x91: "maneuver coordination service",
     CRL: "certificate revocation list",
     MAP: "intersection geometry",

@@ -29,10 +29,11 @@ from onboard.lcca.events import (
 )
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
-from onboard.messages import bsm, lcca
+from onboard.messages import bsm, lcca, sdsm
 from onboard.messages.bsm_core import VehicleSize
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.perceived_object import PerceivedObject, remote_offsets_m
+from onboard.mvs.settings import SharedIn
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import (
@@ -329,6 +330,8 @@ class Stack:
         match service:
             case psid.BSM:
                 self._receive_bsm(opened, now)
+            case psid.SENSOR_SHARING:
+                self._receive_sdsm(opened, now)
             case psid.MAP | psid.SPAT:
                 self._intersections.receive_message(service, opened, now, self._utc_s(now))
             case _:
@@ -420,6 +423,20 @@ class Stack:
                 sender, core.temporary_id, core.speed_m_s, now
             )
 
+    def _receive_sdsm(self, opened: Opened, now: float) -> None:
+        try:
+            message = sdsm.decode(opened.payload)
+        except DecodeError as error:
+            self._events.append(Discarded(now, "sdsm", error.reason, error.detail))
+            return
+        source_id = message.source_id
+        signer = opened.signer_id or source_id
+        if self._misbehaviour_detector.remote_id(signer, source_id) != source_id:
+            detail = f"from {source_id.hex()}"
+            self._events.append(Discarded(now, "sdsm", "implausible_identity", detail))
+            return
+        self._mvs.receive_sdsm(message, now)
+
     # ---- out ------------------------------------------------------------------------------
 
     def _wsms_to_send(self, now: float) -> list[SentWsm]:
@@ -452,12 +469,22 @@ class Stack:
             )
 
     def _submit_bsm(self, now: float) -> None:
-        footer = self._mvs.footer_to_send(now) or None
+        shared_in, footer = self._config.mvs.shared_in, None
+        if shared_in is not SharedIn.SDSM:
+            footer = self._mvs.footer_to_send(now) or None
         heading = self._mvs.heading(now)
         heading_rad = None if heading is None else heading.heading_rad
         utc_s = self._utc_s(now)
         message = self._transmitter.bsm(footer, now, utc_s, heading_rad)
         self._link.submit(bsm.encode(message), psid.BSM, message.user_priority, BSM_LIFETIME_S, now)
+        if shared_in is not SharedIn.FOOTER:
+            self._submit_sdsm(now)
+
+    def _submit_sdsm(self, now: float) -> None:
+        message = self._mvs.sdsm_to_send(now)
+        if message is not None:
+            data, priority = sdsm.encode(message), message.user_priority
+            self._link.submit(data, psid.SENSOR_SHARING, priority, BSM_LIFETIME_S, now)
 
     # ---- between the cores ----------------------------------------------------------------
 

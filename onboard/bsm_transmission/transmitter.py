@@ -29,6 +29,7 @@ from onboard.messages.bsm_safety import (
     VehicleEventFlags,
     VehicleSafetyExtensions,
 )
+from onboard.messages.message_frame import MESSAGE_COUNTS
 from onboard.observations import (
     BrakeCause,
     BrakePedal,
@@ -75,8 +76,6 @@ ALL_WHEELS = (
     WheelBrakes.LEFT_FRONT | WheelBrakes.LEFT_REAR | WheelBrakes.RIGHT_FRONT
     | WheelBrakes.RIGHT_REAR
 )  # fmt: skip
-
-MESSAGE_COUNTS = 128
 
 
 class BsmTransmitter(Core):

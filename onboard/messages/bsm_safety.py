@@ -18,6 +18,7 @@ from onboard.messages.bsm_core import (
     PositionalAccuracy,
     TransmissionState,
 )
+from onboard.messages.date_time import DateTime
 from onboard.messages.fields import (
     BitString,
     Enumerated,
@@ -73,19 +74,6 @@ class GnssStatus(IntFlag):
     IN_VIEW_UNDER_5 = 1 << 5
     LOCAL_CORRECTIONS = 1 << 6
     NETWORK_CORRECTIONS = 1 << 7
-
-
-@dataclass(frozen=True, slots=True)
-class DateTime:
-    """Date and time in UTC, possibly incomplete."""
-
-    year: Annotated[int | None, Optional(Integer(0, 4095))]
-    month: Annotated[int | None, Optional(Integer(0, 12))]
-    day: Annotated[int | None, Optional(Integer(0, 31))]
-    hour: Annotated[int | None, Optional(Integer(0, 31))]
-    minute: Annotated[int | None, Optional(Integer(0, 60))]
-    second_s: Annotated[float | None, Optional(Quantity(0, 65535, 0.001, "s"))]
-    offset_s: Annotated[float | None, Optional(Quantity(-840, 840, 60.0, "s"))]
 
 
 @dataclass(frozen=True, slots=True)

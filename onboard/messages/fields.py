@@ -551,6 +551,21 @@ class Optional(Field):
         return unit, meaning, "left out"
 
 
+class NotRead(Field):
+    """A field whose presence has every message refused: where it ends is not known here."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        self.reason, self.detail = reason, detail
+
+    @override
+    def put(self, writer: BitWriter, value: Any) -> None:
+        raise ValueError(f"{value!r}: is never sent")
+
+    @override
+    def take(self, reader: BitReader) -> Any:
+        raise DecodeError(self.reason, self.detail)
+
+
 def _printed_code(value: Enum | int) -> str:
     return value.name.lower() if isinstance(value, Enum) else f"unknown_{value}"
 

@@ -86,7 +86,7 @@ class ReferencePoint:
     regions: Annotated[tuple[RegionalExtension, ...] | None, Optional(REGIONS)] = None
 
 
-_REFERENCE_POINT = Record(ReferencePoint, extensible=True)
+POSITION_3D = Record(ReferencePoint, extensible=True)
 _LANE_WIDTH = Optional(Quantity(0, 32767, 0.01, "m"))
 _REVISION = Integer(0, 127)
 
@@ -106,7 +106,7 @@ class IntersectionGeometry:
     id: Annotated[IntersectionReferenceId, INTERSECTION_ID]
     revision: Annotated[int, _REVISION]
     """Changes with the content; the SPAT message refers to it."""
-    ref_point: Annotated[ReferencePoint, _REFERENCE_POINT]
+    ref_point: Annotated[ReferencePoint, POSITION_3D]
     lane_width_m: Annotated[float | None, _LANE_WIDTH]
     speed_limits: Annotated[tuple[RegulatorySpeedLimit, ...] | None, Optional(SPEED_LIMITS)]
     lanes: Annotated[tuple[GenericLane, ...], LANES]
@@ -124,7 +124,7 @@ class RoadSegment:
     name: Annotated[str | None, Optional(DESCRIPTIVE_NAME)]
     id: Annotated[IntersectionReferenceId, INTERSECTION_ID]
     revision: Annotated[int, _REVISION]
-    ref_point: Annotated[ReferencePoint, _REFERENCE_POINT]
+    ref_point: Annotated[ReferencePoint, POSITION_3D]
     lane_width_m: Annotated[float | None, _LANE_WIDTH]
     speed_limits: Annotated[tuple[RegulatorySpeedLimit, ...] | None, Optional(SPEED_LIMITS)]
     lanes: Annotated[tuple[GenericLane, ...], LANES]

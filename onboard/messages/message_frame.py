@@ -7,6 +7,9 @@ from onboard.errors import DecodeError
 from onboard.messages.fields import Integer, OpenType, SequenceOf
 from onboard.messages.record import Record
 
+MESSAGE_COUNTS = 128
+"""Values of a MsgCount, which counts the messages of one type of a sender."""
+
 
 @dataclass(frozen=True, slots=True)
 class MessageFrame:
@@ -38,9 +41,8 @@ NAMES = {
     31: "travelerInformation",
     32: "personalSafetyMessage",
     33: "roadSafetyMessage",
-    41: "sensorDataSharingMessage",
 }
-"""Messages that have no codec here, by DSRCmsgID (SAE J2735, DSRCmsgID; J3224)."""
+"""Messages that have no codec here, by DSRCmsgID (SAE J2735, DSRCmsgID)."""
 
 FRAME = Record(MessageFrame, extensible=True)
 REGION = Record(RegionalExtension)

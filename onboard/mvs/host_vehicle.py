@@ -106,6 +106,13 @@ class HostVehicle:
             covariance[2, 2] = covariance[3, 3] = SPEED_SIGMA_M_S**2
         return ReportedState(fix.stamp_s, state, covariance)
 
+    def standing_at(self, place: LocalFrame, now: float) -> ReportedState:
+        """Return a sender that does not move, in the host vehicle's frame."""
+        assert self.frame is not None  # noqa: S101 (callers ask `has_position` first)
+        state = np.zeros(4)
+        state[:2] = self.frame.position_m(place.latitude_deg, place.longitude_deg)
+        return ReportedState(now, state, np.eye(4))
+
     def state(self) -> ReportedState | None:
         """Return the host vehicle's state by its last fix."""
         return self._state

@@ -3,6 +3,7 @@
 Without a position there is no MVS: nothing is measured, used or sent.
 """
 
+import math
 from collections import Counter, deque
 from collections.abc import Sequence
 from itertools import groupby
@@ -15,6 +16,8 @@ from onboard.errors import DecodeError
 from onboard.kinematics.arrays import Array
 from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
+from onboard.messages.message_frame import MESSAGE_COUNTS
+from onboard.messages.sdsm import EquipmentType, SensorDataSharingMessage
 from onboard.mvs.footer_coding import encode_within, free_number, read
 from onboard.mvs.footer_validation import (
     MAX_ENTRIES,
@@ -31,6 +34,7 @@ from onboard.mvs.remote_vehicles import (
     as_perceived_objects,
     as_state_arrays,
 )
+from onboard.mvs.sdsm_coding import MeasuredObject, Sender, entries_in, message_of
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Discarded, Position, VehicleDetection
@@ -40,6 +44,7 @@ from onboard.tracking.evidence import (
     MeasurementId,
     ProvenanceSpans,
     as_arrays,
+    stamp_ms_of,
 )
 from onboard.tracking.evidence_store import OWN, EvidenceBatch, EvidenceView, StoredEvidence
 from onboard.tracking.fusion import fuse, propagate
@@ -95,6 +100,10 @@ class MultiVehicleSensing(Core):
         self._received: list[ReceivedFooter] = []
         """Not yet assigned: the footers since the last update are assigned together."""
         self._remote_vehicles = RemoteVehicles()
+        self._road_side_units = RemoteVehicles()
+        """Senders of SDSMs that send no BSMs."""
+        self._sdsms = 0
+        """Sent under the present ID."""
         self._tracks = Tracks(tracking)
         self._sent_ms = 0
         """When the last footer was made, UTC."""
@@ -111,6 +120,7 @@ class MultiVehicleSensing(Core):
         """Change the pseudonym; measurements under the last one are still recognised as own."""
         if own_id != self.own_id:
             self._own_ids.append(own_id)
+            self._sdsms = 0
 
     def set_utc_offset(self, utc_offset_s: float) -> None:
         """Set UTC minus `now`. At a correction of UTC all tracks are dropped."""
@@ -128,6 +138,7 @@ class MultiVehicleSensing(Core):
         if moved is not None:
             self._tracks.change_frame(*moved)
             self._remote_vehicles.change_frame(*moved)
+            self._road_side_units.change_frame(*moved)
             self._received = [each.mapped(*moved) for each in self._received]
 
     def receive_detection(self, detection: VehicleDetection) -> None:
@@ -174,6 +185,31 @@ class MultiVehicleSensing(Core):
                 self._receive_footer(sender_id, footer, now)
         return refused is None
 
+    def receive_sdsm(self, message: SensorDataSharingMessage, now: float) -> None:
+        """Take an SDSM of a remote vehicle, or of a road-side unit, which need not send BSMs."""
+        sender_id = message.source_id
+        if sender_id in self._own_ids:
+            return self._discard(now, "own_message", sender_id.hex())
+        if not self.has_position(now):
+            return None
+        try:
+            entries = entries_in(message, self._utc_ms(now))
+        except DecodeError as error:
+            return self._discard(now, error.reason, error.detail)
+        senders = self._remote_vehicles
+        if message.equipment is EquipmentType.RSU and sender_id not in senders:
+            senders = self._road_side_units
+            refused = senders.receive(
+                sender_id,
+                self._host.standing_at(entries.anchor, now),
+                None,
+                own_m=self._own_state().state[:2],
+                now=now,
+            )
+            if refused is not None:
+                return self._discard(now, *refused)
+        return self._receive_entries(senders.get(sender_id), entries, sender_id, now)
+
     def update(self, now: float) -> None:
         """Process what has arrived, and update the tracks if the last update is `UPDATE_S` ago."""
         if not self.has_position(now):
@@ -183,6 +219,7 @@ class MultiVehicleSensing(Core):
         if self._updated_ms is not None and 0 <= now_ms - self._updated_ms < round(UPDATE_S * 1000):
             return  # below 0, UTC was set back: updates go on at once
         self._remote_vehicles.drop_silent(now)
+        self._road_side_units.drop_silent(now)
         self._tracks.update(now_ms)
         reported = {self.own_id: self._own_state()}
         reported |= {key: remote.reported for key, remote in self._remote_vehicles.items()}
@@ -210,10 +247,7 @@ class MultiVehicleSensing(Core):
         chosen = []
         for at, piece in selected:
             track, _ = known[at]
-            if track.wire_number is None:
-                used = {each.wire_number for each in self._tracks}
-                track.wire_number = free_number(track.number, used)
-            chosen.append((track.wire_number, piece))
+            chosen.append((self._wire_number(track), piece))
         self._sent_ms = now_ms
         frame = self._host.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
@@ -224,6 +258,43 @@ class MultiVehicleSensing(Core):
             by_number[number].sent |= piece.provenance
             by_number[number].sent_ms = now_ms
         return data
+
+    def sdsm_to_send(self, now: float) -> SensorDataSharingMessage | None:
+        """Update, and return the SDSM at `now`; `None` without anything newly measured.
+
+        It has the newest own measurement of each vehicle, those first that were last sent the
+        longest ago.
+        """
+        self.update(now)
+        if not self.has_position(now):
+            return None
+        now_ms = self._utc_ms(now)
+        measured = [
+            (track, newest)
+            for track in sorted(self.reported_tracks(), key=_shared_ms)
+            if (newest := self._newest_own(track, now_ms)) is not None
+        ][: self._settings.max_entries]
+        if not measured:
+            return None
+        for track, newest in measured:
+            track.shared_ms = newest.stamp_ms
+        objects = [
+            MeasuredObject(
+                self._wire_number(track),
+                newest,
+                track.estimate.state[2:],
+                math.sqrt(float(np.trace(track.estimate.covariance[2:, 2:])) / 2.0),
+            )
+            for track, newest in measured
+        ]
+        frame = self._host.frame
+        assert frame is not None  # noqa: S101 (a position comes with a frame)
+        sigma_m = math.sqrt(float(self._own_state().covariance[0, 0]))
+        sender = Sender(self.own_id, LocalFrame(*self._host.anchor), sigma_m)
+        # The count begins anew with each pseudonym, at a number that only the pseudonym gives.
+        msg_cnt = (self.own_id[0] + self._sdsms) % MESSAGE_COUNTS
+        self._sdsms += 1
+        return message_of(objects, sender, now_ms, frame, msg_cnt)
 
     def kinematic_info(self, now: float) -> list[PerceivedObject]:
         """Return all objects but the host vehicle by the last update, predicted to `now`."""
@@ -286,7 +357,15 @@ class MultiVehicleSensing(Core):
     # ---- received evidence ----------------------------------------------------------------
 
     def _receive_footer(self, sender_id: bytes, data: bytes | SharedEntries, now: float) -> None:
-        remote = self._remote_vehicles.get(sender_id)
+        self._receive_entries(self._remote_vehicles.get(sender_id), data, sender_id, now)
+
+    def _receive_entries(
+        self,
+        remote: RemoteVehicle | None,
+        data: bytes | SharedEntries,
+        sender_id: bytes,
+        now: float,
+    ) -> None:
         if remote is None:
             return self._discard(now, "unplaced_sender", sender_id.hex())
         if not remote.accepts_footer(now):
@@ -400,6 +479,24 @@ class MultiVehicleSensing(Core):
         estimates = iter(fuse(several, self._parameters.acceleration_density))
         return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
 
+    def _newest_own(self, track: Track, now_ms: int) -> Measurement | None:
+        """Return the newest own measurement that was not sent in an SDSM, if it is not too old."""
+        since_ms = max(track.shared_ms, now_ms - round(SHARED_SPAN_S * 1000))
+        own = [
+            each
+            for each in track.evidence.values()
+            if each.stamp_ms > since_ms and self._is_own_measurement(each)
+        ]
+        piece = max(own, key=stamp_ms_of).piece if own else None
+        return piece if isinstance(piece, Measurement) else None
+
+    def _wire_number(self, track: Track) -> int:
+        """Return the number of a track on the air, the same in footers and SDSMs."""
+        if track.wire_number is None:
+            used = {each.wire_number for each in self._tracks}
+            track.wire_number = free_number(track.number, used)
+        return track.wire_number
+
     def _is_own_measurement(self, stored: StoredEvidence) -> bool:
         return stored.is_measurement and all(
             observer in self._own_ids for observer, _ in stored.provenance
@@ -421,3 +518,7 @@ class MultiVehicleSensing(Core):
 
 def _stamp_s(detection: VehicleDetection) -> float:
     return detection.stamp_s
+
+
+def _shared_ms(track: Track) -> int:
+    return track.shared_ms

@@ -19,6 +19,16 @@ class Selection(StrEnum):
     """The paper's second baseline: one measurement or estimate a vehicle, vehicles at random."""
 
 
+class SharedIn(StrEnum):
+    """What carries measurements to other vehicles."""
+
+    FOOTER = "footer"
+    """The MVS footer of the BSM: measurements and estimates, with their provenance."""
+    SDSM = "sdsm"
+    """SAE J3224: own measurements, which receivers of other makes read too."""
+    BOTH = "both"
+
+
 class SensingSettings(Settings):
     """From the camera's detections to measurements."""
 
@@ -37,9 +47,10 @@ class SensingSettings(Settings):
 class MvsSettings(Settings):
     """Shared sensing of vehicles without a radio."""
 
+    shared_in: SharedIn = SharedIn.FOOTER
     selection: Selection = Selection.MVS
     max_entries: int = Field(10, ge=0, le=64)
-    """M: measurements and estimates in one footer; with 0 nothing is shared."""
+    """M: measurements and estimates in one footer or SDSM; with 0 nothing is shared."""
     max_bytes: int = Field(MAX_FOOTER_BYTES, ge=18, le=MAX_FOOTER_BYTES)
     """Size of the footer; the default is what BSM and signature leave of a WSM."""
     sensing: SensingSettings = SensingSettings()

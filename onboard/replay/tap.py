@@ -24,6 +24,9 @@ POSITION_KINDS = frozenset({"position", "perceived_object"})
 """Kinds of events that hold a position."""
 
 
+_WITH_POSITION = frozenset({psid.BSM, psid.SENSOR_SHARING})
+
+
 class Tap:
     """A `Stack` whose steps are recorded."""
 
@@ -126,7 +129,7 @@ class Tap:
 def _holds_position(value: Event) -> bool:
     if isinstance(value, ReceivedWsm | SentWsm):
         try:
-            return wsmp.decode(value.data).psid == psid.BSM
+            return wsmp.decode(value.data).psid in _WITH_POSITION
         except DecodeError:
             return True  # may be anything
     return value.kind in POSITION_KINDS

@@ -65,6 +65,8 @@ class Track:
         """The measurements in what the host vehicle has sent of it."""
         self.sent_ms = 0
         """When the host vehicle last sent something of it."""
+        self.shared_ms = 0
+        """Time of the last own measurement of it that was sent in an SDSM."""
 
     @property
     def used(self) -> list[Evidence]:

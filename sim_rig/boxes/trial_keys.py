@@ -26,7 +26,6 @@ from sim_rig.cars.background_traffic import background_names
 from sim_rig.road_side.road_side_unit import road_side_units
 from sim_rig.scenario.schema import Scenario
 
-_SERVICES = {psid.BSM, psid.LCCA}
 _BOX_DAYS = 30
 _BOX_PSEUDONYMS = 20
 
@@ -42,14 +41,16 @@ def run_credentials(
     cars = [*scenario.equipped, *background_names(scenario)]
     units = road_side_units(scenario)
     if not boxes:
-        return make_trial(cars, _SERVICES, utc_s, road_side_units=units)
+        return make_trial(cars, psid.OF_VEHICLES, utc_s, road_side_units=units)
     folder = next(iter(boxes.values())).keys
     issuing = _authority(folder)
     for car in boxes:
         if not (folder / car).exists():
-            own = make_pseudonyms(issuing, _BOX_PSEUDONYMS, _SERVICES, **_valid(utc_s, _BOX_DAYS))
+            own = make_pseudonyms(
+                issuing, _BOX_PSEUDONYMS, psid.OF_VEHICLES, **_valid(utc_s, _BOX_DAYS)
+            )
             write_credentials(folder / car, own)
-    trial = issue_trial(issuing, cars, _SERVICES, utc_s, road_side_units=units)
+    trial = issue_trial(issuing, cars, psid.OF_VEHICLES, utc_s, road_side_units=units)
     for credentials in trial.values():
         # An authority that may not grant a service is an error now, not silence in the run.
         trusted(credentials, [folder / "issuing"] * len(credentials.pseudonyms))
@@ -62,7 +63,7 @@ def _authority(folder: Path) -> Authority:
         return read_authority(folder / "issuing")
     folder.mkdir(mode=0o700, parents=True)
     valid = _valid(time.time(), 365)
-    root = make_root("trial root", {*_SERVICES, psid.MAP, psid.SPAT}, **valid)
+    root = make_root("trial root", {*psid.OF_VEHICLES, psid.MAP, psid.SPAT}, **valid)
     issuing = make_issuing(root, "trial issuing", **valid)
     write_authority(folder / "issuing", issuing)
     return issuing

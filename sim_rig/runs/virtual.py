@@ -83,10 +83,11 @@ class _VirtualRun:
         credentials: Mapping[str, Credentials] = {}
         if scenario.signed:
             new_key = key_from(np.random.default_rng(keys_seed))
-            psids = {psid.BSM, psid.LCCA}
             cars = [*scenario.equipped, *background_names(scenario)]
             units = road_side_units(scenario)
-            credentials = make_trial(cars, psids, START_UTC_S, new_key, road_side_units=units)
+            credentials = make_trial(
+                cars, psid.OF_VEHICLES, START_UTC_S, new_key, road_side_units=units
+            )
         air_rng = np.random.default_rng(air_seed)
         air = FaultyAir(
             open_channel(

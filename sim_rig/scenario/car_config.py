@@ -36,7 +36,10 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
         "beacons": scenario.beacons,
         "lcca": scenario.lcca.model_dump(),
         # The GNSS antenna is at the middle of the roof, the camera at the front bumper.
-        "mvs": {"sensing": {"camera_ahead_m": it.length_m / 2}},
+        "mvs": {
+            "shared_in": it.shared_in.value,
+            "sensing": {"camera_ahead_m": it.length_m / 2},
+        },
         "access": it.access.model_dump(mode="json"),
         "security": {"plate_digest": DIGEST},
     }

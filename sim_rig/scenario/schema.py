@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, StringConstraints, 
 
 from onboard.access.settings import AccessSettings
 from onboard.lcca.settings import LccaSettings
+from onboard.mvs.settings import SharedIn
 from onboard.settings import Settings, SettingsError, load_settings
 from sim_rig.scenario.catalogue import SCENARIOS, scenario_names
 from sim_rig.scenario.expectations import Expectation
@@ -105,6 +106,8 @@ class ScenarioCar(Settings):
     colour: Literal["green", "red", "blue", "yellow", "white", "grey"] = "grey"
     obeys_request: bool = False
     """Whether it brakes as its daemon requests; from the first request on it gains no speed."""
+    shared_in: SharedIn = SharedIn.FOOTER
+    """What carries its measurements to the others."""
     access: AccessSettings = AccessSettings()
     """Driver-based channel access."""
 

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from onboard.kinematics.local_frame import LocalFrame
+from onboard.messages import sdsm
 from onboard.mvs.footer_coding import read
 from onboard.mvs.host_vehicle import HostVehicle
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.received_footers import SharedEntries
-from onboard.mvs.settings import MvsSettings
+from onboard.mvs.settings import MvsSettings, SharedIn
 from onboard.observations import Position, VehicleDetection
 from onboard.settings import Settings
 from onboard.tracking.evidence import Measurement, MeasurementId
@@ -83,7 +84,9 @@ class _Bsm:
     sender: str
     fix: Position
     acceleration_m_s2: float
-    footer: bytes
+    footer: bytes | None
+    sdsm: bytes | None
+    """The SDSM that is sent with it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,7 +227,14 @@ class MvsWorld:
             )
             core.receive_detection(detection)
             self._record_measurement(name, cars.names[other], detection)
-        self._broadcast(own, fix, core.footer_to_send(self.now), cars)
+        shared_in, footer, shared = self._mvs_settings.shared_in, None, None
+        if shared_in is not SharedIn.SDSM:
+            footer = core.footer_to_send(self.now)
+        if shared_in is not SharedIn.FOOTER:
+            shared = core.sdsm_to_send(self.now)
+        message = None if shared is None else sdsm.encode(shared)
+        acceleration_m_s2 = float(cars.acceleration_m_s2[own])
+        self._broadcast(own, _Bsm(name, fix, acceleration_m_s2, footer, message), cars)
 
     def _fix(self, cars: Cars, own: int, speed_m_s: float) -> Position:
         settings = self.settings
@@ -273,10 +283,10 @@ class MvsWorld:
         in_view: NDArray[np.intp] = near[visible]
         return in_view
 
-    def _broadcast(self, own: int, fix: Position, footer: bytes, cars: Cars) -> None:
-        bsm = _Bsm(cars.names[own], fix, float(cars.acceleration_m_s2[own]), footer)
+    def _broadcast(self, own: int, bsm: _Bsm, cars: Cars) -> None:
         if self._channel is not None:
-            self._channel.send(bsm.sender, bsm, BSM_BYTES + len(footer), _BSM_PRIORITY, self.now)
+            size_bytes = BSM_BYTES + len(bsm.footer or b"") + len(bsm.sdsm or b"")
+            self._channel.send(bsm.sender, bsm, size_bytes, _BSM_PRIORITY, self.now)
             return
         apart_m = np.hypot(*(cars.middle_m - cars.middle_m[own]).T)
         reached = (apart_m < self.settings.reach_m) & (
@@ -291,12 +301,17 @@ class MvsWorld:
 
     def _deliver(self, bsm: _Bsm, reached: Iterable[str]) -> None:
         receivers = tuple(name for name in reached if name in self.cores)
-        entries = read(bsm.footer)
-        self.sent.append(SentFooter(self.now, bsm.sender, bsm.footer, entries, receivers))
+        entries, shared = None, None if bsm.sdsm is None else sdsm.decode(bsm.sdsm)
+        if bsm.footer is not None:
+            entries = read(bsm.footer)
+            self.sent.append(SentFooter(self.now, bsm.sender, bsm.footer, entries, receivers))
         for receiver in receivers:
-            self.cores[receiver].receive_bsm(
+            core = self.cores[receiver]
+            core.receive_bsm(
                 self.own_id(bsm.sender), bsm.fix, entries, self.now, bsm.acceleration_m_s2
             )
+            if shared is not None:
+                core.receive_sdsm(shared, self.now)
 
 
 def to_degrees(position_m: Array) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from onboard.messages.fields import (
     Field,
     FixedField,
     Ia5String,
+    NotRead,
     OpenBitString,
     OpenType,
     Optional,
@@ -23,7 +24,7 @@ from onboard.messages.message_frame import RegionalExtension
 from onboard.messages.record import Record
 
 
-def values(  # noqa: PLR0911 (one for each kind)
+def values(  # noqa: C901, PLR0911 (one for each kind)
     field: Field, most: int = 4
 ) -> st.SearchStrategy[Any]:
     """Return every value that `field` can carry, `None` where it has a code for it.
@@ -50,6 +51,8 @@ def values(  # noqa: PLR0911 (one for each kind)
                     for name, each in field.alternatives.items()
                 ]
             )
+        case NotRead():
+            return st.nothing()
         case ExtensibleEnumerated():
             return st.sampled_from(field.names)
         case Ia5String():

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from onboard.kinematics.local_frame import LocalFrame
+from onboard.messages import sdsm
 from onboard.mvs.footer_validation import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.mvs.settings import MvsSettings, SensingSettings
+from onboard.mvs.settings import MvsSettings, SensingSettings, SharedIn
 from onboard.observations import Position, VehicleDetection
 
 ORIGIN = LocalFrame(48.1, 11.5)
@@ -63,7 +64,8 @@ class Message:
     sender: Car
     state: Position
     """On UTC; put on the receiver's clock when delivered."""
-    footer: bytes
+    footer: bytes | None
+    sdsm: bytes | None = None
 
 
 Radio = Callable[[Message, Car, float], list[float]]
@@ -133,7 +135,12 @@ class World:
         for number, other in enumerate(self.cars):
             if other.name in car.sees:
                 mvs.receive_detection(self.seen(car, state, other, number))
-        self.broadcast(Message(car, fix, mvs.footer_to_send(now)))
+        shared_in, message = self.settings.shared_in, Message(car, fix, None)
+        if shared_in is not SharedIn.SDSM:
+            message.footer = mvs.footer_to_send(now)
+        if shared_in is not SharedIn.FOOTER and (shared := mvs.sdsm_to_send(now)) is not None:
+            message.sdsm = sdsm.encode(shared)
+        self.broadcast(message)
 
     def arrival(self, car: Car) -> Position:
         """A car that stands when the world begins has a heading from its drive before."""
@@ -188,6 +195,10 @@ class World:
                 message.footer,
                 at - receiver.clock_offset_s,
             )
+            if message.sdsm is not None:
+                self.mvs[receiver.name].receive_sdsm(
+                    sdsm.decode(message.sdsm), at - receiver.clock_offset_s
+                )
 
     @staticmethod
     def on_clock(fix: Position, car: Car) -> Position:

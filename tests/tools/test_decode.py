@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from onboard import psid
 from onboard.errors import UserError
-from onboard.messages import bsm, lcca, map_data, mvs_footer, spat
+from onboard.messages import bsm, lcca, map_data, mvs_footer, sdsm, spat
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.lcca import Leave, LeaveReason
@@ -23,6 +23,7 @@ from onboard.wave_udp.capture import PcapWriter
 from onboard.wave_udp.immediate_forward import ImmediateForward
 from onboard.wave_udp.wsmp import Element, WaveShortMessage
 from tests.messages.crossing_messages import crossing_map, crossing_spat
+from tests.messages.test_sdsm import MESSAGE
 
 LEAVE = Leave(b"sender__", b"leader__", 3, b"to______", LeaveReason.GAP)
 LEAVE_FIELDS = {
@@ -106,6 +107,15 @@ def test_messages_of_a_road_side_unit_are_described(service, frame, message_id, 
     assert layers["messageframe"]["message_id"] == message_id
     (intersection,) = layers["messageframe"][name]["intersections"]
     assert intersection["id"] == {"region": 7, "id": 501}
+    json.dumps(layers)
+
+
+def test_what_a_sensor_data_sharing_message_detects_is_described():
+    frame = unsecured(sdsm.encode(MESSAGE))
+    layers = describe(wsmp.encode(WaveShortMessage(psid.SENSOR_SHARING, frame)))
+    assert layers["wsm"]["psid_name"] == "sensor sharing service"
+    (detected,) = layers["messageframe"]["sensor_data_sharing_message"]["objects"]
+    assert detected["common"]["offset"] == {"east_m": -12.3, "north_m": 45.6, "up_m": 0.7}
     json.dumps(layers)
 
 

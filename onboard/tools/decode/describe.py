@@ -11,7 +11,7 @@ from typing import Any
 
 from onboard import psid
 from onboard.errors import DecodeError
-from onboard.messages import bsm, lcca, map_data, message_frame, mvs_footer, spat
+from onboard.messages import bsm, lcca, map_data, message_frame, mvs_footer, sdsm, spat
 from onboard.security import ieee1609dot2
 from onboard.security.certificates import Certificate
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
@@ -183,6 +183,9 @@ def _message_frame(data: bytes) -> _Layer:
             return _Layer(fields | {"map_data": map_data.as_dict(map_data.decode(data))})
         case spat.MESSAGE_ID:
             return _Layer(fields | {"spat": spat.as_dict(spat.decode(data))})
+        case sdsm.MESSAGE_ID:
+            shared_data = sdsm.as_dict(sdsm.decode(data))
+            return _Layer(fields | {"sensor_data_sharing_message": shared_data})
     shared = its_messages.read_dsrc(message_id, frame.content)
     if shared is None:
         name = message_frame.NAMES.get(message_id, "unknown")

@@ -161,7 +161,7 @@ def show(
 
 def _numbers(given: list[str] | None) -> list[int]:
     if not given:
-        return [psids.BSM, psids.LCCA]
+        return sorted(psids.OF_VEHICLES)
     try:
         numbers = [int(text, 0) for text in given]
     except ValueError as error:
