@@ -30,6 +30,9 @@ ISO/TC 204 registry of ITS-AIDs). The values for testing beside them need an aut
 LCCA = PRIVATE_USE[0]
 """PSID of LCCA messages, unless configured otherwise."""
 
+OF_ROAD_SIDE_UNITS = frozenset({MAP, SPAT, SENSOR_SHARING})
+"""Services in which road-side units send."""
+
 OF_VEHICLES = frozenset({BSM, SENSOR_SHARING, LCCA})
 """Services in which vehicles send."""
 

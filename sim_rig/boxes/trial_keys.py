@@ -63,7 +63,7 @@ def _authority(folder: Path) -> Authority:
         return read_authority(folder / "issuing")
     folder.mkdir(mode=0o700, parents=True)
     valid = _valid(time.time(), 365)
-    root = make_root("trial root", {*psid.OF_VEHICLES, psid.MAP, psid.SPAT}, **valid)
+    root = make_root("trial root", psid.OF_VEHICLES | psid.OF_ROAD_SIDE_UNITS, **valid)
     issuing = make_issuing(root, "trial issuing", **valid)
     write_authority(folder / "issuing", issuing)
     return issuing

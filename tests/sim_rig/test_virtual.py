@@ -20,7 +20,16 @@ def test_everything_comes_as_the_scenario_expects(name: str) -> None:
     assert failures(scenario, run_virtual(scenario)) == []
 
 
-@pytest.mark.parametrize("name", ["fig4", "lane-change", "red-light", "shared-detection"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "fig4",
+        "lane-change",
+        "red-light",
+        "shared-detection",
+        "shared-sdsm",
+    ],
+)
 def test_signed_and_with_one_late_fix_a_second_it_comes_all_the_same(name: str) -> None:
     """As with a receiver out of the box: 1 Hz, each fix reported 0.4 s late."""
     scenario = load_scenario(name)

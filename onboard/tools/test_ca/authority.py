@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from typing import TypedDict
 
-from onboard.psid import CRL, MAP, SPAT
+from onboard.psid import CRL, OF_ROAD_SIDE_UNITS
 from onboard.security import ecqv, ieee1609dot2, p256
 from onboard.security.certificate_codec import (
     decode_certificate,
@@ -152,13 +152,13 @@ def make_trial(
         new_key: `p256.key_from(rng)` gives the same keys for the same seed.
         pseudonyms: number of certificates a vehicle.
         implicit: make implicit certificates.
-        road_side_units: names of the units that sign MAP and SPAT messages.
+        road_side_units: names of the units that sign MAP, SPAT and SDSM.
 
     Returns:
         the credentials by vehicle and unit.
     """
     units = list(road_side_units)
-    granted = {*psids, MAP, SPAT} if units else set(psids)
+    granted = {*psids, *OF_ROAD_SIDE_UNITS} if units else set(psids)
     valid = _of_a_trial(utc_s)
     root = make_root("trial root", granted, new_key=new_key, **valid)
     issuing = make_issuing(root, "trial issuing", new_key=new_key, **valid)
@@ -191,7 +191,7 @@ def issue_trial(
         name: make_pseudonyms(issuing, count, services, new_key=new_key, implicit=implicit, **valid)
         for name, count, services in (
             *((car, pseudonyms, psids) for car in cars),
-            *((unit, 1, {MAP, SPAT}) for unit in road_side_units),
+            *((unit, 1, OF_ROAD_SIDE_UNITS) for unit in road_side_units),
         )
     }
 
