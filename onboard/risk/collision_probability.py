@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from onboard.kinematics.arrays import Array
-from onboard.risk.conflict_zone import XCrossing
+from onboard.risk.conflict_zone import ConflictZone
 from onboard.risk.driver_behaviour import Behaviour
 from onboard.risk.trajectory import acceleration_to_cover, reached_after_s, travelled_m
 
@@ -41,7 +41,7 @@ class Approach:
     behaviour: Behaviour
 
 
-def collision_probability(a: Approach, b: Approach, zone: XCrossing) -> Array:
+def collision_probability(a: Approach, b: Approach, zone: ConflictZone) -> Array:
     """Return P_C, shape (n,), exactly 0 where impossible and 1 where certain.
 
     Raises:
@@ -60,7 +60,7 @@ def collision_probability(a: Approach, b: Approach, zone: XCrossing) -> Array:
     return result
 
 
-def _colliding_share(acceleration: Array, a: Approach, b: Approach, zone: XCrossing) -> Array:
+def _colliding_share(acceleration: Array, a: Approach, b: Approach, zone: ConflictZone) -> Array:
     """Return the probability that B hits A, which keeps `acceleration`; shape (n, nodes)."""
     top_a, top_b = (np.maximum(car.top_speed_m_s, car.speed_m_s) for car in (a, b))
     start = -a.distance_m
@@ -86,11 +86,11 @@ def _colliding_share(acceleration: Array, a: Approach, b: Approach, zone: XCross
     def between() -> Iterator[tuple[float, Array, Array]]:
         """Side of B's interval (-1: the first), A's position and its time, where B's is extreme."""
         for side in (-1.0, 1.0):
-            for corner in zone.corners_m():
-                s_a = np.clip(-side * corner, begin, end)
+            for corner in zone.corners_m(side):
+                s_a = np.clip(corner, begin, end)
                 yield side, s_a, reached_after_s(s_a - start, acceleration, a.speed_m_s, top_a)
-            for slope, offset_m in zone.sloped_edges():
-                edge_m = slope * start + side * offset_m + b.distance_m
+            for slope, offset_m in zone.sloped_edges(side):
+                edge_m = slope * start + offset_m + b.distance_m
                 at_s = _stationary_s(edge_m, b.speed_m_s - slope * a.speed_m_s)
                 at_s = np.clip(at_s, begin_s, end_s)
                 yield side, start + travelled_m(at_s, acceleration, a.speed_m_s, top_a), at_s

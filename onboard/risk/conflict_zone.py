@@ -6,6 +6,7 @@ the two rectangles overlap; that interval, for all of A's positions, is the zone
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -21,6 +22,38 @@ class CarSize:
 
     length_m: Array
     width_m: Array
+
+
+class ConflictZone(Protocol):
+    """What P_C needs to know of a crossing; `side` is -1 for B's first position, 1 for its last."""
+
+    @property
+    def is_orthogonal(self) -> bool:
+        """Whether B's interval depends on A's position nowhere."""
+
+    def extent_m(self) -> tuple[Array, Array]:
+        """Return A's first and last position with any overlap."""
+
+    def first_m(self, s_a_m: Array) -> Array:
+        """Return B's first position that overlaps with A at `s_a_m`."""
+
+    def last_m(self, s_a_m: Array) -> Array:
+        """Return B's last position that overlaps with A at `s_a_m`."""
+
+    def interval_of_a_m(self, s_b_m: Array) -> tuple[Array, ...]:
+        """Return A's first and last position that overlap with B at `s_b_m`.
+
+        None at a right angle, where they are those of `extent_m`.
+        """
+
+    def corners_m(self, side: float) -> tuple[Array, ...]:
+        """Return A's positions at the corners of a side, between its ends."""
+
+    def sloped_edges(self, side: float) -> tuple[tuple[Array, Array], ...]:
+        """Return slope and offset in m of the edges of a side that depend on A's position.
+
+        On such an edge B is at `slope * s_a_m + offset`.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,28 +79,27 @@ class XCrossing:
         cosine = np.cos(self.angle_rad)
         return np.where(np.abs(cosine) < NEARLY_ORTHOGONAL, NEARLY_ORTHOGONAL, cosine)
 
-    def corners_m(self) -> tuple[Array, ...]:
-        """Return A's positions at the corners of `first_m` between its ends; none at a right angle.
-
-        By symmetry, those of B's last position are the same with the other sign.
-        """
+    def corners_m(self, side: float) -> tuple[Array, ...]:
+        """Return A's positions at the corners of a side; none at a right angle."""
         if self.is_orthogonal:
             return ()
         cosine = self._cosine
-        along_a, along_b = self._reach_m(self.a, self.b), self._reach_m(self.b, self.a)
+        along_a, along_b = self.reach_m(), self._reach_m(self.b, self.a)
         one = (along_b - self._half_extent_m(self.b, self.a)) / cosine
-        return one, np.sign(cosine) * (along_a - along_b * np.abs(cosine)) / (1.0 - cosine**2)
+        other = np.sign(cosine) * (along_a - along_b * np.abs(cosine)) / (1.0 - cosine**2)
+        return -side * one, -side * other
 
-    def sloped_edges(self) -> tuple[tuple[Array, Array], ...]:
-        """Return slope and offset in m of the edges of `first_m` that depend on A's position.
-
-        An edge is `slope * s_a_m - offset`; with `+ offset` it is one of B's last position.
-        """
+    def sloped_edges(self, side: float) -> tuple[tuple[Array, Array], ...]:
+        """Return slope and offset in m of a side's edges; none at a right angle."""
         if self.is_orthogonal:
             return ()
         cosine = self._cosine
-        along_a, along_b = self._reach_m(self.a, self.b), self._reach_m(self.b, self.a)
-        return (1.0 / cosine, along_a / np.abs(cosine)), (cosine, along_b)
+        along_a, along_b = self.reach_m(), self._reach_m(self.b, self.a)
+        return (1.0 / cosine, side * along_a / np.abs(cosine)), (cosine, side * along_b)
+
+    def reach_m(self) -> Array:
+        """Return A's last position that overlaps with B in the middle of the crossing."""
+        return self._reach_m(self.a, self.b)
 
     def extent_m(self) -> tuple[Array, Array]:
         """Return A's first and last position with any overlap."""
@@ -81,8 +113,8 @@ class XCrossing:
     def first_m(self, s_a_m: Array) -> Array:
         """Return B's first position that overlaps with A at `s_a_m`."""
         first = -self._half_extent_m(self.b, self.a)
-        for slope, offset_m in self.sloped_edges():
-            first = np.maximum(first, slope * s_a_m - offset_m)
+        for slope, offset_m in self.sloped_edges(-1.0):
+            first = np.maximum(first, slope * s_a_m + offset_m)
         return first
 
     def last_m(self, s_a_m: Array) -> Array:

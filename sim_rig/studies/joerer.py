@@ -19,12 +19,14 @@ from onboard.settings import Settings
 from sim_rig.studies.joerer_criticality import (
     BEHAVIOURS,
     Beacons,
+    car_size,
     criticality,
     highest,
     last_before_unavoidable,
     received,
 )
 from sim_rig.studies.joerer_figures import draw_bins, draw_boxes, draw_eccdf, draw_evolution
+from sim_rig.studies.joerer_merging import YCrossing, merging
 from sim_rig.studies.joerer_radio import BeaconSettings
 from sim_rig.studies.joerer_traffic import (
     Approaches,
@@ -59,6 +61,10 @@ class JoererSettings(Settings):
     seed: int = Field(1, ge=0)
     traffic: TrafficSettings = TrafficSettings()
     radio: BeaconSettings = BeaconSettings()
+    merging_angle_deg: float = Field(30.0, ge=5.0, le=85.0)
+    """Of the Y crossing."""
+    merged_m: float = Field(15.0, gt=0.0)
+    """How far beyond the junction of the Y crossing contacts count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +113,7 @@ def run(out_dir: Path, settings: JoererSettings | None = None) -> str:
     _figures_7_9(results, out_dir)
     _figure_10(results, out_dir)
     _table_3(results, out_dir)
+    _merging(results.approaches, settings, out_dir)
     counts = np.bincount(results.approaches.outcome, minlength=len(ApproachOutcome))
     return ", ".join(f"{group.name} {counts[group]}" for group in ApproachOutcome)
 
@@ -138,18 +145,11 @@ def _figures_5_6_8(results: Results, out_dir: Path) -> None:
             for title, values in panels.items()
             for group in ApproachOutcome
         ]
-        header = (
-            "panel",
-            "outcome",
-            "cars",
-            "min",
-            "q25",
-            "median",
-            "q75",
-            "max",
-            "at_100_percent",
-        )
+        header = ("panel", "outcome", "cars", *_FIVE_NUMBERS)
         _write(out_dir / f"figure{number}.csv", header, rows)
+
+
+_FIVE_NUMBERS = ("min", "q25", "median", "q75", "max", "at_100_percent")
 
 
 def _five_numbers(values: Array) -> tuple[float, ...]:
@@ -254,6 +254,25 @@ def _table_3(results: Results, out_dir: Path) -> None:
         "paper_99", "paper_95", "cars", "cars_without_lbu",
     )  # fmt: skip
     _write(out_dir / "table3.csv", header, rows)
+
+
+def _merging(approaches: Approaches, settings: JoererSettings, out_dir: Path) -> None:
+    """Write the highest P_C of the same approaches on merging paths, by outcome."""
+    size = car_size(settings.traffic)
+    angle_rad = np.deg2rad(settings.merging_angle_deg)
+    zone = YCrossing(size, size, np.array(angle_rad), np.array(settings.merged_m))
+    merged = merging(approaches, zone)
+    highest_p_c = {
+        name: np.nanmax(criticality(merged, name, settings.traffic, zone), axis=1)
+        for name in BEHAVIOURS
+    }
+    rows = [
+        (name, group.name, *_five_numbers(values[merged.outcome == group]))
+        for name, values in highest_p_c.items()
+        for group in (ApproachOutcome.CRASH, ApproachOutcome.NO_CRASH)
+    ]
+    header = ("behaviour", "outcome", "approaches", *_FIVE_NUMBERS)
+    _write(out_dir / "merging.csv", header, rows)
 
 
 def _write(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

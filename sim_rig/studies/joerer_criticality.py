@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.risk.collision_probability import Approach, collision_probability
-from onboard.risk.conflict_zone import CarSize, XCrossing
+from onboard.risk.conflict_zone import CarSize, ConflictZone, XCrossing
 from onboard.risk.driver_behaviour import Behaviour, Triangular, Uniform
 from sim_rig.studies.joerer_radio import BeaconSettings, is_received
 from sim_rig.studies.joerer_traffic import Approaches, Array, TrafficSettings
@@ -33,7 +33,12 @@ class Beacons:
     """(m,) tick of reception."""
 
 
-def criticality(approaches: Approaches, behaviour: str, traffic: TrafficSettings) -> Array:
+def criticality(
+    approaches: Approaches,
+    behaviour: str,
+    traffic: TrafficSettings,
+    zone: ConflictZone | None = None,
+) -> Array:
     """P_C (n, ticks) from exact data of both cars; NaN after the end of an approach.
 
     The last value is at the first tick at or after the crash or the end.
@@ -42,11 +47,12 @@ def criticality(approaches: Approaches, behaviour: str, traffic: TrafficSettings
         approaches: n approaches.
         behaviour: one of `BEHAVIOURS`.
         traffic: sizes of the cars, and limits of acceleration.
+        zone: where they may touch; the paper's crossing at a right angle if `None`.
     """
     result = np.full(approaches.distance_m.shape[:2], np.nan)
     at = np.nonzero(~_ended(approaches))
-    size = CarSize(np.array(traffic.length_m), np.array(traffic.width_m))
-    zone = XCrossing(size, size, np.array(np.pi / 2))
+    size = car_size(traffic)
+    zone = zone or XCrossing(size, size, np.array(np.pi / 2))
     for begin in range(0, len(at[0]), _PAIRS_AT_ONCE):
         some = tuple(index[begin : begin + _PAIRS_AT_ONCE] for index in at)
         one, other = (
@@ -60,6 +66,11 @@ def criticality(approaches: Approaches, behaviour: str, traffic: TrafficSettings
         )
         result[some] = collision_probability(one, other, zone)
     return result
+
+
+def car_size(traffic: TrafficSettings) -> CarSize:
+    """Return the size of all cars."""
+    return CarSize(np.array(traffic.length_m), np.array(traffic.width_m))
 
 
 def received(

@@ -120,7 +120,7 @@ def test_all_figures_and_the_papers_values_are_written(tmp_path: Path) -> None:
 
     assert "NO_CRASH" in summary
     figures = {f"figure{number}.{kind}" for number in range(5, 11) for kind in ("csv", "png")}
-    others = {"figure11.png", "table3.csv", "outcomes.csv", "settings.yaml"}
+    others = {"figure11.png", "table3.csv", "outcomes.csv", "merging.csv", "settings.yaml"}
     assert {path.name for path in tmp_path.iterdir()} == figures | others
     with (tmp_path / "table3.csv").open() as file:
         rows = list(csv.DictReader(file))
