@@ -62,6 +62,7 @@ from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import CertificateExpired, Pseudonym, Pseudonyms
 from onboard.security.security_services import Opened, SecurityServices
 from onboard.security.sender_check import sender_violation
+from onboard.sensors.frozen_speed import FrozenSpeed
 from onboard.sensors.sensor_timeout import SensorTimeouts
 from onboard.step import BrakeButton, Input, Observation, ReceivedWsm, SentWsm, StepOutputs
 from onboard.trace.trace_line import Event
@@ -161,6 +162,7 @@ class Stack:
         self._use_credential(now)
         limits_s = config.sensor_timeouts.limits_s(sensors)
         self._sensor_timeouts = SensorTimeouts(limits_s, now)
+        self._frozen_speed = FrozenSpeed()
         self._has_detector = Sensor.DETECTOR in limits_s
         self._stages = tuple(self._make_stages())
 
@@ -275,7 +277,7 @@ class Stack:
                 self._receive_observation(received, now)
 
     def _receive_observation(self, observation: Observation, now: float) -> None:
-        if self._is_ignored(observation):
+        if self._is_ignored(observation, now):
             return
         match observation:
             case Speed():
@@ -296,6 +298,7 @@ class Stack:
                 self._request_braking(now)
             case Position():
                 self._sensor_timeouts.receive_sample(Sensor.POSITION, observation.stamp_s, now)
+                self._frozen_speed.receive_position(observation)
                 self._transmitter.receive_position(observation)
                 self._mvs.receive_position(observation)
                 self._risk.receive_position(observation)
@@ -524,8 +527,11 @@ class Stack:
                 for detection in observation.cars:
                     self._mvs.receive_detection(detection)
 
-    def _is_ignored(self, observation: Observation) -> bool:
+    def _is_ignored(self, observation: Observation, now: float) -> bool:
         match observation:
+            case Speed() if self._frozen_speed.is_frozen(observation):
+                self._sensor_timeouts.receive_loss(Sensor.SPEED, "frozen", now)
+                return True
             case Plate(text=None):
                 return True  # may be anything that looks like a plate
             case VehicleDetection():

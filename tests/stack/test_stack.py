@@ -10,6 +10,7 @@ from onboard.observations import (
     Sensor,
     SensorLost,
     SensorRecovered,
+    Speed,
     VehicleDetection,
 )
 from onboard.settings import parse_settings
@@ -17,6 +18,7 @@ from onboard.stack import Stack
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.tools.decode.describe import describe
 from onboard.trace.trace_line import Event, as_record
+from onboard.units import KM_H
 from tests.stack.platoon import Platoon, car
 
 
@@ -87,6 +89,27 @@ def test_a_vehicle_without_samples_reports_its_lost_sensors() -> None:
     lost = [event for event in events if isinstance(event, SensorLost)]
 
     assert {event.sensor for event in lost} == {Sensor.SPEED, Sensor.CAMERA}
+
+
+def test_a_speed_that_freezes_while_the_receiver_moves_on_is_lost_until_it_changes() -> None:
+    stack, events = car("AAA1"), []
+    for step in range(60):
+        now = step / 10
+        bus_m_s = 14.0 if now < 4.0 else 5.0
+        seen = [
+            Position(now, 48.0, 11.0, None, 1.0, 14.0 if now < 1.0 else 5.0, 0.0),
+            Speed(now, bus_m_s, KM_H, "obd:7E8"),
+        ]
+        events += stack.step(seen, now).events
+    used_s = [event.stamp_s for event in events if isinstance(event, Speed)]
+    changes = [
+        (type(event), event.stamp_s, getattr(event, "reason", ""))
+        for event in events
+        if isinstance(event, SensorLost | SensorRecovered) and event.sensor is Sensor.SPEED
+    ]
+
+    assert changes == [(SensorLost, 2.0, "frozen"), (SensorRecovered, 4.0, "")]
+    assert not any(2.0 <= at_s < 4.0 for at_s in used_s)
 
 
 @pytest.mark.parametrize("step", [1, -1])
