@@ -26,6 +26,9 @@ LEAD_DEADBAND_M_S2 = 1.5
 SETTLED_SIGMA_M_S = 1.5
 """Largest sigma of the closing speed of a vehicle that has been in view for a while. Above it, the
 deceleration is not estimated: a speed that settles looks like braking."""
+YOUNG_S = 1.0
+"""A vehicle that others have told of for less time is not assessed: on busy computers, measurements
+with late stamps make a second track of a vehicle, whose speed is wrong by many sigmas."""
 LEAD_TIMEOUT_S = 0.5
 """Time for which an observation of a vehicle is valid."""
 MAX_LATERAL_M = 1.6
@@ -202,7 +205,8 @@ class ObjectsAhead:
         motions = {}
         self._vehicles = []
         for other in others:
-            if own is None or other.age_s > LEAD_TIMEOUT_S:
+            is_young = other.source is ObjectSource.SHARED and other.tracked_for_s < YOUNG_S
+            if own is None or is_young or other.age_s > LEAD_TIMEOUT_S:
                 continue
             place = path.place(own, other, partial(data.path_history_m, other.name))
             if place is None or abs(place.left_m) > MAX_LATERAL_M:
