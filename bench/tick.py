@@ -2,8 +2,9 @@
 
 Each of the 40 has an MVS core and sends its footer. The inputs of the first car in 2 s are
 recorded, and then given to new cores. A tick includes the host vehicle's fix, its detections, 40
-BSMs with footers, its own footer, and the kinematic-info. Garbage is collected as in the daemon.
-Times are processor times, since the machine is shared.
+BSMs with footers, its own footer, and the kinematic-info. The alarms, which assess all objects, are
+measured beside it. Garbage is collected as in the daemon. Times are processor times, since the
+machine is shared.
 """
 
 import time
@@ -14,11 +15,16 @@ import numpy as np
 
 from bench import Figure
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.perceived_object import PerceivedObject
 from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings, SensingSettings
+from onboard.observations import Speed
+from onboard.risk.monitor import RiskMonitor
+from onboard.risk.settings import RiskSettings
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.tracking.tracks import TrackingParameters
-from sim_rig.studies.mvs_roads import SixLaneRoad
+from onboard.units import KM_H
+from sim_rig.studies.mvs_roads import SPEED_M_S, SixLaneRoad
 from sim_rig.studies.mvs_world import START_UTC_S, TICK_S, MvsWorld, WorldSettings
 
 TICKS, WARM, ROUNDS = 20, 10, 10
@@ -52,31 +58,42 @@ class _InputRecorder:
 
 
 def measure() -> Iterator[Figure]:
-    """Yield median and 99th percentile of the duration of a tick."""
+    """Yield median and 99th percentile of the duration of a tick, and the median of the alarms."""
     settings = MvsSettings(
         sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
     )
     tracking = TrackingParameters(acceleration_density=1.0)
     ticks = _inputs(settings, tracking)
-    times_s = []
-    objects = 0
+    times_s, alarms_s = [], []
+    objects: list[PerceivedObject] = []
     freeze_start_up_objects()
     for _ in range(ROUNDS):
         core = MultiVehicleSensing(
             settings, OWN.to_bytes(4), np.random.default_rng(1), START_UTC_S, tracking=tracking
         )
+        monitor = RiskMonitor(RiskSettings(), 4.5, 1.8)
         for number, calls in enumerate(ticks):
             began = time.process_time()
             for name, arguments in calls:
                 getattr(core, name)(*arguments)
                 if name == "footer_to_send":
-                    objects = len(core.kinematic_info(*arguments))
+                    (now,) = arguments
+                    objects = core.kinematic_info(now)
+            ended = time.process_time()
+            monitor.receive_speed(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
+            monitor.assess(core.host_vehicle(now), objects, now)
             if number >= WARM:
-                times_s.append(time.process_time() - began)
+                times_s.append(ended - began)
+                alarms_s.append(time.process_time() - ended)
     interval = ("the BSM's interval", TICK_S * 1000)
     for name, quantile in (("median", 0.5), ("p99", 0.99)):
         value = float(np.quantile(times_s, quantile)) * 1000
-        yield Figure(f"tick.{objects}_objects.{name}", value, "ms", len(times_s), *interval)
+        yield Figure(f"tick.{len(objects)}_objects.{name}", value, "ms", len(times_s), *interval)
+    median_ms, alarms_ms = (float(np.median(each)) * 1000 for each in (times_s, alarms_s))
+    tick = ("the tick without alarms", median_ms)
+    yield Figure(
+        f"tick.{len(objects)}_objects.alarms.median", alarms_ms, "ms", len(alarms_s), *tick
+    )
 
 
 def _inputs(settings: MvsSettings, tracking: TrackingParameters) -> list[list[Call]]:
