@@ -66,6 +66,7 @@ def measure() -> Iterator[Figure]:
     ticks = _inputs(settings, tracking)
     times_s, alarms_s = [], []
     objects: list[PerceivedObject] = []
+    now = 0.0
     freeze_start_up_objects()
     for _ in range(ROUNDS):
         core = MultiVehicleSensing(
