@@ -14,6 +14,7 @@ import numpy as np
 from onboard import psid
 from onboard.access.adaptation import AccessAdaptation, ReactionObserved
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
+from onboard.alarm_claims import AlarmClaims
 from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.config import CarConfig
@@ -53,6 +54,7 @@ from onboard.observations import (
     TurnSignal,
     VehicleDetection,
 )
+from onboard.risk.alarm import Assessment, Cause
 from onboard.risk.monitor import RiskMonitor
 from onboard.security.credentials import Credentials
 from onboard.security.epoch_ids import CarIds, EpochIds
@@ -151,7 +153,16 @@ class Stack:
             else None
         )
         self._intersections = Intersections()
-        self._risk = RiskMonitor(config.risk, config.car.length_m, config.car.width_m)
+        sensors = tuple(sensors)
+        self._claims: AlarmClaims | None = None
+        if credentials is not None and config.security.check_braking:
+            self._claims = AlarmClaims(
+                self._misbehaviour_detector.signer_of,
+                has_sight=Sensor.CAMERA in sensors or Sensor.DETECTOR in sensors,
+            )
+        self._risk = RiskMonitor(
+            config.risk, config.car.length_m, config.car.width_m, self._permits
+        )
         self._take_reaction_time()
         self._brake_requester = (
             BrakeRequester(config.brake_request) if config.brake_request is not None else None
@@ -179,6 +190,8 @@ class Stack:
         yield _Stage(self._bus, self._take_bus)
         if self._brake_requester is not None:
             yield _Stage(self._brake_requester, _pass_nothing_on)
+        if self._claims is not None:
+            yield _Stage(self._claims.credibility, _pass_nothing_on)
         yield _Stage(self._risk, _pass_nothing_on)
         yield _Stage(self._intersections, _pass_nothing_on)
         yield _Stage(self._mvs, _pass_nothing_on)
@@ -318,6 +331,8 @@ class Stack:
 
     def _receive_speed(self, speed: Speed, now: float) -> None:
         self._sensor_timeouts.receive_sample(Sensor.SPEED, speed.stamp_s, now)
+        if self._claims is not None:
+            self._claims.receive_speed(speed.speed_m_s, now)
         self._identification.receive_speed(speed.speed_m_s, speed.stamp_s)
         self._group.receive_speed(speed.speed_m_s, now)
         self._transmitter.receive_speed(speed)
@@ -370,6 +385,10 @@ class Stack:
                 Discarded(now, "lcca", violation, f"{message.kind} from {message.sender_id.hex()}")
             )
             return
+        if self._is_ignored_warning(message, opened.signer_id, now):
+            source = f"a warning from {message.sender_id.hex()}"
+            self._events.append(Discarded(now, "lcca", "ignored_signer", source))
+            return
         match message:
             case lcca.Warn():
                 self._pending_warnings.receive_warning(message, self._made_at_s(opened, now), now)
@@ -380,6 +399,16 @@ class Stack:
         clear = self._epoch_ids.received(message, self._ahead_text, self._utc_s(now))
         self._group.receive_message(clear, now)
         self._take_group(now)
+
+    def _is_ignored_warning(
+        self, message: lcca.GroupMessage, signer: bytes | None, now: float
+    ) -> bool:
+        """Whether a message claims a braking, and its signer is not credible."""
+        if self._claims is None or signer is None or not isinstance(message, lcca.Warn):
+            return False
+        if message.cause in (lcca.WarnCause.OVER, lcca.WarnCause.TEST):
+            return False
+        return self._claims.is_ignored(message.event_origin_id.hex(), (signer,), now)
 
     def _receive_identification(
         self, message: lcca.Inquiry | lcca.Answer, signer: bytes | None, now: float
@@ -500,17 +529,22 @@ class Stack:
         self._intersections.receive_host_vehicle(host_vehicle, self._mvs.frame, now)
         red_light_m = self._intersections.red_light_m
         heading = self._mvs.heading(now)
+        if self._claims is not None:
+            perceived_objects = self._claims.alarming(perceived_objects, now)
         self._risk.assess(host_vehicle, perceived_objects, now, red_light_m, heading)
         self._request_braking(now)
         self._identification.receive_offsets(
             {}
             if host_vehicle is None or heading is None
-            else remote_offsets_m(host_vehicle, perceived_objects, heading.heading_rad)
+            else remote_offsets_m(host_vehicle, self._surroundings[1], heading.heading_rad)
         )
         if now >= self._report_surroundings_at:
             self._report_surroundings_at = now + SURROUNDINGS_INTERVAL_S
             if host_vehicle is not None:
-                self._events.extend([host_vehicle, *perceived_objects])
+                self._events.extend([host_vehicle, *self._surroundings[1]])
+
+    def _permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:
+        return self._claims is None or self._claims.permits(cause, assessment, now)
 
     def _request_braking(self, now: float) -> None:
         if self._brake_requester is not None:
@@ -577,6 +611,9 @@ class Stack:
 
     def _take_warnings(self, now: float) -> None:
         while (warning := self._pending_warnings.next_warning()) is not None:
+            if self._claims is not None:
+                signer = self._misbehaviour_detector.signer_of_car(warning.sender_id)
+                self._claims.receive_warn(warning, signer)
             self._group.receive_message(warning, now)
             self._take_group(now)
 
@@ -584,6 +621,8 @@ class Stack:
         while (event := self._group.next_event()) is not None:
             self._events.append(event)
             if isinstance(event, WarningRaised | WarningLevel | WarningOver):
+                if self._claims is not None and not isinstance(event, WarningOver):
+                    self._claims.receive_warning(event)
                 self._risk.receive_warning(event, now)
                 if self._brake_requester is not None:
                     self._brake_requester.receive_warning(event)
@@ -592,6 +631,8 @@ class Stack:
     def _receive_lead(self, lead: Lead, now: float) -> None:
         """Find out which car is ahead, and hand it to the warning group."""
         self._lead = lead
+        if self._claims is not None:
+            self._claims.receive_lead(lead, now)
         vehicle = TrackedVehicle.of(lead, lambda text: self._car_id(text, now))
         self._identification.receive_lead(vehicle, now)
         self._show_preceding_vehicle(now)

@@ -319,6 +319,7 @@ class MultiVehicleSensing(Core):
                     provenance=track.estimate.provenance,
                     tracked_for_s=(now_ms - track.first_ms) / 1000,
                     is_sensed=track.is_sensed,
+                    reporters=track.reporters,
                 )
             )
         return objects

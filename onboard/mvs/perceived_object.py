@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import ClassVar
 
@@ -45,6 +45,8 @@ class PerceivedObject:
     """Since the first measurement of a vehicle without radio."""
     is_sensed: bool = False
     """Whether own sensors measure it, beside its BSMs or what others share."""
+    reporters: frozenset[bytes] = field(default=frozenset(), metadata={"traced": False})
+    """Temporary IDs of the vehicles whose footers report a vehicle without radio."""
 
 
 def remote_offsets_m(

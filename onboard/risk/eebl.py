@@ -7,9 +7,10 @@ is that of the braking which the host then needs.
 import math
 from collections.abc import Sequence
 from functools import partial
+from operator import itemgetter
 
 from onboard.mvs.perceived_object import PerceivedObject
-from onboard.risk.alarm import NOTHING, AlarmReason, Assessment, Level, object_reason
+from onboard.risk.alarm import AlarmReason, Assessment, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.fcw import MAX_REPORTED_DECELERATION_M_S2
 from onboard.risk.path_ahead import PathAhead
@@ -31,8 +32,8 @@ def assess_eebl(
     *,
     own_length_m: float,
     settings: FcwSettings,
-) -> Assessment:
-    """Evaluate all remote vehicles; the one that asks for the hardest braking counts.
+) -> list[Assessment]:
+    """Evaluate all remote vehicles that brake hard ahead, the most urgent first.
 
     Args:
         own: the host vehicle.
@@ -43,7 +44,7 @@ def assess_eebl(
         own_length_m: length of the host vehicle.
         settings: reaction time, and required deceleration of a warning.
     """
-    worst = NOTHING
+    assessed: list[tuple[float, Assessment]] = []
     for car in others:
         flags = data.get(car.name)
         if flags is None or now - flags.braked_hard_s > FLAG_HOLD_S:
@@ -61,12 +62,13 @@ def assess_eebl(
             braking_m_s2,
             settings.reaction_s,
         )
-        if worst is NOTHING or needed_m_s2 > worst.value:
-            is_urgent = needed_m_s2 >= settings.warning_m_s2
-            flag = AlarmReason("bsm", car.name, now - flags.braked_hard_s)
-            worst = Assessment(
-                Level.WARNING if is_urgent else Level.CAUTION,
-                min(needed_m_s2, MAX_REPORTED_DECELERATION_M_S2),
-                (flag, object_reason(car, own)),
-            )
-    return worst
+        is_urgent = needed_m_s2 >= settings.warning_m_s2
+        flag = AlarmReason("bsm", car.name, now - flags.braked_hard_s)
+        assessment = Assessment(
+            Level.WARNING if is_urgent else Level.CAUTION,
+            min(needed_m_s2, MAX_REPORTED_DECELERATION_M_S2),
+            (flag, object_reason(car, own)),
+        )
+        assessed.append((needed_m_s2, assessment))
+    assessed.sort(key=itemgetter(0), reverse=True)
+    return [assessment for _, assessment in assessed]

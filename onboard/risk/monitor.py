@@ -7,7 +7,7 @@ warnings do not.
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from typing_extensions import override
@@ -45,23 +45,34 @@ from onboard.risk.fcw import ForwardCollisionWarning
 from onboard.risk.ima import CROSSING_CAUSES, IntersectionMovementAssist
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
-from onboard.risk.vehicle_alarms import VehicleAlarms
+from onboard.risk.vehicle_alarms import VehicleAlarms, urgency
 
 SPEED_TIMEOUT_S = 1.0
 """Time for which a sample of the host vehicle's speed is valid."""
+
+Permits = Callable[[Cause, Assessment, float], bool]
+"""Whether the observations behind an assessment may raise an alarm of this cause now."""
 
 
 class RiskMonitor(Core):
     """Receives observations and perceived objects, and reports changes of the alarms."""
 
-    def __init__(self, settings: RiskSettings, length_m: float, width_m: float) -> None:
+    def __init__(
+        self,
+        settings: RiskSettings,
+        length_m: float,
+        width_m: float,
+        permits: Permits = lambda _cause, _assessment, _now: True,
+    ) -> None:
         """Start without alarms.
 
         Args:
             settings: the thresholds.
             length_m: of the host vehicle.
             width_m: of the host vehicle.
+            permits: asked at each assessment that calls for an alarm.
         """
+        self._permits = permits
         self._settings = settings
         self._fcw_settings = settings.fcw
         """For the driver's own reaction time, if it is known."""
@@ -162,7 +173,7 @@ class RiskMonitor(Core):
         if own is None or math.hypot(*own.state[2:]) < self._settings.least_speed_m_s:
             self._judge(Cause.EEBL, NOTHING, now)
         else:
-            eebl = assess_eebl(
+            braking = assess_eebl(
                 own,
                 others,
                 self._bsm_data,
@@ -171,7 +182,7 @@ class RiskMonitor(Core):
                 own_length_m=self._length_m,
                 settings=self._fcw_settings,
             )
-            self._judge(Cause.EEBL, eebl, now)
+            self._judge(Cause.EEBL, self._first_permitted(Cause.EEBL, braking, now), now)
         crossing: dict[Cause, list[Assessment]] = {}
         if own is not None:
             crossing, invalid = self._ima.assess(
@@ -180,6 +191,14 @@ class RiskMonitor(Core):
             self._events.extend(
                 Discarded(now, "risk", "covariance", f"{name}: {error}") for name, error in invalid
             )
+        crossing = {
+            cause: [
+                each
+                for each in sorted(found, key=urgency, reverse=True)
+                if self._is_permitted(cause, each, now)
+            ]
+            for cause, found in crossing.items()
+        }
         for alarms in self._crossing_alarms:
             self._events.extend(alarms.receive(crossing.get(alarms.cause, ()), now))
         self.assessments = {
@@ -198,23 +217,34 @@ class RiskMonitor(Core):
             self._events.append(alarm)
 
     def _assess_lcca(self, now: float) -> Assessment:
-        if not self._warnings:
-            return NOTHING
-        warning = max(self._warnings.values(), key=_severity)
-        age_s = now - warning.stamp_s + warning.age_s
-        reason = AlarmReason(warning.kind, warning.origin_id.hex(), age_s)
-        return Assessment(Level.WARNING, warning.deceleration_m_s2, (reason,))
+        warnings = sorted(self._warnings.values(), key=_severity, reverse=True)
+        assessed = (_assess_warning(each, now) for each in warnings)
+        return self._first_permitted(Cause.LCCA, assessed, now)
 
     def _assess_fcw(self, now: float) -> Assessment:
         speed = self._fresh_speed(now)
         if speed is not None and speed.speed_m_s < self._settings.least_speed_m_s:
             return NOTHING
-        return next(iter(self._fcw.assess(speed, now)), NOTHING)
+        return self._first_permitted(Cause.FCW, self._fcw.assess(speed, now), now)
+
+    def _first_permitted(
+        self, cause: Cause, assessments: Iterable[Assessment], now: float
+    ) -> Assessment:
+        return next((each for each in assessments if self._is_permitted(cause, each, now)), NOTHING)
+
+    def _is_permitted(self, cause: Cause, assessment: Assessment, now: float) -> bool:
+        return assessment.level is Level.NONE or self._permits(cause, assessment, now)
 
     def _fresh_speed(self, now: float) -> Speed | None:
         speed = self._speed
         is_fresh = speed is not None and abs(now - speed.stamp_s) <= SPEED_TIMEOUT_S
         return speed if is_fresh else None
+
+
+def _assess_warning(warning: WarningRaised, now: float) -> Assessment:
+    age_s = now - warning.stamp_s + warning.age_s
+    reason = AlarmReason(warning.kind, warning.origin_id.hex(), age_s)
+    return Assessment(Level.WARNING, warning.deceleration_m_s2, (reason,))
 
 
 def _severity(warning: WarningRaised) -> tuple[bool, float]:

@@ -10,6 +10,11 @@ MOST_VEHICLES = 4
 """Vehicles of one cause that are assessed as alarms at a time: a driver cannot look at more."""
 
 
+def urgency(assessment: Assessment) -> tuple[int, float]:
+    """Return the key by which assessments of one cause are ordered."""
+    return assessment.level.rank, assessment.value
+
+
 class VehicleAlarms:
     """Alarms of one cause, with hysteresis for each vehicle."""
 
@@ -30,7 +35,7 @@ class VehicleAlarms:
             The alarms whose level changes, the most urgent first.
         """
         raised = (each for each in assessments if each.level is not Level.NONE)
-        worst = nlargest(MOST_VEHICLES, raised, key=lambda each: (each.level.rank, each.value))
+        worst = nlargest(MOST_VEHICLES, raised, key=urgency)
         present = {each.vehicle: each for each in worst}
         for vehicle in [*present, *(name for name in self._of if name not in present)]:
             hysteresis = self._of.setdefault(vehicle, Hysteresis(self.cause, RELEASE_S))

@@ -35,6 +35,11 @@ class IdentityClaims:
         claim = self._claims.get(name)
         return claim is not None and claim.is_disputed
 
+    def first(self, name: bytes) -> bytes | None:
+        """Return the first signer of `name`; `None` if there is none."""
+        claim = self._claims.get(name)
+        return None if claim is None else claim.signer
+
     def owner(self, name: bytes) -> bytes | None:
         """Return the only signer of `name`; `None` if there is none, or more than one."""
         claim = self._claims.get(name)

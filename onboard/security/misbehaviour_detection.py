@@ -126,6 +126,15 @@ class MisbehaviourDetector:
         is_first = self._temporary_ids.receive(temporary_id, sender)
         return temporary_id if is_first else temporary_id + sender
 
+    def signer_of(self, remote_id: bytes) -> bytes | None:
+        """Return the sender of the remote vehicle that `remote_id` names; `None` if not known."""
+        temporary_id, sender = remote_id[:4], remote_id[4:]
+        return sender or self._temporary_ids.first(temporary_id)
+
+    def signer_of_car(self, car_id: bytes) -> bytes | None:
+        """Return the first sender that used a communication ID; `None` if it is not known."""
+        return self._car_ids.first(car_id)
+
     def receive_car_id(self, sender: bytes, car_id: bytes) -> bool:
         """Link the communication ID of a group message to its sender.
 

@@ -28,5 +28,5 @@ class SecuritySettings(Settings):
     unsecured data, and received messages are not verified."""
     plate_digest: PlateDigestSettings = PlateDigestSettings()
     check_braking: bool = True
-    """Whether hard braking is accepted only of a sender whose BSM speeds do not contradict it. Off
-    in a demonstration whose cars have a brake button: pressing it does not slow them down."""
+    """Whether hard braking is accepted only of a sender whose BSM speeds do not contradict it, and
+    signers of alarms that nothing confirms are ignored. Off on a test bench: nothing slows down."""

@@ -69,6 +69,11 @@ class Track:
         """Time of the last own measurement of it that was sent in an SDSM."""
 
     @property
+    def reporters(self) -> frozenset[bytes]:
+        """The senders that have reported it lately."""
+        return frozenset(sender for sender, _ in self.labels if sender != OWN)
+
+    @property
     def used(self) -> list[Evidence]:
         """The independent evidence in `estimate`."""
         return [stored.piece for stored in self.chosen]

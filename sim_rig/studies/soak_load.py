@@ -251,6 +251,7 @@ class _DaemonTestbench:
             "recorder": {"folder": str(folder / "recorder")},
         }
         config["security"]["keys_folder"] = str(folder / "own")
+        config["security"]["check_braking"] = False  # the picture does not show the braking
         (folder / "car.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
         processes = await wires.enter_async_context(Processes(folder))
         await processes.start("car", "-m", "onboard", "run", str(folder / "car.yaml"))

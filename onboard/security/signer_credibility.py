@@ -1,0 +1,187 @@
+"""Misbehaviour detection by outcome: may this signer's claim raise an alarm now?
+
+A signature proves who claims, and a plausibility check that the claim is possible; neither proves
+that it is true. So an alarm that rests on claims alone is charged to their signers, one unit in
+equal shares, and taken back if own sensors confirm it within `CLAIM_S`: they measure the vehicle,
+or see the traffic ahead slow down. Charges decay. Whoever could not pay for an alarm alone is
+ignored: it raises none until its charges have decayed (detection by the receiver itself, ETSI TR
+103 460; certificates are its names, so a new one begins anew).
+
+One signer so raises at most `MOST_ALARMS` false alarms, together no longer than that many
+`CLAIM_S`, whatever it claims, and then one in 70 minutes.
+"""
+
+import math
+from collections import OrderedDict, deque
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import ClassVar
+
+from typing_extensions import override
+
+from onboard.core import Core
+
+MOST_ALARMS = 3
+"""Alarms of one signer that nothing confirms, before it is ignored."""
+HALF_LIFE_S = 7200.0
+"""In which charges decay by half: a signer is ignored for 70 minutes."""
+CLAIM_S = 10.0
+"""Time for which an alarm is paid for, and in which it is confirmed: dangers that an alarm tells of
+are seconds away."""
+RELEASE_S = 1.0
+"""A claim that did not call for an alarm for this long is a new one: alarms end after it."""
+SLOWED_M_S = 2.0
+"""By which the traffic ahead slows down if a braking ahead is real: half a second of 0.4 g."""
+EARLIER_S = 2.0
+"""The traffic may have begun to slow this long before an alarm."""
+
+_MAX_SIGNERS = 1024
+_MAX_CLAIMS = 256
+
+
+@dataclass(frozen=True, slots=True)
+class SignerIgnored:
+    """A signer has raised `MOST_ALARMS` unconfirmed alarms: its claims raise no further one."""
+
+    kind: ClassVar[str] = "signer_ignored"
+    stamp_s: float
+    signer_id: bytes
+    """HashedId8 of its certificate."""
+    vehicle: str
+    """That the last one was about."""
+
+
+@dataclass(slots=True)
+class _Charges:
+    """Unconfirmed alarms of one signer."""
+
+    sum: float = 0.0
+    """At `at_s`."""
+    at_s: float = 0.0
+
+    def at(self, now: float) -> float:
+        """Return what is left of them."""
+        return self.sum * math.exp2(-max(now - self.at_s, 0.0) / HALF_LIFE_S)
+
+    def add(self, share: float, now: float) -> None:
+        """Charge a share of an alarm, or take it back."""
+        self.sum, self.at_s = max(self.at(now) + share, 0.0), now
+
+
+@dataclass(slots=True)
+class _Claim:
+    signers: tuple[bytes, ...]
+    """Charged for it in equal shares; none once it is confirmed."""
+    asked_at: float
+    ends_at: float
+    slows_traffic: bool
+    fastest_m_s: float
+    """Of the traffic ahead, since shortly before the alarm."""
+
+    def lasts(self, now: float) -> bool:
+        """Whether its alarm is paid for and on."""
+        return now < self.ends_at and now - self.asked_at <= RELEASE_S
+
+
+class SignerCredibility(Core):
+    """Charges of the signers, and the claims that they were charged for lately."""
+
+    def __init__(self) -> None:
+        self._charges: OrderedDict[bytes, _Charges] = OrderedDict()
+        self._claims: OrderedDict[tuple[str, str], _Claim] = OrderedDict()
+        self._speeds: deque[tuple[float, float]] = deque(maxlen=64)
+        """Times and speeds in m/s of the traffic ahead."""
+        self._events: deque[SignerIgnored] = deque(maxlen=64)
+
+    def is_ignored(self, signer: bytes, now: float) -> bool:
+        """Whether it could not pay for an alarm."""
+        charges = self._charges.get(signer)
+        return charges is not None and charges.at(now) + 1.0 > MOST_ALARMS
+
+    def is_paid(self, vehicle: str, now: float) -> bool:
+        """Whether an alarm about this vehicle is on."""
+        return any(
+            name == vehicle and claim.lasts(now) for (_, name), claim in self._claims.items()
+        )
+
+    def permits(
+        self,
+        alarm: str,
+        vehicle: str,
+        signers: Collection[bytes],
+        now: float,
+        *,
+        slows_traffic: bool,
+    ) -> bool:
+        """Whether a claim may raise an alarm, or keep it on; who is not ignored pays for it.
+
+        To be asked at 10 Hz while the claim calls for the alarm.
+
+        Args:
+            alarm: its cause.
+            vehicle: name of the vehicle that it is about.
+            signers: who claims it; not empty.
+            now: the time.
+            slows_traffic: whether the traffic ahead slows down if the claim is true.
+        """
+        known = self._claims.get((alarm, vehicle))
+        if known is not None and known.lasts(now):
+            known.asked_at = now
+            return True
+        payers = [signer for signer in sorted(signers) if not self.is_ignored(signer, now)]
+        if not payers:
+            return False
+        for signer in payers:
+            self._charge(signer, 1.0 / len(payers), vehicle, now)
+        recent_m_s = (speed for at, speed in self._speeds if now - at <= EARLIER_S)
+        fastest_m_s = max(recent_m_s, default=-math.inf)
+        self._claims[alarm, vehicle] = _Claim(
+            tuple(payers), now, now + CLAIM_S, slows_traffic, fastest_m_s
+        )
+        self._claims.move_to_end((alarm, vehicle))
+        if len(self._claims) > _MAX_CLAIMS:
+            self._claims.popitem(last=False)
+        return True
+
+    def receive_sensed(self, vehicles: Collection[str], now: float) -> None:
+        """Take the names of the vehicles that own sensors measure now: claims of them are true."""
+        for (_, vehicle), claim in self._claims.items():
+            if vehicle in vehicles:
+                self._confirm(claim, now)
+
+    def receive_traffic_speed(self, speed_m_s: float, now: float) -> None:
+        """Take the speed of the vehicle ahead by own sensors; without any, the own speed."""
+        self._speeds.append((now, speed_m_s))
+        for claim in self._claims.values():
+            if claim.slows_traffic:
+                claim.fastest_m_s = max(claim.fastest_m_s, speed_m_s)
+                if speed_m_s <= claim.fastest_m_s - SLOWED_M_S:
+                    self._confirm(claim, now)
+
+    def receive_other_traffic(self) -> None:
+        """Note that another vehicle is ahead now: its speed is not compared with the last one's."""
+        self._speeds.clear()
+        for claim in self._claims.values():
+            claim.fastest_m_s = -math.inf
+
+    @override
+    def next_event(self) -> SignerIgnored | None:
+        """Return the oldest event not yet taken."""
+        return self._events.popleft() if self._events else None
+
+    def _confirm(self, claim: _Claim, now: float) -> None:
+        if now >= claim.ends_at:
+            return
+        for signer in claim.signers:
+            self._charges.setdefault(signer, _Charges()).add(-1.0 / len(claim.signers), now)
+        claim.signers = ()
+        claim.ends_at = now + CLAIM_S
+
+    def _charge(self, signer: bytes, share: float, vehicle: str, now: float) -> None:
+        charges = self._charges.setdefault(signer, _Charges())
+        self._charges.move_to_end(signer)
+        charges.add(share, now)
+        if self.is_ignored(signer, now):
+            self._events.append(SignerIgnored(now, signer, vehicle))
+        if len(self._charges) > _MAX_SIGNERS:
+            self._charges.popitem(last=False)
