@@ -37,8 +37,19 @@ class _Refused(yaml.MarkedYAMLError):
 class _StrictLoader(yaml.SafeLoader):
     """Rejects repeated keys, of which PyYAML would use the last without an error, and empty ones.
 
-    An empty `can:` may mean its defaults, or no such section.
+    An empty `can:` may mean its defaults, or no such section. Aliases are rejected too: nine lines
+    of them are a billion values.
     """
+
+    @override
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            alias = self.peek_event()
+            raise _Refused(
+                problem=f"an alias (*{alias.anchor}) is not allowed: write the value again",
+                problem_mark=alias.start_mark,
+            )
+        return super().compose_node(parent, index)
 
     @override
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:

@@ -6,6 +6,7 @@ If the disk is full or too slow, records are lost, counted and reported; warning
 import errno
 import os
 import queue
+import stat
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -82,7 +83,7 @@ class BlackBox:
         """Start the writing thread.
 
         Raises:
-            UserError: the folder cannot be created or written to.
+            UserError: the folder cannot be created or written to, or every user may write to it.
         """
         folder = self.settings.folder
         try:
@@ -92,6 +93,11 @@ class BlackBox:
                 raise UserError(f"recorder.folder: {folder}: {error.strerror}") from error
         if folder.is_dir() and not os.access(folder, os.W_OK | os.X_OK):
             raise UserError(f"recorder.folder: {folder}: {os.strerror(errno.EACCES)}")
+        if folder.is_dir() and (mode := folder.stat().st_mode) & stat.S_IWOTH:
+            raise UserError(
+                f"recorder.folder: {folder}: every user may write to it (mode"
+                f" {stat.S_IMODE(mode):o}): allow it to its owner only (chmod 700)"
+            )
         self._thread.start()
 
     def record(self, record: RecordedMessage) -> None:

@@ -41,7 +41,8 @@ def repair_segment(path: Path) -> None:
     repaired = path.with_suffix(".repairing")
     written = path.stat()
     try:
-        descriptor = os.open(repaired, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        repaired.unlink(missing_ok=True)  # of an attempt that was cut off, or a link to elsewhere
+        descriptor = os.open(repaired, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "wb") as file:
             write_records(records, file)
             file.flush()

@@ -13,6 +13,10 @@ PERIOD_S = 30.0
 LARGEST_STEP_S = 2.0
 """A larger change is no lateness: the other clock was set, or the receiver got its leap seconds."""
 
+EARLY_S = 0.05
+"""A stamp that is less late than all others by more counts only once another one agrees with it: a
+single one may be dated ahead, and all true ones after it would seem late."""
+
 
 class RemoteClock:
     """Estimates the offset between the two clocks from the data itself."""
@@ -23,6 +27,8 @@ class RemoteClock:
         self._period_ends_at = -math.inf
         self._last_least_s = math.inf
         self._least_s = math.inf
+        self._early_s = math.inf
+        """Lateness of a stamp that no other has agreed with yet."""
 
     def receive_stamp(self, remote_s: float | None, now: float) -> float:
         """Update the offset, and return a stamp on the host's clock.
@@ -34,10 +40,15 @@ class RemoteClock:
         if remote_s is None:
             return now - self._latency_s
         difference_s = now - remote_s
-        if abs(difference_s - min(self._least_s, self._last_least_s)) > LARGEST_STEP_S:
-            self._last_least_s = self._least_s = math.inf
+        least_s = min(self._least_s, self._last_least_s)
+        if abs(difference_s - least_s) > LARGEST_STEP_S:
+            self._last_least_s = self._least_s = self._early_s = least_s = math.inf
         if now >= self._period_ends_at:
-            self._last_least_s, self._least_s = self._least_s, math.inf
+            self._last_least_s, self._least_s, self._early_s = self._least_s, math.inf, math.inf
             self._period_ends_at = now + PERIOD_S
+        if math.isfinite(least_s) and difference_s < least_s - EARLY_S:
+            alone, self._early_s = abs(difference_s - self._early_s) > EARLY_S, difference_s
+            if alone:
+                return now - self._latency_s
         self._least_s = min(self._least_s, difference_s)
         return remote_s + min(self._least_s, self._last_least_s) - self._latency_s

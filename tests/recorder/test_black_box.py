@@ -336,6 +336,15 @@ def test_files_of_other_programs_and_daemons_are_left_alone(
     assert running.states[-1].is_recording
 
 
+def test_a_folder_to_which_every_user_may_write_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "box"
+    folder.mkdir()
+    folder.chmod(0o777)
+    box = BlackBox(RecorderSettings(folder=folder), lambda _state: None)
+    with pytest.raises(UserError, match=r"box: every user may write to it \(mode 777\)"):
+        box.start()
+
+
 def test_a_folder_that_cannot_be_created_is_a_user_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     box = BlackBox(RecorderSettings(folder=tmp_path / "file" / "box"), lambda _: None)

@@ -93,6 +93,22 @@ def test_a_repaired_recording_opens_in_any_mcap_reader_with_all_valid_records(
         assert summary.statistics.message_count == len(left) == len(list(reader.iter_messages()))
 
 
+def test_a_link_at_the_place_of_the_repaired_file_leads_nowhere(
+    whole: Path, tmp_path: Path
+) -> None:
+    """Another user may have put it there, to have the file that it names overwritten."""
+    path = cut(whole, tmp_path, whole.stat().st_size * 2 // 3)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.write_text("mine")
+    path.with_suffix(".repairing").symlink_to(elsewhere)
+
+    repair(tmp_path, except_for=tmp_path / "other.mcap")
+
+    assert is_finished(path)
+    assert elsewhere.read_text() == "mine"
+    assert sorted(tmp_path.iterdir()) == [path, elsewhere]
+
+
 def test_every_topic_has_a_schema_that_foxglove_reads(whole: Path) -> None:
     with whole.open("rb") as file:
         summary = make_reader(file).get_summary()

@@ -43,6 +43,26 @@ def test_a_step_of_the_remote_clock_is_followed_at_once():
     assert clock.receive_stamp(UTC_S + 2 - 18 + 1024 * 7 * 86400, 52.1) == pytest.approx(52.0)
 
 
+@pytest.mark.parametrize("ahead_s", [0.1, 0.5, 1.9, 2.5, 60.0])
+def test_one_stamp_that_is_dated_ahead_does_not_make_the_next_ones_late(ahead_s):
+    """A faulty datagram, or one of another program on the machine."""
+    clock = RemoteClock(0.1)
+    for n in range(600):
+        now = 50.1 + n / 10
+        is_ahead = n in (20, 50, 55)
+        stamp_s = clock.receive_stamp(UTC_S + n / 10 + (ahead_s if is_ahead else 0.0), now)
+        assert stamp_s == pytest.approx(now - 0.1, abs=1e-5)
+        ahead_s += 0.06 * is_ahead
+
+
+def test_a_smaller_lateness_counts_from_the_second_stamp_on():
+    clock = RemoteClock(0.1)
+    assert clock.receive_stamp(UTC_S, 50.6) == pytest.approx(50.5)
+    assert clock.receive_stamp(UTC_S + 1, 51.1) == pytest.approx(51.0)
+    assert clock.receive_stamp(UTC_S + 2, 52.1) == pytest.approx(52.0)
+    assert clock.receive_stamp(UTC_S + 3, 53.4) == pytest.approx(53.0)
+
+
 def test_without_utc_the_arrival_counts():
     assert RemoteClock(0.1).receive_stamp(None, 50.1) == pytest.approx(50.0)
 

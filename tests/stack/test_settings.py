@@ -65,6 +65,12 @@ def test_an_empty_file_gives_the_defaults(yaml_file: Path) -> None:
     assert load_settings(yaml_file, Cart) == Cart()
 
 
+ALIAS_BOMB = "v0: &v0 [1, 1, 1, 1]\n" + "".join(
+    f"v{n}: &v{n} [{', '.join([f'*v{n - 1}'] * 4)}]\n" for n in range(1, 40)
+)
+"""A few lines that stand for 4^40 values."""
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -119,7 +125,8 @@ def test_an_empty_file_gives_the_defaults(yaml_file: Path) -> None:
         ("wheels:\n\t- 1", "line 2, column 1: found character '\\t' that cannot start any token"),
         ("seed: 2026-02-31", "not YAML: day is out of range for month"),
         ("2026-02-03: 1", "keys must be str, int, float, bool or None, not date"),
-        ("seed: &own {again: *own}", "Circular reference detected"),
+        ("seed: &own {again: *own}", "line 1, column 20: an alias (*own) is not allowed"),
+        (ALIAS_BOMB, "line 2, column 10: an alias (*v0) is not allowed: write the value again"),
         ("seed: " + "[" * 2000, "nested too deeply"),
         ("seed: " + "9" * 5000, "not YAML: Exceeds the limit"),
         (
