@@ -44,7 +44,7 @@ class _StrictLoader(yaml.SafeLoader):
     @override
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
-            alias = self.peek_event()
+            alias = self.peek_event()  # type: ignore[no-untyped-call]  # types-PyYAML's omission
             raise _Refused(
                 problem=f"an alias (*{alias.anchor}) is not allowed: write the value again",
                 problem_mark=alias.start_mark,

@@ -62,6 +62,8 @@ from onboard.security.misbehaviour_detection import MisbehaviourDetector
 from onboard.security.pending_warnings import PendingWarnings
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import CertificateExpired, Pseudonym, Pseudonyms
+from onboard.security.region import TwoDLocation, is_in
+from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import Opened, SecurityServices
 from onboard.security.sender_check import sender_violation
 from onboard.sensors.frozen_speed import FrozenSpeed
@@ -142,6 +144,7 @@ class Stack:
             self._pseudonym.car_id, self._pseudonym.temporary_id, rng
         )
         self._lead: Lead | None = None
+        self._place: TwoDLocation | None = None
         size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
         self._transmitter = BsmTransmitter(size, self._pseudonym, rng, now)
         self._mvs = MultiVehicleSensing(
@@ -310,6 +313,7 @@ class Stack:
                 self._risk.receive_lead(observation, now)
                 self._request_braking(now)
             case Position():
+                self._place = TwoDLocation(observation.latitude_deg, observation.longitude_deg)
                 self._sensor_timeouts.receive_sample(Sensor.POSITION, observation.stamp_s, now)
                 self._frozen_speed.receive_position(observation)
                 self._transmitter.receive_position(observation)
@@ -348,12 +352,29 @@ class Stack:
         match service:
             case psid.BSM:
                 self._receive_bsm(opened, now)
+            case _ if self._is_outside_region(opened, self._place, now):
+                pass
             case psid.SENSOR_SHARING:
                 self._receive_sdsm(opened, now)
             case psid.MAP | psid.SPAT:
                 self._intersections.receive_message(service, opened, now, self._utc_s(now))
             case _:
                 self._receive_lcca(opened, now)
+
+    def _is_outside_region(self, opened: Opened, place: TwoDLocation | None, now: float) -> bool:
+        """Whether a message comes from where its certificate is not valid (IEEE 1609.2, 5.2.3).
+
+        Args:
+            opened: the message, which may say where it was generated.
+            place: what else is known of the place: in its payload, or that of the receiver.
+            now: the time.
+        """
+        place = opened.location or place
+        if place is None or all(is_in(place, region) for region in opened.regions):
+            return False
+        reason, signer = RejectionReason.OUTSIDE_REGION, opened.signer_id or b""
+        self._events.append(Discarded(now, "security", reason, f"from {signer.hex()}"))
+        return True
 
     def _receive_lcca(self, opened: Opened, now: float) -> None:
         try:
@@ -430,6 +451,11 @@ class Stack:
             self._events.append(Discarded(now, "bsm", error.reason, error.detail))
             return
         core = message.core
+        place = self._place
+        if core.latitude_deg is not None and core.longitude_deg is not None:
+            place = TwoDLocation(core.latitude_deg, core.longitude_deg)
+        if self._is_outside_region(opened, place, now):
+            return
         sender = opened.signer_id or core.temporary_id
         reason = self._misbehaviour_detector.receive_bsm(
             sender, message, self._made_at_s(opened, now), now

@@ -15,7 +15,7 @@ from onboard.security.certificates import (
 )
 from onboard.security.its_time import from_time32, to_time32
 from onboard.security.oer import Malformed, OerReader, Unsupported
-from onboard.security.region import read_region
+from onboard.security.region import encode_region, read_region
 
 _VERSION = 3
 _EXPLICIT, _IMPLICIT = 0, 1
@@ -60,16 +60,17 @@ def encode_to_be_signed(subject: Subject) -> bytes:
 
     Raises:
         ValueError: the subject has no permission, not one key, a validity beyond the range, or a
-            region, an assurance level or a binary identifier, which are only read.
+            country as region, an assurance level or a binary identifier, which are only read.
     """
-    if (subject.region, subject.assurance_level, subject.binary_id) != (None, None, None):
-        raise ValueError("certificates with region, assurance level or binary id are only read")
+    if (subject.assurance_level, subject.binary_id) != (None, None):
+        raise ValueError("certificates with assurance level or binary id are only read")
     key, value = subject.public_key, subject.reconstruction_value
     if (key is None) == (value is None) or not (subject.permissions or subject.issue_permissions):
         raise ValueError(
             "a certificate has a public key, or a reconstruction value, and permissions"
         )
     present = _APP * bool(subject.permissions) | _ISSUE * bool(subject.issue_permissions)
+    present |= _REGION * (subject.region is not None)
     parts = [
         bytes((present,)),
         _encode_id(subject),
@@ -78,6 +79,8 @@ def encode_to_be_signed(subject: Subject) -> bytes:
         to_time32(subject.valid_from_utc_s).to_bytes(4, "big"),
         _encode_duration(subject.valid_for_s),
     ]
+    if subject.region is not None:
+        parts.append(encode_region(subject.region))
     if subject.permissions:
         parts.append(oer.sequence([_encode_permission(p) for p in subject.permissions]))
     if subject.issue_permissions:

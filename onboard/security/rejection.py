@@ -24,6 +24,8 @@ class RejectionReason(StrEnum):
     """The named issuer did not sign this explicit certificate, or its key is no key."""
     REVOKED = "revoked"
     """A revocation list names the certificate, or one above it."""
+    OUTSIDE_REGION = "outside_region"
+    """Sent from where the certificate, or one above it, is not valid."""
     NOT_YET_VALID = "not_yet_valid"
     EXPIRED = "expired"
     """The certificate has expired, or the message's expiry time is over."""

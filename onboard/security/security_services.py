@@ -13,6 +13,7 @@ from onboard.security.credentials import Credential, Credentials
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
 from onboard.security.its_time import from_time64, to_time64
 from onboard.security.oer import Malformed, Unsupported
+from onboard.security.region import GeographicRegion, TwoDLocation
 from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.replay_window import ReplayWindow
 from onboard.security.secured_crl import trust_store
@@ -42,6 +43,10 @@ class Opened:
     signer_id: bytes | None
     """HashedId8 of the signer's certificate; `None` if the message was not verified."""
     generation_utc_s: float | None
+    regions: tuple[GeographicRegion, ...] = ()
+    """In all of which the signer must be: of its certificate, and of those above it."""
+    location: TwoDLocation | None = None
+    """Where it was generated, if its header says so."""
 
 
 class SecurityServices:
@@ -191,7 +196,14 @@ class SecurityServices:
         self._verified_signers.move_to_end(signer.certificate.hashed_id8)
         if len(self._verified_signers) > _MAX_VERIFIED_SIGNERS:
             self._verified_signers.popitem(last=False)
-        return Opened(message.payload, signer.certificate.hashed_id8, from_time64(generation))
+        place = message.location
+        return Opened(
+            message.payload,
+            signer.certificate.hashed_id8,
+            from_time64(generation),
+            signer.regions,
+            None if place is None else TwoDLocation(place.latitude_deg, place.longitude_deg),
+        )
 
     def _check_time(self, message: SignedData, utc_s: float) -> int:
         generation = message.generation_time64

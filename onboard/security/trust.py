@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from onboard.security import ecqv, p256
 from onboard.security.certificates import Certificate, Subject, may_grant
 from onboard.security.crl import CrlContents
+from onboard.security.region import GeographicRegion
 from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.revocation import Revocations
 
@@ -27,6 +28,8 @@ class Trusted:
     """Earliest end of validity in its chain."""
     psids: frozenset[int]
     """Applications that its holder may send in."""
+    regions: tuple[GeographicRegion, ...] = ()
+    """Where its chain is valid: in all of them."""
 
     def chain(self) -> "Iterator[Trusted]":
         """Yield the certificates above it, from its issuer up to the root."""
@@ -168,6 +171,11 @@ def _check(certificate: Certificate, issuer: Trusted | None) -> Trusted:
         max(subject.valid_from_utc_s, issuer.valid_from_utc_s if issuer else 0.0),
         min(subject.valid_until_utc_s, issuer.valid_until_utc_s if issuer else float("inf")),
         psids,
+        tuple(
+            each.region
+            for each in (subject, *(authority.certificate.subject for authority in above))
+            if each.region is not None
+        ),
     )
 
 

@@ -20,6 +20,7 @@ from onboard.security.certificates import Certificate, IssuePermission, Permissi
 from onboard.security.credentials import Authority, Credential, Credentials
 from onboard.security.crl import CrlContents, CrlSsp, HashIdCrl
 from onboard.security.crl_codec import encode_crl, encode_ssp
+from onboard.security.region import GeographicRegion
 
 DAY_S = 86_400.0
 _SERIES = 1
@@ -106,6 +107,7 @@ def make_pseudonyms(
     valid_for_s: float,
     new_key: NewKey = p256.new_key,
     implicit: bool = False,
+    region: GeographicRegion | None = None,
 ) -> Credentials:
     """Make the pseudonym certificates of one vehicle.
 
@@ -117,6 +119,7 @@ def make_pseudonyms(
         valid_for_s: duration of the validity.
         new_key: creates each private key.
         implicit: make implicit certificates.
+        region: where they are valid; everywhere if not given.
     """
     issuer = issuing.credential
     permissions = tuple(Permission(psid) for psid in sorted(psids))
@@ -124,7 +127,12 @@ def make_pseudonyms(
     for _ in range(count):
         key = new_key()
         subject = Subject(
-            None, valid_from_utc_s, valid_for_s, p256.compressed(key.public_key()), permissions
+            None,
+            valid_from_utc_s,
+            valid_for_s,
+            p256.compressed(key.public_key()),
+            permissions,
+            region=region,
         )
         if implicit:
             pseudonyms.append(_implicit(subject, key, issuer, ephemeral=new_key()))
