@@ -26,6 +26,7 @@ _SINGLE = {
 """Studies without settings."""
 
 _CAMPAIGNS = {
+    "attacks": "attacks:run:AttacksSettings",
     "crossing-alarms": "crossing_alarms:run:AlarmSettings",
     "false-identity": "false_identity:run:FalseIdentitySettings",
     "faults": "faults:run:FaultsSettings",

@@ -1,0 +1,204 @@
+"""What insiders cost: false alarms, and true ones that are missed, by attack and insiders.
+
+An insider has one certificate and sends ten messages a second. Vehicles that truly cross come every
+`TRUE_EVERY_S`, each under a certificate of its own. Nothing that is claimed is seen by the host's
+own sensors, which is the best case for the insiders. One case of each attack is run without checks.
+"""
+
+from collections.abc import Iterator
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from onboard import psid
+from onboard.risk.alarm import Alarm, Level
+from onboard.security.p256 import key_from
+from onboard.settings import Settings
+from onboard.tools.test_ca.authority import make_trial
+from sim_rig.scenario.setting_types import Several
+from sim_rig.studies.attack_world import SPEED_M_S, AttackedHost, Place, Signer
+from sim_rig.studies.campaign import Row, Workers, run_campaign
+from sim_rig.studies.results import write_results
+
+START_UTC_S = 1_790_000_000.0
+PASS_S = 6.0
+"""Time in which an invented vehicle comes to the place where it would hit the host."""
+TRUE_EVERY_S = 20.0
+"""Between true vehicles."""
+COLUMNS = (
+    "attack", "insiders", "checked", "seconds", "false_alarms", "false_alarm_s", "ignored",
+    "true_vehicles", "true_missed",
+)  # fmt: skip
+
+
+class Attack(StrEnum):
+    """What an insider claims."""
+
+    BSM = "crossing vehicle, by BSM"
+    FOOTER = "crossing vehicle, by footer"
+    ETERNAL = "vehicle on collision course for ever"
+    FLICKERING = "vehicle in and out of the way"
+    FOUR = "four crossing vehicles at once"
+    BRAKING = "vehicle ahead that brakes hard"
+
+
+class AttacksSettings(Settings):
+    """One campaign; a run is one attack by some insiders."""
+
+    seed: int = Field(1, ge=0)
+    attacks: Several[Attack] = tuple(Attack)
+    insiders: Several[int] = (1, 2, 3, 4, 5)
+    seconds: float = Field(90.0, ge=30.0, le=7200.0)
+
+
+Case = tuple[Attack, int, bool]
+"""Attack, insiders, and whether the host checks claims."""
+
+
+def cases(settings: AttacksSettings) -> list[Case]:
+    """Return the case of each run."""
+    return [
+        (attack, insiders, checked)
+        for attack in settings.attacks
+        for insiders, checked in [(1, False), *((each, True) for each in settings.insiders)]
+    ]
+
+
+def run(out_dir: Path, settings: AttacksSettings | None, workers: Workers) -> str:
+    """Run all cases and write their table.
+
+    Args:
+        out_dir: folder of table, settings and runs.
+        settings: of the campaign; the default ones if None.
+        workers: processes or cluster.
+
+    Returns:
+        The worst case of one insider, and the true alarms missed, as a sentence.
+    """
+    chosen = settings or AttacksSettings()
+    numbers = range(len(cases(chosen)))
+    rows = run_campaign(run_one, chosen, numbers, out_dir / "runs", workers)
+    write_results(out_dir, COLUMNS, [[row[name] for name in COLUMNS] for row in rows], chosen)
+    checked = [row for row in rows if row["checked"]]
+    worst = max((row["false_alarms"] / row["insiders"] for row in checked), default=0.0)
+    missed, true = (sum(row[name] for row in checked) for name in ("true_missed", "true_vehicles"))
+    return f"at most {worst:.1f} false alarms an insider; {missed} of {true} true vehicles missed"
+
+
+def run_one(settings: AttacksSettings, number: int) -> Row:
+    """Run one case."""
+    attack, insiders, checked = cases(settings)[number]
+    encounters = int(settings.seconds // TRUE_EVERY_S)
+    names = [f"insider{n}" for n in range(insiders)] + [f"true{n}" for n in range(encounters)]
+    new_key = key_from(np.random.default_rng((settings.seed, number)))
+    trial = make_trial(["host", *names], {psid.BSM}, START_UTC_S, new_key, pseudonyms=1)
+    host = AttackedHost(trial["host"], START_UTC_S, checks=checked)
+    signers = [Signer(trial[name], START_UTC_S, name[-4:].encode()) for name in names]
+    senders = [partial(CLAIMS[attack], host, each, n) for n, each in enumerate(signers[:insiders])]
+    true = signers[insiders:]
+    host.drive(settings.seconds, *senders, partial(_true_vehicles, host, true))
+    true_ids = {each.temporary_id.hex() for each in true}
+    warned = {
+        event.vehicle
+        for event in host.events
+        if isinstance(event, Alarm) and event.level is Level.WARNING
+    }
+    return {
+        "attack": attack.value,
+        "insiders": insiders,
+        "checked": checked,
+        "seconds": settings.seconds,
+        "false_alarms": sum(alarm.vehicle not in true_ids for alarm in host.raised()),
+        "false_alarm_s": round(host.alarmed_s(true_ids), 1),
+        "ignored": len(host.ignored()),
+        "true_vehicles": encounters,
+        "true_missed": len(true_ids - warned),
+    }
+
+
+def _true_vehicles(host: AttackedHost, true: list[Signer], now: float) -> Iterator[bytes]:
+    """Vehicles from the left, each in the last `PASS_S` of its period."""
+    number, into_s = divmod(now, TRUE_EVERY_S)
+    left_s = TRUE_EVERY_S - into_s
+    if left_s <= PASS_S and number < len(true):
+        ahead_m = SPEED_M_S * left_s
+        yield true[int(number)].bsm_at((-ahead_m, host.north_m + ahead_m), (SPEED_M_S, 0.0), now)
+
+
+def _crossing(host: AttackedHost, insider: int, now: float) -> tuple[int, Place]:
+    """Return number and place of a vehicle from the right that would hit the host."""
+    passes, into_s = divmod(now + 1.1 * insider, PASS_S)
+    ahead_m = SPEED_M_S * (PASS_S - into_s)
+    return int(passes), (ahead_m, host.north_m + ahead_m)
+
+
+def _id(insider: int, number: int) -> bytes:
+    return bytes((0xE0 + insider,)) + number.to_bytes(3, "big")
+
+
+def _beside(host: AttackedHost, signer: Signer, footer: bytes, now: float) -> bytes:
+    """The insider's own BSM, from a place where it is in nobody's way."""
+    place_m = 40.0, host.north_m - 60.0
+    return signer.bsm_at(place_m, (0.0, SPEED_M_S), now, footer=footer)
+
+
+def crossing_bsm(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
+    """Send the BSMs of one invented vehicle after the other."""
+    number, place_m = _crossing(host, insider, now)
+    yield signer.bsm_at(place_m, (-SPEED_M_S, 0.0), now, temporary_id=_id(insider, number))
+
+
+def crossing_footer(
+    host: AttackedHost, signer: Signer, insider: int, now: float
+) -> Iterator[bytes]:
+    """Report one invented vehicle after the other."""
+    number, place_m = _crossing(host, insider, now)
+    yield _beside(host, signer, signer.footer(number % 200, place_m, now), now)
+
+
+def eternal(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
+    """Always on collision course, and always two seconds away."""
+    ahead_m = 2.0 * SPEED_M_S + 3.0 * insider
+    yield signer.bsm_at((ahead_m, host.north_m + ahead_m), (-SPEED_M_S, 0.0), now)
+
+
+def flickering(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
+    """In the way, and two seconds later out of it, each time under another ID."""
+    phase, into_s = divmod(now + insider, 4.0)
+    aside_m = 0.0 if into_s < 2.0 else 40.0
+    number = 2 * int(phase) + (into_s >= 2.0)
+    place_m = (2.0 * SPEED_M_S + aside_m, host.north_m + 2.0 * SPEED_M_S)
+    yield signer.bsm_at(place_m, (-SPEED_M_S, 0.0), now, temporary_id=_id(insider, number))
+
+
+def four_at_once(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
+    """Four invented vehicles side by side."""
+    number, (east_m, north_m) = _crossing(host, insider, now)
+    for lane in range(4):
+        name = _id(insider, 4 * number + lane)
+        place_m = (east_m + 0.2 * lane, north_m)
+        yield signer.bsm_at(place_m, (-SPEED_M_S, 0.0), now, temporary_id=name)
+
+
+def braking_ahead(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
+    """One vehicle after the other, 30 m ahead, brakes at 6 m/s^2, as its speeds and places show."""
+    number, into_s = divmod(now + 1.1 * insider, PASS_S)
+    brakes_s = max(into_s - PASS_S / 2.0, 0.0)
+    place_m = (0.0, host.north_m + 30.0 - 3.0 * brakes_s**2)
+    velocity_m_s = (0.0, max(SPEED_M_S - 6.0 * brakes_s, 0.0))
+    name = _id(insider, int(number))
+    yield signer.bsm_at(place_m, velocity_m_s, now, temporary_id=name, brakes=brakes_s > 0.0)
+
+
+CLAIMS = {
+    Attack.BSM: crossing_bsm,
+    Attack.FOOTER: crossing_footer,
+    Attack.ETERNAL: eternal,
+    Attack.FLICKERING: flickering,
+    Attack.FOUR: four_at_once,
+    Attack.BRAKING: braking_ahead,
+}
+"""The messages of each attack: of a host, a signer, the insider's number, and the time."""
