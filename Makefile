@@ -37,6 +37,11 @@ pictures: .venv/ready
 test-live: .venv/ready
 	$(PYTHON) -m pytest -m live tests/sim_rig
 
+# Insiders with valid keys: the false alarms that they raise, and the true ones that are missed.
+.PHONY: attack
+attack: .venv/ready
+	$(PYTHON) -m sim_rig study attacks
+
 # A small Debian in QEMU, installed from the box, driven and ill-treated; no KVM needed. And the
 # same in namespaces of this machine (as root), at its speed and without what needs a kernel.
 .PHONY: vm-test box-test box
