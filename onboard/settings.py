@@ -5,6 +5,7 @@ Each package declares its settings beside its code; `onboard/config.py` joins th
 
 import difflib
 import json
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -30,6 +31,10 @@ Location = tuple[int | str, ...]
 """Of a mistake, as pydantic gives it."""
 
 
+MOST_ALIASED = 10_000
+"""Values that the aliases of a file may stand for."""
+
+
 class _Refused(yaml.MarkedYAMLError):
     """Valid YAML that is refused, since it hides a mistake."""
 
@@ -37,19 +42,35 @@ class _Refused(yaml.MarkedYAMLError):
 class _StrictLoader(yaml.SafeLoader):
     """Rejects repeated keys, of which PyYAML would use the last without an error, and empty ones.
 
-    An empty `can:` may mean its defaults, or no such section. Aliases are rejected too: nine lines
-    of them are a billion values.
+    An empty `can:` may mean its defaults, or no such section. Aliases may stand for `MOST_ALIASED`
+    values: nine lines of them could be a billion.
     """
+
+    def __init__(self, stream: str) -> None:
+        super().__init__(stream)
+        self._aliased = 0
+        """Values that the aliases so far stand for."""
 
     @override
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):
-            alias = self.peek_event()  # type: ignore[no-untyped-call]  # types-PyYAML's omission
-            raise _Refused(
-                problem=f"an alias (*{alias.anchor}) is not allowed: write the value again",
-                problem_mark=alias.start_mark,
-            )
-        return super().compose_node(parent, index)
+        is_alias = self.check_event(yaml.AliasEvent)
+        mark = self.peek_event().start_mark if is_alias else None  # type: ignore[no-untyped-call]
+        node = super().compose_node(parent, index)
+        if is_alias and node is not None:
+            nodes = [node]
+            while nodes:
+                self._aliased += 1
+                if self._aliased > MOST_ALIASED:
+                    raise _Refused(
+                        problem=f"aliases stand for more than {MOST_ALIASED} values",
+                        problem_mark=mark,
+                    )
+                value = nodes.pop().value
+                nodes += chain.from_iterable(
+                    each if isinstance(each, tuple) else (each,)
+                    for each in (value if isinstance(value, list) else ())
+                )
+        return node
 
     @override
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:

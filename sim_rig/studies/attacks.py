@@ -34,7 +34,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-class Attack(StrEnum):
+class AttackKind(StrEnum):
     """What an insider claims."""
 
     BSM = "crossing vehicle, by BSM"
@@ -49,13 +49,13 @@ class AttacksSettings(Settings):
     """One campaign; a run is one attack by some insiders."""
 
     seed: int = Field(1, ge=0)
-    attacks: Several[Attack] = tuple(Attack)
+    attacks: Several[AttackKind] = tuple(AttackKind)
     insiders: Several[int] = (1, 2, 3, 4, 5)
     seconds: float = Field(90.0, ge=30.0, le=7200.0)
 
 
-Case = tuple[Attack, int, bool]
-"""Attack, insiders, and whether the host checks claims."""
+Case = tuple[AttackKind, int, bool]
+"""AttackKind, insiders, and whether the host checks claims."""
 
 
 def cases(settings: AttacksSettings) -> list[Case]:
@@ -194,11 +194,11 @@ def braking_ahead(host: AttackedHost, signer: Signer, insider: int, now: float) 
 
 
 CLAIMS = {
-    Attack.BSM: crossing_bsm,
-    Attack.FOOTER: crossing_footer,
-    Attack.ETERNAL: eternal,
-    Attack.FLICKERING: flickering,
-    Attack.FOUR: four_at_once,
-    Attack.BRAKING: braking_ahead,
+    AttackKind.BSM: crossing_bsm,
+    AttackKind.FOOTER: crossing_footer,
+    AttackKind.ETERNAL: eternal,
+    AttackKind.FLICKERING: flickering,
+    AttackKind.FOUR: four_at_once,
+    AttackKind.BRAKING: braking_ahead,
 }
 """The messages of each attack: of a host, a signer, the insider's number, and the time."""

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from sim_rig.studies.attacks import Attack, AttacksSettings, run
+from sim_rig.studies.attacks import AttackKind, AttacksSettings, run
 from sim_rig.studies.campaign import Workers
 
-FEW = AttacksSettings(attacks=(Attack.BSM,), insiders=(2,), seconds=40.0)
+FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
 
 
 def test_the_table_tells_false_and_missed_alarms_with_and_without_checks(tmp_path: Path) -> None:

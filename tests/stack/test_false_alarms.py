@@ -9,39 +9,39 @@ import pytest
 from onboard.observations import VehicleDetection
 from onboard.security.signer_credibility import CLAIM_S, MOST_ALARMS
 from sim_rig.studies.attack_world import SPEED_M_S, AttackedHost, Signer
-from sim_rig.studies.attacks import CLAIMS, PASS_S, Attack
+from sim_rig.studies.attacks import CLAIMS, PASS_S, AttackKind
 from tests.security.trial import ALICE, CAROL, DAVE, UTC_S
 
 ATTACK_S = 45.0
 FACE_TO_CENTRE_M = 2.2
 
 
-def attacked(attack: Attack, *, checks: bool = True, detector: bool = True) -> AttackedHost:
+def attacked(attack: AttackKind, *, checks: bool = True, detector: bool = True) -> AttackedHost:
     host = AttackedHost(ALICE, UTC_S, checks=checks, detector=detector)
     host.drive(ATTACK_S, partial(CLAIMS[attack], host, Signer(CAROL, UTC_S), 0))
     return host
 
 
-@pytest.mark.parametrize("attack", Attack)
-def test_one_insider_raises_three_false_alarms_at_most(attack: Attack) -> None:
+@pytest.mark.parametrize("attack", AttackKind)
+def test_one_insider_raises_three_false_alarms_at_most(attack: AttackKind) -> None:
     host = attacked(attack)
     assert 1 <= len(host.raised()) <= MOST_ALARMS
     assert host.alarmed_s() <= MOST_ALARMS * (CLAIM_S + 1.5)
     assert len(host.ignored()) == 1
 
 
-@pytest.mark.parametrize("attack", Attack)
-def test_without_checks_these_attacks_raise_more(attack: Attack) -> None:
+@pytest.mark.parametrize("attack", AttackKind)
+def test_without_checks_these_attacks_raise_more(attack: AttackKind) -> None:
     host = attacked(attack, checks=False)
     assert len(host.raised()) > MOST_ALARMS or host.alarmed_s() > 0.9 * ATTACK_S
 
 
 def test_a_host_without_a_sensor_that_looks_ahead_has_the_same_bound() -> None:
-    assert len(attacked(Attack.BSM, detector=False).raised()) == MOST_ALARMS
+    assert len(attacked(AttackKind.BSM, detector=False).raised()) == MOST_ALARMS
 
 
 def test_a_true_vehicle_alarms_while_an_insider_is_ignored() -> None:
-    host = attacked(Attack.BSM)
+    host = attacked(AttackKind.BSM)
     assert host.ignored()
     honest, began_at = Signer(DAVE, UTC_S, b"true"), host.now
     crossing_m = host.north_m + PASS_S * SPEED_M_S
@@ -50,7 +50,7 @@ def test_a_true_vehicle_alarms_while_an_insider_is_ignored() -> None:
         east_m = SPEED_M_S * (PASS_S - (now - began_at))
         yield honest.bsm_at((east_m, crossing_m), (-SPEED_M_S, 0.0), now)
 
-    host.drive(PASS_S, approach, partial(CLAIMS[Attack.BSM], host, Signer(CAROL, UTC_S), 0))
+    host.drive(PASS_S, approach, partial(CLAIMS[AttackKind.BSM], host, Signer(CAROL, UTC_S), 0))
     (alarm,) = host.raised(began_at)
     assert alarm.vehicle == b"true".hex()
 
