@@ -617,7 +617,7 @@ class Stack:
         self._pseudonym = pseudonym
         self._group.set_own_id(pseudonym.car_id, now)
         self._identification.set_own_id(pseudonym.car_id, pseudonym.temporary_id, now)
-        self._transmitter.change_identity(pseudonym)
+        self._transmitter.change_identity(pseudonym, now)
         self._mvs.set_own_id(pseudonym.temporary_id)
         self._use_credential(now)
         self._show_preceding_vehicle(now)

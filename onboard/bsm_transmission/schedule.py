@@ -42,6 +42,10 @@ class BsmSchedule:
         self._is_critical = False
         self._max_interval_s = MAXIMUM_INTERVAL_S
 
+    def begin_anew(self, now: float) -> None:
+        """Send next at a random time within the interval: the phase tells nothing of the last."""
+        self._send_at = now + float(self._rng.uniform(0.0, self.interval_s))
+
     @property
     def interval_s(self) -> float:
         """Time between two BSMs at the present density."""

@@ -106,13 +106,17 @@ class BsmTransmitter(Core):
         self._position: Position | None = None
         self._brake: HardBrake | None = None
         self._stopped_at: float | None = None
-        self.change_identity(pseudonym)
+        self._take_identity(pseudonym)
 
-    def change_identity(self, pseudonym: Pseudonym) -> None:
-        """Change temporary ID and message count, and begin the path history anew.
+    def change_identity(self, pseudonym: Pseudonym, now: float) -> None:
+        """Change temporary ID and message count, and begin path history and schedule anew.
 
         Nothing links to the old pseudonym: where it drove, least of all.
         """
+        self._take_identity(pseudonym)
+        self._schedule.begin_anew(now)
+
+    def _take_identity(self, pseudonym: Pseudonym) -> None:
         self._temporary_id = pseudonym.temporary_id
         self._msg_cnt = pseudonym.first_msg_cnt
         self._path = PathHistoryKeeper()

@@ -42,6 +42,7 @@ from onboard.messages.lcca import (
     Reply,
     Update,
     Warn,
+    WarnCause,
 )
 from onboard.observations import Discarded, HardBrake
 
@@ -71,6 +72,7 @@ class WarningGroup(Core):
             rng: for start values of sequence numbers and random delays.
         """
         self._parameters = parameters
+        self._rng = rng
         self._adjacent_ids = AdjacentIds(parameters.id_change_s)
         self._state = GroupState.REGULAR
         self._position = GroupPosition(
@@ -150,8 +152,15 @@ class WarningGroup(Core):
         self._adjacent_ids.receive_next(self._position.own_id, next_id)
 
     def set_own_id(self, car_id: CarId, now: float) -> None:
-        """Take the own ID of a new epoch; all vehicles change theirs at about this time."""
+        """Take the own ID of a new epoch; all vehicles change theirs at about this time.
+
+        Sequence numbers begin anew, so that they do not link the IDs; not while this vehicle
+        brakes, which is named by them.
+        """
         self._rename(self._adjacent_ids.change_epoch(self._position.own_id, car_id, now))
+        if self._own_braking.cause is WarnCause.OVER:
+            self._event_sequence = int(self._rng.integers(_SEQUENCES))
+        self._membership.change_sequence()
         self._membership.join_soon(now)
 
     def _rename(self, names: Mapping[CarId, CarId]) -> None:

@@ -84,6 +84,10 @@ class Membership:
         """Advance the next join to a random moment within `spread_s`."""
         self._join_at = min(self._join_at, now + self._spread())
 
+    def change_sequence(self) -> None:
+        """Number joins anew; replies to earlier ones are outdated."""
+        self._sequence = self._answered_sequence = int(self._rng.integers(_SEQUENCES))
+
     def join_at_once(self, now: float) -> None:
         """Advance the next join to now."""
         self._join_at = now

@@ -85,3 +85,22 @@ def test_many_forged_senders_take_bounded_memory():
     for sender in range(5000):
         schedule.receive_remote_vehicle(sender.to_bytes(4), 10.0, now=0.01)
     assert len(schedule._in_range_until) <= 1024
+
+
+def test_the_phase_is_another_one_when_it_begins_anew() -> None:
+    """Else the time of the next BSM, known to `JITTER_S`, would link two IDs."""
+    phases_s = []
+    for seed in range(200):
+        schedule = BsmSchedule(np.random.default_rng(seed), 0.0)
+        sent_at = schedule.get_timer()
+        schedule.handle_timer(sent_at)
+        while not schedule.take_due(sent_at):
+            sent_at = schedule.get_timer()
+            schedule.handle_timer(sent_at)
+        schedule.begin_anew(sent_at)
+        next_at = sent_at
+        while not schedule.take_due(next_at):
+            next_at = schedule.get_timer()
+            schedule.handle_timer(next_at)
+        phases_s.append(next_at - sent_at)
+    assert np.histogram(phases_s, 4, (0.0, 0.1))[0].min() >= 30

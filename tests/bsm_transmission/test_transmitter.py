@@ -94,7 +94,7 @@ def test_a_new_pseudonym_does_not_say_where_the_old_one_drove(beacon: BsmTransmi
     beacon_now = 20.0
     drive(0.0, beacon_now)
     assert history_s() > 10.0
-    beacon.change_identity(Pseudonym(bytes(8), b"efgh", 6, None, 600.0))
+    beacon.change_identity(Pseudonym(bytes(8), b"efgh", 6, None, 600.0), beacon_now)
     assert history_s() == 0.0
     beacon_now = 25.0
     drive(20.0, beacon_now)

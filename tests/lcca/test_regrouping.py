@@ -205,6 +205,24 @@ def test_no_message_holds_both_the_old_and_the_new_id_of_one_vehicle() -> None:
     assert not any(isinstance(entry.message, Update) for entry in road.sent[before:])
 
 
+def test_sequence_numbers_begin_anew_with_the_id() -> None:
+    road = Road()
+    road.add_row("ABC")
+    road.run(3.0)
+    before = len(road.sent)
+    road.change_ids()
+    road.run(3.0)
+    joins = [
+        (entry.sender, entry.message.sequence, at >= before)
+        for at, entry in enumerate(road.sent)
+        if isinstance(entry.message, Join)
+    ]
+    for name in "BC":
+        last = [number for sender, number, is_after in joins if (sender, is_after) == (name, False)]
+        next_ = [number for sender, number, is_after in joins if (sender, is_after) == (name, True)]
+        assert abs(next_[0] - last[-1]) > 100
+
+
 def test_after_the_change_the_previous_id_is_invalid() -> None:
     car = OneCar(own_id=B)
     car.group.set_own_id(X, 1.0)
