@@ -33,6 +33,7 @@ _CAMPAIGNS = {
     "following-alarms": "following_alarms:run:FollowingSettings",
     "inquiry-load": "inquiry_load:run:InquiryLoadSettings",
     "lcca-chain": "lcca_chain:chain:ChainSettings",
+    "linker": "linker:run:LinkerSettings",
     "mvs-figure3": "mvs_collisions:figure3:Figure3Settings",
     "mvs-figure9": "mvs_collisions:figure9:CollisionSettings",
     "platoons": "platoons:run:PlatoonSettings",
