@@ -51,7 +51,7 @@ class AttacksSettings(Settings):
     seed: int = Field(1, ge=0)
     attacks: Several[AttackKind] = tuple(AttackKind)
     insiders: Several[int] = (1, 2, 3, 4, 5)
-    seconds: float = Field(90.0, ge=30.0, le=7200.0)
+    seconds: float = Field(60.0, ge=30.0, le=7200.0)
 
 
 Case = tuple[AttackKind, int, bool]
