@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from onboard import psid
+from onboard.config import CarConfig
+from onboard.detector.object_list import ObjectListReader
 from onboard.errors import DecodeError
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.gnss.nmea import NmeaReader
@@ -19,8 +21,11 @@ from onboard.obd.socketcand import ProtocolError, parse_element
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.security import p256
 from onboard.security.security_services import NotTrusted, SecurityServices
+from onboard.settings import SettingsError, parse_settings, parse_yaml
 from onboard.tools.decode.describe import describe
 from onboard.tools.test_ca.authority import make_trial
+from onboard.vision import jpeg
+from onboard.vision.mjpeg import MjpegParts
 from onboard.wave_udp import immediate_forward, wsmp
 from onboard.wave_udp.capture import CaptureError, read_capture
 from onboard.wave_udp.wsmp import WaveShortMessage
@@ -116,6 +121,34 @@ def _read_stream(reader: NmeaReader | GpsdReader, data: bytes) -> None:
             pass
 
 
+def _detector(data: bytes) -> None:
+    """Lines as datagrams, 0.1 s apart."""
+    reader = ObjectListReader()
+    for number, line in enumerate(data.split(b"\n")):
+        reader.receive_bytes(line, number * 0.1)
+        while reader.next_event() is not None:
+            pass
+
+
+def _jpeg(data: bytes) -> None:
+    jpeg.pixels(data)
+    jpeg.is_whole(data)
+
+
+def _mjpeg(data: bytes) -> None:
+    parts = MjpegParts(b"frame")
+    half = len(data) // 2
+    for piece in (data[:half], data[half:]):
+        parts.receive_bytes(piece)
+        while parts.next_body() is not None:
+            pass
+
+
+def _yaml(data: bytes) -> None:
+    tree = parse_yaml(data, "fuzz")
+    parse_settings({} if tree is None else tree, CarConfig, "fuzz")
+
+
 TARGETS = {
     "wsmp": _codec(_decode_version_3, wsmp.encode),
     "rsu41": _codec(immediate_forward.decode, immediate_forward.encode),
@@ -132,5 +165,9 @@ TARGETS = {
     "nmea": Target(_nmea),
     "gpsd": Target(_gpsd),
     "socketcand": Target(_socketcand, (ProtocolError,)),
+    "detector": Target(_detector),
+    "jpeg": Target(_jpeg),
+    "mjpeg": Target(_mjpeg, max_s_per_kilobyte=2e-2),
+    "yaml": Target(_yaml, (SettingsError,), max_s_per_kilobyte=1e-1),
 }
 """By the name of their corpus."""
