@@ -28,6 +28,7 @@ LOGGED_KINDS = frozenset(
         "sensor_lost",
         "sensor_recovered",
         "certificate_expired",
+        "signer_ignored",
         "recorder",
     }
 )
