@@ -1,7 +1,8 @@
-"""Interface of the radio channel between the units, with two models.
+"""Interface of the radio channel between the units, with three models.
 
-`reach` (`reach.py`) has connectivity, delay, loss and duplication by the scenario. `csma`
-(`csma_air.py`) is the 802.11p channel (`channel.py`). Live and virtual runs use either.
+`reach` (`reach.py`) has connectivity, delay, loss and duplication by the scenario. `csma` is the
+802.11p channel (`channel.py`), `sidelink` that of C-V2X (`sidelink.py`), both by `channel_air.py`.
+Live and virtual runs use any.
 """
 
 from collections.abc import Callable, Mapping

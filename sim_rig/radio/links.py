@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from sim_rig.propagation.path_loss import LIGHT_M_S
 from sim_rig.propagation.shadowing import VehicleShadowing
 from sim_rig.radio.ofdm import from_db
-from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.scenario.radio_settings import LinkSettings
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ class Links:
     """All links of a channel at one time; links are symmetric."""
 
     def __init__(
-        self, settings: CsmaSettings, position_m: Array, vehicles: VehicleShadowing | None = None
+        self, settings: LinkSettings, position_m: Array, vehicles: VehicleShadowing | None = None
     ) -> None:
         """Compute all links.
 
@@ -40,7 +40,7 @@ class Links:
             self._shadow(settings, position_m, vehicles)
 
     def _shadow(
-        self, settings: CsmaSettings, position_m: Array, vehicles: VehicleShadowing | None
+        self, settings: LinkSettings, position_m: Array, vehicles: VehicleShadowing | None
     ) -> None:
         shadowed_mw = _SHADOWED_FROM * from_db(settings.sensitivity_dbm)
         one, other = np.nonzero(np.triu(self.mean_mw >= shadowed_mw))

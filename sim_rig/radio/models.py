@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim_rig.radio.air import Air, CarsAt
-from sim_rig.radio.csma_air import CsmaAir
+from sim_rig.radio.channel_air import ChannelAir
 from sim_rig.radio.reach import ReachAir
 from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
 
@@ -21,4 +21,4 @@ def open_air(
     """
     if isinstance(settings, ReachSettings):
         return ReachAir(settings, cars_at, units, rng)
-    return CsmaAir(settings, cars_at, units, rng)
+    return ChannelAir(settings, cars_at, units, rng)

@@ -1,4 +1,4 @@
-"""Settings of the radio channel between the cars: one of two models."""
+"""Settings of the radio channel between the cars: one of three models."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
@@ -39,15 +39,9 @@ class ReachSettings(Settings):
         return self
 
 
-class CsmaSettings(Settings):
-    """The 802.11p channel with carrier sensing, interference and collisions.
+class LinkSettings(Settings):
+    """What the received power follows from."""
 
-    Defaults are those of IEEE 802.11-2016 for 10 MHz channels outside the context of a BSS, and
-    the values of docs/radio.md.
-    """
-
-    model: Literal["csma"] = "csma"
-    data_rate_mbit_s: Literal[3, 6, 9, 12, 18, 24, 27] = 6
     tx_power_dbm: float = Field(default=20.0, ge=-10.0, le=40.0)
     path_loss: PathLoss = DualSlope()
     nakagami_m: float | None = Field(default=None, ge=0.5, le=50.0)
@@ -57,17 +51,49 @@ class CsmaSettings(Settings):
     """Whether cars between two antennas attenuate the signal."""
     antenna_height_m: float = Field(default=1.5, gt=0.0, le=5.0)
     frequency_ghz: float = Field(default=5.86, gt=0.5, le=10.0)
+    sensitivity_dbm: float = Field(default=-104.0, ge=-140.0, le=0.0)
+    """Weaker signals do not count."""
+
+
+class CsmaSettings(LinkSettings):
+    """The 802.11p channel with carrier sensing, interference and collisions.
+
+    Defaults are those of IEEE 802.11-2016 for 10 MHz channels outside the context of a BSS, and
+    the values of docs/radio.md.
+    """
+
+    model: Literal["csma"] = "csma"
+    data_rate_mbit_s: Literal[3, 6, 9, 12, 18, 24, 27] = 6
     noise_figure_db: float = Field(default=7.0, ge=0.0, le=30.0)
     preamble_snr_db: float = Field(default=4.0, ge=-10.0, le=30.0)
     """Least SINR at which a preamble is detected."""
     preamble_dbm: float = Field(default=-95.0, ge=-120.0, le=0.0)
     """Least received power at which a preamble is detected."""
-    sensitivity_dbm: float = Field(default=-104.0, ge=-140.0, le=0.0)
-    """Weaker signals do not count as interference."""
     energy_detection_dbm: float = Field(default=-85.0, ge=-120.0, le=0.0)
     """Total received power from which the channel is busy, with or without a detected preamble."""
     symbol_us: Literal[4, 8] = 8
     """OFDM symbols last 8 us in 10 MHz channels; ns-3 rounds the frame duration up to 4 us."""
+
+
+class SidelinkSettings(LinkSettings):
+    """C-V2X: the LTE sidelink (PC5) in mode 4, in 10 MHz.
+
+    Defaults are those of Gonzalez-Martin et al., "Analytical Models of the Performance of C-V2X
+    Mode 4 Vehicular Communications" (IEEE TVT 68-2, 2019).
+    """
+
+    model: Literal["sidelink"] = "sidelink"
+    subchannels: int = Field(default=4, ge=1, le=10)
+    subchannel_bytes: int = Field(default=190, ge=20, le=1000)
+    """That one subchannel carries in a subframe of 1 ms; a message has as many as it needs. One
+    that is larger than all of them has all, as if the rate were higher at the same errors."""
+    sensitivity_dbm: float = Field(default=-90.5, ge=-140.0, le=0.0)
+    """Least received power at which a message is decoded."""
+    noise_figure_db: float = Field(default=9.0, ge=0.0, le=30.0)
+    shadowing_db: float = Field(default=0.0, ge=0.0, le=20.0)
+    """Standard deviation of lognormal shadowing, drawn for each message and receiver."""
+    event_window_ms: int = Field(default=20, ge=20, le=100)
+    """In which a single message is sent; a periodic one has 100 ms."""
 
 
 def _model_of(value: Any) -> str:
@@ -77,7 +103,11 @@ def _model_of(value: Any) -> str:
     return str(value.get("model", "reach")) if isinstance(value, Mapping) else "reach"
 
 
+ChannelSettings = CsmaSettings | SidelinkSettings
+"""Channels with access and interference."""
 AirSettings = Annotated[
-    Annotated[ReachSettings, Tag("reach")] | Annotated[CsmaSettings, Tag("csma")],
+    Annotated[ReachSettings, Tag("reach")]
+    | Annotated[CsmaSettings, Tag("csma")]
+    | Annotated[SidelinkSettings, Tag("sidelink")],
     Discriminator(_model_of),
 ]

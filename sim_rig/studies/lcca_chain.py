@@ -29,7 +29,7 @@ from onboard.units import KM_H
 from sim_rig.cars.camera_view import FPS
 from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import SceneCar
-from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
 from sim_rig.scenario.setting_types import Positive, Several, Share, Span
 from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.lcca_channel import CHANNEL_STEP_S, LossyChannel, PlatoonChannel
@@ -71,6 +71,8 @@ class ChainSettings(Settings):
     reach_m: float = Field(300.0, gt=0.0)
     loss: float = Field(0.1, ge=0.0, lt=1.0)
     csma: CsmaSettings | None = None
+    sidelink: SidelinkSettings | None = None
+    """C-V2X, where `csma` is not given."""
     """The 802.11p channel; replaces `reach_m` and `loss`, and all radios send BSMs too."""
     background_traffic: int = Field(0, ge=0, le=1000)
     """With the channel: cars that only send BSMs, up to half a kilometre before and behind."""
@@ -161,9 +163,10 @@ class _Platoon:
         )
         self._channel: LossyChannel | PlatoonChannel = self._lossy_channel
         self._step_s = _STEP_S
-        if settings.csma is not None:
+        channel = settings.csma or settings.sidelink
+        if channel is not None:
             self._channel = PlatoonChannel(
-                settings.csma,
+                channel,
                 positions_m,
                 self._radios,
                 settings.background_traffic,

@@ -1,4 +1,4 @@
-"""The channel between the radios of a platoon: random losses, or the 802.11p channel."""
+"""The channel between the radios of a platoon: random losses, or a channel with access."""
 
 import heapq
 import math
@@ -9,7 +9,7 @@ import numpy as np
 
 from onboard.messages.lcca import LccaMessage, encode
 from sim_rig.roads.cars import Array, Cars
-from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.scenario.radio_settings import ChannelSettings
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
 CHANNEL_STEP_S = 0.002
@@ -100,14 +100,14 @@ class LossyChannel:
 
 
 class PlatoonChannel:
-    """The 802.11p channel, with background traffic around the platoon.
+    """A channel with access, with background traffic around the platoon.
 
     Every radio sends BSMs ten times a second at its own phase.
     """
 
     def __init__(
         self,
-        settings: CsmaSettings,
+        settings: ChannelSettings,
         positions_m: Array,
         radios: Sequence[int],
         background_traffic: int,

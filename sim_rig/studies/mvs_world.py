@@ -28,7 +28,7 @@ from onboard.tracking.evidence import Measurement, MeasurementId
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
-from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
 ORIGIN = LocalFrame(47.37, 8.54)
@@ -63,6 +63,8 @@ class WorldSettings(Settings):
     loss: float = Field(0.0, ge=0.0, le=1.0)
     """Probability that one receiver in range loses a message."""
     csma: CsmaSettings | None = None
+    sidelink: SidelinkSettings | None = None
+    """C-V2X, where `csma` is not given."""
     """The 802.11p channel; replaces `reach_m` and `loss`."""
     blocker_radius_m: float = Field(0.9, ge=0.0)
     """A car occludes what lies behind a disc of this radius."""
@@ -146,9 +148,10 @@ class MvsWorld:
         """Footers of the last tick."""
         self.now = 0.0
         self._channel: StudyChannel[_Bsm] | None = None
-        if settings.csma is not None:
+        channel = settings.csma or settings.sidelink
+        if channel is not None:
             rng = np.random.default_rng([seed, 2])
-            self._channel = StudyChannel(settings.csma, sorted(equipped), rng)
+            self._channel = StudyChannel(channel, sorted(equipped), rng)
 
     def own_id(self, car: str) -> bytes:
         """Temporary ID of a car."""

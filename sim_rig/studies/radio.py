@@ -19,8 +19,10 @@ from pydantic import AfterValidator, Field
 from onboard.errors import UserError
 from onboard.settings import Settings
 from sim_rig.propagation.path_loss import DualSlope, LogDistance, PathLoss, TwoRay
+from sim_rig.radio.broadcast_channel import broadcast_channel
 from sim_rig.radio.channel import Channel, Reception
-from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.radio.sidelink import SidelinkChannel
+from sim_rig.scenario.radio_settings import ChannelSettings, CsmaSettings, SidelinkSettings
 from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.results import write_results
 
@@ -87,6 +89,8 @@ def _checked_fading(text: str) -> str:
 class RadioSettings(Settings):
     """Road, channel and messages."""
 
+    model: Literal["csma", "sidelink"] = "csma"
+    """802.11p, or C-V2X in mode 4; below, what is of 802.11p only has no effect on C-V2X."""
     cars: int = Field(100, ge=2, le=2_000)
     spacing_m: float = Field(10.0, gt=0.0, le=1_000.0)
     loss: Annotated[str, AfterValidator(_checked_loss)] = "dual-slope"
@@ -120,8 +124,14 @@ class RadioSettings(Settings):
     """ns-3 rounds frames to 4 us; the standard specifies 8 us in 10 MHz."""
 
     @property
-    def channel(self) -> CsmaSettings:
+    def channel(self) -> ChannelSettings:
         """Settings of the channel."""
+        if self.model == "sidelink":
+            return SidelinkSettings(
+                path_loss=parse_loss(self.loss),
+                nakagami_m=parse_fading(self.fading),
+                tx_power_dbm=self.tx_power_dbm,
+            )
         same = set(CsmaSettings.model_fields) & set(RadioSettings.model_fields)
         return CsmaSettings(
             path_loss=parse_loss(self.loss),
@@ -139,7 +149,7 @@ class RadioSettings(Settings):
 def run_one(settings: RadioSettings, number: int) -> Row:
     """Simulate one seed, and count frames by bin of distance."""
     rng = np.random.default_rng(settings.seed + number)
-    channel = Channel(settings.channel, settings.cars, rng)
+    channel = broadcast_channel(settings.channel, settings.cars, rng)
     along_m = settings.spacing_m * np.arange(settings.cars)
     channel.receive_positions(np.column_stack([along_m, np.zeros(settings.cars)]))
     bin_of = (settings.distances_m / BIN_M + 1e-9).astype(np.int64)
@@ -233,7 +243,9 @@ def _queue_times(settings: RadioSettings, rng: np.random.Generator) -> Iterator[
         heapq.heapreplace(queue, (next_s, car))
 
 
-def _received_copies(settings: RadioSettings, channel: Channel) -> tuple[Indices, Indices, Array]:
+def _received_copies(
+    settings: RadioSettings, channel: Channel | SidelinkChannel
+) -> tuple[Indices, Indices, Array]:
     """Sender, receiver and delay in us of each copy of what was queued after the warm-up."""
     empty = Reception(0, 0, 0.0, 0.0, np.zeros(0, dtype=np.int64), np.zeros(0))
     receptions = [

@@ -1,4 +1,4 @@
-"""The 802.11p channel for studies: it carries Python values, whose encoded length is given."""
+"""A channel with access for studies: it carries Python values, whose encoded length is given."""
 
 from collections.abc import Iterator, Sequence
 from typing import Generic, TypeVar
@@ -6,9 +6,9 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from sim_rig.propagation.shadowing import VehicleShadowing
-from sim_rig.radio.channel import Channel
+from sim_rig.radio.broadcast_channel import broadcast_channel
 from sim_rig.roads.cars import Cars
-from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.scenario.radio_settings import ChannelSettings
 
 SECURED_BYTES = 110
 """Octets that WSMP and a 1609.2 signature with a digest add to a message."""
@@ -22,7 +22,7 @@ class StudyChannel(Generic[ValueT]):
     """Stations are addressed by the names of their cars; absent cars receive nothing."""
 
     def __init__(
-        self, settings: CsmaSettings, names: Sequence[str], rng: np.random.Generator
+        self, settings: ChannelSettings, names: Sequence[str], rng: np.random.Generator
     ) -> None:
         """Create a station for each car.
 
@@ -33,7 +33,7 @@ class StudyChannel(Generic[ValueT]):
         """
         self._names = tuple(names)
         self._station = {name: at for at, name in enumerate(names)}
-        self._channel = Channel(settings, len(names), rng)
+        self._channel = broadcast_channel(settings, len(names), rng)
         self._in_transmission: dict[int, ValueT] = {}
 
     def place(self, cars: Cars) -> None:

@@ -1,4 +1,4 @@
-"""The 802.11p channel between the radio units: maps names and bytes to `Channel`."""
+"""A channel with access between the radio units: maps names and bytes to stations and sizes."""
 
 import heapq
 import math
@@ -8,16 +8,16 @@ import numpy as np
 
 from sim_rig.propagation.shadowing import VehicleShadowing
 from sim_rig.radio.air import POSITION_INTERVAL_S, CarsAt, Delivery
-from sim_rig.radio.channel import Channel
+from sim_rig.radio.broadcast_channel import broadcast_channel
 from sim_rig.roads.road import CarState
-from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.scenario.radio_settings import ChannelSettings
 
 
-class CsmaAir:
-    """Delivers each frame to the units that receive it on the 802.11p channel."""
+class ChannelAir:
+    """Delivers each frame to the units that receive it."""
 
     def __init__(
-        self, settings: CsmaSettings, cars_at: CarsAt, units: list[str], rng: np.random.Generator
+        self, settings: ChannelSettings, cars_at: CarsAt, units: list[str], rng: np.random.Generator
     ) -> None:
         """Open the channel.
 
@@ -30,7 +30,7 @@ class CsmaAir:
         self._cars_at = cars_at
         self._units = units
         self._index = {unit: index for index, unit in enumerate(units)}
-        self._channel = Channel(settings, len(units), rng)
+        self._channel = broadcast_channel(settings, len(units), rng)
         self._updated = -1
         self._carried: dict[int, tuple[int, bytes]] = {}
         self._order = count()
