@@ -1,4 +1,4 @@
-"""The range at which a plate can be read, by focal length.
+"""The range at which a plate can be read, and a vehicle found, by angle of view.
 
 `python -m bench plate_range` prints the least width of a plate in the image; `python -m
 bench.plate_range` writes distances into `docs/plates.md`, and beside it an image of the smallest
@@ -7,7 +7,7 @@ fault of `sim_rig.rendering.lens`, and corners as exact as the detector's.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +20,8 @@ from bench._tables import write_tables
 from onboard.observations import ImageBox
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader, PlateText
+from onboard.vision.vehicle_detector import WIDTH_M
+from onboard.vision.vehicle_network import WIDTH_PX
 from sim_rig.rendering.lens import photograph
 from sim_rig.rendering.plate_art import FORMATS, PlateFormat, draw_plate
 from sim_rig.rendering.plate_texts import text_of
@@ -30,6 +32,11 @@ IMAGE = PAGE.parent / "pictures" / "plates-read.png"
 WIDTHS_PX = (25, 32, 40, 50, 65, 85, 110)
 FOCAL_LENGTHS_PX = (600, 800, 1100, 1500, 2200, 3300)
 IMAGE_WIDTH_PX, IMAGE_HEIGHT_PX = 1280, 720
+IMAGE_WIDTHS_PX = (IMAGE_WIDTH_PX, 1920, 3840)
+"""Of the table; focal lengths are of the first."""
+VEHICLE_PX = 29.0
+"""Width of a rear from which it is found (`python -m tools.camera_tables`), in the image that is
+searched for vehicles."""
 _PLATES = 100
 _SHOWN, _COLUMNS = 10, 5
 _ENOUGH = 0.8
@@ -138,21 +145,29 @@ def sheet(reads: list[Read]) -> npt.NDArray[np.uint8]:
 
 
 def table(reads: list[Read]) -> str:
-    """Distance in metres up to which each format can be read, by focal length."""
+    """Distances in m up to which vehicles and plates count, by angle of view and image width."""
     widths = {name: least_widths(shape, reads)[0] for name, shape in FORMATS.items()}
     heads = [f"{name} plate ({widths[name]:.0f} px), m" for name in FORMATS]
     lines = [
-        f"| focal length, px | angle of view | {' | '.join(heads)} |",
-        "|---|---|" + "---|" * len(heads),
+        f"| angle of view | focal length, px | vehicle, m | {' | '.join(heads)} |",
+        "|---" * (3 + len(heads)) + "|",
     ]
     for focal_px in FOCAL_LENGTHS_PX:
-        angle = 2 * math.degrees(math.atan(IMAGE_WIDTH_PX / 2 / focal_px))
-        reaches = [
-            f"{focal_px * plate_format.width_m / widths[name]:.0f}"
-            for name, plate_format in FORMATS.items()
+        angle = 2 * math.degrees(math.atan(IMAGE_WIDTHS_PX[0] / 2 / focal_px))
+        searched_px = focal_px * WIDTH_PX / IMAGE_WIDTHS_PX[0]
+        scales = [width_px / IMAGE_WIDTHS_PX[0] for width_px in IMAGE_WIDTHS_PX]
+        plates = [
+            _slashed(focal_px * scale * shape.width_m / widths[name] for scale in scales)
+            for name, shape in FORMATS.items()
         ]
-        lines.append(f"| {focal_px} | {angle:.0f}° | {' | '.join(reaches)} |")
+        focals = _slashed(focal_px * scale for scale in scales)
+        vehicle_m = searched_px * WIDTH_M / VEHICLE_PX
+        lines.append(f"| {angle:.0f}° | {focals} | {vehicle_m:.0f} | {' | '.join(plates)} |")
     return "\n".join(lines) + "\n"
+
+
+def _slashed(values: Iterable[float]) -> str:
+    return "/".join(f"{value:.0f}" for value in values)
 
 
 def main() -> None:

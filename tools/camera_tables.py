@@ -1,14 +1,14 @@
-"""Detection and reading of plates from 36 m to 6 m, as tables for the rig's camera model.
+"""Plates from 42 m to 6 m, and rears without one from 110 m, as tables for the rig's camera model.
 
 `python -m tools.camera_tables` prints the tables of `sim_rig/cars/camera_track.py`: with the
-shipped networks, and the lens, rate and JPEG of the rig's cameras; fifteen vehicles, some three
+shipped networks, and the lens, rate and JPEG of the rig's cameras; thirty vehicles, some six
 minutes.
 """
 
 import math
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 from statistics import fmean, pstdev
 
@@ -18,19 +18,22 @@ import numpy as np
 from onboard.observations import Lead, Plate
 from onboard.security.plate_digest import normalised
 from onboard.vision.frames import decode_image
-from onboard.vision.perception import Networks, Perception, PerceptionParameters
-from onboard.vision.plate_detector import PlateDetector
+from onboard.vision.networks import load_networks
+from onboard.vision.perception import Perception, PerceptionParameters
 from onboard.vision.plate_reader import CERTAIN, Image, PlateReader, Plates, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.vehicle_track import MIN_READ_CONFIDENCE
 from sim_rig.cars.camera_projection import PLATE_WIDTH_M, CameraProjection
 from sim_rig.cars.camera_server import as_jpeg
-from sim_rig.cars.camera_track import WIDTHS_PX
+from sim_rig.cars.camera_track import REAR_WIDTHS_PX, WIDTHS_PX
 from sim_rig.cars.camera_view import COLOURS_BGR, FPS, LENS
 from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
-PLATES_A_COLOUR, FAR_M, NEAR_M, CLOSING_M_S = 3, 36.0, 6.0, 1.5
+CARS_A_COLOUR, NEAR_M = 3, 6.0
+FAR_M, CLOSING_M_S = 42.0, 1.5
+REAR_FAR_M, REAR_CLOSING_M_S = 110.0, 4.0
+"""Distances and closing speeds of approaches to plates, and to rears without one."""
 _COLOURS_BGR = [bgr for name, bgr in COLOURS_BGR.items() if name != "blue"]
 """Without blue: a band on bodywork of that blue is not found, and the gap is a tenth too long."""
 _SETTINGS = VisionSettings(plate_width_m=PLATE_WIDTH_M)
@@ -43,6 +46,7 @@ class Look:
     """One frame of an approach."""
 
     width_px: float
+    """Of the plate; of the rear where there is none."""
     is_found: bool
     is_right: bool
     confidence: float
@@ -66,23 +70,26 @@ class _RecordingReader:
 
 
 def approach(
-    plate: str, colour_bgr: tuple[int, int, int], rng: np.random.Generator
+    plate: str | None, colour_bgr: tuple[int, int, int], rng: np.random.Generator
 ) -> Iterator[Look]:
     """Yield the frames of an approach to a vehicle.
 
     Args:
-        plate: its text.
+        plate: its text, if it has one.
         colour_bgr: of its bodywork.
         rng: for rendering.
     """
+    far_m, closing_m_s = (
+        (FAR_M, CLOSING_M_S) if plate is not None else (REAR_FAR_M, REAR_CLOSING_M_S)
+    )
     camera = CameraSettings(source="rig", **LENS.model_dump())
     reader = _RecordingReader()
-    networks = Networks(PlateDetector(), reader)
+    networks = replace(load_networks(_SETTINGS), plate_reader=reader)
     renderer = CameraRenderer(camera)
     perception = Perception(camera, _SETTINGS, networks, _READ_ALWAYS)
-    for number in range(int((FAR_M - NEAR_M) / CLOSING_M_S * FPS)):
+    for number in range(int((far_m - NEAR_M) / closing_m_s * FPS)):
         stamp_s = number / FPS
-        car = SceneCar(FAR_M - CLOSING_M_S * stamp_s, plate=plate, colour_bgr=colour_bgr)
+        car = SceneCar(far_m - closing_m_s * stamp_s, plate=plate, colour_bgr=colour_bgr)
         drawn = renderer.draw(Scene((car,), travelled_m=15.0 * stamp_s), rng)
         reader.last, is_found, lead = None, False, None
         perception.receive_frame(decode_image(as_jpeg(drawn)), stamp_s)
@@ -90,15 +97,15 @@ def approach(
             is_found |= isinstance(event, Plate)
             lead = event if isinstance(event, Lead) else lead
         gap_m = lead.gap_m if lead is not None else None
-        closing_m_s = lead.closing_speed_m_s if lead is not None else None
-        read = reader.last
+        lead_closing_m_s = lead.closing_speed_m_s if lead is not None else None
+        read, projection = reader.last, CameraProjection(LENS)
         yield Look(
-            CameraProjection(LENS).plate_width_px(car),
-            is_found,
-            read is not None and normalised(read.text) == normalised(plate),
+            projection.rear_width_px(car) if plate is None else projection.plate_width_px(car),
+            is_found if plate is not None else gap_m is not None,
+            read is not None and plate is not None and normalised(read.text) == normalised(plate),
             read.identity_confidence if read is not None and is_found else 0.0,
             gap_m / car.ahead_m - 1 if gap_m is not None else np.nan,
-            closing_m_s - CLOSING_M_S if closing_m_s is not None else np.nan,
+            lead_closing_m_s - closing_m_s if lead_closing_m_s is not None else np.nan,
         )
 
 
@@ -106,22 +113,33 @@ def main() -> None:
     """Print the tables."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(36)
-    cars = [
-        list(approach(text_of("LL###LL", rng, rare=0.0), colour_bgr, rng))
-        for colour_bgr in _COLOURS_BGR
-        for _ in range(PLATES_A_COLOUR)
-    ]
+    colours_bgr = _COLOURS_BGR * CARS_A_COLOUR
+    plates = [text_of("LL###LL", rng, rare=0.0) for _ in colours_bgr]
+    with_plates = [list(approach(*car, rng)) for car in zip(plates, colours_bgr, strict=True)]
+    for name, values in _table(with_plates, WIDTHS_PX).items():
+        _print(name, values)
+    without = [list(approach(None, colour_bgr, rng)) for colour_bgr in colours_bgr]
+    rears = _table(without, REAR_WIDTHS_PX)
+    for name in ("LOOKS", "FOUND", "GAP_BIAS", "GAP_SIGMA", "CLOSING_SIGMA_M_S"):
+        _print(f"REAR_{name}", rears[name])
+
+
+def _table(cars: list[list[Look]], widths_px: Sequence[float]) -> dict[str, list[float]]:
+    columns = np.log(widths_px)
+
+    def column(look: Look) -> int:
+        """The column of the nearest width."""
+        return int(np.abs(math.log(look.width_px) - columns).argmin())
+
     rows = [
-        _row([[look for look in car if _column(look) == number] for car in cars])
-        for number in range(len(WIDTHS_PX))
+        _row([[look for look in car if column(look) == number] for car in cars])
+        for number in range(len(widths_px))
     ]
-    for name in rows[0]:
-        sys.stdout.write(f"{name} = ({', '.join(f'{row[name]:.3g}' for row in rows)})\n")
+    return {name: [row[name] for row in rows] for name in rows[0]}
 
 
-def _column(look: Look) -> int:
-    """The column of the nearest width."""
-    return int(np.abs(np.log(look.width_px / np.array(WIDTHS_PX))).argmin())
+def _print(name: str, values: list[float]) -> None:
+    sys.stdout.write(f"{name} = ({', '.join(f'{value:.3g}' for value in values)})\n")
 
 
 def _row(cars: list[list[Look]]) -> dict[str, float]:

@@ -15,6 +15,7 @@ from onboard.observations import (
     SensorRecovered,
     VehicleDetection,
 )
+from onboard.vision.detection import DetectionKind
 from onboard.vision.perception import DEFAULT_PARAMETERS
 from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.tracker import KEEP_S
@@ -35,8 +36,8 @@ ENTER, LEAVE = 0.35, 0.55
 leaves it."""
 BLINK_S = 0.4
 """A lead without a detection for this long is still preferred to a farther car."""
-GAP_SIGMA, CLOSING_SIGMA_M_S = 0.03, 1.0
-"""Typical sigmas that perception reports."""
+CLOSING_SIGMA_M_S = 1.0
+"""Typical sigma that perception reports."""
 
 
 class View(Protocol):
@@ -118,9 +119,9 @@ class CameraModel:
         lead = self._lead(stamp_s)
         for name, car in found:
             track = self._tracks_by_name[name]
-            self._events.append(
-                Plate(stamp_s, self._projection.box(car), *track.last_read, is_lead=track is lead)
-            )
+            if track.kind is not DetectionKind.VEHICLE:
+                box, is_lead = self._projection.box(car), track is lead
+                self._events.append(Plate(stamp_s, box, *track.last_read, is_lead=is_lead))
             if track.is_confirmed:
                 self._events.append(track.detection(stamp_s))
         self._report_lead(lead, stamp_s)
@@ -135,7 +136,7 @@ class CameraModel:
             self._events.append(SensorLost(stamp_s, Sensor.CAMERA, silent_s, "frozen"))
 
     def _detected(self, image_at: float, stamp_s: float) -> list[tuple[str, SceneCar]]:
-        """Return the cars whose plates are detected in this image."""
+        """Return the cars that are detected in this image."""
         found: list[tuple[str, SceneCar]] = []
         nearer: list[SceneCar] = []
         for name, car in self._view.cars(image_at):
@@ -143,7 +144,7 @@ class CameraModel:
                 not car.is_turned
                 and self._projection.is_in_image(car)
                 and not any(self._projection.occludes(other, car) for other in nearer)
-                and self._track(name).update(car, stamp_s)
+                and self._track(name).update(car, stamp_s) is not None
             ):
                 found.append((name, car))
             nearer.append(car)
@@ -155,7 +156,11 @@ class CameraModel:
                 self._plates_by_name[name] = PlateReadings(self._rng)
             self._track_count += 1
             self._tracks_by_name[name] = CameraTrack(
-                self._track_count, self._plates_by_name[name], self._projection, self._rng
+                self._track_count,
+                self._plates_by_name[name],
+                self._projection,
+                self._rng,
+                finds_rears=self._settings.detects_vehicles,
             )
         return self._tracks_by_name[name]
 
@@ -190,7 +195,7 @@ class CameraModel:
                 identity=LeadIdentity.UNKNOWN if lead.text is None else LeadIdentity.KNOWN,
                 text=lead.text,
                 gap_m=gap_m,
-                gap_sigma_m=GAP_SIGMA * gap_m,
+                gap_sigma_m=lead.gap_sigma_stated * gap_m,
                 closing_speed_m_s=lead.closing_speed_m_s,
                 closing_speed_sigma_m_s=CLOSING_SIGMA_M_S,
                 track_id=lead.track_id,

@@ -19,6 +19,10 @@ class CameraProjection:
         width_m = PLATE_WIDTH_M if car.tag_id is None else car.tag_side_m
         return self.lens.focal_x_px * width_m / car.ahead_m
 
+    def rear_width_px(self, car: SceneCar) -> float:
+        """Width of the vehicle's rear in the image, px."""
+        return self.lens.focal_x_px * car.width_m / car.ahead_m
+
     def is_in_image(self, car: SceneCar) -> bool:
         """Whether the whole plate is in the image."""
         inside_u = abs(self._u_px(car)) + self.plate_width_px(car) / 2 < self.lens.width_px / 2
@@ -28,7 +32,7 @@ class CameraProjection:
         """Whether a nearer car occludes the plate of another."""
         half_plate_px = self.plate_width_px(car) / 2
         if not nearer.is_turned:
-            half_px = self.lens.focal_x_px * nearer.width_m / nearer.ahead_m / 2 + half_plate_px
+            half_px = self.rear_width_px(nearer) / 2 + half_plate_px
             return abs(self._u_px(nearer) - self._u_px(car)) < half_px
         corners = nearer.corners()
         if min(ahead for ahead, _ in corners) <= 0.0:

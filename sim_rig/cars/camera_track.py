@@ -13,6 +13,7 @@ import numpy as np
 
 from onboard.observations import PlateCandidate, VehicleDetection
 from onboard.vision.detection import DetectionKind
+from onboard.vision.lead import MAX_MISSED_S
 from onboard.vision.perception import DEFAULT_PARAMETERS
 from onboard.vision.plate_posterior import PlatePosterior
 from onboard.vision.plate_reader import CERTAIN
@@ -23,22 +24,31 @@ from sim_rig.cars.camera_view import FPS, LENS
 from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.scene import SceneCar
 
-WIDTHS_PX = (26.0, 29.0, 33.0, 36.0, 40.0, 44.0, 49.0, 64.0, 92.0)
+WIDTHS_PX = (20.0, 23.0, 26.0, 29.0, 33.0, 36.0, 40.0, 44.0, 49.0, 64.0, 92.0)
 """Plate width in the image, for the tables below; linear in between, constant outside.
-Measured on 15 cars in five colours from 36 m to 6 m ahead (`python -m tools.camera_tables`)."""
-FOUND = (0.18, 0.88, 0.97, 1.0, 0.98, 1.0, 1.0, 1.0, 1.0)
+Measured on 15 cars in five colours from 42 m to 6 m ahead (`python -m tools.camera_tables`)."""
+FOUND = (0.04, 0.72, 0.93, 0.96, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 """Share of the frames in which the plate is detected."""
-GAP_BIAS = (0.020, 0.026, 0.037, 0.044, 0.008, 0.001, -0.003, 0.002, 0.004)
+GAP_BIAS = (-0.054, -0.038, 0.0, 0.016, 0.033, 0.043, 0.011, 0.003, 0.0, 0.001, 0.004)
 """Mean relative error of the gap. Its standard deviation between cars, by colour, is 0.05 at 33 px
 and 0.01 at 49 px, which is not modelled."""
-GAP_SIGMA = (0.017, 0.005, 0.010, 0.011, 0.008, 0.005, 0.004, 0.002, 0.002)
-CLOSING_SIGMA_M_S = (0.44, 0.28, 0.31, 0.32, 0.25, 0.14, 0.10, 0.06, 0.04)
+GAP_SIGMA = (0.012, 0.021, 0.008, 0.006, 0.01, 0.011, 0.009, 0.006, 0.005, 0.001, 0.002)
+CLOSING_SIGMA_M_S = (0.57, 0.42, 0.2, 0.19, 0.26, 0.32, 0.24, 0.14, 0.11, 0.06, 0.04)
+REAR_WIDTHS_PX = (29.0, 33.0, 38.0, 44.0, 52.0, 62.0, 76.0, 96.0, 140.0, 200.0, 320.0)
+"""Width of a rear in the image, for the following tables. Measured on 15 cars without a plate from
+110 m ahead by the same command; narrower ones are not found."""
+REAR_GAP_BIAS = (0.15, 0.09, 0.04, 0.02, -0.01, -0.04, -0.08, -0.07, -0.02, -0.02, -0.05)
+REAR_GAP_SIGMA = (0.027, 0.016, 0.01, 0.01, 0.01, 0.009, 0.01, 0.016, 0.01, 0.022, 0.037)
+REAR_CLOSING_SIGMA_M_S = (0.78, 0.61, 0.35, 0.3, 0.27, 0.21, 0.46, 0.28, 0.14, 0.13, 0.14)
+REAR_PERIOD_S = DEFAULT_PARAMETERS.search_period_without_lead_s
+"""Time between two detections of a rear whose plate is not found."""
 CORRELATION_S = 0.5
 """Correlation time of the errors, which depend on the plate's position on the pixel grid."""
 CLOSING_LAG_S = 0.3
 """Time constant with which the closing speed follows the true one."""
-GAP_SIGMA_STATED, BEARING_SIGMA_RAD = 0.05, 0.004
-"""Typical sigmas that perception reports."""
+GAP_SIGMA_STATED = {DetectionKind.TAG: 0.02, DetectionKind.PLATE: 0.06, DetectionKind.VEHICLE: 0.11}
+BEARING_SIGMA_RAD = 0.004
+"""Typical sigmas that perception reports, those of gaps relative to them."""
 CONFIRMED_DETECTIONS = 3
 MIN_TAG_PX = 12.0
 """AR tags are detected and read without error from this width on. Their gaps, and the directions of
@@ -58,6 +68,8 @@ class CameraTrack:
         plate: PlateReadings,
         projection: CameraProjection,
         rng: np.random.Generator,
+        *,
+        finds_rears: bool,
     ) -> None:
         """Start a track.
 
@@ -66,10 +78,15 @@ class CameraTrack:
             plate: readings of the car's plate by this camera.
             projection: of the camera.
             rng: source of the other errors.
+            finds_rears: whether vehicles are found by more than plates and tags.
         """
         self.track_id = track_id
         self._read_every_s = DEFAULT_PARAMETERS.read_period_identified_s
         self._plate = plate
+        self._finds_rears = finds_rears
+        self._marked_at = -math.inf  # when its plate or tag was last found
+        self.kind = DetectionKind.VEHICLE
+        """Of the last detection."""
         self._projection = projection
         self._rng = rng
         self._posterior = PlatePosterior()
@@ -104,6 +121,11 @@ class CameraTrack:
         """Gap predicted from the last measurement to `stamp_s`, m."""
         return self._gap_m - self.closing_speed_m_s * (stamp_s - self.seen_at)
 
+    @property
+    def gap_sigma_stated(self) -> float:
+        """Sigma that perception reports of the gap, relative to it."""
+        return GAP_SIGMA_STATED[self.kind]
+
     def detection(self, stamp_s: float) -> VehicleDetection:
         """Return the detection for shared sensing, with its reported sigmas."""
         gap_m = self.gap_m(stamp_s)
@@ -112,25 +134,27 @@ class CameraTrack:
             stamp_s=stamp_s,
             track_id=self.track_id,
             range_m=range_m,
-            range_sigma_m=GAP_SIGMA_STATED * gap_m,
+            range_sigma_m=self.gap_sigma_stated * gap_m,
             bearing_rad=math.atan2(self.right_m, gap_m),
             bearing_sigma_rad=BEARING_SIGMA_RAD,
             text=self.text,
         )
 
-    def update(self, car: SceneCar, stamp_s: float) -> bool:
+    def update(self, car: SceneCar, stamp_s: float) -> DetectionKind | None:
         """Process a frame in which the car is unoccluded.
 
         Returns:
-            Whether its plate or tag is detected.
+            By what it is detected, if it is.
         """
         # The number of draws is constant, so that settings do not change other cars' errors.
         self._errors = _KEPT * self._errors + _FRESH * self._rng.standard_normal(len(self._errors))
         self._plate.advance()
         width_px = self._projection.plate_width_px(car)
         if NormalDist().cdf(self._errors[3]) >= _detection_probability(car, width_px):
-            return False
-        self._measure(car, width_px, stamp_s)
+            return self._find_rear(car, stamp_s)
+        self._marked_at = stamp_s
+        self.kind = DetectionKind.PLATE if car.tag_id is None else DetectionKind.TAG
+        self._measure(car, stamp_s)
         self.last_read = (None, 0.0)
         if self.text is None or stamp_s - self._read_at >= self._read_every_s:
             self._read_at = stamp_s
@@ -138,18 +162,35 @@ class CameraTrack:
                 self.last_read = candidates[0].text, candidates[0].probability
                 self._posterior.update(candidates, stamp_s)
                 self.candidates = self._posterior.candidates()
-        return True
+        return self.kind
 
-    def _measure(self, car: SceneCar, width_px: float, stamp_s: float) -> None:
+    def _find_rear(self, car: SceneCar, stamp_s: float) -> DetectionKind | None:
+        is_wide_enough = self._projection.rear_width_px(car) >= REAR_WIDTHS_PX[0]
+        if not (self._finds_rears and is_wide_enough) or stamp_s - self._marked_at <= MAX_MISSED_S:
+            return None
+        if stamp_s - self.seen_at < REAR_PERIOD_S - 0.5 / FPS:
+            return None
+        self.kind = DetectionKind.VEHICLE
+        self._measure(car, stamp_s)
+        return self.kind
+
+    def _measure(self, car: SceneCar, stamp_s: float) -> None:
         if self._car is not None:
             true_m_s = (self._car.ahead_m - car.ahead_m) / (stamp_s - self.seen_at)
             self._true_closing_m_s += (true_m_s - self._true_closing_m_s) * (1 - _LAG)
-        share, closing_error_m_s = SIZE_SIGMA[DetectionKind.TAG] * self._errors[0], 0.0
-        if car.tag_id is None:
+        share, closing_sigma_m_s = SIZE_SIGMA[DetectionKind.TAG] * self._errors[0], 0.0
+        # At the same width, the gap is as many times longer as the focal length.
+        longer = self._projection.lens.focal_x_px / LENS.focal_x_px
+        if self.kind is DetectionKind.PLATE:
+            width_px = self._projection.plate_width_px(car)
             share = at(GAP_BIAS, width_px) + at(GAP_SIGMA, width_px) * self._errors[0]
-            # At the same width, the gap is as many times longer as the focal length.
-            longer = self._projection.lens.focal_x_px / LENS.focal_x_px
-            closing_error_m_s = longer * at(CLOSING_SIGMA_M_S, width_px) * self._errors[1]
+            closing_sigma_m_s = longer * at(CLOSING_SIGMA_M_S, width_px)
+        elif self.kind is DetectionKind.VEHICLE:
+            width_px = self._projection.rear_width_px(car)
+            share = _at_rear(REAR_GAP_BIAS, width_px)
+            share += _at_rear(REAR_GAP_SIGMA, width_px) * self._errors[0]
+            closing_sigma_m_s = longer * _at_rear(REAR_CLOSING_SIGMA_M_S, width_px)
+        closing_error_m_s = closing_sigma_m_s * self._errors[1]
         self._gap_m = float(car.ahead_m * (1 + share))
         self.closing_speed_m_s = float(self._true_closing_m_s + closing_error_m_s)
         self.right_m = float(car.lateral_m + BEARING_SIGMA * car.ahead_m * self._errors[2])
@@ -173,3 +214,7 @@ def _detection_probability(car: SceneCar, width_px: float) -> float:
 def at(values: tuple[float, ...], width_px: float) -> float:
     """Interpolate one of the tables above at a plate width."""
     return float(np.interp(width_px, WIDTHS_PX, values))
+
+
+def _at_rear(values: tuple[float, ...], width_px: float) -> float:
+    return float(np.interp(width_px, REAR_WIDTHS_PX, values))

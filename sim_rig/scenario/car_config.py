@@ -28,7 +28,6 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
         "car": {"plate": it.identity, "length_m": it.length_m, "width_m": it.width_m},
         "vision": {
             "plates": has_plates,
-            "vehicles": False,  # the camera model of virtual runs knows plates only
             "plate_width_m": 0.52,
             "tag_dictionary": "4X4_50" if has_tags else None,
             "lane_width_m": scenario.lane_width_m,

@@ -4,8 +4,9 @@ A car closes in on another from 36 m to 6 m, once on the rendered path (JPEG, `P
 once through the model. Both are cut into stretches of the way and compared.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import takewhile
 from statistics import fmean, pstdev
 
 import cv2
@@ -38,7 +39,7 @@ CARS = {
 """Plates, and the colour of the car: as for the model's tables."""
 
 
-def approach(plate: str) -> Scenario:
+def approach(plate: str, start_m: float = FAR_M) -> Scenario:
     return parse_settings(
         {
             "title": "A car closes in on another.",
@@ -50,7 +51,7 @@ def approach(plate: str) -> Scenario:
                     "plate": plate,
                     "colour": CARS[plate],
                     "lane": 1,
-                    "start_m": FAR_M + 4.5,
+                    "start_m": start_m + 4.5,
                     "speed_m_s": 15.0,
                 },
                 "ben": {"plate": "X1", "lane": 1, "start_m": 0, "speed_m_s": 15.0 + CLOSING_M_S},
@@ -169,6 +170,20 @@ def test_far_ahead_neither_finds_a_plate_and_nearer_both_do(
 ) -> None:
     for stretch_m, (seen, said) in zip(STRETCHES_M, both, strict=True):
         assert said.found == pytest.approx(seen.found, abs=0.15), stretch_m
+
+
+@pytest.mark.parametrize("seen_by", [rendered, lambda scenario: modelled(scenario, 1)])
+def test_a_car_too_far_for_its_plate_is_a_lead_without_a_text(
+    seen_by: Callable[[Scenario], Iterable[Event]],
+) -> None:
+    plate, until_s = "GN417KB", 1.5
+    scenario = approach(plate, start_m=70.0)
+    events = takewhile(lambda event: event.stamp_s < until_s, seen_by(scenario))
+
+    last = [event for event in events if isinstance(event, Lead)][-1]
+
+    assert (last.identity, last.text) == (LeadIdentity.UNKNOWN, None)
+    assert last.gap_m == pytest.approx(70.0 - CLOSING_M_S * last.stamp_s, rel=0.15)
 
 
 def test_model_and_perception_identify_a_car_at_about_the_same_distance(
