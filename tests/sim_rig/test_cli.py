@@ -51,7 +51,7 @@ def test_the_module_runs_as_a_program() -> None:
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
-        ("sim-rig run shared", ["shared-detection"]),
+        ("sim-rig run shared", ["shared-detection", "shared-sdsm"]),
         ("sim-rig study mvs-figure", ["mvs-figure3", "mvs-figure8", "mvs-figure9"]),
     ],
 )
