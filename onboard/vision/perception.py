@@ -65,6 +65,9 @@ VEHICLE_SIZE = (0.7, 0.6)
 REAR_SIZE, REAR_ABOVE = (0.4, 0.27), 0.7
 """Width and height of a vehicle's rear, in lane widths (1.4 by 0.95 m), and the share of the height
 that is above the plate."""
+INNER_FROM_PX, INNER_REAR = 48.0, 0.9
+"""Width of a rear without a plate from which it has enough corners by itself, and the share of its
+sides, around its middle, in which no road is seen."""
 SMALLEST_PX, LARGEST_PX = 64, 8192
 """Sides of a frame."""
 
@@ -233,12 +236,18 @@ class Perception:
             self._rear = RearTracker()
             return
         lead.rear_tracked_at = stamp_s
+        found = bounding_box(lead.corners_px)
+        x_px, y_px = found.centre_px
+        is_bare = lead.last.kind is DetectionKind.VEHICLE
+        if is_bare and found.w_px >= INNER_FROM_PX:
+            width_px, height_px = INNER_REAR * found.w_px, INNER_REAR * found.h_px
+            inner = ImageBox(x_px - width_px / 2, y_px - height_px / 2, width_px, height_px)
+            self._rear.set_reference(image, inner, None)
+            return
         lane_px = self._perspective.width_px(self._settings.lane_width_m, lead.ahead.position_m)
         width_px, height_px = REAR_SIZE[0] * lane_px, REAR_SIZE[1] * lane_px
-        plate = bounding_box(lead.corners_px)
-        x_px, y_px = plate.centre_px
         left_px, top_px = x_px - width_px / 2, y_px - REAR_ABOVE * height_px
-        self._rear.set_reference(image, ImageBox(left_px, top_px, width_px, height_px), plate)
+        self._rear.set_reference(image, ImageBox(left_px, top_px, width_px, height_px), found)
 
     def _detect(
         self, image: npt.NDArray[np.uint8], stamp_s: float, *, everywhere: bool

@@ -59,7 +59,9 @@ class RearTracker:
         self._points = np.zeros((0, 1, 2), np.float32)
         self._origin = (0, 0)
 
-    def set_reference(self, image: npt.NDArray[np.uint8], rear: ImageBox, plate: ImageBox) -> None:
+    def set_reference(
+        self, image: npt.NDArray[np.uint8], rear: ImageBox, plate: ImageBox | None
+    ) -> None:
         """Select corners on a rear, to be tracked into the next frame.
 
         Half of them on the plate, which has the sharpest, half beside it, where there is no glare.
@@ -67,7 +69,7 @@ class RearTracker:
         Args:
             image: (h, w, 3), BGR.
             rear: the rear's region.
-            plate: the plate's region.
+            plate: the plate's region, if it is known.
         """
         self._grey = None
         margin_px = _MARGIN * max(rear.w_px, rear.h_px) + 8
@@ -78,16 +80,11 @@ class RearTracker:
         if min(x1 - x0, y1 - y0) < MIN_SIDE_PX:
             return
         grey = np.asarray(cv2.cvtColor(image[y0:y1, x0:x1], cv2.COLOR_BGR2GRAY), np.uint8)
-        rim_px = PLATE_RIM * plate.w_px
-        framed = ImageBox(
-            plate.x_px - rim_px,
-            plate.y_px - rim_px,
-            plate.w_px + 2 * rim_px,
-            plate.h_px + 2 * rim_px,
-        )
-        on_plate = _mask(grey.shape, framed, x0, y0)
-        beside = _mask(grey.shape, rear, x0, y0) & ~on_plate
-        points = np.concatenate([_corners(grey, on_plate), _corners(grey, beside)])
+        on_rear = _mask(grey.shape, rear, x0, y0)
+        points = _corners(grey, on_rear)
+        if plate is not None:
+            on_plate = _mask(grey.shape, _with_rim(plate), x0, y0)
+            points = np.concatenate([_corners(grey, on_plate), _corners(grey, on_rear & ~on_plate)])
         if len(points) >= MIN_POINTS:
             self._grey, self._points, self._origin = grey, points, (x0, y0)
 
@@ -127,6 +124,12 @@ class RearTracker:
         spread_px = float(np.sqrt(((before[kept] - before[kept].mean(axis=0)) ** 2).sum()))
         error_px = float(np.sqrt((errors**2).mean()))
         return ScaleChange(factor, math.hypot(MIN_SIGMA, error_px / spread_px), np.asarray(matrix))
+
+
+def _with_rim(plate: ImageBox) -> ImageBox:
+    rim_px = PLATE_RIM * plate.w_px
+    width_px, height_px = plate.w_px + 2 * rim_px, plate.h_px + 2 * rim_px
+    return ImageBox(plate.x_px - rim_px, plate.y_px - rim_px, width_px, height_px)
 
 
 def _mask(shape: tuple[int, ...], box: ImageBox, x0: int, y0: int) -> npt.NDArray[np.uint8]:

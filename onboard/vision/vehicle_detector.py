@@ -40,8 +40,9 @@ larger side."""
 SIDE_SHARE, SIDE_WIDTHS, SIDE_WIDTH_SIGMA = 0.45, 1.8, 0.4
 """Share of its box that a rear or front takes at least. Where it takes less, the box shows the
 side, and its width in those of a rear, with its relative sigma."""
-CUT_WIDTH_SIGMA = 1.0
-"""Relative sigma of the width of a vehicle that the image's border cuts."""
+CUT_WIDTH_SIGMA, NEAR_WIDTH_SIGMA = 1.0, 0.35
+"""Relative sigma of the width of a vehicle that the image's border cuts at a side, and of one so
+near that it stands below the image: rendered ones are found 40 % too narrow to 30 % too wide."""
 REAR_SHAPE = 0.85
 """Height over width of the lower part of a rear, where plates are, for vehicles of any height."""
 _BORDER_PX = 2.0
@@ -77,7 +78,11 @@ class VehicleDetector:
         corners = _corners(ends[0], top, ends[1], bottom)
         largest_px = max(ends[1] - ends[0], box.h_px)
         edge_px = math.hypot(EDGE_SIGMA_OF_IMAGE * size[0], EDGE_SIGMA * largest_px)
-        stands = bottom <= size[1] - _BORDER_PX
+        by_width_m = self._perspective.locate_upright(corners, width_m).ahead_m
+        _, foot_px = self._perspective.project(RoadPosition(by_width_m, 0.0, 0.0))
+        stands = max(bottom, foot_px) <= size[1] - _BORDER_PX
+        if not stands:
+            width_sigma = max(width_sigma, NEAR_WIDTH_SIGMA)
         width = width_m, width_sigma
         return _located(self._perspective, corners, width, edge_px, has_foot=stands)
 

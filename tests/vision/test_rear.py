@@ -7,8 +7,9 @@ import pytest
 from onboard.observations import ImageBox, Lead, LeadIdentity
 from onboard.vision.networks import load_perception
 from onboard.vision.rear import RearTracker
-from onboard.vision.settings import VisionSettings
+from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.tracker import KEEP_S
+from sim_rig.cars.camera_view import LENS
 from sim_rig.rendering.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, RENDERER, frames, observe
 
@@ -113,6 +114,22 @@ def test_a_lead_that_vanishes_is_dropped_in_time() -> None:
     gone_at = min(lead.stamp_s for lead in observed.leads[10:] if lead.gap_m is None)
     assert gone_at <= 2.0 + KEEP_S + 0.2
     assert all(lead.gap_m is None for lead in observed.leads if lead.stamp_s > gone_at)
+
+
+def test_the_closing_speed_of_a_lead_without_a_plate_is_not_of_the_road_around_it() -> None:
+    def scene(stamp_s: float) -> Scene:
+        car = SceneCar(55.0 - 4.0 * stamp_s, colour_bgr=(40, 40, 170))
+        return Scene((car,), travelled_m=15.0 * stamp_s)
+
+    camera = CameraSettings(source="rig", **LENS.model_dump())
+    perception = load_perception(camera, VisionSettings())
+    observed = observe(perception, frames(scene, 4.0, camera=camera))
+
+    speeds_m_s = [
+        lead.closing_speed_m_s for lead in observed.leads if lead.closing_speed_m_s is not None
+    ]
+    assert len(speeds_m_s) > 25
+    assert np.median(speeds_m_s) == pytest.approx(4.0, abs=0.8)
 
 
 def _closing_error_m_s(leads: list[Lead]) -> float:

@@ -8,8 +8,10 @@ import pytest
 from onboard.observations import ImageBox
 from onboard.vision.detection import Detection, SearchPlan
 from onboard.vision.perspective import Perspective, RoadPosition
+from onboard.vision.settings import CameraSettings
 from onboard.vision.vehicle_detector import WIDTHS_M, VehicleDetector
-from onboard.vision.vehicle_network import VehicleBox, VehicleKind
+from onboard.vision.vehicle_network import VehicleBox, VehicleFinder, VehicleKind
+from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 from tests.vision.drive import CAMERA
 
 _PERSPECTIVE = Perspective(CAMERA)
@@ -83,6 +85,23 @@ def test_width_says_little_at_the_border_of_the_image() -> None:
     whole, cut = _vehicle(6.0), _vehicle(6.0, -3.5)
     assert cut.box.x_px == 0.0
     assert _detected(cut).ahead_sigma_m > _detected(whole).ahead_sigma_m
+
+
+@pytest.mark.parametrize("ahead_m", [2.5, 3.0, 3.5, 4.0])
+def test_gaps_to_rears_that_fill_the_image_are_as_uncertain_as_they_are_wrong(
+    ahead_m: float,
+) -> None:
+    camera = CameraSettings(source="rendered", focal_x_px=1108.0, focal_y_px=1108.0)
+    renderer, rng = CameraRenderer(camera), np.random.default_rng(2)
+    detector = VehicleDetector(VehicleFinder(), Perspective(camera))
+    in_sigmas = []
+    for _ in range(4):
+        blue, green, red = (int(level) for level in rng.integers(20, 220, 3))
+        car = SceneCar(ahead_m, colour_bgr=(blue, green, red), height_m=rng.uniform(1.4, 1.8))
+        found = detector.find(renderer.draw(Scene((car,)), rng), SearchPlan(vehicles=True))
+        largest = max(found, key=lambda each: each.box.w_px)
+        in_sigmas.append((largest.position.ahead_m - ahead_m) / largest.ahead_sigma_m)
+    assert np.mean(np.square(in_sigmas)) < 2.5
 
 
 def test_what_is_below_the_image_is_no_ground_contact() -> None:
